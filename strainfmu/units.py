@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import pi
+
 STRAIN_UNITS = {
     **dict.fromkeys(("um/m", "µm/m", "μm/m", "ue", "µe", "ustrain", "microstrain", "µε", "με"), 1e-6),
     **dict.fromkeys(("mm/m",), 1e-3),
@@ -26,6 +28,17 @@ TIME_UNITS = {"ns": 1e-9, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ms": 1e-3, "s":
 
 LENGTH_UNITS = {"m": 1.0, "km": 1e3, "ft": 0.3048}
 """Factor to m."""
+
+READING_UNITS = {
+    "Pa": PRESSURE_UNITS,
+    "m/s2": {"m/s2": 1.0, "m/s^2": 1.0, "g": 9.80665},
+    "rad/s2": {"rad/s2": 1.0, "rad/s^2": 1.0, "deg/s2": pi / 180.0, "deg/s^2": pi / 180.0},
+    "N": {"N": 1.0, "kN": 1e3, "lbf": 4.4482216152605},
+    "N.m": {**dict.fromkeys(("N.m", "N m", "Nm"), 1.0), **dict.fromkeys(("kN.m", "kN m", "kNm"), 1e3)},
+    "m": {"m": 1.0, "mm": 1e-3, **dict.fromkeys(("um", "µm", "μm"), 1e-6)},
+    "1": STRAIN_UNITS,
+}
+"""Units of a sensor's readings, by the SI unit of the sensor as FMI has it; factor to that unit."""
 
 RATIO_UNITS = {"V/V": 1.0, "mV/V": 1e-3, **dict.fromkeys(("uV/V", "µV/V", "μV/V"), 1e-6)}
 """Factor to V/V, bridge output over excitation."""

@@ -24,6 +24,7 @@ from strainfmu.interface.further_variables import further_load_outputs
 from strainfmu.interface.parameter_variables import OUTSIDE_PREFIX
 from strainfmu.interface.parameter_variables import PREFIX as PARAMETER_PREFIX
 from strainfmu.interface.sensor_variables import PREFIX as SENSOR_PREFIX
+from strainfmu.interface.sensor_variables import THRUST
 from strainfmu.interface.zero_variables import zero_names
 
 _STRAIN = re.compile(r"strain\[(\d+)\]")
@@ -47,6 +48,9 @@ _CONTENTS = "extra/strainfmu/contents.json"
 
 TEMPERATURE = "temperature"
 """Name that stands for the temperatures of all sensors among the further inputs that are asked for."""
+
+SENSORS = "sensor"
+"""The same for what further sensors read, and for thrust; without it an FMU that has such inputs is refused."""
 
 _STOP_TIME = 1e9
 """End of the experiment [s]: the bridge runs until it is stopped, and FMI 2.0 has no word for that."""
@@ -99,6 +103,7 @@ class FmuStep:
     further_inputs, further_outputs : names, of those that were asked for, that the FMU has.
     sensor_names : of the temperature sensors in order, if :data:`TEMPERATURE` was asked for; their inputs are
         ``temperature[k]`` [K].
+    reading_units : unit of further sensors and thrust by name of the input, if :data:`SENSORS` was asked for.
     section_stations : x of the sections [m] whose loads are among the outputs, if :data:`FURTHER_LOADS` was asked
         for; None where it was not, or the FMU has neither rolling moment nor sections.
     strain_nominal : (n_d,) nominal values of the strains [m/m], the largest that are expected; 1 without.
@@ -118,11 +123,15 @@ class FmuStep:
     ) -> None:
         self.path = path
         self._description = read_description(path)
-        inputs = _inputs(path, self._description)
+        inputs = _inputs(path, self._description, takes_sensors=SENSORS in further_inputs)
         strains = _numbered(inputs, _STRAIN)
         self.gauge_names = tuple(_gauge_name(variable) for variable in strains)
         self.n_gauges = len(strains)
+        readings = [one for one in inputs if one.name.startswith(SENSOR_PREFIX) or one.name == THRUST]
+        self.reading_units = {one.name: str(one.unit) for one in readings if SENSORS in further_inputs}
+        count = sum(one.name.startswith(SENSOR_PREFIX) for one in readings)
         valid = _numbered(inputs, _VALID)
+        valid = valid[: len(valid) - count]  # those of sensors stay true: one of NaN, as at the start, is left out
         if valid and len(valid) != self.n_gauges:
             raise InputError(f"{path}: expected {self.n_gauges} inputs valid[i], got {len(valid)}")
         pressure = next(v for v in inputs if v.name == "dynamic_pressure")
@@ -131,7 +140,7 @@ class FmuStep:
         self.sensor_names = tuple(_described(variable, _SENSOR) for variable in sensors)
         of_parameters = [name for name in by_name if name.startswith(PARAMETER_PREFIX)]
         parameters = of_parameters if PARAMETERS in further_inputs else []
-        asked = (*further_inputs, *(variable.name for variable in sensors), *parameters)
+        asked = (*further_inputs, *(variable.name for variable in sensors), *parameters, *self.reading_units)
         self.further_inputs = tuple(name for name in asked if name in by_name)
         of_flow = tuple(by_name[name] for name in self.further_inputs)
         self._set = (*strains, pressure, *of_flow, *valid)
@@ -154,7 +163,8 @@ class FmuStep:
         # The same numbers, of which one is set in half the time.
         self._numbers: Any = self._inputs.data
         for variable in of_flow:
-            self._inputs[self._place[variable.name]] = float(variable.start or 0.0)
+            start = np.nan if variable.name.startswith(SENSOR_PREFIX) else float(variable.start or 0.0)
+            self._inputs[self._place[variable.name]] = start
         self._zeros: tuple[list[Any], FloatArray] = [], np.zeros(0)
         self._values = np.zeros(len(self._get))
         self._python_path = list(sys.path)
@@ -348,7 +358,7 @@ def _noise_std(contents: Path, n_gauges: int) -> FloatArray | None:
     return noise if usable else None
 
 
-def _inputs(path: Path, description: Any) -> list[Any]:
+def _inputs(path: Path, description: Any, takes_sensors: bool = False) -> list[Any]:
     """Return the inputs of an estimator FMU."""
     inputs = [v for v in description.modelVariables if v.causality == "input" and v.type in _NUMBER]
     names = [variable.name for variable in inputs]
@@ -356,7 +366,7 @@ def _inputs(path: Path, description: Any) -> list[Any]:
         if name not in names:
             raise InputError(f"{path}: no input '{name}' found: not an estimator FMU")
     sensor = next((name for name in names if name.startswith(SENSOR_PREFIX)), None)
-    if sensor is not None:
+    if sensor is not None and not takes_sensors:
         raise InputError(f"{path}: expected an FMU of strain gauges alone, got one with the input '{sensor}'")
     return inputs
 

@@ -210,7 +210,7 @@ class Estimator:
         used = np.abs(readings) <= self._largest_reading
         used = used if valid is None else used & valid
         scale = 1.0 if self.inverse_map.sensors is None else self.inverse_map.sensors.scale
-        strains = readings / scale - self._zero
+        strains = self.rows_of(readings)
         parts = []
         for rows, key in self._warm.groups(known):
             estimator, strain = self._warm.of_set(key, strains[rows], known[rows])
@@ -218,6 +218,11 @@ class Estimator:
             parts.append((rows, estimator._series(strain * scale, used[rows], of_rows, is_checked=True)))
         found: LoadEstimates = scattered(parts, len(readings))
         return found
+
+    def rows_of(self, readings: FloatArray) -> FloatArray:
+        """Return rows of the map [m/m] for ``readings`` (n_d,) or (k, n_d): over their scale, less the zeros."""
+        sensors = self.inverse_map.sensors
+        return np.asarray((readings if sensors is None else readings / sensors.scale) - self._zero)
 
     def _series(
         self, readings: FloatArray, valid: BoolArray | None, flow: Flow, is_checked: bool = False
@@ -227,8 +232,8 @@ class Estimator:
         ``is_checked`` for readings that are no longer those of the gauges: whether those are in range is in
         ``valid`` then.
         """
-        sensors, further = self.inverse_map.sensors, self.inverse_map.further
-        d = (readings if sensors is None else readings / sensors.scale) - self._zero
+        further = self.inverse_map.further
+        d = self.rows_of(readings)
         stations = None if further is None else further.section_station
         inputs = self._field_inputs(d, flow)
         series = empty_estimates(

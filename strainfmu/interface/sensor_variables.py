@@ -37,6 +37,16 @@ def sensor_names(inverse_map: InverseMap) -> tuple[str, ...]:
     return tuple(found)
 
 
+def reading_units(inverse_map: InverseMap) -> dict[str, str]:
+    """Return the unit, as FMI has it, of each further sensor and of thrust by name of the input."""
+    found = {}
+    if inverse_map.sensors is not None:
+        units = inverse_map.sensors.unit[inverse_map.n_strain_gauges :]
+        names = sensor_names(inverse_map)
+        found = {name: _UNITS.get(unit, unit) for name, unit in zip(names, units, strict=True)}
+    return found | ({THRUST: "N"} if has_thrust(inverse_map) else {})
+
+
 def reading_names(inverse_map: InverseMap) -> tuple[str, ...]:
     """Return the names of the inputs of all rows of a map: strains, then further sensors."""
     return (*strain_names(inverse_map.n_strain_gauges), *sensor_names(inverse_map))

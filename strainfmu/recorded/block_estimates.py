@@ -6,12 +6,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import Protocol, TypedDict, cast
 
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
-from strainfmu.cosim.fmu_step import TEMPERATURE, FmuStep, outputs_of
+from strainfmu.cosim.fmu_step import SENSORS, TEMPERATURE, FmuStep, outputs_of
 from strainfmu.cosim.step import StepRefused
 from strainfmu.cosim.zeros_file import load_zeros
 from strainfmu.errors import InputError
@@ -26,13 +27,14 @@ from strainfmu.estimator.manifold.flight_estimate import FlightEstimate
 from strainfmu.estimator.manifold.flight_health import OUTSIDE_SCORE, gauge_threshold
 from strainfmu.estimator.manifold.navigation import NAVIGATION
 from strainfmu.estimator.manifold.tracker import FlightTracker
-from strainfmu.estimator.sensors import refuse_sensors
 from strainfmu.estimator.settings import SENSOR_RANGE
 from strainfmu.estimator.step import Estimator
 from strainfmu.interface.parameter_variables import OUTSIDE_PREFIX, PREFIX
+from strainfmu.interface.sensor_variables import THRUST, reading_units
 from strainfmu.recorded.column_names import FLOW_NAMES
 from strainfmu.recorded.columns import StrainBlock
 from strainfmu.recorded.fmu_columns import FurtherOutput, further_outputs_of
+from strainfmu.recorded.sensor_readings import all_readings, recorded_readings, rows_of_map
 from strainfmu.recorded.strain_level import LevelReference
 
 _HEALTH = ("chi_square_limit", "valid_gauges", "suspect_gauge", "suspects", "envelope_score")
@@ -88,11 +90,15 @@ class BlockEstimator(Protocol):
     envelope_score_limit : score above which the coefficients are outside, NaN where it is not known.
     further_columns : names and units of further columns of the output.
     inverse_map : the map, None of an FMU.
+    gauge_names, row_names : strain gauges; the same, then further sensors.
+    readings : unit of each further sensor, and of thrust, by its name.
     sensor_names : temperature sensors that it takes.
     parameter_names : further parameters of the flow that it takes.
     """
 
     gauge_names: tuple[str, ...]
+    row_names: tuple[str, ...]
+    readings: Mapping[str, str]
     sensor_names: tuple[str, ...]
     parameter_names: tuple[str, ...]
     further_columns: tuple[tuple[str, str], ...]
@@ -125,7 +131,7 @@ def open_block_estimator(source: Path, zeros: Path | None = None) -> Iterator[Bl
             for one in further
             if one.output.startswith(OUTSIDE_PREFIX)
         )
-        with FmuStep(source, (*FLOW_NAMES[1:], TEMPERATURE, *parameters), asked) as step:
+        with FmuStep(source, (*FLOW_NAMES[1:], TEMPERATURE, SENSORS, *parameters), asked) as step:
             if zeros is not None:
                 step.set_zeros(load_zeros(zeros, step.gauge_names))
             yield _FmuBlocks(step, further)
@@ -133,8 +139,7 @@ def open_block_estimator(source: Path, zeros: Path | None = None) -> Iterator[Bl
     if source.suffix.lower() not in (".h5", ".hdf5"):
         raise InputError(f"{source}: expected an estimator FMU (X.fmu) or an inverse map (map.h5)")
     inverse_map = load_inverse_map(source)
-    refuse_sensors(inverse_map.sensors, f"{source}: estimate of recorded data")
-    known = None if zeros is None else load_zeros(zeros, inverse_map.gauge_names)
+    known = None if zeros is None else load_zeros(zeros, inverse_map.gauge_names[: inverse_map.n_strain_gauges])
     estimator = estimator_of(inverse_map, zeros=known)
     yield FlightBlocks(estimator) if isinstance(estimator, ManifoldEstimator) else MapBlocks(estimator)
 
@@ -151,7 +156,9 @@ class MapBlocks:
         self.further_columns = _further_columns(inverse_map, self._has_loads)
         self.estimator = estimator
         self.inverse_map: InverseMap | None = inverse_map
-        self.gauge_names = tuple(inverse_map.gauge_names)
+        self.row_names = inverse_map.gauge_names
+        self.gauge_names = self.row_names[: inverse_map.n_strain_gauges]
+        self.readings: Mapping[str, str] = recorded_readings(reading_units(inverse_map))
         self.sensor_names = _sensor_names(inverse_map)
         self.parameter_names = estimator.parameters.names
         self.envelope_score_limit = inverse_map.envelope_score_limit
@@ -159,7 +166,7 @@ class MapBlocks:
 
     def estimate(self, block: StrainBlock, last: float) -> BlockEstimates:
         found = self.estimator.estimate(
-            block.strain,
+            rows_of_map(block, self.estimator.inverse_map.sensors, self.readings),
             block.dynamic_pressure,
             temperature=block.temperature,
             parameters=dict(block.parameters),
@@ -207,6 +214,7 @@ class FlightBlocks:
 
     inputs: tuple[str, ...] = FLOW_NAMES[1:]
     has_residuals = True
+    readings: Mapping[str, str] = MappingProxyType({})
     envelope_score_limit = OUTSIDE_SCORE
     _columns = (
         *((f"air_data.{name}", unit) for name, unit in zip(AIR_DATA_NAMES, AIR_DATA_UNITS, strict=True)),
@@ -223,7 +231,7 @@ class FlightBlocks:
         self.parameter_names = estimator.parameters.names
         self._has_loads = estimator.manifold.further is not None
         self.further_columns = (*self._columns, *_further_columns(estimator.inverse_map, self._has_loads))
-        self.gauge_names = tuple(estimator.inverse_map.gauge_names)
+        self.gauge_names = self.row_names = estimator.inverse_map.gauge_names
         self.sensor_names = _sensor_names(estimator.inverse_map)
         self.reference = _level_reference(estimator.inverse_map)
 
@@ -313,8 +321,8 @@ def _outside(names: Sequence[str], score: FloatArray) -> dict[str, BoolArray]:
 
 def _level_reference(inverse_map: InverseMap) -> LevelReference:
     return LevelReference(
-        strain_range=inverse_map.strain_range,
-        noise_std=inverse_map.noise_std,
+        strain_range=inverse_map.strain_range[: inverse_map.n_strain_gauges],
+        noise_std=inverse_map.noise_std[: inverse_map.n_strain_gauges],
         dynamic_pressure=inverse_map.nominal_dynamic_pressure,
     )
 
@@ -331,6 +339,9 @@ class _FmuBlocks:
         self._further = [one.output for one in further]
         self.further_columns = tuple((one.column, one.unit) for one in further)
         self.gauge_names, self.sensor_names = step.gauge_names, step.sensor_names
+        self.readings: Mapping[str, str] = recorded_readings(step.reading_units)
+        self._readings = dict(zip(self.readings, step.reading_units, strict=True))
+        self.row_names = (*step.gauge_names, *(name for name in self.readings if name != THRUST))
         self.inputs = step.further_inputs
         given = (name for name in step.further_inputs if name.startswith(PREFIX))
         self.parameter_names = tuple(name.removeprefix(PREFIX) for name in given)
@@ -348,6 +359,7 @@ class _FmuBlocks:
         further = np.full((n, len(self._further)), np.nan)
         flow = {name: values.tolist() for name, values in block.flow.items() if name in self.inputs}
         flow |= {f"{PREFIX}{name}": values.tolist() for name, values in block.parameters.items()}
+        flow |= {self._readings[name]: values.tolist() for name, values in block.readings.items()}
         if block.temperature is not None:
             flow |= {f"{TEMPERATURE}[{i}]": one.tolist() for i, one in enumerate(block.temperature.T, start=1)}
         before = np.append(last if np.isfinite(last) else block.time[0] - _first_step(block), block.time[:-1])
@@ -361,7 +373,8 @@ class _FmuBlocks:
             numbers[i] = *found.coefficients, *found.coefficients_std, found.chi_square, found.health
             health[i] = [found.further.get(f"health.{name}", np.nan) for name in _HEALTH]
             further[i] = [found.further[name] for name in self._further]
-        valid = np.abs(block.strain) <= SENSOR_RANGE
+        has_reading = np.isfinite(all_readings(block, self.readings))
+        valid = np.hstack([np.abs(block.strain) <= SENSOR_RANGE, has_reading])
         limit, used, suspect, count, score = health.T
         return BlockEstimates(
             coefficients=numbers[:, :5],

@@ -9,6 +9,8 @@ from pathlib import Path
 
 from strainfmu.cosim.toml_table import TomlTable, read_toml
 from strainfmu.interface.parameter_variables import PREFIX
+from strainfmu.interface.sensor_variables import PREFIX as SENSOR_PREFIX
+from strainfmu.interface.sensor_variables import THRUST
 from strainfmu.recorded.bridges import BENDING, BRIDGES, POISSON, WIRES
 from strainfmu.recorded.column_names import FLOW_NAMES, STATIC_PRESSURE
 from strainfmu.recorded.rasters import JOINS, Join
@@ -248,7 +250,9 @@ def _rosette(item: TomlTable) -> Rosette:
 
 def _quantity(item: TomlTable) -> str:
     stated = item.entries.get("quantity")
-    if isinstance(stated, str) and (is_temperature(stated) or stated.startswith(PREFIX)):
+    if isinstance(stated, str) and (
+        is_temperature(stated) or stated.startswith((PREFIX, SENSOR_PREFIX)) or stated == THRUST
+    ):
         return str(item.entries.pop("quantity"))
     return _one_of(item, "quantity", (*FLOW_NAMES, STATIC_PRESSURE), None) or ""
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from difflib import get_close_matches
 from pathlib import Path
 
@@ -66,6 +66,7 @@ class Wanted:
     sensors : names of the n_t temperature sensors that are read.
     ignored : names of columns not to read; with ``*`` for any text, of columns that are not known otherwise.
     reference : strains that the map expects, which tell the likely unit; None if they are not known.
+    readings : SI unit, as FMI has it, of each further sensor and of thrust, by its name; they are among ``flow``.
     """
 
     gauge_names: tuple[str, ...]
@@ -77,6 +78,7 @@ class Wanted:
     combined: frozenset[str] = frozenset()
     needs_pressure: bool = True
     sensors: tuple[str, ...] = ()
+    readings: Mapping[str, str] = field(default_factory=dict)
 
 
 def split_heading(heading: str) -> tuple[str, str | None]:

@@ -29,7 +29,7 @@ from strainfmu.recorded.temperature_columns import (
     temperature_note,
     temperatures,
 )
-from strainfmu.units import LENGTH_UNITS, NUMBER_UNITS, PRESSURE_UNITS, STRAIN_UNITS, TIME_UNITS
+from strainfmu.units import LENGTH_UNITS, NUMBER_UNITS, PRESSURE_UNITS, READING_UNITS, STRAIN_UNITS, TIME_UNITS
 
 LARGEST_STRAIN = 0.1
 """Strain [m/m] above which a column is taken to be in another unit: no gauge bears it."""
@@ -57,6 +57,7 @@ class StrainBlock:
     dynamic_pressure : (n,) q_inf [Pa], NaN where it is not known.
     flow : (n,) of each other quantity of ``FLOW_NAMES`` that the file holds [Pa, 1, m], NaN where it is not known.
     parameters : (n,) of each further parameter of the flow that the file holds, as ``flow``.
+    readings : (n,) of each further sensor, and thrust, that the file holds [SI unit], NaN where it has no value.
     temperature : (n, n_t) of the map's sensors [K], NaN where one gives none; None if the file holds none.
     """
 
@@ -66,6 +67,7 @@ class StrainBlock:
     flow: Mapping[str, FloatArray] = field(default_factory=dict)
     temperature: FloatArray | None = None
     parameters: Mapping[str, FloatArray] = field(default_factory=dict)
+    readings: Mapping[str, FloatArray] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -83,6 +85,7 @@ class ColumnPlan:
     reference : strains that the map expects, None if they are not known.
     temperature : column of each temperature sensor of the map, None of one without.
     sensors : names of those sensors.
+    readings : names of further sensors of the map, and thrust, which may be in ``flow``.
     """
 
     path: Path
@@ -97,6 +100,7 @@ class ColumnPlan:
     reference: LevelReference | None = None
     temperature: tuple[TemperatureColumn | None, ...] = ()
     sensors: tuple[str, ...] = ()
+    readings: tuple[str, ...] = ()
 
     @property
     def columns(self) -> tuple[int, ...]:
@@ -119,6 +123,10 @@ class ColumnPlan:
     def notes(self) -> tuple[str, ...]:
         """What is to be said of the columns."""
         notes = [f"{self.path}: {pressure_note(self.computed_from)}"] if self.computed_from else []
+        missing = [name for name in self.readings if name not in self.flow]
+        if missing:
+            shown = ", ".join(missing[:6]) + (" .." if len(missing) > 6 else "")
+            notes.append(f"{self.path}: no column for {shown}: sensors are left out, thrust is 0")
         return (*notes, *temperature_note(self.path, self.temperature, self.sensors))
 
     def block(self, table: FloatArray, first_row: int = 1) -> StrainBlock:
@@ -151,8 +159,11 @@ class ColumnPlan:
         # A strain that no gauge bears is no value.
         strain = np.where(np.abs(strain) <= LARGEST_STRAIN, strain, np.nan)
         warm = temperatures(self.temperature, table[:, 1 + n_d + len(self.flow) :])
+        readings = {name: flow.pop(name) for name in self.readings if name in flow}
         parameters = {name: flow.pop(name) for name in tuple(flow) if name not in FLOW_NAMES}
-        return StrainBlock(time, strain, pressure, flow, warm, parameters)
+        return StrainBlock(
+            time, strain, pressure, flow, temperature=warm, parameters=parameters, readings=readings
+        )
 
     def _unit_hint(self, strain: FloatArray) -> str:
         """Return what to do about strains that no gauge bears, with the unit that the map's strains suggest."""
@@ -237,7 +248,7 @@ def plan_columns(
             passed += [names[i] for i in found]
         elif found or (name == "dynamic_pressure" and wanted.needs_pressure and not is_computed):
             column = _flow_column(path, found, name=name, names=names)
-            flow[name] = (column, flow_factor(path, headings[column], name, given[column]))
+            flow[name] = (column, flow_factor(path, headings[column], name, given[column], wanted.readings))
     return ColumnPlan(
         path=path,
         names=tuple(names),
@@ -251,6 +262,7 @@ def plan_columns(
         reference=wanted.reference,
         temperature=temperature_columns(path, names, given, [i for i in read if i not in indices], wanted.sensors),
         sensors=wanted.sensors,
+        readings=tuple(wanted.readings),
     )
 
 
@@ -273,12 +285,17 @@ def strain_factor(path: Path, name: str, unit: str | None) -> float:
     return _factor(path, name, unit, units=STRAIN_UNITS, default="1")
 
 
-def flow_factor(path: Path, heading: str, name: str, unit: str | None) -> float:
+def flow_factor(
+    path: Path, heading: str, name: str, unit: str | None, readings: Mapping[str, str] | None = None
+) -> float:
     """Return the factor from ``unit`` to the SI unit of ``name``, one of ``FLOW_NAMES``; 1 without a unit.
 
-    A further parameter of the flow is in the unit of the vehicle file and has none.
+    ``readings`` are the SI units of further sensors by name. A further parameter of the flow is in the unit of the
+    vehicle file and has none.
     """
     units, default = _FLOW_UNITS.get(name, (NUMBER_UNITS, "1"))
+    if readings and name in readings:
+        units, default = READING_UNITS[readings[name]], readings[name]
     return _factor(path, heading, unit, units=units, default=default)
 
 

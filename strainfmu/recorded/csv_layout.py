@@ -22,6 +22,7 @@ from strainfmu.units import (
     NUMBER_UNITS,
     PRESSURE_UNITS,
     RATIO_UNITS,
+    READING_UNITS,
     STRAIN_UNITS,
     TEMPERATURE_UNITS,
     TIME_UNITS,
@@ -43,6 +44,7 @@ ALL_UNITS = frozenset(
         *RATIO_UNITS,
         *VOLTAGE_UNITS,
         *TEMPERATURE_UNITS,
+        *(unit for units in READING_UNITS.values() for unit in units),
     }
 )
 

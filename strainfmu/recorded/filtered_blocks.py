@@ -18,6 +18,7 @@ from strainfmu.estimator.filter.smoothing import smoothed
 from strainfmu.estimator.load_estimate import LoadEstimates, series_of
 from strainfmu.recorded.block_estimates import BlockEstimates, BlockEstimator, FlightBlocks, MapBlocks, flow_of
 from strainfmu.recorded.columns import StrainBlock
+from strainfmu.recorded.sensor_readings import rows_of_map
 
 Step = TypeVar("Step", FilteredStep, LinearStep)
 
@@ -85,15 +86,16 @@ class FilteredMap(MapBlocks):
 
     def steps(self, block: StrainBlock, last: float) -> list[LinearStep]:
         """Return the steps of a block."""
+        rows = rows_of_map(block, self.estimator.inverse_map.sensors, self.readings)
         static = self.estimator.estimate(
-            block.strain, block.dynamic_pressure, parameters=dict(block.parameters), **flow_of(block)
+            rows, block.dynamic_pressure, parameters=dict(block.parameters), **flow_of(block)
         )
         if not isinstance(static, LoadEstimates):
             raise TypeError("strain: expected (n, n_d) values")
         found = []
         for row, seconds in enumerate(_time_steps(block, last)):
             pressure = float(block.dynamic_pressure[row])
-            found.append(_lean(self._filter.stepped(seconds, static[row], block.strain[row], pressure)))
+            found.append(_lean(self._filter.stepped(seconds, static[row], rows[row], pressure)))
         return found
 
     def of_laws(self, steps: Sequence[LinearStep], laws: Sequence[Law]) -> BlockEstimates:

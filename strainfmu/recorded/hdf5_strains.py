@@ -87,7 +87,7 @@ def _hdf5_arrays(path: Path, file: h5py.File, wanted: Wanted) -> StrainFile:
         strain=tuple(range(1, n_d + 1)),
         strain_factor=np.full(n_d, strain_factor(path, "strain", _unit(path, "strain", strain))),
         flow={
-            name: (column, flow_factor(path, name, name, _unit(path, name, file[name])))
+            name: (column, flow_factor(path, name, name, _unit(path, name, file[name]), wanted.readings))
             for column, name in enumerate(held, start=n_d + 1)
         },
         fixed_pressure=float("nan") if fixed is None else fixed,
@@ -95,6 +95,7 @@ def _hdf5_arrays(path: Path, file: h5py.File, wanted: Wanted) -> StrainFile:
         reference=wanted.reference,
         temperature=_sensors(path, warm, first, len(wanted.sensors), len(time)),
         sensors=wanted.sensors,
+        readings=tuple(wanted.readings),
     )
     flow = [file[name] for name in held]
     return StrainFile(len(time), _hdf5_blocks(plan, time, strain=strain, flow=flow, warm=warm), plan)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -13,6 +13,8 @@ import numpy as np
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.interface.parameter_variables import PREFIX
+from strainfmu.interface.sensor_variables import PREFIX as SENSOR_PREFIX
+from strainfmu.interface.sensor_variables import THRUST
 from strainfmu.recorded.bridges import BENDING
 from strainfmu.recorded.channel_conversion import channel_strain, differs, rosette_weights, unit_of_channel
 from strainfmu.recorded.channel_entries import COMPENSATIONS, ChannelMap
@@ -239,7 +241,8 @@ def _read_flow(file: ChannelFile, mapping: ChannelMap, wanted: Wanted, clock: _C
             raise InputError(
                 f"{file.path}: no channel '{entry.name}' of {mapping.path}: {entry.where} found, {near}"
             )
-        if entry.quantity.removeprefix(PREFIX) in stated:
+        quantity = entry.quantity.removeprefix(PREFIX).removeprefix(SENSOR_PREFIX)
+        if quantity in stated:
             raise InputError(f"{mapping.path}: {entry.where}: expected one channel of {entry.quantity}, got two")
         unit = entry.unit or file.units.get(name)
         parameter = entry.quantity.removeprefix(PREFIX) if entry.quantity.startswith(PREFIX) else None
@@ -251,18 +254,24 @@ def _read_flow(file: ChannelFile, mapping: ChannelMap, wanted: Wanted, clock: _C
                 f"{mapping.path}: {entry.where}.quantity: expected a parameter of the map, {held}, "
                 f"got '{parameter}'"
             )
-        quantity = parameter or entry.quantity
+        is_reading = entry.quantity.startswith(SENSOR_PREFIX) or entry.quantity == THRUST
+        if is_reading and quantity not in wanted.readings:
+            held = ", ".join(wanted.readings) or "none"
+            raise InputError(
+                f"{mapping.path}: {entry.where}.quantity: expected a sensor of the map, {held}, got '{quantity}'"
+            )
         stated.add(quantity)
         if is_temperature(entry.quantity) and sensor_of(entry.quantity, wanted.sensors) is None:
             raise InputError(
                 f"{mapping.path}: {entry.where}.quantity: expected one of {len(wanted.sensors)} sensors of the "
                 f"map, got '{entry.quantity}'"
             )
-        _add_flow(file, name, quantity, unit=unit, clock=clock, found=found)
+        _add_flow(file, name, quantity, unit=unit, clock=clock, found=found, readings=wanted.readings)
     for quantity in (*_QUANTITIES, *_parameters(wanted), *temperature_quantities(wanted.sensors)):
         own = [name for name in file.names if last_name(name) in _own_names(quantity, wanted.sensors)]
         if quantity not in stated and len(own) == 1:
-            _add_flow(file, own[0], quantity, unit=file.units.get(own[0]), clock=clock, found=found)
+            unit = file.units.get(own[0])
+            _add_flow(file, own[0], quantity, unit=unit, clock=clock, found=found, readings=wanted.readings)
     is_known = "dynamic_pressure" in found.flow or wanted.fixed_pressure is not None
     if not is_known and wanted.needs_pressure and not (wanted.computes_pressure and pressure_sources(found.flow)):
         raise InputError(
@@ -274,18 +283,25 @@ def _read_flow(file: ChannelFile, mapping: ChannelMap, wanted: Wanted, clock: _C
 def _own_names(quantity: str, sensors: Sequence[str]) -> tuple[str, ...]:
     """Return the plain names that a channel of ``quantity`` may have by itself: a sensor's own name, too."""
     sensor = sensor_of(quantity, sensors)
-    return (quantity,) if sensor is None else (plain_name(quantity), plain_name(sensors[sensor]))
+    return (plain_name(quantity), *(() if sensor is None else (plain_name(sensors[sensor]),)))
 
 
 def _add_flow(
-    file: ChannelFile, name: str, quantity: str, *, unit: str | None, clock: _Clock, found: _Found
+    file: ChannelFile,
+    name: str,
+    quantity: str,
+    *,
+    unit: str | None,
+    clock: _Clock,
+    found: _Found,
+    readings: Mapping[str, str],
 ) -> None:
     if name in found.used:
         raise InputError(f"{file.path}: channel '{name}': expected one use, got two, the second as {quantity}")
     raw = _read(file, name, clock)
     is_warm = is_temperature(quantity)
     factor, offset = (
-        kelvin(file.path, name, unit) if is_warm else (flow_factor(file.path, name, quantity, unit), 0.0)
+        kelvin(file.path, name, unit) if is_warm else (flow_factor(file.path, name, quantity, unit, readings), 0.0)
     )
     found.channels[name] = Channel(raw.time, raw.values * factor + offset)
     found.flow[quantity] = name

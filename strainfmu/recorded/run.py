@@ -140,7 +140,8 @@ def estimate_file(
         wanted = Wanted(
             gauge_names=estimator.gauge_names,
             fixed_pressure=dynamic_pressure,
-            flow=(*FLOW_NAMES, STATIC_PRESSURE, *estimator.parameter_names),
+            flow=(*FLOW_NAMES, STATIC_PRESSURE, *estimator.parameter_names, *estimator.readings),
+            readings=estimator.readings,
             computes_pressure=True,
             ignored=tuple(ignore_columns),
             reference=estimator.reference,
@@ -158,7 +159,7 @@ def estimate_file(
                 unused=plan.unused,
                 notes=[*opened.notes, *_unused_inputs(source, estimator, plan)],
             )
-            names = _columns(plan, estimator.further_columns, estimator.gauge_names if residuals else ())
+            names = _columns(plan, estimator.further_columns, estimator.row_names if residuals else ())
             made = filter_attributes(estimator)
             with (
                 estimate_writer(output, names, text_columns=(SUSPECTS_COLUMN,), attributes=made) as writer,
@@ -236,7 +237,7 @@ def _write(
         columns += [*found.further.T]
     if residuals and found.residual is not None:
         columns += [found.residual_limit, *found.residual.T]
-    names = [";".join(estimator.gauge_names[i] for i in one) for one in found.suspects]
+    names = [";".join(estimator.row_names[i] for i in one) for one in found.suspects]
     writer.write(np.column_stack(columns), {SUSPECTS_COLUMN: names})
 
 
@@ -245,7 +246,7 @@ def _count(
 ) -> None:
     """Add a block to the summary."""
     gauge_names = estimator.gauge_names
-    summary.account.add(found, gauge_names, estimator.envelope_score_limit)
+    summary.account.add(found, estimator.row_names, estimator.envelope_score_limit)
     missing = np.isnan(block.strain).sum(axis=0)
     summary.missing_strains.update({n: int(k) for n, k in zip(gauge_names, missing, strict=True) if k})
     summary.missing_pressure += int(np.isnan(block.dynamic_pressure).sum())

@@ -12,7 +12,9 @@ from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.tare import KnownStrain, Tare, TareLimits, tare
+from strainfmu.interface.sensor_variables import reading_units
 from strainfmu.recorded.column_names import STATIC_PRESSURE, Wanted
+from strainfmu.recorded.sensor_readings import recorded_readings
 from strainfmu.recorded.strain_files import open_strains
 
 
@@ -37,7 +39,7 @@ def tare_file(
     *,
     channels: str | PathLike[str] | None = None,
 ) -> Tare:
-    """Return the zeros of ``inverse_map``'s gauges from ``window`` of ``recording``.
+    """Return the zeros of ``inverse_map``'s strain gauges from ``window`` of ``recording``.
 
     Parameters
     ----------
@@ -63,13 +65,15 @@ def _read(
     inverse_map: InverseMap, path: Path, window: Window, channels: Path | None
 ) -> tuple[FloatArray, FloatArray]:
     """Return strain (n, n_d) and q_inf (n,) in the window; NaN where the recording holds no q_inf."""
+    n, readings = inverse_map.n_strain_gauges, recorded_readings(reading_units(inverse_map))
     wanted = Wanted(
-        gauge_names=tuple(inverse_map.gauge_names),
-        flow=("dynamic_pressure", "mach_number", "altitude", STATIC_PRESSURE),
+        gauge_names=tuple(inverse_map.gauge_names[:n]),
+        flow=("dynamic_pressure", "mach_number", "altitude", STATIC_PRESSURE, *readings),
+        readings=readings,
         needs_pressure=False,
         computes_pressure=True,
     )
-    strains, pressures = [np.empty((0, inverse_map.n_gauges))], [np.empty(0)]
+    strains, pressures = [np.empty((0, n))], [np.empty(0)]
     with open_strains(path, wanted, channels) as opened:
         for block, _ in opened.blocks:
             inside = (block.time >= window.begin) & (block.time <= window.end)

@@ -90,7 +90,12 @@ def tare(
             held, vehicle, up_roll=weight_up_roll_deg, nose=weight_nose_deg, ambient=ambient_pressure
         )
     if known is not None and known_output is not None:
-        write_zeros(known_output, held.gauge_names, GaugeZeros(value=known.value, std=known.std), stated)
+        write_zeros(
+            known_output,
+            held.gauge_names[: held.n_strain_gauges],
+            GaugeZeros(value=known.value, std=known.std),
+            stated,
+        )
     found = tare_file(held, recording, chosen, limits, known, channels=channels)
     console = Console()
     for note in found.notes:
@@ -108,7 +113,7 @@ def tare(
     }
     if found.faults:
         made_from["accepted"] = "; ".join(found.faults)
-    write_zeros(output, held.gauge_names, found.zeros, made_from)
+    write_zeros(output, held.gauge_names[: held.n_strain_gauges], found.zeros, made_from)
     console.print(_summary(found), highlight=False, markup=False, soft_wrap=True)
     console.print(f"{output}: written", highlight=False, markup=False, soft_wrap=True)
 
@@ -135,12 +140,13 @@ def _known_strain(
     from builder.vehicle.file import load_vehicle
     from strainfmu.estimator.tare import KnownStrain
 
-    loaded, strain = load_vehicle(vehicle), np.zeros(held.n_gauges)
+    n = held.n_strain_gauges
+    loaded, strain = load_vehicle(vehicle), np.zeros(n)
     if up_roll is not None:
         weight = Weight(up_roll_angle=radians(up_roll), nose_elevation=radians(nose))
         strain = weight_strain(loaded, loaded.gauges.layout, weight)
-        if len(strain) != held.n_gauges:
-            raise InputError(f"{vehicle}: layout in use has {len(strain)} gauges, the map has {held.n_gauges}")
+        if len(strain) != n:
+            raise InputError(f"{vehicle}: layout in use has {len(strain)} gauges, the map has {n}")
     stated: dict[str, str | float] = {"vehicle": str(vehicle), "ambient_pressure_Pa": ambient}
     if up_roll is not None:
         stated |= {"weight_up_roll_deg": up_roll, "weight_nose_deg": nose}

@@ -127,7 +127,7 @@ class LinearFilter:
         known = LinearStep(
             estimate=static,
             static=static,
-            strain=np.where(static.valid, strain - self.estimator.zeros.value, 0.0),
+            strain=np.where(static.valid, self.estimator.rows_of(strain), 0.0),
             dynamic_pressure=dynamic_pressure,
             alone=None,
             before=before,
