@@ -34,13 +34,21 @@ def is_available() -> bool:
 
 
 def write_case(
-    vertices: FloatArray, u: tuple[float, float, float], plane: State, iterations: int, directory: Path
+    vertices: FloatArray,
+    u: tuple[float, float, float],
+    plane: State,
+    iterations: int,
+    directory: Path,
+    *,
+    from_axis: bool = False,
 ) -> None:
     """Write a mesh (n_x + 1, n_phi + 1, n_r + 1, 3) in a stream of velocity ``u`` over its sound speed.
 
-    ``plane`` (n_phi, n_r) enters the mesh and fills it at first.
+    ``plane`` (n_phi, n_r) fills the mesh at first, and enters it, unless the mesh begins ``from_axis``: then
+    nothing does, and its sides are planes through the axis, not one plane. Limiters then work face by face and
+    steps are shorter: round a blunt tip the other limiter does not come to rest. Five states are kept, evenly.
     """
-    write_mesh(vertices, directory / "constant" / "polyMesh")
+    write_mesh(vertices, directory / "constant" / "polyMesh", "symmetry" if from_axis else "symmetryPlane")
     n_planes = len(vertices) - 1
     for name, dimensions, values, free_stream, wall in (
         ("p", "[1 -1 -2 0 0 0 0]", plane.pressure, (1.0,), "zeroGradient"),
@@ -55,14 +63,23 @@ def write_case(
             free_stream=free_stream,
             n_planes=n_planes,
             wall=wall,
+            from_axis=from_axis,
         )
-    for name, text in (DICTIONARIES | {"system/controlDict": _control(iterations)}).items():
+    control = _control(iterations, courant=0.08 if from_axis else 0.2, kept=0 if from_axis else 2)
+    for name, text in (DICTIONARIES | {"system/controlDict": control}).items():
+        if from_axis:
+            for limited, face_by_face in FACE_BY_FACE.items():
+                text = text.replace(limited, face_by_face)
         _write(directory / name, "dictionary", text)
 
 
-def write_mesh(vertices: FloatArray, directory: Path) -> None:
-    """Write the structured mesh of ``vertices`` (n_x + 1, n_phi + 1, n_r + 1, 3) in OpenFOAM's format."""
-    point: IntArray = np.arange(vertices[..., 0].size).reshape(vertices.shape[:3])
+def write_mesh(vertices: FloatArray, directory: Path, side: str = "symmetryPlane") -> None:
+    """Write the structured mesh of ``vertices`` (n_x + 1, n_phi + 1, n_r + 1, 3) in OpenFOAM's format.
+
+    Vertices may coincide, as on an axis: faces lose corners there, or vanish. ``side`` is the type of the sides.
+    """
+    place, first = np.unique(vertices.reshape(-1, 3), axis=0, return_inverse=True)
+    point: IntArray = first.reshape(vertices.shape[:3])
     cell = np.arange(point[1:, 1:, 1:].size).reshape(point[1:, 1:, 1:].shape)
     # Corners of all faces across each index, in the order whose normal points to higher indices.
     across = [
@@ -84,13 +101,14 @@ def write_mesh(vertices: FloatArray, directory: Path) -> None:
         count = 0
         for axis, end in sides:
             outside = across[axis].take(end, axis).reshape(-1, 4)
-            all_faces.append(outside if end == -1 else outside[:, ::-1])  # normals point outward
-            all_owners.append(cell.take(end, axis).ravel())
-            count += len(outside)
-        patches.append(f"{name} {{ type {kind}; nFaces {count}; startFace {n_faces}; }}")
+            has_area = np.array([len(set(corner)) > 2 for corner in outside.tolist()])
+            all_faces.append((outside if end == -1 else outside[:, ::-1])[has_area])  # normals point outward
+            all_owners.append(cell.take(end, axis).ravel()[has_area])
+            count += int(has_area.sum())
+        patches.append(f"{name} {{ type {kind or side}; nFaces {count}; startFace {n_faces}; }}")
         n_faces += count
-    _write(directory / "points", "vectorField", _rows(vertices.reshape(-1, 3), "(%.12g %.12g %.12g)"))
-    _write(directory / "faces", "faceList", _rows(np.concatenate(all_faces), "4(%d %d %d %d)"))
+    _write(directory / "points", "vectorField", _rows(place, "(%.12g %.12g %.12g)"))
+    _write(directory / "faces", "faceList", _polygons(np.concatenate(all_faces)))
     _write(directory / "owner", "labelList", _rows(np.concatenate(all_owners)[:, None], "%d"))
     _write(directory / "neighbour", "labelList", _rows(neighbours[order][:, None], "%d"))
     _write(directory / "boundary", "polyBoundaryMesh", f"{len(patches)}\n(\n" + "\n".join(patches) + "\n)\n")
@@ -99,11 +117,18 @@ def write_mesh(vertices: FloatArray, directory: Path) -> None:
 PATCHES = (
     ("inlet", "patch", ((0, 0),)),
     ("outlet", "patch", ((0, -1),)),
-    ("symmetry", "symmetryPlane", ((1, 0), (1, -1))),
+    ("symmetry", "", ((1, 0), (1, -1))),
     ("wall", "patch", ((2, 0),)),
     ("outer", "patch", ((2, -1),)),
 )
-"""Name, type and (index, end) of the mesh's sides."""
+"""Name, type, where the case does not tell it, and (index, end) of the mesh's sides."""
+
+
+def _polygons(faces: IntArray) -> str:
+    """Return faces (n, 4) as OpenFOAM writes them, each corner once."""
+    corners = [list(dict.fromkeys(face)) for face in faces.tolist()]
+    rows = [f"{len(face)}({' '.join(map(str, face))})" for face in corners]
+    return f"{len(rows)}\n(\n" + "\n".join(rows) + "\n)\n"
 
 
 def _rows(values: FloatArray | IntArray, row: str) -> str:
@@ -124,6 +149,7 @@ def _write_field(
     free_stream: tuple[float, ...],
     n_planes: int,
     wall: str,
+    from_axis: bool,
 ) -> None:
     n = len(free_stream)
     kind, row = ("scalar", "%.10g") if n == 1 else ("vector", "(%.10g %.10g %.10g)")
@@ -131,13 +157,15 @@ def _write_field(
     inside = f"nonuniform List<{kind}> " + _rows(np.tile(values, (n_planes, 1)), row)
     entering = f"nonuniform List<{kind}> " + _rows(values, row)
     outside = row % free_stream
+    inlet = "zeroGradient" if from_axis else f"fixedValue; value {entering}"
+    side = "symmetry" if from_axis else "symmetryPlane"
     text = f"""dimensions {dimensions};
 internalField {inside};
 boundaryField
 {{
-    inlet {{ type fixedValue; value {entering}; }}
+    inlet {{ type {inlet}; }}
     outlet {{ type zeroGradient; }}
-    symmetry {{ type symmetryPlane; }}
+    symmetry {{ type {side}; }}
     wall {{ type {wall}; }}
     outer {{ type fixedValue; value uniform {outside}; }}
 }}
@@ -145,14 +173,20 @@ boundaryField
     _write(directory / "0" / name, f"vol{kind.capitalize()}Field", text)
 
 
-def _control(iterations: int) -> str:
+def _control(iterations: int, courant: float, kept: int) -> str:
     return f"""application {SOLVER};
 startFrom startTime; startTime 0; stopAt endTime; endTime {iterations};
-deltaT 1; maxCo 0.2; maxDeltaT 1e3; rDeltaTSmoothingCoeff 0.3;
-writeControl timeStep; writeInterval {iterations // 5}; purgeWrite 2;
+deltaT 1; maxCo {courant}; maxDeltaT 1e3; rDeltaTSmoothingCoeff 0.3;
+writeControl timeStep; writeInterval {iterations // 5}; purgeWrite {kept};
 writeFormat ascii; writePrecision 8; timeFormat general; timePrecision 8; runTimeModifiable no;
 """
 
+
+FACE_BY_FACE = {
+    "reconstruct(rho) linearUpwind limited": "reconstruct(rho) vanLeer",
+    "reconstruct(U) linearUpwind limited": "reconstruct(U) vanLeerV",
+    "reconstruct(T) linearUpwind limited": "reconstruct(T) vanLeer",
+}
 
 DICTIONARIES = {
     # Kurganov, Noelle and Petrova's central-upwind flux of linearly extrapolated states, local time steps.
