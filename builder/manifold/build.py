@@ -20,8 +20,10 @@ from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import pressure_and_temperature
 from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.estimator.manifold.flight_field import FlightField
 from strainfmu.estimator.manifold.further_tables import FurtherTables
 from strainfmu.estimator.manifold.manifold_map import ManifoldMap
+from strainfmu.estimator.manifold.shape_field import ShapeField
 
 
 def with_manifold(
@@ -99,7 +101,8 @@ def manifold_map(
         static_pressure_error=0.01 * noise.navigation_static_pressure_percent,
         dynamic_pressure_error=0.01 * noise.dynamic_pressure_percent,
         further=_further(coefficients[:, :, n:], fixed[n:], errors[n:], errors[:n_d]),
-        pressure_field=found.field,
+        pressure_field=found.field if isinstance(found.field, FlightField) else None,
+        shape_field=found.field if isinstance(found.field, ShapeField) else None,
     )
     made = replace(made, discrepancy_shapes=tested_shapes(made))
     return made, _terms_of(terms, problem.ensemble, n_d)

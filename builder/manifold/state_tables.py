@@ -15,12 +15,14 @@ from builder.manifold.discrepancy import gaussian_process_shapes, process_on_sur
 from builder.manifold.field_tables import flight_field
 from builder.manifold.flow_amplitudes import FlowAmplitudes, flow_amplitudes
 from builder.manifold.interpolation import interpolation_errors
+from builder.manifold.shape_field import shape_field
 from builder.manifold.tables import response_values, ring_response, spline_coefficients, spline_rows
 from builder.vehicle.file import Vehicle
 from builder.vehicle.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.manifold.flight_field import FlightField
+from strainfmu.estimator.manifold.shape_field import ShapeField
 
 MIN_FLOWS = (2, 4)
 """Least number of Mach numbers, and of incidences but zero, of a spline of a body of revolution."""
@@ -39,7 +41,7 @@ class StateTables:
     overpressure : (n_p,) p / p_inf - 1 at the least incidence, the mean over the Mach numbers.
     incidence_limit : largest total incidence of the flows [rad].
     crossflow_range : (2, 2) least and largest u and w of the flows [rad]; None where they are all round.
-    field : pressure on the surface; None where the map does not hold it.
+    field : pressure on the surface, of either kind; None where the map does not hold it.
     """
 
     mach_knots: FloatArray
@@ -50,7 +52,7 @@ class StateTables:
     overpressure: FloatArray
     incidence_limit: float
     crossflow_range: FloatArray | None
-    field: FlightField | None
+    field: FlightField | ShapeField | None
 
 
 def state_tables(
@@ -66,16 +68,17 @@ def state_tables(
     surface = structure.surface
     if isinstance(surface, SurfaceGrid) and problem.ensemble.grid is not None:
         return _of_revolution(vehicle, snapshots, problem, operator, surface)
-    return _of_any_shape(
-        vehicle, snapshots, mesh_of_grid(surface) if isinstance(surface, SurfaceGrid) else surface, operator
-    )
+    mesh = mesh_of_grid(surface) if isinstance(surface, SurfaceGrid) else surface
+    return _of_any_shape(vehicle, snapshots, problem, operator, mesh)
 
 
 def _is_vented(vehicle: Vehicle) -> bool:
     return vehicle.structure.internal_pressure_Pa == "ambient"
 
 
-def _of_any_shape(vehicle: Vehicle, snapshots: Snapshots, mesh: SurfaceMesh, operator: FloatArray) -> StateTables:
+def _of_any_shape(
+    vehicle: Vehicle, snapshots: Snapshots, problem: Problem, operator: FloatArray, mesh: SurfaceMesh
+) -> StateTables:
     entry, found = vehicle.map, condition_tables(snapshots, operator, _is_vented(vehicle))
     process = process_on_surface(mesh, entry.discrepancy_length, float(np.deg2rad(entry.discrepancy_roll_deg)))
     return StateTables(
@@ -87,7 +90,7 @@ def _of_any_shape(vehicle: Vehicle, snapshots: Snapshots, mesh: SurfaceMesh, ope
         overpressure=found.overpressure,
         incidence_limit=found.incidence_limit,
         crossflow_range=found.crossflow_range,
-        field=None,
+        field=shape_field(vehicle, snapshots, problem, process, found.overpressure) if entry.keep_field else None,
     )
 
 

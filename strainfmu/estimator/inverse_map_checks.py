@@ -161,7 +161,7 @@ def _check_field(inverse_map: InverseMap) -> None:
     held = inverse_map.field_std
     if held is not None and not (held.shape == (n_p,) and np.all(np.isfinite(held)) and np.all(held >= 0.0)):
         raise InputError(f"inverse map: field_std must be {n_p} finite values of at least 0")
-    of_flight = None if inverse_map.manifold is None else inverse_map.manifold.pressure_field
+    of_flight = None if inverse_map.manifold is None else inverse_map.manifold.surface_field
     if of_flight is not None and of_flight.n_nodes != n_p:
         raise InputError(f"inverse map: pressure_field has {of_flight.n_nodes} nodes, must have {n_p}")
     if n_t and not (parts["triangle"].min() >= 0 and parts["triangle"].max() < n_p):

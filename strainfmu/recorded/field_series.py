@@ -45,7 +45,7 @@ def check_field_output(path: Path, inverse_map: InverseMap | None, source: Path)
     if inverse_map is None:
         raise InputError(f"{source}: --field: expected an inverse map, got an FMU")
     manifold = inverse_map.manifold
-    if inverse_map.field_modes is None or (manifold is not None and manifold.pressure_field is None):
+    if inverse_map.field_modes is None or (manifold is not None and manifold.surface_field is None):
         raise InputError(f"{source}: --field: {no_field()}")
 
 

@@ -29,6 +29,7 @@ from strainfmu.errors import InputError
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.inverse_map import InverseMap, load_inverse_map, save_inverse_map
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
+from strainfmu.estimator.manifold.field_estimate import table_pressure
 from strainfmu.estimator.manifold.flight_tables import FlightTables, evaluate
 from strainfmu.flight_condition import FlightCondition
 
@@ -161,6 +162,37 @@ def test_strain_linear_in_the_angles_has_linear_tables() -> None:
     )
     value = evaluate(tables, np.column_stack([state[:, :3], np.zeros(len(state))])).value[:, 0]
     np.testing.assert_allclose(value, alpha, atol=1e-6)
+
+
+def test_the_pressure_between_the_snapshots_is_found(tmp_path: Path) -> None:
+    """On a file's map, with and without one gauge; the deviation of a node holds its error."""
+    save_inverse_map(shape_map(keep_field=True), tmp_path / "map.h5")
+    estimator, snapshots = ManifoldEstimator(load_inverse_map(tmp_path / "map.h5")), held_out()
+    random, off, size = np.random.default_rng(4), [], []
+    for row, condition in enumerate(snapshots.conditions()[:10]):
+        strain = readings(snapshots)[row] + inverse_map().noise_std * random.standard_normal(N_D)
+        flow = {"mach_number": condition.mach_number, "altitude": ALTITUDE}
+        found = estimator.step(strain, condition.dynamic_pressure, np.arange(N_D) != row, **flow)
+        field = found.pressure()
+        np.testing.assert_allclose(found.pressure(with_std=False).pressure, field.pressure, rtol=1e-9)
+        off.append(np.abs(field.pressure - snapshots.pressure[row]) / field.std)
+        true = snapshots.pressure[row]
+        size.append(np.linalg.norm(field.pressure - true) / np.linalg.norm(true))
+    assert np.mean(np.array(off) <= 3.0) > 0.99
+    assert np.median(size) < 0.02
+
+
+def test_the_derivative_of_the_pressure_by_the_state() -> None:
+    manifold = shape_map(keep_field=True).manifold
+    assert manifold is not None
+    assert manifold.shape_field is not None
+    state, step = state_of(between(1)[0]), 1e-6
+    found = table_pressure(manifold, manifold.shape_field, state)
+    for k in range(4):
+        moved = [state + sign * step * np.eye(4)[k] for sign in (1.0, -1.0)]
+        high, low = (table_pressure(manifold, manifold.shape_field, one).value for one in moved)
+        expected = (high - low) / (2.0 * step)
+        np.testing.assert_allclose(found.jacobian[:, k], expected, rtol=1e-4, atol=1e-5 * np.abs(expected).max())
 
 
 def test_a_sideslip_beyond_the_snapshots_is_outside() -> None:

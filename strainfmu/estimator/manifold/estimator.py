@@ -325,7 +325,7 @@ class ManifoldEstimator:
         )
 
     def _field_inputs(self, inputs: EstimatorInputs) -> FieldInputs | None:
-        if self.manifold.pressure_field is None:
+        if self.manifold.surface_field is None:
             return None
         value, std = inputs.navigation.value, inputs.navigation.std
         return FieldInputs(

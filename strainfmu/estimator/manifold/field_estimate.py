@@ -17,6 +17,7 @@ from strainfmu.estimator.manifold.flight_field import FlightField
 from strainfmu.estimator.manifold.flight_tables import LOG_PRESSURE, MACH, MIN_INCIDENCE, U, W, evaluate
 from strainfmu.estimator.manifold.gauss_newton import strain_factor
 from strainfmu.estimator.manifold.manifold_map import ManifoldMap
+from strainfmu.estimator.manifold.shape_field import ShapeField
 from strainfmu.estimator.manifold.solve import lognormal_std
 from strainfmu.estimator.manifold.spline import local_basis
 from strainfmu.estimator.pressure_field import PressureField, unknown_field
@@ -29,9 +30,9 @@ def pressure_of(estimate: FlightEstimate, with_std: bool = True) -> PressureFiel
     """Return the absolute pressure of ``estimate``; errors as :meth:`FlightEstimate.pressure`."""
     inputs = estimate.field_inputs
     manifold = None if inputs is None else inputs.inverse_map.manifold
-    if inputs is None or manifold is None or manifold.pressure_field is None:
+    field = None if manifold is None else manifold.surface_field
+    if inputs is None or manifold is None or field is None:
         raise no_field()
-    field = manifold.pressure_field
     if not np.any(estimate.valid):
         return unknown_field(field.n_nodes, is_net=False)
     if not estimate.is_linear:
@@ -68,8 +69,22 @@ class TablePressure:
     jacobian: FloatArray
 
 
-def table_pressure(manifold: ManifoldMap, field: FlightField, state: FloatArray) -> TablePressure:
+def table_pressure(manifold: ManifoldMap, field: FlightField | ShapeField, state: FloatArray) -> TablePressure:
     """Return the pressure of the tables at ``state`` (4,)."""
+    return (
+        _of_shape(manifold, field, state) if isinstance(field, ShapeField) else _of_rings(manifold, field, state)
+    )
+
+
+def _of_shape(manifold: ManifoldMap, field: ShapeField, state: FloatArray) -> TablePressure:
+    amplitude = evaluate(field.tables(manifold.tables), state[None])
+    value, jacobian = (field.modes @ one[0] for one in amplitude)
+    pressure = float(np.exp(state[LOG_PRESSURE]))
+    jacobian[:, LOG_PRESSURE] += pressure
+    return TablePressure(value=value + pressure, jacobian=jacobian)
+
+
+def _of_rings(manifold: ManifoldMap, field: FlightField, state: FloatArray) -> TablePressure:
     u, w = float(state[U]), float(state[W])
     incidence = float(np.sqrt(u * u + w * w + MIN_INCIDENCE**2))
     of_mach = local_basis(manifold.mach_knots, state[MACH : MACH + 1])
@@ -103,7 +118,7 @@ def table_pressure(manifold: ManifoldMap, field: FlightField, state: FloatArray)
 
 def flight_pressure(
     manifold: ManifoldMap,
-    field: FlightField,
+    field: FlightField | ShapeField,
     *,
     state: FloatArray,
     state_covariance: FloatArray,
@@ -129,12 +144,11 @@ def flight_pressure(
     pressure = float(np.exp(state[LOG_PRESSURE]))
     if not with_std:
         weights = np.linalg.solve(factor.T, whitened[:, 0])
-        correction = pressure * pressure * (_around(field) @ _of_stations(field, used, weights)).T.ravel()
+        correction = pressure * pressure * _corrected(field, used, weights)
         return replace(unknown_field(field.n_nodes, is_net=False), pressure=table.value + correction)
     gain = pressure * pressure * _turned(field, factor, used)
     by_state = table.jacobian - gain @ whitened[:, 1:]
-    relative = field.error_std[:, None] ** 2 + _at_wind(field, state).astype(float) ** 2
-    prior = pressure * pressure * relative.ravel()
+    prior = pressure * pressure * _relative_variance(field, state)
     left = np.maximum(prior - np.einsum("pn,pn->p", gain, gain), MIN_LEFT * prior)
     # Errors of ln p_inf are normal, those of p_inf reach further.
     of_log = float(np.sqrt(state_covariance[LOG_PRESSURE, LOG_PRESSURE]))
@@ -143,8 +157,24 @@ def flight_pressure(
     return PressureField(pressure=table.value + gain @ whitened[:, 0], std=np.sqrt(variance), is_net=False)
 
 
-def _turned(field: FlightField, factor: FloatArray, used: BoolArray) -> FloatArray:
+def _corrected(field: FlightField | ShapeField, used: BoolArray, weights: FloatArray) -> FloatArray:
+    """Return (n_p,) C times ``weights`` (n_d,)."""
+    if isinstance(field, ShapeField):
+        return np.asarray(field.strain_covariance[:, used].astype(float) @ weights[used])
+    return np.asarray((_around(field) @ _of_stations(field, used, weights)).T.ravel())
+
+
+def _relative_variance(field: FlightField | ShapeField, state: FloatArray) -> FloatArray:
+    """Return (n_p,) variance of the pressure off the tables, per p_inf^2."""
+    if isinstance(field, ShapeField):
+        return field.error_std**2
+    return np.asarray((field.error_std[:, None] ** 2 + _at_wind(field, state).astype(float) ** 2).ravel())
+
+
+def _turned(field: FlightField | ShapeField, factor: FloatArray, used: BoolArray) -> FloatArray:
     """Return (n_p, n_d) C L'^-1 per p_inf^2, L (n_d, n_d) the Cholesky factor of S."""
+    if isinstance(field, ShapeField):
+        return np.asarray(np.linalg.solve(factor, np.where(used, field.strain_covariance, 0.0).T).T)
     n_x, n_h, _, n_d = field.strain_covariance.shape
     known = np.where(used, field.strain_covariance, 0.0).reshape(-1, n_d)
     whitened = np.linalg.solve(factor, known.T).T.reshape(n_x, 2 * n_h, n_d)

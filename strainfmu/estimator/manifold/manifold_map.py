@@ -15,6 +15,8 @@ from strainfmu.estimator.manifold.flight_field import FlightField
 from strainfmu.estimator.manifold.flight_tables import FlightTables
 from strainfmu.estimator.manifold.further_tables import UNITS as FURTHER_UNITS
 from strainfmu.estimator.manifold.further_tables import FurtherTables
+from strainfmu.estimator.manifold.shape_field import UNITS as SHAPE_UNITS
+from strainfmu.estimator.manifold.shape_field import ShapeField
 from strainfmu.records import inner_record
 
 
@@ -54,7 +56,8 @@ class ManifoldMap:
         for none.
     shape_limit : standardised size of a shape from which strain does not fit the tables, from data of an
         independent model; None for that of the theory.
-    pressure_field : pressure on the surface over the flight state; None where the map does not hold it.
+    pressure_field, shape_field : pressure on the surface over the flight state, of a body of revolution, and of
+        any other shape; None where the map does not hold it.
     further : loads of sections over the flight state; None for none.
     """
 
@@ -83,6 +86,7 @@ class ManifoldMap:
     shape_limit: float | None = None
     crossflow_range: FloatArray | None = None
     pressure_field: FlightField | None = field(default=None, metadata=inner_record(FlightField, FIELD_UNITS))
+    shape_field: ShapeField | None = field(default=None, metadata=inner_record(ShapeField, SHAPE_UNITS))
     further: FurtherTables | None = field(default=None, metadata=inner_record(FurtherTables, FURTHER_UNITS))
 
     def __post_init__(self) -> None:
@@ -109,16 +113,21 @@ class ManifoldMap:
             self.further.check(self.tables)
 
     def _check_field(self) -> None:
-        held = self.pressure_field
+        held = self.surface_field
         if held is None:
             return
         knots = (len(self.mach_knots) + 2, len(self.incidence_knots) + 2)
-        found = held.amplitude.shape[:2], held.strain_covariance.shape[3]
+        found = held.amplitude.shape[:2], held.strain_covariance.shape[-1]
         if found != (knots, self.tables.n_gauges):
             raise InputError(
                 f"pressure_field: expected tables of {knots} for {self.tables.n_gauges} gauges, "
                 f"got {found[0]} for {found[1]}"
             )
+
+    @property
+    def surface_field(self) -> FlightField | ShapeField | None:
+        """The pressure on the surface that the map holds, if any."""
+        return self.pressure_field if self.shape_field is None else self.shape_field
 
     @cached_property
     def tables(self) -> FlightTables:

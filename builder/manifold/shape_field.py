@@ -1,0 +1,61 @@
+"""Pressure on the surface of any shape over the flight state, and how far it may be off."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from builder.campaign.snapshots import Snapshots
+from builder.inverse.solution import Problem
+from builder.manifold.condition_tables import condition_tables
+from builder.vehicle.file import Vehicle
+from strainfmu.arrays import FloatArray
+from strainfmu.estimator.manifold.shape_field import ShapeField
+
+_NEGLIGIBLE = 1e-3
+"""Singular value, relative to the largest, below which a mode of the snapshots is left out."""
+
+
+def shape_field(
+    vehicle: Vehicle, snapshots: Snapshots, problem: Problem, process: FloatArray, overpressure: FloatArray
+) -> ShapeField:
+    """Return the field at the nodes of ``snapshots``.
+
+    Parameters
+    ----------
+    process : (n_p, k) fields of the Gaussian process at unit variance.
+    overpressure : (n_p,) p / p_inf - 1 at the least incidence.
+    """
+    ambient = np.array([condition.ambient_pressure for condition in snapshots.conditions()])
+    ratio = snapshots.pressure / ambient[:, None] - 1.0
+    _, size, transposed = np.linalg.svd(ratio, full_matrices=False)
+    modes = transposed[size > _NEGLIGIBLE * size[0]].T
+    found = condition_tables(snapshots, modes.T, True)
+    rest = ratio - (ratio @ modes) @ modes.T
+    variance = np.mean(rest**2, axis=0)
+    covariance = np.zeros((len(modes), len(problem.strain_operator)))
+    entry = vehicle.map
+    fields = [modes @ one for one in found.errors.values()]
+    fields += [0.01 * entry.discrepancy_percent * process]
+    fields += [0.01 * entry.discrepancy_of_overpressure_percent * overpressure[:, None]]
+    fields += [0.01 * entry.discrepancy_of_prior_percent * one for one in _spread(problem)]
+    for one in fields:
+        covariance += one @ (problem.strain_operator @ one).T
+        variance += np.sum(one**2, axis=1)
+    return ShapeField(
+        modes=modes.astype(np.float32),
+        amplitude=found.coefficients,
+        strain_covariance=covariance.astype(np.float32),
+        error_std=np.sqrt(variance),
+    )
+
+
+def _spread(problem: Problem) -> Iterator[FloatArray]:
+    """Yield fields (n_p, N) of the flows' deviation from their mean, per p_inf."""
+    ensemble = problem.ensemble
+    pressure = float(np.average(ensemble.ambient_pressure, weights=ensemble.weight))
+    first, share = 0, np.sqrt(ensemble.member_weight) / pressure
+    for block in ensemble.members():
+        yield (share[first : first + len(block), None] * (block - ensemble.mean())).T
+        first += len(block)
