@@ -220,7 +220,9 @@ class Oracle:
         """Return whether the strains are those of a frozen sender with dither that need not be found yet."""
         n = self._layout.n_gauges
         limit = 8.0 + 58.0 / n  # cycles, as documented
-        largest = self._tolerance + self._step.outputs(np.full(n, QUANTUM), 0.0)[:4].max()
+        # Each dither at once adds its bit.
+        bits = sum(fault.kind is FaultKind.DITHER and fault.is_active(last) for fault in self._faults_near(last))
+        largest = self._tolerance + bits * self._step.outputs(np.full(n, QUANTUM), 0.0)[:4].max()
         return any(
             fault.kind is FaultKind.DITHER
             and last < fault.start + limit + self._unseen(fault, last)

@@ -398,8 +398,9 @@ class FaultySender:
                 size = len(item.layout.signals[item.indices[0]].bits) // 8
                 data[first:last] = data[first + size : last] + data[first : first + size]
             if fault.kind is FaultKind.CONFIGURATION and item.configuration is not None:
-                first = item.layout.signals[item.configuration].bits[0] // 8
-                data[first] ^= 0x5A
+                signal = item.layout.signals[item.configuration]
+                # Not of what the frame holds: a second such sender must not turn it back into the right number.
+                data[signal.bits[0] // 8] = ((signal.initial or 0) & 0xFF) ^ 0x5A
             elif protection is not None:
                 protection = Protection(protection.profile, protection.data_id ^ 0x0101)
             if protection is not None:

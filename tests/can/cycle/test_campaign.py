@@ -101,6 +101,19 @@ def test_every_fault_by_itself(kind: FaultKind) -> None:
     assert run.late_recovery == []
 
 
+@pytest.mark.parametrize("profile", ["fd64", "classic-le"])
+def test_every_fault_twice_at_once(profile: str) -> None:
+    """None undoes itself: two senders with other gauges are no sender with ours."""
+    faults = [
+        Fault(kind=kind, start=60 + (15 + GAP) * number, cycles=15, seed=2 * number + which)
+        for number, kind in enumerate(FaultKind)
+        for which in (3, 50)
+    ]
+    run = run_campaign(layout_of(profile, SIZES[profile]), faults, 60 + (15 + GAP) * len(FaultKind))
+    assert run.false_valid == []
+    assert run.core.account.unaccounted == 0
+
+
 @pytest.mark.parametrize("profile", ["fd64", "fd64-sec", "classic-le"])
 def test_a_gauge_that_sticks_as_the_sender_restarts_is_found_once_its_cycles_count(profile: str) -> None:
     kinds = (FaultKind.RESTART, FaultKind.STUCK_GAUGE)
