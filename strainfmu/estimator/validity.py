@@ -99,7 +99,7 @@ def valid_ranges(inverse_map: InverseMap) -> list[ValidRange]:
     if inverse_map.provenance.get("symmetry") == "full":
         ranges = {name: value for name, value in ranges.items() if name not in _LISTED_ANGLES}
         ranges["total_incidence_deg"] = inverse_map.provenance["total_incidence_deg"]
-    strain = 1e6 * float(np.max(inverse_map.strain_range))
+    strain = 1e6 * float(np.max(inverse_map.strain_range[: inverse_map.n_strain_gauges]))
     return [
         *valid_conditions(ranges),
         *valid_parameters(inverse_map.provenance.get("parameters", {})),

@@ -79,6 +79,8 @@ def test_page_terminals_and_contents(paths: dict[str, Path], kind: str) -> None:
     assert all(name in page and name in terminals for name in sensor_names(held_map()))
     assert '<Terminal name="sensors"' in terminals
     assert '"displacement_0.2m_45deg": "sensor.displacement_0_2m_45deg"' in contents
+    largest = 1e6 * held_map().strain_range[: N - N_S].max()
+    assert f'"|strain| of the gauge that strains most": "0 to {largest:.6g} um/m"' in contents
 
 
 @pytest.mark.parametrize("kind", OPTIONS)

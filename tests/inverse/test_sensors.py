@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from fmpy import read_model_description
+from fmu_host import loaded
 
 from builder.aero.loads import load_operator
 from builder.campaign.snapshots import Snapshots
@@ -32,6 +33,7 @@ from strainfmu.estimator.inverse_map import InverseMap, load_inverse_map, save_i
 from strainfmu.estimator.load_estimate import LoadEstimates
 from strainfmu.estimator.step import Estimator
 from strainfmu.fmu.export import ExportOptions, export_estimator
+from strainfmu.interface.sensor_variables import reading_names
 
 PORTS = Ports(x_m=0.3, roll_deg=[0.0, 90.0, 180.0, 270.0], std_Pa=300.0, range_Pa=2e5, gain_percent=0.25)
 IMU = InertialUnit(x_m=1.2, mass_kg=150.0, center_x_m=2.0, inertia_kg_m2=130.0, thrust_std_N=5.0)
@@ -250,6 +252,41 @@ def test_readings_of_a_rigid_body(
     assert {name for name, value in added.items() if value != 0.0} == {"imu_axial", "cell_axial"}
     thrust = inverse_map.sensors.without_thrust(np.zeros(inverse_map.n_gauges), 300.0)
     assert dict(zip(inverse_map.gauge_names, thrust, strict=True))["imu_axial"] == pytest.approx(300.0 / 150.0)
+
+
+def test_fmu_with_sensors_of_every_kind(
+    tmp_path: Path, vehicle: Vehicle, snapshots: Snapshots, held_out: Snapshots, structure: StructuralModel
+) -> None:
+    """Flights of the vehicle, one sensor of each kind lost in turn, with thrust: the native FMU and numpy."""
+    sensors = Sensors(ports=PORTS, imu=IMU, load_cells=CELLS, displacement=POINTS, fibre=FIBRE)
+    changed = with_sensors(vehicle, sensors)
+    problem = inverse_problem(changed, snapshots, structure)
+    inverse_map = build_inverse_map(changed, snapshots, structure)
+    assert inverse_map.sensors is not None
+    lost = ["none", "port_90deg", "imu_axial", "imu_pitch", "cell_axial", "cell_yaw", "tip_up", "fibre_90deg_1"]
+    rows, q, _ = flights(changed, problem, held_out, len(lost))
+    thrust = 250.0
+    readings = in_units(inverse_map, rows)
+    for row, name in zip(readings, lost, strict=True):
+        row[[one == name for one in inverse_map.gauge_names]] = np.nan
+    moved = readings + thrust * inverse_map.sensors.thrust_response
+    expected = Estimator(inverse_map).estimate(inverse_map.sensors.without_thrust(moved, thrust), q)
+    assert isinstance(expected, LoadEstimates)
+    assert expected.valid.sum(axis=1).tolist() == [inverse_map.n_gauges, *[inverse_map.n_gauges - 1] * 7]
+    save_inverse_map(inverse_map, tmp_path / "map.h5")
+    export_estimator(tmp_path / "map.h5", tmp_path / "e.fmu", ExportOptions(platforms=["linux64"]))
+    found = np.empty((len(lost), 20))
+    with loaded(tmp_path / "e.fmu", tmp_path / "e") as host:
+        host.initialize()
+        names = list(host.references)[:20]
+        for k, row in enumerate(moved):
+            host.set([*reading_names(inverse_map), "dynamic_pressure", "thrust"], [*row, q[k], thrust])
+            found[k] = host.get(names)
+    forces, moments = slice(10, 13), slice(13, 15)
+    for group, values in ((forces, expected.loads[:, :3]), (moments, expected.loads[:, 3:])):
+        size = np.abs(values).max(axis=1, keepdims=True)
+        np.testing.assert_allclose((found[:, group] - values) / size, 0.0, atol=1e-12)
+    np.testing.assert_allclose(found[:, 15:20], expected.loads_std, rtol=1e-12)
 
 
 @pytest.mark.fast
