@@ -50,7 +50,7 @@ def as_built_figure(time: FloatArray, flown: Mapping[str, Flown], title: str) ->
         bars.bar(list(COLORS), rms, color=list(COLORS.values()))
         bars.set_title("rms [1]", fontsize=9, loc="left")
         bars.grid(alpha=0.3, axis="y")
-    axes[0, 0].legend(ncols=4, fontsize=8, loc="upper right")
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), ncols=4, fontsize=8, loc="outside lower center")
     axes[-1, 0].set_xlabel("time [s]")
     figure.suptitle(f"Map before the ground test, after it, and exact: {title}")
     return figure
