@@ -78,6 +78,9 @@ def test_tables_follow_the_thickness_that_is_solved_for(
         nominal = as_built.load_strain(as_built.exactly_built(), [load])
         expected, found = known.load_strain(even, [load]), as_built.load_strain(even, [load])
         assert np.abs(found - expected).max() < 0.03 * np.abs(expected - nominal).max()
+    responses = [known.response(load) for load in LOADS]
+    alone = [known.response_strain(even, one) for one in responses]
+    np.testing.assert_allclose(known.response_strain(even, together(responses)), alone, rtol=1e-12, atol=1e-18)
     with pytest.raises(InputError, match="solved for one wall"):
         known.load_strain(as_built.exactly_built(), [LOADS[0]])
 
