@@ -50,7 +50,7 @@ static int allocate(Estimator *e) {
     const size_t n = map->n_gauges;
     const size_t n_inputs = estimator_inputs(e);
     const size_t n_doubles = CACHED_MASKS * masked_map_doubles(map) + workspace_doubles(map) + 2 * n_inputs + 2 * n
-                           + added_noise_doubles(map) + n + 1
+                           + added_noise_doubles(map) + n + 1 + estimator_derivatives(e)
                            + 3 * panel_length(n) + half_space_doubles(&map->envelope)
                            + (map->scaled ? scaled_doubles(map) : 0);
     const size_t n_indices = CACHED_MASKS * masked_map_indices(map) + n + (map->scaled ? scaled_indices(map) : 0);
@@ -83,6 +83,7 @@ static int allocate(Estimator *e) {
     e->direction = e->d_whitened + panel_length(n);
     e->strain = e->direction + n_inputs;
     e->noise_std = e->strain + n;
+    e->derivative = e->noise_std + n + 1;
     e->valid = flags + CACHED_MASKS * n;
     e->mask = e->valid + n;
     return 1;

@@ -107,7 +107,7 @@ typedef struct Estimator {
     Levels levels[CACHED_MASKS];
     Flight flight;                     /* of the nonlinear estimator, if the map has tables */
     double *direction;                 /* as input, of derivatives, for estimator_model.c, */
-    double derivative[N_DERIVATIVES];      /* which keeps the outputs' derivatives along it, */
+    double *derivative;                /* (estimator_derivatives) which keeps those of the outputs along it, */
     int reported_health;               /* the last health that was reported, */
     double settled[N_WHOLE];           /* and the whole numbers of the last event in model exchange */
 } Estimator;
@@ -155,10 +155,13 @@ int estimator_linear_loads(Estimator *estimator, double dynamic_pressure, double
 /* The N_OUTPUTS outputs for the present inputs; of maps with tables also those in estimator->flight. */
 const double *estimator_outputs(Estimator *estimator);
 
-/* Derivative of all outputs along d_input (estimator_inputs), then of the air data and their deviations; exact, for the
+/* Derivative of all outputs along d_input (estimator_inputs), then of the air data and their deviations, then of all of
+   estimator->further, which the linear estimator does not derive; exact, for the
    gauges in use; NaN where the output is. Whole numbers get 0, deviations of zeros have none. d_input is scratch. 1; 0,
    after a message, where the nonlinear estimator has none. */
-int estimator_derivative(Estimator *estimator, double *d_input, double d_output[N_DERIVATIVES],
-                         char text[MODEL_TEXT_SIZE]);
+int estimator_derivative(Estimator *estimator, double *d_input, double *d_output, char text[MODEL_TEXT_SIZE]);
+
+/* Number of these outputs. */
+size_t estimator_derivatives(const Estimator *estimator);
 
 #endif

@@ -23,10 +23,14 @@ static void derive_strain(Estimator *e, double *d_input) {
     }
 }
 
-int estimator_derivative(Estimator *e, double *d_input, double d_output[N_DERIVATIVES], char text[MODEL_TEXT_SIZE]) {
+size_t estimator_derivatives(const Estimator *e) {
+    return N_DERIVATIVES + N_FURTHER * e->further.map.n_loads;
+}
+
+int estimator_derivative(Estimator *e, double *d_input, double *d_output, char text[MODEL_TEXT_SIZE]) {
     estimator_outputs(e);
     derive_strain(e, d_input);
-    memset(d_output, 0, N_DERIVATIVES * sizeof *d_output);
+    memset(d_output, 0, estimator_derivatives(e) * sizeof *d_output);
     if (e->flight.present) {
         return flight_derivative(e, d_input, d_output, text);
     }

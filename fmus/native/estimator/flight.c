@@ -38,7 +38,7 @@ int flight_create(Estimator *e, char text[MODEL_TEXT_SIZE]) {
     flight->solver.n = in_lanes(n);
     filter->present = of_filter->content != NULL;
     const size_t count = flight_solver_doubles(&flight->map, n) + flight_further_doubles(&flight->further.map, n)
-                       + tangents_doubles(&flight->map, n)
+                       + tangents_doubles(&flight->map, n) + further_tangents_doubles(&flight->further.map, n)
                        + (filter->present ? filter_doubles(filter, &flight->solver) : 0);
     flight->memory = calloc(1, ALIGNMENT + count * sizeof(double) + n);
     if (flight->memory == NULL) {
@@ -51,6 +51,7 @@ int flight_create(Estimator *e, char text[MODEL_TEXT_SIZE]) {
     flight_solver_arrays(&flight->map, n, e->wide, &flight->solver, &doubles, &bytes);
     flight_further_arrays(&flight->further, n, &doubles);
     tangents_arrays(&flight->solver, &flight->tangents, &doubles);
+    further_tangents_arrays(flight, n, &doubles);
     if (filter->present) {
         filter_arrays(filter, &doubles);
     }

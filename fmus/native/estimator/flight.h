@@ -33,7 +33,8 @@ typedef struct {
     FlightMap map;
     FlightSolver solver;
     FlightFurther further;
-    Tangents tangents; /* of the solution, for derivatives */
+    Tangents tangents; /* of the solution, for derivatives, */
+    FurtherTangents further_tangents; /* and of rolling moment and section loads */
     Filter filter; /* over time, if the map has one */
     void *memory;
     Track base; /* that the outputs follow from */
@@ -45,6 +46,10 @@ typedef struct {
 } Flight;
 
 struct Estimator;
+
+/* Number of doubles of flight->further_tangents, and handing them out. */
+size_t further_tangents_doubles(const FlightFurtherMap *map, size_t n_gauges);
+void further_tangents_arrays(Flight *flight, size_t n_gauges, double **doubles);
 
 /* Read the section of the tables, and allocate. 1; 0 after a message. */
 int flight_create(struct Estimator *e, char text[MODEL_TEXT_SIZE]);

@@ -181,10 +181,18 @@ static void set_rows(const FlightSolver *solver, const Tangents *tangents, const
     }
 }
 
-/* d wider, where wider = (lognormal(s) / s)^2 of the deviation s of ln q_inf. */
-static double derive_wider(const FlightSolver *solver, const PressureErrors *pressure, const double *d_by_state,
-                           const SolutionChange *change) {
+/* Change of the derivative of ln q_inf by the state. */
+static void derive_row(const FlightSolver *solver, const SolutionChange *change, double d_by_state[N_STATES]) {
+    const double mach = solver->state[STATE_MACH];
+    memset(d_by_state, 0, N_STATES * sizeof *d_by_state);
+    d_by_state[STATE_MACH] = -2.0 / (mach * mach) * change->state[STATE_MACH];
+}
+
+/* wider = (lognormal(s) / s)^2 of the deviation s of ln q_inf. */
+double tangents_wider(const FlightSolver *solver, const PressureErrors *pressure, const SolutionChange *change) {
     const double *row = pressure->by_state;
+    double d_by_state[N_STATES];
+    derive_row(solver, change, d_by_state);
     const double variance = quadratic(N_STATES, row, solver->solution.state_covariance, row), s = sqrt(variance);
     const double d_s = derive_quadratic(solver, change, row, row, d_by_state, d_by_state) / (2.0 * s);
     const double of_log = lognormal_deviation(s), slope = exponential(3.0 * s);
@@ -194,11 +202,12 @@ static double derive_wider(const FlightSolver *solver, const PressureErrors *pre
 static void derive_loads(const FlightSolver *solver, const Tangents *tangents, const Along *along,
                          SolutionChange *change) {
     const FlightMap *map = solver->map;
-    const double square = solver->factor_pressure * solver->factor_pressure, mach = solver->state[STATE_MACH];
+    const double square = solver->factor_pressure * solver->factor_pressure;
     const double growth = 2.0 * change->state[STATE_PRESSURE];
     const PressureErrors pressure = flight_pressure_errors(solver);
-    const double d_by_state[N_STATES] = {-2.0 / (mach * mach) * change->state[STATE_MACH], 0.0, 0.0, 0.0};
-    const double d_wider = derive_wider(solver, &pressure, d_by_state, change);
+    double d_by_state[N_STATES];
+    derive_row(solver, change, d_by_state);
+    const double d_wider = tangents_wider(solver, &pressure, change);
     const double *errors = solver->solution.state_covariance;
     LoadRows rows[N_LOADS];
     for (size_t i = 0; i < N_LOADS; i++) {

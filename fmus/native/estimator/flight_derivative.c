@@ -146,7 +146,7 @@ static const char *why_none(const Estimator *e) {
                                       : NULL;
 }
 
-int flight_derivative(Estimator *e, const double *d_input, double d_output[N_DERIVATIVES], char text[MODEL_TEXT_SIZE]) {
+int flight_derivative(Estimator *e, const double *d_input, double *d_output, char text[MODEL_TEXT_SIZE]) {
     Flight *flight = &e->flight;
     const double *d_scalar = d_input + e->map.n_gauges;
     const double d_alarm = d_scalar[ALARM_SCALE];
@@ -154,14 +154,17 @@ int flight_derivative(Estimator *e, const double *d_input, double d_output[N_DER
     SolutionChange change;
     if (e->output[VALID_GAUGES] == 0.0 && !flight_filters(e)) {
         set_unknown(d_output);
-        for (size_t k = 0; k < N_FLIGHT_REALS; k++) {
-            d_output[N_OUTPUTS + k] = NAN;
+        for (size_t k = N_OUTPUTS; k < estimator_derivatives(e); k++) {
+            d_output[k] = NAN;
         }
         return 1;
     }
     const char *reason = why_none(e);
     if (reason == NULL) {
-        tangents_prepare(&flight->solver, &flight->tangents);
+        if (flight->tangents.outdated) {
+            tangents_prepare(&flight->solver, &flight->tangents);
+            further_tangents_prepare(flight);
+        }
         reason = flight->tangents.ended ? NULL : "the iterations have not ended: the flight state moves fast, or lies "
                                                  "beyond the tables";
     }
@@ -173,6 +176,7 @@ int flight_derivative(Estimator *e, const double *d_input, double d_output[N_DER
     tangents_along(&flight->solver, &flight->tangents, &sample, &change);
     derive_set_loads(e, d_scalar, &change, d_output);
     derive_air_data(flight, &change, d_output + N_OUTPUTS);
+    derive_further(e, d_input, &change, d_output + N_DERIVATIVES);
     d_output[CHI_SQUARE] = change.chi_square;
     if (d_alarm != 0.0) { /* the limit may be infinite */
         d_output[CHI_SQUARE_LIMIT] = e->output[CHI_SQUARE_LIMIT] / e->input[e->map.n_gauges + ALARM_SCALE] * d_alarm;

@@ -61,8 +61,7 @@ static void set_curvature(const FlightSolver *solver, Tangents *tangents) {
     }
 }
 
-/* Changes of the columns that all gauges have in common, and of the variances of each gauge, by the state l. */
-static void derive_proportional(const FlightSolver *solver, Tangents *tangents, size_t l) {
+void tangents_proportional(const FlightSolver *solver, Tangents *tangents, size_t l) {
     const FlightMap *map = solver->map;
     const size_t n = solver->n, n_gauges = solver->n_gauges;
     const double pressure = solver->response.pressure, growth = l == STATE_PRESSURE ? 1.0 : 0.0;
@@ -103,7 +102,7 @@ static void set_covariance(const FlightSolver *solver, Tangents *tangents, size_
     const double square = solver->response.pressure * solver->response.pressure;
     const double *columns = solver->columns;
     double(*found)[N_WEIGHTED] = tangents->with_covariance[l];
-    derive_proportional(solver, tangents, l);
+    tangents_proportional(solver, tangents, l);
     for (size_t i = 0; i < N_WEIGHTED; i++) {
         const double *x = tangents->weighted + i * n;
         for (size_t j = 0; j <= i; j++) {
@@ -176,9 +175,6 @@ static void set_by_state(const FlightSolver *solver, Tangents *tangents) {
 }
 
 void tangents_prepare(FlightSolver *solver, Tangents *tangents) {
-    if (!tangents->outdated) {
-        return;
-    }
     tangents->outdated = 0;
     const double left = quadratic(N_STATES, solver->gradient, solver->solution.state_covariance, solver->gradient);
     tangents->ended = left <= LARGEST_REMAINDER * LARGEST_REMAINDER;

@@ -27,6 +27,20 @@ typedef struct {
     double by_state[N_STATES][N_STATES];                        /* -F_x */
 } Tangents;
 
+/* The same of a further load: of its covariance c with strain and w = S^-1 c. */
+typedef struct {
+    double with_residual, with_load;                 /* c S^-1 r, c S^-1 c */
+    double with_jacobian[N_STATES];
+    double with_curvature[N_STATES][N_STATES];
+    double with_covariance[N_STATES][N_RIGHT + 1];   /* w' dS of S^-1 [r, J], then of w, by the state */
+} LoadProducts;
+
+typedef struct {
+    Curvature curvature;
+    double *weighted;       /* (n_loads, n) w */
+    LoadProducts *products; /* (n_loads) */
+} FurtherTangents;
+
 /* Changes of strain (n), and of the values and precisions of navigation and priors. */
 typedef struct {
     const double *strain;
@@ -54,8 +68,15 @@ static inline double gauge_dot(const FlightSolver *solver, const double *x, cons
 size_t tangents_doubles(const FlightMap *map, size_t n_gauges);
 void tangents_arrays(const FlightSolver *solver, Tangents *tangents, double **doubles);
 
-/* Prepare for the present solution; nothing is done if it is the one prepared for. */
+/* Prepare for the present solution. */
 void tangents_prepare(FlightSolver *solver, Tangents *tangents);
+
+/* Changes of the columns that all gauges have in common, and of the variances of each gauge, by the state l, in columns
+   and own. */
+void tangents_proportional(const FlightSolver *solver, Tangents *tangents, size_t l);
+
+/* Of PressureErrors.wider. */
+double tangents_wider(const FlightSolver *solver, const PressureErrors *pressure, const SolutionChange *change);
 
 /* Derivative by M of the row of ln q_inf in the measurement's Jacobian, of its entry M. */
 double tangents_row_slope(const FlightSolver *solver);

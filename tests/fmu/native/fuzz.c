@@ -103,7 +103,7 @@ static void check_suspects(const Estimator *e) {
 
 /* Steps with every gauge, without some and without any, and a derivative. */
 static void use(Estimator *e) {
-    double d_output[N_OUTPUTS];
+    char text[MODEL_TEXT_SIZE];
     for (unsigned step = 0; step < 10; step++) {
         for (size_t i = 0; i < e->map.n_gauges; i++) {
             e->input[i] = step == 3 && i == 1 ? NAN : 1e-4 * (double)((i * 7 + step) % 5);
@@ -123,7 +123,7 @@ static void use(Estimator *e) {
         for (size_t i = 0; i < estimator_inputs(e); i++) {
             e->direction[i] = 1.0;
         }
-        estimator_derivative(e, e->direction, d_output);
+        estimator_derivative(e, e->direction, e->derivative, text);
     }
 }
 

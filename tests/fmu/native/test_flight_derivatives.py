@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -23,6 +23,7 @@ from flight_fmu import (
     tracked,
     whole_map,
 )
+from further_maps import STATIONS, with_further_tables
 from raw_fmu import DISCARD, ERROR, N_OUTPUTS, N_SCALARS, OK, REAL_OUTPUTS, SETTINGS, Fmu3, write_resource
 from thermal_maps import REFERENCE, with_temperature
 
@@ -84,11 +85,11 @@ def sample_of(inverse_map: InverseMap, seed: int, left_out: tuple[str, ...] = ()
     return replace(sample, valid=np.arange(N_D) != seed, flow=flow)
 
 
-def ended(fmu: FlightFmu) -> np.ndarray:
-    """(37,) real outputs once the iterations have ended."""
+def ended(fmu: FlightFmu, unknowns: Sequence[int] = UNKNOWNS) -> np.ndarray:
+    """Real outputs once the iterations have ended."""
     for _ in range(ENDED):
         assert fmu.step() == OK
-    return fmu.get_reals(UNKNOWNS)
+    return fmu.get_reals(unknowns)
 
 
 def by_group(values: np.ndarray) -> list[np.ndarray]:
@@ -116,22 +117,35 @@ NAVIGATION: dict[str, tuple[tuple[str, ...], Flow]] = {
 }
 
 
-def check_directions(fmu: FlightFmu, knowns: list[int], directions: list[np.ndarray]) -> None:
+def of_further(values: np.ndarray) -> list[np.ndarray]:
+    """Further loads of one unit each: M_R and rolling moment, forces, moments; and their deviations."""
+    k = 3 * len(STATIONS)
+    parts = np.split(values[4:], [k, 2 * k, 3 * k])
+    return [values[[0]], values[[1]], values[[2]], values[[3]], *parts]
+
+
+def check_directions(
+    fmu: FlightFmu,
+    knowns: list[int],
+    directions: list[np.ndarray],
+    unknowns: Sequence[int] = UNKNOWNS,
+    groups: Callable[[np.ndarray], list[np.ndarray]] = by_group,
+) -> None:
     """Assert that derivatives along ``directions`` of ``knowns`` are the differences of outputs, each once the
     iterations have ended: to 1e-6, and to what rounding leaves of differences."""
     ended(fmu)
     state, centre = fmu.get_state(), fmu.get_reals(knowns)
     for direction in directions:
-        exact = fmu.derivative(UNKNOWNS, knowns, direction)
+        exact = fmu.derivative(unknowns, knowns, direction)
         sides = []
         for h in (0.01, -0.01, 0.02, -0.02):
             assert fmu.call("SetFMUstate", state) == OK
             moved = np.where(direction == 0.0, centre, centre + h * direction)
             assert fmu.set_reals(knowns, moved) == OK
-            sides.append(ended(fmu))
+            sides.append(ended(fmu, unknowns))
         assert fmu.call("SetFMUstate", state) == OK
         near, far = (sides[0] - sides[1]) / 0.02, (sides[2] - sides[3]) / 0.04
-        parts = (by_group(one) for one in (exact, (4.0 * near - far) / 3.0, sides[0]))
+        parts = (groups(one) for one in (exact, (4.0 * near - far) / 3.0, sides[0]))
         for group, (found, difference, value) in enumerate(zip(*parts, strict=True)):
             error, allowed = np.abs(found - difference).max(), 1e-6 * np.linalg.norm(difference)
             assert error <= allowed + 1e-11 * np.linalg.norm(value), (group, found, difference)
@@ -184,6 +198,21 @@ def random_strain(inverse_map: InverseMap, seed: int) -> np.ndarray:
     assert manifold is not None
     state = tracked(fresh_tracker(inverse_map), sample).state
     return evaluate(manifold.tables, state[None]).value[0, :N_D]
+
+
+@pytest.mark.parametrize("case", ["deviations", "none"])
+def test_section_loads(inverse_map: InverseMap, tmp_path: Path, case: str) -> None:
+    fmu = FlightFmu(write_resource(with_further_tables(inverse_map), tmp_path).as_uri(), N_D)
+    fmu.start()
+    fmu.give(sample_of(inverse_map, 1, NAVIGATION[case][0], **NAVIGATION[case][1]))
+    assert fmu.set_scalars(SETTINGS + 1, 1.3, 0.25, 0.6, 0.4) == OK
+    further = range(FILTER + 1, FILTER + 1 + 4 + 12 * len(STATIONS))
+    size, random = sizes(fmu), np.random.default_rng(4)
+    directions = [size * random.normal(size=len(size)) for _ in range(2)]
+    alone = [size * (np.arange(len(size)) == k) for k in range(N_D, N_D + N_SCALARS + N_INPUTS)]
+    check_directions(fmu, KNOWNS, directions + [one for one in alone if one.any()], further, of_further)
+    assert np.all(fmu.derivative(further, KNOWNS, directions[0])[4:] != 0.0)
+    fmu.free()
 
 
 def test_along_temperatures(inverse_map: InverseMap, tmp_path: Path) -> None:
