@@ -138,7 +138,7 @@ def outside_model(found: Estimate) -> OutsideModel:
     left = (model.test.readings - found.after)[used] / noise + rows @ (found.vector[free] / model.std[free])
     precision = np.linalg.inv(rows @ rows.T + np.eye(len(rows)))
     held = model.held_derivatives(found.vector)
-    columns = np.array([one[used] / noise for one in held.values()]).reshape(len(held), -1).T
+    columns = np.array([one[used] / noise for one in held.values()]).reshape(len(held), len(noise)).T
     weighted = precision @ columns
     covariance = np.linalg.inv(columns.T @ weighted + np.eye(len(held)) / WIDE**2)
     size = covariance @ (weighted.T @ left)

@@ -105,3 +105,11 @@ def test_what_the_file_sets_free_is_estimated(blank: ReadingsModel, prior: AsBui
     at = wider.names.index(f"wall second cosine region {REGION + 1}")
     assert abs(found.vector[at] - 0.02) < 4.0 * found.std[at] < 0.02
     assert 0.85 < found.per_reading < 1.15
+
+
+def test_nothing_is_taken_for_zero_but_the_noise(blank: ReadingsModel, prior: AsBuiltParameters) -> None:
+    some = np.full(prior.n_regions, 0.01)
+    free = replace(prior, wall_taper=some, wall_second_cosine=some, wall_second_sine=some)
+    found = calibrated(ReadingsModel(blank.structure, blank.test, free), 4)
+    assert set(kinds_of(found)) == {NOISE}
+    assert outside_model(found).found == ()
