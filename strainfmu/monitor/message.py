@@ -24,6 +24,7 @@ UNITS = {
     "sigma": "1",
     "loads": {name: unit.replace(".", " ") for name, (_, unit) in LOADS.items()},
     "loads_sigma": {name: unit.replace(".", " ") for name, (_, unit) in LOADS.items()},
+    "further_loads": "1 of M_R, N of forces, N m of moments",
     "strain_um_per_m": "um/m",
     "gauges_used": "gauges",
     "suspects": "gauges",
@@ -89,6 +90,7 @@ def _result(content: dict[str, Any]) -> dict[str, Any]:
         "sigma": _numbers(content["sigma"], COEFFICIENT_NAMES),
         "loads": _numbers(content.get("loads") or {}, LOADS),
         "loads_sigma": _numbers(content.get("loads_sigma") or {}, LOADS),
+        "further_loads": _numbers(content.get("further_loads") or {}, content.get("further_loads") or {}),
         "strain_um_per_m": strains,
         "not_used": _not_used(content.get("not_used"), strains),
         "account": _numbers(content["account"], content["account"]),
@@ -136,7 +138,7 @@ def _field(content: dict[str, Any]) -> dict[str, Any]:
 
 def _layout(content: dict[str, Any]) -> dict[str, Any]:
     """Return gauges and limits of an estimator."""
-    ranges = content.get("coefficient_range") or {}
+    ranges, stations = content.get("coefficient_range") or {}, content.get("section_stations_m")
     return {
         "gauges": [_gauge(gauge) for gauge in content["gauges"]],
         "vehicle": _text(content.get("vehicle")),
@@ -145,6 +147,7 @@ def _layout(content: dict[str, Any]) -> dict[str, Any]:
             for name in COEFFICIENT_NAMES
             if name in ranges
         },
+        "section_stations_m": None if stations is None else [_number(station) for station in stations],
         "validity": {str(name): _text(text) for name, text in (content.get("validity") or {}).items()},
     }
 

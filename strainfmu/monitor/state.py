@@ -38,7 +38,13 @@ _SEVERITY = tuple(
 )
 """Qualities, the best first."""
 
-_NO_LAYOUT: dict[str, Any] = {"gauges": [], "vehicle": None, "coefficient_range": {}, "validity": {}}
+_NO_LAYOUT: dict[str, Any] = {
+    "gauges": [],
+    "vehicle": None,
+    "coefficient_range": {},
+    "section_stations_m": None,
+    "validity": {},
+}
 
 
 class Seen(NamedTuple):

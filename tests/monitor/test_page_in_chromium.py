@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,13 +15,14 @@ from multicast import skip_without_multicast
 from operator_states import TestRange, running_range
 from synthetic_vehicle import synthetic_inverse_map
 
-from strainfmu.can.bridge.page_message import GaugePosition
+from strainfmu.can.bridge.page_message import EstimatorFacts, GaugePosition
 from strainfmu.can.bridge.publisher import BridgeReports, Publisher
 from strainfmu.can.cycle.bus_state import BusState
 from strainfmu.can.cycle.frame_account import FrameAccount
 from strainfmu.can.cycle.quality import Cause, Quality
 from strainfmu.can.cycle.result import CycleResult
 from strainfmu.can.tools.strain_sources import FlownSample
+from strainfmu.estimator.further_loads import SECTION_LOADS
 from strainfmu.estimator.inverse_map import save_inverse_map
 from strainfmu.fmu.export import export_estimator
 from strainfmu.monitor.server import Monitor
@@ -163,6 +165,56 @@ def test_bridge_gone(on_range: tuple[TestRange, Browser]) -> None:
     marks = "[...document.querySelectorAll('.current h2')].map(one => getComputedStyle(one, '::before').content)"
     assert set(browser.value(marks)) == {'"OLD · "'}
     is_whole(browser)
+
+
+SECTIONS = "document.getElementById('sections').innerText"
+
+
+def test_rolling_moment_and_section_loads(tmp_path: Path) -> None:
+    """Hidden of an estimator without them; whole at every width; no numbers without quality."""
+    strain, stations = np.arange(3.0) * 1e-6, (0.6, 1.2, 1.75, 2.5, 3.6)
+    held = {"M_R": -0.0123, "sigma.M_R": 0.001, "moment.roll": -456.0, "sigma.moment.roll": 37.0}
+    for number, unit in enumerate(SECTION_LOADS, start=1):
+        for k in range(1, 6):
+            held |= {f"section.{unit}[{k}]": -1234.5 * number - k, f"sigma.section.{unit}[{k}]": 10.0 * k}
+    shown = CycleResult(
+        time=1.0, quality=Quality.VALID, causes=Cause.NONE, valid=np.isfinite(strain), strain=strain, further=held
+    )
+    monitor = Monitor(("127.0.0.1", 0), ("127.0.0.1", 0))
+    browser = Browser(tmp_path / "profile", monitor.url)
+    gauges = [GaugePosition(f"g{k}", 1.0 + k, 90.0 * k) for k in range(3)]
+    reports = BridgeReports(account=FrameAccount, bus_state=lambda: BusState.ERROR_ACTIVE)
+    publishers = [
+        Publisher(
+            monitor.listens_at, gauges, rate=1e4, reports=reports, facts=EstimatorFacts(section_stations=one)
+        )
+        for one in (None, stations)
+    ]
+
+    def shows_of(publisher: Publisher, result: CycleResult, *texts: str) -> Callable[[Any], bool]:
+        def is_shown(found: Any) -> bool:
+            publisher.result(result)
+            return shows(*texts)(found)
+
+        return is_shown
+
+    try:
+        browser.wait(TEXT, shows_of(publishers[0], shown, "VALID"))
+        assert browser.value("document.getElementById('sections').hidden") is True
+        browser.wait(SECTIONS, shows_of(publishers[1], shown, "C_l -0.0123 ± 0.0030, -0.456 ± 0.111 kN m"))
+        table = browser.value(SECTIONS)
+        assert "1.75" in table
+        assert "-7.409 ± 0.060" in table, "torsion of the second section"
+        for width in WIDTHS:
+            assert clipped(browser, width) == []
+        stale = replace(shown, quality=Quality.STALE)
+        browser.wait(SECTIONS, shows_of(publishers[1], stale, "no value: STALE"))
+        assert "±" not in browser.value("document.getElementById('section_rows').innerText")
+    finally:
+        browser.close()
+        for publisher in publishers:
+            publisher.close()
+        monitor.close()
 
 
 OVERLAPPING = """(() => {

@@ -52,6 +52,7 @@ def message(number: int = 1, **changed: Any) -> dict[str, Any]:
     names = ("force.axial", "force.normal", "force.side", "moment.pitch", "moment.yaw")
     further = {name: 1000.0 + k for k, name in enumerate(names)}
     further |= {f"sigma.{name}": 10.0 for name in names}
+    further |= {"M_R": 0.01, "sigma.M_R": 0.002, "section.torsion[1]": -30.0, "sigma.section.torsion[1]": 1.5}
     further |= {"health.chi_square_limit": 30.0, "health.valid_gauges": 5.0}
     result = CycleResult(
         time=1.0,
@@ -118,6 +119,12 @@ def test_every_number_of_the_state_has_a_unit_and_no_field_is_missing() -> None:
     assert [name for name in UNITS if name not in latest] == []
     assert [name for name, value in latest.items() if value is None] == ["health_text", "suspect_gauge"]
     assert latest["loads"]["force.normal"] == 1001.0
+    assert latest["further_loads"] == {
+        "M_R": 0.01,
+        "sigma.M_R": 0.002,
+        "section.torsion[1]": -30.0,
+        "sigma.section.torsion[1]": 1.5,
+    }
     assert (latest["chi_square_limit"], latest["gauges_used"], latest["not_used"]) == (30.0, 5, {})
     assert (latest["age_ms"], latest["age_uncertainty_ms"]) == (1.0, pytest.approx(0.2))
     assert len(content["points"][0]) == len(COLUMNS) == len(content["columns"])

@@ -62,12 +62,15 @@ class EstimatorFacts:
     score_limit : envelope score above which it says OUTSIDE [1], None if it states none.
     ranges : smallest and largest coefficient that the snapshots of its map cover [1], by name.
     validity : flight conditions that they cover, as texts with their units, by quantity.
+    section_stations : x of the sections whose loads it gives beside the rolling moment [m]; None of one that gives
+        neither.
     """
 
     vehicle: str = ""
     score_limit: float | None = None
     ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     validity: Mapping[str, str] = field(default_factory=dict)
+    section_stations: tuple[float, ...] | None = None
 
 
 def gauge_positions(fmu: Path) -> tuple[GaugePosition, ...]:
@@ -98,6 +101,8 @@ def estimator_facts(fmu: Path) -> EstimatorFacts:
     InputError
         The FMU is missing or damaged.
     """
+    from strainfmu.cosim.fmu_step import section_stations_in
+
     try:
         with ZipFile(fmu) as archive:
             contents = json.loads(archive.read(CONTENTS))
@@ -106,7 +111,13 @@ def estimator_facts(fmu: Path) -> EstimatorFacts:
         vehicle, stated = "", {}
     validity = {str(name): str(text) for name, text in stated.items()}
     ranges = {name: found for name in COEFFICIENT_NAMES if (found := _range(validity.pop(name, "")))}
-    return EstimatorFacts(vehicle=vehicle, score_limit=envelope_score_limit(fmu), ranges=ranges, validity=validity)
+    return EstimatorFacts(
+        vehicle=vehicle,
+        score_limit=envelope_score_limit(fmu),
+        ranges=ranges,
+        validity=validity,
+        section_stations=section_stations_in(fmu),
+    )
 
 
 def envelope_score_limit(fmu: Path) -> float | None:
@@ -158,6 +169,7 @@ def layout_message(gauges: Sequence[GaugePosition], facts: EstimatorFacts) -> di
             "vehicle": facts.vehicle,
             "coefficient_range": {name: list(found) for name, found in facts.ranges.items()},
             "validity": dict(facts.validity),
+            "section_stations_m": None if facts.section_stations is None else list(facts.section_stations),
         }
     }
 
@@ -180,6 +192,7 @@ def result_message(
     has_numbers = result.quality.has_coefficients
     loads = {name: finite(further.get(name)) if has_numbers else None for name in LOADS}
     loads_sigma = {name: finite(further.get(f"sigma.{name}")) if has_numbers else None for name in LOADS}
+    beside = {name: finite(value) if has_numbers else None for name, value in further.items() if _is_beside(name)}
     first, number = int(further.get(SUSPECT_GAUGE, 0)), int(further.get(SUSPECTS, 0))
     return {
         "quality": int(result.quality),
@@ -190,6 +203,7 @@ def result_message(
         "sigma": _named(result.coefficients_std.tolist()),
         "loads": loads,
         "loads_sigma": loads_sigma,
+        "further_loads": beside,
         "strain_um_per_m": dict(zip(names, micro, strict=True)),
         "not_used": {name: reason for name, reason in zip(names, reasons, strict=True) if reason},
         "gauges_used": int(further.get(GAUGES_USED, result.valid.sum())),
@@ -208,6 +222,12 @@ def result_message(
         "envelope_score": finite(result.envelope_score),
         "envelope_score_limit": score_limit,
     }
+
+
+def _is_beside(output: str) -> bool:
+    """Return whether an output is one of the loads beside the five, or its standard deviation."""
+    name = output.removeprefix("sigma.")
+    return name in ("M_R", "moment.roll") or name.startswith("section.")
 
 
 def finite(value: float | None) -> float | None:
