@@ -15,6 +15,7 @@ from builder.manifold.discrepancy import gaussian_process_shapes, process_on_sur
 from builder.manifold.field_tables import flight_field
 from builder.manifold.flow_amplitudes import FlowAmplitudes, flow_amplitudes
 from builder.manifold.interpolation import interpolation_errors
+from builder.manifold.mirror_images import with_mirror_images
 from builder.manifold.shape_field import shape_field
 from builder.manifold.tables import response_values, ring_response, spline_coefficients, spline_rows
 from builder.vehicle.file import Vehicle
@@ -69,6 +70,7 @@ def state_tables(
     if isinstance(surface, SurfaceGrid) and problem.ensemble.grid is not None:
         return _of_revolution(vehicle, snapshots, problem, operator, surface)
     mesh = mesh_of_grid(surface) if isinstance(surface, SurfaceGrid) else surface
+    snapshots = with_mirror_images(snapshots, mesh)
     return _of_any_shape(vehicle, snapshots, problem, operator, mesh)
 
 

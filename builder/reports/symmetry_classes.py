@@ -5,15 +5,11 @@ from __future__ import annotations
 import numpy as np
 from scipy import sparse
 
-from builder.aero.closest_points import closest_points
-from builder.aero.mapping import interpolation_at
+from builder.aero.mirrors import mirror_operator
 from builder.aero.surface_mesh import SurfaceMesh
 from builder.structure.observability import SYMMETRIES
 from builder.vehicle.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
-
-MAX_GAP = 2e-3
-"""Gap between a surface and its mirror image, over the body's length, above which it has no such symmetry."""
 
 Mirrors = tuple[sparse.csr_array, sparse.csr_array]
 
@@ -25,15 +21,8 @@ def mirror_operators(surface: SurfaceGrid | SurfaceMesh) -> Mirrors | None:
     """
     if isinstance(surface, SurfaceGrid):
         return grid_mirrors(surface)
-    found = []
-    for axis in (1, 2):
-        flip = np.ones(3)
-        flip[axis] = -1.0
-        closest = closest_points(surface, surface.point * flip, surface.node_normal * flip)
-        if closest.gap.max() > MAX_GAP * float(np.ptp(surface.point, axis=0).max()):
-            return None
-        found.append(interpolation_at(surface, closest))
-    return found[0], found[1]
+    of_y, of_z = (mirror_operator(surface, axis) for axis in (1, 2))
+    return None if of_y is None or of_z is None else (of_y, of_z)
 
 
 def grid_mirrors(grid: SurfaceGrid) -> Mirrors:

@@ -21,7 +21,8 @@ from shape_case import (
 )
 
 from builder.campaign.snapshots import Snapshots
-from builder.inverse.build import inverse_problem, snapshot_coefficients
+from builder.inverse.build import build_inverse_map, inverse_problem, snapshot_coefficients
+from builder.manifold.build import with_manifold
 from builder.manifold.condition_tables import condition_tables
 from builder.manifold.discrepancy import process_on_surface
 from builder.manifold.state_tables import state_tables
@@ -56,6 +57,12 @@ def inverse_map() -> InverseMap:
 def readings(snapshots: Snapshots) -> np.ndarray:
     net = snapshots.pressure - snapshots.internal_pressure[:, None]
     return np.asarray(net @ shape_structure(snapshots.surface).strain_operator("four_rows").T)
+
+
+def chosen_of(snapshots: Snapshots, rows: list[int]) -> Snapshots:
+    names = ("condition", "pressure", "internal_pressure", "solved", "flow", "momentum_error", "repairs")
+    changed = {name: getattr(snapshots, name)[rows] for name in names}
+    return replace(snapshots, **changed, mass_error=None)
 
 
 def state_of(condition: FlightCondition) -> np.ndarray:
@@ -220,18 +227,32 @@ def test_the_map_file_holds_the_ranges(tmp_path: Path) -> None:
             grid_conditions(mach=[6.0]),
             "needs 2 Mach numbers, 3 angles of attack and 3 sideslip angles at least, got 1",
         ),
-        (grid_conditions(beta=[0.0, 2.0]), "got 3 Mach numbers, 5 angles of attack and 2 sideslip angles"),
+        (grid_conditions(beta=[-1.0, 2.0]), "got 3 Mach numbers, 5 angles of attack and 2 sideslip angles"),
         (grid_conditions()[:-1], r"got none of Mach number 7, angle of attack 4 deg, sideslip 2 deg"),
     ],
 )
 def test_snapshots_that_do_not_suffice_are_named(conditions: list[FlightCondition], message: str) -> None:
-    chosen = [grid_conditions().index(one) for one in conditions]
-    names = ("condition", "pressure", "internal_pressure", "solved", "flow", "momentum_error", "repairs")
-    snapshots = replace(grid_snapshots(), **{name: getattr(grid_snapshots(), name)[chosen] for name in names})
+    snapshots = chosen_of(grid_snapshots(), [grid_conditions().index(one) for one in conditions])
     vehicle, structure = shape_vehicle(), shape_structure(snapshots.surface)
     problem = inverse_problem(vehicle, snapshots, structure)
     with pytest.raises(InputError, match=message):
         state_tables(vehicle, snapshots, structure, problem, problem.strain_operator)
+
+
+def test_snapshots_of_one_side_have_mirror_images() -> None:
+    """Tables of one side are those of both, but for the triangles, which are no mirror images."""
+    one_side = [row for row, one in enumerate(grid_conditions()) if one.sideslip_angle >= 0.0]
+    snapshots = chosen_of(grid_snapshots(), one_side)
+    vehicle, structure = shape_vehicle(), shape_structure(snapshots.surface)
+    made = with_manifold(build_inverse_map(vehicle, snapshots, structure), vehicle, snapshots, structure).manifold
+    both = inverse_map().manifold
+    assert made is not None
+    assert both is not None
+    np.testing.assert_allclose(made.crossflow_range, both.crossflow_range)
+    state = np.array([state_of(one) for one in held_out().conditions()])
+    found, expected = (evaluate(one.tables, state).value for one in (made, both))
+    size = np.abs(expected).max(axis=0)
+    assert np.all(np.abs(found - expected) < 0.02 * size)
 
 
 def test_two_mach_numbers_follow_the_dynamic_pressure() -> None:
