@@ -31,6 +31,8 @@ from strainfmu.cosim.scenario import FaultEvent, Scenario, load_scenario
 from strainfmu.cosim.ssp import write_ssp
 from strainfmu.cosim.system import Connection, System
 from strainfmu.errors import InputError
+from strainfmu.estimator.inverse_map import load_inverse_map, save_inverse_map
+from strainfmu.estimator.sensors import SensorRows
 from strainfmu.fmu.flight_package import export_flight
 from strainfmu.interface.plant_variables import FlightStart, GaugeFault
 
@@ -464,3 +466,21 @@ def test_twenty_seconds_of_the_surrogate(ic3x_demo: Path, tmp_path: Path) -> Non
         assert result.faults[0].reported_after <= 0.05 + 1e-9, kind
         assert result.tracking_error == pytest.approx(errors[0], rel=0.1)
         assert result.holds
+
+
+def test_a_map_with_further_sensors_is_refused(scenario: Scenario, tmp_path: Path) -> None:
+    """The vehicle that flies has strain gauges alone."""
+    held = load_inverse_map(scenario.inverse_map)
+    n = held.n_gauges
+    rows = SensorRows(
+        kind=(*("strain",) * (n - 1), "force"),
+        unit=(*("m/m",) * (n - 1), "N"),
+        scale=np.ones(n),
+        largest=np.ones(n),
+        thrust_response=np.zeros(n),
+    )
+    save_inverse_map(replace(held, sensors=rows), tmp_path / "map.h5")
+    with pytest.raises(
+        InputError, match="closed-loop flight: expected a map of strain gauges alone, got one with fo"
+    ):
+        export_flight(replace(scenario, inverse_map=tmp_path / "map.h5"), tmp_path / "fmus")
