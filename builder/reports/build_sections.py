@@ -256,6 +256,7 @@ def gauge_values(report: BuildReport, tables: dict[str, Table]) -> Section:
                 ),
             ),
             tables["gauges"],
+            *((tables["sensors"],) if "sensors" in tables else ()),
             groups,
         ),
     )

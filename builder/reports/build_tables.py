@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from math import degrees
 
 import numpy as np
 
 from builder.reports.build_report import BuildReport
 from builder.reports.coefficient_sources import coefficient_scales
 from builder.reports.flight_accuracy import flight_accuracy_table
+from builder.reports.gauge_tables import gauges, sensors_table
 from builder.reports.tables import SCALES, Column, Table, by_name, make_table, records_table
-from builder.structure.observability import SYMMETRIES, direction_names
+from builder.structure.observability import SYMMETRIES
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, LOAD_NAMES
 from strainfmu.estimator.validity import valid_ranges
@@ -38,6 +38,7 @@ def report_tables(report: BuildReport) -> dict[str, Table]:
         sigmas_without(report),
         noise(report),
         gauges(report),
+        *((sensors_table(report, held),) if (held := report.inverse_map.sensors) is not None else ()),
         worst_losses(report),
         worst_pairs(report),
         alike(report),
@@ -232,49 +233,6 @@ def noise(report: BuildReport) -> Table:
     )
     caption = "Strain that the states do not explain; fractions of the whitened variance."
     return records_table("noise", caption, report.noise, columns)
-
-
-def gauges(report: BuildReport) -> Table:
-    one, value = report.inverse_map, report.gauges
-    position = one.gauge_position
-    roll = [degrees(angle) % 360.0 for angle in np.arctan2(position[:, 1], position[:, 2])]
-    directions = direction_names(position, one.gauge_direction)
-    worst = np.argmax(value.undetected_effect, axis=1)
-    rows = [
-        (
-            name,
-            position[i, 0],
-            # A value just below 360 deg is 0.
-            roll[i] if roll[i] < 360.0 - 1e-9 else 0.0,
-            directions[i],
-            MICRO * one.noise_std[i],
-            MICRO * one.strain_range[i],
-            value.leverage[i],
-            *(100.0 * (value.growth[i] - 1.0)),
-            MICRO * value.detectable_bias[i],
-            MICRO * value.isolable_bias[i],
-            value.undetected_effect[i, worst[i]],
-            COEFFICIENT_NAMES[worst[i]],
-        )
-        for i, name in enumerate(one.gauge_names)
-    ]
-    columns = (
-        Column("gauge"),
-        Column("x", "m"),
-        Column("roll angle", "deg", ".4g"),
-        Column("direction"),
-        Column("noise sigma", "um/m", ".3g"),
-        Column("maximum |strain|", "um/m", ".3g"),
-        Column("leverage", "1", ".3f"),
-        *(Column(f"lost: sigma of {name} grows", "%", ".1f") for name in COEFFICIENT_NAMES),
-        Column("detectable bias", "um/m", ".3g"),
-        Column("isolable bias", "um/m", ".3g"),
-        Column("effect of an undetected bias, maximum", "sigma", ".2f"),
-        Column("on"),
-    )
-    return make_table(
-        "gauges", "Every gauge: position, cost of its loss, detectable and isolable bias.", columns, rows
-    )
 
 
 def worst_losses(report: BuildReport) -> Table:

@@ -31,6 +31,7 @@ from builder.vehicle.file import Vehicle
 from builder.vehicle.map_options import MapEntry
 from strainfmu.errors import InputError
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
+from strainfmu.estimator.sensors import STRAIN, SensorRows
 
 Parts = tuple[Vehicle, Snapshots, StructuralModel]
 
@@ -214,3 +215,24 @@ def test_what_is_excluded_follows_the_noise_section(parts: Parts) -> None:
     assert "Truncated pressure modes" not in excluded()
     assert "Truncated pressure modes" in excluded(truncated_modes=False)
     assert "newtonian" in excluded()
+
+
+def test_further_sensors_have_a_table_in_their_units(case: ReportCase) -> None:
+    one = case.inverse_map
+    n, scale = one.n_gauges - 2, np.array([4e8, 2e6])
+    rows = SensorRows(
+        kind=(*(STRAIN,) * n, "pressure", "force"),
+        unit=(*("m/m",) * n, "Pa", "N"),
+        scale=np.append(np.ones(n), scale),
+        largest=np.append(np.ones(n), 0.1 * scale),
+        thrust_response=np.zeros(n + 2),
+    )
+    held = replace(one, sensors=rows)
+    tables = report_tables(build_report(case.vehicle, case.snapshots, case.structure, held))
+    assert [row[0] for row in tables["gauges"].rows] == list(one.gauge_names[:n])
+    assert [row[:3] for row in tables["sensors"].rows] == [
+        (one.gauge_names[n], "pressure", "Pa"),
+        (one.gauge_names[n + 1], "force", "N"),
+    ]
+    assert [row[6] for row in tables["sensors"].rows] == pytest.approx((scale * one.noise_std[n:]).tolist())
+    assert "sensors" not in report_tables(build_report(case.vehicle, case.snapshots, case.structure, one))
