@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
 from bus_run import CYCLE, LiveRun, live_run
+from further_maps import with_own_further
+from scaled_maps import scaled_map
 from synthetic_vehicle import SyntheticFiles
 
 from strainfmu.can.bridge.setup import BridgeOptions
@@ -23,6 +26,8 @@ from strainfmu.can.tools.replay import ReplaySummary, replay_log
 from strainfmu.cosim.estimator_source import open_step
 from strainfmu.cosim.fmu_step import FmuStep
 from strainfmu.errors import InputError
+from strainfmu.estimator.inverse_map import save_inverse_map
+from strainfmu.fmu.export import export_estimator
 
 Run = Callable[..., tuple[int, str, str]]
 
@@ -111,6 +116,27 @@ def test_navigation_is_replayed_counted_and_written(synthetic: SyntheticFiles, t
         np.testing.assert_array_equal(file["altitude"][()], [r.altitude for r in live.results])
         np.testing.assert_array_equal(file["health.envelope_score"][()], [r.envelope_score for r in live.results])
         assert file["altitude"].attrs["unit"] == "m"
+
+
+def test_rolling_moment_and_section_loads_are_recorded_replayed_and_written(tmp_path: Path, run: Run) -> None:
+    held = with_own_further(scaled_map(2, seed=4, n=6))
+    save_inverse_map(replace(held, gauge_names=tuple(f"G{i}" for i in range(6))), tmp_path / "map.h5")
+    fmu, log, out = tmp_path / "estimator.fmu", tmp_path / "run.blf", tmp_path / "run.h5"
+    export_estimator(tmp_path / "map.h5", fmu)
+    live = live_run(fmu, "replay_sections", 40, record=log)
+    results, summary = replayed(log, fmu)
+    check_equal(live, results)
+    # LoadEstimate, RollingMoment and three sections of every result; those may differ that went out late.
+    assert summary.compared >= 5 * (len(live.results) - 3)
+    assert summary.equal >= summary.compared - 15
+    code, _, errors = run("replay", log, fmu, "-o", out)
+    assert (code, errors) == (0, "")
+    with h5py.File(out) as file:
+        torsion, std = file["section.torsion[3]"], file["sigma.rolling_moment"]
+        known = [r.further["section.torsion[3]"] if r.quality.has_coefficients else np.nan for r in results]
+        np.testing.assert_array_equal(torsion[()], known)
+        assert torsion.attrs["unit"] == std.attrs["unit"] == "N m"
+        assert np.isfinite(known).sum() > 20
 
 
 def test_replay_is_deterministic_and_needs_no_description_of_a_foreign_log(
