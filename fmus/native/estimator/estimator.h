@@ -156,7 +156,7 @@ int estimator_linear_loads(Estimator *estimator, double dynamic_pressure, double
 const double *estimator_outputs(Estimator *estimator);
 
 /* Derivative of all outputs along d_input (estimator_inputs), then of the air data and their deviations, then of all of
-   estimator->further, which the linear estimator does not derive; exact, for the
+   estimator->further; exact, for the
    gauges in use; NaN where the output is. Whole numbers get 0, deviations of zeros have none. d_input is scratch. 1; 0,
    after a message, where the nonlinear estimator has none. */
 int estimator_derivative(Estimator *estimator, double *d_input, double *d_output, char text[MODEL_TEXT_SIZE]);

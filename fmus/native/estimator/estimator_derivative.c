@@ -1,3 +1,5 @@
+#include <math.h>
+
 #include "absolute_form.h"
 #include "flight_derivative.h"
 #include "scaled_form.h"
@@ -33,6 +35,11 @@ int estimator_derivative(Estimator *e, double *d_input, double *d_output, char t
     memset(d_output, 0, estimator_derivatives(e) * sizeof *d_output);
     if (e->flight.present) {
         return flight_derivative(e, d_input, d_output, text);
+    }
+    if (e->further.present && !(e->masked->identified && e->flow.known)) {
+        for (size_t k = N_DERIVATIVES; k < estimator_derivatives(e); k++) {
+            d_output[k] = NAN;
+        }
     }
     if (!e->masked->identified) {
         set_unknown(d_output);

@@ -262,7 +262,7 @@ static size_t input_index(const Model *model, size_t variable) {
 static size_t output_index(const Model *model, size_t variable) {
     const Estimator *e = estimator_of(model);
     const size_t air_data = flight_real(e, variable);
-    const double *further = e->flight.present ? further_real(e, variable) : NULL;
+    const double *further = further_real(e, variable);
     return is_real_output(variable) ? variable
          : further != NULL          ? N_DERIVATIVES + (size_t)(further - e->further.value[0])
          : air_data != SIZE_MAX     ? N_OUTPUTS + air_data

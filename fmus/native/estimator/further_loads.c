@@ -76,8 +76,8 @@ void further_free(Further *further) {
     free(further->memory);
 }
 
-/* Products of errors in proportion to strain at a level, from those kept if they are there. */
-static const double *level_products(Estimator *e, const Level *level) {
+/* From those kept if they are there. */
+const double *further_level_products(Estimator *e, const Level *level) {
     Further *further = &e->further;
     Level *first = e->levels[e->masked - e->cache].level, *found = first + (level - first);
     const size_t number = (size_t)(e->masked - e->cache) * CACHED_LEVELS + (size_t)(level - first);
@@ -89,8 +89,7 @@ static const double *level_products(Estimator *e, const Level *level) {
     return products;
 }
 
-/* What lost gauges add to the variance of a load. */
-static double growth(Estimator *e, size_t load) {
+double further_growth(Estimator *e, size_t load) {
     const ScaledStep *step = &e->scaled.step;
     const size_t n = e->map.n_gauges, m = e->further.map.n_loads;
     double *more = e->further.scratch + N_PAIRS * m;
@@ -105,8 +104,7 @@ static double growth(Estimator *e, size_t load) {
     return dot(step->n_lost, more, more);
 }
 
-/* Load j: value, variance, and derivative by q_inf. */
-static void set_load(Estimator *e, size_t j, double *value, double *variance, double *per_pressure) {
+void further_load(Estimator *e, size_t j, double *value, double *variance, double *per_pressure) {
     const Further *further = &e->further;
     const ScaledStep *step = &e->scaled.step;
     const size_t n = e->map.n_gauges, m = further->map.n_loads;
@@ -120,9 +118,9 @@ static void set_load(Estimator *e, size_t j, double *value, double *variance, do
     }
     *value = further->map.fixed[j] + s * further->map.of_mean[j] + sum;
     *per_pressure = (further->map.of_mean[j] - of_mean) / e->map.dynamic_pressure;
-    *variance = spread + s * s * further->unseen[j] + (step->n_lost > 0 ? growth(e, j) : 0.0);
+    *variance = spread + s * s * further->unseen[j] + (step->n_lost > 0 ? further_growth(e, j) : 0.0);
     if (e->map.form.has_errors) {
-        const double *low = level_products(e, step->levels[0]), *high = level_products(e, step->levels[1]);
+        const double *low = further_level_products(e, step->levels[0]), *high = further_level_products(e, step->levels[1]);
         double of_low = 0.0, of_high = 0.0;
         for (size_t pair = 0; pair < N_PAIRS; pair++) {
             of_low += step->product[pair] * low[pair * m + j];
@@ -146,7 +144,7 @@ void further_update(Estimator *e) {
         double value = NAN, variance = NAN, per_pressure = NAN, scale = NAN;
         if (known) {
             const double length = further->map.is_moment[j] > 0.0 ? scalar[REFERENCE_LENGTH] : 1.0;
-            set_load(e, j, &value, &variance, &per_pressure);
+            further_load(e, j, &value, &variance, &per_pressure);
             scale = 1.0 / (e->flow.pressure * (scalar[REFERENCE_AREA] * length));
         }
         const double of_pressure = per_pressure * e->flow.deviation, coefficient = scale * value;

@@ -6,7 +6,7 @@
 #ifndef FURTHER_LOADS_H
 #define FURTHER_LOADS_H
 
-#include "sections.h"
+#include "scaled_state.h"
 
 /* Loads of the directions; the arrays point into the bytes of the file. */
 typedef struct {
@@ -48,6 +48,12 @@ struct Estimator;
 int further_create(const Section *section, size_t n_gauges, size_t n_states, size_t n_levels, Further *further,
                    char text[MODEL_TEXT_SIZE]);
 void further_free(Further *further);
+
+/* Of the linear estimator: load j, its variance and derivative by q_inf; what lost gauges add to the variance; products of
+   errors in proportion to strain at a level (21, n_loads). */
+void further_load(struct Estimator *e, size_t j, double *value, double *variance, double *per_pressure);
+double further_growth(struct Estimator *e, size_t j);
+const double *further_level_products(struct Estimator *e, const Level *level);
 
 /* The outputs for the present inputs: of the nonlinear estimator by its tables, where strain fits these. */
 void further_update(struct Estimator *e);

@@ -15,7 +15,7 @@ typedef struct {
     double loads[N_LOADS], per_pressure[N_LOADS], covariance[N_LOADS * N_LOADS], chi_square, expected_ratio;
 } Change;
 
-static double d_unresolved(const Estimator *e, size_t a, double ds) {
+double scaled_unresolved_change(const Estimator *e, size_t a, double ds) {
     const ScaledStep *step = &e->scaled.step;
     const double singular = e->map.form.singular[a], u = step->unresolved[a];
     return a < e->map.form.n_free ? 0.0 : -2.0 * step->ratio * (singular * u) * (singular * u) * ds;
@@ -30,7 +30,7 @@ static void complete(Estimator *e, const double *w, double ds, double *d_w) {
         const double *column = e->map.form.whitening + step->lost[j] * n;
         r[j] = 0.0;
         for (size_t a = 0; a < n; a++) {
-            r[j] -= column[a] * (d_unresolved(e, a, ds) * w[a] + step->unresolved[a] * d_w[a]);
+            r[j] -= column[a] * (scaled_unresolved_change(e, a, ds) * w[a] + step->unresolved[a] * d_w[a]);
         }
     }
     solve_transposed(n, step->n_lost, step->matrix, r);
@@ -80,7 +80,7 @@ static void derive_covariance(Estimator *e, Change *change) {
         add_pair(0.5 * faster, load, load, change->covariance);
         if (n_lost > 0) {
             add_pair(faster * form->singular[a], load, z, change->covariance);
-            add_pair(-0.5 * d_unresolved(e, a, ds), z, z, change->covariance);
+            add_pair(-0.5 * scaled_unresolved_change(e, a, ds), z, z, change->covariance);
         }
     }
 }
@@ -104,7 +104,7 @@ static void derive_loads(Estimator *e, Change *change) {
     for (size_t a = 0; a < n; a++) {
         const double u = step->unresolved[a], weight = step->weight[a];
         const double d_weight = a < form->n_free ? 0.0 : 2.0 * step->ratio * form->singular[a] * u * u * ds;
-        change->chi_square += d_unresolved(e, a, ds) * step->w[a] * step->w[a] + 2.0 * step->x[a] * d_w[a];
+        change->chi_square += scaled_unresolved_change(e, a, ds) * step->w[a] * step->w[a] + 2.0 * step->x[a] * d_w[a];
         for (size_t i = 0; i < N_LOADS; i++) {
             const double load = form->load[N_LOADS * a + i];
             change->loads[i] += load * (d_weight * step->w[a] + weight * d_w[a]);
@@ -213,6 +213,11 @@ void scaled_derivative(Estimator *e, const double *d_input, double *d_output) {
     derive_loads(e, &change);
     derive_errors(e, d_pressure, &change);
     derive_outputs(e, d_scalar, &change, d_output);
+    if (e->further.present) {
+        ScaledChange known = {.ds = change.ds, .pressure = d_pressure};
+        memcpy(known.loads, change.loads, sizeof known.loads);
+        further_derivative(e, d_scalar, &known, d_output + N_DERIVATIVES);
+    }
     d_output[CHI_SQUARE] = change.chi_square;
     const double d_limits = d_scalar[ALARM_SCALE] * step->expected_ratio + alarm_scale * change.expected_ratio;
     if (d_limits != 0.0) { /* the limit may be infinite */

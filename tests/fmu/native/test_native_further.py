@@ -11,7 +11,7 @@ import pytest
 from agreement import random_samples
 from further_maps import STATIONS, check_further, with_own_further
 from native_case import NativeCase
-from raw_fmu import GUID, OK, Fmu2, Fmu3, first_zero, write_resource
+from raw_fmu import GUID, N_OUTPUTS, OK, Fmu2, Fmu3, first_zero, write_resource
 from scaled_maps import whole_scaled_map
 from thermal_maps import REFERENCE, with_temperature
 
@@ -75,6 +75,54 @@ def test_as_numpy_while_gauges_zeros_and_temperatures_change(six: NativeCase) ->
         check_further(fmu.get_reals(references), np.array(further_outputs(expected)))
         used += np.isfinite(expected.further_loads[0])
     assert used > 20
+
+
+@pytest.mark.parametrize("deviation", [0.0, 4e3])
+@pytest.mark.parametrize("lost", [False, True])
+def test_derivatives_against_differences(six: NativeCase, deviation: float, lost: bool) -> None:
+    """By strains, pressure with its deviation, settings, zeros and temperatures."""
+    fmu, random, n = Fmu2(six.uri, six.n).start(), np.random.default_rng(5), six.n
+    strain = six.inverse_map.mean_strain + 5.0 * six.inverse_map.noise_std * random.normal(size=n)
+    valid = np.ones(n, dtype=bool)
+    if lost:
+        valid[1], strain[3] = False, np.nan
+    fmu.set_strain(strain)
+    fmu.set_valid(valid)
+    assert fmu.set_scalars(0, 1.1e5, deviation, 6.0, 2e4, 0.05, 1.3, 0.25, 0.6, 0.4) == OK
+    sensors = range(first_zero(n) + 2 * n + 1, first_further(n))
+    assert fmu.set_reals(sensors, REFERENCE + 5.0 * random.normal(size=3)) == OK
+    scalars = N_OUTPUTS + 2 * n
+    known = [
+        *range(N_OUTPUTS, N_OUTPUTS + n),
+        *range(scalars, scalars + 9),
+        *range(first_zero(n), first_zero(n) + n),
+    ]
+    known += sensors
+    outputs = range(first_further(n), first_further(n) + N_OUT)
+    scales = [1e4, deviation, 1.0, 1e3, 0.0, 1.0, 0.2, 0.5, 1.0]
+    size = np.concatenate([six.inverse_map.noise_std, scales, six.inverse_map.noise_std, np.ones(3)])
+    centre = fmu.get_reals(known)
+    for _ in range(4):
+        direction = size * random.normal(size=len(size))
+        exact, sides = fmu.derivative(outputs, known, direction), []
+        for step in (1e-5, -1e-5):
+            assert fmu.set_reals(known, centre + step * direction) == OK
+            sides.append(fmu.get_reals(outputs))
+        assert fmu.set_reals(known, centre) == OK
+        difference = (sides[0] - sides[1]) / 2e-5
+        scale = np.abs(sides[0]) + np.abs(difference)
+        k = 3 * len(STATIONS)
+        for group in (
+            slice(0, 1),
+            slice(1, 2),
+            slice(2, 3),
+            slice(3, 4),
+            *(slice(4 + i * k, 4 + i * k + k) for i in range(4)),
+        ):
+            assert np.all(np.abs(exact - difference)[group] <= 1e-7 * np.linalg.norm(scale[group])), group
+    assert fmu.set_scalars(0, 0.0) == OK
+    assert np.isnan(fmu.derivative(outputs, known, size)).all()
+    fmu.free()
 
 
 def test_arrays_of_fmi_3(six: NativeCase) -> None:
