@@ -32,7 +32,7 @@ from builder.aero.euler.plane import (
 )
 from builder.aero.euler.reconstruction import Stream
 from builder.aero.euler.relaxation import relax_cone
-from builder.aero.euler.spherical_start import Cap, start_behind_cap
+from builder.aero.euler.spherical_start import TIP_GRID_LENGTH, Cap, start_behind_cap, tip_grid
 from builder.aero.euler.surface_function import cone_wall
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import FlowReachError
@@ -100,8 +100,7 @@ def march_body(
         plane, cone_pressure, change = _conical_start(pieces[0][0], start, rays, flow, grid)
         tip = (np.array([0.0, start]), np.stack([cone_pressure, cone_pressure]))
     else:
-        begun = start_behind_cap(cap, rays, flow, grid)
-        plane, tip, change = begun.plane, (begun.stations, begun.pressure), begun.residual
+        plane, tip, change = _spherical_start(pieces[0], cap, rays, flow, grid)
     solved: list[tuple[FloatArray, FloatArray]] = []
     for number, piece in enumerate(pieces):
         stations = [tip[0]] if number == 0 else []
@@ -127,6 +126,29 @@ def march_body(
         n_steps=plane.n_steps,
         n_repairs=int(plane.repairs[0]),
     )
+
+
+def _spherical_start(
+    walls: list[Wall], cap: Cap, rays: Rays, flow: Flow, grid: MarchingGrid
+) -> tuple[Plane, tuple[FloatArray, FloatArray], float]:
+    """March the first smooth piece of a body with the tip ``cap`` as far as the tip's grid is used.
+
+    Returns the plane there, on ``grid``, stations and p/p_inf (n, n_phi) up to it and the residual of the sphere.
+    """
+    own = tip_grid(grid)
+    begun = start_behind_cap(cap, rays, flow, own)
+    plane, stations, pressures = begun.plane, [begun.stations], [begun.pressure]
+    end = min(plane.x + TIP_GRID_LENGTH * cap.radius, float(walls[-1].x[-1]))
+    for wall in walls:
+        to = min(end, float(wall.x[-1]))
+        if to > plane.x:
+            x, pressure = advance(plane, wall, to, flow, own)
+            stations.append(x)
+            pressures.append(pressure)
+            at, unused = np.empty((2, rays.sine.size))
+            find_wall(to, wall, at, unused)
+    corner.regrid(plane, at, own, grid)
+    return plane, (np.concatenate(stations), np.concatenate(pressures)), begun.residual
 
 
 def _round_corner(

@@ -9,11 +9,12 @@ of the cap above all, is felt there. Ahead of it the wall has the sphere's press
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import ceil, cos, degrees, hypot, radians, sin, sqrt
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.optimize import brentq
 
 from builder.aero.euler.gas import GAMMA
 from builder.aero.euler.grid import Rays
@@ -45,6 +46,22 @@ FARTHEST = 10.0
 """Distance from the axis, over the cap's radius, within which the shock is sought."""
 GAUSS = 0.5 / np.sqrt(3.0)
 """Distance of the two Gauss points of a cell from its middle, over its height."""
+
+
+TIP_GRID_LENGTH = 25.0
+"""Length, over the cap's radius, behind the cut on which the march keeps the tip's grid."""
+TIP_GRID_CELLS = 2.0
+"""Radial cells of the tip's grid over those of the body's; it is as fine at the wall."""
+
+
+def tip_grid(grid: MarchingGrid) -> MarchingGrid:
+    """Return the grid for the layer behind a cap: its entropy varies all across it, not at the wall alone."""
+    if not grid.clustering:
+        return grid
+    cells = round(TIP_GRID_CELLS * grid.n_radial)
+    wall = grid.spacing(grid.n_radial)[1]
+    clustering = brentq(lambda c: np.expm1(c / cells) / np.expm1(c) - wall, 1e-6, grid.clustering)
+    return replace(grid, n_radial=cells, clustering=float(clustering))
 
 
 @dataclass(frozen=True)
