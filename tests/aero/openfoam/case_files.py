@@ -41,12 +41,13 @@ def write_case(
     directory: Path,
     *,
     from_axis: bool = False,
+    courant: float = 0.2,
 ) -> None:
     """Write a mesh (n_x + 1, n_phi + 1, n_r + 1, 3) in a stream of velocity ``u`` over its sound speed.
 
     ``plane`` (n_phi, n_r) fills the mesh at first, and enters it, unless the mesh begins ``from_axis``: then
-    nothing does, and its sides are planes through the axis, not one plane. Limiters then work face by face and
-    steps are shorter: round a blunt tip the other limiter does not come to rest. Five states are kept, evenly.
+    nothing does, and its sides are planes through the axis, not one plane. Limiters then work face by face:
+    round a blunt tip the other limiter does not come to rest. Five states are kept, evenly.
     """
     write_mesh(vertices, directory / "constant" / "polyMesh", "symmetry" if from_axis else "symmetryPlane")
     n_planes = len(vertices) - 1
@@ -65,7 +66,7 @@ def write_case(
             wall=wall,
             from_axis=from_axis,
         )
-    control = _control(iterations, courant=0.08 if from_axis else 0.2, kept=0 if from_axis else 2)
+    control = _control(iterations, courant=courant, kept=0 if from_axis else 2)
     for name, text in (DICTIONARIES | {"system/controlDict": control}).items():
         if from_axis:
             for limited, face_by_face in FACE_BY_FACE.items():

@@ -38,6 +38,7 @@ class SphereCone:
     n_sphere, n_cone, n_normal : cells along sphere and cone, and from wall to outer boundary.
     n_around : cells round half the body; one is a wedge.
     spread, opening : size of the outer boundary over Billig's shock, and angle by which it opens wider [rad].
+    courant, iterations : of the local time steps.
     """
 
     mach_number: float
@@ -50,6 +51,8 @@ class SphereCone:
     n_around: int = 1
     spread: float = 1.15
     opening: float = radians(2.0)
+    courant: float = 0.08
+    iterations: int = 12_000
 
     @property
     def body(self) -> BodyOfRevolution:
@@ -144,15 +147,17 @@ class WallPressure:
     cpu_seconds: float
 
 
-def compare(case: SphereCone, iterations: int, directory: Path) -> WallPressure:
-    """Run OpenFOAM for a number of local time steps, and the march."""
+def compare(case: SphereCone, directory: Path) -> WallPressure:
+    """Run OpenFOAM and the march."""
     shape = (case.n_sphere + case.n_cone, case.n_around, case.n_normal)
     stream = np.broadcast_to(case.velocity, (*shape[1:], 3))
     undisturbed = State(np.ones(shape[1:]), np.ones(shape[1:]), stream)
-    write_case(case.vertices, case.velocity, undisturbed, iterations, directory, from_axis=True)
+    write_case(
+        case.vertices, case.velocity, undisturbed, case.iterations, directory, from_axis=True, courant=case.courant
+    )
     seconds = run_solver(directory)
 
-    states = [read_state(directory / f"{number * iterations // 5}", shape).pressure for number in range(2, 6)]
+    states = [read_state(directory / f"{number * case.iterations // 5}", shape).pressure for number in range(2, 6)]
     near, next_to_it = (np.stack([state[:, :, k] for state in states]) for k in (0, 1))
     thickness = np.diff(case.share)
     at_wall = near + thickness[0] / (thickness[0] + thickness[1]) * (near - next_to_it)
@@ -174,7 +179,20 @@ def compare(case: SphereCone, iterations: int, directory: Path) -> WallPressure:
 
 
 ALONG_AXIS = SphereCone(mach_number=6.0, half_angle=radians(9.0), length=5.0, n_sphere=40, n_cone=24, n_normal=50)
-ITERATIONS = 12_000
+AT_INCIDENCE = SphereCone(
+    mach_number=6.0,
+    half_angle=radians(9.0),
+    length=3.5,
+    n_sphere=30,
+    n_cone=12,
+    n_normal=36,
+    incidence=radians(8.0),
+    n_around=12,
+    spread=1.1,
+    opening=radians(6.0),
+    courant=0.15,
+    iterations=7000,
+)
 
 
 def draw(found: WallPressure, picture: Path) -> None:
@@ -213,10 +231,16 @@ def draw(found: WallPressure, picture: Path) -> None:
 
 
 def main() -> None:
-    found = compare(ALONG_AXIS, ITERATIONS, Path(sys.argv[1]))
+    found = compare(ALONG_AXIS, Path(sys.argv[1]) / "along_axis")
     print(f"{found.cpu_seconds:.0f} s of OpenFOAM, unrest {found.unrest.max():.2%}")
     for x, theirs, ours in zip(found.x, found.theirs[:, 0], found.ours[:, 0], strict=True):
         print(f"x/R {x:7.3f}  OpenFOAM {theirs:8.4f}  ours {ours:8.4f}  {theirs / ours - 1.0:+.2%}")
+    inclined = compare(AT_INCIDENCE, Path(sys.argv[1]) / "at_incidence")
+    error = np.split(inclined.theirs / inclined.ours - 1.0, [AT_INCIDENCE.n_sphere])
+    for name, part in zip(("sphere", "cone"), error, strict=True):
+        print(
+            f"8 deg, {name}, rms from leeward to windward:", np.round(100.0 * np.sqrt(np.mean(part**2, axis=0)), 1)
+        )
     if len(sys.argv) > 2:
         draw(found, Path(sys.argv[2]))
 
