@@ -20,7 +20,7 @@ from builder.reporting import Silent
 from builder.stress import flights
 from builder.stress.flows import stress_flows
 from builder.stress.run import CSV_COLUMNS
-from builder.vehicle.file import load_vehicle
+from builder.vehicle.file import VEHICLES, load_vehicle
 
 Run = Callable[..., tuple[int, str, str]]
 
@@ -132,3 +132,12 @@ def test_wrong_options_are_refused_in_one_line(
     assert found.count("\n") == 1
     assert message in found
     assert not (tmp_path / "none").exists()
+
+
+@pytest.mark.fast
+@pytest.mark.parametrize("command", ["stress", "compare"])
+def test_other_shapes_are_refused_before_the_long_work(command: str, tmp_path: Path, run: Run) -> None:
+    code, _, text = run(command, VEHICLES / "finned_body.toml", "-o", tmp_path)
+    assert code != 0
+    assert "expected a profile, which this needs, got surface" in text
+    assert not (tmp_path / "structure.h5").exists()

@@ -132,13 +132,14 @@ def place_layouts(
 
 
 def refuse_beyond_fourier(vehicle: Vehicle, layouts: list[str]) -> None:
-    """Refuse what the Fourier model cannot do: gauges outside or of a length.
+    """Refuse what the Fourier model cannot do: another shape than a profile, gauges outside or of a length.
 
     Raises
     ------
     InputError
         Names the entry, and the model that can.
     """
+    vehicle.body()
     refuse_gauges_beyond_fourier(vehicle, layouts)
 
 
