@@ -92,7 +92,7 @@ def with_drawn_errors(
     common = np.einsum("ka,tan,kt->kn", c, manifold.common_error, normal(len(manifold.common_error)))
     root = np.linalg.cholesky(manifold.gauge_covariance)
     read = (
-        strain * (1.0 + manifold.gauge_gain_std * normal(n_d) + manifold.common_gain_std * normal(1))
+        strain * (1.0 + manifold.gain_std * normal(n_d) + manifold.common_gain * normal(1))
         + p * (of_gauge * normal(n_d) + common + off @ manifold.error_strain.T)
         + normal(n_d) @ root.T
     )

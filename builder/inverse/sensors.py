@@ -60,6 +60,11 @@ class SensorSet:
     inside: FloatArray
 
     @property
+    def per_axial_force(self) -> FloatArray:
+        """(n_s,) rows per axial force at base and skin [(m/m)/N]."""
+        return np.array([row.per_axial_force for row in self.rows]) / self.scale
+
+    @property
     def covariance(self) -> FloatArray:
         """(n_s, n_s) of the sensors' own noise [(m/m)^2]."""
         return np.diag((np.array([row.std for row in self.rows]) / self.scale) ** 2)
@@ -259,6 +264,7 @@ def _errors(rows: list[SensorRow], scale: FloatArray, ensemble: Ensemble) -> lis
             operator=operator,
             strain=ensemble.responses(operator),
             common=name != "sensor gain",
+            with_rest=name != "sensor gain",
         )
         for name, operator in operators.items()
         if np.any(operator)
@@ -282,14 +288,20 @@ def _drifts(rows: list[SensorRow], scale: FloatArray) -> list[NoiseTerm]:
     ]
 
 
+def base_area(vehicle: Vehicle) -> float:
+    """Return the area that the base pressure acts on [m2]: the reference's where [sensors] states none."""
+    entry = vehicle.sensors
+    stated = None if entry is None else entry.base_area_m2
+    return vehicle.reference_quantities().area if stated is None else stated
+
+
 def _nuisances(
     vehicle: Vehicle, rows: list[SensorRow], scale: FloatArray, ensemble: Ensemble
 ) -> tuple[FloatArray, list[NoiseTerm]]:
     """Return what base pressure and friction add to the readings, and the terms of errors, thrust among them."""
     entry = vehicle.sensors
     assert entry is not None
-    reference = vehicle.reference_quantities()
-    area = reference.area if entry.base_area_m2 is None else entry.base_area_m2
+    reference, area = vehicle.reference_quantities(), base_area(vehicle)
     per_force = np.array([row.per_axial_force for row in rows]) / scale
     ambient, weight = ensemble.ambient_pressure, ensemble.weight / ensemble.weight.sum()
     mean = float(weight @ ambient)

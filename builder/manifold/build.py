@@ -15,6 +15,7 @@ from builder.inverse.noise_model import NoiseTerm
 from builder.inverse.solution import Problem
 from builder.manifold.discrepancy import tested_shapes
 from builder.manifold.followed_errors import followed_errors
+from builder.manifold.sensor_tables import base_pressure_error, gains_of_sensors, with_base_and_friction
 from builder.manifold.state_tables import state_tables
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
@@ -68,9 +69,10 @@ def manifold_map(
     fixed = np.zeros(len(operator)) if inside == "ambient" else -float(inside) * operator.sum(axis=1)
     found = state_tables(vehicle, snapshots, structure, problem, operator)
     n_d = len(problem.strain_operator)
-    n, coefficients = n_d + 5, found.coefficients
+    n = n_d + 5
+    coefficients = with_base_and_friction(vehicle, problem, found.mach_knots, found.coefficients)
     terms = found.errors | _scaled_errors(vehicle, problem, found.process, operator)
-    terms |= _scaled_nuisance(nuisance, problem)
+    terms |= _scaled_nuisance(nuisance, problem) | base_pressure_error(vehicle, problem, len(operator))
     if vehicle.map.discrepancy_of_overpressure_percent > 0.0:
         level = 0.01 * vehicle.map.discrepancy_of_overpressure_percent * (operator @ found.overpressure)
         terms["fraction of the overpressure"] = level[:, None]
@@ -89,6 +91,7 @@ def manifold_map(
         error_load=error[n_d:n],
         gauge_gain_std=0.01 * noise.gauge_gain_percent,
         common_gain_std=0.01 * noise.common_gain_percent,
+        **gains_of_sensors(vehicle, problem),
         gauge_error_product=products,
         common_error=common,
         reference_area=reference.area,
@@ -105,7 +108,8 @@ def manifold_map(
         shape_field=found.field if isinstance(found.field, ShapeField) else None,
     )
     made = replace(made, discrepancy_shapes=tested_shapes(made))
-    return made, _terms_of(terms, problem.ensemble, n_d)
+    n_g = n_d if problem.sensors is None else n_d - len(problem.sensors.rows)
+    return made, _terms_of(terms, problem.ensemble, n_g)
 
 
 def _operator(problem: Problem) -> FloatArray:
@@ -158,7 +162,11 @@ def _scaled_errors(
         found["fraction of the snapshots"] = 0.01 * entry.discrepancy_of_prior_percent * spread
     if noise.internal_pressure_percent > 0.0:
         column = 0.01 * noise.internal_pressure_percent * operator.sum(axis=1)
-        column[len(problem.strain_operator) :] = 0.0  # loads are those of the stated internal pressure
+        n_d = len(problem.strain_operator)
+        column[n_d:] = 0.0  # loads are those of the stated internal pressure
+        if problem.sensors is not None:
+            follows = np.array([row.follows_inside for row in problem.sensors.rows])
+            column[n_d - len(follows) : n_d] *= follows
         found["internal pressure"] = column[:, None]
     return found
 

@@ -13,6 +13,7 @@ from scipy.optimize import nnls
 
 from builder.inverse.hardware_errors import HardwareError
 from builder.inverse.solution import Problem
+from builder.manifold.sensor_tables import friction_error
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.proportional_errors import PAIRS
@@ -34,8 +35,8 @@ def followed_errors(vehicle: Vehicle, problem: Problem) -> tuple[FloatArray, Flo
     c = np.hstack([np.ones((len(loads), 1)), loads])
     root = np.sqrt(ensemble.member_weight)[:, None]
     products, square, common = np.zeros((len(PAIRS), n_d)), np.zeros((len(c), n_d)), []
-    for error in problem.errors:
-        if error.name in ("gauge gain", "common gain"):
+    for error in [*problem.errors, *friction_error(vehicle, problem)]:
+        if error.name in ("gauge gain", "common gain", "sensor gain"):
             continue
         slope, left = _regressed(error, c, pressure, root)
         if not error.common or error.with_rest:

@@ -24,7 +24,6 @@ def with_estimator(vehicle: Vehicle, estimator: Estimators | None) -> Vehicle:
     if estimator == "manifold":
         found = {
             "map.form": (entry.form, "dynamic_pressure"),
-            "sensors": ("some" if vehicle.sensors is not None else "none", "none"),
             "strains per snapshot": ("none" if vehicle.structure.strain_per_snapshot is None else "some", "none"),
         }
         if vehicle.shape_kind == "profile":

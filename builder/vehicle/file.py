@@ -79,8 +79,6 @@ class Vehicle(Section):
             faults.append(
                 f"noise.of_layout '{self.noise.of_layout}' is not among the layouts {sorted(self.gauges.layouts)}"
             )
-        if self.sensors is not None and self.map.estimator == "manifold":
-            faults.append("sensors: expected map.estimator 'linear', got 'manifold'")
         inside = self.structure.internal_pressure_Pa
         if self.sensors is not None and inside != "ambient":
             faults.append(f"sensors: expected structure.internal_pressure_Pa 'ambient', got {inside:g}")

@@ -49,10 +49,6 @@ def _check_parts(inverse_map: InverseMap) -> None:
     sensors, manifold, thermal = inverse_map.sensors, inverse_map.manifold, inverse_map.thermal
     if sensors is not None and len(sensors.kind) != n_d:
         raise InputError(f"inverse map: sensors of {len(sensors.kind)} rows, must be {n_d}")
-    if sensors is not None and manifold is not None:
-        raise InputError(
-            "inverse map: expected strain gauges alone beside tables over the flight state, got sensors"
-        )
     if inverse_map.further is not None:
         errors = None if inverse_map.error_strain is None else inverse_map.error_strain.shape[1]
         inverse_map.further.check(n_d, len(inverse_map.state_offset), errors)
@@ -63,6 +59,9 @@ def _check_parts(inverse_map: InverseMap) -> None:
         )
     if manifold is not None and manifold.tables.n_gauges != n_d:
         raise InputError(f"inverse map: tables of {manifold.tables.n_gauges} gauges, must be of {n_d}")
+    n_sensors = n_d - inverse_map.n_strain_gauges
+    if manifold is not None and manifold.n_sensors != n_sensors:
+        raise InputError(f"inverse map: tables of {manifold.n_sensors} further sensors, must be of {n_sensors}")
 
 
 def _check_arrays(inverse_map: InverseMap) -> None:

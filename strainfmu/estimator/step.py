@@ -114,7 +114,7 @@ class Estimator:
     def _apply_settings(self, settings: EstimatorSettings) -> None:
         self.settings = settings
         sensors, strain = self.inverse_map.sensors, settings.sensor_range
-        self._largest_reading = strain if sensors is None else np.where(sensors.is_strain, strain, sensors.largest)
+        self.largest_reading = strain if sensors is None else np.where(sensors.is_strain, strain, sensors.largest)
         self._warm = SensorSets(inverse_map=self._without_zeros, make=self._of_strain)
         area, length = settings.reference_area, settings.reference_length
         self._reference = area * np.array([1.0, 1.0, 1.0, length, length])
@@ -207,15 +207,14 @@ class Estimator:
         if temperature is None:
             return self._series(readings, valid, flow)
         known = self._warm.readings(temperature, len(readings))
-        used = np.abs(readings) <= self._largest_reading
+        used = np.abs(readings) <= self.largest_reading
         used = used if valid is None else used & valid
-        scale = 1.0 if self.inverse_map.sensors is None else self.inverse_map.sensors.scale
         strains = self.rows_of(readings)
         parts = []
         for rows, key in self._warm.groups(known):
             estimator, strain = self._warm.of_set(key, strains[rows], known[rows])
             of_rows = Flow(*(one[rows] for one in flow))
-            parts.append((rows, estimator._series(strain * scale, used[rows], of_rows, is_checked=True)))
+            parts.append((rows, estimator._series(self.readings_of(strain), used[rows], of_rows, is_checked=True)))
         found: LoadEstimates = scattered(parts, len(readings))
         return found
 
@@ -223,6 +222,11 @@ class Estimator:
         """Return rows of the map [m/m] for ``readings`` (n_d,) or (k, n_d): over their scale, less the zeros."""
         sensors = self.inverse_map.sensors
         return np.asarray((readings if sensors is None else readings / sensors.scale) - self._zero)
+
+    def readings_of(self, rows: FloatArray) -> FloatArray:
+        """Return readings for ``rows`` (n_d,) or (k, n_d) of the map [m/m], as of gauges without zeros."""
+        sensors = self.inverse_map.sensors
+        return rows if sensors is None else rows * sensors.scale
 
     def _series(
         self, readings: FloatArray, valid: BoolArray | None, flow: Flow, is_checked: bool = False
@@ -248,7 +252,7 @@ class Estimator:
         for start in range(0, len(d), BLOCK):
             rows = slice(start, start + BLOCK)
             used = series.valid[rows]
-            largest = np.inf if is_checked else self._largest_reading
+            largest = np.inf if is_checked else self.largest_reading
             np.less_equal(np.abs(readings[rows]), largest, out=used)  # false for NaN
             if valid is not None:
                 used &= valid[rows]

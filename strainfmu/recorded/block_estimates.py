@@ -6,7 +6,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import MappingProxyType
 from typing import Protocol, TypedDict, cast
 
 import numpy as np
@@ -214,7 +213,6 @@ class FlightBlocks:
 
     inputs: tuple[str, ...] = FLOW_NAMES[1:]
     has_residuals = True
-    readings: Mapping[str, str] = MappingProxyType({})
     envelope_score_limit = OUTSIDE_SCORE
     _columns = (
         *((f"air_data.{name}", unit) for name, unit in zip(AIR_DATA_NAMES, AIR_DATA_UNITS, strict=True)),
@@ -231,12 +229,18 @@ class FlightBlocks:
         self.parameter_names = estimator.parameters.names
         self._has_loads = estimator.manifold.further is not None
         self.further_columns = (*self._columns, *_further_columns(estimator.inverse_map, self._has_loads))
-        self.gauge_names = self.row_names = estimator.inverse_map.gauge_names
+        self.row_names = estimator.inverse_map.gauge_names
+        self.gauge_names = self.row_names[: estimator.inverse_map.n_strain_gauges]
+        self.readings: Mapping[str, str] = recorded_readings(reading_units(estimator.inverse_map))
         self.sensor_names = _sensor_names(estimator.inverse_map)
         self.reference = _level_reference(estimator.inverse_map)
 
     def estimate(self, block: StrainBlock, last: float) -> BlockEstimates:
-        return self.of_steps([self._step(block, row) for row in range(len(block.time))])
+        return self.of_steps([self._step(block, row, one) for row, one in enumerate(self.rows_of(block))])
+
+    def rows_of(self, block: StrainBlock) -> FloatArray:
+        """Return (n, n_d) readings of the map's rows."""
+        return rows_of_map(block, self.estimator.inverse_map.sensors, self.readings)
 
     def of_steps(self, found: Sequence[FlightEstimate]) -> BlockEstimates:
         """Return the estimates ``found`` as a block."""
@@ -266,12 +270,12 @@ class FlightBlocks:
         flags = [*one.navigation_used, one.is_linear]
         return np.concatenate([air.value, air.std, air.is_identified, flags, of_map]).astype(float)
 
-    def _step(self, block: StrainBlock, row: int) -> FlightEstimate:
+    def _step(self, block: StrainBlock, row: int, readings: FloatArray) -> FlightEstimate:
         flow = {name: float(values[row]) for name, values in block.flow.items()}
         warm = None if block.temperature is None else block.temperature[row]
         parameters = {name: values[row] for name, values in block.parameters.items()}
         pressure = float(block.dynamic_pressure[row])
-        return self._tracker.step(block.strain[row], pressure, temperature=warm, parameters=parameters, **flow)
+        return self._tracker.step(readings, pressure, temperature=warm, parameters=parameters, **flow)
 
 
 class _FlowArguments(TypedDict, total=False):

@@ -59,12 +59,12 @@ class FilteredFlight(FlightBlocks):
 
     def steps(self, block: StrainBlock, last: float) -> list[FilteredStep]:
         """Return the steps of a block."""
-        found = []
+        found, readings = [], self.rows_of(block)
         for row, seconds in enumerate(_time_steps(block, last)):
             flow = {name: float(values[row]) for name, values in block.flow.items()}
             flow["dynamic_pressure"] = float(block.dynamic_pressure[row])
             parameters = {name: values[row] for name, values in block.parameters.items()}
-            found.append(_lean(self._filter.recorded(seconds, block.strain[row], flow, parameters=parameters)))
+            found.append(_lean(self._filter.recorded(seconds, readings[row], flow, parameters=parameters)))
         return found
 
     def of_laws(self, steps: Sequence[FilteredStep], laws: Sequence[Law]) -> BlockEstimates:

@@ -157,14 +157,14 @@ def error_columns(model: FlightModel, state: FloatArray) -> ErrorColumns:
     response = evaluate(manifold.tables, state[None]).value[0]
     strain, loads, pressure = response[:n_d], response[n_d:], float(np.exp(state[LOG_PRESSURE]))
     c = np.concatenate([[1.0], loads / (pressure * manifold.references)])
-    gain = manifold.gauge_gain_std * strain
+    gain = manifold.gain_std * strain
     # Each error keeps its sign: that of a gain turns with the strain of its gauge.
     of_gauge = np.column_stack([gain, model.own, pressure * (model.of_gauge @ c)])
     considered = np.zeros((n_d, n_d, of_gauge.shape[1]))
     considered[np.arange(n_d), np.arange(n_d)] = of_gauge
     columns = [
         pressure * model.seen.strain,
-        manifold.common_gain_std * strain[:, None],
+        (manifold.common_gain * strain)[:, None],
         pressure * np.einsum("a,tan->nt", c, manifold.common_error),
         model.common,
     ]

@@ -17,9 +17,9 @@ def strain_covariance(
     c = np.hstack([np.ones((len(loads), 1)), loads / (pressure[:, None] * manifold.references)])
     first, second = np.array(PAIRS).T
     of_gauge = square * np.maximum((c[:, first] * c[:, second]) @ manifold.gauge_error_product, 0.0)
-    gain = manifold.gauge_gain_std * strain
+    gain = manifold.gain_std * strain
     columns = pressure[:, None, None] * np.einsum("ka,tan->knt", c, manifold.common_error)
-    columns = np.concatenate([columns, (manifold.common_gain_std * strain)[:, :, None]], axis=2)
+    columns = np.concatenate([columns, (manifold.common_gain * strain)[:, :, None]], axis=2)
     covariance = manifold.gauge_covariance + square[:, :, None] * manifold.scaled_covariance
     covariance = covariance + columns @ np.swapaxes(columns, 1, 2)
     diagonal = np.arange(strain.shape[1])

@@ -37,7 +37,7 @@ from strainfmu.estimator.manifold.starts import search_table
 from strainfmu.estimator.pressure_field import FieldInputs
 from strainfmu.estimator.settings import EstimatorSettings, default_settings
 from strainfmu.estimator.step import Estimator, moment_transfer
-from strainfmu.estimator.zeros import GaugeZeros, no_zeros, with_zero_errors
+from strainfmu.estimator.zeros import GaugeZeros, no_zeros, with_zero_errors, zero_of_rows
 
 Solve = Callable[[Samples, IntArray], Linearised]
 """Takes samples and which of the inputs they are; returns their solution."""
@@ -80,7 +80,7 @@ class ManifoldEstimator:
         InputError
             The map has no tables, or ``zeros`` are of another number of gauges.
         """
-        self.zeros = zeros or no_zeros(inverse_map.n_gauges)
+        self.zeros = zeros or no_zeros(inverse_map.n_strain_gauges)
         self._without_zeros, inverse_map = inverse_map, with_zero_errors(inverse_map, self.zeros)
         if inverse_map.manifold is None:
             raise InputError("inverse map: estimator 'linear' found, expected 'manifold'")
@@ -129,7 +129,8 @@ class ManifoldEstimator:
 
         Parameters
         ----------
-        strain : (n_d,) or (k, n_d) readings [m/m], order of ``inverse_map.gauge_names``.
+        strain : (n_d,) or (k, n_d) readings [m/m], those of further sensors in units of their own, in the order of
+            ``inverse_map.gauge_names``.
         dynamic_pressure, mach_number, static_pressure : q_inf [Pa], M [1], p_inf [Pa] of navigation, one for all
             samples or (k,); NaN where not known. Any of them, and all, may be unknown.
         valid : (n_d,) or (k, n_d) of bool, false for gauges to leave out; None for none.
@@ -226,7 +227,7 @@ class ManifoldEstimator:
         """Return the inputs of :meth:`estimate` as arrays over the samples; errors as there."""
         n = self.inverse_map.n_gauges
         d = strain_of_samples(strain, n)
-        used = np.abs(d) <= self.settings.sensor_range  # false for NaN
+        used = np.abs(d) <= self.linear.largest_reading  # false for NaN
         if valid is not None:
             used &= checked_mask(valid, n, len(d) if np.ndim(strain) == 2 else None)
         of = {name: per_sample(name, value, len(d)) for name, value in flow.items()}
@@ -239,7 +240,7 @@ class ManifoldEstimator:
         std = np.column_stack([of[f"{name}_std"] for name in NAVIGATION])
         navigation = Navigation(value=value, std=self._stds(value, std))
         return EstimatorInputs(
-            strain=d - self.zeros.value,
+            strain=self.linear.rows_of(d) - zero_of_rows(self.inverse_map, self.zeros),
             used=used,
             navigation=navigation,
             parameter_score=self.parameters.score(self.parameters.values(parameters, len(d))),
@@ -392,7 +393,8 @@ class ManifoldEstimator:
         rows = np.flatnonzero(off & np.isfinite(q))
         is_linear = np.zeros(len(off), dtype=bool)
         if len(rows):
-            linear = self.linear.estimate(inputs.strain[rows], q[rows], inputs.used[rows], std[rows])
+            readings = self.linear.readings_of(inputs.strain[rows])
+            linear = self.linear.estimate(readings, q[rows], inputs.used[rows], std[rows])
             assert isinstance(linear, LoadEstimates)
             known = np.asarray(np.isfinite(linear.coefficients).all(axis=1))
             for name in _OF_LOADS:

@@ -14,7 +14,7 @@ class EstimatorInputs:
 
     Attributes
     ----------
-    strain, used : (k, n_d) readings less zeros [m/m], and which gauges to use.
+    strain, used : (k, n_d) readings less zeros, those of further sensors over their scale [m/m], and which to use.
     navigation : with a standard deviation for every value.
     parameter_score : (k, n_p) part of its range by which each further parameter of the flow leaves it [1].
     """

@@ -41,7 +41,9 @@ class ManifoldMap:
     gauge_covariance : (n_d, n_d) of what does not scale, as gauge noise and apparent strain [(m/m)^2].
     error_strain, error_load : (n_d, k) [1/Pa], (5, k) [m2, m3] per standard deviation, and per p_inf, of pressure
         off the tables and of the internal pressure.
-    gauge_gain_std, common_gain_std : errors of each gain, and of all together, relative [1].
+    gauge_gain_std, common_gain_std : errors of each gauge's gain, and of all together, relative [1].
+    sensor_gain_std, sensor_common_gain_std : (n_s,) the same of the further sensors, which are the last of the n_d
+        gauges; None for none.
     gauge_error_product : (21, n_d) sum over errors of each gauge of D_a D_b, doubled for a < b [1/Pa^2].
     common_error : (n_t, 6, n_d) errors that all gauges have in common, per p_inf and c_a [1/Pa].
     reference_area, reference_length : S [m2], L [m].
@@ -87,6 +89,8 @@ class ManifoldMap:
     crossflow_range: FloatArray | None = None
     pressure_field: FlightField | None = field(default=None, metadata=inner_record(FlightField, FIELD_UNITS))
     shape_field: ShapeField | None = field(default=None, metadata=inner_record(ShapeField, SHAPE_UNITS))
+    sensor_gain_std: FloatArray | None = None
+    sensor_common_gain_std: FloatArray | None = None
     further: FurtherTables | None = field(default=None, metadata=inner_record(FurtherTables, FURTHER_UNITS))
 
     def __post_init__(self) -> None:
@@ -104,10 +108,12 @@ class ManifoldMap:
             shapes["discrepancy_shapes"] = (n_d, *self.discrepancy_shapes.shape[1:2])
         if self.crossflow_range is not None:
             shapes["crossflow_range"] = (2, 2)
+        if self.sensor_gain_std is not None or self.sensor_common_gain_std is not None:
+            shapes["sensor_gain_std"] = shapes["sensor_common_gain_std"] = (self.n_sensors,)
         for name, shape in shapes.items():
             value = getattr(self, name)
-            if value.shape != shape or not np.all(np.isfinite(value)):
-                raise InputError(f"{name}: expected finite values of shape {shape}, got {value.shape}")
+            if np.shape(value) != shape or not np.all(np.isfinite(value)):
+                raise InputError(f"{name}: expected finite values of shape {shape}, got {np.shape(value)}")
         self._check_field()
         if self.further is not None:
             self.further.check(self.tables)
@@ -128,6 +134,27 @@ class ManifoldMap:
     def surface_field(self) -> FlightField | ShapeField | None:
         """The pressure on the surface that the map holds, if any."""
         return self.pressure_field if self.shape_field is None else self.shape_field
+
+    @property
+    def n_sensors(self) -> int:
+        """Number of further sensors n_s."""
+        return 0 if self.sensor_gain_std is None else len(self.sensor_gain_std)
+
+    @cached_property
+    def gain_std(self) -> FloatArray:
+        """(n_d,) errors of each gain, relative [1]."""
+        return self._of_rows(self.gauge_gain_std, self.sensor_gain_std)
+
+    @cached_property
+    def common_gain(self) -> FloatArray:
+        """(n_d,) error that gains have in common, in each of them, relative [1]."""
+        return self._of_rows(self.common_gain_std, self.sensor_common_gain_std)
+
+    def _of_rows(self, of_gauges: float, of_sensors: FloatArray | None) -> FloatArray:
+        rows = np.full(self.tables.n_gauges, of_gauges)
+        if of_sensors is not None and len(of_sensors):
+            rows[-len(of_sensors) :] = of_sensors
+        return rows
 
     @cached_property
     def tables(self) -> FlightTables:

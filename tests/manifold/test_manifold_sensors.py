@@ -1,0 +1,285 @@
+"""Flush ports, inertial unit, load cells, displacement and fibres with the nonlinear estimator, errors drawn."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from builder.aero.loads import load_operator
+from builder.campaign.snapshots import Snapshots
+from builder.inverse.build import build_inverse_map, inverse_problem
+from builder.inverse.sensors import base_area
+from builder.inverse.solution import Problem
+from builder.manifold.build import with_manifold
+from builder.structure.fourier.model import StructuralModel
+from builder.vehicle.file import Vehicle
+from builder.vehicle.sensor_entries import Sensors
+from strainfmu.arrays import FloatArray
+from strainfmu.errors import InputError
+from strainfmu.estimator.filter.flight_filter import FlightFilter
+from strainfmu.estimator.filter.flight_model import error_columns, flight_model
+from strainfmu.estimator.filter.settings import FilterSettings
+from strainfmu.estimator.health import HealthState
+from strainfmu.estimator.inverse_map import InverseMap, load_inverse_map, save_inverse_map
+from strainfmu.estimator.manifold.error_covariance import strain_covariance
+from strainfmu.estimator.manifold.estimator import ManifoldEstimator
+from strainfmu.estimator.manifold.flight_estimate import FlightEstimates
+from strainfmu.estimator.manifold.flight_tables import evaluate
+from strainfmu.fmu.export import export_estimator
+from tests.inverse.test_sensors import CELLS, FIBRE, IMU, POINTS, PORTS
+
+EVERY_KIND = Sensors(
+    ports=PORTS,
+    imu=IMU,
+    load_cells=CELLS,
+    displacement=POINTS,
+    fibre=FIBRE,
+    base_pressure_ratio=0.4,
+    base_pressure_percent=20.0,
+    friction_C_A=0.01,
+    friction_C_A_std=0.005,
+)
+DRAWS = 250
+
+
+def with_sensors(vehicle: Vehicle, sensors: Sensors | None) -> Vehicle:
+    changed = vehicle.map.model_copy(update={"estimator": "manifold"})
+    return vehicle.model_copy(update={"map": changed, "sensors": sensors})
+
+
+def built(vehicle: Vehicle, snapshots: Snapshots, structure: StructuralModel) -> tuple[InverseMap, Problem]:
+    problem = inverse_problem(vehicle, snapshots, structure)
+    linear = build_inverse_map(vehicle, snapshots, structure, problem=problem)
+    return with_manifold(linear, vehicle, snapshots, structure, problem=problem), problem
+
+
+class Flights(NamedTuple):
+    """Readings in units, q_inf, M, p_inf and coefficients of n flights."""
+
+    readings: FloatArray
+    dynamic_pressure: FloatArray
+    mach_number: FloatArray
+    static_pressure: FloatArray
+    coefficients: FloatArray
+
+
+def flights(vehicle: Vehicle, inverse_map: InverseMap, problem: Problem, held_out: Snapshots, n: int) -> Flights:
+    """Return held-out flows with every error drawn; base pressure and friction from their definitions."""
+    random, conditions = np.random.default_rng(4), held_out.conditions()
+    chosen = random.integers(len(conditions), size=n)
+    p = np.array([conditions[i].ambient_pressure for i in chosen])
+    q = np.array([conditions[i].dynamic_pressure for i in chosen])
+    mach = np.array([conditions[i].mach_number for i in chosen])
+    net = held_out.pressure[chosen] - held_out.internal_pressure[chosen, None]
+    rows, reference = net @ problem.strain_operator.T, vehicle.reference_quantities()
+    for one in problem.errors:
+        rows += net @ one.operator.T * random.standard_normal((n, 1 if one.common else len(one.operator)))
+    following = {one.name for one in problem.errors} | {"base pressure", "friction", "internal pressure"}
+    for term in problem.noise:
+        if term.name not in following:
+            assert not term.scales, term.name
+            rows += random.standard_normal((n, term.strain.shape[1])) @ term.strain.T
+    inside, sensors, entry = 0.01 * vehicle.noise.internal_pressure_percent, problem.sensors, vehicle.sensors
+    uniform = problem.strain_operator.sum(axis=1)
+    if sensors is not None and entry is not None:
+        n_g = len(uniform) - len(sensors.rows)
+        uniform[n_g:] *= [one.follows_inside for one in sensors.rows]
+        base = 1.0 - entry.base_pressure_ratio + 0.01 * entry.base_pressure_percent * random.standard_normal(n)
+        friction = entry.friction_C_A + entry.friction_C_A_std * random.standard_normal(n)
+        force = base * p * base_area(vehicle) + friction * q * reference.area
+        rows[:, n_g:] += np.outer(force, sensors.per_axial_force)
+    rows += np.outer(inside * p * random.standard_normal(n), uniform)
+    scale = 1.0 if inverse_map.sensors is None else inverse_map.sensors.scale
+    loads = net @ load_operator(held_out.grid, reference.moment_station).T
+    size = reference.area * np.array([1.0, 1.0, 1.0, reference.length, reference.length])
+    return Flights(rows * scale, q, mach, p, loads / (q[:, None] * size))
+
+
+def estimated(inverse_map: InverseMap, flown: Flights, *without: str) -> FlightEstimates:
+    """Return the estimates, sensors whose name begins with one of ``without`` left out."""
+    found = ManifoldEstimator(inverse_map).estimate(
+        flown.readings,
+        flown.dynamic_pressure,
+        np.array([not name.startswith(without) for name in inverse_map.gauge_names]),
+        dynamic_pressure_std=0.0,
+        mach_number=flown.mach_number,
+        static_pressure=flown.static_pressure,
+    )
+    assert isinstance(found, FlightEstimates)
+    return found
+
+
+@pytest.fixture(scope="module")
+def equipped(vehicle: Vehicle, snapshots: Snapshots, structure: StructuralModel) -> tuple[InverseMap, Problem]:
+    return built(with_sensors(vehicle, EVERY_KIND), snapshots, structure)
+
+
+def test_sensors_sharpen_what_strain_says(
+    vehicle: Vehicle, held_out: Snapshots, equipped: tuple[InverseMap, Problem]
+) -> None:
+    """Ports and unit: C_A by a quarter, C_N to a third, M_P to an eighth. Coverage of strain, these, and all."""
+    inverse_map, problem = equipped
+    flown = flights(with_sensors(vehicle, EVERY_KIND), inverse_map, problem, held_out, DRAWS)
+    others = ("cell", "tip", "displacement", "fibre")
+    sigma = []
+    for without in (("port", "imu", *others), others, ("none",)):
+        found = estimated(inverse_map, flown, *without)
+        inside = np.abs(found.coefficients - flown.coefficients) <= 3.0 * found.coefficients_std
+        sigma.append(np.sqrt(np.mean(found.coefficients_std**2, axis=0)))
+        assert np.all(inside.mean(axis=0) >= 0.99)
+        assert np.mean(found.fits & np.array([one == () for one in found.suspects])) >= 0.99
+    alone, both, every = sigma
+    axial, normal, side, pitch, yaw = both / alone
+    assert axial <= 0.75
+    assert max(normal, side) <= 0.35
+    assert max(pitch, yaw) <= 0.125
+    assert np.all(every <= both * 1.001)
+
+
+def test_lost_sensors_leave_the_tables_built_without_them(
+    vehicle: Vehicle,
+    snapshots: Snapshots,
+    held_out: Snapshots,
+    structure: StructuralModel,
+    equipped: tuple[InverseMap, Problem],
+) -> None:
+    """One or more of each kind, a whole fibre among them."""
+    lost = ["port_180deg", "imu_pitch", "imu_yaw", "cell_normal", "tip_up"]
+    lost += [f"fibre_90deg_{k + 1}" for k in range(FIBRE.count)]
+    rest = {
+        "ports": PORTS.model_copy(update={"roll_deg": [0.0, 90.0, 270.0]}),
+        "imu": IMU.model_copy(update={"angular": False}),
+        "load_cells": CELLS.model_copy(update={"components": ["axial", "yaw"]}),
+        "displacement": POINTS.model_copy(update={"point": POINTS.point[1:]}),
+        "fibre": FIBRE.model_copy(update={"roll_deg": [0.0]}),
+    }
+    whole, problem = equipped
+    fewer = with_sensors(vehicle, EVERY_KIND.model_copy(update=rest))
+    rebuilt, _ = built(fewer, snapshots, structure)
+    flown = flights(with_sensors(vehicle, EVERY_KIND), whole, problem, held_out, 20)
+    valid = np.array([name not in lost for name in whole.gauge_names])
+    assert rebuilt.gauge_names == tuple(np.array(whole.gauge_names)[valid])
+    assert not np.isnan(flown.readings).any()
+    flown.readings[:, ~valid] = np.nan
+    found = estimated(whole, flown, "none")
+    expected = estimated(rebuilt, flown._replace(readings=flown.readings[:, valid]), "none")
+    np.testing.assert_allclose((found.loads - expected.loads) / expected.loads_std, 0.0, atol=1e-9)
+    np.testing.assert_allclose(found.loads_std, expected.loads_std, rtol=1e-9)
+    np.testing.assert_allclose(found.chi_square, expected.chi_square, rtol=1e-9)
+    np.testing.assert_allclose(found.state, expected.state, atol=1e-12)
+    assert HealthState.OK not in found.health
+
+
+def test_readings_of_the_tables_hold_base_pressure_and_friction(
+    vehicle: Vehicle, snapshots: Snapshots, structure: StructuralModel, equipped: tuple[InverseMap, Problem]
+) -> None:
+    """At a snapshot the tables give its readings; the axial ones with 0.6 p_inf S and 0.01 q_inf S on top."""
+    inverse_map, problem = equipped
+    assert inverse_map.manifold is not None
+    assert inverse_map.sensors is not None
+    condition = snapshots.conditions()[40]
+    u, w = (condition.total_incidence * f(condition.leeward_roll_angle) for f in (np.cos, np.sin))
+    state = np.array([[condition.mach_number, u, w, np.log(condition.ambient_pressure)]])
+    n_g = inverse_map.n_strain_gauges
+    rows = evaluate(inverse_map.manifold.tables, state).value[0, n_g : inverse_map.n_gauges]
+    reading = dict(zip(inverse_map.gauge_names[n_g:], rows * inverse_map.sensors.scale[n_g:], strict=True))
+    net = snapshots.pressure[40] - condition.ambient_pressure
+    direct = problem.strain_operator[n_g:] @ net * inverse_map.sensors.scale[n_g:]
+    expected = dict(zip(reading, direct, strict=True))
+    area = vehicle.reference_quantities().area
+    extra = 0.6 * condition.ambient_pressure * area + 0.01 * condition.dynamic_pressure * area
+    expected["imu_axial"] += extra / IMU.mass_kg
+    expected["cell_axial"] += extra
+    for name, value in expected.items():
+        kind = inverse_map.sensors.kind[inverse_map.gauge_names.index(name)]
+        like = [abs(expected[one]) for one in expected if one.split("_")[0] == name.split("_")[0]]
+        assert reading[name] == pytest.approx(value, abs=2e-3 * max(like)), kind
+    assert reading["imu_axial"] == pytest.approx(expected["imu_axial"], rel=1e-3)
+
+
+def test_errors_of_gains_are_those_of_each_row(vehicle: Vehicle, equipped: tuple[InverseMap, Problem]) -> None:
+    """Displacement and fibres share Young's modulus with the gauges; ports, unit and cells have gains alone."""
+    inverse_map, _ = equipped
+    held, noise = inverse_map.manifold, vehicle.noise
+    assert held is not None
+    own = dict(zip(inverse_map.gauge_names, 100.0 * held.gain_std, strict=True))
+    common = dict(zip(inverse_map.gauge_names, 100.0 * held.common_gain, strict=True))
+    assert (own["port_0deg"], own["cell_yaw"], own["tip_up"]) == pytest.approx((0.25, CELLS.gain_percent, 0.5))
+    assert (common["port_0deg"], common["imu_normal"], common["cell_yaw"]) == (0.0, 0.0, 0.0)
+    assert common["tip_up"] == common["fibre_0deg_1"] == pytest.approx(noise.common_gain_percent)
+    first = inverse_map.gauge_names[0]
+    assert (own[first], common[first]) == pytest.approx((noise.gauge_gain_percent, noise.common_gain_percent))
+
+
+def test_broken_sensors_are_named_and_ranges_are_their_own(
+    vehicle: Vehicle, held_out: Snapshots, equipped: tuple[InverseMap, Problem]
+) -> None:
+    inverse_map, problem = equipped
+    flown = flights(with_sensors(vehicle, EVERY_KIND), inverse_map, problem, held_out, 1)
+    exact = ManifoldEstimator(inverse_map)
+    at = {
+        "dynamic_pressure": flown.dynamic_pressure,
+        "mach_number": flown.mach_number,
+        "static_pressure": flown.static_pressure,
+    }
+    names = inverse_map.gauge_names
+    port, cell = names.index("port_90deg"), names.index("cell_normal")
+    broken = flown.readings.copy()
+    broken[:, cell] += 500.0
+    one = exact.step(broken[0], **{name: float(value[0]) for name, value in at.items()})
+    assert one.suspects == (cell,)
+    broken = flown.readings.copy()
+    broken[:, port] = 3e5  # beyond the range of 2e5 Pa
+    one = exact.step(broken[0], **{name: float(value[0]) for name, value in at.items()})
+    assert one.health == HealthState.DEGRADED
+    assert np.flatnonzero(~one.valid).tolist() == [port]
+    zeros = exact.zeros
+    assert len(zeros.value) == inverse_map.n_strain_gauges
+
+
+def test_filter_splits_the_covariance_of_every_row(equipped: tuple[InverseMap, Problem]) -> None:
+    """Noise, what lasts in each row and what rows have in common add up to S of the static estimator."""
+    inverse_map, _ = equipped
+    manifold = inverse_map.manifold
+    assert manifold is not None
+    state = np.array([6.1, 0.06, -0.03, np.log(5e3)])
+    columns = error_columns(flight_model(inverse_map, manifold, FilterSettings(time_constant=0.5)), state)
+    found = columns.strain @ columns.strain.T + columns.considered @ columns.considered.T + columns.noise
+    value, n_d = evaluate(manifold.tables, state[None]).value, inverse_map.n_gauges
+    expected = strain_covariance(manifold, np.array([5e3]), value[:, :n_d], value[:, n_d:])[0]
+    size = np.sqrt(np.diagonal(expected))
+    np.testing.assert_allclose((found - expected) / size / size[:, None], 0.0, atol=1e-9)
+
+
+def test_filter_takes_sensors(vehicle: Vehicle, held_out: Snapshots, equipped: tuple[InverseMap, Problem]) -> None:
+    """The same flight ten times, noise drawn anew: forces get sharper, moments, which noise hardly moves, stay."""
+    inverse_map, problem = equipped
+    flown = flights(with_sensors(vehicle, EVERY_KIND), inverse_map, problem, held_out, 1)
+    random, static = np.random.default_rng(8), ManifoldEstimator(inverse_map)
+    assert inverse_map.sensors is not None
+    noise = inverse_map.noise_std * inverse_map.sensors.scale
+    held, found = FlightFilter(static, FilterSettings(time_constant=0.5)), []
+    q, mach, p = (float(one[0]) for one in flown[1:4])
+    for _ in range(10):
+        readings = flown.readings[0] + noise * random.standard_normal(inverse_map.n_gauges)
+        found.append(held.step(0.01, readings, q, mach_number=mach, static_pressure=p))
+    last = static.step(readings, q, mach_number=mach, static_pressure=p)
+    ratio = found[-1].coefficients_std / last.coefficients_std
+    assert np.all(ratio[:3] < 0.97)
+    assert np.all(ratio < 1.02)
+    apart = (found[-1].coefficients - flown.coefficients[0]) / last.coefficients_std
+    assert np.all(np.abs(apart) < 4.0)
+
+
+def test_map_is_kept_in_a_file_and_its_fmu_refused(tmp_path: Path, equipped: tuple[InverseMap, Problem]) -> None:
+    inverse_map, _ = equipped
+    save_inverse_map(inverse_map, tmp_path / "map.h5")
+    loaded = load_inverse_map(tmp_path / "map.h5").manifold
+    assert loaded is not None
+    assert inverse_map.manifold is not None
+    np.testing.assert_array_equal(loaded.gain_std, inverse_map.manifold.gain_std)
+    with pytest.raises(InputError, match=r"nonlinear estimator .* expected a map of strain gauges alone, got one"):
+        export_estimator(tmp_path / "map.h5", tmp_path / "estimator.fmu")
