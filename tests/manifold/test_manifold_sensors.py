@@ -67,13 +67,19 @@ class Flights(NamedTuple):
 
 
 def flights(vehicle: Vehicle, inverse_map: InverseMap, problem: Problem, held_out: Snapshots, n: int) -> Flights:
-    """Return held-out flows with every error drawn; base pressure and friction from their definitions."""
+    """Return held-out flows at any roll angle with every error drawn, those of M and p_inf too; q_inf is exact.
+
+    Base pressure and friction follow their definitions.
+    """
     random, conditions = np.random.default_rng(4), held_out.conditions()
     chosen = random.integers(len(conditions), size=n)
     p = np.array([conditions[i].ambient_pressure for i in chosen])
     q = np.array([conditions[i].dynamic_pressure for i in chosen])
     mach = np.array([conditions[i].mach_number for i in chosen])
-    net = held_out.pressure[chosen] - held_out.internal_pressure[chosen, None]
+    net, grid = held_out.pressure[chosen] - held_out.internal_pressure[chosen, None], held_out.grid
+    assert grid is not None
+    rings, turns = net.reshape(n, -1, grid.n_roll), random.integers(grid.n_roll, size=n)
+    net = np.array([np.roll(one, turn, axis=1).ravel() for one, turn in zip(rings, turns, strict=True)])
     rows, reference = net @ problem.strain_operator.T, vehicle.reference_quantities()
     for one in problem.errors:
         rows += net @ one.operator.T * random.standard_normal((n, 1 if one.common else len(one.operator)))
@@ -93,8 +99,10 @@ def flights(vehicle: Vehicle, inverse_map: InverseMap, problem: Problem, held_ou
         rows[:, n_g:] += np.outer(force, sensors.per_axial_force)
     rows += np.outer(inside * p * random.standard_normal(n), uniform)
     scale = 1.0 if inverse_map.sensors is None else inverse_map.sensors.scale
-    loads = net @ load_operator(held_out.grid, reference.moment_station).T
+    loads = net @ load_operator(grid, reference.moment_station).T
     size = reference.area * np.array([1.0, 1.0, 1.0, reference.length, reference.length])
+    mach = mach + vehicle.noise.navigation_mach_number * random.standard_normal(n)
+    p = p * (1.0 + 0.01 * vehicle.noise.navigation_static_pressure_percent * random.standard_normal(n))
     return Flights(rows * scale, q, mach, p, loads / (q[:, None] * size))
 
 

@@ -8,13 +8,18 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from flight_fmu import N_D, random_flight, whole_map
 from recorded_case import read_csv, suspect_names, write_csv
 from scaled_maps import NOMINAL, scaled_map
 from sensor_maps import LARGEST, ROWS, with_sensors
 
 from strainfmu.errors import InputError
+from strainfmu.estimator.filter.flight_filter import FlightFilter
+from strainfmu.estimator.filter.settings import FilterSettings
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, InverseMap, save_inverse_map
 from strainfmu.estimator.load_estimate import LoadEstimates
+from strainfmu.estimator.manifold.estimator import ManifoldEstimator
+from strainfmu.estimator.manifold.tracker import FlightTracker
 from strainfmu.estimator.step import Estimator
 from strainfmu.estimator.zeros import GaugeZeros
 from strainfmu.fmu.export import ExportOptions, export_estimator
@@ -144,6 +149,44 @@ def test_filter_takes_them_as_rows(folder: Path, tmp_path: Path) -> None:
     found, expected = read_csv(tmp_path / "o.csv"), read_csv(tmp_path / "q.csv")
     for name, values in expected.items():
         np.testing.assert_allclose(found[name], values, rtol=1e-7, err_msg=name)
+
+
+@pytest.mark.parametrize("filtered", [False, True])
+def test_nonlinear_estimator_takes_them(tmp_path: Path, filtered: bool) -> None:
+    """Recorded in units of their own, with thrust: the estimates of numpy step by step."""
+    held = with_sensors(whole_map())
+    save_inverse_map(held, tmp_path / "map.h5")
+    assert held.sensors is not None
+    flown = random_flight(held, K, seed=6)
+    rows = np.array([one.strain for one in flown])
+    rows[3:6, N_D - N_S + 2] = np.nan
+    readings = rows * held.sensors.scale + THRUST[:, None] * held.sensors.thrust_response
+    first = N_D - N_S
+    headings = ["time", *held.gauge_names[:first]]
+    columns = [1e-3 * np.arange(K), *readings[:, :first].T]
+    for name, values in zip(COLUMNS, readings[:, first:].T, strict=True):
+        unit, factor = UNITS.get(name, ("", 1.0))
+        headings.append(f"{name} [{unit}]" if unit else name)
+        columns.append(values / factor)
+    for name in ("mach_number", "dynamic_pressure"):
+        headings.append(name)
+        columns.append(np.array([one.flow[name] for one in flown]))
+    data = write_csv(tmp_path / "d.csv", [*headings, "thrust [N]"], *columns, THRUST)
+    estimate_file(tmp_path / "map.h5", data, tmp_path / "o.csv", time_constant=0.5 if filtered else None)
+    estimator, given = ManifoldEstimator(held), held.sensors.without_thrust(readings, THRUST)
+    tracker, memory = FlightTracker(estimator), FlightFilter(estimator, FilterSettings(time_constant=0.5))
+    found = read_csv(tmp_path / "o.csv")
+    for k, (one, row) in enumerate(zip(flown, given, strict=True)):
+        q, mach = one.flow["dynamic_pressure"], one.flow["mach_number"]
+        if filtered:
+            expected = memory.step(1.0 if k == 0 else 1e-3, row, q, mach_number=mach)
+        else:
+            expected = tracker.step(row, q, mach_number=mach)
+        for i, name in enumerate(COEFFICIENT_NAMES):
+            size = expected.coefficients_std[i]
+            assert found[f"{name} [1]"][k] == pytest.approx(expected.coefficients[i], abs=1e-6 * size)
+            assert found[f"sigma.{name} [1]"][k] == pytest.approx(size, rel=1e-6)
+        assert found["gauges_used [1]"][k] == (N_D - 1 if 3 <= k < 6 else N_D)
 
 
 def test_hdf5_arrays(folder: Path, tmp_path: Path) -> None:

@@ -21,6 +21,8 @@ ROWS = {
 }
 """Kind, unit, scale [unit/(m/m)] and response to thrust [unit/N] by name of the sensor."""
 
+_COMMON_GAIN = np.array([0.01 if kind in ("displacement", "fibre strain") else 0.0 for kind, *_ in ROWS.values()])
+
 LARGEST = 0.01
 """Largest |reading| of a sensor over its scale [m/m]."""
 
@@ -41,4 +43,9 @@ def sensor_rows(n_strains: int) -> SensorRows:
 def with_sensors(inverse_map: InverseMap) -> InverseMap:
     """Return ``inverse_map`` whose last rows are :data:`ROWS`."""
     n = inverse_map.n_gauges - len(ROWS)
-    return replace(inverse_map, gauge_names=(*inverse_map.gauge_names[:n], *ROWS), sensors=sensor_rows(n))
+    manifold = inverse_map.manifold
+    if manifold is not None:
+        gains = {"sensor_gain_std": 1e-3 * np.arange(len(ROWS)), "sensor_common_gain_std": _COMMON_GAIN}
+        manifold = replace(manifold, **gains)
+    names = (*inverse_map.gauge_names[:n], *ROWS)
+    return replace(inverse_map, gauge_names=names, sensors=sensor_rows(n), manifold=manifold)
