@@ -18,7 +18,6 @@ from strainfmu.cosim.trajectory import load_trajectory
 from strainfmu.cosim.zeros_file import load_zeros
 from strainfmu.errors import InputError
 from strainfmu.estimator.inverse_map import SCHEMA, SCHEMA_VERSION, InverseMap, load_inverse_map, save_inverse_map
-from strainfmu.estimator.sensors import refuse_sensors
 from strainfmu.estimator.tare import KnownStrain
 from strainfmu.files import content_hash_of
 from strainfmu.fmu import native_package, python_package
@@ -132,10 +131,6 @@ def export_estimator(
             linear = Path(folder) / "map.h5"
             save_inverse_map(replace(inverse_map, manifold=None), linear)
             return export_estimator(linear, fmu_path, options)
-    if inverse_map.manifold is not None:
-        refuse_sensors(
-            inverse_map.sensors, "FMU of the nonlinear estimator (--estimator linear exports the other)"
-        )
     content_hash = content_hash_of(map_path, SCHEMA, SCHEMA_VERSION)
     make = _native_estimator if options.kind == "native" else _python_estimator
     write_archive(fmu_path, make(map_path, inverse_map, content_hash, options))

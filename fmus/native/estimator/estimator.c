@@ -33,7 +33,7 @@ size_t thrust_input(const Estimator *e) {
 
 size_t first_parameter(const Estimator *e) {
     const int has_filter = e->map.section[FILTER_SECTION].content != NULL;
-    return behind_temperatures(e) + (has_filter || e->sensors.has_thrust ? 1 : 0);
+    return behind_temperatures(e) + (e->sensors.has_thrust ? 1 : 0) + (has_filter ? 1 : 0);
 }
 
 size_t estimator_inputs(const Estimator *e) {
@@ -117,7 +117,6 @@ Estimator *estimator_create(unsigned char *bytes, size_t length, char text[MODEL
     const int two_kinds = section[FURTHER_SECTION].content != NULL && section[FLIGHT_SECTION].content != NULL;
     const int filters_else = section[FLIGHT_SECTION].content == NULL || section[THERMAL_SECTION].content != NULL;
     if ((needs_form && !e->map.scaled) || (section[FLIGHT_LOADS_SECTION].content != NULL) != two_kinds
-        || (section[SENSOR_SECTION].content != NULL && section[FLIGHT_SECTION].content != NULL)
         || (section[FILTER_SECTION].content != NULL && filters_else)) {
         snprintf(text, MODEL_TEXT_SIZE, "holds sections that do not go together");
         estimator_free(e);
@@ -240,8 +239,7 @@ static int sensor_works(const Estimator *e, size_t which) {
     return fabs(sensor_reading(e, which)) <= e->sensors.largest[which];
 }
 
-/* Whether a gauge is in use: the caller trusts it, and its strain is a number within the sensor range. */
-static inline unsigned char in_use(const Estimator *e, size_t i, double range) {
+unsigned char gauge_in_use(const Estimator *e, size_t i, double range) {
     const size_t n = e->sensors.n_strains;
     return (unsigned char)(e->valid[i] & (i < n ? fabs(e->input[i]) <= range : sensor_works(e, i - n)));
 }
@@ -264,7 +262,7 @@ static int same_mask(const Estimator *e, double range) {
     }
     int changed = 0;
     for (size_t i = 0; i < n; i++) {
-        changed |= e->masked->mask[i] ^ in_use(e, i, range);
+        changed |= e->masked->mask[i] ^ gauge_in_use(e, i, range);
     }
     return !changed;
 }
@@ -277,7 +275,7 @@ static MaskedMap *masked_map(Estimator *e) {
         return e->masked;
     }
     for (size_t i = 0; i < n; i++) {
-        e->mask[i] = in_use(e, i, range);
+        e->mask[i] = gauge_in_use(e, i, range);
     }
     int oldest = 0;
     e->uses++;
@@ -434,7 +432,7 @@ void estimator_take_readings(Estimator *e) {
     const double range = e->input[e->map.n_gauges + SENSOR_RANGE];
     if (tare_is_averaging(&e->tare)) {
         for (size_t i = 0; i < e->sensors.n_strains; i++) {
-            e->tare.reading[i] = in_use(e, i, range) ? e->input[i] : NAN;
+            e->tare.reading[i] = gauge_in_use(e, i, range) ? e->input[i] : NAN;
         }
         tare_take(&e->tare, known_input(e, DYNAMIC_PRESSURE));
     }

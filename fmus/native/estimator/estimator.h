@@ -66,8 +66,8 @@ enum {
 
 /* After the scalars: zero of each strain gauge, deviation of each of them, deviation that they have in common [1]; then
    the temperature of each sensor [K], which may be NaN or the map's not_known; thrust [N], as temperatures, of a map
-   with sensors that it moves; or the time constant of the filter [s], 0 for none, of a map that has one, which has
-   neither. Then further parameters of the flow, as temperatures. */
+   with sensors that it moves; then the time constant of the filter [s], 0 for none, of a map that has one, which has
+   no temperatures. Then further parameters of the flow, as temperatures. */
 static inline size_t number_of_zeros(size_t n_strains) {
     return 2 * n_strains + 1;
 }
@@ -120,6 +120,10 @@ void estimator_free(Estimator *estimator);
 
 /* Number of inputs and settings. */
 size_t estimator_inputs(const Estimator *estimator);
+
+/* Whether a gauge is in use: the caller trusts it, and its reading is a number within its range, which is
+   `range` [m/m] for strain. */
+unsigned char gauge_in_use(const Estimator *estimator, size_t gauge, double range);
 
 /* Of the inputs, the first of the temperatures, thrust, SIZE_MAX for none, and the first of the parameters of the flow. */
 size_t first_temperature(const Estimator *estimator);

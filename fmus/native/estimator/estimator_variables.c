@@ -20,14 +20,14 @@ static int has_temperatures(const Estimator *e) {
     return e->thermal.present && e->thermal.map.n_sensors > 0;
 }
 
-/* Value reference of FMI 3.0 of thrust, or of the time constant of the filter. */
+/* Value reference of FMI 3.0 of the first of thrust and the time constant of the filter. */
 static unsigned thrust_reference(const Estimator *e) {
     return zero_reference(e) + ZERO_REFERENCES + (unsigned)has_temperatures(e);
 }
 
 /* Value reference of FMI 3.0 of the first of the further loads. */
 static unsigned further_reference(const Estimator *e) {
-    return thrust_reference(e) + (unsigned)(e->sensors.has_thrust || e->flight.filter.present);
+    return thrust_reference(e) + (unsigned)e->sensors.has_thrust + (unsigned)e->flight.filter.present;
 }
 
 static size_t n_sections(const Estimator *e) {
@@ -115,7 +115,7 @@ size_t input_of(const Estimator *e, size_t variable) {
         return variable - N_OUTPUTS;
     }
     const size_t scalar = variable - (N_OUTPUTS + 2 * n), zero = variable - first_zero(e);
-    if (zero < first_parameter(e) - (n + N_ALL_SCALARS)) { /* zeros, then temperatures, then thrust or the filter's */
+    if (zero < first_parameter(e) - (n + N_ALL_SCALARS)) { /* zeros, then temperatures, thrust, the filter's */
         return n + N_ALL_SCALARS + zero;
     }
     if (variable - first_parameter_variable(e) < e->parameters.count) {
@@ -148,16 +148,18 @@ static Selection tare_array(const Estimator *e, size_t which) {
     return (Selection){NULL, first, which == 2 || which == 3 ? n : 1};
 }
 
-/* Zeros, their deviations, that in common, then temperatures, then a scalar. */
+/* Zeros, their deviations, that in common, then temperatures, then scalars. */
 static Selection input_array(const Estimator *e, unsigned reference) {
     const size_t n = e->sensors.n_strains, which = reference - zero_reference(e), first = first_zero(e);
     if (which < ZERO_REFERENCES) {
         return (Selection){NULL, first + which * n, which < 2 ? n : 1};
     }
     const size_t n_temperatures = e->thermal.present ? e->thermal.map.n_sensors : 0;
-    const int is_temperature = reference < thrust_reference(e);
-    return (Selection){NULL, first + number_of_zeros(n) + (is_temperature ? 0 : n_temperatures),
-                       is_temperature ? n_temperatures : 1};
+    const size_t temperatures = first + number_of_zeros(n);
+    if (reference < thrust_reference(e)) {
+        return (Selection){NULL, temperatures, n_temperatures};
+    }
+    return (Selection){NULL, temperatures + n_temperatures + (reference - thrust_reference(e)), 1};
 }
 
 static Selection further_array(const Estimator *e, size_t which) {

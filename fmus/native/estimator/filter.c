@@ -35,7 +35,7 @@ size_t filter_doubles(Filter *filter, FlightSolver *solver) {
     filter->n_read = filter->first_e + 1 + flight->n_common + filter->map.n_shared;
     filter->n = filter->n_read + N_STATES;
     filter->order = in_lanes(filter->n);
-    filter->n_terms = (flight->gauge_gain_std > 0.0) + filter->map.n_own + filter->map.n_terms;
+    filter->n_terms = (size_t)flight->has_gain_error + filter->map.n_own + filter->map.n_terms;
     filter->n_considered = filter->n_terms * filter->gauges;
     return 4 * law_doubles(filter) + sample_doubles(filter);
 }

@@ -73,7 +73,7 @@ static void set_read(Filter *filter) {
         for (size_t k = 0; k < map->n_seen; k++) {
             seen[k * rows + g] = pressure * map->seen_strain[k * n + g];
         }
-        gain[g] = flight->common_gain_std * solver->response.value[g];
+        gain[g] = flight->common_gain[g] * solver->response.value[g];
         for (size_t k = 0; k < map->n_shared; k++) {
             shared[k * rows + g] = map->shared[k * n + g];
         }
@@ -87,9 +87,9 @@ static void set_terms(Filter *filter) {
     const FlightSolver *solver = filter->solver;
     const FilterMap *map = &filter->map;
     double *term = filter->term;
-    if (solver->map->gauge_gain_std > 0.0) {
+    if (solver->map->has_gain_error) {
         for (size_t g = 0; g < solver->n_gauges; g++) {
-            term[g] = solver->map->gauge_gain_std * solver->response.value[g];
+            term[g] = solver->map->gain_std[g] * solver->response.value[g];
         }
         term += filter->gauges;
     }

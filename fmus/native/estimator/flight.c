@@ -80,7 +80,7 @@ static size_t set_strain(Estimator *e) {
     Sample *sample = &e->flight.solver.sample;
     size_t count = 0;
     for (size_t g = 0; g < e->map.n_gauges; g++) {
-        sample->used[g] = (unsigned char)(e->valid[g] & (fabs(e->input[g]) <= range));
+        sample->used[g] = gauge_in_use(e, g, range);
         sample->strain[g] = sample->used[g] ? e->strain[g] : 0.0;
         count += sample->used[g];
     }

@@ -7,7 +7,7 @@
 #include "step_parts.h"
 
 size_t filter_setting(const Estimator *e) {
-    return e->flight.filter.present ? first_temperature(e) : SIZE_MAX;
+    return e->flight.filter.present ? first_parameter(e) - 1 : SIZE_MAX;
 }
 
 int filter_accepts(const Filter *filter, double time_constant, char text[MODEL_TEXT_SIZE]) {
@@ -21,7 +21,7 @@ int filter_accepts(const Filter *filter, double time_constant, char text[MODEL_T
 }
 
 int flight_filters(const Estimator *e) {
-    const size_t n = e->map.n_gauges;
+    const size_t n = e->sensors.n_strains;
     const double *std = zeros_in_use(e) + n;
     if (!e->flight.filter.present || !(e->input[filter_setting(e)] > 0.0)) {
         return 0;

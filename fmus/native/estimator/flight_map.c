@@ -6,7 +6,7 @@
 #include "map_resource.h"
 
 #define N_FLIGHT_SIZES 8
-#define N_FLIGHT_SCALARS 52
+#define N_FLIGHT_SCALARS 50
 #define MAX_ITERATIONS 1000
 #define MAX_KNOTS 4096
 #define MAX_SHAPES 64
@@ -55,7 +55,7 @@ int sensible_terms(const TableMap *tables) {
 static size_t number_of_doubles(const FlightMap *map, size_t n) {
     const size_t loads = N_LOADS;
     return N_FLIGHT_SCALARS + map->tables.n_mach + map->tables.n_incidence + table_doubles(&map->tables)
-         + 2 * n * n + loads * n + loads * loads
+         + 2 * n + 2 * n * n + loads * n + loads * loads
          + N_PAIRS * n + 6 * map->n_common * n + map->n_shapes * n + n + N_NAVIGATION + 1;
 }
 
@@ -84,8 +84,6 @@ static void take_scalars(FlightMap *map, const double **next) {
     copy(next, map->error, N_NAVIGATION);
     map->chi_square_scale = *take_doubles(next, 1);
     map->outlier_scale = *take_doubles(next, 1);
-    map->gauge_gain_std = *take_doubles(next, 1);
-    map->common_gain_std = *take_doubles(next, 1);
     copy(next, map->prior_mean, N_STATES);
     copy(next, map->prior_precision, N_STATES);
     copy(next, map->largest_step, N_STATES);
@@ -111,6 +109,12 @@ static void take_arrays(FlightMap *map, const double **next, size_t n) {
     map->tables.mach_knots = take_doubles(next, map->tables.n_mach);
     map->tables.incidence_knots = take_doubles(next, map->tables.n_incidence);
     take_tables(&map->tables, next);
+    map->gain_std = take_doubles(next, n);
+    map->common_gain = take_doubles(next, n);
+    map->has_gain_error = 0;
+    for (size_t g = 0; g < n; g++) {
+        map->has_gain_error |= map->gain_std[g] > 0.0;
+    }
     map->gauge_covariance = take_doubles(next, n * n);
     map->scaled_covariance = take_doubles(next, n * n);
     map->load_strain_covariance = take_doubles(next, N_LOADS * n);

@@ -37,7 +37,7 @@ typedef struct {
     double crossflow_middle[2], crossflow_half[2];      /* of the ranges of u and w [rad] */
     double error[N_NAVIGATION]; /* of navigation without a deviation: of M [1], relative ones of p_inf and q_inf */
     double chi_square_scale, outlier_scale;
-    double gauge_gain_std, common_gain_std;
+    int has_gain_error;                    /* of any row's own */
     double prior_mean[N_STATES], prior_precision[N_STATES];
     double largest_step[N_STATES];
     double navigation_limit[N_NAVIGATION]; /* standardised residuals above which navigation is inconsistent */
@@ -49,6 +49,7 @@ typedef struct {
     double half_gamma, log_half_gamma;
     double search_every, return_after; /* steps */
     double start_iterations, cold_iterations, warm_iterations; /* the first an even number */
+    const double *gain_std, *common_gain;               /* (n_gauges) */
     const double *gauge_covariance, *scaled_covariance; /* (n_gauges, n_gauges) */
     const double *load_strain_covariance;               /* (5, n_gauges) */
     const double *load_covariance;                      /* (5, 5) */

@@ -100,9 +100,9 @@ void flight_proportional_errors(FlightSolver *solver, double *own) {
         }
     }
     for (size_t g = 0; g < n_gauges; g++) {
-        const double gain = map->gauge_gain_std * strain[g];
+        const double gain = map->gain_std[g] * strain[g];
         own[g] = square * (own[g] > 0.0 ? own[g] : 0.0) + gain * gain;
-        solver->columns[map->n_common * n + g] = map->common_gain_std * strain[g];
+        solver->columns[map->n_common * n + g] = map->common_gain[g] * strain[g];
     }
     for (size_t t = 0; t < map->n_common; t++) {
         double *column = solver->columns + t * n;

@@ -82,8 +82,8 @@ void tangents_proportional(const FlightSolver *solver, Tangents *tangents, size_
             }
         }
         tangents->own[g] = (sum > 0.0 ? pressure * pressure * (2.0 * growth * sum + d_sum) : 0.0)
-                         + 2.0 * map->gauge_gain_std * map->gauge_gain_std * strain[g] * slope[g];
-        tangents->columns[map->n_common * n + g] = map->common_gain_std * slope[g];
+                         + 2.0 * map->gain_std[g] * map->gain_std[g] * strain[g] * slope[g];
+        tangents->columns[map->n_common * n + g] = map->common_gain[g] * slope[g];
     }
     for (size_t t = 0; t < map->n_common; t++) {
         for (size_t g = 0; g < n_gauges; g++) {
