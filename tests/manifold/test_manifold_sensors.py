@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from fmu_host import loaded
 
 from builder.aero.loads import load_operator
 from builder.campaign.snapshots import Snapshots
@@ -27,7 +28,9 @@ from strainfmu.estimator.manifold.error_covariance import strain_covariance
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimates
 from strainfmu.estimator.manifold.flight_tables import evaluate
-from strainfmu.fmu.export import export_estimator
+from strainfmu.estimator.manifold.tracker import FlightTracker
+from strainfmu.fmu.export import ExportOptions, export_estimator
+from strainfmu.interface.sensor_variables import reading_names
 from tests.inverse.test_sensors import CELLS, FIBRE, IMU, POINTS, PORTS
 
 EVERY_KIND = Sensors(
@@ -281,11 +284,38 @@ def test_filter_takes_sensors(vehicle: Vehicle, held_out: Snapshots, equipped: t
     assert np.all(np.abs(apart) < 4.0)
 
 
-def test_map_is_kept_in_a_file_and_exported(tmp_path: Path, equipped: tuple[InverseMap, Problem]) -> None:
-    inverse_map, _ = equipped
+def test_map_is_kept_in_a_file_and_its_fmu_gives_what_numpy_does(
+    tmp_path: Path, vehicle: Vehicle, held_out: Snapshots, equipped: tuple[InverseMap, Problem]
+) -> None:
+    """Flights of the vehicle, one sensor of each kind lost in turn, with thrust."""
+    inverse_map, problem = equipped
     save_inverse_map(inverse_map, tmp_path / "map.h5")
-    loaded = load_inverse_map(tmp_path / "map.h5").manifold
-    assert loaded is not None
+    loaded_map = load_inverse_map(tmp_path / "map.h5")
     assert inverse_map.manifold is not None
-    np.testing.assert_array_equal(loaded.gain_std, inverse_map.manifold.gain_std)
-    assert export_estimator(tmp_path / "map.h5", tmp_path / "estimator.fmu") == "manifold"
+    assert loaded_map.manifold is not None
+    np.testing.assert_array_equal(loaded_map.manifold.gain_std, inverse_map.manifold.gain_std)
+    options = ExportOptions(platforms=["linux64"])
+    assert export_estimator(tmp_path / "map.h5", tmp_path / "e.fmu", options) == "manifold"
+    lost = ["none", "port_90deg", "imu_axial", "imu_pitch", "cell_axial", "tip_up", "fibre_90deg_1"]
+    flown = flights(with_sensors(vehicle, EVERY_KIND), inverse_map, problem, held_out, len(lost))
+    sensors, thrust, tracker = inverse_map.sensors, 250.0, FlightTracker(ManifoldEstimator(inverse_map))
+    assert sensors is not None
+    names = ["C_A", "C_N", "C_Y", "M_P", "M_Y"]
+    with loaded(tmp_path / "e.fmu", tmp_path / "x") as host:
+        host.initialize()
+        for k, name in enumerate(lost):
+            readings = flown.readings[k] + thrust * sensors.thrust_response
+            readings[[one == name for one in inverse_map.gauge_names]] = np.nan
+            flow = {
+                "dynamic_pressure": float(flown.dynamic_pressure[k]),
+                "mach_number": float(flown.mach_number[k]),
+                "static_pressure": float(flown.static_pressure[k]),
+            }
+            one = tracker.step(sensors.without_thrust(readings, thrust), **flow)
+            assert one.valid.sum() == inverse_map.n_gauges - (k > 0)
+            host.set([*reading_names(inverse_map), *flow, "thrust"], [*readings, *flow.values(), thrust])
+            host.fmu.doStep(0.01 * k, 0.01)
+            apart = (host.get(names) - one.coefficients) / one.coefficients_std
+            np.testing.assert_allclose(apart, 0.0, atol=1e-7)
+            sigma = host.get([f"sigma.{one}" for one in names])
+            np.testing.assert_allclose(sigma, one.coefficients_std, rtol=1e-7)
