@@ -59,13 +59,14 @@ def built(vehicle: Vehicle, snapshots: Snapshots, structure: StructuralModel) ->
 
 
 class Flights(NamedTuple):
-    """Readings in units, q_inf, M, p_inf and coefficients of n flights."""
+    """Readings in units, q_inf, M, p_inf and coefficients of n flights, and pressure on the surface (n, n_p)."""
 
     readings: FloatArray
     dynamic_pressure: FloatArray
     mach_number: FloatArray
     static_pressure: FloatArray
     coefficients: FloatArray
+    pressure: FloatArray
 
 
 def flights(vehicle: Vehicle, inverse_map: InverseMap, problem: Problem, held_out: Snapshots, n: int) -> Flights:
@@ -103,9 +104,10 @@ def flights(vehicle: Vehicle, inverse_map: InverseMap, problem: Problem, held_ou
     scale = 1.0 if inverse_map.sensors is None else inverse_map.sensors.scale
     loads = net @ load_operator(grid, reference.moment_station).T
     size = reference.area * np.array([1.0, 1.0, 1.0, reference.length, reference.length])
+    pressure = net + p[:, None]
     mach = mach + vehicle.noise.navigation_mach_number * random.standard_normal(n)
     p = p * (1.0 + 0.01 * vehicle.noise.navigation_static_pressure_percent * random.standard_normal(n))
-    return Flights(rows * scale, q, mach, p, loads / (q[:, None] * size))
+    return Flights(rows * scale, q, mach, p, loads / (q[:, None] * size), pressure)
 
 
 def estimated(inverse_map: InverseMap, flown: Flights, *without: str) -> FlightEstimates:
@@ -319,3 +321,23 @@ def test_map_is_kept_in_a_file_and_its_fmu_gives_what_numpy_does(
             np.testing.assert_allclose(apart, 0.0, atol=1e-7)
             sigma = host.get([f"sigma.{one}" for one in names])
             np.testing.assert_allclose(sigma, one.coefficients_std, rtol=1e-7)
+
+
+def test_ports_sharpen_the_pressure_about_them(
+    vehicle: Vehicle, snapshots: Snapshots, held_out: Snapshots, structure: StructuralModel
+) -> None:
+    """By a quarter at the node next to a port, with the true pressure within 3 standard deviations everywhere."""
+    holding = with_sensors(vehicle, Sensors(ports=PORTS))
+    holding = holding.model_copy(update={"map": holding.map.model_copy(update={"keep_field": True})})
+    inverse_map, problem = built(holding, snapshots, structure)
+    flown, grid = flights(holding, inverse_map, problem, held_out, 12), structure.surface
+    node = int(np.argmin(np.abs(grid.x - PORTS.x_m))) * grid.n_roll
+    with_ports, alone = estimated(inverse_map, flown, "none"), estimated(inverse_map, flown, "port")
+    inside, ratio = [], []
+    for k, true in enumerate(flown.pressure):
+        one, other = with_ports[k].pressure(), alone[k].pressure()
+        inside.append(np.abs(one.pressure - true) <= 3.0 * one.std)
+        ratio.append(one.std[node] / other.std[node])
+    assert np.mean(ratio) < 0.75
+    assert np.mean(inside) >= 0.99
+    assert np.mean(np.array(inside)[:, node : node + grid.n_roll]) >= 0.99
