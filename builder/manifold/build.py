@@ -199,6 +199,8 @@ def _scaled_nuisance(nuisance: Sequence[NoiseTerm], problem: Problem) -> dict[st
             columns, further = term.strain.shape[1], problem.further_operator
             load = np.zeros((5, columns)) if term.load is None else term.load
             none = np.zeros((0 if further is None else len(further), columns))
-            found[term.name] = np.vstack([term.strain, load, none if term.further is None else term.further])
+            # Terms are those of the gauges: they have no part in further sensors.
+            strain = np.pad(term.strain, ((0, len(problem.strain_operator) - len(term.strain)), (0, 0)))
+            found[term.name] = np.vstack([strain, load, none if term.further is None else term.further])
             found[term.name] /= pressure
     return found

@@ -12,9 +12,10 @@ from fmu_host import loaded
 from builder.aero.loads import load_operator
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map, inverse_problem
+from builder.inverse.noise_model import NoiseTerm
 from builder.inverse.sensors import base_area
 from builder.inverse.solution import Problem
-from builder.manifold.build import with_manifold
+from builder.manifold.build import manifold_map, with_manifold
 from builder.structure.fourier.model import StructuralModel
 from builder.vehicle.file import Vehicle
 from builder.vehicle.sensor_entries import Sensors
@@ -341,3 +342,18 @@ def test_ports_sharpen_the_pressure_about_them(
     assert np.mean(ratio) < 0.75
     assert np.mean(inside) >= 0.99
     assert np.mean(np.array(inside)[:, node : node + grid.n_roll]) >= 0.99
+
+
+def test_further_terms_are_those_of_the_gauges(
+    vehicle: Vehicle, snapshots: Snapshots, structure: StructuralModel, equipped: tuple[InverseMap, Problem]
+) -> None:
+    """A nuisance that scales widens the gauges' covariance and leaves the sensors' alone."""
+    inverse_map, problem = equipped
+    n_g = inverse_map.n_strain_gauges
+    term = NoiseTerm("warmth", 1e-6 * np.ones((n_g, 1)), scales=True)
+    wide, _ = manifold_map(with_sensors(vehicle, EVERY_KIND), snapshots, structure, problem, [term])
+    assert inverse_map.manifold is not None
+    held = inverse_map.manifold.scaled_covariance
+    added = (wide.scaled_covariance - held) / np.sqrt(np.outer(np.diagonal(held), np.diagonal(held)))
+    assert np.all(np.diagonal(added)[:n_g] > 1e-3)
+    np.testing.assert_allclose(added[n_g:, n_g:], 0.0, atol=1e-9)
