@@ -108,10 +108,10 @@ def outside_by_navigation(
     outside |= (altitude < ranges.altitude[0]) | (altitude > ranges.altitude[1])
     if np.all(np.isnan(mach) | np.isnan(altitude)):  # nothing to compare the dynamic pressure with
         return np.asarray(outside)
-    with np.errstate(over="ignore"):  # of a Mach number that is none
+    with np.errstate(over="ignore", invalid="ignore"):  # of values out of range, which are outside already
         expected = 0.5 * HEAT_CAPACITY_RATIO * mach * mach * static_pressure_at(altitude)
-    allowed = PRESSURE_TOLERANCE * expected + 3.0 * dynamic_pressure_std
-    return np.asarray(outside | (np.abs(q - expected) > allowed))
+        allowed = PRESSURE_TOLERANCE * expected + 3.0 * dynamic_pressure_std
+        return np.asarray(outside | (np.abs(q - expected) > allowed))
 
 
 def static_pressure_at(altitude: FloatArray) -> FloatArray:

@@ -91,9 +91,9 @@ class SignalPlan:
         number = raw.astype(np.float64)
         if self._any_unsigned:
             number = np.where(self._unsigned, raw.view("<u8").astype(np.float64), number)
-        for index, kind in self._floats:
-            number[index] = raw[index : index + 1].view(kind)[0]
         with np.errstate(over="ignore", invalid="ignore"):  # a value beyond float64 is refused as out of range
+            for index, kind in self._floats:
+                number[index] = raw[index : index + 1].view(kind)[0]
             return number * self._scale + self._offset
 
     def value_reader(self, index: int) -> Callable[[int], float]:
