@@ -268,7 +268,7 @@ def test_filter_splits_the_covariance_of_every_row(equipped: tuple[InverseMap, P
 
 
 def test_filter_takes_sensors(vehicle: Vehicle, held_out: Snapshots, equipped: tuple[InverseMap, Problem]) -> None:
-    """The same flight ten times, noise drawn anew: forces get sharper, moments, which noise hardly moves, stay."""
+    """One flight ten times, noise new each time: forces get sharper; moments, which noise hardly moves, stay."""
     inverse_map, problem = equipped
     flown = flights(with_sensors(vehicle, EVERY_KIND), inverse_map, problem, held_out, 1)
     random, static = np.random.default_rng(8), ManifoldEstimator(inverse_map)

@@ -122,7 +122,7 @@ def _conditions(manifold: ManifoldMap, rows: ComplexArray, used: BoolArray, know
     state, strain, values and deviations of navigation."""
     n_d = manifold.tables.n_gauges
     state, strain, value, std = np.split(rows, [4, 4 + n_d, 7 + n_d], axis=1)
-    response = evaluate(manifold.tables, state)  # type: ignore[arg-type]
+    response = evaluate(manifold.tables, state)  # type: ignore[arg-type]  # complex steps
     model, pressure = response.value, np.exp(state[:, LOG_PRESSURE])
     covariance = strain_covariance(manifold, pressure, model[:, :n_d], model[:, n_d:])
     residual = np.where(used, strain - model[:, :n_d], 0.0)
