@@ -32,9 +32,14 @@ def sensor_names(inverse_map: InverseMap) -> tuple[str, ...]:
     found: dict[str, None] = {}
     first = inverse_map.n_strain_gauges
     for number, name in enumerate(inverse_map.gauge_names[first:], start=first + 1):
-        known = PREFIX + re.sub(r"[^A-Za-z0-9_]|^(?=[0-9])", "_", name)
+        known = PREFIX + identifier(name)
         found[f"{known}_{number}" if known in found else known] = None
     return tuple(found)
+
+
+def identifier(name: str) -> str:
+    """Return ``name`` with an underscore for what an identifier cannot hold."""
+    return re.sub(r"[^A-Za-z0-9_]|^(?=[0-9])", "_", name)
 
 
 def reading_units(inverse_map: InverseMap) -> dict[str, str]:

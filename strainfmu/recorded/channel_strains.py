@@ -11,7 +11,7 @@ import numpy as np
 
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.recorded.channel_readers import open_channels
-from strainfmu.recorded.column_names import Wanted, columns_to_read, last_part
+from strainfmu.recorded.column_names import Wanted, columns_to_read, quantity_of
 from strainfmu.recorded.columns import plan_columns
 from strainfmu.recorded.mdf_file import opened_mdf
 from strainfmu.recorded.rasters import Channel, on_one_raster
@@ -41,7 +41,7 @@ def mf4_strains(path: Path, wanted: Wanted) -> Iterator[StrainFile]:
         strains = [
             name
             for name in channels
-            if last_part(name) not in wanted.flow and sensor_of(name, wanted.sensors) is None
+            if quantity_of(name, wanted.readings) not in wanted.flow and sensor_of(name, wanted.sensors) is None
         ]
         merged = on_one_raster(path, channels, strains)
         columns: dict[str, Any] = {"time": merged.time, **dict.fromkeys(names), **merged.values}

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from pathlib import Path
 
 from strainfmu.errors import InputError
 from strainfmu.interface.fmi_variables import COEFFICIENTS
+from strainfmu.interface.sensor_variables import identifier
 from strainfmu.recorded.strain_level import LevelReference
 from strainfmu.recorded.temperature_columns import is_temperature, sensor_of
 
@@ -98,6 +99,17 @@ def last_part(name: str) -> str:
     return name.rpartition(".")[2]
 
 
+def quantity_of(name: str, readings: Container[str]) -> str:
+    """Return the quantity that a column's name states behind an instance's name and a dot.
+
+    One of ``readings``, which are identifiers, may be written as the sensor is called: ``port_0.2m`` is
+    ``port_0_2m``.
+    """
+    parts = name.split(".")
+    ends = (identifier(".".join(parts[first:])) for first in range(len(parts)))
+    return next((end for end in ends if end in readings), parts[-1])
+
+
 def strain_number(name: str) -> int | None:
     """Return i of ``strain[i]`` or ``instance.strain[i]``, None for another name."""
     match = _INDEX.fullmatch(last_part(name))
@@ -152,7 +164,7 @@ def is_read(name: str, wanted: Wanted) -> bool:
     """Return whether a column of this name is one of time, gauges and flow."""
     if name in wanted.gauge_names or name.lower() in TIME_NAMES:
         return True
-    if last_part(name) in wanted.flow:
+    if quantity_of(name, wanted.readings) in wanted.flow:
         return not _is_output(name)
     if sensor_of(name, wanted.sensors) is not None:
         return True
@@ -190,7 +202,7 @@ def _unknown_text(unknown: Sequence[str], names: Sequence[str], wanted: Wanted) 
 
 def _nearest(name: str, names: Sequence[str], wanted: Wanted) -> str | None:
     """Return the known name that ``name`` most resembles, None without one; names that are there are no choice."""
-    there = {last_part(other) for other in names} | set(names)
+    there = {quantity_of(other, wanted.readings) for other in names} | set(names)
     known = [one for one in ("time", *wanted.flow, *wanted.gauge_names) if one not in there]
     plain = last_part(name).lower()
     other = _OTHER_NAMES.get(re.sub("[^a-z0-9]", "", plain))

@@ -16,7 +16,7 @@ from strainfmu.recorded.column_names import (
     TIME_NAMES,
     Wanted,
     columns_to_read,
-    last_part,
+    quantity_of,
     some_of,
     split_heading,
     strain_number,
@@ -240,7 +240,8 @@ def plan_columns(
     indices = _gauge_columns(path, names, gauge_names=wanted.gauge_names, read=read)
     factors = [strain_factor(path, headings[i], given[i]) for i in indices]
     flow, passed = {}, []
-    by_name = {n: [i for i in read if last_part(names[i]) == n and i not in indices] for n in wanted.flow}
+    quantity = {i: quantity_of(names[i], wanted.readings) for i in read if i not in indices}
+    by_name = {name: [i for i, held in quantity.items() if held == name] for name in wanted.flow}
     held = [name for name, found in by_name.items() if found]
     is_computed = wanted.computes_pressure and bool(pressure_sources(held))
     for name, found in by_name.items():
@@ -260,7 +261,7 @@ def plan_columns(
         fixed_pressure=float("nan") if wanted.fixed_pressure is None else wanted.fixed_pressure,
         unused=(*unused, *passed),
         reference=wanted.reference,
-        temperature=temperature_columns(path, names, given, [i for i in read if i not in indices], wanted.sensors),
+        temperature=temperature_columns(path, names, given, list(quantity), wanted.sensors),
         sensors=wanted.sensors,
         readings=tuple(wanted.readings),
     )

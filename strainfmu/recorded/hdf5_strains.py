@@ -11,7 +11,7 @@ import h5py
 import numpy as np
 
 from strainfmu.errors import InputError
-from strainfmu.recorded.column_names import Wanted, columns_to_read
+from strainfmu.recorded.column_names import Wanted, columns_to_read, quantity_of
 from strainfmu.recorded.columns import (
     ColumnPlan,
     StrainBlock,
@@ -61,19 +61,21 @@ def _is_column(item: Any) -> bool:
 
 def _hdf5_arrays(path: Path, file: h5py.File, wanted: Wanted) -> StrainFile:
     """Read ``strain`` (n, n_d), ``time`` (n,), the flow, each a number or (n,), and ``temperature`` (n, n_t)."""
-    known = (*_ARRAYS, *((_TEMPERATURE,) if wanted.sensors else ()), *wanted.flow)
+    readings = [name for name in file if quantity_of(name, wanted.readings) in wanted.readings]
+    known = (*_ARRAYS, *((_TEMPERATURE,) if wanted.sensors else ()), *wanted.flow, *readings)
     read, unused = columns_to_read(path, list(file), wanted, known=known)
     names = [list(file)[column] for column in read]
     fixed = wanted.fixed_pressure
-    found = [name for name in wanted.flow if name in names]
-    held = [name for name in found if not passes_over(name, found, wanted)]
+    found = _data_sets(path, names, wanted)
+    held = {name: found[name] for name in found if not passes_over(name, list(found), wanted)}
     is_known = fixed is not None or (wanted.computes_pressure and pressure_sources(held))
     is_needed = wanted.needs_pressure and not is_known
     needed = ("strain", "time", "dynamic_pressure") if is_needed else ("strain", "time")
-    for name in dict.fromkeys((*needed, *held)):
+    for name in dict.fromkeys((*needed, *held.values())):
         if name not in names or not isinstance(file[name], h5py.Dataset):
             raise InputError(f"{path}: no data set '{name}' found, it holds {', '.join(file) or 'nothing'}")
-    _check_shapes(path, file, n_d=len(wanted.gauge_names), held=held)
+    flow = [file[name] for name in held.values()]
+    _check_shapes(path, file, n_d=len(wanted.gauge_names), held=list(held.values()))
     if "gauge_names" in names:
         _check_gauge_order(path, file, wanted.gauge_names)
     n_d, strain, time = len(wanted.gauge_names), file["strain"], file["time"]
@@ -81,24 +83,38 @@ def _hdf5_arrays(path: Path, file: h5py.File, wanted: Wanted) -> StrainFile:
     first = 1 + n_d + len(held)
     plan = ColumnPlan(
         path=path,
-        names=("time", *(f"strain, {gauge}" for gauge in wanted.gauge_names), *held, *wanted.sensors),
+        names=("time", *(f"strain, {gauge}" for gauge in wanted.gauge_names), *held.values(), *wanted.sensors),
         time=0,
         time_factor=time_factor(path, "time", _unit(path, "time", time)),
         strain=tuple(range(1, n_d + 1)),
         strain_factor=np.full(n_d, strain_factor(path, "strain", _unit(path, "strain", strain))),
         flow={
-            name: (column, flow_factor(path, name, name, _unit(path, name, file[name]), wanted.readings))
-            for column, name in enumerate(held, start=n_d + 1)
+            quantity: (column, flow_factor(path, name, quantity, _unit(path, name, file[name]), wanted.readings))
+            for column, (quantity, name) in enumerate(held.items(), start=n_d + 1)
         },
         fixed_pressure=float("nan") if fixed is None else fixed,
-        unused=(*unused, *(name for name in wanted.flow if name in names and name not in held)),
+        unused=(*unused, *(found[name] for name in found if name not in held)),
         reference=wanted.reference,
         temperature=_sensors(path, warm, first, len(wanted.sensors), len(time)),
         sensors=wanted.sensors,
         readings=tuple(wanted.readings),
     )
-    flow = [file[name] for name in held]
     return StrainFile(len(time), _hdf5_blocks(plan, time, strain=strain, flow=flow, warm=warm), plan)
+
+
+def _data_sets(path: Path, names: list[str], wanted: Wanted) -> dict[str, str]:
+    """Return the data set of each quantity of the flow, of further sensors under any of its names."""
+    found: dict[str, str] = {}
+    for name in names:
+        reading = quantity_of(name, wanted.readings)
+        quantity = reading if reading in wanted.readings else name
+        if quantity in found:
+            raise InputError(
+                f"{path}: expected one data set for {quantity}, got 2: '{found[quantity]}' and '{name}'"
+            )
+        if quantity in wanted.flow:
+            found[quantity] = name
+    return {name: found[name] for name in wanted.flow if name in found}
 
 
 def _sensors(path: Path, warm: Any, first: int, n_t: int, n: int) -> tuple[TemperatureColumn | None, ...]:

@@ -14,7 +14,7 @@ from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.interface.parameter_variables import PREFIX
 from strainfmu.interface.sensor_variables import PREFIX as SENSOR_PREFIX
-from strainfmu.interface.sensor_variables import THRUST
+from strainfmu.interface.sensor_variables import THRUST, identifier
 from strainfmu.recorded.bridges import BENDING
 from strainfmu.recorded.channel_conversion import channel_strain, differs, rosette_weights, unit_of_channel
 from strainfmu.recorded.channel_entries import COMPENSATIONS, ChannelMap
@@ -241,7 +241,9 @@ def _read_flow(file: ChannelFile, mapping: ChannelMap, wanted: Wanted, clock: _C
             raise InputError(
                 f"{file.path}: no channel '{entry.name}' of {mapping.path}: {entry.where} found, {near}"
             )
-        quantity = entry.quantity.removeprefix(PREFIX).removeprefix(SENSOR_PREFIX)
+        quantity = entry.quantity.removeprefix(PREFIX)
+        if quantity.startswith(SENSOR_PREFIX):
+            quantity = identifier(quantity.removeprefix(SENSOR_PREFIX))
         if quantity in stated:
             raise InputError(f"{mapping.path}: {entry.where}: expected one channel of {entry.quantity}, got two")
         unit = entry.unit or file.units.get(name)

@@ -107,6 +107,30 @@ def test_columns_in_units_of_their_own(folder: Path, tmp_path: Path, source: str
     assert not summary.unused
 
 
+OWN_NAME = "displacement_0.2m_45deg"
+"""Name of a sensor in the map that no identifier can be."""
+
+
+@pytest.mark.parametrize("source", ["map.h5", "e.fmu"])
+@pytest.mark.parametrize("prefix", ["", "sensor.", "plant.sensor."])
+def test_a_sensor_by_its_own_name(folder: Path, tmp_path: Path, source: str, prefix: str) -> None:
+    rows, readings = drawn()
+    data = written(tmp_path / "d.csv", readings)
+    text = data.read_text(encoding="utf-8")
+    data.write_text(text.replace("displacement_0_2m_45deg", prefix + OWN_NAME), encoding="utf-8")
+    assert not estimate_file(folder / source, data, tmp_path / "o.csv", NOMINAL).notes
+    check(tmp_path / "o.csv", expected_of(rows))
+
+
+def test_both_names_of_a_sensor_are_one_too_many(folder: Path, tmp_path: Path) -> None:
+    _, readings = drawn()
+    data = written(tmp_path / "d.csv", readings)
+    text = data.read_text(encoding="utf-8").replace("port_0deg [kPa]", f"{OWN_NAME} [mm]")
+    data.write_text(text, encoding="utf-8")
+    with pytest.raises(InputError, match=r"expected one column for displacement_0_2m_45deg, got 2"):
+        estimate_file(folder / "map.h5", data, tmp_path / "o.csv", NOMINAL)
+
+
 @pytest.mark.parametrize("source", ["map.h5", "e.fmu"])
 @pytest.mark.parametrize("lost", COLUMNS)
 def test_a_sensor_without_a_column_is_left_out(folder: Path, tmp_path: Path, source: str, lost: str) -> None:
@@ -189,16 +213,23 @@ def test_nonlinear_estimator_takes_them(tmp_path: Path, filtered: bool) -> None:
         assert found["gauges_used [1]"][k] == (N_D - 1 if 3 <= k < 6 else N_D)
 
 
-def test_hdf5_arrays(folder: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("own_name", [False, True])
+def test_hdf5_arrays(folder: Path, tmp_path: Path, own_name: bool) -> None:
     rows, readings = drawn()
     with h5py.File(tmp_path / "d.h5", "w") as file:
         file["time"], file["strain"], file["thrust"] = 1e-3 * np.arange(K), readings[:, : N - N_S], THRUST
         for name, values in zip(COLUMNS, readings[:, N - N_S :].T, strict=True):
             unit, factor = UNITS.get(name, ("Pa", 1.0))
+            if own_name and name == "displacement_0_2m_45deg":
+                name = OWN_NAME
             file[name] = values / factor
             file[name].attrs["unit"] = unit
     estimate_file(folder / "map.h5", tmp_path / "d.h5", tmp_path / "o.csv", NOMINAL)
     check(tmp_path / "o.csv", expected_of(rows))
+    with h5py.File(tmp_path / "d.h5", "a") as file:
+        file["sensor.port_0deg"] = readings[:, N - N_S]
+    with pytest.raises(InputError, match=r"one data set for port_0deg, got 2: 'port_0deg' and 'sensor.port_0deg'"):
+        estimate_file(folder / "map.h5", tmp_path / "d.h5", tmp_path / "o.csv", NOMINAL)
 
 
 def test_channels_of_a_recorder(folder: Path, tmp_path: Path) -> None:
@@ -208,7 +239,13 @@ def test_channels_of_a_recorder(folder: Path, tmp_path: Path) -> None:
     text = data.read_text(encoding="utf-8").replace("port_0deg [kPa]", "Kulite 7 [kPa]")
     data.write_text(text.replace("thrust [kN]", "F_T [kN]"), encoding="utf-8")
     entries = [f"[[channel]]\nname = 'g{i}'\ngauge = 'g{i}'\nunit = 'um/m'\n" for i in range(N - N_S)]
-    flow = [("Kulite 7", "sensor.port_0deg", "kPa"), ("F_T", "thrust", "kN")]
+    text = data.read_text(encoding="utf-8").replace("displacement_0_2m_45deg", "Wire 1")
+    data.write_text(text, encoding="utf-8")
+    flow = [
+        ("Kulite 7", "sensor.port_0deg", "kPa"),
+        ("Wire 1", f"sensor.{OWN_NAME}", "mm"),
+        ("F_T", "thrust", "kN"),
+    ]
     entries += [f"[[flow]]\nname = '{a}'\nquantity = '{b}'\nunit = '{c}'\n" for a, b, c in flow]
     channels = tmp_path / "channels.toml"
     channels.write_text("\n".join(entries))
