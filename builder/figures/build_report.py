@@ -9,7 +9,7 @@ import numpy as np
 
 from builder.aero.surface_mesh import SurfaceMesh
 from builder.figures.canvas import COLOUR_MAP, blank_figure
-from builder.figures.gauge_marks import KIND_MARKERS, gauge_kinds, kind_label
+from builder.figures.gauge_marks import KIND_MARKERS, KIND_OFFSETS, kind_label, kinds_of_map, shown_bias
 from builder.figures.unrolled import roll_degrees, unrolled_triangles
 from builder.inverse.regularisation import LCurve
 from builder.structure.observability import SYMMETRIES
@@ -209,7 +209,7 @@ def gauge_loss(inverse_map: InverseMap, *, growth: FloatArray, detectable_bias: 
             numbers, label = 100.0 * (growth[:, i] - 1.0), "sigma grows [%]"
             axis.set_title(f"{COEFFICIENT_NAMES[i]}, gauge lost", fontsize=9)
         else:
-            numbers, label = 1e6 * detectable_bias, "bias [um/m]"
+            numbers, label = shown_bias(inverse_map, detectable_bias)
             axis.set_title("minimum detectable bias", fontsize=9)
         drawn = _draw_gauges(axis, inverse_map, numbers)
         figure.colorbar(drawn, ax=axis, pad=0.01, label=label)
@@ -299,19 +299,15 @@ def l_curve(curve: LCurve, gammas: Sequence[tuple[str, float]]) -> Figure:
     return figure
 
 
-_APART = {"axial": -9.0, "hoop": 9.0, "inclined": 0.0}
-"""By how much a kind is drawn off its roll angle [deg]: gauges at one position would hide each other."""
-
-
 def _draw_gauges(axis: Any, inverse_map: InverseMap, numbers: FloatArray | None) -> Any:
     """Draw the gauges on an unrolled body, coloured by ``numbers`` or hollow; black where a number is infinite."""
     position = inverse_map.gauge_position
     direction, roll = inverse_map.gauge_direction, roll_degrees(position)
     finite = np.ones(len(roll), dtype=bool) if numbers is None else np.isfinite(numbers)
     drawn: Any = None
-    for kind, chosen in gauge_kinds(position, direction).items():
+    for kind, chosen in kinds_of_map(inverse_map).items():
         marker, label = KIND_MARKERS[kind], kind_label(kind, position[chosen], direction[chosen])
-        at = position[:, 0], roll + _APART[kind]
+        at = position[:, 0], roll + KIND_OFFSETS[kind]
         if numbers is None:
             axis.plot(
                 at[0][chosen],

@@ -106,10 +106,11 @@ def _draw_body(axis: Any, ratio: FloatArray, surface: SurfaceGrid, facing: float
 
 
 def gauges(inverse_map: InverseMap, surface: SurfaceGrid) -> Figure:
-    """Draw position and direction of the gauges: unrolled, and seen from behind."""
+    """Draw position and direction of the strain gauges: unrolled, and seen from behind."""
+    n = inverse_map.n_strain_gauges
     figure = blank_figure(10.0, 4.2)
     unrolled, behind = figure.subplots(1, 2, width_ratios=(3, 1))
-    position, direction = inverse_map.gauge_position, inverse_map.gauge_direction
+    position, direction = inverse_map.gauge_position[:n], inverse_map.gauge_direction[:n]
     draw_strokes(unrolled, position, direction, 14.0)
     unrolled.set_xlim(0.0, surface.x[-1])
     unrolled.set_ylim(-20.0, 420.0)
@@ -125,7 +126,7 @@ def gauges(inverse_map: InverseMap, surface: SurfaceGrid) -> Figure:
     behind.set_xlabel("y, starboard [mm]")
     behind.set_ylabel("z, up [mm]")
     behind.set_title("seen from behind, looking forward", fontsize=9)
-    figure.suptitle(f"{inverse_map.n_gauges} strain gauges on the inner surface: {inverse_map.vehicle}")
+    figure.suptitle(f"{n} strain gauges on the inner surface: {inverse_map.vehicle}")
     return figure
 
 

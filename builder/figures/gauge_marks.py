@@ -10,10 +10,16 @@ from numpy.typing import NDArray
 from builder.figures.unrolled import roll_degrees
 from builder.structure.observability import angle_from_meridian, direction_names
 from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.estimator.inverse_map import InverseMap
 
 KINDS = ("axial", "hoop", "inclined")
+SENSOR = "further sensors"
+"""What figures call the rows of a map that are no strain gauges."""
+
 KIND_COLOURS = {"axial": "tab:blue", "hoop": "tab:red", "inclined": "tab:green"}
-KIND_MARKERS = {"axial": "o", "hoop": "s", "inclined": "D"}
+KIND_MARKERS = {"axial": "o", "hoop": "s", "inclined": "D", SENSOR: "^"}
+KIND_OFFSETS = {"axial": -9.0, "hoop": 9.0, "inclined": 0.0, SENSOR: 0.0}
+"""Roll angle [deg] by which marks of a kind are moved: gauges at one position would hide each other."""
 
 _ANGLES_NAMED = 2
 """Distinct angles to the meridian that a legend names; more of them are "inclined"."""
@@ -26,6 +32,24 @@ def gauge_kinds(position: FloatArray, direction: FloatArray) -> dict[str, BoolAr
     """
     names = np.array([name if name in KINDS else "inclined" for name in direction_names(position, direction)])
     return {kind: names == kind for kind in KINDS if (names == kind).any()}
+
+
+def kinds_of_map(inverse_map: InverseMap) -> dict[str, BoolArray]:
+    """Return (n_d,) which rows of a map are gauges of each kind that occurs, and which are further sensors."""
+    n, rows = inverse_map.n_strain_gauges, np.arange(inverse_map.n_gauges)
+    found = gauge_kinds(inverse_map.gauge_position[:n], inverse_map.gauge_direction[:n])
+    kinds = {kind: np.append(of, rows[n:] < n) for kind, of in found.items()}
+    return kinds if n == len(rows) else kinds | {SENSOR: rows >= n}
+
+
+def shown_bias(inverse_map: InverseMap, bias: FloatArray) -> tuple[FloatArray, str]:
+    """Return (n_d,) numbers for the colours of a bias (n_d,) [m/m], and their label.
+
+    Beside further sensors, whose units differ, a bias counts in standard deviations of the row's noise.
+    """
+    if inverse_map.sensors is None:
+        return 1e6 * bias, "bias [um/m]"
+    return bias / inverse_map.noise_std, "bias [sigma of its noise]"
 
 
 def kind_label(kind: str, position: FloatArray, direction: FloatArray) -> str:

@@ -6,12 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from builder.figures.gauge_marks import gauge_kinds
+from builder.figures.gauge_marks import KIND_OFFSETS, SENSOR, kinds_of_map, shown_bias
 from builder.figures.hover import COLOUR_SCALE, HoverFigure, axis, choice, hover_figure, numbers, words
 from builder.figures.unrolled import roll_degrees
 from builder.structure.observability import direction_names
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, InverseMap
+from strainfmu.estimator.sensors import shown_units
 
 MAX_MATRIX = 120
 """Gauges up to which the matrix of pairs is drawn: its size grows with their square."""
@@ -19,9 +20,8 @@ MAX_MATRIX = 120
 ROLL_AXIS = axis("roll angle [deg]", range=[-25.0, 370.0], tickvals=[0, 90, 180, 270, 360])
 STATION_AXIS = axis("station x from the nose tip [m]")
 NAMES = list(COEFFICIENT_NAMES)
-OFFSETS = {"axial": -9.0, "hoop": 9.0, "inclined": 0.0}
-SYMBOLS = {"axial": "circle", "hoop": "square", "inclined": "diamond"}
-"""Roll angle [deg] by which marks of each kind of gauge are moved apart, and their symbols."""
+SYMBOLS = {"axial": "circle", "hoop": "square", "inclined": "diamond", SENSOR: "triangle-up"}
+"""Symbol of the marks of each kind of gauge, as :data:`~builder.figures.gauge_marks.KIND_MARKERS`."""
 
 
 def gauge_values(
@@ -37,17 +37,21 @@ def gauge_values(
     """
     at, texts = gauge_places(inverse_map)
     grown = 100.0 * (growth - 1.0)
-    columns = [*grown.T, 1e6 * detectable_bias]
-    labels = [*(f"lost: sigma of {name} grows [%]" for name in NAMES), "detectable bias [um/m]"]
+    bias, of_bias = shown_bias(inverse_map, detectable_bias)
+    columns = [*grown.T, bias]
+    labels = [*(f"lost: sigma of {name} grows [%]" for name in NAMES), f"detectable {of_bias}"]
+    units = shown_units(inverse_map.sensors, inverse_map.n_gauges)
     details = [
         "<br>".join(
             (
                 text,
                 *(f"lost: {name} {_growth(value)}" for name, value in zip(NAMES, row, strict=True)),
-                f"detectable bias {1e6 * bias:.3g} um/m, leverage {share:.3g}",
+                f"detectable bias {factor * one:.3g} {unit}, leverage {share:.3g}",
             )
         )
-        for text, row, bias, share in zip(texts, grown, detectable_bias, leverage, strict=True)
+        for text, row, one, share, (factor, unit) in zip(
+            texts, grown, detectable_bias, leverage, units, strict=True
+        )
     ]
     # Where the others identify nothing without a gauge, its colour is the last one.
     colours = [
@@ -129,11 +133,14 @@ def pair_loss(
 
 
 def gauge_places(inverse_map: InverseMap) -> tuple[dict[str, Any], list[str]]:
-    """Return x and y of the gauges' marks, and name and place of each as text."""
+    """Return x and y of the gauges' marks, and name, direction or kind, and place of each as text."""
     position = inverse_map.gauge_position
     roll = roll_degrees(position)
     names = direction_names(position, inverse_map.gauge_direction)
-    offset = [OFFSETS[kind] for kind in _kinds(inverse_map)]
+    if inverse_map.sensors is not None:
+        n = inverse_map.n_strain_gauges
+        names[n:] = inverse_map.sensors.kind[n:]
+    offset = [KIND_OFFSETS[kind] for kind in _kinds(inverse_map)]
     texts = [
         f"{name}, {direction}<br>x {at:.4g} m, roll {angle:.4g} deg"
         for name, direction, at, angle in zip(
@@ -150,5 +157,5 @@ def gauge_symbols(inverse_map: InverseMap) -> list[str]:
 
 def _kinds(inverse_map: InverseMap) -> list[str]:
     """Return the kind of each gauge."""
-    kinds = gauge_kinds(inverse_map.gauge_position, inverse_map.gauge_direction)
+    kinds = kinds_of_map(inverse_map)
     return [next(kind for kind, of in kinds.items() if of[i]) for i in range(inverse_map.n_gauges)]

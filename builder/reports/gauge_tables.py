@@ -8,19 +8,16 @@ from typing import Any
 import numpy as np
 
 from builder.reports.build_report import BuildReport
-from builder.reports.tables import SCALES, Column, Table, make_table
+from builder.reports.tables import Column, Table, make_table
 from builder.structure.observability import direction_names
-from strainfmu.arrays import FloatArray
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
-from strainfmu.estimator.sensors import SensorRows
-
-MICRO = SCALES["um/m"]
+from strainfmu.estimator.sensors import SensorRows, shown_units
 
 
 def gauges(report: BuildReport) -> Table:
     """Return the table of the strain gauges."""
-    n = report.inverse_map.n_strain_gauges
-    rows = [(name, *place, *values) for name, place, values in _rows_of_map(report, range(n), np.full(n, MICRO))]
+    held = _rows_of_map(report, range(report.inverse_map.n_strain_gauges))
+    rows = [(name, *place, *values) for name, place, values in held]
     columns = (Column("gauge"), *_PLACE, *_value_columns("um/m", "maximum |strain|"))
     return make_table(
         "gauges", "Every gauge: position, cost of its loss, detectable and isolable bias.", columns, rows
@@ -30,7 +27,7 @@ def gauges(report: BuildReport) -> Table:
 def sensors_table(report: BuildReport, sensors: SensorRows) -> Table:
     """Return the table of the further sensors, each in its own unit."""
     rows = range(sensors.n_strain_gauges, len(sensors.kind))
-    held = _rows_of_map(report, rows, sensors.scale[rows.start :])
+    held = _rows_of_map(report, rows)
     kinds = zip(sensors.kind[rows.start :], sensors.unit[rows.start :], strict=True)
     content = [(one[0], *two, *one[1], *one[2]) for one, two in zip(held, kinds, strict=True)]
     columns = (
@@ -61,11 +58,10 @@ def _value_columns(unit: str, largest: str) -> tuple[Column, ...]:
     )
 
 
-def _rows_of_map(
-    report: BuildReport, rows: range, factor: FloatArray
-) -> list[tuple[str, tuple[Any, ...], tuple[Any, ...]]]:
-    """Return name, place and values of ``rows`` of the map, those in m/m times ``factor``."""
+def _rows_of_map(report: BuildReport, rows: range) -> list[tuple[str, tuple[Any, ...], tuple[Any, ...]]]:
+    """Return name, place and values of ``rows`` of the map, in the units that are shown."""
     one, value = report.inverse_map, report.gauges
+    units = shown_units(one.sensors, one.n_gauges)
     position = one.gauge_position
     roll = [degrees(angle) % 360.0 for angle in np.arctan2(position[:, 1], position[:, 2])]
     directions = direction_names(position, one.gauge_direction)
@@ -76,15 +72,15 @@ def _rows_of_map(
             # A value just below 360 deg is 0.
             (position[i, 0], roll[i] if roll[i] < 360.0 - 1e-9 else 0.0, directions[i]),
             (
-                of_unit * one.noise_std[i],
-                of_unit * one.strain_range[i],
+                units[i][0] * one.noise_std[i],
+                units[i][0] * one.strain_range[i],
                 value.leverage[i],
                 *(100.0 * (value.growth[i] - 1.0)),
-                of_unit * value.detectable_bias[i],
-                of_unit * value.isolable_bias[i],
+                units[i][0] * value.detectable_bias[i],
+                units[i][0] * value.isolable_bias[i],
                 value.undetected_effect[i, worst[i]],
                 COEFFICIENT_NAMES[worst[i]],
             ),
         )
-        for i, of_unit in zip(rows, factor, strict=True)
+        for i in rows
     ]

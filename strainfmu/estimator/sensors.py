@@ -26,6 +26,8 @@ KINDS = (
     "fibre strain",
 )
 
+_SHOWN_STRAIN = (1e6, "um/m")
+
 UNITS = {"thrust_response": "unit/N", "scale": "unit/(m/m)", "largest": "unit"}
 
 
@@ -85,6 +87,17 @@ class SensorRows:
         found, moved = np.array(readings, dtype=float), self.follows_thrust
         found[..., moved] -= np.asarray(thrust, dtype=float)[..., None] * self.thrust_response[moved]
         return found
+
+
+def shown_units(rows: SensorRows | None, n: int) -> list[tuple[float, str]]:
+    """Return for each of ``n`` rows of a map the factor from m/m to what users see, and its unit.
+
+    Strain is shown in um/m, another sensor's reading in its own unit.
+    """
+    if rows is None:
+        return [_SHOWN_STRAIN] * n
+    each = zip(rows.kind, rows.scale.tolist(), rows.unit, strict=True)
+    return [_SHOWN_STRAIN if kind == STRAIN else (scale, unit) for kind, scale, unit in each]
 
 
 def refuse_sensors(rows: SensorRows | None, what: str) -> None:

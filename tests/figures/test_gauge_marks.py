@@ -12,7 +12,9 @@ from builder.aero.surface_mesh import mesh_of_grid
 from builder.figures.build_report import gauge_loss, known_pressure
 from builder.figures.demonstration import gauges
 from builder.figures.gauge_marks import gauge_kinds, kind_label
+from builder.figures.hover_gauges import gauge_values
 from builder.vehicle.geometry import chain_segments, surface_grid
+from strainfmu.estimator.sensors import STRAIN, SensorRows
 
 pytestmark = pytest.mark.fast
 
@@ -34,6 +36,9 @@ def rosettes(*angles: float) -> SimpleNamespace:
         gauge_position=np.array(position),
         gauge_direction=np.array(direction),
         n_gauges=len(position),
+        n_strain_gauges=len(position),
+        sensors=None,
+        noise_std=np.full(len(position), 2e-6),
         vehicle="cone",
     )
 
@@ -79,3 +84,34 @@ def test_figures_of_the_report() -> None:
     growth[3] = np.inf
     drawn = gauge_loss(one, growth=growth, detectable_bias=np.full(12, 1e-6))
     assert legend_of(drawn) == ["axial, 4", "hoop, 4", "45 deg, 4"]
+
+
+def with_sensors(one: Any) -> Any:
+    """The last two gauges are a port and a load cell."""
+    n, scale = one.n_gauges - 2, np.array([4e8, 2e6])
+    one.n_strain_gauges, one.gauge_names = n, [f"s{i}" for i in range(n + 2)]
+    one.sensors = SensorRows(
+        kind=(*(STRAIN,) * n, "pressure", "force"),
+        unit=(*("m/m",) * n, "Pa", "N"),
+        scale=np.append(np.ones(n), scale),
+        largest=np.append(np.ones(n), 0.1 * scale),
+        thrust_response=np.zeros(n + 2),
+    )
+    return one
+
+
+def test_further_sensors_have_marks_and_units_of_their_own() -> None:
+    one = with_sensors(rosettes(0.0, 45.0, 90.0))
+    growth, bias = 1.0 + np.arange(60.0).reshape(12, 5), np.linspace(5e-6, 27e-6, 12)
+    drawn = gauge_loss(one, growth=growth, detectable_bias=bias)
+    assert legend_of(drawn) == ["axial, 4", "hoop, 3", "45 deg, 3", "further sensors, 2"]
+    assert any(axis.get_ylabel() == "bias [sigma of its noise]" for axis in drawn.axes)
+    hover = gauge_values(one, growth=growth, detectable_bias=bias, leverage=np.full(12, 0.5))
+    marks, button = hover["data"][0], hover["layout"]["updatemenus"][0]["buttons"][-1]
+    assert "detectable bias 5 um/m" in marks["text"][0]
+    assert marks["text"][10].startswith("s10, pressure<br>")
+    assert "detectable bias 1e+04 Pa" in marks["text"][10]
+    assert "detectable bias 54 N" in marks["text"][11]
+    assert [symbol == "triangle-up" for symbol in marks["marker"]["symbol"]] == 10 * [False] + 2 * [True]
+    assert button["label"] == "detectable bias [sigma of its noise]"
+    assert button["args"][0]["marker.color"][0] == pytest.approx((bias / 2e-6).tolist(), rel=1e-3)

@@ -27,7 +27,7 @@ from strainfmu.estimator.inverse_map import (
 )
 from strainfmu.estimator.manifold.manifold_map import ManifoldMap
 from strainfmu.estimator.masks import MIN_INFORMATION
-from strainfmu.estimator.sensors import STRAIN, SensorRows
+from strainfmu.estimator.sensors import shown_units
 from strainfmu.estimator.validity import valid_ranges
 from strainfmu.files import content_hash_of
 
@@ -210,31 +210,29 @@ def _rounded(value: float) -> str:
 
 def _gauges(loaded: InverseMap) -> Table:
     numbers = ("x [m]", "y [m]", "z [m]", "roll [deg]", "sigma [um/m]", "noticed bias [um/m]", "|strain| [um/m]")
-    sensors = loaded.sensors
     title = (
         "Gauges: position, noise, smallest bias detected in 99 % of the cases, largest |strain| of the snapshots"
     )
     table = _table(title, ("gauge",), *numbers)
     bias = detectable_bias(loaded)
-    for i, name in enumerate(loaded.gauge_names):
+    shown = shown_units(loaded.sensors, loaded.n_gauges)
+    for i, (name, unit) in enumerate(zip(loaded.gauge_names, shown, strict=True)):
         x, y, z = loaded.gauge_position[i]
         roll = degrees(np.arctan2(y, z)) % 360.0
         table.add_row(
             escape(name),
             *(f"{value:.4g}" for value in (x, y, z)),
             f"{roll if roll < 360.0 - 1e-9 else 0.0:.4g}",
-            _reading(loaded.noise_std[i], sensors, i),
-            _reading(bias[i], sensors, i) if np.isfinite(bias[i]) else "never",
-            _reading(loaded.strain_range[i], sensors, i),
+            _reading(loaded.noise_std[i], *unit),
+            _reading(bias[i], *unit) if np.isfinite(bias[i]) else "never",
+            _reading(loaded.strain_range[i], *unit),
         )
     return table
 
 
-def _reading(value: float, sensors: SensorRows | None, row: int) -> str:
-    """Return a strain in um/m; of another sensor the reading with its unit."""
-    if sensors is None or sensors.kind[row] == STRAIN:
-        return f"{MICRO * value:.3g}"
-    return f"{sensors.scale[row] * value:.3g} {sensors.unit[row]}"
+def _reading(value: float, factor: float, unit: str) -> str:
+    """Return ``factor`` times a value; the unit of strain is in the heading."""
+    return f"{factor * value:.3g}" + ("" if unit == "um/m" else f" {unit}")
 
 
 def _draw(loaded: InverseMap, folder: Path) -> list[str]:
