@@ -87,7 +87,7 @@ static void set_kalman(Filter *filter) {
     const size_t n = filter->n, rows = filter->rows;
     const int wide = filter->solver->wide;
     double *squares = filter->squares;
-    invert_lower(wide, rows, filter->spread, filter->inverse);
+    invert_lower(wide, rows, filter->spread, filter->product, filter->inverse);
     transpose(rows, rows, filter->inverse, rows, filter->inverse_turned, rows);
     memcpy(filter->gain + n * rows, filter->innovation, rows * sizeof *filter->gain);
     multiply(wide, UPPER, n + 1, rows, rows, by_rows(filter->gain, rows), filter->inverse_turned, rows, filter->whitened,

@@ -3,9 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "flight_tables.h"
-#include "products.h"
-#include "wide.h"
+#include "blocks.h"
 
 #define MAX_SMALL 5
 
@@ -33,13 +31,6 @@ EVERYWHERE void subtract_columns_twice(size_t first, size_t n, const double *res
             x[r] -= (f0 * c0[r] + f1 * c1[r]) + (f2 * c2[r] + f3 * c3[r]);
             y[r] -= (g0 * c0[r] + g1 * c1[r]) + (g2 * c2[r] + g3 * c3[r]);
         }
-    }
-}
-
-/* Elements (row, first) to (row, first + LANES) of a matrix by columns. */
-EVERYWHERE void take_factors(size_t n, const double *matrix, size_t row, size_t first, double *factor) {
-    for (size_t b = 0; b < LANES; b++) {
-        factor[b] = matrix[(first + b) * n + row];
     }
 }
 
@@ -116,32 +107,16 @@ EVERYWHERE void backward(size_t n, const double *restrict lower, size_t count, d
     }
 }
 
-EVERYWHERE void invert(size_t n, const double *restrict lower, double *restrict inverse) {
-    for (size_t i = 0; i < n; i++) {
-        memset(inverse + i * n, 0, (i / LANES + 1) * LANES * sizeof *inverse);
-        inverse[i * n + i] = 1.0;
-    }
-    for (size_t k = 0; k < n; k += LANES) {
-        const size_t end = k + LANES;
-        for (size_t c = k; c < end; c++) {
-            double *restrict row = inverse + c * n;
-            for (size_t b = k; b < c; b++) {
-                const double *restrict before = inverse + b * n;
-                const double factor = lower[b * n + c];
-                for (size_t j = 0; j < end; j++) {
-                    row[j] -= factor * before[j];
-                }
+/* L^-1 (LANES, LANES) of the diagonal's LANES from k on. */
+static void invert_diagonal(size_t n, const double *restrict lower, size_t k, double small[LANES][LANES]) {
+    for (size_t c = 0; c < LANES; c++) {
+        const double scale = 1.0 / lower[(k + c) * n + k + c];
+        for (size_t j = 0; j < LANES; j++) {
+            double sum = j == c ? 1.0 : 0.0;
+            for (size_t b = 0; b < c; b++) {
+                sum -= lower[(k + b) * n + k + c] * small[b][j];
             }
-            const double scale = 1.0 / lower[c * n + c];
-            for (size_t j = 0; j < end; j++) {
-                row[j] *= scale;
-            }
-        }
-        for (size_t i = end; i < n; i += 2) {
-            double f[LANES], g[LANES];
-            take_factors(n, lower, i, k, f);
-            take_factors(n, lower, i + 1, k, g);
-            subtract_columns_twice(0, end, inverse + k * n, n, f, g, inverse + i * n, inverse + (i + 1) * n);
+            small[c][j] = j <= c ? sum * scale : 0.0;
         }
     }
 }
@@ -183,10 +158,6 @@ AVX2 static void backward_avx2(size_t n, const double *lower, size_t count, doub
     backward(n, lower, count, x);
 }
 
-AVX2 static void invert_avx2(size_t n, const double *lower, double *inverse) {
-    invert(n, lower, inverse);
-}
-
 AVX2 static void back_avx2(size_t n, const double *inverse, const double *x, double *y, double *squares) {
     back(n, inverse, x, y, squares);
 }
@@ -207,8 +178,20 @@ void solve_upper(int wide, size_t n, const double *lower, size_t count, double *
     CHOSEN(wide, backward)(n, lower, count, x);
 }
 
-void invert_lower(int wide, size_t n, const double *lower, double *inverse) {
-    CHOSEN(wide, invert)(n, lower, inverse);
+void invert_lower(int wide, size_t n, const double *lower, double *scratch, double *inverse) {
+    for (size_t k = 0; k < n; k += LANES) {
+        double small[LANES][LANES], turned[LANES * LANES], *rows = inverse + k * n;
+        invert_diagonal(n, lower, k, small);
+        multiply(wide, LOWER, LANES, k, k, (Strided){lower + k, 1, n}, inverse, n, scratch, n);
+        for (size_t c = 0; c < LANES; c++) { /* and zeros as far as the widest block of a product reads */
+            for (size_t j = 0; j < LANES; j++) {
+                turned[c * LANES + j] = -small[c][j];
+            }
+            memcpy(rows + c * n + k, small[c], sizeof small[c]);
+            memset(rows + c * n + k + LANES, 0, k + LANES < n ? sizeof small[c] : 0);
+        }
+        multiply(wide, FULL, LANES, LANES, k, by_rows(turned, LANES), scratch, n, rows, n);
+    }
 }
 
 void turn_back(int wide, size_t n, const double *inverse, const double *x, double *y, double *squares) {

@@ -17,8 +17,9 @@ void solve_lower(int wide, size_t n, const double *lower, size_t count, double *
 /* x = L'^-1 x for `count` vectors, n apart. */
 void solve_upper(int wide, size_t n, const double *lower, size_t count, double *x);
 
-/* L^-1 (n, n) by rows; what lies right of the diagonal's LANES is not set. */
-void invert_lower(int wide, size_t n, const double *lower, double *inverse);
+/* L^-1 (n, n) by rows; of what lies right of the diagonal's LANES, the next LANES are 0, others are not set. scratch
+   takes (LANES, n). */
+void invert_lower(int wide, size_t n, const double *lower, double *scratch, double *inverse);
 
 /* y = L'^-1 x for N_TURNED vectors, n apart, and the sums of squares (n) of the columns of L^-1. */
 #define N_TURNED 5

@@ -294,7 +294,7 @@ static void set_gauge_residuals(FlightSolver *solver) {
     const size_t n = solver->n;
     Solution *found = &solver->solution;
     double *back = solver->turned;
-    invert_lower(solver->wide, n, solver->factor, solver->inverse);
+    invert_lower(solver->wide, n, solver->factor, back, solver->inverse);
     turn_back(solver->wide, n, solver->inverse, solver->right, back, solver->squares);
     for (size_t g = 0; g < solver->n_gauges; g++) {
         double row[N_STATES];

@@ -39,8 +39,10 @@ Basis flight_basis(const double *knots, size_t n, double x);
 /* The second derivatives of that basis. */
 void basis_curvature(const double *knots, size_t n, double x, const Basis *basis, double curvature[N_LOCAL]);
 
-/* Response at a flight state. */
+/* Response at a flight state, of the same tables always. */
 typedef struct {
+    int known;                  /* whether there is one yet */
+    double state[N_STATES];     /* that it belongs to */
     double pressure;            /* p_inf [Pa] */
     double *value;              /* (rows) */
     double *jacobian[N_STATES]; /* (rows) */
@@ -52,7 +54,8 @@ void flight_tables_arrays(const TableMap *map, FlightTables *tables, double **do
 size_t response_doubles(const TableMap *map);
 void response_arrays(const TableMap *map, Response *response, double **doubles);
 
-/* The response at a state. wide as for panels.h. */
+/* The response at a state, kept where it is there already: a step starts where the one before ended. wide as for
+   panels.h. */
 void flight_response(const FlightTables *tables, int wide, const double *state, Response *response);
 
 #endif

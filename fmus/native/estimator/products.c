@@ -1,55 +1,6 @@
 #include "products.h"
 
-#include "flight_tables.h"
-#include "wide.h"
-
-#define BLOCK_ROWS 4
-#define BLOCK_COLUMNS 8
-#define NARROW_COLUMNS (HAS_AVX2 ? LANES : BLOCK_COLUMNS) /* without AVX2, of which x86-64 has half the registers */
-
-/* What a product becomes: itself, what was there before and it, or what was there before without it. */
-typedef enum { SET, ADD, SUBTRACT } Change;
-
-/* A block of BLOCK_ROWS rows, or of one, over BLOCK_COLUMNS columns, or LANES: constants where it is called, as the
-   change is, so that the sums stay in registers. */
-EVERYWHERE void block(Change change, size_t rows, size_t columns, size_t inner, const double *restrict left, size_t row,
-                      size_t column, const double *restrict right, size_t right_row, const double *before,
-                      double *product, size_t product_row) {
-    double sum[BLOCK_ROWS][BLOCK_COLUMNS];
-    for (size_t i = 0; i < rows; i++) {
-        for (size_t j = 0; j < columns; j++) {
-            sum[i][j] = change == SET ? 0.0 : before[i * product_row + j];
-        }
-    }
-    for (size_t k = 0; k < inner; k++) {
-        const double *restrict b = right + k * right_row;
-        for (size_t i = 0; i < rows; i++) {
-            const double a = left[i * row + k * column];
-            for (size_t j = 0; j < columns; j++) {
-                sum[i][j] = change == SUBTRACT ? sum[i][j] - a * b[j] : sum[i][j] + a * b[j];
-            }
-        }
-    }
-    for (size_t i = 0; i < rows; i++) {
-        for (size_t j = 0; j < columns; j++) {
-            product[i * product_row + j] = sum[i][j];
-        }
-    }
-}
-
-/* All rows over a block of columns. */
-EVERYWHERE void strip(Change change, size_t rows, size_t columns, size_t inner, Strided left, const double *right,
-                      size_t right_row, const double *before, double *product, size_t product_row) {
-    size_t i = 0;
-    for (; i + BLOCK_ROWS <= rows; i += BLOCK_ROWS) {
-        block(change, BLOCK_ROWS, columns, inner, left.value + i * left.row, left.row, left.column, right, right_row,
-              before + i * product_row, product + i * product_row, product_row);
-    }
-    for (; i < rows; i++) {
-        block(change, 1, columns, inner, left.value + i * left.row, left.row, left.column, right, right_row,
-              before + i * product_row, product + i * product_row, product_row);
-    }
-}
+#include "blocks.h"
 
 /* Columns j to j + width. */
 EVERYWHERE void some_columns(Shape shape, size_t j, size_t width, size_t rows, size_t inner, Strided left,
