@@ -300,8 +300,8 @@ class ScattersTooLittle(GaugeChecks):
 class NeverFrozen(RepeatsTogether):
     """Finds neither a cycle nor gauges that do not change."""
 
-    def frozen(self, present: BoolArray, now: float) -> float:
-        return 0.0
+    def frozen(self, present: BoolArray, now: float) -> tuple[float, float]:
+        return 0.0, 0.0
 
 
 # --- flow and navigation --------------------------------------------------------------------------------------

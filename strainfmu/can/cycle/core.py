@@ -257,9 +257,9 @@ class BridgeCore:
 
     def _skip(self, cycle: Cycle) -> None:
         """Check a closed cycle, and settle its frames without an answer."""
-        self._judge.pass_over(cycle)
         self._reception.miss(cycle.arrivals)
         refused = self._reception.check_trailer(cycle.arrivals).refused
+        self._judge.pass_over(cycle, is_usable=refused is None)
         for arrival in cycle.arrivals.values():
             self._settle(refused or FrameClass.SKIPPED, arrival.frame.time)
         self.note(Cause.OVERLOAD)

@@ -58,6 +58,7 @@ class CycleJudge:
         self._decoder, self._gauges = parts.decoder, parts.gauges
         self._held, self._taring = parts.held, parts.taring
         self._may_be_held_back = False
+        self._passed_over: Cycle | None = None
         self._gauges_of = [np.array(frame.gauges, dtype=np.intp) for frame in layout.strain_frames]
         self._last_step: float | None = None
         self._last_sample: tuple[float, float] | None = None
@@ -79,9 +80,10 @@ class CycleJudge:
         if self._proof is not None:
             self._proof.confirm()
 
-    def pass_over(self, cycle: Cycle) -> None:
-        """Remember the frames of a closed cycle that is not judged."""
+    def pass_over(self, cycle: Cycle, is_usable: bool) -> None:
+        """Remember the frames of a closed cycle that is not judged; ``is_usable`` unless its check has failed."""
         self._seen.add(self._strain_data(cycle))
+        self._passed_over = cycle if is_usable else None
 
     @property
     def drift_ppm(self) -> float:
@@ -255,11 +257,25 @@ class CycleJudge:
             causes |= Cause.OLD
         if self._settings.stuck_cycles != 0:
             # Strains that the sender repeats have the age of their first occurrence.
-            frozen = self._gauges.frozen(decoded.present, cycle.first_time)
+            frozen, unheard = self._gauges.frozen(decoded.present, cycle.first_time)
             age += frozen
             if frozen > 0.0 and age > limit:
                 causes |= Cause.FROZEN
+            if unheard > 0.0 and not self._has_changed_since(self._passed_over, cycle, decoded=decoded):
+                # They may have been frozen in the cycles that were lost: the next ones will tell.
+                uncertainty = unheard if isnan(uncertainty) else uncertainty + unheard
+                if unheard > self._settings.hidden_age * (1.0 + 1e-9):
+                    causes |= Cause.HIDDEN_DELAY
+        self._passed_over = None
         return age, uncertainty, causes
+
+    def _has_changed_since(self, passed: Cycle | None, cycle: Cycle, decoded: DecodedCycle) -> bool:
+        """Return whether any gauge differs from a cycle that came just before and was passed over."""
+        if passed is None or cycle.first_time - passed.first_time > 1.5 * self._period:
+            return False
+        strains = [arrival for arrival in passed.arrivals.values() if arrival.slot < self._reception.n_strain]
+        before = self._decoder.decode(strains, 0)
+        return bool(((before.raw != decoded.raw) & before.present & decoded.present).any())
 
     def _prove(self, cycle: Cycle, clock: SenderClock, reading: ClockReading, ticks: int, is_new: bool) -> None:
         """Follow whether the sender is proven; a proven restart is one of q_inf too."""

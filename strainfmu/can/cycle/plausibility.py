@@ -65,6 +65,9 @@ class GaugeChecks:
         self._good_time = np.zeros(n_gauges)
         self._pace = np.zeros(n_gauges)
         self._changed = np.full(n_gauges, np.inf)
+        # When each gauge was heard last, and for how long it had not been heard before its last change, both in s.
+        self._heard = np.full(n_gauges, np.nan)
+        self._unheard = np.zeros(n_gauges)
         self._repeats = np.zeros(n_gauges, dtype=np.int64)
         self._zeros = np.zeros(n_gauges, dtype=np.int64)
         self._good = np.full(n_gauges, settings.heal_cycles, dtype=np.int64)
@@ -95,6 +98,8 @@ class GaugeChecks:
         # No gauge has repeated its reading more often in a row than this.
         self._most_repeats = 0
         self._changed_at = np.nan
+        # Frames of this cycle's gauges were lost just before.
+        self._had_pause = False
         self.faults: dict[str, BoolArray] = {}
         """Gauges (n_d,) that failed each check of the last cycle, by its words."""
         self._watch = self.new_watch(noise)
@@ -172,6 +177,7 @@ class GaugeChecks:
             self._changed_at = now
         np.add(repeats, self._one, repeats)
         np.putmask(repeats, differs, self._nothing)
+        self._had_pause = now - self._last_time > 1.5 * self._cycle_time
         self._times.append(now)
         if len(self._times) == _LONGEST_QUIET:
             self._date_changes()
@@ -201,8 +207,13 @@ class GaugeChecks:
         if n == 0:
             return
         recent = self._repeats < n
-        self._changed[recent] = np.array(self._times)[n - 1 - self._repeats[recent]]
+        which = n - 1 - self._repeats[recent]
+        times = np.array(self._times)
+        self._changed[recent] = times[which]
+        # All gauges were heard in the cycle before.
+        self._unheard[recent] = self._lost(np.diff(times, prepend=self._heard[0]), self._cycle_time)[which]
         self._good_time.fill(self._times[-1])
+        self._heard.fill(self._times[-1])
         self._times.clear()
 
     def _none_is_zero(self, zeros: IntArray) -> bool:
@@ -297,20 +308,25 @@ class GaugeChecks:
         self._last_good = np.where(good, strain, self._last_good)
         self._good_time[good] = now
 
-    def frozen(self, present: BoolArray, now: float) -> float:
-        """Return the time [s] up to ``now`` in which none of the ``present`` gauges has changed."""
-        if self._changed_at == now:
-            return 0.0
-        return float(self._unchanged(now)[present].min()) if present.any() else 0.0
+    def frozen(self, present: BoolArray, now: float) -> tuple[float, float]:
+        """Return for how long [s] none of the ``present`` gauges has changed, and for how much longer that may be.
 
-    def _unchanged(self, now: float) -> FloatArray:
-        """Return (n_d,) the time for which each gauge has had its value [s].
-
-        The larger of the time by the clock, which lost cycles do not shorten, and the time by the number of
-        cycles, which cycles held back do not shorten.
+        A value that repeats itself may have begun in any of the lost frames before it came for the first
+        time: that counts. The second number is the same of a value that has come once.
         """
+        if (self._changed_at == now and not self._had_pause) or not present.any():
+            return 0.0, 0.0
         self._date_changes()
-        return np.maximum(now - self._changed, self._repeats * self._periods)
+        # By the clock, which lost cycles do not shorten, or by the number of cycles, which those held back do not.
+        since = np.maximum(now - self._changed, self._repeats * self._periods)
+        repeated = since + np.where(self._repeats > 0, self._unheard, 0.0)
+        known = float(repeated[present].min())
+        return known, float((since + self._unheard)[present].min()) - known
+
+    @staticmethod
+    def _lost(pause: FloatArray, period: FloatArray | float) -> FloatArray:
+        """Return the time [s] of whole periods that are missing in times between frames; 0 where NaN."""
+        return np.fmax(np.rint(pause / period) - 1.0, 0.0) * period
 
     def _stuck(self, raw: IntArray, present: BoolArray, now: float) -> BoolArray:
         """Find gauges that have repeated their reading too often."""
@@ -319,6 +335,10 @@ class GaugeChecks:
         if changed.any():
             self._changed_at = now
         self._changed[changed] = now
+        lost = self._lost(now - self._heard, self._periods)
+        self._unheard[changed] = lost[changed]
+        self._had_pause = bool(lost[present].any())
+        self._heard[present] = now
         self._repeats += same
         self._repeats[changed] = 0
         self._last_raw = np.where(present, raw, self._last_raw)

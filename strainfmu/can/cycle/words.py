@@ -41,7 +41,7 @@ CAUSE_WORDS = {
     Cause.TARE_RUNNING: "strains are collected for a tare",
     Cause.TARE_REFUSED: "a tare was asked for and refused: zeros are as before",
     Cause.ZEROS_TAKEN: "a tare was taken: the zeros of the gauges are new",
-    Cause.HIDDEN_DELAY: "the sender's clock runs slow or a delay grows: more may hide",
+    Cause.HIDDEN_DELAY: "older than stated, perhaps: a slow clock, a growing delay, or cycles lost before",
     Cause.UNPROVEN_RESTART: "a restart of the sender that may be a recording",
     Cause.SECOND_SENDER: "a second sender of the same frames",
     Cause.SECOND_BRIDGE: "a second bridge answers on the same identifiers",

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from can_case import CYCLE, N_GAUGES, Campaign, Projection, layout_of, mixed_layout, run_campaign
+from can_case import CYCLE, LOSING, N_GAUGES, Campaign, Projection, layout_of, mixed_layout, run_campaign
 from weakened_bus import WITHOUT, MakeCore, core_without
 
 from strainfmu.can.cycle.core import bridge_core
@@ -147,6 +147,31 @@ def test_strains_that_are_both_repeated_and_held_back_are_old() -> None:
         run = run_campaign(layout_of(profile, SIZES[profile]), faults, 230)
         assert run.false_valid == []
         assert run.late_recovery == []
+
+
+@pytest.mark.parametrize("profile", ["fd64", "classic-le"])
+@pytest.mark.parametrize("losing", [*sorted(LOSING, key=lambda kind: kind.value), FaultKind.SILENCE])
+def test_strains_that_freeze_while_frames_are_lost_are_as_old_as_the_lost_ones(
+    profile: str, losing: FaultKind
+) -> None:
+    """What comes through first looks new, and is not."""
+    faults = [
+        Fault(kind=kind, start=40 + 60 * number, cycles=cycles, seed=number)
+        for number in range(15)
+        for kind, cycles in ((FaultKind.FREEZE, 26), (losing, 2 if losing is FaultKind.SILENCE else 26))
+    ]
+    run = run_campaign(layout_of(profile, SIZES[profile]), faults, 950)
+    assert run.false_valid == []
+
+
+def test_live_strains_behind_lost_cycles_are_in_doubt_only_where_too_much_may_hide() -> None:
+    """One cycle of 10 ms may hide 10 ms: VALID, and its uncertainty says so. Two: UNCONFIRMED once."""
+    for lost, quality in ((1, Quality.VALID), (2, Quality.UNCONFIRMED)):
+        run = run_campaign(layout_of("fd64"), [Fault(kind=FaultKind.SILENCE, start=40, cycles=lost)], 60)
+        behind = [result for result in run.results if (result.arrival or 0.0) > 40 * CYCLE]
+        assert [result.quality for result in behind] == [quality] + [Quality.VALID] * (len(behind) - 1)
+        assert len(behind) == 20 - lost
+        assert behind[0].age_uncertainty - behind[1].age_uncertainty == pytest.approx(lost * CYCLE, abs=1e-4)
 
 
 def test_without_faults_all_cycles_are_answered_and_valid() -> None:
