@@ -6,6 +6,8 @@
 #include "flight_algebra.h"
 #include "wide.h"
 
+#define SMALLEST_PART 0.25 /* of a step that is taken */
+
 static double *taken(double **doubles, size_t count) {
     double *array = *doubles;
     *doubles += count;
@@ -276,8 +278,26 @@ void flight_limited(const FlightMap *map, const double *from, const double *step
         clipped(state[STATE_PRESSURE], map->log_pressure_range[0] - 1.0, map->log_pressure_range[1] + 1.0);
 }
 
+/* The part of a step to take, from what the last change of the state has done to it: gauss_newton.py. */
+static double part_of_step(const FlightSolver *solver, const double *step) {
+    double change[N_STATES], shrunk[N_STATES];
+    if (!solver->has_before) {
+        return 1.0;
+    }
+    for (size_t i = 0; i < N_STATES; i++) {
+        change[i] = solver->state[i] - solver->before[i];
+        shrunk[i] = solver->whole_step[i] - step[i];
+    }
+    const double along = quadratic(N_STATES, change, solver->hessian, shrunk);
+    const double size = quadratic(N_STATES, shrunk, solver->hessian, shrunk);
+    if (!(along > 0.0 && along < size)) {
+        return 1.0;
+    }
+    return along / size > SMALLEST_PART ? along / size : SMALLEST_PART;
+}
+
 /* The next state of the iterations. */
-static void next_state(const FlightSolver *solver, double *state) {
+static void next_state(FlightSolver *solver, double *state) {
     double inverse[N_STATES * N_STATES], step[N_STATES];
     invert_small(N_STATES, solver->hessian, inverse);
     for (size_t i = 0; i < N_STATES; i++) {
@@ -285,6 +305,13 @@ static void next_state(const FlightSolver *solver, double *state) {
         for (size_t j = 0; j < N_STATES; j++) {
             step[i] += inverse[i * N_STATES + j] * solver->gradient[j];
         }
+    }
+    const double part = part_of_step(solver, step);
+    memcpy(solver->before, solver->state, sizeof solver->before);
+    memcpy(solver->whole_step, step, sizeof step);
+    solver->has_before = 1;
+    for (size_t i = 0; i < N_STATES; i++) {
+        step[i] *= part;
     }
     flight_limited(solver->map, solver->state, step, state);
 }
@@ -362,6 +389,7 @@ static void set_solution(FlightSolver *solver) {
 
 void flight_solve_warm(FlightSolver *solver, const double *state) {
     double next[N_STATES];
+    solver->has_before = 0;
     evaluate(solver, state);
     set_factor(solver);
     for (size_t k = 0; k < (size_t)solver->map->warm_iterations; k++) {
@@ -376,6 +404,7 @@ void flight_solve_warm(FlightSolver *solver, const double *state) {
 /* Iterate from a start, S renewed half-way, and return what tells the best: -2 ln likelihood. */
 static double iterate_start(FlightSolver *solver, double *state) {
     const size_t iterations = (size_t)solver->map->start_iterations;
+    solver->has_before = 0;
     for (size_t k = 0; k < iterations; k++) {
         evaluate(solver, state);
         if (k % (iterations / 2) == 0) {
@@ -405,6 +434,7 @@ void flight_solve_cold(FlightSolver *solver) {
         }
     }
     const size_t iterations = (size_t)solver->map->cold_iterations;
+    solver->has_before = 0;
     for (size_t k = 0; k <= iterations; k++) {
         evaluate(solver, best);
         set_factor(solver);

@@ -63,6 +63,8 @@ typedef struct {
     double innovation[N_MEASURED];
     double log_mach_slope;       /* derivative of ln q_inf by M */
     double hessian[N_STATES * N_STATES], gradient[N_STATES], cost;
+    int has_before;              /* whether the iterations have taken a step: from this state, the whole of it this */
+    double before[N_STATES], whole_step[N_STATES];
 } FlightSolver;
 
 /* Number of doubles that its arrays take, and handing them out, filled in; *bytes gives n_gauges flags. */

@@ -17,8 +17,11 @@ from strainfmu.estimator.manifold.manifold_map import ManifoldMap
 from strainfmu.estimator.manifold.navigation import StateMeasurement, doubted_precision, predicted
 from strainfmu.estimator.manifold.triangular import forward_substituted
 
-LARGEST_STEP = np.array([0.5, 0.05, 0.05, 0.3])
+LARGEST_STEP = np.array([0.5, 0.05, 0.05, 1.0])
 """Largest change of M [1], u, w [rad] and ln p_inf in one iteration."""
+
+SMALLEST_PART = 0.25
+"""Least part of a Gauss-Newton step that is taken."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -148,11 +151,31 @@ def _without_lost(covariance: FloatArray, used: BoolArray) -> FloatArray:
     return out
 
 
-def stepped(manifold: ManifoldMap, at: Linearised) -> FloatArray:
-    """Return (k, 4) the next state, inside the reach of the tables."""
-    step = np.linalg.solve(at.hessian, at.gradient[:, :, None])[:, :, 0]
+def gauss_newton_step(at: Linearised) -> FloatArray:
+    """Return (k, 4) the step to the minimum of the linearised problem."""
+    return np.asarray(np.linalg.solve(at.hessian, at.gradient[:, :, None])[:, :, 0])
+
+
+def stepped(manifold: ManifoldMap, at: Linearised, before: Linearised | None = None) -> FloatArray:
+    """Return (k, 4) the next state, inside the reach of the tables; ``before`` is the problem of the last one."""
+    step = gauss_newton_step(at)
+    if before is not None:
+        step = step * _part(at, step, at.state - before.state, gauss_newton_step(before) - step)[:, None]
     size = np.max(np.abs(step) / LARGEST_STEP, axis=1, keepdims=True)
     return kept_in_reach(manifold, at.state + step / np.maximum(size, 1.0))
+
+
+def _part(at: Linearised, step: FloatArray, change: FloatArray, shrunk: FloatArray) -> FloatArray:
+    """Return (k,) the part of ``step`` (k, 4) to take after a ``change`` that has shrunk it by ``shrunk``.
+
+    Where strain curves away from the residual the minimum is steeper than the linearised problem has it: steps are
+    too long, beyond twice the distance they end in a cycle of two states. What the last change of the state has
+    done to the step tells by how much (Barzilai and Borwein 1988, the shorter step, in the metric of the Hessian).
+    """
+    turned = (at.hessian @ shrunk[:, :, None])[:, :, 0]
+    along, size = np.sum(change * turned, axis=1), np.sum(shrunk * turned, axis=1)
+    shorter = (along > 0.0) & (along < size)
+    return np.where(shorter, np.maximum(along / np.where(shorter, size, 1.0), SMALLEST_PART), 1.0)
 
 
 def kept_in_reach(manifold: ManifoldMap, state: FloatArray) -> FloatArray:

@@ -25,7 +25,7 @@ from strainfmu.estimator.manifold.manifold_map import ManifoldMap
 from strainfmu.estimator.manifold.starts import STARTS, SearchTable, starts
 from strainfmu.estimator.manifold.triangular import forward_substituted
 
-START_ITERATIONS, COLD_ITERATIONS, WARM_ITERATIONS = 4, 4, 2
+START_ITERATIONS, COLD_ITERATIONS, WARM_ITERATIONS = 4, 8, 2
 """Iterations of every state of the search, of the best of them from there, and from the last step's state."""
 
 
@@ -76,11 +76,12 @@ def solve_cold(manifold: ManifoldMap, table: SearchTable, samples: Samples) -> L
     k = len(samples.strain)
     state = starts(table, samples.strain, samples.used, samples.measured).reshape(-1, 4)
     each = samples.rows(np.tile(np.arange(k), STARTS))
+    before: Linearised | None = None
     for _ in range(2):
         at = linearise_anew(manifold, state, each)
         for _ in range(START_ITERATIONS // 2):
-            state = stepped(manifold, at)
-            at = linearise(manifold, state, at.factor, each)
+            state = stepped(manifold, at, before)
+            before, at = at, linearise(manifold, state, at.factor, each)
     cost = at.cost + 2.0 * np.sum(np.log(np.diagonal(at.factor, axis1=1, axis2=2)), axis=1)
     best = np.argmin(cost.reshape(STARTS, k), axis=0) * k + np.arange(k)
     state = state[best]
@@ -89,17 +90,21 @@ def solve_cold(manifold: ManifoldMap, table: SearchTable, samples: Samples) -> L
 
 def solve_from(manifold: ManifoldMap, state: FloatArray, samples: Samples) -> Linearised:
     """Return the solution from ``state`` (k, 4), S renewed in every iteration."""
+    before: Linearised | None = None
+    at = linearise_anew(manifold, state, samples)
     for _ in range(COLD_ITERATIONS):
-        state = stepped(manifold, linearise_anew(manifold, state, samples))
-    return linearise_anew(manifold, state, samples)
+        state = stepped(manifold, at, before)
+        before, at = at, linearise_anew(manifold, state, samples)
+    return at
 
 
 def solve_warm(manifold: ManifoldMap, state: FloatArray, samples: Samples) -> Linearised:
     """Return the solution from ``state`` (k, 4), or (1, 4) for all, after a fixed number of iterations, with S of
     that state."""
     at, pressure = linearise_anew(manifold, state, samples), np.exp(state[:, LOG_PRESSURE])
+    before: Linearised | None = None
     for _ in range(WARM_ITERATIONS):
-        at = linearise(manifold, stepped(manifold, at), at.factor, samples)
+        before, at = at, linearise(manifold, stepped(manifold, at, before), at.factor, samples)
     return replace(at, factor_pressure=pressure)
 
 

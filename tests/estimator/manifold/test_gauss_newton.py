@@ -6,8 +6,13 @@ import numpy as np
 import pytest
 from flight_maps import INCIDENCE, NOISE_STD, ROWS, STATIONS, exact_response, flight_map
 
-from strainfmu.estimator.manifold.flight_tables import LOG_PRESSURE, MACH, evaluate
-from strainfmu.estimator.manifold.gauss_newton import Samples, linearise, strain_factor
+from strainfmu.estimator.manifold.flight_tables import LOG_PRESSURE, MACH, U, W, evaluate
+from strainfmu.estimator.manifold.gauss_newton import (
+    Samples,
+    gauss_newton_step,
+    linearise,
+    strain_factor,
+)
 from strainfmu.estimator.manifold.manifold_map import ManifoldMap
 from strainfmu.estimator.manifold.navigation import (
     Navigation,
@@ -73,6 +78,40 @@ def test_a_warm_start_ends_where_the_search_ends() -> None:
     warm = solve_warm(manifold, near, given)
     std = np.sqrt(np.diagonal(np.linalg.inv(at.hessian), axis1=1, axis2=2))
     assert np.max(np.abs(warm.state - at.state) / std) < 0.05
+
+
+def drawn(manifold: ManifoldMap, state: np.ndarray, seed: int) -> np.ndarray:
+    """Return strain of the tables with the errors that the map expects."""
+    factor = strain_factor(manifold, state, np.ones((len(state), N_D), dtype=bool))
+    noise = np.random.default_rng(seed).standard_normal((len(state), N_D))
+    return evaluate(manifold.tables, state).value[:, :N_D] + np.einsum("kij,kj->ki", factor, noise)
+
+
+@pytest.mark.parametrize(("discrepancy", "known"), [(2e-3, (False, False, True)), (0.1, (False, False, False))])
+def test_the_iterations_end(discrepancy: float, known: tuple[bool, bool, bool]) -> None:
+    """Whole Gauss-Newton steps end in cycles of two states, up to a deviation apart."""
+    manifold, state = flight_map(discrepancy=discrepancy, hardware=True), flights(300, 1)
+    given = samples(manifold, drawn(manifold, state, 2), navigation(state, 3, known))
+    at = solve_cold(manifold, search_table(manifold), given)
+    for _ in range(10):
+        at = solve_warm(manifold, at.state, given)
+    size = np.sqrt(np.einsum("kx,kx->k", at.gradient, gauss_newton_step(at)))  # in deviations
+    assert np.max(size) < 0.05
+
+
+@pytest.mark.parametrize("noise", [0.0, NOISE_STD])
+def test_strain_without_incidence_fits_without_navigation(noise: float) -> None:
+    """It looks like that of a small incidence at a far lower pressure."""
+    manifold, state = flight_map(discrepancy=2e-3, hardware=True), flights(64, 5)
+    small = manifold.response.copy()
+    small[:, :, :N_D, 0] *= 0.3  # what hardly depends on the incidence
+    manifold = replace(manifold, response=small)
+    random = np.random.default_rng(6)
+    state[:, U : W + 1] *= random.uniform(0.0, 1e-3, (len(state), 1))
+    state[:, LOG_PRESSURE] = random.uniform(*np.log(manifold.pressure_range), len(state))
+    strain = evaluate(manifold.tables, state).value[:, :N_D] + noise * random.standard_normal((len(state), N_D))
+    found = cold(manifold, samples(manifold, strain, navigation(state, None, (False, False, False))))
+    assert np.max(found.chi_square) < 2.0 * N_D
 
 
 def test_samples_of_one_start_have_the_solution_of_each() -> None:
