@@ -38,7 +38,7 @@ from strainfmu.interface.estimator_variables import (
 from strainfmu.interface.filter_variables import FILTER_TIME_CONSTANT, time_constant_fault
 from strainfmu.interface.fmi_variables import Variable, value_references
 from strainfmu.interface.further_variables import has_further_outputs
-from strainfmu.interface.input_names import FLOW_INPUTS, NAVIGATION_INPUTS
+from strainfmu.interface.input_names import FLOW_INPUTS, NAVIGATION_INPUTS, without_negative_deviations
 from strainfmu.interface.parameter_variables import parameter_names
 from strainfmu.interface.sensor_variables import THRUST
 from strainfmu.interface.tare_variables import TARE, TARE_STATE, zero_in_use_names
@@ -248,7 +248,8 @@ class EstimatorSlave(Fmi2Slave):
         temperature = self._temperature()
         if isinstance(self._estimator, ManifoldEstimator):
             estimator = self._estimator
-            inputs = estimator.checked_inputs(strain, valid, flow, self._given_parameters())
+            known = without_negative_deviations(flow)
+            inputs = estimator.checked_inputs(strain, valid, known, self._given_parameters())
             if temperature is not None:
                 ((_, estimator, inputs),) = estimator.groups(inputs, temperature)
             found, self._next = self._switched(estimator).step(inputs, self._track, self._time)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from math import nan
+from collections.abc import Mapping, Sequence
+from math import inf, nan
 
 FLOW_INPUTS = ("dynamic_pressure", "dynamic_pressure_std", "mach_number", "altitude")
 """Flow and navigation, the further arguments of :meth:`strainfmu.estimator.step.Estimator.step`."""
@@ -25,3 +25,8 @@ NAVIGATION_INPUTS = ("mach_number_std", "static_pressure", "static_pressure_std"
 def known_flow(values: Sequence[float]) -> tuple[float, ...]:
     """Return ``values`` of :data:`FLOW_INPUTS`, NaN for those that are not known."""
     return tuple(nan if value == NOT_KNOWN else value for value in values)
+
+
+def without_negative_deviations(flow: Mapping[str, float]) -> dict[str, float]:
+    """Return ``flow`` with an infinite deviation, whose value counts as not known, for each negative one."""
+    return {name: inf if name.endswith("_std") and value < 0.0 else value for name, value in flow.items()}

@@ -105,3 +105,27 @@ def test_section_loads_step_by_step(
             # A step of the PythonFMU is 0.01 s but for rounding: the time of its start less that of the last.
             rtol = 1e-8 if time_constant else 0.0 if kind == "python" else 1e-10
             np.testing.assert_allclose(host.get(further), expected, rtol=rtol, atol=0.0)
+
+
+@pytest.mark.parametrize("kind", ["native", "python"])
+def test_what_can_be_no_deviation_makes_its_value_unknown(
+    flights: dict[str, Path], tmp_path: Path, kind: str
+) -> None:
+    """A negative deviation is none that is small, and stops no host; numpy refuses it."""
+    sample = random_flight(whole_map(), 1, seed=5)[0]
+    outputs = ["C_A", "sigma.C_A", "air_data.mach_number", "sigma.air_data.mach_number", "health.chi_square"]
+    with loaded(flights[kind], tmp_path / kind) as host:
+
+        def stepped(name: str, deviation: float) -> list[float]:
+            host.fmu.reset()
+            host.initialize()
+            host.set([f"strain[{i + 1}]" for i in range(N_D)], sample.strain)
+            host.set([*sample.flow, f"{name}_std"], [*sample.flow.values(), deviation])
+            host.fmu.doStep(0.0, 0.01)
+            return [*host.get(outputs), *host.fmu.getBoolean([host.references[f"navigation_used.{name}"]])]
+
+        for name in sample.flow:
+            unknown = stepped(name, np.inf)
+            assert not unknown[-1]
+            assert np.isfinite(unknown).all()
+            assert [stepped(name, -1.0), stepped(name, -np.inf)] == [unknown, unknown]

@@ -1,5 +1,6 @@
 #include "elementary.h"
 
+#include <float.h>
 #include <math.h>
 #include <stdint.h>
 #include <string.h>
@@ -79,10 +80,14 @@ double exponential(double x) {
 }
 
 double logarithm(double x) {
+    const int is_subnormal = x < DBL_MIN;
+    const double scaled = is_subnormal ? x * power_of_two(54) : x;
     uint64_t bits;
-    memcpy(&bits, &x, sizeof bits);
-    int32_t power = (int32_t)(bits >> 52) - 1022;
-    double fraction = x * power_of_two(-power); /* 1/2 <= fraction < 1 */
+    memcpy(&bits, &scaled, sizeof bits);
+    int32_t power = (int32_t)(bits >> 52) - (is_subnormal ? 1022 + 54 : 1022);
+    bits = (bits & 0xFFFFFFFFFFFFFu) | (uint64_t)1022 << 52; /* of the fraction: 1/2 <= fraction < 1 */
+    double fraction;
+    memcpy(&fraction, &bits, sizeof fraction);
     if (fraction < 0.70710678118654752) {
         fraction *= 2.0;
         power--;

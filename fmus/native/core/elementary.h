@@ -12,7 +12,7 @@ double angle_of(double y, double x);
 /* e^x for |x| < 700; NaN beyond. */
 double exponential(double x);
 
-/* Natural logarithm of a positive, normal x. */
+/* Natural logarithm of a positive, finite x. */
 double logarithm(double x);
 
 #endif

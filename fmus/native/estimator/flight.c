@@ -87,7 +87,7 @@ static size_t set_strain(Estimator *e) {
     return count;
 }
 
-/* Navigation of the inputs, each with a deviation. */
+/* Navigation of the inputs, each with a deviation; it counts as not known where that is negative, which none can be. */
 static void set_navigation(Estimator *e) {
     Flight *flight = &e->flight;
     double *value = flight->value, *std = flight->std;
@@ -102,7 +102,7 @@ static void set_navigation(Estimator *e) {
         const double own = k == 0 ? flight->map.error[k] : flight->map.error[k] * value[k];
         const double least = MIN_RELATIVE_STD * fabs(value[k]);
         std[k] = isnan(std[k]) ? own : std[k];
-        std[k] = std[k] > least ? std[k] : least;
+        std[k] = std[k] < 0.0 ? INFINITY : std[k] > least ? std[k] : least;
     }
 }
 
@@ -110,10 +110,10 @@ void flight_set_measurement(Flight *flight) {
     Sample *sample = &flight->solver.sample;
     for (size_t k = 0; k < N_NAVIGATION; k++) {
         const double value = flight->value[k], std = flight->std[k];
-        const int known = isfinite(value) && value > 0.0 && isfinite(std) && std > 0.0;
-        const double scale = known ? (k == 0 ? std : std / value) : 1.0;
+        const double scale = k == 0 ? std : std / value, precision = 1.0 / (scale * scale);
+        const int known = isfinite(value) && value > 0.0 && isfinite(std) && std > 0.0 && isfinite(precision);
         sample->value[k] = !known ? 0.0 : k == 0 ? value : logarithm(value);
-        sample->precision[k] = known ? 1.0 / (scale * scale) : 0.0;
+        sample->precision[k] = known ? precision : 0.0;
     }
     memcpy(sample->value + N_NAVIGATION, flight->map.prior_mean, sizeof flight->map.prior_mean);
     memcpy(sample->precision + N_NAVIGATION, flight->map.prior_precision, sizeof flight->map.prior_precision);

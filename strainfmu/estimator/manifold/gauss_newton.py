@@ -121,6 +121,8 @@ def _linearised(
     innovation = measured.value - value
     weighted = measured.precision[:, :, None] * of_state
     turned = np.swapaxes(whitened_jacobian, 1, 2)
+    with np.errstate(over="ignore", invalid="ignore"):  # of navigation out of every range
+        of_navigation = np.sum(measured.precision * innovation**2, axis=1)
     return Linearised(
         state=state,
         residual=residual,
@@ -136,7 +138,7 @@ def _linearised(
         hessian=turned @ whitened_jacobian + np.swapaxes(of_state, 1, 2) @ weighted,
         gradient=np.einsum("knx,kn->kx", whitened_jacobian, whitened)
         + np.einsum("kix,ki->kx", weighted, innovation),
-        cost=np.sum(whitened * whitened, axis=1) + np.sum(measured.precision * innovation**2, axis=1),
+        cost=np.sum(whitened * whitened, axis=1) + of_navigation,
     )
 
 

@@ -66,12 +66,13 @@ class StateMeasurement:
 def state_measurement(manifold: ManifoldMap, navigation: Navigation) -> StateMeasurement:
     """Return what ``navigation`` and the ranges of ``manifold`` say of the flight state."""
     value, std = navigation.value, navigation.std
-    relative = std / np.where(value > 0.0, value, 1.0)
     known = np.isfinite(value) & (value > 0.0) & np.isfinite(std) & (std > 0.0)
     number = np.where(known, value, 1.0)
     rows = np.column_stack([number[:, 0], np.log(number[:, 1]), np.log(number[:, 2])])
-    scale = np.column_stack([std[:, 0], relative[:, 1], relative[:, 2]])
-    precision = np.where(known, 1.0 / np.where(known, scale, 1.0) ** 2, 0.0)
+    with np.errstate(over="ignore", divide="ignore"):
+        scale = np.where(known, std, 1.0) / np.column_stack([np.ones(len(value)), number[:, 1:]])
+        weight = 1.0 / scale**2
+    precision = np.where(known & np.isfinite(weight), weight, 0.0)
     mean, weight = prior(manifold)
     k = len(value)
     return StateMeasurement(

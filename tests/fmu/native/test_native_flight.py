@@ -102,6 +102,18 @@ def test_wrong_navigation(fmu: FlightFmu, inverse_map: InverseMap, name: str) ->
     assert HealthState.DEGRADED in compare(fmu, inverse_map, samples)
 
 
+@pytest.mark.parametrize("value", [np.finfo(float).max, np.finfo(float).smallest_subnormal])
+@pytest.mark.parametrize("name", ["mach_number", "static_pressure", "dynamic_pressure"])
+def test_navigation_at_the_ends_of_numbers(
+    fmu: FlightFmu, inverse_map: InverseMap, name: str, value: float
+) -> None:
+    """One such reading leaves nothing behind that is not finite: the steps after it are those of numpy."""
+    samples = random_flight(inverse_map, 8, seed=12)
+    samples[2] = replace(samples[2], flow={**samples[2].flow, name: value})
+    seen = compare(fmu, inverse_map, samples)
+    assert seen[-1] == HealthState.OK, seen
+
+
 def test_lost_gauges(fmu: FlightFmu, inverse_map: InverseMap) -> None:
     random = np.random.default_rng(5)
     samples = []
