@@ -13,7 +13,7 @@ from builder.inverse.build import AnyStructure, inverse_problem, on_structure
 from builder.inverse.ensemble import Ensemble, rolled_modes
 from builder.inverse.noise_model import NoiseTerm
 from builder.inverse.solution import Problem
-from builder.manifold.discrepancy import tested_shapes
+from builder.manifold.discrepancy import level_error, process_size, tested_shapes
 from builder.manifold.followed_errors import followed_errors
 from builder.manifold.sensor_tables import base_pressure_error, gains_of_sensors, with_base_and_friction
 from builder.manifold.state_tables import state_tables
@@ -73,9 +73,9 @@ def manifold_map(
     coefficients = with_base_and_friction(vehicle, problem, found.mach_knots, found.coefficients)
     terms = found.errors | _scaled_errors(vehicle, problem, found.process, operator)
     terms |= _scaled_nuisance(nuisance, problem) | base_pressure_error(vehicle, problem, len(operator))
-    if vehicle.map.discrepancy_of_overpressure_percent > 0.0:
-        level = 0.01 * vehicle.map.discrepancy_of_overpressure_percent * (operator @ found.overpressure)
-        terms["fraction of the overpressure"] = level[:, None]
+    level = level_error(vehicle, problem, operator, found.overpressure)
+    if level is not None:
+        terms["fraction of the overpressure"] = level
     errors = np.hstack(list(terms.values()))
     error = _compressed(errors[:n])
     reference, noise = vehicle.reference_quantities(), vehicle.noise
@@ -155,8 +155,9 @@ def _scaled_errors(
     ``process`` (n_d + 5 + m, k) is the response to the Gaussian process at unit variance.
     """
     entry, noise, found = vehicle.map, vehicle.noise, {}
-    if entry.discrepancy_percent > 0.0:
-        found["pressure off the tables"] = 0.01 * entry.discrepancy_percent * process
+    size = process_size(vehicle, problem)
+    if size > 0.0:
+        found["pressure off the tables"] = size * process
     if entry.discrepancy_of_prior_percent > 0.0:
         spread = _spread_of_flows(problem.ensemble, operator)
         found["fraction of the snapshots"] = 0.01 * entry.discrepancy_of_prior_percent * spread

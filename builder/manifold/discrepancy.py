@@ -9,8 +9,11 @@ from __future__ import annotations
 import numpy as np
 
 from builder.aero.surface_mesh import SurfaceMesh
+from builder.inverse.solution import Problem
+from builder.vehicle.file import Vehicle
 from builder.vehicle.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
+from strainfmu.atmosphere import HEAT_CAPACITY_RATIO
 from strainfmu.estimator.manifold.flight_tables import LOG_PRESSURE, MACH, U
 from strainfmu.estimator.manifold.gauss_newton import strain_factor
 from strainfmu.estimator.manifold.manifold_map import ManifoldMap
@@ -77,6 +80,52 @@ def process_on_surface(mesh: SurfaceMesh, axial_length: float, roll_angle: float
         columns = np.column_stack([columns, column])
         left = np.maximum(left - column * column, 0.0)
     return columns
+
+
+OF_DYNAMIC_PRESSURE, OF_AMBIENT = 8e-4, 0.02
+"""Size of the Gaussian process that is not stated: part of q_inf, and of p_inf at most.
+
+Errors of a flow go with its dynamic pressure. A process of more than the second explains away what tells another
+flow.
+"""
+
+
+def process_size(vehicle: Vehicle, problem: Problem) -> float:
+    """Return the standard deviation of the Gaussian process over p_inf [1]."""
+    stated = vehicle.map.discrepancy_percent
+    if stated is not None:
+        return 0.01 * stated
+    mach = np.array([condition.mach_number for condition in problem.ensemble.conditions])
+    dynamic = 0.5 * HEAT_CAPACITY_RATIO * float(np.average(mach**2, weights=problem.ensemble.weight))
+    return min(OF_DYNAMIC_PRESSURE * dynamic, OF_AMBIENT)
+
+
+def corrects_level(problem: Problem) -> bool:
+    """Return whether the residual says how far the level of the pressure is off the tables.
+
+    Strain of gauges could, but tells it no better than to some per cent: as a correction that noise is all there
+    is in a flow as the snapshots', while further sensors, as ports, see the pressure itself.
+    """
+    return problem.sensors is not None
+
+
+def level_error(
+    vehicle: Vehicle, problem: Problem, operator: FloatArray, overpressure: FloatArray
+) -> FloatArray | None:
+    """Return columns (n, k) per p_inf of a fraction of ``overpressure`` (n_p,) all over the body; None for none.
+
+    ``operator`` (n, n_p) gives strains, then loads. Where the residual does not correct the level, they are two
+    errors, one of strain and one of the loads: the estimate is that of the tables, its deviation holds both.
+    """
+    size = 0.01 * vehicle.map.discrepancy_of_overpressure_percent
+    if size == 0.0:
+        return None
+    column = size * (operator @ overpressure)[:, None]
+    if corrects_level(problem):
+        return column
+    n_d, apart = len(problem.strain_operator), np.repeat(column, 2, axis=1)
+    apart[n_d:, 0] = apart[:n_d, 1] = 0.0
+    return apart
 
 
 TESTED = 6

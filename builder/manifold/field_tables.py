@@ -7,7 +7,7 @@ import numpy as np
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.ensemble import rolled_modes
 from builder.inverse.solution import Problem
-from builder.manifold.discrepancy import gaussian_process_shapes
+from builder.manifold.discrepancy import corrects_level, gaussian_process_shapes, process_size
 from builder.manifold.flow_amplitudes import flow_amplitudes
 from builder.manifold.interpolation import left_out_errors
 from builder.manifold.tables import ring_response, spline_coefficients, spline_rows
@@ -35,11 +35,12 @@ def flight_field(vehicle: Vehicle, snapshots: Snapshots, problem: Problem, grid:
     error = left_out_errors(flows.mach, flows.incidence, flows.amplitude[..., None])[..., 0]
     n_h = min(MAX_ERROR_HARMONIC, flows.amplitude.shape[-1] - 1) + 1
     response = ring_response(problem.strain_operator, grid, n_h)
-    process, process_std = _of_process(vehicle, grid, response)
+    process, process_std = _of_process(vehicle, grid, response, process_size(vehicle, problem))
     prior, prior_std = _of_prior(vehicle, problem, grid, n_h)
     covariance = _of_interpolation(error[..., :n_h], response) + process + prior
     level = 0.01 * vehicle.map.discrepancy_of_overpressure_percent * flows.overpressure()
-    covariance[:, 0, 0] += np.outer(level, response[:, :, 0, 0] @ level)
+    if corrects_level(problem):
+        covariance[:, 0, 0] += np.outer(level, response[:, :, 0, 0] @ level)
     return FlightField(
         station=grid.x,
         radius=grid.radius,
@@ -63,10 +64,11 @@ def _of_interpolation(error: FloatArray, response: FloatArray) -> FloatArray:
     return np.einsum("m,qxm,qnms->xmsn", mean, error, strain, optimize=True)
 
 
-def _of_process(vehicle: Vehicle, grid: SurfaceGrid, response: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the covariance with strain, and the standard deviation (n_x,), of the Gaussian process."""
+def _of_process(
+    vehicle: Vehicle, grid: SurfaceGrid, response: FloatArray, size: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return the covariance with strain, and the deviation (n_x,), of the Gaussian process of ``size``."""
     entry = vehicle.map
-    size = 0.01 * entry.discrepancy_percent
     along, around = gaussian_process_shapes(
         grid, float(grid.x[-1]), entry.discrepancy_length, float(np.deg2rad(entry.discrepancy_roll_deg))
     )

@@ -9,6 +9,7 @@ import numpy as np
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.solution import Problem
 from builder.manifold.condition_tables import condition_tables
+from builder.manifold.discrepancy import corrects_level, process_size
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.manifold.shape_field import ShapeField
@@ -37,9 +38,13 @@ def shape_field(
     covariance = np.zeros((len(modes), len(problem.strain_operator)))
     entry = vehicle.map
     fields = [modes @ one for one in found.errors.values()]
-    fields += [0.01 * entry.discrepancy_percent * process]
-    fields += [0.01 * entry.discrepancy_of_overpressure_percent * overpressure[:, None]]
+    fields += [process_size(vehicle, problem) * process]
     fields += [0.01 * entry.discrepancy_of_prior_percent * one for one in _spread(problem)]
+    level = 0.01 * entry.discrepancy_of_overpressure_percent * overpressure[:, None]
+    if corrects_level(problem):
+        fields += [level]
+    else:
+        variance += level[:, 0] ** 2
     for one in fields:
         covariance += one @ (problem.strain_operator @ one).T
         variance += np.sum(one**2, axis=1)

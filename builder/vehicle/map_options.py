@@ -32,10 +32,12 @@ class MapEntry(Section):
 
     ``estimator`` "manifold" adds tables over the flight state for the nonlinear estimator; the linear map stays
     in the file, for strain that does not fit them. Pressure off the tables is expected: a Gaussian process of
-    ``discrepancy_percent`` of p_inf, with correlation lengths of ``discrepancy_length`` times the body's length
-    along it and ``discrepancy_roll_deg`` round it; ``discrepancy_of_prior_percent`` of the deviation that the
-    snapshots have about their mean; and ``discrepancy_of_overpressure_percent`` of the overpressure without
-    incidence, all over the body at once, which gauges hardly see and axial force follows.
+    ``discrepancy_percent`` of p_inf (left out: 0.08 % of q_inf, at most 2 % of p_inf), with correlation lengths of
+    ``discrepancy_length`` times the body's length along it and ``discrepancy_roll_deg`` round it;
+    ``discrepancy_of_prior_percent`` of the deviation that the snapshots have about their mean; and
+    ``discrepancy_of_overpressure_percent`` of the overpressure without incidence, all over the body at once, which
+    gauges tell poorly and axial force follows: it widens the deviations and, where there are no further sensors,
+    corrects nothing.
     """
 
     form: Literal["dynamic_pressure", "absolute"] = "dynamic_pressure"
@@ -50,7 +52,7 @@ class MapEntry(Section):
     prior_modes: int | None = Field(default=None, ge=1, le=1_000_000)
     gamma: float | str = 1.0
     keep_field: bool = False
-    discrepancy_percent: float = Field(default=2.0, ge=0.0, le=100.0)
+    discrepancy_percent: float | None = Field(default=None, ge=0.0, le=100.0)
     discrepancy_length: float = Field(default=0.2, ge=0.02, le=2.0)
     discrepancy_roll_deg: float = Field(default=40.0, ge=10.0, le=180.0)
     discrepancy_of_prior_percent: float = Field(default=10.0, ge=0.0, le=100.0)

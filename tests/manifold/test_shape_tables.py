@@ -24,7 +24,7 @@ from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map, inverse_problem, snapshot_coefficients
 from builder.manifold.build import with_manifold
 from builder.manifold.condition_tables import condition_tables
-from builder.manifold.discrepancy import process_on_surface
+from builder.manifold.discrepancy import process_on_surface, process_size
 from builder.manifold.state_tables import state_tables
 from strainfmu.errors import InputError
 from strainfmu.estimator.health import HealthState
@@ -113,6 +113,45 @@ def test_flights_between_the_snapshots_are_found() -> None:
     angles = np.array([[one.angle_of_attack, one.sideslip_angle] for one in conditions])
     assert np.quantile(np.abs(found.air_data.value[:, :2] - angles), 0.95) < radians(0.1)
     assert np.all(found.health == HealthState.OK)
+
+
+def test_the_level_of_the_pressure_is_that_of_the_tables() -> None:
+    """Axial force follows from the state; what its deviation does not hold of another level is no good sample."""
+    snapshots = held_out()
+    conditions = snapshots.conditions()
+    q, mach, ambient = (
+        np.array([getattr(one, name) for one in conditions])
+        for name in ("dynamic_pressure", "mach_number", "ambient_pressure")
+    )
+    noise = 5e-7 * np.random.default_rng(12).standard_normal((len(q), N_D))
+    vehicle = shape_vehicle(discrepancy_of_overpressure_percent=10.0)
+    noisy = vehicle.noise.model_copy(update={"std_um_per_m": 0.5})
+    vehicle = vehicle.model_copy(update={"noise": noisy})
+    structure = shape_structure(grid_snapshots().surface)
+    made = build_inverse_map(vehicle, grid_snapshots(), structure)
+    estimator = ManifoldEstimator(with_manifold(made, vehicle, grid_snapshots(), structure))
+    for level in (-0.2, -0.1, 0.0, 0.1, 0.2):
+        flow = replace(
+            snapshots,
+            pressure=ambient[:, None] + (1.0 + level) * (snapshots.pressure - ambient[:, None]),
+        )
+        true = snapshot_coefficients(shape_vehicle(), flow, _loads(flow))[:, 0]
+        found = estimator.estimate(readings(flow) + noise, q, mach_number=mach, altitude=ALTITUDE)
+        off = np.abs(found.coefficients[:, 0] - true)
+        assert np.all((off <= 3.0 * found.coefficients_std[:, 0]) | (found.health != HealthState.OK))
+        if level == 0.0:
+            linear = estimator.linear.estimate(readings(flow) + noise, q, None)
+            assert np.mean(off) < np.mean(np.abs(linear.coefficients[:, 0] - true))
+
+
+@pytest.mark.parametrize(("mach", "size"), [((2.0, 3.0, 4.0), 8e-4 * 0.7 * 29.0 / 3.0), ((6.0, 7.0, 8.0), 0.02)])
+def test_the_process_goes_with_the_dynamic_pressure(mach: tuple[float, ...], size: float) -> None:
+    flow = flown(grid_conditions(mach=mach, alpha=(0.0,), beta=(-1.0, 1.0)))
+    vehicle = shape_vehicle(discrepancy_percent=None)
+    problem = inverse_problem(vehicle, flow, shape_structure(flow.surface))
+    assert process_size(vehicle, problem) == pytest.approx(size, rel=1e-12)
+    stated = shape_vehicle(discrepancy_percent=3.0)
+    assert process_size(stated, problem) == pytest.approx(0.03)
 
 
 def _loads(snapshots: Snapshots) -> np.ndarray:
