@@ -21,9 +21,10 @@ size_t law_doubles(const Filter *filter) {
 }
 
 static size_t sample_doubles(const Filter *filter) {
-    const size_t rows = filter->rows, order = filter->order;
-    return 7 * order * rows + 3 * LANES * rows + filter->n_considered + 6 * rows * rows + 3 * rows
-         + larger(rows, order) * order + 3 * order * order + filter->map.n_further * rows + 2 * order;
+    const size_t rows = filter->rows, order = filter->order, few = N_STATES + 1;
+    return filter->n_considered + rows * (4 * order + 6 * rows + few + 2 * N_COLUMNS + filter->row_whitened + 2)
+         + order * (few + N_STATES + 5 * order) + rows * (order - N_STATES) + (filter->n + few) * rows
+         + larger(rows, order) * order + filter->n * N_COLUMNS + filter->map.n_further * rows + 2 * order;
 }
 
 size_t filter_doubles(Filter *filter, FlightSolver *solver) {
@@ -35,6 +36,7 @@ size_t filter_doubles(Filter *filter, FlightSolver *solver) {
     filter->n_read = filter->first_e + 1 + flight->n_common + filter->map.n_shared;
     filter->n = filter->n_read + N_STATES;
     filter->order = in_lanes(filter->n);
+    filter->row_whitened = in_lanes(filter->n + N_STATES + 1);
     filter->n_terms = (size_t)flight->has_gain_error + filter->map.n_own + filter->map.n_terms;
     filter->n_considered = filter->n_terms * filter->gauges;
     return 4 * law_doubles(filter) + sample_doubles(filter);
@@ -46,34 +48,49 @@ static void law_arrays(const Filter *filter, Law *law, double **doubles) {
     law->cross = taken(doubles, filter->n * filter->n_considered);
 }
 
+/* A matrix (n_gauges, n_gauges) of the map in one of all rows, with zeros beyond. */
+static void widen(const Filter *filter, const double *source, double *matrix) {
+    const size_t n = filter->solver->n_gauges;
+    for (size_t i = 0; i < n; i++) {
+        memcpy(matrix + i * filter->rows, source + i * n, n * sizeof *matrix);
+    }
+}
+
 void filter_arrays(Filter *filter, double **doubles) {
     const size_t rows = filter->rows, order = filter->order;
     law_arrays(filter, &filter->law, doubles);
     law_arrays(filter, &filter->next_law, doubles);
     law_arrays(filter, &filter->predicted, doubles);
     law_arrays(filter, &filter->stationary, doubles);
+    filter->noise = taken(doubles, rows * rows);
+    filter->rest = taken(doubles, rows * rows);
     filter->read = taken(doubles, order * rows);
     filter->term = taken(doubles, filter->n_considered);
     filter->white = taken(doubles, rows * rows);
-    filter->white_factor = taken(doubles, rows * rows);
     filter->considered = taken(doubles, order * rows);
-    filter->fixed_gain = taken(doubles, order * rows);
-    filter->fixed_spread = taken(doubles, rows * rows);
-    filter->fixed_value = taken(doubles, rows);
-    filter->gain = taken(doubles, (order + LANES) * rows);
+    filter->by_state = taken(doubles, (N_STATES + 1) * order);
+    filter->by_row = taken(doubles, (N_STATES + 1) * rows);
+    filter->others = taken(doubles, order * order);
+    filter->gain = taken(doubles, order * rows);
+    filter->gain_turned = taken(doubles, rows * (order - N_STATES));
     filter->spread = taken(doubles, rows * rows);
     filter->inverse = taken(doubles, rows * rows);
-    filter->inverse_turned = taken(doubles, rows * rows);
-    filter->whitened = taken(doubles, (order + LANES) * rows);
-    filter->kalman = taken(doubles, (order + LANES) * rows);
-    filter->squares = taken(doubles, rows);
     filter->innovation = taken(doubles, rows);
+    filter->right = taken(doubles, rows * N_COLUMNS);
+    filter->white_right = taken(doubles, rows * N_COLUMNS);
+    filter->of_states = taken(doubles, N_STATES * order);
+    filter->whitened = taken(doubles, rows * filter->row_whitened);
+    filter->kalman = taken(doubles, (filter->n + N_STATES + 1) * rows);
+    filter->squares = taken(doubles, rows);
     filter->product = taken(doubles, order * rows);
     filter->turned = taken(doubles, larger(rows, order) * order);
     filter->kept = taken(doubles, order * order);
-    filter->joseph = taken(doubles, 2 * order * order);
+    filter->joseph = taken(doubles, 3 * order * order);
+    filter->strip = taken(doubles, filter->n * N_COLUMNS);
     filter->further_turned = taken(doubles, filter->map.n_further * rows);
     filter->further_by_state = taken(doubles, 2 * order);
+    widen(filter, filter->map.noise, filter->noise);
+    widen(filter, filter->map.rest_strain, filter->rest);
 }
 
 void filter_reset(Filter *filter) {
@@ -110,31 +127,31 @@ void filter_set_time_constant(Filter *filter, double time_constant) {
     memcpy(filter->stationary.mean, filter->solver->map->prior_mean, N_STATES * sizeof(double));
 }
 
-/* A step of a stationary process: of the flight state and its rates by pairs, of the others a factor. */
-typedef struct {
-    double pair[N_STATES][2][2];
-    double factor[3]; /* of b; c and e; the considered errors */
-} Motion;
-
-static Motion motion_over(const Filter *filter, double time_step) {
-    Motion motion;
+/* The step over a time [s]; the one before, if it was as long. */
+static const Motion *motion_over(Filter *filter, double time_step) {
+    Motion *motion = &filter->motion;
+    if (motion->time_step == time_step && motion->time_constant == filter->time_constant) {
+        return motion;
+    }
     for (size_t k = 0; k < N_STATES; k++) {
         const double rate = filter->rate[k] * sqrt(filter->solver->map->prior_precision[k]);
         const double turn = rate * time_step, decay = turn < 690.0 ? exponential(-turn) : 0.0;
-        motion.pair[k][0][0] = decay * (1.0 + turn);
-        motion.pair[k][0][1] = decay * time_step;
-        motion.pair[k][1][0] = -decay * rate * turn;
-        motion.pair[k][1][1] = decay * (1.0 - turn);
+        motion->pair[k][0][0] = decay * (1.0 + turn);
+        motion->pair[k][0][1] = decay * time_step;
+        motion->pair[k][1][0] = -decay * rate * turn;
+        motion->pair[k][1][1] = decay * (1.0 - turn);
     }
     const double age = time_step / filter->time_constant, slow = age / filter->map.slow;
-    motion.factor[0] = slow < 690.0 ? exponential(-slow) : 0.0;
-    motion.factor[1] = motion.factor[2] = age < 690.0 ? exponential(-age) : 0.0;
+    motion->factor[0] = slow < 690.0 ? exponential(-slow) : 0.0;
+    motion->factor[1] = motion->factor[2] = age < 690.0 ? exponential(-age) : 0.0;
+    motion->time_step = time_step;
+    motion->time_constant = filter->time_constant;
     return motion;
 }
 
 /* to = scale F from, of `count` columns. */
-static void move_rows(const Filter *filter, const Motion *motion, size_t count, double scale, const double *from,
-                      double *to) {
+void filter_move_rows(const Filter *filter, size_t count, double scale, const double *from, double *to) {
+    const Motion *motion = &filter->motion;
     const int wide = filter->solver->wide;
     const size_t shift = filter->n_read * count;
     for (size_t k = 0; k < N_STATES; k++) {
@@ -193,7 +210,7 @@ static void symmetrise(size_t n, size_t order, double *matrix) {
 }
 
 void filter_predict(Filter *filter, double time_step) {
-    const Motion motion = motion_over(filter, time_step);
+    const Motion *motion = motion_over(filter, time_step);
     const size_t order = filter->order;
     const double *middle = filter->solver->map->prior_mean;
     Law *out = &filter->predicted;
@@ -201,17 +218,16 @@ void filter_predict(Filter *filter, double time_step) {
     for (size_t k = 0; k < N_STATES; k++) {
         out->mean[k] -= middle[k];
     }
-    move_columns(filter, &motion, out->mean);
+    move_columns(filter, motion, out->mean);
     for (size_t k = 0; k < N_STATES; k++) {
         out->mean[k] += middle[k];
     }
-    move_rows(filter, &motion, order, 1.0, filter->law.covariance, out->covariance);
+    filter_move_rows(filter, order, 1.0, filter->law.covariance, out->covariance);
     for (size_t i = 0; i < filter->n; i++) {
-        move_columns(filter, &motion, out->covariance + i * order);
+        move_columns(filter, motion, out->covariance + i * order);
     }
-    add_forgotten(filter, &motion, filter->base.widening, out->covariance);
+    add_forgotten(filter, motion, filter->base.widening, out->covariance);
     symmetrise(filter->n, order, out->covariance);
-    move_rows(filter, &motion, filter->n_considered, motion.factor[2], filter->law.cross, out->cross);
 }
 
 void filter_note(Filter *filter, double chi_square, double degrees_of_freedom) {

@@ -13,6 +13,7 @@
 
 #define FIRST_NAVIGATION N_STATES /* states b, then c */
 #define FIRST_SEEN (N_STATES + N_NAVIGATION)
+#define N_COLUMNS 8 /* of a few vectors side by side, in lanes */
 
 /* The normal law of the states, and their covariance with the errors that are considered, of each gauge its terms. The
    arrays lie in one block. */
@@ -21,6 +22,13 @@ typedef struct {
     double *covariance; /* (n, order) */
     double *cross;      /* (n, n_considered) by term and gauge */
 } Law;
+
+/* A step of a stationary process: of the flight state and its rates by pairs, of the others a factor. */
+typedef struct {
+    double time_step, time_constant; /* that it belongs to [s] */
+    double pair[N_STATES][2][2];
+    double factor[3]; /* of b; c and e; the considered errors */
+} Motion;
 
 /* What a step leaves to the next one, beside the law and the track of flight.h; all of it float64, as serialised. */
 typedef struct {
@@ -42,29 +50,39 @@ typedef struct {
     double rate[N_STATES];        /* standard deviations of the rates for it */
     FilterTrack base, next;       /* that the outputs follow from, and that they leave, */
     Law law, next_law;            /* with their laws */
-    Law predicted, stationary;
-    Law found;                    /* of the solution: one of these, wherever it is kept */
-    /* Scratch: a sample about a state. */
+    Law predicted, stationary; /* the cross covariance of the former is there after filter_move_cross alone */
+    Law found;                 /* of the solution: one of these, wherever it is kept */
+    Motion motion;             /* from the law to the predicted one */
+    double *noise, *rest;      /* (rows, rows) of the map */
+    /* Scratch: a sample. The flight state is x = mean + L xi, of a standard normal xi. Given it, what else is read has a
+       covariance that no iteration changes; other states have what x does not tell of them. */
     double scale[N_NAVIGATION]; /* 1 over the deviation of navigation; 0 where not known */
-    double *read;      /* (order, rows) H' */
-    double *term;      /* (n_terms, gauges) considered errors */
-    double *white;     /* (rows, rows) covariance of what is independent, and of the considered errors */
-    double *white_factor; /* (rows, rows) its L */
-    double *considered;   /* (order, rows) C G' */
-    double *fixed_gain;   /* (order, rows) P H' + C G' but for the Jacobian by the flight state */
-    double *fixed_spread; /* (rows, rows) H P H' + .. but for the same; its upper triangle */
-    double *fixed_value;  /* (rows) strain and navigation of the states but the flight state */
-    double *innovation;   /* (rows) what strain and navigation read beside the prediction */
-    double *gain;         /* (order, rows) P H' + C G'; then the innovation */
-    double *spread;       /* (rows, rows) its L after a decomposition */
-    double *inverse, *inverse_turned; /* (rows, rows) L^-1, and its transpose */
-    double *whitened;     /* (order, rows) of each row of gain L^-1 */
-    double *kalman;       /* (order, rows) K; then S^-1 times the innovation */
-    double *squares;      /* (rows) diagonal of S^-1 */
-    double *product;      /* (order, rows) scratch, */
-    double *turned;       /* (rows or order, order), */
-    double *kept;         /* (order, order) I - K H, */
-    double *joseph;       /* (2, order, order) */
+    double root[N_STATES][N_STATES]; /* L */
+    double *read;        /* (order, rows) H' */
+    double *term;        /* (n_terms, gauges) considered errors */
+    double *white;       /* (rows, rows) upper triangle of the covariance of what is independent, and of the considered
+                            errors; its L after the loads */
+    double *considered;  /* (order, rows) C G': of xi, then of the other states given x */
+    double *by_state;    /* (N_STATES, order) covariance of xi with the states; then a row of the others' means */
+    double *by_row;      /* (N_STATES, rows) the same with what is read but for H x; then a row of its means */
+    double *others;      /* (n - N_STATES, order) covariance of the others given x */
+    double *gain;        /* (order, rows) its product with H', and considered */
+    double *gain_turned; /* (rows, order - N_STATES) its transpose */
+    double *spread;      /* (rows, rows) covariance of what is read given x; its L */
+    double *inverse;     /* (rows, rows) L^-1, of the same */
+    double *innovation;  /* (rows) what strain and navigation read beside the prediction */
+    double *right;       /* (rows, N_COLUMNS) columns of x, innovation */
+    double *white_right; /* (rows, N_COLUMNS) L^-1 of them */
+    double *of_states;   /* (N_STATES, order) root of the part of the covariance after that x has */
+    double *whitened;    /* (rows, row_whitened) L^-1 of gain_turned; then K' of L: of states, x, and the innovation */
+    size_t row_whitened;
+    double *kalman;      /* (n + N_STATES + 1, rows) K, S^-1 (..), S^-1 times the innovation */
+    double *squares;     /* (rows) diagonal of S^-1 */
+    double *product;     /* (order, rows) scratch, */
+    double *turned;      /* (rows or order, order), */
+    double *kept;        /* (order, order) K H, */
+    double *joseph;      /* (3, order, order), */
+    double *strip;       /* (n, N_COLUMNS), */
     double *further_turned;   /* (n_further, rows), */
     double *further_by_state; /* (2, order) of filter_further.c */
 } Filter;
@@ -85,17 +103,36 @@ void filter_set_time_constant(Filter *filter, double time_constant);
 /* filter->predicted from filter->law, over a time step [s]. */
 void filter_predict(Filter *filter, double time_step);
 
+/* to = scale F from, of `count` columns, for the last such step. */
+void filter_move_rows(const Filter *filter, size_t count, double scale, const double *from, double *to);
+
 /* Estimate solver->sample from a predicted law, by iterations from a flight state: the solution in solver->solution, the
    law after it in filter->next_law. */
 void filter_sample(Filter *filter, const Law *law, const double *start, size_t iterations);
 
-/* Gains of the first `count` states, and the decomposition of the spread. For the next. */
-void filter_set_gain(Filter *filter, const Law *law, size_t count);
+/* The errors at the state of solver->response: read but for x, term, white. Then H' of x, and the innovation. */
+void filter_set_errors(Filter *filter);
+void filter_set_rows(Filter *filter, const Law *law, const double *state);
 
-/* The law after a sample whose rows are set; then the flight state gets a value, from which the others follow by their
-   covariance: its square distance. For filter_sample.c. */
-void filter_update_law(Filter *filter, const Law *law, Law *after);
+/* What a sample says of xi: its mean, and the inverse of the root of its precision. */
+typedef struct {
+    double mean[N_STATES], inverse[N_STATES][N_STATES];
+} Posterior;
+
+/* For the rows that are set; then the law after them, and the normalised innovation squared. */
+Posterior filter_whiten(Filter *filter);
+double filter_update_law(Filter *filter, const Law *law, Law *after);
+
+/* C G' of a law, in filter->considered; C after a sample; C of the predicted law. */
+void filter_set_considered(Filter *filter, const Law *law);
+void filter_update_cross(Filter *filter, const Law *law, Law *after);
+void filter_move_cross(Filter *filter);
+
+/* The flight state gets a value, from which the others follow by their covariance: its square distance. */
 double filter_give(Filter *filter, Law *law, const double *state);
+
+/* out (columns, rows) = matrix' (rows, columns), rows of each so far apart. */
+void transpose(size_t rows, size_t columns, const double *matrix, size_t row, double *out, size_t out_row);
 
 /* solver->solution at the law in filter->next_law, the last sample's. For filter_sample.c. */
 void filter_solution(Filter *filter);

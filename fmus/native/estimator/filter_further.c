@@ -25,12 +25,12 @@ static void set_turned(Filter *filter, double square, double *remaining) {
             turned[j * rows + g] = solver->sample.used[g] ? square * map->further_cross[j * n + g] : 0.0;
         }
     }
-    solve_lower(solver->wide, rows, filter->white_factor, m, turned);
+    solve_lower(solver->wide, rows, filter->white, m, turned);
     for (size_t j = 0; j < m; j++) {
         const double left = square * map->further_variance[j] - lane_dot(rows, turned + j * rows, turned + j * rows);
         remaining[j] = left > 0.0 ? left : 0.0; /* of a load that strain tells wholly, rounding leaves less */
     }
-    solve_upper(solver->wide, rows, filter->white_factor, m, turned);
+    solve_upper(solver->wide, rows, filter->white, m, turned);
 }
 
 /* Load j, and its derivative by the states. */

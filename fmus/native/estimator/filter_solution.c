@@ -5,31 +5,30 @@
 #include "filter.h"
 #include "flight_algebra.h"
 
-#define TURNED_LANES 8 /* N_LOADS in lanes */
-
 /* Gains of the loads on the residual: covariance with the strain of the directions that are not estimated, times that of
-   strain inverted. Rows are in filter->gain; `remaining` gets what they leave of the loads' covariance. */
+   strain inverted; columns (rows, N_COLUMNS) in filter->right. `remaining` gets what they leave of the loads'
+   covariance. */
 static void set_turned(Filter *filter, double remaining[N_LOADS][N_LOADS]) {
     const FlightSolver *solver = filter->solver;
     const size_t rows = filter->rows, n = solver->n_gauges;
     const double square = solver->response.pressure * solver->response.pressure;
-    double *turned = filter->gain;
-    memset(turned, 0, N_LOADS * rows * sizeof *turned);
-    for (size_t i = 0; i < N_LOADS; i++) {
-        for (size_t g = 0; g < n; g++) {
-            turned[i * rows + g] = solver->sample.used[g] ? square * filter->map.rest_cross[i * n + g] : 0.0;
+    double *turned = filter->right, product[N_COLUMNS * N_COLUMNS];
+    memset(turned, 0, N_COLUMNS * rows * sizeof *turned);
+    for (size_t g = 0; g < n; g++) {
+        for (size_t i = 0; i < N_LOADS; i++) {
+            turned[g * N_COLUMNS + i] = solver->sample.used[g] ? square * filter->map.rest_cross[i * n + g] : 0.0;
         }
     }
-    memcpy(filter->white_factor, filter->white, rows * rows * sizeof *filter->white);
-    cholesky(solver->wide, rows, filter->white_factor);
-    solve_lower(solver->wide, rows, filter->white_factor, N_LOADS, turned);
+    cholesky(solver->wide, rows, filter->white);
+    solve_lower_columns(solver->wide, rows, filter->white, N_COLUMNS, turned);
+    multiply(solver->wide, FULL, N_COLUMNS, rows, N_COLUMNS, (Strided){turned, 1, N_COLUMNS}, turned, N_COLUMNS, product,
+             N_COLUMNS);
     for (size_t i = 0; i < N_LOADS; i++) {
         for (size_t j = 0; j < N_LOADS; j++) {
-            remaining[i][j] = square * filter->map.rest_load[i * N_LOADS + j]
-                            - lane_dot(rows, turned + i * rows, turned + j * rows);
+            remaining[i][j] = square * filter->map.rest_load[i * N_LOADS + j] - product[i * N_COLUMNS + j];
         }
     }
-    solve_upper(solver->wide, rows, filter->white_factor, N_LOADS, turned);
+    solve_upper_columns(solver->wide, rows, filter->white, N_COLUMNS, turned);
 }
 
 double *filter_left(Filter *filter, const Law *law) {
@@ -53,18 +52,12 @@ static void set_loads(Filter *filter) {
     FlightSolver *solver = filter->solver;
     const size_t rows = filter->rows, order = filter->order;
     const double *left = filter_left(filter, &filter->next_law), *mean = filter->next_law.mean;
-    double *by_state = filter->joseph, *by_row = filter->product + rows, *by_read = filter->turned;
+    double *by_state = filter->joseph, *by_read = filter->turned, of_left[N_COLUMNS];
     memset(by_state, 0, N_LOADS * order * sizeof *by_state);
-    memset(by_row, 0, rows * TURNED_LANES * sizeof *by_row);
+    multiply(solver->wide, FULL, filter->n_read, rows, N_COLUMNS, by_rows(filter->read, rows), filter->right, N_COLUMNS,
+             by_read, N_COLUMNS);
+    multiply(solver->wide, FULL, 1, rows, N_COLUMNS, by_rows(left, rows), filter->right, N_COLUMNS, of_left, N_COLUMNS);
     for (size_t i = 0; i < N_LOADS; i++) {
-        for (size_t r = 0; r < rows; r++) {
-            by_row[r * TURNED_LANES + i] = filter->gain[i * rows + r];
-        }
-    }
-    multiply(solver->wide, FULL, filter->n_read, rows, TURNED_LANES, by_rows(filter->read, rows), by_row, TURNED_LANES,
-             by_read, TURNED_LANES);
-    for (size_t i = 0; i < N_LOADS; i++) {
-        const double *turned = filter->gain + i * rows;
         double *row = by_state + i * order, sum = solver->response.value[solver->n_gauges + i];
         for (size_t k = 0; k < N_STATES; k++) {
             row[k] = solver->response.jacobian[k][solver->n_gauges + i];
@@ -74,9 +67,9 @@ static void set_loads(Filter *filter) {
             sum += row[FIRST_SEEN + k] * mean[FIRST_SEEN + k];
         }
         for (size_t k = 0; k < filter->n_read; k++) {
-            row[k] -= by_read[k * TURNED_LANES + i];
+            row[k] -= by_read[k * N_COLUMNS + i];
         }
-        solver->solution.loads[i] = sum + lane_dot(rows, turned, left);
+        solver->solution.loads[i] = sum + of_left[i];
     }
 }
 

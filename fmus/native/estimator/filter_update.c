@@ -5,11 +5,35 @@
 
 #define LEAST_LEFT 1e-2 /* part of a variance that is left, above which a difference has digits enough */
 
-/* out (columns, rows) = matrix' (rows, columns), each a row apart from the next. */
-static void transpose(size_t rows, size_t columns, const double *matrix, size_t row, double *out, size_t out_row) {
+void transpose(size_t rows, size_t columns, const double *matrix, size_t row, double *out, size_t out_row) {
     for (size_t i = 0; i < rows; i++) {
         for (size_t j = 0; j < columns; j++) {
             out[j * out_row + i] = matrix[i * row + j];
+        }
+    }
+}
+
+/* Copy what is above the diagonal to below it. */
+static void mirror(size_t n, size_t row, double *matrix) {
+    for (size_t i = 0; i < n; i++) {
+        for (size_t j = 0; j < i; j++) {
+            matrix[i * row + j] = matrix[j * row + i];
+        }
+    }
+}
+
+/* C G' and I - K H, as in kalman.py: filter->gain and filter->kept. */
+static void set_whole(Filter *filter) {
+    const size_t n = filter->n, order = filter->order, rows = filter->rows, first = N_STATES * rows;
+    double *whole = filter->gain;
+    memset(whole, 0, first * sizeof *whole);
+    memcpy(whole + first, filter->considered + first, (n * rows - first) * sizeof *whole);
+    add_product(filter->solver->wide, n, N_STATES, rows, (Strided){filter->by_state, 1, order}, filter->considered, rows,
+                whole, rows);
+    for (size_t i = 0; i < n; i++) {
+        for (size_t j = 0; j < order; j++) {
+            const double taken = j < filter->n_read ? filter->kept[i * order + j] : 0.0;
+            filter->kept[i * order + j] = (i == j ? 1.0 : 0.0) - taken;
         }
     }
 }
@@ -18,17 +42,23 @@ static void transpose(size_t rows, size_t columns, const double *matrix, size_t 
 static void joseph_covariance(Filter *filter, const Law *law, Law *after) {
     const size_t n = filter->n, order = filter->order, rows = filter->rows;
     const int wide = filter->solver->wide;
-    double *first = filter->joseph, *second = filter->joseph + order * order, *half = filter->product;
-    const Strided kept = by_rows(filter->kept, order), gain = by_rows(filter->kalman, rows);
+    double *first = filter->joseph, *second = first + order * order, *kept = second + order * order;
+    double *half = filter->product, *taken = filter->kept;
+    const Strided gain = by_rows(filter->kalman, rows);
+    filter->kept = kept;
+    memcpy(kept, taken, n * order * sizeof *kept);
+    set_whole(filter);
+    filter->kept = taken;
+    mirror(rows, rows, filter->white);
     multiply(wide, FULL, n, rows, rows, gain, filter->white, rows, half, rows);
-    multiply(wide, FULL, n, n, rows, kept, filter->considered, rows, filter->gain, rows);
-    for (size_t k = 0; k < n * rows; k++) {
-        half[k] = 0.5 * half[k] - filter->gain[k];
-    }
     transpose(n, rows, filter->kalman, rows, filter->turned, order);
+    for (size_t k = 0; k < n * rows; k++) {
+        half[k] *= 0.5;
+    }
+    subtract_product(wide, n, n, rows, by_rows(kept, order), filter->gain, rows, half, rows);
     multiply(wide, FULL, n, rows, order, by_rows(half, rows), filter->turned, order, second, order);
-    multiply(wide, FULL, n, n, order, kept, law->covariance, order, first, order);
-    transpose(n, n, filter->kept, order, filter->turned, order);
+    multiply(wide, FULL, n, n, order, by_rows(kept, order), law->covariance, order, first, order);
+    transpose(n, n, kept, order, filter->turned, order);
     multiply(wide, FULL, n, n, order, by_rows(first, order), filter->turned, order, after->covariance, order);
     for (size_t i = 0; i < n; i++) {
         for (size_t j = 0; j <= i; j++) {
@@ -39,87 +69,108 @@ static void joseph_covariance(Filter *filter, const Law *law, Law *after) {
     }
 }
 
-/* P after the sample: P - V V' with V of the gain times L'^-1, the same as the Joseph form but for round-off. Where the
-   sample takes nearly all of a variance, little is left of the difference: then the Joseph form. */
-static void update_covariance(Filter *filter, const Law *law, Law *after) {
-    const size_t n = filter->n, order = filter->order, rows = filter->rows;
-    double *taken = filter->joseph;
-    int enough = 1;
-    transpose(n, rows, filter->whitened, rows, filter->turned, order);
-    multiply(filter->solver->wide, FULL, n, rows, order, by_rows(filter->whitened, rows), filter->turned, order, taken,
-             order);
+/* Mean after the sample, and the root of what x has of the covariance. */
+static void set_of_states(Filter *filter, const Law *law, const Posterior *found, Law *after) {
+    const size_t n = filter->n, order = filter->order;
+    double *taken = filter->product;
+    multiply(filter->solver->wide, FULL, n - N_STATES, filter->rows, N_COLUMNS,
+             (Strided){filter->whitened + N_STATES, 1, filter->row_whitened}, filter->white_right, N_COLUMNS, taken,
+             N_COLUMNS);
     for (size_t i = 0; i < n; i++) {
-        const double before = law->covariance[i * order + i];
-        enough = enough && before - taken[i * order + i] > LEAST_LEFT * before;
+        const double *own = i < N_STATES ? NULL : taken + (i - N_STATES) * N_COLUMNS;
+        double left[N_STATES], mean = law->mean[i] + (own == NULL ? 0.0 : own[N_STATES]);
+        for (size_t k = 0; k < N_STATES; k++) {
+            left[k] = own == NULL ? filter->root[i][k] : filter->by_state[k * order + i] - own[k];
+            mean += left[k] * found->mean[k];
+        }
+        after->mean[i] = mean;
+        for (size_t j = 0; j < N_STATES; j++) {
+            double sum = 0.0;
+            for (size_t k = 0; k <= j; k++) {
+                sum += left[k] * found->inverse[j][k];
+            }
+            filter->of_states[j * order + i] = sum;
+        }
     }
+}
+
+/* P after the sample: what x does not tell of the others, less what the sample tells of it, and what x has; the same as
+   the Joseph form but for round-off. Whether it has digits enough: where the sample takes nearly all of a variance,
+   little is left of the difference. */
+static int update_covariance(Filter *filter, Law *after) {
+    const size_t n = filter->n, order = filter->order, others = n - N_STATES, columns = order - N_STATES;
+    const int wide = filter->solver->wide;
+    const double *whitened = filter->whitened + N_STATES, *of_states = filter->of_states;
+    double *rest = after->covariance + N_STATES * order;
+    int enough = 1;
+    memcpy(rest, filter->others, others * order * sizeof *rest);
+    subtract_upper(wide, others, filter->rows, columns, (Strided){whitened, 1, filter->row_whitened}, whitened,
+                 filter->row_whitened, rest + N_STATES, order);
+    for (size_t i = 0; i < others; i++) {
+        const size_t at = i * order + N_STATES + i;
+        enough = enough && rest[at] > LEAST_LEFT * filter->others[at];
+    }
+    add_upper(wide, others, N_STATES, columns, (Strided){of_states + N_STATES, 1, order}, of_states + N_STATES,
+                 order, rest + N_STATES, order);
+    multiply(wide, FULL, N_STATES, N_STATES, order, (Strided){of_states, 1, order}, of_states, order, after->covariance,
+             order);
+    mirror(n, order, after->covariance);
+    return enough;
+}
+
+/* Columns of x over the root of its precision, and the innovation that x does not tell, behind those of the states; then
+   K, S^-1 times the innovation, and the diagonal of S^-1. The normalised innovation squared. */
+static double set_kalman(Filter *filter, const Posterior *found) {
+    const size_t n = filter->n, order = filter->order, rows = filter->rows, row = filter->row_whitened;
+    const int wide = filter->solver->wide;
+    double *of_x = filter->product, *squares = filter->squares, chi_square = 0.0;
+    for (size_t r = 0; r < rows; r++) {
+        const double *white = filter->white_right + r * N_COLUMNS;
+        double *own = filter->whitened + r * row, left = white[N_STATES];
+        memset(own, 0, N_STATES * sizeof *own);
+        for (size_t j = 0; j < N_STATES; j++) {
+            double sum = 0.0;
+            for (size_t k = 0; k <= j; k++) {
+                sum += white[k] * found->inverse[j][k];
+            }
+            of_x[r * N_STATES + j] = sum;
+            left -= white[j] * found->mean[j];
+        }
+        own[n + N_STATES] = left;
+        chi_square += left * left;
+    }
+    add_product(wide, rows, N_STATES, order, by_rows(of_x, N_STATES), filter->of_states, order, filter->whitened, row);
+    for (size_t r = 0; r < rows; r++) {
+        memcpy(filter->whitened + r * row + n, of_x + r * N_STATES, N_STATES * sizeof *of_x);
+    }
+    multiply(wide, LOWER, n + N_STATES + 1, rows, rows, (Strided){filter->whitened, 1, row}, filter->inverse, rows,
+             filter->kalman, rows);
+    column_squares(wide, rows, filter->inverse, squares);
+    for (size_t k = 0; k < N_STATES; k++) {
+        const double *taken = filter->kalman + (n + k) * rows;
+        for (size_t r = 0; r < rows; r++) {
+            squares[r] -= taken[r] * taken[r];
+        }
+        chi_square += found->mean[k] * found->mean[k];
+    }
+    return chi_square;
+}
+
+double filter_update_law(Filter *filter, const Law *law, Law *after) {
+    const size_t n = filter->n, rows = filter->rows, read = filter->n_read;
+    const int wide = filter->solver->wide;
+    const Posterior found = filter_whiten(filter);
+    set_of_states(filter, law, &found, after);
+    const int enough = update_covariance(filter, after);
+    const double chi_square = set_kalman(filter, &found);
+    transpose(read, rows, filter->read, rows, filter->turned, in_lanes(read));
+    multiply(wide, FULL, n, rows, in_lanes(read), by_rows(filter->kalman, rows), filter->turned, in_lanes(read),
+             filter->kept, filter->order);
     if (!enough) {
         joseph_covariance(filter, law, after);
-        return;
     }
-    combine(filter->solver->wide, n * order, 1.0, law->covariance, -1.0, taken, after->covariance);
-    for (size_t i = 0; i < n; i++) {
-        for (size_t j = 0; j < i; j++) {
-            after->covariance[i * order + j] = after->covariance[j * order + i];
-        }
-    }
-}
-
-/* C after the sample: A C - K G. */
-static void update_cross(Filter *filter, const Law *law, Law *after) {
-    const size_t n = filter->n, read = filter->n_read, count = filter->n_considered;
-    const int wide = filter->solver->wide;
-    multiply(wide, FULL, n, read, count, by_rows(filter->kept, filter->order), law->cross, count, after->cross, count);
-    for (size_t i = read; i < n; i++) { /* rates: A is 1 */
-        const double *own = law->cross + i * count;
-        double *cross = after->cross + i * count;
-        for (size_t k = 0; k < count; k++) {
-            cross[k] += own[k];
-        }
-    }
-    for (size_t i = 0; i < n; i++) {
-        subtract_products(wide, filter->n_terms, filter->gauges, filter->kalman + i * filter->rows, filter->term,
-                          after->cross + i * count);
-    }
-}
-
-/* K, S^-1 times the innovation, and the diagonal of S^-1. */
-static void set_kalman(Filter *filter) {
-    const size_t n = filter->n, rows = filter->rows;
-    const int wide = filter->solver->wide;
-    double *squares = filter->squares;
-    invert_lower(wide, rows, filter->spread, filter->product, filter->inverse);
-    transpose(rows, rows, filter->inverse, rows, filter->inverse_turned, rows);
-    memcpy(filter->gain + n * rows, filter->innovation, rows * sizeof *filter->gain);
-    multiply(wide, UPPER, n + 1, rows, rows, by_rows(filter->gain, rows), filter->inverse_turned, rows, filter->whitened,
-             rows);
-    multiply(wide, LOWER, n + 1, rows, rows, by_rows(filter->whitened, rows), filter->inverse, rows, filter->kalman, rows);
-    memset(squares, 0, rows * sizeof *squares);
-    for (size_t i = 0; i < rows; i++) {
-        for (size_t j = 0; j < i / LANES * LANES + LANES; j++) {
-            squares[j] += filter->inverse[i * rows + j] * filter->inverse[i * rows + j];
-        }
-    }
-}
-
-void filter_update_law(Filter *filter, const Law *law, Law *after) {
-    const size_t n = filter->n, order = filter->order, rows = filter->rows, read = filter->n_read;
-    const int wide = filter->solver->wide;
-    double *turned = filter->turned;
-    filter_set_gain(filter, law, n);
-    set_kalman(filter);
-    transpose(read, rows, filter->read, rows, turned, order);
-    for (size_t r = 0; r < rows; r++) {
-        memset(turned + r * order + read, 0, (order - read) * sizeof *turned);
-    }
-    multiply(wide, FULL, n, rows, order, by_rows(filter->kalman, rows), turned, order, filter->kept, order);
-    for (size_t i = 0; i < n; i++) {
-        for (size_t j = 0; j < order; j++) {
-            filter->kept[i * order + j] = (i == j ? 1.0 : 0.0) - filter->kept[i * order + j];
-        }
-        after->mean[i] = law->mean[i] + lane_dot(rows, filter->kalman + i * rows, filter->innovation);
-    }
-    update_covariance(filter, law, after);
-    update_cross(filter, law, after);
+    filter_update_cross(filter, law, after);
+    return chi_square;
 }
 
 double filter_give(Filter *filter, Law *law, const double *state) {

@@ -165,7 +165,7 @@ AVX2 static void back_avx2(size_t n, const double *inverse, const double *x, dou
 
 void cholesky(int wide, size_t n, double *matrix) {
     for (size_t k = 0; k < n; k += LANES) {
-        subtract_product(wide, LANES, k, n - k, (Strided){matrix + k, 1, n}, matrix + k, n, matrix + k * n + k);
+        subtract_product(wide, LANES, k, n - k, (Strided){matrix + k, 1, n}, matrix + k, n, matrix + k * n + k, n);
         CHOSEN(wide, decompose)(n, k, matrix);
     }
 }
@@ -191,6 +191,41 @@ void invert_lower(int wide, size_t n, const double *lower, double *scratch, doub
             memset(rows + c * n + k + LANES, 0, k + LANES < n ? sizeof small[c] : 0);
         }
         multiply(wide, FULL, LANES, LANES, k, by_rows(turned, LANES), scratch, n, rows, n);
+    }
+}
+
+/* LANES rows of x times L^-1 (LANES, LANES), or its transpose. */
+static void turn_rows(double small[LANES][LANES], int transposed, size_t count, double *restrict x) {
+    for (size_t j = 0; j < count; j++) {
+        double sum[LANES] = {0.0};
+        for (size_t c = 0; c < LANES; c++) {
+            for (size_t b = 0; b < LANES; b++) {
+                sum[c] += (transposed ? small[b][c] : small[c][b]) * x[b * count + j];
+            }
+        }
+        for (size_t c = 0; c < LANES; c++) {
+            x[c * count + j] = sum[c];
+        }
+    }
+}
+
+void solve_lower_columns(int wide, size_t n, const double *lower, size_t count, double *x) {
+    for (size_t k = 0; k < n; k += LANES) {
+        double small[LANES][LANES];
+        invert_diagonal(n, lower, k, small);
+        subtract_product(wide, LANES, k, count, (Strided){lower + k, 1, n}, x, count, x + k * count, count);
+        turn_rows(small, 0, count, x + k * count);
+    }
+}
+
+void solve_upper_columns(int wide, size_t n, const double *lower, size_t count, double *x) {
+    for (size_t k = n; k > 0; k -= LANES) {
+        const size_t first = k - LANES;
+        double small[LANES][LANES];
+        invert_diagonal(n, lower, first, small);
+        subtract_product(wide, LANES, n - k, count, (Strided){lower + first * n + k, n, 1}, x + k * count, count,
+                         x + first * count, count);
+        turn_rows(small, 1, count, x + first * count);
     }
 }
 

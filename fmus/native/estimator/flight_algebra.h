@@ -17,6 +17,10 @@ void solve_lower(int wide, size_t n, const double *lower, size_t count, double *
 /* x = L'^-1 x for `count` vectors, n apart. */
 void solve_upper(int wide, size_t n, const double *lower, size_t count, double *x);
 
+/* The same for `count` vectors as columns (n, count), a multiple of LANES. */
+void solve_lower_columns(int wide, size_t n, const double *lower, size_t count, double *x);
+void solve_upper_columns(int wide, size_t n, const double *lower, size_t count, double *x);
+
 /* L^-1 (n, n) by rows; of what lies right of the diagonal's LANES, the next LANES are 0, others are not set. scratch
    takes (LANES, n). */
 void invert_lower(int wide, size_t n, const double *lower, double *scratch, double *inverse);

@@ -64,6 +64,9 @@ static void keep(Estimator *e, size_t used) {
 /* Let the predicted law, if there is one, go on to the next step. */
 static void keep_predicted(Filter *filter, int has_law) {
     const Law kept = filter->next_law;
+    if (has_law) {
+        filter_move_cross(filter);
+    }
     filter->next.has_law = has_law;
     filter->next_law = filter->predicted;
     filter->predicted = kept;

@@ -1,12 +1,23 @@
-#include "products.h"
-
 #include "blocks.h"
+
+/* Rows of a lower triangular factor: LANES of them reach LANES columns further than those above. */
+EVERYWHERE void lower_strip(size_t rows, size_t width, Strided left, const double *right, size_t right_row,
+                            double *product, size_t product_row) {
+    for (size_t i = 0; i < rows; i += LANES) {
+        block(SET, LANES, width, i + LANES, left.value + i * left.row, left.row, left.column, right, right_row,
+              product + i * product_row, product + i * product_row, product_row);
+    }
+}
 
 /* Columns j to j + width. */
 EVERYWHERE void some_columns(Shape shape, size_t j, size_t width, size_t rows, size_t inner, Strided left,
                              const double *right, size_t right_row, double *product, size_t product_row) {
     const size_t first = shape == LOWER ? j : 0, end = shape == UPPER ? j + width : inner;
     const Strided part = {left.value + first * left.column, left.row, left.column};
+    if (shape == LOWER_LEFT) {
+        lower_strip(rows, width, left, right + j, right_row, product + j, product_row);
+        return;
+    }
     strip(SET, rows, width, end - first, part, right + first * right_row + j, right_row, product, product + j,
           product_row);
 }
@@ -33,14 +44,17 @@ EVERYWHERE void upper_of(size_t width, size_t n, size_t inner, Strided left, con
     }
 }
 
-EVERYWHERE void less_of(size_t width, size_t rows, size_t inner, size_t columns, Strided left, const double *right,
-                        size_t row, double *product) {
+/* All rows, or those that the upper triangle has. */
+EVERYWHERE void change_of(size_t width, Change change, int is_upper, size_t rows, size_t inner, size_t columns,
+                          Strided left, const double *right, size_t right_row, double *product, size_t product_row) {
     size_t j = 0;
     for (; j + width <= columns; j += width) {
-        strip(SUBTRACT, rows, width, inner, left, right + j, row, product + j, product + j, row);
+        strip(change, is_upper && j + width < rows ? j + width : rows, width, inner, left, right + j, right_row,
+              product + j, product + j, product_row);
     }
     for (; j < columns; j += LANES) {
-        strip(SUBTRACT, rows, LANES, inner, left, right + j, row, product + j, product + j, row);
+        strip(change, is_upper && j + LANES < rows ? j + LANES : rows, LANES, inner, left, right + j, right_row,
+              product + j, product + j, product_row);
     }
 }
 
@@ -68,14 +82,25 @@ EVERYWHERE void sums_of(size_t rows, size_t count, const double *restrict x, con
     }
 }
 
-EVERYWHERE void subtract(size_t rows, size_t count, const double *restrict factor, const double *restrict y,
-                         double *restrict x) {
-    for (size_t k = 0; k < rows; k++) {
-        for (size_t i = 0; i < count; i += LANES) {
-            for (size_t r = i; r < i + LANES; r++) {
-                x[k * count + r] -= factor[r] * y[k * count + r];
-            }
+EVERYWHERE void squares_of(size_t width, size_t n, size_t j, const double *restrict lower, double *restrict squares) {
+    double sum[4 * LANES] = {0.0};
+    for (size_t i = j; i < n; i++) {
+        for (size_t r = 0; r < width; r++) {
+            sum[r] += lower[i * n + j + r] * lower[i * n + j + r];
         }
+    }
+    for (size_t r = 0; r < width; r++) {
+        squares[j + r] = sum[r];
+    }
+}
+
+EVERYWHERE void all_squares(size_t n, const double *restrict lower, double *restrict squares) {
+    size_t j = 0;
+    for (; j + 2 * LANES <= n; j += 2 * LANES) {
+        squares_of(2 * LANES, n, j, lower, squares);
+    }
+    for (; j < n; j += LANES) {
+        squares_of(LANES, n, j, lower, squares);
     }
 }
 
@@ -88,9 +113,13 @@ static void upper(size_t n, size_t inner, Strided left, const double *right, con
     upper_of(NARROW_COLUMNS, n, inner, left, right, added, product);
 }
 
-static void less(size_t rows, size_t inner, size_t columns, Strided left, const double *right, size_t row,
-                 double *product) {
-    less_of(NARROW_COLUMNS, rows, inner, columns, left, right, row, product);
+static void change(Change how, int is_upper, size_t rows, size_t inner, size_t columns, Strided left,
+                   const double *right, size_t right_row, double *product, size_t product_row) {
+    if (how == ADD) {
+        change_of(NARROW_COLUMNS, ADD, is_upper, rows, inner, columns, left, right, right_row, product, product_row);
+    } else {
+        change_of(NARROW_COLUMNS, SUBTRACT, is_upper, rows, inner, columns, left, right, right_row, product, product_row);
+    }
 }
 
 #if HAS_AVX2
@@ -104,9 +133,13 @@ AVX2 static void upper_avx2(size_t n, size_t inner, Strided left, const double *
     upper_of(BLOCK_COLUMNS, n, inner, left, right, added, product);
 }
 
-AVX2 static void less_avx2(size_t rows, size_t inner, size_t columns, Strided left, const double *right, size_t row,
-                           double *product) {
-    less_of(BLOCK_COLUMNS, rows, inner, columns, left, right, row, product);
+AVX2 static void change_avx2(Change how, int is_upper, size_t rows, size_t inner, size_t columns, Strided left,
+                             const double *right, size_t right_row, double *product, size_t product_row) {
+    if (how == ADD) {
+        change_of(BLOCK_COLUMNS, ADD, is_upper, rows, inner, columns, left, right, right_row, product, product_row);
+    } else {
+        change_of(BLOCK_COLUMNS, SUBTRACT, is_upper, rows, inner, columns, left, right, right_row, product, product_row);
+    }
 }
 
 AVX2 static void both_avx2(size_t count, double a, const double *x, double b, const double *y, double *out) {
@@ -117,8 +150,8 @@ AVX2 static void sums_of_avx2(size_t rows, size_t count, const double *x, const 
     sums_of(rows, count, x, y, sums);
 }
 
-AVX2 static void subtract_avx2(size_t rows, size_t count, const double *factor, const double *y, double *x) {
-    subtract(rows, count, factor, y, x);
+AVX2 static void all_squares_avx2(size_t n, const double *lower, double *squares) {
+    all_squares(n, lower, squares);
 }
 #endif
 
@@ -132,9 +165,28 @@ void multiply_upper(int wide, size_t n, size_t inner, Strided left, const double
     CHOSEN(wide, upper)(n, inner, left, right, added, product);
 }
 
+void add_product(int wide, size_t rows, size_t inner, size_t columns, Strided left, const double *right, size_t right_row,
+                 double *product, size_t product_row) {
+    CHOSEN(wide, change)(ADD, 0, rows, inner, columns, left, right, right_row, product, product_row);
+}
+
 void subtract_product(int wide, size_t rows, size_t inner, size_t columns, Strided left, const double *right,
-                      size_t row, double *product) {
-    CHOSEN(wide, less)(rows, inner, columns, left, right, row, product);
+                      size_t right_row, double *product, size_t product_row) {
+    CHOSEN(wide, change)(SUBTRACT, 0, rows, inner, columns, left, right, right_row, product, product_row);
+}
+
+void add_upper(int wide, size_t rows, size_t inner, size_t columns, Strided left, const double *right, size_t right_row,
+               double *product, size_t product_row) {
+    CHOSEN(wide, change)(ADD, 1, rows, inner, columns, left, right, right_row, product, product_row);
+}
+
+void subtract_upper(int wide, size_t rows, size_t inner, size_t columns, Strided left, const double *right,
+                    size_t right_row, double *product, size_t product_row) {
+    CHOSEN(wide, change)(SUBTRACT, 1, rows, inner, columns, left, right, right_row, product, product_row);
+}
+
+void column_squares(int wide, size_t n, const double *lower, double *squares) {
+    CHOSEN(wide, all_squares)(n, lower, squares);
 }
 
 void combine(int wide, size_t count, double a, const double *x, double b, const double *y, double *out) {
@@ -143,8 +195,4 @@ void combine(int wide, size_t count, double a, const double *x, double b, const 
 
 void sum_of_products(int wide, size_t rows, size_t count, const double *x, const double *y, double *sums) {
     CHOSEN(wide, sums_of)(rows, count, x, y, sums);
-}
-
-void subtract_products(int wide, size_t rows, size_t count, const double *factor, const double *y, double *x) {
-    CHOSEN(wide, subtract)(rows, count, factor, y, x);
 }

@@ -1,0 +1,107 @@
+/* The covariance of the filter's states with the errors that are considered: strainfmu/estimator/filter/kalman.py.
+
+   It is the largest part of a law. That of a predicted law is not stored: it is moved where it is used. */
+
+#include "blocks.h"
+#include "filter.h"
+
+/* Whether a law is the predicted one. What else a sample starts from, the stationary law, has none. */
+static int is_predicted(const Filter *filter, const Law *law) {
+    return law == &filter->predicted;
+}
+
+void filter_set_considered(Filter *filter, const Law *law) {
+    const size_t n = filter->n, rows = filter->rows;
+    double *sums = filter->product;
+    if (!is_predicted(filter, law)) {
+        memset(filter->considered, 0, n * rows * sizeof *sums);
+        return;
+    }
+    memset(sums, 0, n * rows * sizeof *sums);
+    for (size_t i = 0; i < n; i++) {
+        sum_of_products(filter->solver->wide, filter->n_terms, filter->gauges,
+                        filter->law.cross + i * filter->n_considered, filter->term, sums + i * rows);
+    }
+    filter_move_rows(filter, rows, filter->motion.factor[2], sums, filter->considered);
+}
+
+void filter_move_cross(Filter *filter) {
+    filter_move_rows(filter, filter->n_considered, filter->motion.factor[2], filter->law.cross, filter->predicted.cross);
+}
+
+/* Some columns of the predicted covariance, side by side, in filter->strip. */
+EVERYWHERE void move_strip(size_t width, const Filter *filter, const double *restrict from) {
+    const size_t count = filter->n_considered, read = filter->n_read;
+    const Motion *motion = &filter->motion;
+    const double scale = motion->factor[2];
+    double *restrict moved = filter->strip;
+    for (size_t k = 0; k < N_STATES; k++) {
+        const double *restrict x = from + k * count, *restrict v = from + (read + k) * count;
+        const double own = scale * motion->pair[k][0][0], of_rate = scale * motion->pair[k][0][1];
+        const double of_state = scale * motion->pair[k][1][0], of_own = scale * motion->pair[k][1][1];
+        for (size_t c = 0; c < width; c++) {
+            moved[k * width + c] = own * x[c] + of_rate * v[c];
+            moved[(read + k) * width + c] = of_state * x[c] + of_own * v[c];
+        }
+    }
+    for (size_t i = N_STATES; i < read; i++) {
+        const double factor = scale * motion->factor[i >= FIRST_SEEN];
+        for (size_t c = 0; c < width; c++) {
+            moved[i * width + c] = factor * from[i * count + c];
+        }
+    }
+}
+
+/* C - K G of some columns, which begin at a term and a gauge; a row of C is `width` behind the one before. */
+EVERYWHERE void take_gain(size_t width, const Filter *filter, size_t term, size_t gauge, const double *restrict before,
+                          double *restrict after) {
+    const size_t count = filter->n_considered, at = term * filter->gauges + gauge;
+    const double *restrict size = filter->term + at, *restrict gain = filter->kalman + gauge;
+    for (size_t i = 0; i < filter->n; i++) {
+        for (size_t c = 0; c < width; c++) {
+            after[i * count + at + c] = before[i * width + c] - gain[i * filter->rows + c] * size[c];
+        }
+    }
+}
+
+/* A C - K G of the same columns. */
+EVERYWHERE void update_strip(size_t width, const Filter *filter, size_t term, size_t gauge, const double *before,
+                             double *after) {
+    const size_t count = filter->n_considered, at = term * filter->gauges + gauge;
+    if (before == NULL) {
+        memset(filter->strip, 0, filter->n * width * sizeof *after);
+        take_gain(width, filter, term, gauge, filter->strip, after);
+        return;
+    }
+    move_strip(width, filter, before + at);
+    take_gain(width, filter, term, gauge, filter->strip, after);
+    strip(SUBTRACT, filter->n, width, filter->n_read, by_rows(filter->kept, filter->order), filter->strip, width,
+          after + at, after + at, count);
+}
+
+EVERYWHERE void update_strips(size_t width, const Filter *filter, const double *before, double *after) {
+    for (size_t term = 0; term < filter->n_terms; term++) {
+        size_t gauge = 0;
+        for (; gauge + width <= filter->gauges; gauge += width) {
+            update_strip(width, filter, term, gauge, before, after);
+        }
+        for (; gauge < filter->gauges; gauge += LANES) {
+            update_strip(LANES, filter, term, gauge, before, after);
+        }
+    }
+}
+
+static void update(const Filter *filter, const double *before, double *after) {
+    update_strips(NARROW_COLUMNS, filter, before, after);
+}
+
+#if HAS_AVX2
+AVX2 static void update_avx2(const Filter *filter, const double *before, double *after) {
+    update_strips(BLOCK_COLUMNS, filter, before, after);
+}
+#endif
+
+void filter_update_cross(Filter *filter, const Law *law, Law *after) {
+    const double *before = is_predicted(filter, law) ? filter->law.cross : NULL;
+    CHOSEN(filter->solver->wide, update)(filter, before, after->cross);
+}
