@@ -270,7 +270,7 @@ def as_built_structure(
     properties : what loads need; the density of the vehicle file by default.
     known_thickness : (n_r,) relative thickness where it is known: solved for then, without tables.
     max_harmonic : highest harmonic in roll angle of known loads.
-    progress : called with (states done, states in all).
+    progress : called with (harmonics done, harmonics in all).
     known_taper : (n_r,) relative thickness by which regions of known thickness grow from their middle to their
         aft end; none by default.
 

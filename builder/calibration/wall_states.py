@@ -6,18 +6,26 @@ these rows of the adjoint solutions are kept.
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
 
-from builder.calibration.wall_harmonics import SIDES, WAVES, harmonic_product, neighbour_weight, reflected
+from builder.calibration.wall_changes import (
+    ExpectedWall,
+    TaperedWall,
+    ThickerWall,
+    UnevenChange,
+    uneven_adjoint,
+)
+from builder.calibration.wall_harmonics import SIDES, WAVES, harmonic_product
 from builder.calibration.wall_regions import WallRegions, thickened
 from builder.reporting import Progress
-from builder.structure.fourier.fourier_elasticity import assemble_stiffness, factor_harmonic
+from builder.structure.fourier.fourier_elasticity import FourierStiffness
 from builder.structure.fourier.gauges import PlacedGauges
 from builder.structure.fourier.meridian_mesh import MeridianMesh, line_nodes
-from builder.structure.fourier.strain_operator import distinct_stations, station_index, strain_rows
-from builder.structure.loads.fourier import FourierStructure, fourier_structure
+from builder.structure.fourier.strain_operator import distinct_stations, station_index
+from builder.structure.loads.fourier import FourierStructure
 from builder.structure.loads.loaded_structure import LoadProperties
 from builder.structure.wall import Wall
 from strainfmu.arrays import FloatArray, IntArray
@@ -31,6 +39,9 @@ ROUNDING = 1e-9
 
 WALL_STEP = 0.04
 """Step of the thickness of a region, relative to it."""
+
+TAPER_STEP = 2e-3
+"""Step of the derivatives by the taper of a region, relative to the thickness."""
 
 HARMONIC_STEP = 1e-3
 """Step of the derivative by the amplitude of an uneven wall, relative to the thickness."""
@@ -150,48 +161,71 @@ def wall_states(
     properties : density and what else loads need.
     max_harmonic : highest harmonic in roll angle.
     with_regions : whether thickness and taper by regions are not known.
-    progress : called with (states done, states in all).
+    progress : called with (harmonics done, harmonics in all).
     """
-    outer = np.unique(line_nodes(mesh.outer_edge))
-    rows = ForceRows(outer=outer, n_nodes=len(mesh.node))
-    n_r = len(regions)
-    meshes = {0: mesh}
-    for k in range(2 * n_r):
-        even, taper = np.split(WALL_STEP * np.eye(2 * n_r)[k], 2)
-        meshes[-1 - k], meshes[1 + k] = (
-            thickened(mesh, wall, regions, sign * even, sign * taper) for sign in (-1.0, 1.0)
-        )
-    states = list(meshes) if with_regions else [0]
-    steps = len(states) + 1
-
-    def solved(key: int, x: FloatArray) -> FourierStructure:
-        made = fourier_structure(meshes[key], wall.material, _at_stations(x), properties, max_harmonic)
-        if progress is not None:
-            progress(states.index(key) + 1, steps)
-        return made
-
+    rows = ForceRows(outer=np.unique(line_nodes(mesh.outer_edge)), n_nodes=len(mesh.node))
+    n_m, count = max_harmonic + 1, 2 * len(regions)
     x, first = _stations(gauges.x)
-    step = along[first]
-    full = solved(0, np.concatenate([x - step, x, x + step]))
-    place = full.station.reshape(3, -1)
-    whole = _kept(full.adjoint, rows)
-    uneven = _uneven(mesh, wall, regions, x, full.adjoint[:, place[1]], rows)
-    changed = {key: _kept(solved(key, x).adjoint, rows) for key in states[1:]}
-    bare = {key: _forces_only(one, wall, properties, max_harmonic) for key, one in meshes.items()}
-    order = range(1, 2 * n_r + 1)
-    if progress is not None:
-        progress(steps, steps)
+    moved = np.concatenate([x - along[first], x, x + along[first]])
+    stations = distinct_stations(moved)
+    fore, at, aft = station_index(stations, moved).reshape(3, -1)
+    pairs = [_thin_and_thick(mesh, wall, regions, k) for k in range(count)]
+    expected = ExpectedWall(mesh, wall.material, stations, at, n_m)
+    thicker = [[ThickerWall(one, wall.material) for one in pair] for pair in pairs[: len(regions)]]
+    tapered = [_tapered(mesh, wall, regions, k, expected.stiffness) for k in range(len(regions))]
+    uneven = [_uneven_change(mesh, wall, regions, k) for k in range(len(regions))]
+    whole = _Kept.of((), n_m, len(stations), rows)
+    of_thin, of_thick = (_Kept.of((count if with_regions else 0,), n_m, len(x), rows) for _ in range(2))
+    of_uneven = _Kept.of((len(WAVES), len(regions), len(SIDES)), n_m, len(x), rows)
+    for n in range(n_m):
+        solver = expected.solver(n)
+        whole.take(n, expected.adjoint[n])
+        if with_regions:
+            walls = [[one.adjoint(x, n) for one in pair] for pair in thicker]
+            walls += [one.adjoints(expected, solver, n, (-WALL_STEP, WALL_STEP)) for one in tapered]
+            of_thin.take(n, np.array([thin for thin, _ in walls]))
+            of_thick.take(n, np.array([thick for _, thick in walls]))
+        of_uneven.take(n, uneven_adjoint(uneven, expected, solver, n))
+        if progress is not None:
+            progress(n + 1, n_m)
+    bare = [_forces_only(one, wall, properties, max_harmonic) for one in (mesh, *itertools.chain(*pairs))]
     return WallStates(
         rows=rows,
-        nominal=whole.at(place[1]),
-        fore=whole.at(place[0]),
-        aft=whole.at(place[2]),
-        thin=tuple(changed[-k] for k in order if -k in changed),
-        thick=tuple(changed[k] for k in order if k in changed),
-        uneven=uneven,
-        forces=(bare[0], tuple(bare[-k] for k in order), tuple(bare[k] for k in order)),
+        nominal=whole.adjoint.at(at),
+        fore=whole.adjoint.at(fore),
+        aft=whole.adjoint.at(aft),
+        thin=of_thin.each,
+        thick=of_thick.each,
+        uneven=of_uneven.each,
+        forces=(bare[0], tuple(bare[1::2]), tuple(bare[2::2])),
         station=station_index(x, gauges.x),
     )
+
+
+def _thin_and_thick(
+    mesh: MeridianMesh, wall: Wall, regions: WallRegions, k: int
+) -> tuple[MeridianMesh, MeridianMesh]:
+    """Return the meshes of a wall that is thinner and thicker in region ``k``, then those of one that tapers."""
+    even, taper = np.split(WALL_STEP * np.eye(2 * len(regions))[k], 2)
+    thin, thick = (thickened(mesh, wall, regions, sign * even, sign * taper) for sign in (-1.0, 1.0))
+    return thin, thick
+
+
+def _tapered(mesh: MeridianMesh, wall: Wall, regions: WallRegions, k: int, even: FourierStiffness) -> TaperedWall:
+    """Return the wall that tapers in region ``k``; ``even`` is the stiffness of the wall as expected."""
+    none = np.zeros(len(regions))
+    minus, plus = (
+        thickened(mesh, wall, regions, none, sign * TAPER_STEP * np.eye(len(regions))[k]) for sign in (-1.0, 1.0)
+    )
+    return TaperedWall(minus, plus, TAPER_STEP, even, wall.material)
+
+
+def _uneven_change(mesh: MeridianMesh, wall: Wall, regions: WallRegions, k: int) -> UnevenChange:
+    """Return the derivative by the amplitude of an uneven wall in region ``k``."""
+    step = HARMONIC_STEP
+    plus, minus = (thickened(mesh, wall, regions, sign * step * np.eye(len(regions))[k]) for sign in (1.0, -1.0))
+    of_plus, of_minus = (harmonic_product(one, wall.material) for one in (plus, minus))
+    return UnevenChange(plus, minus, step, of_plus.less(of_minus, 2.0 * step))
 
 
 def _stations(x: FloatArray) -> tuple[FloatArray, IntArray]:
@@ -205,11 +239,35 @@ def _at_stations(x: FloatArray) -> PlacedGauges:
     return PlacedGauges(x=x, roll_angle=zero, meridional=zero, circumferential=zero)
 
 
-def _kept(adjoint: FloatArray, rows: ForceRows) -> Adjoint:
-    """Return the rows that count of (.., n_m, n_s, 3, n_dof)."""
-    by_node = adjoint.reshape(*adjoint.shape[:-1], rows.n_nodes, 3)
-    outer = by_node[..., rows.outer, :].reshape(*adjoint.shape[:-1], -1)
-    return Adjoint(outer=outer, low=adjoint[..., :LOW, :, :, :].copy())
+@dataclass(frozen=True, eq=False)
+class _Kept:
+    """The rows that count of adjoints (.., n_m, n_s, 3, n_dof), harmonic by harmonic."""
+
+    rows: ForceRows
+    outer: FloatArray
+    low: FloatArray
+
+    @classmethod
+    def of(cls, lead: tuple[int, ...], n_m: int, n_s: int, rows: ForceRows) -> _Kept:
+        """Return room for ``lead`` adjoints."""
+        outer = np.empty((*lead, n_m, n_s, 3, 3 * len(rows.outer)))
+        return cls(rows, outer, np.empty((*lead, min(LOW, n_m), n_s, 3, 3 * rows.n_nodes)))
+
+    def take(self, n: int, adjoint: FloatArray) -> None:
+        """Keep adjoints (.., n_s, 3, n_dof) of harmonic ``n``."""
+        by_node = adjoint.reshape(*adjoint.shape[:-1], -1, 3)
+        self.outer[..., n, :, :, :] = by_node[..., self.rows.outer, :].reshape(*adjoint.shape[:-1], -1)
+        if n < LOW:
+            self.low[..., n, :, :, :] = adjoint
+
+    @property
+    def adjoint(self) -> Adjoint:
+        return Adjoint(outer=self.outer, low=self.low)
+
+    @property
+    def each(self) -> tuple[Adjoint, ...]:
+        """One adjoint for each of the first dimension."""
+        return tuple(Adjoint(outer=a, low=b) for a, b in zip(self.outer, self.low, strict=True))
 
 
 def _forces_only(
@@ -224,42 +282,3 @@ def _forces_only(
         station=np.zeros(0, dtype=np.intp),
         adjoint=np.zeros((max_harmonic + 1, 0, 3, mesh.n_dof)),
     )
-
-
-def _uneven(
-    mesh: MeridianMesh, wall: Wall, regions: WallRegions, x: FloatArray, adjoint: FloatArray, rows: ForceRows
-) -> tuple[Adjoint, ...]:
-    """Return for each wave (n_r, 3 sides) change of the adjoint by the amplitude of cos(wave phi).
-
-    ``adjoint`` (n_m, n_s, 3, n_dof) is that of the even wall; the load's harmonic is n.
-    """
-    n_m, n_s, _, n_dof = adjoint.shape
-    n_r, step = len(regions), HARMONIC_STEP
-    stiffness = assemble_stiffness(mesh, wall.material)
-    pairs = [[thickened(mesh, wall, regions, s * step * np.eye(n_r)[k]) for s in (1.0, -1.0)] for k in range(n_r)]
-    products = [
-        harmonic_product(plus, wall.material).less(harmonic_product(minus, wall.material), 2.0 * step)
-        for plus, minus in pairs
-    ]
-    lead = (len(WAVES), n_r, len(SIDES))
-    outer = np.zeros((*lead, n_m, n_s, 3, 3 * len(rows.outer)))
-    low = np.zeros((*lead, min(LOW, n_m), n_s, 3, n_dof))
-    for n in range(n_m):
-        load = np.zeros((*lead, 3 * n_s, n_dof))
-        for k, (plus, minus) in enumerate(pairs):
-            change = (strain_rows(plus, x, n) - strain_rows(minus, x, n)) / (2.0 * step)
-            load[:, k, SIDES.index(0)] = change.reshape(-1, n_dof)
-            for number, wave in enumerate(WAVES):
-                for side in (-1, 1):
-                    m = n + wave * side
-                    if (m >= 0 or n > 0) and abs(m) < n_m:
-                        motion = (adjoint[m] if m >= 0 else reflected(adjoint[-m])).reshape(-1, n_dof).T
-                        force = products[k].times(n, m, motion).T
-                        load[number, k, SIDES.index(side)] = -neighbour_weight(n) * force
-        solved = factor_harmonic(mesh, stiffness, n, twist=True).solve(load.reshape(-1, n_dof).T).T
-        part = solved.reshape(*lead, n_s, 3, n_dof)
-        by_node = part.reshape(*part.shape[:-1], rows.n_nodes, 3)
-        outer[..., n, :, :, :] = by_node[..., rows.outer, :].reshape(*part.shape[:-1], -1)
-        if n < LOW:
-            low[..., n, :, :, :] = part
-    return tuple(Adjoint(outer=a, low=b) for a, b in zip(outer, low, strict=True))

@@ -18,7 +18,7 @@ from scipy.sparse.linalg import SuperLU, splu
 
 from builder.structure.fourier.meridian_mesh import MeridianMesh, quadratic_shape
 from builder.structure.wall import Material
-from strainfmu.arrays import FloatArray
+from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 
 # Two points along the wall, three through it. Three along would lock: on elements longer than sqrt(R t) the
@@ -252,9 +252,36 @@ def factor_harmonic(
     free = free_motions(mesh, harmonic, twist)
     if mesh.foundation is None:
         _refuse_rigid_motion(mesh, free, harmonic)
-    held = csc_array(free.T @ stiffness.matrix(harmonic) @ free)
-    factor = splu(held, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    factor = splu(
+        _of_free(stiffness.matrix(harmonic), free),
+        permc_spec="MMD_AT_PLUS_A",
+        diag_pivot_thresh=0.0,
+        options={"SymmetricMode": True},
+    )
     return HarmonicSolver(free, factor)
+
+
+def _selected(free: csc_array) -> IntArray | None:
+    """Return the dof of each free motion (n_free,) where every one moves one dof by 1; None elsewhere."""
+    is_one = free.nnz == free.shape[1] and bool((free.data == 1.0).all())
+    return free.indices.astype(np.int64) if is_one else None
+
+
+def _of_free(matrix: csc_array, free: csc_array) -> csc_array:
+    """Return the matrix of the free motions, F^T K F; without products where these are dofs."""
+    dof = _selected(free)
+    if dof is None:
+        return csc_array(free.T @ matrix @ free)
+    number = np.full(matrix.shape[0], -1)
+    number[dof] = np.arange(len(dof))
+    column = np.repeat(number, np.diff(matrix.indptr))
+    row = number[matrix.indices]
+    kept = (row >= 0) & (column >= 0)
+    count = np.bincount(column[kept], minlength=len(dof))
+    pointer = np.concatenate([[0], np.cumsum(count)])
+    found = csc_array((matrix.data[kept], row[kept], pointer), shape=(len(dof), len(dof)))
+    found.eliminate_zeros()
+    return found
 
 
 def rigid_motions(mesh: MeridianMesh, harmonic: int) -> FloatArray:

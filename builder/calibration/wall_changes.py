@@ -1,0 +1,163 @@
+"""Strain per nodal force of walls that differ from the expected one: thicker, tapered, uneven round the body.
+
+Thickness has states of its own, each with its factors. What the calibration takes for zero by default needs no
+more than the factors of the wall as expected. With strain rows b, stiffness K and a taper s, the adjoint
+a(s) = b K^-1 follows to second order from
+
+    a_0 = b_0 K_0^-1,  a_1 = (b_1 - a_0 K_1) K_0^-1,  a_2 = (b_2 - a_1 K_1 - a_0 K_2) K_0^-1.
+
+An uneven wall changes it to first order, see :mod:`builder.calibration.wall_harmonics`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.sparse import csc_array
+
+from builder.calibration.wall_harmonics import SIDES, WAVES, HarmonicProduct, neighbour_weight, reflected
+from builder.structure.fourier.fourier_elasticity import (
+    FourierStiffness,
+    HarmonicSolver,
+    assemble_stiffness,
+    factor_harmonic,
+)
+from builder.structure.fourier.meridian_mesh import MeridianMesh
+from builder.structure.fourier.strain_operator import strain_rows
+from builder.structure.wall import Material
+from strainfmu.arrays import FloatArray, IntArray
+
+
+class ExpectedWall:
+    """The wall as expected: adjoints of all harmonics, factors of the few that are at work.
+
+    Attributes
+    ----------
+    x : (n_s,) stations of the gauges [m].
+    adjoint : (n_m, n_all, 3, n_dof) strain per nodal force at all stations, of harmonics solved so far [1/N].
+    """
+
+    def __init__(
+        self, mesh: MeridianMesh, material: Material, stations: FloatArray, gauges: IntArray, n_m: int
+    ) -> None:
+        """``gauges`` (n_s,) are the gauges' among all ``stations`` (n_all,) [m]."""
+        self.mesh, self.x = mesh, stations[gauges]
+        self.stiffness = assemble_stiffness(mesh, material)
+        self.adjoint = np.empty((n_m, len(stations), 3, mesh.n_dof))
+        self._stations, self._gauges = stations, gauges
+        self._solvers: dict[int, HarmonicSolver] = {}
+        self._solved = 0
+
+    def solver(self, n: int) -> HarmonicSolver:
+        """Return the factors of harmonic ``n``, for the last time; adjoints of its neighbours are solved then."""
+        for m in range(self._solved, min(n + max(WAVES) + 1, len(self.adjoint))):
+            self._solvers[m] = factor_harmonic(self.mesh, self.stiffness, m, twist=True)
+            self.adjoint[m] = solved(self._solvers[m], strain_rows(self.mesh, self._stations, m))
+            self._solved = m + 1
+        return self._solvers.pop(n)
+
+    def at_gauges(self, m: int) -> FloatArray:
+        """Return the adjoint (n_s, 3, n_dof) of harmonic ``m`` at the gauges; -m is m reflected."""
+        found = self.adjoint[abs(m)][self._gauges]
+        return found if m >= 0 else reflected(found)
+
+
+def solved(solver: HarmonicSolver, rows: FloatArray) -> FloatArray:
+    """Return ``rows`` (.., n_dof) times the inverse stiffness."""
+    return solver.solve(rows.reshape(-1, rows.shape[-1]).T).T.reshape(rows.shape)
+
+
+class ThickerWall:
+    """A wall of another thickness."""
+
+    def __init__(self, mesh: MeridianMesh, material: Material) -> None:
+        self._mesh, self._stiffness = mesh, assemble_stiffness(mesh, material)
+
+    def adjoint(self, x: FloatArray, n: int) -> FloatArray:
+        """Return the adjoint (n_s, 3, n_dof) of harmonic ``n`` at stations ``x`` (n_s,)."""
+        solver = factor_harmonic(self._mesh, self._stiffness, n, twist=True)
+        return solved(solver, strain_rows(self._mesh, x, n))
+
+
+class TaperedWall:
+    """A wall that changes in one way, by its first two derivatives.
+
+    ``minus`` and ``plus`` are meshes of the wall changed by a small ``step`` to both sides; ``even`` is the
+    stiffness of the wall as expected.
+    """
+
+    def __init__(
+        self, minus: MeridianMesh, plus: MeridianMesh, step: float, even: FourierStiffness, material: Material
+    ) -> None:
+        self._minus, self._plus, self._step = minus, plus, step
+        of_minus, of_plus = (assemble_stiffness(one, material).term for one in (minus, plus))
+        terms = self._by_order(of_minus, of_plus, even.term)
+        self._stiffness = [_without_zeros(even, term) for term in terms]
+
+    def adjoints(
+        self, expected: ExpectedWall, solver: HarmonicSolver, n: int, sizes: Sequence[float]
+    ) -> list[FloatArray]:
+        """Return the adjoint (n_s, 3, n_dof) of harmonic ``n`` for each size of the change."""
+        zeroth = expected.at_gauges(n)
+        minus, plus, even = (strain_rows(one, expected.x, n) for one in (self._minus, self._plus, expected.mesh))
+        b_1, b_2 = self._by_order(minus, plus, even)
+        k_1, k_2 = (one.matrix(n) for one in self._stiffness)
+        first = solved(solver, b_1 - _times(zeroth, k_1))
+        second = solved(solver, b_2 - _times(first, k_1) - _times(zeroth, k_2))
+        return [zeroth + size * (first + size * second) for size in sizes]
+
+    def _by_order(self, minus: FloatArray, plus: FloatArray, even: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the first two coefficients of Taylor's series by central differences."""
+        return (plus - minus) / (2.0 * self._step), (plus - 2.0 * even + minus) / (2.0 * self._step**2)
+
+
+def _without_zeros(pattern: FourierStiffness, term: FloatArray) -> FourierStiffness:
+    """Return the stiffness of ``term`` in ``pattern``; most of it is zero, where the wall stays as it is."""
+    kept = term.any(axis=0)
+    indptr = np.concatenate([[0], np.cumsum(kept)])[pattern.indptr]
+    return FourierStiffness(pattern.indices[kept], indptr, term[:, kept])
+
+
+def _times(rows: FloatArray, matrix: csc_array) -> FloatArray:
+    """Return rows (.., n_dof) times a symmetric matrix."""
+    return np.asarray((matrix @ rows.reshape(-1, rows.shape[-1]).T).T.reshape(rows.shape))
+
+
+class UnevenChange:
+    """Walls of a region whose thickness goes as cos(w phi), by their derivative.
+
+    ``plus`` and ``minus`` are meshes of an even wall thicker and thinner by ``step`` in that region.
+    """
+
+    def __init__(self, plus: MeridianMesh, minus: MeridianMesh, step: float, product: HarmonicProduct) -> None:
+        self._plus, self._minus, self._step, self._product = plus, minus, step, product
+
+    def rows(self, x: FloatArray, n: int) -> FloatArray:
+        """Return the derivative (n_s, 3, n_dof) of the strain rows: the surface itself moves."""
+        return (strain_rows(self._plus, x, n) - strain_rows(self._minus, x, n)) / (2.0 * self._step)
+
+    def forces(self, adjoint: FloatArray, n: int, m: int) -> FloatArray:
+        """Return (n_s, 3, n_dof): what of the ``adjoint`` of harmonic ``m`` the uneven wall turns into ``n``."""
+        force = self._product.times(n, m, adjoint.reshape(-1, adjoint.shape[-1]).T).T
+        return np.asarray(-neighbour_weight(n) * force.reshape(adjoint.shape))
+
+
+def uneven_adjoint(
+    changes: Sequence[UnevenChange], expected: ExpectedWall, solver: HarmonicSolver, n: int
+) -> FloatArray:
+    """Return (n_w, n_r, 3 sides, n_s, 3, n_dof) change of the adjoint by the amplitude of cos(w phi).
+
+    The load's harmonic is ``n``.
+    """
+    n_m, (_, *shape) = len(expected.adjoint), expected.at_gauges(n).shape
+    found = np.zeros((len(WAVES), len(changes), len(SIDES), len(expected.x), *shape))
+    sides = [(wave, side) for wave in WAVES for side in (-1, 1)]
+    reached = [(w, side) for w, side in sides if (n + w * side >= 0 or n > 0) and abs(n + w * side) < n_m]
+    of_surface = solved(solver, np.array([change.rows(expected.x, n) for change in changes]))
+    found[:, :, SIDES.index(0)] = of_surface
+    for wave, side in reached:
+        adjoint = expected.at_gauges(n + wave * side)
+        forces = [change.forces(adjoint, n, n + wave * side) for change in changes]
+        found[WAVES.index(wave), :, SIDES.index(side)] = solved(solver, np.array(forces))
+    return found
