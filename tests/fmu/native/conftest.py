@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
+from flight_fmu import N_D, FlightFmu, whole_map
 from native_case import NativeCase
 from random_map import map_of, random_map, random_model
 from raw_fmu import write_resource
@@ -63,3 +66,24 @@ def scaled(request: pytest.FixtureRequest, cases: dict[str, NativeCase]) -> Nati
 def small(cases: dict[str, NativeCase]) -> NativeCase:
     """The smallest map."""
     return cases["few gauges"]
+
+
+@pytest.fixture(scope="module")
+def inverse_map() -> InverseMap:
+    """The map of ``fmu``: both estimators; a module may have another one."""
+    return whole_map()
+
+
+@pytest.fixture(scope="module")
+def resources(inverse_map: InverseMap, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of resources of ``inverse_map``."""
+    return write_resource(inverse_map, tmp_path_factory.mktemp("flight"))
+
+
+@pytest.fixture
+def fmu(resources: Path) -> Iterator[FlightFmu]:
+    """A started instance with the map ``inverse_map``."""
+    one = FlightFmu(resources.as_uri(), N_D)
+    one.start()
+    yield one
+    one.free()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,7 +21,6 @@ from flight_fmu import (
     fresh_tracker,
     random_flight,
     tracked,
-    whole_map,
 )
 from further_maps import STATIONS, with_further_tables
 from raw_fmu import DISCARD, ERROR, N_OUTPUTS, N_SCALARS, OK, REAL_OUTPUTS, SETTINGS, Fmu3, write_resource
@@ -58,24 +57,6 @@ ENDED = 40
 """Steps after which a repeated sample changes nothing any more."""
 
 Flow = dict[str, float]
-
-
-@pytest.fixture(scope="module")
-def inverse_map() -> InverseMap:
-    return whole_map()
-
-
-@pytest.fixture(scope="module")
-def resources(inverse_map: InverseMap, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return write_resource(inverse_map, tmp_path_factory.mktemp("flight"))
-
-
-@pytest.fixture
-def fmu(resources: Path) -> Iterator[FlightFmu]:
-    one = FlightFmu(resources.as_uri(), N_D)
-    one.start()
-    yield one
-    one.free()
 
 
 def sample_of(inverse_map: InverseMap, seed: int, left_out: tuple[str, ...] = (), **more: float) -> FlightSample:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from damaged_resource import HEAD, refusal, with_value
 from flight_fmu import (
     FILTER,
     N_D,
@@ -18,10 +18,9 @@ from flight_fmu import (
     fresh_tracker,
     random_flight,
     tracked,
-    whole_map,
 )
 from flight_maps import NOISE_STD, flight_map
-from raw_fmu import ERROR, GUID, OK, write_resource
+from raw_fmu import ERROR, OK, write_resource
 
 from strainfmu.estimator.filter.flight_filter import FlightFilter
 from strainfmu.estimator.filter.settings import FilterSettings
@@ -30,7 +29,6 @@ from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimate
 from strainfmu.fmu.filter_resource import SECTION
-from strainfmu.fmu.native_resource import CHECKED_FROM, native_resource
 
 pytestmark = pytest.mark.fast
 STEP = 0.01
@@ -38,24 +36,6 @@ STEP = 0.01
 TOLERANCE = 1e-8
 """Relative to the largest value of a unit. Most agree to 1e-10; the chi-square of a sample that the prediction
 meets nearly exactly has fewer digits in either code."""
-
-
-@pytest.fixture(scope="module")
-def inverse_map() -> InverseMap:
-    return whole_map()
-
-
-@pytest.fixture(scope="module")
-def location(inverse_map: InverseMap, tmp_path_factory: pytest.TempPathFactory) -> str:
-    return write_resource(inverse_map, tmp_path_factory.mktemp("filter")).as_uri()
-
-
-@pytest.fixture
-def fmu(location: str) -> Iterator[FlightFmu]:
-    one = FlightFmu(location, N_D)
-    one.start()
-    yield one
-    one.free()
 
 
 def numpy_step(flight: FlightFilter, sample: FlightSample, time_step: float) -> FlightEstimate:
@@ -187,7 +167,7 @@ def test_outputs_follow_what_is_set_without_a_step(fmu: FlightFmu, inverse_map: 
         check(before, numpy_step(flight, sample, 0.02), tolerance=TOLERANCE)
 
 
-def test_state_holds_the_law(fmu: FlightFmu, inverse_map: InverseMap, location: str) -> None:
+def test_state_holds_the_law(fmu: FlightFmu, inverse_map: InverseMap, resources: Path) -> None:
     samples = poor_flight(inverse_map, 24, seed=19)
     assert fmu.filter(1.0) == OK
     for k, sample in enumerate(samples[:14]):
@@ -199,7 +179,7 @@ def test_state_holds_the_law(fmu: FlightFmu, inverse_map: InverseMap, location: 
     assert fmu.call("SetFMUstate", state) == OK
     assert fmu.all_outputs().tobytes() == at.tobytes()
     assert [fmu.advance_over(*one).tobytes() for one in later] == after
-    other = FlightFmu(location, N_D)
+    other = FlightFmu(resources.as_uri(), N_D)
     status, moved = other.deserialise(content)
     assert status == OK
     assert other.call("SetFMUstate", moved) == OK
@@ -248,14 +228,6 @@ def test_time_constants_that_cannot_be(fmu: FlightFmu, value: float) -> None:
     assert "filter_time_constant" in fmu.messages[-1][2]
 
 
-def sealed(content: bytearray) -> bytes:
-    """``content`` with the check sums of its last section and of the whole file put right."""
-    at = content.rindex(SECTION)
-    content[at + 16 : at + 20] = zlib.crc32(content[at + 24 :]).to_bytes(4, "little")
-    content[CHECKED_FROM - 8 : CHECKED_FROM - 4] = zlib.crc32(content[CHECKED_FROM:]).to_bytes(4, "little")
-    return bytes(content)
-
-
 @pytest.mark.parametrize(
     ("at", "value", "expected"),
     [
@@ -270,10 +242,6 @@ def sealed(content: bytearray) -> bytes:
 def test_a_section_that_cannot_be(
     inverse_map: InverseMap, tmp_path: Path, at: int, value: np.generic, expected: str
 ) -> None:
-    content = bytearray(native_resource(inverse_map, GUID))
-    place = content.rindex(SECTION) + 24 + at if at >= 0 else len(content) + at
-    content[place : place + value.nbytes] = value.tobytes()
-    write_resource(inverse_map, tmp_path).joinpath("map.bin").write_bytes(sealed(content))
-    fmu = FlightFmu((tmp_path / "resources").as_uri(), N_D)
-    assert fmu.instance.value is None
-    assert expected in fmu.messages[-1][2]
+    place = HEAD + at if at >= 0 else at
+    location = with_value(inverse_map, tmp_path, SECTION, place, value.tobytes())
+    assert expected in refusal(FlightFmu(location, N_D))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -33,28 +32,15 @@ TOLERANCE = 1e-9
 
 
 @pytest.fixture(scope="module")
-def held() -> InverseMap:
+def inverse_map() -> InverseMap:
     return with_further_tables(whole_map())
 
 
-@pytest.fixture(scope="module")
-def location(held: InverseMap, tmp_path_factory: pytest.TempPathFactory) -> str:
-    return write_resource(held, tmp_path_factory.mktemp("sections")).as_uri()
-
-
-@pytest.fixture
-def fmu(location: str) -> Iterator[FlightFmu]:
-    one = FlightFmu(location, N_D)
-    one.start()
-    yield one
-    one.free()
-
-
 def compare(
-    fmu: FlightFmu, held: InverseMap, samples: list[FlightSample], time_constant: float = 1.0
+    fmu: FlightFmu, inverse_map: InverseMap, samples: list[FlightSample], time_constant: float = 1.0
 ) -> list[FlightEstimate]:
     """Assert that all steps are those of numpy; the latter."""
-    flight = FlightFilter(ManifoldEstimator(held), FilterSettings(time_constant=time_constant))
+    flight = FlightFilter(ManifoldEstimator(inverse_map), FilterSettings(time_constant=time_constant))
     assert fmu.filter(time_constant) == OK
     found = []
     for k, sample in enumerate(samples):
@@ -67,31 +53,31 @@ def compare(
 
 
 @pytest.mark.parametrize("time_constant", [1e-9, 1.0])
-def test_with_lost_gauges_and_navigation(fmu: FlightFmu, held: InverseMap, time_constant: float) -> None:
+def test_with_lost_gauges_and_navigation(fmu: FlightFmu, inverse_map: InverseMap, time_constant: float) -> None:
     random, samples = np.random.default_rng(1), []
-    for k, one in enumerate(random_flight(held, 30, seed=2)):
+    for k, one in enumerate(random_flight(inverse_map, 30, seed=2)):
         flow = {name: value for name, value in one.flow.items() if random.random() > 0.3}
         valid = random.random(N_D) > 0.1 * (k % 5)
         samples.append(replace(one, valid=valid & (k % 13 < 11), flow=flow))
-    found = compare(fmu, held, samples, time_constant)
+    found = compare(fmu, inverse_map, samples, time_constant)
     assert sum(np.isfinite(one.further_loads).all() and not one.valid.any() for one in found) >= (
         time_constant == 1.0
     )
 
 
-def test_off_the_tables_and_back(fmu: FlightFmu, held: InverseMap) -> None:
+def test_off_the_tables_and_back(fmu: FlightFmu, inverse_map: InverseMap) -> None:
     """Loads of the linear map where it has some; without q_inf those of the sample alone."""
-    samples = random_flight(held, 14, seed=15)
+    samples = random_flight(inverse_map, 14, seed=15)
     bent = np.random.default_rng(6).normal(size=N_D) * 0.2 * np.abs(samples[0].strain).max()
     off = [replace(one, strain=one.strain + bent) if 3 <= k < 8 else one for k, one in enumerate(samples)]
     off[5] = replace(off[5], flow={"mach_number": off[5].flow["mach_number"]})
-    found = compare(fmu, held, off)
+    found = compare(fmu, inverse_map, off)
     assert [one.is_linear for one in found[3:8]] == [True, True, False, True, True]
 
 
-def test_settings_and_state(fmu: FlightFmu, held: InverseMap) -> None:
+def test_settings_and_state(fmu: FlightFmu, inverse_map: InverseMap) -> None:
     """Other references; a state brings the law back, from which the next step gives the same loads."""
-    samples = random_flight(held, 6, seed=3)
+    samples = random_flight(inverse_map, 6, seed=3)
     assert fmu.filter(1.0) == OK
     for k, one in enumerate(samples[:4]):
         fmu.advance_over(one, STEP * k, STEP)
@@ -111,12 +97,12 @@ def test_settings_and_state(fmu: FlightFmu, held: InverseMap) -> None:
 
 
 def test_a_filter_of_other_sections_is_refused(
-    held: InverseMap, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    inverse_map: InverseMap, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def without(inverse_map: InverseMap, manifold: ManifoldMap) -> bytes:
         return filter_section(inverse_map, replace(manifold, further=None))
 
     monkeypatch.setattr(native_resource, "filter_section", without)
-    fmu = FlightFmu(write_resource(held, tmp_path).as_uri(), N_D)
+    fmu = FlightFmu(write_resource(inverse_map, tmp_path).as_uri(), N_D)
     assert fmu.instance.value is None
     assert fmu.messages[-1][2].endswith("holds a filter of other section loads")

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Iterator
 from ctypes import byref
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from damaged_resource import refusal, with_flipped_bit
 from flight_fmu import (
     FIRST,
     N_D,
@@ -19,36 +19,16 @@ from flight_fmu import (
     fresh_tracker,
     random_flight,
     tracked,
-    whole_map,
 )
-from raw_fmu import ERROR, GUID, N_OUTPUTS, OK, write_resource
+from raw_fmu import ERROR, N_OUTPUTS, OK, write_resource
 
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.settings import default_settings
 from strainfmu.fmu.flight_resource import SECTION, channel_tables
-from strainfmu.fmu.native_resource import CHECKED_FROM, native_resource
 from strainfmu.interface.estimator_variables import NOT_KNOWN
 
 pytestmark = pytest.mark.fast
-
-
-@pytest.fixture(scope="module")
-def inverse_map() -> InverseMap:
-    return whole_map()
-
-
-@pytest.fixture(scope="module")
-def location(inverse_map: InverseMap, tmp_path_factory: pytest.TempPathFactory) -> str:
-    return write_resource(inverse_map, tmp_path_factory.mktemp("flight")).as_uri()
-
-
-@pytest.fixture
-def fmu(location: str) -> Iterator[FlightFmu]:
-    one = FlightFmu(location, N_D)
-    one.start()
-    yield one
-    one.free()
 
 
 def compare(fmu: FlightFmu, inverse_map: InverseMap, samples: list[FlightSample]) -> list[HealthState]:
@@ -190,7 +170,7 @@ def test_a_step_with_the_same_inputs_goes_on(fmu: FlightFmu, inverse_map: Invers
         check(fmu.all_outputs(), tracked(tracker, sample))
 
 
-def test_state_holds_the_track(fmu: FlightFmu, inverse_map: InverseMap, location: str) -> None:
+def test_state_holds_the_track(fmu: FlightFmu, inverse_map: InverseMap, resources: Path) -> None:
     samples = random_flight(inverse_map, 8, seed=19)
     for sample in samples[:4]:
         fmu.advance(sample)
@@ -200,7 +180,7 @@ def test_state_holds_the_track(fmu: FlightFmu, inverse_map: InverseMap, location
     assert fmu.call("SetFMUstate", state) == OK
     assert fmu.all_outputs().tobytes() == at.tobytes()
     assert [fmu.advance(sample).tobytes() for sample in samples[4:]] == after
-    other = FlightFmu(location, N_D)
+    other = FlightFmu(resources.as_uri(), N_D)
     status, moved = other.deserialise(content)
     assert status == OK
     assert other.call("SetFMUstate", moved) == OK
@@ -233,16 +213,10 @@ def test_start_values(fmu: FlightFmu) -> None:
     assert fmu.get_reals([N_OUTPUTS + 2 * N_D, *range(FIRST, FIRST + 3)]).tolist() == [NOT_KNOWN] * 4
 
 
-def test_refuses_model_exchange(location: str) -> None:
-    other = FlightFmu(location, N_D, co_simulation=False)
+def test_refuses_model_exchange(resources: Path) -> None:
+    other = FlightFmu(resources.as_uri(), N_D, co_simulation=False)
     assert other.instance.value is None
     assert other.messages[-1][2] == "this FMU is for co-simulation"
-
-
-def sealed(content: bytearray) -> bytes:
-    """``content`` with the check sum of the whole file put right."""
-    content[CHECKED_FROM - 8 : CHECKED_FROM - 4] = zlib.crc32(content[CHECKED_FROM:]).to_bytes(4, "little")
-    return bytes(content)
 
 
 @pytest.mark.parametrize(
@@ -250,12 +224,8 @@ def sealed(content: bytearray) -> bytes:
     [(0, "section that is not known"), (8, "length or checksum"), (16, "length or checksum"), (900, "checksum")],
 )
 def test_damaged_section(inverse_map: InverseMap, tmp_path: Path, at: int, expected: str) -> None:
-    content = bytearray(native_resource(inverse_map, GUID))
-    content[content.rindex(SECTION) + at] ^= 0x01
-    write_resource(inverse_map, tmp_path).joinpath("map.bin").write_bytes(sealed(content))
-    fmu = FlightFmu((tmp_path / "resources").as_uri(), N_D)
-    assert fmu.instance.value is None
-    assert expected in fmu.messages[-1][2]
+    location = with_flipped_bit(inverse_map, tmp_path, SECTION, at)
+    assert expected in refusal(FlightFmu(location, N_D))
 
 
 def test_wrong_value_in_a_state(fmu: FlightFmu, inverse_map: InverseMap) -> None:

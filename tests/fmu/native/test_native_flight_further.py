@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import zlib
-from collections.abc import Iterator
 from ctypes import c_double
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from damaged_resource import refusal, with_value, written
 from flight_fmu import FIRST, N_D, FlightFmu, FlightSample, check, random_flight, whole_map
 from further_maps import STATIONS, check_further, with_further_tables
-from raw_fmu import GUID, OK, Fmu3, write_resource
+from raw_fmu import GUID, OK, Fmu3
 from thermal_maps import REFERENCE, with_temperature
 
 from strainfmu.estimator.inverse_map import InverseMap
@@ -21,7 +20,7 @@ from strainfmu.estimator.manifold.flight_estimate import FlightEstimate
 from strainfmu.estimator.manifold.tracker import FlightTracker
 from strainfmu.estimator.zeros import GaugeZeros
 from strainfmu.fmu.flight_resource import LOADS_SECTION, SECTION
-from strainfmu.fmu.native_resource import CHECKED_FROM, native_resource
+from strainfmu.fmu.native_resource import native_resource
 from strainfmu.interface.estimator_variables import output_values
 from strainfmu.interface.further_variables import has_further_outputs, has_section_loads_by_strain_alone
 
@@ -37,7 +36,7 @@ TOLERANCE = 1e-12
 
 
 @pytest.fixture(scope="module")
-def held() -> InverseMap:
+def inverse_map() -> InverseMap:
     """Tables and linear map of one covariance of the gauges, with temperature modes."""
     one = with_further_tables(whole_map())
     assert one.manifold is not None
@@ -48,24 +47,11 @@ def held() -> InverseMap:
     return with_temperature(one, k=5, n_t=N_T, mode_strain=strain, apparent_strain=sheet)
 
 
-@pytest.fixture(scope="module")
-def location(held: InverseMap, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return write_resource(held, tmp_path_factory.mktemp("sections"))
-
-
-@pytest.fixture
-def fmu(location: Path) -> Iterator[FlightFmu]:
-    one = FlightFmu(location.as_uri(), N_D)
-    one.start()
-    yield one
-    one.free()
-
-
 class Pair:
     """An instance and numpy's tracker, fed alike."""
 
-    def __init__(self, fmu: FlightFmu, held: InverseMap) -> None:
-        self.fmu, self.tracker = fmu, FlightTracker(ManifoldEstimator(held))
+    def __init__(self, fmu: FlightFmu, inverse_map: InverseMap) -> None:
+        self.fmu, self.tracker = fmu, FlightTracker(ManifoldEstimator(inverse_map))
 
     def step(self, sample: FlightSample, temperature: np.ndarray | None = None) -> FlightEstimate:
         """Both take a step with ``sample``; all outputs agree."""
@@ -83,32 +69,32 @@ class Pair:
         assert self.fmu.set_reals(range(FIRST_ZERO, FIRST_ZERO + 2 * N_D + 1), values) == OK
 
 
-def test_cold_and_warm_steps_with_lost_gauges(fmu: FlightFmu, held: InverseMap) -> None:
-    random, pair = np.random.default_rng(1), Pair(fmu, held)
-    for k, one in enumerate(random_flight(held, 14, seed=31)):
+def test_cold_and_warm_steps_with_lost_gauges(fmu: FlightFmu, inverse_map: InverseMap) -> None:
+    random, pair = np.random.default_rng(1), Pair(fmu, inverse_map)
+    for k, one in enumerate(random_flight(inverse_map, 14, seed=31)):
         valid = random.random(N_D) > 0.08 * (k % 7)
         strain = np.where(random.random(N_D) < 0.05, np.nan, one.strain) if k % 3 else one.strain
         pair.step(replace(one, strain=strain, valid=valid))
-    last = random_flight(held, 1, seed=31)[0]
+    last = random_flight(inverse_map, 1, seed=31)[0]
     nothing = pair.step(replace(last, valid=np.zeros(N_D, dtype=bool)))
     assert np.isnan(nothing.further_loads).all()
     assert np.isfinite(pair.step(last).further_loads).all()
 
 
-def test_settings_and_unknown_navigation(fmu: FlightFmu, held: InverseMap) -> None:
-    pair, settings = Pair(fmu, held), ManifoldEstimator(held).settings
+def test_settings_and_unknown_navigation(fmu: FlightFmu, inverse_map: InverseMap) -> None:
+    pair, settings = Pair(fmu, inverse_map), ManifoldEstimator(inverse_map).settings
     settings = replace(settings, reference_area=0.3, reference_length=1.7, moment_station=2.2)
     pair.tracker.estimator = pair.tracker.estimator.with_settings(settings)
     assert fmu.set_scalars(6, 0.3, 1.7, 2.2) == OK
-    for k, one in enumerate(random_flight(held, 6, seed=32)):
+    for k, one in enumerate(random_flight(inverse_map, 6, seed=32)):
         kept = ("mach_number", "static_pressure", "dynamic_pressure")[: k % 4]
         pair.step(replace(one, flow={name: one.flow[name] for name in kept}))
 
 
-def test_zeros_and_temperatures(fmu: FlightFmu, held: InverseMap) -> None:
-    random, pair = np.random.default_rng(2), Pair(fmu, held)
-    noise = float(np.sqrt(held.scaled_parts[0][0, 0]))
-    for k, one in enumerate(random_flight(held, 12, seed=33)):
+def test_zeros_and_temperatures(fmu: FlightFmu, inverse_map: InverseMap) -> None:
+    random, pair = np.random.default_rng(2), Pair(fmu, inverse_map)
+    noise = float(np.sqrt(inverse_map.scaled_parts[0][0, 0]))
+    for k, one in enumerate(random_flight(inverse_map, 12, seed=33)):
         if k % 5 == 4:
             std = noise * random.uniform(0.0, 2.0, N_D)
             pair.set_zeros(GaugeZeros(value=1e-6 * random.normal(size=N_D), std=std, common_std=noise))
@@ -120,9 +106,9 @@ def test_zeros_and_temperatures(fmu: FlightFmu, held: InverseMap) -> None:
         pair.step(moved, None if np.isnan(temperature).all() else temperature)
 
 
-def test_loads_of_the_linear_map_off_the_tables(fmu: FlightFmu, held: InverseMap) -> None:
-    pair, linear = Pair(fmu, held), []
-    samples = random_flight(held, 16, seed=34)
+def test_loads_of_the_linear_map_off_the_tables(fmu: FlightFmu, inverse_map: InverseMap) -> None:
+    pair, linear = Pair(fmu, inverse_map), []
+    samples = random_flight(inverse_map, 16, seed=34)
     bent = np.random.default_rng(6).normal(size=N_D) * 0.3 * np.abs(samples[0].strain).max()
     for k, one in enumerate(samples):
         sample = replace(one, strain=one.strain + bent) if 2 <= k < 6 else one
@@ -132,8 +118,8 @@ def test_loads_of_the_linear_map_off_the_tables(fmu: FlightFmu, held: InverseMap
     assert linear == [k in (2, 3, 4, *range(6, 10)) for k in range(16)]
 
 
-def test_read_in_any_order_and_at_any_time(fmu: FlightFmu, held: InverseMap) -> None:
-    first, second = random_flight(held, 2, seed=35)
+def test_read_in_any_order_and_at_any_time(fmu: FlightFmu, inverse_map: InverseMap) -> None:
+    first, second = random_flight(inverse_map, 2, seed=35)
     fmu.advance(first)
     state, expected = fmu.get_state(), fmu.get_reals(OUTPUTS)
     fmu.advance(second)
@@ -143,8 +129,8 @@ def test_read_in_any_order_and_at_any_time(fmu: FlightFmu, held: InverseMap) -> 
     assert fmu.get_reals(OUTPUTS).tobytes() == expected.tobytes()
 
 
-def test_arrays_of_fmi_3(fmu: FlightFmu, held: InverseMap, location: Path) -> None:
-    three, sample = Fmu3(str(location), N_D).start(), random_flight(held, 1, seed=36)[0]
+def test_arrays_of_fmi_3(fmu: FlightFmu, inverse_map: InverseMap, resources: Path) -> None:
+    three, sample = Fmu3(str(resources), N_D).start(), random_flight(inverse_map, 1, seed=36)[0]
     fmu.give(replace(sample, flow={"dynamic_pressure": sample.flow["dynamic_pressure"]}))
     assert three.set("Float64", c_double, [Fmu3.STRAIN], sample.strain) == OK
     assert three.set("Float64", c_double, [Fmu3.FIRST_SCALAR], [sample.flow["dynamic_pressure"]]) == OK
@@ -154,13 +140,13 @@ def test_arrays_of_fmi_3(fmu: FlightFmu, held: InverseMap, location: Path) -> No
     assert np.concatenate(found).tobytes() == fmu.get_reals(OUTPUTS).tobytes()
 
 
-def test_tables_without_loads_state_none(held: InverseMap) -> None:
-    assert held.manifold is not None
-    older = replace(held, manifold=replace(held.manifold, further=None))
-    assert has_further_outputs(held)
+def test_tables_without_loads_state_none(inverse_map: InverseMap) -> None:
+    assert inverse_map.manifold is not None
+    older = replace(inverse_map, manifold=replace(inverse_map.manifold, further=None))
+    assert has_further_outputs(inverse_map)
     assert not has_further_outputs(older)
     assert has_section_loads_by_strain_alone(older)
-    assert not has_section_loads_by_strain_alone(held)
+    assert not has_section_loads_by_strain_alone(inverse_map)
     assert LOADS_SECTION not in native_resource(older, GUID)
 
 
@@ -173,29 +159,20 @@ def test_tables_without_loads_state_none(held: InverseMap) -> None:
         (0, b"FURTHER\0", "section that is not known"),
     ],
 )
-def test_what_cannot_be_is_refused(held: InverseMap, tmp_path: Path, at: int, value: bytes, text: str) -> None:
-    content = bytearray(native_resource(held, GUID))
-    start = content.rindex(LOADS_SECTION)
-    length = int.from_bytes(content[start + 8 : start + 16], "little")
-    content[start + at : start + at + len(value)] = value
-    content[start + 16 : start + 20] = zlib.crc32(content[start + 24 : start + 24 + length]).to_bytes(4, "little")
-    refused(held, tmp_path, content, text)
+def test_what_cannot_be_is_refused(
+    inverse_map: InverseMap, tmp_path: Path, at: int, value: bytes, text: str
+) -> None:
+    location = with_value(inverse_map, tmp_path, LOADS_SECTION, at, value)
+    assert text in refusal(FlightFmu(location, N_D))
 
 
-def test_tables_of_loads_go_with_those_of_strain(held: InverseMap, tmp_path: Path) -> None:
-    content = bytearray(native_resource(held, GUID))
+def test_tables_of_loads_go_with_those_of_strain(inverse_map: InverseMap, tmp_path: Path) -> None:
+    content = bytearray(native_resource(inverse_map, GUID))
     start, end = content.rindex(LOADS_SECTION), content.rindex(b"FURTHER\0")
     del content[start:end]
     place = content.index(GUID.encode()) + 80 + 4 * 6  # number of sections
     content[place] -= 1
     content[16:24] = len(content).to_bytes(8, "little")
     assert SECTION in content
-    refused(held, tmp_path, content, "sections that do not go together")
-
-
-def refused(held: InverseMap, folder: Path, content: bytearray, text: str) -> None:
-    content[CHECKED_FROM - 8 : CHECKED_FROM - 4] = zlib.crc32(content[CHECKED_FROM:]).to_bytes(4, "little")
-    write_resource(held, folder).joinpath("map.bin").write_bytes(bytes(content))
-    fmu = FlightFmu((folder / "resources").as_uri(), N_D)
-    assert fmu.instance.value is None
-    assert text in fmu.messages[-1][2]
+    said = refusal(FlightFmu(written(content, tmp_path), N_D))
+    assert "sections that do not go together" in said

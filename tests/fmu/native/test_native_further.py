@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-import zlib
 from ctypes import c_double
 from pathlib import Path
 
 import numpy as np
 import pytest
 from agreement import random_samples
+from damaged_resource import refusal, with_value
 from further_maps import STATIONS, check_further, with_own_further
 from native_case import NativeCase
-from raw_fmu import GUID, N_OUTPUTS, OK, Fmu2, Fmu3, first_zero, write_resource
+from raw_fmu import N_OUTPUTS, OK, Fmu2, Fmu3, first_zero, write_resource
 from scaled_maps import whole_scaled_map
 from thermal_maps import REFERENCE, with_temperature
 
 from strainfmu.estimator.step import Estimator
 from strainfmu.estimator.zeros import GaugeZeros, no_zeros
 from strainfmu.fmu.further_resource import SECTION
-from strainfmu.fmu.native_resource import CHECKED_FROM, native_resource
 from strainfmu.interface.further_variables import further_outputs
 
 pytestmark = pytest.mark.fast
@@ -142,13 +141,7 @@ def test_arrays_of_fmi_3(six: NativeCase) -> None:
     ("at", "value", "text"), [(24, b"\x05\0", "number"), (24 + 32 + 6, b"\xf8\x7f", "a value")]
 )
 def test_what_cannot_be_is_refused(six: NativeCase, tmp_path: Path, at: int, value: bytes, text: str) -> None:
-    content = bytearray(native_resource(six.inverse_map, GUID))
-    start = content.rindex(SECTION)
-    content[start + at : start + at + len(value)] = value
-    content[start + 16 : start + 20] = zlib.crc32(content[start + 24 :]).to_bytes(4, "little")
-    content[CHECKED_FROM - 8 : CHECKED_FROM - 4] = zlib.crc32(content[CHECKED_FROM:]).to_bytes(4, "little")
-    write_resource(six.inverse_map, tmp_path).joinpath("map.bin").write_bytes(bytes(content))
-    fmu = Fmu2((tmp_path / "resources").as_uri(), six.n)
-    assert fmu.instance.value is None
-    assert "holds further loads" in fmu.messages[-1][2]
-    assert text in fmu.messages[-1][2]
+    location = with_value(six.inverse_map, tmp_path, SECTION, at, value)
+    said = refusal(Fmu2(location, six.n))
+    assert "holds further loads" in said
+    assert text in said

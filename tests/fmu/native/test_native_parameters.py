@@ -2,26 +2,24 @@
 
 from __future__ import annotations
 
-import zlib
 from collections.abc import Sequence
 from ctypes import byref, c_double
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from agreement import random_samples
+from damaged_resource import refusal, with_value
 from further_maps import STATIONS, with_own_further
 from native_case import NativeCase
 from parameter_maps import PARAMETERS, with_parameters
-from raw_fmu import ERROR, GUID, N_OUTPUTS, OK, Fmu2, Fmu3, first_zero, outputs_of, write_resource
+from raw_fmu import ERROR, N_OUTPUTS, OK, Fmu2, Fmu3, first_zero, outputs_of, write_resource
 from scaled_maps import NOMINAL, whole_scaled_map
 from thermal_maps import with_temperature
 
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.step import Estimator
-from strainfmu.fmu.native_resource import CHECKED_FROM, native_resource
 from strainfmu.fmu.parameter_resource import SECTION
 from strainfmu.interface.input_names import NOT_KNOWN
 
@@ -154,13 +152,7 @@ def test_scalars_of_fmi_3(case: NativeCase) -> None:
     ],
 )
 def test_what_cannot_be_is_refused(case: NativeCase, tmp_path: Path, at: int, value: bytes, text: str) -> None:
-    content = bytearray(native_resource(case.inverse_map, GUID))
-    start = content.rindex(SECTION)
-    content[start + at : start + at + len(value)] = value
-    content[start + 16 : start + 20] = zlib.crc32(content[start + 24 :]).to_bytes(4, "little")
-    content[CHECKED_FROM - 8 : CHECKED_FROM - 4] = zlib.crc32(content[CHECKED_FROM:]).to_bytes(4, "little")
-    write_resource(replace(case.inverse_map), tmp_path).joinpath("map.bin").write_bytes(bytes(content))
-    fmu = Fmu2((tmp_path / "resources").as_uri(), case.n)
-    assert fmu.instance.value is None
-    assert "holds parameters of the flow" in fmu.messages[-1][2]
-    assert text in fmu.messages[-1][2]
+    location = with_value(case.inverse_map, tmp_path, SECTION, at, value)
+    said = refusal(Fmu2(location, case.n))
+    assert "holds parameters of the flow" in said
+    assert text in said

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zlib
 from ctypes import byref, c_bool, c_double, c_int, c_size_t
 from dataclasses import replace
 from pathlib import Path
@@ -10,9 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from agreement import Reference, Sample, random_samples
+from damaged_resource import refusal, with_value
 from native_case import NativeCase
 from random_map import map_of, random_model
-from raw_fmu import GUID, N_OUTPUTS, OK, Fmu2, Fmu3, first_zero, write_resource
+from raw_fmu import N_OUTPUTS, OK, Fmu2, Fmu3, first_zero, write_resource
 from scaled_maps import NOMINAL, whole_scaled_map
 from sensor_maps import LARGEST, ROWS, with_sensors
 from thermal_maps import with_temperature
@@ -22,7 +22,6 @@ from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.sensors import SensorRows
 from strainfmu.estimator.tare_edge import EdgeTare, TareState
 from strainfmu.estimator.zeros import GaugeZeros
-from strainfmu.fmu.native_resource import CHECKED_FROM, native_resource
 from strainfmu.fmu.sensor_resource import SECTION
 from strainfmu.interface.input_names import NOT_KNOWN
 
@@ -267,13 +266,7 @@ def test_fmi_3_has_each_sensor_as_a_scalar(case: NativeCase) -> None:
     ],
 )
 def test_what_cannot_be_is_refused(case: NativeCase, tmp_path: Path, at: int, value: bytes, text: str) -> None:
-    content = bytearray(native_resource(case.inverse_map, GUID))
-    start = content.rindex(SECTION)
-    content[start + at : start + at + len(value)] = value
-    content[start + 16 : start + 20] = zlib.crc32(content[start + 24 :]).to_bytes(4, "little")
-    content[CHECKED_FROM - 8 : CHECKED_FROM - 4] = zlib.crc32(content[CHECKED_FROM:]).to_bytes(4, "little")
-    write_resource(case.inverse_map, tmp_path).joinpath("map.bin").write_bytes(bytes(content))
-    fmu = Fmu2((tmp_path / "resources").as_uri(), case.n)
-    assert fmu.instance.value is None
-    assert "holds sensors" in fmu.messages[-1][2]
-    assert text in fmu.messages[-1][2]
+    location = with_value(case.inverse_map, tmp_path, SECTION, at, value)
+    said = refusal(Fmu2(location, case.n))
+    assert "holds sensors" in said
+    assert text in said

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zlib
 from ctypes import byref, c_double
 from dataclasses import replace
 from pathlib import Path
@@ -10,9 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from agreement import Reference, Sample, random_samples
+from damaged_resource import HEAD, refusal, with_flipped_bit, with_value
 from flight_fmu import FIRST, N_D, FlightFmu, FlightSample, check, random_flight, tracked, whole_map
 from native_case import NativeCase
-from raw_fmu import GUID, OK, REAL_OUTPUTS, Fmu2, Fmu3, first_zero, outputs_of, write_resource
+from raw_fmu import OK, REAL_OUTPUTS, Fmu2, Fmu3, first_zero, outputs_of, write_resource
 from scaled_maps import whole_scaled_map
 from thermal_maps import REFERENCE, with_temperature
 
@@ -22,7 +22,6 @@ from strainfmu.estimator.manifold.flight_estimate import FlightEstimate
 from strainfmu.estimator.manifold.tracker import FlightTracker
 from strainfmu.estimator.temperature import ThermalMap
 from strainfmu.estimator.zeros import GaugeZeros, no_zeros
-from strainfmu.fmu.native_resource import CHECKED_FROM, native_resource
 from strainfmu.fmu.thermal_resource import SECTION
 from strainfmu.interface.input_names import NOT_KNOWN
 
@@ -213,12 +212,6 @@ def test_derivatives_are_those_of_differences(hot: NativeCase) -> None:
     np.testing.assert_allclose((ends[0] - ends[1]) / 2e-3, ours, rtol=1e-5, atol=1e-8 * size.max())
 
 
-def sealed(content: bytearray) -> bytes:
-    """``content`` with the check sum of the whole file put right."""
-    content[CHECKED_FROM - 8 : CHECKED_FROM - 4] = zlib.crc32(content[CHECKED_FROM:]).to_bytes(4, "little")
-    return bytes(content)
-
-
 @pytest.mark.parametrize(
     ("at", "text"),
     [
@@ -229,12 +222,8 @@ def sealed(content: bytearray) -> bytes:
     ],
 )
 def test_damaged_section(hot: NativeCase, tmp_path: Path, at: int, text: str) -> None:
-    content = bytearray(native_resource(hot.inverse_map, GUID))
-    content[content.rindex(SECTION) + at] ^= 0x01
-    write_resource(hot.inverse_map, tmp_path).joinpath("map.bin").write_bytes(sealed(content))
-    fmu = Fmu2((tmp_path / "resources").as_uri(), hot.n)
-    assert fmu.instance.value is None
-    assert text in fmu.messages[-1][2]
+    location = with_flipped_bit(hot.inverse_map, tmp_path, SECTION, at)
+    assert text in refusal(Fmu2(location, hot.n))
 
 
 @pytest.mark.parametrize(
@@ -244,12 +233,7 @@ def test_damaged_section(hot: NativeCase, tmp_path: Path, at: int, text: str) ->
 def test_sizes_and_values_that_cannot_be(
     hot: NativeCase, tmp_path: Path, at: int, value: bytes, text: str
 ) -> None:
-    content = bytearray(native_resource(hot.inverse_map, GUID))
-    start = content.rindex(SECTION)
-    content[start + 24 + at : start + 24 + at + len(value)] = value
-    content[start + 16 : start + 20] = zlib.crc32(content[start + 24 :]).to_bytes(4, "little")
-    write_resource(hot.inverse_map, tmp_path).joinpath("map.bin").write_bytes(sealed(content))
-    fmu = Fmu2((tmp_path / "resources").as_uri(), hot.n)
-    assert fmu.instance.value is None
-    assert "holds temperature modes" in fmu.messages[-1][2]
-    assert text in fmu.messages[-1][2]
+    location = with_value(hot.inverse_map, tmp_path, SECTION, HEAD + at, value)
+    said = refusal(Fmu2(location, hot.n))
+    assert "holds temperature modes" in said
+    assert text in said
