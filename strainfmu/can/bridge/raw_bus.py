@@ -18,15 +18,9 @@ from math import inf
 from typing import Any
 
 from strainfmu.can.bridge.datagram_shapes import DatagramShapes
+from strainfmu.can.bridge.datagrams import ANCILLARY, waiting_datagrams
 from strainfmu.can.wire.frame import FD_LENGTHS, Frame, MalformedFrame, from_message
 from strainfmu.can.wire.libraries import import_can
-
-_LARGEST_DATAGRAM = 4096
-"""As python-can's own limit [bytes]."""
-
-_TIMESPEC = struct.Struct("@ll")
-_SO_TIMESTAMPNS = 35
-_ANCILLARY = socket.CMSG_SPACE(_TIMESPEC.size) if hasattr(socket, "CMSG_SPACE") else 0
 
 _LONGEST_FD = FD_LENGTHS[-1]
 _FD_LENGTHS = frozenset(FD_LENGTHS)
@@ -43,6 +37,7 @@ class RawBus(ABC):
     def __init__(self, bus: Any) -> None:
         self._bus = bus
         self._socket = socket.socket(fileno=os.dup(bus.fileno()))
+        self._waiting = waiting_datagrams(self._socket)
         self.is_stamped = False
         """The last datagram that was read had a time of the kernel."""
 
@@ -66,19 +61,7 @@ class RawBus(ABC):
         OSError
             The interface is down, or the socket failed.
         """
-        found: list[tuple[bytes, float]] = []
-        is_drained = False
-        while len(found) < limit:
-            try:
-                data, ancillary, _, _ = self._socket.recvmsg(_LARGEST_DATAGRAM, _ANCILLARY, socket.MSG_DONTWAIT)
-            except BlockingIOError:
-                is_drained = True
-                break
-            except OSError:
-                if not found:
-                    raise
-                break  # it is raised again by the next call
-            found.append((data, _stamp(ancillary)))
+        found, is_drained = self._waiting.read(limit)
         if not found:
             return found, is_drained
         self.is_stamped, now = found[-1][1] < inf, time.time()
@@ -87,6 +70,7 @@ class RawBus(ABC):
 
     def close(self) -> None:
         """Close this end of the socket; the bus keeps its own."""
+        self._waiting.close()
         self._socket.close()
 
     @abstractmethod
@@ -260,7 +244,7 @@ def raw_bus(bus: Any) -> RawBus | None:
     """
     can = import_can()
     kind = f"{type(bus).__module__}.{type(bus).__name__}"
-    if not _ANCILLARY or getattr(bus, "filters", None):
+    if not ANCILLARY or getattr(bus, "filters", None):
         return None
     try:
         if kind == "can.interfaces.udp_multicast.bus.UdpMulticastBus" and bus.protocol is can.CanProtocol.CAN_FD:
@@ -270,12 +254,3 @@ def raw_bus(bus: Any) -> RawBus | None:
     except (AttributeError, ImportError, OSError):
         return None
     return None
-
-
-def _stamp(ancillary: list[tuple[int, int, bytes]]) -> float:
-    """Return the kernel's time of reception by the system's clock [s], infinity if it gives none."""
-    for level, kind, data in ancillary:
-        if level == socket.SOL_SOCKET and kind == _SO_TIMESTAMPNS and len(data) >= _TIMESPEC.size:
-            seconds, nanoseconds = _TIMESPEC.unpack_from(data)
-            return float(seconds) + 1e-9 * float(nanoseconds)
-    return inf

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import isnan, nan
+from operator import itemgetter
 
 from strainfmu.can.bridge.further_layouts import FurtherSignals
 from strainfmu.can.bridge.result_layouts import DETAIL, LAST_NAMES, SIGMA_NAMES
@@ -15,10 +16,13 @@ from strainfmu.can.cycle.result import CycleResult
 from strainfmu.can.wire.crc import protect
 from strainfmu.can.wire.frame import Frame
 from strainfmu.can.wire.frame_layout import FrameLayout
+from strainfmu.can.wire.profile_signals import E2E_COUNTER, E2E_CRC
 from strainfmu.can.wire.signal_plan import SignalPlan
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
 
 _NOTHING = [nan] * 5
+_HEADER = {E2E_CRC: 0, E2E_COUNTER: 0}
+"""Values of the signals that are written when all others are: whole numbers are encoded fastest."""
 _LARGEST_UNCERTAINTY = 6553.4
 """Largest uncertainty of an age in a frame [ms]; it stands for all above."""
 _LARGEST_SCORE = 25.4
@@ -97,7 +101,7 @@ class _ResultFrame:
         assert layout.protection is not None
         self._layout, self._protection = layout, layout.protection
         self._plan = SignalPlan(layout)
-        self._names = [signal.name for signal in layout.signals]
+        self._pick = itemgetter(*[signal.name for signal in layout.signals])
         self._counter, self._modulus = 0, layout.protection.counter_modulus
         self._frame = Frame(
             identifier=layout.identifier,
@@ -108,10 +112,10 @@ class _ResultFrame:
         )
 
     def compose(self, values: Mapping[str, float]) -> Frame:
-        """Return the next frame with ``values`` by signal; signals without a value are 0."""
+        """Return the next frame with ``values`` by signal; further ones are passed over."""
         counter = self._counter
         self._counter = (counter + 1) % self._modulus
-        data = self._plan.encode([values.get(name, 0.0) for name in self._names])
+        data = self._plan.encode(self._pick(values))
         return self._frame.with_data(protect(data, self._protection, counter))
 
 
@@ -134,6 +138,7 @@ def _result_values(result: CycleResult, configuration: int) -> dict[str, float]:
         "Configuration": configuration,
         "UsedPressure": result.dynamic_pressure,
         "EnvelopeScore8": nan if isnan(result.envelope_score) else min(result.envelope_score, _LARGEST_SCORE),
+        **_HEADER,
     }
 
 
@@ -146,6 +151,7 @@ def _detail_values(
         "AllCauses": int(causes),
         "AgeUncertainty": nan if isnan(age_uncertainty) else min(1e3 * age_uncertainty, _LARGEST_UNCERTAINTY),
         "AnsweredCounter": counter or 0,
+        **_HEADER,
     }
 
 
@@ -175,4 +181,5 @@ def _status_values(status: BridgeStatus, configuration: int) -> dict[str, float]
         "Drift": status.drift_ppm,
         "EnvelopeScore": status.envelope_score,
         "Configuration": configuration,
+        **_HEADER,
     }

@@ -24,6 +24,9 @@ ALTITUDE_SCALE, LOWEST_ALTITUDE = 2.0, -2000.0
 
 _NO_NAVIGATION = 65535
 
+E2E_CRC, E2E_COUNTER = "E2E_CRC", "E2E_Counter"
+"""Signals of the end-to-end protection, which are written when all others are."""
+
 
 def strain_signal(name: str, start: int, byte_order: str) -> SignalLayout:
     """Return a strain of 16 bits."""
@@ -96,14 +99,12 @@ def header_5() -> tuple[SignalLayout, SignalLayout]:
     """Return CRC and counter of E2E profile 5."""
     return (
         SignalLayout(
-            name="E2E_CRC",
+            name=E2E_CRC,
             start=0,
             length=16,
             comment="E2E profile 5: CRC-16/CCITT-FALSE over bytes 2.. and the DataID",
         ),
-        SignalLayout(
-            name="E2E_Counter", start=16, length=8, comment="E2E profile 5: 0 to 255, one more each time"
-        ),
+        SignalLayout(name=E2E_COUNTER, start=16, length=8, comment="E2E profile 5: 0 to 255, one more each time"),
     )
 
 
@@ -111,10 +112,10 @@ def header_1() -> tuple[SignalLayout, SignalLayout]:
     """Return CRC and counter of E2E profile 1."""
     return (
         SignalLayout(
-            name="E2E_CRC", start=0, length=8, comment="E2E profile 1: CRC-8 over the DataID and bytes 1 to 7"
+            name=E2E_CRC, start=0, length=8, comment="E2E profile 1: CRC-8 over the DataID and bytes 1 to 7"
         ),
         SignalLayout(
-            name="E2E_Counter", start=8, length=4, maximum=14, comment="E2E profile 1: 0 to 14, one more each time"
+            name=E2E_COUNTER, start=8, length=4, maximum=14, comment="E2E profile 1: 0 to 14, one more each time"
         ),
     )
 

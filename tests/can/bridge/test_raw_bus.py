@@ -186,7 +186,7 @@ def test_without_stamps_of_the_kernel_no_cycle_is_expected(
     receiver = InlineReceiver(
         raw, queue, acceptance=acceptance, clock=clock, collect_time=0.004, cycle=1, cycle_time=5.0
     )
-    monkeypatch.setattr("strainfmu.can.bridge.raw_bus._SO_TIMESTAMPNS", -1)
+    monkeypatch.setattr("strainfmu.can.bridge.datagrams._SO_TIMESTAMPNS", -1)
     buses[1].send(to_message(FRAMES[0]))
     time.sleep(0.01)
     receiver.collect(60.0)
