@@ -6,9 +6,9 @@ import threading
 import time
 from abc import ABC, abstractmethod
 from collections import deque
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 from strainfmu.can.cycle.acceptance import Acceptance
 from strainfmu.can.cycle.frame_account import FrameAccount, FrameClass
@@ -39,6 +39,8 @@ class BusFault:
 
     reason: str
     time: float
+    key: ClassVar[int] = -1
+    """That of no frame."""
 
 
 class FrameQueue:
@@ -62,19 +64,22 @@ class FrameQueue:
         self._ready = threading.Condition(self.lock)
         self.highest, self._is_waited_for = 0, False
 
-    def put(self, items: Iterable[Frame | BusFault]) -> int:
+    def put(self, items: Sequence[Frame | BusFault]) -> int:
         """Add ``items`` and wake the waiting thread; return the number of frames dropped for them."""
         with self._ready:
             dropped, waiting, capacity = 0, self._items, self._capacity
-            uncounted = self._uncounted
-            for item in items:
-                if self._counted >= capacity or len(waiting) >= 2 * capacity:
-                    dropped += sum(isinstance(old, Frame) for old in self._oldest_cycle())
-                waiting.append(item)
-                if isinstance(item, BusFault) or item.key not in uncounted:
-                    self._counted += 1
-                if len(waiting) > self.highest:
-                    self.highest = len(waiting)
+            if len(waiting) + len(items) <= capacity:
+                uncounted = self._uncounted
+                self._counted += len([None for item in items if item.key not in uncounted])
+                waiting.extend(items)
+            else:
+                for item in items:
+                    if self._counted >= capacity or len(waiting) >= 2 * capacity:
+                        dropped += sum(isinstance(old, Frame) for old in self._oldest_cycle())
+                    waiting.append(item)
+                    self._counted += item.key not in self._uncounted
+            if len(waiting) > self.highest:
+                self.highest = len(waiting)
             if self._is_waited_for:
                 self._ready.notify()
         return dropped
@@ -95,14 +100,19 @@ class FrameQueue:
 
     def _oldest_cycle(self) -> list[Frame | BusFault]:
         """Take out the oldest cycle; the lock must be held."""
-        items: list[Frame | BusFault] = []
-        waiting, left, uncounted = self._items, self._cycle, self._uncounted
+        waiting, left = self._items, self._cycle
+        if len(waiting) <= left:
+            items = list(waiting)
+            waiting.clear()
+            self._counted = 0
+            return items
+        items = []
         while waiting and left:
             item = waiting.popleft()
             items.append(item)
-            if isinstance(item, BusFault) or item.key not in uncounted:
-                left -= 1
-                self._counted -= 1
+            counts = item.key not in self._uncounted
+            left -= counts
+            self._counted -= counts
         return items
 
 

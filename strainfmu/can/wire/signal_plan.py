@@ -9,8 +9,8 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from math import ceil, floor, nan
+from operator import itemgetter
 
 import numpy as np
 
@@ -52,15 +52,12 @@ class SignalPlan:
         self._scale = np.array([s.scale for s in layout.signals])
         self._offset = np.array([s.offset for s in layout.signals])
         self._encoders = [_encoder(signal, layout.length) for signal in layout.signals]
-        plain = [index for index, s in enumerate(layout.signals) if _is_plain_float(s)]
-        starts = sorted(layout.signals[index].start for index in plain)
-        if len(plain) < 2 or any(b - a < 32 for a, b in pairwise(starts)):
-            plain = []
-        self._plain_floats = _FloatGroup(layout, plain) if plain else None
+        whole = _whole_bytes(layout)
+        self._whole = _WholeBytes(self._encoders, whole) if len(whole) > 1 else None
         self._others = [
             (index, one.raw, one.mask, one.shift, one.is_big, *one.plain_range)
             for index, one in enumerate(self._encoders)
-            if index not in plain
+            if self._whole is None or index not in whole
         ]
         # The last bit stays 0: it pads unsigned numbers.
         self._bits = np.zeros(8 * layout.length + 1, dtype=np.uint8)
@@ -121,8 +118,8 @@ class SignalPlan:
         numbers = values.tolist() if isinstance(values, np.ndarray) else values
         if len(numbers) != len(self._encoders):
             raise ValueError(f"expected {len(self._encoders)} values, got {len(numbers)}")
-        if self._plain_floats is not None:
-            little = self._plain_floats.encoded(numbers)
+        if self._whole is not None:
+            little = self._whole.encoded(numbers)
         for index, raw_of, mask, shift, is_big, low, high in self._others:
             raw = numbers[index]
             if type(raw) is not int or not low <= raw <= high:
@@ -142,28 +139,56 @@ _LARGEST_EXACT = 1 << 53
 _LARGEST_FLOAT = float(np.finfo(np.float32).max)
 
 
-def _is_plain_float(signal: SignalLayout) -> bool:
-    """Return whether a signal is a little endian float32 on a byte's border, without scale, offset or limits."""
-    is_float = signal.kind == FLOAT and signal.length == 32 and signal.byte_order == LITTLE
-    is_plain = signal.scale == 1.0 and signal.offset == 0.0
-    return is_float and is_plain and signal.minimum is None and signal.maximum is None and signal.start % 8 == 0
+def _whole_bytes(layout: FrameLayout) -> list[int]:
+    """Return the signals of whole bytes, little endian and of up to 32 bits, in the order of their places."""
+    found, end = [], 0
+    for index, signal in sorted(enumerate(layout.signals), key=lambda item: item[1].start):
+        is_little = signal.byte_order == LITTLE or signal.length == 8
+        first = signal.bits[0]
+        if is_little and signal.length in (8, 16, 32) and first % 8 == 0 and first >= end:
+            found.append(index)
+            end = first + signal.length
+    return found
 
 
-class _FloatGroup:
-    """The plain floats of a frame, encoded by one call of ``struct``."""
+class _WholeBytes:
+    """The signals of whole bytes of a frame, encoded by one call of ``struct``.
 
-    def __init__(self, layout: FrameLayout, indices: Sequence[int]) -> None:
-        self._indices = sorted(indices, key=lambda index: layout.signals[index].start)
+    Numbers that are their own raw numbers go into it as they are; it refuses the same of them as their encoders.
+
+    Parameters
+    ----------
+    encoders : of all signals of the frame.
+    indices : signals of whole bytes, at least two, in the order of their places.
+    """
+
+    def __init__(self, encoders: Sequence[_Encoder], indices: Sequence[int]) -> None:
+        own = [encoders[index] for index in indices]
+        self._pick = itemgetter(*indices)
+        self._raws = [None if one.is_plain_float else one.raw for one in own]
+        self._scaled = [(at, one.raw) for at, one in enumerate(own) if not (one.is_plain_float or one.is_plain)]
+        self._floats = [at for at, one in enumerate(own) if one.is_plain_float]
         code, end = "<", 0
-        for index in self._indices:
-            first = layout.signals[index].start // 8
-            code, end = f"{code}{first - end}xf", first + 4
-        self._packed = struct.Struct(code)
+        for one in own:
+            first, length = one.shift // 8, one.signal.length
+            kinds = _SIGNED_CODES if one.signal.kind == SIGNED else _UNSIGNED_CODES
+            code += f"{first - end}x{'f' if one.is_plain_float else kinds[length]}"
+            end = first + length // 8
+        self._pack = struct.Struct(code).pack
 
     def encoded(self, numbers: Sequence[float]) -> int:
-        """Return the bits of the frame that hold the floats of the ``numbers`` of all signals."""
-        held = [numbers[index] for index in self._indices]
-        data = self._packed.pack(*[x if -_LARGEST_FLOAT <= x <= _LARGEST_FLOAT else nan for x in held])
+        """Return the bits of the frame that hold their part of the ``numbers`` of all signals."""
+        held: list[float] = list(self._pick(numbers))
+        for at, raw_of in self._scaled:
+            held[at] = raw_of(held[at])
+        for at in self._floats:
+            if not -_LARGEST_FLOAT <= held[at] <= _LARGEST_FLOAT:
+                held[at] = nan
+        try:
+            data = self._pack(*held)
+        except struct.error:
+            picked = zip(self._pick(numbers), held, self._raws, strict=True)
+            data = self._pack(*[one if raw_of is None else raw_of(number) for number, one, raw_of in picked])
         return int.from_bytes(data, "little")
 
 
@@ -194,6 +219,18 @@ class _Encoder:
     scale: float
     offset: float
     packed: struct.Struct | None
+
+    @property
+    def is_plain_float(self) -> bool:
+        """It is a float32 without scale, offset or limits: none is refused that float32 holds."""
+        is_unlimited = self.signal.minimum is None and self.signal.maximum is None
+        is_single = self.packed is not None and self.signal.length == 32
+        return is_single and is_unlimited and self.scale == 1.0 and self.offset == 0.0
+
+    @property
+    def is_plain(self) -> bool:
+        """Every whole number that its bits can hold is its own raw number."""
+        return self.plain_range == _raw_range(self.signal)
 
     @property
     def plain_range(self) -> tuple[int, int]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import OrderedDict
+from dataclasses import replace
 
 import cantools
 import numpy as np
@@ -90,6 +91,53 @@ def test_whole_frames_are_those_of_cantools() -> None:
         decoded = message.decode(data, decode_choices=False)
         values = plan.physical(plan.raw(data))
         assert [decoded[signal.name] for signal in layout.signals] == values.tolist()
+
+
+@st.composite
+def frames(draw: st.DrawFn) -> tuple[FrameLayout, list[float]]:
+    """Draw a frame of signals one behind the other, most of them of whole bytes, and a value of each."""
+    placed, end = [], 0
+    values: list[float] = []
+    any_number = st.one_of(
+        st.integers(-300, 70_000),
+        st.floats(-1e3, 1e3),
+        st.sampled_from([np.nan, np.inf, -np.inf, 1e39, -0.0, 2**32 - 1, -(2**31), 3.4e38]),
+    )
+    for number in range(draw(st.integers(2, 7))):
+        kind = draw(st.sampled_from([UNSIGNED, SIGNED, FLOAT]))
+        length = draw(st.sampled_from([16, 32, 32] if kind == FLOAT else [4, 8, 16, 32]))
+        is_limited = draw(st.booleans())
+        placed.append(
+            SignalLayout(
+                name=f"s{number}",
+                start=end,
+                length=length,
+                kind=kind,
+                scale=draw(st.sampled_from([1.0, 1.0, 0.5])),
+                minimum=-5.0 if is_limited else None,
+                maximum=100.0 if is_limited else None,
+                not_available=draw(st.sampled_from([None, 1])),
+            )
+        )
+        end += length
+        values.append(draw(any_number))
+    return FrameLayout(name="m", identifier=1, length=64, signals=tuple(placed), is_fd=True), values
+
+
+@given(drawn=frames())
+@settings(max_examples=150, deadline=None)
+def test_a_frame_is_encoded_as_its_signals_are_one_by_one(drawn: tuple[FrameLayout, list[float]]) -> None:
+    layout, values = drawn
+    plan, expected = SignalPlan(layout), 0
+    try:
+        for signal, value in zip(layout.signals, values, strict=True):
+            alone = SignalPlan(replace(layout, signals=(signal,)))
+            expected |= int.from_bytes(alone.encode([value]), "little")
+    except InputError:
+        with pytest.raises(InputError):
+            plan.encode(values)
+        return
+    assert plan.encode(values) == expected.to_bytes(64, "little")
 
 
 def test_what_cannot_be_encoded_is_not_available_or_refused() -> None:
