@@ -152,7 +152,6 @@ class FmuStep:
         if self.section_stations is not None:
             wanted += further_load_outputs(len(self.section_stations))
         self._get = _outputs(path, self._description, dict.fromkeys(wanted))
-        # The state of health, the only one that is no Real, stands last, so that the others are side by side.
         self.further_outputs = tuple(variable.name for variable in self._get[len(_OUTPUTS) - 1 : -1])
         self.strain_nominal = np.array([float(variable.nominal or 1.0) for variable in strains])
         self.pressure_nominal = float(pressure.nominal or 1.0)
@@ -312,16 +311,17 @@ class FmuStep:
         (first, columns), *others = blocks
         if not others and columns is None:
             return first.call
-        if into or columns is not None or len(others) != 1 or len(others[0][0].buffer) != 1:
+        if into or columns is not None or len(others) != 1:
             return lambda: self._transfer(blocks, values, into)
-        # Reals in place and one other number, as the state of health is, which is moved as a number.
-        other, numbers, place = others[0][0], values.data, int(others[0][0].columns[0])
-        number = other.buffer.data
+        # Reals in place and few other numbers, as the state of health is, which are moved one by one.
+        other, numbers = others[0][0], values.data
+        moved, places = other.buffer.data, list(enumerate(other.columns.tolist()))
 
         def get() -> None:
             first.call()
             other.call()
-            numbers[place] = number[0]
+            for number, place in places:
+                numbers[place] = moved[number]
 
         return get
 
@@ -386,7 +386,10 @@ def _outputs(path: Path, description: Any, further: Iterable[str]) -> list[Any]:
     if missing:
         raise InputError(f"{path}: no output '{missing[0]}' found: not an estimator FMU")
     numbers, state = _OUTPUTS[:-1], _OUTPUTS[-1]
-    return [found[name] for name in (*numbers, *(name for name in further if name in found), state)]
+    others = [found[name] for name in further if name in found]
+    # Those of a type side by side, so that they are exchanged as they lie.
+    others.sort(key=lambda variable: variable.type != "Real")
+    return [*(found[name] for name in numbers), *others, found[state]]
 
 
 def _numbered(variables: Sequence[Any], pattern: re.Pattern[str]) -> list[Any]:

@@ -7,6 +7,7 @@ import os
 import socket
 import struct
 import sys
+import time
 from errno import EAGAIN, EWOULDBLOCK
 from math import inf
 from typing import Protocol
@@ -17,19 +18,27 @@ LARGEST_DATAGRAM = 4096
 AT_ONCE = 64
 """Maximum number of datagrams of one call."""
 
-Stamped = tuple[bytes, float]
-"""A datagram, and when the kernel received it by the system's clock [s]; infinity if it does not say."""
+Waited = tuple[bytes, float]
+"""A datagram, and how long it has waited since the kernel received it [s]; 0 where that is not known."""
 
 _TIMESPEC = struct.Struct("@ll")
 _SO_TIMESTAMPNS = 35
+_DONT_WAIT = int(getattr(socket, "MSG_DONTWAIT", 0))
 ANCILLARY = socket.CMSG_SPACE(_TIMESPEC.size) if hasattr(socket, "CMSG_SPACE") else 0
 """Room for a time of reception [bytes]; 0 where systems have no such times."""
 
 
 class Datagrams(Protocol):
-    """Reads one socket."""
+    """Reads one socket.
 
-    def read(self, limit: int) -> tuple[list[Stamped], bool]:
+    Attributes
+    ----------
+    is_stamped : all datagrams of the last reading had a time of the kernel.
+    """
+
+    is_stamped: bool
+
+    def read(self, limit: int) -> tuple[list[Waited], bool]:
         """Return up to ``limit`` datagrams that wait, and whether none is left.
 
         Raises
@@ -55,21 +64,28 @@ class OneByOne:
 
     def __init__(self, source: socket.socket) -> None:
         self._socket = source
+        self.is_stamped = False
 
-    def read(self, limit: int) -> tuple[list[Stamped], bool]:
+    def read(self, limit: int) -> tuple[list[Waited], bool]:
         """Return as :meth:`Datagrams.read`."""
-        found: list[Stamped] = []
+        found: list[tuple[bytes, float]] = []
+        is_drained = False
         while len(found) < limit:
             try:
                 data, ancillary, _, _ = self._socket.recvmsg(LARGEST_DATAGRAM, ANCILLARY, socket.MSG_DONTWAIT)
             except BlockingIOError:
-                return found, True
+                is_drained = True
+                break
             except OSError:
                 if not found:
                     raise
                 break  # it is raised again by the next call
             found.append((data, _stamp(ancillary)))
-        return found, False
+        if found:
+            self.is_stamped = all(stamp < inf for _, stamp in found)
+        now = time.time()
+        # A step of the system's clock must not make a datagram younger than now.
+        return [(data, now - stamp if stamp < now else 0.0) for data, stamp in found], is_drained
 
     def close(self) -> None:
         """Do nothing: a closed socket refuses by itself."""
@@ -119,7 +135,7 @@ class _Message(ctypes.Structure):
 # What the kernel writes into a message: the lengths of its ancillary data and of the datagram.
 _HELD = _Header.control_length.offset
 _WRITTEN = struct.Struct(f"@{_HELD}xN{_Message.length.offset - _HELD - _WORD}xI4x")
-_STAMP = struct.Struct("@Niill")
+_STAMP = struct.Struct("@16sll")
 """struct cmsghdr with a struct timespec behind it."""
 
 
@@ -131,7 +147,7 @@ class AllAtOnce:
         library = ctypes.PyDLL(None, use_errno=True)
         self._receive = library.recvmmsg
         self._receive.argtypes = (ctypes.c_int, ctypes.c_void_p, ctypes.c_uint, ctypes.c_int, ctypes.c_void_p)
-        self._handle = source.fileno()
+        self._handle, self.is_stamped = source.fileno(), False
         self._data = memoryview(bytearray(AT_ONCE * LARGEST_DATAGRAM))
         self._control = memoryview(bytearray(AT_ONCE * _STAMP.size))
         data, control = _address(self._data), _address(self._control)
@@ -152,31 +168,34 @@ class AllAtOnce:
                 for number in range(AT_ONCE)
             ]
         )
+        self._head = struct.pack("@Nii", _STAMP.size, socket.SOL_SOCKET, _SO_TIMESTAMPNS)
         self._fresh = bytes(messages)
         self._messages = memoryview(bytearray(self._fresh))
         self._address = _address(self._messages)
 
-    def read(self, limit: int) -> tuple[list[Stamped], bool]:
+    def read(self, limit: int) -> tuple[list[Waited], bool]:
         """Return as :meth:`Datagrams.read`."""
         limit = min(limit, AT_ONCE)
-        count = self._receive(self._handle, self._address, limit, socket.MSG_DONTWAIT, None)
-        found: list[Stamped] = []
+        count = self._receive(self._handle, self._address, limit, _DONT_WAIT, None)
+        found: list[Waited] = []
         if count < 0:
             code = ctypes.get_errno()
             if code not in (EAGAIN, EWOULDBLOCK):
                 raise OSError(code, os.strerror(code))
             return found, True
-        data, begin, has_gap = self._data, 0, False
+        now, size, head, data, begin = time.time(), _STAMP.size, self._head, self._data, 0
+        self.is_stamped = True
         written = _WRITTEN.iter_unpack(self._messages[: count * _WRITTEN.size])
-        stamps = _STAMP.iter_unpack(self._control[: count * _STAMP.size])
-        for (held, length), (_, level, kind, seconds, nanoseconds) in zip(written, stamps, strict=True):
-            stamp = seconds + 1e-9 * nanoseconds
-            if held < _STAMP.size or level != socket.SOL_SOCKET or kind != _SO_TIMESTAMPNS:
-                stamp, has_gap = inf, True
-            found.append((data[begin : begin + length].tobytes(), stamp))
+        stamps = _STAMP.iter_unpack(self._control[: count * size])
+        for (held, length), (kind, seconds, nanoseconds) in zip(written, stamps, strict=True):
+            waited = now - (seconds + 1e-9 * nanoseconds)
+            if held != size or kind != head:
+                waited, self.is_stamped = 0.0, False
+            # A step of the system's clock must not make a datagram younger than now.
+            found.append((data[begin : begin + length].tobytes(), waited if waited > 0.0 else 0.0))
             begin += LARGEST_DATAGRAM
-        if has_gap:
-            # The kernel has taken room for ancillary data away where there were none.
+        if not self.is_stamped:
+            # Where there were no ancillary data the kernel has taken the room for them away.
             self._messages[:] = self._fresh
         return found, count < limit
 

@@ -106,21 +106,19 @@ class InlineReceiver(ReceiverBase):
         now = max(self._clock(), self._known)
         found, self._is_drained = self._raw.read(AT_ONCE)
         frames: list[Frame] = []
-        after = self._known
         stamped = self._clock() if found else now
+        after, frame_of, is_accepted = min(self._known, stamped), self._raw.frame, self._is_accepted
         for datagram, waited in found:
             # In whole microseconds, which every log format holds exactly.
             came = round(1e6 * (stamped - waited)) / 1e6
             if came > after:
-                after = came
-            if after > stamped:
-                after = stamped
+                after = came if came < stamped else stamped
             try:
-                frame = self._raw.frame(datagram, after)
+                frame = frame_of(datagram, after)
             except MalformedFrame as error:
                 self._count_malformed(error)
                 continue
-            if self._is_accepted(frame):
+            if is_accepted(frame):
                 frames.append(frame)
         if frames:
             self._newest = frames[-1].time

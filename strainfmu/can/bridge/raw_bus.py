@@ -11,14 +11,12 @@ import os
 import select
 import socket
 import struct
-import time
 from abc import ABC, abstractmethod
 from importlib import import_module
-from math import inf
 from typing import Any
 
 from strainfmu.can.bridge.datagram_shapes import DatagramShapes
-from strainfmu.can.bridge.datagrams import ANCILLARY, waiting_datagrams
+from strainfmu.can.bridge.datagrams import ANCILLARY, Waited, waiting_datagrams
 from strainfmu.can.wire.frame import FD_LENGTHS, Frame, MalformedFrame, from_message
 from strainfmu.can.wire.libraries import import_can
 
@@ -38,8 +36,6 @@ class RawBus(ABC):
         self._bus = bus
         self._socket = socket.socket(fileno=os.dup(bus.fileno()))
         self._waiting = waiting_datagrams(self._socket)
-        self.is_stamped = False
-        """The last datagram that was read had a time of the kernel."""
 
     @property
     def is_open(self) -> bool:
@@ -49,11 +45,16 @@ class RawBus(ABC):
         except (OSError, ValueError):
             return False
 
+    @property
+    def is_stamped(self) -> bool:
+        """All datagrams of the last reading had a time of the kernel."""
+        return self._waiting.is_stamped
+
     def wait(self, timeout: float) -> None:
         """Wait for a datagram, up to ``timeout`` [s]."""
         select.select([self._socket], [], [], timeout)
 
-    def read(self, limit: int) -> tuple[list[tuple[bytes, float]], bool]:
+    def read(self, limit: int) -> tuple[list[Waited], bool]:
         """Return up to ``limit`` datagrams, each with how long it has waited [s], and whether none is left.
 
         Raises
@@ -61,12 +62,7 @@ class RawBus(ABC):
         OSError
             The interface is down, or the socket failed.
         """
-        found, is_drained = self._waiting.read(limit)
-        if not found:
-            return found, is_drained
-        self.is_stamped, now = found[-1][1] < inf, time.time()
-        # A step of the system's clock must not make a frame younger than now; one without stamp is of now.
-        return [(data, now - stamp if stamp < now else 0.0) for data, stamp in found], is_drained
+        return self._waiting.read(limit)
 
     def close(self) -> None:
         """Close this end of the socket; the bus keeps its own."""

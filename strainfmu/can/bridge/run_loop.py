@@ -89,6 +89,7 @@ class Bridge:
         n_frames = core.layout.cycle_length
         self._queue = FrameQueue(queued_cycles * n_frames, n_frames, core.layout.optional_keys)
         self._backlog = Backlog(core.settings.max_age, core.layout.cycle_time)
+        self._max_age = core.settings.max_age * core.layout.cycle_time
         self._answering = 0.0
         self._back_off = BackOff(back_off or BackOffSettings())
         self._on_result, self._on_frame = on_result, on_frame
@@ -135,8 +136,8 @@ class Bridge:
             self._connect()
             end = float("inf") if duration is None else self._clock() + duration
             try:
-                while not self._stop and self._clock() < end:
-                    self._turn(end)
+                while not self._stop and (now := self._clock()) < end:
+                    self._turn(now, end)
             finally:
                 self._disconnect()
         now = self._clock()
@@ -169,9 +170,8 @@ class Bridge:
             last_fault=self._last_fault,
         )
 
-    def _turn(self, end: float) -> None:
+    def _turn(self, now: float, end: float) -> None:
         """Wait for frames or for the next event, and process it."""
-        now = self._clock()
         due = min(self._core.next_event, self._next_status, end)
         items, known = self._next_items(min(max(due - now, 0.0), _LONGEST_WAIT))
         self.known = known
@@ -190,12 +190,12 @@ class Bridge:
                 self._on_frame(item)
             if results := self._core.receive(item, is_answered):
                 self._publish(results)
+        now = self._clock()
         if items and is_answered:
-            self._note_answer(self._clock() - begin, self._answered - n_answered)
+            self._note_answer(now - begin, self._answered - n_answered)
         # Only up to the time by which all frames are known, so that a recording gives the same results.
         if results := self._core.advance(known):
             self._publish(results)
-        now = self._clock()
         if now >= self._next_status:
             self._send_status(now)
         if self._core.bus_state is _BUS_OFF and self._bus is not None:
@@ -219,10 +219,9 @@ class Bridge:
 
     def _publish(self, results: list[CycleResult]) -> None:
         """Send results, then count them and pass them on."""
-        limit = self._core.settings.max_age * self._core.layout.cycle_time
         self._answered += len(results)
         for judged in results:
-            result = published(judged, self._clock(), limit)
+            result = published(judged, self._clock(), self._max_age)
             working = self._transmitter.send(self._frames.of_result(result))
             self._qualities[result.quality] += 1
             self._last = result

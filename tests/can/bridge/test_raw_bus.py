@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import socket
 import threading
 import time
@@ -186,7 +187,8 @@ def test_without_stamps_of_the_kernel_no_cycle_is_expected(
     receiver = InlineReceiver(
         raw, queue, acceptance=acceptance, clock=clock, collect_time=0.004, cycle=1, cycle_time=5.0
     )
-    monkeypatch.setattr("strainfmu.can.bridge.datagrams._SO_TIMESTAMPNS", -1)
+    with socket.socket(fileno=os.dup(buses[0].fileno())) as same:
+        same.setsockopt(socket.SOL_SOCKET, 35, 0)  # SO_TIMESTAMPNS
     buses[1].send(to_message(FRAMES[0]))
     time.sleep(0.01)
     receiver.collect(60.0)
