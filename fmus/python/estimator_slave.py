@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 from xml.etree.ElementTree import Element, parse
 
 import numpy as np
@@ -18,7 +18,9 @@ from pythonfmu import Fmi2Slave
 from pythonfmu.enums import Fmi2Status
 
 from strainfmu.errors import InputError
-from strainfmu.estimator.filter.switched import SwitchedFilter, TimedTrack, as_numbers, from_numbers
+from strainfmu.estimator.filter import switched, switched_linear
+from strainfmu.estimator.filter.switched import SwitchedFilter, TimedTrack
+from strainfmu.estimator.filter.switched_linear import SwitchedLinearFilter, TimedLaw
 from strainfmu.estimator.inverse_map import load_inverse_map
 from strainfmu.estimator.load_estimate import LoadEstimate
 from strainfmu.estimator.loading import estimator_of
@@ -44,6 +46,8 @@ from strainfmu.interface.sensor_variables import THRUST
 from strainfmu.interface.tare_variables import TARE, TARE_STATE, zero_in_use_names
 from strainfmu.interface.temperature_variables import temperature_names
 from strainfmu.interface.zero_variables import zero_names
+
+_Filter = TypeVar("_Filter", SwitchedFilter, SwitchedLinearFilter)
 
 
 class EstimatorSlave(Fmi2Slave):
@@ -77,7 +81,7 @@ class EstimatorSlave(Fmi2Slave):
         self._zeros = [references[name] for name in zero_names(self._n_strains)]
         self._zeros_outdated = False
         self._time_constant = references.get(FILTER_TIME_CONSTANT)
-        self._filter: SwitchedFilter | None = None
+        self._filter: SwitchedFilter | SwitchedLinearFilter | None = None
         self._thermal = inverse_map.thermal
         self._has_further = has_further_outputs(inverse_map)
         self._temperatures = [references[name] for name in temperature_names(inverse_map.thermal)]
@@ -97,6 +101,8 @@ class EstimatorSlave(Fmi2Slave):
         self._outdated = True
         # Outputs follow from the track of the last step; they leave the other one. Stepped: a step has taken them.
         self._track, self._next, self._stepped = TimedTrack(), TimedTrack(), False
+        # The same of the filter of a linear map.
+        self._law, self._next_law = TimedLaw(), TimedLaw()
         # Of the sample that the inputs are, and of the end of the last step.
         self._time, self._end = 0.0, 0.0
 
@@ -252,9 +258,10 @@ class EstimatorSlave(Fmi2Slave):
             inputs = estimator.checked_inputs(strain, valid, known, self._given_parameters())
             if temperature is not None:
                 ((_, estimator, inputs),) = estimator.groups(inputs, temperature)
-            found, self._next = self._switched(estimator).step(inputs, self._track, self._time)
+            over_time = self._switched(SwitchedFilter, estimator)
+            found, self._next = over_time.step(inputs, self._track, self._time)
             return found
-        return self._estimator.step(
+        static = self._estimator.step(
             strain,
             flow["dynamic_pressure"],
             valid,
@@ -264,19 +271,24 @@ class EstimatorSlave(Fmi2Slave):
             temperature=temperature,
             parameters=self._given_parameters(),
         )
+        linear = self._switched(SwitchedLinearFilter, self._estimator)
+        pressure = flow["dynamic_pressure"]
+        filtered, self._next_law = linear.step(static, strain, pressure, self._law, self._time)
+        return filtered
 
     def _given_parameters(self) -> dict[str, float]:
         """Return the further parameters of the flow by name, NaN where not known."""
         values = known_flow(self._values[self._flow_parameters].tolist())
         return dict(zip(self._estimator.parameters.names, values, strict=True))
 
-    def _switched(self, estimator: ManifoldEstimator) -> SwitchedFilter:
+    def _switched(self, kind: type[_Filter], estimator: Any) -> _Filter:
         """Return the filter of ``estimator``, that of the last step if neither has changed."""
         seconds = 0.0 if self._time_constant is None else float(self._values[self._time_constant])
         known = self._filter
-        if known is None or known.estimator is not estimator or known.time_constant != seconds:
-            self._filter = known = SwitchedFilter(estimator, seconds)
-        return known
+        if isinstance(known, kind) and known.estimator is estimator and known.time_constant == seconds:
+            return known
+        self._filter = found = kind(estimator, seconds)
+        return found
 
     def _temperature(self) -> np.ndarray | None:
         """Return (n_t,) what the sensors read [K], None where none of them tells anything."""
@@ -289,13 +301,15 @@ class EstimatorSlave(Fmi2Slave):
         """Go on from the last step: what follows starts from the track that it left."""
         if self._stepped:
             self._update()
-            self._track, self._stepped, self._time = self._next, False, self._end
+            self._track, self._law = self._next, self._next_law
+            self._stepped, self._time = False, self._end
         self._outdated = True
 
     def _get_fmu_state(self) -> dict[str, Any]:
         return {
             "inputs": self._values[self._inputs].tolist(),
-            "track": as_numbers(self._track),
+            "track": switched.as_numbers(self._track),
+            "law": switched_linear.as_numbers(self._law),
             "times": [self._time, self._end],
             "stepped": int(self._stepped),
             "tare": self._tare.saved(),
@@ -304,7 +318,8 @@ class EstimatorSlave(Fmi2Slave):
     def _set_fmu_state(self, state: dict[str, Any]) -> None:
         before, tare = self._values.copy(), self._tare.saved()
         try:
-            track, stepped = from_numbers(state["track"]), bool(state["stepped"])
+            track, law = switched.from_numbers(state["track"]), switched_linear.from_numbers(state["law"])
+            stepped = bool(state["stepped"])
             time, end = map(float, state["times"])
             self._values[self._inputs] = state["inputs"]
             self._apply_settings()
@@ -317,7 +332,8 @@ class EstimatorSlave(Fmi2Slave):
             self._apply_zeros()
             self.log(f"no state of this FMU: {error!r}", Fmi2Status.error)
         else:
-            self._track, self._stepped, self._time, self._end = track, stepped, time, end
+            self._track, self._law = track, law
+            self._stepped, self._time, self._end = stepped, time, end
         self._values[self._tare_state] = self._tare.state
         self._outdated = True
 

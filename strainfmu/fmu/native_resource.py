@@ -7,7 +7,8 @@ Then float64 values: the scalars, and the arrays in the order of :func:`_arrays`
 :func:`_scaled`.
 
 Sections follow (:mod:`strainfmu.fmu.resource_sections`): the tables of the nonlinear estimator
-(:mod:`strainfmu.fmu.flight_resource`) and its filter (:mod:`strainfmu.fmu.filter_resource`), temperature modes
+(:mod:`strainfmu.fmu.flight_resource`) and its filter (:mod:`strainfmu.fmu.filter_resource`), the filter of a
+linear map (:mod:`strainfmu.fmu.linear_filter_resource`), temperature modes
 (:mod:`strainfmu.fmu.thermal_resource`), loads beside the five (:mod:`strainfmu.fmu.further_resource`), limits of
 a tare (:mod:`strainfmu.fmu.tare_resource`), further parameters of the flow
 (:mod:`strainfmu.fmu.parameter_resource`), further sensors (:mod:`strainfmu.fmu.sensor_resource`). A bound that the
@@ -56,6 +57,7 @@ from strainfmu.estimator.zeros import LARGEST_ZERO
 from strainfmu.fmu.filter_resource import filter_section
 from strainfmu.fmu.flight_resource import flight_loads_section, flight_section
 from strainfmu.fmu.further_resource import further_section
+from strainfmu.fmu.linear_filter_resource import linear_filter_section
 from strainfmu.fmu.parameter_resource import parameter_section
 from strainfmu.fmu.sensor_resource import sensor_section
 from strainfmu.fmu.tare_resource import tare_section
@@ -126,6 +128,8 @@ def _sections(inverse_map: InverseMap) -> list[bytes]:
             stated = has_further_outputs(inverse_map)
             tables = inverse_map.manifold if stated else replace(inverse_map.manifold, further=None)
             sections.append(filter_section(inverse_map, tables))
+    elif has_filter(inverse_map):
+        sections.append(linear_filter_section(inverse_map))
     if inverse_map.thermal is not None:
         sections.append(thermal_section(inverse_map, inverse_map.thermal))
     if has_further_outputs(inverse_map) and inverse_map.further is not None:

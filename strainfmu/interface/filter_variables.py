@@ -14,21 +14,25 @@ FILTER_TIME_CONSTANT = "filter_time_constant"
 
 
 def has_filter(inverse_map: InverseMap) -> bool:
-    """Return whether FMUs of ``inverse_map`` can filter: maps with tables over the flight state.
+    """Return whether FMUs of ``inverse_map`` can filter: maps with tables, and linear ones that follow q_inf.
 
     The filter takes no temperatures.
     """
-    return inverse_map.manifold is not None and inverse_map.thermal is None
+    follows = inverse_map.manifold is not None or inverse_map.form == "dynamic_pressure"
+    return follows and inverse_map.thermal is None
 
 
 def with_filter_parameter(interface: tuple[Variable, ...], inverse_map: InverseMap) -> tuple[Variable, ...]:
     """Return ``interface`` with the time constant behind it, where there is a filter."""
     if not has_filter(inverse_map):
         return interface
+    linear = inverse_map.manifold is None
+    of_what = "pressure, its errors" if linear else "pressure off the tables"
+    none = "0, deviations of zeros above 0, or model exchange" if linear else "0, or deviations of zeros above 0,"
     parameter = Variable(
         name=FILTER_TIME_CONSTANT,
-        description="Time constant of pressure off the tables in the filter over time; 0, or deviations of zeros "
-        "above 0, for none: then each sample is estimated on its own",
+        description=f"Time constant of {of_what} in the filter over time; {none} for none: then each sample is "
+        "estimated on its own",
         causality="parameter",
         variability="tunable",
         unit="s",

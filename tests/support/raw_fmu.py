@@ -17,6 +17,7 @@ from strainfmu.estimator.step import LoadEstimate
 from strainfmu.fmu.native_build import library_file
 from strainfmu.fmu.native_resource import native_resource
 from strainfmu.interface.estimator_variables import output_values
+from strainfmu.interface.filter_variables import has_filter
 
 GUID = "{8c4e810f-3df3-4a00-8276-176fa3c9f000}"
 OK, WARNING, DISCARD, ERROR = 0, 1, 2, 3
@@ -30,6 +31,11 @@ N_SCALARS, SETTINGS = 9, 4
 def first_zero(n_gauges: int) -> int:
     """Value reference of the first zero of a map without tables; deviations and that in common follow."""
     return N_OUTPUTS + 2 * n_gauges + N_SCALARS
+
+
+def of_filter(inverse_map: InverseMap) -> int:
+    """How many variables of the filter stand behind zeros and temperatures: 0 or 1."""
+    return int(has_filter(inverse_map))
 
 
 GROUPS = {
@@ -226,7 +232,10 @@ class Fmu2:
 
 
 class Fmu3:
-    """One instance of FMI 3.0, with arrays; value references 0 .. 32 as docs/explanation/native.md lists them."""
+    """One instance of FMI 3.0, with arrays; value references 0 .. 32 as docs/explanation/native.md lists them.
+
+    ``TARE`` and what follows it are those of a map without a filter.
+    """
 
     FLOATS: ClassVar = {0: 5, 1: 5, 2: 3, 3: 2, 4: 3, 5: 2, 7: 1, 8: 1, 12: 1}
     STRAIN, VALID, FIRST_SCALAR, ZERO, TARE, TIME = 13, 14, 15, 24, 27, 32

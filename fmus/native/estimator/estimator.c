@@ -31,9 +31,17 @@ size_t thrust_input(const Estimator *e) {
     return e->sensors.has_thrust ? behind_temperatures(e) : SIZE_MAX;
 }
 
+static int has_filter(const Estimator *e) {
+    const Section *section = e->map.section;
+    return section[FILTER_SECTION].content != NULL || section[LINEAR_FILTER_SECTION].content != NULL;
+}
+
 size_t first_parameter(const Estimator *e) {
-    const int has_filter = e->map.section[FILTER_SECTION].content != NULL;
-    return behind_temperatures(e) + (e->sensors.has_thrust ? 1 : 0) + (has_filter ? 1 : 0);
+    return behind_temperatures(e) + (e->sensors.has_thrust ? 1 : 0) + (has_filter(e) ? 1 : 0);
+}
+
+size_t filter_setting(const Estimator *e) {
+    return has_filter(e) ? first_parameter(e) - 1 : SIZE_MAX;
 }
 
 size_t estimator_inputs(const Estimator *e) {
@@ -116,8 +124,10 @@ Estimator *estimator_create(unsigned char *bytes, size_t length, char text[MODEL
     const int needs_form = section[THERMAL_SECTION].content != NULL || section[FURTHER_SECTION].content != NULL;
     const int two_kinds = section[FURTHER_SECTION].content != NULL && section[FLIGHT_SECTION].content != NULL;
     const int filters_else = section[FLIGHT_SECTION].content == NULL || section[THERMAL_SECTION].content != NULL;
+    const int with_linear = section[FLIGHT_SECTION].content != NULL || section[THERMAL_SECTION].content != NULL;
     if ((needs_form && !e->map.scaled) || (section[FLIGHT_LOADS_SECTION].content != NULL) != two_kinds
-        || (section[FILTER_SECTION].content != NULL && filters_else)) {
+        || (section[FILTER_SECTION].content != NULL && filters_else)
+        || (section[LINEAR_FILTER_SECTION].content != NULL && (with_linear || !e->map.scaled))) {
         snprintf(text, MODEL_TEXT_SIZE, "holds sections that do not go together");
         estimator_free(e);
         return NULL;
@@ -135,6 +145,7 @@ Estimator *estimator_create(unsigned char *bytes, size_t length, char text[MODEL
         scaled_prepare(e);
     }
     if (!flight_create(e, text)
+        || !linear_filter_create(&section[LINEAR_FILTER_SECTION], e->map.n_gauges, e->wide, &e->linear_filter, text)
         || !tare_create(&section[TARE_SECTION], e->sensors.n_strains, e->map.largest_zero, &e->tare, text)) {
         estimator_free(e);
         return NULL;
@@ -146,6 +157,7 @@ Estimator *estimator_create(unsigned char *bytes, size_t length, char text[MODEL
 void estimator_free(Estimator *e) {
     if (e != NULL) {
         flight_free(&e->flight);
+        linear_filter_free(&e->linear_filter);
         thermal_free(&e->thermal);
         further_free(&e->further);
         tare_free(&e->tare);
@@ -172,10 +184,11 @@ void estimator_reset(Estimator *e) {
     for (size_t k = first_temperature(e); k < estimator_inputs(e); k++) {
         e->input[k] = k == thrust_input(e) ? 0.0 : e->map.not_known;
     }
-    if (e->flight.filter.present) {
+    if (has_filter(e)) {
         e->input[filter_setting(e)] = 0.0;
     }
     flight_reset(&e->flight);
+    linear_filter_reset(&e->linear_filter);
     tare_reset(&e->tare);
     e->outdated = e->noise_outdated = 1;
 }
@@ -195,9 +208,21 @@ static int accepts_zero(const Estimator *e, size_t which, double value, char *te
     return 0;
 }
 
+static int accepts_time_constant(const Estimator *e, double value, char *text) {
+    const int linear = e->linear_filter.present;
+    const double smallest = linear ? e->linear_filter.map.smallest_time : e->flight.filter.map.smallest_time;
+    const double largest = linear ? e->linear_filter.map.largest_time : e->flight.filter.map.largest_time;
+    if (value == 0.0 || (value >= smallest && value <= largest)) {
+        return 1;
+    }
+    snprintf(text, MODEL_TEXT_SIZE, "filter_time_constant: %g found, must be 0 or between %g and %g", value, smallest,
+             largest);
+    return 0;
+}
+
 int estimator_accepts(const Estimator *e, size_t index, double value, char text[MODEL_TEXT_SIZE]) {
     if (index == filter_setting(e)) {
-        return filter_accepts(&e->flight.filter, value, text);
+        return accepts_time_constant(e, value, text);
     }
     if (index >= first_temperature(e)) {
         return 1;
@@ -419,9 +444,14 @@ void estimator_set_strain(Estimator *e) {
     }
 }
 
+void estimator_before_change(Estimator *e) {
+    linear_filter_before_change(e);
+    flight_before_change(e);
+}
+
 void estimator_follow_tare(Estimator *e) {
     if (e->tare.flags.is_up != 0.0 && !e->tare.up) {
-        flight_before_change(e);
+        estimator_before_change(e);
     }
     if (tare_follow(&e->tare, e->map.mean_strain)) {
         e->outdated = e->noise_outdated = 1;
@@ -452,6 +482,9 @@ const double *estimator_outputs(Estimator *e) {
             flight_update(e);
         } else {
             update(e);
+            if (linear_filters(e)) {
+                linear_filter_outputs(e);
+            }
         }
         e->outdated = 0;
         e->further.outdated = e->flight.tangents.outdated = 1;

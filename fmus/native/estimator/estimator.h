@@ -11,6 +11,7 @@
 #include "flight.h"
 #include "flow_parameters.h"
 #include "further_loads.h"
+#include "linear_filter.h"
 #include "masked_map.h"
 #include "scaled_state.h"
 #include "sensor_rows.h"
@@ -105,6 +106,7 @@ typedef struct Estimator {
     float *narrow;                     /* (n_gauges) whitened */
     Scaled scaled;                     /* the rest of a map in form "dynamic_pressure"; not set for others */
     Levels levels[CACHED_MASKS];
+    LinearFilter linear_filter;        /* over time, of a map without tables that has one */
     Flight flight;                     /* of the nonlinear estimator, if the map has tables */
     double *direction;                 /* as input, of derivatives, for estimator_model.c, */
     double *derivative;                /* (estimator_derivatives) which keeps those of the outputs along it, */
@@ -138,8 +140,14 @@ static inline const double *zeros_in_use(const Estimator *e) {
     return e->tare.present && e->tare.flags.has_zeros != 0.0 ? e->tare.zero : e->input + e->map.n_gauges + N_ALL_SCALARS;
 }
 
+/* Index of the time constant of the filter among the inputs; SIZE_MAX for none. */
+size_t filter_setting(const Estimator *estimator);
+
 /* Take the zeros in use off the strains of the inputs, and scale further sensors. */
 void estimator_set_strain(Estimator *estimator);
+
+/* An input changes: what follows starts from what the last step left. */
+void estimator_before_change(Estimator *estimator);
 
 /* A step or an event takes the input of the tare in; an accepted step also takes readings. */
 void estimator_follow_tare(Estimator *estimator);

@@ -1,4 +1,5 @@
 #include <math.h>
+#include <stdio.h>
 
 #include "absolute_form.h"
 #include "flight_derivative.h"
@@ -31,6 +32,10 @@ size_t estimator_derivatives(const Estimator *e) {
 
 int estimator_derivative(Estimator *e, double *d_input, double *d_output, char text[MODEL_TEXT_SIZE]) {
     estimator_outputs(e);
+    if (linear_filters(e) && e->linear_filter.base.has_law != 0.0) {
+        snprintf(text, MODEL_TEXT_SIZE, "no derivatives: the filter over time is on");
+        return 0;
+    }
     derive_strain(e, d_input);
     memset(d_output, 0, estimator_derivatives(e) * sizeof *d_output);
     if (e->flight.present) {

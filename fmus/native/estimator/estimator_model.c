@@ -52,6 +52,9 @@ int model_step(Model *model, double start, double end, char text[MODEL_TEXT_SIZE
     if (e->flight.present) {
         flight_step(e, start);
     }
+    if (e->linear_filter.present) {
+        linear_filter_step(e, start);
+    }
     return STATUS_OK;
 }
 
@@ -201,7 +204,7 @@ int model_set_reals(Model *model, const Selection *which, const double *value, c
     Estimator *e = estimator_of(model);
     const size_t n = e->map.n_gauges, count = which->count, gauge = which->first - N_OUTPUTS;
     const size_t first = which->listed == NULL ? input_of(e, which->first) : SIZE_MAX, end = first_parameter(e);
-    flight_before_change(e);
+    estimator_before_change(e);
     if (which->listed == NULL && gauge < n && count <= n - gauge) {
         memcpy(e->input + gauge, value, count * sizeof *value);
         return 1;
@@ -244,7 +247,7 @@ int model_set_booleans(Model *model, const Selection *which, const int *value, c
         if (gauge >= e->map.n_gauges) {
             return no_input("Boolean", variable, text);
         }
-        flight_before_change(e);
+        estimator_before_change(e);
         e->valid[gauge] = value[k] != 0;
     }
     return 1;
@@ -280,7 +283,7 @@ static const double *along_direction(Model *model, char text[MODEL_TEXT_SIZE]) {
 }
 
 /* State: inputs and settings, then the whole numbers of the last event, as float64; a byte per gauge for valid; the tare;
-   the track of the nonlinear estimator. Masks and outputs follow from them. */
+   the filter of a linear map; the track of the nonlinear estimator. Masks and outputs follow from them. */
 
 static size_t input_size(const Estimator *e) {
     return sizeof(double) * (estimator_inputs(e) + N_WHOLE) + e->map.n_gauges;
@@ -298,7 +301,8 @@ static size_t filter_size(const Estimator *e) {
 
 size_t model_state_size(const Model *model) {
     const Estimator *e = estimator_of(model);
-    return linear_size(e) + filter_size(e) + (e->flight.present ? sizeof(Track) : 0);
+    return linear_size(e) + linear_filter_state_size(&e->linear_filter) + filter_size(e)
+         + (e->flight.present ? sizeof(Track) : 0);
 }
 
 static void write_filter(const Filter *filter, unsigned char *bytes) {
@@ -319,6 +323,7 @@ void model_write_state(const Model *model, unsigned char *bytes) {
     if (e->flight.filter.present) {
         write_filter(&e->flight.filter, bytes + linear_size(e));
     }
+    linear_filter_write_state(&e->linear_filter, bytes + linear_size(e));
     tare_write_state(&e->tare, bytes + input_size(e));
     memcpy(bytes, e->input, sizeof(double) * estimator_inputs(e));
     bytes += sizeof(double) * estimator_inputs(e);
@@ -364,6 +369,10 @@ int model_check_state(const Model *model, const unsigned char *bytes, char text[
         snprintf(text, MODEL_TEXT_SIZE, "holds a tare that cannot be");
         return 0;
     }
+    if (!linear_filter_state_fits(&e->linear_filter, bytes + linear_size(e))) {
+        snprintf(text, MODEL_TEXT_SIZE, "holds a law of the filter that cannot be");
+        return 0;
+    }
     if (e->flight.present) {
         Track track;
         memcpy(&track, bytes + linear_size(e) + filter_size(e), sizeof track);
@@ -385,6 +394,7 @@ void model_read_state(Model *model, const unsigned char *bytes) {
         memcpy(&filter->base, bytes + linear_size(e), sizeof filter->base);
         memcpy(filter->law.mean, bytes + linear_size(e) + sizeof filter->base, sizeof(double) * law_doubles(filter));
     }
+    linear_filter_read_state(&e->linear_filter, bytes + linear_size(e));
     tare_read_state(&e->tare, bytes + input_size(e));
     memcpy(e->input, bytes, sizeof(double) * estimator_inputs(e));
     bytes += sizeof(double) * estimator_inputs(e);

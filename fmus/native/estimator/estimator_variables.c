@@ -27,7 +27,7 @@ static unsigned thrust_reference(const Estimator *e) {
 
 /* Value reference of FMI 3.0 of the first of the further loads. */
 static unsigned further_reference(const Estimator *e) {
-    return thrust_reference(e) + (unsigned)e->sensors.has_thrust + (unsigned)e->flight.filter.present;
+    return thrust_reference(e) + (unsigned)e->sensors.has_thrust + (unsigned)(filter_setting(e) != SIZE_MAX);
 }
 
 static size_t n_sections(const Estimator *e) {

@@ -59,7 +59,7 @@ void flight_reset(Flight *flight);
 /* Set all outputs for the present inputs, from the track of the last step. */
 void flight_update(struct Estimator *e);
 
-/* An input changes: what follows starts from the track that the last step left. */
+/* For estimator_before_change. */
 void flight_before_change(struct Estimator *e);
 
 /* Take a step with the present inputs, from a point in time [s]. */
@@ -71,13 +71,9 @@ void flight_air_data(Flight *flight, const Solution *found);
 /* Least deviation of a value of navigation, relative: LEAST_RELATIVE_STD of navigation.py. */
 #define MIN_RELATIVE_STD 1e-3
 
-/* Index of the filter's time constant among the inputs, and whether samples are filtered: it is positive, and there are
-   no deviations of zeros, which the filter does not take. */
-size_t filter_setting(const struct Estimator *e);
+/* Whether samples are filtered: the time constant is positive, and there are no deviations of zeros, which the filter does
+   not take. */
 int flight_filters(const struct Estimator *e);
-
-/* Whether the filter may have a time constant [s]; if not, text states what is allowed. */
-int filter_accepts(const Filter *filter, double time_constant, char text[MODEL_TEXT_SIZE]);
 
 /* Set all outputs by the filter, for so many gauges in use. */
 void flight_filter_update(struct Estimator *e, size_t used);

@@ -1,24 +1,9 @@
 /* One sample after another by the filter: strainfmu/estimator/filter/flight_filter.py. */
 
 #include <math.h>
-#include <stdio.h>
 
 #include "flight_parts.h"
 #include "step_parts.h"
-
-size_t filter_setting(const Estimator *e) {
-    return e->flight.filter.present ? first_parameter(e) - 1 : SIZE_MAX;
-}
-
-int filter_accepts(const Filter *filter, double time_constant, char text[MODEL_TEXT_SIZE]) {
-    const double smallest = filter->map.smallest_time, largest = filter->map.largest_time;
-    if (time_constant == 0.0 || (time_constant >= smallest && time_constant <= largest)) {
-        return 1;
-    }
-    snprintf(text, MODEL_TEXT_SIZE, "filter_time_constant: %g found, must be 0 or between %g and %g", time_constant,
-             smallest, largest);
-    return 0;
-}
 
 int flight_filters(const Estimator *e) {
     const size_t n = e->sensors.n_strains;

@@ -4,8 +4,8 @@
 
 #define SECTION_HEADER 24
 
-static const char NAMES[N_SECTION_KINDS][8] = {"FLIGHT", "THERMAL", "FURTHER", "FLOADS", "FILTER", "TARE", "PARAMS",
-                                                 "SENSORS"};
+static const char NAMES[N_SECTION_KINDS][8] = {"FLIGHT", "THERMAL", "FURTHER", "FLOADS", "FILTER", "LFILTER", "TARE",
+                                                 "PARAMS", "SENSORS"};
 
 /* The kind of the section that begins at bytes; N_SECTION_KINDS for none. */
 static size_t kind_of(const unsigned char *bytes) {

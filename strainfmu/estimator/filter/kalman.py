@@ -113,9 +113,10 @@ def gain(law: Law, rows: Measurement) -> tuple[FloatArray, FloatArray]:
     spread += rows.considered @ rows.considered.T + rows.noise
     size = 1.0 / np.sqrt(np.diagonal(spread))
     # Strains and navigation have units of their own: equal diagonals keep the digits.
-    lower = np.linalg.inv(np.linalg.cholesky(spread * size[:, None] * size)) * size
-    inverse = lower.T @ lower
-    return to_rows @ inverse, inverse
+    scaled = spread * size[:, None] * size
+    lower = np.linalg.inv(np.linalg.cholesky(scaled)) * size
+    # Of a solution the errors are those of a spread that differs in its last digits; of the inverse they are not.
+    return np.linalg.solve(scaled, (to_rows * size).T).T * size, lower.T @ lower
 
 
 def measured(law: Law, rows: Measurement) -> Update:

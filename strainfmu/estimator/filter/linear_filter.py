@@ -122,7 +122,7 @@ class LinearFilter:
         """
         step = linear_transition(self.model, time_step)
         first = self.law is None
-        prior = stationary_law(step, self.model.n_gauges)
+        prior = stationary_law(step, self.model.n_considered)
         before = prior if self.law is None else predicted(self.law, step)
         known = LinearStep(
             estimate=static,

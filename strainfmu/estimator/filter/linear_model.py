@@ -19,8 +19,8 @@ from strainfmu.estimator.filter.seen_errors import SeenErrors, seen_errors, whit
 from strainfmu.estimator.filter.settings import SLOW, FilterSettings
 from strainfmu.estimator.inverse_map import InverseMap
 
-_ROUND_OFF = 1e-12
-"""Part of the noise's variance that keeps the factor of the considered errors regular."""
+_ROUND_OFF = 1e-9
+"""Variance of an error over that of the noise below which it is round-off."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -37,7 +37,9 @@ class LinearModel:
     scaled : (n_d + 5, n) of the states that scale with q_inf; zero for the others.
     common : (n_d, n) of those that do not.
     seen : errors that scale.
-    noise, lasting : (n_d,), (n_d, n_d) noise, and covariance of the errors that last.
+    noise : (n_d,) variance of what is independent from sample to sample.
+    own : (n_d, k) errors that last, are not estimated and do not follow q_inf, of unit variance.
+    rest : (n_d, k') those that follow it.
     """
 
     settings: FilterSettings
@@ -49,12 +51,18 @@ class LinearModel:
     common: FloatArray
     seen: SeenErrors
     noise: FloatArray
-    lasting: FloatArray
+    own: FloatArray
+    rest: FloatArray
 
     @property
     def n_gauges(self) -> int:
         """Number of gauges n_d."""
         return len(self.noise)
+
+    @property
+    def n_considered(self) -> int:
+        """Number of errors that are considered and not estimated."""
+        return self.own.shape[1] + self.rest.shape[1]
 
 
 def linear_model(inverse_map: InverseMap, settings: FilterSettings) -> LinearModel:
@@ -94,8 +102,17 @@ def linear_model(inverse_map: InverseMap, settings: FilterSettings) -> LinearMod
         common=of_common,
         seen=seen,
         noise=noise,
-        lasting=lasting,
+        own=_root(lasting, noise),
+        rest=_root(seen.rest_strain, noise),
     )
+
+
+def _root(covariance: FloatArray, noise: FloatArray) -> FloatArray:
+    """Return columns (n_d, k) whose products with themselves add up to ``covariance`` (n_d, n_d)."""
+    std = np.sqrt(noise)
+    size, vector = np.linalg.eigh(covariance / (std[:, None] * std))
+    counts = size > _ROUND_OFF
+    return np.asarray(std[:, None] * vector[:, counts] * np.sqrt(size[counts]))
 
 
 def linear_transition(model: LinearModel, time_step: float) -> Transition:
@@ -117,13 +134,12 @@ def linear_measurement(
     n_d = model.n_gauges
     jacobian = ratio * model.scaled[:n_d] + model.common
     apart = strain - model.fixed[:n_d] - ratio * model.mean[:n_d] - jacobian @ law.mean
-    small = _ROUND_OFF * model.noise
-    rest = model.lasting + ratio**2 * model.seen.rest_strain + np.diag(small)
+    # Each error keeps its columns at every q_inf, so that its covariance with the states goes on.
     return Measurement(
         innovation=apart[used],
         jacobian=jacobian[used],
-        considered=np.asarray(np.linalg.cholesky(rest), dtype=np.float64)[used],
-        noise=np.diag((model.noise - small)[used]),
+        considered=np.hstack([model.own, ratio * model.rest])[used],
+        noise=np.diag(model.noise[used]),
     )
 
 

@@ -69,13 +69,13 @@ class SwitchedFilter:
 
 def as_numbers(last: TimedTrack) -> dict[str, Any]:
     """Return ``last`` as numbers, lists and None, for :func:`from_numbers`."""
-    track, law = last.track, last.track.law
+    track = last.track
     return {
         "time": last.time,
         "state": None if track.state is None else track.state.tolist(),
         "steps": [track.since_search, track.to_return],
         "consistency": asdict(track.consistency),
-        "law": None if law is None else [part.tolist() for part in (law.mean, law.covariance, law.cross)],
+        "law": law_numbers(track.law),
     }
 
 
@@ -87,10 +87,10 @@ def from_numbers(numbers: Mapping[str, Any]) -> TimedTrack:
     KeyError, TypeError, ValueError
         A part is missing, or of the wrong kind or shape.
     """
-    state, law = numbers["state"], numbers["law"]
+    state = numbers["state"]
     since_search, to_return = map(int, numbers["steps"])
     track = FilterTrack(
-        law=None if law is None else _law(*(np.array(part, dtype=float) for part in law)),
+        law=law_from_numbers(numbers["law"]),
         state=None if state is None else np.array(state, dtype=float).reshape(4),
         since_search=since_search,
         to_return=to_return,
@@ -99,6 +99,21 @@ def from_numbers(numbers: Mapping[str, Any]) -> TimedTrack:
     return TimedTrack(track=track, time=float(numbers["time"]))
 
 
-def _law(mean: np.ndarray, covariance: np.ndarray, cross: np.ndarray) -> Law:
+def law_numbers(law: Law | None) -> list[Any] | None:
+    """Return ``law`` as lists of numbers, for :func:`law_from_numbers`."""
+    return None if law is None else [part.tolist() for part in (law.mean, law.covariance, law.cross)]
+
+
+def law_from_numbers(numbers: Any) -> Law | None:
+    """Return the law of :func:`law_numbers`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        It is of the wrong kind or shape.
+    """
+    if numbers is None:
+        return None
+    mean, covariance, cross = (np.array(part, dtype=float) for part in numbers)
     n = len(mean)
     return Law(mean=mean, covariance=covariance.reshape(n, n), cross=cross.reshape(n, -1))

@@ -63,7 +63,7 @@ def test_a_series_agrees_with_the_recursion_of_the_whole_model() -> None:
     h = np.hstack([model.scaled[:18] + model.common])
     n = h.shape[1]
     mean, cov = np.zeros(n), np.diag(model.std**2)
-    noise = np.diag(model.noise) + model.lasting + model.seen.rest_strain
+    noise = np.diag(model.noise) + model.own @ model.own.T + model.seen.rest_strain
     for i, row in enumerate(strain):
         decay = np.where(model.slow, np.exp(-DT / 50.0), np.exp(-DT / 0.5)) if i else np.ones(n)
         mean, cov = decay * mean, decay[:, None] * cov * decay + np.diag((1.0 - decay**2) * model.std**2)

@@ -13,7 +13,7 @@ from damaged_resource import refusal, with_value
 from further_maps import STATIONS, with_own_further
 from native_case import NativeCase
 from parameter_maps import PARAMETERS, with_parameters
-from raw_fmu import ERROR, N_OUTPUTS, OK, Fmu2, Fmu3, first_zero, outputs_of, write_resource
+from raw_fmu import ERROR, N_OUTPUTS, OK, Fmu2, Fmu3, first_zero, of_filter, outputs_of, write_resource
 from scaled_maps import NOMINAL, whole_scaled_map
 from thermal_maps import with_temperature
 
@@ -46,7 +46,7 @@ def first(case: NativeCase) -> int:
     """Value reference of the first parameter."""
     more = 0 if case.inverse_map.further is None else N_T + 4 + 12 * len(STATIONS)
     tare = 2 + 2 * case.n + 1
-    return first_zero(case.n) + 2 * case.n + 1 + more + tare
+    return first_zero(case.n) + 2 * case.n + 1 + of_filter(case.inverse_map) + more + tare
 
 
 def give(fmu: Fmu2, case: NativeCase, values: Sequence[float]) -> int:
@@ -134,7 +134,7 @@ def test_outputs_do_not_depend_on_it_but_health(case: NativeCase) -> None:
 
 def test_scalars_of_fmi_3(case: NativeCase) -> None:
     fmu = Fmu3(str(case.resources), case.n).start()
-    reference = Fmu3.TIME + (0 if case.inverse_map.further is None else 1 + 4 + 12)
+    reference = Fmu3.TIME + of_filter(case.inverse_map) + (0 if case.inverse_map.further is None else 1 + 4 + 12)
     assert fmu.set("Float64", c_double, [reference + i for i in range(N_P)], [5.0, 0.2, 1.5]) == OK
     status, found = fmu.get("Float64", c_double, [reference + N_P + i for i in range(N_P)], N_P)
     assert status == OK

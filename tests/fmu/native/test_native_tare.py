@@ -13,7 +13,7 @@ import pytest
 from agreement import Reference, random_samples, strain_at
 from flight_fmu import FIRST, N_D, FlightFmu, random_flight, whole_map
 from native_case import NativeCase
-from raw_fmu import ERROR, OK, REAL_OUTPUTS, Fmu2, Fmu3, first_zero, write_resource
+from raw_fmu import ERROR, OK, REAL_OUTPUTS, Fmu2, Fmu3, first_zero, of_filter, write_resource
 
 from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.tare_edge import EdgeTare, TareState
@@ -35,9 +35,9 @@ def readings(held: InverseMap, n: int, seed: int = 0) -> np.ndarray:
     return strain
 
 
-def first_tare(n_gauges: int) -> int:
+def first_tare(held: InverseMap) -> int:
     """Value reference of the input of a map without tables, sensors and further loads."""
-    return first_zero(n_gauges) + 2 * n_gauges + 1
+    return first_zero(held.n_gauges) + 2 * held.n_gauges + 1 + of_filter(held)
 
 
 class Tared:
@@ -86,7 +86,7 @@ class Tared:
 
 
 def tared(case: NativeCase, **options: bool) -> Tared:
-    return Tared(Fmu2(case.uri, case.n, **options).start(), case.inverse_map, first_tare(case.n))
+    return Tared(Fmu2(case.uri, case.n, **options).start(), case.inverse_map, first_tare(case.inverse_map))
 
 
 @pytest.mark.parametrize("n", [64, 300])
@@ -233,19 +233,19 @@ def test_a_state_that_cannot_be_is_refused(small: NativeCase, wrong: tuple[int, 
 
 def test_arrays_of_fmi_3(small: NativeCase) -> None:
     two, three = tared(small), Fmu3(str(small.resources), small.n).start()
-    strain = readings(small.inverse_map, 80)
+    strain, tare = readings(small.inverse_map, 80), Fmu3.TARE + of_filter(small.inverse_map)
     flags, reached = [c_bool(True) for _ in range(3)], c_double(0.0)
     two.take(strain)
     for row, asked in [*((row, True) for row in strain), (strain[-1], False)]:
-        assert three.set("Boolean", c_bool, [Fmu3.TARE], [asked]) == OK
-        assert three.get("Boolean", c_bool, [Fmu3.TARE], 1)[1].tolist() == [asked]
+        assert three.set("Boolean", c_bool, [tare], [asked]) == OK
+        assert three.get("Boolean", c_bool, [tare], 1)[1].tolist() == [asked]
         assert three.set("Float64", c_double, [Fmu3.STRAIN, 15], [*row, 0.0]) == OK
         assert (
             three.call("DoStep", c_double(0.0), c_double(0.1), c_bool(True), *map(byref, flags), byref(reached))
             == OK
         )
-    assert three.get("Int64", c_int64, [Fmu3.TARE + 1], 1)[1].tolist() == [TareState.DONE]
-    references = [Fmu3.TARE + 2, Fmu3.TARE + 3, Fmu3.TARE + 4]
+    assert three.get("Int64", c_int64, [tare + 1], 1)[1].tolist() == [TareState.DONE]
+    references = [tare + 2, tare + 3, tare + 4]
     assert three.get("Float64", c_double, references, 2 * small.n + 1)[1].tobytes() == two.zeros.tobytes()
 
 

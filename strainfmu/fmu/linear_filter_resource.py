@@ -1,0 +1,36 @@
+"""The filter of a linear map as the native FMU reads it: a section of ``resources/map.bin``.
+
+Its content is eight 32-bit sizes, of which the last four are zero, and float64 values: the scalars, then the
+arrays in the order of :func:`linear_filter_section`. ``fmus/native/estimator/linear_filter_map.h`` describes them
+to the C code.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from strainfmu.estimator.filter.linear_model import linear_model
+from strainfmu.estimator.filter.settings import LARGEST, SLOW, SMALLEST, FilterSettings
+from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.fmu.resource_sections import section, sized_numbers
+
+LINEAR_SECTION = b"LFILTER\0"
+
+
+def linear_filter_section(inverse_map: InverseMap) -> bytes:
+    """Return the section of the filter of ``inverse_map``, which is in form "dynamic_pressure"."""
+    model = linear_model(inverse_map, FilterSettings(time_constant=1.0))
+    n_d, common = model.n_gauges, model.slow
+    numbers = (
+        np.array([SLOW, SMALLEST, LARGEST]),
+        model.std,
+        model.scaled[:n_d, ~common].T,
+        model.scaled[n_d:, ~common].T,
+        model.common[:, common].T,
+        model.own.T,
+        model.rest.T,
+        model.noise,
+        model.seen.rest_cross,
+    )
+    sizes = (int(np.sum(~common)), int(np.sum(common)), model.own.shape[1], model.rest.shape[1])
+    return section(LINEAR_SECTION, sized_numbers(sizes, numbers))
