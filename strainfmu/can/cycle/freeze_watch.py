@@ -137,6 +137,11 @@ class FreezeWatch:
         """(n_d,) noise in quantisation steps that is counted on: stated, or less where less has been seen."""
         return self._ratio
 
+    def may_be_chance(self, gauges: IntArray, run: int) -> bool:
+        """Return whether healthy ``gauges`` may all repeat their readings ``run`` times in a row."""
+        row = self._table.row(self._ratio[gauges])
+        return float(self._table.log_repeated[row, min(run, LONGEST_RUN)].sum()) >= self._limit
+
     # --- repeated readings --------------------------------------------------------------------------------------
 
     def _log_probability(self, strain: FloatArray, run: IntArray, present: BoolArray) -> FloatArray:

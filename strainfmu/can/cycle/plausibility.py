@@ -58,6 +58,10 @@ class GaugeChecks:
         self._settings = settings
         self._periods = np.full(n_gauges, cycle_time) if periods is None else periods
         self._cycles_apart = self._periods / cycle_time
+        # Gauges that come in every cycle, where others come more slowly.
+        self._fast = (
+            np.flatnonzero(self._cycles_apart < 1.5) if periods is not None else np.empty(0, dtype=np.intp)
+        )
         self._last_raw = np.zeros(n_gauges, dtype=np.int64)
         self._last_strain = np.full(n_gauges, np.nan)
         self._cycle_time = cycle_time
@@ -314,14 +318,19 @@ class GaugeChecks:
         A value that repeats itself may have begun in any of the lost frames before it came for the first
         time: that counts. The second number is the same of a value that has come once.
         """
-        if (self._changed_at == now and not self._had_pause) or not present.any():
+        if (not self._fast.size and self._changed_at == now and not self._had_pause) or not present.any():
             return 0.0, 0.0
         self._date_changes()
         # By the clock, which lost cycles do not shorten, or by the number of cycles, which those held back do not.
         since = np.maximum(now - self._changed, self._repeats * self._periods)
         repeated = since + np.where(self._repeats > 0, self._unheard, 0.0)
         known = float(repeated[present].min())
-        return known, float((since + self._unheard)[present].min()) - known
+        here = self._fast[present[self._fast]]
+        run = int(self._repeats[here].min()) if here.size else 0
+        if run and not self._watch.may_be_chance(here, run):
+            # A slow gauge that has just come is not newer than fast ones that have not changed for cycles.
+            known = max(known, float(repeated[here].min()))
+        return known, max(float((since + self._unheard)[present].min()) - known, 0.0)
 
     @staticmethod
     def _lost(pause: FloatArray, period: FloatArray | float) -> FloatArray:

@@ -73,6 +73,15 @@ def test_a_fault_of_a_held_gauge(kind: FaultKind) -> None:
     assert run.late_recovery == []
 
 
+def test_a_sender_of_two_rates_freezes_at_any_time_between_its_slow_frames() -> None:
+    """A slow frame that comes first then is not newer than the fast ones that repeat theirs."""
+    gap = 5 * SETTINGS.recovery_cycles + 15
+    faults = [Fault(kind=FaultKind.FREEZE, start=100 + (gap + 26) * k + k, cycles=25) for k in range(5)]
+    run = run_campaign(mixed_layout(), faults, faults[-1].start + gap)
+    assert run.false_valid == []
+    assert run.late_recovery == []
+
+
 @pytest.mark.slow
 def test_a_thousand_random_faults_on_frames_of_two_rates() -> None:
     run = mixed_campaign(1000, seed=2025)
