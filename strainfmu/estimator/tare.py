@@ -289,6 +289,12 @@ def _notes(
     ]
     still = [held.gauge_names[i] for i in np.flatnonzero(reads & (scatter == 0.0))]
     notes += [f"gauge '{name}': every reading is the same: is it alive?" for name in still]
-    if not np.isfinite(dynamic_pressure).any():
+    lost = int(np.count_nonzero(~np.isfinite(dynamic_pressure)))
+    if lost == len(dynamic_pressure):
         notes.append("dynamic pressure is not recorded: that air does not load the vehicle is taken on trust")
+    elif lost:
+        notes.append(
+            f"dynamic pressure has no value in {lost} of {len(dynamic_pressure)} samples: that air does not load "
+            "the vehicle then is taken on trust"
+        )
     return tuple(notes)

@@ -65,6 +65,21 @@ def test_refused_while_loads_are_not_known(synthetic: SyntheticFiles, tmp_path: 
     assert "accepted = " in zeros.read_text()
 
 
+def test_refused_where_half_of_the_gauges_do_not_read(synthetic: SyntheticFiles, tmp_path: Path, run: Run) -> None:
+    """As by an FMU's input and on the bus; what is recorded of the dynamic pressure is counted."""
+    time, zeros = 0.01 * np.arange(300), tmp_path / "zeros.toml"
+    strain = 1e6 * ZERO + 0.1 * np.random.default_rng(2).normal(size=(300, N_GAUGES))
+    strain[:, N_GAUGES // 2 - 1 :] = np.nan
+    pressure = np.where(time > 0.995, np.nan, 0.0)
+    headings = ["time", *(f"{name} [um/m]" for name in NAMES), "dynamic_pressure"]
+    ground = write_csv(tmp_path / "g.csv", headings, time, strain, pressure)
+    code, out, error = run("tare", synthetic.map_1, ground, "--window", "0:2", "-o", zeros)
+    line = f"strainfmu: {ground}: {N_GAUGES // 2 - 1} of {N_GAUGES} gauges read; no zeros written\n"
+    assert (code, error) == (1, line)
+    assert "dynamic pressure has no value in 101 of 201 samples" in out
+    assert not zeros.exists()
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [

@@ -23,6 +23,7 @@ from strainfmu.cli.commands import (
     taring,
     whole_way,
 )
+from strainfmu.cli.commands.outputs import CheckedCommand
 from strainfmu.version import __version__
 
 app = typer.Typer(
@@ -78,4 +79,4 @@ for command in (
     taring.tare,
     can_data.monitor,
 ):
-    app.command()(command)
+    app.command(cls=CheckedCommand)(command)

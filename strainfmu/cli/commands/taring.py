@@ -70,6 +70,7 @@ def tare(
     from strainfmu.cosim.zeros_file import write_zeros
     from strainfmu.estimator.inverse_map import load_inverse_map
     from strainfmu.estimator.tare import TareLimits
+    from strainfmu.estimator.tare_verdict import refusal
     from strainfmu.estimator.zeros import GaugeZeros
     from strainfmu.recorded.tare_window import tare_file
 
@@ -100,10 +101,11 @@ def tare(
     console = Console()
     for note in found.notes:
         console.print(f"{recording}: {note}", highlight=False, markup=False, soft_wrap=True)
-    if found.faults and not accept:
-        raise StrainfmuError(f"{recording}: {'; '.join(found.faults)}; no zeros written")
-    for fault in found.faults:
-        console.print(f"{recording}: accepted: {fault}", highlight=False, markup=False, soft_wrap=True)
+    against = refusal(found)
+    if against and not accept:
+        raise StrainfmuError(f"{recording}: {against}; no zeros written")
+    if against:
+        console.print(f"{recording}: accepted: {against}", highlight=False, markup=False, soft_wrap=True)
     made_from: dict[str, str | float] = {
         "recording": str(recording),
         "from_s": chosen.begin,
@@ -111,8 +113,8 @@ def tare(
         "samples": float(found.samples),
         **stated,
     }
-    if found.faults:
-        made_from["accepted"] = "; ".join(found.faults)
+    if against:
+        made_from["accepted"] = against
     write_zeros(output, held.gauge_names[: held.n_strain_gauges], found.zeros, made_from)
     console.print(_summary(found), highlight=False, markup=False, soft_wrap=True)
     console.print(f"{output}: written", highlight=False, markup=False, soft_wrap=True)
@@ -157,8 +159,10 @@ def _summary(found: Tare) -> str:
     zeros = 1e6 * found.zeros.value
     known = found.zeros.std < 0.01
     std = 1e6 * found.zeros.std[known]
+    if not known.any():
+        return f"no zeros from {found.samples} samples"
     return (
         f"{int(known.sum())} zeros from {found.samples} samples: rms {np.sqrt(np.mean(zeros**2)):.4g} um/m, "
-        f"standard deviations {std.min(initial=np.inf):.2g} to {std.max(initial=0.0):.2g} um/m each and "
+        f"standard deviations {std.min():.2g} to {std.max():.2g} um/m each and "
         f"{1e6 * found.zeros.common_std:.2g} um/m in common (readings remember: factor {found.memory:.2g})"
     )

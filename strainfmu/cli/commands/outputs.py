@@ -1,0 +1,47 @@
+"""Files that a command writes are none of those that it reads: a slip of the hand must not cost a recording."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from typer.core import TyperCommand
+
+from strainfmu.errors import InputError
+
+WRITTEN = ("output", "known_output", "field", "export_influence", "record", "report")
+"""Parameters that name a file to write; ``bridge --tare-output`` may be the file of ``--zeros``."""
+
+
+class CheckedCommand(TyperCommand):
+    """A command that refuses to write over its own input, before it begins."""
+
+    def invoke(self, ctx: Any) -> Any:  # the context of the click that typer comes with, in some versions its own
+        """Check the parameters and run the command."""
+        check_outputs(ctx.params)
+        return super().invoke(ctx)
+
+
+def check_outputs(parameters: Mapping[str, Any]) -> None:
+    """Refuse a file to write that another parameter names too.
+
+    Raises
+    ------
+    InputError
+        There is one. Folders are none.
+    """
+    paths = {name: Path(value) for name, value in parameters.items() if isinstance(value, str | Path) and value}
+    for name in (one for one in WRITTEN if one in paths):
+        path, option = paths[name], f"--{name.replace('_', '-')}"
+        if any(other != name and _is_same_file(path, paths[other]) for other in paths):
+            raise InputError(f"{path}: {option}: expected another file than those that are read")
+        if any(other != name and path == paths.get(other) for other in WRITTEN):
+            raise InputError(f"{path}: {option}: expected another file than the others that are written")
+
+
+def _is_same_file(one: Path, other: Path) -> bool:
+    try:
+        return one.is_file() and other.exists() and one.samefile(other)
+    except (OSError, ValueError):  # no name of a file at all
+        return False
