@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import json
-import re
 import sys
 import tempfile
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -15,10 +13,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.cosim.estimator_description import (
+    CONTENTS,
+    FIRST_NUMBER,
+    OUTPUTS,
+    SENSOR,
+    STRAIN,
+    TEMPERATURES,
+    VALID,
+    described,
+    estimator_inputs,
+    estimator_outputs,
+    gauge_name,
+    noise_std_of,
+    numbered,
+    section_stations,
+)
 from strainfmu.cosim.instance import Instance, SignalBlock, read_description, safe_temporary_parent, unzip
 from strainfmu.cosim.step import FURTHER_LOADS, PARAMETERS, StepRefused, StepResult
 from strainfmu.errors import InputError, StrainfmuError
-from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
 from strainfmu.estimator.zeros import GaugeZeros
 from strainfmu.interface.further_variables import further_load_outputs
 from strainfmu.interface.parameter_variables import OUTSIDE_PREFIX
@@ -26,25 +39,6 @@ from strainfmu.interface.parameter_variables import PREFIX as PARAMETER_PREFIX
 from strainfmu.interface.sensor_variables import PREFIX as SENSOR_PREFIX
 from strainfmu.interface.sensor_variables import THRUST
 from strainfmu.interface.zero_variables import zero_names
-
-_STRAIN = re.compile(r"strain\[(\d+)\]")
-_VALID = re.compile(r"valid\[(\d+)\]")
-_GAUGE = re.compile(r"Strain of gauge (.+) at x = ")
-_TEMPERATURE = re.compile(r"temperature\[(\d+)\]")
-_SENSOR = re.compile(r"Temperature of sensor (.+);")
-_SECTION = re.compile(r"section\.axial\[(\d+)\]")
-_STATION = re.compile(r".* ahead of x = (\S+) m")
-_NUMBER = {"Real", "Integer", "Enumeration", "Boolean"}
-_OUTPUTS = (
-    *COEFFICIENT_NAMES,
-    *(f"sigma.{name}" for name in COEFFICIENT_NAMES),
-    "health.chi_square",
-    "health.state",
-)
-_FIRST_NUMBER = 2 * len(COEFFICIENT_NAMES)
-"""Place of the first output that is neither a coefficient nor its standard deviation: ``health.chi_square``."""
-_CONTENTS = "extra/strainfmu/contents.json"
-"""What an FMU of this project states beside its model description (strainfmu/fmu/package.py)."""
 
 TEMPERATURE = "temperature"
 """Name that stands for the temperatures of all sensors among the further inputs that are asked for."""
@@ -54,42 +48,6 @@ SENSORS = "sensor"
 
 _STOP_TIME = 1e9
 """End of the experiment [s]: the bridge runs until it is stopped, and FMI 2.0 has no word for that."""
-
-
-def gauge_names_of(path: Path) -> tuple[str, ...]:
-    """Return the names of the gauges of the estimator FMU at ``path``, in the order of its strains.
-
-    Raises
-    ------
-    InputError
-        The FMU is missing, damaged, or no estimator.
-    """
-    return tuple(_gauge_name(variable) for variable in _numbered(_inputs(path, read_description(path)), _STRAIN))
-
-
-def section_stations_in(path: Path) -> tuple[float, ...] | None:
-    """Return x [m] of the sections whose loads the FMU at ``path`` gives beside the rolling moment.
-
-    None where it gives neither.
-
-    Raises
-    ------
-    InputError
-        The FMU is missing or damaged.
-    """
-    return _section_stations(read_description(path))
-
-
-def outputs_of(path: Path) -> tuple[tuple[str, str], ...]:
-    """Return name and unit, "1" of a number without one, of every output of the FMU at ``path``, in its order.
-
-    Raises
-    ------
-    InputError
-        The FMU is missing or damaged.
-    """
-    found = (one for one in read_description(path).modelVariables if one.causality == "output")
-    return tuple((one.name, one.unit or "1") for one in found if one.type in _NUMBER)
 
 
 class FmuStep:
@@ -123,21 +81,21 @@ class FmuStep:
     ) -> None:
         self.path = path
         self._description = read_description(path)
-        inputs = _inputs(path, self._description, takes_sensors=SENSORS in further_inputs)
-        strains = _numbered(inputs, _STRAIN)
-        self.gauge_names = tuple(_gauge_name(variable) for variable in strains)
+        inputs = estimator_inputs(path, self._description, takes_sensors=SENSORS in further_inputs)
+        strains = numbered(inputs, STRAIN)
+        self.gauge_names = tuple(gauge_name(variable) for variable in strains)
         self.n_gauges = len(strains)
         readings = [one for one in inputs if one.name.startswith(SENSOR_PREFIX) or one.name == THRUST]
         self.reading_units = {one.name: str(one.unit) for one in readings if SENSORS in further_inputs}
         count = sum(one.name.startswith(SENSOR_PREFIX) for one in readings)
-        valid = _numbered(inputs, _VALID)
+        valid = numbered(inputs, VALID)
         valid = valid[: len(valid) - count]  # those of sensors stay true: one of NaN, as at the start, is left out
         if valid and len(valid) != self.n_gauges:
             raise InputError(f"{path}: expected {self.n_gauges} inputs valid[i], got {len(valid)}")
         pressure = next(v for v in inputs if v.name == "dynamic_pressure")
         by_name = {variable.name: variable for variable in inputs}
-        sensors = _numbered(inputs, _TEMPERATURE) if TEMPERATURE in further_inputs else []
-        self.sensor_names = tuple(_described(variable, _SENSOR) for variable in sensors)
+        sensors = numbered(inputs, TEMPERATURES) if TEMPERATURE in further_inputs else []
+        self.sensor_names = tuple(described(variable, SENSOR) for variable in sensors)
         of_parameters = [name for name in by_name if name.startswith(PARAMETER_PREFIX)]
         parameters = of_parameters if PARAMETERS in further_inputs else []
         asked = (*further_inputs, *(variable.name for variable in sensors), *parameters, *self.reading_units)
@@ -148,11 +106,11 @@ class FmuStep:
         self._first_mask = self.n_gauges + 1 + len(of_flow)
         wanted = [name for name in further_outputs if name != FURTHER_LOADS]
         wanted += [name.replace(PARAMETER_PREFIX, OUTSIDE_PREFIX, 1) for name in parameters]
-        self.section_stations = _section_stations(self._description) if FURTHER_LOADS in further_outputs else None
+        self.section_stations = section_stations(self._description) if FURTHER_LOADS in further_outputs else None
         if self.section_stations is not None:
             wanted += further_load_outputs(len(self.section_stations))
-        self._get = _outputs(path, self._description, dict.fromkeys(wanted))
-        self.further_outputs = tuple(variable.name for variable in self._get[len(_OUTPUTS) - 1 : -1])
+        self._get = estimator_outputs(path, self._description, dict.fromkeys(wanted))
+        self.further_outputs = tuple(variable.name for variable in self._get[len(OUTPUTS) - 1 : -1])
         self.strain_nominal = np.array([float(variable.nominal or 1.0) for variable in strains])
         self.pressure_nominal = float(pressure.nominal or 1.0)
         self._time = 0.0
@@ -176,7 +134,7 @@ class FmuStep:
             )
             self._folder = Path(folder)
             unzip(path, self._folder)
-            self.noise_std = _noise_std(self._folder / _CONTENTS, self.n_gauges)
+            self.noise_std = noise_std_of(self._folder / CONTENTS, self.n_gauges)
             self._open()
         except BaseException:
             self._stack.close()
@@ -223,9 +181,9 @@ class FmuStep:
         except StrainfmuError as error:
             raise self._after(error) from error
         values = self._values.tolist()
-        further = dict(zip(self.further_outputs, values[_FIRST_NUMBER + 1 :], strict=False))
-        estimate = self._values[:_FIRST_NUMBER].copy()
-        return StepResult(estimate[:5], estimate[5:], int(values[-1]), values[_FIRST_NUMBER], further)
+        further = dict(zip(self.further_outputs, values[FIRST_NUMBER + 1 :], strict=False))
+        estimate = self._values[:FIRST_NUMBER].copy()
+        return StepResult(estimate[:5], estimate[5:], int(values[-1]), values[FIRST_NUMBER], further)
 
     def set_zeros(self, zeros: GaugeZeros) -> None:
         """Let the FMU take ``zeros`` off its strains, from the next step on.
@@ -345,64 +303,3 @@ def _columns(columns: NDArray[np.intp]) -> slice | NDArray[np.intp]:
     first = int(columns[0])
     is_run = np.array_equal(columns, np.arange(first, first + len(columns)))
     return slice(first, first + len(columns)) if is_run else columns
-
-
-def _noise_std(contents: Path, n_gauges: int) -> FloatArray | None:
-    """Return (n_d,) the noise that ``contents`` of an unzipped FMU states [m/m], None if it does not."""
-    try:
-        stated = json.loads(contents.read_text())["gauge_noise_um_per_m"]
-        noise = 1e-6 * np.asarray(stated, dtype=float)
-    except (OSError, ValueError, TypeError, KeyError):
-        return None  # of an earlier version, or of another program
-    usable = noise.shape == (n_gauges,) and bool((np.isfinite(noise) & (noise > 0.0)).all())
-    return noise if usable else None
-
-
-def _inputs(path: Path, description: Any, takes_sensors: bool = False) -> list[Any]:
-    """Return the inputs of an estimator FMU."""
-    inputs = [v for v in description.modelVariables if v.causality == "input" and v.type in _NUMBER]
-    names = [variable.name for variable in inputs]
-    for name in ("strain[1]", "dynamic_pressure"):
-        if name not in names:
-            raise InputError(f"{path}: no input '{name}' found: not an estimator FMU")
-    sensor = next((name for name in names if name.startswith(SENSOR_PREFIX)), None)
-    if sensor is not None and not takes_sensors:
-        raise InputError(f"{path}: expected an FMU of strain gauges alone, got one with the input '{sensor}'")
-    return inputs
-
-
-def _section_stations(description: Any) -> tuple[float, ...] | None:
-    """Return x [m] of the sections whose loads an FMU states, None of one without rolling moment."""
-    outputs = [v for v in description.modelVariables if v.causality == "output"]
-    if not any(one.name == "M_R" for one in outputs):
-        return None
-    return tuple(float(_described(one, _STATION)) for one in _numbered(outputs, _SECTION))
-
-
-def _outputs(path: Path, description: Any, further: Iterable[str]) -> list[Any]:
-    """Return the outputs that the bridge reads, with those of ``further`` that there are ahead of the last one."""
-    found = {v.name: v for v in description.modelVariables if v.causality == "output"}
-    missing = [name for name in _OUTPUTS if name not in found]
-    if missing:
-        raise InputError(f"{path}: no output '{missing[0]}' found: not an estimator FMU")
-    numbers, state = _OUTPUTS[:-1], _OUTPUTS[-1]
-    others = [found[name] for name in further if name in found]
-    # Those of a type side by side, so that they are exchanged as they lie.
-    others.sort(key=lambda variable: variable.type != "Real")
-    return [*(found[name] for name in numbers), *others, found[state]]
-
-
-def _numbered(variables: Sequence[Any], pattern: re.Pattern[str]) -> list[Any]:
-    """Return the variables of an array in the order of their indices."""
-    found = {int(match[1]): v for v in variables if (match := pattern.fullmatch(v.name))}
-    return [found[index] for index in sorted(found)]
-
-
-def _gauge_name(variable: Any) -> str:
-    return _described(variable, _GAUGE)
-
-
-def _described(variable: Any, pattern: re.Pattern[str]) -> str:
-    """Return the name of gauge or sensor in the variable's description, or the variable's own."""
-    match = pattern.match(variable.description or "")
-    return match[1] if match else str(variable.name)

@@ -31,6 +31,7 @@ from strainfmu.estimator.load_estimate import (
 from strainfmu.estimator.loads_from_strain import LoadsFromStrain, ScaledLoads, absolute_loads, map_references
 from strainfmu.estimator.map_parts import map_parts
 from strainfmu.estimator.masked_map import MaskedMap, complete_map, masked_map
+from strainfmu.estimator.moment_point import about_point, moment_transfer
 from strainfmu.estimator.pressure_field import FieldInputs
 from strainfmu.estimator.settings import EstimatorSettings, default_settings
 from strainfmu.estimator.zeros import GaugeZeros, no_zeros, with_zero_errors, zero_of_rows
@@ -300,7 +301,7 @@ class Estimator:
             masked, strain[rows], np.where(known, q, self.inverse_map.nominal_dynamic_pressure)
         )
         score = self._envelope_score(found, q, q_std)
-        found = _moved(found, self._transfer)
+        found = about_point(found, self._transfer)
         scale = 1.0 / (q[:, None] * self._reference)
         coefficients = scale * found.loads
         variance = np.diagonal(found.load_covariance, axis1=1, axis2=2)
@@ -395,26 +396,3 @@ class Estimator:
                 self._masked.popitem(last=False)
         self._masked.move_to_end(key)
         return self._masked[key]
-
-
-def moment_transfer(shift: float) -> FloatArray:
-    """Return (5, 5) B, loads to loads about a moment point ``shift`` [m] further aft.
-
-    M_P' = M_P + shift F_N and M_Y' = M_Y + shift F_Y: a force ahead of the point turns the nose its way, with an
-    arm that the shift lengthens.
-    """
-    transfer = np.eye(5)
-    transfer[3, 1] = transfer[4, 2] = shift
-    return transfer
-
-
-def _moved(found: LoadsFromStrain, transfer: FloatArray | None) -> LoadsFromStrain:
-    """Return ``found`` about another moment point; ``transfer`` is None for the map's own."""
-    if transfer is None:
-        return found
-    return replace(
-        found,
-        loads=found.loads @ transfer.T,
-        load_covariance=transfer @ found.load_covariance @ transfer.T,
-        load_per_pressure=found.load_per_pressure @ transfer.T,
-    )

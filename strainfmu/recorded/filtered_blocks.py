@@ -16,8 +16,9 @@ from strainfmu.estimator.filter.linear_filter import LinearFilter, LinearStep
 from strainfmu.estimator.filter.settings import FilterSettings
 from strainfmu.estimator.filter.smoothing import smoothed
 from strainfmu.estimator.load_estimate import LoadEstimates, series_of
-from strainfmu.recorded.block_estimates import BlockEstimates, BlockEstimator, FlightBlocks, MapBlocks, flow_of
+from strainfmu.recorded.block_estimates import BlockEstimates, BlockEstimator
 from strainfmu.recorded.columns import StrainBlock
+from strainfmu.recorded.map_blocks import FlightBlocks, MapBlocks, flow_of
 from strainfmu.recorded.sensor_readings import rows_of_map
 
 Step = TypeVar("Step", FilteredStep, LinearStep)

@@ -15,9 +15,10 @@ from strainfmu.arrays import FloatArray
 from strainfmu.cosim.zeros_file import load_zeros
 from strainfmu.errors import InputError
 from strainfmu.estimator.inverse_map import InverseMap
-from strainfmu.recorded.block_estimates import BlockEstimates, BlockEstimator, open_block_estimator
+from strainfmu.recorded.block_estimates import BlockEstimates, BlockEstimator
 from strainfmu.recorded.column_names import FLOW_NAMES, STATIC_PRESSURE, Wanted
 from strainfmu.recorded.columns import ColumnPlan, StrainBlock
+from strainfmu.recorded.estimator_files import open_block_estimator
 from strainfmu.recorded.field_series import FieldSeriesWriter, check_field_output, field_series_writer
 from strainfmu.recorded.filtered_blocks import estimated_blocks, filter_attributes, with_filter
 from strainfmu.recorded.health_account import HealthAccount

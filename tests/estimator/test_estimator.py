@@ -19,13 +19,14 @@ from strainfmu.errors import InputError
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, HealthState
 from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.isolation import outlier_threshold
+from strainfmu.estimator.moment_point import moment_transfer
 from strainfmu.estimator.settings import (
     LARGEST_SENSOR_RANGE,
     SENSOR_RANGE,
     EstimatorSettings,
     default_settings,
 )
-from strainfmu.estimator.step import CACHED_MASKS, Estimator, LoadEstimate, moment_transfer
+from strainfmu.estimator.step import CACHED_MASKS, Estimator, LoadEstimate
 
 pytestmark = pytest.mark.fast
 

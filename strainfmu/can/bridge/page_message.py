@@ -81,7 +81,7 @@ def gauge_positions(fmu: Path) -> tuple[GaugePosition, ...]:
     InputError
         The FMU is missing, damaged, or no estimator.
     """
-    from strainfmu.cosim.fmu_step import gauge_names_of
+    from strainfmu.cosim.estimator_description import gauge_names_of
     from strainfmu.cosim.instance import read_description
 
     found = {}
@@ -101,7 +101,7 @@ def estimator_facts(fmu: Path) -> EstimatorFacts:
     InputError
         The FMU is missing or damaged.
     """
-    from strainfmu.cosim.fmu_step import section_stations_in
+    from strainfmu.cosim.estimator_description import section_stations_in
 
     try:
         with ZipFile(fmu) as archive:

@@ -337,7 +337,7 @@ def key_of(options: BridgeOptions) -> AuthenticationKey | None:
 def map_gauge_names(source: Path) -> tuple[str, ...]:
     """Return the gauges of a map or an FMU."""
     if source.suffix == ".fmu":
-        from strainfmu.cosim.fmu_step import gauge_names_of
+        from strainfmu.cosim.estimator_description import gauge_names_of
 
         return gauge_names_of(source)
     from strainfmu.estimator.inverse_map import load_inverse_map
@@ -348,7 +348,7 @@ def map_gauge_names(source: Path) -> tuple[str, ...]:
 def map_section_stations(source: Path) -> tuple[float, ...] | None:
     """Return x [m] of the sections whose loads a map or an FMU gives, with rolling moment; None for neither."""
     if source.suffix == ".fmu":
-        from strainfmu.cosim.fmu_step import section_stations_in
+        from strainfmu.cosim.estimator_description import section_stations_in
 
         return section_stations_in(source)
     from strainfmu.estimator.inverse_map import load_inverse_map

@@ -25,8 +25,9 @@ from strainfmu.estimator.filter.linear_model import (
 from strainfmu.estimator.filter.settings import FilterSettings, checked_time_step
 from strainfmu.estimator.health import HealthState, chi_square_limit
 from strainfmu.estimator.load_estimate import LoadEstimate
+from strainfmu.estimator.moment_point import moment_transfer
 from strainfmu.estimator.settings import default_settings
-from strainfmu.estimator.step import Estimator, moment_transfer
+from strainfmu.estimator.step import Estimator
 
 _NOT_FILTERED = (HealthState.INVALID, HealthState.UNIDENTIFIED, HealthState.NO_COEFFICIENTS)
 """States in which nothing was measured."""

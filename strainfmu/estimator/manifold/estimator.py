@@ -34,9 +34,10 @@ from strainfmu.estimator.manifold.navigation import (
 )
 from strainfmu.estimator.manifold.solve import FlightSolution, solution, solve_cold
 from strainfmu.estimator.manifold.starts import search_table
+from strainfmu.estimator.moment_point import moment_transfer
 from strainfmu.estimator.pressure_field import FieldInputs
 from strainfmu.estimator.settings import EstimatorSettings, default_settings
-from strainfmu.estimator.step import Estimator, moment_transfer
+from strainfmu.estimator.step import Estimator
 from strainfmu.estimator.zeros import GaugeZeros, no_zeros, with_zero_errors, zero_of_rows
 
 Solve = Callable[[Samples, IntArray], Linearised]

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from strainfmu.cosim.fmu_step import _noise_std
+from strainfmu.cosim.estimator_description import noise_std_of
 from strainfmu.cosim.step import noise_of
 
 pytestmark = pytest.mark.fast
@@ -28,12 +28,12 @@ pytestmark = pytest.mark.fast
 def test_noise_is_read_or_not_known(tmp_path: Path, content: object, noise: list[float] | None) -> None:
     path = tmp_path / "contents.json"
     path.write_text(json.dumps(content))
-    found = _noise_std(path, 2)
+    found = noise_std_of(path, 2)
     assert (found is None) == (noise is None)
     if found is not None:
         np.testing.assert_allclose(found, np.array(noise), rtol=1e-12)
 
 
 def test_no_entry_and_no_attribute_are_not_known(tmp_path: Path) -> None:
-    assert _noise_std(tmp_path / "contents.json", 2) is None
+    assert noise_std_of(tmp_path / "contents.json", 2) is None
     assert noise_of(lambda *_: None) is None

@@ -20,7 +20,7 @@ from strainfmu.can.bridge.result_layouts import result_layouts
 from strainfmu.can.cycle.quality import Cause, Quality
 from strainfmu.can.wire.profiles import Identifiers
 from strainfmu.can.wire.signal_plan import SignalPlan
-from strainfmu.cosim.fmu_step import gauge_names_of
+from strainfmu.cosim.estimator_description import gauge_names_of
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, InverseMap, save_inverse_map
 from strainfmu.estimator.step import Estimator
 from strainfmu.fmu.export import export_estimator

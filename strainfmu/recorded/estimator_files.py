@@ -1,0 +1,39 @@
+"""The estimator of recorded samples that a file holds: an inverse map or an estimator FMU."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from strainfmu.cosim.zeros_file import load_zeros
+from strainfmu.errors import InputError
+from strainfmu.estimator.inverse_map import load_inverse_map
+from strainfmu.estimator.loading import estimator_of
+from strainfmu.estimator.manifold.estimator import ManifoldEstimator
+from strainfmu.recorded.block_estimates import BlockEstimator
+from strainfmu.recorded.fmu_blocks import opened_fmu
+from strainfmu.recorded.map_blocks import FlightBlocks, MapBlocks
+
+
+@contextmanager
+def open_block_estimator(source: Path, zeros: Path | None = None) -> Iterator[BlockEstimator]:
+    """Load an estimator FMU or an inverse map, with the ``zeros`` of its gauges (zeros.toml); free it at the end.
+
+    Raises
+    ------
+    InputError
+        The file is missing, damaged, or neither.
+    StrainfmuError
+        The FMU cannot be loaded on this machine.
+    """
+    if source.suffix.lower() == ".fmu":
+        with opened_fmu(source, zeros) as found:
+            yield found
+        return
+    if source.suffix.lower() not in (".h5", ".hdf5"):
+        raise InputError(f"{source}: expected an estimator FMU (X.fmu) or an inverse map (map.h5)")
+    inverse_map = load_inverse_map(source)
+    known = None if zeros is None else load_zeros(zeros, inverse_map.gauge_names[: inverse_map.n_strain_gauges])
+    estimator = estimator_of(inverse_map, zeros=known)
+    yield FlightBlocks(estimator) if isinstance(estimator, ManifoldEstimator) else MapBlocks(estimator)
