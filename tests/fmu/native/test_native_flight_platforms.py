@@ -8,12 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from c_host import host_by_clang, loading_host, program, run_host
-from flight_fmu import FILTER, N_D, random_flight, whole_map
+from flight_fmu import N_D, random_flight, whole_map
 from native_case import NativeCase
 from raw_fmu import N_OUTPUTS, write_resource
+from sensor_maps import with_sensors
 
 from strainfmu.fmu.native_build import library_file
-from strainfmu.interface.estimator_variables import NOT_KNOWN
+from strainfmu.interface.estimator_variables import NOT_KNOWN, estimator_interface
+from strainfmu.interface.filter_variables import FILTER_TIME_CONSTANT
 from strainfmu.interface.input_names import FLOW_INPUTS
 
 pytest.importorskip("ziglang", reason="needs zig: pip install 'strainfmu[native]'")
@@ -26,11 +28,12 @@ pytestmark = [
 
 FLIGHTS, STEPS = 20, 10
 LINUX = "x86_64-linux-gnu.2.17"
+MAPS = {"gauges": whole_map, "further sensors": lambda: with_sensors(whole_map())}
 
 
-@pytest.fixture(scope="module")
-def flight(tmp_path_factory: pytest.TempPathFactory) -> NativeCase:
-    one = whole_map()
+@pytest.fixture(scope="module", params=MAPS)
+def flight(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> NativeCase:
+    one = MAPS[request.param]()
     return NativeCase(one, write_resource(one, tmp_path_factory.mktemp("flight")))
 
 
@@ -38,13 +41,15 @@ def flight(tmp_path_factory: pytest.TempPathFactory) -> NativeCase:
 def inputs(flight: NativeCase, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Motions inside the tables that jump from one to the next; gauges lost, navigation unknown, strain bent."""
     random, rows = np.random.default_rng(9), []
+    sensors = flight.inverse_map.sensors
+    scale = np.ones(N_D) if sensors is None else sensors.scale
     for number in range(FLIGHTS):
         bent = random.normal(size=N_D) * (1e-5 if number % 5 == 4 else 0.0)
         for sample in random_flight(flight.inverse_map, STEPS, seed=number):
             valid = random.random(N_D) > (0.2 if number % 3 == 1 else 0.0)
             flow = [sample.flow.get(name, NOT_KNOWN) for name in FLOW_INPUTS]
             known = random.random(len(flow)) > (0.5 if number % 4 == 2 else 0.0)
-            rows.append(np.concatenate([sample.strain + bent, valid, np.where(known, flow, NOT_KNOWN)]))
+            rows.append(np.concatenate([scale * (sample.strain + bent), valid, np.where(known, flow, NOT_KNOWN)]))
     path = tmp_path_factory.mktemp("inputs") / "flight.bin"
     path.write_bytes(np.array(rows).astype("<f8").tobytes())
     return path
@@ -55,10 +60,16 @@ def linux_host(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return loading_host(LINUX, tmp_path_factory.mktemp("host") / "host")
 
 
+def filtering(flight: NativeCase) -> tuple[int, float]:
+    """Value reference of the filter's time constant, and one [s]."""
+    names = [one.name for one in estimator_interface(flight.inverse_map)]
+    return names.index(FILTER_TIME_CONSTANT), 1.0
+
+
 def outputs_by(command: list[str], flight: NativeCase, inputs: Path) -> bytes:
     """Outputs of all steps, and of random strains that fit no tables."""
     replayed = run_host(command, flight, "replay", FLIGHTS * STEPS, inputs)
-    filtered = run_host(command, flight, "replay", FLIGHTS * STEPS, inputs, FILTER, 1.0)
+    filtered = run_host(command, flight, "replay", FLIGHTS * STEPS, inputs, *filtering(flight))
     return replayed + filtered + run_host(command, flight, "run", 100, 5)
 
 
@@ -93,4 +104,4 @@ def test_memory(flight: NativeCase, inputs: Path, tmp_path: Path) -> None:
     host = host_by_clang(tmp_path / "host", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
     assert run_host([str(host)], flight, "many", 1).startswith(b"many: same")
     assert run_host([str(host)], flight, "replay", FLIGHTS * STEPS, inputs)
-    assert run_host([str(host)], flight, "replay", FLIGHTS * STEPS, inputs, FILTER, 1.0)
+    assert run_host([str(host)], flight, "replay", FLIGHTS * STEPS, inputs, *filtering(flight))
