@@ -16,6 +16,8 @@
 #include "estimator/estimator.h"
 #include "estimator/triangles.h"
 
+#define MOST_GAUGES 64
+
 #ifndef FUZZ_FIRST
 #define FUZZ_FIRST 0
 #define FUZZ_LAST 7
@@ -114,7 +116,13 @@ static void use(Estimator *e) {
         scalar[DYNAMIC_PRESSURE_STD] = step % 3 ? NAN : 0.1 * e->map.dynamic_pressure;
         scalar[MACH_NUMBER] = step % 2 ? NAN : 6.0;
         scalar[ALTITUDE] = step % 4 ? 0.3 * step * e->map.envelope.altitude_step : NAN;
-        e->outdated = 1;
+        if (e->flight.filter.present) { /* off, then on from the fifth step to the last but one */
+            e->input[filter_setting(e)] = step < 4 || step == 9 ? 0.0 : 1.0;
+        }
+        flight_before_change(e);
+        if (e->flight.present) {
+            flight_step(e, 0.01 * step);
+        }
         const int health = (int)estimator_outputs(e)[HEALTH_STATE];
         if (health < OK || health > OUTSIDE) {
             abort();
@@ -140,7 +148,7 @@ static void fuzz_map(const uint8_t *data, size_t size, int repair) {
         }
     }
     Estimator *e = bytes != NULL ? estimator_create(bytes, length, text) : NULL;
-    if (e != NULL && e->map.n_gauges <= 16) {
+    if (e != NULL && e->map.n_gauges <= MOST_GAUGES) {
         use(e);
     }
     estimator_free(e);
@@ -255,7 +263,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
 int main(int argc, char **argv) {
     for (int k = 1; k < argc; k++) {
         FILE *file = fopen(argv[k], "rb");
-        static uint8_t data[1 << 16];
+        static uint8_t data[1 << 22];
         if (file == NULL) {
             return 1;
         }
