@@ -128,8 +128,14 @@ def scene_of_snapshot(
     Raises
     ------
     InputError
-        There is no such snapshot, or ``excluded`` names no gauge.
+        There is no such snapshot, it is of another vehicle than the map, or ``excluded`` names no gauge.
     """
+    of_map, of_flow = (inverse_map.reference_area, inverse_map.reference_length), snapshots.reference[:2]
+    if not np.allclose(of_flow, of_map, rtol=1e-6, atol=0.0):
+        raise InputError(
+            f"snapshots: expected those of the map's vehicle, with reference area {of_map[0]:.6g} m2 and length "
+            f"{of_map[1]:.6g} m, got {of_flow[0]:.6g} m2 and {of_flow[1]:.6g} m"
+        )
     count = len(snapshots.pressure)
     chosen = int(np.argmax(snapshots.total_incidence)) if row is None else row
     if not 0 <= chosen < count:

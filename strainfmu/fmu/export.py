@@ -15,7 +15,7 @@ from strainfmu.archive import write_archive
 from strainfmu.cosim import flight_model
 from strainfmu.cosim.flight_model import check_envelope, load_flight_model
 from strainfmu.cosim.trajectory import load_trajectory
-from strainfmu.cosim.zeros_file import load_zeros
+from strainfmu.cosim.zeros_file import load_known_strain
 from strainfmu.errors import InputError
 from strainfmu.estimator.inverse_map import SCHEMA, SCHEMA_VERSION, InverseMap, load_inverse_map, save_inverse_map
 from strainfmu.estimator.tare import KnownStrain
@@ -140,8 +140,7 @@ def export_estimator(
 def _known_strain(options: ExportOptions, inverse_map: InverseMap) -> KnownStrain | None:
     if options.tare_known is None:
         return None
-    stated = load_zeros(options.tare_known, inverse_map.gauge_names[: inverse_map.n_strain_gauges])
-    return KnownStrain(value=stated.value, own_std=stated.std)
+    return load_known_strain(options.tare_known, inverse_map.gauge_names[: inverse_map.n_strain_gauges])
 
 
 def _known_bytes(known: KnownStrain | None) -> bytes:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from strainfmu.cosim.zeros_file import load_zeros, write_zeros
+from strainfmu.cosim.zeros_file import load_known_strain, load_zeros, write_zeros
 from strainfmu.errors import InputError
 from strainfmu.estimator.zeros import GaugeZeros
 
@@ -50,3 +50,23 @@ def test_what_is_wrong_is_named(tmp_path: Path, text: str, message: str) -> None
     with pytest.raises(InputError, match=message.replace(".", r"\.")) as caught:
         load_zeros(path, ["a"])
     assert str(caught.value).startswith(f"{path}: ")
+
+
+def test_zeros_and_known_loads_do_not_stand_for_each_other(tmp_path: Path) -> None:
+    """Both files have one form; a tare that takes its own zeros off finds none."""
+    held = GaugeZeros(value=np.full(3, 1e-5), std=np.full(3, 1e-7))
+    zeros, loads, plain = (tmp_path / name for name in ("zeros.toml", "known.toml", "plain.toml"))
+    write_zeros(zeros, NAMES, held, {"recording": "a.csv", "vehicle": "v.toml", "ambient_pressure_Pa": 1e5})
+    write_zeros(loads, NAMES, held, {"vehicle": "v.toml", "ambient_pressure_Pa": 0.0})
+    write_zeros(plain, NAMES, held, {})
+    for path in (zeros, plain):
+        np.testing.assert_allclose(load_zeros(path, NAMES).value, held.value)
+    for path in (loads, plain):
+        np.testing.assert_allclose(load_known_strain(path, NAMES).std, held.std)
+    with pytest.raises(InputError, match=r"expected zeros, .* got the strain of known loads"):
+        load_zeros(loads, NAMES)
+    with pytest.raises(InputError, match=r"expected the strain of known loads, .*, got zeros"):
+        load_known_strain(zeros, NAMES)
+    write_zeros(plain, NAMES, GaugeZeros(value=held.value, std=held.std, common_std=3e-6), {})
+    with pytest.raises(InputError, match="common_std_um_per_m: expected 0 of known loads, got 3"):
+        load_known_strain(plain, NAMES)

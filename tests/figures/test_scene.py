@@ -14,7 +14,7 @@ import pytest
 from builder.aero.cfd.vtk_files import read_vtk
 from builder.aero.surface_mesh import mesh_of_grid
 from builder.figures.picture_files import write_picture
-from builder.figures.scene import BOX_SIDES, STATE_COLOURS, Scene, scene_of
+from builder.figures.scene import BOX_SIDES, STATE_COLOURS, Scene, scene_of, scene_of_snapshot
 from builder.figures.solid_view import VIEWS, solid_view
 from builder.vehicle.geometry import chain_segments, surface_grid
 from strainfmu.errors import InputError
@@ -65,6 +65,14 @@ def test_excluded_gauges_and_other_sensors() -> None:
         scene(("B9",))
     rest = scene(sensors=SimpleNamespace(is_strain=np.arange(8) != 2))
     assert rest.gauge_names == ("A0", "A1", "A3", "H0", "H1", "H2", "H3")
+
+
+def test_snapshots_of_another_vehicle_are_refused() -> None:
+    """The pressure of one body is not drawn with the gauges of another."""
+    snapshots: Any = SimpleNamespace(reference=np.array([0.2, 0.6, 1.0]))
+    one: Any = SimpleNamespace(reference_area=0.2, reference_length=0.5)
+    with pytest.raises(InputError, match=r"area 0\.2 m2 and length 0\.5 m, got 0\.2 m2 and 0\.6 m"):
+        scene_of_snapshot(snapshots, one, "cone")
 
 
 def test_glb_holds_what_the_scene_does(tmp_path: Path) -> None:

@@ -262,11 +262,9 @@ def _taring(
         raise InputError(f"{options.tare}: expected a map of the estimator's gauges, got one of others")
     known = None
     if options.tare_known is not None:
-        from strainfmu.cosim.zeros_file import load_zeros
-        from strainfmu.estimator.tare import KnownStrain
+        from strainfmu.cosim.zeros_file import load_known_strain
 
-        stated = load_zeros(options.tare_known, gauge_names)
-        known = KnownStrain(value=stated.value, own_std=stated.std)
+        known = load_known_strain(options.tare_known, gauge_names)
     return Taring(held, set_zeros, options.tare_cycles, said_for=round(settings.alarm_cycles), known=known)
 
 
