@@ -15,6 +15,7 @@ from builder.inverse.noise_model import NoiseTerm
 from builder.inverse.solution import Problem
 from builder.manifold.discrepancy import level_error, process_size, tested_shapes
 from builder.manifold.followed_errors import followed_errors
+from builder.manifold.parameter_slopes import FURTHER_PARAMETERS, ParameterSlopes
 from builder.manifold.sensor_tables import base_pressure_error, gains_of_sensors, with_base_and_friction
 from builder.manifold.state_tables import state_tables
 from builder.vehicle.file import Vehicle
@@ -24,6 +25,7 @@ from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.manifold.flight_field import FlightField
 from strainfmu.estimator.manifold.further_tables import FurtherTables
 from strainfmu.estimator.manifold.manifold_map import ManifoldMap
+from strainfmu.estimator.manifold.parameter_tables import ParameterTables
 from strainfmu.estimator.manifold.shape_field import ShapeField
 
 
@@ -106,6 +108,7 @@ def manifold_map(
         further=_further(coefficients[:, :, n:], fixed[n:], errors[n:], errors[:n_d]),
         pressure_field=found.field if isinstance(found.field, FlightField) else None,
         shape_field=found.field if isinstance(found.field, ShapeField) else None,
+        parameters=_parameters(found.slopes, terms),
     )
     made = replace(made, discrepancy_shapes=tested_shapes(made))
     n_g = n_d if problem.sensors is None else n_d - len(problem.sensors.rows)
@@ -130,6 +133,22 @@ def _further(
         fixed_response=fixed,
         strain_covariance=of_load @ of_strain.T,
         variance=np.sum(of_load**2, axis=1),
+    )
+
+
+def _parameters(slopes: ParameterSlopes | None, terms: dict[str, FloatArray]) -> ParameterTables | None:
+    """Return ``slopes`` with the errors that are left where all parameters are known."""
+    if slopes is None:
+        return None
+    others = [columns for name, columns in terms.items() if name != FURTHER_PARAMETERS]
+    n_j, n, k = slopes.unit_error.shape
+    unit = _compressed(slopes.unit_error.reshape(n_j * n, k)) if k > n_j * n else slopes.unit_error
+    return ParameterTables(
+        powers=slopes.powers,
+        slope=slopes.slope,
+        unit_error=unit.reshape(n_j, n, -1),
+        spread_error=np.stack([_compressed(one) for one in slopes.spread_error]),
+        error=_compressed(np.hstack(others)),
     )
 
 

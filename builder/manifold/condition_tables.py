@@ -13,6 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from builder.campaign.snapshots import Snapshots
+from builder.manifold.parameter_slopes import (
+    FURTHER_PARAMETERS,
+    ConditionSlopes,
+    ParameterSlopes,
+    condition_slopes,
+)
 from builder.manifold.snapshot_grid import SnapshotGrid, snapshot_grid
 from builder.manifold.tables import interpolating, spline_coefficients
 from strainfmu.arrays import FloatArray
@@ -44,6 +50,7 @@ class ConditionTables:
     crossflow_range : (2, 2) least and largest u and w of the snapshots [rad].
     incidence_limit : total incidence in the farthest corner of these [rad].
     overpressure : (n_p,) p / p_inf - 1 at the least total incidence, the mean of these.
+    slopes : by further parameters of the flow; None where the snapshots have none that changes.
     """
 
     mach_knots: FloatArray
@@ -53,6 +60,7 @@ class ConditionTables:
     crossflow_range: FloatArray
     incidence_limit: float
     overpressure: FloatArray
+    slopes: ParameterSlopes | None
 
 
 def condition_tables(snapshots: Snapshots, operator: FloatArray, is_vented: bool) -> ConditionTables:
@@ -74,9 +82,12 @@ def condition_tables(snapshots: Snapshots, operator: FloatArray, is_vented: bool
     all_values = (ratio @ operator.T)[grid.row]
     values = all_values.mean(axis=3)
     errors = {"interpolation": left_out_errors(grid, values)}
+    slope = None
     if grid.row.shape[3] > 1:
-        off = (all_values - values[:, :, :, None]).reshape(-1, len(operator))
-        errors["further parameters of the flow"] = off.T / np.sqrt(len(off))
+        off = all_values - values[:, :, :, None]
+        slope = condition_slopes(off, [conditions[row].parameters for row in grid.row[0, 0, 0]])
+        errors[FURTHER_PARAMETERS] = np.hstack(slope.spread_error())
+        errors["further parameters, the rest"] = slope.rest_error()
     mach = grid.mach
     if len(mach) == 2:
         mach, values = with_middle_mach(mach, values)
@@ -94,6 +105,24 @@ def condition_tables(snapshots: Snapshots, operator: FloatArray, is_vented: bool
         crossflow_range=np.array([[alpha[0], alpha[-1]], [-beta[-1], -beta[0]]]),
         incidence_limit=float(incidence.max()),
         overpressure=ratio[incidence <= incidence.min() + 1e-9].mean(axis=0),
+        slopes=None if slope is None else _slope_tables(grid, slope, found),
+    )
+
+
+def _slope_tables(grid: SnapshotGrid, slope: ConditionSlopes, tables: FlightTables) -> ParameterSlopes:
+    """Return the tables of ``slope`` on the knots and with the harmonics of ``tables``."""
+    n_m, found = tables.response.shape[3], []
+    for values in np.moveaxis(slope.value, 3, 0):
+        mach = grid.mach
+        if len(mach) == 2:
+            mach, values = with_middle_mach(mach, values)
+        one = _polar(grid, mach, values, float(tables.incidence_knots[-1])).response[:, :, :, :n_m]
+        found.append(np.pad(one, [(0, 0)] * 3 + [(0, n_m - one.shape[3]), (0, 0)]))
+    return ParameterSlopes(
+        powers=slope.powers,
+        slope=np.stack(found, axis=2),
+        unit_error=slope.unit_error(),
+        spread_error=slope.spread_error(),
     )
 
 

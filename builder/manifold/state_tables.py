@@ -16,6 +16,7 @@ from builder.manifold.field_tables import flight_field
 from builder.manifold.flow_amplitudes import FlowAmplitudes, flow_amplitudes
 from builder.manifold.interpolation import interpolation_errors
 from builder.manifold.mirror_images import with_mirror_images
+from builder.manifold.parameter_slopes import ParameterSlopes
 from builder.manifold.shape_field import shape_field
 from builder.manifold.tables import response_values, ring_response, spline_coefficients, spline_rows
 from builder.vehicle.file import Vehicle
@@ -43,6 +44,7 @@ class StateTables:
     incidence_limit : largest total incidence of the flows [rad].
     crossflow_range : (2, 2) least and largest u and w of the flows [rad]; None where they are all round.
     field : pressure on the surface, of either kind; None where the map does not hold it.
+    slopes : by further parameters of the flow; None for none.
     """
 
     mach_knots: FloatArray
@@ -54,6 +56,7 @@ class StateTables:
     incidence_limit: float
     crossflow_range: FloatArray | None
     field: FlightField | ShapeField | None
+    slopes: ParameterSlopes | None = None
 
 
 def state_tables(
@@ -93,6 +96,7 @@ def _of_any_shape(
         incidence_limit=found.incidence_limit,
         crossflow_range=found.crossflow_range,
         field=shape_field(vehicle, snapshots, problem, process, found.overpressure) if entry.keep_field else None,
+        slopes=found.slopes,
     )
 
 

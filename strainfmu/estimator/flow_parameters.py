@@ -1,7 +1,8 @@
 """Further parameters of the flow, such as deflections of controls: their ranges in the snapshots of a map.
 
-The estimate does not use them: the prior holds all values of the snapshots. A value that is known and out of range
-tells that the map does not hold, whatever strain and coefficients say.
+The linear estimate does not use them: the prior holds all values of the snapshots. The nonlinear one does where
+their deviation is stated (:mod:`strainfmu.estimator.manifold.parameter_tables`). A value that is known and out of
+range tells that the map does not hold, whatever strain and coefficients say.
 """
 
 from __future__ import annotations
@@ -62,6 +63,14 @@ class FlowParameters:
                 known = ", ".join(self.names) or "none"
                 raise InputError(f"parameters: expected those of the map, {known}, got '{name}'")
             found[:, self.names.index(name)] = per_sample(name, value, samples)
+        return found
+
+    def stds(self, given: Mapping[str, ArrayLike] | None, samples: int) -> FloatArray:
+        """Return (samples, n_p) standard deviations ``given`` by name, as :meth:`values`; errors as there, and for
+        one below 0."""
+        found = self.values(given, samples)
+        if np.any(found < 0.0):
+            raise InputError(f"parameters_std: expected numbers from 0 on, got {np.nanmin(found):g}")
         return found
 
     def score(self, values: FloatArray) -> FloatArray:

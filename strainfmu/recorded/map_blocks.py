@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TypedDict, cast
+from typing import Any, TypedDict, cast
 
 import numpy as np
 
@@ -156,7 +156,7 @@ class FlightBlocks:
         return np.concatenate([air.value, air.std, air.is_identified, flags, of_map]).astype(float)
 
     def _step(self, block: StrainBlock, row: int, readings: FloatArray) -> FlightEstimate:
-        flow = {name: float(values[row]) for name, values in block.flow.items()}
+        flow: dict[str, Any] = {name: float(values[row]) for name, values in block.flow.items()}
         warm = None if block.temperature is None else block.temperature[row]
         parameters = {name: values[row] for name, values in block.parameters.items()}
         pressure = float(block.dynamic_pressure[row])

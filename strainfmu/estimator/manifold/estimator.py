@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from copy import copy
 from dataclasses import fields, replace
-from typing import Any
+from functools import partial
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,6 +25,7 @@ from strainfmu.estimator.manifold.flight_estimate import FlightEstimate, FlightE
 from strainfmu.estimator.manifold.flight_health import flight_health
 from strainfmu.estimator.manifold.gauss_newton import Linearised, Samples, without_navigation
 from strainfmu.estimator.manifold.inputs import EstimatorInputs
+from strainfmu.estimator.manifold.linear_loads import OF_LOADS, fall_back
 from strainfmu.estimator.manifold.navigation import (
     LEAST_RELATIVE_STD,
     NAVIGATION,
@@ -32,7 +34,8 @@ from strainfmu.estimator.manifold.navigation import (
     prior,
     state_measurement,
 )
-from strainfmu.estimator.manifold.solve import FlightSolution, solution, solve_cold
+from strainfmu.estimator.manifold.parameter_tables import with_known
+from strainfmu.estimator.manifold.solve import FlightSolution, solution, solve_cold, solve_from
 from strainfmu.estimator.manifold.starts import search_table
 from strainfmu.estimator.moment_point import moment_transfer
 from strainfmu.estimator.pressure_field import FieldInputs
@@ -46,20 +49,13 @@ Solve = Callable[[Samples, IntArray], Linearised]
 BLOCK = 64
 """Samples that are computed together: their covariances are to stay in the processor's cache."""
 
-_INCIDENCE = AIR_DATA_NAMES.index("total_incidence")
 
-_OF_LOADS = (
-    "loads",
-    "loads_std",
-    "coefficients",
-    "coefficients_std",
-    "load_covariance",
-    "coefficient_covariance",
-    "further_loads",
-    "further_loads_std",
-    "further_coefficients",
-    "further_coefficients_std",
-)
+def blocks(samples: int) -> list[slice]:
+    """Return the blocks of ``samples``, at least one."""
+    return [slice(first, first + BLOCK) for first in range(0, max(samples, 1), BLOCK)]
+
+
+_INCIDENCE = AIR_DATA_NAMES.index("total_incidence")
 
 
 class ManifoldEstimator:
@@ -125,6 +121,7 @@ class ManifoldEstimator:
         static_pressure_std: ArrayLike = np.nan,
         temperature: ArrayLike | None = None,
         parameters: Mapping[str, ArrayLike] | None = None,
+        parameters_std: Mapping[str, ArrayLike] | None = None,
     ) -> FlightEstimate | FlightEstimates:
         """Estimate the loads of one sample, or of k samples at once, each on its own.
 
@@ -142,6 +139,8 @@ class ManifoldEstimator:
             None for none. What the wall's temperature strains is taken off, as far as they tell.
         parameters : further parameters of the flow by the names of the map, one for all samples or (k,), in the
             units of the vehicle file; out of their range health is ``OUTSIDE``.
+        parameters_std : their standard deviations, with which they sharpen the estimate; of any that is left out
+            the value decides on health alone. Samples of another value or deviation are estimated one by one.
 
         Raises
         ------
@@ -162,6 +161,7 @@ class ManifoldEstimator:
                 "altitude": altitude,
             },
             parameters,
+            parameters_std,
         )
         found = self._at_temperature(inputs, temperature)
         return found if np.ndim(strain) == 2 else found[0]
@@ -196,11 +196,32 @@ class ManifoldEstimator:
         return found
 
     def _searched(self, inputs: EstimatorInputs) -> FlightEstimates:
-        blocks = [
-            self.estimated(inputs.rows(slice(first, first + BLOCK)), self.search)
-            for first in range(0, max(len(inputs.strain), 1), BLOCK)
-        ]
-        return joined(blocks)
+        found = joined([self.estimated(inputs.rows(rows), self.search) for rows in blocks(len(inputs.strain))])
+        if not inputs.knows_parameters or self.manifold.parameters is None:
+            return found
+        parts = []
+        for rows in inputs.of_like_parameters():
+            known, of_rows = self.at_parameters(inputs.rows(rows[:1])), inputs.rows(rows)
+            parts.append((rows, known._from(found.state[rows], of_rows)))
+        return cast(FlightEstimates, scattered(parts, len(inputs.strain)))
+
+    def _from(self, state: FloatArray, inputs: EstimatorInputs) -> FlightEstimates:
+        """Return the estimates of ``inputs`` from ``state`` (k, 4)."""
+
+        def solve(first: FloatArray, samples: Samples, rows: IntArray) -> Linearised:
+            return solve_from(self.manifold, first[rows], samples)
+
+        return joined(
+            [self.estimated(inputs.rows(rows), partial(solve, state[rows])) for rows in blocks(len(state))]
+        )
+
+    def at_parameters(self, inputs: EstimatorInputs) -> ManifoldEstimator:
+        """Return the estimator for what the one sample in ``inputs`` knows of further parameters of the flow."""
+        if not inputs.knows_parameters or self.manifold.parameters is None:
+            return self
+        other = copy(self)
+        other.manifold = with_known(self.manifold, inputs.parameter_value[0], inputs.parameter_std[0])
+        return other
 
     def groups(
         self, inputs: EstimatorInputs, temperature: ArrayLike
@@ -224,6 +245,7 @@ class ManifoldEstimator:
         valid: ArrayLike | None,
         flow: Mapping[str, ArrayLike],
         parameters: Mapping[str, ArrayLike] | None = None,
+        parameters_std: Mapping[str, ArrayLike] | None = None,
     ) -> EstimatorInputs:
         """Return the inputs of :meth:`estimate` as arrays over the samples; errors as there."""
         n = self.inverse_map.n_gauges
@@ -240,11 +262,15 @@ class ManifoldEstimator:
                 raise InputError(f"{name}: expected numbers from 0 on, got {np.nanmin(of[name]):g}")
         std = np.column_stack([of[f"{name}_std"] for name in NAVIGATION])
         navigation = Navigation(value=value, std=self._stds(value, std))
+        known = self.parameters.values(parameters, len(d))
+        deviation = np.where(np.isnan(known), np.nan, self.parameters.stds(parameters_std, len(d)))
         return EstimatorInputs(
             strain=self.linear.rows_of(d) - zero_of_rows(self.inverse_map, self.zeros),
             used=used,
             navigation=navigation,
-            parameter_score=self.parameters.score(self.parameters.values(parameters, len(d))),
+            parameter_score=self.parameters.score(known),
+            parameter_value=np.where(np.isnan(deviation), np.nan, known),
+            parameter_std=deviation,
         )
 
     def _stds(self, value: FloatArray, std: FloatArray) -> FloatArray:
@@ -313,7 +339,7 @@ class ManifoldEstimator:
         some = np.asarray(used.any(axis=1))
         air = self._air_data(found, used, predicted)
         set_unknown(out, np.flatnonzero(~some & ~air.is_identified[:, _INCIDENCE]))
-        is_linear = self._fall_back(out, inputs, np.asarray(~judged.fits & some))
+        is_linear = fall_back(self.linear, out, inputs, np.asarray(~judged.fits & some))
         return FlightEstimates(
             **{entry.name: getattr(out, entry.name) for entry in fields(out)},
             air_data=air,
@@ -382,23 +408,8 @@ class ManifoldEstimator:
 
     def with_linear_loads(self, inputs: EstimatorInputs, found: FlightEstimates) -> FlightEstimates:
         """Return ``found`` with the loads of the linear map, where it has some, and health not OK."""
-        out = replace(found, **{name: getattr(found, name).copy() for name in (*_OF_LOADS, "health")})
-        is_linear = self._fall_back(out, inputs, np.asarray(inputs.used.any(axis=1)))
+        out = replace(found, **{name: getattr(found, name).copy() for name in (*OF_LOADS, "health")})
+        is_linear = fall_back(self.linear, out, inputs, np.asarray(inputs.used.any(axis=1)))
         good = is_linear & (out.health == HealthState.OK)
         out.health[good] = HealthState.DEGRADED
         return replace(out, is_linear=found.is_linear | is_linear)
-
-    def _fall_back(self, out: LoadEstimates, inputs: EstimatorInputs, off: BoolArray) -> BoolArray:
-        """Give the samples ``off`` the tables the loads of the linear map, where it has some; return which."""
-        q, std = inputs.navigation.value[:, 2], inputs.navigation.std[:, 2]
-        rows = np.flatnonzero(off & np.isfinite(q))
-        is_linear = np.zeros(len(off), dtype=bool)
-        if len(rows):
-            readings = self.linear.readings_of(inputs.strain[rows])
-            linear = self.linear.estimate(readings, q[rows], inputs.used[rows], std[rows])
-            assert isinstance(linear, LoadEstimates)
-            known = np.asarray(np.isfinite(linear.coefficients).all(axis=1))
-            for name in _OF_LOADS:
-                getattr(out, name)[rows[known]] = getattr(linear, name)[known]
-            is_linear[rows[known]] = True
-        return is_linear

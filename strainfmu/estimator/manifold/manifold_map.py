@@ -15,6 +15,8 @@ from strainfmu.estimator.manifold.flight_field import FlightField
 from strainfmu.estimator.manifold.flight_tables import FlightTables
 from strainfmu.estimator.manifold.further_tables import UNITS as FURTHER_UNITS
 from strainfmu.estimator.manifold.further_tables import FurtherTables
+from strainfmu.estimator.manifold.parameter_tables import UNITS as PARAMETER_UNITS
+from strainfmu.estimator.manifold.parameter_tables import ParameterTables
 from strainfmu.estimator.manifold.shape_field import UNITS as SHAPE_UNITS
 from strainfmu.estimator.manifold.shape_field import ShapeField
 from strainfmu.records import inner_record
@@ -61,6 +63,7 @@ class ManifoldMap:
     pressure_field, shape_field : pressure on the surface over the flight state, of a body of revolution, and of
         any other shape; None where the map does not hold it.
     further : loads of sections over the flight state; None for none.
+    parameters : what further parameters of the flow change; None where the map holds none.
     """
 
     mach_knots: FloatArray
@@ -92,6 +95,9 @@ class ManifoldMap:
     sensor_gain_std: FloatArray | None = None
     sensor_common_gain_std: FloatArray | None = None
     further: FurtherTables | None = field(default=None, metadata=inner_record(FurtherTables, FURTHER_UNITS))
+    parameters: ParameterTables | None = field(
+        default=None, metadata=inner_record(ParameterTables, PARAMETER_UNITS)
+    )
 
     def __post_init__(self) -> None:
         n_d, k = self.tables.n_gauges, self.error_strain.shape[1]
@@ -117,6 +123,9 @@ class ManifoldMap:
         self._check_field()
         if self.further is not None:
             self.further.check(self.tables)
+        if self.parameters is not None:
+            n_further = 0 if self.further is None else len(self.further.variance)
+            self.parameters.check(self.response.shape, n_further)
 
     def _check_field(self) -> None:
         held = self.surface_field

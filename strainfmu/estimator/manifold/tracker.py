@@ -61,6 +61,7 @@ class FlightTracker:
         static_pressure_std: float = np.nan,
         temperature: ArrayLike | None = None,
         parameters: Mapping[str, ArrayLike] | None = None,
+        parameters_std: Mapping[str, ArrayLike] | None = None,
     ) -> FlightEstimate:
         """Estimate the loads of one sample; arguments and errors as :meth:`ManifoldEstimator.estimate`."""
         inputs = self.estimator.checked_inputs(
@@ -76,6 +77,7 @@ class FlightTracker:
                 "altitude": altitude,
             },
             parameters,
+            parameters_std,
         )
         estimator = self.estimator
         if temperature is not None:
@@ -90,7 +92,7 @@ def tracked(estimator: ManifoldEstimator, inputs: EstimatorInputs, track: Track)
     A step without gauges keeps the state. While strain does not fit the tables, they are searched every
     :data:`SEARCH_EVERY` steps.
     """
-    state = track.state
+    estimator, state = estimator.at_parameters(inputs), track.state
     search = state is None or track.since_search >= SEARCH_EVERY
     if search or state is None:
         found = estimator.estimated(inputs, estimator.search)

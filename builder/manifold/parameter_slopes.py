@@ -1,0 +1,83 @@
+"""What further parameters of the flow change at every condition of the snapshots, by polynomials of each."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from strainfmu.arrays import FloatArray
+from strainfmu.estimator.manifold.parameter_tables import Powers
+
+FURTHER_PARAMETERS = "further parameters of the flow"
+"""Error of tables of the mean over further parameters: what follows from these once they are known."""
+
+MAX_POWER = 3
+"""Highest power of a parameter; less where the snapshots hold fewer values of it."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ConditionSlopes:
+    """Least squares over the parameters' values, at every condition.
+
+    Attributes
+    ----------
+    powers : of the parameters, J in number.
+    value : (n_M, n_a, n_b, J, n) of n rows per p_inf and unit of each power.
+    rest : (n_M, n_a, n_b, n_k, n) what is left, per p_inf.
+    values : (n_k, n_p) of the parameters.
+    """
+
+    powers: Powers
+    value: FloatArray
+    rest: FloatArray
+    values: FloatArray
+
+    def unit_error(self) -> FloatArray:
+        """Return columns (J, n, k) of one unit of each power, the same states in each."""
+        n_j, n = self.value.shape[3:]
+        of_grid = self.value.reshape(-1, n_j, n)
+        return np.ascontiguousarray(np.moveaxis(of_grid, 0, 2)) / np.sqrt(len(of_grid))
+
+    def spread_error(self) -> list[FloatArray]:
+        """Return columns (n, k) of each parameter that is not known, whose squares add up to the mean one."""
+        unit, change = self.unit_error(), self.powers.change(self.values) / np.sqrt(len(self.values))
+        found = []
+        for parameter in range(len(self.powers.mean)):
+            own = self.powers.parameter == parameter
+            columns = np.einsum("kj,jnc->nkc", change[:, own], unit[own])
+            found.append(columns.reshape(len(columns), -1))
+        return found
+
+    def rest_error(self) -> FloatArray:
+        """Return columns (n, k) of the rest, whose squares add up to the mean one."""
+        rows = self.rest.reshape(-1, self.rest.shape[-1])
+        return np.asarray(rows.T / np.sqrt(len(rows)))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ParameterSlopes:
+    """Slopes over the flight state; as in
+    :class:`~strainfmu.estimator.manifold.parameter_tables.ParameterTables`."""
+
+    powers: Powers
+    slope: FloatArray
+    unit_error: FloatArray
+    spread_error: list[FloatArray]
+
+
+def condition_slopes(off: FloatArray, parameters: Sequence[tuple[float, ...]]) -> ConditionSlopes:
+    """Return the slopes of ``off`` (n_M, n_a, n_b, n_k, n), whose mean over the n_k ``parameters`` is 0."""
+    values = np.array(parameters)
+    mean, spread = values.mean(axis=0), values.std(axis=0)
+    highest = [min(len(np.unique(column)) - 1, MAX_POWER) for column in values.T]
+    pairs = [(number, power) for number, most in enumerate(highest) for power in range(1, most + 1)]
+    parameter, power = np.array(pairs, dtype=np.int64).T
+    powers = Powers(mean=mean, spread=spread, parameter=parameter, power=power, offset=np.zeros(len(pairs)))
+    powers = Powers(
+        mean=mean, spread=spread, parameter=parameter, power=power, offset=powers.change(values).mean(axis=0)
+    )
+    change = powers.change(values)
+    slope = np.linalg.pinv(change) @ off
+    return ConditionSlopes(powers=powers, value=slope, rest=off - change @ slope, values=values)

@@ -1,0 +1,155 @@
+"""Further parameters of the flow that are known with a deviation sharpen the nonlinear estimate of any shape."""
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from shape_case import N_D, flown, grid_conditions, grid_snapshots, shape_structure, shape_vehicle
+
+from builder.aero.section_loads import six_loads
+from builder.campaign.snapshots import Snapshots
+from builder.inverse.build import build_inverse_map
+from builder.manifold.build import with_manifold
+from strainfmu.errors import InputError
+from strainfmu.estimator.inverse_map import InverseMap, load_inverse_map, save_inverse_map
+from strainfmu.estimator.manifold.estimator import ManifoldEstimator
+from strainfmu.estimator.manifold.flight_estimate import FlightEstimates
+from strainfmu.estimator.manifold.flight_tables import evaluate
+from strainfmu.estimator.manifold.parameter_tables import with_known
+from strainfmu.estimator.manifold.tracker import FlightTracker
+
+DEFLECTIONS = (-4.0, -2.0, 0.0, 2.0, 4.0)
+NAME = "fin_deg"
+
+
+def deflected(snapshots: Snapshots, deflection: np.ndarray) -> Snapshots:
+    """Return ``snapshots`` with a pressure that rolls the body, by a cubic of the ``deflection`` (k,) [deg]."""
+    point, scaled = snapshots.surface.point, deflection / 4.0
+    twist = np.sin(2.0 * np.arctan2(point[:, 1], point[:, 2])) * (point[:, 0] / point[:, 0].max()) ** 4
+    ambient = np.array([one.ambient_pressure for one in snapshots.conditions()])
+    change = 3.0 * (scaled + 0.3 * scaled**3)
+    return replace(
+        snapshots,
+        condition=np.column_stack([snapshots.condition, deflection]),
+        pressure=snapshots.pressure + ambient[:, None] * change[:, None] * twist,
+        settings={**snapshots.settings, "parameters": [NAME]},
+    )
+
+
+def chosen(snapshots: Snapshots, rows: np.ndarray) -> Snapshots:
+    names = ("condition", "pressure", "internal_pressure", "solved", "flow", "momentum_error", "repairs")
+    return replace(snapshots, **{name: getattr(snapshots, name)[rows] for name in names}, mass_error=None)
+
+
+@cache
+def snapshots_of_grid() -> Snapshots:
+    count = len(grid_conditions())
+    whole = chosen(grid_snapshots(), np.tile(np.arange(count), len(DEFLECTIONS)))
+    return deflected(whole, np.repeat(DEFLECTIONS, count))
+
+
+@cache
+def known_map() -> InverseMap:
+    vehicle, snapshots = shape_vehicle(discrepancy_of_prior_percent=0.1), snapshots_of_grid()
+    structure = shape_structure(snapshots.surface)
+    return with_manifold(build_inverse_map(vehicle, snapshots, structure), vehicle, snapshots, structure)
+
+
+@cache
+def flights() -> tuple[Snapshots, np.ndarray]:
+    """Return flights at random deflections, and what the gauges read."""
+    random = np.random.default_rng(3)
+    conditions = grid_conditions(mach=(6.2, 6.8), alpha=(-3.0, 1.0, 2.5), beta=(-1.5, 0.4))
+    snapshots = deflected(flown(conditions), random.uniform(-4.0, 4.0, len(conditions)))
+    net = snapshots.pressure - snapshots.internal_pressure[:, None]
+    strain = net @ shape_structure(snapshots.surface).strain_operator("four_rows").T
+    return snapshots, strain + known_map().noise_std * random.standard_normal(strain.shape)
+
+
+def estimated(**known: object) -> FlightEstimates:
+    snapshots, strain = flights()
+    q, mach = (
+        np.array([getattr(one, name) for one in snapshots.conditions()])
+        for name in ("dynamic_pressure", "mach_number")
+    )
+    found = ManifoldEstimator(known_map()).estimate(strain, q, mach_number=mach, **known)  # type: ignore[arg-type]
+    assert isinstance(found, FlightEstimates)
+    return found
+
+
+def stated(std: float) -> FlightEstimates:
+    deflection = flights()[0].condition[:, -1]
+    return estimated(parameters={NAME: deflection}, parameters_std={NAME: std})
+
+
+def test_tables_at_a_known_value_pass_through_its_snapshots() -> None:
+    manifold, snapshots = known_map().manifold, snapshots_of_grid()
+    assert manifold is not None
+    net = snapshots.pressure - snapshots.internal_pressure[:, None]
+    readings = net @ shape_structure(snapshots.surface).strain_operator("four_rows").T
+    for row in (0, 40, 140, 330):
+        condition = snapshots.conditions()[row]
+        incidence, roll = condition.total_incidence, condition.leeward_roll_angle
+        state = [condition.mach_number, incidence * np.cos(roll), incidence * np.sin(roll)]
+        state.append(float(np.log(condition.ambient_pressure)))
+        at = with_known(manifold, np.array(condition.parameters), np.zeros(1))
+        off, of_mean = (
+            evaluate(one.tables, np.array([state])).value[0, :N_D] - readings[row] for one in (at, manifold)
+        )
+        assert np.abs(off).max() < 2e-3 * np.abs(readings[row]).max()
+        if condition.parameters[0] != 0.0:
+            assert np.abs(of_mean).max() > 10.0 * np.abs(off).max()
+
+
+def test_a_known_deflection_sharpens_the_rolling_moment() -> None:
+    snapshots = flights()[0]
+    vehicle, conditions = shape_vehicle(), snapshots.conditions()
+    reference = vehicle.reference_quantities()
+    net = snapshots.pressure - snapshots.internal_pressure[:, None]
+    scale = np.array([one.dynamic_pressure for one in conditions]) * reference.area * reference.length
+    true = net @ six_loads(snapshots.surface, reference.moment_station)[5] / scale
+    blind, known, poor = estimated(), stated(0.05), stated(2.0)
+    rms = [np.sqrt(np.mean((one.M_R - true) ** 2)) for one in (blind, known)]
+    assert rms[1] < 0.6 * rms[0]
+    for one in (blind, known, poor):
+        assert np.all(np.abs(one.M_R - true) <= 3.0 * one.further_coefficients_std[:, 0])
+    deviations = [np.median(one.further_coefficients_std[:, 0]) for one in (known, blind)]
+    assert deviations[0] < 0.7 * deviations[1]
+
+
+def test_a_value_without_deviation_and_one_of_a_boundless_one_change_nothing() -> None:
+    deflection = flights()[0].condition[:, -1]
+    blind = estimated()
+    alone = estimated(parameters={NAME: deflection})
+    np.testing.assert_array_equal(alone.coefficients, blind.coefficients)
+    boundless = stated(1e9)
+    np.testing.assert_allclose(boundless.coefficients, blind.coefficients, rtol=1e-5, atol=1e-9)
+    np.testing.assert_allclose(boundless.coefficients_std, blind.coefficients_std, rtol=1e-5)
+    np.testing.assert_allclose(boundless.further_coefficients_std, blind.further_coefficients_std, rtol=1e-5)
+
+
+def test_step_by_step_a_known_deflection_gives_the_same(tmp_path: Path) -> None:
+    save_inverse_map(known_map(), tmp_path / "map.h5")
+    snapshots, strain = flights()
+    whole, tracker = stated(0.05), FlightTracker(ManifoldEstimator(load_inverse_map(tmp_path / "map.h5")))
+    condition = snapshots.conditions()[0]
+    for _ in range(3):
+        found = tracker.step(
+            strain[0],
+            condition.dynamic_pressure,
+            mach_number=condition.mach_number,
+            parameters={NAME: condition.parameters[0]},
+            parameters_std={NAME: 0.05},
+        )
+    np.testing.assert_allclose(found.coefficients, whole.coefficients[0], rtol=1e-4, atol=1e-7)
+    np.testing.assert_allclose(found.further_coefficients_std, whole.further_coefficients_std[0], rtol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("std", "message"), [({NAME: -0.1}, "expected numbers from 0 on"), ({"flap": 0.1}, "got 'flap'")]
+)
+def test_wrong_deviations_are_refused(std: dict[str, float], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        estimated(parameters={NAME: 1.0}, parameters_std=std)
