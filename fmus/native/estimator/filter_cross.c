@@ -99,9 +99,13 @@ static void update(const Filter *filter, const double *before, double *after) {
 AVX2 static void update_avx2(const Filter *filter, const double *before, double *after) {
     update_strips(BLOCK_COLUMNS, filter, before, after);
 }
+
+AVX512 static void update_avx512(const Filter *filter, const double *before, double *after) {
+    update_strips(BLOCK_COLUMNS, filter, before, after);
+}
 #endif
 
 void filter_update_cross(Filter *filter, const Law *law, Law *after) {
     const double *before = is_predicted(filter, law) ? filter->law.cross : NULL;
-    CHOSEN(filter->solver->wide, update)(filter, before, after->cross);
+    WIDEST(filter->solver->wide, update)(filter, before, after->cross);
 }

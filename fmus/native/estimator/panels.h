@@ -22,7 +22,7 @@ static inline size_t panel_elements(size_t n) {
     return panel_length(n) * (panel_length(n) + PANEL) / 2;
 }
 
-/* Whether the processor and the system have AVX2. */
+/* Whether the processor and the system have AVX2: 1, or 2 with AVX-512, too. */
 int panels_wide(void);
 
 /* Lay out a packed upper triangle R (triangles.h) of order n by rows, and by columns. */

@@ -58,8 +58,8 @@ EVERYWHERE void change_of(size_t width, Change change, int is_upper, size_t rows
     }
 }
 
-EVERYWHERE void both(size_t count, double a, const double *restrict x, double b, const double *restrict y,
-                     double *restrict out) {
+EVERYWHERE void both_of(size_t count, double a, const double *restrict x, double b, const double *restrict y,
+                        double *restrict out) {
     for (size_t i = 0; i < count; i += LANES) {
         for (size_t r = i; r < i + LANES; r++) {
             out[r] = a * x[r] + b * y[r];
@@ -104,95 +104,78 @@ EVERYWHERE void all_squares(size_t n, const double *restrict lower, double *rest
     }
 }
 
-static void whole(Shape shape, size_t rows, size_t inner, size_t columns, Strided left, const double *right,
-                  size_t right_row, double *product, size_t product_row) {
-    whole_of(NARROW_COLUMNS, shape, rows, inner, columns, left, right, right_row, product, product_row);
-}
-
-static void upper(size_t n, size_t inner, Strided left, const double *right, const double *added, double *product) {
-    upper_of(NARROW_COLUMNS, n, inner, left, right, added, product);
-}
-
-static void change(Change how, int is_upper, size_t rows, size_t inner, size_t columns, Strided left,
-                   const double *right, size_t right_row, double *product, size_t product_row) {
-    if (how == ADD) {
-        change_of(NARROW_COLUMNS, ADD, is_upper, rows, inner, columns, left, right, right_row, product, product_row);
-    } else {
-        change_of(NARROW_COLUMNS, SUBTRACT, is_upper, rows, inner, columns, left, right, right_row, product, product_row);
+/* The same for an instruction set, in blocks of so many columns. */
+#define PRODUCTS(instructions, set, width) \
+    instructions static void whole##set(Shape shape, size_t rows, size_t inner, size_t columns, Strided left, \
+                                        const double *right, size_t right_row, double *product, size_t product_row) { \
+        whole_of(width, shape, rows, inner, columns, left, right, right_row, product, product_row); \
+    } \
+    instructions static void upper##set(size_t n, size_t inner, Strided left, const double *right, const double *added, \
+                                        double *product) { \
+        upper_of(width, n, inner, left, right, added, product); \
+    } \
+    instructions static void more##set(int is_upper, size_t rows, size_t inner, size_t columns, Strided left, \
+                                       const double *right, size_t right_row, double *product, size_t product_row) { \
+        change_of(width, ADD, is_upper, rows, inner, columns, left, right, right_row, product, product_row); \
+    } \
+    instructions static void less##set(int is_upper, size_t rows, size_t inner, size_t columns, Strided left, \
+                                       const double *right, size_t right_row, double *product, size_t product_row) { \
+        change_of(width, SUBTRACT, is_upper, rows, inner, columns, left, right, right_row, product, product_row); \
+    } \
+    instructions static void both##set(size_t count, double a, const double *x, double b, const double *y, double *out) { \
+        both_of(count, a, x, b, y, out); \
+    } \
+    instructions static void total##set(size_t rows, size_t count, const double *x, const double *y, double *out) { \
+        sums_of(rows, count, x, y, out); \
+    } \
+    instructions static void columns##set(size_t n, const double *lower, double *out) { \
+        all_squares(n, lower, out); \
     }
-}
 
+PRODUCTS(, , NARROW_COLUMNS)
 #if HAS_AVX2
-AVX2 static void whole_avx2(Shape shape, size_t rows, size_t inner, size_t columns, Strided left, const double *right,
-                            size_t right_row, double *product, size_t product_row) {
-    whole_of(BLOCK_COLUMNS, shape, rows, inner, columns, left, right, right_row, product, product_row);
-}
-
-AVX2 static void upper_avx2(size_t n, size_t inner, Strided left, const double *right, const double *added,
-                            double *product) {
-    upper_of(BLOCK_COLUMNS, n, inner, left, right, added, product);
-}
-
-AVX2 static void change_avx2(Change how, int is_upper, size_t rows, size_t inner, size_t columns, Strided left,
-                             const double *right, size_t right_row, double *product, size_t product_row) {
-    if (how == ADD) {
-        change_of(BLOCK_COLUMNS, ADD, is_upper, rows, inner, columns, left, right, right_row, product, product_row);
-    } else {
-        change_of(BLOCK_COLUMNS, SUBTRACT, is_upper, rows, inner, columns, left, right, right_row, product, product_row);
-    }
-}
-
-AVX2 static void both_avx2(size_t count, double a, const double *x, double b, const double *y, double *out) {
-    both(count, a, x, b, y, out);
-}
-
-AVX2 static void sums_of_avx2(size_t rows, size_t count, const double *x, const double *y, double *sums) {
-    sums_of(rows, count, x, y, sums);
-}
-
-AVX2 static void all_squares_avx2(size_t n, const double *lower, double *squares) {
-    all_squares(n, lower, squares);
-}
+PRODUCTS(AVX2, _avx2, BLOCK_COLUMNS)
+PRODUCTS(AVX512, _avx512, BLOCK_COLUMNS)
 #endif
 
 void multiply(int wide, Shape shape, size_t rows, size_t inner, size_t columns, Strided left, const double *right,
               size_t right_row, double *product, size_t product_row) {
-    CHOSEN(wide, whole)(shape, rows, inner, columns, left, right, right_row, product, product_row);
+    WIDEST(wide, whole)(shape, rows, inner, columns, left, right, right_row, product, product_row);
 }
 
 void multiply_upper(int wide, size_t n, size_t inner, Strided left, const double *right, const double *added,
                     double *product) {
-    CHOSEN(wide, upper)(n, inner, left, right, added, product);
+    WIDEST(wide, upper)(n, inner, left, right, added, product);
 }
 
 void add_product(int wide, size_t rows, size_t inner, size_t columns, Strided left, const double *right, size_t right_row,
                  double *product, size_t product_row) {
-    CHOSEN(wide, change)(ADD, 0, rows, inner, columns, left, right, right_row, product, product_row);
+    WIDEST(wide, more)(0, rows, inner, columns, left, right, right_row, product, product_row);
 }
 
 void subtract_product(int wide, size_t rows, size_t inner, size_t columns, Strided left, const double *right,
                       size_t right_row, double *product, size_t product_row) {
-    CHOSEN(wide, change)(SUBTRACT, 0, rows, inner, columns, left, right, right_row, product, product_row);
+    WIDEST(wide, less)(0, rows, inner, columns, left, right, right_row, product, product_row);
 }
 
 void add_upper(int wide, size_t rows, size_t inner, size_t columns, Strided left, const double *right, size_t right_row,
                double *product, size_t product_row) {
-    CHOSEN(wide, change)(ADD, 1, rows, inner, columns, left, right, right_row, product, product_row);
+    WIDEST(wide, more)(1, rows, inner, columns, left, right, right_row, product, product_row);
 }
 
 void subtract_upper(int wide, size_t rows, size_t inner, size_t columns, Strided left, const double *right,
                     size_t right_row, double *product, size_t product_row) {
-    CHOSEN(wide, change)(SUBTRACT, 1, rows, inner, columns, left, right, right_row, product, product_row);
+    WIDEST(wide, less)(1, rows, inner, columns, left, right, right_row, product, product_row);
 }
 
 void column_squares(int wide, size_t n, const double *lower, double *squares) {
-    CHOSEN(wide, all_squares)(n, lower, squares);
+    WIDEST(wide, columns)(n, lower, squares);
 }
 
 void combine(int wide, size_t count, double a, const double *x, double b, const double *y, double *out) {
-    CHOSEN(wide, both)(count, a, x, b, y, out);
+    WIDEST(wide, both)(count, a, x, b, y, out);
 }
 
 void sum_of_products(int wide, size_t rows, size_t count, const double *x, const double *y, double *sums) {
-    CHOSEN(wide, sums_of)(rows, count, x, y, sums);
+    WIDEST(wide, total)(rows, count, x, y, sums);
 }

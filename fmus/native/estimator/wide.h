@@ -1,4 +1,5 @@
-/* One source, two instruction sets: on x86-64 the products of every step are compiled for SSE2 and for AVX2. */
+/* One source, several instruction sets: on x86-64 the products of every step are compiled for SSE2 and for AVX2, those of
+   matrices for AVX-512 too. Which one runs changes no bit. */
 
 #ifndef WIDE_H
 #define WIDE_H
@@ -7,12 +8,15 @@
 #define HAS_AVX2 1
 #define AVX2 __attribute__((target("avx2")))
 #define EVERYWHERE static inline __attribute__((always_inline))
-/* The function of that name, or the one for AVX2. */
+#define AVX512 __attribute__((target("avx512f,avx512dq,avx512bw,avx512vl")))
+/* The function of that name, or the one for AVX2, or for the most that there is. */
 #define CHOSEN(wide, name) ((wide) ? name##_avx2 : (name))
+#define WIDEST(wide, name) ((wide) > 1 ? name##_avx512 : (wide) ? name##_avx2 : (name))
 #else
 #define HAS_AVX2 0
 #define EVERYWHERE static inline
 #define CHOSEN(wide, name) ((void)(wide), (name))
+#define WIDEST(wide, name) CHOSEN(wide, name)
 #endif
 
 #endif

@@ -28,6 +28,9 @@ pytestmark = [
 
 FLIGHTS, STEPS = 20, 10
 LINUX = "x86_64-linux-gnu.2.17"
+LESS = ("Nehalem", "Haswell")
+"""Processors with SSE2 alone, and with AVX2 but without AVX-512."""
+
 MAPS = {"gauges": whole_map, "further sensors": lambda: with_sensors(whole_map())}
 
 
@@ -83,9 +86,12 @@ def test_inputs_take_all_branches(linux: bytes) -> None:
     assert {0, 1, 4, 7} <= states
 
 
-def test_sse2(flight: NativeCase, inputs: Path, linux: bytes, linux_host: Path) -> None:
+@pytest.mark.parametrize("processor", LESS)
+def test_narrower_instructions(
+    processor: str, flight: NativeCase, inputs: Path, linux: bytes, linux_host: Path
+) -> None:
     emulator = program("qemu-x86_64", install="apt install qemu-user")
-    command = [emulator, "-cpu", "Nehalem", str(linux_host), str(library_file("linux64"))]
+    command = [emulator, "-cpu", processor, str(linux_host), str(library_file("linux64"))]
     assert outputs_by(command, flight, inputs) == linux
 
 

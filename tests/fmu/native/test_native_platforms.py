@@ -25,6 +25,8 @@ pytestmark = [
 
 STEPS = 2000
 LINUX = "x86_64-linux-gnu.2.17"
+LESS = ("Nehalem", "Haswell")
+"""Processors with SSE2 alone, and with AVX2 but without AVX-512."""
 
 
 def inputs_of(case: NativeCase) -> bytes:
@@ -96,11 +98,16 @@ def test_inputs_take_all_branches(linux: dict[str, bytes]) -> None:
     assert {0, 1, 2, 4, 6} <= states["case 1"]
 
 
-def test_sse2(
-    cases: dict[str, NativeCase], inputs: dict[str, Path], linux: dict[str, bytes], linux_host: Path
+@pytest.mark.parametrize("processor", LESS)
+def test_narrower_instructions(
+    processor: str,
+    cases: dict[str, NativeCase],
+    inputs: dict[str, Path],
+    linux: dict[str, bytes],
+    linux_host: Path,
 ) -> None:
     emulator = program("qemu-x86_64", install="apt install qemu-user")
-    command = [emulator, "-cpu", "Nehalem", str(linux_host), str(library_file("linux64"))]
+    command = [emulator, "-cpu", processor, str(linux_host), str(library_file("linux64"))]
     assert outputs_by(command, cases, inputs) == linux
 
 
