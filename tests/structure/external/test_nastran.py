@@ -6,6 +6,7 @@ Component k of element e in subcase s is 1e-6 (100 e + 10 k + s), plus 1e-7 for 
 
 from __future__ import annotations
 
+import contextlib
 import csv
 from math import pi
 from pathlib import Path
@@ -183,6 +184,19 @@ def test_wrong_punch_files_are_refused_in_one_line(tmp_path: Path, text: str, me
     with pytest.raises(InputError, match=message) as caught:
         read_nastran_results([path]).strain(1, point(5))
     assert "\n" not in str(caught.value)
+
+
+def test_a_punch_file_that_is_cut_gives_no_other_number(tmp_path: Path) -> None:
+    """Wherever it ends: 2.000000E-06 cut to 2.000000E-0 is a number too."""
+    path, text = tmp_path / "cut.pch", punch_block(1, ROD, [[5, 1e-6, 2e-6, 3e-6, 4e-6]])
+    found = set()
+    for end in range(len(text)):
+        path.write_text(text[:end])
+        with contextlib.suppress(InputError):
+            results = read_nastran_results([path])
+            rows = results.blocks[1][0].words
+            found.add(tuple(np.ravel(rows)[1:].tolist()))
+    assert found <= {(1e-6, 2e-6, 3e-6, 4e-6)}
 
 
 def test_strain_and_curvature_of_the_middle_is_refused(tmp_path: Path) -> None:

@@ -63,7 +63,7 @@ def _header(line: str, place: _Place, where: str) -> None:
     elif text.startswith("$SUBCASE ID ="):
         place.subcase = _integer(text.split("=")[1], where)
     elif text.startswith("$ELEMENT TYPE ="):
-        place.element_type = _integer(text.split("=")[1].split()[0], where)
+        place.element_type = _integer("".join(text.split("=")[1].split()[:1]), where)
     elif place.strains and text.startswith("$") and "OUTPUT" in text and "REAL OUTPUT" not in text:
         raise InputError(f"{where}: expected real output, got '{text}'")
     elif place.strains and text.startswith(_SORTED_BY_ELEMENT):
@@ -76,6 +76,8 @@ def _values(line: str, place: _Place, where: str) -> None:
     if place.subcase is None or place.element_type is None:
         raise InputError(f"{where}: expected $SUBCASE ID and $ELEMENT TYPE ahead of strains, got none")
     rows = place.rows.setdefault((place.subcase, place.element_type), [])
+    if not line.endswith("\n") and len(line) < FIELD * FIELDS and len(line) % FIELD:
+        raise InputError(f"{where}: expected fields of {FIELD} characters, the file ends in '{line.split()[-1]}'")
     cells = [line[FIELD * k : FIELD * (k + 1)].strip() for k in range(FIELDS)]
     if cells[0] == "-CONT-":
         if not rows:
