@@ -31,13 +31,17 @@ def with_added_noise(inverse_map: InverseMap, covariance: FloatArray) -> Inverse
     """
     if not covariance.any():
         return inverse_map
-    own, flight = inverse_map.gauge_covariance, inverse_map.manifold
-    return _with_noise(
+    own, flight, thermal = inverse_map.gauge_covariance, inverse_map.manifold, inverse_map.thermal
+    found = _with_noise(
         inverse_map,
         inverse_map.noise_covariance + covariance,
         own=None if own is None else own + covariance,
         of_flight=None if flight is None else flight.gauge_covariance + covariance,
     )
+    if thermal is None:
+        return found
+    isothermal = thermal.isothermal_covariance + covariance
+    return replace(found, thermal=replace(thermal, isothermal_covariance=isothermal))
 
 
 def with_gauge_covariance(inverse_map: InverseMap, own: FloatArray) -> InverseMap:

@@ -71,14 +71,18 @@ class SensorSets(Generic[Kind]):
 
     def of_set(self, key: bytes, strain: FloatArray, temperature: FloatArray) -> tuple[Kind, FloatArray]:
         """Return the estimator of the set ``key``, and strains (k, n_d) less zeros as at the reference."""
+        sensors, estimator = self.held(key)
+        return estimator, strain_at_reference(self.thermal, sensors, strain, temperature)
+
+    def held(self, key: bytes) -> tuple[SensorSet, Kind]:
+        """Return what the set ``key`` tells, and its estimator."""
         if key not in self._kept:
             found = sensor_set(self.thermal, np.frombuffer(key, dtype=bool))
             made = self.make(with_gauge_covariance(self.inverse_map, found.gauge_covariance))
             self._kept[key] = found, made
             if len(self._kept) > CACHED_SETS:
                 self._kept.pop(next(iter(self._kept)))
-        sensors, estimator = self._kept[key]
-        return estimator, strain_at_reference(self.thermal, sensors, strain, temperature)
+        return self._kept[key]
 
 
 def scattered(parts: list[tuple[IntArray, Any]], samples: int) -> Any:

@@ -116,7 +116,7 @@ class Estimator:
         self.settings = settings
         sensors, strain = self.inverse_map.sensors, settings.sensor_range
         self.largest_reading = strain if sensors is None else np.where(sensors.is_strain, strain, sensors.largest)
-        self._warm = SensorSets(inverse_map=self._without_zeros, make=self._of_strain)
+        self.sensor_sets = SensorSets(inverse_map=self._without_zeros, make=self._of_strain)
         area, length = settings.reference_area, settings.reference_length
         self._reference = area * np.array([1.0, 1.0, 1.0, length, length])
         shift = settings.moment_station - default_settings(self.inverse_map).moment_station
@@ -207,13 +207,13 @@ class Estimator:
         """Return the estimates of k samples (k, n_d) with what is known of the temperature, if anything."""
         if temperature is None:
             return self._series(readings, valid, flow)
-        known = self._warm.readings(temperature, len(readings))
+        known = self.sensor_sets.readings(temperature, len(readings))
         used = np.abs(readings) <= self.largest_reading
         used = used if valid is None else used & valid
         strains = self.rows_of(readings)
         parts = []
-        for rows, key in self._warm.groups(known):
-            estimator, strain = self._warm.of_set(key, strains[rows], known[rows])
+        for rows, key in self.sensor_sets.groups(known):
+            estimator, strain = self.sensor_sets.of_set(key, strains[rows], known[rows])
             of_rows = Flow(*(one[rows] for one in flow))
             parts.append((rows, estimator._series(self.readings_of(strain), used[rows], of_rows, is_checked=True)))
         found: LoadEstimates = scattered(parts, len(readings))

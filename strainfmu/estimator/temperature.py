@@ -105,12 +105,16 @@ class SensorSet:
     strain_gain : (n_d, n_t) thermal strain of the gauges per reading's rise [1/K]; 0 for unknown sensors.
     temperature_gain : (n_d, n_t) temperature of the gauges per reading's rise [1].
     gauge_covariance : (n_d, n_d) of the gauges: isothermal, and what the sensors leave of the modes [(m/m)^2].
+    amplitude_gain : (k, n_t) amplitudes per reading's rise [1].
+    amplitude_covariance : (k, k) P [K^2].
     """
 
     known: BoolArray
     strain_gain: FloatArray
     temperature_gain: FloatArray
     gauge_covariance: FloatArray
+    amplitude_gain: FloatArray
+    amplitude_covariance: FloatArray
 
 
 def known_sensors(thermal: ThermalMap, temperature: FloatArray) -> BoolArray:
@@ -135,6 +139,8 @@ def sensor_set(thermal: ThermalMap, known: BoolArray) -> SensorSet:
         strain_gain=thermal.mode_strain @ gain,
         temperature_gain=thermal.gauge_operator @ gain,
         gauge_covariance=thermal.isothermal_covariance + strain @ strain.T,
+        amplitude_gain=gain,
+        amplitude_covariance=left @ left.T,
     )
 
 

@@ -51,7 +51,6 @@ class FilteredFlight(FlightBlocks):
 
     def __init__(self, static: FlightBlocks, settings: FilterSettings, smooths: bool) -> None:
         super().__init__(static.estimator)
-        self.sensor_names = ()
         self.settings, self.smooths = settings, smooths
         self._filter = FlightFilter(static.estimator, settings)
 
@@ -65,7 +64,9 @@ class FilteredFlight(FlightBlocks):
             flow = {name: float(values[row]) for name, values in block.flow.items()}
             flow["dynamic_pressure"] = float(block.dynamic_pressure[row])
             parameters = {name: values[row] for name, values in block.parameters.items()}
-            found.append(_lean(self._filter.recorded(seconds, readings[row], flow, parameters=parameters)))
+            warm = None if block.temperature is None else block.temperature[row]
+            step = self._filter.recorded(seconds, readings[row], flow, temperature=warm, parameters=parameters)
+            found.append(_lean(step))
         return found
 
     def of_laws(self, steps: Sequence[FilteredStep], laws: Sequence[Law]) -> BlockEstimates:
@@ -78,7 +79,6 @@ class FilteredMap(MapBlocks):
 
     def __init__(self, static: MapBlocks, settings: FilterSettings, smooths: bool) -> None:
         super().__init__(static.estimator)
-        self.sensor_names = ()
         self.settings, self.smooths = settings, smooths
         self._filter = LinearFilter(static.estimator, settings)
 
@@ -89,14 +89,19 @@ class FilteredMap(MapBlocks):
         """Return the steps of a block."""
         rows = rows_of_map(block, self.estimator.inverse_map.sensors, self.readings)
         static = self.estimator.estimate(
-            rows, block.dynamic_pressure, parameters=dict(block.parameters), **flow_of(block)
+            rows,
+            block.dynamic_pressure,
+            temperature=block.temperature,
+            parameters=dict(block.parameters),
+            **flow_of(block),
         )
         if not isinstance(static, LoadEstimates):
             raise TypeError("strain: expected (n, n_d) values")
         found = []
         for row, seconds in enumerate(_time_steps(block, last)):
             pressure = float(block.dynamic_pressure[row])
-            found.append(_lean(self._filter.stepped(seconds, static[row], rows[row], pressure)))
+            warm = None if block.temperature is None else block.temperature[row]
+            found.append(_lean(self._filter.stepped(seconds, static[row], rows[row], pressure, warm)))
         return found
 
     def of_laws(self, steps: Sequence[LinearStep], laws: Sequence[Law]) -> BlockEstimates:

@@ -14,6 +14,9 @@ from scaled_maps import NOMINAL, scaled_map
 from thermal_maps import REFERENCE, with_temperature
 
 from strainfmu.errors import InputError
+from strainfmu.estimator.filter.flight_filter import FlightFilter
+from strainfmu.estimator.filter.linear_filter import LinearFilter
+from strainfmu.estimator.filter.settings import FilterSettings
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, InverseMap, save_inverse_map
 from strainfmu.estimator.load_estimate import LoadEstimates
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
@@ -141,6 +144,31 @@ def test_nonlinear_estimator(tmp_path: Path) -> None:
     np.testing.assert_allclose(
         read_csv(tmp_path / "o.csv")["sigma.C_N [1]"], [one.coefficients_std[1] for one in expected], rtol=1e-7
     )
+
+
+def test_filtered(held: InverseMap, source: Path, tmp_path: Path) -> None:
+    """Both kinds of map with a filter over time; it takes the temperatures of a sample, too."""
+    strain, temperature = drawn(18)
+    headings = ["time", *held.gauge_names, *(f"temperature[{i + 1}]" for i in range(N_T))]
+    data = write_csv(tmp_path / "d.csv", headings, 1e-3 * np.arange(K), held.mean_strain + strain, temperature)
+    summary = estimate_file(source, data, tmp_path / "o.csv", NOMINAL, time_constant=1.0)
+    assert not any("temperature" in note for note in summary.notes)
+    linear = LinearFilter(Estimator(held), FilterSettings(time_constant=1.0))
+    steps = zip(held.mean_strain + strain, temperature, strict=True)
+    found = [linear.step(1e-3, row, NOMINAL, temperature=warm) for row, warm in steps]
+    np.testing.assert_allclose(read_csv(tmp_path / "o.csv")["C_N [1]"], [one.C_N for one in found], rtol=1e-7)
+    tables = with_temperature(whole_map())
+    save_inverse_map(tables, tmp_path / "tables.h5")
+    flight = random_flight(tables, K, seed=5)
+    rows = np.array([one.strain for one in flight])
+    pressure = np.array([one.flow["dynamic_pressure"] for one in flight])
+    headings = ["time", *tables.gauge_names, "dynamic_pressure", *headings[-N_T:]]
+    data = write_csv(tmp_path / "t.csv", headings, 1e-3 * np.arange(K), rows, pressure, temperature)
+    estimate_file(tmp_path / "tables.h5", data, tmp_path / "o.csv", time_constant=1.0)
+    nonlinear = FlightFilter(ManifoldEstimator(tables), FilterSettings(time_constant=1.0))
+    of_sample = zip(rows, pressure, temperature, strict=True)
+    states = [nonlinear.step(1e-3, row, q, temperature=warm) for row, q, warm in of_sample]
+    np.testing.assert_allclose(read_csv(tmp_path / "o.csv")["C_N [1]"], [one.C_N for one in states], rtol=1e-7)
 
 
 def test_what_is_wrong_is_named(held: InverseMap, source: Path, tmp_path: Path) -> None:

@@ -21,6 +21,7 @@ from strainfmu.estimator.filter.flight_model import (
 from strainfmu.estimator.filter.flight_step import FilteredSample, filtered_sample, flight_solution
 from strainfmu.estimator.filter.kalman import Law, Transition, predicted, stationary_law
 from strainfmu.estimator.filter.settings import FilterSettings, checked_time_step
+from strainfmu.estimator.filter.warm import WarmSample, carried, warm_sample
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimate, FlightEstimates
@@ -44,12 +45,14 @@ class FilterTrack:
     state : (4,) flight state from which the next step starts, None before the first.
     since_search, to_return : as of :class:`~strainfmu.estimator.manifold.tracker.Track`.
     consistency : of the window.
+    warm : what was known of temperature modes; None for nothing.
     """
 
     law: Law | None = None
     state: FloatArray | None = None
     since_search: int = 0
     to_return: int = 0
+    warm: WarmSample | None = None
     consistency: Consistency = field(default_factory=Consistency)
 
 
@@ -60,7 +63,8 @@ class FilteredStep:
     Attributes
     ----------
     estimate : of the step.
-    inputs : of the step.
+    estimator : for the temperature sensors that read.
+    inputs : of the step, strain as at the reference temperature.
     sample : as it was used.
     before, after : laws of the states before and after the sample.
     transition : from the last step to this one.
@@ -69,6 +73,7 @@ class FilteredStep:
     """
 
     estimate: FlightEstimates
+    estimator: ManifoldEstimator
     inputs: EstimatorInputs
     sample: Samples
     before: Law
@@ -92,6 +97,7 @@ class FlightFilter:
         self.estimator, self.settings = estimator, settings
         self.model: FlightModel = flight_model(estimator.inverse_map, estimator.manifold, settings)
         self.track = track or FilterTrack()
+        self._now = estimator  # for the sensors of the sample in work
 
     def step(
         self,
@@ -106,6 +112,7 @@ class FlightFilter:
         altitude: float = np.nan,
         static_pressure: float = np.nan,
         static_pressure_std: float = np.nan,
+        temperature: ArrayLike | None = None,
         parameters: Mapping[str, ArrayLike] | None = None,
     ) -> FlightEstimate:
         """Estimate the loads of one sample, ``time_step`` [s] after the last one.
@@ -127,7 +134,8 @@ class FlightFilter:
             "dynamic_pressure_std": dynamic_pressure_std,
             "altitude": altitude,
         }
-        return self.recorded(time_step, strain, flow, valid=valid, parameters=parameters).estimate[0]
+        found = self.recorded(time_step, strain, flow, valid=valid, temperature=temperature, parameters=parameters)
+        return found.estimate[0]
 
     def recorded(
         self,
@@ -136,6 +144,7 @@ class FlightFilter:
         flow: Mapping[str, ArrayLike],
         *,
         valid: ArrayLike | None = None,
+        temperature: ArrayLike | None = None,
         parameters: Mapping[str, ArrayLike] | None = None,
     ) -> FilteredStep:
         """Return the step of one sample, as much of it as smoothing needs.
@@ -146,12 +155,29 @@ class FlightFilter:
         inputs = self.estimator.checked_inputs(strain, valid, flow, parameters)
         if len(inputs.strain) != 1:
             raise InputError(f"strain: expected one sample, got {len(inputs.strain)}")
-        return self.stepped(checked_time_step(time_step), inputs)
+        return self.stepped(checked_time_step(time_step), inputs, temperature)
 
-    def stepped(self, time_step: float, inputs: EstimatorInputs) -> FilteredStep:
-        """Return the step of the one sample in ``inputs``, and keep what it leaves."""
+    def stepped(
+        self, time_step: float, inputs: EstimatorInputs, temperature: ArrayLike | None = None
+    ) -> FilteredStep:
+        """Return the step of the one sample in ``inputs``, and keep what it leaves.
+
+        ``temperature`` (n_t,) is what the temperature sensors read [K].
+        """
+        self._now, warm = self.estimator, self.model.modes
+        if temperature is not None:
+            ((_, self._now, inputs),) = self.estimator.groups(inputs, temperature)
+            warm, _ = warm_sample(self.estimator.sensor_sets, temperature)
+        last = self.track.warm or self.model.modes
+        self.track = replace(self.track, warm=warm)
+        if self.track.law is not None:
+            self.track = replace(self.track, law=carried(self.track.law, last, warm))
+        return self._at_reference(time_step, inputs, warm)
+
+    def _at_reference(self, time_step: float, inputs: EstimatorInputs, warm: WarmSample) -> FilteredStep:
+        """Return the step of ``inputs`` whose strain is that at the reference temperature."""
         track = self.track
-        step = transition(self.model, time_step, track.consistency.widening)
+        step = transition(self.model, time_step, track.consistency.widening, warm)
         law = None if track.law is None else predicted(track.law, step)
         samples = Samples(
             strain=np.where(inputs.used, inputs.strain, 0.0),
@@ -162,7 +188,7 @@ class FlightFilter:
             return self._coasted(inputs, samples, law=law, step=step)
         if law is not None and track.state is not None:
             found, sample = self._solved(law, samples, start=track.state)
-            estimate = self.estimator.concluded(inputs, sample, found.solution)
+            estimate = self._now.concluded(inputs, sample, found.solution)
             if _fits(estimate):
                 return self._kept(
                     inputs, sample, laws=(law, found.law), step=step, estimate=estimate, continues=True
@@ -189,7 +215,7 @@ class FlightFilter:
                 estimate.navigation_residual[0],
             ),
         )
-        found = self.estimator.concluded(step.inputs, step.sample, solution, predicted=True)
+        found = step.estimator.concluded(step.inputs, step.sample, solution, predicted=True)
         kept = {name: getattr(estimate, name) for name in ("health", "suspects", "envelope_score")}
         return replace(found, **kept)
 
@@ -212,10 +238,10 @@ class FlightFilter:
         searched = track.state is None or track.since_search >= SEARCH_EVERY
         start, iterations = track.state, WARM_ITERATIONS
         if searched or start is None:
-            start, iterations = self.estimator.search(samples).state[0], 0
-        own = stationary_law(transition(self.model, 1.0, 1.0), self.model.n_considered)
+            start, iterations = self._now.search(samples).state[0], 0
+        own = stationary_law(transition(self.model, 1.0, 1.0, track.warm), self.model.n_considered)
         found, sample = self._solved(own, samples, start=start, iterations=iterations)
-        estimate = self.estimator.concluded(inputs, sample, found.solution)
+        estimate = self._now.concluded(inputs, sample, found.solution)
         if _fits(estimate):
             return self._kept(inputs, sample, laws=(own, found.law), step=step, estimate=estimate, continues=False)
         since = 0 if searched else track.since_search + 1
@@ -230,6 +256,7 @@ class FlightFilter:
         )
         return FilteredStep(
             estimate=estimate,
+            estimator=self._now,
             inputs=inputs,
             sample=sample,
             before=after,
@@ -256,11 +283,13 @@ class FlightFilter:
             state=estimate.state[0],
             to_return=to_return,
             consistency=self._consistency(estimate),
+            warm=self.track.warm,
         )
         if to_return > 0:
-            estimate = self.estimator.with_linear_loads(inputs, estimate)
+            estimate = self._now.with_linear_loads(inputs, estimate)
         return FilteredStep(
             estimate=estimate,
+            estimator=self._now,
             inputs=inputs,
             sample=sample,
             before=laws[0],
@@ -277,13 +306,14 @@ class FlightFilter:
         own = stationary_law(step, self.model.n_considered) if law is None else law
         start = own.mean[:4] if self.track.state is None else self.track.state
         found, sample = self._solved(own, samples, start=start)
-        estimate = self.estimator.concluded(inputs, sample, found.solution, predicted=law is not None)
+        estimate = self._now.concluded(inputs, sample, found.solution, predicted=law is not None)
         if law is not None:
             # A state that is no longer known is no start: the next sample searches the tables.
             lost = estimate.health[0] == HealthState.INVALID
             self.track = replace(self.track, law=found.law, state=None if lost else estimate.state[0])
         return FilteredStep(
             estimate=estimate,
+            estimator=self._now,
             inputs=inputs,
             sample=sample,
             before=own,

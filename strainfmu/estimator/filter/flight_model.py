@@ -1,8 +1,9 @@
 """States of the filter of the nonlinear estimator, and what strain and navigation read of them.
 
-The states are s = (x, dx/dt, b, c, e): flight state, its rates, errors of navigation, errors of pressure off the
-tables in the directions that gauges see, and hardware errors that all gauges have in common. The last three have
-unit variance. Their stationary law is what the static estimator takes for the errors of every sample.
+The states are s = (x, dx/dt, b, c, e, da): flight state, its rates, errors of navigation, errors of pressure off
+the tables in the directions that gauges see, hardware errors that all gauges have in common, and errors of the
+amplitudes of temperature modes. b, c and e have unit variance. Their stationary law is what the static estimator
+takes for the errors of every sample.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from strainfmu.estimator.filter.kalman import Measurement, Transition
 from strainfmu.estimator.filter.motion import decaying, with_rates
 from strainfmu.estimator.filter.seen_errors import SeenErrors, seen_errors, white_and_lasting
 from strainfmu.estimator.filter.settings import SLOW, FilterSettings
+from strainfmu.estimator.filter.warm import WarmSample, mode_columns, not_warm
 from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.manifold.flight_tables import LOG_PRESSURE, MACH, N_STATES, U, W, evaluate
 from strainfmu.estimator.manifold.manifold_map import ManifoldMap
@@ -41,7 +43,8 @@ class FlightModel:
     settings : of the filter.
     seen : errors of pressure per p_inf [1/Pa, m2, m3].
     noise : (n_d, n_d) covariance of what does not scale and counts as independent from sample to sample.
-    common : (n_d, c) errors that gauges have in common and that do not follow strain.
+    common : (n_d, c) errors that gauges have in common and that do not follow strain, those of modes last.
+    modes : what is known of temperature modes without sensors.
     of_gauge : (n_d, t, 6) errors of each gauge that last, per p_inf and c of
         :class:`~strainfmu.estimator.manifold.manifold_map.ManifoldMap` [1/Pa].
     own : (n_d,) standard deviation of what lasts in each gauge and does not follow strain.
@@ -53,6 +56,7 @@ class FlightModel:
     seen: SeenErrors
     noise: FloatArray
     common: FloatArray
+    modes: WarmSample
     of_gauge: FloatArray
     own: FloatArray
     further: SeenFurther | None = None
@@ -75,7 +79,9 @@ class FlightModel:
 
 def flight_model(inverse_map: InverseMap, manifold: ManifoldMap, settings: FilterSettings) -> FlightModel:
     """Return the model of ``manifold``, the tables of ``inverse_map``."""
-    noise, common, lasting = white_and_lasting(manifold.gauge_covariance, inverse_map.noise_std)
+    thermal = inverse_map.thermal
+    own_covariance = manifold.gauge_covariance if thermal is None else thermal.isothermal_covariance
+    noise, common, lasting = white_and_lasting(own_covariance, inverse_map.noise_std)
     std = np.sqrt(noise + np.diagonal(lasting))
     # What is left beside a diagonal that dominates is a covariance (Gershgorin).
     beside = np.sum(np.abs(lasting), axis=1) - np.diagonal(lasting)
@@ -87,7 +93,8 @@ def flight_model(inverse_map: InverseMap, manifold: ManifoldMap, settings: Filte
         settings=settings,
         seen=seen,
         noise=np.diag(noise - own**2) + lasting,
-        common=common,
+        common=np.hstack([common, mode_columns(inverse_map)]),
+        modes=not_warm(thermal),
         of_gauge=gauge_terms(manifold.gauge_error_product),
         own=own,
         further=None if manifold.further is None else seen_further(manifold.further, seen, std),
@@ -106,8 +113,13 @@ def gauge_terms(product: FloatArray) -> FloatArray:
     return np.asarray(terms[:, seen])
 
 
-def transition(model: FlightModel, time_step: float, widening: float) -> Transition:
-    """Return the step over ``time_step`` [s], the discrepancy of ``widening`` times the variance of the map."""
+def transition(
+    model: FlightModel, time_step: float, widening: float, warm: WarmSample | None = None
+) -> Transition:
+    """Return the step over ``time_step`` [s], the discrepancy of ``widening`` times the variance of the map.
+
+    ``warm`` is what is known of the temperature in the sample that follows; None for nothing.
+    """
     settings, n = model.settings, model.n_states
     middle, precision = prior(model.manifold)
     std = 1.0 / np.sqrt(precision)
@@ -124,10 +136,13 @@ def transition(model: FlightModel, time_step: float, widening: float) -> Transit
     matrix[:ERRORS_OF_NAVIGATION, :ERRORS_OF_NAVIGATION] = with_rates(std, rate, time_step)
     rest = np.arange(ERRORS_OF_NAVIGATION, n)
     matrix[rest, rest] = decaying(time_constant, time_step)
+    covariance, modes = np.diag(variance), model.modes if warm is None else warm
+    first_mode = n - len(modes.amplitude)
+    covariance[first_mode:, first_mode:] = modes.covariance
     return Transition(
         matrix=matrix,
         mean=mean,
-        covariance=np.diag(variance),
+        covariance=covariance,
         considered=float(np.exp(-time_step / settings.time_constant)),
     )
 

@@ -23,11 +23,13 @@ from strainfmu.estimator.filter.linear_model import (
     linear_transition,
 )
 from strainfmu.estimator.filter.settings import FilterSettings, checked_time_step
+from strainfmu.estimator.filter.warm import WarmSample, carried, not_warm, warm_sample
 from strainfmu.estimator.health import HealthState, chi_square_limit
 from strainfmu.estimator.load_estimate import LoadEstimate
 from strainfmu.estimator.moment_point import moment_transfer
 from strainfmu.estimator.settings import default_settings
 from strainfmu.estimator.step import Estimator
+from strainfmu.estimator.temperature import strain_at_reference
 
 _NOT_FILTERED = (HealthState.INVALID, HealthState.UNIDENTIFIED, HealthState.NO_COEFFICIENTS)
 """States in which nothing was measured."""
@@ -65,8 +67,16 @@ class LinearFilter:
     is known of the states decays with time.
     """
 
-    def __init__(self, estimator: Estimator, settings: FilterSettings, law: Law | None = None) -> None:
-        """Begin with ``law`` of the states; None is the prior of the map.
+    def __init__(
+        self,
+        estimator: Estimator,
+        settings: FilterSettings,
+        law: Law | None = None,
+        warm: WarmSample | None = None,
+    ) -> None:
+        """Begin with ``law`` of the states, after a sample of which ``warm`` was known of the temperature.
+
+        None is the prior of the map, and no temperature.
 
         Raises
         ------
@@ -78,6 +88,7 @@ class LinearFilter:
             raise InputError(f"inverse map: form '{form}' found, a filter needs form 'dynamic_pressure'")
         self.estimator, self.settings, self.law = estimator, settings, law
         self.model: LinearModel = linear_model(estimator.inverse_map, settings)
+        self.warm = warm or not_warm(estimator.inverse_map.thermal)
         shift = estimator.settings.moment_station - default_settings(estimator.inverse_map).moment_station
         self._transfer = moment_transfer(shift)
         area, length = estimator.settings.reference_area, estimator.settings.reference_length
@@ -93,6 +104,7 @@ class LinearFilter:
         *,
         mach_number: float = np.nan,
         altitude: float = np.nan,
+        temperature: ArrayLike | None = None,
     ) -> LoadEstimate:
         """Estimate the loads of one sample, ``time_step`` [s] after the last one.
 
@@ -111,24 +123,33 @@ class LinearFilter:
             dynamic_pressure_std=dynamic_pressure_std,
             mach_number=mach_number,
             altitude=altitude,
+            temperature=temperature,
         )
-        return self.stepped(seconds, static, np.asarray(strain, dtype=float), float(dynamic_pressure)).estimate
+        readings = np.asarray(strain, dtype=float)
+        return self.stepped(seconds, static, readings, float(dynamic_pressure), temperature).estimate
 
     def stepped(
-        self, time_step: float, static: LoadEstimate, strain: FloatArray, dynamic_pressure: float
+        self,
+        time_step: float,
+        static: LoadEstimate,
+        strain: FloatArray,
+        dynamic_pressure: float,
+        temperature: ArrayLike | None = None,
     ) -> LinearStep:
         """Return the step of a sample whose estimate on its own is ``static``, and keep what it leaves.
 
-        ``strain`` (n_d,) is what the gauges read.
+        ``strain`` (n_d,) is what the gauges read, ``temperature`` (n_t,) what the temperature sensors do [K].
         """
-        step = linear_transition(self.model, time_step)
+        rows, warm = self._at_reference(self.estimator.rows_of(strain), temperature)
+        step = linear_transition(self.model, time_step, warm)
         first = self.law is None
         prior = stationary_law(step, self.model.n_considered)
-        before = prior if self.law is None else predicted(self.law, step)
+        before = prior if self.law is None else predicted(carried(self.law, self.warm, warm), step)
+        self.warm = warm
         known = LinearStep(
             estimate=static,
             static=static,
-            strain=np.where(static.valid, self.estimator.rows_of(strain), 0.0),
+            strain=np.where(static.valid, rows, 0.0),
             dynamic_pressure=dynamic_pressure,
             alone=None,
             before=before,
@@ -140,17 +161,27 @@ class LinearFilter:
             self.law = None if first else before
             return known
         ratio = dynamic_pressure / self.estimator.inverse_map.nominal_dynamic_pressure
-        rows = [
+        of_prior, of_last = (
             linear_measurement(self.model, known.strain, static.valid, ratio=ratio, law=law)
             for law in (prior, before)
-        ]
-        alone, update = measured(prior, rows[0]), measured(before, rows[1])
+        )
+        alone, update = measured(prior, of_prior), measured(before, of_last)
         known = replace(known, alone=alone.law)
         if not first and update.chi_square <= _limit(static):
             self.law = update.law
             return replace(known, estimate=self.with_law(known, update.law), after=update.law)
         self.law = alone.law
         return replace(known, before=prior, after=alone.law, continues=False)
+
+    def _at_reference(self, rows: FloatArray, temperature: ArrayLike | None) -> tuple[FloatArray, WarmSample]:
+        """Return ``rows`` (n_d,) of the map as at the reference temperature, and what is known of that."""
+        thermal = self.estimator.inverse_map.thermal
+        if temperature is None:
+            return rows, not_warm(thermal)
+        sets = self.estimator.sensor_sets
+        warm, sensors = warm_sample(sets, temperature)
+        readings = sets.readings(temperature, 1)
+        return strain_at_reference(sets.thermal, sensors, rows[None], readings)[0], warm
 
     def with_law(self, step: LinearStep, law: Law) -> LoadEstimate:
         """Return the estimate of ``step`` by the filtered or smoothed ``law`` of its states."""

@@ -1,7 +1,8 @@
 """States of the filter of a linear map, and what strain reads of them.
 
-The states are s = (q, c, e): pressure states of the map, errors that scale with q_inf in the directions that
-gauges see, and errors that gauges have in common and that do not. Their stationary law is the prior of the map.
+The states are s = (q, c, e, da): pressure states of the map, errors that scale with q_inf in the directions that
+gauges see, errors that gauges have in common and that do not, and errors of the amplitudes of temperature modes.
+Their stationary law is the prior of the map.
 The states of Case 1 have none: each takes the amplitude at which it alone reaches the largest strains of the
 snapshots.
 """
@@ -17,6 +18,7 @@ from strainfmu.estimator.filter.kalman import Law, Measurement, Transition
 from strainfmu.estimator.filter.motion import decaying
 from strainfmu.estimator.filter.seen_errors import SeenErrors, seen_errors, white_and_lasting
 from strainfmu.estimator.filter.settings import SLOW, FilterSettings
+from strainfmu.estimator.filter.warm import WarmSample, isothermal_covariance, mode_columns, not_warm
 from strainfmu.estimator.inverse_map import InverseMap
 
 _ROUND_OFF = 1e-9
@@ -32,6 +34,7 @@ class LinearModel:
     settings : of the filter.
     std : (n,) of the stationary law of the states.
     slow : (n,) which states last as hardware errors do.
+    n_modes : number of the last states, errors of the amplitudes of temperature modes.
     fixed : (n_d + 5,) strain and loads that do not follow q_inf.
     mean : (n_d + 5,) those of the mean pressure that do.
     scaled : (n_d + 5, n) of the states that scale with q_inf; zero for the others.
@@ -45,6 +48,7 @@ class LinearModel:
     settings: FilterSettings
     std: FloatArray
     slow: BoolArray
+    n_modes: int
     fixed: FloatArray
     mean: FloatArray
     scaled: FloatArray
@@ -73,14 +77,18 @@ def linear_model(inverse_map: InverseMap, settings: FilterSettings) -> LinearMod
     InputError
         The map is in form "absolute".
     """
-    own, errors, load_of_errors = inverse_map.scaled_parts
-    noise, common, lasting = white_and_lasting(own, inverse_map.noise_std)
+    _, errors, load_of_errors = inverse_map.scaled_parts
+    noise, common, lasting = white_and_lasting(isothermal_covariance(inverse_map), inverse_map.noise_std)
+    warm = not_warm(inverse_map.thermal)
+    n_modes = len(warm.amplitude)
+    common = np.hstack([common, mode_columns(inverse_map)])
     seen = seen_errors(errors, load_of_errors, 1.0, np.sqrt(noise + np.diagonal(lasting)))
     of_states, n_d = inverse_map.state_operator, inverse_map.n_gauges
     n_q, r, n_c = of_states.shape[1], seen.strain.shape[1], common.shape[1]
     std = np.ones(n_q + r + n_c)
     if inverse_map.case == 1:
         std[:n_q] = 1.0 / np.max(np.abs(of_states) / inverse_map.strain_range[:, None], axis=0)
+    std[len(std) - n_modes :] = np.sqrt(np.diagonal(warm.covariance))
     scaled = np.zeros((n_d + 5, n_q + r + n_c))
     scaled[:n_d, :n_q], scaled[n_d:, :n_q] = of_states, inverse_map.load_per_state
     scaled[:n_d, n_q : n_q + r], scaled[n_d:, n_q : n_q + r] = seen.strain, seen.load
@@ -95,7 +103,8 @@ def linear_model(inverse_map: InverseMap, settings: FilterSettings) -> LinearMod
     return LinearModel(
         settings=settings,
         std=std,
-        slow=np.arange(len(std)) >= n_q + r,
+        slow=(np.arange(len(std)) >= n_q + r) & (np.arange(len(std)) < len(std) - n_modes),
+        n_modes=n_modes,
         fixed=of_fixed,
         mean=np.concatenate([inverse_map.mean_strain, inverse_map.load_of_mean]) - of_fixed,
         scaled=scaled,
@@ -115,14 +124,16 @@ def _root(covariance: FloatArray, noise: FloatArray) -> FloatArray:
     return np.asarray(std[:, None] * vector[:, counts] * np.sqrt(size[counts]))
 
 
-def linear_transition(model: LinearModel, time_step: float) -> Transition:
-    """Return the step over ``time_step`` [s]."""
+def linear_transition(model: LinearModel, time_step: float, warm: WarmSample) -> Transition:
+    """Return the step over ``time_step`` [s], to a sample of which ``warm`` is known of the temperature."""
     slow = SLOW * model.settings.time_constant
     time_constant = np.where(model.slow, slow, model.settings.time_constant)
+    covariance, first = np.diag(model.std**2), len(model.std) - model.n_modes
+    covariance[first:, first:] = warm.covariance
     return Transition(
         matrix=np.diag(decaying(time_constant, time_step)),
         mean=np.zeros(len(model.std)),
-        covariance=np.diag(model.std**2),
+        covariance=covariance,
         considered=float(np.exp(-time_step / model.settings.time_constant)),
     )
 

@@ -85,7 +85,7 @@ class ManifoldEstimator:
         # Of strain: the zeros are taken off before it.
         self.linear = Estimator(inverse_map, settings)
         self.settings, self.parameters = self.linear.settings, self.linear.parameters
-        self._warm = SensorSets(inverse_map=self._without_zeros, make=self._of_strain)
+        self.sensor_sets = SensorSets(inverse_map=self._without_zeros, make=self._of_strain)
         self._search = search_table(self.manifold)
         _, precision = prior(self.manifold)
         self._prior_std = 1.0 / np.sqrt(precision)
@@ -228,9 +228,9 @@ class ManifoldEstimator:
     ) -> list[tuple[IntArray, ManifoldEstimator, EstimatorInputs]]:
         """Return the samples of each set of known sensors with the estimator for it, and their inputs as at the
         reference temperature; ``temperature`` as of :meth:`estimate`."""
-        known, found = self._warm.readings(temperature, len(inputs.strain)), []
-        for rows, key in self._warm.groups(known):
-            estimator, strain = self._warm.of_set(key, inputs.strain[rows], known[rows])
+        known, found = self.sensor_sets.readings(temperature, len(inputs.strain)), []
+        for rows, key in self.sensor_sets.groups(known):
+            estimator, strain = self.sensor_sets.of_set(key, inputs.strain[rows], known[rows])
             found.append((rows, estimator, replace(inputs.rows(rows), strain=strain)))
         return found
 

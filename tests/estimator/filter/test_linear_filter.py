@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scaled_maps import NOMINAL, scaled_map
+from thermal_maps import REFERENCE, with_temperature
 
 from strainfmu.errors import InputError
 from strainfmu.estimator.filter.linear_filter import LinearFilter
@@ -126,3 +127,69 @@ def test_an_absolute_map_and_wrong_time_steps_are_refused() -> None:
     estimator = Estimator(replace(fitted(2, 1), form="absolute", **absolute))
     with pytest.raises(InputError, match="form 'absolute' found, a filter needs form 'dynamic_pressure'"):
         LinearFilter(estimator, FilterSettings(time_constant=1.0))
+
+
+LINEAR = {"apparent_strain": np.zeros(0), "gauge_factor_slope": 0.0, "modulus_slope": 0.0}
+"""Changes of a thermal part: modes add strain and change nothing else."""
+
+
+def warm_series(isothermal: InverseMap, k: int, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Strains (k, n_d), loads (k, 5), temperatures (k, n_t): modes decay, sensors have constant errors."""
+    thermal, rng = with_temperature(isothermal, **LINEAR).thermal, np.random.default_rng(seed)
+    assert thermal is not None
+    strain, loads = series(isothermal, k, seed, 1.0)
+    start = thermal.prior_std * rng.standard_normal(len(thermal.prior_std))
+    amplitude = np.exp(-DT * np.arange(k))[:, None] * start
+    error = thermal.sensor_std * rng.standard_normal(thermal.n_sensors)
+    temperature = thermal.reference_temperature + amplitude @ thermal.sensor_operator.T + error
+    return strain + amplitude @ thermal.linear_strain.T, loads, temperature
+
+
+@pytest.mark.parametrize("case", [1, 2])
+def test_without_memory_it_is_the_static_estimator_at_any_temperature(case: int) -> None:
+    """Sensors come and go, one by one and all."""
+    estimator, rng = Estimator(with_temperature(fitted(case, 1))), np.random.default_rng(3)
+    flight = LinearFilter(estimator, FilterSettings(time_constant=1e-9))
+    strain, _ = series(fitted(case, 1), 8, 2, 1.0)
+    for k, row in enumerate(strain):
+        warm = np.where(rng.random(4) < 0.5, REFERENCE + 10.0 * rng.standard_normal(4), np.nan)
+        temperature = None if k == 3 else np.full(4, np.nan) if k == 5 else warm
+        found = flight.step(DT, row, 0.9 * NOMINAL, temperature=temperature)
+        static = estimator.step(row, 0.9 * NOMINAL, temperature=temperature)
+        assert np.max(np.abs(found.loads - static.loads)) < 1e-8 * np.max(np.abs(static.loads))
+        assert found.loads_std == pytest.approx(static.loads_std, rel=1e-8)
+        assert found.coefficients_std == pytest.approx(static.coefficients_std, rel=1e-8)
+
+
+@pytest.mark.parametrize("read", [0, 4])
+def test_deviations_of_a_warm_series_hold(read: int) -> None:
+    """With sensors, one of which is lost half way, and without. No deviation is above that of a sample alone."""
+    estimator, apart, narrower = Estimator(with_temperature(fitted(2, 5), **LINEAR)), [], []
+    for seed in range(4):
+        flight = LinearFilter(estimator, FilterSettings(time_constant=1.0))
+        strain, loads, temperature = warm_series(fitted(2, 5), 40, seed)
+        temperature[:, read:] = np.nan
+        temperature[20:, 1] = np.nan
+        for k, (row, warm) in enumerate(zip(strain, temperature, strict=True)):
+            static = estimator.step(row, NOMINAL, dynamic_pressure_std=0.0, temperature=warm)
+            found = flight.stepped(DT, static, row, NOMINAL, warm).estimate
+            apart.append((found.loads - loads[k]) / found.loads_std)
+            narrower.append(found.loads_std / static.loads_std)
+    assert np.max(narrower) < 1.0 + 1e-9
+    assert np.mean(narrower) < 0.999
+    assert np.mean(np.abs(apart) < 3.0) > 0.98
+    assert 0.6 < np.sqrt(np.mean(np.square(apart))) < 1.4
+
+
+def test_a_sensor_that_is_lost_costs_no_memory() -> None:
+    """What is known of the amplitudes goes on: deviations are below those of a filter that begins again."""
+    estimator = Estimator(with_temperature(fitted(2, 5), **LINEAR))
+    strain, loads, temperature = warm_series(fitted(2, 5), 42, 2)
+    temperature[40:] = np.nan
+    flight, found = LinearFilter(estimator, FilterSettings(time_constant=1.0)), []
+    for row, warm in zip(strain, temperature, strict=True):
+        found.append(flight.step(DT, row, NOMINAL, temperature=warm, dynamic_pressure_std=0.0))
+    before, after = found[39], found[40]
+    alone = estimator.step(strain[40], NOMINAL, dynamic_pressure_std=0.0)
+    assert np.mean(after.loads_std / alone.loads_std) < 0.95
+    assert np.all(np.abs((after.loads - loads[40]) - (before.loads - loads[39])) < before.loads_std)
