@@ -1,14 +1,17 @@
 """The pressure on the unrolled body: from a result of the bridge, off its cycle, to the monitor's state."""
 
 import json
+import math
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from field_maps import N_D, N_ROLL, X, exact_pressure, field_map
 from flight_maps import exact_response
+from shape_case import shape_map
 from synthetic_vehicle import SyntheticFiles
 
 from strainfmu.can.bridge.field_message import FIELD_PERIOD, FieldMessages, field_messages
@@ -20,6 +23,9 @@ from strainfmu.can.cycle.quality import Cause, Quality
 from strainfmu.can.cycle.result import CycleResult
 from strainfmu.errors import InputError
 from strainfmu.estimator.inverse_map import save_inverse_map
+from strainfmu.estimator.manifold.estimator import ManifoldEstimator
+from strainfmu.estimator.manifold.flight_tables import evaluate
+from strainfmu.estimator.unrolled_surface import outermost_places
 from strainfmu.monitor.message import parsed
 from strainfmu.monitor.server import Monitor
 from strainfmu.monitor.state import MonitorState
@@ -59,6 +65,28 @@ def test_message_is_the_pressure_of_the_strains() -> None:
     truth = exact_pressure(*STATE)
     assert np.max(np.abs(np.array(content["pressure_Pa"]) - truth)) < 0.02 * np.max(truth)
     assert messages.message(cycle(Quality.STALE), 5.0)["field"]["pressure_Pa"] == []
+
+
+def test_any_shape_is_unrolled() -> None:
+    """The pressure of the tables at the places that are seen from outside; the page takes the same message."""
+    held = shape_map(keep_field=True)
+    manifold = held.manifold
+    assert manifold is not None
+    assert held.point is not None
+    assert held.triangle is not None
+    state = np.array([6.5, 0.03, 0.0, np.log(4000.0)])  # leeward at the top
+    strain = evaluate(manifold.tables, state[None]).value[0, : held.n_gauges]
+    q = 0.7 * 6.5**2 * 4000.0
+    sample = replace(cycle(), strain=strain, valid=np.ones(len(strain), bool), dynamic_pressure=q)
+    found = FieldMessages(held).message(replace(sample, mach_number=6.5, altitude=math.nan), 5.0)
+    field = found["field"]
+    assert len(json.dumps(found)) < 60_000
+    true = ManifoldEstimator(held).step(strain, q, mach_number=6.5).pressure().pressure
+    x, roll = np.array(field["x"]), np.radians(field["roll_angle"])
+    seen = outermost_places(held.point, held.triangle, x[10:], roll)
+    pressure = np.array(field["pressure_Pa"]).reshape(60, 36)
+    np.testing.assert_allclose(pressure[10:], seen.of(true), rtol=2e-3)
+    assert np.all(pressure[10:, 18] > 1.1 * pressure[10:, 0])
 
 
 def test_maps_that_do_not_fit_are_refused(tmp_path: Path) -> None:

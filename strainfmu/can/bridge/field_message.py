@@ -11,11 +11,14 @@ from typing import Any
 
 import numpy as np
 
+from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.can.cycle.result import CycleResult
 from strainfmu.errors import InputError
 from strainfmu.estimator.inverse_map import InverseMap, load_inverse_map
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
+from strainfmu.estimator.manifold.flight_field import FlightField
 from strainfmu.estimator.manifold.tracker import FlightTracker
+from strainfmu.estimator.unrolled_surface import SurfacePlaces, outermost_places
 
 FIELD_PERIOD = 0.1
 """Shortest time from one field to the next [s]."""
@@ -30,16 +33,20 @@ class FieldMessages:
     def __init__(self, inverse_map: InverseMap) -> None:
         """Prepare ``inverse_map``; raises InputError without tables."""
         estimator = ManifoldEstimator(inverse_map)
-        held = estimator.manifold.pressure_field
+        held = estimator.manifold.surface_field
         if held is None:
             raise ValueError("inverse_map: expected one that holds the pressure field")
         self._tracker = FlightTracker(estimator)
-        self._rows = _thinned(len(held.station), _STATIONS)
-        self._columns = _thinned(len(held.roll_angle), _ROLLS)
-        self._shape = (len(held.station), len(held.roll_angle))
+        if isinstance(held, FlightField):
+            row, column = _thinned(held.station, _STATIONS), _thinned(held.roll_angle, _ROLLS)
+            node = np.arange(held.n_nodes).reshape(len(held.station), -1)[np.ix_(row, column)]
+            station, roll_angle = held.station[row], held.roll_angle[column]
+            self._seen = SurfacePlaces(node[..., None], np.ones((*node.shape, 1)))
+        else:
+            station, roll_angle, self._seen = _unrolled(inverse_map)
         self._places = {
-            "x": np.round(held.station[self._rows], 4).tolist(),
-            "roll_angle": np.round(np.degrees(held.roll_angle[self._columns]), 3).tolist(),
+            "x": np.round(station, 4).tolist(),
+            "roll_angle": np.round(np.degrees(roll_angle), 3).tolist(),
         }
 
     def message(self, result: CycleResult, timestamp: float) -> dict[str, Any]:
@@ -56,10 +63,9 @@ class FieldMessages:
                 mach_number=result.mach_number,
                 altitude=result.altitude,
             )
-            pressure = found.pressure(with_std=False).pressure.reshape(self._shape)
+            chosen = self._seen.of(found.pressure(with_std=False).pressure)
         except np.linalg.LinAlgError:  # the results themselves must go on
             return []
-        chosen = pressure[np.ix_(self._rows, self._columns)]
         return np.rint(chosen).astype(int).ravel().tolist() if np.all(np.isfinite(chosen)) else []
 
 
@@ -74,13 +80,25 @@ def field_messages(path: Path, gauge_names: tuple[str, ...]) -> FieldMessages:
     held = load_inverse_map(path)
     if held.gauge_names != gauge_names:
         raise InputError(f"--publish-field {path}: expected a map of the estimator's gauges, got others")
-    if held.manifold is None or held.manifold.pressure_field is None:
+    if held.manifold is None or held.manifold.surface_field is None:
         raise InputError(
             f"--publish-field {path}: expected a map built with estimator = 'manifold' and keep_field = true"
         )
     return FieldMessages(held)
 
 
-def _thinned(n: int, most: int) -> np.ndarray:
-    """Return at most ``most`` of the numbers 0 .. n - 1, evenly."""
-    return np.arange(0, n, -(-n // most))
+def _thinned(values: FloatArray, most: int) -> IntArray:
+    """Return at most ``most`` of the numbers of ``values``, evenly."""
+    return np.arange(0, len(values), -(-len(values) // most))
+
+
+def _unrolled(inverse_map: InverseMap) -> tuple[FloatArray, FloatArray, SurfacePlaces]:
+    """Return stations [m], roll angles [rad] and the places of any surface that are seen from outside there."""
+    point, triangle = inverse_map.point, inverse_map.triangle
+    if point is None or triangle is None:
+        raise ValueError("inverse_map: expected one that holds the surface of its pressure field")
+    surface = point.astype(np.float64), triangle.astype(np.int64)
+    first, last = float(point[:, 0].min()), float(point[:, 0].max())
+    station = first + (last - first) * (np.arange(_STATIONS) + 0.5) / _STATIONS
+    roll_angle = 2.0 * np.pi * np.arange(_ROLLS) / _ROLLS
+    return station, roll_angle, outermost_places(*surface, station, roll_angle)
