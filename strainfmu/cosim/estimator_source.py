@@ -39,6 +39,20 @@ class ReadyStep:
     gauge_names: tuple[str, ...]
 
 
+def is_fmu(source: Path) -> bool:
+    """Return whether the file of an estimator is an FMU; else it is an inverse map.
+
+    Raises
+    ------
+    InputError
+        It is neither, by its name.
+    """
+    ending = source.suffix.lower()
+    if ending not in (".fmu", ".h5", ".hdf5"):
+        raise InputError(f"{source}: expected an estimator FMU (X.fmu) or an inverse map (map.h5)")
+    return ending == ".fmu"
+
+
 @contextmanager
 def open_step(source: Path, zeros: Path | None = None) -> Iterator[ReadyStep]:
     """Load an estimator FMU or an inverse map, with the ``zeros`` of its gauges (zeros.toml); free it at the end.
@@ -50,14 +64,12 @@ def open_step(source: Path, zeros: Path | None = None) -> Iterator[ReadyStep]:
     StrainfmuError
         The FMU cannot be loaded on this machine.
     """
-    if source.suffix.lower() == ".fmu":
+    if is_fmu(source):
         with FmuStep(source, (*NAVIGATION, TEMPERATURE, PARAMETERS), (ENVELOPE_SCORE, FURTHER_LOADS)) as fmu:
             if zeros is not None:
                 fmu.set_zeros(load_zeros(zeros, fmu.gauge_names))
             yield ReadyStep(fmu, fmu.gauge_names)
         return
-    if source.suffix.lower() not in (".h5", ".hdf5"):
-        raise InputError(f"{source}: expected an estimator FMU (X.fmu) or an inverse map (map.h5)")
     inverse_map = load_inverse_map(source)
     refuse_sensors(inverse_map.sensors, f"{source}: bridge")
     names = tuple(inverse_map.gauge_names)

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from strainfmu.cosim.estimator_source import is_fmu
 from strainfmu.cosim.zeros_file import load_zeros
-from strainfmu.errors import InputError
 from strainfmu.estimator.inverse_map import load_inverse_map
 from strainfmu.estimator.loading import estimator_of
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
@@ -27,12 +27,10 @@ def open_block_estimator(source: Path, zeros: Path | None = None) -> Iterator[Bl
     StrainfmuError
         The FMU cannot be loaded on this machine.
     """
-    if source.suffix.lower() == ".fmu":
+    if is_fmu(source):
         with opened_fmu(source, zeros) as found:
             yield found
         return
-    if source.suffix.lower() not in (".h5", ".hdf5"):
-        raise InputError(f"{source}: expected an estimator FMU (X.fmu) or an inverse map (map.h5)")
     inverse_map = load_inverse_map(source)
     known = None if zeros is None else load_zeros(zeros, inverse_map.gauge_names[: inverse_map.n_strain_gauges])
     estimator = estimator_of(inverse_map, zeros=known)
