@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import radians
 
 import numpy as np
 
@@ -11,6 +12,8 @@ from builder.aero.surface_parts import connected, merge_nodes
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.errors import InputError
 
+FEATURE_ANGLE = radians(30.0)
+"""Angle between neighbouring triangles above which an edge is sharp [rad]."""
 SAME_PLACE = 1e-7
 """Nodes closer than this fraction of the surface's extent are one: coordinates in single precision."""
 BASE_DEPTH = 1e-3

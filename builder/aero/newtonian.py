@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from builder.aero.edges import prepare_surface
+from builder.aero.edges import FEATURE_ANGLE, prepare_surface
 from builder.aero.engine import Flow, FlowKey
 from builder.aero.local_inclination import LEEWARD, STAGNATION, inclination_pressure_ratio, matching_point
 from builder.aero.surface_mesh import SurfaceMesh
@@ -37,7 +37,6 @@ if TYPE_CHECKING:
 
 METHOD_VERSION = 1
 """Raised whenever results change, so that stored flows of an older version are solved again."""
-FEATURE_ANGLE = radians(30.0)
 BASE_ANGLE = radians(30.0)
 
 

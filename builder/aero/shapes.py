@@ -10,8 +10,7 @@ import numpy as np
 
 from builder.aero.cfd.surface_files import read_surface
 from builder.aero.cfd.units import METRES
-from builder.aero.edges import prepare_surface
-from builder.aero.newtonian import FEATURE_ANGLE
+from builder.aero.edges import FEATURE_ANGLE, prepare_surface
 from builder.aero.self_intersections import refuse_self_intersections
 from builder.aero.surface_mesh import SurfaceMesh, mesh_of_grid
 from builder.vehicle.geometry import SurfaceGrid, surface_grid

@@ -20,10 +20,10 @@ from builder.aero.cfd.manifest import load_manifest
 from builder.aero.cfd.stl import write_stl
 from builder.aero.cfd.surface_files import read_surface
 from builder.aero.deflections import Deflection, deflections_of
-from builder.aero.edges import split_at_edges
+from builder.aero.edges import FEATURE_ANGLE, split_at_edges
 from builder.aero.engine import Engine
 from builder.aero.engines import make_engine
-from builder.aero.newtonian import FEATURE_ANGLE, NewtonianEngine
+from builder.aero.newtonian import NewtonianEngine
 from builder.aero.section_loads import six_loads
 from builder.aero.surface_mesh import SurfaceMesh
 from builder.campaign.run import run_campaign

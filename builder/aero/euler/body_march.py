@@ -18,6 +18,7 @@ from math import atan, log
 import numpy as np
 
 from builder.aero.euler import corner, march
+from builder.aero.euler.flow import Flow
 from builder.aero.euler.gas import GAMMA
 from builder.aero.euler.grid import Rays, Wall, find_wall, full_body_rays, half_body_rays, place_vertices
 from builder.aero.euler.marching_grid import MarchingGrid
@@ -70,18 +71,6 @@ class Marched:
     conical_change: float
     n_steps: int
     n_repairs: int
-
-
-@dataclass(frozen=True)
-class Flow:
-    """The flow to march: its free stream, and its name in messages."""
-
-    mach_number: float
-    stream: Stream
-    name: str
-
-    def refusal(self, reason: str) -> FlowReachError:
-        return FlowReachError(f"euler: {reason} for {self.name}: outside the solver's reach")
 
 
 def march_body(

@@ -10,7 +10,8 @@ from math import degrees
 
 import numpy as np
 
-from builder.aero.euler.body_march import Flow, march_body
+from builder.aero.euler.body_march import march_body
+from builder.aero.euler.flow import Flow
 from builder.aero.euler.grid import full_body_rays
 from builder.aero.euler.marching_grid import MarchingGrid
 from builder.aero.euler.solver import free_stream_of

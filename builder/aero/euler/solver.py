@@ -7,7 +7,8 @@ from math import cos, degrees, pi, sin
 
 import numpy as np
 
-from builder.aero.euler.body_march import Flow, march_body
+from builder.aero.euler.body_march import march_body
+from builder.aero.euler.flow import Flow
 from builder.aero.euler.gas import total_enthalpy
 from builder.aero.euler.grid import half_body_rays
 from builder.aero.euler.marching_grid import MarchingGrid

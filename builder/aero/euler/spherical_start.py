@@ -11,11 +11,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from math import ceil, cos, degrees, hypot, radians, sin, sqrt
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.optimize import brentq
 
+from builder.aero.euler.flow import Flow
 from builder.aero.euler.gas import GAMMA
 from builder.aero.euler.grid import Rays
 from builder.aero.euler.marching_grid import MarchingGrid
@@ -24,9 +24,6 @@ from builder.aero.euler.reconstruction import Stream
 from builder.aero.euler.sphere_flow import SphereFlow, solve_sphere
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import FlowReachError
-
-if TYPE_CHECKING:
-    from builder.aero.euler.body_march import Flow
 
 START_MACH_NUMBER = 1.15
 """Axial Mach number on the windward wall at which the march begins, if the cap reaches so far back."""
