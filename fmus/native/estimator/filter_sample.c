@@ -176,6 +176,7 @@ void filter_sample(Filter *filter, const Law *law, const double *start, size_t i
         memcpy(state, next, sizeof state);
         flight_evaluate(solver, state);
     }
+    solver->solution.rest_square = 0.0;
     filter_set_rows(filter, law, state);
     const double chi_square = filter_update_law(filter, law, &filter->next_law);
     solver->solution.chi_square = chi_square + filter_give(filter, &filter->next_law, state);

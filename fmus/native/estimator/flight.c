@@ -9,6 +9,10 @@
 #include "step_parts.h"
 
 #define ALIGNMENT 64
+#define LARGEST_REST 0.5 /* deviations that the next iteration may move the state by: flight_health.py */
+
+/* How good a solution is: strain does not fit, navigation is dropped with an alarm, neither. */
+enum { FITS_NOT, ALARMS, FITS };
 
 int flight_create(Estimator *e, char text[MODEL_TEXT_SIZE]) {
     Flight *flight = &e->flight;
@@ -274,8 +278,9 @@ static int judge(Estimator *e, size_t used) {
                   && found->largest_shape <= map->shape_threshold * sqrt(alarm_scale);
     const int outside = output[ENVELOPE_SCORE] > map->outside_score || navigation_outside(flight)
                      || estimator_outside(e) != SIZE_MAX;
-    const int missing = used < e->map.n_gauges || navigation_alarms(flight);
-    output[HEALTH_STATE] = outside ? OUTSIDE : !fits ? INCONSISTENT : suspect ? SUSPECT : missing ? DEGRADED : OK;
+    const int lacks = used < e->map.n_gauges || navigation_alarms(flight)
+                   || found->rest_square > LARGEST_REST * LARGEST_REST;
+    output[HEALTH_STATE] = outside ? OUTSIDE : !fits ? INCONSISTENT : suspect ? SUSPECT : lacks ? DEGRADED : OK;
     return fits;
 }
 
@@ -320,12 +325,19 @@ void flight_set_nothing_known(Estimator *e) {
     flight->next = flight->base;
 }
 
+double flight_since_search(const Flight *flight, int searched) {
+    const double since = flight->base.since_search + 1.0, most = flight->map.search_every;
+    return searched ? 0.0 : since < most ? since : most;
+}
+
 /* What the step leaves to the next one. */
-static void set_next(Flight *flight, int search, int fits, double to_return) {
+static void set_next(Flight *flight, int searched, int fits, double to_return) {
     Track *next = &flight->next;
+    /* What fits nowhere does not move the state. */
+    const int moves = fits || !searched || flight->base.has_state == 0.0;
     next->has_state = 1.0;
-    memcpy(next->state, flight->solver.solution.state, sizeof next->state);
-    next->since_search = search || fits ? 0.0 : flight->base.since_search + 1.0;
+    memcpy(next->state, moves ? flight->solver.solution.state : flight->base.state, sizeof next->state);
+    next->since_search = flight_since_search(flight, searched);
     next->to_return = to_return;
     next->stepped = 0.0;
 }
@@ -337,12 +349,37 @@ static void forget_law(Filter *filter) {
     filter->next.mean = filter->next.widening = 1.0;
 }
 
+/* Solve, a second time without navigation that is inconsistent, and write the solution to the outputs. */
+static int attempt(Estimator *e, size_t used, int search) {
+    Flight *flight = &e->flight;
+    double residual[N_NAVIGATION];
+    flight_set_measurement(flight);
+    solve(flight, search);
+    memcpy(residual, flight->solver.solution.navigation_residual, sizeof residual);
+    if (flight_drop_inconsistent(flight)) {
+        solve(flight, search);
+        memcpy(flight->solver.solution.navigation_residual, residual, sizeof residual);
+    }
+    return !flight_conclude(e, used) ? FITS_NOT : navigation_alarms(flight) ? ALARMS : FITS;
+}
+
+/* From the last state, and from a search where that does not fit well and the last one is long ago; the better. */
+static int best_attempt(Estimator *e, size_t used, int *searched) {
+    const Track *base = &e->flight.base;
+    const int first = base->has_state == 0.0, found = attempt(e, used, first);
+    *searched = first;
+    if (first || found == FITS || base->since_search < e->flight.map.search_every) {
+        return found;
+    }
+    *searched = 1;
+    const int by_search = attempt(e, used, 1);
+    return by_search > found ? by_search : attempt(e, used, 0);
+}
+
 void flight_update(Estimator *e) {
     Flight *flight = &e->flight;
-    const Track *base = &flight->base;
     const size_t used = set_strain(e);
-    const int search = base->has_state == 0.0 || base->since_search >= flight->map.search_every;
-    double residual[N_NAVIGATION];
+    int searched;
     e->output[VALID_GAUGES] = (double)used;
     set_navigation(e);
     if (flight_filters(e)) {
@@ -356,17 +393,10 @@ void flight_update(Estimator *e) {
         flight_set_nothing_known(e);
         return;
     }
-    flight_set_measurement(flight);
-    solve(flight, search);
-    memcpy(residual, flight->solver.solution.navigation_residual, sizeof residual);
-    if (flight_drop_inconsistent(flight)) {
-        solve(flight, search);
-        memcpy(flight->solver.solution.navigation_residual, residual, sizeof residual);
-    }
-    const int fits = flight_conclude(e, used);
+    const int fits = best_attempt(e, used, &searched) != FITS_NOT;
     const double to_return = fits ? flight_waiting(flight) : flight->map.return_after;
     flight_fall_back(e, fits, to_return);
-    set_next(flight, search, fits, to_return);
+    set_next(flight, searched, fits, to_return);
 }
 
 /* What the step left is what the next one starts from, at the present point in time. */

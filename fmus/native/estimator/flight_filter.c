@@ -36,10 +36,12 @@ static void note(Estimator *e, size_t used) {
 }
 
 /* Keep what a sample that fits leaves. */
-static void keep(Estimator *e, size_t used) {
+static void keep(Estimator *e, size_t used, int searched) {
     Flight *flight = &e->flight;
     const double to_return = flight_waiting(flight);
-    flight->next = (Track){.has_state = 1.0, .to_return = to_return};
+    flight->next = (Track){.has_state = 1.0,
+                           .since_search = flight_since_search(flight, searched),
+                           .to_return = to_return};
     memcpy(flight->next.state, flight->solver.solution.state, sizeof flight->next.state);
     flight->filter.next.has_law = 1.0;
     note(e, used);
@@ -71,13 +73,15 @@ static void begin(Estimator *e, size_t used, int has_law) {
     }
     solve(flight, &flight->filter.stationary, start, search ? 0 : (size_t)flight->map.warm_iterations);
     if (flight_conclude(e, used)) {
-        keep(e, used);
+        keep(e, used, search);
         return;
     }
     flight->next = (Track){.has_state = 1.0,
-                           .since_search = search ? 0.0 : base->since_search + 1.0,
+                           .since_search = flight_since_search(flight, search),
                            .to_return = flight->map.return_after};
-    memcpy(flight->next.state, flight->solver.solution.state, sizeof flight->next.state);
+    /* What fits nowhere does not move the state: the law goes on from there. */
+    const double *state = (search || has_law) && base->has_state != 0.0 ? base->state : flight->solver.solution.state;
+    memcpy(flight->next.state, state, sizeof flight->next.state);
     keep_predicted(&flight->filter, has_law);
     note(e, used);
     flight_fall_back(e, 0, flight->map.return_after);
@@ -127,7 +131,7 @@ void flight_filter_update(Estimator *e, size_t used) {
         flight_set_measurement(flight);
         solve(flight, &filter->predicted, flight->base.state, (size_t)flight->map.warm_iterations);
         if (flight_conclude(e, used)) {
-            keep(e, used);
+            keep(e, used, 0);
             return;
         }
     }

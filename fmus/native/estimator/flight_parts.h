@@ -25,6 +25,9 @@ void flight_set_nothing_known(Estimator *e);
 /* Number of quantities of navigation in use. */
 size_t flight_navigation_used(const Flight *flight);
 
+/* Steps since the last search of the tables, as the step leaves them. */
+double flight_since_search(const Flight *flight, int searched);
+
 /* Steps that still must fit after one more that does. */
 static inline double flight_waiting(const Flight *flight) {
     return flight->base.to_return > 1.0 ? flight->base.to_return - 1.0 : 0.0;

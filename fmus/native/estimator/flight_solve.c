@@ -381,6 +381,7 @@ static void set_solution(FlightSolver *solver) {
     memcpy(found->state, solver->state, sizeof found->state);
     invert_small(N_STATES, solver->hessian, found->state_covariance);
     found->chi_square = solver->cost;
+    found->rest_square = quadratic(N_STATES, solver->gradient, found->state_covariance, solver->gradient);
     flight_set_loads(solver);
     set_gauge_residuals(solver);
     set_navigation_residuals(solver);

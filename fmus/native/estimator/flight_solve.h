@@ -31,6 +31,7 @@ typedef struct {
     double loads[N_LOADS], load_covariance[N_LOADS * N_LOADS];
     double coefficients[N_LOADS], coefficient_covariance[N_LOADS * N_LOADS];
     double chi_square;
+    double rest_square; /* square of what another iteration would move the state by, in its deviations */
     double *standardised_residual; /* (n) */
     double navigation_residual[N_NAVIGATION];
     double largest_shape; /* standardised size of a shape of pressure off the tables in the residual */

@@ -190,9 +190,8 @@ class FlightFilter:
             found, sample = self._solved(law, samples, start=track.state)
             estimate = self._now.concluded(inputs, sample, found.solution)
             if _fits(estimate):
-                return self._kept(
-                    inputs, sample, laws=(law, found.law), step=step, estimate=estimate, continues=True
-                )
+                laws = law, found.law
+                return self._kept(inputs, sample, laws=laws, step=step, estimate=estimate)
         return self._begun(inputs, samples, law=law, step=step)
 
     def smoothed(self, step: FilteredStep, law: Law) -> FlightEstimates:
@@ -243,14 +242,16 @@ class FlightFilter:
         found, sample = self._solved(own, samples, start=start, iterations=iterations)
         estimate = self._now.concluded(inputs, sample, found.solution)
         if _fits(estimate):
-            return self._kept(inputs, sample, laws=(own, found.law), step=step, estimate=estimate, continues=False)
-        since = 0 if searched else track.since_search + 1
+            laws, since = (own, found.law), self._since(searched)
+            return self._kept(inputs, sample, laws=laws, step=step, estimate=estimate, since=since)
         after = own if law is None else law
+        # What fits nowhere does not move the state: the law goes on from there.
+        kept = None if law is None and not searched else track.state
         self.track = replace(
             track,
             law=law,
-            state=estimate.state[0],
-            since_search=since,
+            state=estimate.state[0] if kept is None else kept,
+            since_search=self._since(searched),
             to_return=RETURN_AFTER,
             consistency=self._consistency(estimate),
         )
@@ -274,13 +275,18 @@ class FlightFilter:
         laws: tuple[Law, Law],
         step: Transition,
         estimate: FlightEstimates,
-        continues: bool,
+        since: int | None = None,
     ) -> FilteredStep:
-        """Keep what a sample that fits leaves. Its loads count after :data:`RETURN_AFTER` such samples."""
+        """Keep what a sample that fits leaves. Its loads count after :data:`RETURN_AFTER` such samples.
+
+        ``since`` is the number of steps since a search of the tables where the filter begins again, None where it
+        goes on.
+        """
         to_return = max(self.track.to_return - 1, 0)
         self.track = FilterTrack(
             law=laws[1],
             state=estimate.state[0],
+            since_search=self._since(searched=False) if since is None else since,
             to_return=to_return,
             consistency=self._consistency(estimate),
             warm=self.track.warm,
@@ -295,7 +301,7 @@ class FlightFilter:
             before=laws[0],
             after=laws[1],
             transition=step,
-            continues=continues,
+            continues=since is None,
             measured=True,
         )
 
@@ -322,6 +328,10 @@ class FlightFilter:
             continues=law is not None,
             measured=True,
         )
+
+    def _since(self, searched: bool) -> int:
+        """Return the steps since the last search of the tables, as :class:`Track` counts them."""
+        return 0 if searched else min(self.track.since_search + 1, SEARCH_EVERY)
 
     def _consistency(self, estimate: FlightEstimates) -> Consistency:
         scale = self.estimator.settings.alarm_scale

@@ -135,6 +135,7 @@ def flight_solution(
         standardised_residual=of_gauges[None],
         navigation_residual=of_navigation[None],
         shape_residual=np.zeros((1, manifold.shapes.shape[1])),  # the filter estimates them
+        rest=np.zeros(1),
         further_loads=further.loads,
         further_variance=further.variance,
         further_coefficients=further.coefficients,

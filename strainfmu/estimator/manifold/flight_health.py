@@ -18,6 +18,9 @@ from strainfmu.estimator.manifold.solve import FlightSolution
 OUTSIDE_SCORE = 3.0
 """Standard deviations by which the flight state leaves the ranges of the map from which it is outside."""
 
+LARGEST_REST = 0.5
+"""Deviations of the flight state that the next iteration may move it by; above, the estimate is degraded."""
+
 RANGE_TOLERANCE = 0.01
 """Relative excess of a range that does not count."""
 
@@ -66,9 +69,9 @@ def flight_health(
     shapes = np.abs(found.shape_residual)
     if shapes.shape[1]:
         fits &= np.max(shapes, axis=1) <= shape_threshold(manifold, alarm_scale)
-    dropped = _alarming(navigation, navigation_used, found.navigation_residual)
+    dropped = navigation_alarms(navigation, navigation_used, found.navigation_residual)
     health = np.select(
-        [outside, ~fits, suspect >= 0, dropped | ~used.all(axis=1)],
+        [outside, ~fits, suspect >= 0, dropped | ~used.all(axis=1) | (found.rest > LARGEST_REST)],
         [HealthState.OUTSIDE, HealthState.INCONSISTENT, HealthState.SUSPECT, HealthState.DEGRADED],
         HealthState.OK,
     )
@@ -107,7 +110,7 @@ def shape_threshold(manifold: ManifoldMap, alarm_scale: float) -> float:
     return float(level * np.sqrt(alarm_scale))
 
 
-def _alarming(navigation: Navigation, used: BoolArray, residual: FloatArray) -> BoolArray:
+def navigation_alarms(navigation: Navigation, used: BoolArray, residual: FloatArray) -> BoolArray:
     """Return (k,) whether a quantity of navigation has a value that is not used, and no correct one.
 
     Correct ones are dropped at the rates :data:`~strainfmu.estimator.manifold.navigation.FALSE_ALARMS`, and the

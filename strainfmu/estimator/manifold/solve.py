@@ -41,6 +41,7 @@ class FlightSolution:
     standardised_residual : (k, n_d) leave-one-out residuals z of the gauges, 0 of lost ones.
     navigation_residual : (k, 3) the same of M, p_inf and q_inf; 0 where not known.
     shape_residual : (k, n_s) standardised size of each shape of pressure off the tables in the residual.
+    rest : (k,) what another iteration would move the state by, in its standard deviations.
     further_loads, further_variance : (k, m) further loads of the map [N, N m], m = 0 for none.
     further_coefficients, further_coefficient_variance : (k, m) the same over q S, moments over q S L [1].
     """
@@ -55,6 +56,7 @@ class FlightSolution:
     standardised_residual: FloatArray
     navigation_residual: FloatArray
     shape_residual: FloatArray
+    rest: FloatArray
     further_loads: FloatArray
     further_variance: FloatArray
     further_coefficients: FloatArray
@@ -149,6 +151,7 @@ def solution(manifold: ManifoldMap, at: Linearised, used: BoolArray) -> FlightSo
         standardised_residual=_gauge_residuals(at, covariance, used),
         navigation_residual=_navigation_residuals(at, covariance),
         shape_residual=_shape_residuals(manifold, at, covariance, used),
+        rest=np.sqrt(np.maximum(np.einsum("kx,kxy,ky->k", at.gradient, covariance, at.gradient), 0.0)),
         further_loads=further.loads,
         further_variance=further.variance,
         further_coefficients=further.coefficients,

@@ -12,12 +12,13 @@ from strainfmu.arrays import FloatArray
 from strainfmu.estimator.arguments import strain_of_one
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
-from strainfmu.estimator.manifold.flight_estimate import FlightEstimate
+from strainfmu.estimator.manifold.flight_estimate import FlightEstimate, FlightEstimates
+from strainfmu.estimator.manifold.flight_health import navigation_alarms
 from strainfmu.estimator.manifold.inputs import EstimatorInputs
 from strainfmu.estimator.manifold.solve import solve_warm
 
 SEARCH_EVERY = 10
-"""Steps from one search of the tables to the next while strain does not fit them."""
+"""Steps from one search of the tables to the next, at least."""
 
 RETURN_AFTER = 5
 """Steps in a row that must fit the tables before their loads follow those of the linear map again."""
@@ -30,7 +31,7 @@ class Track:
     Attributes
     ----------
     state : (4,) flight state, None before the first step and after a loss of lock.
-    since_search : steps since the last search of the tables.
+    since_search : steps since the last search of the tables, :data:`SEARCH_EVERY` for that many and more.
     to_return : steps that still must fit before the tables' loads are used; 0 while they are.
     """
 
@@ -89,16 +90,21 @@ class FlightTracker:
 def tracked(estimator: ManifoldEstimator, inputs: EstimatorInputs, track: Track) -> tuple[FlightEstimate, Track]:
     """Return the estimate of the one sample in ``inputs``, and what it leaves to the next step.
 
-    A step without gauges keeps the state. While strain does not fit the tables, they are searched every
-    :data:`SEARCH_EVERY` steps.
+    A step without gauges keeps the state. One that does not fit the tables, or drops a quantity of navigation with
+    an alarm, searches them as well, unless one of the last :data:`SEARCH_EVERY` steps did. The search counts where
+    it fits better. What fits nowhere does not move the state: a spike passes.
     """
     estimator, state = estimator.at_parameters(inputs), track.state
-    search = state is None or track.since_search >= SEARCH_EVERY
-    if search or state is None:
-        found = estimator.estimated(inputs, estimator.search)
+    since = min(track.since_search + 1, SEARCH_EVERY)
+    if state is None:
+        found, since = estimator.estimated(inputs, estimator.search), 0
     else:
         last = state[None]
         found = estimator.estimated(inputs, lambda samples, _: solve_warm(estimator.manifold, last, samples))
+        standing = _standing(inputs, found)
+        if standing < _GOOD and track.since_search >= SEARCH_EVERY and inputs.used.any():
+            searched, since = estimator.estimated(inputs, estimator.search), 0
+            found = searched if _standing(inputs, searched) > standing else found
     one = found[0]
     if one.health in (HealthState.INVALID, HealthState.UNIDENTIFIED):
         return one, track
@@ -106,5 +112,17 @@ def tracked(estimator: ManifoldEstimator, inputs: EstimatorInputs, track: Track)
     to_return = max(track.to_return - 1, 0) if fits else RETURN_AFTER
     if fits and to_return > 0:
         one = estimator.with_linear_loads(inputs, found)[0]
-    since = 0 if search or fits else track.since_search + 1
-    return one, replace(track, state=one.state, since_search=since, to_return=to_return)
+    moves = fits or since > 0 or state is None
+    after = one.state if moves else state
+    return one, replace(track, state=after, since_search=since, to_return=to_return)
+
+
+_GOOD = 2
+
+
+def _standing(inputs: EstimatorInputs, found: FlightEstimates) -> int:
+    """Return 0 where the one sample does not fit, 1 where it drops navigation with an alarm, else ``_GOOD``."""
+    if not found.fits[0]:
+        return 0
+    alarms = navigation_alarms(inputs.navigation, found.navigation_used, found.navigation_residual)
+    return 1 if alarms[0] else _GOOD

@@ -214,11 +214,12 @@ def test_without_the_filter_nothing_is_remembered(fmu: FlightFmu, inverse_map: I
         else:
             check(found, tracked(static, sample))
     assert fmu.filter(1.0) == OK
-    with_filter = fmu.advance_over(samples[0], 1.0, STEP)
+    fmu.advance_over(samples[0], 1.0, STEP)  # the filter begins with the sample on its own
+    with_filter = fmu.advance_over(samples[0], 1.01, STEP)
     assert fmu.set_reals([FILTER - 2], [1e-12]) == OK
-    without = fmu.advance_over(samples[0], 1.01, STEP)
+    without = fmu.advance_over(samples[0], 1.02, STEP)
     assert fmu.filter(0.0) == OK
-    assert fmu.advance_over(samples[0], 1.02, STEP)[5:10] == pytest.approx(without[5:10], rel=1e-3)
+    assert fmu.advance_over(samples[0], 1.03, STEP)[5:10] == pytest.approx(without[5:10], rel=1e-3)
     assert np.any(with_filter[5:10] < 0.99 * without[5:10])
 
 

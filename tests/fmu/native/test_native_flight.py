@@ -121,6 +121,16 @@ def test_off_the_tables_and_back(fmu: FlightFmu, inverse_map: InverseMap) -> Non
     assert not any(linear[20:])
 
 
+def test_jumps_and_spikes(fmu: FlightFmu, inverse_map: InverseMap) -> None:
+    """A search in the step that loses the fit; what it does not mend leaves the state as it was."""
+    samples = [one for seed in range(6) for one in random_flight(inverse_map, 12, 40 + seed)]
+    for k in (25, 39):
+        samples[k] = replace(samples[k], strain=samples[k].strain + 5e-5 * (np.arange(N_D) == k))
+    samples = [replace(one, flow={} if 12 <= k < 36 else one.flow) for k, one in enumerate(samples)]
+    seen = compare(fmu, inverse_map, samples)
+    assert {HealthState.OK, HealthState.INCONSISTENT} <= set(seen)
+
+
 def test_one_gauge_that_does_not_fit(fmu: FlightFmu, inverse_map: InverseMap) -> None:
     samples = random_flight(inverse_map, 3, seed=16)
     samples[1].strain[5] += 6e-6
