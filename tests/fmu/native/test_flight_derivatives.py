@@ -93,7 +93,7 @@ NAVIGATION: dict[str, tuple[tuple[str, ...], Flow]] = {
     "all": ((), {}),
     "deviations": ((), {"dynamic_pressure_std": 900.0, "mach_number_std": 0.04, "static_pressure_std": 300.0}),
     "altitude": (("static_pressure", "mach_number"), {"altitude": 21.3e3}),
-    "tiny deviations": (("mach_number",), {"dynamic_pressure_std": 1.0}),
+    "tiny deviations": (("mach_number",), {"dynamic_pressure_std": 10.0}),
     "none": (("mach_number", "static_pressure", "dynamic_pressure"), {}),
 }
 
