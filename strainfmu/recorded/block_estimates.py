@@ -68,6 +68,7 @@ class BlockEstimator(Protocol):
     readings : unit of each further sensor, and of thrust, by its name.
     sensor_names : temperature sensors that it takes.
     parameter_names : further parameters of the flow that it takes.
+    sharpening : those of them whose standard deviation it takes.
     """
 
     gauge_names: tuple[str, ...]
@@ -75,6 +76,7 @@ class BlockEstimator(Protocol):
     readings: Mapping[str, str]
     sensor_names: tuple[str, ...]
     parameter_names: tuple[str, ...]
+    sharpening: tuple[str, ...]
     further_columns: tuple[tuple[str, str], ...]
     inputs: tuple[str, ...]
     reference: LevelReference

@@ -16,6 +16,9 @@ from strainfmu.recorded.temperature_columns import is_temperature, sensor_of
 
 TIME_NAMES = ("time", "t", "timestamps", "time_s")
 
+STD = "_std"
+"""Ends the name of the column with the standard deviation of a further parameter of the flow."""
+
 FLOW_NAMES = ("dynamic_pressure", "dynamic_pressure_std", "mach_number", "altitude")
 """Quantities beside the strains; all but the first may be missing."""
 

@@ -13,6 +13,7 @@ from strainfmu.errors import InputError
 from strainfmu.recorded.column_names import (
     FLOW_NAMES,
     STATIC_PRESSURE,
+    STD,
     TIME_NAMES,
     Wanted,
     columns_to_read,
@@ -56,7 +57,8 @@ class StrainBlock:
     strain : (n, n_d) [m/m], NaN where a gauge has no value.
     dynamic_pressure : (n,) q_inf [Pa], NaN where it is not known.
     flow : (n,) of each other quantity of ``FLOW_NAMES`` that the file holds [Pa, 1, m], NaN where it is not known.
-    parameters : (n,) of each further parameter of the flow that the file holds, as ``flow``.
+    parameters, parameters_std : (n,) of each further parameter of the flow that the file holds, as ``flow``, and
+        its standard deviation.
     readings : (n,) of each further sensor, and thrust, that the file holds [SI unit], NaN where it has no value.
     temperature : (n, n_t) of the map's sensors [K], NaN where one gives none; None if the file holds none.
     """
@@ -67,6 +69,7 @@ class StrainBlock:
     flow: Mapping[str, FloatArray] = field(default_factory=dict)
     temperature: FloatArray | None = None
     parameters: Mapping[str, FloatArray] = field(default_factory=dict)
+    parameters_std: Mapping[str, FloatArray] = field(default_factory=dict)
     readings: Mapping[str, FloatArray] = field(default_factory=dict)
 
 
@@ -161,8 +164,16 @@ class ColumnPlan:
         warm = temperatures(self.temperature, table[:, 1 + n_d + len(self.flow) :])
         readings = {name: flow.pop(name) for name in self.readings if name in flow}
         parameters = {name: flow.pop(name) for name in tuple(flow) if name not in FLOW_NAMES}
+        stated = [name for name in parameters if name.endswith(STD) and name.removesuffix(STD) in parameters]
         return StrainBlock(
-            time, strain, pressure, flow, temperature=warm, parameters=parameters, readings=readings
+            time,
+            strain,
+            pressure,
+            flow,
+            temperature=warm,
+            parameters_std={name.removesuffix(STD): parameters.pop(name) for name in stated},
+            parameters=parameters,
+            readings=readings,
         )
 
     def _unit_hint(self, strain: FloatArray) -> str:

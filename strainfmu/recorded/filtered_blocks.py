@@ -52,6 +52,7 @@ class FilteredFlight(FlightBlocks):
     def __init__(self, static: FlightBlocks, settings: FilterSettings, smooths: bool) -> None:
         super().__init__(static.estimator)
         self.settings, self.smooths = settings, smooths
+        self.sharpening = ()  # the filter takes values alone
         self._filter = FlightFilter(static.estimator, settings)
 
     def estimate(self, block: StrainBlock, last: float) -> BlockEstimates:

@@ -68,6 +68,7 @@ class FmuBlocks:
         self.inputs = step.further_inputs
         given = (name for name in step.further_inputs if name.startswith(PREFIX))
         self.parameter_names = tuple(name.removeprefix(PREFIX) for name in given)
+        self.sharpening: tuple[str, ...] = ()
         self._scores = [self._further.index(f"{OUTSIDE_PREFIX}{name}") for name in self.parameter_names]
         self.reference = LevelReference(
             strain_range=step.strain_nominal,

@@ -45,6 +45,7 @@ class MapBlocks:
         self.readings: Mapping[str, str] = recorded_readings(reading_units(inverse_map))
         self.sensor_names = _sensor_names(inverse_map)
         self.parameter_names = estimator.parameters.names
+        self.sharpening: tuple[str, ...] = ()
         self.envelope_score_limit = inverse_map.envelope_score_limit
         self.reference = _level_reference(inverse_map)
 
@@ -112,6 +113,7 @@ class FlightBlocks:
         self.inverse_map: InverseMap | None = estimator.inverse_map
         self._threshold = gauge_threshold(estimator.manifold, estimator.settings.alarm_scale)
         self.parameter_names = estimator.parameters.names
+        self.sharpening: tuple[str, ...] = () if estimator.manifold.parameters is None else self.parameter_names
         self._has_loads = estimator.manifold.further is not None
         self.further_columns = (*self._columns, *_further_columns(estimator.inverse_map, self._has_loads))
         self.row_names = estimator.inverse_map.gauge_names
@@ -160,7 +162,10 @@ class FlightBlocks:
         warm = None if block.temperature is None else block.temperature[row]
         parameters = {name: values[row] for name, values in block.parameters.items()}
         pressure = float(block.dynamic_pressure[row])
-        return self._tracker.step(readings, pressure, temperature=warm, parameters=parameters, **flow)
+        std = {name: values[row] for name, values in block.parameters_std.items()}
+        return self._tracker.step(
+            readings, pressure, temperature=warm, parameters=parameters, parameters_std=std, **flow
+        )
 
 
 class _FlowArguments(TypedDict, total=False):

@@ -16,7 +16,7 @@ from strainfmu.cosim.zeros_file import load_zeros
 from strainfmu.errors import InputError
 from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.recorded.block_estimates import BlockEstimates, BlockEstimator
-from strainfmu.recorded.column_names import FLOW_NAMES, STATIC_PRESSURE, Wanted
+from strainfmu.recorded.column_names import FLOW_NAMES, STATIC_PRESSURE, STD, Wanted
 from strainfmu.recorded.columns import ColumnPlan, StrainBlock
 from strainfmu.recorded.estimator_files import open_block_estimator
 from strainfmu.recorded.field_series import FieldSeriesWriter, check_field_output, field_series_writer
@@ -141,7 +141,13 @@ def estimate_file(
         wanted = Wanted(
             gauge_names=estimator.gauge_names,
             fixed_pressure=dynamic_pressure,
-            flow=(*FLOW_NAMES, STATIC_PRESSURE, *estimator.parameter_names, *estimator.readings),
+            flow=(
+                *FLOW_NAMES,
+                STATIC_PRESSURE,
+                *estimator.parameter_names,
+                *(f"{name}{STD}" for name in estimator.sharpening),
+                *estimator.readings,
+            ),
             readings=estimator.readings,
             computes_pressure=True,
             ignored=tuple(ignore_columns),

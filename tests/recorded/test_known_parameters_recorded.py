@@ -1,0 +1,60 @@
+"""Columns of a further parameter of the flow and of its standard deviation."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from deflected_shape import NAME, known_map
+from shape_case import N_D
+
+from strainfmu.errors import InputError
+from strainfmu.estimator.inverse_map import save_inverse_map
+from strainfmu.estimator.manifold.estimator import ManifoldEstimator
+from strainfmu.estimator.manifold.flight_tables import evaluate
+from strainfmu.estimator.manifold.parameter_tables import with_known
+from strainfmu.recorded.run import estimate_file
+
+STATE = np.array([6.5, 0.03, 0.01, np.log(4000.0)])
+Q = 0.7 * 6.5**2 * 4000.0
+
+
+def readings() -> np.ndarray:
+    """Return what the gauges read at a deflection of 1 degree."""
+    manifold = known_map().manifold
+    assert manifold is not None
+    at = with_known(manifold, np.ones(1), np.zeros(1))
+    return np.asarray(evaluate(at.tables, STATE[None]).value[0, :N_D])
+
+
+def estimated(folder: Path, columns: dict[str, float], **options: float) -> np.ndarray:
+    """Return C_l and its deviation (2, 3) of three samples with further ``columns``."""
+    strain = readings()
+    names = [
+        "time [s]",
+        *(f"strain[{i + 1}] [m/m]" for i in range(N_D)),
+        "dynamic_pressure [Pa]",
+        "mach_number",
+        *columns,
+    ]
+    rows = [[0.01 * i, *strain, Q, 6.5, *columns.values()] for i in range(3)]
+    text = [",".join(names), *(",".join(f"{one:.12g}" for one in row) for row in rows)]
+    (folder / "flight.csv").write_text("\n".join(text) + "\n", encoding="utf-8")
+    save_inverse_map(known_map(), folder / "map.h5")
+    estimate_file(folder / "map.h5", folder / "flight.csv", folder / "loads.csv", **options)
+    table = np.genfromtxt(folder / "loads.csv", delimiter=",", names=True, deletechars="", replace_space=" ")
+    return np.array([table["M_R [1]"], table["sigma.M_R [1]"]])
+
+
+def test_a_column_of_deviations_sharpens(tmp_path: Path) -> None:
+    alone = estimated(tmp_path, {NAME: 1.0})
+    found = estimated(tmp_path, {NAME: 1.0, f"{NAME}_std": 0.05})
+    assert np.all(found[1] < 0.7 * alone[1])
+    one = ManifoldEstimator(known_map()).step(
+        readings(), Q, mach_number=6.5, parameters={NAME: 1.0}, parameters_std={NAME: 0.05}
+    )
+    np.testing.assert_allclose(found[:, -1], [one.M_R, one.further_coefficients_std[0]], rtol=1e-4)
+
+
+def test_a_filter_takes_the_value_alone(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=f"{NAME}_std"):
+        estimated(tmp_path, {NAME: 1.0, f"{NAME}_std": 0.05}, time_constant=1.0)

@@ -1,0 +1,50 @@
+"""The elliptic cone of :mod:`shape_case` with a further parameter of the flow that rolls it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+from shape_case import grid_conditions, grid_snapshots, shape_structure, shape_vehicle
+
+from builder.campaign.snapshots import Snapshots
+from builder.inverse.build import build_inverse_map
+from builder.manifold.build import with_manifold
+from strainfmu.estimator.inverse_map import InverseMap
+
+DEFLECTIONS = (-4.0, -2.0, 0.0, 2.0, 4.0)
+NAME = "fin_deg"
+
+
+def deflected(snapshots: Snapshots, deflection: np.ndarray) -> Snapshots:
+    """Return ``snapshots`` with a pressure that rolls the body, by a cubic of the ``deflection`` (k,) [deg]."""
+    point, scaled = snapshots.surface.point, deflection / 4.0
+    twist = np.sin(2.0 * np.arctan2(point[:, 1], point[:, 2])) * (point[:, 0] / point[:, 0].max()) ** 4
+    ambient = np.array([one.ambient_pressure for one in snapshots.conditions()])
+    change = 3.0 * (scaled + 0.3 * scaled**3)
+    return replace(
+        snapshots,
+        condition=np.column_stack([snapshots.condition, deflection]),
+        pressure=snapshots.pressure + ambient[:, None] * change[:, None] * twist,
+        settings={**snapshots.settings, "parameters": [NAME]},
+    )
+
+
+def chosen(snapshots: Snapshots, rows: np.ndarray) -> Snapshots:
+    names = ("condition", "pressure", "internal_pressure", "solved", "flow", "momentum_error", "repairs")
+    return replace(snapshots, **{name: getattr(snapshots, name)[rows] for name in names}, mass_error=None)
+
+
+@cache
+def snapshots_of_grid() -> Snapshots:
+    count = len(grid_conditions())
+    whole = chosen(grid_snapshots(), np.tile(np.arange(count), len(DEFLECTIONS)))
+    return deflected(whole, np.repeat(DEFLECTIONS, count))
+
+
+@cache
+def known_map() -> InverseMap:
+    vehicle, snapshots = shape_vehicle(discrepancy_of_prior_percent=0.1), snapshots_of_grid()
+    structure = shape_structure(snapshots.surface)
+    return with_manifold(build_inverse_map(vehicle, snapshots, structure), vehicle, snapshots, structure)
