@@ -1,34 +1,23 @@
-"""Closed-loop flight: against the law's closed form, with every fault, in other engines, and as a command."""
+"""Closed-loop flight: against the law's closed form, and with every fault."""
 
 from __future__ import annotations
 
-import ctypes.util
-import importlib.util
-import json
-import subprocess
-import sys
-import zipfile
-from collections.abc import Callable
 from dataclasses import replace
 from math import radians
 from pathlib import Path
 
-import fmpy
 import numpy as np
 import pytest
-from fmpy.ssp.simulation import simulate_ssp
 from fmpy.validation import validate_fmu
-from lxml import etree
-from slender_vehicle import NOISE_STD, SlenderFiles, make_slender_files, slender_flight_model
+from slender_vehicle import NOISE_STD, slender_flight_model
 
 from strainfmu.atmosphere import speed_of_sound
 from strainfmu.cosim.autopilot import normal_force_table
 from strainfmu.cosim.flight import INSTANCES, FlightResult, fault_text, flight_result, flight_system, fly
 from strainfmu.cosim.flight_model import load_flight_model
 from strainfmu.cosim.master import simulate
-from strainfmu.cosim.recording import Recording, load_recording
+from strainfmu.cosim.recording import Recording
 from strainfmu.cosim.scenario import FaultEvent, Scenario, load_scenario
-from strainfmu.cosim.ssp import write_ssp
 from strainfmu.cosim.system import Connection, System
 from strainfmu.errors import InputError
 from strainfmu.estimator.inverse_map import load_inverse_map, save_inverse_map
@@ -37,28 +26,6 @@ from strainfmu.fmu.flight_package import export_flight
 from strainfmu.interface.plant_variables import FlightStart, GaugeFault
 
 MODEL = slender_flight_model()
-WATCHED = (
-    "plant.angle_of_attack",
-    "plant.pitch_rate",
-    "autopilot.estimated_angle_of_attack",
-    "autopilot.control_moment",
-)
-Run = Callable[..., tuple[int, str, str]]
-
-
-@pytest.fixture(scope="module")
-def files(tmp_path_factory: pytest.TempPathFactory) -> SlenderFiles:
-    return make_slender_files(tmp_path_factory.mktemp("slender"))
-
-
-@pytest.fixture(scope="module")
-def scenario(files: SlenderFiles) -> Scenario:
-    return load_scenario(files.scenario)
-
-
-@pytest.fixture(scope="module")
-def fmus(scenario: Scenario, files: SlenderFiles) -> dict[str, Path]:
-    return export_flight(scenario, files.folder / "fmus")
 
 
 def flown(scenario: Scenario, folder: Path, feedback: str = "estimate") -> tuple[Recording, FlightResult]:
@@ -208,223 +175,6 @@ def test_a_delayed_connection_brings_the_value_before(scenario: Scenario, fmus: 
         recording = simulate(System(instances, [link], {"autopilot.observer_rate": 0.0}), 1.0, 0.01)
         jumps = np.flatnonzero(np.diff(recording["autopilot.control_moment"])[1:]) + 2
         assert jumps[0] == first
-
-
-@pytest.fixture(scope="module")
-def ssp(scenario: Scenario, fmus: dict[str, Path], files: SlenderFiles) -> dict[bool, Path]:
-    """The package without and with connectors of the system."""
-    system = flight_system(scenario, fmus, "estimate")
-    paths = {with_them: files.folder / f"flight_{with_them}.ssp" for with_them in (False, True)}
-    for with_them, path in paths.items():
-        write_ssp(system, path, scenario.name, scenario.stop_time, scenario.step_size, with_them)
-    return paths
-
-
-@pytest.fixture(scope="module")
-def at_once(scenario: Scenario, fmus: dict[str, Path]) -> Recording:
-    """The flight as other engines step it."""
-    return fly(scenario, fmus, "estimate", at_once=True)
-
-
-@pytest.mark.parametrize("connectors", [False, True])
-def test_ssp_packages_are_valid(ssp: dict[bool, Path], connectors: bool) -> None:
-    schema = Path(fmpy.__file__).parent / "ssp" / "schema" / "SystemStructureDescription.xsd"
-    with zipfile.ZipFile(ssp[connectors]) as archive:
-        root = etree.fromstring(archive.read("SystemStructure.ssd"))
-        assert sorted(archive.namelist())[1:] == sorted(f"resources/{name}.fmu" for name in INSTANCES)
-    etree.XMLSchema(etree.parse(str(schema))).assertValid(root)
-    ssd = {"ssd": "http://ssp-standard.org/SSP1/SystemStructureDescription"}
-    assert bool(root.findall("ssd:System/ssd:Connectors", ssd)) == connectors
-
-
-@pytest.mark.parametrize("connectors", [False, True])
-def test_fmpy_flies_the_ssp(
-    ssp: dict[bool, Path], scenario: Scenario, fmus: dict[str, Path], connectors: bool
-) -> None:
-    # FMPy gives every connected input 0 for the first step, so the flights begin differently and meet later.
-    found = simulate_ssp(str(ssp[connectors]), stop_time=scenario.stop_time - 1e-6, step_size=scenario.step_size)
-    wanted = fly(scenario, fmus, "estimate", at_once=True)
-    assert len(found) == len(wanted.time) - 1
-    last = slice(-50, None)
-    for name in WATCHED:
-        # What is left of the start after 4.5 s of a motion that decays with 3.2 per s.
-        scale = np.abs(wanted[name]).max()
-        np.testing.assert_allclose(found[name][last], wanted[name][1:][last], rtol=0.0, atol=1e-5 * scale)
-
-
-def other_engine(engine: str, path: Path, scenario: Scenario, fmus: dict[str, Path], folder: Path) -> np.ndarray:
-    """(n, k) watched signals after every step, by a program of its own: should the engine die, only that."""
-    references = {}
-    for name in INSTANCES:
-        variables = fmpy.read_model_description(str(fmus[name]), validate=False).modelVariables
-        references |= {f"{name}.{variable.name}": variable.valueReference for variable in variables}
-    task = {
-        "engine": engine,
-        "ssp": str(path),
-        "folder": str(folder),
-        "step": scenario.step_size,
-        "steps": round(scenario.stop_time / scenario.step_size),
-        "signals": [(name, references[name]) for name in WATCHED],
-        "output": str(folder / "found.npy"),
-    }
-    program = Path(__file__).with_name("ssp_engines.py")
-    finished = subprocess.run(
-        [sys.executable, str(program), json.dumps(task)], capture_output=True, text=True, check=False
-    )
-    assert finished.returncode == 0, finished.stderr[-2000:]
-    found: np.ndarray = np.load(folder / "found.npy")
-    return found
-
-
-@pytest.mark.parametrize(("engine", "package"), [("ecos", "ecospy"), ("libcosim", "libcosimpy")])
-def test_other_engines_fly_the_ssp(
-    engine: str,
-    package: str,
-    ssp: dict[bool, Path],
-    scenario: Scenario,
-    fmus: dict[str, Path],
-    at_once: Recording,
-    tmp_path: Path,
-) -> None:
-    if importlib.util.find_spec(package) is None:
-        pytest.skip(f"needs {engine}: pip install {package}")
-    if engine == "ecos" and not (ctypes.util.find_library("tbb") or Path(sys.prefix, "lib/libtbb.so.12").exists()):
-        pytest.skip("ecos needs libtbb.so.12: apt install libtbb12")
-    found = other_engine(engine, ssp[False], scenario, fmus, tmp_path)
-    wanted = np.column_stack([at_once[name] for name in WATCHED])[1:]
-    # The same FMUs, steps and delays: round-off of the engines' clocks is all that differs.
-    size = np.abs(wanted).max(axis=0)
-    np.testing.assert_allclose(found / size, wanted / size, rtol=0.0, atol=1e-10)
-
-
-def test_the_command(files: SlenderFiles, tmp_path: Path, run: Run) -> None:
-    package = tmp_path / "f.ssp"
-    code, out, err = run("fly", files.scenario, "-o", tmp_path / "out", "--ssp", package)
-    assert (code, err) == (0, "")
-    assert "tracking error, rms" in out
-    assert "of that with truth" in out
-    written = {path.name for path in (tmp_path / "out").iterdir()}
-    assert written == {
-        *(f"{name}.fmu" for name in INSTANCES),
-        *(f"flight_{f}.{end}" for f in ("truth", "estimate") for end in ("h5", "csv", "png")),
-    }
-    assert package.is_file()
-    assert (tmp_path / "f_connectors.ssp").is_file()
-    recording = load_recording(tmp_path / "out" / "flight_estimate.h5")
-    assert recording.time[-1] == 5.0
-
-
-def test_a_loop_that_does_not_hold_ends_with_1(files: SlenderFiles, tmp_path: Path, run: Run) -> None:
-    weak = files.folder / "weak.toml"
-    weak.write_text(files.scenario.read_text() + "[autopilot]\nlargest_moment_N_m = 0.0\n")
-    code, out, _ = run("fly", weak, "-o", tmp_path / "out", "--no-figures")
-    assert code == 1
-    assert "does not hold" in out
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        ("stop_time_s = 5.0", "", "stop_time_s: entry is missing"),
-        ("stop_time_s = 5.0", "stop_time_s = -1", "stop_time_s: expected a number from 0.001 to 100000, got -1"),
-        (
-            "stop_time_s = 5.0",
-            "stop_time_s = true",
-            "stop_time_s: expected a number from 0.001 to 100000, got True",
-        ),
-        ("mach_number = 6.0", "mach_number = 6.0\nmac = 1", "flight.mac: unknown entry"),
-        ("mach_number = 6.0", "mach_number = nan", "flight.mach_number: expected a number from 0 to 100, got nan"),
-        (
-            "mach_number = 6.0",
-            "mach_number = 6.0\nnoise_seed = 1.5",
-            "flight.noise_seed: expected a whole number, got 1.5",
-        ),
-        (
-            "mach_number = 6.0",
-            "mach_number = 6.0\nnoise_seed = -1",
-            "noise_seed: expected a number from 0 to 2.14748e+09, got -1",
-        ),
-        ("time_s = 0.0", "time_s = 0.1", "command: the times of the commands must start at 0 and increase"),
-        ('name = "slender vehicle"', 'feedback = "guess"', "feedback: 'guess' found, must be truth or estimate"),
-        ('name = "slender vehicle"', "name = 3", "name: expected text, got 3"),
-        ("[flight]", "flight = 3\n[other]", "flight: expected a table, got 3"),
-        ("[[command]]", "[command", "no TOML file"),
-        ("[flight]", '[files]\nmap = "none.h5"\n[flight]', "none.h5: no such file"),
-        (
-            "[flight]",
-            "[vehicle]\nmass_kg = 0\n[flight]",
-            "vehicle.mass_kg: expected a number from 0.001 to 1e+09, got 0",
-        ),
-    ],
-)
-def test_wrong_scenarios(files: SlenderFiles, tmp_path: Path, run: Run, old: str, new: str, message: str) -> None:
-    text = files.scenario.read_text()
-    assert old in text
-    path = tmp_path / "wrong.toml"
-    path.write_text(text.replace(old, new, 1))
-    code, _, err = run("fly", path, "--files", files.folder, "-o", tmp_path / "out")
-    assert code == 2
-    assert message in err
-    assert err.count("\n") == 1
-
-
-@pytest.mark.parametrize(
-    ("fault", "message"),
-    [
-        ('kind = "bias"\ngauge = 1', "fault.1.value_um_per_m: entry is missing"),
-        ('kind = "broken"\ngauge = 1', "fault.1.kind: 'broken' found, must be one of none, dropout, bias"),
-        ('kind = "dropout"\ngauge = 99', "gauge 99 found, must be a number from 1 to 16"),
-        ('kind = "dropout"\ngauge = "X"', "gauge 'X' found"),
-        ('kind = "dropout"', "fault.1.gauge: expected the name of a gauge or its number from 1, got None"),
-        ('kind = "dropout"\ngauge = 1\nvalue_um_per_m = 3', "fault.1.value_um_per_m: unknown entry"),
-        (
-            'kind = "dropout"\ngauge = 1\n[[fault]]\ntime_s=1\nkind="none"\ngauge=1',
-            "times of fault_kind[1] must increase",
-        ),
-    ],
-)
-def test_wrong_faults(files: SlenderFiles, tmp_path: Path, run: Run, fault: str, message: str) -> None:
-    path = tmp_path / "wrong.toml"
-    path.write_text(files.scenario.read_text() + "[[fault]]\ntime_s = 1.0\n" + fault)
-    code, _, err = run("fly", path, "--files", files.folder, "-o", tmp_path / "out")
-    assert code == 2
-    assert message in err
-
-
-def test_the_plant_alone(files: SlenderFiles, tmp_path: Path, run: Run) -> None:
-    path, model = tmp_path / "p.fmu", files.folder / "flight_model.h5"
-    assert run("plant", model, "-o", path, "--mach-number", 5.5, "--angle-of-attack", 3.0)[::2] == (0, "")
-    found = fmpy.simulate_fmu(str(path), stop_time=0.02, output=["C_N", "dynamic_pressure"])
-    # C_N = c1 a without sideslip.
-    assert found["C_N"][0] == pytest.approx(3.0 * radians(3.0), rel=1e-12)
-    for arguments, message in (
-        (["--motion", "loop"], "motion: 'loop' found, must be one of inputs, trajectory, short_period"),
-        (["--motion", "trajectory"], "a trajectory is needed"),
-        (["--trajectory", "none.csv"], "only for that"),
-        (["--motion", "trajectory", "--trajectory", "t.csv", "--altitude", 3], "--altitude: not with --motion"),
-        (["--angle-of-attack", "nan"], "--angle-of-attack: expected -60 .. 60 deg, got nan"),
-        (["--altitude", "inf"], "--altitude: expected 0 .. 71 km, got inf"),
-        (["--mach-number", 60], "--mach-number: expected 1.01 .. 30, got 60"),
-        (["--mach-number", 20], "start: mach_number: 20 found"),
-        (["--motion", "short_period", "--angle-of-attack", 50], "start: total incidence: 50 deg found"),
-        (["--altitude", 1000], "--altitude: expected 0 .. 71 km, got 1000"),
-    ):
-        code, _, err = run("plant", model, "-o", tmp_path / "q.fmu", *arguments)
-        assert code == 2
-        assert message in err
-
-
-def test_scenario_that_is_not_there(tmp_path: Path, run: Run) -> None:
-    code, _, err = run("fly", tmp_path / "none.toml", "-o", tmp_path / "out")
-    assert (code, err) == (2, f"strainfmu: {tmp_path / 'none.toml'}: no such file\n")
-
-
-def test_packages_have_the_right_name(scenario: Scenario, fmus: dict[str, Path], tmp_path: Path) -> None:
-    system = flight_system(scenario, fmus, "truth")
-    with pytest.raises(InputError, match=r"must end in \.ssp"):
-        write_ssp(system, tmp_path / "x.zip", "x", 1.0, 0.1)
-    with pytest.raises(InputError, match="start values"):
-        write_ssp(replace(system, start_values={"plant.mass": 3.0}), tmp_path / "x.ssp", "x", 1.0, 0.1)
 
 
 @pytest.mark.fast
