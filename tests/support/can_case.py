@@ -17,9 +17,11 @@ from strainfmu.can.cycle.plausibility import MIN_STUCK_CYCLES
 from strainfmu.can.cycle.quality import Quality
 from strainfmu.can.cycle.result import CycleResult
 from strainfmu.can.settings import BridgeSettings
+from strainfmu.can.tools.dbc_export import all_layouts
 from strainfmu.can.tools.fault_injection import FaultySender, frozen_gauges, growth_of
 from strainfmu.can.tools.faults import Fault, FaultKind
 from strainfmu.can.wire.authenticator import AuthenticationKey
+from strainfmu.can.wire.dbc_writer import dbc_text
 from strainfmu.can.wire.frame import Frame
 from strainfmu.can.wire.frame_layout import InputLayout
 from strainfmu.can.wire.profiles import SECURED_PROFILE, Identifiers, profile_layout
@@ -53,6 +55,14 @@ def layout_of(profile: str, n_gauges: int = N_GAUGES, cycle_time: float = CYCLE)
     return profile_layout(
         profile, gauge_names(n_gauges), cycle_time=cycle_time, identifiers=Identifiers(), key=key
     )
+
+
+def dbc_text_of(profile: str, n_gauges: int = 54, extended: bool = False) -> str:
+    """The DBC file of a profile and its results."""
+    layouts = all_layouts(
+        profile, gauge_names(n_gauges), cycle_time=CYCLE, identifiers=Identifiers(is_extended=extended)
+    )
+    return dbc_text(layouts, "test")
 
 
 LOSING = frozenset({FaultKind.LOSS, FaultKind.CORRUPTION, FaultKind.BURST_ERROR, FaultKind.SEQUENCE})
@@ -314,3 +324,15 @@ class Oracle:
             if due < n_cycles and not self._valid_cycles & {due - 1, due}:
                 late.append(fault)
         return late
+
+
+def run_core(
+    layout: InputLayout, frames: list[Frame], n: int, **options: float
+) -> tuple[list[CycleResult], BridgeCore]:
+    """Results and core of a bridge that got ``frames``, every one of them accounted for; options are its."""
+    core = bridge_core(layout, Projection(n), BridgeSettings(), start=0.0, **options)
+    results = [result for frame in frames for result in core.receive(frame)]
+    results += core.advance(frames[-1].time + 0.5 * CYCLE)
+    core.finish(frames[-1].time + CYCLE)
+    assert core.account.unaccounted == 0
+    return results, core
