@@ -14,6 +14,9 @@ from typing import NoReturn
 
 from strainfmu.errors import StrainfmuError
 
+INTERRUPTED = 130
+"""Exit code of a command that Ctrl-C ended, as a shell has it."""
+
 
 def main(arguments: list[str] | None = None) -> NoReturn:
     """Run the command line and leave the process with its exit code."""
@@ -24,7 +27,7 @@ def main(arguments: list[str] | None = None) -> NoReturn:
 
         code = get_command(app).main(args=arguments, prog_name="strainfmu", standalone_mode=False)
     except KeyboardInterrupt:
-        _fail("interrupted; what was finished is kept", 130)
+        _fail("interrupted; what was finished is kept", INTERRUPTED)
     except StrainfmuError as error:
         _fail_with(error.lines, error.exit_code)
     except ImportError as error:
@@ -40,8 +43,10 @@ def main(arguments: list[str] | None = None) -> NoReturn:
         if message is not None:
             sys.exit(2)  # no arguments at all: the help has been printed
         if type(error).__name__ == "Abort":
-            _fail("interrupted; what was finished is kept", 130)
+            _fail("interrupted; what was finished is kept", INTERRUPTED)
         _fail(f"internal error, please report it: {type(error).__name__}: {error}", 1)
+    if code == INTERRUPTED:  # by typer, which says nothing
+        _fail("interrupted; what was finished is kept", INTERRUPTED)
     sys.exit(code if isinstance(code, int) else 0)
 
 

@@ -43,6 +43,20 @@ def test_wrong_options_of_the_bridge_get_one_line(run: Run, wrong: tuple[str, st
     assert errors.count("\n") == 1
 
 
+def test_ctrl_c_within_a_command_ends_in_one_line(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Typer turns it into an exit code, without a word."""
+
+    def interrupted(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("strainfmu.estimator.inverse_map.load_inverse_map", interrupted)
+    code, out, errors = run("tare", "map.h5", "ground.csv", "--window", "0:1", "-o", tmp_path / "z.toml")
+    assert (code, out) == (130, "")
+    assert errors == "strainfmu: interrupted; what was finished is kept\n"
+
+
 def test_the_other_commands_hold_the_same_limits(run: Run, tmp_path: Path) -> None:
     bus = ("--interface", "virtual", "--channel", "x", "--data", "none.csv")
     commands: tuple[tuple[str, ...], ...] = (
