@@ -11,6 +11,7 @@ from shape_case import N_D, flown, grid_conditions, shape_structure, shape_vehic
 from builder.aero.section_loads import six_loads
 from builder.campaign.snapshots import Snapshots
 from strainfmu.errors import InputError
+from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.inverse_map import load_inverse_map, save_inverse_map
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimates
@@ -107,6 +108,18 @@ def test_step_by_step_a_known_deflection_gives_the_same(tmp_path: Path) -> None:
         )
     np.testing.assert_allclose(found.coefficients, whole.coefficients[0], rtol=1e-4, atol=1e-7)
     np.testing.assert_allclose(found.further_coefficients_std, whole.further_coefficients_std[0], rtol=1e-4)
+
+
+def test_values_that_cannot_be_spoil_no_other_sample() -> None:
+    """Of a wire that breaks: OUTSIDE, and else as where nothing is known."""
+    blind, count = estimated(), len(flights()[1])
+    values = np.zeros(count)
+    values[:4] = [1e6, -1e308, np.inf, np.nan]
+    found = estimated(parameters={NAME: values}, parameters_std={NAME: np.where(np.arange(count) < 8, 0.1, 1e200)})
+    np.testing.assert_allclose(found.coefficients[:4], blind.coefficients[:4], rtol=1e-9)
+    assert np.all(found.health[:3] == HealthState.OUTSIDE)
+    assert found.health[3] == blind.health[3]
+    assert np.isfinite(found.coefficients).all()
 
 
 @pytest.mark.parametrize(

@@ -50,6 +50,13 @@ BLOCK = 64
 """Samples that are computed together: their covariances are to stay in the processor's cache."""
 
 
+LARGEST_USED_SCORE = 1.0
+"""Part of its range by which a further parameter of the flow may leave it and still be used.
+
+It is ``OUTSIDE`` much earlier; cubes of what is far off are no numbers.
+"""
+
+
 def blocks(samples: int) -> list[slice]:
     """Return the blocks of ``samples``, at least one."""
     return [slice(first, first + BLOCK) for first in range(0, max(samples, 1), BLOCK)]
@@ -202,7 +209,9 @@ class ManifoldEstimator:
         parts = []
         for rows in inputs.of_like_parameters():
             known, of_rows = self.at_parameters(inputs.rows(rows[:1])), inputs.rows(rows)
-            parts.append((rows, known._from(found.state[rows], of_rows)))
+            parts.append(
+                (rows, known._searched(of_rows) if known is self else known._from(found.state[rows], of_rows))
+            )
         return cast(FlightEstimates, scattered(parts, len(inputs.strain)))
 
     def _from(self, state: FloatArray, inputs: EstimatorInputs) -> FlightEstimates:
@@ -263,12 +272,14 @@ class ManifoldEstimator:
         std = np.column_stack([of[f"{name}_std"] for name in NAVIGATION])
         navigation = Navigation(value=value, std=self._stds(value, std))
         known = self.parameters.values(parameters, len(d))
-        deviation = np.where(np.isnan(known), np.nan, self.parameters.stds(parameters_std, len(d)))
+        score = self.parameters.score(known)
+        is_used = np.isfinite(known) & (score <= LARGEST_USED_SCORE)
+        deviation = np.where(is_used, self.parameters.stds(parameters_std, len(d)), np.nan)
         return EstimatorInputs(
             strain=self.linear.rows_of(d) - zero_of_rows(self.inverse_map, self.zeros),
             used=used,
             navigation=navigation,
-            parameter_score=self.parameters.score(known),
+            parameter_score=score,
             parameter_value=np.where(np.isnan(deviation), np.nan, known),
             parameter_std=deviation,
         )

@@ -113,7 +113,8 @@ def with_known(manifold: ManifoldMap, value: FloatArray, std: FloatArray) -> Man
     powers = tables.powers
     variance = powers.spread**2
     known = np.isfinite(value) & np.isfinite(std) & (variance > 0.0)
-    weight = np.where(known, variance / np.where(known, variance + std**2, 1.0), 0.0)
+    with np.errstate(over="ignore"):  # of a deviation so large that nothing is known
+        weight = np.where(known, variance / np.where(known, variance + std**2, 1.0), 0.0)
     middle = (powers.mean + weight * np.where(known, value - powers.mean, 0.0))[None]
     shift = np.where(known[powers.parameter], powers.change(middle, 1.0 - weight)[0], 0.0)
     errors = [tables.error]
