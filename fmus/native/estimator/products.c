@@ -61,8 +61,8 @@ EVERYWHERE void change_of(size_t width, Change change, int is_upper, size_t rows
 EVERYWHERE void both_of(size_t count, double a, const double *restrict x, double b, const double *restrict y,
                         double *restrict out) {
     for (size_t i = 0; i < count; i += LANES) {
-        for (size_t r = i; r < i + LANES; r++) {
-            out[r] = a * x[r] + b * y[r];
+        for (size_t r = 0; r < LANES; r++) {
+            out[i + r] = a * x[i + r] + b * y[i + r];
         }
     }
 }
