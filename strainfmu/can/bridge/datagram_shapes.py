@@ -30,19 +30,21 @@ class DatagramShapes:
 
     def __init__(self, unpack: Callable[[bytes], Any]) -> None:
         self._unpack = unpack
-        # Begin of the time stamp, begin and end of the data, by the length of the datagram.
+        # By the length of the datagram: begin of the time stamp, begin and end of the data; what cuts a datagram
+        # into what lies before the time stamp, what lies behind it, the data, and what lies behind these.
         self._places: dict[int, tuple[int, int, int]] = {}
-        self._frames: dict[bytes, Frame] = {}
+        self._cuts: dict[int, Callable[[bytes], tuple[bytes, ...]]] = {}
+        self._frames: dict[tuple[bytes, bytes, bytes], Frame] = {}
         self._parts: dict[tuple[int, int, bool, bool], tuple[bytes, bytes]] = {}
 
     def frame(self, datagram: bytes, time: float) -> Frame | None:
         """Return the frame of ``datagram``, received at ``time`` [s]; None if its shape is not known."""
-        places = self._places.get(len(datagram))
-        if places is None:
+        cut = self._cuts.get(len(datagram))
+        if cut is None:
             return None
-        stamp, begin, end = places
-        known = self._frames.get(datagram[:stamp] + datagram[stamp + 8 : begin] + datagram[end:])
-        return None if known is None else known.with_data(datagram[begin:end], time)
+        head, middle, data, tail = cut(datagram)
+        known = self._frames.get((head, middle, tail))
+        return None if known is None else known.with_data(data, time)
 
     def datagram(self, frame: Frame) -> bytes | None:
         """Return the datagram of a data ``frame``; None if its shape is not known."""
@@ -63,7 +65,10 @@ class DatagramShapes:
             return
         if self._places.setdefault(len(datagram), (stamp, begin, end)) != (stamp, begin, end):
             return
-        self._frames[datagram[:stamp] + datagram[stamp + 8 : begin] + datagram[end:]] = frame
+        cut = struct.Struct(f"{stamp}s8x{begin - stamp - 8}s{end - begin}s{len(datagram) - end}s").unpack
+        self._cuts[len(datagram)] = cut
+        head, middle, _, tail = cut(datagram)
+        self._frames[head, middle, tail] = frame
         self._parts[frame.key, len(frame.data), frame.is_fd, frame.bitrate_switch] = (
             datagram[:begin],
             datagram[end:],
