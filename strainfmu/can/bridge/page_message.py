@@ -10,10 +10,13 @@ import json
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
+from functools import cache
 from math import isfinite
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile, ZipFile
+
+import numpy as np
 
 from strainfmu.can.cycle.gauge_verdicts import gauge_reasons
 from strainfmu.can.cycle.quality import Cause
@@ -187,8 +190,13 @@ def result_message(
     """
     further = result.further
     names = [gauge.name for gauge in gauges]
-    micro = [None if not isfinite(value) else round(1e6 * value, 3) for value in result.strain.tolist()]
-    reasons = gauge_reasons(result.verdicts, result.valid)
+    micro = np.round(1e6 * result.strain, 3).tolist()
+    if not isfinite(sum(micro)):
+        micro = [finite(value) for value in micro]
+    not_used: dict[str, str] = {}
+    if not result.valid.all():
+        reasons = gauge_reasons(result.verdicts, result.valid)
+        not_used = {name: reason for name, reason in zip(names, reasons, strict=True) if reason}
     has_numbers = result.quality.has_coefficients
     loads = {name: finite(further.get(name)) if has_numbers else None for name in LOADS}
     loads_sigma = {name: finite(further.get(f"sigma.{name}")) if has_numbers else None for name in LOADS}
@@ -205,7 +213,7 @@ def result_message(
         "loads_sigma": loads_sigma,
         "further_loads": beside,
         "strain_um_per_m": dict(zip(names, micro, strict=True)),
-        "not_used": {name: reason for name, reason in zip(names, reasons, strict=True) if reason},
+        "not_used": not_used,
         "gauges_used": int(further.get(GAUGES_USED, result.valid.sum())),
         "suspect_gauge": names[first - 1] if 0 < first <= len(names) else None,
         "suspects": number,
@@ -224,6 +232,7 @@ def result_message(
     }
 
 
+@cache
 def _is_beside(output: str) -> bool:
     """Return whether an output is one of the loads beside the five, or its standard deviation."""
     name = output.removeprefix("sigma.")

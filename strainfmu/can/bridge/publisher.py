@@ -35,6 +35,7 @@ WAITING = 64
 
 _ATTEMPTS, _FRAME_TIME = 5, 1e-4
 _PATIENCE = 2.0
+_ENCODED = json.JSONEncoder(separators=(",", ":")).encode
 
 
 def parsed_address(text: str, option: str) -> tuple[str, int]:
@@ -174,7 +175,7 @@ class Publisher:
 
     def _send(self, content: dict[str, Any]) -> None:
         try:
-            self._socket.sendto(json.dumps(content, separators=(",", ":")).encode(), self._target)
+            self._socket.sendto(_ENCODED(content).encode(), self._target)
         except OSError:  # the system's buffer is full, the datagram is too long, or no one listens
             self.dropped += 1
             return

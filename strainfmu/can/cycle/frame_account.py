@@ -91,16 +91,21 @@ class FrameAccount:
 
     def plus(self, other: FrameAccount) -> FrameAccount:
         """Return the sum of two accounts of different frames."""
-        total = FrameAccount(received=self.received + other.received, pending=self.pending + other.pending)
-        for part in (self, other):
-            for kind, count in part.classes.items():
-                total.classes[kind] += count
-            for key, count in part.unknown.items():
-                total.unknown[key] = total.unknown.get(key, 0) + count
-            for kind, time in part.first_time.items():
-                total.first_time[kind] = min(time, total.first_time.get(kind, time))
-            for kind, time in part.last_time.items():
-                total.last_time[kind] = max(time, total.last_time.get(kind, time))
+        others = other.classes
+        total = FrameAccount(
+            received=self.received + other.received,
+            pending=self.pending + other.pending,
+            classes={kind: count + others[kind] for kind, count in self.classes.items()},
+            unknown=self.unknown.copy(),
+            first_time=self.first_time.copy(),
+            last_time=self.last_time.copy(),
+        )
+        for key, count in other.unknown.items():
+            total.unknown[key] = total.unknown.get(key, 0) + count
+        for kind, time in other.first_time.items():
+            total.first_time[kind] = min(time, total.first_time.get(kind, time))
+        for kind, time in other.last_time.items():
+            total.last_time[kind] = max(time, total.last_time.get(kind, time))
         return total
 
     def rows(self) -> list[tuple[str, int]]:
