@@ -79,6 +79,7 @@ class Recorder:
         self.failure = ""
         self._unflushed = 0
         self._waiting: deque[tuple[Frame, bool]] = deque()
+        self._room = WAITING_FRAMES  # 0 after a failure
         self._held: list[tuple[Frame, bool]] = []
         self._description: dict[str, Any] = {}
         self._stop = threading.Event()
@@ -105,11 +106,17 @@ class Recorder:
 
     def received(self, frame: Frame) -> None:
         """Record a frame that was received at its time."""
-        self._put(frame, True)
+        if len(self._waiting) < self._room:
+            self._waiting.append((frame, True))
+        else:
+            self.lost += 1
 
     def sent(self, frame: Frame) -> None:
         """Record a frame that was sent at its time."""
-        self._put(frame, False)
+        if len(self._waiting) < self._room:
+            self._waiting.append((frame, False))
+        else:
+            self.lost += 1
 
     def close(
         self,
@@ -141,12 +148,6 @@ class Recorder:
             except (OSError, StrainfmuError) as error:  # the first one stays, without the end of the run
                 self.failure = self.failure or f"description not completed: {error_line(error)}"
 
-    def _put(self, frame: Frame, is_received: bool) -> None:
-        if self.failure or len(self._waiting) >= WAITING_FRAMES:
-            self.lost += 1
-            return
-        self._waiting.append((frame, is_received))
-
     def _run(self) -> None:
         try:
             while not self._stop.wait(FLUSH_PERIOD):
@@ -154,6 +155,7 @@ class Recorder:
             self._drain(0.0)
             self._log.close()
         except Exception as error:  # a full disk, in most cases; the bridge must go on
+            self._room = 0
             self.failure = " ".join(str(getattr(error, "strerror", None) or error).split()) or type(error).__name__
             self._log.give_up()
             self.lost += len(self._waiting) + len(self._held) + self._unflushed
