@@ -65,7 +65,7 @@ class SteppedClock(MicrosecondClock):
 
     def __init__(self) -> None:
         super().__init__()
-        self._passed = 0
+        self._begin, self._passed = round(1e6 * self.start), 0
         self._lock = threading.Lock()
 
     def __call__(self) -> float:
@@ -76,12 +76,12 @@ class SteppedClock(MicrosecondClock):
     @property
     def now(self) -> float:
         """The latest time read [s]."""
-        return (self._start + self._passed) / 1e6
+        return (self._begin + self._passed) / 1e6
 
     def move_to(self, time: float) -> None:
         """Let the time [s] come."""
         with self._lock:
-            self._passed = max(self._passed, round(1e6 * time) - self._start)
+            self._passed = max(self._passed, round(1e6 * time) - self._begin)
 
 
 class PacedBridge:

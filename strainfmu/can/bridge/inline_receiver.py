@@ -107,7 +107,8 @@ class InlineReceiver(ReceiverBase):
         found, self._is_drained = self._raw.read(AT_ONCE)
         frames: list[Frame] = []
         stamped = self._clock() if found else now
-        after, frame_of, is_accepted = min(self._known, stamped), self._raw.frame, self._is_accepted
+        after, frame_of = min(self._known, stamped), self._raw.frame
+        refused_as, on_received = self._acceptance.refused, self._on_received
         for datagram, waited in found:
             # In whole microseconds, which every log format holds exactly.
             came = round(1e6 * (stamped - waited)) / 1e6
@@ -118,7 +119,10 @@ class InlineReceiver(ReceiverBase):
             except MalformedFrame as error:
                 self._count_malformed(error)
                 continue
-            if is_accepted(frame):
+            if on_received is not None:
+                on_received(frame)
+            refused = refused_as(frame)
+            if refused is None or self._is_reported(frame, refused):
                 frames.append(frame)
         if frames:
             self._newest = frames[-1].time

@@ -61,12 +61,12 @@ class FrameQueue:
         self._items: deque[Frame | BusFault] = deque()
         self._capacity, self._cycle = max(capacity, cycle), cycle
         self._uncounted, self._counted = frozenset(uncounted), 0
-        self._ready = threading.Condition(self.lock)
+        self._ready = threading.Condition(self.lock)  # entered through its lock, which is not in Python
         self.highest, self._is_waited_for = 0, False
 
     def put(self, items: Sequence[Frame | BusFault]) -> int:
         """Add ``items`` and wake the waiting thread; return the number of frames dropped for them."""
-        with self._ready:
+        with self.lock:
             dropped, waiting, capacity = 0, self._items, self._capacity
             if len(waiting) + len(items) <= capacity:
                 uncounted = self._uncounted
@@ -90,7 +90,7 @@ class FrameQueue:
 
     def take(self, timeout: float, clock: Clock) -> tuple[list[Frame | BusFault], float]:
         """Wait up to ``timeout`` [s]; return at most a cycle of items and a time that no later item precedes."""
-        with self._ready:
+        with self.lock:
             if not self._items and timeout > 0.0:
                 self._is_waited_for = True
                 self._ready.wait(timeout)
@@ -153,7 +153,11 @@ class ReceiverBase(ABC):
         if self._on_received is not None:
             self._on_received(frame)
         refused = self._acceptance.refused(frame)
-        if refused is None or self._acceptance.is_reported(refused, frame):
+        return refused is None or self._is_reported(frame, refused)
+
+    def _is_reported(self, frame: Frame, refused: FrameClass) -> bool:
+        """Return whether a refused frame is to be queued all the same; count it here if not."""
+        if self._acceptance.is_reported(refused, frame):
             return True
         self.account.received += 1
         self.account.refuse(refused, frame.key, frame.time)

@@ -46,12 +46,12 @@ class MicrosecondClock:
 
     def __init__(self) -> None:
         self.start = round(1e3 * time.time()) / 1e3
-        self._start = 1000 * round(1e3 * self.start)
-        self._origin = time.monotonic_ns()
+        # What the time since 1970 is ahead of the monotonic one [ns].
+        self._ahead = 1_000_000 * round(1e3 * self.start) - time.monotonic_ns()
 
     def __call__(self) -> float:
         """Return the time since 1970 [s], without steps of the system's clock after the start."""
-        return (self._start + (time.monotonic_ns() - self._origin) // 1000) / 1e6
+        return (time.monotonic_ns() + self._ahead) // 1000 / 1e6
 
 
 def whole_microseconds(timestamp: float) -> float:
