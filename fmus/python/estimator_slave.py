@@ -273,7 +273,7 @@ class EstimatorSlave(Fmi2Slave):
         )
         linear = self._switched(SwitchedLinearFilter, self._estimator)
         pressure = flow["dynamic_pressure"]
-        filtered, self._next_law = linear.step(static, strain, pressure, self._law, self._time)
+        filtered, self._next_law = linear.step(static, strain, pressure, self._law, self._time, temperature)
         return filtered
 
     def _given_parameters(self) -> dict[str, float]:

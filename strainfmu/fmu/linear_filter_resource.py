@@ -1,6 +1,6 @@
 """The filter of a linear map as the native FMU reads it: a section of ``resources/map.bin``.
 
-Its content is eight 32-bit sizes, of which the last four are zero, and float64 values: the scalars, then the
+Its content is eight 32-bit sizes, of which the last three are zero, and float64 values: the scalars, then the
 arrays in the order of :func:`linear_filter_section`. ``fmus/native/estimator/linear_filter_map.h`` describes them
 to the C code.
 """
@@ -20,7 +20,8 @@ LINEAR_SECTION = b"LFILTER\0"
 def linear_filter_section(inverse_map: InverseMap) -> bytes:
     """Return the section of the filter of ``inverse_map``, which is in form "dynamic_pressure"."""
     model = linear_model(inverse_map, FilterSettings(time_constant=1.0))
-    n_d, common = model.n_gauges, model.slow
+    n_d, n = model.n_gauges, len(model.std)
+    common = model.slow | (np.arange(n) >= n - model.n_modes)
     numbers = (
         np.array([SLOW, SMALLEST, LARGEST]),
         model.std,
@@ -32,5 +33,6 @@ def linear_filter_section(inverse_map: InverseMap) -> bytes:
         model.noise,
         model.seen.rest_cross,
     )
-    sizes = (int(np.sum(~common)), int(np.sum(common)), model.own.shape[1], model.rest.shape[1])
+    of_errors = (model.own.shape[1], model.rest.shape[1])
+    sizes = (int(np.sum(~common)), int(np.sum(common)), *of_errors, model.n_modes)
     return section(LINEAR_SECTION, sized_numbers(sizes, numbers))

@@ -14,12 +14,13 @@ FILTER_TIME_CONSTANT = "filter_time_constant"
 
 
 def has_filter(inverse_map: InverseMap) -> bool:
-    """Return whether FMUs of ``inverse_map`` can filter: maps with tables, and linear ones that follow q_inf.
+    """Return whether FMUs of ``inverse_map`` can filter: linear maps that follow q_inf, and maps with tables.
 
-    The filter takes no temperatures.
+    That of maps with tables takes no temperatures.
     """
-    follows = inverse_map.manifold is not None or inverse_map.form == "dynamic_pressure"
-    return follows and inverse_map.thermal is None
+    if inverse_map.manifold is not None:
+        return inverse_map.thermal is None
+    return inverse_map.form == "dynamic_pressure"
 
 
 def with_filter_parameter(interface: tuple[Variable, ...], inverse_map: InverseMap) -> tuple[Variable, ...]:

@@ -14,6 +14,7 @@ from flight_fmu import N_D, random_flight, whole_map
 from fmpy import read_model_description, simulate_fmu
 from fmpy.validation import validate_fmu
 from fmu_host import OPTIONS, Host, loaded
+from linear_fmu import LinearReference, LinearSample
 from scaled_maps import NOMINAL, whole_scaled_map
 from thermal_maps import REFERENCE, with_temperature
 
@@ -23,6 +24,7 @@ from strainfmu.estimator.manifold.tracker import FlightTracker
 from strainfmu.estimator.step import Estimator
 from strainfmu.fmu.export import export_estimator
 from strainfmu.interface.estimator_variables import FLOW_INPUTS, NOT_KNOWN, output_values
+from strainfmu.interface.filter_variables import FILTER_TIME_CONSTANT
 from strainfmu.interface.temperature_variables import temperature_names
 
 pytestmark = pytest.mark.fast
@@ -111,6 +113,43 @@ def test_linear_kinds_give_what_numpy_does(hosts: dict[str, Host]) -> None:
             host.set(temperature_names(held.thermal), temperature)
             found = host.get(list(host.references)[:20])
             np.testing.assert_allclose(found, expected[:20], rtol=0.0 if kind == "python" else 1e-11)
+
+
+def test_linear_kinds_filter_as_numpy_does(paths: dict[str, Path], tmp_path: Path) -> None:
+    """Sensors come and go; a state in between holds what was known of the temperature."""
+    held = of_both()["linear"]
+    names = [f"strain[{i + 1}]" for i in range(N)]
+    inputs = [*names, *FLOW_INPUTS, *temperature_names(held.thermal)]
+    for kind, tolerance in (("native", 1e-10), ("python", 0.0)):
+        random, reference = np.random.default_rng(3), LinearReference(Estimator(held), 0.5)
+        with loaded(paths[f"linear {kind}"], tmp_path / kind) as host:
+            host.initialize()
+            filtered = 0
+            host.set([FILTER_TIME_CONSTANT], [0.5])
+            for k in range(12):
+                temperature = drawn(k // 2, random)
+                known = np.abs(temperature - REFERENCE) < 1e3
+                temperature[known] = REFERENCE + 0.02 * (temperature[known] - REFERENCE)
+                strain = held.mean_strain + 1e-6 * random.normal(size=N)
+                host.set(inputs, [*strain, NOMINAL, *[NOT_KNOWN] * 3, *temperature])
+                if k == 7:
+                    state = host.fmu.getFMUState()
+                    host.fmu.doStep(k * 0.125, 0.125)
+                    host.fmu.setFMUState(state)
+                    host.fmu.freeFMUState(state)
+                host.fmu.doStep(k * 0.125, 0.125)
+                sample = LinearSample(
+                    strain=strain,
+                    valid=np.ones(N, dtype=bool),
+                    pressure=NOMINAL,
+                    deviation=np.nan,
+                    temperature=temperature if known.any() else None,
+                )
+                expected, alone = reference.advance(sample, k * 0.125)
+                filtered += not np.array_equal(expected.loads, alone.loads)
+                found = host.get(list(host.references)[:20])
+                np.testing.assert_allclose(found, output_values(expected)[:20], rtol=tolerance)
+        assert filtered > 6
 
 
 def test_flight_kinds_give_what_the_tracker_does(hosts: dict[str, Host]) -> None:

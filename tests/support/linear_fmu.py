@@ -23,6 +23,7 @@ class LinearSample:
     valid: np.ndarray
     pressure: float
     deviation: float = 0.0
+    temperature: np.ndarray | None = None
 
 
 def linear_flight(inverse_map: InverseMap, steps: int, seed: int, poor: bool = True) -> list[LinearSample]:
@@ -52,15 +53,21 @@ def linear_flight(inverse_map: InverseMap, steps: int, seed: int, poor: bool = T
 class LinearFmu(Fmu2):
     """An instance whose map is linear and has a filter."""
 
+    n_t = 0
+    """Number of temperature sensors."""
+
     def filter(self, time_constant: float) -> int:
         """Set the filter's time constant [s]; the status."""
-        return self.set_reals([first_zero(self.n) + 2 * self.n + 1], [time_constant])
+        return self.set_reals([first_zero(self.n) + 2 * self.n + 1 + self.n_t], [time_constant])
 
     def give(self, sample: LinearSample) -> None:
         """Set all inputs."""
         self.set_strain(sample.strain)
         self.set_valid(sample.valid)
         assert self.set_scalars(0, sample.pressure, sample.deviation) == OK
+        if sample.temperature is not None:
+            first = first_zero(self.n) + 2 * self.n + 1
+            assert self.set_reals(range(first, first + self.n_t), sample.temperature) == OK
 
     def advance(self, sample: LinearSample, time: float, size: float) -> np.ndarray:
         """All outputs after a step over ``size`` from ``time`` [s]."""
@@ -78,8 +85,10 @@ class LinearReference:
 
     def advance(self, sample: LinearSample, time: float) -> tuple[LoadEstimate, LoadEstimate]:
         """The estimate of the sample at ``time`` [s], and that of it alone."""
-        static = self.estimator.step(sample.strain, sample.pressure, sample.valid, sample.deviation)
-        found, self.last = self.switched.step(static, sample.strain, sample.pressure, self.last, time)
+        warm = sample.temperature
+        inputs = (sample.strain, sample.pressure, sample.valid, sample.deviation)
+        static = self.estimator.step(*inputs, temperature=warm)
+        found, self.last = self.switched.step(static, sample.strain, sample.pressure, self.last, time, warm)
         return found, static
 
 

@@ -124,10 +124,9 @@ Estimator *estimator_create(unsigned char *bytes, size_t length, char text[MODEL
     const int needs_form = section[THERMAL_SECTION].content != NULL || section[FURTHER_SECTION].content != NULL;
     const int two_kinds = section[FURTHER_SECTION].content != NULL && section[FLIGHT_SECTION].content != NULL;
     const int filters_else = section[FLIGHT_SECTION].content == NULL || section[THERMAL_SECTION].content != NULL;
-    const int with_linear = section[FLIGHT_SECTION].content != NULL || section[THERMAL_SECTION].content != NULL;
     if ((needs_form && !e->map.scaled) || (section[FLIGHT_LOADS_SECTION].content != NULL) != two_kinds
         || (section[FILTER_SECTION].content != NULL && filters_else)
-        || (section[LINEAR_FILTER_SECTION].content != NULL && (with_linear || !e->map.scaled))) {
+        || (section[LINEAR_FILTER_SECTION].content != NULL && (section[FLIGHT_SECTION].content != NULL || !e->map.scaled))) {
         snprintf(text, MODEL_TEXT_SIZE, "holds sections that do not go together");
         estimator_free(e);
         return NULL;
@@ -145,7 +144,7 @@ Estimator *estimator_create(unsigned char *bytes, size_t length, char text[MODEL
         scaled_prepare(e);
     }
     if (!flight_create(e, text)
-        || !linear_filter_create(&section[LINEAR_FILTER_SECTION], e->map.n_gauges, e->wide, &e->linear_filter, text)
+        || !linear_filter_create(&section[LINEAR_FILTER_SECTION], e->map.n_gauges, e->wide, &e->linear_filter, &e->thermal, text)
         || !tare_create(&section[TARE_SECTION], e->sensors.n_strains, e->map.largest_zero, &e->tare, text)) {
         estimator_free(e);
         return NULL;

@@ -21,13 +21,15 @@ static double *taken(double **doubles, size_t count) {
 }
 
 size_t linear_law_doubles(const LinearFilter *filter) {
-    return filter->order + filter->n * (filter->order + filter->n_considered);
+    return filter->order + filter->n * (filter->order + filter->n_considered) + filter->map.n_modes + filter->n_sensors;
 }
 
 static void law_arrays(const LinearFilter *filter, LinearLaw *law, double **doubles) {
     law->mean = taken(doubles, filter->order);
     law->covariance = taken(doubles, filter->n * filter->order);
     law->cross = taken(doubles, filter->n * filter->n_considered);
+    law->amplitude = taken(doubles, filter->map.n_modes);
+    law->known = taken(doubles, filter->n_sensors);
 }
 
 static size_t number_of_doubles(const LinearFilter *filter) {
@@ -74,7 +76,7 @@ static void set_covariance(const LinearFilter *filter, size_t count, const doubl
 }
 
 int linear_filter_create(const Section *section, size_t n_gauges, int wide, LinearFilter *filter,
-                         char text[MODEL_TEXT_SIZE]) {
+                         const Thermal *thermal, char text[MODEL_TEXT_SIZE]) {
     LinearFilterMap *map = &filter->map;
     if (section->content == NULL) {
         return 1;
@@ -82,6 +84,12 @@ int linear_filter_create(const Section *section, size_t n_gauges, int wide, Line
     if (!linear_filter_map_parse(section, n_gauges, map, text)) {
         return 0;
     }
+    if (map->n_modes != (thermal->present ? thermal->map.n_modes : 0)) {
+        snprintf(text, MODEL_TEXT_SIZE, "holds a filter of other temperature modes");
+        return 0;
+    }
+    filter->thermal = thermal;
+    filter->n_sensors = thermal->present ? thermal->map.n_sensors : 0;
     filter->wide = wide;
     filter->n_gauges = n_gauges;
     filter->rows = in_lanes(n_gauges);
@@ -120,20 +128,61 @@ static double left_after(double age) {
     return age < LARGEST_AGE ? exponential(-age) : 0.0;
 }
 
+/* Add a part of the stationary covariance of mode `mode` with all of them, for the sensors that read. */
+static void add_modes(const LinearFilter *filter, size_t mode, double part, double *row) {
+    const size_t k = filter->map.n_modes;
+    const double *std = filter->map.std + (filter->n - k);
+    for (size_t j = 0; j < k; j++) {
+        row[j] += part * std[mode] * filter->thermal->spread[mode * k + j] * std[j];
+    }
+}
+
+void linear_filter_set_amplitudes(const LinearFilter *filter, LinearLaw *law) {
+    const size_t n_t = filter->n_sensors;
+    for (size_t a = 0; a < filter->map.n_modes; a++) {
+        double sum = 0.0;
+        for (size_t t = 0; t < n_t; t++) {
+            sum += filter->thermal->amplitude[a * n_t + t] * filter->thermal->rise[t];
+        }
+        law->amplitude[a] = sum;
+    }
+    for (size_t t = 0; t < n_t; t++) {
+        law->known[t] = filter->thermal->known[t];
+    }
+}
+
+void linear_filter_set_stationary(LinearFilter *filter) {
+    const size_t first_mode = filter->n - filter->map.n_modes;
+    for (size_t i = first_mode; i < filter->n; i++) {
+        double *row = filter->stationary.covariance + i * filter->order + first_mode;
+        memset(row, 0, filter->map.n_modes * sizeof *row);
+        add_modes(filter, i - first_mode, 1.0, row);
+    }
+}
+
 void linear_filter_predict(LinearFilter *filter, double time_step, double time_constant) {
     const size_t order = filter->order, considered = filter->n_considered, n_scaled = filter->map.n_scaled;
     const double age = time_step / time_constant, fast = left_after(age), slow = left_after(age / filter->map.slow);
+    const size_t first_mode = filter->n - filter->map.n_modes;
     const LinearLaw *law = &filter->law;
     LinearLaw *out = &filter->predicted;
+    linear_filter_set_amplitudes(filter, out);
+    const int same = memcmp(out->known, law->known, filter->n_sensors * sizeof *out->known) == 0;
     for (size_t i = 0; i < filter->n; i++) {
-        const double own = i < n_scaled ? fast : slow, std = filter->map.std[i];
+        const int is_fast = i < n_scaled || i >= first_mode;
+        const double own = is_fast ? fast : slow, std = filter->map.std[i];
         const double *from = law->covariance + i * order;
         double *to = out->covariance + i * order;
         out->mean[i] = own * law->mean[i];
         for (size_t j = 0; j < order; j++) {
-            to[j] = own * (j < n_scaled ? fast : slow) * from[j];
+            to[j] = own * (j < n_scaled || j >= first_mode ? fast : slow) * from[j];
         }
-        to[i] += std * std * (1.0 - own * own);
+        if (i < first_mode) {
+            to[i] += std * std * (1.0 - own * own);
+        } else {
+            out->mean[i] += same ? 0.0 : own * (law->amplitude[i - first_mode] - out->amplitude[i - first_mode]);
+            add_modes(filter, i - first_mode, 1.0 - fast * fast, to + first_mode);
+        }
         combine(filter->wide, considered, fast * own, law->cross + i * considered, 0.0, law->cross + i * considered,
                 out->cross + i * considered);
     }

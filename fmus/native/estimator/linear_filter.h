@@ -7,12 +7,15 @@
 #define LINEAR_FILTER_H
 
 #include "linear_filter_map.h"
+#include "thermal.h"
 
 /* The normal law of the states, and their covariance with the errors that are considered. The arrays lie in one block. */
 typedef struct {
     double *mean;       /* (order) */
     double *covariance; /* (n, order) */
     double *cross;      /* (n, n_considered) */
+    double *amplitude;  /* (n_modes) of temperature by the sensors of the sample [K] */
+    double *known;      /* (n_sensors) which those were, 0 or 1 */
 } LinearLaw;
 
 /* What a sample leaves to the next one, beside the law; all of it float64, as serialised. */
@@ -27,6 +30,8 @@ typedef struct {
     int present; /* whether the map has one; if not, nothing else is set */
     LinearFilterMap map;
     void *memory;
+    const Thermal *thermal;    /* of the estimator; its modes are the last states */
+    size_t n_sensors;          /* of temperature */
     int wide;
     size_t n_gauges, rows;     /* rows: n_gauges in lanes */
     size_t n, order;           /* states; in lanes */
@@ -60,7 +65,7 @@ typedef struct {
 
 /* Read the section, if there is one, and allocate. 1; 0 after a message. */
 int linear_filter_create(const Section *section, size_t n_gauges, int wide, LinearFilter *filter,
-                         char text[MODEL_TEXT_SIZE]);
+                         const Thermal *thermal, char text[MODEL_TEXT_SIZE]);
 void linear_filter_free(LinearFilter *filter);
 
 /* Forget all samples. */
@@ -69,8 +74,13 @@ void linear_filter_reset(LinearFilter *filter);
 /* Number of doubles of a law. */
 size_t linear_law_doubles(const LinearFilter *filter);
 
-/* filter->predicted from filter->law, over a time step [s], with a time constant [s]. */
+/* filter->predicted from filter->law, over a time step [s], with a time constant [s]. Amplitudes stay where other sensors
+   read than in the last sample. */
 void linear_filter_predict(LinearFilter *filter, double time_step, double time_constant);
+
+/* Amplitudes of temperature by the sensors that read, to a law; and filter->stationary for these. */
+void linear_filter_set_amplitudes(const LinearFilter *filter, LinearLaw *law);
+void linear_filter_set_stationary(LinearFilter *filter);
 
 /* Rows of the sample in filter->used, filter->apart and filter->ratio; then filter->of_load, and what the sample says
    alone. */

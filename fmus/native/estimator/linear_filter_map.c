@@ -7,7 +7,7 @@
 #define N_FILTER_SCALARS 3
 #define LARGEST_NUMBER 4096
 
-enum { N_SCALED, N_COMMON, N_OWN, N_REST, N_NUMBERS };
+enum { N_SCALED, N_COMMON, N_OWN, N_REST, N_MODES, N_NUMBERS };
 
 static size_t number_of_doubles(const LinearFilterMap *map, size_t n) {
     const size_t loads = N_LOADS, states = map->n_scaled + map->n_common;
@@ -31,13 +31,13 @@ static int sensible_values(const LinearFilterMap *map, const double *values, siz
 
 int linear_filter_map_parse(const Section *section, size_t n_gauges, LinearFilterMap *map, char text[MODEL_TEXT_SIZE]) {
     const unsigned char *content = section->content;
-    size_t *const size[N_NUMBERS] = {&map->n_scaled, &map->n_common, &map->n_own, &map->n_rest};
+    size_t *const size[N_NUMBERS] = {&map->n_scaled, &map->n_common, &map->n_own, &map->n_rest, &map->n_modes};
     int good = section->length >= 4 * N_FILTER_SIZES;
     for (size_t k = 0; good && k < N_NUMBERS; k++) {
         *size[k] = u32_at(content, 4 * k);
         good = *size[k] <= LARGEST_NUMBER;
     }
-    good = good && map->n_scaled > 0
+    good = good && map->n_scaled > 0 && map->n_modes <= map->n_common
         && section->length == 4 * N_FILTER_SIZES + 8 * number_of_doubles(map, n_gauges);
     if (!good) {
         snprintf(text, MODEL_TEXT_SIZE, "holds a filter whose sizes cannot be");

@@ -9,10 +9,11 @@
 /* Arrays point into the bytes of the file. Quantities: strainfmu/estimator/filter/linear_model.py. */
 typedef struct {
     size_t n_scaled; /* states that scale with q_inf */
-    size_t n_common; /* those that do not: errors that gauges have in common */
+    size_t n_common; /* those that do not: errors that gauges have in common, then amplitudes of temperature modes */
+    size_t n_modes;  /* number of the latter */
     size_t n_own;    /* errors that are considered and do not follow q_inf */
     size_t n_rest;   /* those that do */
-    double slow;     /* time constant of the common errors over that of the others */
+    double slow;     /* time constant of the common errors but modes over that of the others */
     double smallest_time, largest_time; /* of the time constant; the latter of a step, too [s] */
     const double *std;        /* (n_scaled + n_common) of the stationary law */
     const double *scaled;     /* (n_scaled, n_gauges) strain at the nominal q_inf, */

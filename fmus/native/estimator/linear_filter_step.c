@@ -147,6 +147,7 @@ void linear_filter_outputs(Estimator *e) {
         write_loads(e);
         return;
     }
+    linear_filter_set_stationary(filter);
     linear_filter_update(filter, &filter->stationary);
 }
 

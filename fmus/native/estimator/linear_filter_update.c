@@ -72,10 +72,14 @@ static void set_alone(LinearFilter *filter) {
         memset(known + r * order + n, 0, (order - n) * sizeof *known);
     }
     multiply(filter->wide, FULL, n, rows, order, by_rows(whitened, rows), known, order, filter->small, order);
+    const size_t modes = map->n_modes, first_mode = n - modes;
     for (size_t i = 0; i < order; i++) {
         for (size_t j = 0; j < order; j++) {
             double *value = filter->small + i * order + j;
-            *value = (i < n && j < n ? map->std[i] * *value * map->std[j] : 0.0) + (i == j ? 1.0 : 0.0);
+            const int of_modes = i >= first_mode && i < n && j >= first_mode && j < n;
+            const double prior = of_modes ? filter->thermal->information[(i - first_mode) * modes + (j - first_mode)]
+                                          : (i == j ? 1.0 : 0.0);
+            *value = (i < n && j < n ? map->std[i] * *value * map->std[j] : 0.0) + prior;
         }
     }
     cholesky(filter->wide, order, filter->small);
@@ -151,6 +155,7 @@ double linear_filter_update(LinearFilter *filter, const LinearLaw *law) {
     const int wide = filter->wide;
     double *gain = filter->gain, *innovation = gain + n * rows, *half = filter->product;
     LinearLaw *after = &filter->next_law;
+    linear_filter_set_amplitudes(filter, after);
     multiply(wide, FULL, n, considered, rows, by_rows(law->cross, considered), filter->term, rows, filter->considered,
              rows);
     multiply(wide, FULL, n, n, rows, by_rows(law->covariance, order), filter->read, rows, gain, rows);

@@ -73,11 +73,11 @@ static int parse(const Section *section, size_t n, ThermalMap *map, char *text) 
     return 1;
 }
 
-/* Scratch of thermal_renew: C diag(s) / std of the known sensors, the matrix with its root and the inverse of that,
-   gain of amplitudes, then strain by whitened amplitudes. */
+/* Scratch of thermal_renew: C diag(s) / std of the known sensors, the root of what is left of the amplitudes, that of
+   their information and its inverse, then strain by whitened amplitudes. */
 static size_t scratch_doubles(const ThermalMap *map, size_t n) {
     const size_t k = map->n_modes;
-    return map->n_sensors * k + k * k + k * (k + 1) + k * map->n_sensors + n * k + 2 * n * map->n_sensors
+    return map->n_sensors * k + k * k + k * (k + 1) + n * k + 2 * n * map->n_sensors
          + dense_columns(map->n_sensors) + ROWS;
 }
 
@@ -90,7 +90,9 @@ int thermal_create(const Section *section, size_t n_gauges, int wide, Thermal *t
         return 0;
     }
     const size_t rows = dense_rows(2 * n_gauges), columns = dense_columns(map->n_sensors), square = n_gauges * n_gauges;
-    const size_t count = rows * columns + 2 * square + columns + rows + 2 * n_gauges + scratch_doubles(map, n_gauges);
+    const size_t k = map->n_modes, of_amplitudes = 2 * k * k + k * map->n_sensors;
+    const size_t count = rows * columns + 2 * square + columns + rows + 2 * n_gauges + of_amplitudes
+                       + scratch_doubles(map, n_gauges);
     thermal->memory = calloc(1, ALIGNMENT + count * sizeof(double) + map->n_sensors);
     if (thermal->memory == NULL) {
         snprintf(text, MODEL_TEXT_SIZE, "needs more memory than there is");
@@ -104,11 +106,15 @@ int thermal_create(const Section *section, size_t n_gauges, int wide, Thermal *t
     thermal->of_gauge = thermal->rise + columns;
     thermal->factor = thermal->of_gauge + rows;
     thermal->offset = thermal->factor + n_gauges;
-    thermal->scratch = thermal->offset + n_gauges;
+    thermal->information = thermal->offset + n_gauges;
+    thermal->spread = thermal->information + k * k;
+    thermal->amplitude = thermal->spread + k * k;
+    thermal->scratch = thermal->amplitude + k * map->n_sensors;
     thermal->known = (unsigned char *)(thermal->gain + count);
     thermal->present = 1;
     thermal->wide = wide;
     thermal->n_gauges = n_gauges;
+    thermal_renew(thermal);
     return 1;
 }
 
@@ -134,10 +140,10 @@ int thermal_read(Thermal *thermal, const double *temperature) {
 
 /* Amplitudes per rise of the known sensors (n_modes, n_sensors), and in `left` (n_modes, n_modes) the root of what they
    leave of the amplitudes: by whitened amplitudes A = R^-1/2 C diag(s), left = diag(s) L'^-1 with I + A' A = L L'. */
-static void set_amplitudes(const Thermal *thermal, double *seen, double *left, double *root, double *amplitude) {
+static void set_amplitudes(Thermal *thermal, double *seen, double *left, double *root, double *amplitude) {
     const ThermalMap *map = &thermal->map;
     const size_t k = map->n_modes, n_t = map->n_sensors;
-    double *inverse = root + k * (k + 1) / 2;
+    double *inverse = root + k * (k + 1) / 2, *information = thermal->information;
     for (size_t t = 0; t < n_t; t++) {
         for (size_t a = 0; a < k; a++) {
             const double size = map->sensor_operator[t * k + a] * map->prior_std[a] / map->sensor_std[t];
@@ -150,10 +156,10 @@ static void set_amplitudes(const Thermal *thermal, double *seen, double *left, d
             for (size_t t = 0; t < n_t; t++) {
                 sum += seen[t * k + a] * seen[t * k + b];
             }
-            left[a * k + b] = left[b * k + a] = sum;
+            information[a * k + b] = information[b * k + a] = sum;
         }
     }
-    lower_root(k, left, root, inverse); /* of 1 and a sum of squares: always one */
+    lower_root(k, information, root, inverse); /* of 1 and a sum of squares: always one */
     for (size_t t = 0; t < n_t; t++) { /* L^-1 A' in place of A */
         double *row = seen + t * k;
         for (size_t a = k; a-- > 0;) {
@@ -166,6 +172,11 @@ static void set_amplitudes(const Thermal *thermal, double *seen, double *left, d
         }
         for (size_t t = 0; t < n_t; t++) {
             amplitude[a * n_t + t] = dot(k, left + a * k, seen + t * k) / map->sensor_std[t];
+        }
+    }
+    for (size_t a = 0; a < k; a++) {
+        for (size_t b = 0; b < k; b++) {
+            thermal->spread[a * k + b] = dot(k, left + a * k, left + b * k) / (map->prior_std[a] * map->prior_std[b]);
         }
     }
 }
@@ -200,15 +211,15 @@ void thermal_renew(Thermal *thermal) {
     const ThermalMap *map = &thermal->map;
     const size_t k = map->n_modes, n_t = map->n_sensors, n = thermal->n_gauges;
     double *seen = thermal->scratch, *left = seen + n_t * k, *root = left + k * k;
-    double *amplitude = root + k * (k + 1), *strain = amplitude + k * n_t, *gain = strain + n * k;
+    double *strain = root + k * (k + 1), *gain = strain + n * k, *amplitude = thermal->amplitude;
     thermal->some = 0;
     for (size_t t = 0; t < n_t; t++) {
         thermal->some |= thermal->known[t];
     }
+    set_amplitudes(thermal, seen, left, root, amplitude);
     if (!thermal->some) {
         return;
     }
-    set_amplitudes(thermal, seen, left, root, amplitude);
     set_covariances(thermal, left, strain);
     for (size_t i = 0; i < n; i++) {
         for (size_t t = 0; t < n_t; t++) {

@@ -38,6 +38,9 @@ typedef struct {
     double *factor;       /* (n_gauges) and from them what a reading is multiplied with, */
     double *offset;       /* (n_gauges) and what is taken off then */
     int outdated;         /* whether of_gauge, factor and offset are those of other readings */
+    double *information;  /* (n_modes, n_modes) of the amplitudes by prior and known sensors, amplitudes over prior_std; */
+    double *spread;       /* its inverse; */
+    double *amplitude;    /* (n_modes, n_sensors) and the amplitudes per rise [1]; these three for linear_filter.h */
     double *scratch;
 } Thermal;
 

@@ -23,7 +23,7 @@ from strainfmu.estimator.filter.linear_model import (
     linear_transition,
 )
 from strainfmu.estimator.filter.settings import FilterSettings, checked_time_step
-from strainfmu.estimator.filter.warm import WarmSample, carried, not_warm, warm_sample
+from strainfmu.estimator.filter.warm import WarmSample, carried, warm_sample
 from strainfmu.estimator.health import HealthState, chi_square_limit
 from strainfmu.estimator.load_estimate import LoadEstimate
 from strainfmu.estimator.moment_point import moment_transfer
@@ -88,7 +88,7 @@ class LinearFilter:
             raise InputError(f"inverse map: form '{form}' found, a filter needs form 'dynamic_pressure'")
         self.estimator, self.settings, self.law = estimator, settings, law
         self.model: LinearModel = linear_model(estimator.inverse_map, settings)
-        self.warm = warm or not_warm(estimator.inverse_map.thermal)
+        self.warm = warm or self.model.warm
         shift = estimator.settings.moment_station - default_settings(estimator.inverse_map).moment_station
         self._transfer = moment_transfer(shift)
         area, length = estimator.settings.reference_area, estimator.settings.reference_length
@@ -175,9 +175,8 @@ class LinearFilter:
 
     def _at_reference(self, rows: FloatArray, temperature: ArrayLike | None) -> tuple[FloatArray, WarmSample]:
         """Return ``rows`` (n_d,) of the map as at the reference temperature, and what is known of that."""
-        thermal = self.estimator.inverse_map.thermal
         if temperature is None:
-            return rows, not_warm(thermal)
+            return rows, self.model.warm
         sets = self.estimator.sensor_sets
         warm, sensors = warm_sample(sets, temperature)
         readings = sets.readings(temperature, 1)

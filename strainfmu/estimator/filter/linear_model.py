@@ -34,7 +34,7 @@ class LinearModel:
     settings : of the filter.
     std : (n,) of the stationary law of the states.
     slow : (n,) which states last as hardware errors do.
-    n_modes : number of the last states, errors of the amplitudes of temperature modes.
+    warm : what is known of the temperature modes without sensors; errors of their amplitudes are the last states.
     fixed : (n_d + 5,) strain and loads that do not follow q_inf.
     mean : (n_d + 5,) those of the mean pressure that do.
     scaled : (n_d + 5, n) of the states that scale with q_inf; zero for the others.
@@ -48,7 +48,7 @@ class LinearModel:
     settings: FilterSettings
     std: FloatArray
     slow: BoolArray
-    n_modes: int
+    warm: WarmSample
     fixed: FloatArray
     mean: FloatArray
     scaled: FloatArray
@@ -57,6 +57,11 @@ class LinearModel:
     noise: FloatArray
     own: FloatArray
     rest: FloatArray
+
+    @property
+    def n_modes(self) -> int:
+        """Number of temperature modes."""
+        return len(self.warm.amplitude)
 
     @property
     def n_gauges(self) -> int:
@@ -104,7 +109,7 @@ def linear_model(inverse_map: InverseMap, settings: FilterSettings) -> LinearMod
         settings=settings,
         std=std,
         slow=(np.arange(len(std)) >= n_q + r) & (np.arange(len(std)) < len(std) - n_modes),
-        n_modes=n_modes,
+        warm=warm,
         fixed=of_fixed,
         mean=np.concatenate([inverse_map.mean_strain, inverse_map.load_of_mean]) - of_fixed,
         scaled=scaled,

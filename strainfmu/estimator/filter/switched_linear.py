@@ -9,11 +9,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.filter.kalman import Law
 from strainfmu.estimator.filter.linear_filter import LinearFilter
 from strainfmu.estimator.filter.settings import LARGEST, FilterSettings
 from strainfmu.estimator.filter.switched import law_from_numbers, law_numbers
+from strainfmu.estimator.filter.warm import WarmSample
 from strainfmu.estimator.load_estimate import LoadEstimate
 from strainfmu.estimator.step import Estimator
 
@@ -26,10 +29,12 @@ class TimedLaw:
     ----------
     law : of the states, None where the filter was off or nothing has been measured.
     time : of the sample [s].
+    warm : what was known of temperature modes in it; None for nothing.
     """
 
     law: Law | None = None
     time: float = 0.0
+    warm: WarmSample | None = None
 
 
 class SwitchedLinearFilter:
@@ -47,26 +52,38 @@ class SwitchedLinearFilter:
         return self.time_constant > 0.0 and not zeros.std.any() and zeros.common_std == 0.0
 
     def step(
-        self, static: LoadEstimate, strain: FloatArray, dynamic_pressure: float, last: TimedLaw, time: float
+        self,
+        static: LoadEstimate,
+        strain: FloatArray,
+        dynamic_pressure: float,
+        last: TimedLaw,
+        time: float,
+        temperature: FloatArray | None = None,
     ) -> tuple[LoadEstimate, TimedLaw]:
         """Return the estimate of the sample at ``time`` [s] whose estimate on its own is ``static``, and what it
         leaves.
 
-        ``strain`` (n_d,) is what the gauges read. Time that does not go on predicts nothing.
+        ``strain`` (n_d,) is what the gauges read, ``temperature`` (n_t,) what the temperature sensors do [K]. Time
+        that does not go on predicts nothing.
         """
         if not self.filters:
             return static, TimedLaw(time=time)
         if self._filter is None:
             self._filter = LinearFilter(self.estimator, FilterSettings(time_constant=self.time_constant))
-        self._filter.law = last.law
+        self._filter.law, self._filter.warm = last.law, last.warm or self._filter.model.warm
         elapsed = min(max(time - last.time, 0.0), LARGEST)
-        step = self._filter.stepped(elapsed, static, strain, dynamic_pressure)
-        return step.estimate, TimedLaw(law=self._filter.law, time=time)
+        step = self._filter.stepped(elapsed, static, strain, dynamic_pressure, temperature)
+        return step.estimate, TimedLaw(law=self._filter.law, time=time, warm=self._filter.warm)
 
 
 def as_numbers(last: TimedLaw) -> dict[str, Any]:
     """Return ``last`` as numbers, lists and None, for :func:`from_numbers`."""
-    return {"time": last.time, "law": law_numbers(last.law)}
+    warm = last.warm
+    return {
+        "time": last.time,
+        "law": law_numbers(last.law),
+        "warm": None if warm is None else [warm.known.tolist(), warm.amplitude.tolist(), warm.covariance.tolist()],
+    }
 
 
 def from_numbers(numbers: Mapping[str, Any]) -> TimedLaw:
@@ -77,4 +94,14 @@ def from_numbers(numbers: Mapping[str, Any]) -> TimedLaw:
     KeyError, TypeError, ValueError
         A part is missing, or of the wrong kind or shape.
     """
-    return TimedLaw(law=law_from_numbers(numbers["law"]), time=float(numbers["time"]))
+    law, warm = law_from_numbers(numbers["law"]), numbers["warm"]
+    return TimedLaw(law=law, time=float(numbers["time"]), warm=None if warm is None else _warm(*warm))
+
+
+def _warm(known: list[bool], amplitude: list[float], covariance: list[list[float]]) -> WarmSample:
+    k = len(amplitude)
+    return WarmSample(
+        known=np.array(known, dtype=bool),
+        amplitude=np.array(amplitude, dtype=float),
+        covariance=np.array(covariance, dtype=float).reshape(k, k),
+    )

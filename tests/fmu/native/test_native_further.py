@@ -33,8 +33,8 @@ def six(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
 
 
 def first_further(n: int) -> int:
-    """Behind zeros and three temperatures."""
-    return first_zero(n) + 2 * n + 1 + 3
+    """Behind zeros, three temperatures and the time constant of the filter."""
+    return first_zero(n) + 2 * n + 1 + 3 + 1
 
 
 def test_as_numpy_while_gauges_zeros_and_temperatures_change(six: NativeCase) -> None:
@@ -57,7 +57,7 @@ def test_as_numpy_while_gauges_zeros_and_temperatures_change(six: NativeCase) ->
         temperature = REFERENCE + 20.0 * random.normal(size=3)
         if k < 15:
             temperature[:] = np.nan
-        assert fmu.set_reals(range(first_zero(n) + 2 * n + 1, first_further(n)), temperature) == OK
+        assert fmu.set_reals(range(first_zero(n) + 2 * n + 1, first_further(n) - 1), temperature) == OK
         reading = sample.strain + zeros.value
         fmu.set_strain(reading)
         fmu.set_valid(sample.valid)
@@ -88,7 +88,7 @@ def test_derivatives_against_differences(six: NativeCase, deviation: float, lost
     fmu.set_strain(strain)
     fmu.set_valid(valid)
     assert fmu.set_scalars(0, 1.1e5, deviation, 6.0, 2e4, 0.05, 1.3, 0.25, 0.6, 0.4) == OK
-    sensors = range(first_zero(n) + 2 * n + 1, first_further(n))
+    sensors = range(first_zero(n) + 2 * n + 1, first_further(n) - 1)
     assert fmu.set_reals(sensors, REFERENCE + 5.0 * random.normal(size=3)) == OK
     scalars = N_OUTPUTS + 2 * n
     known = [
@@ -130,7 +130,7 @@ def test_arrays_of_fmi_3(six: NativeCase) -> None:
     two.set_strain(strain)
     assert three.set("Float64", c_double, [Fmu3.STRAIN], strain) == OK
     expected = two.get_reals(range(first_further(n), first_further(n) + N_OUT))
-    first = Fmu3.TARE + 1  # behind the temperatures
+    first = Fmu3.TARE + 2  # behind the temperatures and the filter
     found = [three.get("Float64", c_double, [first + i], 1)[1] for i in range(4)]
     found += [three.get("Float64", c_double, [first + 4 + i], k)[1] for i in range(12)]
     assert np.concatenate(found).tobytes() == expected.tobytes()

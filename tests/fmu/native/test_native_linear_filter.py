@@ -15,6 +15,7 @@ from linear_fmu import LinearFmu, LinearReference, LinearSample, differences, la
 from raw_fmu import ERROR, N_OUTPUTS, OK, Fmu3, first_zero, write_resource
 from scaled_maps import scaled_map, whole_scaled_map
 from sensor_maps import with_sensors
+from thermal_maps import REFERENCE, with_temperature
 
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.inverse_map import InverseMap
@@ -25,7 +26,7 @@ from strainfmu.interface.estimator_variables import estimator_interface
 from strainfmu.interface.filter_variables import FILTER_TIME_CONSTANT
 
 pytestmark = pytest.mark.fast
-N = 18
+N, N_T = 18, 4
 STEP = 0.01
 
 TOLERANCE = 1e-11
@@ -139,6 +140,34 @@ def test_other_maps(tmp_path: Path, held: InverseMap) -> None:
     samples = [replace(one, strain=one.strain * scale) for one in linear_flight(held, 40, seed=5)]
     found, alone = compare(fmu, LinearReference(Estimator(held), 1.0), samples, np.full(40, STEP))
     assert n_filtered(found, alone) > 25
+    fmu.free()
+
+
+@pytest.mark.parametrize("time_constant", [1e-9, 1.0])
+def test_temperatures(tmp_path: Path, time_constant: float) -> None:
+    """Modes are states; sensors come and go, one by one and all."""
+    cold, random = whole_scaled_map(2, seed=3), np.random.default_rng(7)
+    held = with_temperature(cold, n_t=N_T)
+    assert held.thermal is not None
+    fmu = LinearFmu(write_resource(held, tmp_path).as_uri(), N)
+    fmu.n_t = N_T
+    fmu.start()
+    assert fmu.filter(time_constant) == OK
+    known, samples = np.ones(N_T, dtype=bool), []
+    rise = 0.2 * held.thermal.prior_std * random.standard_normal(len(held.thermal.prior_std))
+    for k, sample in enumerate(linear_flight(cold, 60, seed=9)):
+        known = random.random(N_T) < random.choice([0.0, 0.5, 1.0]) if k % 4 == 0 else known
+        now = rise * np.exp(-0.02 * k)
+        theta = REFERENCE + held.thermal.sensor_operator @ now + held.thermal.sensor_std * random.normal(size=N_T)
+        strain = sample.strain + held.thermal.linear_strain @ now
+        samples.append(replace(sample, strain=strain, temperature=np.where(known, theta, np.nan)))
+    sizes = random.uniform(0.005, 0.1, 60)
+    found, alone = compare(fmu, LinearReference(Estimator(held), time_constant), samples, sizes)
+    assert n_filtered(found, alone) >= (0 if time_constant < 1.0 else 40)
+    state = fmu.get_state()
+    after = [fmu.advance(one, 10.0 + k * STEP, STEP).tobytes() for k, one in enumerate(samples[:8])]
+    assert fmu.call("SetFMUstate", state) == OK
+    assert [fmu.advance(one, 10.0 + k * STEP, STEP).tobytes() for k, one in enumerate(samples[:8])] == after
     fmu.free()
 
 
