@@ -8,6 +8,7 @@ from typing import Any, get_args
 
 import pytest
 from annotated_types import Ge, Gt, Le, Lt
+from changed_vehicle import TEXT, write_changed
 from pydantic import BaseModel
 
 from builder.vehicle.faults import _constraints, _models_in
@@ -18,20 +19,8 @@ pytestmark = pytest.mark.fast
 
 Run = Callable[..., tuple[int, str, str]]
 
-TEXT = IC3X.read_text(encoding="utf-8")
 BY_CHECK = {"gamma", "internal_pressure_Pa", "depth_mm"}
 """A number or a word: a check of their own holds their range."""
-
-
-def changed(folder: Path, *changes: tuple[str, str]) -> Path:
-    """Write the shipped file with texts replaced once each."""
-    text = TEXT
-    for old, new in changes:
-        assert old in text, old
-        text = text.replace(old, new, 1)
-    path = folder / "vehicle.toml"
-    path.write_text(text, encoding="utf-8")
-    return path
 
 
 def lines_of(path: Path) -> list[str]:
@@ -164,7 +153,7 @@ def test_every_number_has_a_range() -> None:
     ],
 )
 def test_value_beyond_its_limits(tmp_path: Path, old: str, new: str, line: str) -> None:
-    found = lines_of(changed(tmp_path, (old, new)))
+    found = lines_of(write_changed(tmp_path, (old, new)))
     assert len(found) == 1
     assert line in found[0]
 
@@ -208,11 +197,11 @@ def test_value_beyond_its_limits(tmp_path: Path, old: str, new: str, line: str) 
 )
 def test_derived_size_beyond_its_limit(tmp_path: Path, changes: list[tuple[str, str]], line: str) -> None:
     """Refused as the file is read, not after hours or by the lack of memory."""
-    assert lines_of(changed(tmp_path, *changes)) == [line]
+    assert lines_of(write_changed(tmp_path, *changes)) == [line]
 
 
 def test_all_faults_of_a_file_are_listed(tmp_path: Path, run: Run) -> None:
-    path = changed(
+    path = write_changed(
         tmp_path,
         ("wall_thickness_mm = 4.0", "wall_thickness_mm = -4.0"),
         ("poisson_ratio = 0.31", "poisson_ratio = 0.7"),
@@ -233,7 +222,7 @@ def test_all_faults_of_a_file_are_listed(tmp_path: Path, run: Run) -> None:
 
 
 def test_faults_between_sections_are_listed(tmp_path: Path) -> None:
-    path = changed(
+    path = write_changed(
         tmp_path,
         ('support = "clamped_aft"', 'support = "free_flight"'),
         ("density_kg_per_m3 = 4430.0", ""),
@@ -243,7 +232,7 @@ def test_faults_between_sections_are_listed(tmp_path: Path) -> None:
     assert len(found) == 2
     assert "needs material.density_kg_per_m3" in found[0]
     assert "'other' is not among the layouts" in found[1]
-    path = changed(
+    path = write_changed(
         tmp_path, ("end_x_m = 3.6", "end_x_m = 1.6"), ("count = 9", "count = 1000"), ("count = 9", "count = 1000")
     )
     assert [line.partition(":")[0] for line in lines_of(path)] == [
@@ -253,7 +242,7 @@ def test_faults_between_sections_are_listed(tmp_path: Path) -> None:
 
 
 def test_many_faults_are_cut_off(tmp_path: Path) -> None:
-    path = changed(tmp_path, ("[5.0, 5.5, 6.0, 6.5, 7.0]", str([0.1] * 100)))
+    path = write_changed(tmp_path, ("[5.0, 5.5, 6.0, 6.5, 7.0]", str([0.1] * 100)))
     found = lines_of(path)
     assert len(found) == 41
     assert found[-1] == "60 more entries are wrong"
@@ -276,6 +265,6 @@ def test_path_as_text_and_as_path() -> None:
 
 def test_faults_are_an_input_error(tmp_path: Path) -> None:
     with pytest.raises(FaultsError) as caught:
-        load_vehicle(changed(tmp_path, ("modes = 5", "modes = 0")))
+        load_vehicle(write_changed(tmp_path, ("modes = 5", "modes = 0")))
     assert isinstance(caught.value, InputError)
     assert caught.value.exit_code == 2
