@@ -171,8 +171,9 @@ def wall_states(
     fore, at, aft = station_index(stations, moved).reshape(3, -1)
     pairs = [_thin_and_thick(mesh, wall, regions, k) for k in range(count)]
     expected = ExpectedWall(mesh, wall.material, stations, at, n_m)
-    thicker = [[ThickerWall(one, wall.material) for one in pair] for pair in pairs[: len(regions)]]
-    tapered = [_tapered(mesh, wall, regions, k, expected.stiffness) for k in range(len(regions))]
+    unknown = range(len(regions)) if with_regions else range(0)
+    thicker = [[ThickerWall(one, wall.material) for one in pairs[k]] for k in unknown]
+    tapered = [_tapered(mesh, wall, regions, k, expected.stiffness) for k in unknown]
     uneven = [_uneven_change(mesh, wall, regions, k) for k in range(len(regions))]
     whole = _Kept.of((), n_m, len(stations), rows)
     of_thin, of_thick = (_Kept.of((count if with_regions else 0,), n_m, len(x), rows) for _ in range(2))
