@@ -59,9 +59,8 @@ class GaugeChecks:
         self._periods = np.full(n_gauges, cycle_time) if periods is None else periods
         self._cycles_apart = self._periods / cycle_time
         # Gauges that come in every cycle, where others come more slowly.
-        self._fast = (
-            np.flatnonzero(self._cycles_apart < 1.5) if periods is not None else np.empty(0, dtype=np.intp)
-        )
+        is_fast = self._cycles_apart < 1.5
+        self._fast = np.flatnonzero(is_fast & ~is_fast.all())
         self._last_raw = np.zeros(n_gauges, dtype=np.int64)
         self._last_strain = np.full(n_gauges, np.nan)
         self._cycle_time = cycle_time

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from strainfmu.can.cycle.gauge_noise import gauge_noise, like_gauges
+from strainfmu.can.cycle.parts import gauge_checks
 from strainfmu.can.cycle.plausibility import _LONGEST_QUIET, _RECENT, GaugeChecks
 from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.wire.profiles import profile_layout
@@ -60,6 +61,23 @@ def test_the_short_way_finds_what_the_checks_find(seed: int, bounded: bool) -> N
         assert short.frozen(present[k], now) == full.frozen(present[k], now)
         short_ways += found is short._all
     assert short_ways > n_cycles / 3, "and it is the usual way"
+
+
+@pytest.mark.parametrize("profile", ["fd64", "classic-le"])
+def test_a_cycle_in_which_gauges_change_asks_for_no_dates(profile: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """All gauges of these profiles come in every cycle, as their layout says: the age needs nothing else then."""
+    layout = profile_layout(profile, tuple(f"G{i}" for i in range(N)), CYCLE)
+    checks = gauge_checks(layout, BridgeSettings(), None)
+    raw, _, _ = cycles(1, 40)
+    everywhere, nowhere = np.ones(N, dtype=bool), np.zeros(N, dtype=bool)
+    for k, numbers in enumerate(raw):
+        checks.update(
+            numbers * QUANTUM, numbers, present=everywhere, refused=nowhere, now=k * CYCLE, is_clean=True
+        )
+        if k == 20:
+            monkeypatch.setattr(checks, "_date_changes", lambda: pytest.fail("times of change are not needed"))
+        if k > 1:
+            assert checks.frozen(everywhere, k * CYCLE) == (0.0, 0.0)
 
 
 def test_what_the_short_way_puts_off_is_what_the_checks_keep() -> None:
