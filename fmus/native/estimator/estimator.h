@@ -176,4 +176,8 @@ int estimator_derivative(Estimator *estimator, double *d_input, double *d_output
 /* Number of these outputs. */
 size_t estimator_derivatives(const Estimator *estimator);
 
+/* Their places of a zero in use, value or deviation, and of the score of a parameter of the flow. */
+size_t zero_derivative(const Estimator *estimator, size_t zero);
+size_t score_derivative(const Estimator *estimator, size_t parameter);
+
 #endif

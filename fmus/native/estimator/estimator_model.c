@@ -264,11 +264,14 @@ static size_t input_index(const Model *model, size_t variable) {
 
 static size_t output_index(const Model *model, size_t variable) {
     const Estimator *e = estimator_of(model);
-    const size_t air_data = flight_real(e, variable);
+    const size_t air_data = flight_real(e, variable), zero = zero_in_use(e, variable);
+    const size_t score = parameter_output(e, variable);
     const double *further = further_real(e, variable);
     return is_real_output(variable) ? variable
          : further != NULL          ? N_DERIVATIVES + (size_t)(further - e->further.value[0])
          : air_data != SIZE_MAX     ? N_OUTPUTS + air_data
+         : zero != SIZE_MAX         ? zero_derivative(e, zero)
+         : score != SIZE_MAX        ? score_derivative(e, score)
                                     : SIZE_MAX;
 }
 

@@ -154,7 +154,7 @@ int flight_derivative(Estimator *e, const double *d_input, double *d_output, cha
     SolutionChange change;
     if (e->output[VALID_GAUGES] == 0.0 && !flight_filters(e)) {
         set_unknown(d_output);
-        for (size_t k = N_OUTPUTS; k < estimator_derivatives(e); k++) {
+        for (size_t k = N_OUTPUTS; k < zero_derivative(e, 0); k++) {
             d_output[k] = NAN;
         }
         return 1;
