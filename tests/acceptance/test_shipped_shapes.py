@@ -47,7 +47,7 @@ def test_loads_lie_within_three_sigma(name: str, tmp_path: Path) -> None:
     assert validate_fmu(str(tmp_path / "estimator.fmu")) == []
 
 
-@pytest.mark.parametrize("name", ["elliptic_cone", "finned_body"])
+@pytest.mark.parametrize("name", ["elliptic_cone", "finned_body", "blunt_cone"])
 def test_loads_of_the_nonlinear_estimator_lie_within_three_sigma(name: str, tmp_path: Path) -> None:
     run_demo(VEHICLES / f"{name}.toml", tmp_path, Silent(), estimator="manifold")
     assert min(coverage(tmp_path).values()) >= 0.99
