@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,8 +19,11 @@ from strainfmu.can.tools.bench_flight import PROFILE, bench_flight
 from strainfmu.can.tools.bus_bench import SETTLING_CYCLES, _outcome, bus_run, core_cost, linear_cost
 from strainfmu.cli.bench_bus import bus_rows
 from strainfmu.cosim.fmu_step import FmuStep
-from strainfmu.estimator.inverse_map import save_inverse_map
+from strainfmu.estimator.inverse_map import load_inverse_map, save_inverse_map
 from strainfmu.fmu.export import export_estimator
+
+CALLS_PER_CYCLE = 195
+"""Calls of functions that a cycle of two frames may take the core, those written in C included; it takes 179."""
 
 
 @pytest.fixture
@@ -55,6 +59,28 @@ def test_a_map_with_tables_flies_what_it_holds_for_possible(tmp_path: Path) -> N
         results = [result for k in range(1010) for frame in flight.cycle(k) for result in core.receive(frame)]
     # The quantisation is more than the noise of this map states.
     assert sum(result.quality is Quality.VALID for result in results) >= 1000
+
+
+def test_a_cycle_takes_the_core_few_calls(folder: Path) -> None:
+    """Counted, as times depend on the machine: what is asked in every cycle without need shows here."""
+    flight = bench_flight(load_inverse_map(folder / "map.h5"), 1e-3)
+    options = BridgeOptions(interface="virtual", channel="bench", profile=PROFILE, cycle_time=1e-3)
+    calls, counted = 0, 64
+
+    def count(_frame: object, event: str, _argument: object) -> None:
+        nonlocal calls
+        calls += event in ("call", "c_call")
+
+    with FmuStep(folder / "estimator.fmu") as step:
+        core, _, _ = make_core(step, options, gauge_names=step.gauge_names, start=0.0)
+        for k in range(300 + counted):
+            frames = flight.cycle(k)
+            if k >= 300:
+                sys.setprofile(count)
+            results = [result for frame in frames for result in core.receive(frame)]
+            sys.setprofile(None)
+        assert [result.quality for result in results] == [Quality.VALID]
+    assert calls / counted < CALLS_PER_CYCLE
 
 
 def test_the_cost_with_the_linear_estimator_of_the_same_map(folder: Path) -> None:
