@@ -22,8 +22,9 @@ void flight_fall_back(Estimator *e, int fits, double to_return);
 /* Nothing is known, and the step leaves what it found. */
 void flight_set_nothing_known(Estimator *e);
 
-/* Number of quantities of navigation in use. */
+/* Number of quantities of navigation in use; whether one has a value that is not used, and that is no correct one. */
 size_t flight_navigation_used(const Flight *flight);
+int flight_navigation_alarms(const Flight *flight);
 
 /* Steps since the last search of the tables, as the step leaves them. */
 double flight_since_search(const Flight *flight, int searched);
