@@ -1,9 +1,9 @@
 """Strain of a vehicle as built: under any pressure on its surface, and under any known load.
 
-The semi-analytic model is solved once, for the wall of the drawing, for every region thinner and thicker, for an
-uneven wall, and at stations ahead of and behind the gauges. What a vehicle as built reads follows by parabolas in
-the thickness of each region and along the meridian, to first order in the uneven wall, and exactly in gains,
-Young's modulus, direction, transverse sensitivity and roll angle of the gauges:
+The semi-analytic model is solved once, for the wall of the drawing, for every region thinner and thicker, for
+tapered and uneven walls, and at stations ahead of and behind the gauges. What a vehicle as built reads follows by
+parabolas in the thickness of each region and along the meridian, to second order in taper, to first order in the
+uneven wall, and exactly in gains, Young's modulus, direction, transverse sensitivity and roll angle of the gauges:
 
     reading = (1 + common) (1 + gain) / (1 + E) a(theta) . strain(theta) + zero.
 
