@@ -221,5 +221,7 @@ def _limit(static: LoadEstimate) -> float:
 
 
 def _is_positive(covariance: FloatArray) -> bool:
+    if not np.all(np.isfinite(covariance)):  # of a deviation of q_inf beyond numbers
+        return False
     size = 1.0 / np.sqrt(np.maximum(np.diagonal(covariance), 1e-300))
     return bool(np.linalg.eigvalsh(covariance * size[:, None] * size)[0] > 0.0)

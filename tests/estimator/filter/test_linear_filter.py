@@ -119,6 +119,24 @@ def test_lost_samples_and_jumps() -> None:
     assert np.trace(flight.law.covariance) > known
 
 
+def test_a_deviation_beyond_numbers_leaves_nothing_behind() -> None:
+    """Its sample is the static one; the next goes on as if it had been any other."""
+    estimator = Estimator(fitted(2, 1))
+    strain, _ = series(estimator.inverse_map, 12, 2, 1.0)
+    results = []
+    for std in (0.0, 1e308):
+        flight = LinearFilter(estimator, FilterSettings(time_constant=1.0))
+        for k, row in enumerate(strain):
+            with np.errstate(all="ignore"):
+                static = estimator.step(row, NOMINAL, dynamic_pressure_std=std if k == 8 else 0.0)
+                found = flight.stepped(DT, static, row, NOMINAL).estimate
+            if k == 8 and std > 0.0:
+                assert np.all(np.isinf(found.loads_std) | np.isnan(found.loads_std))
+        results.append(found)
+    assert results[1].loads == pytest.approx(results[0].loads, rel=1e-9)
+    assert results[1].loads_std == pytest.approx(results[0].loads_std, rel=1e-9)
+
+
 def test_an_absolute_map_and_wrong_time_steps_are_refused() -> None:
     flight = LinearFilter(Estimator(fitted(2, 1)), FilterSettings(time_constant=1.0))
     with pytest.raises(InputError, match=r"time_step: 0.0 found, must be positive"):
