@@ -1,0 +1,82 @@
+"""The filter of linear maps gives the same bits on other processors, and keeps its memory."""
+
+from __future__ import annotations
+
+import platform
+from pathlib import Path
+
+import numpy as np
+import pytest
+from c_host import host_by_clang, loading_host, program, run_host
+from linear_fmu import linear_flight
+from native_case import NativeCase
+from raw_fmu import write_resource
+from scaled_maps import scaled_map, whole_scaled_map
+from thermal_maps import with_temperature
+
+from strainfmu.fmu.native_build import library_file
+from strainfmu.interface.estimator_variables import NOT_KNOWN, estimator_interface
+from strainfmu.interface.filter_variables import FILTER_TIME_CONSTANT
+
+pytest.importorskip("ziglang", reason="needs zig: pip install 'strainfmu[native]'")
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(
+        (platform.system(), platform.machine()) != ("Linux", "x86_64"), reason="needs Linux on x86-64"
+    ),
+]
+
+STEPS = 60
+MAPS = {
+    "case 1": lambda: whole_scaled_map(1, seed=1),
+    "temperature": lambda: with_temperature(whole_scaled_map(2, seed=3)),
+    "more states than gauges": lambda: scaled_map(2, seed=4, n=5, n_states=6),
+}
+
+
+@pytest.fixture(scope="module", params=MAPS)
+def case(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> NativeCase:
+    held = MAPS[request.param]()
+    return NativeCase(held, write_resource(held, tmp_path_factory.mktemp("linear")))
+
+
+@pytest.fixture(scope="module")
+def inputs(case: NativeCase, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A flight that jumps half way; gauges, samples and q_inf get lost."""
+    flight = [*linear_flight(case.inverse_map, STEPS // 2, 2), *linear_flight(case.inverse_map, STEPS // 2, 99)]
+    navigation = [NOT_KNOWN, NOT_KNOWN]
+    rows = [np.concatenate([one.strain, one.valid, [one.pressure, one.deviation], navigation]) for one in flight]
+    path = tmp_path_factory.mktemp("inputs") / "flight.bin"
+    path.write_bytes(np.array(rows).astype("<f8").tobytes())
+    return path
+
+
+def replayed(command: list[str], case: NativeCase, inputs: Path) -> bytes:
+    """Outputs of all steps with the filter."""
+    names = [one.name for one in estimator_interface(case.inverse_map)]
+    return run_host(command, case, "replay", STEPS, inputs, names.index(FILTER_TIME_CONSTANT), 1.0)
+
+
+@pytest.mark.parametrize("processor", ["Nehalem", "Haswell"])
+def test_narrower_instructions(case: NativeCase, inputs: Path, tmp_path: Path, processor: str) -> None:
+    """SSE2 alone, and AVX2 without AVX-512."""
+    emulator = program("qemu-x86_64", install="apt install qemu-user")
+    command = [str(loading_host("x86_64-linux-gnu.2.17", tmp_path / "host")), str(library_file("linux64"))]
+    assert replayed([emulator, "-cpu", processor, *command], case, inputs) == replayed(command, case, inputs)
+
+
+def test_aarch64(case: NativeCase, inputs: Path, tmp_path: Path) -> None:
+    emulator = program("qemu-aarch64", install="apt install qemu-user libc6-arm64-cross")
+    sysroot = Path("/usr/aarch64-linux-gnu")
+    if not sysroot.is_dir():
+        pytest.skip("needs the C library of aarch64: apt install libc6-arm64-cross")
+    here = [str(loading_host("x86_64-linux-gnu.2.17", tmp_path / "here")), str(library_file("linux64"))]
+    there = [str(loading_host("aarch64-linux-gnu.2.17", tmp_path / "there")), str(library_file("aarch64-linux"))]
+    assert replayed([emulator, "-L", str(sysroot), *there], case, inputs) == replayed(here, case, inputs)
+
+
+def test_memory(case: NativeCase, inputs: Path, tmp_path: Path) -> None:
+    """Under sanitizers; leaks are errors too."""
+    host = host_by_clang(tmp_path / "host", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+    assert replayed([str(host)], case, inputs)
+    assert run_host([str(host)], case, "many", 1).startswith(b"many: same")
