@@ -5,7 +5,7 @@
 #include "flight_parts.h"
 #include "step_parts.h"
 
-#define LARGEST_REST 0.5 /* deviations that the next iteration may move the state by: flight_health.py */
+#define LARGEST_REST 1.0 /* deviations that the next iteration may move the state by: flight_health.py */
 
 /* Loads and coefficients at the references of the settings. */
 static void set_loads(Estimator *e) {

@@ -18,7 +18,7 @@ from strainfmu.estimator.manifold.solve import FlightSolution
 OUTSIDE_SCORE = 3.0
 """Standard deviations by which the flight state leaves the ranges of the map from which it is outside."""
 
-LARGEST_REST = 0.5
+LARGEST_REST = 1.0
 """Deviations of the flight state that the next iteration may move it by; above, the estimate is degraded."""
 
 RANGE_TOLERANCE = 0.01
