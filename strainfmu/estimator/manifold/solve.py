@@ -29,6 +29,10 @@ START_ITERATIONS, COLD_ITERATIONS, WARM_ITERATIONS = 4, 8, 2
 """Iterations of every state of the search, of the best of them from there, and from the last step's state."""
 
 
+LARGEST_EXCESS = 5.0
+"""ln of a pressure over the largest of the tables up to which starts are taken; beyond it S loses its digits."""
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class FlightSolution:
     """Estimates of k samples, all of them arrays over the samples.
@@ -77,6 +81,8 @@ def solve_cold(manifold: ManifoldMap, table: SearchTable, samples: Samples) -> L
     """
     k = len(samples.strain)
     state = starts(table, samples.strain, samples.used, samples.measured).reshape(-1, 4)
+    low, high = np.log(manifold.pressure_range)  # a pressure that navigation makes up must not overflow
+    state[:, LOG_PRESSURE] = np.clip(state[:, LOG_PRESSURE], low - LARGEST_EXCESS, high + LARGEST_EXCESS)
     each = samples.rows(np.tile(np.arange(k), STARTS))
     before: Linearised | None = None
     for _ in range(2):

@@ -76,8 +76,9 @@ def starts(table: SearchTable, strain: FloatArray, used: BoolArray, measured: St
         log_pressure, of_navigation = _with_navigation(
             np.log(pressure), size * pressure**2, states[:, MACH], measured
         )
-        pressure = np.exp(log_pressure)
-        cost = pressure**2 * size - 2.0 * pressure * dot + of_navigation
+        with np.errstate(over="ignore", invalid="ignore"):  # of navigation out of every range
+            pressure = np.exp(log_pressure)
+            cost = pressure**2 * size - 2.0 * pressure * dot + of_navigation
         best = np.argmin(cost, axis=1)
         rows = np.arange(len(strain))
         found[i, :, :3] = states[best, :3]

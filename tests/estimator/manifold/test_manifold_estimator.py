@@ -281,6 +281,23 @@ def test_a_negative_deviation_of_navigation_is_refused(name: str) -> None:
         estimator.estimate(strain_at(CONDITION), **navigation(CONDITION) | {name: -0.1})
 
 
+@pytest.mark.parametrize("name", ["static_pressure", "dynamic_pressure"])
+def test_a_pressure_beyond_numbers_is_no_error_of_the_others(name: str) -> None:
+    """One such sample of navigation, at any gauges lost, stops no series; the others are as without it."""
+    estimator, random = ManifoldEstimator(whole_map()), np.random.default_rng(0)
+    strain = np.array([strain_at(CONDITION, seed) for seed in range(12)])
+    valid = random.random(strain.shape) < 0.7
+    given = {"static_pressure": CONDITION.ambient_pressure, **navigation(CONDITION)}
+    flow = {key: np.full(12, value) for key, value in given.items()}
+    expected = estimator.estimate(strain, valid=valid, **flow)
+    flow[name][::2] = 1e308
+    found = estimator.estimate(strain, valid=valid, **flow)
+    assert isinstance(found, FlightEstimates)
+    assert isinstance(expected, FlightEstimates)
+    np.testing.assert_allclose(found.coefficients[1::2], expected.coefficients[1::2], rtol=1e-9)
+    assert not np.any(found.health[::2] == HealthState.OK)
+
+
 def test_doubt_about_navigation_covers_an_error_of_the_quantity_that_is_kept() -> None:
     """q_inf wrong by ten deviations looks like a wrong Mach number: three sigma hold the coefficients."""
     estimator = ManifoldEstimator(whole_map())
