@@ -12,7 +12,7 @@ from strainfmu.interface.parameter_variables import PREFIX
 from strainfmu.interface.sensor_variables import PREFIX as SENSOR_PREFIX
 from strainfmu.interface.sensor_variables import THRUST
 from strainfmu.recorded.bridges import BENDING, BRIDGES, POISSON, WIRES
-from strainfmu.recorded.column_names import FLOW_NAMES, STATIC_PRESSURE
+from strainfmu.recorded.column_names import FLOW_NAMES, NAVIGATION_NAMES
 from strainfmu.recorded.rasters import JOINS, Join
 from strainfmu.recorded.temperature_columns import is_temperature
 from strainfmu.units import RATIO_UNITS, STRAIN_UNITS, TIME_UNITS, VOLTAGE_UNITS
@@ -72,7 +72,7 @@ class ChannelEntry:
 
 @dataclass(frozen=True, kw_only=True)
 class FlowEntry:
-    """One channel of the flow: one of ``FLOW_NAMES``, ``STATIC_PRESSURE``, ``temperature[k]`` or
+    """One channel of the flow: one of ``FLOW_NAMES``, ``NAVIGATION_NAMES``, ``temperature[k]`` or
     ``parameter.NAME``; its unit."""
 
     where: str
@@ -254,7 +254,7 @@ def _quantity(item: TomlTable) -> str:
         is_temperature(stated) or stated.startswith((PREFIX, SENSOR_PREFIX)) or stated == THRUST
     ):
         return str(item.entries.pop("quantity"))
-    return _one_of(item, "quantity", (*FLOW_NAMES, STATIC_PRESSURE), None) or ""
+    return _one_of(item, "quantity", (*FLOW_NAMES, *NAVIGATION_NAMES), None) or ""
 
 
 def _flow(item: TomlTable) -> FlowEntry:

@@ -23,7 +23,11 @@ FLOW_NAMES = ("dynamic_pressure", "dynamic_pressure_std", "mach_number", "altitu
 """Quantities beside the strains; all but the first may be missing."""
 
 STATIC_PRESSURE = "static_pressure"
-"""p_inf, which with the Mach number stands in for a dynamic pressure that is missing; no estimator takes it."""
+"""p_inf: navigation of the nonlinear estimator. For the others it stands in, with the Mach number, for a dynamic
+pressure that is missing."""
+
+NAVIGATION_NAMES = ("mach_number_std", STATIC_PRESSURE, "static_pressure_std")
+"""What the nonlinear estimator takes of navigation beside ``FLOW_NAMES``."""
 
 SIGNALS = frozenset(
     {
@@ -63,9 +67,10 @@ class Wanted:
     ----------
     gauge_names : n_d names, the order of the strains in the blocks.
     fixed_pressure : q_inf of the whole file [Pa], None to take it from the file.
-    flow : the quantities of ``FLOW_NAMES`` that are read, ``STATIC_PRESSURE``, and further parameters by name.
+    flow : the quantities of ``FLOW_NAMES`` and ``NAVIGATION_NAMES`` that are read, and further parameters by name.
     combined : gauges that are combinations of positions, which a bending bridge may feed.
     computes_pressure : whether a missing q_inf is computed from Mach number and p_inf or altitude.
+    navigates : whether these are navigation by themselves, so that q_inf may be missing and is not computed.
     needs_pressure : whether a file that neither holds q_inf nor lets it be computed is refused.
     sensors : names of the n_t temperature sensors that are read.
     ignored : names of columns not to read; with ``*`` for any text, of columns that are not known otherwise.
@@ -79,6 +84,7 @@ class Wanted:
     ignored: tuple[str, ...] = ()
     reference: LevelReference | None = None
     computes_pressure: bool = False
+    navigates: bool = False
     combined: frozenset[str] = frozenset()
     needs_pressure: bool = True
     sensors: tuple[str, ...] = ()

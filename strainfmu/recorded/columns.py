@@ -12,6 +12,7 @@ from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.recorded.column_names import (
     FLOW_NAMES,
+    NAVIGATION_NAMES,
     STATIC_PRESSURE,
     STD,
     TIME_NAMES,
@@ -40,11 +41,13 @@ _FLOW_UNITS = {
     "dynamic_pressure_std": (PRESSURE_UNITS, "Pa"),
     "mach_number": (NUMBER_UNITS, "1"),
     "altitude": (LENGTH_UNITS, "m"),
+    "mach_number_std": (NUMBER_UNITS, "1"),
     STATIC_PRESSURE: (PRESSURE_UNITS, "Pa"),
+    "static_pressure_std": (PRESSURE_UNITS, "Pa"),
 }
 """Units of a quantity, and the one that is meant without any."""
 
-_NOT_NEGATIVE = ("dynamic_pressure_std", "mach_number", STATIC_PRESSURE)
+_NOT_NEGATIVE = ("dynamic_pressure_std", "mach_number", *NAVIGATION_NAMES)
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +59,8 @@ class StrainBlock:
     time : (n,) [s].
     strain : (n, n_d) [m/m], NaN where a gauge has no value.
     dynamic_pressure : (n,) q_inf [Pa], NaN where it is not known.
-    flow : (n,) of each other quantity of ``FLOW_NAMES`` that the file holds [Pa, 1, m], NaN where it is not known.
+    flow : (n,) of each other quantity of ``FLOW_NAMES``, and of ``NAVIGATION_NAMES`` for an estimator that takes
+        them, that the file holds [Pa, 1, m], NaN where it is not known.
     parameters, parameters_std : (n,) of each further parameter of the flow that the file holds, as ``flow``, and
         its standard deviation.
     readings : (n,) of each further sensor, and thrust, that the file holds [SI unit], NaN where it has no value.
@@ -84,6 +88,7 @@ class ColumnPlan:
     flow : column and factor of each quantity of ``FLOW_NAMES`` that is read, of ``STATIC_PRESSURE``, and of
         further parameters.
     fixed_pressure : q_inf [Pa] where the file's is not read; NaN where the file's is, or where it is computed.
+    navigates : as of :class:`~strainfmu.recorded.column_names.Wanted`.
     unused : names of the columns that are not read.
     reference : strains that the map expects, None if they are not known.
     temperature : column of each temperature sensor of the map, None of one without.
@@ -104,6 +109,7 @@ class ColumnPlan:
     temperature: tuple[TemperatureColumn | None, ...] = ()
     sensors: tuple[str, ...] = ()
     readings: tuple[str, ...] = ()
+    navigates: bool = False
 
     @property
     def columns(self) -> tuple[int, ...]:
@@ -113,8 +119,9 @@ class ColumnPlan:
 
     @property
     def stated(self) -> tuple[str, ...]:
-        """Quantities of ``FLOW_NAMES`` beside q_inf that the file holds."""
-        return tuple(name for name in self.flow if name in FLOW_NAMES[1:])
+        """Quantities of flow and navigation beside q_inf that the file holds for the estimator."""
+        taken = (*FLOW_NAMES[1:], *NAVIGATION_NAMES) if self.navigates else FLOW_NAMES[1:]
+        return tuple(name for name in self.flow if name in taken)
 
     @property
     def computed_from(self) -> tuple[str, ...]:
@@ -125,7 +132,8 @@ class ColumnPlan:
     @property
     def notes(self) -> tuple[str, ...]:
         """What is to be said of the columns."""
-        notes = [f"{self.path}: {pressure_note(self.computed_from)}"] if self.computed_from else []
+        sources = self.computed_from
+        notes = [f"{self.path}: {pressure_note(sources, self.navigates)}"] if sources else []
         missing = [name for name in self.readings if name not in self.flow]
         if missing:
             shown = ", ".join(missing[:6]) + (" .." if len(missing) > 6 else "")
@@ -155,15 +163,16 @@ class ColumnPlan:
                 f"{self.path}: column '{self.names[self.strain[gauge]]}', row {first_row + row}: "
                 f"expected at most {LARGEST_STRAIN:g} m/m, got {strain[row, gauge]:g}; {self._unit_hint(strain)}"
             )
-        if self.computed_from:
-            flow["dynamic_pressure"] = computed_pressure(flow)
-        flow.pop(STATIC_PRESSURE, None)
+        if not self.navigates:
+            if self.computed_from:
+                flow["dynamic_pressure"] = computed_pressure(flow)
+            flow.pop(STATIC_PRESSURE, None)
         pressure = flow.pop("dynamic_pressure", np.full(len(table), self.fixed_pressure))
         # A strain that no gauge bears is no value.
         strain = np.where(np.abs(strain) <= LARGEST_STRAIN, strain, np.nan)
         warm = temperatures(self.temperature, table[:, 1 + n_d + len(self.flow) :])
         readings = {name: flow.pop(name) for name in self.readings if name in flow}
-        parameters = {name: flow.pop(name) for name in tuple(flow) if name not in FLOW_NAMES}
+        parameters = {name: flow.pop(name) for name in tuple(flow) if name not in (*FLOW_NAMES, *NAVIGATION_NAMES)}
         stated = [name for name in parameters if name.endswith(STD) and name.removesuffix(STD) in parameters]
         return StrainBlock(
             time,
@@ -275,6 +284,7 @@ def plan_columns(
         temperature=temperature_columns(path, names, given, list(quantity), wanted.sensors),
         sensors=wanted.sensors,
         readings=tuple(wanted.readings),
+        navigates=wanted.navigates,
     )
 
 
@@ -282,7 +292,7 @@ def passes_over(name: str, held: Sequence[str], wanted: Wanted) -> bool:
     """Return whether a quantity of the flow is not read, because q_inf is known without it; ``held`` are all."""
     is_fixed = wanted.fixed_pressure is not None
     if name == STATIC_PRESSURE:
-        return is_fixed or "dynamic_pressure" in held or "mach_number" not in held
+        return not wanted.navigates and (is_fixed or "dynamic_pressure" in held or "mach_number" not in held)
     return name == "dynamic_pressure" and is_fixed
 
 

@@ -35,8 +35,10 @@ def _standard_pressure(altitude: FloatArray) -> FloatArray:
     return np.array(held)[which]
 
 
-def pressure_note(sources: tuple[str, ...]) -> str:
-    """Return how q_inf was computed, and what that costs."""
+def pressure_note(sources: tuple[str, ...], navigates: bool) -> str:
+    """Return how q_inf was computed, and what that costs; where ``sources`` are navigation it was not."""
+    if navigates:
+        return f"no dynamic_pressure found: estimated with {' and '.join(sources)} as navigation"
     if STATIC_PRESSURE in sources:
         return "no dynamic_pressure found: computed from mach_number and static_pressure, gamma/2 p M^2"
     return (

@@ -17,7 +17,7 @@ from strainfmu.estimator.settings import SENSOR_RANGE
 from strainfmu.interface.parameter_variables import OUTSIDE_PREFIX, PREFIX
 from strainfmu.interface.sensor_variables import THRUST
 from strainfmu.recorded.block_estimates import BlockEstimates, outside_ranges
-from strainfmu.recorded.column_names import FLOW_NAMES
+from strainfmu.recorded.column_names import FLOW_NAMES, NAVIGATION_NAMES
 from strainfmu.recorded.columns import StrainBlock
 from strainfmu.recorded.fmu_columns import FurtherOutput, further_outputs_of
 from strainfmu.recorded.sensor_readings import all_readings, recorded_readings
@@ -44,7 +44,8 @@ def opened_fmu(source: Path, zeros: Path | None = None) -> Iterator[FmuBlocks]:
         for one in further
         if one.output.startswith(OUTSIDE_PREFIX)
     )
-    with FmuStep(source, (*FLOW_NAMES[1:], TEMPERATURE, SENSORS, *parameters), asked) as step:
+    inputs = (*FLOW_NAMES[1:], *NAVIGATION_NAMES, TEMPERATURE, SENSORS, *parameters)
+    with FmuStep(source, inputs, asked) as step:
         if zeros is not None:
             step.set_zeros(load_zeros(zeros, step.gauge_names))
         yield FmuBlocks(step, further)

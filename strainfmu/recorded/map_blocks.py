@@ -22,7 +22,7 @@ from strainfmu.estimator.step import Estimator
 from strainfmu.interface.parameter_variables import OUTSIDE_PREFIX
 from strainfmu.interface.sensor_variables import reading_units
 from strainfmu.recorded.block_estimates import BlockEstimates, outside_ranges
-from strainfmu.recorded.column_names import FLOW_NAMES
+from strainfmu.recorded.column_names import FLOW_NAMES, NAVIGATION_NAMES
 from strainfmu.recorded.columns import StrainBlock
 from strainfmu.recorded.sensor_readings import recorded_readings, rows_of_map
 from strainfmu.recorded.strain_level import LevelReference
@@ -97,7 +97,7 @@ class MapBlocks:
 class FlightBlocks:
     """An inverse map with tables over the flight state, sample by sample."""
 
-    inputs: tuple[str, ...] = FLOW_NAMES[1:]
+    inputs: tuple[str, ...] = (*FLOW_NAMES[1:], *NAVIGATION_NAMES)
     has_residuals = True
     envelope_score_limit = OUTSIDE_SCORE
     _columns = (

@@ -20,7 +20,7 @@ from strainfmu.recorded.channel_conversion import channel_strain, differs, roset
 from strainfmu.recorded.channel_entries import COMPENSATIONS, ChannelMap
 from strainfmu.recorded.channel_file import ChannelFile, last_name
 from strainfmu.recorded.channel_readers import open_channels
-from strainfmu.recorded.column_names import FLOW_NAMES, STATIC_PRESSURE, Wanted
+from strainfmu.recorded.column_names import FLOW_NAMES, NAVIGATION_NAMES, Wanted
 from strainfmu.recorded.columns import flow_factor
 from strainfmu.recorded.flight_pressure import pressure_sources
 from strainfmu.recorded.name_match import matched, plain_name, suggestion
@@ -29,7 +29,7 @@ from strainfmu.recorded.sample_blocks import StrainFile, column_file
 from strainfmu.recorded.temperature_columns import is_temperature, kelvin, sensor_of, temperature_quantities
 from strainfmu.units import STRAIN_UNITS, TIME_UNITS
 
-_QUANTITIES = (*FLOW_NAMES, STATIC_PRESSURE)
+_QUANTITIES = (*FLOW_NAMES, *NAVIGATION_NAMES)
 
 SPARSE = 0.5
 """Part of a channel's samples without a value above which those with one are its own, slower raster."""
@@ -269,7 +269,8 @@ def _read_flow(file: ChannelFile, mapping: ChannelMap, wanted: Wanted, clock: _C
                 f"map, got '{entry.quantity}'"
             )
         _add_flow(file, name, quantity, unit=unit, clock=clock, found=found, readings=wanted.readings)
-    for quantity in (*_QUANTITIES, *_parameters(wanted), *temperature_quantities(wanted.sensors)):
+    of_flow = [quantity for quantity in _QUANTITIES if quantity in wanted.flow]
+    for quantity in (*of_flow, *_parameters(wanted), *temperature_quantities(wanted.sensors)):
         own = [name for name in file.names if last_name(name) in _own_names(quantity, wanted.sensors)]
         if quantity not in stated and len(own) == 1:
             unit = file.units.get(own[0])

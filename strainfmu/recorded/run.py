@@ -16,11 +16,12 @@ from strainfmu.cosim.zeros_file import load_zeros
 from strainfmu.errors import InputError
 from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.recorded.block_estimates import BlockEstimates, BlockEstimator
-from strainfmu.recorded.column_names import FLOW_NAMES, STATIC_PRESSURE, STD, Wanted
+from strainfmu.recorded.column_names import FLOW_NAMES, NAVIGATION_NAMES, STATIC_PRESSURE, STD, Wanted
 from strainfmu.recorded.columns import ColumnPlan, StrainBlock
 from strainfmu.recorded.estimator_files import open_block_estimator
 from strainfmu.recorded.field_series import FieldSeriesWriter, check_field_output, field_series_writer
 from strainfmu.recorded.filtered_blocks import estimated_blocks, filter_attributes, with_filter
+from strainfmu.recorded.flight_pressure import computed_pressure, pressure_sources
 from strainfmu.recorded.health_account import HealthAccount
 from strainfmu.recorded.output import ESTIMATE_COLUMNS, EstimateWriter, check_output, estimate_writer
 from strainfmu.recorded.strain_files import open_strains
@@ -38,7 +39,14 @@ HEALTH_COLUMNS = (
 SUSPECTS_COLUMN = "suspect_gauges"
 """Column of text: the names of the suspects, with a semicolon between them."""
 
-_FLOW_UNITS = {"dynamic_pressure_std": "Pa", "mach_number": "1", "altitude": "m"}
+_FLOW_UNITS = {
+    "dynamic_pressure_std": "Pa",
+    "mach_number": "1",
+    "altitude": "m",
+    "mach_number_std": "1",
+    "static_pressure": "Pa",
+    "static_pressure_std": "Pa",
+}
 
 
 @dataclass(kw_only=True)
@@ -50,7 +58,7 @@ class EstimationSummary:
     samples : number of rows estimated.
     first, last : times of the first and the last sample [s].
     missing_strains : number of strains without a value, by gauge.
-    missing_pressure : number of samples without a dynamic pressure.
+    missing_pressure : number of samples without coefficients for want of a dynamic pressure.
     refused : number of steps that the FMU refused; their outputs are NaN.
     fields : number of pressure fields written.
     account : number of samples by state, and the gauges to blame.
@@ -138,18 +146,20 @@ def estimate_file(
                     "--field: expected none beside --filter, which does not filter the pressure field"
                 )
             check_field_output(Path(field_output), estimator.inverse_map, source)
+        navigates = STATIC_PRESSURE in estimator.inputs
         wanted = Wanted(
             gauge_names=estimator.gauge_names,
             fixed_pressure=dynamic_pressure,
             flow=(
                 *FLOW_NAMES,
-                STATIC_PRESSURE,
+                *(NAVIGATION_NAMES if navigates else (STATIC_PRESSURE,)),
                 *estimator.parameter_names,
                 *(f"{name}{STD}" for name in estimator.sharpening),
                 *estimator.readings,
             ),
             readings=estimator.readings,
             computes_pressure=True,
+            navigates=navigates,
             ignored=tuple(ignore_columns),
             reference=estimator.reference,
             sensors=estimator.sensor_names,
@@ -173,7 +183,7 @@ def estimate_file(
                 _field_series(field_output, estimator.inverse_map, field_every) as series,
             ):
                 for block, done, found in estimated_blocks(opened.blocks, estimator):
-                    level.add(block.strain - zero, block.dynamic_pressure)
+                    level.add(block.strain - zero, _flown_pressure(block))
                     _write(writer, block, found=found, estimator=estimator, residuals=residuals)
                     _count(summary, block, found=found, estimator=estimator)
                     if series is not None and found.estimates is not None:
@@ -193,6 +203,13 @@ def _field_series(
     return field_series_writer(Path(path), inverse_map, every)
 
 
+def _flown_pressure(block: StrainBlock) -> FloatArray:
+    """Return (n,) q_inf [Pa] as it is given, or by the Mach number."""
+    if not pressure_sources(block.flow):
+        return block.dynamic_pressure
+    return np.where(np.isnan(block.dynamic_pressure), computed_pressure(block.flow), block.dynamic_pressure)
+
+
 def _unused_inputs(source: Path, estimator: BlockEstimator, plan: ColumnPlan) -> list[str]:
     """Return a note on the quantities that the data hold and the estimator does not take."""
     missing = [name for name in plan.stated if name not in estimator.inputs]
@@ -209,7 +226,7 @@ def _columns(
     return (
         *ESTIMATE_COLUMNS,
         *HEALTH_COLUMNS,
-        *((name, _FLOW_UNITS[name]) for name in FLOW_NAMES if name in plan.stated),
+        *((name, _FLOW_UNITS[name]) for name in _FLOW_UNITS if name in plan.stated),
         *further,
         *limit,
         *((f"residual.{gauge}", "1") for gauge in residuals),
@@ -238,7 +255,7 @@ def _write(
         found.suspect_count,
         found.envelope_score,
         np.full(len(block.time), estimator.envelope_score_limit),
-        *(block.flow[name] for name in FLOW_NAMES if name in block.flow),
+        *(block.flow[name] for name in _FLOW_UNITS if name in block.flow),
     ]
     if found.further is not None:
         columns += [*found.further.T]
@@ -256,7 +273,9 @@ def _count(
     summary.account.add(found, estimator.row_names, estimator.envelope_score_limit)
     missing = np.isnan(block.strain).sum(axis=0)
     summary.missing_strains.update({n: int(k) for n, k in zip(gauge_names, missing, strict=True) if k})
-    summary.missing_pressure += int(np.isnan(block.dynamic_pressure).sum())
+    # The nonlinear estimator has coefficients without it.
+    without = np.isnan(block.dynamic_pressure) & np.isnan(found.coefficients[:, 0])
+    summary.missing_pressure += int(without.sum())
     summary.refused += int(np.isnan(found.health).sum())
     summary.samples += len(block.time)
     summary.first = float(np.fmin(summary.first, block.time[0]))

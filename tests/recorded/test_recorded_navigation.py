@@ -1,0 +1,100 @@
+"""Navigation of recorded data with the nonlinear estimator: Mach number and p_inf with deviations, no q_inf."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from flight_fmu import whole_map
+from flight_maps import exact_response
+
+from strainfmu.errors import InputError
+from strainfmu.estimator.inverse_map import save_inverse_map
+from strainfmu.estimator.manifold.estimator import ManifoldEstimator
+from strainfmu.fmu.export import export_estimator
+from strainfmu.recorded.run import EstimationSummary, estimate_file
+
+pytestmark = pytest.mark.fast
+MACH, STATIC, STATE = 6.0, 5500.0, (6.0, 0.03, 0.01)
+N_D = whole_map().n_gauges
+STRAIN = exact_response(*STATE, STATIC)[:N_D]
+
+
+def written(folder: Path, columns: dict[str, float]) -> Path:
+    """Write three samples of one flight with ``columns`` of the flow."""
+    names = ["time [s]", *(f"strain[{i + 1}] [m/m]" for i in range(N_D)), *columns]
+    rows = [[0.01 * i, *STRAIN, *columns.values()] for i in range(3)]
+    lines = [",".join(names), *(",".join(f"{one:.15g}" for one in row) for row in rows)]
+    (folder / "flight.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return folder / "flight.csv"
+
+
+def estimated(
+    folder: Path, columns: dict[str, float], source: Path | None = None, **options: float
+) -> tuple[np.ndarray, EstimationSummary]:
+    """Return the table of estimates, and what is said of it."""
+    if source is None:
+        source = folder / "map.h5"
+        save_inverse_map(whole_map(), source)
+    found = estimate_file(source, written(folder, columns), folder / "loads.csv", **options)
+    table = np.genfromtxt(folder / "loads.csv", delimiter=",", names=True, deletechars="", replace_space=" ")
+    return table, found
+
+
+def expected(**flow: float) -> np.ndarray:
+    """Return coefficients and deviations (10,) of the estimator itself."""
+    one = ManifoldEstimator(whole_map()).step(STRAIN, **flow)
+    return np.concatenate([one.coefficients, one.coefficients_std])
+
+
+def numbers(table: np.ndarray) -> np.ndarray:
+    names = ("C_A", "C_N", "C_Y", "M_P", "M_Y")
+    return np.array([table[f"{name} [1]"][0] for name in (*names, *(f"sigma.{name}" for name in names))])
+
+
+def test_mach_number_and_static_pressure_are_navigation_without_dynamic_pressure(tmp_path: Path) -> None:
+    """q_inf computed of both would count their errors twice, and as smaller ones than they are."""
+    table, found = estimated(tmp_path, {"mach_number": MACH, "static_pressure [Pa]": STATIC})
+    np.testing.assert_allclose(
+        numbers(table), expected(mach_number=MACH, static_pressure=STATIC), rtol=1e-4, atol=1e-9
+    )
+    assert np.isnan(table["dynamic_pressure [Pa]"]).all()
+    assert found.missing_pressure == 0
+    assert "estimated with mach_number and static_pressure as navigation" in found.notes[0]
+    q = 0.7 * STATIC * MACH**2
+    computed = expected(mach_number=MACH, static_pressure=STATIC, dynamic_pressure=q)
+    assert np.all(numbers(table)[5:] >= computed[5:])
+    assert np.any(numbers(table)[5:] > 1.1 * computed[5:])
+
+
+def test_deviations_of_navigation_are_read_in_their_units(tmp_path: Path) -> None:
+    stated = {"mach_number": MACH, "mach_number_std": 0.2, "static_pressure [kPa]": STATIC / 1e3}
+    table, _ = estimated(tmp_path, stated | {"static_pressure_std [kPa]": 0.4})
+    wide = expected(mach_number=MACH, mach_number_std=0.2, static_pressure=STATIC, static_pressure_std=400.0)
+    np.testing.assert_allclose(numbers(table), wide, rtol=1e-4, atol=1e-9)
+    assert np.all(table["static_pressure_std [Pa]"] == 400.0)
+    given = expected(mach_number=MACH, static_pressure=STATIC)
+    assert np.any(wide[5:] > 1.05 * given[5:])
+
+
+def test_all_three_at_once_and_a_filter(tmp_path: Path) -> None:
+    flow = {"dynamic_pressure": 0.7 * STATIC * MACH**2, "mach_number": MACH, "static_pressure": STATIC}
+    table, _ = estimated(tmp_path, flow)
+    np.testing.assert_allclose(numbers(table), expected(**flow), rtol=1e-4, atol=1e-9)
+    filtered, _ = estimated(tmp_path, flow, time_constant=1e-6)
+    np.testing.assert_allclose(numbers(filtered), expected(**flow), rtol=1e-3, atol=1e-6)
+
+
+def test_an_fmu_takes_the_same(tmp_path: Path) -> None:
+    source = tmp_path / "estimator.fmu"
+    save_inverse_map(whole_map(), tmp_path / "map.h5")
+    export_estimator(tmp_path / "map.h5", source)
+    flow = {"mach_number": MACH, "mach_number_std": 0.2, "static_pressure": STATIC}
+    table, _ = estimated(tmp_path, flow, source)
+    np.testing.assert_allclose(numbers(table), expected(**flow), rtol=1e-4, atol=1e-9)
+
+
+def test_a_negative_deviation_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="'static_pressure_std', row 2: expected at least 0, got -1"):
+        estimated(tmp_path, {"mach_number": MACH, "static_pressure": STATIC, "static_pressure_std": -1.0})
