@@ -147,5 +147,5 @@ def test_the_data_are_not_overwritten(synthetic: SyntheticFiles, tmp_path: Path,
     data = write_flight(tmp_path / "d.csv")
     before = data.read_bytes()
     code, _, errors = run("estimate", synthetic.map_1, data, "-o", data)
-    assert (code, errors) == (2, f"strainfmu: {data}: expected another file than those that are read\n")
+    assert (code, errors) == (2, f"strainfmu: {data}: --output: expected another file than those that are read\n")
     assert data.read_bytes() == before
