@@ -207,7 +207,7 @@ class Oracle:
         fitting = [n for n, strains in known.items() if any(self._fits(result, strain) for strain in strains)]
         stuck = self._with_held(self._stuck(last, oldest), oldest, last)
         held = any(self._fits(result, strain) for strain in stuck)
-        is_excused = held or self._is_dithered(result, last)
+        is_excused = held or self._is_dithered(result, oldest, last)
         if fitting and not is_excused:
             # The frames of a cycle begin to be sent when it is sampled.
             hidden = now - max(fitting) * cycle - result.age - result.age_uncertainty
@@ -226,12 +226,15 @@ class Oracle:
     def _distance(self, result: CycleResult, strain: np.ndarray) -> float:
         return float(np.abs(result.coefficients[:4] - self._step.outputs(strain, 0.0)[:4]).max())
 
-    def _is_dithered(self, result: CycleResult, last: int) -> bool:
+    def _is_dithered(self, result: CycleResult, oldest: int, last: int) -> bool:
         """Return whether the strains are those of a frozen sender with dither that need not be found yet."""
         n = self._layout.n_gauges
         limit = 8.0 + 58.0 / n  # cycles, as documented
-        # Each dither at once adds its bit.
-        bits = sum(fault.kind is FaultKind.DITHER and fault.is_active(last) for fault in self._faults_near(last))
+        # Each dither at once adds its bit, also where a gateway held its frames back until it was over.
+        bits = sum(
+            fault.kind is FaultKind.DITHER and fault.start + fault.cycles > oldest
+            for fault in self._faults_near(last)
+        )
         largest = self._tolerance + bits * self._step.outputs(np.full(n, QUANTUM), 0.0)[:4].max()
         return any(
             fault.kind is FaultKind.DITHER
@@ -301,6 +304,9 @@ class Oracle:
         lost = max((one.cycles for one in found if one.start == fault.start and one.kind in LOSING), default=0)
         creeps = [one for one in found if one.kind is FaultKind.CREEP and one.is_active(fault.start)]
         lost += sum(ceil(growth_of(one) * (last - one.start + 1)) for one in creeps)
+        # Cycles that a gateway holds back are seen one after the other when it releases them.
+        held = [one for one in found if one.kind is FaultKind.DELAY and one.is_active(fault.start)]
+        lost += sum(one.start + one.cycles - fault.start for one in held)
         restarts = [one for one in found if one.kind is FaultKind.RESTART]
         return lost + sum(late for one in restarts if one.start + late > fault.start)
 

@@ -145,6 +145,19 @@ def test_any_two_faults_at_once_can_be_injected() -> None:
     assert run.false_valid == []
 
 
+def test_dither_that_a_gateway_holds_back_until_it_is_over() -> None:
+    """Released before its detection is due, it is off by its bit, and as old as stated."""
+    faults = [
+        Fault(kind=kind, start=40 + 80 * index, cycles=cycles, seed=index)
+        for index, cycles in enumerate((3, 7, 11))
+        for kind in (FaultKind.DITHER, FaultKind.DELAY)
+    ]
+    for profile in ("classic-be", "fd64"):
+        run = run_campaign(layout_of(profile, SIZES[profile]), faults, 280)
+        assert run.false_valid == []
+        assert run.late_recovery == []
+
+
 def test_strains_that_are_both_repeated_and_held_back_are_old() -> None:
     for profile in PROFILES:
         pairs = ((FaultKind.DELAY, FaultKind.FREEZE), (FaultKind.FREEZE, FaultKind.CLOCK_JUMP))
