@@ -51,9 +51,10 @@ class ReceptionCheck:
         self._byte, self._bits = protection.counter_place
         self.counter = self._before = self._modulus - 1
         self._content: tuple[bytes, bytes] | None = None
+        self._content_before: tuple[bytes, bytes] | None = None
         self.conflicts = self.alternates = False
-        """The last frame had a correct CRC and the counter of the one before with other data; or the counter next
-        to that of the one before that, as with two senders in turns."""
+        """The last frame had a correct CRC and the counter of one of the two before, with other data; or the
+        counter next to that of the one before the last, as with two senders in turns."""
 
     def check(self, data: bytes, covered: bytes = b"") -> E2EStatus:
         """Return the status of ``data`` (with ``covered``, bytes of other frames under the same CRC)."""
@@ -70,10 +71,11 @@ class ReceptionCheck:
             self.conflicts = self._content is not None and self._content != (data, covered)
             return E2EStatus.REPEATED
         before, self._before, self.counter = self._before, last, counter
-        self._content = data, covered
+        content, self._content_before, self._content = self._content_before, self._content, (data, covered)
         if delta == 1:
             return _OK
         if delta <= self._max_delta:
             return E2EStatus.OK_SOME_LOST
         self.alternates = 1 <= (counter - before) % self._modulus <= self._max_delta
+        self.conflicts = counter == before and content is not None and content != self._content
         return E2EStatus.WRONG_SEQUENCE

@@ -66,6 +66,7 @@ class FaultySender:
         self._clock_shift = 0.0
         self._release = self._queued = 0.0
         self._recordings: dict[Fault, list[list[Frame]]] = {}
+        self._heard = set[Fault]()
         self.bus_off = False
 
     def cycle(
@@ -220,10 +221,14 @@ class FaultySender:
                 again = recorded[number - fault.start] if number - fault.start < len(recorded) else []
                 return [replace(frame, time=time + i * 1e-6) for i, frame in enumerate(again)]
             case FaultKind.CONFLICT:
-                later = 0.3 * self._layout.cycle_time if number == fault.start or random.random() < 0.5 else -1e-6
+                # Behind the true frames until it was heard once: nobody can know of one that comes first.
+                is_behind = fault not in self._heard or random.random() < 0.5
+                later = 0.3 * self._layout.cycle_time if is_behind else -1e-6
                 others = [
                     replace(frame, time=frame.time + later) for frame in self._altered.with_other_strains(frames)
                 ]
+                if any(frame.time < end for frame in others):
+                    self._heard.add(fault)
                 return sorted([*frames, *others], key=lambda frame: frame.time)
             case FaultKind.FORGERY if self._layout.is_authenticated:
                 return [self._altered.forged(frame) for frame in frames]

@@ -164,3 +164,23 @@ def test_state_machine_against_counting_the_window_again() -> None:
             elif state is E2EState.VALID or bad > limits[1]:
                 state = E2EState.INVALID
         assert machine.add(status) is state
+
+
+@pytest.mark.parametrize("profile", [1, 5])
+def test_other_data_with_the_counter_of_either_of_the_last_two_frames_conflict(profile: int) -> None:
+    """A gateway that holds frames back puts those of a second sender behind both true ones."""
+    protection = Protection(profile, 0x123)
+    check = ReceptionCheck(protection, max_delta=3)
+    true, other = (
+        [protect(bytes(4) + bytes([10 * sender + k] * 4), protection, 5 + k) for k in range(2)]
+        for sender in (1, 2)
+    )
+    found = []
+    for data in (*true, *other):
+        check.check(data)
+        found.append(check.conflicts)
+    assert found == [False, False, True, False]
+    again = ReceptionCheck(protection, max_delta=3)
+    for data in (*true, true[0]):
+        again.check(data)
+    assert not again.conflicts, "the same frame once more is no other sender"
