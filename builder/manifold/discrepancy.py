@@ -100,13 +100,14 @@ def process_size(vehicle: Vehicle, problem: Problem) -> float:
     return min(OF_DYNAMIC_PRESSURE * dynamic, OF_AMBIENT)
 
 
-def corrects_level(problem: Problem) -> bool:
+def corrects_level(vehicle: Vehicle, problem: Problem) -> bool:
     """Return whether the residual says how far the level of the pressure is off the tables.
 
-    Strain of gauges could, but tells it no better than to some per cent: as a correction that noise is all there
-    is in a flow as the snapshots', while further sensors, as ports, see the pressure itself.
+    Further sensors, as ports, see the pressure itself. Strain of gauges tells it to some per cent at best: in a
+    flow as the snapshots' that correction is noise alone, in one of another level it is worth its noise. So
+    ``level_by_strain`` states which flows to expect.
     """
-    return problem.sensors is not None
+    return problem.sensors is not None or vehicle.map.level_by_strain
 
 
 def level_error(
@@ -121,7 +122,7 @@ def level_error(
     if size == 0.0:
         return None
     column = size * (operator @ overpressure)[:, None]
-    if corrects_level(problem):
+    if corrects_level(vehicle, problem):
         return column
     n_d, apart = len(problem.strain_operator), np.repeat(column, 2, axis=1)
     apart[n_d:, 0] = apart[:n_d, 1] = 0.0

@@ -39,7 +39,7 @@ def flight_field(vehicle: Vehicle, snapshots: Snapshots, problem: Problem, grid:
     prior, prior_std = _of_prior(vehicle, problem, grid, n_h)
     covariance = _of_interpolation(error[..., :n_h], response) + process + prior
     level = 0.01 * vehicle.map.discrepancy_of_overpressure_percent * flows.overpressure()
-    if corrects_level(problem):
+    if corrects_level(vehicle, problem):
         covariance[:, 0, 0] += np.outer(level, response[:, :, 0, 0] @ level)
     return FlightField(
         station=grid.x,

@@ -41,7 +41,7 @@ def shape_field(
     fields += [process_size(vehicle, problem) * process]
     fields += [0.01 * entry.discrepancy_of_prior_percent * one for one in _spread(problem)]
     level = 0.01 * entry.discrepancy_of_overpressure_percent * overpressure[:, None]
-    if corrects_level(problem):
+    if corrects_level(vehicle, problem):
         fields += [level]
     else:
         variance += level[:, 0] ** 2

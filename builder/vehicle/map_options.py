@@ -37,7 +37,7 @@ class MapEntry(Section):
     ``discrepancy_of_prior_percent`` of the deviation that the snapshots have about their mean; and
     ``discrepancy_of_overpressure_percent`` of the overpressure without incidence, all over the body at once, which
     gauges tell poorly and axial force follows: it widens the deviations and, where there are no further sensors,
-    corrects nothing.
+    corrects nothing unless ``level_by_strain`` says so.
     """
 
     form: Literal["dynamic_pressure", "absolute"] = "dynamic_pressure"
@@ -57,6 +57,7 @@ class MapEntry(Section):
     discrepancy_roll_deg: float = Field(default=40.0, ge=10.0, le=180.0)
     discrepancy_of_prior_percent: float = Field(default=10.0, ge=0.0, le=100.0)
     discrepancy_of_overpressure_percent: float = Field(default=10.0, ge=0.0, le=100.0)
+    level_by_strain: bool = False
 
     @field_validator("case", mode="before")
     @classmethod
