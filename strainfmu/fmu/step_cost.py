@@ -38,6 +38,7 @@ SCALED_FIELDS = (
     "mean_product",
     "fixed_strain",
     "fixed_load",
+    "thermal",
 )
 """Fields of a map that form "absolute" has none of, or does not use."""
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from scaled_maps import whole_scaled_map
 from synthetic_vehicle import N_GAUGES, SyntheticFiles
+from thermal_maps import with_temperature
 
 from strainfmu.estimator.inverse_map import save_inverse_map
 from strainfmu.fmu.step_cost import step_costs
@@ -40,3 +41,11 @@ def test_form_absolute_stands_beside_the_other(tmp_path: Path) -> None:
     varied = [name for name in host if "q_inf another" in name]
     assert len(varied) in (0, 2)
     assert not varied or varied[1] == f"{varied[0]}, form absolute"
+
+
+def test_a_map_with_temperature_sensors(tmp_path: Path) -> None:
+    """Form "absolute" knows no temperature: beside it stands the map without."""
+    whole = with_temperature(whole_scaled_map(1, seed=1, n=9, n_states=3))
+    save_inverse_map(whole, tmp_path / "map.h5")
+    host = [name for name in step_costs(tmp_path / "map.h5", lambda _: 1.0) if "C host" in name]
+    assert not host or any("temperature" in name for name in host)
