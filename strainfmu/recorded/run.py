@@ -58,7 +58,7 @@ class EstimationSummary:
     samples : number of rows estimated.
     first, last : times of the first and the last sample [s].
     missing_strains : number of strains without a value, by gauge.
-    missing_pressure : number of samples without coefficients for want of a dynamic pressure.
+    missing_pressure : number of samples without a dynamic pressure that have no coefficients.
     refused : number of steps that the FMU refused; their outputs are NaN.
     fields : number of pressure fields written.
     account : number of samples by state, and the gauges to blame.

@@ -37,7 +37,7 @@ def estimated(**known: object) -> FlightEstimates:
         np.array([getattr(one, name) for one in snapshots.conditions()])
         for name in ("dynamic_pressure", "mach_number")
     )
-    found = ManifoldEstimator(known_map()).estimate(strain, q, mach_number=mach, **known)  # type: ignore[arg-type]
+    found = ManifoldEstimator(known_map()).estimate(strain, q, mach_number=mach, **known)  # type: ignore[arg-type]  # kinds by name
     assert isinstance(found, FlightEstimates)
     return found
 
