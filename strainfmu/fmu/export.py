@@ -154,7 +154,7 @@ def _native_estimator(
     from strainfmu.fmu.native_resource import native_resource
 
     version = options.fmi_version
-    libraries = chosen_libraries("estimator", options.platforms)
+    libraries = chosen_libraries("estimator", options.platforms, version)
     sources = native_sources("estimator", version)
     interface, known = estimator_interface(inverse_map), _known_strain(options, inverse_map)
     digest = f"{content_hash}{sources_digest(sources)}".encode() + _known_bytes(known)

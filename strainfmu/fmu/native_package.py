@@ -6,6 +6,7 @@ the functions of FMI 2.0 and FMI 3.0. The export renames it to the model identif
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Mapping, Sequence
 from importlib import resources
 
@@ -71,6 +72,9 @@ FOLDERS = {
 
 _SUFFIXES = (".so", ".dll", ".dylib")
 
+_X86_64 = 0x01000007
+"""CPU_TYPE_X86_64 of Apple's ``mach/machine.h``."""
+
 
 def shipped_libraries(library: str) -> dict[str, tuple[str, bytes]]:
     """Return suffix and content of a library by platform, as FMI 3.0 names it, in alphabetical order.
@@ -90,8 +94,42 @@ def shipped_libraries(library: str) -> dict[str, tuple[str, bytes]]:
     return dict(sorted(found.items()))
 
 
-def chosen_libraries(library: str, platforms: Sequence[str] | None = None) -> dict[str, tuple[str, bytes]]:
-    """Return a library for ``platforms``, by either version's names; None for all that are shipped.
+def processor_library(universal: bytes, processor: int) -> bytes:
+    """Return the library for ``processor``, a CPU_TYPE, of a universal macOS library; any other as it is.
+
+    Source: Apple, ``mach-o/fat.h``; :func:`~strainfmu.fmu.native_build.universal_library` writes them.
+    """
+    magic, count = struct.unpack_from(">2I", universal)
+    if magic == 0xCAFEBABE:
+        for index in range(count):
+            found, _, position, length, _ = struct.unpack_from(">5I", universal, 8 + 20 * index)
+            if found == processor:
+                return universal[position : position + length]
+    return universal
+
+
+def _for_version(libraries: Mapping[str, tuple[str, bytes]], fmi_version: str) -> dict[str, tuple[str, bytes]]:
+    """Return ``libraries`` without what an FMU of ``fmi_version`` would hold twice.
+
+    In FMI 3.0 Apple's two processors have a folder each. In 2.0 importers look for both of them in ``darwin64``,
+    whose library is universal; the name of 3.0, which 2.0.4 recommends, would repeat half of it.
+    """
+    found = dict(libraries)
+    if "x86_64-darwin" in found and fmi_version == "3":
+        suffix, content = found["x86_64-darwin"]
+        found["x86_64-darwin"] = (suffix, processor_library(content, _X86_64))
+    elif "x86_64-darwin" in found:
+        found.pop("aarch64-darwin", None)
+    return found
+
+
+def chosen_libraries(
+    library: str, platforms: Sequence[str] | None, fmi_version: str
+) -> dict[str, tuple[str, bytes]]:
+    """Return a library for ``platforms``, by either version's names.
+
+    None stands for all that are shipped, each processor once (see ``_for_version``); a platform that is named
+    is there under its own name, too.
 
     Raises
     ------
@@ -106,7 +144,7 @@ def chosen_libraries(library: str, platforms: Sequence[str] | None = None) -> di
             f"fmus/native/binaries holds no library '{library}': this installation cannot make native FMUs"
         )
     if platforms is None:
-        return shipped
+        return _for_version(shipped, fmi_version)
     tuples = {name: platform for platform, name in FOLDERS.items()}
     chosen = {}
     for name in platforms:

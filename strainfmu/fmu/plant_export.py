@@ -213,7 +213,7 @@ def _native_fmu(
     stop_time: float = STOP_TIME,
 ) -> dict[str, bytes]:
     """Return the entries of one FMU."""
-    libraries, sources = chosen_libraries(LIBRARY, platforms), native_sources(LIBRARY, "2")
+    libraries, sources = chosen_libraries(LIBRARY, platforms, "2"), native_sources(LIBRARY, "2")
     digest = hashlib.sha256(data.astype("<f8").tobytes() + sources_digest(sources).encode()).hexdigest()
     capabilities = {
         name: value for name, value in CAPABILITIES["2"].items() if name != "providesDirectionalDerivative"

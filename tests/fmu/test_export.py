@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import os
+import struct
 import subprocess
 import sys
 import zipfile
@@ -24,6 +25,8 @@ from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.estimator.inverse_map import load_inverse_map, save_inverse_map
 from strainfmu.estimator.step import Estimator
 from strainfmu.fmu.export import ExportOptions, export_estimator, export_plant
+from strainfmu.fmu.native_build import library_file
+from strainfmu.fmu.native_package import processor_library
 from strainfmu.fmu.python_package import with_own_package
 
 
@@ -92,6 +95,25 @@ def test_platforms_are_chosen_by_either_name(synthetic: SyntheticFiles, tmp_path
             with zipfile.ZipFile(tmp_path / "a.fmu") as archive:
                 found = {entry.split("/")[1] for entry in archive.namelist() if entry.startswith("binaries/")}
             assert found == {expected}
+
+
+@pytest.mark.parametrize("fmi", ["2", "3"])
+def test_each_processor_of_apple_has_its_library_once(fmi: str, synthetic: SyntheticFiles, tmp_path: Path) -> None:
+    """FMI 2.0: a universal library where importers look. FMI 3.0: one per processor. By name all that is named."""
+    whole = library_file("darwin64").read_bytes()
+    kinds = {"x86_64": 0x01000007, "aarch64": 0x0100000C}
+    parts = {name: processor_library(whole, kind) for name, kind in kinds.items()}
+    assert parts["aarch64"] == library_file("aarch64-darwin").read_bytes()
+    assert parts["x86_64"].startswith(struct.pack("<2I", 0xFEEDFACF, kinds["x86_64"]))
+    named = {"2": ["darwin64", "aarch64-darwin"], "3": ["x86_64-darwin", "aarch64-darwin"]}[fmi]
+    for platforms, folders in ((None, named[: int(fmi) - 1]), (named, named)):
+        options = ExportOptions(fmi_version=fmi, platforms=platforms, model_name="A")
+        export_estimator(synthetic.map_1, tmp_path / "a.fmu", options)
+        with zipfile.ZipFile(tmp_path / "a.fmu") as archive:
+            found = {name.split("/")[1]: archive.read(name) for name in archive.namelist() if "darwin" in name}
+        assert sorted(found) == sorted(folders)
+        assert found.get("aarch64-darwin", parts["aarch64"]) == parts["aarch64"]
+        assert found[named[0]] == (parts["x86_64"] if platforms is None and fmi == "3" else whole)
 
 
 @pytest.mark.fast
