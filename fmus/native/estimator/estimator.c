@@ -13,45 +13,6 @@
 /* Bytes that vector loads like to start at a multiple of. */
 #define ALIGNMENT 64
 
-static const char *const SETTING_NAMES[] = {
-    "dynamic_pressure", "dynamic_pressure_std", "mach_number",      "altitude",       "sensor_range",
-    "alarm_scale",      "reference_area",       "reference_length", "moment_station",
-};
-
-size_t first_temperature(const Estimator *e) {
-    return e->map.n_gauges + N_ALL_SCALARS + number_of_zeros(e->sensors.n_strains);
-}
-
-/* The first input behind the temperatures. */
-static size_t behind_temperatures(const Estimator *e) {
-    return first_temperature(e) + (e->thermal.present ? e->thermal.map.n_sensors : 0);
-}
-
-size_t thrust_input(const Estimator *e) {
-    return e->sensors.has_thrust ? behind_temperatures(e) : SIZE_MAX;
-}
-
-static int has_filter(const Estimator *e) {
-    const Section *section = e->map.section;
-    return section[FILTER_SECTION].content != NULL || section[LINEAR_FILTER_SECTION].content != NULL;
-}
-
-size_t first_parameter(const Estimator *e) {
-    return behind_temperatures(e) + (e->sensors.has_thrust ? 1 : 0) + (has_filter(e) ? 1 : 0);
-}
-
-size_t filter_setting(const Estimator *e) {
-    return has_filter(e) ? first_parameter(e) - 1 : SIZE_MAX;
-}
-
-size_t estimator_inputs(const Estimator *e) {
-    return first_parameter(e) + e->parameters.count;
-}
-
-size_t estimator_outside(const Estimator *e) {
-    return parameter_outside(&e->parameters, e->input + first_parameter(e), e->map.not_known);
-}
-
 /* One block for all arrays: doubles, then indices, floats and bytes. */
 static int allocate(Estimator *e) {
     const Map *map = &e->map;
@@ -167,87 +128,11 @@ void estimator_free(Estimator *e) {
 }
 
 void estimator_reset(Estimator *e) {
-    const size_t n = e->map.n_gauges;
-    double *scalar = e->input + n;
-    memset(e->input, 0, n * sizeof *e->input);
-    memset(e->valid, 1, n);
-    scalar[DYNAMIC_PRESSURE] = e->flight.present ? e->map.not_known : e->map.dynamic_pressure;
-    scalar[DYNAMIC_PRESSURE_STD] = scalar[MACH_NUMBER] = scalar[ALTITUDE] = e->map.not_known;
-    scalar[SENSOR_RANGE] = e->map.sensor_range;
-    scalar[ALARM_SCALE] = 1.0;
-    scalar[REFERENCE_AREA] = e->map.reference_area;
-    scalar[REFERENCE_LENGTH] = e->map.reference_length;
-    scalar[MOMENT_STATION] = e->map.moment_station;
-    scalar[MACH_NUMBER_STD] = scalar[STATIC_PRESSURE] = scalar[STATIC_PRESSURE_STD] = e->map.not_known;
-    memset(scalar + N_ALL_SCALARS, 0, number_of_zeros(e->sensors.n_strains) * sizeof *scalar);
-    for (size_t k = first_temperature(e); k < estimator_inputs(e); k++) {
-        e->input[k] = k == thrust_input(e) ? 0.0 : e->map.not_known;
-    }
-    if (has_filter(e)) {
-        e->input[filter_setting(e)] = 0.0;
-    }
+    inputs_reset(e);
     flight_reset(&e->flight);
     linear_filter_reset(&e->linear_filter);
     tare_reset(&e->tare);
     e->outdated = e->noise_outdated = 1;
-}
-
-/* Whether value may be given to one of the zeros or their deviations, by its index among them. */
-static int accepts_zero(const Estimator *e, size_t which, double value, char *text) {
-    const size_t n = e->sensors.n_strains;
-    const double largest = e->map.largest_zero, smallest = which < n ? -largest : 0.0;
-    char name[32] = "zero_common_std";
-    if (value >= smallest && value <= largest) {
-        return 1;
-    }
-    if (which < 2 * n) {
-        snprintf(name, sizeof name, "%s[%lu]", which < n ? "zero" : "zero_std", (unsigned long)(which % n + 1));
-    }
-    snprintf(text, MODEL_TEXT_SIZE, "%s: expected %g to %g m/m, got %g", name, smallest, largest, value);
-    return 0;
-}
-
-static int accepts_time_constant(const Estimator *e, double value, char *text) {
-    const int linear = e->linear_filter.present;
-    const double smallest = linear ? e->linear_filter.map.smallest_time : e->flight.filter.map.smallest_time;
-    const double largest = linear ? e->linear_filter.map.largest_time : e->flight.filter.map.largest_time;
-    if (value == 0.0 || (value >= smallest && value <= largest)) {
-        return 1;
-    }
-    snprintf(text, MODEL_TEXT_SIZE, "filter_time_constant: %g found, must be 0 or between %g and %g", value, smallest,
-             largest);
-    return 0;
-}
-
-int estimator_accepts(const Estimator *e, size_t index, double value, char text[MODEL_TEXT_SIZE]) {
-    if (index == filter_setting(e)) {
-        return accepts_time_constant(e, value, text);
-    }
-    if (index >= first_temperature(e)) {
-        return 1;
-    }
-    if (index >= e->map.n_gauges + N_ALL_SCALARS) {
-        return accepts_zero(e, index - (e->map.n_gauges + N_ALL_SCALARS), value, text);
-    }
-    if (index < e->map.n_gauges + SENSOR_RANGE || index >= e->map.n_gauges + N_SCALAR_INPUTS) {
-        return 1;
-    }
-    const size_t setting = index - e->map.n_gauges;
-    const double largest = setting == SENSOR_RANGE ? e->map.largest_sensor_range : e->map.largest_setting;
-    if (setting == MOMENT_STATION) {
-        if (fabs(value) <= largest) {
-            return 1;
-        }
-        snprintf(text, MODEL_TEXT_SIZE, "%s: %g found, must be between %g and %g", SETTING_NAMES[setting], value,
-                 -largest, largest);
-        return 0;
-    }
-    if (value > 0.0 && value <= largest) {
-        return 1;
-    }
-    snprintf(text, MODEL_TEXT_SIZE, "%s: %g found, must be positive and at most %g", SETTING_NAMES[setting], value,
-             largest);
-    return 0;
 }
 
 /* What a further sensor, by its number behind the strain gauges, reads without thrust. */

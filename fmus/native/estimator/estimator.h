@@ -43,6 +43,7 @@ enum {
 
 /* Number of outputs that are whole numbers: the health state, VALID_GAUGES to SUSPECTS, and the state of the tare. */
 #define N_WHOLE 5
+#define TARE_WHOLE (N_WHOLE - 1) /* place of the state of the tare among them */
 
 /* States of health: strainfmu/estimator/health.py. */
 enum { OK, INCONSISTENT, NO_COEFFICIENTS, INVALID, DEGRADED, UNIDENTIFIED, SUSPECT, OUTSIDE };
@@ -153,7 +154,10 @@ void estimator_before_change(Estimator *estimator);
 void estimator_follow_tare(Estimator *estimator);
 void estimator_take_readings(Estimator *estimator);
 
-/* Give inputs and settings their start values. */
+/* Give inputs and settings their start values, */
+void inputs_reset(Estimator *estimator);
+
+/* and forget steps and tare, too. */
 void estimator_reset(Estimator *estimator);
 
 /* Whether value may be given to input `index` (numbered as estimator->input); if not, text states what is allowed.

@@ -1,0 +1,126 @@
+/* The state of the estimator as bytes: inputs and settings, then the whole numbers of the last event, as float64; a
+   byte per gauge for valid; the tare; the filter of a linear map; the track of the nonlinear estimator. Masks and
+   outputs follow from them. */
+
+#include <stdio.h>
+#include <string.h>
+
+#include "estimator_variables.h"
+
+static size_t input_size(const Estimator *e) {
+    return sizeof(double) * (estimator_inputs(e) + N_WHOLE) + e->map.n_gauges;
+}
+
+static size_t linear_size(const Estimator *e) {
+    return input_size(e) + tare_state_size(&e->tare);
+}
+
+/* Of the filter, its track and the law, which is 0 where there is none. */
+static size_t filter_size(const Estimator *e) {
+    const Filter *filter = &e->flight.filter;
+    return filter->present ? sizeof filter->base + sizeof(double) * law_doubles(filter) : 0;
+}
+
+size_t model_state_size(const Model *model) {
+    const Estimator *e = estimator_of(model);
+    return linear_size(e) + linear_filter_state_size(&e->linear_filter) + filter_size(e)
+         + (e->flight.present ? sizeof(Track) : 0);
+}
+
+static void write_filter(const Filter *filter, unsigned char *bytes) {
+    const size_t size = sizeof(double) * law_doubles(filter);
+    memcpy(bytes, &filter->base, sizeof filter->base);
+    if (filter->base.has_law != 0.0) {
+        memcpy(bytes + sizeof filter->base, filter->law.mean, size);
+    } else {
+        memset(bytes + sizeof filter->base, 0, size);
+    }
+}
+
+void model_write_state(const Model *model, unsigned char *bytes) {
+    const Estimator *e = estimator_of(model);
+    if (e->flight.present) {
+        memcpy(bytes + linear_size(e) + filter_size(e), &e->flight.base, sizeof e->flight.base);
+    }
+    if (e->flight.filter.present) {
+        write_filter(&e->flight.filter, bytes + linear_size(e));
+    }
+    linear_filter_write_state(&e->linear_filter, bytes + linear_size(e));
+    tare_write_state(&e->tare, bytes + input_size(e));
+    memcpy(bytes, e->input, sizeof(double) * estimator_inputs(e));
+    bytes += sizeof(double) * estimator_inputs(e);
+    memcpy(bytes, e->settled, sizeof e->settled);
+    memcpy(bytes + sizeof e->settled, e->valid, e->map.n_gauges);
+}
+
+static int filter_fits(const Filter *filter, const unsigned char *bytes) {
+    FilterTrack track;
+    if (!filter->present) {
+        return 1;
+    }
+    memcpy(&track, bytes, sizeof track);
+    return filter_track_fits(filter, &track, bytes + sizeof track);
+}
+
+int model_check_state(const Model *model, const unsigned char *bytes, char text[MODEL_TEXT_SIZE]) {
+    const Estimator *e = estimator_of(model);
+    for (size_t i = 0; i < estimator_inputs(e); i++) {
+        double value;
+        memcpy(&value, bytes + sizeof value * i, sizeof value);
+        if (!estimator_accepts(e, i, value, text)) {
+            snprintf(text, MODEL_TEXT_SIZE, "holds a setting that is not allowed");
+            return 0;
+        }
+    }
+    for (size_t i = 0; i < N_WHOLE; i++) {
+        double whole;
+        memcpy(&whole, bytes + sizeof whole * (estimator_inputs(e) + i), sizeof whole);
+        const size_t most = i == 0 ? OUTSIDE : i == TARE_WHOLE ? TARE_REFUSED : e->map.n_gauges;
+        if (!(whole >= 0.0 && whole <= (double)most)) {
+            snprintf(text, MODEL_TEXT_SIZE, "holds a health or a number of gauges that there is not");
+            return 0;
+        }
+    }
+    for (size_t i = 0; i < e->map.n_gauges; i++) {
+        if (bytes[sizeof(double) * (estimator_inputs(e) + N_WHOLE) + i] > 1) {
+            snprintf(text, MODEL_TEXT_SIZE, "holds a gauge that is neither valid nor not");
+            return 0;
+        }
+    }
+    if (!tare_state_fits(&e->tare, bytes + input_size(e))) {
+        snprintf(text, MODEL_TEXT_SIZE, "holds a tare that cannot be");
+        return 0;
+    }
+    if (!linear_filter_state_fits(&e->linear_filter, bytes + linear_size(e))) {
+        snprintf(text, MODEL_TEXT_SIZE, "holds a law of the filter that cannot be");
+        return 0;
+    }
+    if (e->flight.present) {
+        Track track;
+        memcpy(&track, bytes + linear_size(e) + filter_size(e), sizeof track);
+        if (!flight_track_fits(&e->flight, &track) || !filter_fits(&e->flight.filter, bytes + linear_size(e))) {
+            snprintf(text, MODEL_TEXT_SIZE, "holds a flight state that cannot be");
+            return 0;
+        }
+    }
+    return 1;
+}
+
+void model_read_state(Model *model, const unsigned char *bytes) {
+    Estimator *e = estimator_of(model);
+    if (e->flight.present) {
+        memcpy(&e->flight.base, bytes + linear_size(e) + filter_size(e), sizeof e->flight.base);
+    }
+    if (e->flight.filter.present) {
+        Filter *filter = &e->flight.filter;
+        memcpy(&filter->base, bytes + linear_size(e), sizeof filter->base);
+        memcpy(filter->law.mean, bytes + linear_size(e) + sizeof filter->base, sizeof(double) * law_doubles(filter));
+    }
+    linear_filter_read_state(&e->linear_filter, bytes + linear_size(e));
+    tare_read_state(&e->tare, bytes + input_size(e));
+    memcpy(e->input, bytes, sizeof(double) * estimator_inputs(e));
+    bytes += sizeof(double) * estimator_inputs(e);
+    memcpy(e->settled, bytes, sizeof e->settled);
+    memcpy(e->valid, bytes + sizeof e->settled, e->map.n_gauges);
+    e->outdated = e->noise_outdated = 1;
+}
