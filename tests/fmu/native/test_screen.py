@@ -26,7 +26,7 @@ def screen(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_screen_changes_nothing(case: NativeCase, screen: Path) -> None:
     if case.inverse_map.form == "dynamic_pressure":
-        pytest.skip("test_native_scaled.py holds the screen of this form")
+        pytest.skip("test_scaled.py holds the screen of this form")
     done = subprocess.run(
         [str(screen), str(case.resources / "map.bin")], capture_output=True, text=True, check=False
     )
