@@ -52,7 +52,6 @@ class FilteredFlight(FlightBlocks):
     def __init__(self, static: FlightBlocks, settings: FilterSettings, smooths: bool) -> None:
         super().__init__(static.estimator)
         self.settings, self.smooths = settings, smooths
-        self.sharpening = ()  # the filter takes values alone
         self._filter = FlightFilter(static.estimator, settings)
 
     def estimate(self, block: StrainBlock, last: float) -> BlockEstimates:
@@ -66,7 +65,10 @@ class FilteredFlight(FlightBlocks):
             flow["dynamic_pressure"] = float(block.dynamic_pressure[row])
             parameters = {name: values[row] for name, values in block.parameters.items()}
             warm = None if block.temperature is None else block.temperature[row]
-            step = self._filter.recorded(seconds, readings[row], flow, temperature=warm, parameters=parameters)
+            std = {name: values[row] for name, values in block.parameters_std.items()}
+            step = self._filter.recorded(
+                seconds, readings[row], flow, temperature=warm, parameters=parameters, parameters_std=std
+            )
             found.append(_lean(step))
         return found
 

@@ -7,7 +7,6 @@ import pytest
 from deflected_shape import NAME, known_map
 from shape_case import N_D
 
-from strainfmu.errors import InputError
 from strainfmu.estimator.inverse_map import save_inverse_map
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.flight_tables import evaluate
@@ -55,6 +54,8 @@ def test_a_column_of_deviations_sharpens(tmp_path: Path) -> None:
     np.testing.assert_allclose(found[:, -1], [one.M_R, one.further_coefficients_std[0]], rtol=1e-4)
 
 
-def test_a_filter_takes_the_value_alone(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=f"{NAME}_std"):
-        estimated(tmp_path, {NAME: 1.0, f"{NAME}_std": 0.05}, time_constant=1.0)
+@pytest.mark.parametrize("smooth", [False, True])
+def test_a_column_of_deviations_sharpens_the_filter(tmp_path: Path, smooth: bool) -> None:
+    alone = estimated(tmp_path, {NAME: 1.0}, time_constant=1.0, smooth=smooth)
+    found = estimated(tmp_path, {NAME: 1.0, f"{NAME}_std": 0.05}, time_constant=1.0, smooth=smooth)
+    assert np.all(found[1] < 0.7 * alone[1])

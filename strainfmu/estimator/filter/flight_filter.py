@@ -17,6 +17,7 @@ from strainfmu.estimator.filter.flight_model import (
     error_columns,
     flight_model,
     transition,
+    with_tables,
 )
 from strainfmu.estimator.filter.flight_step import FilteredSample, filtered_sample, flight_solution
 from strainfmu.estimator.filter.kalman import Law, Transition, predicted, stationary_law
@@ -29,6 +30,7 @@ from strainfmu.estimator.manifold.flight_tables import N_STATES
 from strainfmu.estimator.manifold.gauss_newton import Samples, without_navigation
 from strainfmu.estimator.manifold.inputs import EstimatorInputs
 from strainfmu.estimator.manifold.navigation import NAVIGATION, inconsistent_navigation, state_measurement
+from strainfmu.estimator.manifold.parameter_tables import without_known
 from strainfmu.estimator.manifold.solve import WARM_ITERATIONS
 from strainfmu.estimator.manifold.tracker import RETURN_AFTER, SEARCH_EVERY
 
@@ -46,6 +48,7 @@ class FilterTrack:
     since_search, to_return : as of :class:`~strainfmu.estimator.manifold.tracker.Track`.
     consistency : of the window.
     warm : what was known of temperature modes; None for nothing.
+    directions : (k, r) of the errors of pressure in ``law``; None for those without known parameters of the flow.
     """
 
     law: Law | None = None
@@ -53,6 +56,7 @@ class FilterTrack:
     since_search: int = 0
     to_return: int = 0
     warm: WarmSample | None = None
+    directions: FloatArray | None = None
     consistency: Consistency = field(default_factory=Consistency)
 
 
@@ -63,7 +67,7 @@ class FilteredStep:
     Attributes
     ----------
     estimate : of the step.
-    estimator : for the temperature sensors that read.
+    estimator : for the temperature sensors that read, whatever else is known of the flow.
     inputs : of the step, strain as at the reference temperature.
     sample : as it was used.
     before, after : laws of the states before and after the sample.
@@ -95,9 +99,11 @@ class FlightFilter:
     ) -> None:
         """Begin with ``track``; None searches the tables in the first step."""
         self.estimator, self.settings = estimator, settings
-        self.model: FlightModel = flight_model(estimator.inverse_map, estimator.manifold, settings)
+        manifold = without_known(estimator.manifold)
+        self.model: FlightModel = flight_model(estimator.inverse_map, manifold, settings)
         self.track = track or FilterTrack()
-        self._now = estimator  # for the sensors of the sample in work
+        # For what is known of the sample in work: its sensors, these and parameters of the flow, the same.
+        self._now, self._known, self._model = estimator, estimator, self.model
 
     def step(
         self,
@@ -114,6 +120,7 @@ class FlightFilter:
         static_pressure_std: float = np.nan,
         temperature: ArrayLike | None = None,
         parameters: Mapping[str, ArrayLike] | None = None,
+        parameters_std: Mapping[str, ArrayLike] | None = None,
     ) -> FlightEstimate:
         """Estimate the loads of one sample, ``time_step`` [s] after the last one.
 
@@ -134,7 +141,15 @@ class FlightFilter:
             "dynamic_pressure_std": dynamic_pressure_std,
             "altitude": altitude,
         }
-        found = self.recorded(time_step, strain, flow, valid=valid, temperature=temperature, parameters=parameters)
+        found = self.recorded(
+            time_step,
+            strain,
+            flow,
+            valid=valid,
+            temperature=temperature,
+            parameters=parameters,
+            parameters_std=parameters_std,
+        )
         return found.estimate[0]
 
     def recorded(
@@ -146,13 +161,14 @@ class FlightFilter:
         valid: ArrayLike | None = None,
         temperature: ArrayLike | None = None,
         parameters: Mapping[str, ArrayLike] | None = None,
+        parameters_std: Mapping[str, ArrayLike] | None = None,
     ) -> FilteredStep:
         """Return the step of one sample, as much of it as smoothing needs.
 
         Arguments and errors as :meth:`step`; ``flow`` holds what is known of navigation, by name.
         """
         flow = dict.fromkeys(_FLOW, np.nan) | dict(flow)
-        inputs = self.estimator.checked_inputs(strain, valid, flow, parameters)
+        inputs = self.estimator.checked_inputs(strain, valid, flow, parameters, parameters_std)
         if len(inputs.strain) != 1:
             raise InputError(f"strain: expected one sample, got {len(inputs.strain)}")
         return self.stepped(checked_time_step(time_step), inputs, temperature)
@@ -169,6 +185,7 @@ class FlightFilter:
             ((_, self._now, inputs),) = self.estimator.groups(inputs, temperature)
             warm, _ = warm_sample(self.estimator.sensor_sets, temperature)
         last = self.track.warm or self.model.modes
+        self._known, self._model = self._at_parameters(self._now, inputs)
         self.track = replace(self.track, warm=warm)
         if self.track.law is not None:
             self.track = replace(self.track, law=carried(self.track.law, last, warm))
@@ -176,8 +193,10 @@ class FlightFilter:
 
     def _at_reference(self, time_step: float, inputs: EstimatorInputs, warm: WarmSample) -> FilteredStep:
         """Return the step of ``inputs`` whose strain is that at the reference temperature."""
-        track = self.track
-        step = transition(self.model, time_step, track.consistency.widening, warm)
+        track, base, now = self.track, self.model.seen.direction, self._model.seen.direction
+        last = base if track.directions is None else track.directions
+        step = transition(self._model, time_step, track.consistency.widening, warm, None if last is now else last)
+        self.track = track = replace(track, directions=None if now is base else now)
         law = None if track.law is None else predicted(track.law, step)
         samples = Samples(
             strain=np.where(inputs.used, inputs.strain, 0.0),
@@ -188,7 +207,7 @@ class FlightFilter:
             return self._coasted(inputs, samples, law=law, step=step)
         if law is not None and track.state is not None:
             found, sample = self._solved(law, samples, start=track.state)
-            estimate = self._now.concluded(inputs, sample, found.solution)
+            estimate = self._known.concluded(inputs, sample, found.solution)
             if _fits(estimate):
                 laws = law, found.law
                 return self._kept(inputs, sample, laws=laws, step=step, estimate=estimate)
@@ -203,32 +222,41 @@ class FlightFilter:
         estimate = step.estimate
         if not step.measured or estimate.is_linear[0] or np.isnan(estimate.loads[0]).any():
             return estimate
+        known, model = self._at_parameters(step.estimator, step.inputs)
         solution = flight_solution(
-            self.model,
+            model,
             law,
             _rows(step.sample),
-            columns=error_columns(self.model, law.mean[:N_STATES]),
+            columns=error_columns(model, law.mean[:N_STATES]),
             quality=(
                 float(estimate.chi_square[0]),
                 estimate.standardised_residual[0],
                 estimate.navigation_residual[0],
             ),
         )
-        found = step.estimator.concluded(step.inputs, step.sample, solution, predicted=True)
+        found = known.concluded(step.inputs, step.sample, solution, predicted=True)
         kept = {name: getattr(estimate, name) for name in ("health", "suspects", "envelope_score")}
         return replace(found, **kept)
+
+    def _at_parameters(
+        self, estimator: ManifoldEstimator, inputs: EstimatorInputs
+    ) -> tuple[ManifoldEstimator, FlightModel]:
+        """Return ``estimator`` and the model for what the one sample in ``inputs`` knows of parameters of the
+        flow."""
+        known = estimator.at_parameters(inputs)
+        return known, self.model if known is estimator else with_tables(self.model, known.manifold)
 
     def _solved(
         self, law: Law, samples: Samples, *, start: FloatArray, iterations: int = WARM_ITERATIONS
     ) -> tuple[FilteredSample, Samples]:
         """Return the sample from ``law``, a second time without navigation that is inconsistent."""
-        found = filtered_sample(self.model, law, _rows(samples), start=start, iterations=iterations)
+        found = filtered_sample(self._model, law, _rows(samples), start=start, iterations=iterations)
         dropped = inconsistent_navigation(found.solution.navigation_residual)
         if not dropped.any():
             return found, samples
         residual = found.solution.navigation_residual
         samples = without_navigation(samples, residual, dropped)
-        found = filtered_sample(self.model, law, _rows(samples), start=start, iterations=iterations)
+        found = filtered_sample(self._model, law, _rows(samples), start=start, iterations=iterations)
         return replace(found, solution=replace(found.solution, navigation_residual=residual)), samples
 
     def _begun(self, inputs: EstimatorInputs, samples: Samples, law: Law | None, step: Transition) -> FilteredStep:
@@ -237,10 +265,10 @@ class FlightFilter:
         searched = track.state is None or track.since_search >= SEARCH_EVERY
         start, iterations = track.state, WARM_ITERATIONS
         if searched or start is None:
-            start, iterations = self._now.search(samples).state[0], 0
-        own = stationary_law(transition(self.model, 1.0, 1.0, track.warm), self.model.n_considered)
+            start, iterations = self._known.search(samples).state[0], 0
+        own = stationary_law(transition(self._model, 1.0, 1.0, track.warm), self.model.n_considered)
         found, sample = self._solved(own, samples, start=start, iterations=iterations)
-        estimate = self._now.concluded(inputs, sample, found.solution)
+        estimate = self._known.concluded(inputs, sample, found.solution)
         if _fits(estimate):
             laws, since = (own, found.law), self._since(searched)
             return self._kept(inputs, sample, laws=laws, step=step, estimate=estimate, since=since)
@@ -290,6 +318,7 @@ class FlightFilter:
             to_return=to_return,
             consistency=self._consistency(estimate),
             warm=self.track.warm,
+            directions=self.track.directions,
         )
         if to_return > 0:
             estimate = self._now.with_linear_loads(inputs, estimate)
@@ -312,7 +341,7 @@ class FlightFilter:
         own = stationary_law(step, self.model.n_considered) if law is None else law
         start = own.mean[:4] if self.track.state is None else self.track.state
         found, sample = self._solved(own, samples, start=start)
-        estimate = self._now.concluded(inputs, sample, found.solution, predicted=law is not None)
+        estimate = self._known.concluded(inputs, sample, found.solution, predicted=law is not None)
         if law is not None:
             # A state that is no longer known is no start: the next sample searches the tables.
             lost = estimate.health[0] == HealthState.INVALID

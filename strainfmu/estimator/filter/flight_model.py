@@ -8,7 +8,7 @@ takes for the errors of every sample.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -86,8 +86,7 @@ def flight_model(inverse_map: InverseMap, manifold: ManifoldMap, settings: Filte
     # What is left beside a diagonal that dominates is a covariance (Gershgorin).
     beside = np.sum(np.abs(lasting), axis=1) - np.diagonal(lasting)
     own = np.sqrt(np.maximum(np.diagonal(lasting) - beside, 0.0))
-    middle = float(np.exp(np.log(manifold.pressure_range).mean()))
-    seen = seen_errors(manifold.error_strain, manifold.error_load, middle, std)
+    seen = seen_errors(manifold.error_strain, manifold.error_load, _middle_pressure(manifold), std)
     return FlightModel(
         manifold=manifold,
         settings=settings,
@@ -99,6 +98,22 @@ def flight_model(inverse_map: InverseMap, manifold: ManifoldMap, settings: Filte
         own=own,
         further=None if manifold.further is None else seen_further(manifold.further, seen, std),
     )
+
+
+def with_tables(model: FlightModel, manifold: ManifoldMap) -> FlightModel:
+    """Return ``model`` with the tables and the errors of pressure of ``manifold``, its states as they are.
+
+    ``manifold`` is that of the model where other parameters of the flow are known.
+    """
+    std = np.sqrt(np.diagonal(model.noise) + model.own**2)
+    number = model.seen.direction.shape[1]
+    seen = seen_errors(manifold.error_strain, manifold.error_load, _middle_pressure(manifold), std, number)
+    further = None if manifold.further is None else seen_further(manifold.further, seen, std)
+    return replace(model, manifold=manifold, seen=seen, further=further)
+
+
+def _middle_pressure(manifold: ManifoldMap) -> float:
+    return float(np.exp(np.log(manifold.pressure_range).mean()))
 
 
 def gauge_terms(product: FloatArray) -> FloatArray:
@@ -114,11 +129,18 @@ def gauge_terms(product: FloatArray) -> FloatArray:
 
 
 def transition(
-    model: FlightModel, time_step: float, widening: float, warm: WarmSample | None = None
+    model: FlightModel,
+    time_step: float,
+    widening: float,
+    warm: WarmSample | None = None,
+    last: FloatArray | None = None,
 ) -> Transition:
     """Return the step over ``time_step`` [s], the discrepancy of ``widening`` times the variance of the map.
 
-    ``warm`` is what is known of the temperature in the sample that follows; None for nothing.
+    ``warm`` is what is known of the temperature in the sample that follows; None for nothing. ``last`` (k, r) are
+    the directions of the states c in the sample before; None for those of ``model``. Columns of errors stay what
+    they are where other parameters become known, and their directions turn: c' = V' V_last c, and what V_last does
+    not see of V stays unknown.
     """
     settings, n = model.settings, model.n_states
     middle, precision = prior(model.manifold)
@@ -136,6 +158,9 @@ def transition(
     matrix[:ERRORS_OF_NAVIGATION, :ERRORS_OF_NAVIGATION] = with_rates(std, rate, time_step)
     rest = np.arange(ERRORS_OF_NAVIGATION, n)
     matrix[rest, rest] = decaying(time_constant, time_step)
+    if last is not None:
+        c = slice(DISCREPANCY, model.hardware)
+        matrix[c, c] = matrix[c, c] @ (model.seen.direction.T @ last)
     covariance, modes = np.diag(variance), model.modes if warm is None else warm
     first_mode = n - len(modes.amplitude)
     covariance[first_mode:, first_mode:] = modes.covariance

@@ -77,7 +77,8 @@ def seen_further(further: FurtherTables, seen: SeenErrors, std: FloatArray) -> S
     directions over it are orthogonal: the covariance of a load with strain gives the load of each direction.
     """
     direction = seen.strain / std[:, None]
-    load = (further.strain_covariance / std) @ (direction / np.sum(direction * direction, axis=0))
+    square = np.sum(direction * direction, axis=0)
+    load = (further.strain_covariance / std) @ (direction / np.where(square > 0.0, square, 1.0))
     return SeenFurther(
         load=load,
         rest_cross=further.strain_covariance - load @ seen.strain.T,

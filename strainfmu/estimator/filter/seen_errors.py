@@ -25,9 +25,10 @@ class SeenErrors:
 
     Attributes
     ----------
-    strain, load : (n_d, r), (5, r) per standard deviation of the r directions.
+    strain, load : (n_d, r), (5, r) per standard deviation of the r directions; 0 of one that is not estimated.
     rest_strain, rest_load : (n_d, n_d), (5, 5) covariances of the rest.
     rest_cross : (5, n_d) covariance of loads with strain of the rest.
+    direction : (k, r) the directions in the k columns of the errors, each of unit length.
     """
 
     strain: FloatArray
@@ -35,23 +36,31 @@ class SeenErrors:
     rest_strain: FloatArray
     rest_load: FloatArray
     rest_cross: FloatArray
+    direction: FloatArray
 
 
-def seen_errors(error_strain: FloatArray, error_load: FloatArray, scale: float, std: FloatArray) -> SeenErrors:
+def seen_errors(
+    error_strain: FloatArray, error_load: FloatArray, scale: float, std: FloatArray, number: int | None = None
+) -> SeenErrors:
     """Split the errors ``error_strain`` (n_d, k), ``error_load`` (5, k) by what gauges see of them.
 
     ``scale`` times the errors is their usual size, ``std`` (n_d,) the deviation of the other errors of each gauge.
+    ``number`` is that of the directions, None for as many as are estimated. Of more the further ones are 0.
     """
     _, size, turn = np.linalg.svd(scale * error_strain / std[:, None], full_matrices=True)
-    r = min(LARGEST_NUMBER, int(np.sum(size > SMALLEST_SIZE)))
+    seen = int(np.sum(size > SMALLEST_SIZE))
+    number = min(LARGEST_NUMBER, seen) if number is None else number
+    r = min(number, seen)
     kept, rest = turn[:r].T, turn[r:].T
+    none = ((0, 0), (0, number - r))
     strain, load = error_strain @ rest, error_load @ rest
     return SeenErrors(
-        strain=error_strain @ kept,
-        load=error_load @ kept,
+        strain=np.pad(error_strain @ kept, none),
+        load=np.pad(error_load @ kept, none),
         rest_strain=strain @ strain.T,
         rest_load=load @ load.T,
         rest_cross=load @ strain.T,
+        direction=turn[:number].T,
     )
 
 

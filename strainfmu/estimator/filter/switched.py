@@ -76,6 +76,7 @@ def as_numbers(last: TimedTrack) -> dict[str, Any]:
         "steps": [track.since_search, track.to_return],
         "consistency": asdict(track.consistency),
         "law": law_numbers(track.law),
+        "directions": None if track.directions is None else track.directions.tolist(),
     }
 
 
@@ -89,12 +90,14 @@ def from_numbers(numbers: Mapping[str, Any]) -> TimedTrack:
     """
     state = numbers["state"]
     since_search, to_return = map(int, numbers["steps"])
+    directions = numbers["directions"]
     track = FilterTrack(
         law=law_from_numbers(numbers["law"]),
         state=None if state is None else np.array(state, dtype=float).reshape(4),
         since_search=since_search,
         to_return=to_return,
         consistency=Consistency(**numbers["consistency"]),
+        directions=None if directions is None else np.array(directions, dtype=float),
     )
     return TimedTrack(track=track, time=float(numbers["time"]))
 
