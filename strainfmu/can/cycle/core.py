@@ -11,6 +11,7 @@ from dataclasses import replace
 
 from strainfmu.can.cycle.assembler import Arrival, Cycle, Verdict
 from strainfmu.can.cycle.bus_state import BusState, state_after
+from strainfmu.can.cycle.estimator_step import EstimatorStep
 from strainfmu.can.cycle.frame_account import FrameAccount, FrameClass
 from strainfmu.can.cycle.judgement import CycleJudge
 from strainfmu.can.cycle.own_frames import OwnFrames, own_frames
@@ -322,7 +323,7 @@ def bridge_core(
     noise_std = noise_of(step) if settings.gauge_noise is None else settings.gauge_noise
     parts = cycle_parts(layout, settings, own=own, dynamic_pressure=dynamic_pressure, noise_std=noise_std)
     parts = replace(parts, taring=taring)
-    judge = CycleJudge(layout, step, settings=settings, parts=parts)
+    judge = CycleJudge(layout, EstimatorStep(layout, step), settings=settings, parts=parts)
     return BridgeCore(layout, settings, start=start, parts=parts, judge=judge)
 
 

@@ -2,25 +2,25 @@
 
 from __future__ import annotations
 
-from math import isfinite, isnan
+from math import isnan
 
 import numpy as np
 
-from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.arrays import BoolArray
 from strainfmu.can.cycle.assembler import Arrival, Cycle
 from strainfmu.can.cycle.decoder import STATUS_DEGRADED, DecodedCycle
+from strainfmu.can.cycle.estimator_step import EstimatorStep
 from strainfmu.can.cycle.frame_account import FrameClass
 from strainfmu.can.cycle.gauge_verdicts import GaugeVerdicts
-from strainfmu.can.cycle.held_flow import FlowState
 from strainfmu.can.cycle.held_strains import WholeCycle
 from strainfmu.can.cycle.parts import CycleParts
 from strainfmu.can.cycle.quality import Cause, Quality
 from strainfmu.can.cycle.reception import TrailerVerdict
-from strainfmu.can.cycle.result import CycleResult, no_numbers, quality_of_step, result_without_fields
+from strainfmu.can.cycle.result import CycleResult, no_numbers, result_without_fields
 from strainfmu.can.e2e.sample_clock import ClockReading, SenderClock
 from strainfmu.can.settings import BridgeSettings
-from strainfmu.can.wire.frame_layout import NAVIGATION, InputLayout
-from strainfmu.cosim.step import ENVELOPE_SCORE, Step, StepRefused, StepResult, further_inputs
+from strainfmu.can.wire.frame_layout import InputLayout
+from strainfmu.cosim.step import ENVELOPE_SCORE
 
 _READABLE = (None, FrameClass.NOT_TRUSTED)
 """Verdicts of a trailer with which strains are decoded."""
@@ -31,9 +31,6 @@ _UNUSABLE = Cause.CLOCK_JUMP | Cause.OLD | Cause.FROZEN
 # Members of an Enum by name: through its class each use takes as long as a call.
 _USED, _NOTHING = FrameClass.USED, Cause.NONE
 
-_LONGEST_STEP = 100
-"""Maximum number of cycles in one step of the FMU."""
-
 
 class CycleJudge:
     """Judges one cycle after the other, in the order in which they are closed.
@@ -41,16 +38,16 @@ class CycleJudge:
     Parameters
     ----------
     layout : the frames of the input.
-    step : the estimator.
+    step : of the same layout.
     parts : of the same layout; the reception learns which frames are missing.
     """
 
-    def __init__(self, layout: InputLayout, step: Step, settings: BridgeSettings, parts: CycleParts) -> None:
+    def __init__(
+        self, layout: InputLayout, step: EstimatorStep, settings: BridgeSettings, parts: CycleParts
+    ) -> None:
         self._layout, self._step, self._settings = layout, step, settings
-        self._is_protected, self._period = layout.is_protected, layout.cycle_time
+        self._period = layout.cycle_time
         self._max_age = settings.max_age * layout.cycle_time
-        self._navigation = tuple(name for name in NAVIGATION if name in further_inputs(step))
-        self._further: dict[str, float] = {}
         self._reception, self._flow = parts.reception, parts.flow
         self._trailer = parts.reception.trailer
         self._clock, self._pace = parts.clock, parts.pace
@@ -60,7 +57,6 @@ class CycleJudge:
         self._may_be_held_back = False
         self._passed_over: Cycle | None = None
         self._gauges_of = [np.array(frame.gauges, dtype=np.intp) for frame in layout.strain_frames]
-        self._last_step: float | None = None
         self._last_sample: tuple[float, float] | None = None
         self.has_published = False
         """Coefficients have been published since the start."""
@@ -337,7 +333,7 @@ class CycleJudge:
         strain = decoded.strain if verdicts is None or _is_full(valid) else np.where(valid, decoded.strain, np.nan)
         step = None
         if verdicts is None or np.count_nonzero(valid):
-            step, quality, causes = self._estimate(strain, flow, now=now, causes=causes)
+            step, quality, causes = self._step(strain, flow, now=now, causes=causes)
         elif causes & (Cause.OLD | Cause.FROZEN):
             quality = Quality.STALE
         else:
@@ -366,44 +362,6 @@ class CycleJudge:
         else:
             result.coefficients, result.coefficients_std = no_numbers(), no_numbers()
         return result
-
-    def _estimate(
-        self, strain: FloatArray, flow: FlowState, now: float, causes: Cause
-    ) -> tuple[StepResult | None, Quality, Cause]:
-        """Step the estimator; return its outputs, None if it refused, with their quality and the causes."""
-        further = self._further
-        if flow.further:
-            further.update(flow.further)
-        for name in self._navigation:
-            further[name] = getattr(flow, name)
-        try:
-            step = self._step(strain, flow.dynamic_pressure, self._step_size(now), **further)
-        except StepRefused:
-            return None, Quality.INVALID, causes | Cause.STEP_FAILED
-        quality, causes = self._quality_of(step, causes)
-        if quality.has_coefficients and not self._is_finite(step):
-            quality, causes = Quality.INVALID, causes | Cause.STEP_FAILED
-        if isnan(flow.dynamic_pressure):
-            quality = Quality.INVALID
-        return step, quality, causes
-
-    def _quality_of(self, step: StepResult, causes: Cause) -> tuple[Quality, Cause]:
-        """Return the quality of a step's outputs, and the causes with those of the estimator's health."""
-        return quality_of_step(step, causes, self._is_protected)
-
-    def _is_finite(self, step: StepResult) -> bool:
-        """Return whether coefficients and their standard deviations are finite."""
-        numbers = step.coefficients.tolist() + step.coefficients_std.tolist()
-        # A sum is finite only of finite numbers. Of huge ones it need not be.
-        return isfinite(sum(numbers)) or all(map(isfinite, numbers))
-
-    def _step_size(self, now: float) -> float:
-        """Return the time since the last step [s], in whole cycles."""
-        period, cycles = self._period, 1
-        if self._last_step is not None:
-            cycles = round((now - self._last_step) / period)
-        self._last_step = now
-        return period if cycles <= 1 else min(cycles, _LONGEST_STEP) * period
 
 
 def _is_full(mask: BoolArray) -> bool:

@@ -19,7 +19,7 @@ from strainfmu.estimator.envelope import static_pressure_at
 from strainfmu.estimator.flow_parameters import write_parameters
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.inverse_map import InverseMap
-from strainfmu.estimator.load_estimate import LoadEstimates, empty_estimates, set_unknown
+from strainfmu.estimator.load_estimate import set_unknown
 from strainfmu.estimator.manifold.air_data import AIR_DATA_NAMES, AirData, air_data
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimate, FlightEstimates, joined
 from strainfmu.estimator.manifold.flight_health import flight_health
@@ -35,11 +35,11 @@ from strainfmu.estimator.manifold.navigation import (
     state_measurement,
 )
 from strainfmu.estimator.manifold.parameter_tables import with_known
+from strainfmu.estimator.manifold.reference_loads import ReferenceLoads
 from strainfmu.estimator.manifold.solve import FlightSolution, solution, solve_cold, solve_from
 from strainfmu.estimator.manifold.starts import search_table
-from strainfmu.estimator.moment_point import moment_transfer
 from strainfmu.estimator.pressure_field import FieldInputs
-from strainfmu.estimator.settings import EstimatorSettings, default_settings
+from strainfmu.estimator.settings import EstimatorSettings
 from strainfmu.estimator.step import Estimator
 from strainfmu.estimator.zeros import GaugeZeros, no_zeros, with_zero_errors, zero_of_rows
 
@@ -48,7 +48,6 @@ Solve = Callable[[Samples, IntArray], Linearised]
 
 BLOCK = 64
 """Samples that are computed together: their covariances are to stay in the processor's cache."""
-
 
 LARGEST_USED_SCORE = 1.0
 """Part of its range by which a further parameter of the flow may leave it and still be used.
@@ -96,10 +95,7 @@ class ManifoldEstimator:
         self._search = search_table(self.manifold)
         _, precision = prior(self.manifold)
         self._prior_std = 1.0 / np.sqrt(precision)
-        shift = self.settings.moment_station - default_settings(inverse_map).moment_station
-        self._transfer = moment_transfer(shift)
-        length = self.settings.reference_length
-        self._reference = self.settings.reference_area * np.array([1.0, 1.0, 1.0, length, length])
+        self._loads = ReferenceLoads(inverse_map, self.manifold, self.settings)
 
     def with_zeros(self, zeros: GaugeZeros) -> ManifoldEstimator:
         """Return an estimator of the same map with ``zeros`` in place of its own, as
@@ -339,7 +335,7 @@ class ManifoldEstimator:
             navigation_used=known,
             alarm_scale=self.settings.alarm_scale,
         )
-        out = self._loads(found, used, self._field_inputs(inputs))
+        out = self._loads.estimates(found, used, self._field_inputs(inputs), len(self.parameters.names))
         outside = write_parameters(out, self.parameters, inputs.parameter_score)
         out.health[:] = np.where(outside, HealthState.OUTSIDE, judged.health)
         out.chi_square[:], out.standardised_residual[:] = found.chi_square, found.standardised_residual
@@ -375,36 +371,6 @@ class ManifoldEstimator:
             static_pressure=value[:, 1],
             static_pressure_std=std[:, 1],
         )
-
-    def _loads(self, found: FlightSolution, used: BoolArray, field_inputs: FieldInputs | None) -> LoadEstimates:
-        """Return estimates with loads and coefficients of ``found`` at the references of the settings."""
-        sections = None if self.inverse_map.further is None else self.inverse_map.further.section_station
-        out = empty_estimates(
-            len(used),
-            used.shape[1],
-            field_inputs=field_inputs,
-            section_station=sections,
-            n_parameters=len(self.parameters.names),
-        )
-        turn = self._transfer * self.manifold.references / self._reference[:, None]
-        of_load = self._transfer @ found.load_covariance @ self._transfer.T
-        of_coefficient = turn @ found.coefficient_covariance @ turn.T
-        out.valid[:] = used
-        out.loads[:], out.load_covariance[:] = found.loads @ self._transfer.T, of_load
-        out.loads_std[:] = np.sqrt(np.diagonal(of_load, axis1=1, axis2=2))
-        out.coefficients[:], out.coefficient_covariance[:] = found.coefficients @ turn.T, of_coefficient
-        out.coefficients_std[:] = np.sqrt(np.diagonal(of_coefficient, axis1=1, axis2=2))
-        self._write_further(out, found)
-        return out
-
-    def _write_further(self, out: LoadEstimates, found: FlightSolution) -> None:
-        further, m, settings = self.manifold.further, self.manifold, self.settings
-        if further is not None:
-            turn = further.references(m.reference_area, m.reference_length)
-            turn = turn / further.references(settings.reference_area, settings.reference_length)
-            out.further_loads[:], out.further_loads_std[:] = found.further_loads, np.sqrt(found.further_variance)
-            out.further_coefficients[:] = turn * found.further_coefficients
-            out.further_coefficients_std[:] = turn * np.sqrt(found.further_coefficient_variance)
 
     def _air_data(self, found: FlightSolution, used: BoolArray, predicted: bool) -> AirData:
         """Return the air data; NaN where no gauge is used, since they would be those of navigation, unless

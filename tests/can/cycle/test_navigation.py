@@ -9,7 +9,8 @@ from math import isnan, nan
 import numpy as np
 import pytest
 from can_case import CYCLE, OWN, Projection, Truth, layout_of
-from weakened_bus import HoldsAnyRange, HoldsForEver, HoldsNoValueCodes, core_without
+from weakened_bus import core_without
+from weakened_parts import HoldsAnyRange, HoldsForEver, HoldsNoValueCodes
 
 from strainfmu.can.cycle.core import BridgeCore, bridge_core
 from strainfmu.can.cycle.quality import Cause, Quality

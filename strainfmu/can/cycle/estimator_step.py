@@ -1,0 +1,75 @@
+"""The step of the estimator with the strains of one cycle, and the quality of what it puts out."""
+
+from __future__ import annotations
+
+from math import isfinite, isnan
+
+from strainfmu.arrays import FloatArray
+from strainfmu.can.cycle.held_flow import FlowState
+from strainfmu.can.cycle.quality import Cause, Quality
+from strainfmu.can.cycle.result import quality_of_step
+from strainfmu.can.wire.frame_layout import NAVIGATION, InputLayout
+from strainfmu.cosim.step import Step, StepRefused, StepResult, further_inputs
+
+_LONGEST_STEP = 100
+"""Maximum number of cycles in one step of the FMU."""
+
+
+class EstimatorStep:
+    """Steps an estimator by whole cycles.
+
+    Parameters
+    ----------
+    layout : the frames of the input.
+    step : the estimator.
+    """
+
+    def __init__(self, layout: InputLayout, step: Step) -> None:
+        self._step, self._is_protected, self._period = step, layout.is_protected, layout.cycle_time
+        self._navigation = tuple(name for name in NAVIGATION if name in further_inputs(step))
+        self._further: dict[str, float] = {}
+        self._last: float | None = None
+
+    def __call__(
+        self, strain: FloatArray, flow: FlowState, now: float, causes: Cause
+    ) -> tuple[StepResult | None, Quality, Cause]:
+        """Return the outputs at ``now`` [s], None if the estimator refused; their quality, and the causes.
+
+        Parameters
+        ----------
+        strain : (n_d,) of a cycle [m/m], NaN for gauges that are not valid.
+        causes : noted before.
+        """
+        further = self._further
+        if flow.further:
+            further.update(flow.further)
+        for name in self._navigation:
+            further[name] = getattr(flow, name)
+        try:
+            step = self._step(strain, flow.dynamic_pressure, self._size(now), **further)
+        except StepRefused:
+            return None, Quality.INVALID, causes | Cause.STEP_FAILED
+        quality, causes = self._quality_of(step, causes)
+        if quality.has_coefficients and not self._is_finite(step):
+            quality, causes = Quality.INVALID, causes | Cause.STEP_FAILED
+        if isnan(flow.dynamic_pressure):
+            quality = Quality.INVALID
+        return step, quality, causes
+
+    def _quality_of(self, step: StepResult, causes: Cause) -> tuple[Quality, Cause]:
+        """Return the quality of a step's outputs, and the causes with those of the estimator's health."""
+        return quality_of_step(step, causes, self._is_protected)
+
+    def _is_finite(self, step: StepResult) -> bool:
+        """Return whether coefficients and their standard deviations are finite."""
+        numbers = step.coefficients.tolist() + step.coefficients_std.tolist()
+        # A sum is finite only of finite numbers. Of huge ones it need not be.
+        return isfinite(sum(numbers)) or all(map(isfinite, numbers))
+
+    def _size(self, now: float) -> float:
+        """Return the time since the last step [s], in whole cycles."""
+        period, cycles = self._period, 1
+        if self._last is not None:
+            cycles = round((now - self._last) / period)
+        self._last = now
+        return period if cycles <= 1 else min(cycles, _LONGEST_STEP) * period

@@ -1,0 +1,369 @@
+"""Parts of a bridge core that each lack one guard, by the part they replace."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from strainfmu.arrays import BoolArray, FloatArray, IntArray
+from strainfmu.can.cycle.acceptance import Acceptance
+from strainfmu.can.cycle.arrival_pace import ArrivalPace
+from strainfmu.can.cycle.assembler import Arrival, Cycle, CycleAssembler, Verdict
+from strainfmu.can.cycle.core import BridgeCore
+from strainfmu.can.cycle.decoder import DecodedCycle, StrainDecoder
+from strainfmu.can.cycle.estimator_step import EstimatorStep
+from strainfmu.can.cycle.frame_account import FrameClass
+from strainfmu.can.cycle.freeze_watch import FreezeWatch
+from strainfmu.can.cycle.gauge_noise import GaugeNoise
+from strainfmu.can.cycle.gauge_verdicts import GaugeVerdicts
+from strainfmu.can.cycle.held_flow import HeldValue
+from strainfmu.can.cycle.judgement import CycleJudge
+from strainfmu.can.cycle.own_frames import OwnFrames
+from strainfmu.can.cycle.plausibility import GaugeChecks
+from strainfmu.can.cycle.quality import Cause, Quality
+from strainfmu.can.cycle.reception import Reception
+from strainfmu.can.cycle.restart_proof import RestartProof
+from strainfmu.can.cycle.result import CycleResult
+from strainfmu.can.e2e.check import E2EStatus, ReceptionCheck
+from strainfmu.can.e2e.sample_clock import ClockLimits, ClockReading, SampleClock, SenderClock
+from strainfmu.can.settings import BridgeSettings
+from strainfmu.can.wire.crc import Protection, counter_in, protect
+from strainfmu.can.wire.frame import EXTENDED_FLAG, Frame
+from strainfmu.can.wire.frame_layout import InputLayout
+from strainfmu.cosim.step import StepResult
+from strainfmu.estimator.health import HealthState
+
+# --- acceptance -----------------------------------------------------------------------------------------------
+
+
+class TakesErrorFrames(Acceptance):
+    """Takes error frames for data."""
+
+    def refused(self, frame: Frame) -> FrameClass | None:
+        return super().refused(replace(frame, is_error=False))
+
+
+class TakesRemoteFrames(Acceptance):
+    """Takes remote frames for data."""
+
+    def refused(self, frame: Frame) -> FrameClass | None:
+        return super().refused(replace(frame, is_remote=False))
+
+
+class NeverSheds(Acceptance):
+    """Lets a babbling sender through."""
+
+    def _without_token(self) -> FrameClass | None:
+        return None
+
+
+class OwnsEveryResult(Acceptance):
+    """Takes the results of another bridge for its own."""
+
+    def _comes_back(self, frame: Frame) -> bool:
+        return True
+
+
+def of_any_format(layout: InputLayout, frame: Frame) -> Frame:
+    """Return ``frame`` cut or padded to the layout's format of its identifier, of either width."""
+    formats = {item.layout.key: item.layout for item in layout.frames}
+    own = formats.get(frame.key) or formats.get(frame.key ^ EXTENDED_FLAG)
+    if own is None:
+        return frame
+    data = frame.data.ljust(own.length, b"\0")[: own.length]
+    return replace(frame, is_extended=own.is_extended, is_fd=own.is_fd, data=data)
+
+
+class AcceptsAnyFormat(Acceptance):
+    """Takes frames of any length, format and identifier width."""
+
+    def __init__(self, layout: InputLayout, own: OwnFrames | Iterable[int], settings: BridgeSettings) -> None:
+        super().__init__(layout, own, settings)
+        self._layout = layout
+
+    def refused(self, frame: Frame) -> FrameClass | None:
+        return super().refused(of_any_format(self._layout, frame))
+
+
+# --- reception ------------------------------------------------------------------------------------------------
+
+
+class ReceivesAnyFormat(Reception):
+    """Decodes frames of any length, format and identifier width."""
+
+    def take(self, frame: Frame) -> Arrival | FrameClass:
+        return super().take(of_any_format(self._layout, frame))
+
+
+class AnyCrc(ReceptionCheck):
+    """Finds every CRC right."""
+
+    def check(self, data: bytes, covered: bytes = b"") -> E2EStatus:
+        protection = self._protection
+        return super().check(
+            protect(data, protection, counter=counter_in(data, protection), covered=covered), covered
+        )
+
+
+class AnyCounter(ReceptionCheck):
+    """Finds every counter the next in sequence."""
+
+    def check(self, data: bytes, covered: bytes = b"") -> E2EStatus:
+        status = super().check(data, covered)
+        return E2EStatus.ERROR if status is E2EStatus.ERROR else E2EStatus.OK
+
+
+class ReceivesAnyCrc(Reception):
+    def new_check(self, protection: Protection, max_delta: int) -> ReceptionCheck:
+        return AnyCrc(protection, max_delta)
+
+
+class ReceivesAnyCounter(Reception):
+    def new_check(self, protection: Protection, max_delta: int) -> ReceptionCheck:
+        return AnyCounter(protection, max_delta)
+
+
+class HearsOneSender(Reception):
+    """Takes all frames for those of one sender."""
+
+    def has_second_sender(self, now: float) -> bool:
+        return False
+
+
+class ReceivesAnyConfiguration(Reception):
+    """Takes frames of another gauge assignment."""
+
+    def _is_of_other_configuration(self) -> bool:
+        return False
+
+
+class TrustsEveryState(Reception):
+    """Uses data whatever the E2E state."""
+
+    def is_trusted(self, slot: int) -> bool:
+        return True
+
+
+class TakesAnyAuthenticator(Reception):
+    """Takes forged frames for the sender's."""
+
+    def _not_authentic(self, slot: int, data: bytes) -> FrameClass | None:
+        found = super()._not_authentic(slot, data)
+        return None if found is FrameClass.NOT_AUTHENTIC else found
+
+
+class TakesAnyFreshness(Reception):
+    """Takes authentic frames whenever they were made."""
+
+    def _not_authentic(self, slot: int, data: bytes) -> FrameClass | None:
+        found = super()._not_authentic(slot, data)
+        return None if found is FrameClass.NOT_FRESH else found
+
+
+# --- assembly, time -------------------------------------------------------------------------------------------
+
+
+class TakesAnyOrder(CycleAssembler):
+    """Takes frames older than the open cycle."""
+
+    def _in_time(self, arrival: Arrival) -> Verdict:
+        return Verdict.ACCEPTED
+
+
+class NeverHeldBack(ArrivalPace):
+    """Takes every cycle for new."""
+
+    def take(self, time: float) -> bool:
+        return False
+
+
+class AgelessClock:
+    """A sample clock that finds every sample new."""
+
+    drift_ppm = float("nan")
+
+    def __init__(self, clock: SenderClock) -> None:
+        self._clock = clock
+        self.reset, self.accept, self.anchor = clock.reset, clock.accept, clock.anchor
+        self.seconds, self.seconds_ahead, self.range = clock.seconds, clock.seconds_ahead, clock.range
+
+    def read(self, local: float, ticks: int) -> ClockReading:
+        return replace(self._clock.read(local, ticks), age=0.0)
+
+
+class NeverJumps(AgelessClock):
+    """A sample clock that finds no jump."""
+
+    def read(self, local: float, ticks: int) -> ClockReading:
+        return ClockReading(self._clock.read(local, ticks).age)
+
+
+class ForgetsDelay(AgelessClock):
+    """A sample clock that takes 200 ppm for drift, without end and without doubt."""
+
+    def __init__(self, clock: SenderClock) -> None:
+        assert isinstance(clock, SampleClock)
+        limits = ClockLimits(jump_tolerance=0.1, tolerance=2e-4, hidden=np.inf)
+        super().__init__(SampleClock(1e-6, round(np.log2(clock.range / 1e-6)), limits))
+
+    def read(self, local: float, ticks: int) -> ClockReading:
+        return replace(self._clock.read(local, ticks), uncertainty=0.0, hides_delay=False)
+
+
+class AlwaysProven(RestartProof):
+    """Takes every jump of the sender's time for a restart."""
+
+    def take(self, clock: SenderClock, reading: ClockReading, **_: object) -> bool:
+        return reading.restarted
+
+
+class AnswersNoSilence(BridgeCore):
+    def _answer_silence(self, time: float) -> list[CycleResult]:
+        return []
+
+
+# --- strains --------------------------------------------------------------------------------------------------
+
+
+class DecodesNoValueCodes(StrainDecoder):
+    """Takes raw numbers that stand for "no value" for strains."""
+
+    def _without_value(self, raw: IntArray) -> BoolArray:
+        return np.zeros(raw.shape, dtype=bool)
+
+
+class DecodesAnyRange(StrainDecoder):
+    def _out_of_range(self, raw: IntArray, value: FloatArray) -> BoolArray:
+        return np.zeros(raw.shape, dtype=bool)
+
+
+class HearsNoStatus(StrainDecoder):
+    def _worst_status(self, arrivals: Sequence[Arrival], trailer_status: int) -> int:
+        return 0
+
+
+class AcceptsAnyRange(GaugeChecks):
+    def _out_of_range(self, strain: FloatArray) -> BoolArray:
+        return np.zeros(strain.shape, dtype=bool)
+
+
+class AcceptsJumps(GaugeChecks):
+    def _jumping(self, strain: FloatArray) -> BoolArray:
+        return np.zeros(strain.shape, dtype=bool)
+
+
+class AcceptsStuck(GaugeChecks):
+    def _stuck(self, raw: IntArray, present: BoolArray, now: float) -> BoolArray:
+        return np.zeros_like(super()._stuck(raw, present, now))
+
+
+class AcceptsZero(GaugeChecks):
+    def _dropped_to_zero(self, strain: FloatArray, raw: IntArray, present: BoolArray) -> BoolArray:
+        return np.zeros_like(super()._dropped_to_zero(strain, raw, present))
+
+
+class IgnoresWatch(FreezeWatch):
+    """Finds no gauges that are frozen together."""
+
+    def update(
+        self, strain: FloatArray, difference: FloatArray, run: IntArray, present: BoolArray | None = None
+    ) -> None:
+        return None
+
+
+class RepeatsTogether(GaugeChecks):
+    def new_watch(self, noise: GaugeNoise) -> FreezeWatch:
+        return IgnoresWatch(noise)
+
+
+class IgnoresScatter(FreezeWatch):
+    """Finds gauges that repeat their readings, not those that scatter too little."""
+
+    def _watch_scatter(self, difference: FloatArray, run: IntArray, is_whole: bool) -> None:
+        super()._watch_scatter(difference, run, is_whole)
+        self._any_too_little = False
+
+
+class ScattersTooLittle(GaugeChecks):
+    def new_watch(self, noise: GaugeNoise) -> FreezeWatch:
+        return IgnoresScatter(noise)
+
+
+class NeverFrozen(RepeatsTogether):
+    """Finds neither a cycle nor gauges that do not change."""
+
+    def frozen(self, present: BoolArray, now: float) -> tuple[float, float]:
+        return 0.0, 0.0
+
+
+# --- flow and navigation --------------------------------------------------------------------------------------
+
+
+class HoldsNoValueCodes(HeldValue):
+    def _has_no_value(self, code: int) -> bool:
+        return False
+
+
+class HoldsAnyRange(HeldValue):
+    def _is_out_of_range(self, code: int, value: float) -> bool:
+        return False
+
+
+class HoldsWhateverStatus(HeldValue):
+    def _is_refused_by_sender(self, raw: Sequence[int]) -> bool:
+        return False
+
+
+class HoldsForEver(HeldValue):
+    def _expires(self) -> bool:
+        return False
+
+
+# --- judgement ------------------------------------------------------------------------------------------------
+
+
+class HoldsMissingGauges(CycleJudge):
+    """Takes the last strain of a gauge whose frame is missing."""
+
+    _last: FloatArray | None = None
+
+    def _answer(
+        self,
+        cycle: Cycle,
+        now: float,
+        *,
+        causes: Cause,
+        valid: BoolArray,
+        decoded: DecodedCycle,
+        age: tuple[float, float],
+        verdicts: GaugeVerdicts | None,
+    ) -> CycleResult:
+        last = np.full_like(decoded.strain, np.nan) if self._last is None else self._last
+        held = replace(decoded, strain=np.where(decoded.present, decoded.strain, last))
+        result = super()._answer(
+            cycle,
+            now,
+            causes=causes & ~Cause.PARTIAL_CYCLE,
+            valid=valid | ~decoded.present,
+            decoded=held,
+            age=age,
+            verdicts=verdicts,
+        )
+        self._last = result.strain
+        return result
+
+
+class IgnoresHealth(EstimatorStep):
+    """Judges a step as if the estimator were content."""
+
+    def _quality_of(self, step: StepResult, causes: Cause) -> tuple[Quality, Cause]:
+        return super()._quality_of(replace(step, health=int(HealthState.OK)), causes)
+
+
+class PublishesAnything(EstimatorStep):
+    """Publishes coefficients that are no numbers."""
+
+    def _is_finite(self, step: StepResult) -> bool:
+        return True
