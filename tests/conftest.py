@@ -34,6 +34,7 @@ TOGETHER = ("inverse", "reports")
 FIRST = (
     "acceptance/test_demo.py",
     "can/cycle/test_campaign.py",
+    "can/cycle/test_guards.py",
     "inverse",
     "reports",
     "campaign/test_resume.py",

@@ -9,65 +9,21 @@ import signal
 import socket
 import subprocess
 import sys
-import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from bus_run import live_run
-from chromium import PROGRAM, Browser
-from clipping import WIDTHS, clipped
+from page_results import OUTSIDE, publisher, result
 from synthetic_vehicle import N_GAUGES, SyntheticFiles
 
-from strainfmu.can.bridge.page_message import EstimatorFacts, GaugePosition, gauge_positions
-from strainfmu.can.bridge.publisher import BridgeReports, Publisher, parsed_address
-from strainfmu.can.cycle.bus_state import BusState
-from strainfmu.can.cycle.frame_account import FrameAccount
+from strainfmu.can.bridge.page_message import gauge_positions
+from strainfmu.can.bridge.publisher import Publisher, parsed_address
 from strainfmu.can.cycle.quality import Cause, Quality
-from strainfmu.can.cycle.result import CycleResult
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.monitor.server import PAGE_FILES, PUSH_PERIOD, Monitor, page_file
-
-
-@pytest.fixture
-def monitor() -> Iterator[Monitor]:
-    running = Monitor(("127.0.0.1", 0), ("127.0.0.1", 0))
-    yield running
-    running.close()
-
-
-def result(quality: Quality = Quality.VALID, value: float = 0.5, **further: Any) -> CycleResult:
-    strain = np.array([1e-6, np.nan, -3e-6])
-    full = np.full(5, value)
-    valid = np.isfinite(strain)
-    return CycleResult(
-        time=1.0,
-        quality=quality,
-        causes=Cause.PARTIAL_CYCLE,
-        valid=valid,
-        strain=strain,
-        dynamic_pressure=9e4,
-        age=0.002,
-        coefficients=full,
-        **further,
-    )
-
-
-OUTSIDE = {"health": 7, "mach_number": 6.02, "altitude": 20_100.0, "envelope_score": 4.26}
-
-
-def publisher(port: int, rate: float = 1e4, score_limit: float | None = None) -> Publisher:
-    positions = [GaugePosition(name, 0.5, 90.0 * k) for k, name in enumerate("abc")]
-    return Publisher(
-        ("127.0.0.1", port),
-        positions,
-        rate=rate,
-        reports=BridgeReports(account=FrameAccount, bus_state=lambda: BusState.ERROR_ACTIVE),
-        facts=EstimatorFacts(score_limit=score_limit),
-    )
 
 
 def get(monitor: Monitor, path: str, host: str | None = None) -> tuple[int, bytes]:
@@ -139,37 +95,6 @@ def test_a_bridge_of_an_earlier_version_is_shown(monitor: Monitor) -> None:
     assert latest["not_used"] == {"b": "not used"}
     assert latest["bus"] == {"name": None, "last_fault": None, "reconnects": None}
     mouth.close()
-
-
-@pytest.mark.skipif(PROGRAM is None, reason="Chromium is not installed")
-def test_chromium_shows_what_is_outside_and_what_is_not_known(tmp_path: Path, monitor: Monitor) -> None:
-    browser = Browser(tmp_path / "profile", monitor.url)
-    mouth = publisher(monitor.listens_at[1], score_limit=3.0)
-    names = ("health", "health_text", "envelope", "mach", "altitude")
-    shown = "[" + ",".join(f"document.getElementById('{name}').textContent" for name in names) + "].join('|')"
-    try:
-        browser.wait("document.getElementById('quality')?.textContent", lambda found: found == "waiting")
-        for of_result, expected in (
-            (
-                result(Quality.SUSPECT, **OUTSIDE),
-                "OUTSIDE|the coefficients are outside what the map covers|4.3, limit 3.0|6.020|20.10 km",
-            ),
-            (
-                result(Quality.VALID, health=0),
-                "OK|residual as expected|not known, limit 3.0|not known|not known",
-            ),
-        ):
-
-            def is_shown(found: str, of_result: CycleResult = of_result, expected: str = expected) -> bool:
-                mouth.result(of_result)
-                return found == expected
-
-            browser.wait(shown, is_shown)
-            for width in WIDTHS:
-                assert clipped(browser, width) == []
-    finally:
-        browser.close()
-        mouth.close()
 
 
 @pytest.mark.fast
@@ -373,39 +298,3 @@ def test_monitor_as_a_command(tmp_path: Path) -> None:
     process.send_signal(signal.SIGTERM)
     out, errors = process.communicate(timeout=60)
     assert (process.returncode, out, errors) == (0, "0 datagrams, 0 refused\n", "")
-
-
-@pytest.mark.skipif(PROGRAM is None, reason="Chromium is not installed")
-def test_chromium_shows_live_data_and_goes_on_after_a_restart(
-    synthetic: SyntheticFiles, tmp_path: Path, monitor: Monitor
-) -> None:
-    browser = Browser(tmp_path / "profile", monitor.url)
-    address = "{}:{}".format(*monitor.listens_at)
-    try:
-        browser.wait("document.getElementById('quality')?.textContent", lambda found: found == "waiting")
-        counted = []
-        for number in (1, 2):  # the second bridge is a new one: the page is not touched meanwhile
-            running = threading.Thread(
-                target=live_run, args=(synthetic.estimator_1, f"monitor{number}", 400), kwargs={"publish": address}
-            )
-            running.start()
-            browser.wait("document.getElementById('quality').textContent", lambda found: found == "VALID")
-            browser.wait("document.getElementById('now_C_N').textContent", lambda found: " ± " in found)
-            received = "[...document.querySelectorAll('#account dt')].map(cell => cell.textContent).join()"
-            counted.append(browser.wait(received, lambda found: "received," in found and "used," in found))
-            assert browser.value("document.querySelectorAll('g.gauge').length") == N_GAUGES
-            # One for each coefficient, in pieces where a busy machine left gaps.
-            browser.wait(
-                "document.querySelectorAll('polygon.band').length", lambda found: found and found % 5 == 0
-            )
-            running.join()
-            browser.wait("document.getElementById('quality').textContent", lambda found: found == "GONE")
-            assert "bridge silent" in browser.value("document.getElementById('link').textContent")
-            assert "BRIDGE GONE" in browser.value("document.getElementById('alarm').textContent")
-        assert len(counted) == 2
-        browser.screenshot(tmp_path / "page.png")
-        assert (tmp_path / "page.png").stat().st_size > 10_000
-        for width in WIDTHS:
-            assert clipped(browser, width) == []
-    finally:
-        browser.close()

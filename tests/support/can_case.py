@@ -31,6 +31,10 @@ from strainfmu.estimator.health import HealthState
 
 CYCLE = 0.01
 N_GAUGES = 30
+SIZES = {"fd64": N_GAUGES, "fd64-sec": N_GAUGES, "classic-le": 10, "classic-be": 10, "float2": 6}
+"""Gauges of a layout of each profile."""
+GAP = BridgeSettings().recovery_cycles + 3
+"""Cycles between two faults in which the bridge recovers."""
 QUANTUM = 0.25e-6
 KEY = AuthenticationKey(bytes(range(16)))
 NOISE = 2e-6

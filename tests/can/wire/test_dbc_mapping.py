@@ -1,20 +1,30 @@
-"""Users' DBC files: value names, ends of converters, ambiguities, entries of a mapping that would go unheard."""
+"""Users' DBC files: value names, ends of converters, states, start values, units."""
 
 from __future__ import annotations
 
 import struct
-import subprocess
-import sys
 from collections.abc import Callable
-from dataclasses import replace
 from math import nan
 from pathlib import Path
 from typing import Any
 
 import pytest
 from can_case import CYCLE, Projection
+from dbc_case import (
+    AIR,
+    FORMAT,
+    HEAD,
+    MULTIPLEXED,
+    NAVIGATION,
+    RACK,
+    START,
+    after_good_cycles,
+    layout_from,
+    mapping,
+    rack,
+    results_of,
+)
 
-from strainfmu.can.bridge.setup import BridgeOptions, make_core
 from strainfmu.can.cycle.core import bridge_core
 from strainfmu.can.cycle.quality import Cause, Quality
 from strainfmu.can.cycle.result import CycleResult
@@ -22,70 +32,8 @@ from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.wire.dbc_files import database_of, load_database
 from strainfmu.can.wire.dbc_mapping import mapped_layout
 from strainfmu.can.wire.frame import Frame
-from strainfmu.can.wire.frame_layout import InputLayout
-from strainfmu.errors import InputError
 
 pytestmark = pytest.mark.fast
-
-HEAD = 'VERSION ""\nNS_ :\nBS_:\nBU_: A B\n'
-RACK = """BO_ 256 R: 8 A
- SG_ S1 : 0|16@1- (0.25,0) [0|0] "um/m" B
- SG_ S2 : 16|16@1- (0.25,0) [0|0] "um/m" B
- SG_ St : 32|16@1+ (1,0) [0|0] "" B
-"""
-FORMAT = 'BA_DEF_ BO_ "VFrameFormat" INT 0 15;\nBA_DEF_DEF_ "VFrameFormat" 0;\n'
-AIR = """BO_ 257 Air: 8 A
- SG_ q : 0|16@1+ (10,0) [0|0] "Pa" B
-"""
-MULTIPLEXED = """BO_ 256 R: 8 A
- SG_ page M : 0|8@1+ (1,0) [0|0] "" B
- SG_ S1 m0 : 8|16@1- (0.25,0) [0|0] "um/m" B
- SG_ S2 m0 : 24|16@1- (0.25,0) [0|0] "um/m" B
- SG_ St m1 : 8|16@1+ (1,0) [0|0] "" B
- SG_ T m1 : 24|32@1+ (1,0) [0|0] "us" B
-"""
-# A multiplexer that is itself multiplexed: cantools reads it; our one level could not decide.
-NESTED = """BO_ 256 R: 8 A
- SG_ outer M : 0|8@1+ (1,0) [0|0] "" B
- SG_ page m3M : 8|8@1+ (1,0) [0|0] "" B
- SG_ S1 m0 : 16|16@1- (0.25,0) [0|0] "um/m" B
- SG_ S2 m0 : 32|16@1- (0.25,0) [0|0] "um/m" B
-SG_MUL_VAL_ 256 page outer 3-3;
-SG_MUL_VAL_ 256 S1 page 0-0;
-SG_MUL_VAL_ 256 S2 page 0-0;
-"""
-
-
-def mapping(**tables: Any) -> dict[str, Any]:
-    """Return the mapping of both gauges, and ``tables``."""
-    return {"cycle_time_ms": 10, "strain": {"g1": "R.S1", "g2": "R.S2"}, **tables}
-
-
-def layout_from(text: str, **tables: Any) -> InputLayout:
-    return mapped_layout(
-        database_of(HEAD + text, "rack.dbc"), mapping(**tables), gauge_names=("g1", "g2"), name="map.toml"
-    )
-
-
-def results_of(layout: InputLayout, frames: list[Frame], pressure: float | None = 9e4) -> list[CycleResult]:
-    core = bridge_core(layout, Projection(2), BridgeSettings(), start=0.0, dynamic_pressure=pressure)
-    results = [result for frame in frames for result in core.receive(frame)]
-    return results + core.advance(frames[-1].time + 0.6 * CYCLE)
-
-
-def rack(number: int, codes: str = "<hhH2x", last: tuple[int, ...] = ()) -> Frame:
-    """Return a cycle of both gauges, that move a little, with ``last`` behind or in place of them."""
-    usual = (400 + 3 * number, 800 - 3 * number, 0)
-    return Frame(identifier=256, data=struct.pack(codes, *(last or usual)), time=number * CYCLE)
-
-
-def after_good_cycles(text: str, *last: int, **tables: Any) -> CycleResult:
-    """Return the result of a cycle with the raw numbers ``last`` behind 20 good ones."""
-    frames = [rack(number) for number in range(20)] + [rack(20, last=last)]
-    return results_of(layout_from(text, **tables), frames)[-1]
-
-
-# --- values that are none ----------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -135,19 +83,6 @@ def test_value_names_and_converter_ends_hold_for_the_dynamic_pressure(code: int,
     assert bool(result.causes & Cause.DYNAMIC_PRESSURE) is (expected is None)
     if expected is not None:
         assert result.dynamic_pressure == expected
-
-
-NAVIGATION = """BO_ 257 Air: 8 A
- SG_ q : 0|16@1+ (10,0) [0|0] "Pa" B
- SG_ M : 16|16@1+ (0.001,0) [0|0] "" B
- SG_ h : 32|16@1+ (10,-10000) [0|0] "ft" B
-BO_ 258 Nav: 8 A
- SG_ h : 0|32@1- (1,0) [0|0] "km" B
- SG_ M : 32|32@1- (1,0) [0|0] "Mach" B
-SIG_VALTYPE_ 258 h : 1;
-SIG_VALTYPE_ 258 M : 1;
-VAL_ 257 M 65000 "SNA" ;
-"""
 
 
 def navigated(frame: Callable[[int], Frame], **tables: Any) -> list[CycleResult]:
@@ -271,106 +206,6 @@ def test_minus_zero_of_a_float_is_zero() -> None:
     ]
     frames.append(Frame(identifier=256, data=struct.pack("<2xhf", 820, -0.0), time=20 * CYCLE))
     assert results_of(layout, frames)[-1].valid.tolist() == [False, True]
-
-
-# --- what cannot be meant ----------------------------------------------------------------------------------------
-
-START = 'BA_DEF_ SG_ "GenSigStartValue" INT 0 100000;\n'
-
-
-def refused(text: str, **tables: Any) -> Callable[[], InputLayout]:
-    return lambda: layout_from(text, **tables)
-
-
-@pytest.mark.parametrize(
-    ("make", "text"),
-    [
-        (refused(NESTED), "multiplexers outer, page found, one allowed"),
-        (
-            refused(MULTIPLEXED, status={"R": "R.St"}),
-            r"status\.R: expected .*, got 'R\.St', which comes with multiplexer",
-        ),
-        (
-            refused(MULTIPLEXED, sample_time={"R": "R.T"}),
-            r"expected a signal of multiplexer value 0, got .* value 1$",
-        ),
-        (refused(RACK, status={"Rr": "R.St"}), r"status: expected a frame in use \(R\), got 'Rr'$"),
-        (
-            refused(RACK + AIR, sample_time={"Air": "Air.q"}),
-            r"sample_time: expected a frame in use \(R\), got 'Air'",
-        ),
-        (refused(RACK, configuration={"Rr": "R.St"}), r"configuration: expected a frame in use \(R\), got 'Rr'"),
-        (
-            refused(RACK, end_to_end={"Rr": {"profile": 5, "data_id": 1}}),
-            r"end_to_end: expected a frame in use \(R\), got 'Rr'",
-        ),
-        (
-            refused(RACK, units={"R.S3": "um/m"}),
-            r"units: expected a signal in use \(.*R\.S1, R\.S2\), got 'R\.S3'$",
-        ),
-        (refused(RACK, units={"R.St": "us"}), r"units: expected a signal in use .*, got 'R\.St'"),
-        (
-            refused(RACK + NAVIGATION, altitude={"signal": "R.St"}),
-            r"'R\.St': unit: expected a unit of length \(m, km, ft\), got ''",
-        ),
-        (
-            refused(RACK + NAVIGATION, mach_number={"signal": "Air.q"}),
-            r"'Air\.q': unit: expected a number \(.*\), got 'Pa'",
-        ),
-        (
-            refused(RACK + NAVIGATION, mach_number={"signal": "R.St"}),
-            "mach_number: expected a frame without strains, got 'R', which holds some",
-        ),
-        (
-            refused(
-                RACK + NAVIGATION,
-                mach_number={"signal": "Air.M"},
-                altitude={"signal": "Air.M"},
-                units={"Air.M": "1"},
-            ),
-            r"'Air\.M': unit: expected a unit of length",
-        ),
-        (refused(RACK + NAVIGATION, altitude="Nav.h"), r"expected a table \[altitude\]"),
-        (refused(RACK + NAVIGATION, altitude={"sig": "Nav.h"}), "altitude: expected 'signal', got sig"),
-        (
-            refused(RACK, configuration={"R": "R.St"}),
-            r"\(GenSigStartValue\) of 'St': expected .* 0 to 65535, got none",
-        ),
-        (
-            refused(RACK + START + 'BA_ "GenSigStartValue" SG_ 256 St 70000;\n', configuration={"R": "R.St"}),
-            "'St': expected .*, got 70000",
-        ),
-        (refused(RACK + RACK.replace("256", "258")), "expected one frame 'R' in the DBC file, got 2"),
-        (refused(RACK + AIR.replace("257", "256")), "identifier 0x100 is that of both 'R' and 'Air'"),
-        (refused(RACK, cycle_time_ms=1e-300), "cycle_time_ms: 1e-300 ms found, 0.1 to 10,000 ms allowed"),
-        (refused(RACK, cycle_time_ms=10_000.5), "0.1 to 10,000 ms allowed"),
-        (refused(RACK, cycle_time_ms=float("nan")), "expected a number of ms, got nan"),
-        (refused(RACK, cycle_time_ms=10**400), "expected a number of ms, got"),
-    ],
-)
-def test_what_cannot_be_meant_is_refused_in_one_line(make: Callable[[], InputLayout], text: str) -> None:
-    with pytest.raises(InputError, match=text) as caught:
-        make()
-    assert "\n" not in str(caught.value)
-
-
-def test_frames_that_share_a_name_are_one_line_of_standard_error(tmp_path: Path) -> None:
-    """cantools warns of them through logging, which without a handler writes a line of its own."""
-    path = tmp_path / "rack.dbc"
-    path.write_text(HEAD + RACK + RACK.replace("256", "258"))
-    code = "from pathlib import Path; from strainfmu.can.wire.dbc_files import load_database; "
-    code += f"load_database(Path({str(path)!r}))"
-    finished = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert finished.stderr == ""
-
-
-@pytest.mark.parametrize("cycle_time", [1e-15, 0.99e-4, 10.001, float("nan"), -0.01])
-def test_a_cycle_time_that_no_bus_has_is_refused(cycle_time: float) -> None:
-    """Of 1e-15 s the loop over silent cycles would never end."""
-    options = BridgeOptions(interface="virtual", channel="x", cycle_time=cycle_time)
-    with pytest.raises(InputError, match="ms found, 0"):
-        make_core(Projection(2), options, gauge_names=("g1", "g2"), start=0.0)
-    make_core(Projection(2), replace(options, cycle_time=1e-3 * 0.1), gauge_names=("g1", "g2"), start=0.0)
 
 
 def test_a_status_of_the_same_multiplexer_value_is_read() -> None:

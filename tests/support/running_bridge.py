@@ -1,0 +1,129 @@
+"""A bridge in a thread of its own on a python-can bus, and a sender beside it."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+
+import can
+import numpy as np
+from can_case import Projection, Truth, layout_of
+
+from strainfmu.can.bridge.reconnect import BackOffSettings
+from strainfmu.can.bridge.result_layouts import result_layouts
+from strainfmu.can.bridge.run_loop import QUEUED_CYCLES, Bridge
+from strainfmu.can.bridge.summary import BridgeSummary
+from strainfmu.can.cycle.core import bridge_core
+from strainfmu.can.cycle.quality import Quality
+from strainfmu.can.cycle.result import CycleResult
+from strainfmu.can.settings import BridgeSettings
+from strainfmu.can.wire.frame import to_message
+from strainfmu.can.wire.profiles import Identifiers
+from strainfmu.can.wire.strain_encoder import StrainEncoder
+from strainfmu.cosim.step import StepResult
+
+N = 30
+CYCLE = 0.03
+"""Period of the strain frames [s]: long enough for a busy host to be on time, now and then."""
+PATIENCE = 120.0
+
+
+class Slow(Projection):
+    """An estimator that ``waits`` in a step."""
+
+    waits: Callable[[], None] = staticmethod(lambda: None)
+
+    def __call__(self, strain: np.ndarray, dynamic_pressure: float, step_size: float) -> StepResult:
+        self.waits()
+        return super().__call__(strain, dynamic_pressure, step_size)
+
+
+class Running:
+    """A bridge in a thread of its own, and a sender's bus beside it."""
+
+    def __init__(
+        self, open_one: Callable[[], can.BusABC], sender: can.BusABC, queued_cycles: int = QUEUED_CYCLES
+    ) -> None:
+        layout = layout_of("fd64", N, CYCLE)
+        results = result_layouts("fd", Identifiers(), CYCLE)
+        self.step = Slow(N)
+        core = bridge_core(
+            layout, self.step, BridgeSettings(), start=time.monotonic(), own_keys=[r.key for r in results]
+        )
+        self.results: list[CycleResult] = []
+        self.buses: list[can.BusABC] = []
+        self.sender, self.cycle, self._truth, self.port = sender, 0, Truth(N, 1), 0
+        self._encoder, self._start = StrainEncoder(layout), time.monotonic()
+
+        def opened() -> can.BusABC:
+            self.buses.append(open_one())
+            return self.buses[-1]
+
+        back_off = BackOffSettings(first=0.02, longest=0.1, attempts=5, settle=0.2)
+        self.bridge = Bridge(
+            core,
+            opened,
+            result_layouts=results,
+            configuration=1,
+            back_off=back_off,
+            on_result=self.results.append,
+            queued_cycles=queued_cycles,
+        )
+        self.summary: BridgeSummary | None = None
+        self.error: Exception | None = None
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+        self.wait(lambda: bool(self.buses))
+
+    def _run(self) -> None:
+        try:
+            self.summary = self.bridge.run()
+        except Exception as error:
+            self.error = error
+
+    def send(self, n_cycles: int) -> None:
+        """Send cycles in real time."""
+        for _ in range(n_cycles):
+            self.cycle += 1
+            now = time.monotonic() - self._start
+            for frame in self._encoder.encode(*self._truth.cycle(self.cycle), cycle=self.cycle, sample_time=now):
+                self.sender.send(to_message(frame))
+            time.sleep(CYCLE)
+
+    def wait(self, until: Callable[[], bool], seconds: float = PATIENCE) -> None:
+        """Wait until something is so."""
+        end = time.monotonic() + seconds
+        while not until():
+            assert time.monotonic() < end, "it did not happen"
+            time.sleep(0.005)
+
+    def send_while(self, until: Callable[[], bool]) -> None:
+        """Send until something is so."""
+        end = time.monotonic() + PATIENCE
+        while not until():
+            assert time.monotonic() < end, f"it did not happen: {self.results[-5:]}"
+            self.send(1)
+
+    def send_until(self, quality: Quality, number: int = 1) -> None:
+        """Send until so many new results have ``quality``."""
+        known = len(self.results)
+        self.send_while(lambda: sum(result.quality is quality for result in self.results[known:]) >= number)
+
+    def wait_for_four_cycles(self) -> None:
+        """Wait until four further cycles are on the bus, or no more come."""
+        begin, now = self.cycle, time.monotonic()
+        while self.cycle < begin + 4 and time.monotonic() < now + 1.0:
+            time.sleep(1e-3)
+
+    def end(self) -> BridgeSummary:
+        """Stop the bridge and return its summary, whose account must sum."""
+        self.bridge.stop()
+        self._thread.join(PATIENCE)
+        assert not self._thread.is_alive()
+        if self.error is not None:
+            raise self.error
+        assert self.summary is not None
+        assert self.summary.account.unaccounted == 0
+        assert self.summary.account.pending == 0
+        return self.summary
