@@ -161,8 +161,9 @@ def _steps_3(instance: Any, inverse_map: InverseMap) -> dict[str, Callable[[], o
 def host_costs(fmu: Path, unzipped: Path, inverse_map: InverseMap) -> dict[str, float]:
     """Return the times [s] of bare product, steps and instantiation in a C host; none without a C compiler.
 
-    Steps are at one dynamic pressure, at another one than the step before, the same with the first gauge far off,
-    the first two with zeros and all temperature sensors of the map, and the first with the filter, if any.
+    Steps are at one dynamic pressure, the same with the filter, if any, and, with tables, from the state after
+    initialization; then at another one than the step before, the same with the first gauge far off, and the first
+    and the other one with zeros and all temperature sensors of the map.
 
     Raises
     ------
@@ -189,17 +190,19 @@ def host_costs(fmu: Path, unzipped: Path, inverse_map: InverseMap) -> dict[str, 
     values = [repr(value) for value in (pressure, names["zero[1]"], *sensors, names.get(FILTER_TIME_CONSTANT, 0))]
     times = _run([str(program), str(libraries[0]), description.guid, resources, *values, *strains])
     found = np.array(times.split(), dtype=float).tolist()
-    product, step, varied, faulty, warm, warm_varied, filtered, instantiation = found
+    product, step, varied, faulty, warm, warm_varied, cold, filtered, instantiation = found
     more = f"with zeros and {sensors[0]} temperatures"
+    searched = inverse_map.manifold is not None
     costs = {
         f"C host: bare product 5 x {n}": product,
         f"C host, native FMI 2.0: set {n}, step, get 5 and health ({step / product:.1f} x in C)": step,
+        f"C host, native FMI 2.0: a step with the filter ({filtered / step:.2f} x)": filtered,
+        "C host, native FMI 2.0: the first step, with a search of the tables": cold if searched else np.nan,
+        "C host, native FMI 2.0: instantiate": instantiation,
         "C host, native FMI 2.0: the same, q_inf another in every step": varied,
         "C host, native FMI 2.0: the same, and a gauge that does not fit": faulty,
         f"C host, native FMI 2.0: a step {more} ({warm / step:.2f} x)": warm,
         f"C host, native FMI 2.0: the same {more}, other q_inf ({warm_varied / varied:.2f} x)": warm_varied,
-        f"C host, native FMI 2.0: a step with the filter ({filtered / step:.2f} x)": filtered,
-        "C host, native FMI 2.0: instantiate": instantiation,
     }
     return {name: cost for name, cost in costs.items() if np.isfinite(cost)}
 
