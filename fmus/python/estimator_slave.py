@@ -253,13 +253,10 @@ class EstimatorSlave(Fmi2Slave):
         flow = dict(zip(self._flow, known_flow(self._values[[*self._flow.values()]].tolist()), strict=True))
         temperature = self._temperature()
         if isinstance(self._estimator, ManifoldEstimator):
-            estimator = self._estimator
             known = without_negative_deviations(flow)
-            inputs = estimator.checked_inputs(strain, valid, known, self._given_parameters())
-            if temperature is not None:
-                ((_, estimator, inputs),) = estimator.groups(inputs, temperature)
-            over_time = self._switched(SwitchedFilter, estimator)
-            found, self._next = over_time.step(inputs, self._track, self._time)
+            inputs = self._estimator.checked_inputs(strain, valid, known, self._given_parameters())
+            over_time = self._switched(SwitchedFilter, self._estimator)
+            found, self._next = over_time.step(inputs, self._track, self._time, temperature)
             return found
         static = self._estimator.step(
             strain,

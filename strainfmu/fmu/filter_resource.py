@@ -1,6 +1,6 @@
 """The filter of the nonlinear estimator as the native FMU reads it: a section of ``resources/map.bin``.
 
-Its content is eight 32-bit sizes, of which the last three are zero, and float64 values: the scalars, then the
+Its content is eight 32-bit sizes, of which the last two are zero, and float64 values: the scalars, then the
 arrays in the order of :func:`filter_section`. ``fmus/native/estimator/filter_map.h`` describes them to the C code.
 """
 
@@ -60,5 +60,6 @@ def filter_section(inverse_map: InverseMap, manifold: ManifoldMap) -> bytes:
         *further,
     )
     n_further = 0 if model.further is None else len(model.further.load)
-    sizes = (seen.strain.shape[1], model.common.shape[1], model.of_gauge.shape[1], len(own), n_further)
+    of_gauge, n_modes = model.of_gauge.shape[1], len(model.modes.amplitude)
+    sizes = (seen.strain.shape[1], model.common.shape[1], of_gauge, len(own), n_further, n_modes)
     return section(SECTION, sized_numbers(sizes, numbers))

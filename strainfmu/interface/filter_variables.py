@@ -14,13 +14,8 @@ FILTER_TIME_CONSTANT = "filter_time_constant"
 
 
 def has_filter(inverse_map: InverseMap) -> bool:
-    """Return whether FMUs of ``inverse_map`` can filter: linear maps that follow q_inf, and maps with tables.
-
-    That of maps with tables takes no temperatures.
-    """
-    if inverse_map.manifold is not None:
-        return inverse_map.thermal is None
-    return inverse_map.form == "dynamic_pressure"
+    """Return whether FMUs of ``inverse_map`` can filter: linear maps that follow q_inf, and maps with tables."""
+    return inverse_map.manifold is not None or inverse_map.form == "dynamic_pressure"
 
 
 def with_filter_parameter(interface: tuple[Variable, ...], inverse_map: InverseMap) -> tuple[Variable, ...]:

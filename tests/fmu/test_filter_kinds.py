@@ -70,10 +70,8 @@ def test_an_importer_finds_the_filter(tmp_path: Path, kind: str) -> None:
     assert np.max(np.abs(found[1:] - expected) / np.max(np.abs(expected), axis=0)) < 1e-9
 
 
-def test_no_time_constant_where_there_is_no_filter() -> None:
-    """Nor a section, which a library would refuse."""
-    with_filter = whole_map()
-    names = [one.name for one in estimator_interface(with_filter)]
-    assert names[names.index("zero_common_std") + 1] == FILTER_TIME_CONSTANT
-    warm = [one.name for one in estimator_interface(with_temperature(with_filter))]
-    assert FILTER_TIME_CONSTANT not in warm
+@pytest.mark.parametrize(("warm", "before"), [(False, "zero_common_std"), (True, "temperature[4]")])
+def test_the_time_constant_stands_behind_zeros_and_temperatures(warm: bool, before: str) -> None:
+    held = with_temperature(whole_map()) if warm else whole_map()
+    names = [one.name for one in estimator_interface(held)]
+    assert names[names.index(before) + 1] == FILTER_TIME_CONSTANT

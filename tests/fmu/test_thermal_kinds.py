@@ -17,7 +17,9 @@ from fmu_host import OPTIONS, Host, loaded
 from linear_fmu import LinearReference, LinearSample
 from scaled_maps import NOMINAL, whole_scaled_map
 from thermal_maps import REFERENCE, with_temperature
+from warm_flights import warm_flight
 
+from strainfmu.estimator.filter.switched import SwitchedFilter, TimedTrack
 from strainfmu.estimator.inverse_map import InverseMap, save_inverse_map
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.tracker import FlightTracker
@@ -150,6 +152,39 @@ def test_linear_kinds_filter_as_numpy_does(paths: dict[str, Path], tmp_path: Pat
                 found = host.get(list(host.references)[:20])
                 np.testing.assert_allclose(found, output_values(expected)[:20], rtol=tolerance)
         assert filtered > 6
+
+
+def test_flight_kinds_filter_as_numpy_does(paths: dict[str, Path], tmp_path: Path) -> None:
+    """Sensors come and go; a state in between holds what was known of the temperature."""
+    held = of_both()["flight"]
+    estimator, seconds, step = ManifoldEstimator(held), 0.5, 0.0625
+    switched, names = SwitchedFilter(estimator, seconds), [f"strain[{i + 1}]" for i in range(N_D)]
+    for kind, tolerance in (("native", 1e-8), ("python", 0.0)):
+        random, track, continued = np.random.default_rng(3), TimedTrack(), 0
+        with loaded(paths[f"flight {kind}"], tmp_path / kind) as host:
+            host.initialize()
+            host.set([FILTER_TIME_CONSTANT], [seconds])
+            for k, sample in enumerate(warm_flight(held, 12, 7, step)):
+                lost = random.random(N_T) < (1.0 if k in (4, 5) else 0.3)
+                assert sample.temperature is not None
+                temperature = np.where(lost, random.choice([NOT_KNOWN, np.nan]), sample.temperature)
+                inputs = [*names, *sample.flow, *temperature_names(held.thermal)]
+                host.set(inputs, [*sample.strain, *sample.flow.values(), *temperature])
+                if k == 7:
+                    state = host.fmu.getFMUState()
+                    host.fmu.doStep(k * step, step)
+                    host.fmu.setFMUState(state)
+                    host.fmu.freeFMUState(state)
+                host.fmu.doStep(k * step, step)
+                unknown = dict.fromkeys((f"{name}_std" for name in sample.flow), np.nan) | {"altitude": np.nan}
+                checked = estimator.checked_inputs(sample.strain, None, sample.flow | unknown)
+                known = None if lost.all() else temperature
+                expected, after = switched.step(checked, track, k * step, known)
+                continued += after.track.law is not None
+                track = after
+                found = host.get(list(host.references)[:20])
+                np.testing.assert_allclose(found, output_values(expected)[:20], rtol=tolerance)
+        assert continued == 12
 
 
 def test_flight_kinds_give_what_the_tracker_does(hosts: dict[str, Host]) -> None:

@@ -24,7 +24,7 @@ FIRST = N_OUTPUTS + 2 * N_D + N_SCALARS
 
 N_INPUTS, N_REALS, N_FLAGS = 3, 14, 11
 FILTER = FIRST + N_INPUTS + N_REALS + N_FLAGS + 2 * N_D + 1
-"""Value reference of the filter's time constant, behind the zeros."""
+"""Value reference of the filter's time constant, behind the zeros; temperatures stand before it."""
 
 FLAGS = [20, 23, 24, 25, *range(N_OUTPUTS + N_REALS, N_OUTPUTS + N_REALS + N_FLAGS)]
 """Whole numbers and Booleans among all outputs."""
@@ -55,11 +55,12 @@ def whole_map() -> InverseMap:
 
 @dataclass(frozen=True, kw_only=True)
 class FlightSample:
-    """One set of inputs; ``flow`` by name of the input, which is not known if it is not there."""
+    """One set of inputs; ``flow`` by name of the input, not known if it is not there; ``temperature`` [K]."""
 
     strain: np.ndarray
     valid: np.ndarray
     flow: dict[str, float] = field(default_factory=dict)
+    temperature: np.ndarray | None = None
 
 
 def random_flight(inverse_map: InverseMap, steps: int, seed: int) -> list[FlightSample]:
@@ -88,6 +89,9 @@ def random_flight(inverse_map: InverseMap, steps: int, seed: int) -> list[Flight
 class FlightFmu(Fmu2):
     """An instance whose map has tables."""
 
+    n_t = 0
+    """Number of temperature sensors."""
+
     def give(self, sample: FlightSample) -> None:
         """Set all inputs."""
         flow = [sample.flow.get(name, NOT_KNOWN) for name in FLOW_INPUTS]
@@ -96,6 +100,8 @@ class FlightFmu(Fmu2):
         assert self.set_scalars(0, *flow) == OK
         further = [sample.flow.get(name, NOT_KNOWN) for name in NAVIGATION_INPUTS]
         assert self.set_reals(range(FIRST, FIRST + N_INPUTS), further) == OK
+        if sample.temperature is not None:
+            assert self.set_reals(range(FILTER, FILTER + self.n_t), sample.temperature) == OK
 
     def advance(self, sample: FlightSample) -> np.ndarray:
         """All outputs after a step."""
@@ -105,7 +111,7 @@ class FlightFmu(Fmu2):
 
     def filter(self, time_constant: float) -> int:
         """Set the filter's time constant [s]; the status."""
-        return self.set_reals([FILTER], [time_constant])
+        return self.set_reals([FILTER + self.n_t], [time_constant])
 
     def advance_over(self, sample: FlightSample, time: float, size: float) -> np.ndarray:
         """All outputs after a step over ``size`` from ``time`` [s]."""

@@ -84,9 +84,8 @@ Estimator *estimator_create(unsigned char *bytes, size_t length, char text[MODEL
     const Section *section = e->map.section;
     const int needs_form = section[THERMAL_SECTION].content != NULL || section[FURTHER_SECTION].content != NULL;
     const int two_kinds = section[FURTHER_SECTION].content != NULL && section[FLIGHT_SECTION].content != NULL;
-    const int filters_else = section[FLIGHT_SECTION].content == NULL || section[THERMAL_SECTION].content != NULL;
     if ((needs_form && !e->map.scaled) || (section[FLIGHT_LOADS_SECTION].content != NULL) != two_kinds
-        || (section[FILTER_SECTION].content != NULL && filters_else)
+        || (section[FILTER_SECTION].content != NULL && section[FLIGHT_SECTION].content == NULL)
         || (section[LINEAR_FILTER_SECTION].content != NULL && (section[FLIGHT_SECTION].content != NULL || !e->map.scaled))) {
         snprintf(text, MODEL_TEXT_SIZE, "holds sections that do not go together");
         estimator_free(e);

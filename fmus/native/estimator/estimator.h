@@ -68,8 +68,8 @@ enum {
 
 /* After the scalars: zero of each strain gauge, deviation of each of them, deviation that they have in common [1]; then
    the temperature of each sensor [K], which may be NaN or the map's not_known; thrust [N], as temperatures, of a map
-   with sensors that it moves; then the time constant of the filter [s], 0 for none, of a map that has one, which has
-   no temperatures. Then further parameters of the flow, as temperatures. */
+   with sensors that it moves; then the time constant of the filter [s], 0 for none, of a map that has one. Then
+   further parameters of the flow, as temperatures. */
 static inline size_t number_of_zeros(size_t n_strains) {
     return 2 * n_strains + 1;
 }

@@ -17,7 +17,8 @@ static size_t larger(size_t a, size_t b) {
 }
 
 size_t law_doubles(const Filter *filter) {
-    return filter->order + filter->n * (filter->order + filter->n_considered);
+    return filter->order + filter->n * (filter->order + filter->n_considered) + in_lanes(filter->map.n_modes)
+         + in_lanes(filter->n_sensors);
 }
 
 static size_t sample_doubles(const Filter *filter) {
@@ -27,8 +28,10 @@ static size_t sample_doubles(const Filter *filter) {
          + larger(rows, order) * order + filter->n * N_COLUMNS + filter->map.n_further * rows + 2 * order;
 }
 
-size_t filter_doubles(Filter *filter, FlightSolver *solver) {
+size_t filter_doubles(Filter *filter, FlightSolver *solver, const Thermal *thermal) {
     const FlightMap *flight = solver->map;
+    filter->thermal = thermal;
+    filter->n_sensors = thermal->present ? thermal->map.n_sensors : 0;
     filter->solver = solver;
     filter->gauges = solver->n;
     filter->rows = filter->gauges + in_lanes(N_NAVIGATION);
@@ -46,6 +49,8 @@ static void law_arrays(const Filter *filter, Law *law, double **doubles) {
     law->mean = taken(doubles, filter->order);
     law->covariance = taken(doubles, filter->n * filter->order);
     law->cross = taken(doubles, filter->n * filter->n_considered);
+    law->amplitude = taken(doubles, in_lanes(filter->map.n_modes));
+    law->known = taken(doubles, in_lanes(filter->n_sensors));
 }
 
 /* A matrix (n_gauges, n_gauges) of the map in one of all rows, with zeros beyond. */
@@ -182,11 +187,12 @@ static void move_columns(const Filter *filter, const Motion *motion, double *row
 /* Add what the process forgets: P - F P F' of the stationary P, whose discrepancy is `widening` times the map's. */
 static void add_forgotten(const Filter *filter, const Motion *motion, double widening, double *covariance) {
     const size_t order = filter->order;
-    for (size_t i = N_STATES; i < filter->n_read; i++) {
+    for (size_t i = N_STATES; i < filter->n_read - filter->map.n_modes; i++) {
         const double factor = motion->factor[i >= FIRST_SEEN];
         const double variance = i >= FIRST_SEEN && i < filter->first_e ? widening : 1.0;
         covariance[i * order + i] += variance - factor * variance * factor;
     }
+    filter_forget_modes(filter, motion->factor[1], covariance);
     for (size_t k = 0; k < N_STATES; k++) {
         const size_t at[2] = {k, filter->n_read + k};
         const double variance[2] = {stationary_variance(filter, at[0]), stationary_variance(filter, at[1])};
@@ -218,6 +224,7 @@ void filter_predict(Filter *filter, double time_step) {
     for (size_t k = 0; k < N_STATES; k++) {
         out->mean[k] -= middle[k];
     }
+    filter_carry_modes(filter, out);
     move_columns(filter, motion, out->mean);
     for (size_t k = 0; k < N_STATES; k++) {
         out->mean[k] += middle[k];

@@ -10,6 +10,7 @@
 #include "filter_map.h"
 #include "flight_solve.h"
 #include "products.h"
+#include "thermal.h"
 
 #define FIRST_NAVIGATION N_STATES /* states b, then c */
 #define FIRST_SEEN (N_STATES + N_NAVIGATION)
@@ -21,6 +22,8 @@ typedef struct {
     double *mean;       /* (order) */
     double *covariance; /* (n, order) */
     double *cross;      /* (n, n_considered) by term and gauge */
+    double *amplitude;  /* (map.n_modes) of temperature by the sensors of the sample [K] */
+    double *known;      /* (n_sensors) which those were, 0 or 1 */
 } Law;
 
 /* A step of a stationary process: of the flight state and its rates by pairs, of the others a factor. */
@@ -42,6 +45,8 @@ typedef struct {
     int present; /* whether the map has one; if not, nothing else is set */
     FilterMap map;
     FlightSolver *solver;
+    const Thermal *thermal; /* of the estimator; amplitudes of its modes are the last states that a sample reads */
+    size_t n_sensors;       /* of temperature */
     size_t n, order;        /* states; n in lanes */
     size_t n_read, first_e; /* states that a sample reads, and the first of e */
     size_t gauges, rows;    /* n_gauges in lanes; those and navigation in lanes */
@@ -88,7 +93,7 @@ typedef struct {
 } Filter;
 
 /* Fill in the sizes, and how many doubles it takes; handing them out. */
-size_t filter_doubles(Filter *filter, FlightSolver *solver);
+size_t filter_doubles(Filter *filter, FlightSolver *solver, const Thermal *thermal);
 void filter_arrays(Filter *filter, double **doubles);
 
 /* Forget all steps. */
@@ -102,6 +107,14 @@ void filter_set_time_constant(Filter *filter, double time_constant);
 
 /* filter->predicted from filter->law, over a time step [s]. */
 void filter_predict(Filter *filter, double time_step);
+
+/* Temperature modes by the sensors that read: their covariance in filter->stationary; what is known of them, to a law that
+   is of the sample; the predicted mean and covariance, of which the other states' are set, where amplitudes stay if other
+   sensors read than in the last sample. */
+void filter_set_modes(Filter *filter);
+void filter_tell_modes(const Filter *filter, Law *law);
+void filter_carry_modes(const Filter *filter, Law *out);
+void filter_forget_modes(const Filter *filter, double factor, double *covariance);
 
 /* to = scale F from, of `count` columns, for the last such step. */
 void filter_move_rows(const Filter *filter, size_t count, double scale, const double *from, double *to);

@@ -5,11 +5,10 @@
 
 #define N_FILTER_SIZES 8
 #define N_FILTER_SCALARS 14
-#define LARGEST_NUMBER 64 /* of directions, errors and terms */
+#define LARGEST_NUMBER 64 /* of directions and terms */
+#define MOST_COLUMNS 4096 /* of section loads, of temperature modes and with them of errors in common */
 
-#define MOST_LOADS 4096 /* of sections */
-
-enum { N_SEEN, N_SHARED, N_TERMS, N_OWN, N_FURTHER_LOADS };
+enum { N_SEEN, N_SHARED, N_TERMS, N_OWN, N_FURTHER_LOADS, N_OF_MODES };
 
 static size_t number_of_doubles(const FilterMap *map, size_t n) {
     const size_t loads = N_LOADS;
@@ -69,7 +68,8 @@ int filter_map_parse(const Section *section, size_t n_gauges, FilterMap *map, ch
     int good = section->length >= 4 * N_FILTER_SIZES;
     for (size_t k = 0; good && k < N_FILTER_SIZES; k++) {
         sizes[k] = u32_at(content, 4 * k);
-        good = sizes[k] <= (k == N_FURTHER_LOADS ? MOST_LOADS : LARGEST_NUMBER);
+        const int many = k == N_FURTHER_LOADS || k == N_SHARED || k == N_OF_MODES;
+        good = sizes[k] <= (many ? MOST_COLUMNS : LARGEST_NUMBER);
     }
     if (good) {
         map->n_seen = sizes[N_SEEN];
@@ -77,7 +77,9 @@ int filter_map_parse(const Section *section, size_t n_gauges, FilterMap *map, ch
         map->n_terms = sizes[N_TERMS];
         map->n_own = sizes[N_OWN];
         map->n_further = sizes[N_FURTHER_LOADS];
-        good = map->n_own <= 1 && section->length == 4 * N_FILTER_SIZES + 8 * number_of_doubles(map, n_gauges);
+        map->n_modes = sizes[N_OF_MODES];
+        good = map->n_own <= 1 && map->n_modes <= map->n_shared
+            && section->length == 4 * N_FILTER_SIZES + 8 * number_of_doubles(map, n_gauges);
     }
     if (!good) {
         snprintf(text, MODEL_TEXT_SIZE, "holds a filter whose sizes cannot be");

@@ -10,7 +10,8 @@
 /* Arrays point into the bytes of the file. Quantities: strainfmu/estimator/filter/flight_model.py. */
 typedef struct {
     size_t n_seen;   /* directions of pressure off the tables that are estimated */
-    size_t n_shared; /* errors that gauges have in common and that do not follow strain */
+    size_t n_shared; /* errors that gauges have in common and that do not follow strain, those of temperature last */
+    size_t n_modes;  /* number of the latter: of amplitudes of temperature modes [K] */
     size_t n_terms;  /* errors of each gauge that last, per p_inf */
     size_t n_further; /* rolling moment and section loads */
     size_t n_own;    /* 1 if gauges have errors that last and do not follow strain, or 0 */

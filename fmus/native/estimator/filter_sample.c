@@ -178,6 +178,7 @@ void filter_sample(Filter *filter, const Law *law, const double *start, size_t i
     }
     solver->solution.rest_square = 0.0;
     filter_set_rows(filter, law, state);
+    filter_tell_modes(filter, &filter->next_law);
     const double chi_square = filter_update_law(filter, law, &filter->next_law);
     solver->solution.chi_square = chi_square + filter_give(filter, &filter->next_law, state);
     set_residuals(filter);

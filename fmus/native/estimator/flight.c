@@ -37,12 +37,16 @@ int flight_create(Estimator *e, char text[MODEL_TEXT_SIZE]) {
         snprintf(text, MODEL_TEXT_SIZE, "holds a filter of other section loads");
         return 0;
     }
+    if (of_filter->content != NULL && filter->map.n_modes != (e->thermal.present ? e->thermal.map.n_modes : 0)) {
+        snprintf(text, MODEL_TEXT_SIZE, "holds a filter of other temperature modes");
+        return 0;
+    }
     flight->solver.map = &flight->map;
     flight->solver.n = in_lanes(n);
     filter->present = of_filter->content != NULL;
     const size_t count = flight_solver_doubles(&flight->map, n) + flight_further_doubles(&flight->further.map, n)
                        + tangents_doubles(&flight->map, n) + further_tangents_doubles(&flight->further.map, n)
-                       + (filter->present ? filter_doubles(filter, &flight->solver) : 0);
+                       + (filter->present ? filter_doubles(filter, &flight->solver, &e->thermal) : 0);
     flight->memory = calloc(1, ALIGNMENT + count * sizeof(double) + n);
     if (flight->memory == NULL) {
         snprintf(text, MODEL_TEXT_SIZE, "needs more memory than there is");

@@ -116,6 +116,7 @@ void flight_filter_update(Estimator *e, size_t used) {
     filter->next = filter->base;
     filter->next.time = filter->base.now;
     filter_set_time_constant(filter, e->input[filter_setting(e)]);
+    filter_set_modes(filter);
     if (has_law) {
         filter_predict(filter, elapsed > 0.0 ? (elapsed < longest ? elapsed : longest) : 0.0);
     }

@@ -128,35 +128,12 @@ static double left_after(double age) {
     return age < LARGEST_AGE ? exponential(-age) : 0.0;
 }
 
-/* Add a part of the stationary covariance of mode `mode` with all of them, for the sensors that read. */
-static void add_modes(const LinearFilter *filter, size_t mode, double part, double *row) {
-    const size_t k = filter->map.n_modes;
-    const double *std = filter->map.std + (filter->n - k);
-    for (size_t j = 0; j < k; j++) {
-        row[j] += part * std[mode] * filter->thermal->spread[mode * k + j] * std[j];
-    }
-}
-
-void linear_filter_set_amplitudes(const LinearFilter *filter, LinearLaw *law) {
-    const size_t n_t = filter->n_sensors;
-    for (size_t a = 0; a < filter->map.n_modes; a++) {
-        double sum = 0.0;
-        for (size_t t = 0; t < n_t; t++) {
-            sum += filter->thermal->amplitude[a * n_t + t] * filter->thermal->rise[t];
-        }
-        law->amplitude[a] = sum;
-    }
-    for (size_t t = 0; t < n_t; t++) {
-        law->known[t] = filter->thermal->known[t];
-    }
-}
-
 void linear_filter_set_stationary(LinearFilter *filter) {
     const size_t first_mode = filter->n - filter->map.n_modes;
     for (size_t i = first_mode; i < filter->n; i++) {
         double *row = filter->stationary.covariance + i * filter->order + first_mode;
         memset(row, 0, filter->map.n_modes * sizeof *row);
-        add_modes(filter, i - first_mode, 1.0, row);
+        thermal_add_left(filter->thermal, i - first_mode, 1.0, row);
     }
 }
 
@@ -166,7 +143,7 @@ void linear_filter_predict(LinearFilter *filter, double time_step, double time_c
     const size_t first_mode = filter->n - filter->map.n_modes;
     const LinearLaw *law = &filter->law;
     LinearLaw *out = &filter->predicted;
-    linear_filter_set_amplitudes(filter, out);
+    thermal_tell(filter->thermal, out->amplitude, out->known);
     const int same = memcmp(out->known, law->known, filter->n_sensors * sizeof *out->known) == 0;
     for (size_t i = 0; i < filter->n; i++) {
         const int is_fast = i < n_scaled || i >= first_mode;
@@ -181,7 +158,7 @@ void linear_filter_predict(LinearFilter *filter, double time_step, double time_c
             to[i] += std * std * (1.0 - own * own);
         } else {
             out->mean[i] += same ? 0.0 : own * (law->amplitude[i - first_mode] - out->amplitude[i - first_mode]);
-            add_modes(filter, i - first_mode, 1.0 - fast * fast, to + first_mode);
+            thermal_add_left(filter->thermal, i - first_mode, 1.0 - fast * fast, to + first_mode);
         }
         combine(filter->wide, considered, fast * own, law->cross + i * considered, 0.0, law->cross + i * considered,
                 out->cross + i * considered);

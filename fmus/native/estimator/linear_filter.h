@@ -78,8 +78,7 @@ size_t linear_law_doubles(const LinearFilter *filter);
    read than in the last sample. */
 void linear_filter_predict(LinearFilter *filter, double time_step, double time_constant);
 
-/* Amplitudes of temperature by the sensors that read, to a law; and filter->stationary for these. */
-void linear_filter_set_amplitudes(const LinearFilter *filter, LinearLaw *law);
+/* filter->stationary for the sensors of temperature that read. */
 void linear_filter_set_stationary(LinearFilter *filter);
 
 /* Rows of the sample in filter->used, filter->apart and filter->ratio; then filter->of_load, and what the sample says

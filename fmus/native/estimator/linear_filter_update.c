@@ -155,7 +155,7 @@ double linear_filter_update(LinearFilter *filter, const LinearLaw *law) {
     const int wide = filter->wide;
     double *gain = filter->gain, *innovation = gain + n * rows, *half = filter->product;
     LinearLaw *after = &filter->next_law;
-    linear_filter_set_amplitudes(filter, after);
+    thermal_tell(filter->thermal, after->amplitude, after->known);
     multiply(wide, FULL, n, considered, rows, by_rows(law->cross, considered), filter->term, rows, filter->considered,
              rows);
     multiply(wide, FULL, n, n, rows, by_rows(law->covariance, order), filter->read, rows, gain, rows);

@@ -235,6 +235,28 @@ void thermal_renew(Thermal *thermal) {
     dense_panels(2 * n, n_t, gain, n_t, 1, thermal->gain);
 }
 
+void thermal_tell(const Thermal *thermal, double *amplitude, double *known) {
+    const size_t n_t = thermal->map.n_sensors;
+    for (size_t a = 0; a < thermal->map.n_modes; a++) {
+        double sum = 0.0;
+        for (size_t t = 0; t < n_t; t++) {
+            sum += thermal->amplitude[a * n_t + t] * thermal->rise[t];
+        }
+        amplitude[a] = sum;
+    }
+    for (size_t t = 0; t < n_t; t++) {
+        known[t] = thermal->known[t];
+    }
+}
+
+void thermal_add_left(const Thermal *thermal, size_t mode, double part, double *row) {
+    const size_t k = thermal->map.n_modes;
+    const double *std = thermal->map.prior_std;
+    for (size_t j = 0; j < k; j++) {
+        row[j] += part * std[mode] * thermal->spread[mode * k + j] * std[j];
+    }
+}
+
 /* What the data sheet says of a rise, and its slope. */
 static double apparent(const ThermalMap *map, double rise, double *slope) {
     double sum = 0.0;

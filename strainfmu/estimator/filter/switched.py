@@ -10,11 +10,13 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from strainfmu.estimator.filter.consistency import Consistency
 from strainfmu.estimator.filter.flight_filter import FilterTrack, FlightFilter
 from strainfmu.estimator.filter.kalman import Law
 from strainfmu.estimator.filter.settings import LARGEST, FilterSettings
+from strainfmu.estimator.filter.warm import WarmSample
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimate
 from strainfmu.estimator.manifold.inputs import EstimatorInputs
@@ -49,21 +51,26 @@ class SwitchedFilter:
         zeros = self.estimator.zeros
         return self.time_constant > 0.0 and not zeros.std.any() and zeros.common_std == 0.0
 
-    def step(self, inputs: EstimatorInputs, last: TimedTrack, time: float) -> tuple[FlightEstimate, TimedTrack]:
+    def step(
+        self, inputs: EstimatorInputs, last: TimedTrack, time: float, temperature: ArrayLike | None = None
+    ) -> tuple[FlightEstimate, TimedTrack]:
         """Return the estimate of the one sample in ``inputs`` at ``time`` [s], and what it leaves.
 
-        Time that does not go on predicts nothing.
+        ``temperature`` (n_t,) is what the temperature sensors read [K]. Time that does not go on predicts nothing.
         """
         if not self.filters:
+            estimator = self.estimator
+            if temperature is not None:
+                ((_, estimator, inputs),) = estimator.groups(inputs, temperature)
             before = last.track
             track = Track(state=before.state, since_search=before.since_search, to_return=before.to_return)
-            found, after = tracked(self.estimator, inputs, track)
+            found, after = tracked(estimator, inputs, track)
             kept = FilterTrack(state=after.state, since_search=after.since_search, to_return=after.to_return)
             return found, TimedTrack(track=kept, time=time)
         if self._filter is None:
             self._filter = FlightFilter(self.estimator, FilterSettings(time_constant=self.time_constant))
         self._filter.track = last.track
-        step = self._filter.stepped(min(max(time - last.time, 0.0), LARGEST), inputs)
+        step = self._filter.stepped(min(max(time - last.time, 0.0), LARGEST), inputs, temperature)
         return step.estimate[0], TimedTrack(track=self._filter.track, time=time)
 
 
@@ -77,6 +84,7 @@ def as_numbers(last: TimedTrack) -> dict[str, Any]:
         "consistency": asdict(track.consistency),
         "law": law_numbers(track.law),
         "directions": None if track.directions is None else track.directions.tolist(),
+        "warm": warm_numbers(track.warm),
     }
 
 
@@ -93,6 +101,7 @@ def from_numbers(numbers: Mapping[str, Any]) -> TimedTrack:
     directions = numbers["directions"]
     track = FilterTrack(
         law=law_from_numbers(numbers["law"]),
+        warm=warm_from_numbers(numbers["warm"]),
         state=None if state is None else np.array(state, dtype=float).reshape(4),
         since_search=since_search,
         to_return=to_return,
@@ -120,3 +129,27 @@ def law_from_numbers(numbers: Any) -> Law | None:
     mean, covariance, cross = (np.array(part, dtype=float) for part in numbers)
     n = len(mean)
     return Law(mean=mean, covariance=covariance.reshape(n, n), cross=cross.reshape(n, -1))
+
+
+def warm_numbers(warm: WarmSample | None) -> list[Any] | None:
+    """Return ``warm`` as lists of numbers, for :func:`warm_from_numbers`."""
+    return None if warm is None else [part.tolist() for part in (warm.known, warm.amplitude, warm.covariance)]
+
+
+def warm_from_numbers(numbers: Any) -> WarmSample | None:
+    """Return what is known of temperature modes, of :func:`warm_numbers`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        It is of the wrong kind or shape.
+    """
+    if numbers is None:
+        return None
+    known, amplitude, covariance = numbers
+    k = len(amplitude)
+    return WarmSample(
+        known=np.array(known, dtype=bool),
+        amplitude=np.array(amplitude, dtype=float),
+        covariance=np.array(covariance, dtype=float).reshape(k, k),
+    )

@@ -9,13 +9,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.filter.kalman import Law
 from strainfmu.estimator.filter.linear_filter import LinearFilter
 from strainfmu.estimator.filter.settings import LARGEST, FilterSettings
-from strainfmu.estimator.filter.switched import law_from_numbers, law_numbers
+from strainfmu.estimator.filter.switched import law_from_numbers, law_numbers, warm_from_numbers, warm_numbers
 from strainfmu.estimator.filter.warm import WarmSample
 from strainfmu.estimator.load_estimate import LoadEstimate
 from strainfmu.estimator.step import Estimator
@@ -78,11 +76,10 @@ class SwitchedLinearFilter:
 
 def as_numbers(last: TimedLaw) -> dict[str, Any]:
     """Return ``last`` as numbers, lists and None, for :func:`from_numbers`."""
-    warm = last.warm
     return {
         "time": last.time,
         "law": law_numbers(last.law),
-        "warm": None if warm is None else [warm.known.tolist(), warm.amplitude.tolist(), warm.covariance.tolist()],
+        "warm": warm_numbers(last.warm),
     }
 
 
@@ -94,14 +91,5 @@ def from_numbers(numbers: Mapping[str, Any]) -> TimedLaw:
     KeyError, TypeError, ValueError
         A part is missing, or of the wrong kind or shape.
     """
-    law, warm = law_from_numbers(numbers["law"]), numbers["warm"]
-    return TimedLaw(law=law, time=float(numbers["time"]), warm=None if warm is None else _warm(*warm))
-
-
-def _warm(known: list[bool], amplitude: list[float], covariance: list[list[float]]) -> WarmSample:
-    k = len(amplitude)
-    return WarmSample(
-        known=np.array(known, dtype=bool),
-        amplitude=np.array(amplitude, dtype=float),
-        covariance=np.array(covariance, dtype=float).reshape(k, k),
-    )
+    law, warm = law_from_numbers(numbers["law"]), warm_from_numbers(numbers["warm"])
+    return TimedLaw(law=law, time=float(numbers["time"]), warm=warm)

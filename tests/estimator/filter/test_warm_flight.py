@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from flight_fmu import FlightSample, random_flight, whole_map
+from flight_fmu import random_flight, whole_map
 from thermal_maps import REFERENCE, with_temperature
+from warm_flights import warm_flight
 
 from strainfmu.estimator.filter.flight_filter import FlightFilter
 from strainfmu.estimator.filter.settings import FilterSettings
@@ -24,19 +23,6 @@ LINEAR = {"apparent_strain": np.zeros(0), "gauge_factor_slope": 0.0, "modulus_sl
 
 def held_map(**changes: object) -> InverseMap:
     return with_temperature(whole_map(), **changes)
-
-
-def warm_flight(held: InverseMap, steps: int, seed: int) -> tuple[list[FlightSample], np.ndarray]:
-    """Samples of a map with modes, which decay, and temperatures (steps, n_t); sensors have constant errors."""
-    thermal, random = held.thermal, np.random.default_rng(seed)
-    assert thermal is not None
-    start = thermal.prior_std * random.standard_normal(len(thermal.prior_std))
-    amplitude = np.exp(-DT * np.arange(steps))[:, None] * start
-    error = thermal.sensor_std * random.standard_normal(N_T)
-    temperature = thermal.reference_temperature + amplitude @ thermal.sensor_operator.T + error
-    samples = random_flight(whole_map(), steps, seed)
-    strain = amplitude @ thermal.linear_strain.T
-    return [replace(one, strain=one.strain + more) for one, more in zip(samples, strain, strict=True)], temperature
 
 
 def test_without_memory_it_is_the_static_estimator() -> None:
@@ -63,7 +49,8 @@ def test_a_warm_series_is_estimated_better_than_its_samples(read: int) -> None:
     """Against the filter of a cold flight by the map without modes; one sensor is lost half way."""
     held, cold = ManifoldEstimator(held_map(**LINEAR)), ManifoldEstimator(whole_map())
     flight, reference = (FlightFilter(one, FilterSettings(time_constant=1.0)) for one in (held, cold))
-    samples, temperature = warm_flight(held.inverse_map, 40, seed=5)
+    samples = warm_flight(held.inverse_map, 40, seed=5, time_step=DT)
+    temperature = np.array([one.temperature for one in samples])
     temperature[:, read:] = np.nan
     temperature[20:, 1] = np.nan
     apart, alone = [], []
@@ -80,7 +67,8 @@ def test_a_warm_series_is_estimated_better_than_its_samples(read: int) -> None:
 
 def test_lost_sensors_cost_no_memory() -> None:
     estimator = ManifoldEstimator(held_map(**LINEAR))
-    samples, temperature = warm_flight(estimator.inverse_map, 30, seed=6)
+    samples = warm_flight(estimator.inverse_map, 30, seed=6, time_step=DT)
+    temperature = np.array([one.temperature for one in samples])
     temperature[20:] = np.nan
     flight, steps = FlightFilter(estimator, FilterSettings(time_constant=10.0)), []
     for sample, warm in zip(samples, temperature, strict=True):

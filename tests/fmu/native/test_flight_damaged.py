@@ -13,14 +13,16 @@ from c_host import host_by_clang
 from flight_fmu import whole_map
 from raw_fmu import GUID
 from sensor_maps import with_sensors
+from thermal_maps import with_temperature
 
+from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.fmu.native_build import source_files
 from strainfmu.fmu.native_resource import CHECKED_FROM, native_resource
 
 pytestmark = pytest.mark.slow
 
 SECTION_HEADER = 24
-NAMES = (b"FLIGHT\0\0", b"FILTER\0\0", b"SENSORS\0")
+NAMES = (b"FLIGHT\0\0", b"FILTER\0\0", b"SENSORS\0", b"THERMAL\0")
 VALUES = (0.0, -1.0, np.nan, np.inf, 1e300, -1e300, 5e-324, 1e9)
 SIZES = (0, 1, 3, 64, 255, 2**31, 2**32 - 1)
 INPUTS = 40
@@ -47,9 +49,11 @@ def damaged(content: bytes, name: bytes, random: np.random.Generator) -> bytes:
     return bytes(out)
 
 
-@pytest.mark.parametrize("has_sensors", [False, True])
-def test_no_damage_reaches_memory(tmp_path: Path, has_sensors: bool) -> None:
-    whole = with_sensors(whole_map()) if has_sensors else whole_map()
+MAPS = {"gauges": whole_map(), "sensors": with_sensors(whole_map()), "temperature": with_temperature(whole_map())}
+
+
+@pytest.mark.parametrize("whole", MAPS.values(), ids=MAPS)
+def test_no_damage_reaches_memory(tmp_path: Path, whole: InverseMap) -> None:
     content, random = native_resource(whole, GUID), np.random.default_rng(5)
     inputs = [
         content,

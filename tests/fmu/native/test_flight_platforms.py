@@ -12,6 +12,7 @@ from flight_fmu import N_D, random_flight, whole_map
 from native_case import NativeCase
 from raw_fmu import N_OUTPUTS, write_resource
 from sensor_maps import with_sensors
+from thermal_maps import with_temperature
 
 from strainfmu.fmu.native_build import library_file
 from strainfmu.interface.estimator_variables import NOT_KNOWN, estimator_interface
@@ -31,7 +32,11 @@ LINUX = "x86_64-linux-gnu.2.17"
 LESS = ("Nehalem", "Haswell")
 """Processors with SSE2 alone, and with AVX2 but without AVX-512."""
 
-MAPS = {"gauges": whole_map, "further sensors": lambda: with_sensors(whole_map())}
+MAPS = {
+    "gauges": whole_map,
+    "further sensors": lambda: with_sensors(whole_map()),
+    "temperature": lambda: with_temperature(whole_map()),
+}
 
 
 @pytest.fixture(scope="module", params=MAPS)

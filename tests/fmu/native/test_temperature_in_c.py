@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from agreement import Reference, Sample, random_samples
 from damaged_resource import HEAD, refusal, with_flipped_bit, with_value
-from flight_fmu import FIRST, N_D, FlightFmu, FlightSample, check, random_flight, tracked, whole_map
+from flight_fmu import FILTER, N_D, FlightFmu, FlightSample, check, random_flight, tracked, whole_map
 from native_case import NativeCase
 from raw_fmu import OK, REAL_OUTPUTS, Fmu2, Fmu3, first_zero, outputs_of, write_resource
 from scaled_maps import whole_scaled_map
@@ -132,7 +132,7 @@ def test_nonlinear_estimator_as_numpy(tmp_path: Path) -> None:
         temperature = drawn_temperature(thermal, k, random)
         if k % 4 == 3:
             sample.strain[k] += 1e-4  # does not fit: the loads of the linear map
-        assert fmu.set_reals(range(FIRST + 28 + 2 * N_D + 1, FIRST + 28 + 2 * N_D + 1 + N_T), temperature) == OK
+        assert fmu.set_reals(range(FILTER, FILTER + N_T), temperature) == OK
         check(fmu.advance(sample), warmly_tracked(tracker, sample, temperature), 1e-11)
     fmu.free()
 

@@ -1,0 +1,28 @@
+"""Flights while the wall's temperature changes, by small maps with tables and temperature modes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from flight_fmu import FlightSample, random_flight, whole_map
+
+from strainfmu.estimator.inverse_map import InverseMap
+
+
+def warm_flight(held: InverseMap, steps: int, seed: int, time_step: float) -> list[FlightSample]:
+    """Samples of ``held``, of which the modes' amplitudes decay within a second; sensors have constant errors.
+
+    ``time_step`` [s] lies between two of them.
+    """
+    thermal, random = held.thermal, np.random.default_rng(seed)
+    assert thermal is not None
+    start = thermal.prior_std * random.standard_normal(len(thermal.prior_std))
+    amplitude = np.exp(-time_step * np.arange(steps))[:, None] * start
+    error = thermal.sensor_std * random.standard_normal(thermal.n_sensors)
+    temperature = thermal.reference_temperature + amplitude @ thermal.sensor_operator.T + error
+    strain = amplitude @ thermal.linear_strain.T
+    return [
+        replace(one, strain=one.strain + more, temperature=warm)
+        for one, more, warm in zip(random_flight(whole_map(), steps, seed), strain, temperature, strict=True)
+    ]
