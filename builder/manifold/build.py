@@ -15,7 +15,7 @@ from builder.inverse.noise_model import NoiseTerm
 from builder.inverse.solution import Problem
 from builder.manifold.discrepancy import level_error, process_size, tested_shapes
 from builder.manifold.followed_errors import followed_errors
-from builder.manifold.parameter_slopes import FURTHER_PARAMETERS, ParameterSlopes
+from builder.manifold.parameter_slopes import FURTHER_PARAMETERS, ParameterSlopes, compressed
 from builder.manifold.sensor_tables import base_pressure_error, gains_of_sensors, with_base_and_friction
 from builder.manifold.state_tables import state_tables
 from builder.vehicle.file import Vehicle
@@ -79,7 +79,7 @@ def manifold_map(
     if level is not None:
         terms["fraction of the overpressure"] = level
     errors = np.hstack(list(terms.values()))
-    error = _compressed(errors[:n])
+    error = compressed(errors[:n])
     reference, noise = vehicle.reference_quantities(), vehicle.noise
     products, common = followed_errors(vehicle, problem)
     low, high = (1e3 * height for height in vehicle.map.valid_altitude_km)
@@ -141,14 +141,13 @@ def _parameters(slopes: ParameterSlopes | None, terms: dict[str, FloatArray]) ->
     if slopes is None:
         return None
     others = [columns for name, columns in terms.items() if name != FURTHER_PARAMETERS]
-    n_j, n, k = slopes.unit_error.shape
-    unit = _compressed(slopes.unit_error.reshape(n_j * n, k)) if k > n_j * n else slopes.unit_error
+    unit, spread = slopes.compressed_errors()
     return ParameterTables(
         powers=slopes.powers,
         slope=slopes.slope,
-        unit_error=unit.reshape(n_j, n, -1),
-        spread_error=np.stack([_compressed(one) for one in slopes.spread_error]),
-        error=_compressed(np.hstack(others)),
+        unit_error=unit,
+        spread_error=spread,
+        error=compressed(np.hstack(others)),
     )
 
 
@@ -199,14 +198,6 @@ def _spread_of_flows(ensemble: Ensemble, operator: FloatArray) -> FloatArray:
         return np.asarray((np.sqrt(weight)[:, None] * (response - weight @ response)).T / pressure)
     modes = rolled_modes(ensemble, None)
     return np.asarray(operator @ (modes.modes * modes.coefficient_std()) / pressure)
-
-
-def _compressed(columns: FloatArray) -> FloatArray:
-    """Return at most as many columns as rows with the same covariance."""
-    size = np.linalg.norm(columns, axis=1, keepdims=True)
-    size[size == 0.0] = 1.0
-    upper = np.asarray(np.linalg.qr((columns / size).T, mode="r"))
-    return np.asarray(size * upper.T)
 
 
 def _scaled_nuisance(nuisance: Sequence[NoiseTerm], problem: Problem) -> dict[str, FloatArray]:

@@ -66,6 +66,20 @@ class ParameterSlopes:
     unit_error: FloatArray
     spread_error: list[FloatArray]
 
+    def compressed_errors(self) -> tuple[FloatArray, FloatArray]:
+        """Return unit errors (J, n, k) and spread errors (n_p, n, k) in as few columns as their rows allow."""
+        n_j, n, k = self.unit_error.shape
+        unit = compressed(self.unit_error.reshape(n_j * n, k)) if k > n_j * n else self.unit_error
+        return unit.reshape(n_j, n, -1), np.stack([compressed(one) for one in self.spread_error])
+
+
+def compressed(columns: FloatArray) -> FloatArray:
+    """Return at most as many columns as rows with the same covariance."""
+    size = np.linalg.norm(columns, axis=1, keepdims=True)
+    size[size == 0.0] = 1.0
+    upper = np.asarray(np.linalg.qr((columns / size).T, mode="r"))
+    return np.asarray(size * upper.T)
+
 
 def condition_slopes(off: FloatArray, parameters: Sequence[tuple[float, ...]]) -> ConditionSlopes:
     """Return the slopes of ``off`` (n_M, n_a, n_b, n_k, n), whose mean over the n_k ``parameters`` is 0."""

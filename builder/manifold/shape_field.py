@@ -10,9 +10,10 @@ from builder.campaign.snapshots import Snapshots
 from builder.inverse.solution import Problem
 from builder.manifold.condition_tables import condition_tables
 from builder.manifold.discrepancy import corrects_level, process_size
+from builder.manifold.parameter_slopes import ParameterSlopes
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.manifold.shape_field import ShapeField
+from strainfmu.estimator.manifold.shape_field import FieldParameters, ShapeField
 
 _NEGLIGIBLE = 1e-3
 """Singular value, relative to the largest, below which a mode of the snapshots is left out."""
@@ -53,6 +54,17 @@ def shape_field(
         amplitude=found.coefficients,
         strain_covariance=covariance.astype(np.float32),
         error_std=np.sqrt(variance),
+        parameters=_parameters(found.slopes, problem.strain_operator @ modes),
+    )
+
+
+def _parameters(slopes: ParameterSlopes | None, strain: FloatArray) -> FieldParameters | None:
+    """Return the ``slopes`` of modes whose strain per p_inf is ``strain`` (n_d, n_q)."""
+    if slopes is None:
+        return None
+    unit, spread = slopes.compressed_errors()
+    return FieldParameters(
+        slope=slopes.slope.astype(np.float32), unit_error=unit, spread_error=spread, strain=strain
     )
 
 

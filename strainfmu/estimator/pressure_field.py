@@ -36,6 +36,8 @@ class FieldInputs:
     strain : (k, n_d) [m/m].
     dynamic_pressure, dynamic_pressure_std : (k,) q_inf and its standard deviation [Pa], NaN where not known.
     static_pressure, static_pressure_std : the same of p_inf by navigation.
+    parameter_value, parameter_std : (k, n_p) of what is known of further parameters of the flow with a deviation,
+        NaN of all else.
     """
 
     inverse_map: InverseMap
@@ -44,6 +46,8 @@ class FieldInputs:
     dynamic_pressure_std: FloatArray
     static_pressure: FloatArray
     static_pressure_std: FloatArray
+    parameter_value: FloatArray
+    parameter_std: FloatArray
 
     def of_sample(self, sample: int) -> FieldInputs:
         """Return the inputs of one sample, arrays without the axis of the samples."""
@@ -54,6 +58,8 @@ class FieldInputs:
             dynamic_pressure_std=self.dynamic_pressure_std[sample],
             static_pressure=self.static_pressure[sample],
             static_pressure_std=self.static_pressure_std[sample],
+            parameter_value=self.parameter_value[sample],
+            parameter_std=self.parameter_std[sample],
         )
 
 

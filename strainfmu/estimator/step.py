@@ -282,6 +282,9 @@ class Estimator:
             dynamic_pressure_std=std,
             static_pressure=unknown,
             static_pressure_std=unknown,
+            # The linear estimate takes their values alone.
+            parameter_value=np.full((len(d), len(self.parameters.names)), np.nan),
+            parameter_std=np.full((len(d), len(self.parameters.names)), np.nan),
         )
 
     def _fill(

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 from deflected_shape import NAME, known_map
@@ -25,7 +26,7 @@ def readings() -> np.ndarray:
     return np.asarray(evaluate(at.tables, STATE[None]).value[0, :N_D])
 
 
-def estimated(folder: Path, columns: dict[str, float], **options: float) -> np.ndarray:
+def estimated(folder: Path, columns: dict[str, float], **options: object) -> np.ndarray:
     """Return C_l and its deviation (2, 3) of three samples with further ``columns``."""
     strain = readings()
     names = [
@@ -38,8 +39,8 @@ def estimated(folder: Path, columns: dict[str, float], **options: float) -> np.n
     rows = [[0.01 * i, *strain, Q, 6.5, *columns.values()] for i in range(3)]
     text = [",".join(names), *(",".join(f"{one:.12g}" for one in row) for row in rows)]
     (folder / "flight.csv").write_text("\n".join(text) + "\n", encoding="utf-8")
-    save_inverse_map(known_map(), folder / "map.h5")
-    estimate_file(folder / "map.h5", folder / "flight.csv", folder / "loads.csv", **options)
+    save_inverse_map(known_map(keep_field="field_output" in options), folder / "map.h5")
+    estimate_file(folder / "map.h5", folder / "flight.csv", folder / "loads.csv", **options)  # type: ignore[arg-type]  # kinds by name
     table = np.genfromtxt(folder / "loads.csv", delimiter=",", names=True, deletechars="", replace_space=" ")
     return np.array([table["M_R [1]"], table["sigma.M_R [1]"]])
 
@@ -59,3 +60,12 @@ def test_a_column_of_deviations_sharpens_the_filter(tmp_path: Path, smooth: bool
     alone = estimated(tmp_path, {NAME: 1.0}, time_constant=1.0, smooth=smooth)
     found = estimated(tmp_path, {NAME: 1.0, f"{NAME}_std": 0.05}, time_constant=1.0, smooth=smooth)
     assert np.all(found[1] < 0.7 * alone[1])
+
+
+def test_a_column_of_deviations_sharpens_the_pressure_field(tmp_path: Path) -> None:
+    std = []
+    for columns in ({NAME: 1.0}, {NAME: 1.0, f"{NAME}_std": 0.05}):
+        estimated(tmp_path, columns, field_output=tmp_path / "field.vtkhdf")
+        with h5py.File(tmp_path / "field.vtkhdf") as file:
+            std.append(np.mean(file["VTKHDF/PointData/sigma_pressure"][:]))
+    assert std[1] < 0.4 * std[0]

@@ -44,7 +44,8 @@ def snapshots_of_grid() -> Snapshots:
 
 
 @cache
-def known_map() -> InverseMap:
-    vehicle, snapshots = shape_vehicle(discrepancy_of_prior_percent=0.1), snapshots_of_grid()
+def known_map(keep_field: bool = False) -> InverseMap:
+    vehicle = shape_vehicle(discrepancy_of_prior_percent=0.1, keep_field=keep_field)
+    snapshots = snapshots_of_grid()
     structure = shape_structure(snapshots.surface)
     return with_manifold(build_inverse_map(vehicle, snapshots, structure), vehicle, snapshots, structure)

@@ -208,7 +208,8 @@ class ManifoldEstimator:
             parts.append(
                 (rows, known._searched(of_rows) if known is self else known._from(found.state[rows], of_rows))
             )
-        return cast(FlightEstimates, scattered(parts, len(inputs.strain)))
+        known_found = cast(FlightEstimates, scattered(parts, len(inputs.strain)))
+        return replace(known_found, field_inputs=self._field_inputs(inputs))
 
     def _from(self, state: FloatArray, inputs: EstimatorInputs) -> FlightEstimates:
         """Return the estimates of ``inputs`` from ``state`` (k, 4)."""
@@ -370,6 +371,8 @@ class ManifoldEstimator:
             dynamic_pressure_std=std[:, 2],
             static_pressure=value[:, 1],
             static_pressure_std=std[:, 1],
+            parameter_value=inputs.parameter_value,
+            parameter_std=inputs.parameter_std,
         )
 
     def _air_data(self, found: FlightSolution, used: BoolArray, predicted: bool) -> AirData:

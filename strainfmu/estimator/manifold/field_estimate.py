@@ -17,10 +17,11 @@ from strainfmu.estimator.manifold.flight_field import FlightField
 from strainfmu.estimator.manifold.flight_tables import LOG_PRESSURE, MACH, MIN_INCIDENCE, U, W, evaluate
 from strainfmu.estimator.manifold.gauss_newton import strain_factor
 from strainfmu.estimator.manifold.manifold_map import ManifoldMap
-from strainfmu.estimator.manifold.shape_field import ShapeField
+from strainfmu.estimator.manifold.parameter_tables import with_known
+from strainfmu.estimator.manifold.shape_field import ShapeField, field_with_known
 from strainfmu.estimator.manifold.solve import lognormal_std
 from strainfmu.estimator.manifold.spline import local_basis
-from strainfmu.estimator.pressure_field import PressureField, unknown_field
+from strainfmu.estimator.pressure_field import FieldInputs, PressureField, unknown_field
 
 MIN_LEFT = 0.05
 """Least part of the variance of pressure off the tables that strain leaves: C holds its low harmonics alone."""
@@ -36,6 +37,7 @@ def pressure_of(estimate: FlightEstimate, with_std: bool = True) -> PressureFiel
     if not np.any(estimate.valid):
         return unknown_field(field.n_nodes, is_net=False)
     if not estimate.is_linear:
+        manifold, field = _at_parameters(manifold, field, inputs)
         return flight_pressure(
             manifold,
             field,
@@ -53,6 +55,18 @@ def pressure_of(estimate: FlightEstimate, with_std: bool = True) -> PressureFiel
         ambient = float(np.exp(estimate.state[LOG_PRESSURE]))
         std = ambient * float(np.sqrt(estimate.state_covariance[LOG_PRESSURE, LOG_PRESSURE]))
     return PressureField(pressure=found.pressure + ambient, std=np.hypot(found.std, std), is_net=False)
+
+
+def _at_parameters(
+    manifold: ManifoldMap, field: FlightField | ShapeField, inputs: FieldInputs
+) -> tuple[ManifoldMap, FlightField | ShapeField]:
+    """Return tables and field for what ``inputs`` of one sample know of further parameters of the flow."""
+    value, std, tables = inputs.parameter_value, inputs.parameter_std, manifold.parameters
+    if tables is None or not isinstance(field, ShapeField) or field.parameters is None:
+        return manifold, field
+    if not np.isfinite(std).any():
+        return manifold, field
+    return with_known(manifold, value, std), field_with_known(field, tables.powers, value, std)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

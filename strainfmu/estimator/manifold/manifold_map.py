@@ -126,6 +126,10 @@ class ManifoldMap:
         if self.parameters is not None:
             n_further = 0 if self.further is None else len(self.further.variance)
             self.parameters.check(self.response.shape, n_further)
+        held = None if self.shape_field is None else self.shape_field.parameters
+        powers = None if self.parameters is None else self.parameters.powers
+        if held is not None and (powers is None or len(held.unit_error) != len(powers.power)):
+            raise InputError("shape_field: parameters: expected those of the tables of strain")
 
     def _check_field(self) -> None:
         held = self.surface_field

@@ -101,8 +101,55 @@ class ParameterTables:
 UNITS = dict.fromkeys(("slope", "unit_error", "spread_error", "error"), "1/Pa, m2, m3")
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class KnownPowers:
+    """What is known of the J powers of n_p parameters.
+
+    Attributes
+    ----------
+    powers : of the parameters.
+    shift : (J,) each power that is known, less its mean [1].
+    weight : (n_p,) of a stated value against the spread, 0 where nothing is known.
+    derivative : (J,) of each power by z about what is known.
+    """
+
+    powers: Powers
+    shift: FloatArray
+    weight: FloatArray
+    derivative: FloatArray
+
+    def errors(self, unit_error: FloatArray, spread_error: FloatArray) -> list[FloatArray]:
+        """Return the columns (n, k) that are left of those of one unit of each power (J, n, k) and of the spread
+        of each parameter (n_p, n, k).
+
+        What a deviation leaves is in proportion to it about a value well known, and the spread of one that is not.
+        """
+        found = []
+        for parameter, part in enumerate(self.weight.tolist()):
+            own = self.powers.parameter == parameter
+            by_one = self.derivative[own] * np.sqrt(part * (1.0 - part))
+            found += [np.tensordot(by_one, unit_error[own], 1), (1.0 - part) * spread_error[parameter]]
+        return found
+
+
+def known_powers(powers: Powers, value: FloatArray, std: FloatArray) -> KnownPowers:
+    """Return what is known of ``powers``; ``value`` and ``std`` as of :func:`with_known`."""
+    variance = powers.spread**2
+    known = np.isfinite(value) & np.isfinite(std) & (variance > 0.0)
+    with np.errstate(over="ignore"):  # of a deviation so large that nothing is known
+        weight = np.where(known, variance / np.where(known, variance + std**2, 1.0), 0.0)
+    middle = (powers.mean + weight * np.where(known, value - powers.mean, 0.0))[None]
+    return KnownPowers(
+        powers=powers,
+        shift=np.where(known[powers.parameter], powers.change(middle, 1.0 - weight)[0], 0.0),
+        weight=weight,
+        derivative=powers.derivative(middle)[0],
+    )
+
+
 def with_known(manifold: ManifoldMap, value: FloatArray, std: FloatArray) -> ManifoldMap:
-    """Return the tables and errors of ``manifold`` where parameters are known.
+    """Return the tables and errors of ``manifold`` where parameters are known; the pressure on the surface stays
+    as it is, see :func:`~strainfmu.estimator.manifold.shape_field.field_with_known`.
 
     Parameters
     ----------
@@ -110,20 +157,9 @@ def with_known(manifold: ManifoldMap, value: FloatArray, std: FloatArray) -> Man
     """
     tables = manifold.parameters
     assert tables is not None
-    powers = tables.powers
-    variance = powers.spread**2
-    known = np.isfinite(value) & np.isfinite(std) & (variance > 0.0)
-    with np.errstate(over="ignore"):  # of a deviation so large that nothing is known
-        weight = np.where(known, variance / np.where(known, variance + std**2, 1.0), 0.0)
-    middle = (powers.mean + weight * np.where(known, value - powers.mean, 0.0))[None]
-    shift = np.where(known[powers.parameter], powers.change(middle, 1.0 - weight)[0], 0.0)
-    errors = [tables.error]
-    # What the deviation leaves is in proportion to it about a value well known, and the spread of one that is not.
-    for parameter, part in enumerate(weight.tolist()):
-        own = powers.parameter == parameter
-        by_one = powers.derivative(middle)[0, own] * np.sqrt(part * (1.0 - part))
-        errors += [np.tensordot(by_one, tables.unit_error[own], 1), (1.0 - part) * tables.spread_error[parameter]]
-    return _changed(manifold, np.tensordot(tables.slope, shift, axes=(2, 0)), np.hstack(errors))
+    known = known_powers(tables.powers, value, std)
+    errors = [tables.error, *known.errors(tables.unit_error, tables.spread_error)]
+    return _changed(manifold, np.tensordot(tables.slope, known.shift, axes=(2, 0)), np.hstack(errors))
 
 
 def without_known(manifold: ManifoldMap) -> ManifoldMap:

@@ -1,0 +1,125 @@
+"""Further parameters of the flow that are known with a deviation sharpen the pressure on the surface."""
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from deflected_shape import NAME, deflected, known_map, snapshots_of_grid
+from shape_case import flown, grid_conditions, shape_structure
+
+from builder.campaign.snapshots import Snapshots
+from strainfmu.errors import InputError
+from strainfmu.estimator.filter.flight_filter import FlightFilter
+from strainfmu.estimator.filter.settings import FilterSettings
+from strainfmu.estimator.inverse_map import load_inverse_map, save_inverse_map
+from strainfmu.estimator.manifold.estimator import ManifoldEstimator
+from strainfmu.estimator.manifold.field_estimate import table_pressure
+from strainfmu.estimator.manifold.flight_estimate import FlightEstimates
+from strainfmu.estimator.manifold.manifold_map import ManifoldMap
+from strainfmu.estimator.manifold.shape_field import ShapeField, field_with_known
+from strainfmu.estimator.pressure_field import PressureField
+
+STD = 0.05
+
+
+def held() -> tuple[ManifoldMap, ShapeField]:
+    manifold = known_map(keep_field=True).manifold
+    assert manifold is not None
+    assert manifold.shape_field is not None
+    return manifold, manifold.shape_field
+
+
+@cache
+def flights() -> tuple[Snapshots, np.ndarray, dict[str, np.ndarray]]:
+    """Return flights at random deflections, what the gauges read, and navigation."""
+    random = np.random.default_rng(3)
+    conditions = grid_conditions(mach=(6.2, 6.8), alpha=(-3.0, 1.0, 2.5), beta=(-1.5, 0.4))
+    snapshots = deflected(flown(conditions), random.uniform(-4.0, 4.0, len(conditions)))
+    net = snapshots.pressure - snapshots.internal_pressure[:, None]
+    strain = net @ shape_structure(snapshots.surface).strain_operator("four_rows").T
+    names = "dynamic_pressure", "mach_number"
+    flow = {name: np.array([getattr(one, name) for one in snapshots.conditions()]) for name in names}
+    return snapshots, strain + known_map(keep_field=True).noise_std * random.standard_normal(strain.shape), flow
+
+
+def estimated(**known: object) -> FlightEstimates:
+    _, strain, flow = flights()
+    found = ManifoldEstimator(known_map(keep_field=True)).estimate(strain, **flow, **known)  # type: ignore[arg-type]  # kinds by name
+    assert isinstance(found, FlightEstimates)
+    return found
+
+
+def fields(found: FlightEstimates) -> list[PressureField]:
+    return [found[row].pressure() for row in range(len(found))]
+
+
+def deflection() -> np.ndarray:
+    return flights()[0].condition[:, -1]
+
+
+def test_tables_at_a_known_value_pass_through_its_snapshots() -> None:
+    (manifold, field), snapshots = held(), snapshots_of_grid()
+    assert manifold.parameters is not None
+    for row in (0, 40, 140, 330):
+        condition, true = snapshots.conditions()[row], snapshots.pressure[row]
+        incidence, roll = condition.total_incidence, condition.leeward_roll_angle
+        state = np.array([condition.mach_number, incidence * np.cos(roll), incidence * np.sin(roll), 0.0])
+        state[3] = np.log(condition.ambient_pressure)
+        at = field_with_known(field, manifold.parameters.powers, np.array(condition.parameters), np.zeros(1))
+        off, of_mean = (np.abs(table_pressure(manifold, one, state).value - true).max() for one in (at, field))
+        assert off < 5e-3 * true.max()
+        if condition.parameters[0] != 0.0:
+            assert of_mean > 10.0 * off
+
+
+def test_a_known_deflection_sharpens_the_pressure_of_every_sample() -> None:
+    true = flights()[0].pressure
+    known = fields(estimated(parameters={NAME: deflection()}, parameters_std={NAME: STD}))
+    blind = fields(estimated())
+    rms, size = [], []
+    for found in (known, blind):
+        error, std = np.array([one.pressure for one in found]) - true, np.array([one.std for one in found])
+        assert np.mean(np.abs(error) <= 3.0 * std) >= 0.99
+        rms.append(np.sqrt(np.mean(error**2)))
+        size.append(np.sqrt(np.mean(std**2)))
+    assert rms[0] < 0.65 * rms[1]
+    assert size[0] < 0.4 * size[1]
+
+
+def test_a_value_of_a_boundless_deviation_changes_nothing() -> None:
+    boundless = fields(estimated(parameters={NAME: deflection()}, parameters_std={NAME: 1e9}))
+    for one, other in zip(boundless, fields(estimated()), strict=True):
+        np.testing.assert_allclose(one.pressure, other.pressure, rtol=1e-5)
+        np.testing.assert_allclose(one.std, other.std, rtol=1e-4)
+
+
+def test_a_filtered_sample_and_one_of_a_file_hold_it_too(tmp_path: Path) -> None:
+    save_inverse_map(known_map(keep_field=True), tmp_path / "map.h5")
+    (_, strain, flow), whole = flights(), estimated(parameters={NAME: deflection()}, parameters_std={NAME: STD})
+    expected = whole[3].pressure()
+    found = FlightFilter(
+        ManifoldEstimator(load_inverse_map(tmp_path / "map.h5")), FilterSettings(time_constant=1e-9)
+    )
+    for _ in range(4):
+        one = found.step(
+            0.01,
+            strain[3],
+            float(flow["dynamic_pressure"][3]),
+            mach_number=float(flow["mach_number"][3]),
+            parameters={NAME: deflection()[3]},
+            parameters_std={NAME: STD},
+        )
+    np.testing.assert_allclose(one.pressure().pressure, expected.pressure, rtol=1e-4)
+    np.testing.assert_allclose(one.pressure().std, expected.std, rtol=1e-3)
+    np.testing.assert_allclose(one.pressure(with_std=False).pressure, one.pressure().pressure, rtol=1e-9)
+
+
+def test_parameters_of_other_tables_are_refused() -> None:
+    manifold, field = held()
+    assert field.parameters is not None
+    with pytest.raises(InputError, match="expected those of the tables of strain"):
+        replace(manifold, parameters=None)
+    with pytest.raises(InputError, match="shape_field: slope: expected"):
+        replace(field, parameters=replace(field.parameters, slope=field.parameters.slope[:, :, :1]))
