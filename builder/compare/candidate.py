@@ -40,12 +40,14 @@ class Answer:
     Attributes
     ----------
     coefficients, std : (k, 5) with one standard deviation, or a third of a band for 3 sigma.
+    rolling : (k, 2) M_R and its deviation [1]; None where it is not estimated.
     air_data : (k, 5) of :data:`AIR_DATA` [rad, rad, 1, Pa, Pa], NaN for what is not estimated; None for none.
     field : (k, n_p) pressure at the nodes of the map [Pa]; None for none.
     """
 
     coefficients: FloatArray
     std: FloatArray
+    rolling: FloatArray | None = None
     air_data: FloatArray | None = None
     field: FloatArray | None = None
 
@@ -82,7 +84,9 @@ class LinearCandidate:
         assert isinstance(found, LoadEstimates)
         is_known = navigation == GIVEN or not self.inverse_map.field_is_net
         field = estimated_fields(found, read.static_pressure) if is_known else None
-        return Answer(coefficients=found.coefficients, std=found.coefficients_std, field=field)
+        return Answer(
+            coefficients=found.coefficients, std=found.coefficients_std, rolling=_rolling(found), field=field
+        )
 
     def step_microseconds(self, read: Readings, navigation: str) -> float:
         """Return the median time of a step."""
@@ -119,6 +123,7 @@ class ManifoldCandidate:
         return Answer(
             coefficients=found.coefficients,
             std=found.coefficients_std,
+            rolling=_rolling(found),
             air_data=found.air_data.value[:, columns],
             field=estimated_fields(found, read.static_pressure),
         )
@@ -139,6 +144,12 @@ class ManifoldCandidate:
             )
 
         return median_microseconds(step)
+
+
+def _rolling(found: LoadEstimates) -> FloatArray | None:
+    if not found.further_coefficients.shape[-1]:
+        return None
+    return np.column_stack([found.M_R, found.sigma.M_R])
 
 
 def median_microseconds(step: Callable[[], object]) -> float:

@@ -9,9 +9,9 @@ from math import cos, hypot, radians
 import numpy as np
 
 from builder.truth.as_built import AsBuilt, drawn, exactly_built
+from builder.truth.flights import Flights
 from builder.truth.flows import with_knots
-from builder.truth.held_out import largest_incidence
-from builder.truth.strain import TrueFlights, TrueStructure, some_flights, true_strain
+from builder.truth.held_out import conditions_in_ranges, largest_incidence
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map_options import MapEntry
 from strainfmu.arrays import FloatArray
@@ -68,7 +68,7 @@ def with_errors(vehicle: Vehicle, errors: str, case: int) -> Vehicle:
     entry.update(
         case=case,
         form="dynamic_pressure",
-        symmetry="full",
+        symmetry="full" if vehicle.is_of_revolution else "listed",
         estimator="manifold",
         gamma=1.0,
         keep_field=True,
@@ -115,7 +115,12 @@ def altitudes(vehicle: Vehicle) -> tuple[float, float]:
 
 
 def random_conditions(vehicle: Vehicle, count: int, random: np.random.Generator) -> list[FlightCondition]:
-    """Return conditions uniform in Mach number, altitude and both angles, or in the disc of total incidence."""
+    """Return conditions uniform in Mach number, altitude and both angles, or in the disc of total incidence.
+
+    Of another shape than a profile they are uniform in the ranges of the file, further parameters too.
+    """
+    if not vehicle.is_of_revolution:
+        return conditions_in_ranges(vehicle, altitudes(vehicle), count, random)
     listed, (bottom, top) = vehicle.conditions.mach_number, altitudes(vehicle)
     angle, found = drawn_angle(vehicle), list[FlightCondition]()
     largest = largest_incidence(vehicle)
@@ -134,8 +139,11 @@ def random_conditions(vehicle: Vehicle, count: int, random: np.random.Generator)
 def example_conditions(vehicle: Vehicle) -> list[FlightCondition]:
     """Return :data:`EXAMPLE_DRAWS` times one condition that linear maps find hard: M5, a6, b6 of the source.
 
-    On other vehicles it is the least Mach number, and three quarters of the largest angles that are drawn.
+    On other vehicles it is the least Mach number, and three quarters of the largest angles that are drawn; of
+    another shape than a profile three quarters of the way from the middle of each range to its end.
     """
+    if not vehicle.is_of_revolution:
+        return [_example_of_shape(vehicle)] * EXAMPLE_DRAWS
     angle, (bottom, top) = drawn_angle(vehicle), altitudes(vehicle)
     half = 0.75 * (largest_incidence(vehicle) / np.sqrt(2.0) if angle is None else angle)
     one = FlightCondition(
@@ -145,6 +153,15 @@ def example_conditions(vehicle: Vehicle) -> list[FlightCondition]:
         altitude=float(np.clip(EXAMPLE_ALTITUDE, bottom, top)),
     )
     return [one] * EXAMPLE_DRAWS
+
+
+def _example_of_shape(vehicle: Vehicle) -> FlightCondition:
+    entry, (bottom, top) = vehicle.conditions, altitudes(vehicle)
+    listed = [entry.angle_of_attack_deg, entry.sideslip_angle_deg]
+    listed += [one.values for one in entry.parameters.values()]
+    alpha, beta, *parameters = (0.125 * min(one) + 0.875 * max(one) for one in listed)
+    altitude = float(np.clip(EXAMPLE_ALTITUDE, bottom, top))
+    return FlightCondition(min(entry.mach_number), radians(alpha), radians(beta), altitude, tuple(parameters))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -173,8 +190,7 @@ class Readings:
 
 def readings(
     vehicle: Vehicle,
-    structure: TrueStructure,
-    flights: TrueFlights,
+    flights: Flights,
     *,
     errors: str,
     noise_std: FloatArray,
@@ -194,7 +210,7 @@ def readings(
         for rows in groups:
             built: AsBuilt = exactly_built(n_d) if exact else drawn(navigation, n_d, random)
             own = slice(int(rows[0]), int(rows[-1]) + 1)
-            strain[own] = true_strain(structure, some_flights(flights, own), built)
+            strain[own] = flights.read(built, own)
             dynamic[own] *= 1.0 + float(built.dynamic_pressure)
         pressure_error = 0.01 * navigation.navigation_static_pressure_percent * random.standard_normal(k)
         yield Readings(

@@ -10,29 +10,25 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from builder.campaign.journal import Journal
 from builder.compare.aims import Aim, aims
 from builder.compare.candidate import GIVEN
-from builder.compare.flights import Effort, vehicle_that_flies
+from builder.compare.flights import Effort
+from builder.compare.flown import FLOWS, flown_pair, make_flows
 from builder.compare.rivals import RIVALS
 from builder.compare.score import AIR_DATA_KEYS
 from builder.compare.trial import Trial, all_entries
 from builder.figures.canvas import save
 from builder.figures.compare import compare_figure
-from builder.pipeline.map_files import make_map_parts, map_parts, true_structure_of
+from builder.pipeline.map_files import make_map_parts, map_parts
 from builder.pipeline.pipeline import FilesGiven, Pipeline
 from builder.pipeline.stages import check_before_long_work
 from builder.pipeline.used_files import SNAPSHOTS, STRUCTURE, open_pipeline
 from builder.reporting import Reporter
-from builder.structure.fourier.model import refuse_beyond_fourier
-from builder.truth import flow_table as flow_table_file
-from builder.truth.flow_table import load_flow_table, save_flow_table
-from builder.truth.flows import independent_flows, truth_inputs
+from builder.truth.independent_model import refuse_without_independent_model
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
-from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
 from strainfmu.files import write_bytes_atomically
 
-FLOWS, JSON, CSV, FIGURE = "compare_flows.h5", "compare.json", "compare.csv", "compare.png"
+JSON, CSV, FIGURE = "compare.json", "compare.csv", "compare.png"
 
 VERSION = 5
 """Raised whenever the scores change otherwise than by their inputs, so that they are made again."""
@@ -66,24 +62,24 @@ def run_compare(
 ) -> CompareResult:
     """Score every estimator on the same readings; write ``compare.json``, ``.csv`` and ``.png`` to ``folder``.
 
-    Readings are those of the independent model, whose structure is the Fourier model whatever the maps are built
-    on. Without scikit-learn its estimators are left out, with a note.
+    Readings are those of the independent model. Of a body of revolution its structure is the Fourier model,
+    whatever the maps are built on; of any other shape another mesh. Without scikit-learn its estimators are left
+    out, with a note.
 
     Raises
     ------
     InputError
-        The vehicle file, or a file it names, is wrong; the body is no body of revolution; or the independent model
-        cannot represent it.
+        The vehicle file, or a file it names, is wrong; or there is no independent model of it.
     StrainfmuError
         A file could not be written.
     """
     effort = effort or Effort()
     pipeline, conditions = open_pipeline(load_vehicle(vehicle_path), folder, reporter, given or FilesGiven())
-    refuse_beyond_fourier(pipeline.vehicle, [pipeline.vehicle.gauges.layout])
+    refuse_without_independent_model(pipeline.flown or pipeline.vehicle)
     check_before_long_work(pipeline.vehicle, conditions)
     make_map_parts(pipeline)
     vehicle = pipeline.flown or pipeline.vehicle
-    _flows(pipeline, vehicle)
+    make_flows(pipeline, vehicle, effort)
     _scores(pipeline, vehicle, effort)
     entries = json.loads(pipeline.path(JSON).read_text(encoding="utf-8"))
     pipeline.make(
@@ -102,18 +98,6 @@ def run_compare(
     )
 
 
-def _flows(pipeline: Pipeline, vehicle: Vehicle) -> None:
-    flies = vehicle_that_flies(vehicle)
-
-    def write(path: Path) -> None:
-        with Journal(path) as journal:
-            save_flow_table(independent_flows(flies, pipeline.reporter, journal), path)
-            journal.remove()
-
-    inputs = {"schema_version": flow_table_file.SCHEMA_VERSION, **truth_inputs(flies)}
-    pipeline.make(FLOWS, "flows of the independent model between the conditions of the map", inputs, write)
-
-
 def _scores(pipeline: Pipeline, vehicle: Vehicle, effort: Effort) -> None:
     has_rivals = find_spec("sklearn") is not None
     if not has_rivals:
@@ -121,12 +105,13 @@ def _scores(pipeline: Pipeline, vehicle: Vehicle, effort: Effort) -> None:
 
     def write(path: Path) -> None:
         snapshots, structure = map_parts(pipeline)
+        flights = flown_pair(pipeline, vehicle, structure, effort)
         trial = Trial(
             vehicle=vehicle,
             snapshots=snapshots,
             structure=structure,
-            truth=true_structure_of(pipeline),
-            table=load_flow_table(pipeline.path(FLOWS)),
+            flown=flights.flown,
+            example=flights.example,
             effort=effort,
             has_rivals=has_rivals,
         )
@@ -148,8 +133,8 @@ def _scores(pipeline: Pipeline, vehicle: Vehicle, effort: Effort) -> None:
 def table_csv(entries: list[dict[str, Any]]) -> str:
     """Return the table of ``compare.json`` as CSV: a row per estimator, errors and navigation."""
     columns = {
-        **{f"rms_{name}": ("rms", name) for name in COEFFICIENT_NAMES},
-        **{f"coverage_percent_{name}": ("coverage_percent", name) for name in COEFFICIENT_NAMES},
+        **{f"rms_{name}": ("rms", name) for name in entries[0]["rms"]},
+        **{f"coverage_percent_{name}": ("coverage_percent", name) for name in entries[0]["coverage_percent"]},
         **{f"p95_{name}": ("air_data_p95", name) for name in AIR_DATA_KEYS},
     }
     plain = (

@@ -11,7 +11,8 @@ import numpy as np
 from builder.compare.candidate import AIR_DATA, Answer, Candidate
 from builder.compare.field import field_errors
 from builder.compare.flights import Readings
-from builder.truth.strain import TrueFlights
+from builder.pipeline.flight_score import ROLLING
+from builder.truth.flights import Flights
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
 from strainfmu.flight_condition import FlightCondition
@@ -44,24 +45,34 @@ AIR_DATA_KEYS = (
 class Tally:
     """Errors of one estimator, block after block: coefficients, whether inside the band, field, air data.
 
-    ``tenths`` holds the tenth of every flight, 0 to 9: by total incidence and by Mach number.
+    ``names`` are those of the coefficients. ``tenths`` holds the tenth of every flight, 0 to 9: by total incidence
+    and by Mach number.
     """
 
+    names: tuple[str, ...] = COEFFICIENT_NAMES
     error: list[FloatArray] = field(default_factory=list)
     covered: list[FloatArray] = field(default_factory=list)
     of_field: list[FloatArray] = field(default_factory=list)
     air: list[FloatArray] = field(default_factory=list)
     tenths: dict[str, list[IntArray]] = field(default_factory=lambda: {name: [] for name in TENTHS_BY})
 
-    def add(self, answer: Answer, flights: TrueFlights, true_field: FloatArray) -> None:
+    def add(self, answer: Answer, flights: Flights, true_field: FloatArray) -> None:
         """Count ``answer`` to ``flights`` of k conditions, whose field is ``true_field`` (k, ..) [Pa]."""
-        error = answer.coefficients - flights.coefficients
+        error, std = answer.coefficients - flights.coefficients, answer.std
+        if flights.rolling is not None:
+            unknown = np.full((len(error), 2), np.nan)
+            rolling = unknown if answer.rolling is None else answer.rolling
+            error = np.column_stack([error, rolling[:, 0] - flights.rolling])
+            std = np.column_stack([std, rolling[:, 1]])
         self.error.append(error)
         for name, by in TENTHS_BY.items():
             self.tenths[name].append(tenths(np.array([by(one) for one in flights.conditions])))
         with np.errstate(invalid="ignore"):
-            inside = np.abs(error) <= SIGMAS * answer.std  # false where there is no estimate
-        self.covered.append(inside.astype(np.float64))
+            inside = np.abs(error) <= SIGMAS * std  # false where there is no estimate
+        covered = inside.astype(np.float64)
+        if answer.rolling is None:
+            covered[:, len(COEFFICIENT_NAMES) :] = np.nan  # not asked for
+        self.covered.append(covered)
         if answer.field is not None:
             self.of_field.append(field_errors(answer.field, true_field))
         if answer.air_data is not None:
@@ -70,15 +81,16 @@ class Tally:
     def entry(self) -> dict[str, Any]:
         """Return the scores as numbers; None where the estimator has none."""
         error, covered = np.concatenate(self.error), np.concatenate(self.covered)
-        rms = np.sqrt(np.nanmean(error * error, axis=0)) if np.isfinite(error).any() else np.full(5, np.nan)
+        rms = _rms(error)
         of_field = 100.0 * np.concatenate(self.of_field) if self.of_field else None
         air = np.concatenate(self.air) if self.air else np.full((1, len(AIR_DATA)), np.nan)
         return {
-            "rms": _named(COEFFICIENT_NAMES, rms),
+            "rms": _named(self.names, rms),
             "rms_of_tenths": {
-                name: rms_of_tenths(error, np.concatenate(number)) for name, number in self.tenths.items()
+                name: rms_of_tenths(error, np.concatenate(number), self.names)
+                for name, number in self.tenths.items()
             },
-            "coverage_percent": _named(COEFFICIENT_NAMES, 100.0 * covered.mean(axis=0)),
+            "coverage_percent": _named(self.names, 100.0 * covered.mean(axis=0)),
             "field_median_percent": _percentile(of_field, 50),
             "field_p95_percent": _percentile(of_field, 95),
             "field_percentiles_percent": None
@@ -95,20 +107,23 @@ def tenths(values: FloatArray) -> IntArray:
     return np.asarray(rank * TENTHS // max(len(values), 1), dtype=np.int64)
 
 
-def rms_of_tenths(error: FloatArray, tenth: IntArray) -> dict[str, list[float | None]]:
-    """Return the rms of ``error`` (n, 5) over the samples of each ``tenth`` (n,), by coefficient."""
-    square = np.full((TENTHS, error.shape[1]), np.nan)
-    for number in range(TENTHS):
-        of_tenth = error[tenth == number]
-        if np.isfinite(of_tenth).any():
-            square[number] = np.nanmean(of_tenth * of_tenth, axis=0)
-    return {
-        name: [rounded(one) for one in values]
-        for name, values in zip(COEFFICIENT_NAMES, np.sqrt(square).T.tolist(), strict=True)
-    }
+def _rms(error: FloatArray) -> FloatArray:
+    """Return the rms (m,) of the columns of ``error`` (n, m) over what is known, NaN where nothing is."""
+    known = np.isfinite(error).any(axis=0)
+    rms = np.full(error.shape[1], np.nan)
+    rms[known] = np.sqrt(np.nanmean(error[:, known] ** 2, axis=0))
+    return rms
 
 
-def air_data_errors(found: FloatArray, flights: TrueFlights) -> FloatArray:
+def rms_of_tenths(
+    error: FloatArray, tenth: IntArray, names: tuple[str, ...] = COEFFICIENT_NAMES
+) -> dict[str, list[float | None]]:
+    """Return the rms of ``error`` (n, m) over the samples of each ``tenth`` (n,), by ``names`` of the columns."""
+    rms = np.array([_rms(error[tenth == number]) for number in range(TENTHS)])
+    return {name: [rounded(one) for one in values] for name, values in zip(names, rms.T.tolist(), strict=True)}
+
+
+def air_data_errors(found: FloatArray, flights: Flights) -> FloatArray:
     """Return (k, 5) errors of air data ``found`` (k, 5), in the units of :data:`AIR_DATA_KEYS`."""
     conditions = flights.conditions
     angle, slip, mach = (
@@ -138,14 +153,15 @@ def rounded(value: float) -> float | None:
 def scored(
     candidates: list[tuple[Candidate, str]],
     read: Iterator[Readings],
-    flights: TrueFlights,
+    flights: Flights,
     true_field: FloatArray,
 ) -> Iterator[list[dict[str, Any]]]:
     """Return the entries of ``candidates``, each with its navigation, after every block of readings.
 
     The last ones count.
     """
-    tallies = [Tally() for _ in candidates]
+    names = COEFFICIENT_NAMES if flights.rolling is None else (*COEFFICIENT_NAMES, ROLLING)
+    tallies = [Tally(names=names) for _ in candidates]
     costs: list[float] = []
     for block in read:
         for (candidate, navigation), tally in zip(candidates, tallies, strict=True):

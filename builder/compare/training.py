@@ -39,12 +39,17 @@ def training_flights(
 ) -> TrainingFlights:
     """Return ``count`` flights, uniform in Mach number, ln p_inf and the disc of total incidence.
 
-    ``altitudes`` are the lowest and highest [m].
+    In place of the disc it is the ranges of u and w where the tables have those. ``altitudes`` are the lowest and
+    highest [m].
     """
     state = np.empty((count, 4))
-    incidence = manifold.incidence_limit * np.sqrt(random.uniform(0.0, 1.0, count))
-    roll = random.uniform(0.0, 2.0 * np.pi, count)
-    state[:, U], state[:, W] = incidence * np.cos(roll), incidence * np.sin(roll)
+    if manifold.crossflow_range is None:
+        incidence = manifold.incidence_limit * np.sqrt(random.uniform(0.0, 1.0, count))
+        roll = random.uniform(0.0, 2.0 * np.pi, count)
+        state[:, U], state[:, W] = incidence * np.cos(roll), incidence * np.sin(roll)
+    else:
+        low, high = manifold.crossflow_range.T
+        state[:, [U, W]] = low + (high - low) * random.uniform(size=(count, 2))
     state[:, MACH] = random.uniform(manifold.mach_range[0], manifold.mach_range[1], count)
     high, low = (np.log(pressure_and_temperature(height)[0]) for height in altitudes)
     state[:, LOG_PRESSURE] = random.uniform(low, high, count)

@@ -16,17 +16,7 @@ from builder.compare.candidate import (
     LinearCandidate,
     ManifoldCandidate,
 )
-from builder.compare.field import true_field
-from builder.compare.flights import (
-    ERRORS,
-    GAUGE_NOISE,
-    Effort,
-    altitudes,
-    example_conditions,
-    random_conditions,
-    readings,
-    with_errors,
-)
+from builder.compare.flights import ERRORS, GAUGE_NOISE, Effort, altitudes, readings, with_errors
 from builder.compare.random_walk import RandomWalkCandidate
 from builder.compare.rivals import RIVALS, RivalCandidate
 from builder.compare.score import scored
@@ -34,13 +24,17 @@ from builder.compare.training import training_flights
 from builder.inverse.build import AnyStructure, build_inverse_map
 from builder.manifold.build import with_manifold
 from builder.reporting import Progress, Reporter
-from builder.truth.flow_table import FlowTable
-from builder.truth.strain import TrueFlights, TrueStructure, true_flights, without_faint_harmonics
+from builder.truth.flights import Flights
 from builder.vehicle.file import Vehicle
-from builder.vehicle.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
-from strainfmu.errors import InputError
-from strainfmu.flight_condition import FlightCondition
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Flown:
+    """k flights of the independent model, and their pressure (k, ..) at the nodes of the map [Pa]."""
+
+    flights: Flights
+    field: FloatArray
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -50,15 +44,15 @@ class Trial:
     Attributes
     ----------
     snapshots, structure : of the maps.
-    truth, table : structure and flows of the independent model.
+    flown, example : flights of the independent model: at random, and those of the example.
     has_rivals : whether scikit-learn is there.
     """
 
     vehicle: Vehicle
     snapshots: Snapshots
     structure: AnyStructure
-    truth: TrueStructure
-    table: FlowTable
+    flown: Flown
+    example: Flown | None
     effort: Effort
     has_rivals: bool
 
@@ -69,13 +63,9 @@ def all_entries(trial: Trial, reporter: Reporter) -> list[dict[str, Any]]:
     Raises
     ------
     InputError
-        The body is no body of revolution, or its flows do not suffice for tables.
+        The flows of the map do not suffice for tables.
     """
-    vehicle, effort, grid = trial.vehicle, trial.effort, trial.structure.surface
-    if not isinstance(grid, SurfaceGrid):
-        raise InputError("compare: expected a body of revolution with rings of nodes, got a free surface")
-    random = np.random.default_rng(effort.seed)
-    flown = _flown(trial, grid, random_conditions(vehicle, effort.conditions, random))
+    effort = trial.effort
     entries: list[dict[str, Any]] = []
     for number, errors in enumerate(ERRORS):
         random = np.random.default_rng([effort.seed, number])
@@ -87,14 +77,14 @@ def all_entries(trial: Trial, reporter: Reporter) -> list[dict[str, Any]]:
                 trial=trial,
                 errors=errors,
                 candidates=candidates,
-                flown=flown,
+                flown=trial.flown,
                 draws=effort.draws,
                 random=random,
             )
             for done, after_draw in enumerate(scores, start=1):
                 found = after_draw
                 progress(done, effort.draws)
-        example = _example_fields(trial, errors, candidates, grid)
+        example = _example_fields(trial, errors, candidates)
         for one in found:
             of_example = example.get((one["estimator"], one["navigation"]))
             entries.append(
@@ -106,22 +96,6 @@ def all_entries(trial: Trial, reporter: Reporter) -> list[dict[str, Any]]:
                 }
             )
     return entries
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Flown:
-    """Flights of the independent model, and their pressure (k, n_x, n_roll) at the nodes of the map [Pa]."""
-
-    flights: TrueFlights
-    field: FloatArray
-
-
-def _flown(trial: Trial, grid: SurfaceGrid, conditions: list[FlightCondition]) -> Flown:
-    flights = without_faint_harmonics(
-        true_flights(vehicle=trial.vehicle, structure=trial.truth, table=trial.table, conditions=conditions)
-    )
-    field = true_field(table=trial.table, of_table=trial.truth.surface, grid=grid, conditions=flights.conditions)
-    return Flown(flights=flights, field=field)
 
 
 def _scores_of(
@@ -138,7 +112,6 @@ def _scores_of(
     assert isinstance(first, LinearCandidate)
     read = readings(
         vehicle=trial.vehicle,
-        structure=trial.truth,
         flights=flown.flights,
         errors=errors,
         noise_std=first.inverse_map.noise_std,
@@ -149,16 +122,16 @@ def _scores_of(
 
 
 def _example_fields(
-    trial: Trial, errors: str, candidates: list[tuple[Candidate, str]], grid: SurfaceGrid
+    trial: Trial, errors: str, candidates: list[tuple[Candidate, str]]
 ) -> dict[tuple[str, str], float]:
     """Return the 95th percentile of the field error [%] at the example, of every estimator with a field."""
-    if errors != GAUGE_NOISE:
+    if errors != GAUGE_NOISE or trial.example is None:
         return {}
     found = _scores_of(
         trial=trial,
         errors=errors,
         candidates=[(one, navigation) for one, navigation in candidates if one.has_field],
-        flown=_flown(trial, grid, example_conditions(trial.vehicle)),
+        flown=trial.example,
         draws=1,
         random=np.random.default_rng([trial.effort.seed, len(ERRORS)]),
     )

@@ -24,13 +24,12 @@ from builder.pipeline.map_files import make_map
 from builder.pipeline.pictures import make_pictures
 from builder.pipeline.pipeline import Pipeline
 from builder.pipeline.used_files import MAP, SNAPSHOTS, STRUCTURE
-from builder.structure.mesh_check import MeshCheck
 from builder.structure.solid.case import structure_case
-from builder.structure.solid.free_case import FreeCase, flying_mesh
-from builder.structure.solid.free_model import on_other_mesh
+from builder.structure.solid.free_case import FreeCase
 from builder.structure.structure_file import load_structure
 from builder.truth.as_built import AsBuilt
 from builder.truth.free_flight_path import FlownPath, flown_path, flows_along
+from builder.truth.shape_structure import flying_structure
 from builder.vehicle.map_needs import used_layouts
 from strainfmu.cosim.fmu_step import FmuStep
 from strainfmu.cosim.recording import Recording, load_recording, save_csv, save_hdf5
@@ -91,7 +90,7 @@ def fly_free_shape(pipeline: Pipeline, built: AsBuilt) -> Recording:
     )
 
     def make(path: Path) -> None:
-        flown = _flown(pipeline, case, built)
+        flown = _flown(pipeline, built)
         save_hdf5(_recording(pipeline, flown, built), path)
 
     inputs = {
@@ -109,18 +108,14 @@ def fly_free_shape(pipeline: Pipeline, built: AsBuilt) -> Recording:
     return recording
 
 
-def _flown(pipeline: Pipeline, case: FreeCase, built: AsBuilt) -> FlownPath:
+def _flown(pipeline: Pipeline, built: AsBuilt) -> FlownPath:
     """Compute what the vehicle does on its manoeuvre."""
     vehicle, reporter = pipeline.vehicle, pipeline.reporter
     path = load_trajectory(vehicle.beside(vehicle.truth.manoeuvre), tuple(vehicle.conditions.parameters))
     time = STEP_SIZE * np.arange(round(path.stop_time / STEP_SIZE) + 1, dtype=np.float64)
     flows = flows_along(vehicle, path, reporter)
-    structure = load_structure(pipeline.path(STRUCTURE)).check
-    if vehicle.shape_kind == "sections" or structure is None:
-        with reporter.stage("Structure: the vehicle that flies") as progress:
-            structure = on_other_mesh(case, flying_mesh(vehicle), progress)
-    assert isinstance(structure, MeshCheck)
-    return flown_path(vehicle, case, structure, flows=flows, time=time, path=path, built=built)
+    structure = flying_structure(vehicle, load_structure(pipeline.path(STRUCTURE)), reporter)
+    return flown_path(vehicle, structure, flows=flows, time=time, path=path, built=built)
 
 
 def _recording(pipeline: Pipeline, flown: FlownPath, built: AsBuilt) -> Recording:

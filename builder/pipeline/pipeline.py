@@ -10,6 +10,7 @@ from typing import Any
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import AnyStructure
 from builder.reporting import Reporter
+from builder.truth.shape_structure import ShapeStructure
 from builder.truth.strain import TrueStructure
 from builder.vehicle.file import Vehicle
 from builder.workspace import Workspace
@@ -53,6 +54,7 @@ class Pipeline:
         self.reused: list[str] = []
         self.map_parts: tuple[Snapshots, AnyStructure] | None = None
         self.true_structure: TrueStructure | None = None
+        self.shape_structure: ShapeStructure | None = None
 
     def path(self, name: str) -> Path:
         """Return where the file ``name`` is: the one used, or the folder's."""

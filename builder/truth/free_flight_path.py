@@ -14,26 +14,13 @@ from scipy.interpolate import CubicSpline
 from builder.aero.engines import make_engine
 from builder.aero.loads import coefficients_of
 from builder.aero.section_loads import six_loads
-from builder.aero.surface_mesh import SurfaceMesh
 from builder.campaign.run import complete_flows, snapshots_of_flows
 from builder.campaign.scheduling import Scheduling
 from builder.campaign.snapshots import Snapshots
 from builder.campaign.vehicle_campaign import vehicle_campaign
 from builder.reporting import Reporter
-from builder.structure.mapped_structure import mapped_operator
-from builder.structure.mesh_check import MeshCheck
-from builder.structure.solid.displaced_gauges import (
-    AFT,
-    AROUND,
-    BACK,
-    FORE,
-    STEP,
-    TURNED_AROUND,
-    TURNED_BACK,
-    displaced_name,
-)
-from builder.structure.solid.free_case import FreeCase
 from builder.truth.as_built import AsBuilt
+from builder.truth.shape_structure import ShapeStructure, as_built, on_nodes_of
 from builder.vehicle.file import Vehicle
 from builder.vehicle.flight_conditions import ConditionSet
 from strainfmu.arrays import FloatArray
@@ -95,8 +82,7 @@ def flows_along(vehicle: Vehicle, path: Trajectory, reporter: Reporter) -> tuple
 
 def flown_path(
     vehicle: Vehicle,
-    case: FreeCase,
-    structure: MeshCheck,
+    structure: ShapeStructure,
     flows: tuple[FloatArray, Snapshots],
     time: FloatArray,
     path: Trajectory,
@@ -106,7 +92,7 @@ def flown_path(
 
     Parameters
     ----------
-    case : of the map; ``structure`` holds Z_p of its layouts on another mesh.
+    structure : of the mesh that flies.
     flows : of :func:`flows_along`.
 
     Raises
@@ -115,10 +101,7 @@ def flown_path(
         The surfaces of flow and structure do not coincide.
     """
     knots, snapshots = flows
-    assert structure.point is not None
-    assert structure.triangle is not None
-    target = SurfaceMesh(structure.point, structure.triangle)
-    operator = mapped_operator(structure.strain_operator, target, snapshots)[1]
+    own = as_built(np.moveaxis(on_nodes_of(structure, snapshots), 2, 1), built, structure.radius)
     conditions = tuple(path.at(float(t)) for t in time)
     ambient = np.array([condition.ambient_pressure for condition in conditions])
     inside = np.array([vehicle.internal_pressure(condition) for condition in conditions])
@@ -127,15 +110,14 @@ def flown_path(
     reference = vehicle.reference_quantities()
     loads = six_loads(snapshots.surface, reference.moment_station)
     scale = np.array([one.dynamic_pressure for one in conditions]) * reference.area * reference.length
-    own = _as_built(vehicle, case, operator, built)
-    strain, coefficients = np.empty((len(time), len(own))), np.empty((len(time), 5))
+    strain, coefficients = np.empty((len(time), len(structure.names))), np.empty((len(time), 5))
     rolling = np.empty(len(time))
     for start in range(0, len(time), 100):  # in blocks: pressures on all nodes are large
         part = slice(start, start + 100)
         net = ambient[part, None] * ratio(time[part]) - inside[part, None]
         coefficients[part] = coefficients_of(net, loads[:5], conditions[part], reference)
         rolling[part] = net @ loads[5] / scale[part]
-        strain[part] = (net - built.internal_pressure * ambient[part, None]) @ own.T
+        strain[part] = (net - built.internal_pressure * ambient[part, None]) @ own
     return FlownPath(
         time=time,
         conditions=conditions,
@@ -143,23 +125,3 @@ def flown_path(
         coefficients=coefficients,
         rolling=rolling,
     )
-
-
-def _as_built(vehicle: Vehicle, case: FreeCase, operator: FloatArray, built: AsBuilt) -> FloatArray:
-    """Return Z_p (n_d, n_p) [1/Pa] of the layout in use with the errors of its hardware, to first order."""
-    parts, first = {}, 0
-    for name, gauges in case.layouts.items():
-        parts[name] = operator[first : first + len(gauges.name)]
-        first += len(gauges.name)
-    layout = vehicle.gauges.layout
-    own = parts[layout].copy()
-    if vehicle.noise.moves_gauges:
-        moved = {how: parts[displaced_name(layout, how)] for how in (AFT, FORE, AROUND, BACK)}
-        turned = parts[displaced_name(layout, TURNED_AROUND)] - parts[displaced_name(layout, TURNED_BACK)]
-        position = case.layouts[layout].position
-        around = built.circumferential_shift + built.layout_roll * np.hypot(position[:, 1], position[:, 2])
-        own += built.axial_shift[:, None] * (moved[AFT] - moved[FORE]) / (2.0 * STEP)
-        own += around[:, None] * (moved[AROUND] - moved[BACK]) / (2.0 * STEP)
-        own += built.orientation[:, None] * turned
-    gain = (1.0 + built.gauge_gain) * (1.0 + built.common_gain) / (1.0 + built.wall_thickness)
-    return np.asarray(gain[:, None] * own)

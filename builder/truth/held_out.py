@@ -56,6 +56,24 @@ def held_out_conditions(
     return found
 
 
+def conditions_in_ranges(
+    vehicle: Vehicle, altitudes: tuple[float, float], count: int, random: np.random.Generator
+) -> list[FlightCondition]:
+    """Return ``count`` conditions, uniform in what the file lists: Mach number, both angles, further parameters.
+
+    ``altitudes`` are the lowest and highest that are drawn [m]. For vehicles of any shape: nothing is rolled.
+    """
+    entry, found = vehicle.conditions, list[FlightCondition]()
+    listed = [entry.mach_number, entry.angle_of_attack_deg, entry.sideslip_angle_deg]
+    listed += [one.values for one in entry.parameters.values()]
+    low, high = (np.array([side(one) for one in listed]) for side in (min, max))
+    for _ in range(count):
+        mach, alpha, beta, *parameters = random.uniform(low, high).tolist()
+        altitude = float(random.uniform(*altitudes))
+        found.append(FlightCondition(mach, radians(alpha), radians(beta), altitude, tuple(parameters)))
+    return found
+
+
 def wind_angles(total_incidence: float, roll_angle: float) -> tuple[float, float]:
     """Return angle of attack and sideslip [rad] of a total incidence whose leeward meridian is at
     ``roll_angle``."""

@@ -13,13 +13,10 @@ from fmpy.validation import validate_fmu
 
 from builder.pipeline.demo import run_demo, vehicle_as_built
 from builder.reporting import Silent
-from builder.structure.mesh_check import MeshCheck
-from builder.structure.solid.case import structure_case
-from builder.structure.solid.free_case import FreeCase
 from builder.structure.structure_file import load_structure
 from builder.truth.free_flight_path import flown_path, flows_along
+from builder.truth.shape_structure import flying_structure
 from builder.vehicle.file import VEHICLES, load_vehicle
-from builder.vehicle.map_needs import used_layouts
 from strainfmu.cosim.trajectory import load_trajectory
 from strainfmu.estimator.inverse_map import load_inverse_map
 from strainfmu.estimator.step import Estimator
@@ -73,10 +70,7 @@ def test_rolling_moment_of_turned_fins_on_another_surface(finned_demo: Path, tmp
         path = tmp_path / f"finned_body_roll_{value:+g}deg.stl"
         write_surface(path, *OTHER_SURFACE, deflection=np.deg2rad(value))
     vehicle = load_vehicle(tmp_path / "finned_body.toml")
-    case = structure_case(vehicle, used_layouts(vehicle))
-    check = load_structure(finned_demo / "structure.h5").check
-    assert isinstance(case, FreeCase)
-    assert isinstance(check, MeshCheck)
+    structure = flying_structure(vehicle, load_structure(finned_demo / "structure.h5"), Silent())
     path = load_trajectory(tmp_path / "finned_body_manoeuvre.csv", ("fin_roll_deg",))
     flows = flows_along(vehicle, path, Silent())
     time = np.linspace(0.0, path.stop_time, 200)
@@ -84,7 +78,7 @@ def test_rolling_moment_of_turned_fins_on_another_surface(finned_demo: Path, tmp
     random, inside, error = np.random.default_rng(5), [], []
     for seed in range(10):
         built = vehicle_as_built(vehicle, seed)
-        flown = flown_path(vehicle, case, check, flows=flows, time=time, path=path, built=built)
+        flown = flown_path(vehicle, structure, flows=flows, time=time, path=path, built=built)
         noise = random.standard_normal(flown.strain.shape) * inverse_map.noise_std
         pressure = np.array([one.dynamic_pressure for one in flown.conditions])
         stated = pressure * (1.0 + float(built.dynamic_pressure))

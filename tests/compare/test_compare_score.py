@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -26,8 +27,12 @@ from builder.compare.flights import (
 from builder.compare.run import table_csv
 from builder.compare.score import AIR_DATA_KEYS, Tally, rms_of_tenths, tenths
 from builder.figures.compare import compare_figure
+from builder.pipeline.flight_score import ROLLING
+from builder.truth.as_built import AsBuilt
+from builder.truth.flights import RevolvedFlights
 from builder.truth.strain import TrueFlights, TrueStructure
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
+from strainfmu.arrays import FloatArray
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
 from strainfmu.flight_condition import FlightCondition
 
@@ -39,10 +44,21 @@ def shipped() -> Vehicle:
     return load_vehicle(IC3X)
 
 
-def flights() -> TrueFlights:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class RollingFlights(TrueFlights):
+    """Flights with a rolling moment, never read."""
+
+    rolling: FloatArray | None = None
+
+    def read(self, built: AsBuilt, rows: slice = slice(None)) -> FloatArray:
+        raise NotImplementedError
+
+
+def flights(rolling: float | None = None) -> RollingFlights:
     """Return two flights whose coefficients are 1, without strain."""
     condition = FlightCondition(mach_number=6.0, angle_of_attack=0.05, sideslip_angle=0.02, altitude=20e3)
-    return TrueFlights(
+    return RollingFlights(
+        rolling=None if rolling is None else np.full(2, rolling),
         conditions=(condition, condition),
         strain=np.zeros((5, 3, 2, 1, 1)),
         unit_strain=np.zeros((5, 3, 1, 1)),
@@ -82,6 +98,27 @@ def test_what_an_estimator_has_not_is_none_and_what_it_does_not_answer_is_not_co
     assert found["coverage_percent"] == dict.fromkeys(COEFFICIENT_NAMES, 50.0)
     assert found["field_median_percent"] is found["field_percentiles_percent"] is None
     assert found["air_data_p95"] == dict.fromkeys(AIR_DATA_KEYS)
+
+
+def test_the_rolling_moment_counts_where_the_body_has_one() -> None:
+    """An estimator without it has no number there, and its other coverages stay."""
+    tallies = [Tally(names=(*COEFFICIENT_NAMES, ROLLING)) for _ in range(2)]
+    for tally, rolling in zip(tallies, (np.array([[0.3, 0.05], [0.1, 0.05]]), None), strict=True):
+        answer = Answer(coefficients=np.ones((2, 5)), std=np.ones((2, 5)), rolling=rolling)
+        tally.add(answer, flights(rolling=0.1), np.ones((2, 3)))
+    with_it, without = (tally.entry() for tally in tallies)
+    assert with_it["rms"][ROLLING] == pytest.approx(0.2 / np.sqrt(2.0), rel=1e-4)
+    assert with_it["coverage_percent"][ROLLING] == 50.0
+    assert with_it["rms_of_tenths"]["mach_number"][ROLLING][0] == pytest.approx(0.2)
+    assert without["rms"][ROLLING] is without["coverage_percent"][ROLLING] is None
+    assert set(without["coverage_percent"].values()) == {100.0, None}
+    entries = [
+        {**entry, "estimator": "one", "errors": "hardware", "navigation": "given"} for entry in (with_it, without)
+    ]
+    for one in entries:
+        one |= {"example_field_p95_percent": None, "step_microseconds": 1.0}
+    rows = list(csv.DictReader(io.StringIO(table_csv(entries))))
+    assert (rows[0]["coverage_percent_M_R"], rows[1]["rms_M_R"]) == ("50.0", "")
 
 
 def test_rms_of_tenths_is_that_of_the_flights_in_increasing_order() -> None:
@@ -201,8 +238,7 @@ def test_every_vehicle_flies_some_of_the_conditions(vehicle: Vehicle, true_model
         errors: next(
             readings(
                 vehicle=vehicle,
-                structure=true_model,
-                flights=flown,
+                flights=RevolvedFlights(structure=true_model, flown=flown),
                 errors=errors,
                 noise_std=np.zeros(n_d),
                 draws=1,

@@ -52,6 +52,9 @@ def compare(
     coverage of 3 sigma, error of the pressure field, air data, cost of a step in Python. With gauge noise alone,
     and with errors of the hardware drawn at their stated sizes; with navigation, and with q_inf only.
 
+    Of sections or a surface, every condition has a flow of its own and the structure is another mesh; the rolling
+    moment stands beside the other coefficients.
+
     Writes compare.json, compare.csv and compare.png. Flows are kept as they are solved: an ended run goes on, a
     second run reuses what is up to date. Snapshots and structure are taken as by `build`.
 
@@ -102,7 +105,7 @@ def _cells(one: dict[str, Any]) -> list[str]:
     air = one["air_data_p95"]
     return [
         *(_text(None if value is None else 1e4 * value, "{:.1f}") for value in one["rms"].values()),
-        _text(min(one["coverage_percent"].values()), "{:.1f}"),
+        _text(min(share for share in one["coverage_percent"].values() if share is not None), "{:.1f}"),
         _text(one["field_median_percent"], "{:.2f}"),
         _text(one["field_p95_percent"], "{:.2f}"),
         *(_text(air[name], "{:.2f}") for name in ("angle_of_attack_deg", "sideslip_deg")),

@@ -1,0 +1,58 @@
+"""The independent model of a vehicle of any shape in a folder of results: flows at given conditions, structure."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from builder.aero.engines import make_engine
+from builder.campaign import snapshots as snapshots_file
+from builder.campaign.run import run_campaign
+from builder.campaign.scheduling import Scheduling
+from builder.campaign.vehicle_campaign import vehicle_campaign
+from builder.pipeline.pipeline import Pipeline
+from builder.pipeline.stages import note_campaign
+from builder.pipeline.used_files import STRUCTURE
+from builder.structure.structure_file import load_structure
+from builder.truth.shape_structure import ShapeStructure, flying_structure
+from builder.vehicle.file import Vehicle
+from builder.vehicle.flight_conditions import ConditionSet
+from strainfmu.flight_condition import FlightCondition
+
+
+def make_shape_flows(
+    pipeline: Pipeline, vehicle: Vehicle, conditions: Sequence[FlightCondition], name: str, holds: str
+) -> None:
+    """Make the file ``name`` of flows at ``conditions``, on the finer surface.
+
+    Flows are kept as they are solved, and taken from an earlier file of other conditions. Those outside the
+    engine's reach are left out.
+
+    Raises
+    ------
+    FlowReachError
+        All of them are.
+    """
+    engine = make_engine(vehicle, None, vehicle.resolution.truth, note=pipeline.reporter.note)
+    campaign = vehicle_campaign(vehicle, engine, (ConditionSet("independent model", tuple(conditions)),))
+
+    def write(path: Path) -> None:
+        note_campaign(run_campaign(campaign, path, Scheduling(), pipeline.reporter), pipeline.reporter)
+
+    inputs = {
+        "schema_version": snapshots_file.SCHEMA_VERSION,
+        "vehicle": vehicle.name,
+        "engine": dict(engine.inputs()),
+        "conditions": [condition.as_row() for condition in conditions],
+        "internal_pressure": campaign.internal_pressure.tolist(),
+    }
+    pipeline.make(name, holds, inputs, write)
+
+
+def shape_structure_of(pipeline: Pipeline) -> ShapeStructure:
+    """Return the structure of the independent model, solved once per run."""
+    if pipeline.shape_structure is None:
+        path = pipeline.path(STRUCTURE)
+        known = load_structure(path) if path.is_file() else None
+        pipeline.shape_structure = flying_structure(pipeline.vehicle, known, pipeline.reporter)
+    return pipeline.shape_structure

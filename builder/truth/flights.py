@@ -1,0 +1,75 @@
+"""Flights of an independent model, whatever the shape of the vehicle: what any vehicle as built reads there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+from builder.truth.as_built import AsBuilt
+from builder.truth.strain import TrueFlights, TrueStructure, some_flights, true_strain
+from strainfmu.arrays import FloatArray
+from strainfmu.flight_condition import FlightCondition
+
+
+class Flights(Protocol):
+    """k flights.
+
+    Attributes
+    ----------
+    conditions : k flight conditions.
+    coefficients : (k, 5) C_A, C_N, C_Y, M_P, M_Y [1].
+    rolling : (k,) M_R [1]; None for a body of revolution, which has none.
+    ambient_pressure, dynamic_pressure : (k,) p_inf and q_inf [Pa].
+    """
+
+    @property
+    def conditions(self) -> Sequence[FlightCondition]: ...
+
+    @property
+    def coefficients(self) -> FloatArray: ...
+
+    @property
+    def rolling(self) -> FloatArray | None: ...
+
+    @property
+    def ambient_pressure(self) -> FloatArray: ...
+
+    @property
+    def dynamic_pressure(self) -> FloatArray: ...
+
+    def read(self, built: AsBuilt, rows: slice = slice(None)) -> FloatArray:
+        """Return (k, n_d) strain [m/m], without noise, that a vehicle as ``built`` reads in the flights ``rows``;
+        (v, n_d) of v vehicles in one flight."""
+        ...
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class RevolvedFlights:
+    """Flights of a body of revolution."""
+
+    structure: TrueStructure
+    flown: TrueFlights
+
+    @property
+    def conditions(self) -> Sequence[FlightCondition]:
+        return self.flown.conditions
+
+    @property
+    def coefficients(self) -> FloatArray:
+        return self.flown.coefficients
+
+    @property
+    def rolling(self) -> None:
+        return None
+
+    @property
+    def ambient_pressure(self) -> FloatArray:
+        return self.flown.ambient_pressure
+
+    @property
+    def dynamic_pressure(self) -> FloatArray:
+        return self.flown.dynamic_pressure
+
+    def read(self, built: AsBuilt, rows: slice = slice(None)) -> FloatArray:
+        return true_strain(self.structure, some_flights(self.flown, rows), built)

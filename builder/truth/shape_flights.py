@@ -1,0 +1,115 @@
+"""Flights of a vehicle of any shape on its independent model.
+
+There is no table of flows: each flight has a flow of its own, on the finer surface, and nothing is interpolated
+between flows.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from builder.aero.loads import coefficients_of
+from builder.aero.mapping import consistent_map
+from builder.aero.section_loads import six_loads
+from builder.aero.surface_mesh import SurfaceMesh, mesh_of_grid
+from builder.campaign.snapshots import Snapshots
+from builder.truth.as_built import AsBuilt
+from builder.truth.shape_structure import ShapeStructure, as_built, on_nodes_of
+from builder.vehicle.file import Vehicle
+from builder.vehicle.geometry import SurfaceGrid
+from strainfmu.arrays import FloatArray, IntArray
+from strainfmu.flight_condition import FlightCondition
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ShapeFlights:
+    """k flights, ready for any vehicle as built.
+
+    Attributes
+    ----------
+    conditions : k flight conditions.
+    strain : (4, k, n_d) by the outer pressure, see :class:`ShapeStructure` [m/m].
+    unit_strain : (4, n_d) per uniform outer pressure [1/Pa].
+    gauge_radius : (n_d,) [m].
+    coefficients : (k, 5) C_A, C_N, C_Y, M_P, M_Y [1].
+    rolling : (k,) M_R [1].
+    pressure : (k, n_p) at the nodes of the map [Pa].
+    ambient_pressure, dynamic_pressure, internal_pressure : (k,) p_inf, q_inf and that stated inside [Pa].
+    """
+
+    conditions: tuple[FlightCondition, ...]
+    strain: FloatArray
+    unit_strain: FloatArray
+    gauge_radius: FloatArray
+    coefficients: FloatArray
+    rolling: FloatArray
+    pressure: FloatArray
+    ambient_pressure: FloatArray
+    dynamic_pressure: FloatArray
+    internal_pressure: FloatArray
+
+    def chosen(self, rows: IntArray) -> ShapeFlights:
+        """Return the flights ``rows`` (m,), some of them more than once if so."""
+        of_flight = ("coefficients", "rolling", "pressure", "ambient_pressure", "dynamic_pressure")
+        return replace(
+            self,
+            conditions=tuple(self.conditions[row] for row in rows.tolist()),
+            strain=self.strain[:, rows],
+            **{name: getattr(self, name)[rows] for name in (*of_flight, "internal_pressure")},
+        )
+
+    def read(self, built: AsBuilt, rows: slice = slice(None)) -> FloatArray:
+        """Return (k, n_d) strain [m/m], without noise, that a vehicle as ``built`` reads in the flights ``rows``;
+        (v, n_d) of v vehicles in one flight."""
+        ambient = self.ambient_pressure[rows, None]
+        inside = self.internal_pressure[rows, None] + built.internal_pressure * ambient
+        flown = as_built(self.strain[:, rows], built, self.gauge_radius)
+        return np.asarray(
+            flown - inside * as_built(self.unit_strain, built, self.gauge_radius) + built.apparent_strain
+        )
+
+
+def shape_flights(
+    vehicle: Vehicle, structure: ShapeStructure, flows: Snapshots, nodes: SurfaceMesh
+) -> ShapeFlights:
+    """Return the flights of ``vehicle`` at the conditions of ``flows``; ``nodes`` is the surface of the map.
+
+    Raises
+    ------
+    InputError
+        The surfaces of flow and structure do not coincide.
+    """
+    conditions = tuple(flows.conditions())
+    operator = on_nodes_of(structure, flows)
+    inside = np.array([vehicle.internal_pressure(one) for one in conditions])
+    reference = vehicle.reference_quantities()
+    loads = six_loads(flows.surface, reference.moment_station)
+    net = flows.pressure - inside[:, None]
+    dynamic = np.array([one.dynamic_pressure for one in conditions])
+    return ShapeFlights(
+        conditions=conditions,
+        strain=np.stack([flows.pressure @ way.T for way in operator]),
+        unit_strain=operator.sum(axis=2),
+        gauge_radius=structure.radius,
+        coefficients=coefficients_of(net, loads[:5], conditions, reference),
+        rolling=net @ loads[5] / (dynamic * reference.area * reference.length),
+        pressure=on_nodes(flows, nodes),
+        ambient_pressure=np.array([one.ambient_pressure for one in conditions]),
+        dynamic_pressure=dynamic,
+        internal_pressure=inside,
+    )
+
+
+def map_surface(surface: SurfaceGrid | SurfaceMesh) -> SurfaceMesh:
+    """Return the surface of a map as triangles."""
+    return mesh_of_grid(surface) if isinstance(surface, SurfaceGrid) else surface
+
+
+def on_nodes(flows: Snapshots, nodes: SurfaceMesh) -> FloatArray:
+    """Return (N, n_p) the pressure of ``flows`` at ``nodes`` [Pa], linear over the triangles of their surface."""
+    source = flows.surface
+    if source.digest() == nodes.digest():
+        return flows.pressure
+    return np.asarray((consistent_map(source, nodes.point, nodes.node_normal) @ flows.pressure.T).T)

@@ -1,0 +1,186 @@
+"""The structure of the independent model of a vehicle of any shape: another mesh than the map's.
+
+Shifts and turns of gauges act to first order, the wall's thickness inversely.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from builder.aero.surface_mesh import SurfaceMesh
+from builder.campaign.snapshots import Snapshots
+from builder.reporting import Reporter
+from builder.structure.mapped_structure import mapped_operator
+from builder.structure.mesh_check import MeshCheck
+from builder.structure.solid.case import structure_case
+from builder.structure.solid.displaced_gauges import (
+    AFT,
+    AROUND,
+    BACK,
+    FORE,
+    STEP,
+    TURNED_AROUND,
+    TURNED_BACK,
+    displaced_name,
+)
+from builder.structure.solid.free_case import FreeCase, flying_mesh
+from builder.structure.solid.free_model import on_other_mesh
+from builder.structure.structure_file import Structure
+from builder.truth.as_built import AsBuilt
+from builder.vehicle.file import Vehicle
+from strainfmu.arrays import FloatArray, IntArray
+from strainfmu.errors import InputError
+
+WAYS = 4
+"""Gauges in place, and what they read more per metre aft, per metre around and per radian turned."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ShapeStructure:
+    """Strain of the gauges in use on another mesh than the map's.
+
+    Attributes
+    ----------
+    names : of the n_d gauges.
+    position : (n_d, 3) [m].
+    operator : (4, n_d, n_q) per pressure at the nodes of ``surface``, see :data:`WAYS` [1/Pa, then 1/(Pa m) twice,
+        1/Pa].
+    surface : that carries the pressure.
+    """
+
+    names: tuple[str, ...]
+    position: FloatArray
+    operator: FloatArray
+    surface: SurfaceMesh
+
+    @property
+    def radius(self) -> FloatArray:
+        """(n_d,) distance of the gauges from the axis [m]."""
+        return np.hypot(self.position[:, 1], self.position[:, 2])
+
+    @property
+    def roll_angle(self) -> FloatArray:
+        """(n_d,) [rad]."""
+        return np.arctan2(self.position[:, 1], self.position[:, 2])
+
+
+def refuse_without_other_model(vehicle: Vehicle) -> None:
+    """Refuse a vehicle of another shape than a profile that has no independent model, before anything is solved.
+
+    Raises
+    ------
+    InputError
+        Names the entry, and what it would need.
+    """
+    if vehicle.aerodynamics.engine == "table":
+        raise InputError(
+            "aerodynamics.engine: expected 'euler' or 'newtonian' for an independent model, got 'table', which "
+            "holds the conditions of its manifest alone"
+        )
+    if vehicle.structure.external is not None:
+        raise InputError(
+            f"structure.{vehicle.structure.external}: expected none for an independent model, got another code's "
+            "strains, of one mesh"
+        )
+    if vehicle.sensors is not None:
+        raise InputError("sensors: expected none for an independent model of this shape, which has gauges alone")
+    if vehicle.shape_kind == "surface" and vehicle.structure.checked_by is None:
+        raise InputError(
+            "structure.checked_by: entry is missing, a second mesh plays the vehicle in an independent model"
+        )
+
+
+def flying_structure(vehicle: Vehicle, known: Structure | None, reporter: Reporter) -> ShapeStructure:
+    """Return the gauges in use on the mesh that plays the vehicle that flies.
+
+    That of a body of sections is made finer than the map's; of a surface it is ``structure.checked_by``, whose
+    strains are in ``known``, the structure of the map, if that was made with it.
+
+    Raises
+    ------
+    InputError
+        There is no second mesh.
+    """
+    layout = vehicle.gauges.layout
+    if vehicle.shape_kind == "surface" and known is not None and known.check is not None:
+        own = known.gauges_of(layout)
+        return _structure(
+            vehicle,
+            names=tuple(known.gauge_names[i] for i in own),
+            position=known.gauge_position[own],
+            check=known.check,
+            rows=known.gauges_of,
+        )
+    case = structure_case(vehicle, [layout])
+    assert isinstance(case, FreeCase)
+    other = flying_mesh(vehicle) if vehicle.shape_kind == "sections" else case.other
+    if other is None:
+        raise InputError(
+            "structure.checked_by: entry is missing, a second mesh plays the vehicle in an independent model"
+        )
+    with reporter.stage("Structure: the vehicle that flies") as progress:
+        check = on_other_mesh(case, other, progress)
+    ends = np.cumsum([len(one.name) for one in case.layouts.values()])
+    found = {
+        name: np.arange(end - len(one.name), end)
+        for (name, one), end in zip(case.layouts.items(), ends.tolist(), strict=True)
+    }
+    gauges = case.layouts[layout]
+    return _structure(vehicle, names=gauges.name, position=gauges.position, check=check, rows=found.__getitem__)
+
+
+def _structure(
+    vehicle: Vehicle,
+    *,
+    names: tuple[str, ...],
+    position: FloatArray,
+    check: MeshCheck,
+    rows: Callable[[str], IntArray],
+) -> ShapeStructure:
+    """Return the structure from ``check``, whose ``rows`` by name of layout hold gauges in place and displaced."""
+    assert check.point is not None
+    assert check.triangle is not None
+    layout, operator = vehicle.gauges.layout, check.strain_operator
+    own = operator[rows(layout)]
+    parts = [own, *(np.zeros_like(own) for _ in range(WAYS - 1))]
+    if vehicle.noise.moves_gauges:
+        moved = {
+            how: operator[rows(displaced_name(layout, how))]
+            for how in (AFT, FORE, AROUND, BACK, TURNED_AROUND, TURNED_BACK)
+        }
+        parts[1] = (moved[AFT] - moved[FORE]) / (2.0 * STEP)
+        parts[2] = (moved[AROUND] - moved[BACK]) / (2.0 * STEP)
+        parts[3] = moved[TURNED_AROUND] - moved[TURNED_BACK]
+    return ShapeStructure(
+        names=names,
+        position=position,
+        operator=np.stack(parts),
+        surface=SurfaceMesh(check.point, check.triangle),
+    )
+
+
+def on_nodes_of(structure: ShapeStructure, snapshots: Snapshots) -> FloatArray:
+    """Return the operator (4, n_d, n_p) of ``structure`` per pressure at the nodes of ``snapshots``.
+
+    Raises
+    ------
+    InputError
+        The surfaces of flow and structure do not coincide.
+    """
+    ways, n_d, n_q = structure.operator.shape
+    flat = structure.operator.reshape(ways * n_d, n_q)
+    return mapped_operator(flat, structure.surface, snapshots)[1].reshape(ways, n_d, -1)
+
+
+def as_built(parts: FloatArray, built: AsBuilt, radius: FloatArray) -> FloatArray:
+    """Return (.., n_d) what gauges as ``built`` read, from ``parts`` (4, .., n_d), see :data:`WAYS`.
+
+    ``radius`` (n_d,) is that of the gauges [m]. Of v vehicles at once, ``parts`` are (4, 1, n_d) or (4, n_d).
+    """
+    around = built.circumferential_shift + built.layout_roll * radius
+    moved = parts[0] + built.axial_shift * parts[1] + around * parts[2] + built.orientation * parts[3]
+    gain = (1.0 + built.gauge_gain) * (1.0 + built.common_gain) / (1.0 + built.wall_thickness)
+    return np.asarray(gain * moved)

@@ -1,0 +1,32 @@
+"""The independent model of the elliptic cone of :mod:`shape_case`: the same beam, gauges displaced by chance."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from shape_case import N_D, flown, shape_structure, shape_vehicle
+
+from builder.aero.surface_mesh import SurfaceMesh
+from builder.truth.shape_flights import ShapeFlights, shape_flights
+from builder.truth.shape_structure import WAYS, ShapeStructure
+from strainfmu.flight_condition import FlightCondition
+
+
+def beam(surface: SurfaceMesh) -> ShapeStructure:
+    """Return the beam of the map on ``surface``; what displaced gauges read more is a tenth of it per unit."""
+    own = shape_structure(surface)
+    z_p = own.strain_operator("four_rows")
+    share = 0.1 * np.random.default_rng(2).standard_normal((WAYS - 1, N_D, 1))
+    return ShapeStructure(
+        names=own.layouts["four_rows"].names,
+        position=own.layouts["four_rows"].position,
+        operator=np.concatenate([z_p[None], share * z_p]),
+        surface=surface,
+    )
+
+
+def flights_at(conditions: Sequence[FlightCondition]) -> ShapeFlights:
+    """Return newtonian flights, on the surface of the map."""
+    flows = flown(conditions)
+    return shape_flights(shape_vehicle(), beam(flows.surface), flows, flows.surface)

@@ -1,0 +1,150 @@
+"""Flights of a vehicle of any shape: strain as built, coefficients, pressure at the nodes of another surface."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+from shape_case import N_D, flown, grid_conditions, shape_vehicle
+from shape_truth import beam, flights_at
+
+from builder.aero.section_loads import six_loads
+from builder.aero.shapes import sections_mesh
+from builder.campaign.snapshots import Snapshots
+from builder.truth.as_built import AsBuilt, drawn_many, exactly_built
+from builder.truth.held_out import conditions_in_ranges
+from builder.truth.shape_flights import ShapeFlights, on_nodes
+from builder.truth.shape_structure import refuse_without_other_model
+from builder.vehicle.file import VEHICLES, Vehicle, load_vehicle
+from strainfmu.errors import InputError
+
+CONDITIONS = grid_conditions((6.0, 6.7), (-3.0, 1.0), (0.5, 1.5))
+
+
+@cache
+def flows() -> Snapshots:
+    return flown(CONDITIONS)
+
+
+@cache
+def flights() -> ShapeFlights:
+    return flights_at(CONDITIONS)
+
+
+def built(**errors: Any) -> AsBuilt:
+    return replace(exactly_built(N_D), **errors)
+
+
+def test_strain_is_that_of_the_net_pressure() -> None:
+    held = flows()
+    operator = beam(held.surface).operator[0]
+    net = held.pressure - held.internal_pressure[:, None]
+    np.testing.assert_allclose(flights().read(built()), net @ operator.T, rtol=1e-9, atol=1e-15)
+
+
+def test_hardware_errors_act_on_it() -> None:
+    held, structure = flows(), beam(flows().surface)
+    net = held.pressure - held.internal_pressure[:, None]
+    straight, aft, around, turned = (net @ way.T for way in structure.operator)
+    shift, gain = np.linspace(-1e-3, 2e-3, N_D), np.linspace(-0.02, 0.01, N_D)
+    one = built(
+        axial_shift=shift,
+        circumferential_shift=2.0 * shift,
+        orientation=3.0 * shift,
+        layout_roll=0.01,
+        gauge_gain=gain,
+        common_gain=0.02,
+        wall_thickness=-0.05,
+        apparent_strain=np.full(N_D, 1e-6),
+    )
+    moved = straight + shift * aft + (2.0 * shift + 0.01 * structure.radius) * around + 3.0 * shift * turned
+    expected = (1.0 + gain) * 1.02 / 0.95 * moved + 1e-6
+    np.testing.assert_allclose(flights().read(one), expected, rtol=1e-9)
+    ambient = flights().ambient_pressure[:, None]
+    more = flights().read(built(internal_pressure=0.1)) - flights().read(built())
+    np.testing.assert_allclose(more, -0.1 * ambient * structure.operator[0].sum(axis=1), rtol=1e-6)
+
+
+def test_many_vehicles_at_once_are_each_on_its_own() -> None:
+    noise = load_vehicle(VEHICLES / "elliptic_cone.toml").noise
+    many = drawn_many(noise, N_D, 4, np.random.default_rng(3))
+    for flight in (0, 5):
+        found = flights().read(many, slice(flight, flight + 1))
+        for vehicle in range(4):
+            one = AsBuilt(
+                **{name: value[vehicle] if np.ndim(value) else value for name, value in vars(many).items()}
+            )
+            np.testing.assert_allclose(found[vehicle], flights().read(one)[flight], rtol=1e-12)
+
+
+def test_coefficients_are_those_of_the_snapshots_and_the_rolling_moment_comes_besides() -> None:
+    held, found, vehicle = flows(), flights(), shape_vehicle()
+    np.testing.assert_allclose(found.coefficients, held.coefficients(), rtol=1e-9, atol=1e-12)
+    net, reference = held.pressure - held.internal_pressure[:, None], vehicle.reference_quantities()
+    moment = net @ six_loads(held.surface, reference.moment_station)[5]
+    expected = moment / (found.dynamic_pressure * reference.area * reference.length)
+    np.testing.assert_allclose(found.rolling, expected, rtol=1e-12)
+    assert np.abs(found.rolling).max() > 1e-4
+
+
+def test_flights_are_chosen_with_all_that_is_theirs() -> None:
+    again = flights().chosen(np.array([5, 5, 2]))
+    assert [CONDITIONS.index(one) for one in again.conditions] == [5, 5, 2]
+    np.testing.assert_array_equal(again.read(built()), flights().read(built())[[5, 5, 2]])
+    np.testing.assert_array_equal(again.pressure, flights().pressure[[5, 5, 2]])
+
+
+def test_pressure_goes_to_the_nodes_of_the_map() -> None:
+    """Linear over triangles: a coarser surface finds it within what the flow bends between nodes."""
+    body = shape_vehicle().sectioned_body()
+    held = flows()
+    nodes = sections_mesh(body, 15, 36)
+    away = nodes.point[:, 0] > 0.2
+    found, exact = on_nodes(held, nodes), on_nodes(replace_surface(held, nodes), nodes)
+    assert np.max(np.abs(found / exact - 1.0)[:, away]) < 0.05
+    assert np.median(np.abs(found / exact - 1.0)[:, away]) < 5e-3
+
+
+def replace_surface(held: Snapshots, nodes: Any) -> Snapshots:
+    """Return newtonian snapshots at the conditions of ``held`` on ``nodes``."""
+    from builder.aero.newtonian import NewtonianEngine
+
+    engine = NewtonianEngine(nodes)
+    ratio = [
+        engine.pressure_ratio(engine.solve(engine.flow_key(one)), one) * one.ambient_pressure
+        for one in held.conditions()
+    ]
+    return replace(held, pressure=np.array(ratio), point=nodes.point, triangle=nodes.triangle)
+
+
+@pytest.mark.fast
+def test_conditions_are_inside_all_ranges_of_the_file() -> None:
+    vehicle = load_vehicle(VEHICLES / "finned_body.toml")
+    found = conditions_in_ranges(vehicle, (15e3, 28e3), 200, np.random.default_rng(1))
+    rows = np.array([one.as_row() for one in found])
+    rows[:, 1:3] = np.degrees(rows[:, 1:3])
+    low, high = np.array([5.0, -6.0, -4.0, 15e3, -4.0]), np.array([6.0, 6.0, 4.0, 28e3, 4.0])
+    assert np.all((rows >= low) & (rows <= high))
+    assert np.all(np.ptp(rows, axis=0) > 0.9 * (high - low))
+    fewer = conditions_in_ranges(vehicle, (15e3, 28e3), 20, np.random.default_rng(1))
+    assert fewer == found[:20]  # so that more conditions keep the flows of fewer
+
+
+@pytest.mark.fast
+def test_a_vehicle_without_another_model_is_refused() -> None:
+    finned = load_vehicle(VEHICLES / "finned_body.toml")
+
+    def refused(vehicle: Vehicle, message: str) -> None:
+        with pytest.raises(InputError, match=message):
+            refuse_without_other_model(vehicle)
+
+    def with_section(name: str, **entries: object) -> Vehicle:
+        return finned.model_copy(update={name: getattr(finned, name).model_copy(update=entries)})
+
+    refuse_without_other_model(finned)
+    refused(with_section("aerodynamics", engine="table"), "aerodynamics.engine: expected 'euler' or 'newtonian'")
+    refused(with_section("structure", checked_by=None), "structure.checked_by: entry is missing")
+    refused(with_section("structure", influence="influence.csv"), "structure.influence: expected none")
