@@ -41,7 +41,7 @@ from strainfmu.interface.filter_variables import FILTER_TIME_CONSTANT, time_cons
 from strainfmu.interface.fmi_variables import Variable, value_references
 from strainfmu.interface.further_variables import has_further_outputs
 from strainfmu.interface.input_names import FLOW_INPUTS, NAVIGATION_INPUTS, without_negative_deviations
-from strainfmu.interface.parameter_variables import parameter_names
+from strainfmu.interface.parameter_variables import parameter_names, parameter_std_names
 from strainfmu.interface.sensor_variables import THRUST
 from strainfmu.interface.tare_variables import TARE, TARE_STATE, zero_in_use_names
 from strainfmu.interface.temperature_variables import temperature_names
@@ -92,6 +92,7 @@ class EstimatorSlave(Fmi2Slave):
         self._outputs = [references[name] for name in estimated]
         self._inputs = [references[v.name] for v in interface if v.causality in ("input", "parameter")]
         self._flow_parameters = [references[name] for name in parameter_names(inverse_map)]
+        self._parameter_stds = [references[name] for name in parameter_std_names(inverse_map)]
         self._flow = {name: references[name] for name in FLOW_INPUTS + NAVIGATION_INPUTS if name in references}
         self._values = np.array([variable.start or 0.0 for variable in interface], dtype=float)
         # Real inputs, which go without a check of their values.
@@ -254,7 +255,9 @@ class EstimatorSlave(Fmi2Slave):
         temperature = self._temperature()
         if isinstance(self._estimator, ManifoldEstimator):
             known = without_negative_deviations(flow)
-            inputs = self._estimator.checked_inputs(strain, valid, known, self._given_parameters())
+            inputs = self._estimator.checked_inputs(
+                strain, valid, known, self._given_parameters(), self._given_deviations()
+            )
             over_time = self._switched(SwitchedFilter, self._estimator)
             found, self._next = over_time.step(inputs, self._track, self._time, temperature)
             return found
@@ -277,6 +280,12 @@ class EstimatorSlave(Fmi2Slave):
         """Return the further parameters of the flow by name, NaN where not known."""
         values = known_flow(self._values[self._flow_parameters].tolist())
         return dict(zip(self._estimator.parameters.names, values, strict=True))
+
+    def _given_deviations(self) -> dict[str, float]:
+        """Return the standard deviations of further parameters of the flow by name, NaN where not stated."""
+        stds = self._values[self._parameter_stds]
+        stated = np.where((stds >= 0.0) & (stds < np.inf), stds, np.nan).tolist()
+        return dict(zip(self._estimator.parameters.names, stated, strict=bool(stated)))
 
     def _switched(self, kind: type[_Filter], estimator: Any) -> _Filter:
         """Return the filter of ``estimator``, that of the last step if neither has changed."""

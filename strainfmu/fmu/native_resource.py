@@ -59,6 +59,7 @@ from strainfmu.fmu.flight_resource import flight_loads_section, flight_section
 from strainfmu.fmu.further_resource import further_section
 from strainfmu.fmu.linear_filter_resource import linear_filter_section
 from strainfmu.fmu.parameter_resource import parameter_section
+from strainfmu.fmu.parameter_tables_resource import parameter_tables_section
 from strainfmu.fmu.sensor_resource import sensor_section
 from strainfmu.fmu.tare_resource import tare_section
 from strainfmu.fmu.thermal_resource import thermal_section
@@ -141,6 +142,10 @@ def _sections(inverse_map: InverseMap) -> list[bytes]:
     known = flow_parameters(inverse_map)
     if known.names:
         sections.append(parameter_section(known))
+    manifold = inverse_map.manifold
+    if manifold is not None and manifold.parameters is not None:
+        further = manifold.further if has_further_outputs(inverse_map) else None
+        sections.append(parameter_tables_section(inverse_map, manifold, manifold.parameters, further))
     if inverse_map.sensors is not None:
         sections.append(sensor_section(inverse_map.sensors))
     return sections

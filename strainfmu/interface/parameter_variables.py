@@ -1,4 +1,7 @@
-"""Inputs of an FMU for further parameters of the flow, and outputs that state which of them leaves its range."""
+"""Inputs of an FMU for further parameters of the flow, and outputs that state which of them leaves its range.
+
+A map whose tables follow them has their standard deviations as inputs besides.
+"""
 
 from __future__ import annotations
 
@@ -8,12 +11,13 @@ from typing import TYPE_CHECKING
 
 from strainfmu.estimator.flow_parameters import PARAMETER_TOLERANCE, flow_parameters
 from strainfmu.interface.fmi_variables import Variable
-from strainfmu.interface.input_names import NOT_KNOWN
+from strainfmu.interface.input_names import NAVIGATION_INPUTS, NOT_KNOWN
 
 if TYPE_CHECKING:
     from strainfmu.estimator.inverse_map import InverseMap
 
 PREFIX = "parameter."
+STD_PREFIX = "parameter_std."
 OUTSIDE_PREFIX = "health.outside."
 
 
@@ -22,39 +26,71 @@ def parameter_names(inverse_map: InverseMap) -> tuple[str, ...]:
     return tuple(f"{PREFIX}{name}" for name in flow_parameters(inverse_map).names)
 
 
+def parameter_std_names(inverse_map: InverseMap) -> tuple[str, ...]:
+    """Return the names of the inputs for their standard deviations; none where the estimate takes none."""
+    names = flow_parameters(inverse_map).names if follows_parameters(inverse_map) else ()
+    return tuple(f"{STD_PREFIX}{name}" for name in names)
+
+
+def follows_parameters(inverse_map: InverseMap) -> bool:
+    """Return whether the estimate follows parameters that are stated with a deviation."""
+    return inverse_map.manifold is not None and inverse_map.manifold.parameters is not None
+
+
 def with_parameter_inputs(interface: Sequence[Variable], inverse_map: InverseMap) -> tuple[Variable, ...]:
-    """Return ``interface`` with the parameters behind it, then their scores; health depends on them."""
+    """Return ``interface`` with the parameters behind it, then their scores, then their deviations.
+
+    Health depends on the parameters, and all that is estimated where deviations are inputs.
+    """
     known = flow_parameters(inverse_map)
     if not known.names:
         return tuple(interface)
-    inputs = parameter_names(inverse_map)
-    before = (
-        replace(one, depends_on=(*one.depends_on, *inputs)) if one.name == "health.state" else one
-        for one in interface
-    )
     ranges = [
         f"{low:g} to {high:g}" for low, high in zip(known.minimum.tolist(), known.maximum.tolist(), strict=True)
     ]
-    values = (
-        Variable(
-            name=f"{PREFIX}{name}",
-            description=f"{name} of the flow, unit of the vehicle file, for health alone, {held} in the map; "
-            f"{NOT_KNOWN:g} or NaN where not known",
-            causality="input",
-            start=NOT_KNOWN,
-        )
-        for name, held in zip(known.names, ranges, strict=True)
+    named = list(zip(known.names, ranges, strict=True))
+    before = (_depending(one, inverse_map) for one in interface)
+    deviations = [_deviation(name) for name in known.names] if follows_parameters(inverse_map) else []
+    use = "sharpens the estimate where its deviation is stated" if deviations else "for health alone"
+    values = [_value(name, f"{use}, {held} in the map") for name, held in named]
+    return (*before, *values, *(_score(name, held) for name, held in named), *deviations)
+
+
+def _depending(variable: Variable, inverse_map: InverseMap) -> Variable:
+    """Return ``variable`` with what it depends on of the parameters."""
+    stds = parameter_std_names(inverse_map)
+    of_estimate = bool(stds) and NAVIGATION_INPUTS[0] in variable.depends_on
+    if variable.name != "health.state" and not of_estimate:
+        return variable
+    return replace(variable, depends_on=(*variable.depends_on, *parameter_names(inverse_map), *stds))
+
+
+def _value(name: str, text: str) -> Variable:
+    return Variable(
+        name=f"{PREFIX}{name}",
+        description=f"{name} of the flow, unit of the vehicle file, {text}; {NOT_KNOWN:g} or NaN where not known",
+        causality="input",
+        start=NOT_KNOWN,
     )
-    scores = (
-        Variable(
-            name=f"{OUTSIDE_PREFIX}{name}",
-            description=f"Part of its range, {held}, by which {name} leaves it, 0 inside or not known; "
-            f"OUTSIDE above {PARAMETER_TOLERANCE:g}",
-            causality="output",
-            unit="1",
-            minimum=0.0,
-            depends_on=(f"{PREFIX}{name}",),
-        )
-        for name, held in zip(known.names, ranges, strict=True)
+
+
+def _score(name: str, held: str) -> Variable:
+    return Variable(
+        name=f"{OUTSIDE_PREFIX}{name}",
+        description=f"Part of its range, {held}, by which {name} leaves it, 0 inside or not known; "
+        f"OUTSIDE above {PARAMETER_TOLERANCE:g}",
+        causality="output",
+        unit="1",
+        minimum=0.0,
+        depends_on=(f"{PREFIX}{name}",),
     )
-    return (*before, *values, *scores)
+
+
+def _deviation(name: str) -> Variable:
+    return Variable(
+        name=f"{STD_PREFIX}{name}",
+        description=f"Standard deviation of {PREFIX}{name}; {NOT_KNOWN:g}, NaN or below 0 where not stated, "
+        "and the value is for health alone",
+        causality="input",
+        start=NOT_KNOWN,
+    )

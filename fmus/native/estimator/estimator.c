@@ -86,6 +86,7 @@ Estimator *estimator_create(unsigned char *bytes, size_t length, char text[MODEL
     const int two_kinds = section[FURTHER_SECTION].content != NULL && section[FLIGHT_SECTION].content != NULL;
     if ((needs_form && !e->map.scaled) || (section[FLIGHT_LOADS_SECTION].content != NULL) != two_kinds
         || (section[FILTER_SECTION].content != NULL && section[FLIGHT_SECTION].content == NULL)
+        || (section[KNOWN_SECTION].content != NULL && section[FLIGHT_SECTION].content == NULL)
         || (section[LINEAR_FILTER_SECTION].content != NULL && (section[FLIGHT_SECTION].content != NULL || !e->map.scaled))) {
         snprintf(text, MODEL_TEXT_SIZE, "holds sections that do not go together");
         estimator_free(e);
@@ -312,6 +313,7 @@ static void renew_noise(Estimator *e, int other_sensors) {
         scaled_prepare(e);
     }
     if (e->flight.present) {
+        known_forget(e);
         flight_solver_add_noise(&e->flight.solver, e->noise.own, e->noise.added);
     }
 }

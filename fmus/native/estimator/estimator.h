@@ -69,7 +69,7 @@ enum {
 /* After the scalars: zero of each strain gauge, deviation of each of them, deviation that they have in common [1]; then
    the temperature of each sensor [K], which may be NaN or the map's not_known; thrust [N], as temperatures, of a map
    with sensors that it moves; then the time constant of the filter [s], 0 for none, of a map that has one. Then
-   further parameters of the flow, as temperatures. */
+   further parameters of the flow and, with tables of them, their deviations, as temperatures. */
 static inline size_t number_of_zeros(size_t n_strains) {
     return 2 * n_strains + 1;
 }
@@ -128,10 +128,12 @@ size_t estimator_inputs(const Estimator *estimator);
    `range` [m/m] for strain. */
 unsigned char gauge_in_use(const Estimator *estimator, size_t gauge, double range);
 
-/* Of the inputs, the first of the temperatures, thrust, SIZE_MAX for none, and the first of the parameters of the flow. */
+/* Of the inputs, the first of the temperatures, thrust, SIZE_MAX for none, and the first of the parameters of the flow and
+   of their deviations, which a map has with tables of them. */
 size_t first_temperature(const Estimator *estimator);
 size_t thrust_input(const Estimator *estimator);
 size_t first_parameter(const Estimator *estimator);
+size_t first_parameter_std(const Estimator *estimator);
 
 /* The parameter of the flow that leaves its range; SIZE_MAX for none. */
 size_t estimator_outside(const Estimator *estimator);

@@ -33,12 +33,16 @@ size_t first_parameter(const Estimator *e) {
     return behind_temperatures(e) + (e->sensors.has_thrust ? 1 : 0) + (has_filter(e) ? 1 : 0);
 }
 
+size_t first_parameter_std(const Estimator *e) {
+    return first_parameter(e) + e->parameters.count;
+}
+
 size_t filter_setting(const Estimator *e) {
     return has_filter(e) ? first_parameter(e) - 1 : SIZE_MAX;
 }
 
 size_t estimator_inputs(const Estimator *e) {
-    return first_parameter(e) + e->parameters.count;
+    return first_parameter_std(e) + (e->map.section[KNOWN_SECTION].content != NULL ? e->parameters.count : 0);
 }
 
 size_t estimator_outside(const Estimator *e) {

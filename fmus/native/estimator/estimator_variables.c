@@ -40,13 +40,13 @@ static unsigned tare_reference(const Estimator *e) {
     return further_reference(e) + (e->further.present ? OF_BODY + sections : 0);
 }
 
-/* Value reference of FMI 3.0 of the first parameter of the flow; their scores follow. */
+/* Value reference of FMI 3.0 of the first parameter of the flow; their scores, then their deviations follow. */
 static unsigned parameter_reference(const Estimator *e) {
     return tare_reference(e) + (e->tare.present ? TARE_REFERENCES : 0);
 }
 
 unsigned time_reference(const Estimator *e) {
-    return parameter_reference(e) + 2 * (unsigned)e->parameters.count;
+    return parameter_reference(e) + (e->flight.known.present ? 3 : 2) * (unsigned)e->parameters.count;
 }
 
 /* Number of the first of the further loads. */
@@ -63,7 +63,7 @@ size_t zero_in_use(const Estimator *e, size_t variable) {
     return e->tare.present && number < number_of_zeros(e->sensors.n_strains) ? number : SIZE_MAX;
 }
 
-/* Number of the first parameter of the flow; their scores follow. */
+/* Number of the first parameter of the flow; their scores, then their deviations follow. */
 static size_t first_parameter_variable(const Estimator *e) {
     return tare_variable(e) + (e->tare.present ? 2 + number_of_zeros(e->sensors.n_strains) : 0);
 }
@@ -118,8 +118,12 @@ size_t input_of(const Estimator *e, size_t variable) {
     if (zero < first_parameter(e) - (n + N_ALL_SCALARS)) { /* zeros, then temperatures, thrust, the filter's */
         return n + N_ALL_SCALARS + zero;
     }
-    if (variable - first_parameter_variable(e) < e->parameters.count) {
-        return first_parameter(e) + (variable - first_parameter_variable(e));
+    const size_t parameter = variable - first_parameter_variable(e), count = e->parameters.count;
+    if (parameter < count) {
+        return first_parameter(e) + parameter;
+    }
+    if (e->flight.known.present && parameter - 2 * count < count) {
+        return first_parameter_std(e) + (parameter - 2 * count);
     }
     return scalar < (e->flight.present ? N_ALL_SCALARS : N_SCALAR_INPUTS) ? n + scalar : SIZE_MAX;
 }

@@ -2,7 +2,7 @@
    settings; of maps with tables over the flight state then further inputs, real outputs and Boolean outputs; then the
    zeros and their deviations; then temperatures, of maps with modes of it, and thrust, of maps with sensors that it
    moves; then the loads beside the five, of maps with such; then the tare; then further parameters of the flow and how
-   far they leave their ranges, of maps with such. */
+   far they leave their ranges, of maps with such, then their deviations, of maps with tables of them. */
 
 #ifndef ESTIMATOR_VARIABLES_H
 #define ESTIMATOR_VARIABLES_H

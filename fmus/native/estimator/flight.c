@@ -13,23 +13,28 @@
 /* How good a solution is: strain does not fit, navigation is dropped with an alarm, neither. */
 enum { FITS_NOT, ALARMS, FITS };
 
-int flight_create(Estimator *e, char text[MODEL_TEXT_SIZE]) {
+/* Read the sections. */
+static int parse(Estimator *e, char *text) {
     Flight *flight = &e->flight;
-    const size_t n = e->map.n_gauges;
-    const Section *section = &e->map.section[FLIGHT_SECTION];
-    if (section->content == NULL) {
-        return 1;
-    }
-    if (!flight_map_parse(section, n, &flight->map, text)) {
+    const size_t n = e->map.n_gauges, n_loads = e->further.map.n_loads;
+    const Section *section = e->map.section, *loads = section + FLIGHT_LOADS_SECTION;
+    const Section *of_known = section + KNOWN_SECTION, *of_filter = section + FILTER_SECTION;
+    Known *known = &flight->known;
+    Filter *filter = &flight->filter;
+    if (!flight_map_parse(section + FLIGHT_SECTION, n, &flight->map, text)) {
         return 0;
     }
-    const Section *loads = &e->map.section[FLIGHT_LOADS_SECTION];
-    const size_t n_loads = e->further.map.n_loads;
     if (loads->content != NULL && !flight_further_parse(loads, &flight->map, n, n_loads, &flight->further.map, text)) {
         return 0;
     }
-    const Section *of_filter = &e->map.section[FILTER_SECTION];
-    Filter *filter = &flight->filter;
+    const size_t n_rows = flight->further.map.tables.n_rows;
+    if (of_known->content != NULL && !known_map_parse(of_known, &flight->map, n, n_rows, &known->map, text)) {
+        return 0;
+    }
+    if (known->map.n_parameters != (of_known->content != NULL ? e->parameters.count : 0)) {
+        snprintf(text, MODEL_TEXT_SIZE, "holds tables of other parameters of the flow");
+        return 0;
+    }
     if (of_filter->content != NULL && !filter_map_parse(of_filter, n, &filter->map, text)) {
         return 0;
     }
@@ -41,26 +46,60 @@ int flight_create(Estimator *e, char text[MODEL_TEXT_SIZE]) {
         snprintf(text, MODEL_TEXT_SIZE, "holds a filter of other temperature modes");
         return 0;
     }
-    flight->solver.map = &flight->map;
-    flight->solver.n = in_lanes(n);
+    known->present = of_known->content != NULL;
     filter->present = of_filter->content != NULL;
-    const size_t count = flight_solver_doubles(&flight->map, n) + flight_further_doubles(&flight->further.map, n)
-                       + tangents_doubles(&flight->map, n) + further_tangents_doubles(&flight->further.map, n)
-                       + (filter->present ? filter_doubles(filter, &flight->solver, &e->thermal) : 0);
+    return 1;
+}
+
+/* One block for all arrays. */
+static int allocate(Estimator *e) {
+    Flight *flight = &e->flight;
+    const size_t n = e->map.n_gauges;
+    FlightSolver *solver = &flight->solver;
+    FlightFurther *further = &flight->further;
+    Known *known = &flight->known;
+    Filter *filter = &flight->filter;
+    const int wider = known->present && known->map.tables.n_channels > flight->map.tables.n_channels;
+    const int wider_loads = known->present && known->map.further.n_channels > further->map.tables.n_channels;
+    const TableMap *widest = wider ? &known->map.tables : &flight->map.tables;
+    const TableMap *widest_loads = wider_loads ? &known->map.further : &further->map.tables;
+    solver->map = &flight->map;
+    solver->n = in_lanes(n);
+    const size_t count = flight_solver_doubles(&flight->map, n) + flight_further_doubles(&further->map, n)
+                       + (known->present ? known_doubles(&known->map, n) : 0)
+                       + tangents_doubles(&flight->map, widest, n) + further_tangents_doubles(widest_loads, n)
+                       + (filter->present ? filter_doubles(filter, solver, &e->thermal) : 0);
     flight->memory = calloc(1, ALIGNMENT + count * sizeof(double) + n);
     if (flight->memory == NULL) {
-        snprintf(text, MODEL_TEXT_SIZE, "needs more memory than there is");
         return 0;
     }
     unsigned char *start = flight->memory;
     double *doubles = (double *)(void *)(start + (ALIGNMENT - (uintptr_t)start % ALIGNMENT));
     unsigned char *bytes = (unsigned char *)(doubles + count);
-    flight_solver_arrays(&flight->map, n, e->wide, &flight->solver, &doubles, &bytes);
-    flight_further_arrays(&flight->further, n, &doubles);
-    tangents_arrays(&flight->solver, &flight->tangents, &doubles);
-    further_tangents_arrays(flight, n, &doubles);
+    flight_solver_arrays(&flight->map, n, e->wide, solver, &doubles, &bytes);
+    flight_further_arrays(further, n, &doubles);
+    if (known->present) {
+        known_arrays(e, &doubles);
+    }
+    tangents_arrays(solver, wider ? &known->own.tables : &solver->tables, &flight->tangents, &doubles);
+    further_tangents_arrays(flight, wider_loads ? &known->own.further : &further->tables, n, &doubles);
     if (filter->present) {
         filter_arrays(filter, &doubles);
+    }
+    return 1;
+}
+
+int flight_create(Estimator *e, char text[MODEL_TEXT_SIZE]) {
+    Flight *flight = &e->flight;
+    if (e->map.section[FLIGHT_SECTION].content == NULL) {
+        return 1;
+    }
+    if (!parse(e, text)) {
+        return 0;
+    }
+    if (!allocate(e)) {
+        snprintf(text, MODEL_TEXT_SIZE, "needs more memory than there is");
+        return 0;
     }
     for (size_t k = 0; k < N_STATES; k++) {
         flight->prior_std[k] = 1.0 / sqrt(flight->map.prior_precision[k]);
@@ -213,6 +252,7 @@ void flight_update(Estimator *e) {
     int searched;
     e->output[VALID_GAUGES] = (double)used;
     set_navigation(e);
+    known_follow(e);
     if (flight_filters(e)) {
         flight_filter_update(e, used);
         return;

@@ -7,6 +7,7 @@
 
 #include "filter.h"
 #include "flight_further.h"
+#include "flight_known.h"
 #include "flight_tangent.h"
 
 #define N_AIR_DATA 7
@@ -33,6 +34,7 @@ typedef struct {
     FlightMap map;
     FlightSolver solver;
     FlightFurther further;
+    Known known; /* parameters of the flow, of a map with tables of them */
     Tangents tangents; /* of the solution, for derivatives, */
     FurtherTangents further_tangents; /* and of rolling moment and section loads */
     Filter filter; /* over time, if the map has one */
@@ -47,9 +49,9 @@ typedef struct {
 
 struct Estimator;
 
-/* Number of doubles of flight->further_tangents, and handing them out. */
-size_t further_tangents_doubles(const FlightFurtherMap *map, size_t n_gauges);
-void further_tangents_arrays(Flight *flight, size_t n_gauges, double **doubles);
+/* Number of doubles of flight->further_tangents, and handing them out, for the tables with the most channels. */
+size_t further_tangents_doubles(const TableMap *widest, size_t n_gauges);
+void further_tangents_arrays(Flight *flight, const FlightTables *widest, size_t n_gauges, double **doubles);
 
 /* Read the section of the tables, and allocate. 1; 0 after a message. */
 int flight_create(struct Estimator *e, char text[MODEL_TEXT_SIZE]);
@@ -71,8 +73,8 @@ void flight_air_data(Flight *flight, const Solution *found);
 /* Least deviation of a value of navigation, relative: LEAST_RELATIVE_STD of navigation.py. */
 #define MIN_RELATIVE_STD 1e-3
 
-/* Whether samples are filtered: the time constant is positive, and there are no deviations of zeros, which the filter does
-   not take. */
+/* Whether samples are filtered: the time constant is positive, and there are no deviations of zeros and no parameters of
+   the flow with one, which the filter does not take. */
 int flight_filters(const struct Estimator *e);
 
 /* Set all outputs by the filter, for so many gauges in use. */

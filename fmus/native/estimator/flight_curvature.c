@@ -30,6 +30,9 @@ static void combine(const FlightTables *tables, double mach, double incidence, C
     const Basis first = flight_basis(map->mach_knots, map->n_mach, mach);
     const Basis second = flight_basis(map->incidence_knots, map->n_incidence, incidence);
     double bend[2][N_LOCAL];
+    if (tables->parts != NULL) {
+        flight_make_cells(tables, first.first, second.first);
+    }
     basis_curvature(map->mach_knots, map->n_mach, mach, &first, bend[0]);
     basis_curvature(map->incidence_knots, map->n_incidence, incidence, &second, bend[1]);
     const double *const of_mach[] = {first.value, first.slope, bend[0]};

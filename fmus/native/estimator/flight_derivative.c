@@ -138,10 +138,21 @@ static int navigation_doubted(const Flight *flight) {
     return doubted;
 }
 
-static const char *why_none(const Estimator *e) {
+/* Whether a direction moves a parameter of the flow that is known with a deviation, or that. */
+static int moves_known(const Estimator *e, const double *d_input) {
+    int moves = 0;
+    for (size_t k = 0; k < e->parameters.count; k++) {
+        moves |= parameter_known(e, k)
+              && (d_input[first_parameter(e) + k] != 0.0 || d_input[first_parameter_std(e) + k] != 0.0);
+    }
+    return moves;
+}
+
+static const char *why_none(const Estimator *e, const double *d_input) {
     const Flight *flight = &e->flight;
     return flight_filters(e) ? "the filter over time is on"
          : flight->flag[LINEAR_LOADS] ? "strain does not fit, the loads are those of the linear map"
+         : moves_known(e, d_input) ? "a parameter of the flow is among the inputs, and stated with its deviation"
          : navigation_doubted(flight) ? "navigation is inconsistent, and the rest of it counts less for that"
                                       : NULL;
 }
@@ -159,7 +170,7 @@ int flight_derivative(Estimator *e, const double *d_input, double *d_output, cha
         }
         return 1;
     }
-    const char *reason = why_none(e);
+    const char *reason = why_none(e, d_input);
     if (reason == NULL) {
         if (flight->tangents.outdated) {
             tangents_prepare(&flight->solver, &flight->tangents);

@@ -15,7 +15,7 @@ int flight_filters(const Estimator *e) {
     for (size_t i = 0; i <= n; i++) {
         zeros = zeros && std[i] == 0.0;
     }
-    return zeros;
+    return zeros && !any_parameter_known(e);
 }
 
 /* Solve from a law, a second time without navigation that is inconsistent. */

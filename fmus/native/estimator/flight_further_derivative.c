@@ -8,16 +8,16 @@
 
 #define PRODUCTS (sizeof(LoadProducts) / sizeof(double)) /* all of it doubles */
 
-size_t further_tangents_doubles(const FlightFurtherMap *map, size_t n_gauges) {
-    const size_t m = map->tables.n_rows;
-    return m == 0 ? 0 : curvature_doubles(&map->tables) + m * (in_lanes(n_gauges) + PRODUCTS);
+size_t further_tangents_doubles(const TableMap *widest, size_t n_gauges) {
+    const size_t m = widest->n_rows;
+    return m == 0 ? 0 : curvature_doubles(widest) + m * (in_lanes(n_gauges) + PRODUCTS);
 }
 
-void further_tangents_arrays(Flight *flight, size_t n_gauges, double **doubles) {
+void further_tangents_arrays(Flight *flight, const FlightTables *widest, size_t n_gauges, double **doubles) {
     FurtherTangents *tangents = &flight->further_tangents;
     const size_t m = flight->further.map.tables.n_rows;
     if (m > 0) {
-        curvature_arrays(&flight->further.tables, &tangents->curvature, doubles);
+        curvature_arrays(widest, &tangents->curvature, doubles);
         tangents->weighted = *doubles;
         tangents->products = (LoadProducts *)(void *)(tangents->weighted + m * in_lanes(n_gauges));
         *doubles += m * (in_lanes(n_gauges) + PRODUCTS);

@@ -15,12 +15,12 @@ static double *taken(double **doubles, size_t count) {
     return array;
 }
 
-size_t tangents_doubles(const FlightMap *map, size_t n_gauges) {
-    return curvature_doubles(&map->tables) + (2 * N_WEIGHTED + 1 + map->n_common + 1) * in_lanes(n_gauges);
+size_t tangents_doubles(const FlightMap *map, const TableMap *widest, size_t n_gauges) {
+    return curvature_doubles(widest) + (2 * N_WEIGHTED + 1 + map->n_common + 1) * in_lanes(n_gauges);
 }
 
-void tangents_arrays(const FlightSolver *solver, Tangents *tangents, double **doubles) {
-    curvature_arrays(&solver->tables, &tangents->curvature, doubles);
+void tangents_arrays(const FlightSolver *solver, const FlightTables *widest, Tangents *tangents, double **doubles) {
+    curvature_arrays(widest, &tangents->curvature, doubles);
     tangents->weighted = taken(doubles, N_WEIGHTED * solver->n);
     tangents->scaled = taken(doubles, N_WEIGHTED * solver->n);
     tangents->own = taken(doubles, solver->n);

@@ -64,9 +64,9 @@ static inline double gauge_dot(const FlightSolver *solver, const double *x, cons
     return sum;
 }
 
-/* Number of doubles, and handing them out. */
-size_t tangents_doubles(const FlightMap *map, size_t n_gauges);
-void tangents_arrays(const FlightSolver *solver, Tangents *tangents, double **doubles);
+/* Number of doubles, and handing them out; `widest` are the tables with the most channels. */
+size_t tangents_doubles(const FlightMap *map, const TableMap *widest, size_t n_gauges);
+void tangents_arrays(const FlightSolver *solver, const FlightTables *widest, Tangents *tangents, double **doubles);
 
 /* Prepare for the present solution. */
 void tangents_prepare(FlightSolver *solver, Tangents *tangents);

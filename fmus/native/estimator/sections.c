@@ -5,7 +5,7 @@
 #define SECTION_HEADER 24
 
 static const char NAMES[N_SECTION_KINDS][8] = {"FLIGHT", "THERMAL", "FURTHER", "FLOADS", "FILTER", "LFILTER", "TARE",
-                                                 "PARAMS", "SENSORS"};
+                                                 "PARAMS", "SENSORS", "KNOWN"};
 
 /* The kind of the section that begins at bytes; N_SECTION_KINDS for none. */
 static size_t kind_of(const unsigned char *bytes) {

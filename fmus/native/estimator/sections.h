@@ -16,6 +16,7 @@ typedef enum {
     TARE_SECTION,
     PARAMETER_SECTION,
     SENSOR_SECTION,
+    KNOWN_SECTION,
     N_SECTION_KINDS
 } SectionKind;
 

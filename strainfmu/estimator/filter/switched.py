@@ -45,11 +45,14 @@ class SwitchedFilter:
         self.estimator, self.time_constant = estimator, time_constant
         self._filter: FlightFilter | None = None
 
-    @property
-    def filters(self) -> bool:
-        """Whether samples are filtered; not with deviations of zeros, which the filter does not take."""
+    def filters(self, inputs: EstimatorInputs) -> bool:
+        """Return whether the sample in ``inputs`` is filtered.
+
+        Not with deviations of zeros, or of further parameters of the flow, which the filter does not take.
+        """
         zeros = self.estimator.zeros
-        return self.time_constant > 0.0 and not zeros.std.any() and zeros.common_std == 0.0
+        follows = self.estimator.manifold.parameters is not None and inputs.knows_parameters
+        return self.time_constant > 0.0 and not zeros.std.any() and zeros.common_std == 0.0 and not follows
 
     def step(
         self, inputs: EstimatorInputs, last: TimedTrack, time: float, temperature: ArrayLike | None = None
@@ -58,7 +61,7 @@ class SwitchedFilter:
 
         ``temperature`` (n_t,) is what the temperature sensors read [K]. Time that does not go on predicts nothing.
         """
-        if not self.filters:
+        if not self.filters(inputs):
             estimator = self.estimator
             if temperature is not None:
                 ((_, estimator, inputs),) = estimator.groups(inputs, temperature)

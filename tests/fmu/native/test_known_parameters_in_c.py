@@ -1,0 +1,326 @@
+"""Further parameters of the flow that are known with a deviation, in the native library: the numbers of numpy."""
+
+from __future__ import annotations
+
+from ctypes import c_double
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from damaged_resource import refusal, with_value
+from deflected_shape import NAME, deflected, known_map
+from raw_fmu import OK, Fmu2, Fmu3, write_resource
+from shape_case import flown, grid_conditions, shape_structure
+from thermal_maps import REFERENCE, with_temperature
+
+from strainfmu.estimator.filter.switched import SwitchedFilter, TimedTrack
+from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.estimator.manifold.derivative import estimate_derivative
+from strainfmu.estimator.manifold.estimator import ManifoldEstimator
+from strainfmu.estimator.manifold.flight_estimate import FlightEstimate
+from strainfmu.estimator.manifold.tracker import FlightTracker
+from strainfmu.fmu.parameter_tables_resource import SECTION
+from strainfmu.interface.estimator_variables import estimator_arrays, estimator_interface, output_values
+from strainfmu.interface.filter_variables import FILTER_TIME_CONSTANT
+from strainfmu.interface.fmi_variables import value_references
+from strainfmu.interface.input_names import FLOW_INPUTS, NAVIGATION_INPUTS, NOT_KNOWN
+
+pytestmark = pytest.mark.fast
+
+VALUE, STD = f"parameter.{NAME}", f"parameter_std.{NAME}"
+TOLERANCE = 1e-10
+"""Of the largest of a kind; 3e-13 is reached."""
+
+Known = tuple[float, float]
+STATED: tuple[Known, ...] = (
+    (1.7, 0.05),
+    (-3.2, 1.0),
+    (0.4, np.nan),
+    (2.5, 0.0),
+    (NOT_KNOWN, 0.1),
+    (-1.1, NOT_KNOWN),
+    (7.0, 0.5),  # out of its range, and used
+    (13.0, 0.5),  # too far out
+    (np.nan, 0.1),
+    (2.0, -1.0),
+    (2.0, np.inf),
+    (np.inf, 0.2),
+    (-3.9, 1e200),
+)
+"""Values and deviations as a host gives them."""
+
+GROUPS = (
+    *((f"{sigma}C_A", f"{sigma}C_N", f"{sigma}C_Y") for sigma in ("", "sigma.")),
+    *((f"{sigma}M_P", f"{sigma}M_Y", f"{sigma}M_R") for sigma in ("", "sigma.")),
+    *((f"{sigma}moment.pitch", f"{sigma}moment.yaw", f"{sigma}moment.roll") for sigma in ("", "sigma.")),
+    *((f"{sigma}air_data.angle_of_attack", f"{sigma}air_data.sideslip_angle") for sigma in ("", "sigma.")),
+    *((name,) for name in ("air_data.mach_number", "air_data.static_pressure", "air_data.dynamic_pressure")),
+    *((name,) for name in ("health.chi_square", "health.chi_square_limit", f"health.outside.{NAME}")),
+)
+"""Outputs of one unit, compared relative to the largest."""
+
+REALS = tuple(name for group in GROUPS for name in group)
+
+
+@cache
+def flights() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Strain (k, n_d), q_inf (k,), M (k,) and deflection (k,) of a few flights."""
+    random = np.random.default_rng(3)
+    conditions = grid_conditions(mach=(6.2, 6.8), alpha=(-3.0, 1.0, 2.5), beta=(-1.5, 0.4))
+    deflection = random.uniform(-4.0, 4.0, len(conditions))
+    snapshots = deflected(flown(conditions), deflection)
+    net = snapshots.pressure - snapshots.internal_pressure[:, None]
+    strain = net @ shape_structure(snapshots.surface).strain_operator("four_rows").T
+    strain += known_map().noise_std * random.standard_normal(strain.shape)
+    pressure, mach = (
+        np.array([getattr(one, of) for one in conditions]) for of in ("dynamic_pressure", "mach_number")
+    )
+    return strain, pressure, mach, deflection
+
+
+def flow_of(mach_number: float, dynamic_pressure: float) -> dict[str, float]:
+    """Return what navigation tells, NaN of all else."""
+    unknown = dict.fromkeys((*NAVIGATION_INPUTS, *FLOW_INPUTS), np.nan)
+    return {**unknown, "mach_number": mach_number, "dynamic_pressure": dynamic_pressure}
+
+
+class Pair:
+    """An instance and numpy's tracker, fed alike."""
+
+    def __init__(self, inverse_map: InverseMap, folder: Path) -> None:
+        interface = estimator_interface(inverse_map)
+        self.reference = value_references(interface)
+        self.names = [one.name for one in interface if one.causality == "output" and one.name != "tare_state"]
+        resources = write_resource(inverse_map, folder)
+        self.fmu = Fmu2(resources.as_uri(), inverse_map.n_gauges, logging=True)
+        self.fmu.start()
+        self.tracker = FlightTracker(ManifoldEstimator(inverse_map))
+
+    def set(self, **values: float) -> None:
+        self.set_all(values)
+
+    def set_all(self, values: dict[str, float]) -> None:
+        assert self.fmu.set_reals([self.reference[name] for name in values], [*values.values()]) == OK
+
+    def give(self, flight: int, known: Known) -> None:
+        strain, pressure, mach, _ = flights()
+        self.fmu.set_strain(strain[flight])
+        self.set_all({"dynamic_pressure": pressure[flight], "mach_number": mach[flight]})
+        self.set_all(dict(zip((VALUE, STD), known, strict=True)))
+
+    def get(self, *names: str) -> np.ndarray:
+        return self.fmu.get_reals([self.reference[name] for name in names])
+
+    def step(self, flight: int, known: Known, temperature: np.ndarray | None = None) -> FlightEstimate:
+        """Both take a step; all outputs agree."""
+        self.give(flight, known)
+        assert self.fmu.step() == OK
+        strain, pressure, mach, _ = flights()
+        value, std = (np.nan if one == NOT_KNOWN else one for one in known)
+        found = self.tracker.step(
+            strain[flight],
+            pressure[flight],
+            mach_number=mach[flight],
+            parameters={NAME: value},
+            parameters_std={NAME: std if std >= 0.0 else np.nan},
+            temperature=temperature,
+        )
+        expected = dict(zip(self.names, output_values(found, with_further=True), strict=True))
+        assert self.fmu.get_integers([self.reference["health.state"]])[0] == expected["health.state"]
+        for group in GROUPS:
+            theirs = np.array([expected[name] for name in group])
+            np.testing.assert_allclose(
+                self.get(*group),
+                theirs,
+                rtol=0.0,
+                atol=TOLERANCE * np.abs(theirs).max(),
+                err_msg=f"{known} {group}",
+            )
+        return found
+
+
+@pytest.fixture
+def pair(tmp_path: Path) -> Pair:
+    return Pair(known_map(), tmp_path)
+
+
+def test_as_numpy_step_by_step(pair: Pair) -> None:
+    deflection, used = flights()[3], set[tuple[bool, str]]()
+    for k, known in enumerate((*STATED, *STATED[::-1])):
+        flight = k % len(deflection)
+        found = pair.step(flight, known if k % 4 else (deflection[flight], 0.1))
+        used.add((bool(found.is_linear), found.health.name))
+    assert {(False, "OK"), (False, "OUTSIDE")} <= used
+
+
+def test_lost_gauges_deviations_of_zeros_and_settings(pair: Pair) -> None:
+    estimator, deflection = pair.tracker.estimator, flights()[3]
+    n = estimator.inverse_map.n_gauges
+    pair.step(0, (deflection[0], 0.1))
+    zeros = replace(estimator.zeros, std=np.full(n, 1e-7), common_std=5e-8)
+    largest = 0.9 * float(np.abs(flights()[0][:4]).max(axis=1).min())
+    settings = replace(estimator.settings, reference_length=1.7, moment_station=0.8, sensor_range=largest)
+    pair.tracker.estimator = estimator.with_zeros(zeros).with_settings(settings)
+    pair.set_all({f"zero_std[{i + 1}]": 1e-7 for i in range(n)} | {"zero_common_std": 5e-8})
+    pair.set(reference_length=1.7, moment_station=0.8, sensor_range=largest)
+    for flight in range(4):
+        assert pair.step(flight, (deflection[flight], 0.1)).valid.sum() < n
+
+
+def test_at_the_temperature_of_the_wall(tmp_path: Path) -> None:
+    held = with_temperature(known_map(), k=3, n_t=2, mode_strain=1e-9 * np.ones((known_map().n_gauges, 3)))
+    pair, deflection = Pair(held, tmp_path), flights()[3]
+    for flight, readings in enumerate(([REFERENCE + 4.0, np.nan], [REFERENCE - 2.0, REFERENCE + 1.0])):
+        pair.set_all({f"temperature[{i + 1}]": one for i, one in enumerate(readings)})
+        pair.step(flight, (deflection[flight], 0.2), temperature=np.array(readings))
+
+
+def test_what_is_not_stated_changes_no_bit(pair: Pair, tmp_path: Path) -> None:
+    """The numbers of a map without these tables, before and after a deviation is stated."""
+    manifold = known_map().manifold
+    assert manifold is not None
+    without = Pair(replace(known_map(), manifold=replace(manifold, parameters=None)), tmp_path / "without")
+    assert STD not in without.reference
+    for flight, known in ((0, (1.0, NOT_KNOWN)), (1, (1.0, np.nan)), (2, (-2.0, -0.5))):
+        pair.give(flight, known)
+        without.fmu.set_strain(flights()[0][flight])
+        without.set(dynamic_pressure=flights()[1][flight], mach_number=flights()[2][flight])
+        without.set_all({VALUE: known[0]})
+        bits = [one.get(*REALS).tobytes() for one in (pair, without)]
+        pair.give(flight, (known[0], 0.1))
+        assert pair.get(*REALS).tobytes() != bits[1]
+        pair.give(flight, known)
+        bits.append(pair.get(*REALS).tobytes())
+        assert bits[0] == bits[1] == bits[2]
+
+
+def test_state_and_reset(pair: Pair) -> None:
+    pair.step(0, (flights()[3][0], 0.1))
+    held, state = pair.get(*REALS), pair.fmu.get_state()
+    content = pair.fmu.serialise(state)
+    pair.give(1, (3.0, 0.5))
+    assert pair.fmu.step() == OK
+    assert pair.get(*REALS).tobytes() != held.tobytes()
+    assert pair.fmu.call("SetFMUstate", state) == OK
+    assert pair.get(*REALS).tobytes() == held.tobytes()
+    assert pair.fmu.call("Reset") == OK
+    pair.fmu.start()
+    assert pair.get(STD, VALUE).tolist() == [NOT_KNOWN, NOT_KNOWN]
+    status, moved = pair.fmu.deserialise(content)
+    assert status == OK
+    assert pair.fmu.call("SetFMUstate", moved) == OK
+    assert pair.get(*REALS).tobytes() == held.tobytes()
+
+
+def test_derivatives_by_strain_and_navigation_alone(pair: Pair) -> None:
+    """Those of numpy with the tables about what is known; a direction that moves that itself is refused."""
+    strain, pressure, mach, deflection = flights()
+    pair.give(0, (deflection[0], 0.1))
+    ended(pair)
+    estimator = pair.tracker.estimator
+    flow = flow_of(mach[0], pressure[0])
+    inputs = estimator.checked_inputs(strain[0], None, flow, {NAME: deflection[0]}, {NAME: 0.1})
+    expected = estimate_derivative(estimator.at_parameters(inputs), inputs)
+    direction = np.random.default_rng(1).normal(size=len(strain[0])) * 1e-7
+    unknowns = [pair.reference[name] for name in ("C_A", "C_N", "C_Y", "M_P", "M_Y")]
+    gauges = [pair.reference[f"strain[{i + 1}]"] for i in range(len(direction))]
+    found = pair.fmu.derivative(unknowns, gauges, direction)
+    wanted = expected.coefficients[:, : len(direction)] @ direction
+    np.testing.assert_allclose(found, wanted, rtol=0.0, atol=1e-7 * np.abs(wanted).max())
+    further = [pair.reference[name] for name in ("M_R", "sigma.M_R")]
+    by_strain = pair.fmu.derivative(further, gauges, direction)
+    ends = []
+    for sign in (1.0, -1.0):
+        pair.fmu.set_strain(strain[0] + sign * 0.02 * direction)
+        ends.append(ended(pair).get("M_R", "sigma.M_R"))
+    np.testing.assert_allclose(by_strain, (ends[0] - ends[1]) / 0.04, rtol=1e-4)
+    pair.give(0, (deflection[0], 0.1))
+    ended(pair)
+    assert refused(pair, VALUE)
+    assert refused(pair, STD)
+    pair.give(0, (deflection[0], np.nan))
+    assert pair.fmu.step() == OK
+    assert (
+        pair.fmu.derivative(unknowns, [pair.reference[STD], pair.reference[VALUE]], [1.0, 1.0]).tolist()
+        == [0.0] * 5
+    )
+
+
+def ended(pair: Pair) -> Pair:
+    """Step until a repeated sample changes nothing any more."""
+    for _ in range(40):
+        assert pair.fmu.step() == OK
+    return pair
+
+
+def refused(pair: Pair, known: str) -> bool:
+    with pytest.raises(AssertionError, match="stated with its deviation"):
+        pair.fmu.derivative([0], [pair.reference[known]], [1.0])
+    return True
+
+
+def test_the_filter_rests_while_a_deviation_is_stated(pair: Pair) -> None:
+    """Each sample on its own then, as numpy has it; the filter begins again behind it."""
+    strain, pressure, mach, deflection = flights()
+    estimator = pair.tracker.estimator
+    switched, track = SwitchedFilter(estimator, 0.5), TimedTrack()
+    pair.set_all({FILTER_TIME_CONSTANT: 0.5})
+    names = ("C_A", "C_N", "M_R", "sigma.C_N", "sigma.M_R", "health.chi_square")
+    for k, std in enumerate((np.nan, np.nan, 0.1, 0.1, np.nan, np.nan)):
+        pair.give(0, (deflection[0], std))
+        assert pair.fmu.step(0.01 * k) == OK
+        inputs = estimator.checked_inputs(
+            strain[0], None, flow_of(mach[0], pressure[0]), {NAME: deflection[0]}, {NAME: std}
+        )
+        assert switched.filters(inputs) == np.isnan(std)
+        found, track = switched.step(inputs, track, 0.01 * k)
+        assert (track.track.law is None) == np.isfinite(std)
+        expected = dict(zip(pair.names, output_values(found, with_further=True), strict=True))
+        np.testing.assert_allclose(pair.get(*names), [expected[name] for name in names], rtol=1e-7)
+
+
+def test_scalars_of_fmi_3(pair: Pair, tmp_path: Path) -> None:
+    arrays = estimator_arrays(estimator_interface(known_map()))
+    reference = {one.name: k for k, one in enumerate(arrays)}
+    fmu = Fmu3(str(write_resource(known_map(), tmp_path / "three")), known_map().n_gauges).start()
+    strain, pressure, mach, deflection = flights()
+    given = {
+        "dynamic_pressure": pressure[0],
+        "mach_number": mach[0],
+        VALUE: deflection[0],
+        STD: 0.1,
+    }
+    assert fmu.set("Float64", c_double, [reference["strain"]], strain[0]) == OK
+    assert fmu.set("Float64", c_double, [reference[name] for name in given], [*given.values()]) == OK
+    status, found = fmu.get("Float64", c_double, [reference[name] for name in ("M_R", "sigma.M_R", STD)], 3)
+    assert status == OK
+    pair.give(0, (deflection[0], 0.1))
+    assert found.tolist() == [*pair.get("M_R", "sigma.M_R"), 0.1]
+    assert fmu.get("Float64", c_double, [len(arrays)], 1)[0] == OK  # the time
+
+
+@pytest.mark.parametrize(
+    ("at", "value", "text"),
+    [
+        (24, b"\0", "sizes cannot be"),  # parameters
+        (24 + 8, b"\0", "sizes cannot be"),  # channels
+        (24 + 16, b"\0", "sizes cannot be"),  # further loads
+        (24 + 32, b"\0\0\0\0\0\0\xf8\x7f", "a value that cannot be"),  # the largest score
+        (24 + 32 + 24 + 24, np.float64(4.0).tobytes(), "a value that cannot be"),  # a power
+        (24 + 32 + 24, np.float64(1.0).tobytes(), "sizes cannot be"),  # its parameter, which there is not
+        (-8, b"\0\0\0\0\0\0\xf0\x7f", "a value that cannot be"),  # the last of the products
+    ],
+)
+def test_what_cannot_be_is_refused(tmp_path: Path, at: int, value: bytes, text: str) -> None:
+    location = with_value(known_map(), tmp_path, SECTION, at, value)
+    assert text in refusal(Fmu2(location, known_map().n_gauges))
+
+
+def test_a_section_of_other_parameters_is_refused(tmp_path: Path) -> None:
+    """The section of ranges is of one more than the tables."""
+    more = {**known_map().provenance["parameters"], "flap_deg": [0.0, 1.0]}
+    held = replace(known_map(), provenance={**known_map().provenance, "parameters": more})
+    resources = write_resource(held, tmp_path)
+    assert "tables of other parameters" in refusal(Fmu2(resources.as_uri(), held.n_gauges))
