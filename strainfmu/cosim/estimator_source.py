@@ -23,7 +23,12 @@ from strainfmu.estimator.manifold.tracker import FlightTracker
 from strainfmu.estimator.sensors import refuse_sensors
 from strainfmu.estimator.zeros import GaugeZeros
 from strainfmu.interface.further_variables import further_load_outputs, further_outputs, section_stations
-from strainfmu.interface.parameter_variables import OUTSIDE_PREFIX, parameter_names
+from strainfmu.interface.parameter_variables import (
+    OUTSIDE_PREFIX,
+    STD_PREFIX,
+    parameter_names,
+    parameter_std_names,
+)
 from strainfmu.interface.parameter_variables import PREFIX as PARAMETER_PREFIX
 from strainfmu.interface.temperature_variables import temperature_names
 
@@ -85,7 +90,8 @@ class MapStep:
         self._temperatures = temperature_names(inverse_map.thermal)
         self.set_zeros(zeros)
         self._parameters = parameter_names(inverse_map)
-        self.further_inputs = (*NAVIGATION, *self._temperatures, *self._parameters)
+        self._stds = parameter_std_names(inverse_map)
+        self.further_inputs = (*NAVIGATION, *self._temperatures, *self._parameters, *self._stds)
         self.noise_std = inverse_map.noise_std
         self.section_stations = section_stations(inverse_map)
         stations = self.section_stations
@@ -108,8 +114,8 @@ class MapStep:
     ) -> StepResult:
         """Do one step; its result does not depend on ``step_size``.
 
-        ``others`` are temperatures [K] and further parameters of the flow by name of the FMU's input; one that is
-        not given is not known.
+        ``others`` are temperatures [K], further parameters of the flow and their standard deviations by name of
+        the FMU's input; one that is not given is not known.
         """
         warm = None
         if self._temperatures and others:
@@ -118,6 +124,8 @@ class MapStep:
         names = [name.removeprefix(PARAMETER_PREFIX) for name in self._parameters]
         if names:
             of_flow["parameters"] = {name: others.get(PARAMETER_PREFIX + name, nan) for name in names}
+        if self._stds:
+            of_flow["parameters_std"] = {name: others.get(STD_PREFIX + name, nan) for name in names}
         found = self._estimator.step(strain, dynamic_pressure, **of_flow)
         further = {ENVELOPE_SCORE: found.envelope_score}
         further |= {

@@ -34,7 +34,7 @@ from strainfmu.cosim.step import FURTHER_LOADS, PARAMETERS, StepRefused, StepRes
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.estimator.zeros import GaugeZeros
 from strainfmu.interface.further_variables import further_load_outputs
-from strainfmu.interface.parameter_variables import OUTSIDE_PREFIX
+from strainfmu.interface.parameter_variables import OUTSIDE_PREFIX, STD_PREFIX
 from strainfmu.interface.parameter_variables import PREFIX as PARAMETER_PREFIX
 from strainfmu.interface.sensor_variables import PREFIX as SENSOR_PREFIX
 from strainfmu.interface.sensor_variables import THRUST
@@ -98,7 +98,9 @@ class FmuStep:
         self.sensor_names = tuple(described(variable, SENSOR) for variable in sensors)
         of_parameters = [name for name in by_name if name.startswith(PARAMETER_PREFIX)]
         parameters = of_parameters if PARAMETERS in further_inputs else []
-        asked = (*further_inputs, *(variable.name for variable in sensors), *parameters, *self.reading_units)
+        stds = [name.replace(PARAMETER_PREFIX, STD_PREFIX, 1) for name in parameters]
+        named = (*(variable.name for variable in sensors), *parameters, *stds)
+        asked = (*further_inputs, *named, *self.reading_units)
         self.further_inputs = tuple(name for name in asked if name in by_name)
         of_flow = tuple(by_name[name] for name in self.further_inputs)
         self._set = (*strains, pressure, *of_flow, *valid)

@@ -9,6 +9,7 @@ from strainfmu.arrays import FloatArray
 from strainfmu.errors import StrainfmuError
 from strainfmu.estimator.health import HealthState
 from strainfmu.interface.parameter_variables import PREFIX as PARAMETER_PREFIX
+from strainfmu.interface.parameter_variables import STD_PREFIX
 
 
 class StepRefused(StrainfmuError):
@@ -46,7 +47,8 @@ ENVELOPE_SCORE = "health.envelope_score"
 """Output of :attr:`StepResult.further`: deviations by which the coefficients leave what the map covers [1]."""
 
 PARAMETERS = "parameters"
-"""Name that stands for all further parameters of the flow among the further inputs that are asked for."""
+"""Name that stands for all further parameters of the flow among the further inputs that are asked for, and their
+standard deviations."""
 
 FURTHER_LOADS = "further_loads"
 """Name that stands for rolling moment and section loads, with their deviations, among the outputs asked for."""
@@ -72,6 +74,11 @@ def sensor_names_of(step: Step) -> tuple[str, ...]:
 def parameter_names_of(step: Step) -> tuple[str, ...]:
     """Return the inputs ``parameter.NAME`` of further parameters of the flow among :func:`further_inputs`."""
     return tuple(name for name in further_inputs(step) if name.startswith(PARAMETER_PREFIX))
+
+
+def parameter_std_names_of(step: Step) -> tuple[str, ...]:
+    """Return the inputs ``parameter_std.NAME`` of their standard deviations among :func:`further_inputs`."""
+    return tuple(name for name in further_inputs(step) if name.startswith(STD_PREFIX))
 
 
 def section_stations_of(step: Step) -> tuple[float, ...] | None:

@@ -27,6 +27,7 @@ from strainfmu.cosim.step import (
     PARAMETERS,
     Step,
     parameter_names_of,
+    parameter_std_names_of,
     section_stations_of,
     sensor_names_of,
 )
@@ -229,7 +230,9 @@ def make_core(
         synchronised=options.synchronised,
         synchronised_shift=options.synchronised_shift,
     )
-    layout, configuration = input_layout(options, gauge_names, sensor_names_of(step), parameter_names_of(step))
+    layout, configuration = input_layout(
+        options, gauge_names, sensor_names_of(step), parameter_names_of(step), parameter_std_names_of(step)
+    )
     stations = section_stations_of(step)
     results = result_layouts(_result_form(options, layout), options.identifiers, layout.cycle_time, stations)
     options.identifiers.checked(1, len(results))
@@ -273,11 +276,12 @@ def input_layout(
     gauge_names: Sequence[str],
     sensor_names: Sequence[str] = (),
     parameter_names: Sequence[str] = (),
+    parameter_std_names: Sequence[str] = (),
 ) -> tuple[InputLayout, int]:
     """Return the input frames of a profile or a DBC file, and the number of the gauge assignment.
 
     ``sensor_names`` are the temperature sensors of the estimator, ``parameter_names`` its inputs for further
-    parameters of the flow, which a mapping may name.
+    parameters of the flow, which a mapping may name, and ``parameter_std_names`` those for their deviations.
 
     Raises
     ------
@@ -307,6 +311,7 @@ def input_layout(
         name=str(options.mapping),
         sensor_names=sensor_names,
         parameter_names=parameter_names,
+        parameter_std_names=parameter_std_names,
     )
     return layout, configuration_of(options.dbc.name, gauge_names)
 

@@ -16,10 +16,12 @@ from strainfmu.can.wire.cycle_plan import raw_ends
 from strainfmu.can.wire.frame_layout import (
     ALTITUDE,
     DYNAMIC_PRESSURE,
+    LARGEST_PARAMETER,
     MACH_NUMBER,
     FlowSignal,
     InputFrame,
     is_parameter,
+    is_parameter_std,
     is_temperature,
 )
 from strainfmu.can.wire.profile_signals import LARGEST_DYNAMIC_PRESSURE, LEAST_DYNAMIC_PRESSURE
@@ -35,10 +37,6 @@ _SENSIBLE = {
 _SENSIBLE_TEMPERATURE = (1.0, 5e3)
 """The same of a temperature [K]."""
 
-_LARGEST_PARAMETER = 1e8
-"""Largest size of a further parameter in its own unit; the estimator has -1e9 for one that is not known."""
-
-
 _NOTHING_LOST = Cause.NONE
 
 _NEW_FRAMES = 3
@@ -53,8 +51,10 @@ class FlowState:
     ----------
     dynamic_pressure : q_inf [Pa].
     mach_number, altitude : by navigation [1] and [m].
-    lost : causes of what was known before and is not any more: navigation, a temperature, a further parameter.
-    further : temperatures [K] and further parameters of the flow, by name of the estimator's input.
+    lost : causes of what was known before and is not any more: navigation, a temperature, a further parameter or
+        its standard deviation.
+    further : temperatures [K], further parameters of the flow and their standard deviations, by name of the
+        estimator's input.
     hides_delay : more delay of the dynamic pressure may hide than is allowed.
     """
 
@@ -215,16 +215,23 @@ class HeldValue:
 
 
 class HeldFlow:
-    """Holds q_inf, Mach number, altitude, temperatures and further parameters, each for itself.
+    """Holds q_inf, Mach number, altitude, temperatures, further parameters and deviations, each for itself.
 
     Parameters
     ----------
     values : those that the bus gives, at most one of each quantity.
     fixed : q_inf of the whole run [Pa]; None to take it from the bus.
     seen : frames received in this run.
+    constants : further inputs of the estimator that stay, and their values.
     """
 
-    def __init__(self, values: Sequence[HeldValue], fixed: float | None, seen: SeenFrames) -> None:
+    def __init__(
+        self,
+        values: Sequence[HeldValue],
+        fixed: float | None,
+        seen: SeenFrames,
+        constants: Sequence[tuple[str, float]] = (),
+    ) -> None:
         self._seen = seen
         self._values, self._fixed = tuple(values), fixed
         # By identity, as two frames may be alike; the values keep the frames alive.
@@ -234,9 +241,13 @@ class HeldFlow:
         by_quantity = {value.quantity: value for value in values}
         self._pressure = by_quantity.get(DYNAMIC_PRESSURE)
         self._mach_number, self._altitude = by_quantity.get(MACH_NUMBER), by_quantity.get(ALTITUDE)
-        of_loss = {is_temperature: Cause.TEMPERATURE, is_parameter: Cause.NAVIGATION}
+        of_loss = {
+            is_temperature: Cause.TEMPERATURE,
+            is_parameter: Cause.NAVIGATION,
+            is_parameter_std: Cause.NAVIGATION,
+        }
         self._further = [(one, cause) for one in values for has, cause in of_loss.items() if has(one.quantity)]
-        self._state = FlowState()
+        self._state = FlowState(further=dict(constants))
 
     def reset(self) -> None:
         """Forget the sender."""
@@ -295,5 +306,7 @@ class HeldFlow:
 def _sensible(quantity: str) -> tuple[float, float]:
     """Return the smallest and largest value of a quantity that may be used."""
     if is_parameter(quantity):
-        return -_LARGEST_PARAMETER, _LARGEST_PARAMETER
+        return -LARGEST_PARAMETER, LARGEST_PARAMETER
+    if is_parameter_std(quantity):
+        return 0.0, LARGEST_PARAMETER
     return _SENSIBLE.get(quantity, _SENSIBLE_TEMPERATURE)

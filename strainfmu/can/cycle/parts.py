@@ -90,7 +90,7 @@ def cycle_parts(
         proof=restart_proof(layout, settings),
         decoder=StrainDecoder(layout),
         gauges=gauge_checks(layout, settings, noise_std),
-        flow=HeldFlow(held_values(layout, settings), dynamic_pressure, seen),
+        flow=HeldFlow(held_values(layout, settings), dynamic_pressure, seen, layout.constants),
         held=held_strains(layout),
     )
 

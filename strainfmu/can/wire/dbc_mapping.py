@@ -17,12 +17,14 @@ from strainfmu.can.wire.frame_layout import (
     ALTITUDE,
     DYNAMIC_PRESSURE,
     FLOW_QUANTITIES,
+    LARGEST_PARAMETER,
     MACH_NUMBER,
     FlowSignal,
     FrameLayout,
     InputFrame,
     InputLayout,
     is_parameter,
+    is_parameter_std,
     is_temperature,
     temperature_name,
 )
@@ -52,6 +54,7 @@ def mapped_layout(
     name: str,
     sensor_names: Sequence[str] = (),
     parameter_names: Sequence[str] = (),
+    parameter_std_names: Sequence[str] = (),
 ) -> InputLayout:
     """Return the frames that ``mapping`` names in ``database``.
 
@@ -61,6 +64,7 @@ def mapped_layout(
     name : of the mapping, for messages.
     sensor_names : temperature sensors of the estimator; the mapping may also call them temperature[1] ..
     parameter_names : inputs ``parameter.NAME`` of the estimator for further parameters of the flow.
+    parameter_std_names : inputs ``parameter_std.NAME`` for their standard deviations.
 
     Raises
     ------
@@ -70,7 +74,11 @@ def mapped_layout(
     mapper = _Mapper(database, mapping, gauge_names=gauge_names, name=name)
     numbered = [temperature_name(k) for k in range(1, len(sensor_names) + 1)]
     mapper.may_hold("temperature", "sensor", dict(zip(sensor_names, numbered, strict=True)))
-    mapper.may_hold("parameter", "name", {one.partition(".")[2]: one for one in parameter_names})
+    by_name, std_by_name = (
+        {one.partition(".")[2]: one for one in names} for names in (parameter_names, parameter_std_names)
+    )
+    mapper.may_hold("parameter", "name", by_name)
+    mapper.may_deviate({by_name[name]: one for name, one in std_by_name.items() if name in by_name})
     return mapper.layout()
 
 
@@ -90,11 +98,17 @@ class _Mapper:
         self._gauges |= {f"strain[{index + 1}]": index for index in range(len(gauge_names))}
         self._names = tuple(gauge_names)
         self._further: dict[str, tuple[str, dict[str, str]]] = {}
+        self._deviations: dict[str, str] = {}
+        self._constants: dict[str, float] = {}
         self._frames_in_use: set[str] = set()
 
     def may_hold(self, table: str, kind: str, inputs: Mapping[str, str]) -> None:
         """Let ``table`` map signals to ``inputs`` of the estimator, by names of what they are of, a ``kind``."""
         self._further[table] = kind, {**inputs, **{one: one for one in inputs.values()}}
+
+    def may_deviate(self, inputs: Mapping[str, str]) -> None:
+        """Let a standard deviation be stated beside the signal of an input, for another of ``inputs``."""
+        self._deviations = dict(inputs)
 
     def layout(self) -> InputLayout:
         """Return the whole input."""
@@ -137,6 +151,7 @@ class _Mapper:
             strain_frames=frames,
             flow_frames=of_flow,
             cycle_time=cycle_time,
+            constants=tuple(self._constants.items()),
         )
 
     def _strain_frame(self, message_name: str, selector: int | None, items: list[tuple[int, Any]]) -> InputFrame:
@@ -198,15 +213,38 @@ class _Mapper:
         """Return the inputs of the estimator that ``table`` maps, and "Message.Signal" of each."""
         found: dict[str, Any] = {}
         kind, inputs = self._further[table]
-        for name, path in self._file.table(table, optional=True).items():
+        for name, entry in self._file.table(table, optional=True).items():
             if name not in inputs:
                 known = ", ".join(inputs)[:200] or f"none, the estimator has no {_ABSENT[table]}"
                 raise InputError(f"{self._name}: {table}: expected a {kind} ({known}), got '{name}'")
             quantity = inputs[name]
             if quantity in found:
                 raise InputError(f"{self._name}: {table}: expected one signal for '{name}', got 2")
-            found[quantity] = path
+            found[quantity], deviation = self._signal_and_std(f"{table}.{name}", quantity, entry)
+            found |= deviation
         return list(found.items())
+
+    def _signal_and_std(self, where: str, quantity: str, entry: Any) -> tuple[Any, dict[str, str]]:
+        """Return "Message.Signal" of an entry, and that of its standard deviation by input; a number is kept."""
+        if not isinstance(entry, Mapping):
+            return entry, {}
+        if not {"signal"} <= set(entry) <= {"signal", "std"}:
+            raise InputError(
+                f"{self._name}: {where}: expected 'signal' and 'std', got {', '.join(entry) or 'none'}"
+            )
+        if "std" not in entry:
+            return entry["signal"], {}
+        of_std, std = self._deviations.get(quantity), entry["std"]
+        if of_std is None:
+            raise InputError(f"{self._name}: {where}: std: expected none, the estimator does not take it")
+        if isinstance(std, str):
+            return entry["signal"], {of_std: std}
+        if isinstance(std, bool) or not isinstance(std, int | float) or not 0.0 <= std < LARGEST_PARAMETER:
+            raise InputError(
+                f"{self._name}: {where}: std: expected 'Message.Signal' or a number from 0 on, got {str(std)[:40]}"
+            )
+        self._constants[of_std] = float(std)
+        return entry["signal"], {}
 
     def _flow_frame(self, message_name: str, selector: int | None, items: list[tuple[str, Any]]) -> InputFrame:
         """Return one frame of quantities of the flow."""
@@ -217,7 +255,7 @@ class _Mapper:
             if is_temperature(quantity):
                 unit = self._file.unit(message, signal, tuple(TEMPERATURE_UNITS), "a unit of temperature")
                 factor, offset = TEMPERATURE_UNITS[unit]
-            elif is_parameter(quantity):
+            elif is_parameter(quantity) or is_parameter_std(quantity):
                 factor, offset = 1.0, 0.0  # their unit is that of the vehicle file, which nobody states
             else:
                 units, what, unless_stated = _UNITS_OF[quantity]

@@ -26,12 +26,21 @@ def temperature_name(number: int) -> str:
     return f"{_TEMPERATURE}{number}]"
 
 
-_PARAMETER = "parameter."
+LARGEST_PARAMETER = 1e8
+"""Largest size of a further parameter, and of its deviation, in its own unit; the estimator has -1e9 for one that
+is not known."""
+
+_PARAMETER, _PARAMETER_STD = "parameter.", "parameter_std."
 
 
 def is_parameter(quantity: str) -> bool:
     """Return whether ``quantity`` is a further parameter of the flow, by the name of the FMU's input."""
     return quantity.startswith(_PARAMETER)
+
+
+def is_parameter_std(quantity: str) -> bool:
+    """Return whether ``quantity`` is the standard deviation of a further parameter, by the FMU's input."""
+    return quantity.startswith(_PARAMETER_STD)
 
 
 def is_temperature(quantity: str) -> bool:
@@ -125,11 +134,13 @@ class FrameLayout:
 
 @dataclass(frozen=True, kw_only=True)
 class FlowSignal:
-    """A signal that holds a quantity of the flow or of navigation, a temperature or a further parameter.
+    """A signal that holds a quantity of the flow or of navigation, a temperature, a further parameter or its
+    standard deviation.
 
     Attributes
     ----------
-    quantity : one of :data:`FLOW_QUANTITIES`, :func:`temperature_name`, or as of :func:`is_parameter`.
+    quantity : one of :data:`FLOW_QUANTITIES`, :func:`temperature_name`, or as of :func:`is_parameter` and
+        :func:`is_parameter_std`.
     index : of the signal in its frame.
     to_si, offset : factor from the signal's unit to Pa, 1, m, K or a parameter's own, and what is added then.
     """
@@ -192,6 +203,7 @@ class InputLayout:
     trailer : the frame that ends a cycle, or None.
     command : the frame of commands to the bridge, or None.
     cycle_time : nominal period [s].
+    constants : inputs of the estimator that are the same in every cycle, and their values.
     key : of the frames that are authenticated; None where none is, or where only their layout matters.
     """
 
@@ -202,6 +214,7 @@ class InputLayout:
     trailer: InputFrame | None = None
     command: InputFrame | None = None
     cycle_time: float = 0.01
+    constants: tuple[tuple[str, float], ...] = ()
     key: AuthenticationKey | None = None
     frames: tuple[InputFrame, ...] = field(init=False)
 
