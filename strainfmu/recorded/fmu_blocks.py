@@ -14,7 +14,7 @@ from strainfmu.cosim.step import StepRefused
 from strainfmu.cosim.zeros_file import load_zeros
 from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.settings import SENSOR_RANGE
-from strainfmu.interface.parameter_variables import OUTSIDE_PREFIX, PREFIX
+from strainfmu.interface.parameter_variables import OUTSIDE_PREFIX, PREFIX, STD_PREFIX
 from strainfmu.interface.sensor_variables import THRUST
 from strainfmu.recorded.block_estimates import BlockEstimates, outside_ranges
 from strainfmu.recorded.column_names import FLOW_NAMES, NAVIGATION_NAMES
@@ -39,11 +39,8 @@ def opened_fmu(source: Path, zeros: Path | None = None) -> Iterator[FmuBlocks]:
     """
     further = further_outputs_of(outputs_of(source))
     asked = (*(f"health.{name}" for name in _HEALTH), *(one.output for one in further))
-    parameters = tuple(
-        f"{PREFIX}{one.output.removeprefix(OUTSIDE_PREFIX)}"
-        for one in further
-        if one.output.startswith(OUTSIDE_PREFIX)
-    )
+    scores = [one.output for one in further if one.output.startswith(OUTSIDE_PREFIX)]
+    parameters = (one.replace(OUTSIDE_PREFIX, kind, 1) for one in scores for kind in (PREFIX, STD_PREFIX))
     inputs = (*FLOW_NAMES[1:], *NAVIGATION_NAMES, TEMPERATURE, SENSORS, *parameters)
     with FmuStep(source, inputs, asked) as step:
         if zeros is not None:
@@ -69,7 +66,7 @@ class FmuBlocks:
         self.inputs = step.further_inputs
         given = (name for name in step.further_inputs if name.startswith(PREFIX))
         self.parameter_names = tuple(name.removeprefix(PREFIX) for name in given)
-        self.sharpening: tuple[str, ...] = ()
+        self.sharpening = tuple(name for name in self.parameter_names if f"{STD_PREFIX}{name}" in self.inputs)
         self._scores = [self._further.index(f"{OUTSIDE_PREFIX}{name}") for name in self.parameter_names]
         self.reference = LevelReference(
             strain_range=step.strain_nominal,
@@ -84,6 +81,7 @@ class FmuBlocks:
         further = np.full((n, len(self._further)), np.nan)
         flow = {name: values.tolist() for name, values in block.flow.items() if name in self.inputs}
         flow |= {f"{PREFIX}{name}": values.tolist() for name, values in block.parameters.items()}
+        flow |= {f"{STD_PREFIX}{name}": values.tolist() for name, values in block.parameters_std.items()}
         flow |= {self._readings[name]: values.tolist() for name, values in block.readings.items()}
         if block.temperature is not None:
             flow |= {f"{TEMPERATURE}[{i}]": one.tolist() for i, one in enumerate(block.temperature.T, start=1)}

@@ -28,6 +28,7 @@ from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.flight_tables import evaluate
 from strainfmu.estimator.manifold.parameter_tables import with_known
 from strainfmu.estimator.manifold.tracker import FlightTracker
+from strainfmu.fmu.export import ExportOptions, export_estimator
 
 FINS, Q, STD = 0x300, 0.7 * 6.5**2 * 4000.0, 0.05
 STATE = np.array([6.5, 0.03, 0.01, np.log(4000.0)])
@@ -77,12 +78,13 @@ def readings(deflection: float) -> np.ndarray:
     return np.asarray(evaluate(at.tables, STATE[None]).value[0, :N_D])
 
 
-@pytest.mark.parametrize("is_signal", [False, True])
-def test_a_bridge_estimates_as_python_does(is_signal: bool, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("source", "is_signal"), [("map.h5", False), ("map.h5", True), ("e.fmu", True)])
+def test_a_bridge_estimates_as_python_does(source: str, is_signal: bool, tmp_path: Path) -> None:
     save_inverse_map(known_map(), tmp_path / "map.h5")
+    export_estimator(tmp_path / "map.h5", tmp_path / "e.fmu", ExportOptions())
     entry = {"signal": "Fins.fin", "std": "Fins.sigma" if is_signal else STD}
     tracker, random, sizes = FlightTracker(ManifoldEstimator(known_map())), np.random.default_rng(1), []
-    with open_step(tmp_path / "map.h5") as ready:
+    with open_step(tmp_path / source) as ready:
         assert parameter_names_of(ready.step) == (f"parameter.{NAME}",)
         assert parameter_std_names_of(ready.step) == (f"parameter_std.{NAME}",)
         core = bridge_core(layout_of(entry), ready.step, BridgeSettings(), start=0.0, dynamic_pressure=Q)
