@@ -9,10 +9,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from deflected_shape import NAME, known_map
 from field_maps import N_D, N_ROLL, X, exact_pressure, field_map
 from flight_maps import exact_response
 from shape_case import shape_map
 from synthetic_vehicle import SyntheticFiles
+from thermal_maps import REFERENCE, with_temperature
 
 from strainfmu.can.bridge.field_message import FIELD_PERIOD, FieldMessages, field_messages
 from strainfmu.can.bridge.page_message import GaugePosition
@@ -25,7 +27,9 @@ from strainfmu.errors import InputError
 from strainfmu.estimator.inverse_map import save_inverse_map
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.flight_tables import evaluate
+from strainfmu.estimator.manifold.parameter_tables import with_known
 from strainfmu.estimator.unrolled_surface import outermost_places
+from strainfmu.interface.temperature_variables import temperature_names
 from strainfmu.monitor.message import parsed
 from strainfmu.monitor.server import Monitor
 from strainfmu.monitor.state import MonitorState
@@ -87,6 +91,46 @@ def test_any_shape_is_unrolled() -> None:
     pressure = np.array(field["pressure_Pa"]).reshape(60, 36)
     np.testing.assert_allclose(pressure[10:], seen.of(true), rtol=2e-3)
     assert np.all(pressure[10:, 18] > 1.1 * pressure[10:, 0])
+
+
+def test_a_known_deflection_is_in_the_pressure() -> None:
+    """As in the estimator's own: with the deviation that the bus states, and without one."""
+    held = known_map(keep_field=True)
+    manifold = held.manifold
+    assert manifold is not None
+    state = np.array([6.5, 0.03, 0.01, np.log(4000.0)])
+    at = with_known(manifold, np.array([3.0]), np.zeros(1))
+    strain = evaluate(at.tables, state[None]).value[0, : held.n_gauges]
+    q = 0.7 * 6.5**2 * 4000.0
+    sample = replace(cycle(), strain=strain, valid=np.ones(len(strain), bool), dynamic_pressure=q)
+    sample = replace(sample, mach_number=6.5, altitude=math.nan)
+    places = FieldMessages(held)._seen
+    for std in (0.05, math.nan):
+        given = {f"parameter.{NAME}": 3.0, f"parameter_std.{NAME}": std}
+        found = FieldMessages(held).message(replace(sample, further_inputs=given), 5.0)["field"]["pressure_Pa"]
+        own = ManifoldEstimator(held).step(
+            strain, q, mach_number=6.5, parameters={NAME: 3.0}, parameters_std={NAME: std}
+        )
+        expected = places.of(own.pressure(with_std=False).pressure).ravel()
+        np.testing.assert_allclose(found, expected, rtol=1e-3, atol=1.0)  # whole pascals
+    blind = FieldMessages(held).message(sample, 5.0)["field"]["pressure_Pa"]
+    np.testing.assert_array_equal(blind, found)
+
+
+def test_temperatures_are_in_the_pressure() -> None:
+    held = with_temperature(field_map())
+    assert held.thermal is not None
+    sample, readings = cycle(), REFERENCE + np.array([40.0, 15.0, np.nan, 25.0])
+    given = dict(zip(temperature_names(held.thermal), readings.tolist(), strict=True))
+    found, cold = (
+        np.array(FieldMessages(held).message(replace(sample, further_inputs=one), 5.0)["field"]["pressure_Pa"])
+        for one in (given, {})
+    )
+    own = ManifoldEstimator(held).step(
+        sample.strain, sample.dynamic_pressure, mach_number=6.0, altitude=20e3, temperature=readings
+    )
+    np.testing.assert_allclose(found, own.pressure(with_std=False).pressure, rtol=2e-3)
+    assert np.abs(found - cold).max() > 0.01 * cold.max()
 
 
 def test_maps_that_do_not_fit_are_refused(tmp_path: Path) -> None:

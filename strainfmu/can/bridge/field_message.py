@@ -6,6 +6,7 @@ cycle has no part in it.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,8 @@ from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.flight_field import FlightField
 from strainfmu.estimator.manifold.tracker import FlightTracker
 from strainfmu.estimator.unrolled_surface import SurfacePlaces, outermost_places
+from strainfmu.interface.parameter_variables import PREFIX, STD_PREFIX
+from strainfmu.interface.temperature_variables import temperature_names
 
 FIELD_PERIOD = 0.1
 """Shortest time from one field to the next [s]."""
@@ -37,6 +40,8 @@ class FieldMessages:
         if held is None:
             raise ValueError("inverse_map: expected one that holds the pressure field")
         self._tracker = FlightTracker(estimator)
+        self._temperatures = temperature_names(inverse_map.thermal)
+        self._parameters = estimator.parameters.names
         if isinstance(held, FlightField):
             row, column = _thinned(held.station, _STATIONS), _thinned(held.roll_angle, _ROLLS)
             node = np.arange(held.n_nodes).reshape(len(held.station), -1)[np.ix_(row, column)]
@@ -62,11 +67,21 @@ class FieldMessages:
                 result.valid,
                 mach_number=result.mach_number,
                 altitude=result.altitude,
+                **self._further(result.further_inputs),
             )
             chosen = self._seen.of(found.pressure(with_std=False).pressure)
         except np.linalg.LinAlgError:  # the results themselves must go on
             return []
         return np.rint(chosen).astype(int).ravel().tolist() if np.all(np.isfinite(chosen)) else []
+
+    def _further(self, given: Mapping[str, float]) -> dict[str, Any]:
+        """Return the arguments of a step for what is ``given`` beside navigation, by name of the FMU's input."""
+        found: dict[str, Any] = {}
+        if self._temperatures:
+            found["temperature"] = np.array([given.get(name, np.nan) for name in self._temperatures])
+        for argument, prefix in (("parameters", PREFIX), ("parameters_std", STD_PREFIX)):
+            found[argument] = {name: given.get(prefix + name, np.nan) for name in self._parameters}
+        return found
 
 
 def field_messages(path: Path, gauge_names: tuple[str, ...]) -> FieldMessages:

@@ -349,6 +349,7 @@ class CycleJudge:
         result.valid, result.strain, result.verdicts = valid, strain, verdicts
         result.dynamic_pressure = flow.dynamic_pressure
         result.mach_number, result.altitude = flow.mach_number, flow.altitude
+        result.further_inputs = flow.further.copy()  # the state is used again
         result.age, result.age_uncertainty = age
         result.held = 0.0
         result.sample_time, result.counter = named.sample_time, named.counter

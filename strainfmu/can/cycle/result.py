@@ -31,6 +31,8 @@ class CycleResult:
     strain : (n_d,) strains that were used [m/m]; NaN where not valid.
     dynamic_pressure : q_inf that was used [Pa], or NaN.
     mach_number, altitude : by navigation at ``time`` [1] and [m], NaN where not known.
+    further_inputs : what else of the flow was used, by name of the estimator's input, NaN where not known:
+        temperatures [K], further parameters, their standard deviations.
     age : of the strains at ``time`` [s]; NaN if there are none.
     age_uncertainty : by how much they may be older [s], as the sender's clock is not known better; NaN if nothing
         dates them.
@@ -65,6 +67,7 @@ class CycleResult:
     arrival: float | None = None
     verdicts: GaugeVerdicts | None = None
     further: Mapping[str, float] = field(default_factory=dict)
+    further_inputs: Mapping[str, float] = field(default_factory=dict)
 
 
 def result_without_fields() -> CycleResult:

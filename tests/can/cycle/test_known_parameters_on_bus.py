@@ -103,6 +103,9 @@ def test_a_bridge_estimates_as_python_does(source: str, is_signal: bool, tmp_pat
             if k < 10 or k == 34:
                 continue
             assert result.health == expected.health
+            assert (result.further_inputs[f"parameter_std.{NAME}"] == pytest.approx(STD)) == (
+                is_known or not is_signal
+            )
             np.testing.assert_allclose(result.coefficients, expected.coefficients, rtol=1e-4, atol=1e-6)
             np.testing.assert_allclose(result.coefficients_std, expected.coefficients_std, rtol=1e-4)
             assert bool(result.causes & Cause.NAVIGATION) == (not is_known)
