@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from builder.stress.flights import (
+    FEWER_BEYOND,
     above_mach,
     altitude_is_inside,
     at_altitude,
+    at_edge,
     at_incidence,
     below_mach,
+    edges_of,
     mirrored,
     mirrored_is_inside,
 )
-from builder.stress.flows import newtonian_flows, with_bump
-from builder.stress.kind import Kind, as_stated
+from builder.stress.flows import AnotherEngine, Bump, other_leeward
+from builder.stress.kind import Kind, KindClass, as_stated
 from builder.vehicle.file import Vehicle
 
 ALTITUDES_KM = (12.0, 15.0, 25.0, 30.0)
@@ -41,6 +44,8 @@ def envelope_kinds(vehicle: Vehicle) -> list[Kind]:
         )
         for altitude in ALTITUDES_KM
     ]
+    if not vehicle.is_of_revolution:
+        return found + _shape_kinds(vehicle) + mach_kinds(vehicle)
     found += [
         Kind(
             error="angles mirrored",
@@ -76,10 +81,45 @@ def envelope_kinds(vehicle: Vehicle) -> list[Kind]:
             flagged_target=FLAGGED,
         ),
     ]
-    return found + mach_kinds()
+    return found + mach_kinds(vehicle)
 
 
-def mach_kinds() -> list[Kind]:
+def _shape_kinds(vehicle: Vehicle) -> list[Kind]:
+    """Return flights near the ends of the ranges of both angles and beyond, of another shape than a profile."""
+    if not edges_of(vehicle):
+        return []
+    near, beyond = "angle near its largest", "angle beyond its largest"
+    inside = "Angle of attack or sideslip near the end of its range."
+    outside = "Angle of attack or sideslip beyond its own range, the other inside."
+    listed: tuple[tuple[str, str, KindClass, str, float, float, float | None], ...] = (
+        (
+            near,
+            "70 to 100 % of it",
+            "within",
+            inside,
+            0.7,
+            1.0,
+            None,
+        ),
+        (beyond, "+5 to +20 %", "outside", outside, 1.05, 1.0 + BEYOND, None),
+        (beyond, "+20 %", "outside", outside, 1.0 + BEYOND, 1.0 + BEYOND, FLAGGED),
+    )
+    return [
+        Kind(
+            error=error,
+            size=size,
+            group=group,
+            what=what,
+            flights=at_edge(low, high),
+            build=as_stated,
+            draws=FEWER_BEYOND,
+            flagged_target=flagged,
+        )
+        for error, size, group, what, low, high, flagged in listed
+    ]
+
+
+def mach_kinds(vehicle: Vehicle) -> list[Kind]:
     """Return Mach numbers beyond both ends, with and without navigation."""
     return [
         Kind(
@@ -90,6 +130,7 @@ def mach_kinds() -> list[Kind]:
             flights=flights,
             build=as_stated,
             navigation=navigation,
+            draws=1.0 if vehicle.is_of_revolution else FEWER_BEYOND,
             flagged_target=FLAGGED if navigation else None,
         )
         for where, size, flights in (
@@ -100,28 +141,32 @@ def mach_kinds() -> list[Kind]:
     ]
 
 
-def flow_kinds() -> list[Kind]:
+def flow_kinds(vehicle: Vehicle) -> list[Kind]:
     """Return pressure that is not the flow's of the map."""
+    is_shape = not vehicle.is_of_revolution
+    expanded = not is_shape or other_leeward(vehicle) == "prandtl_meyer"
+    is_own = is_shape and vehicle.aerodynamics.engine == "newtonian"
+    leeward = "Prandtl-Meyer expansion leeward" if expanded else "ambient pressure leeward"
     return [
         Kind(
             error="another engine",
-            size="newtonian",
+            size="newtonian, another leeward side" if is_own else "newtonian",
             group="outside",
-            what="Pressure of modified Newtonian theory, Prandtl-Meyer expansion leeward, on the same body.",
-            flow=newtonian_flows,
+            what=f"Pressure of modified Newtonian theory, {leeward}, on the same body.",
+            flow=AnotherEngine(),
         ),
         Kind(
             error="local pressure, windward",
             size="+10 % of p_inf",
             group="outside",
             what="A bump at mid-body, as of a separation; its loads count as true.",
-            flow=with_bump(0.1),
+            flow=Bump(0.1),
         ),
         Kind(
             error="local pressure, windward",
             size="+100 % of p_inf",
             group="outside",
             what="The same, ten times as large.",
-            flow=with_bump(1.0),
+            flow=Bump(1.0),
         ),
     ]

@@ -9,11 +9,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from math import pi, radians
+from typing import Any
 
 import numpy as np
 
 from builder.truth.flow_table import FlowTable
-from builder.truth.held_out import held_out_conditions, largest_incidence, wind_angles
+from builder.truth.held_out import conditions_in_ranges, held_out_conditions, largest_incidence, wind_angles
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import FlowReachError
@@ -29,8 +30,14 @@ at 108 knots by 0.004 p_inf rms at most, and the silent shares by 0.1 %."""
 LEAST_INCIDENCE = radians(1.0)
 """Taken as the largest total incidence [rad] of a vehicle that has none."""
 
-Flights = Callable[[Vehicle, FlowTable, int, np.random.Generator], list[FlightCondition]]
-"""Takes the vehicle, its flows, a number and a generator; returns as many conditions."""
+DrawConditions = Callable[[Vehicle, FlowTable | None, int, np.random.Generator], list[FlightCondition]]
+"""Takes the vehicle, its flows, a number and a generator; returns as many conditions.
+
+Without flows, of another shape than a body of revolution, every condition needs one of its own: beyond the
+envelope they are fewer by :data:`FEWER_BEYOND`.
+"""
+
+FEWER_BEYOND = 4
 
 
 def envelope_incidence(vehicle: Vehicle) -> float:
@@ -47,27 +54,31 @@ def stress_knots(vehicle: Vehicle) -> tuple[FloatArray, FloatArray]:
     return np.round(mach, 9), np.round(incidence, 9)
 
 
-def inside(vehicle: Vehicle, table: FlowTable, count: int, random: np.random.Generator) -> list[FlightCondition]:
+def inside(
+    vehicle: Vehicle, table: FlowTable | None, count: int, random: np.random.Generator
+) -> list[FlightCondition]:
     """Return conditions inside the envelope, at the altitudes of the file, between the snapshots."""
     heights = vehicle.conditions.altitudes_km
+    if table is None:
+        return conditions_in_ranges(vehicle, (1e3 * min(heights), 1e3 * max(heights)), count, random)
     return [
         replace(one, altitude=1e3 * float(random.uniform(min(heights), max(heights))))
         for one in held_out_conditions(vehicle, table, count, random)
     ]
 
 
-def at_altitude(altitude: float) -> Flights:
+def at_altitude(altitude: float) -> DrawConditions:
     """Return conditions inside the envelope, all at ``altitude`` [m]."""
 
     def flights(
-        vehicle: Vehicle, table: FlowTable, count: int, random: np.random.Generator
+        vehicle: Vehicle, table: FlowTable | None, count: int, random: np.random.Generator
     ) -> list[FlightCondition]:
         return [replace(one, altitude=altitude) for one in inside(vehicle, table, count, random)]
 
     return flights
 
 
-def at_incidence(low: float, high: float) -> Flights:
+def at_incidence(low: float, high: float) -> DrawConditions:
     """Return conditions whose total incidence is ``low`` to ``high`` times the largest of the envelope.
 
     The roll angle of the wind is any: beyond the largest incidence every one is outside.
@@ -79,10 +90,11 @@ def at_incidence(low: float, high: float) -> Flights:
     """
 
     def flights(
-        vehicle: Vehicle, table: FlowTable, count: int, random: np.random.Generator
+        vehicle: Vehicle, table: FlowTable | None, count: int, random: np.random.Generator
     ) -> list[FlightCondition]:
         largest = envelope_incidence(vehicle)
-        _refuse_beyond(high * largest, table.incidence_knots[-1], "total incidence [rad]")
+        if table is not None:
+            _refuse_beyond(high * largest, table.incidence_knots[-1], "total incidence [rad]")
         found = []
         for one in inside(vehicle, table, count, random):
             total = float(random.uniform(low, high)) * largest
@@ -93,33 +105,79 @@ def at_incidence(low: float, high: float) -> Flights:
     return flights
 
 
-def below_mach(factor: float) -> Flights:
+def fewer_beyond(table: FlowTable | None, count: int) -> int:
+    """Return how many of ``count`` conditions are drawn beyond the envelope."""
+    return count if table is not None else max(1, count // FEWER_BEYOND)
+
+
+def at_edge(low: float, high: float) -> DrawConditions:
+    """Return conditions of which one angle, of attack or sideslip, is ``low`` to ``high`` times half its range off
+    its middle.
+
+    For shapes whose two angles have ranges of their own. An end of a range at 0 is no edge: a symmetric body has
+    mirror images there.
+    """
+
+    def flights(
+        vehicle: Vehicle, table: FlowTable | None, count: int, random: np.random.Generator
+    ) -> list[FlightCondition]:
+        edges, found = edges_of(vehicle), list[FlightCondition]()
+        for one in inside(vehicle, table, fewer_beyond(table, count), random):
+            name, middle, reach = edges[int(random.integers(len(edges)))]
+            angle = middle + float(random.uniform(low, high)) * reach
+            changed: dict[str, Any] = {name: radians(angle)}
+            found.append(replace(one, **changed))
+        return found
+
+    return flights
+
+
+def edges_of(vehicle: Vehicle) -> list[tuple[str, float, float]]:
+    """Return the ends of the ranges of both angles: the angle's name, the middle [deg], and from there to the end
+    [deg]."""
+    entry = vehicle.conditions
+    both = (("angle_of_attack", entry.angle_of_attack_deg), ("sideslip_angle", entry.sideslip_angle_deg))
+    return [
+        (name, 0.5 * (min(listed) + max(listed)), end - 0.5 * (min(listed) + max(listed)))
+        for name, listed in both
+        for end in (min(listed), max(listed))
+        if max(listed) > min(listed) and end != 0.0
+    ]
+
+
+def below_mach(factor: float) -> DrawConditions:
     """Return conditions at ``factor`` times the least Mach number; errors as :func:`at_incidence`."""
 
     def flights(
-        vehicle: Vehicle, table: FlowTable, count: int, random: np.random.Generator
+        vehicle: Vehicle, table: FlowTable | None, count: int, random: np.random.Generator
     ) -> list[FlightCondition]:
         mach = factor * min(vehicle.conditions.mach_number)
-        _refuse_beyond(-mach, -table.mach_knots[0], "-Mach number")
-        return [replace(one, mach_number=mach) for one in inside(vehicle, table, count, random)]
+        if table is not None:
+            _refuse_beyond(-mach, -table.mach_knots[0], "-Mach number")
+        number = fewer_beyond(table, count)
+        return [replace(one, mach_number=mach) for one in inside(vehicle, table, number, random)]
 
     return flights
 
 
-def above_mach(factor: float) -> Flights:
+def above_mach(factor: float) -> DrawConditions:
     """Return conditions at ``factor`` times the largest Mach number; errors as :func:`at_incidence`."""
 
     def flights(
-        vehicle: Vehicle, table: FlowTable, count: int, random: np.random.Generator
+        vehicle: Vehicle, table: FlowTable | None, count: int, random: np.random.Generator
     ) -> list[FlightCondition]:
         mach = factor * max(vehicle.conditions.mach_number)
-        _refuse_beyond(mach, table.mach_knots[-1], "Mach number")
-        return [replace(one, mach_number=mach) for one in inside(vehicle, table, count, random)]
+        if table is not None:
+            _refuse_beyond(mach, table.mach_knots[-1], "Mach number")
+        number = fewer_beyond(table, count)
+        return [replace(one, mach_number=mach) for one in inside(vehicle, table, number, random)]
 
     return flights
 
 
-def mirrored(vehicle: Vehicle, table: FlowTable, count: int, random: np.random.Generator) -> list[FlightCondition]:
+def mirrored(
+    vehicle: Vehicle, table: FlowTable | None, count: int, random: np.random.Generator
+) -> list[FlightCondition]:
     """Return conditions of the listed ranges whose angle of attack, sideslip or both have the other sign."""
     entry, incidence = vehicle.conditions, envelope_incidence(vehicle)
     found: list[FlightCondition] = []

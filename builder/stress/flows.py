@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, Protocol
 
 import numpy as np
 
+from builder.aero.deflections import deflections_of
 from builder.aero.engine import FlowKey
 from builder.aero.newtonian import NewtonianEngine
 from builder.aero.surface_mesh import mesh_of_grid
 from builder.campaign.journal import Journal
 from builder.campaign.run import complete_flows
 from builder.campaign.scheduling import Scheduling
+from builder.campaign.snapshots import Snapshots
 from builder.reporting import Reporter
 from builder.stress.flights import stress_knots
 from builder.truth.flow_table import FlowTable, flow_table
@@ -22,8 +23,17 @@ from builder.vehicle.file import Vehicle
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import FlowReachError
 
-OtherFlow = Callable[[Vehicle, FlowTable], FlowTable]
-"""Takes the vehicle and its flows; returns other ones at the same knots."""
+
+class OtherFlow(Protocol):
+    """Another pressure at the same conditions."""
+
+    def on_table(self, vehicle: Vehicle, table: FlowTable) -> FlowTable:
+        """Return it as harmonics, in place of those of ``table``."""
+        ...
+
+    def on_surface(self, vehicle: Vehicle, flows: Snapshots) -> Snapshots:
+        """Return it at the nodes of ``flows``, in place of theirs."""
+        ...
 
 
 def stress_flow_inputs(vehicle: Vehicle) -> dict[str, Any]:
@@ -119,22 +129,60 @@ def newtonian_flows(vehicle: Vehicle, table: FlowTable) -> FlowTable:
     return replace(table, harmonic=harmonic, provenance={**table.provenance, "engine": "newtonian"})
 
 
-def with_bump(size: float) -> OtherFlow:
-    """Return flows with a bump of ``size`` p_inf on the windward side, as of a local separation.
+@dataclass(frozen=True)
+class AnotherEngine:
+    """Pressure of another theory: newtonian in place of Euler, and of newtonian flow another leeward side."""
+
+    def on_table(self, vehicle: Vehicle, table: FlowTable) -> FlowTable:
+        return newtonian_flows(vehicle, table)
+
+    def on_surface(self, vehicle: Vehicle, flows: Snapshots) -> Snapshots:
+        surface, stagnation = flows.surface, vehicle.aerodynamics.stagnation or "rayleigh_pitot"
+        moved = deflections_of(vehicle, surface)
+        engine = NewtonianEngine(surface, stagnation, other_leeward(vehicle), moved)
+        conditions = flows.conditions()
+        ratio = [engine.pressure_ratio(engine.solve(engine.flow_key(one)), one) for one in conditions]
+        ambient = np.array([one.ambient_pressure for one in conditions])
+        return replace(flows, pressure=ambient[:, None] * np.array(ratio))
+
+
+def other_leeward(vehicle: Vehicle) -> str:
+    """Return the leeward side of newtonian flow that is not the vehicle's own."""
+    entry = vehicle.aerodynamics
+    is_expanded = entry.engine == "newtonian" and entry.leeward == "prandtl_meyer"
+    return "ambient" if is_expanded else "prandtl_meyer"
+
+
+@dataclass(frozen=True)
+class Bump:
+    """A bump of ``size`` p_inf on the windward side, as of a local separation.
 
     It is a Gaussian at mid-body, with a standard deviation of 3 % of the length along and of 20 deg around.
     """
 
-    def flows(vehicle: Vehicle, table: FlowTable) -> FlowTable:
+    size: float
+
+    def on_table(self, vehicle: Vehicle, table: FlowTable) -> FlowTable:
         surface, n_m = truth_surface(vehicle), table.harmonic.shape[3]
-        length = surface.x[-1]
-        along = np.exp(-0.5 * ((surface.x - 0.5 * length) / (0.03 * length)) ** 2)
+        along = _along(surface.x)
         around = np.exp(-0.5 * (_from_windward(surface.roll_angle) / np.radians(20.0)) ** 2)
         amplitude = np.fft.rfft(around).real[:n_m] / surface.n_roll
         amplitude[1:] *= 2.0
-        return replace(table, harmonic=table.harmonic + size * np.outer(along, amplitude))
+        return replace(table, harmonic=table.harmonic + self.size * np.outer(along, amplitude))
 
-    return flows
+    def on_surface(self, vehicle: Vehicle, flows: Snapshots) -> Snapshots:
+        x, y, z = flows.point.T
+        conditions = flows.conditions()
+        leeward = np.array([one.leeward_roll_angle for one in conditions])[:, None]
+        around = np.exp(-0.5 * (_from_windward(np.arctan2(y, z) - leeward) / np.radians(20.0)) ** 2)
+        ambient = np.array([one.ambient_pressure for one in conditions])[:, None]
+        return replace(flows, pressure=flows.pressure + self.size * ambient * around * _along(x))
+
+
+def _along(x: FloatArray) -> FloatArray:
+    """Return the bump along the body, by its stations ``x`` [m]."""
+    length = x.max()
+    return np.asarray(np.exp(-0.5 * ((x - 0.5 * length) / (0.03 * length)) ** 2))
 
 
 def _from_windward(roll_angle: FloatArray) -> FloatArray:

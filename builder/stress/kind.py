@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from builder.stress.flights import Flights, inside
+from builder.stress.flights import DrawConditions, inside
 from builder.stress.flows import OtherFlow
 from builder.truth.as_built import AsBuilt, drawn, exactly_built
 from builder.vehicle.map_options import Noise
@@ -97,7 +97,7 @@ class Kind:
     size: str
     group: KindClass
     what: str
-    flights: Flights = inside
+    flights: DrawConditions = inside
     flow: OtherFlow | None = None
     build: Build = exact
     readings: Readings = as_read

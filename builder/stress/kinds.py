@@ -18,5 +18,5 @@ def all_kinds(vehicle: Vehicle) -> list[Kind]:
         *beyond_kinds(vehicle.noise),
         *gauge_kinds(vehicle.noise),
         *envelope_kinds(vehicle),
-        *flow_kinds(),
+        *flow_kinds(vehicle),
     ]

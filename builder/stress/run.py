@@ -10,28 +10,36 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from builder.campaign.journal import Journal
+from builder.campaign.snapshots import load_snapshots
 from builder.figures.canvas import save
 from builder.figures.stress import stress_figure
 from builder.pipeline.chosen_estimator import Estimators, with_estimator
 from builder.pipeline.map_files import make_map, true_structure_of
 from builder.pipeline.pipeline import FilesGiven, Pipeline
+from builder.pipeline.shape_flows import make_shape_flows, shape_structure_of
 from builder.pipeline.stages import check_before_long_work
 from builder.pipeline.used_files import MAP, open_pipeline
 from builder.reporting import Reporter
 from builder.stress.flows import stress_flow_inputs, stress_flows
 from builder.stress.kinds import all_kinds
+from builder.stress.model import Model, RevolvedModel, ShapeModel
 from builder.stress.score import Effort, Range, Score
-from builder.structure.fourier.model import place_layouts, refuse_beyond_fourier
+from builder.structure.fourier.model import place_layouts
 from builder.structure.gauge_placement import gauge_mesh
+from builder.structure.solid.case import structure_case
 from builder.truth import flow_table as flow_table_file
 from builder.truth.flow_table import load_flow_table, save_flow_table
+from builder.truth.independent_model import refuse_without_independent_model
 from builder.vehicle.file import Vehicle, load_vehicle
 from builder.workspace import Workspace
 from strainfmu.errors import FlowReachError, InputError
 from strainfmu.estimator import inverse_map as inverse_map_file
 from strainfmu.estimator.inverse_map import InverseMap, load_inverse_map
 from strainfmu.files import content_hash_of, write_bytes_atomically
+from strainfmu.flight_condition import FlightCondition
 
 FLOWS, JSON, CSV, FIGURE = "stress_flows.h5", "stress.json", "stress.csv", "stress.png"
 
@@ -75,14 +83,14 @@ def run_stress(
     """Try every kind of error on a map; write ``stress.json``, ``stress.csv`` and ``stress.png`` to ``folder``.
 
     The map is that of ``build``, made in ``folder``, for ``estimator`` in place of that of the section [map]
-    unless it is None; or the one at ``map_path``. Errors are those of the
-    independent model, whose structure is the Fourier model whatever the map is built on.
+    unless it is None; or the one at ``map_path``. Errors are those of the independent model; of a body of
+    revolution its structure is the Fourier model whatever the map is built on, of any other shape another mesh.
 
     Raises
     ------
     InputError
-        The vehicle file, or a file it names, is wrong; the map does not fit the vehicle; or the independent model
-        cannot represent it.
+        The vehicle file, or a file it names, is wrong; the map does not fit the vehicle; or there is no
+        independent model of it.
     StrainfmuError
         A file could not be written.
     """
@@ -90,7 +98,7 @@ def run_stress(
     if map_path is None:
         vehicle = with_estimator(load_vehicle(vehicle_path), estimator)
         pipeline, conditions = open_pipeline(vehicle, folder, reporter, given or FilesGiven())
-        refuse_beyond_fourier(pipeline.vehicle, [pipeline.vehicle.gauges.layout])
+        refuse_without_independent_model(pipeline.flown or pipeline.vehicle)
         check_before_long_work(pipeline.vehicle, conditions)
         make_map(pipeline)
         vehicle = pipeline.flown or pipeline.vehicle
@@ -98,11 +106,11 @@ def run_stress(
     else:
         inverse_map = load_inverse_map(map_path)
         vehicle = of_map(load_vehicle(vehicle_path), inverse_map)
-        refuse_beyond_fourier(vehicle, [vehicle.gauges.layout])
+        refuse_without_independent_model(vehicle)
         check_fit(vehicle, inverse_map)
         pipeline = Pipeline(vehicle, Workspace(folder), reporter)
         pipeline.use(MAP, map_path, _content(map_path))
-    _flows(pipeline, vehicle)
+    _flows(pipeline, vehicle, effort)
     _scores(pipeline, vehicle, inverse_map, effort)
     entries = json.loads(pipeline.path(JSON).read_text(encoding="utf-8"))
     _table(pipeline, entries)
@@ -134,21 +142,44 @@ def of_map(vehicle: Vehicle, inverse_map: InverseMap) -> Vehicle:
     return vehicle.model_copy(update={"conditions": conditions, "map": entries})
 
 
-def _flows(pipeline: Pipeline, vehicle: Vehicle) -> None:
+def _flows(pipeline: Pipeline, vehicle: Vehicle, effort: Effort) -> None:
+    holds = "flows of the independent model beyond the envelope"
+    if not vehicle.is_of_revolution:
+        make_shape_flows(pipeline, vehicle, shape_conditions(vehicle, effort), FLOWS, holds)
+        return
+
     def write(path: Path) -> None:
         with Journal(path) as journal:
             save_flow_table(stress_flows(vehicle, pipeline.reporter, journal), path)
             journal.remove()
 
     inputs = {"schema_version": flow_table_file.SCHEMA_VERSION, **stress_flow_inputs(vehicle)}
-    pipeline.make(FLOWS, "flows of the independent model beyond the envelope", inputs, write)
+    pipeline.make(FLOWS, holds, inputs, write)
+
+
+def shape_conditions(vehicle: Vehicle, effort: Effort) -> list[FlightCondition]:
+    """Return a condition of every flow that the kinds of error of ``vehicle`` need, whatever its altitude."""
+    sets = dict.fromkeys(kind.flights for kind in all_kinds(vehicle))
+    flown = [one for draw in sets for one in draw(vehicle, None, effort.conditions, _generator(effort))]
+    return list({(one.as_row()[:3], one.parameters): one for one in flown}.values())
+
+
+def _generator(effort: Effort) -> np.random.Generator:
+    return np.random.default_rng(effort.seed)
+
+
+def _model(pipeline: Pipeline, vehicle: Vehicle) -> Model:
+    path = pipeline.path(FLOWS)
+    if vehicle.is_of_revolution:
+        structure, table = true_structure_of(pipeline), load_flow_table(path)
+        return RevolvedModel(vehicle=vehicle, structure=structure, table=table)
+    return ShapeModel(vehicle=vehicle, structure=shape_structure_of(pipeline), flows=load_snapshots(path))
 
 
 def _scores(pipeline: Pipeline, vehicle: Vehicle, inverse_map: InverseMap, effort: Effort) -> None:
     def write(path: Path) -> None:
-        structure = true_structure_of(pipeline)
-        table = load_flow_table(pipeline.path(FLOWS))
-        trial = Range(vehicle=vehicle, structure=structure, table=table, inverse_map=inverse_map, effort=effort)
+        model = _model(pipeline, vehicle)
+        trial = Range(vehicle=vehicle, model=model, inverse_map=inverse_map, effort=effort)
         entries = [score.entry() for score in scores(trial, pipeline.reporter)]
         write_bytes_atomically(path, (json.dumps(entries, indent=1, allow_nan=False) + "\n").encode())
 
@@ -172,7 +203,10 @@ def check_fit(vehicle: Vehicle, inverse_map: InverseMap) -> None:
         Names what differs, or a gauge is not on the vehicle's surface.
     """
     layout = vehicle.gauges.layout
-    names = place_layouts(vehicle, gauge_mesh(vehicle), [layout])[0][layout].names
+    if vehicle.is_of_revolution:
+        names = place_layouts(vehicle, gauge_mesh(vehicle), [layout])[0][layout].names
+    else:
+        names = structure_case(vehicle, [layout]).layouts[layout].name
     if inverse_map.gauge_names != names:
         raise InputError(
             f"map: expected the {len(names)} gauges of layout '{layout}', got {inverse_map.n_gauges} gauges, the "

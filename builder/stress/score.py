@@ -8,13 +8,13 @@ from zlib import crc32
 
 import numpy as np
 
-from builder.stress.flights import Flights
+from builder.stress.flights import DrawConditions
 from builder.stress.flows import OtherFlow
 from builder.stress.kind import Hardware, Kind
+from builder.stress.model import Model
 from builder.truth.as_built import AsBuilt
-from builder.truth.flow_table import FlowTable
+from builder.truth.flights import Flights
 from builder.truth.read_flights import gauge_noise
-from builder.truth.strain import TrueFlights, TrueStructure, true_flights, true_strain, without_faint_harmonics
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.estimator.health import HealthState
@@ -104,30 +104,20 @@ class Score:
 
 
 class Range:
-    """The independent model of a vehicle and the estimator under test; sets of flights are made once.
+    """The independent model of a vehicle and the estimator under test; sets of flights are made once."""
 
-    ``table`` holds flows inside the envelope and beyond it.
-    """
-
-    def __init__(
-        self,
-        vehicle: Vehicle,
-        structure: TrueStructure,
-        table: FlowTable,
-        inverse_map: InverseMap,
-        effort: Effort,
-    ) -> None:
-        self.vehicle, self.structure, self.table, self.effort = vehicle, structure, table, effort
+    def __init__(self, vehicle: Vehicle, model: Model, inverse_map: InverseMap, effort: Effort) -> None:
+        self.vehicle, self.model, self.effort = vehicle, model, effort
         self.inverse_map, self.estimator = inverse_map, estimator_of(inverse_map)
         self.hardware = Hardware(
             noise=vehicle.noise,
-            station=structure.placed.x,
-            roll_angle=structure.placed.roll_angle,
+            station=model.station,
+            roll_angle=model.roll_angle,
             noise_std=inverse_map.noise_std,
         )
-        self._flights: dict[tuple[Flights, OtherFlow | None], TrueFlights] = {}
+        self._flights: dict[tuple[DrawConditions, OtherFlow | None], Flights] = {}
 
-    def flights(self, kind: Kind) -> TrueFlights:
+    def flights(self, kind: Kind) -> Flights:
         """Return the flights of ``kind``.
 
         Raises
@@ -138,10 +128,7 @@ class Range:
         key = kind.flights, kind.flow
         if key not in self._flights:
             random = np.random.default_rng(self.effort.seed)
-            conditions = kind.flights(self.vehicle, self.table, self.effort.conditions, random)
-            table = self.table if kind.flow is None else kind.flow(self.vehicle, self.table)
-            flown = true_flights(self.vehicle, self.structure, table, conditions)
-            self._flights[key] = without_faint_harmonics(flown)
+            self._flights[key] = self.model.flights(kind, self.effort.conditions, random)
         return self._flights[key]
 
     def score(self, kind: Kind) -> Score:
@@ -168,10 +155,10 @@ class Range:
         )
 
     def _one_vehicle(
-        self, kind: Kind, flights: TrueFlights, built: AsBuilt, random: np.random.Generator
+        self, kind: Kind, flights: Flights, built: AsBuilt, random: np.random.Generator
     ) -> tuple[BoolArray, IntArray]:
         """Return (k,) whether the estimate is wrong, and health, of one vehicle at all flights."""
-        strain = true_strain(self.structure, flights, built)
+        strain = flights.read(built)
         read = strain + gauge_noise(self.inverse_map, random, strain.shape)
         wind = np.array([[condition.leeward_roll_angle] for condition in flights.conditions])
         read = kind.readings(read, wind, self.hardware, random)

@@ -6,6 +6,7 @@ between flows.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -72,9 +73,16 @@ class ShapeFlights:
 
 
 def shape_flights(
-    vehicle: Vehicle, structure: ShapeStructure, flows: Snapshots, nodes: SurfaceMesh
+    vehicle: Vehicle,
+    structure: ShapeStructure,
+    flows: Snapshots,
+    nodes: SurfaceMesh | None = None,
+    operator: FloatArray | None = None,
 ) -> ShapeFlights:
-    """Return the flights of ``vehicle`` at the conditions of ``flows``; ``nodes`` is the surface of the map.
+    """Return the flights of ``vehicle`` at the conditions of ``flows``.
+
+    ``nodes`` is the surface of the map, by default that of the flows; ``operator`` (4, n_d, n_q) is
+    :func:`~builder.truth.shape_structure.on_nodes_of` for these flows, where it is known.
 
     Raises
     ------
@@ -82,7 +90,7 @@ def shape_flights(
         The surfaces of flow and structure do not coincide.
     """
     conditions = tuple(flows.conditions())
-    operator = on_nodes_of(structure, flows)
+    operator = on_nodes_of(structure, flows) if operator is None else operator
     inside = np.array([vehicle.internal_pressure(one) for one in conditions])
     reference = vehicle.reference_quantities()
     loads = six_loads(flows.surface, reference.moment_station)
@@ -95,11 +103,42 @@ def shape_flights(
         gauge_radius=structure.radius,
         coefficients=coefficients_of(net, loads[:5], conditions, reference),
         rolling=net @ loads[5] / (dynamic * reference.area * reference.length),
-        pressure=on_nodes(flows, nodes),
+        pressure=flows.pressure if nodes is None else on_nodes(flows, nodes),
         ambient_pressure=np.array([one.ambient_pressure for one in conditions]),
         dynamic_pressure=dynamic,
         internal_pressure=inside,
     )
+
+
+def at_conditions(flows: Snapshots, conditions: Sequence[FlightCondition]) -> Snapshots | None:
+    """Return the pressures of ``flows`` at ``conditions``, at altitudes of their own; None where none is known.
+
+    Conditions without a flow are left out.
+    """
+    row = {_flow_of(one): number for number, one in enumerate(flows.conditions())}
+    known = [one for one in conditions if _flow_of(one) in row]
+    if not known:
+        return None
+    rows = np.array([row[_flow_of(one)] for one in known])
+    before = np.array([one.ambient_pressure for one in flows.conditions()])
+    ambient = np.array([one.ambient_pressure for one in known])
+    return replace(
+        flows,
+        condition=np.array([one.as_row() for one in known]),
+        pressure=flows.pressure[rows] * (ambient / before[rows])[:, None],
+        internal_pressure=ambient,
+        solved=np.ones(len(rows), dtype=bool),
+        flow=np.arange(len(rows)),
+        momentum_error=flows.momentum_error[rows],
+        repairs=flows.repairs[rows],
+        mass_error=None if flows.mass_error is None else flows.mass_error[rows],
+    )
+
+
+def _flow_of(condition: FlightCondition) -> tuple[float, ...]:
+    """Return what the flow over p_inf depends on, rounded."""
+    mach, alpha, beta, _, *parameters = condition.as_row()
+    return tuple(round(one, 9) for one in (mach, alpha, beta, *parameters))
 
 
 def map_surface(surface: SurfaceGrid | SurfaceMesh) -> SurfaceMesh:

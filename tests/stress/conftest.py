@@ -11,6 +11,7 @@ from builder.pipeline.stages import take_snapshots
 from builder.reporting import Silent
 from builder.stress import flights
 from builder.stress.flows import stress_flows
+from builder.stress.model import RevolvedModel
 from builder.stress.score import Effort, Range
 from builder.structure.fourier.model import structural_model
 from builder.truth.flow_table import FlowTable
@@ -38,8 +39,7 @@ def trial(flown: Vehicle, flow_beyond: FlowTable) -> Range:
     structure = structural_model(flown, COARSE, [flown.gauges.layout])
     return Range(
         vehicle=flown,
-        structure=true_structure(flown),
-        table=flow_beyond,
+        model=RevolvedModel(vehicle=flown, structure=true_structure(flown), table=flow_beyond),
         inverse_map=build_inverse_map(flown, take_snapshots(flown), structure),
         effort=Effort(conditions=50, draws=6),
     )

@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from builder.stress.flows import newtonian_flows, with_bump
+from builder.stress.flows import Bump, newtonian_flows
 from builder.stress.kind import Kind
 from builder.stress.kinds import all_kinds
+from builder.stress.model import RevolvedModel
 from builder.stress.run import check_fit, of_map, table_csv
 from builder.stress.score import Range
 from builder.truth.flow_table import FlowTable
@@ -83,10 +84,10 @@ def test_flights_that_the_flows_do_not_reach_are_refused(trial: Range, flow_beyo
         harmonic=flow_beyond.harmonic[1:, :-2],
         incidence_knots=flow_beyond.incidence_knots[:-2],
     )
+    assert isinstance(trial.model, RevolvedModel)
     other = Range(
         vehicle=trial.vehicle,
-        structure=trial.structure,
-        table=short,
+        model=replace(trial.model, table=short),
         inverse_map=trial.inverse_map,
         effort=trial.effort,
     )
@@ -128,7 +129,7 @@ def test_newtonian_flow_has_the_pressure_of_its_engine(flown: Vehicle, flow_beyo
 
 
 def test_a_bump_lies_windward_at_mid_body(flown: Vehicle, flow_beyond: FlowTable) -> None:
-    added = with_bump(0.5)(flown, flow_beyond).harmonic[0, 0] - flow_beyond.harmonic[0, 0]
+    added = Bump(0.5).on_table(flown, flow_beyond).harmonic[0, 0] - flow_beyond.harmonic[0, 0]
     surface = truth_surface(flown)
     field = added @ np.cos(np.outer(np.arange(added.shape[1]), surface.roll_angle))
     station, around = np.unravel_index(np.argmax(field), field.shape)

@@ -135,8 +135,33 @@ def test_wrong_options_are_refused_in_one_line(
 
 
 @pytest.mark.fast
-def test_other_shapes_are_refused_before_the_long_work(tmp_path: Path, run: Run) -> None:
-    code, _, text = run("stress", VEHICLES / "finned_body.toml", "-o", tmp_path)
-    assert code != 0
-    assert "expected a profile, which this needs, got surface" in text
-    assert not (tmp_path / "structure.h5").exists()
+def test_a_vehicle_without_a_second_mesh_is_refused_before_the_long_work(tmp_path: Path, run: Run) -> None:
+    path = tmp_path / "finned_body.toml"
+    text = (VEHICLES / "finned_body.toml").read_text(encoding="utf-8")
+    path.write_text(text.replace('checked_by = "finned_body_check.vtu"\n', ""), encoding="utf-8")
+    code, _, message = run("stress", path, "-o", tmp_path / "out")
+    assert code == 2
+    assert message.count("\n") == 1
+    assert "structure.checked_by: entry is missing" in message
+    assert not (tmp_path / "out" / "structure.h5").exists()
+
+
+@pytest.mark.slow
+def test_the_finned_body_from_file_to_table(tmp_path: Path, run: Run) -> None:
+    command = ("stress", VEHICLES / "finned_body.toml", "-o", tmp_path, "--conditions", 20, "--draws", 4)
+    code, out, _ = run(*command, "--estimator", "manifold")
+    assert code == 0
+    entries = json.loads((tmp_path / "stress.json").read_text(encoding="utf-8"))
+    check_entries(entries)
+    of = {(one["error"], one["size"]): one for one in entries}
+    assert of["nothing wrong", "vehicle of the file"]["silent_percent"] <= 10.0
+    assert of["bias of one gauge", "+50 um/m"]["flagged_percent"] == 100.0
+    assert of["Mach number below its least", "-20 %"]["flagged_percent"] >= 95.0
+    code, out, _ = run(*command, "--estimator", "manifold")
+    assert code == 0
+    for name in ("map.h5", "stress_flows.h5", "stress.json"):
+        assert f"{name}: up to date, reused" in out
+    (tmp_path / "given.h5").write_bytes((tmp_path / "map.h5").read_bytes())
+    code, out, _ = run(*command, "--map", tmp_path / "given.h5")
+    assert code == 0
+    assert json.loads((tmp_path / "stress.json").read_text(encoding="utf-8")) == entries

@@ -58,7 +58,8 @@ def stress(
     Flies an independent, finer model of the vehicle: each hardware error, gauges off, temperature, flights beyond
     the envelope, another engine's pressure. Silent is a sample with a coefficient outside 3 sigma while health is
     OK; flagged is any other health, DEGRADED too. Classes: within (envelope, and twice the stated sizes), outside
-    (beyond), unobservable (the strain is that of another flight).
+    (beyond), unobservable (the strain is that of another flight). Of sections or a surface every flight has a flow
+    of its own; beyond the envelope fly a quarter of them.
 
     Writes stress.json, stress.csv and stress.png. Flows are kept as they are solved: an ended run goes on, a
     second run reuses what is up to date. Without --map, snapshots and structure are taken as by `build`.
