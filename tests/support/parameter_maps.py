@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.estimator.manifold.parameter_tables import ParameterTables, Powers
 
 PARAMETERS = {"fin_deg": [-4.0, 4.0], "power": [0.0, 0.5], "cant_deg": [2.0, 2.0]}
 
@@ -12,3 +15,36 @@ PARAMETERS = {"fin_deg": [-4.0, 4.0], "power": [0.0, 0.5], "cant_deg": [2.0, 2.0
 def with_parameters(inverse_map: InverseMap) -> InverseMap:
     """Return ``inverse_map`` with the ranges :data:`PARAMETERS`, of which the last is of one value."""
     return replace(inverse_map, provenance={**inverse_map.provenance, "parameters": PARAMETERS})
+
+
+def with_parameter_tables(inverse_map: InverseMap, size: float = 0.02) -> InverseMap:
+    """Return :func:`with_parameters` with random tables of what the powers of each change, ``size`` of the mean's.
+
+    Cubes of the first parameter, squares of the second, nothing of the last.
+    """
+    random, held = np.random.default_rng(12), with_parameters(inverse_map)
+    manifold = held.manifold
+    assert manifold is not None
+    response = manifold.response
+    error = np.vstack([manifold.error_strain, manifold.error_load])
+    if manifold.further is not None:
+        response = np.concatenate([response, manifold.further.response], axis=2)
+        error = np.vstack([error, random.normal(size=(len(response[0, 0]) - len(error), error.shape[1]))])
+        error[len(manifold.error_strain) + 5 :] *= np.sqrt(manifold.further.variance)[:, None] / error.shape[1]
+    powers = Powers(
+        mean=np.array([0.2, 0.25, 2.0]),
+        spread=np.array([2.8, 0.2, 0.0]),
+        parameter=np.array([0, 0, 0, 1, 1]),
+        power=np.array([1, 2, 3, 1, 2]),
+        offset=np.array([0.0, 1.0, 0.1, 0.0, 1.0]),
+    )
+    factors = size * random.normal(size=(len(powers.power), response.shape[2], *response.shape[3:]))
+    rows = 0.1 * size * np.abs(response).max(axis=(0, 1, 3, 4))
+    tables = ParameterTables(
+        powers=powers,
+        slope=response[:, :, None] * factors,
+        unit_error=rows[:, None] * random.normal(size=(len(powers.power), len(rows), 7)),
+        spread_error=rows[:, None] * random.normal(size=(len(powers.mean), len(rows), 9)),
+        error=error,
+    )
+    return replace(held, manifold=replace(manifold, parameters=tables))
