@@ -145,7 +145,8 @@ def _sections(inverse_map: InverseMap) -> list[bytes]:
     manifold = inverse_map.manifold
     if manifold is not None and manifold.parameters is not None:
         further = manifold.further if has_further_outputs(inverse_map) else None
-        sections.append(parameter_tables_section(inverse_map, manifold, manifold.parameters, further))
+        n_further = 0 if further is None else len(further.variance)
+        sections.append(parameter_tables_section(manifold, manifold.parameters, n_further))
     if inverse_map.sensors is not None:
         sections.append(sensor_section(inverse_map.sensors))
     return sections

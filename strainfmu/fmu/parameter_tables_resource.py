@@ -10,57 +10,70 @@ import numpy as np
 
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.fixed_order import product
-from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.manifold.estimator import LARGEST_USED_SCORE
-from strainfmu.estimator.manifold.further_tables import FurtherTables
 from strainfmu.estimator.manifold.manifold_map import ManifoldMap
 from strainfmu.estimator.manifold.parameter_tables import ParameterTables
-from strainfmu.fmu.flight_resource import ChannelTables, channel_tables
 from strainfmu.fmu.resource_sections import section, sized_numbers
 
 SECTION = b"KNOWN\0\0\0"
 
 
-def parameter_tables_section(
-    inverse_map: InverseMap, manifold: ManifoldMap, tables: ParameterTables, further: FurtherTables | None
-) -> bytes:
-    """Return the section of the parameters' ``tables``; ``further`` are the further loads that the FMU states."""
-    powers, n = tables.powers, manifold.response.shape[2]
-    n_further = 0 if further is None else len(further.variance)
-    roll_angle = np.arctan2(*inverse_map.gauge_position[:, 1:].T)
-    of_rows = _channels(manifold.response, tables.slope[:, :, :, :n], roll_angle)
-    numbers = [
+ROUND_OFF = 1e-13
+"""Rest of a table, in parts of its row's largest value, that counts as none."""
+
+
+def parameter_tables_section(manifold: ManifoldMap, tables: ParameterTables, n_further: int) -> bytes:
+    """Return the section of the parameters' ``tables``, with those of ``n_further`` further loads, all or none."""
+    powers, n = tables.powers, manifold.response.shape[2] + n_further
+    basis, weight = factors(tables.slope[:, :, :, :n])
+    numbers = (
         np.array([LARGEST_USED_SCORE]),
         powers.mean,
         powers.spread,
-        powers.parameter,
-        powers.power,
+        np.asarray(powers.parameter, dtype=float),
+        np.asarray(powers.power, dtype=float),
         powers.offset,
-        *_in_order(of_rows, len(manifold.response), manifold.fixed_response),
-    ]
-    sizes = [len(powers.mean), len(powers.power), *_sizes(of_rows), n_further]
-    if further is not None:
-        of_loads = _channels(further.response, tables.slope[:, :, :, n:], np.zeros(0))
-        numbers += _in_order(of_loads, len(further.response), further.fixed_response)
-        sizes += _sizes(of_loads)
-    products = _products(tables, manifold.tables.n_gauges, n_further)
-    return section(SECTION, sized_numbers(sizes, [*(np.asarray(one, dtype=float) for one in numbers), *products]))
+        basis,
+        weight,
+        *_products(tables, manifold.tables.n_gauges, n_further),
+    )
+    sizes = (len(powers.mean), len(powers.power), len(basis), n_further)
+    return section(SECTION, sized_numbers(sizes, numbers))
 
 
-def _channels(response: FloatArray, slope: FloatArray, roll_angle: FloatArray) -> ChannelTables:
-    """Return the tables ``response`` of the mean and ``slope`` (n_M + 2, n_a + 2, J, n, n_m, 2) of each power, one
-    after another along the Mach number, without repetition: all of them in the same channels."""
-    return channel_tables(np.concatenate([response, *np.moveaxis(slope, 2, 0)]), roll_angle)
+def factors(slope: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return few tables over incidence and roll angle of the wind whose sums all of ``slope`` are.
 
+    All rows are interpolated alike between the snapshots: their tables hold as many numbers as there are angles
+    of attack and sideslip in these.
 
-def _sizes(channels: ChannelTables) -> tuple[int, int]:
-    return channels.table.shape[2], len(channels.row)
+    Parameters
+    ----------
+    slope : (n_M + 2, n_a + 2, J, n, n_m, 2).
 
-
-def _in_order(channels: ChannelTables, n_mach: int, fixed: FloatArray) -> list[FloatArray]:
-    """Return the slopes, then the tables of the mean, ``n_mach`` along the Mach number, and the ``fixed`` part."""
-    mean, *others = channels.arrays
-    return [mean[n_mach:], mean[:n_mach], *others, fixed]
+    Returns
+    -------
+    Basis (k, n_a + 2, n_m, 2), orthonormal, and weights (n_M + 2, J, n, k) of its tables.
+    """
+    largest = np.max(np.abs(slope), axis=(0, 1, 2, 4, 5))
+    scale = np.where(largest > 0.0, largest, 1.0)
+    scaled = np.moveaxis(slope, 1, 3) / scale[:, None, None, None]
+    rest = scaled.reshape(-1, scaled[0, 0, 0].size)
+    basis, weight = list[FloatArray](), list[FloatArray]()
+    while True:
+        sizes = np.max(np.abs(rest), axis=1)
+        first = int(np.argmax(sizes))
+        if sizes[first] <= ROUND_OFF or len(basis) == rest.shape[1]:
+            break
+        row = rest[first] / sizes[first]
+        row = row / np.sqrt(product(row[None], row[:, None])[0, 0])
+        along = product(rest, row[:, None])
+        rest = rest - along * row
+        basis.append(row)
+        weight.append(along[:, 0])
+    found = np.array(basis).reshape(-1, *scaled.shape[3:])
+    of_rows = np.array(weight).T.reshape(*scaled.shape[:3], -1) * scale[:, None]
+    return found, of_rows
 
 
 def _products(tables: ParameterTables, n_d: int, n_further: int) -> list[FloatArray]:

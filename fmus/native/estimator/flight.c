@@ -47,6 +47,7 @@ static int parse(Estimator *e, char *text) {
         return 0;
     }
     known->present = of_known->content != NULL;
+    known_lay_out(&flight->map.tables, &flight->further.map.tables, known);
     filter->present = of_filter->content != NULL;
     return 1;
 }
@@ -59,14 +60,13 @@ static int allocate(Estimator *e) {
     FlightFurther *further = &flight->further;
     Known *known = &flight->known;
     Filter *filter = &flight->filter;
-    const int wider = known->present && known->map.tables.n_channels > flight->map.tables.n_channels;
-    const int wider_loads = known->present && known->map.further.n_channels > further->map.tables.n_channels;
-    const TableMap *widest = wider ? &known->map.tables : &flight->map.tables;
-    const TableMap *widest_loads = wider_loads ? &known->map.further : &further->map.tables;
+    const int made = known->present; /* those have as many channels as there can be */
+    const TableMap *widest = made ? &known->tables.map : &flight->map.tables;
+    const TableMap *widest_loads = made ? &known->further.map : &further->map.tables;
     solver->map = &flight->map;
     solver->n = in_lanes(n);
     const size_t count = flight_solver_doubles(&flight->map, n) + flight_further_doubles(&further->map, n)
-                       + (known->present ? known_doubles(&known->map, n) : 0)
+                       + (known->present ? known_doubles(known, n) : 0)
                        + tangents_doubles(&flight->map, widest, n) + further_tangents_doubles(widest_loads, n)
                        + (filter->present ? filter_doubles(filter, solver, &e->thermal) : 0);
     flight->memory = calloc(1, ALIGNMENT + count * sizeof(double) + n);
@@ -81,8 +81,8 @@ static int allocate(Estimator *e) {
     if (known->present) {
         known_arrays(e, &doubles);
     }
-    tangents_arrays(solver, wider ? &known->own.tables : &solver->tables, &flight->tangents, &doubles);
-    further_tangents_arrays(flight, wider_loads ? &known->own.further : &further->tables, n, &doubles);
+    tangents_arrays(solver, made ? &known->own.tables : &solver->tables, &flight->tangents, &doubles);
+    further_tangents_arrays(flight, made ? &known->own.further : &further->tables, n, &doubles);
     if (filter->present) {
         filter_arrays(filter, &doubles);
     }

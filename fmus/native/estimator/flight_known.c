@@ -1,15 +1,10 @@
 #include "flight_known.h"
 
 #include <math.h>
-#include <stdio.h>
 
 #include "estimator.h"
 
-#define N_KNOWN_SIZES 8
-#define MAX_PARAMETERS 64
-#define MAX_POWER 3
-
-enum { N_PARAMETERS, N_POWERS, N_CHANNELS, N_TERMS, N_FURTHER_ROWS, N_FURTHER_CHANNELS, N_FURTHER_TERMS };
+#define LARGEST_POWER 3
 
 static double *taken(double **doubles, size_t count) {
     double *array = *doubles;
@@ -17,147 +12,110 @@ static double *taken(double **doubles, size_t count) {
     return array;
 }
 
-/* Products of strain, of loads with strain, of loads, of further loads with strain; variances of further loads. */
-static size_t product_size(const KnownMap *map, size_t n) {
-    const size_t loads = N_LOADS, m = map->further.n_rows;
-    return n * n + loads * n + loads * loads + m * n + m;
-}
-
-/* Of powers of a parameter, pairs of these; map->parameter is known. */
-static size_t number_of_products(const KnownMap *map) {
-    size_t count = 1 + map->n_parameters;
-    for (size_t a = 0; a < map->n_powers; a++) {
-        for (size_t b = a; b < map->n_powers; b++) {
-            count += map->parameter[a] == map->parameter[b];
-        }
-    }
-    return count;
-}
-
-/* But for the products. */
-static size_t leading_doubles(const KnownMap *map) {
-    const size_t more = map->further.n_rows > 0 ? table_doubles(&map->further) : 0;
-    const size_t slopes = table_coefficients(&map->tables) + table_coefficients(&map->further);
-    return 1 + 2 * map->n_parameters + 3 * map->n_powers + map->n_powers * slopes + table_doubles(&map->tables) + more;
-}
-
-static void take_values(KnownMap *map, const double **next) {
-    map->largest_score = *take_doubles(next, 1);
-    map->mean = take_doubles(next, map->n_parameters);
-    map->spread = take_doubles(next, map->n_parameters);
-    map->parameter = take_doubles(next, map->n_powers);
-    map->power = take_doubles(next, map->n_powers);
-    map->offset = take_doubles(next, map->n_powers);
-    map->slope = take_doubles(next, map->n_powers * table_coefficients(&map->tables));
-    take_tables(&map->tables, next);
-    map->further_slope = take_doubles(next, map->n_powers * table_coefficients(&map->further));
-    if (map->further.n_rows > 0) {
-        take_tables(&map->further, next);
-    }
-    map->product = *next;
-}
-
-static int sensible_powers(const KnownMap *map) {
-    int good = map->largest_score >= 0.0;
-    for (size_t p = 0; p < map->n_parameters; p++) {
-        good = good && map->spread[p] >= 0.0;
-    }
-    for (size_t j = 0; j < map->n_powers; j++) {
-        const double parameter = map->parameter[j], power = map->power[j];
-        good = good && parameter >= (j > 0 ? map->parameter[j - 1] : 0.0) && parameter < (double)map->n_parameters
-            && parameter == (double)(size_t)parameter && (power == 1.0 || power == 2.0 || power == MAX_POWER);
-    }
-    return good;
-}
-
-static int all_finite(const double *values, size_t count) {
-    int good = 1;
-    for (size_t i = 0; i < count; i++) {
-        good = good && isfinite(values[i]);
-    }
-    return good;
-}
-
-/* From the sizes on; 0 where they cannot be. */
-static int take_sizes(const Section *section, const FlightMap *flight, size_t n_further, KnownMap *map) {
-    uint32_t size[N_KNOWN_SIZES] = {0};
-    if (section->length < sizeof size) {
-        return 0;
-    }
-    for (size_t k = 0; k < N_KNOWN_SIZES; k++) {
-        size[k] = u32_at(section->content, 4 * k);
-    }
-    map->n_parameters = size[N_PARAMETERS];
-    map->n_powers = size[N_POWERS];
-    map->tables = map->further = flight->tables;
-    map->tables.n_channels = size[N_CHANNELS];
-    map->tables.n_terms = size[N_TERMS];
-    map->further.n_rows = n_further;
-    map->further.n_channels = size[N_FURTHER_CHANNELS];
-    map->further.n_terms = size[N_FURTHER_TERMS];
-    const int no_further = n_further == 0 && map->further.n_channels == 0 && map->further.n_terms == 0;
-    return map->n_parameters >= 1 && map->n_parameters <= MAX_PARAMETERS
-        && map->n_powers <= MAX_POWER * map->n_parameters && sensible_table_sizes(&map->tables)
-        && size[N_FURTHER_ROWS] == n_further && (no_further || sensible_table_sizes(&map->further));
-}
-
-int known_map_parse(const Section *section, const FlightMap *flight, size_t n_gauges, size_t n_further, KnownMap *map,
-                    char text[MODEL_TEXT_SIZE]) {
-    const size_t values_at = 4 * N_KNOWN_SIZES;
-    if (!take_sizes(section, flight, n_further, map) || section->length < values_at + 8 * leading_doubles(map)) {
-        snprintf(text, MODEL_TEXT_SIZE, "holds tables of known parameters whose sizes cannot be");
-        return 0;
-    }
-    const double *values = (const double *)(const void *)(section->content + values_at), *next = values;
-    take_values(map, &next);
-    const size_t count = leading_doubles(map) + number_of_products(map) * product_size(map, n_gauges);
-    if (section->length != values_at + 8 * count) {
-        snprintf(text, MODEL_TEXT_SIZE, "holds tables of known parameters whose sizes cannot be");
-        return 0;
-    }
-    if (!all_finite(values, count) || !sensible_powers(map) || !sensible_terms(&map->tables)
-        || (n_further > 0 && !sensible_terms(&map->further))) {
-        snprintf(text, MODEL_TEXT_SIZE, "holds tables of known parameters with a value that cannot be");
-        return 0;
-    }
-    return 1;
-}
-
 static size_t cells_of(const TableMap *map) {
     return (map->n_mach + 2) * (map->n_incidence + 2);
 }
 
-/* Doubles of the tables, and of the parts that they are made of. */
-static size_t made_doubles(const TableMap *tables, size_t n_powers) {
-    return flight_tables_doubles(tables) + (1 + n_powers) * flight_cell_doubles(tables) + cells_of(tables);
+static void lay_out(const TableMap *mean, MadeTables *made) {
+    made->map = *mean;
+    made->map.n_channels = made->map.n_terms = 2 * mean->n_rows;
+    made->map.table = NULL;
 }
 
-size_t known_doubles(const KnownMap *map, size_t n_gauges) {
-    const size_t n = in_lanes(n_gauges), m = map->further.n_rows;
-    return made_doubles(&map->tables, map->n_powers) + (m > 0 ? made_doubles(&map->further, map->n_powers) : 0) + n * n
-         + 3 * map->n_parameters + 2 * map->n_powers + product_size(map, n_gauges);
+void known_lay_out(const TableMap *mean, const TableMap *further, Known *known) {
+    lay_out(mean, &known->tables);
+    lay_out(further, &known->further);
 }
 
-/* Tables, and the parts that their cells are made of. */
-static void made_arrays(const TableMap *map, const double *slope, const Known *known, FlightTables *tables,
-                        CellParts *parts, double **doubles) {
-    const size_t size = flight_cell_doubles(map), n_powers = known->map.n_powers;
-    flight_tables_arrays(map, tables, doubles);
-    double *part = taken(doubles, (1 + n_powers) * size);
-    flight_cells(map, map->table, part);
-    for (size_t j = 0; j < n_powers; j++) {
-        flight_cells(map, slope + j * table_coefficients(map), part + (1 + j) * size);
+/* Doubles of tables, of what a map of the file holds besides, of the parts and the rounds of its cells. */
+static size_t made_doubles(const MadeTables *made, size_t n_powers) {
+    const TableMap *map = &made->map;
+    return map->n_rows == 0 ? 0
+                            : flight_tables_doubles(map) + map->n_terms * (2 + 2 * map->n_harmonics)
+                                  + (1 + n_powers) * flight_cell_doubles(map) + cells_of(map);
+}
+
+size_t known_doubles(const Known *known, size_t n_gauges) {
+    const KnownMap *map = &known->map;
+    const size_t n = in_lanes(n_gauges);
+    return made_doubles(&known->tables, map->n_powers) + made_doubles(&known->further, map->n_powers) + n * n
+         + 3 * in_lanes(map->n_parameters) + 2 * in_lanes(map->n_powers) + known_product_size(map, n_gauges);
+}
+
+/* A term for each channel: of the cosines, then of the sines of every row. */
+static void set_terms(TableMap *map, double **doubles) {
+    const size_t terms = map->n_terms, m = map->n_harmonics;
+    double *row = taken(doubles, terms), *channel = taken(doubles, terms);
+    double *cosine = taken(doubles, terms * m), *sine = taken(doubles, terms * m);
+    for (size_t t = 0; t < terms; t++) {
+        row[t] = (double)(t / 2);
+        channel[t] = (double)t;
+        for (size_t k = 0; k < m; k++) {
+            cosine[t * m + k] = t % 2 ? 0.0 : 1.0;
+            sine[t * m + k] = t % 2 ? 1.0 : 0.0;
+        }
     }
-    *parts = (CellParts){.n_weights = n_powers, .n_cells = cells_of(map), .part = part, .weight = known->shift};
-    parts->made = taken(doubles, parts->n_cells);
-    tables->parts = parts;
+    map->row = row;
+    map->channel = channel;
+    map->cosine = cosine;
+    map->sine = sine;
+}
+
+/* The part of the mean, from the channels of its tables. */
+static void set_mean(const TableMap *mean, size_t harmonics, size_t width, double *part) {
+    const size_t m = mean->n_harmonics;
+    for (size_t cell = 0; cell < cells_of(mean); cell++) {
+        for (size_t t = 0; t < mean->n_terms; t++) {
+            const double *value = mean->table + (cell * mean->n_channels + (size_t)mean->channel[t]) * m;
+            double *of_cosine = part + cell * width + 2 * (size_t)mean->row[t] * harmonics;
+            for (size_t k = 0; k < m; k++) {
+                of_cosine[k] += mean->cosine[t * m + k] * value[k];
+                of_cosine[harmonics + k] += mean->sine[t * m + k] * value[k];
+            }
+        }
+    }
+}
+
+/* The part of power j, rows from `first` of the section on, as sums of the basis. */
+static void set_power(const KnownMap *map, const TableMap *tables, size_t first, size_t j, size_t harmonics, double *part) {
+    const size_t n_angle = tables->n_incidence + 2, m = tables->n_harmonics, n_rows = tables->n_rows;
+    for (size_t cell = 0; cell < cells_of(tables); cell++) {
+        const double *rows = map->row_weight + ((cell / n_angle * map->n_powers + j) * map->n_rows + first) * map->n_basis;
+        for (size_t r = 0; r < n_rows; r++) {
+            double *of_cosine = part + (cell * n_rows + r) * 2 * harmonics, *of_sine = of_cosine + harmonics;
+            for (size_t b = 0; b < map->n_basis; b++) {
+                const double *basis = map->basis + (b * n_angle + cell % n_angle) * m * 2;
+                const double weight = rows[r * map->n_basis + b];
+                for (size_t k = 0; k < m; k++) {
+                    of_cosine[k] += weight * basis[2 * k];
+                    of_sine[k] += weight * basis[2 * k + 1];
+                }
+            }
+        }
+    }
+}
+
+/* Tables about those of the mean, whose rows are those from `first` of the section on. */
+static void made_arrays(const KnownMap *map, const TableMap *mean, size_t first, double *shift, MadeTables *made,
+                        FlightTables *tables, double **doubles) {
+    const size_t size = flight_cell_doubles(&made->map);
+    set_terms(&made->map, doubles);
+    flight_tables_arrays(&made->map, tables, doubles);
+    double *part = taken(doubles, (1 + map->n_powers) * size);
+    set_mean(mean, tables->harmonics, tables->width, part);
+    for (size_t j = 0; j < map->n_powers; j++) {
+        set_power(map, &made->map, first, j, tables->harmonics, part + (1 + j) * size);
+    }
+    made->parts = (CellParts){.n_weights = map->n_powers, .n_cells = cells_of(mean), .part = part, .weight = shift};
+    made->parts.made = taken(doubles, made->parts.n_cells);
+    tables->parts = &made->parts;
 }
 
 void known_arrays(Estimator *e, double **doubles) {
     Flight *flight = &e->flight;
     Known *known = &flight->known;
     const KnownMap *map = &known->map;
-    const size_t n = flight->solver.n, n_gauges = e->map.n_gauges, loads = N_LOADS, m = map->further.n_rows;
+    const size_t n = flight->solver.n, n_gauges = e->map.n_gauges, loads = N_LOADS, m = map->n_further;
     known->mean = (Errors){.tables = flight->solver.tables,
                            .further = flight->further.tables,
                            .scaled_covariance = flight->solver.scaled_covariance,
@@ -166,17 +124,18 @@ void known_arrays(Estimator *e, double **doubles) {
                            .further_strain_covariance = flight->further.map.strain_covariance,
                            .further_variance = flight->further.map.variance};
     Errors *own = &known->own;
-    known->shift = taken(doubles, map->n_powers);
-    made_arrays(&map->tables, map->slope, known, &own->tables, &known->parts, doubles);
+    known->shift = taken(doubles, in_lanes(map->n_powers));
+    made_arrays(map, &flight->map.tables, 0, known->shift, &known->tables, &own->tables, doubles);
     if (m > 0) {
-        made_arrays(&map->further, map->further_slope, known, &own->further, &known->further_parts, doubles);
+        const TableMap *further = &flight->further.map.tables;
+        made_arrays(map, further, n_gauges + loads, known->shift, &known->further, &own->further, doubles);
     }
     own->scaled_covariance = taken(doubles, n * n);
-    known->value = taken(doubles, map->n_parameters);
-    known->std = taken(doubles, map->n_parameters);
-    known->weight = taken(doubles, map->n_parameters);
-    known->along = taken(doubles, map->n_powers);
-    known->products = taken(doubles, product_size(map, n_gauges));
+    known->value = taken(doubles, in_lanes(map->n_parameters));
+    known->std = taken(doubles, in_lanes(map->n_parameters));
+    known->weight = taken(doubles, in_lanes(map->n_parameters));
+    known->along = taken(doubles, in_lanes(map->n_powers));
+    known->products = taken(doubles, known_product_size(map, n_gauges));
     own->load_strain_covariance = known->products + n_gauges * n_gauges;
     own->load_covariance = own->load_strain_covariance + loads * n_gauges;
     own->further_strain_covariance = own->load_covariance + loads * loads;
@@ -221,7 +180,7 @@ static int note_values(const Estimator *e, Known *known) {
 
 static double power_of(double z, double power) {
     double product = 1.0;
-    for (int k = 1; k <= MAX_POWER; k++) {
+    for (int k = 1; k <= LARGEST_POWER; k++) {
         product *= (double)k <= power ? z : 1.0;
     }
     return product;
@@ -258,7 +217,7 @@ static void add_times(size_t count, double a, const double *restrict x, double *
 
 static void set_products(Known *known, size_t n_gauges, size_t n) {
     const KnownMap *map = &known->map;
-    const size_t size = product_size(map, n_gauges);
+    const size_t size = known_product_size(map, n_gauges);
     const double *product = map->product;
     memcpy(known->products, product, size * sizeof *product);
     for (size_t a = 0; a < map->n_powers; a++) {
@@ -297,7 +256,7 @@ void known_follow(Estimator *e) {
     const int other = note_values(e, known);
     if (other) {
         weigh(known);
-        known->parts.round = known->further_parts.round = known->parts.round + 1.0;
+        known->tables.parts.round = known->further.parts.round = known->tables.parts.round + 1.0;
         set_products(known, e->map.n_gauges, flight->solver.n);
     }
     if (other || !known->in_use) {

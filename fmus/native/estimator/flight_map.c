@@ -17,16 +17,16 @@ static uint32_t size_of(const unsigned char *content, int place) {
     return u32_at(content, 4 * (size_t)place);
 }
 
-size_t table_coefficients(const TableMap *tables) {
+static size_t coefficients(const TableMap *tables) {
     return (tables->n_mach + 2) * (tables->n_incidence + 2) * tables->n_channels * tables->n_harmonics;
 }
 
 size_t table_doubles(const TableMap *tables) {
-    return table_coefficients(tables) + tables->n_terms * (2 + 2 * tables->n_harmonics) + tables->n_rows;
+    return coefficients(tables) + tables->n_terms * (2 + 2 * tables->n_harmonics) + tables->n_rows;
 }
 
 void take_tables(TableMap *tables, const double **next) {
-    tables->table = take_doubles(next, table_coefficients(tables));
+    tables->table = take_doubles(next, coefficients(tables));
     tables->row = take_doubles(next, tables->n_terms);
     tables->channel = take_doubles(next, tables->n_terms);
     tables->cosine = take_doubles(next, tables->n_terms * tables->n_harmonics);

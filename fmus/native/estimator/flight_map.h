@@ -60,10 +60,8 @@ typedef struct {
 } FlightMap;
 
 /* Of tables whose sizes and knots are known: whether the numbers of channels and terms can be; the number of their
-   coefficients, and of all values without the knots; taking these; whether rows ascend without a gap and channels
-   exist. */
+   values without the knots; taking these; whether rows ascend without a gap and channels exist. */
 int sensible_table_sizes(const TableMap *tables);
-size_t table_coefficients(const TableMap *tables);
 size_t table_doubles(const TableMap *tables);
 void take_tables(TableMap *tables, const double **next);
 int sensible_terms(const TableMap *tables);

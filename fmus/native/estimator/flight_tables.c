@@ -20,13 +20,6 @@ size_t flight_cell_doubles(const TableMap *map) {
     return cells_of(map) * map->n_channels * in_lanes(map->n_harmonics);
 }
 
-void flight_cells(const TableMap *map, const double *table, double *cells) {
-    const size_t m = map->n_harmonics, harmonics = in_lanes(m);
-    for (size_t k = 0; k < cells_of(map) * map->n_channels; k++) {
-        memcpy(cells + k * harmonics, table + k * m, m * sizeof(double));
-    }
-}
-
 size_t flight_tables_doubles(const TableMap *map) {
     const size_t harmonics = in_lanes(map->n_harmonics), width = map->n_channels * harmonics;
     return (cells_of(map) + 3) * width + (2 * map->n_terms + 6) * harmonics;
@@ -38,7 +31,9 @@ void flight_tables_arrays(const TableMap *map, FlightTables *tables, double **do
     tables->harmonics = harmonics;
     tables->width = map->n_channels * harmonics;
     tables->cells = taken(doubles, cells_of(map) * tables->width);
-    flight_cells(map, map->table, tables->cells);
+    for (size_t k = 0; map->table != NULL && k < cells_of(map) * map->n_channels; k++) {
+        memcpy(tables->cells + k * harmonics, map->table + k * m, m * sizeof(double));
+    }
     tables->cosine = taken(doubles, map->n_terms * harmonics);
     tables->sine = taken(doubles, map->n_terms * harmonics);
     for (size_t t = 0; t < map->n_terms; t++) {
@@ -122,25 +117,30 @@ void basis_curvature(const double *knots, size_t n, double x, const Basis *basis
     }
 }
 
-void flight_make_cells(const FlightTables *tables, size_t mach, size_t incidence) {
-    const CellParts *parts = tables->parts;
-    const size_t width = tables->width;
+EVERYWHERE void make_cell(const CellParts *parts, size_t width, size_t cell, double *restrict made) {
+    memcpy(made, parts->part + cell * width, width * sizeof *made);
+    for (size_t j = 0; j < parts->n_weights; j++) {
+        const double *restrict part = parts->part + ((1 + j) * parts->n_cells + cell) * width;
+        const double weight = parts->weight[j];
+        for (size_t k = 0; k < width; k++) {
+            made[k] += weight * part[k];
+        }
+    }
+    parts->made[cell] = parts->round;
+}
+
+/* Make the cells that the splines at a place need, the pairs of N_LOCAL knots from `mach` and `incidence` on. */
+EVERYWHERE void make_cells(const FlightTables *tables, size_t mach, size_t incidence) {
     for (size_t k = 0; k < N_LOCAL * N_LOCAL; k++) {
         const size_t cell = (mach + k / N_LOCAL) * (tables->map->n_incidence + 2) + incidence + k % N_LOCAL;
-        double *restrict made = tables->cells + cell * width;
-        if (parts->made[cell] == parts->round) {
-            continue;
+        if (tables->parts->made[cell] != tables->parts->round) {
+            make_cell(tables->parts, tables->width, cell, tables->cells + cell * tables->width);
         }
-        memcpy(made, parts->part + cell * width, width * sizeof *made);
-        for (size_t j = 0; j < parts->n_weights; j++) {
-            const double *restrict part = parts->part + ((1 + j) * parts->n_cells + cell) * width;
-            const double weight = parts->weight[j];
-            for (size_t c = 0; c < width; c++) {
-                made[c] += weight * part[c];
-            }
-        }
-        parts->made[cell] = parts->round;
     }
+}
+
+void flight_make_cells(const FlightTables *tables, size_t mach, size_t incidence) {
+    make_cells(tables, mach, incidence);
 }
 
 /* Coefficients at a Mach number and an incidence, and their derivatives by the two. */
@@ -228,7 +228,7 @@ EVERYWHERE void respond(const FlightTables *tables, const double *state, Respons
     const size_t stride = (map->n_incidence + 2) * tables->width;
     double *const *amplitude = tables->amplitude;
     if (tables->parts != NULL) {
-        flight_make_cells(tables, mach.first, angle.first);
+        make_cells(tables, mach.first, angle.first);
     }
     combine(tables->width, stride, tables->cells + mach.first * stride + angle.first * tables->width, &mach, &angle,
             amplitude[0], amplitude[1], amplitude[2]);

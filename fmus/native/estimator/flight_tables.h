@@ -14,7 +14,7 @@ static inline size_t in_lanes(size_t n) {
     return (n + LANES - 1) / LANES * LANES;
 }
 
-/* What cells are made of, each when it is first read in a round: the sum of a first part and of the others times a weight. */
+/* What cells are made of, each when it is first read in a round: a first part and the others times a weight. */
 typedef struct {
     size_t n_weights, n_cells;
     const double *part;   /* (1 + n_weights, n_cells, width) */
@@ -58,18 +58,15 @@ typedef struct {
     double *jacobian[N_STATES]; /* (rows) */
 } Response;
 
-/* Number of doubles of the coefficients at all pairs of knots; those of a table of such sizes in lanes, zeros elsewhere
-   left alone. */
+/* Number of doubles of the coefficients at all pairs of knots, of tables, and of a response; handing the last two out,
+   tables filled in, cells where the map has some. */
 size_t flight_cell_doubles(const TableMap *map);
-void flight_cells(const TableMap *map, const double *table, double *cells);
-
-/* Number of doubles of tables, and of a response; handing them out, tables filled in. */
 size_t flight_tables_doubles(const TableMap *map);
 void flight_tables_arrays(const TableMap *map, FlightTables *tables, double **doubles);
 size_t response_doubles(const TableMap *map);
 void response_arrays(const TableMap *map, Response *response, double **doubles);
 
-/* Make the cells that the splines at a place need, the pairs of N_LOCAL knots from `mach` and `incidence` on. */
+/* Make the cells that are read from the pairs of knots `mach` and `incidence` on. */
 void flight_make_cells(const FlightTables *tables, size_t mach, size_t incidence);
 
 /* The response at a state, kept where it is there already: a step starts where the one before ended. wide as for

@@ -305,8 +305,8 @@ def test_scalars_of_fmi_3(pair: Pair, tmp_path: Path) -> None:
     ("at", "value", "text"),
     [
         (24, b"\0", "sizes cannot be"),  # parameters
-        (24 + 8, b"\0", "sizes cannot be"),  # channels
-        (24 + 16, b"\0", "sizes cannot be"),  # further loads
+        (24 + 8, b"\0", "sizes cannot be"),  # tables of the basis
+        (24 + 12, b"\0", "sizes cannot be"),  # further loads
         (24 + 32, b"\0\0\0\0\0\0\xf8\x7f", "a value that cannot be"),  # the largest score
         (24 + 32 + 24 + 24, np.float64(4.0).tobytes(), "a value that cannot be"),  # a power
         (24 + 32 + 24, np.float64(1.0).tobytes(), "sizes cannot be"),  # its parameter, which there is not
