@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from deflected_shape import NAME, deflected, known_map
 from shape_case import ALTITUDE, flown, shape_structure, shape_vehicle
+from thermal_maps import REFERENCE, with_temperature
 
 from builder.aero.section_loads import six_loads
 from builder.vehicle.flight_conditions import condition_grid
@@ -74,9 +75,11 @@ def estimates(steps: list[FilteredStep]) -> list[FlightEstimate]:
     return [one.estimate[0] for one in steps]
 
 
-def test_without_memory_it_is_the_static_estimator_of_the_known_value() -> None:
+@pytest.mark.parametrize("temperature", [None, np.array([REFERENCE + 4.0, np.nan])], ids=["cold", "warm"])
+def test_without_memory_it_is_the_static_estimator_of_the_known_value(temperature: np.ndarray | None) -> None:
     strain, pressure, _ = flight()
-    estimator = ManifoldEstimator(known_map())
+    warm = with_temperature(known_map(), k=3, n_t=2, mode_strain=1e-9 * np.ones((known_map().n_gauges, 3)))
+    estimator = ManifoldEstimator(known_map() if temperature is None else warm)
     static, found = FlightTracker(estimator), FlightFilter(estimator, FilterSettings(time_constant=1e-9))
     for row in (0, 20):
         flow = {
@@ -84,6 +87,7 @@ def test_without_memory_it_is_the_static_estimator_of_the_known_value() -> None:
             "mach_number": MACH,
             "parameters": {NAME: DEFLECTION[row]},
             "parameters_std": {NAME: STD},
+            "temperature": temperature,
         }
         for _ in range(6):  # both settle on the covariance at their own state
             one, other = found.step(DT, strain[row], **flow), static.step(strain[row], **flow)
