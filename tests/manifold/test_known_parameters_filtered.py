@@ -161,3 +161,14 @@ def test_a_track_in_numbers_goes_on_as_the_filter_does() -> None:
         for one in (flight_filter, other)
     ]
     np.testing.assert_array_equal(found[0].coefficients, found[1].coefficients)
+
+
+def test_values_that_cannot_be_spoil_no_other_sample() -> None:
+    """Of a wire that breaks, in a filter of a whole number of seconds."""
+    value, std = DEFLECTION.copy(), np.full(STEPS, STD)
+    value[4:8], std[8:10] = [1e6, -1e308, np.inf, np.nan], [1e200, np.inf]
+    found = estimates(filtered(value, std, time_constant=10)[1])
+    assert all(one.health is HealthState.OUTSIDE for one in found[4:7])
+    assert all(one.health is HealthState.OK for one in (*found[:4], *found[7:]))
+    error, deviation = errors(found)
+    assert np.all(np.abs(error) <= 3.0 * deviation)

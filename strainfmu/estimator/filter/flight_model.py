@@ -153,7 +153,7 @@ def transition(
     mean[:N_STATES] = middle
     variance[:N_STATES], variance[N_STATES:ERRORS_OF_NAVIGATION] = std**2, rate**2
     variance[DISCREPANCY : model.hardware] = widening
-    time_constant = np.full(n - ERRORS_OF_NAVIGATION, settings.time_constant)
+    time_constant = np.full(n - ERRORS_OF_NAVIGATION, float(settings.time_constant))
     time_constant[: DISCREPANCY - ERRORS_OF_NAVIGATION] *= SLOW
     matrix[:ERRORS_OF_NAVIGATION, :ERRORS_OF_NAVIGATION] = with_rates(std, rate, time_step)
     rest = np.arange(ERRORS_OF_NAVIGATION, n)
