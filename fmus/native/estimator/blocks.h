@@ -8,9 +8,41 @@
 #include "products.h"
 #include "wide.h"
 
-#define BLOCK_ROWS 4
+#define MOST_ROWS 5
 #define BLOCK_COLUMNS 8
+#define WIDE_COLUMNS 24 /* with AVX-512, for which loading a number of the left factor into all lanes takes longest */
 #define NARROW_COLUMNS (HAS_AVX2 ? LANES : BLOCK_COLUMNS) /* without AVX2, of which x86-64 has half the registers */
+
+/* some(count) from row i on, for all rows. One that is left over joins the last block, which a single one would cost as
+   much as. */
+#define BY_ROWS(i, rows, some) \
+    for (; i + 4 <= rows && i + MOST_ROWS != rows; i += 4) { \
+        some(4); \
+    } \
+    if (i + MOST_ROWS == rows) { \
+        some(MOST_ROWS); \
+        i = rows; \
+    } \
+    if (i + 2 <= rows) { \
+        some(2); \
+        i += 2; \
+    } \
+    if (i < rows) { \
+        some(1); \
+    }
+
+/* some(count) from column j on, for all columns, in blocks of `width`, a constant, at most: of BLOCK_COLUMNS at most
+   unless wide. */
+#define BY_COLUMNS(j, columns, width, wide, some) \
+    for (; width > BLOCK_COLUMNS && (wide) && j + width <= columns; j += width) { \
+        some(width); \
+    } \
+    for (; width >= BLOCK_COLUMNS && j + BLOCK_COLUMNS <= columns; j += BLOCK_COLUMNS) { \
+        some(BLOCK_COLUMNS); \
+    } \
+    for (; j < columns; j += LANES) { \
+        some(LANES); \
+    }
 
 /* What a product becomes: itself, what was there before and it, or what was there before without it. */
 typedef enum { SET, ADD, SUBTRACT } Change;
@@ -19,7 +51,7 @@ typedef enum { SET, ADD, SUBTRACT } Change;
 EVERYWHERE void block(Change change, size_t rows, size_t columns, size_t inner, const double *restrict left, size_t row,
                       size_t column, const double *restrict right, size_t right_row, const double *before,
                       double *product, size_t product_row) {
-    double sum[BLOCK_ROWS + 1][BLOCK_COLUMNS];
+    double sum[MOST_ROWS][WIDE_COLUMNS];
     for (size_t i = 0; i < rows; i++) {
         for (size_t j = 0; j < columns; j++) {
             sum[i][j] = change == SET ? 0.0 : before[i * product_row + j];
@@ -41,28 +73,14 @@ EVERYWHERE void block(Change change, size_t rows, size_t columns, size_t inner, 
     }
 }
 
-/* All rows over a block of columns. Rows that are left over join the last block, which a single one would cost as much
-   as. */
+/* All rows over a block of columns. */
 EVERYWHERE void strip(Change change, size_t rows, size_t columns, size_t inner, Strided left, const double *right,
                       size_t right_row, const double *before, double *product, size_t product_row) {
     size_t i = 0;
 #define SOME_ROWS(count) \
     block(change, count, columns, inner, left.value + i * left.row, left.row, left.column, right, right_row, \
           before + i * product_row, product + i * product_row, product_row)
-    for (; i + BLOCK_ROWS <= rows && i + BLOCK_ROWS + 1 != rows; i += BLOCK_ROWS) {
-        SOME_ROWS(BLOCK_ROWS);
-    }
-    if (i + BLOCK_ROWS + 1 == rows) {
-        SOME_ROWS(BLOCK_ROWS + 1);
-        i = rows;
-    }
-    if (i + 2 <= rows) {
-        SOME_ROWS(2);
-        i += 2;
-    }
-    if (i < rows) {
-        SOME_ROWS(1);
-    }
+    BY_ROWS(i, rows, SOME_ROWS)
 #undef SOME_ROWS
 }
 

@@ -87,7 +87,7 @@ typedef struct {
     double *turned;      /* (rows or order, order), */
     double *kept;        /* (order, order) K H, */
     double *joseph;      /* (3, order, order), */
-    double *strip;       /* (n, N_COLUMNS), */
+    double *strip;       /* (n, WIDE_COLUMNS), */
     double *further_turned;   /* (n_further, rows), */
     double *further_by_state; /* (2, order) of filter_further.c */
 } Filter;

@@ -52,42 +52,56 @@ EVERYWHERE void move_strip(size_t width, const Filter *filter, const double *res
     }
 }
 
-/* C - K G of some columns, which begin at a term and a gauge; a row of C is `width` behind the one before. */
-EVERYWHERE void take_gain(size_t width, const Filter *filter, size_t term, size_t gauge, const double *restrict before,
-                          double *restrict after) {
-    const size_t count = filter->n_considered, at = term * filter->gauges + gauge;
-    const double *restrict size = filter->term + at, *restrict gain = filter->kalman + gauge;
-    for (size_t i = 0; i < filter->n; i++) {
-        for (size_t c = 0; c < width; c++) {
-            after[i * count + at + c] = before[i * width + c] - gain[i * filter->rows + c] * size[c];
+/* C - K G - K H C of some rows and columns; C lies in `moved`, a row `columns` behind the one before. All of it is a
+   constant where it is called. */
+EVERYWHERE void update_block(size_t rows, size_t columns, size_t read, const double *restrict kept, size_t order,
+                             const double *restrict moved, size_t first, const double *restrict gain, size_t gain_row,
+                             const double *restrict size, double *restrict after, size_t count) {
+    double sum[MOST_ROWS][WIDE_COLUMNS];
+    for (size_t i = 0; i < rows; i++) {
+        for (size_t c = 0; c < columns; c++) {
+            sum[i][c] = moved[(first + i) * columns + c] - gain[i * gain_row + c] * size[c];
+        }
+    }
+    for (size_t k = 0; k < read; k++) {
+        for (size_t i = 0; i < rows; i++) {
+            const double factor = kept[i * order + k];
+            for (size_t c = 0; c < columns; c++) {
+                sum[i][c] -= factor * moved[k * columns + c];
+            }
+        }
+    }
+    for (size_t i = 0; i < rows; i++) {
+        for (size_t c = 0; c < columns; c++) {
+            after[i * count + c] = sum[i][c];
         }
     }
 }
 
-/* A C - K G of the same columns. */
+/* The same of all rows; the columns begin at a term and a gauge. */
 EVERYWHERE void update_strip(size_t width, const Filter *filter, size_t term, size_t gauge, const double *before,
                              double *after) {
-    const size_t count = filter->n_considered, at = term * filter->gauges + gauge;
+    const size_t count = filter->n_considered, at = term * filter->gauges + gauge, rows = filter->rows, n = filter->n;
+    const double *restrict size = filter->term + at;
+    size_t i = 0;
     if (before == NULL) {
-        memset(filter->strip, 0, filter->n * width * sizeof *after);
-        take_gain(width, filter, term, gauge, filter->strip, after);
-        return;
+        memset(filter->strip, 0, n * width * sizeof *after);
+    } else {
+        move_strip(width, filter, before + at);
     }
-    move_strip(width, filter, before + at);
-    take_gain(width, filter, term, gauge, filter->strip, after);
-    strip(SUBTRACT, filter->n, width, filter->n_read, by_rows(filter->kept, filter->order), filter->strip, width,
-          after + at, after + at, count);
+#define SOME_ROWS(some) \
+    update_block(some, width, filter->n_read, filter->kept + i * filter->order, filter->order, filter->strip, i, \
+                 filter->kalman + i * rows + gauge, rows, size, after + i * count + at, count)
+    BY_ROWS(i, n, SOME_ROWS)
+#undef SOME_ROWS
 }
 
 EVERYWHERE void update_strips(size_t width, const Filter *filter, const double *before, double *after) {
     for (size_t term = 0; term < filter->n_terms; term++) {
         size_t gauge = 0;
-        for (; gauge + width <= filter->gauges; gauge += width) {
-            update_strip(width, filter, term, gauge, before, after);
-        }
-        for (; gauge < filter->gauges; gauge += LANES) {
-            update_strip(LANES, filter, term, gauge, before, after);
-        }
+#define SOME_COLUMNS(count) update_strip(count, filter, term, gauge, before, after)
+        BY_COLUMNS(gauge, filter->gauges, width, 1, SOME_COLUMNS)
+#undef SOME_COLUMNS
     }
 }
 
@@ -101,7 +115,7 @@ AVX2 static void update_avx2(const Filter *filter, const double *before, double 
 }
 
 AVX512 static void update_avx512(const Filter *filter, const double *before, double *after) {
-    update_strips(BLOCK_COLUMNS, filter, before, after);
+    update_strips(WIDE_COLUMNS, filter, before, after);
 }
 #endif
 

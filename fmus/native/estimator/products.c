@@ -22,40 +22,32 @@ EVERYWHERE void some_columns(Shape shape, size_t j, size_t width, size_t rows, s
           product_row);
 }
 
+/* What is zero of a triangular right factor has no place for wide blocks. */
 EVERYWHERE void whole_of(size_t width, Shape shape, size_t rows, size_t inner, size_t columns, Strided left,
                          const double *right, size_t right_row, double *product, size_t product_row) {
     size_t j = 0;
-    for (; j + width <= columns; j += width) {
-        some_columns(shape, j, width, rows, inner, left, right, right_row, product, product_row);
-    }
-    for (; j < columns; j += LANES) {
-        some_columns(shape, j, LANES, rows, inner, left, right, right_row, product, product_row);
-    }
+#define SOME_COLUMNS(count) some_columns(shape, j, count, rows, inner, left, right, right_row, product, product_row)
+    BY_COLUMNS(j, columns, width, shape == FULL || shape == LOWER_LEFT, SOME_COLUMNS)
+#undef SOME_COLUMNS
 }
 
 EVERYWHERE void upper_of(size_t width, size_t n, size_t inner, Strided left, const double *right, const double *added,
                          double *product) {
     size_t j = 0;
-    for (; j + width <= n; j += width) {
-        strip(ADD, j + width, width, inner, left, right + j, n, added + j, product + j, n);
-    }
-    for (; j < n; j += LANES) {
-        strip(ADD, j + LANES, LANES, inner, left, right + j, n, added + j, product + j, n);
-    }
+#define SOME_COLUMNS(count) strip(ADD, j + count, count, inner, left, right + j, n, added + j, product + j, n)
+    BY_COLUMNS(j, n, width, 0, SOME_COLUMNS)
+#undef SOME_COLUMNS
 }
 
 /* All rows, or those that the upper triangle has. */
 EVERYWHERE void change_of(size_t width, Change change, int is_upper, size_t rows, size_t inner, size_t columns,
                           Strided left, const double *right, size_t right_row, double *product, size_t product_row) {
     size_t j = 0;
-    for (; j + width <= columns; j += width) {
-        strip(change, is_upper && j + width < rows ? j + width : rows, width, inner, left, right + j, right_row,
-              product + j, product + j, product_row);
-    }
-    for (; j < columns; j += LANES) {
-        strip(change, is_upper && j + LANES < rows ? j + LANES : rows, LANES, inner, left, right + j, right_row,
-              product + j, product + j, product_row);
-    }
+#define SOME_COLUMNS(count) \
+    strip(change, is_upper && j + count < rows ? j + count : rows, count, inner, left, right + j, right_row, \
+          product + j, product + j, product_row)
+    BY_COLUMNS(j, columns, width, !is_upper, SOME_COLUMNS)
+#undef SOME_COLUMNS
 }
 
 EVERYWHERE void both_of(size_t count, double a, const double *restrict x, double b, const double *restrict y,
@@ -112,7 +104,7 @@ EVERYWHERE void all_squares(size_t n, const double *restrict lower, double *rest
     } \
     instructions static void upper##set(size_t n, size_t inner, Strided left, const double *right, const double *added, \
                                         double *product) { \
-        upper_of(width, n, inner, left, right, added, product); \
+        upper_of(width < BLOCK_COLUMNS ? width : BLOCK_COLUMNS, n, inner, left, right, added, product); \
     } \
     instructions static void more##set(int is_upper, size_t rows, size_t inner, size_t columns, Strided left, \
                                        const double *right, size_t right_row, double *product, size_t product_row) { \
@@ -135,7 +127,7 @@ EVERYWHERE void all_squares(size_t n, const double *restrict lower, double *rest
 PRODUCTS(, , NARROW_COLUMNS)
 #if HAS_AVX2
 PRODUCTS(AVX2, _avx2, BLOCK_COLUMNS)
-PRODUCTS(AVX512, _avx512, BLOCK_COLUMNS)
+PRODUCTS(AVX512, _avx512, WIDE_COLUMNS)
 #endif
 
 void multiply(int wide, Shape shape, size_t rows, size_t inner, size_t columns, Strided left, const double *right,
