@@ -154,15 +154,15 @@ static void run(const Setup *setup, long steps, uint64_t seed) {
 }
 
 /* Each step of the file: float64 strains, as many float64 that are 0 or 1, flow and navigation. */
-static void replay(const Setup *setup, long steps, const char *path, const char *const *parameter) {
+static void replay(const Setup *setup, long steps, const char *path, int n_values, char **values) {
     const unsigned n = setup->gauges;
     double inputs[2 * MOST_GAUGES + N_FLOW];
     fmi2Boolean valid[MOST_GAUGES];
     fmi2Component c = started(setup);
-    if (parameter != NULL) {
-        const fmi2ValueReference reference = (fmi2ValueReference)strtoul(parameter[0], NULL, 10);
-        const double value = strtod(parameter[1], NULL);
-        check(fmi2SetReal(c, &reference, 1, &value) == fmi2OK, "fmi2SetReal of a parameter");
+    for (int k = 0; k + 1 < n_values; k += 2) {
+        const fmi2ValueReference reference = (fmi2ValueReference)strtoul(values[k], NULL, 10);
+        const double value = strtod(values[k + 1], NULL);
+        check(fmi2SetReal(c, &reference, 1, &value) == fmi2OK, "fmi2SetReal of a value that stays");
     }
     FILE *file = fopen(path, "rb");
     check(file != NULL, "fopen");
@@ -434,7 +434,7 @@ int main(int argc, char **argv) {
     if (strcmp(task, "run") == 0) {
         run(&setup, steps, argc > 6 ? strtoull(argv[6], NULL, 10) : 1);
     } else if (strcmp(task, "replay") == 0 && argc > 6) {
-        replay(&setup, steps, argv[6], argc > 8 ? (const char *const *)argv + 7 : NULL);
+        replay(&setup, steps, argv[6], argc - 7, argv + 7);
     } else if (strcmp(task, "many") == 0) {
         many(&setup, steps);
     } else if (strcmp(task, "foreign") == 0 && argc > 6) {

@@ -10,6 +10,7 @@ import pytest
 from c_host import host_by_clang, loading_host, program, run_host
 from flight_fmu import N_D, random_flight, whole_map
 from native_case import NativeCase
+from parameter_maps import with_parameter_tables
 from raw_fmu import N_OUTPUTS, write_resource
 from sensor_maps import with_sensors
 from thermal_maps import with_temperature
@@ -36,6 +37,7 @@ MAPS = {
     "gauges": whole_map,
     "further sensors": lambda: with_sensors(whole_map()),
     "temperature": lambda: with_temperature(whole_map()),
+    "known deflection": lambda: with_parameter_tables(whole_map()),
 }
 
 
@@ -68,15 +70,27 @@ def linux_host(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return loading_host(LINUX, tmp_path_factory.mktemp("host") / "host")
 
 
-def filtering(flight: NativeCase) -> tuple[int, float]:
-    """Value reference of the filter's time constant, and one [s]."""
+def staying(flight: NativeCase, values: dict[str, float]) -> list[float]:
+    """Value reference and value of each of the map's inputs among ``values``, which stay."""
     names = [one.name for one in estimator_interface(flight.inverse_map)]
-    return names.index(FILTER_TIME_CONSTANT), 1.0
+    pairs = [(names.index(name), value) for name, value in values.items() if name in names]
+    return [number for pair in pairs for number in pair]
+
+
+def filtering(flight: NativeCase) -> list[float]:
+    """Value reference of the filter's time constant, and one [s]."""
+    return staying(flight, {FILTER_TIME_CONSTANT: 1.0})
+
+
+def known(flight: NativeCase) -> list[float]:
+    """Two parameters of the flow, where the map has some, with their deviations."""
+    of_fin = {"parameter.fin_deg": 0.8, "parameter_std.fin_deg": 0.3}
+    return staying(flight, of_fin | {"parameter.power": 0.2, "parameter_std.power": 0.0})
 
 
 def outputs_by(command: list[str], flight: NativeCase, inputs: Path) -> bytes:
     """Outputs of all steps, and of random strains that fit no tables."""
-    replayed = run_host(command, flight, "replay", FLIGHTS * STEPS, inputs)
+    replayed = run_host(command, flight, "replay", FLIGHTS * STEPS, inputs, *known(flight))
     filtered = run_host(command, flight, "replay", FLIGHTS * STEPS, inputs, *filtering(flight))
     return replayed + filtered + run_host(command, flight, "run", 100, 5)
 
@@ -114,5 +128,5 @@ def test_memory(flight: NativeCase, inputs: Path, tmp_path: Path) -> None:
     """Instances that pass states on, under sanitizers; leaks are errors too."""
     host = host_by_clang(tmp_path / "host", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
     assert run_host([str(host)], flight, "many", 1).startswith(b"many: same")
-    assert run_host([str(host)], flight, "replay", FLIGHTS * STEPS, inputs)
+    assert run_host([str(host)], flight, "replay", FLIGHTS * STEPS, inputs, *known(flight))
     assert run_host([str(host)], flight, "replay", FLIGHTS * STEPS, inputs, *filtering(flight))
