@@ -28,8 +28,8 @@ pytestmark = pytest.mark.fast
 
 N_T = 3
 FIRST_ZERO = FIRST + 28
-OUTPUTS = range(FIRST_ZERO + 2 * N_D + 1 + N_T, FIRST_ZERO + 2 * N_D + 1 + N_T + 4 + 12 * len(STATIONS))
-"""Value references of the further loads, behind zeros and temperatures."""
+OUTPUTS = range(FIRST_ZERO + 2 * N_D + 2 + N_T, FIRST_ZERO + 2 * N_D + 2 + N_T + 4 + 12 * len(STATIONS))
+"""Value references of the further loads, behind zeros, temperatures and the filter's time constant."""
 
 TOLERANCE = 1e-12
 """Of the largest of a kind; 2e-14 is reached."""
@@ -134,7 +134,7 @@ def test_arrays_of_fmi_3(fmu: FlightFmu, inverse_map: InverseMap, resources: Pat
     fmu.give(replace(sample, flow={"dynamic_pressure": sample.flow["dynamic_pressure"]}))
     assert three.set("Float64", c_double, [Fmu3.STRAIN], sample.strain) == OK
     assert three.set("Float64", c_double, [Fmu3.FIRST_SCALAR], [sample.flow["dynamic_pressure"]]) == OK
-    first = Fmu3.TARE + 28 + 1
+    first = Fmu3.TARE + 28 + 2
     found = [three.get("Float64", c_double, [first + i], 1)[1] for i in range(4)]
     found += [three.get("Float64", c_double, [first + 4 + i], len(STATIONS))[1] for i in range(12)]
     assert np.concatenate(found).tobytes() == fmu.get_reals(OUTPUTS).tobytes()
