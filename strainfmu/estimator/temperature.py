@@ -155,12 +155,23 @@ def strain_at_reference(
     temperature : (k, n_t) of the sensors [K]; those that are not of the set are not read.
     """
     rise = np.where(sensors.known, temperature - thermal.reference_temperature, 0.0)
-    of_gauge = rise @ sensors.temperature_gain.T
+    return _without_wall(thermal, strain, rise @ sensors.temperature_gain.T, rise @ sensors.strain_gain.T)
+
+
+def strain_at_amplitude(thermal: ThermalMap, amplitude: FloatArray, strain: FloatArray) -> FloatArray:
+    """Return what gauges would read at the reference temperature (k, n_d) [m/m], of ``strain`` (k, n_d) less zeros
+    while the modes have ``amplitude`` (n_k,) [K]."""
+    return _without_wall(thermal, strain, thermal.gauge_operator @ amplitude, thermal.mode_strain @ amplitude)
+
+
+def _without_wall(
+    thermal: ThermalMap, strain: FloatArray, of_gauge: FloatArray, of_modes: FloatArray
+) -> FloatArray:
+    """Solve for the strain by load: gauges are ``of_gauge`` warmer [K], the wall strains them by ``of_modes``."""
     apparent = np.zeros_like(of_gauge)
     for coefficient in thermal.apparent_strain[::-1]:
         apparent = (apparent + coefficient) * of_gauge
-    thermal_strain = rise @ sensors.strain_gain.T + apparent
     return np.asarray(
-        (strain / (1.0 + thermal.gauge_factor_slope * of_gauge) - thermal_strain)
+        (strain / (1.0 + thermal.gauge_factor_slope * of_gauge) - (of_modes + apparent))
         * (1.0 + thermal.modulus_slope * of_gauge)
     )

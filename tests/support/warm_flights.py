@@ -21,8 +21,12 @@ def warm_flight(held: InverseMap, steps: int, seed: int, time_step: float) -> li
     amplitude = np.exp(-time_step * np.arange(steps))[:, None] * start
     error = thermal.sensor_std * random.standard_normal(thermal.n_sensors)
     temperature = thermal.reference_temperature + amplitude @ thermal.sensor_operator.T + error
-    strain = amplitude @ thermal.linear_strain.T
+    cold = random_flight(whole_map(), steps, seed)
+    rise = amplitude @ thermal.gauge_operator.T
+    apparent = sum(one * rise ** (k + 1) for k, one in enumerate(thermal.apparent_strain))
+    by_load = np.array([one.strain for one in cold]) / (1.0 + thermal.modulus_slope * rise)
+    strain = (1.0 + thermal.gauge_factor_slope * rise) * (by_load + amplitude @ thermal.mode_strain.T + apparent)
     return [
-        replace(one, strain=one.strain + more, temperature=warm)
-        for one, more, warm in zip(random_flight(whole_map(), steps, seed), strain, temperature, strict=True)
+        replace(one, strain=warm, temperature=sensors)
+        for one, warm, sensors in zip(cold, strain, temperature, strict=True)
     ]

@@ -113,6 +113,7 @@ void filter_predict(Filter *filter, double time_step);
    sensors read than in the last sample. */
 void filter_set_modes(Filter *filter);
 void filter_tell_modes(const Filter *filter, Law *law);
+size_t filter_first_mode(const Filter *filter); /* their first state */
 void filter_carry_modes(const Filter *filter, Law *out);
 void filter_forget_modes(const Filter *filter, double factor, double *covariance);
 

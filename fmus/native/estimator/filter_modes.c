@@ -2,12 +2,12 @@
 
 #include "filter.h"
 
-static size_t first_mode(const Filter *filter) {
+size_t filter_first_mode(const Filter *filter) {
     return filter->n_read - filter->map.n_modes;
 }
 
 void filter_set_modes(Filter *filter) {
-    const size_t first = first_mode(filter), k = filter->map.n_modes;
+    const size_t first = filter_first_mode(filter), k = filter->map.n_modes;
     for (size_t mode = 0; mode < k; mode++) {
         double *row = filter->stationary.covariance + (first + mode) * filter->order + first;
         memset(row, 0, k * sizeof *row);
@@ -21,7 +21,7 @@ void filter_tell_modes(const Filter *filter, Law *law) {
 
 void filter_carry_modes(const Filter *filter, Law *out) {
     const Law *law = &filter->law;
-    double *mean = out->mean + first_mode(filter);
+    double *mean = out->mean + filter_first_mode(filter);
     filter_tell_modes(filter, out);
     if (memcmp(out->known, law->known, filter->n_sensors * sizeof *out->known) != 0) {
         for (size_t mode = 0; mode < filter->map.n_modes; mode++) {
@@ -31,7 +31,7 @@ void filter_carry_modes(const Filter *filter, Law *out) {
 }
 
 void filter_forget_modes(const Filter *filter, double factor, double *covariance) {
-    const size_t first = first_mode(filter);
+    const size_t first = filter_first_mode(filter);
     for (size_t mode = 0; mode < filter->map.n_modes; mode++) {
         thermal_add_left(filter->thermal, mode, 1.0 - factor * factor, covariance + (first + mode) * filter->order + first);
     }

@@ -120,8 +120,7 @@ void flight_reset(Flight *flight) {
     }
 }
 
-/* Gauges in use; their number. */
-static size_t set_strain(Estimator *e) {
+size_t flight_set_strain(Estimator *e) {
     const double range = e->input[e->map.n_gauges + SENSOR_RANGE];
     Sample *sample = &e->flight.solver.sample;
     size_t count = 0;
@@ -248,7 +247,7 @@ static int best_attempt(Estimator *e, size_t used, int *searched) {
 
 void flight_update(Estimator *e) {
     Flight *flight = &e->flight;
-    const size_t used = set_strain(e);
+    const size_t used = flight_set_strain(e);
     int searched;
     e->output[VALID_GAUGES] = (double)used;
     set_navigation(e);

@@ -108,6 +108,18 @@ static void coast(Estimator *e) {
     flight->filter.next.has_law = 1.0;
 }
 
+/* Strain at the reference temperature about the predicted amplitudes of modes: the wall stays as soft as it was where a
+   sensor is lost. */
+static void correct_strain(Estimator *e) {
+    const Filter *filter = &e->flight.filter;
+    const Law *law = &filter->predicted;
+    if (filter->map.n_modes > 0) {
+        estimator_set_strain(e);
+        thermal_correct_about(&e->thermal, law->amplitude, law->mean + filter_first_mode(filter), e->strain);
+        flight_set_strain(e);
+    }
+}
+
 void flight_filter_update(Estimator *e, size_t used) {
     Flight *flight = &e->flight;
     Filter *filter = &flight->filter;
@@ -119,6 +131,7 @@ void flight_filter_update(Estimator *e, size_t used) {
     filter_set_modes(filter);
     if (has_law) {
         filter_predict(filter, elapsed > 0.0 ? (elapsed < longest ? elapsed : longest) : 0.0);
+        correct_strain(e);
     }
     if (used == 0 && has_law) {
         coast(e);

@@ -5,6 +5,9 @@
 
 #include "estimator.h"
 
+/* Take the gauges in use and their strain, at the reference temperature; their number. */
+size_t flight_set_strain(Estimator *e);
+
 /* What navigation and the ranges of the map say of the flight state. */
 void flight_set_measurement(Flight *flight);
 

@@ -319,6 +319,30 @@ void thermal_correct(Thermal *thermal, double *restrict strain) {
     }
 }
 
+void thermal_correct_about(Thermal *thermal, const double *amplitude, const double *errors, double *restrict strain) {
+    const ThermalMap *map = &thermal->map;
+    const size_t n = thermal->n_gauges, k = map->n_modes;
+    const double first = map->n_powers > 0 ? map->apparent_strain[0] : 0.0;
+    double *of_strain = thermal->of_gauge, *of_rise = of_strain + n;
+    for (size_t i = 0; i < n; i++) {
+        of_strain[i] = of_rise[i] = 0.0;
+        for (size_t a = 0; a < k; a++) {
+            of_strain[i] += map->mode_strain[i * k + a] * (amplitude[a] + errors[a]);
+            of_rise[i] += map->gauge_operator[i * k + a] * (amplitude[a] + errors[a]);
+        }
+    }
+    CHOSEN(thermal->wide, set_factors)(n, map->n_powers, map->apparent_strain, map->gauge_factor_slope,
+                                       map->modulus_slope, of_strain, of_rise, thermal->factor, thermal->offset);
+    thermal->outdated = 1; /* they are no longer those of the sensors */
+    for (size_t i = 0; i < n; i++) {
+        double of_errors = 0.0;
+        for (size_t a = 0; a < k; a++) {
+            of_errors += (map->mode_strain[i * k + a] + first * map->gauge_operator[i * k + a]) * errors[a];
+        }
+        strain[i] = strain[i] * thermal->factor[i] - thermal->offset[i] + of_errors;
+    }
+}
+
 void thermal_derive(Thermal *thermal, const double *strain, const double *d_temperature, double *d_strain) {
     const ThermalMap *map = &thermal->map;
     const size_t n = thermal->n_gauges, n_t = map->n_sensors;

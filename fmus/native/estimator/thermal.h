@@ -64,6 +64,10 @@ void thermal_add_left(const Thermal *thermal, size_t mode, double part, double *
 /* Bring strains less zeros (n_gauges) to the reference temperature. */
 void thermal_correct(Thermal *thermal, double *strain);
 
+/* The same by amplitudes of the modes (n_modes) [K] and a filter's mean of their errors (n_modes), and add what gauges read
+   of the latter. */
+void thermal_correct_about(Thermal *thermal, const double *amplitude, const double *errors, double *strain);
+
 /* The same for changes of strains less zeros (n_gauges), and of temperatures (n_sensors), at those strains. */
 void thermal_derive(Thermal *thermal, const double *strain, const double *d_temperature, double *d_strain);
 

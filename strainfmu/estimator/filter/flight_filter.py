@@ -22,7 +22,7 @@ from strainfmu.estimator.filter.flight_model import (
 from strainfmu.estimator.filter.flight_step import FilteredSample, filtered_sample, flight_solution
 from strainfmu.estimator.filter.kalman import Law, Transition, predicted, stationary_law
 from strainfmu.estimator.filter.settings import FilterSettings, checked_time_step
-from strainfmu.estimator.filter.warm import WarmSample, carried, warm_sample
+from strainfmu.estimator.filter.warm import WarmSample, carried, warm_sample, warm_strain
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimate, FlightEstimates
@@ -180,7 +180,7 @@ class FlightFilter:
 
         ``temperature`` (n_t,) is what the temperature sensors read [K].
         """
-        self._now, warm = self.estimator, self.model.modes
+        self._now, warm, strain = self.estimator, self.model.modes, inputs.strain
         if temperature is not None:
             ((_, self._now, inputs),) = self.estimator.groups(inputs, temperature)
             warm, _ = warm_sample(self.estimator.sensor_sets, temperature)
@@ -189,15 +189,23 @@ class FlightFilter:
         self.track = replace(self.track, warm=warm)
         if self.track.law is not None:
             self.track = replace(self.track, law=carried(self.track.law, last, warm))
-        return self._at_reference(time_step, inputs, warm)
+        return self._at_reference(time_step, inputs, warm, strain)
 
-    def _at_reference(self, time_step: float, inputs: EstimatorInputs, warm: WarmSample) -> FilteredStep:
-        """Return the step of ``inputs`` whose strain is that at the reference temperature."""
+    def _at_reference(
+        self, time_step: float, inputs: EstimatorInputs, warm: WarmSample, strain: FloatArray
+    ) -> FilteredStep:
+        """Return the step of ``inputs`` whose strain is that at the reference temperature by ``warm`` alone, of
+        ``strain`` (1, n_d) less zeros."""
         track, base, now = self.track, self.model.seen.direction, self._model.seen.direction
         last = base if track.directions is None else track.directions
         step = transition(self._model, time_step, track.consistency.widening, warm, None if last is now else last)
         self.track = track = replace(track, directions=None if now is base else now)
-        law = None if track.law is None else predicted(track.law, step)
+        law, thermal = (
+            None if track.law is None else predicted(track.law, step),
+            self.estimator.inverse_map.thermal,
+        )
+        if law is not None and thermal is not None:
+            inputs = replace(inputs, strain=warm_strain(thermal, warm, law, strain))
         samples = Samples(
             strain=np.where(inputs.used, inputs.strain, 0.0),
             used=inputs.used,

@@ -4,6 +4,7 @@ A sample's sensors give amplitudes a^ with the covariance P of their errors
 (:mod:`strainfmu.estimator.temperature`). Strain is corrected by a^, and reads Phi da of what is left, da = a - a^.
 Errors of sensors last as the modes do, so that da is a process whose stationary covariance is P. Where a sensor
 comes or goes, a stays, and da changes by the difference of both a^; its covariance goes to the new P with time.
+What is not linear in a, the data sheet, gauge factor and modulus, is that at a^ and the mean of da.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.estimator.at_temperature import SensorSets
 from strainfmu.estimator.filter.kalman import Law
 from strainfmu.estimator.inverse_map import InverseMap
-from strainfmu.estimator.temperature import SensorSet, ThermalMap
+from strainfmu.estimator.temperature import SensorSet, ThermalMap, strain_at_amplitude
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -85,3 +86,14 @@ def carried(law: Law, last: WarmSample, now: WarmSample) -> Law:
     mean = law.mean.copy()
     mean[len(mean) - len(now.amplitude) :] += last.amplitude - now.amplitude
     return replace(law, mean=mean)
+
+
+def warm_strain(thermal: ThermalMap, warm: WarmSample, law: Law, strain: FloatArray) -> FloatArray:
+    """Return ``strain`` (1, n_d) less zeros as at the reference temperature [m/m], with what gauges read of da.
+
+    ``law`` is the predicted one, whose last states are da. About its mean the strain is linear in da: a wall that
+    stays warm while its sensors are lost stays as soft as it was.
+    """
+    errors = law.mean[len(law.mean) - len(warm.amplitude) :]
+    left = strain_at_amplitude(thermal, warm.amplitude + errors, strain)
+    return np.asarray(left + thermal.linear_strain @ errors)

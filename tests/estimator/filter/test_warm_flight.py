@@ -65,8 +65,9 @@ def test_a_warm_series_is_estimated_better_than_its_samples(read: int) -> None:
     assert np.mean(alone[20:]) < 0.95
 
 
-def test_lost_sensors_cost_no_memory() -> None:
-    estimator = ManifoldEstimator(held_map(**LINEAR))
+@pytest.mark.parametrize("changes", [LINEAR, {}], ids=["strain alone", "modulus and gauge factor, too"])
+def test_lost_sensors_cost_no_memory(changes: dict[str, object]) -> None:
+    estimator = ManifoldEstimator(held_map(**changes))
     samples = warm_flight(estimator.inverse_map, 30, seed=6, time_step=DT)
     temperature = np.array([one.temperature for one in samples])
     temperature[20:] = np.nan
