@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -87,6 +88,15 @@ class FilteredStep:
     measured: bool
 
 
+class _OfKnown(NamedTuple):
+    """An estimator, what was stated of parameters of the flow, and estimator and model for that."""
+
+    estimator: ManifoldEstimator
+    stated: bytes
+    known: ManifoldEstimator
+    model: FlightModel
+
+
 class FlightFilter:
     """A :class:`ManifoldEstimator` fed with one sample after another, with memory.
 
@@ -104,6 +114,7 @@ class FlightFilter:
         self.track = track or FilterTrack()
         # For what is known of the sample in work: its sensors, these and parameters of the flow, the same.
         self._now, self._known, self._model = estimator, estimator, self.model
+        self._of_known: _OfKnown | None = None
 
     def step(
         self,
@@ -250,9 +261,15 @@ class FlightFilter:
         self, estimator: ManifoldEstimator, inputs: EstimatorInputs
     ) -> tuple[ManifoldEstimator, FlightModel]:
         """Return ``estimator`` and the model for what the one sample in ``inputs`` knows of parameters of the
-        flow."""
-        known = estimator.at_parameters(inputs)
-        return known, self.model if known is estimator else with_tables(self.model, known.manifold)
+        flow; those of the last sample where it knew the same."""
+        if not inputs.knows_parameters or estimator.manifold.parameters is None:
+            return estimator, self.model
+        stated, kept = inputs.parameter_value.tobytes() + inputs.parameter_std.tobytes(), self._of_known
+        if kept is None or kept.estimator is not estimator or kept.stated != stated:
+            known = estimator.at_parameters(inputs)
+            kept = _OfKnown(estimator, stated, known, with_tables(self.model, known.manifold))
+            self._of_known = kept
+        return kept.known, kept.model
 
     def _solved(
         self, law: Law, samples: Samples, *, start: FloatArray, iterations: int = WARM_ITERATIONS

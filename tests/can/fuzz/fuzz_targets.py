@@ -107,6 +107,7 @@ def database_from(data: bytes) -> None:
             name="mapping",
             sensor_names=("nose",),
             parameter_names=("parameter.fin", "parameter.power"),
+            parameter_std_names=("parameter_std.fin",),
         )
         core = bridge_core(layout, step, BridgeSettings(), start=0.0, dynamic_pressure=1e5)
     except InputError:
