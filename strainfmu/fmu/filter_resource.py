@@ -10,6 +10,7 @@ import numpy as np
 
 from strainfmu.estimator.filter.consistency import BAND, LARGEST, NARROW, WIDEN, WINDOW
 from strainfmu.estimator.filter.flight_model import flight_model
+from strainfmu.estimator.filter.named_navigation import FITS, NAMED_AFTER
 from strainfmu.estimator.filter.settings import LARGEST as LARGEST_TIME
 from strainfmu.estimator.filter.settings import RATE_TIME, SLOW, FilterSettings
 from strainfmu.estimator.filter.settings import SMALLEST as SMALLEST_TIME
@@ -43,6 +44,8 @@ def filter_section(inverse_map: InverseMap, manifold: ManifoldMap) -> bytes:
         LARGEST,
         SMALLEST_TIME,
         LARGEST_TIME,
+        NAMED_AFTER,
+        FITS,
     )
     errors = model.further
     further = () if errors is None else (errors.load, errors.rest_cross, errors.rest_variance)

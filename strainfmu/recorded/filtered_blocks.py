@@ -10,7 +10,8 @@ from typing import Protocol, TypeVar
 import numpy as np
 
 from strainfmu.errors import InputError
-from strainfmu.estimator.filter.flight_filter import FilteredStep, FlightFilter
+from strainfmu.estimator.filter.flight_filter import FlightFilter
+from strainfmu.estimator.filter.flight_track import FilteredStep
 from strainfmu.estimator.filter.kalman import Law
 from strainfmu.estimator.filter.linear_filter import LinearFilter, LinearStep
 from strainfmu.estimator.filter.settings import FilterSettings

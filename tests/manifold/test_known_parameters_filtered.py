@@ -10,8 +10,9 @@ from thermal_maps import REFERENCE, with_temperature
 
 from builder.aero.section_loads import six_loads
 from builder.vehicle.flight_conditions import condition_grid
-from strainfmu.estimator.filter.flight_filter import FilteredStep, FlightFilter
+from strainfmu.estimator.filter.flight_filter import FlightFilter
 from strainfmu.estimator.filter.flight_model import DISCREPANCY, FlightModel, transition, with_tables
+from strainfmu.estimator.filter.flight_track import FilteredStep
 from strainfmu.estimator.filter.settings import FilterSettings
 from strainfmu.estimator.filter.smoothing import smoothed
 from strainfmu.estimator.filter.switched import TimedTrack, as_numbers, from_numbers

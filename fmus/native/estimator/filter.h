@@ -39,6 +39,7 @@ typedef struct {
     double time;                 /* of the sample of the law [s] */
     double now;                  /* of the sample that follows [s] */
     double mean, steps, widening; /* consistency.py */
+    double apart[N_NAVIGATION], alarms[N_NAVIGATION]; /* named_navigation.py */
 } FilterTrack;
 
 typedef struct {
@@ -61,6 +62,8 @@ typedef struct {
     double *noise, *rest;      /* (rows, rows) of the map */
     /* Scratch: a sample. The flight state is x = mean + L xi, of a standard normal xi. Given it, what else is read has a
        covariance that no iteration changes; other states have what x does not tell of them. */
+    double given[N_NAVIGATION]; /* precision of navigation, before any of it is left out */
+    double doubt[N_NAVIGATION]; /* factors on its variance while another quantity is dropped */
     double scale[N_NAVIGATION]; /* 1 over the deviation of navigation; 0 where not known */
     double root[N_STATES][N_STATES]; /* L */
     double *read;        /* (order, rows) H' */
@@ -147,6 +150,12 @@ double filter_give(Filter *filter, Law *law, const double *state);
 
 /* out (columns, rows) = matrix' (rows, columns), rows of each so far apart. */
 void transpose(size_t rows, size_t columns, const double *matrix, size_t row, double *out, size_t out_row);
+
+/* Navigation in use: what is not named. Then, for a solution, what is held against it after the sample; residual gets the
+   distances of what was named from its prediction. Or what was held before. filter_navigation.c */
+void filter_believe(Filter *filter);
+void filter_judge(Filter *filter, double residual[N_NAVIGATION]);
+void filter_keep_named(Filter *filter);
 
 /* solver->solution at the law in filter->next_law, the last sample's. For filter_sample.c. */
 void filter_solution(Filter *filter);

@@ -21,6 +21,7 @@ typedef struct {
     double window, band;        /* of the consistency: steps; deviations */
     double widen, narrow, largest_widening;
     double smallest_time, largest_time; /* of the time constant; the latter of a step, too [s] */
+    double named_after, fits;   /* named_navigation.py: steps; deviations */
     const double *seen_strain;  /* (n_seen, n_gauges) per p_inf */
     const double *seen_load;    /* (n_seen, 5) */
     const double *rest_strain;  /* (n_gauges, n_gauges) covariances of the other directions */

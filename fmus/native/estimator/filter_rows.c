@@ -138,7 +138,8 @@ static void set_white(Filter *filter) {
     }
     for (size_t k = 0; k < N_NAVIGATION; k++) {
         if (filter->scale[k] > 0.0) {
-            white[(filter->gauges + k) * (rows + 1)] = filter->map.white_navigation;
+            /* What is doubted errs more in this sample; what is known of its lasting error stays. */
+            white[(filter->gauges + k) * (rows + 1)] = filter->map.white_navigation + filter->doubt[k] - 1.0;
         }
     }
 }

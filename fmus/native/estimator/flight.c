@@ -216,6 +216,8 @@ static void forget_law(Filter *filter) {
     filter->next = filter->base;
     filter->next.has_law = filter->next.steps = 0.0;
     filter->next.mean = filter->next.widening = 1.0;
+    memset(filter->next.apart, 0, sizeof filter->next.apart);
+    memset(filter->next.alarms, 0, sizeof filter->next.alarms);
 }
 
 /* Solve, a second time without navigation that is inconsistent, and write the solution to the outputs. */

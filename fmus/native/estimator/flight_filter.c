@@ -18,15 +18,51 @@ int flight_filters(const Estimator *e) {
     return zeros && !any_parameter_known(e);
 }
 
+/* What was doubted counts with its deviation, and errs more. */
+static void set_doubt(Filter *filter, const double *before) {
+    double *precision = filter->solver->sample.precision;
+    for (size_t k = 0; k < N_NAVIGATION; k++) {
+        if (precision[k] > 0.0) {
+            filter->doubt[k] = before[k] / precision[k];
+            precision[k] = before[k];
+        }
+    }
+}
+
 /* Solve from a law, a second time without navigation that is inconsistent. */
 static void solve(Flight *flight, const Law *law, const double *start, size_t iterations) {
-    double residual[N_NAVIGATION];
-    filter_sample(&flight->filter, law, start, iterations);
+    Filter *filter = &flight->filter;
+    double residual[N_NAVIGATION], before[N_NAVIGATION];
+    memcpy(before, flight->solver.sample.precision, sizeof before);
+    for (size_t k = 0; k < N_NAVIGATION; k++) {
+        filter->doubt[k] = 1.0;
+    }
+    filter_sample(filter, law, start, iterations);
     memcpy(residual, flight->solver.solution.navigation_residual, sizeof residual);
     if (flight_drop_inconsistent(flight)) {
-        filter_sample(&flight->filter, law, start, iterations);
-        memcpy(flight->solver.solution.navigation_residual, residual, sizeof residual);
+        set_doubt(filter, before);
+        filter_sample(filter, law, start, iterations);
     }
+    filter_judge(filter, residual);
+    memcpy(flight->solver.solution.navigation_residual, residual, sizeof residual);
+}
+
+/* What navigation and the ranges of the map say, without what is apart. */
+static void measure(Flight *flight) {
+    flight_set_measurement(flight);
+    filter_believe(&flight->filter);
+}
+
+/* Write the solution to the outputs, not good while navigation that is given is not believed; whether it fits. */
+static int conclude(Estimator *e, size_t used) {
+    const Filter *filter = &e->flight.filter;
+    const int fits = flight_conclude(e, used);
+    for (size_t k = 0; k < N_NAVIGATION; k++) {
+        if (filter->next.apart[k] > 0.0 && filter->given[k] > 0.0 && e->output[HEALTH_STATE] == OK) {
+            e->output[HEALTH_STATE] = DEGRADED;
+        }
+    }
+    return fits;
 }
 
 static void note(Estimator *e, size_t used) {
@@ -65,14 +101,14 @@ static void begin(Estimator *e, size_t used, int has_law) {
     const Track *base = &flight->base;
     const int search = base->has_state == 0.0 || base->since_search >= flight->map.search_every;
     double start[N_STATES];
-    flight_set_measurement(flight);
+    measure(flight);
     memcpy(start, base->state, sizeof start);
     if (search) {
         flight_solve_cold(&flight->solver);
         memcpy(start, flight->solver.solution.state, sizeof start);
     }
     solve(flight, &flight->filter.stationary, start, search ? 0 : (size_t)flight->map.warm_iterations);
-    if (flight_conclude(e, used)) {
+    if (conclude(e, used)) {
         keep(e, used, search);
         return;
     }
@@ -82,6 +118,7 @@ static void begin(Estimator *e, size_t used, int has_law) {
     /* What fits nowhere does not move the state: the law goes on from there. */
     const double *state = (search || has_law) && base->has_state != 0.0 ? base->state : flight->solver.solution.state;
     memcpy(flight->next.state, state, sizeof flight->next.state);
+    filter_keep_named(&flight->filter);
     keep_predicted(&flight->filter, has_law);
     note(e, used);
     flight_fall_back(e, 0, flight->map.return_after);
@@ -91,9 +128,9 @@ static void begin(Estimator *e, size_t used, int has_law) {
 static void coast(Estimator *e) {
     Flight *flight = &e->flight;
     const double *start = flight->base.has_state != 0.0 ? flight->base.state : flight->filter.predicted.mean;
-    flight_set_measurement(flight);
+    measure(flight);
     solve(flight, &flight->filter.predicted, start, (size_t)flight->map.warm_iterations);
-    flight_conclude(e, 0);
+    conclude(e, 0);
     memset(flight->flag + NAVIGATION_USED, 0, N_NAVIGATION);
     const int lost = !flight->flag[TOTAL_INCIDENCE];
     if (lost) {
@@ -142,9 +179,9 @@ void flight_filter_update(Estimator *e, size_t used) {
         return;
     }
     if (has_law && flight->base.has_state != 0.0) {
-        flight_set_measurement(flight);
+        measure(flight);
         solve(flight, &filter->predicted, flight->base.state, (size_t)flight->map.warm_iterations);
-        if (flight_conclude(e, used)) {
+        if (conclude(e, used)) {
             keep(e, used, 0);
             return;
         }
@@ -156,6 +193,9 @@ int filter_track_fits(const Filter *filter, const FilterTrack *track, const unsi
     int good = (track->has_law == 0.0 || track->has_law == 1.0) && isfinite(track->time) && isfinite(track->now)
             && track->mean >= 0.0 && isfinite(track->mean) && track->steps >= 0.0 && isfinite(track->steps)
             && track->widening >= 1.0 && track->widening <= filter->map.largest_widening;
+    for (size_t k = 0; k < N_NAVIGATION; k++) {
+        good = good && track->apart[k] >= 0.0 && isfinite(track->apart[k]) && isfinite(track->alarms[k]);
+    }
     for (size_t k = 0; k < law_doubles(filter); k++) {
         double value;
         memcpy(&value, law + k * sizeof value, sizeof value);

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -21,7 +21,9 @@ from strainfmu.estimator.filter.flight_model import (
     with_tables,
 )
 from strainfmu.estimator.filter.flight_step import FilteredSample, filtered_sample, flight_solution
+from strainfmu.estimator.filter.flight_track import FilteredStep, FilterTrack
 from strainfmu.estimator.filter.kalman import Law, Transition, predicted, stationary_law
+from strainfmu.estimator.filter.named_navigation import NamedNavigation
 from strainfmu.estimator.filter.settings import FilterSettings, checked_time_step
 from strainfmu.estimator.filter.warm import WarmSample, carried, warm_sample, warm_strain
 from strainfmu.estimator.health import HealthState
@@ -39,53 +41,12 @@ _FLOW = (*NAVIGATION, *(f"{name}_std" for name in NAVIGATION), "altitude")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class FilterTrack:
-    """What a step leaves to the next one.
+class _Solved:
+    """A sample, as it was used, and what is held against navigation after it."""
 
-    Attributes
-    ----------
-    law : of the states, None before the first step.
-    state : (4,) flight state from which the next step starts, None before the first.
-    since_search, to_return : as of :class:`~strainfmu.estimator.manifold.tracker.Track`.
-    consistency : of the window.
-    warm : what was known of temperature modes; None for nothing.
-    directions : (k, r) of the errors of pressure in ``law``; None for those without known parameters of the flow.
-    """
-
-    law: Law | None = None
-    state: FloatArray | None = None
-    since_search: int = 0
-    to_return: int = 0
-    warm: WarmSample | None = None
-    directions: FloatArray | None = None
-    consistency: Consistency = field(default_factory=Consistency)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class FilteredStep:
-    """A step of the filter, as much of it as smoothing needs.
-
-    Attributes
-    ----------
-    estimate : of the step.
-    estimator : for the temperature sensors that read, whatever else is known of the flow.
-    inputs : of the step, strain as at the reference temperature.
-    sample : as it was used.
-    before, after : laws of the states before and after the sample.
-    transition : from the last step to this one.
-    continues : whether ``before`` follows from the last step; false where the filter began again.
-    measured : whether the sample is part of ``after``.
-    """
-
-    estimate: FlightEstimates
-    estimator: ManifoldEstimator
-    inputs: EstimatorInputs
+    found: FilteredSample
     sample: Samples
-    before: Law
-    after: Law
-    transition: Transition
-    continues: bool
-    measured: bool
+    named: NamedNavigation
 
 
 class _OfKnown(NamedTuple):
@@ -225,11 +186,10 @@ class FlightFilter:
         if not inputs.used.any():
             return self._coasted(inputs, samples, law=law, step=step)
         if law is not None and track.state is not None:
-            found, sample = self._solved(law, samples, start=track.state)
-            estimate = self._known.concluded(inputs, sample, found.solution)
+            solved = self._solved(law, samples, start=track.state)
+            estimate = self._concluded(inputs, solved)
             if _fits(estimate):
-                laws = law, found.law
-                return self._kept(inputs, sample, laws=laws, step=step, estimate=estimate)
+                return self._kept(inputs, solved, before=law, step=step, estimate=estimate)
         return self._begun(inputs, samples, law=law, step=step)
 
     def smoothed(self, step: FilteredStep, law: Law) -> FlightEstimates:
@@ -273,16 +233,29 @@ class FlightFilter:
 
     def _solved(
         self, law: Law, samples: Samples, *, start: FloatArray, iterations: int = WARM_ITERATIONS
-    ) -> tuple[FilteredSample, Samples]:
+    ) -> _Solved:
         """Return the sample from ``law``, a second time without navigation that is inconsistent."""
-        found = filtered_sample(self._model, law, _rows(samples), start=start, iterations=iterations)
-        dropped = inconsistent_navigation(found.solution.navigation_residual)
-        if not dropped.any():
-            return found, samples
+        held, white = self.track.named, self.settings.white_navigation
+        before = after = held.believed(samples)
+        found = filtered_sample(self._model, law, _rows(before), start=start, iterations=iterations)
         residual = found.solution.navigation_residual
-        samples = without_navigation(samples, residual, dropped)
-        found = filtered_sample(self._model, law, _rows(samples), start=start, iterations=iterations)
-        return replace(found, solution=replace(found.solution, navigation_residual=residual)), samples
+        dropped = inconsistent_navigation(residual)
+        if dropped.any():
+            after = without_navigation(before, residual, dropped)
+            rows = _rows(before, after)
+            found = filtered_sample(self._model, law, rows, start=start, iterations=iterations)
+        named, distance = held.after(found.law, samples.measured, after.measured, white)
+        residual = np.where(held.apart > 0.0, distance, residual)
+        found = replace(found, solution=replace(found.solution, navigation_residual=residual))
+        return _Solved(found=found, sample=after, named=named)
+
+    def _concluded(self, inputs: EstimatorInputs, solved: _Solved, predicted: bool = False) -> FlightEstimates:
+        """Return the estimate of a sample; not ``OK`` while navigation that is given is not believed."""
+        estimate = self._known.concluded(inputs, solved.sample, solved.found.solution, predicted=predicted)
+        named = np.isfinite(inputs.navigation.value[0]) & (solved.named.apart > 0.0)
+        if named.any() and estimate.health[0] == HealthState.OK:
+            estimate.health[0] = HealthState.DEGRADED
+        return estimate
 
     def _begun(self, inputs: EstimatorInputs, samples: Samples, law: Law | None, step: Transition) -> FilteredStep:
         """Return the sample on its own; the filter begins again from it if it fits the tables."""
@@ -290,13 +263,13 @@ class FlightFilter:
         searched = track.state is None or track.since_search >= SEARCH_EVERY
         start, iterations = track.state, WARM_ITERATIONS
         if searched or start is None:
-            start, iterations = self._known.search(samples).state[0], 0
+            start, iterations = self._known.search(track.named.believed(samples)).state[0], 0
         own = stationary_law(transition(self._model, 1.0, 1.0, track.warm), self.model.n_considered)
-        found, sample = self._solved(own, samples, start=start, iterations=iterations)
-        estimate = self._known.concluded(inputs, sample, found.solution)
+        solved = self._solved(own, samples, start=start, iterations=iterations)
+        estimate = self._concluded(inputs, solved)
         if _fits(estimate):
-            laws, since = (own, found.law), self._since(searched)
-            return self._kept(inputs, sample, laws=laws, step=step, estimate=estimate, since=since)
+            since = self._since(searched)
+            return self._kept(inputs, solved, before=own, step=step, estimate=estimate, since=since)
         after = own if law is None else law
         # What fits nowhere does not move the state: the law goes on from there.
         kept = None if law is None and not searched else track.state
@@ -312,7 +285,7 @@ class FlightFilter:
             estimate=estimate,
             estimator=self._now,
             inputs=inputs,
-            sample=sample,
+            sample=solved.sample,
             before=after,
             after=after,
             transition=step,
@@ -323,9 +296,9 @@ class FlightFilter:
     def _kept(
         self,
         inputs: EstimatorInputs,
-        sample: Samples,
+        solved: _Solved,
         *,
-        laws: tuple[Law, Law],
+        before: Law,
         step: Transition,
         estimate: FlightEstimates,
         since: int | None = None,
@@ -337,10 +310,11 @@ class FlightFilter:
         """
         to_return = max(self.track.to_return - 1, 0)
         self.track = FilterTrack(
-            law=laws[1],
+            law=solved.found.law,
             state=estimate.state[0],
             since_search=self._since(searched=False) if since is None else since,
             to_return=to_return,
+            named=solved.named,
             consistency=self._consistency(estimate),
             warm=self.track.warm,
             directions=self.track.directions,
@@ -351,9 +325,9 @@ class FlightFilter:
             estimate=estimate,
             estimator=self._now,
             inputs=inputs,
-            sample=sample,
-            before=laws[0],
-            after=laws[1],
+            sample=solved.sample,
+            before=before,
+            after=solved.found.law,
             transition=step,
             continues=since is None,
             measured=True,
@@ -365,19 +339,20 @@ class FlightFilter:
         """Return the prediction of a sample without gauges, and with the navigation that it has."""
         own = stationary_law(step, self.model.n_considered) if law is None else law
         start = own.mean[:4] if self.track.state is None else self.track.state
-        found, sample = self._solved(own, samples, start=start)
-        estimate = self._known.concluded(inputs, sample, found.solution, predicted=law is not None)
+        solved = self._solved(own, samples, start=start)
+        estimate = self._concluded(inputs, solved, predicted=law is not None)
         if law is not None:
             # A state that is no longer known is no start: the next sample searches the tables.
             lost = estimate.health[0] == HealthState.INVALID
-            self.track = replace(self.track, law=found.law, state=None if lost else estimate.state[0])
+            state = None if lost else estimate.state[0]
+            self.track = replace(self.track, law=solved.found.law, state=state, named=solved.named)
         return FilteredStep(
             estimate=estimate,
             estimator=self._now,
             inputs=inputs,
-            sample=sample,
+            sample=solved.sample,
             before=own,
-            after=found.law,
+            after=solved.found.law,
             transition=step,
             continues=law is not None,
             measured=True,
@@ -393,8 +368,20 @@ class FlightFilter:
         return noted(self.track.consistency, float(estimate.chi_square[0]), expected)
 
 
-def _rows(samples: Samples) -> SampleRows:
-    return SampleRows(strain=samples.strain[0], used=samples.used[0], navigation=samples.measured)
+def _rows(samples: Samples, doubted: Samples | None = None) -> SampleRows:
+    """Return the one sample in ``samples``, its navigation ``doubted`` or without doubts."""
+    before = samples.measured.precision[0, :3]
+    after = before if doubted is None else doubted.measured.precision[0, :3]
+    kept = after > 0.0
+    measured = samples.measured
+    precision = measured.precision.copy()
+    precision[0, :3] = np.where(kept, before, 0.0)
+    return SampleRows(
+        strain=samples.strain[0],
+        used=samples.used[0],
+        navigation=replace(measured, precision=precision),
+        doubt=np.where(kept, before / np.where(kept, after, 1.0), 1.0),
+    )
 
 
 def _fits(estimate: FlightEstimates) -> bool:

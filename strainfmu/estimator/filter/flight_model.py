@@ -224,11 +224,13 @@ class SampleRows:
     ----------
     strain, used : (n_d,) [m/m], and which gauges to use.
     navigation : (1, 7) of the static estimator; its priors are not used here.
+    doubt : (3,) factor on the variance of each quantity of navigation while another one is dropped, at least 1.
     """
 
     strain: FloatArray
     used: BoolArray
     navigation: StateMeasurement
+    doubt: FloatArray
 
     @property
     def known(self) -> BoolArray:
@@ -267,8 +269,10 @@ def measurement(
     n_used = int(used.sum())
     considered = np.zeros((len(jacobian), model.n_considered))
     considered[:n_used] = columns.considered[used]
-    noise = white * np.eye(len(jacobian))
+    noise = np.zeros((len(jacobian), len(jacobian)))
     noise[:n_used, :n_used] = columns.noise[np.ix_(used, used)]
+    # What is doubted errs more in this sample; what is known of its lasting error stays.
+    noise[n_used:, n_used:] = np.diag(white + sample.doubt[known] - 1.0)
     return Measurement(
         innovation=apart - jacobian @ about,
         jacobian=jacobian,

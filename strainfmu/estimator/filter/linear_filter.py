@@ -45,7 +45,7 @@ class LinearStep:
     strain : (n_d,) readings less zeros [m/m], 0 of lost gauges.
     dynamic_pressure : q_inf [Pa].
     alone : law of the states after the sample alone, None where nothing was measured.
-    before, after, transition, continues : as of :class:`~strainfmu.estimator.filter.flight_filter.FilteredStep`.
+    before, after, transition, continues : as of :class:`~strainfmu.estimator.filter.flight_track.FilteredStep`.
     """
 
     estimate: LoadEstimate

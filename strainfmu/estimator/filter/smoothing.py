@@ -14,7 +14,7 @@ from strainfmu.estimator.filter.kalman import Law, Transition
 
 
 class Recorded(Protocol):
-    """What smoothing needs of a step; see :class:`~strainfmu.estimator.filter.flight_filter.FilteredStep`."""
+    """What smoothing needs of a step; see :class:`~strainfmu.estimator.filter.flight_track.FilteredStep`."""
 
     @property
     def before(self) -> Law:

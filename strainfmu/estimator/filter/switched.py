@@ -13,13 +13,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from strainfmu.estimator.filter.consistency import Consistency
-from strainfmu.estimator.filter.flight_filter import FilterTrack, FlightFilter
+from strainfmu.estimator.filter.flight_filter import FlightFilter
+from strainfmu.estimator.filter.flight_track import FilterTrack
 from strainfmu.estimator.filter.kalman import Law
+from strainfmu.estimator.filter.named_navigation import NamedNavigation
 from strainfmu.estimator.filter.settings import LARGEST, FilterSettings
 from strainfmu.estimator.filter.warm import WarmSample
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimate
 from strainfmu.estimator.manifold.inputs import EstimatorInputs
+from strainfmu.estimator.manifold.navigation import NAVIGATION
 from strainfmu.estimator.manifold.tracker import Track, tracked
 
 
@@ -85,6 +88,7 @@ def as_numbers(last: TimedTrack) -> dict[str, Any]:
         "state": None if track.state is None else track.state.tolist(),
         "steps": [track.since_search, track.to_return],
         "consistency": asdict(track.consistency),
+        "named": [track.named.apart.tolist(), track.named.alarms.tolist()],
         "law": law_numbers(track.law),
         "directions": None if track.directions is None else track.directions.tolist(),
         "warm": warm_numbers(track.warm),
@@ -101,6 +105,7 @@ def from_numbers(numbers: Mapping[str, Any]) -> TimedTrack:
     """
     state = numbers["state"]
     since_search, to_return = map(int, numbers["steps"])
+    apart, alarms = np.array(numbers["named"], dtype=float).reshape(2, len(NAVIGATION))
     directions = numbers["directions"]
     track = FilterTrack(
         law=law_from_numbers(numbers["law"]),
@@ -109,6 +114,7 @@ def from_numbers(numbers: Mapping[str, Any]) -> TimedTrack:
         since_search=since_search,
         to_return=to_return,
         consistency=Consistency(**numbers["consistency"]),
+        named=NamedNavigation(apart=apart, alarms=alarms),
         directions=None if directions is None else np.array(directions, dtype=float),
     )
     return TimedTrack(track=track, time=float(numbers["time"]))

@@ -86,7 +86,7 @@ def test_they_change_nothing_else_and_get_smaller_deviations() -> None:
     assert manifold is not None
     bare = replace(held, manifold=replace(manifold, further=None), further=None)
     samples = random_flight(held, 30, seed=6)
-    settings = FilterSettings(time_constant=1.0)
+    settings = FilterSettings(time_constant=1.0, white_navigation=1.0)
     one, other = (steps(FlightFilter(ManifoldEstimator(each), settings), samples)[-1] for each in (held, bare))
     assert one.loads.tobytes() == other.loads.tobytes()
     assert one.load_covariance.tobytes() == other.load_covariance.tobytes()

@@ -139,6 +139,22 @@ def test_wrong_navigation(fmu: FlightFmu, inverse_map: InverseMap) -> None:
     assert not any(one.navigation_used[0] for one in found)
 
 
+@pytest.mark.parametrize("known", [3, 2])
+def test_navigation_that_jumps(fmu: FlightFmu, inverse_map: InverseMap, known: int) -> None:
+    """Named while it is wrong; back where a third quantity tells that it is right, and not without one."""
+    samples = []
+    for k, one in enumerate(random_flight(inverse_map, 44, seed=29)):
+        flow = dict(list(one.flow.items())[:known])
+        flow["mach_number"] += 0.5 if 12 <= k < 30 else 0.0
+        samples.append(replace(one, flow=flow))
+    assert fmu.filter(1.0) == OK
+    flight = FlightFilter(ManifoldEstimator(inverse_map), FilterSettings(time_constant=1.0))
+    found = compare(fmu, flight, samples, np.full(44, STEP if known == 3 else 10.0 * STEP))
+    used = [bool(one.navigation_used[0]) for one in found]
+    assert not any(used[12:30])
+    assert any(used[30:]) == (known == 3)
+
+
 def test_evidence_over_time_widens_the_discrepancy(fmu: FlightFmu, inverse_map: InverseMap) -> None:
     """Chi-square stays below the alarm, but above its mean for more than a window."""
     random = np.random.default_rng(8)
