@@ -39,8 +39,8 @@ from builder.pipeline.calibrate import (
 )
 from builder.pipeline.flown_estimators import FlownEstimates, estimator_entry, flown_estimators
 from builder.pipeline.map_files import true_structure_of
+from builder.pipeline.measured_levels import alarm_levels_wanted
 from builder.pipeline.pipeline import Pipeline
-from builder.pipeline.stages import alarm_levels_wanted
 from builder.pipeline.used_files import FLOWS, MAP, SNAPSHOTS
 from builder.structure.loads.applied import Weight
 from builder.truth.flight_tables import plant_flight_model

@@ -25,7 +25,8 @@ from builder.calibration.readings import load_test
 from builder.calibration.readings_model import ReadingsModel
 from builder.campaign.snapshot_fit import as_flown, body_misfits
 from builder.campaign.snapshots import Snapshots, load_snapshots
-from builder.pipeline.stages import alarm_levels_wanted, solved_true_structure, with_measured_levels
+from builder.pipeline.measured_levels import alarm_levels_wanted, with_measured_levels
+from builder.pipeline.stages import solved_true_structure
 from builder.pipeline.used_files import FLOWS, SNAPSHOTS
 from builder.reporting import Reporter
 from builder.reports.calibration_page import calibration_page

@@ -16,9 +16,15 @@ from builder.campaign.scheduling import Scheduling
 from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.inverse.build import AnyStructure
 from builder.pipeline.chosen_estimator import Estimators, with_estimator
-from builder.pipeline.pipeline import FilesGiven, Pipeline
-from builder.pipeline.stages import (
+from builder.pipeline.measured_levels import (
     alarm_levels_wanted,
+    level_conditions,
+    with_measured_levels,
+    with_shape_levels,
+)
+from builder.pipeline.pipeline import FilesGiven, Pipeline
+from builder.pipeline.shape_flows import make_shape_flows
+from builder.pipeline.stages import (
     check_before_long_work,
     fourier_structure,
     map_from,
@@ -26,7 +32,6 @@ from builder.pipeline.stages import (
     on_snapshots,
     snapshot_campaign,
     solved_true_structure,
-    with_measured_levels,
 )
 from builder.pipeline.used_files import FLOWS, MAP, SNAPSHOTS, STRUCTURE, open_pipeline
 from builder.reporting import Reporter
@@ -48,7 +53,7 @@ from builder.vehicle.map_needs import used_layouts
 from strainfmu.estimator import inverse_map as inverse_map_file
 from strainfmu.estimator.inverse_map import load_inverse_map, save_inverse_map
 
-MAP_METHOD_VERSION = 6
+MAP_METHOD_VERSION = 7
 """Raised whenever the same files give another map, so that maps are made again."""
 
 
@@ -197,13 +202,19 @@ def _inverse_map(pipeline: Pipeline) -> None:
 
     flown = pipeline.flown or vehicle
     calibrates = alarm_levels_wanted(flown, pipeline.reporter)
-    if calibrates:
+    if calibrates and flown.is_of_revolution:
         make_independent_flows(pipeline)
+    elif calibrates:
+        holds = "flows of the independent model, which set the alarm levels"
+        make_shape_flows(pipeline, flown, level_conditions(flown), FLOWS, holds)
 
     def write(path: Path) -> None:
         snapshots, structure = map_parts(pipeline)
         made = map_from(vehicle, snapshots, structure, pipeline.reporter, _solid(pipeline))
-        if calibrates:
+        if calibrates and not flown.is_of_revolution:
+            of_levels = load_snapshots(pipeline.path(FLOWS))
+            made = with_shape_levels(flown, made, _solid(pipeline), of_levels, pipeline.reporter)
+        elif calibrates:
             flows = load_flow_table(pipeline.path(FLOWS))
             fly = partial(drawn_vehicles, flown, true_structure_of(pipeline), flows)
             made = with_measured_levels(flown, made, flows, fly, pipeline.reporter)

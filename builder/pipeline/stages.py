@@ -7,7 +7,6 @@ here is the map that ``strainfmu build`` writes, bit for bit.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -26,11 +25,16 @@ from builder.campaign.vehicle_campaign import vehicle_campaign
 from builder.inverse.build import AnyStructure, build_inverse_map, check_noise, inverse_problem
 from builder.inverse.mesh_error import mesh_error_notes
 from builder.manifold.build import with_manifold
+from builder.pipeline.measured_levels import (
+    alarm_levels_wanted,
+    level_conditions,
+    with_measured_levels,
+    with_shape_levels,
+)
 from builder.reporting import Reporter, Silent
 from builder.structure.external.structure import external_structure
 from builder.structure.fourier.model import (
     StructuralModel,
-    refuse_beyond_fourier,
     structural_model,
     with_mesh_error,
 )
@@ -41,12 +45,9 @@ from builder.structure.solid.model import solve_solid_structure
 from builder.structure.solid.reference_loads import mesh_error_line
 from builder.structure.structure_file import Structure
 from builder.structure.structure_fit import on_solid_model, structure_misfits, structure_record
-from builder.truth.alarm_levels import with_alarm_levels
-from builder.truth.flight_alarm_levels import with_flight_alarm_levels
-from builder.truth.flow_table import FlowTable
-from builder.truth.flown_vehicles import Fly, drawn_vehicles
+from builder.truth.flown_vehicles import drawn_vehicles
 from builder.truth.flows import independent_flows
-from builder.truth.read_flights import read_flights
+from builder.truth.shape_flights import shape_flows
 from builder.truth.strain import TrueStructure, true_structure
 from builder.vehicle.file import Vehicle, load_vehicle
 from builder.vehicle.map_needs import check_map_size, used_layouts
@@ -172,6 +173,9 @@ def build_map(
     vehicle = as_flown(vehicle, snapshots)
     if not alarm_levels_wanted(vehicle, reporter):
         return found
+    if not vehicle.is_of_revolution:
+        of_levels = shape_flows(vehicle, level_conditions(vehicle), reporter, "Flow: alarm levels")
+        return with_shape_levels(vehicle, found, solid, of_levels, reporter)
     flows = independent_flows(vehicle, reporter, scheduling=Scheduling(workers=0))
     fly = partial(drawn_vehicles, vehicle, solved_true_structure(vehicle, reporter), flows)
     return with_measured_levels(vehicle, found, flows, fly, reporter)
@@ -276,77 +280,6 @@ def _with_sources(
     sources = {"flow": flow_record(snapshots), "structure": structure}
     # In the order that a file gives back, so that maps made in memory and from files are equal.
     return {**kept, **json.loads(json.dumps(sources, sort_keys=True))}
-
-
-def _no_overlap(one: Sequence[float], other: Sequence[float]) -> bool:
-    """Return whether the ranges of two lists have no value in common."""
-    return max(one) < min(other) or max(other) < min(one)
-
-
-def alarm_levels_wanted(vehicle: Vehicle, reporter: Reporter) -> bool:
-    """Return whether the map's alarm levels are set on the independent model, and say why not.
-
-    That model is the Euler flow on a finer grid and the semi-analytic structure: of a map from another engine, or
-    of a structure that is not like it, the difference would count as noise.
-    """
-    if vehicle.map.alarm_levels == "nominal":
-        return False
-    why = ""
-    if vehicle.sensors is not None:
-        why = "its readings are those of strain gauges alone"
-    elif vehicle.structure.external is not None:
-        why = "the structure is another code's"
-    elif not vehicle.is_of_revolution:
-        why = f"the shape is given by a {vehicle.shape_kind}"
-    elif vehicle.aerodynamics.engine != "euler":
-        why = f"the snapshots' engine is '{vehicle.aerodynamics.engine}'"
-    elif _no_overlap(vehicle.truth.mach_number, vehicle.conditions.mach_number):
-        why = "truth.mach_number and the snapshots' Mach numbers have none in common"
-    else:
-        try:
-            refuse_beyond_fourier(vehicle, [vehicle.gauges.layout])
-        except InputError as error:
-            why = str(error).partition(",")[0]
-    if why:
-        reporter.note(f"alarm levels: those of the theory, the independent model is of another kind ({why})")
-    return not why
-
-
-def with_measured_levels(
-    vehicle: Vehicle, inverse_map: InverseMap, flows: FlowTable, fly: Fly, reporter: Reporter
-) -> InverseMap:
-    """Return ``inverse_map`` with alarm levels set on flights of the independent model."""
-    with reporter.stage("Alarm levels: flights of the independent model"):
-        flights = read_flights(inverse_map, vehicle, flows, fly)
-        found = with_alarm_levels(inverse_map, flights)
-    if found.manifold is not None:
-        with reporter.stage("Alarm levels of the nonlinear estimator"):
-            found = with_flight_alarm_levels(found, flights)
-        reporter.note(_flight_levels_line(found.provenance["flight_alarm_levels"]))
-    facts = found.provenance["alarm_levels"]
-    if not facts["used"]:
-        reporter.note(
-            "warning: alarm levels: those of the theory; map and independent model differ, "
-            f"{facts['rate_before']:.2g} of its flights raise an alarm"
-        )
-        return found
-    reporter.note(
-        f"alarm levels: chi-square times {found.chi_square_scale:.3g}, largest |z| times "
-        f"{found.outlier_scale**0.5:.3g}, for {facts['stated_rate']:g} false alarms ({facts['samples']} samples)"
-    )
-    return found
-
-
-def _flight_levels_line(facts: Mapping[str, Any]) -> str:
-    if not facts["used"]:
-        return (
-            "warning: alarm levels of the nonlinear estimator: those of the theory; map and independent model "
-            f"differ, {facts['rate_before']:.2g} of its flights raise an alarm"
-        )
-    factors = dict(zip(("chi-square", "largest |z|", "largest shape"), facts["scales"], strict=False))
-    factors.update({name: value**0.5 for name, value in factors.items() if name != "chi-square"})
-    text = ", ".join(f"{name} times {value:.3g}" for name, value in factors.items())
-    return f"nonlinear estimator: {text} ({facts['samples']} samples)"
 
 
 def solved_true_structure(vehicle: Vehicle, reporter: Reporter) -> TrueStructure:

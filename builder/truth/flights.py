@@ -20,7 +20,7 @@ class Flights(Protocol):
     conditions : k flight conditions.
     coefficients : (k, 5) C_A, C_N, C_Y, M_P, M_Y [1].
     rolling : (k,) M_R [1]; None for a body of revolution, which has none.
-    ambient_pressure, dynamic_pressure : (k,) p_inf and q_inf [Pa].
+    ambient_pressure, dynamic_pressure, internal_pressure : (k,) p_inf, q_inf and that stated inside [Pa].
     """
 
     @property
@@ -37,6 +37,9 @@ class Flights(Protocol):
 
     @property
     def dynamic_pressure(self) -> FloatArray: ...
+
+    @property
+    def internal_pressure(self) -> FloatArray: ...
 
     def read(self, built: AsBuilt, rows: slice = slice(None)) -> FloatArray:
         """Return (k, n_d) strain [m/m], without noise, that a vehicle as ``built`` reads in the flights ``rows``;
@@ -70,6 +73,10 @@ class RevolvedFlights:
     @property
     def dynamic_pressure(self) -> FloatArray:
         return self.flown.dynamic_pressure
+
+    @property
+    def internal_pressure(self) -> FloatArray:
+        return self.flown.internal_pressure
 
     def read(self, built: AsBuilt, rows: slice = slice(None)) -> FloatArray:
         return true_strain(self.structure, some_flights(self.flown, rows), built)

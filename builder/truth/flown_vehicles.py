@@ -9,15 +9,9 @@ from typing import Protocol
 import numpy as np
 
 from builder.truth.as_built import drawn_many
+from builder.truth.flights import Flights, RevolvedFlights
 from builder.truth.flow_table import FlowTable
-from builder.truth.strain import (
-    TrueFlights,
-    TrueStructure,
-    one_flight,
-    true_flights,
-    true_strain,
-    without_faint_harmonics,
-)
+from builder.truth.strain import TrueStructure, true_flights, without_faint_harmonics
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map_options import Noise
 from strainfmu.arrays import FloatArray
@@ -53,8 +47,7 @@ class DrawnVehicles:
     """Vehicles whose hardware errors are drawn at the sizes of ``noise``, n_d gauges."""
 
     noise: Noise
-    structure: TrueStructure
-    flights: TrueFlights
+    flights: Flights
     n_gauges: int
 
     @property
@@ -67,7 +60,7 @@ class DrawnVehicles:
 
     def read(self, number: int, count: int, random: np.random.Generator) -> tuple[FloatArray, FloatArray]:
         built = drawn_many(self.noise, self.n_gauges, count, random)
-        strain = true_strain(self.structure, one_flight(self.flights, number), built)
+        strain = self.flights.read(built, slice(number, number + 1))
         return strain, 1.0 + np.reshape(built.dynamic_pressure, -1)
 
 
@@ -82,4 +75,8 @@ def drawn_vehicles(
         A condition is outside the table.
     """
     flights = without_faint_harmonics(true_flights(vehicle, structure, table, conditions))
-    return DrawnVehicles(noise=vehicle.noise, structure=structure, flights=flights, n_gauges=len(structure.names))
+    return DrawnVehicles(
+        noise=vehicle.noise,
+        flights=RevolvedFlights(structure=structure, flown=flights),
+        n_gauges=len(structure.names),
+    )

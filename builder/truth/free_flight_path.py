@@ -11,18 +11,14 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from builder.aero.engines import make_engine
 from builder.aero.loads import coefficients_of
 from builder.aero.section_loads import six_loads
-from builder.campaign.run import complete_flows, snapshots_of_flows
-from builder.campaign.scheduling import Scheduling
 from builder.campaign.snapshots import Snapshots
-from builder.campaign.vehicle_campaign import vehicle_campaign
 from builder.reporting import Reporter
 from builder.truth.as_built import AsBuilt
+from builder.truth.shape_flights import shape_flows
 from builder.truth.shape_structure import ShapeStructure, as_built, on_nodes_of
 from builder.vehicle.file import Vehicle
-from builder.vehicle.flight_conditions import ConditionSet
 from strainfmu.arrays import FloatArray
 from strainfmu.cosim.trajectory import Trajectory
 from strainfmu.errors import InputError
@@ -66,18 +62,7 @@ def flows_along(vehicle: Vehicle, path: Trajectory, reporter: Reporter) -> tuple
         )
     time = np.linspace(0.0, path.stop_time, FLOWS_ALONG_PATH)
     conditions = tuple(path.at(float(t)) for t in time)
-    engine = make_engine(vehicle, None, vehicle.resolution.truth)
-    campaign = vehicle_campaign(vehicle, engine, (ConditionSet("manoeuvre", conditions),))
-    flows, _ = complete_flows(
-        engine,
-        [engine.flow_key(condition) for condition in conditions],
-        journal=None,
-        known={},
-        scheduling=Scheduling(workers=0),
-        reporter=reporter,
-        title="Flow: the vehicle that flies",
-    )
-    return time, snapshots_of_flows(campaign, flows, {})
+    return time, shape_flows(vehicle, conditions, reporter, "Flow: the vehicle that flies")
 
 
 def flown_path(

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from builder.truth.flow_table import FlowTable
-from builder.truth.flown_vehicles import Fly
+from builder.truth.flown_vehicles import FlownVehicles, Fly
 from builder.truth.held_out import held_out_conditions
 from builder.vehicle.file import Vehicle
+from builder.vehicle.map_options import Noise
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.flight_condition import FlightCondition
@@ -66,11 +67,18 @@ def read_flights(
     InputError
         The Fourier model cannot do the vehicle.
     """
-    random, noise = np.random.default_rng(seed), vehicle.noise
+    random = np.random.default_rng(seed)
     # A map whose snapshots could not be rolled holds for the listed angles alone.
     symmetry = inverse_map.provenance.get("symmetry", vehicle.map.symmetry)
     as_mapped = vehicle.model_copy(update={"map": vehicle.map.model_copy(update={"symmetry": symmetry})})
     flown = fly(held_out_conditions(as_mapped, table, conditions, random))
+    return readings(inverse_map, vehicle.noise, flown, random, vehicles)
+
+
+def readings(
+    inverse_map: InverseMap, noise: Noise, flown: FlownVehicles, random: np.random.Generator, vehicles: int
+) -> ReadFlights:
+    """Return what ``vehicles`` read in each flight of ``flown``, navigation erring by the sizes of ``noise``."""
     own = random.spawn(len(flown.conditions))
 
     def of_flight(number: int) -> tuple[FloatArray, ...]:

@@ -11,14 +11,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from builder.aero.engine import FlowKey
+from builder.aero.engines import make_engine
 from builder.aero.loads import coefficients_of
 from builder.aero.mapping import consistent_map
 from builder.aero.section_loads import six_loads
 from builder.aero.surface_mesh import SurfaceMesh, mesh_of_grid
+from builder.campaign.run import complete_flows, snapshots_of_flows
+from builder.campaign.scheduling import Scheduling
 from builder.campaign.snapshots import Snapshots
+from builder.campaign.vehicle_campaign import vehicle_campaign
+from builder.reporting import Reporter
 from builder.truth.as_built import AsBuilt
 from builder.truth.shape_structure import ShapeStructure, as_built, on_nodes_of
 from builder.vehicle.file import Vehicle
+from builder.vehicle.flight_conditions import ConditionSet
 from builder.vehicle.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.flight_condition import FlightCondition
@@ -108,6 +115,33 @@ def shape_flights(
         dynamic_pressure=dynamic,
         internal_pressure=inside,
     )
+
+
+def shape_flows(
+    vehicle: Vehicle, conditions: Sequence[FlightCondition], reporter: Reporter, title: str
+) -> Snapshots:
+    """Solve the flows at ``conditions`` on the finer surface, in memory; those beyond the solver's reach are left
+    out.
+
+    Raises
+    ------
+    FlowReachError
+        All of them are.
+    """
+    engine = make_engine(vehicle, None, vehicle.resolution.truth)
+    campaign = vehicle_campaign(vehicle, engine, (ConditionSet("independent model", tuple(conditions)),))
+    failed: dict[FlowKey, str] = {}
+    flows, _ = complete_flows(
+        engine,
+        [engine.flow_key(condition) for condition in conditions],
+        journal=None,
+        known={},
+        scheduling=Scheduling(workers=0),
+        reporter=reporter,
+        title=title,
+        failed=failed,
+    )
+    return snapshots_of_flows(campaign, flows, failed)
 
 
 def at_conditions(flows: Snapshots, conditions: Sequence[FlightCondition]) -> Snapshots | None:

@@ -104,16 +104,9 @@ def flying_structure(vehicle: Vehicle, known: Structure | None, reporter: Report
     InputError
         There is no second mesh.
     """
-    layout = vehicle.gauges.layout
     if vehicle.shape_kind == "surface" and known is not None and known.check is not None:
-        own = known.gauges_of(layout)
-        return _structure(
-            vehicle,
-            names=tuple(known.gauge_names[i] for i in own),
-            position=known.gauge_position[own],
-            check=known.check,
-            rows=known.gauges_of,
-        )
+        return structure_of_check(vehicle, known, known.check)
+    layout = vehicle.gauges.layout
     case = structure_case(vehicle, [layout])
     assert isinstance(case, FreeCase)
     other = flying_mesh(vehicle) if vehicle.shape_kind == "sections" else case.other
@@ -130,6 +123,18 @@ def flying_structure(vehicle: Vehicle, known: Structure | None, reporter: Report
     }
     gauges = case.layouts[layout]
     return _structure(vehicle, names=gauges.name, position=gauges.position, check=check, rows=found.__getitem__)
+
+
+def structure_of_check(vehicle: Vehicle, known: Structure, check: MeshCheck) -> ShapeStructure:
+    """Return the gauges in use on the mesh that ``known``, the structure of the map, was checked by."""
+    own = known.gauges_of(vehicle.gauges.layout)
+    return _structure(
+        vehicle,
+        names=tuple(known.gauge_names[i] for i in own),
+        position=known.gauge_position[own],
+        check=check,
+        rows=known.gauges_of,
+    )
 
 
 def _structure(

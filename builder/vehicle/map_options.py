@@ -28,7 +28,8 @@ class MapEntry(Section):
     conditions with their signs. ``section_stations_m`` are the stations, rising, whose section loads (axial force,
     shear, bending, torsion of the air on the part ahead) the map gives besides.
     ``alarm_levels`` "calibrated" sets the alarm levels on flights of the independent
-    model with hardware errors drawn, where engine and structure allow; "nominal" leaves those of the theory.
+    model with hardware errors drawn, where engine and structure allow, "always" also where its flows cost more
+    than the build, as of sections by ``euler``; "nominal" leaves those of the theory.
 
     ``estimator`` "manifold" adds tables over the flight state for the nonlinear estimator; the linear map stays
     in the file, for strain that does not fit them. Pressure off the tables is expected: a Gaussian process of
@@ -42,7 +43,7 @@ class MapEntry(Section):
 
     form: Literal["dynamic_pressure", "absolute"] = "dynamic_pressure"
     symmetry: Literal["full", "listed"] = "full"
-    alarm_levels: Literal["calibrated", "nominal"] = "calibrated"
+    alarm_levels: Literal["calibrated", "always", "nominal"] = "calibrated"
     estimator: Literal["linear", "manifold"] = "linear"
     valid_altitude_km: tuple[Altitude, Altitude] = (0.0, 40.0)
     section_stations_m: tuple[SectionStation, ...] = Field(default=(), max_length=50)

@@ -14,8 +14,8 @@ import pytest
 from builder.campaign.snapshot_fit import as_flown, option_misfits
 from builder.campaign.snapshots import load_snapshots, save_snapshots
 from builder.pipeline.map_files import make_map
+from builder.pipeline.measured_levels import alarm_levels_wanted
 from builder.pipeline.pipeline import FilesGiven
-from builder.pipeline.stages import alarm_levels_wanted
 from builder.pipeline.used_files import open_pipeline
 from builder.reporting import Silent
 from builder.vehicle.file import load_vehicle

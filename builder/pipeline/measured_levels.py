@@ -1,0 +1,157 @@
+"""Alarm levels of a map, set on flights of the independent model where there is one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from builder.campaign.snapshots import Snapshots
+from builder.reporting import Reporter
+from builder.structure.fourier.model import refuse_beyond_fourier
+from builder.structure.structure_file import Structure
+from builder.truth.alarm_levels import with_alarm_levels
+from builder.truth.flight_alarm_levels import with_flight_alarm_levels
+from builder.truth.flow_table import FlowTable
+from builder.truth.flown_vehicles import DrawnVehicles, Fly
+from builder.truth.held_out import ALTITUDES_KM, conditions_in_ranges
+from builder.truth.read_flights import SEED, ReadFlights, read_flights, readings
+from builder.truth.shape_flights import shape_flights
+from builder.truth.shape_structure import flying_structure, refuse_without_other_model, structure_of_check
+from builder.vehicle.file import Vehicle
+from strainfmu.errors import InputError
+from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.flight_condition import FlightCondition
+
+SHAPE_CONDITIONS, SHAPE_VEHICLES = 200, 500
+"""Flights of a shape that is none of revolution, each with a flow of its own, and vehicles that fly at each."""
+
+
+def _no_overlap(one: Sequence[float], other: Sequence[float]) -> bool:
+    """Return whether the ranges of two lists have no value in common."""
+    return max(one) < min(other) or max(other) < min(one)
+
+
+def alarm_levels_wanted(vehicle: Vehicle, reporter: Reporter) -> bool:
+    """Return whether the map's alarm levels are set on the independent model, and say why not.
+
+    That of a body of revolution is the Euler flow on a finer grid and the semi-analytic structure: of a map from
+    another engine, or of a structure that is not like it, the difference would count as noise. Any other shape has
+    a flow of its own for every flight: by ``euler`` they cost more than the build, and are solved on request.
+    """
+    if vehicle.map.alarm_levels == "nominal":
+        return False
+    if not vehicle.is_of_revolution:
+        return _wanted_of_shape(vehicle, reporter)
+    why = ""
+    if vehicle.sensors is not None:
+        why = "its readings are those of strain gauges alone"
+    elif vehicle.structure.external is not None:
+        why = "the structure is another code's"
+    elif vehicle.aerodynamics.engine != "euler":
+        why = f"the snapshots' engine is '{vehicle.aerodynamics.engine}'"
+    elif _no_overlap(vehicle.truth.mach_number, vehicle.conditions.mach_number):
+        why = "truth.mach_number and the snapshots' Mach numbers have none in common"
+    else:
+        try:
+            refuse_beyond_fourier(vehicle, [vehicle.gauges.layout])
+        except InputError as error:
+            why = str(error).partition(",")[0]
+    if why:
+        reporter.note(f"alarm levels: those of the theory, the independent model is of another kind ({why})")
+    return not why
+
+
+def _wanted_of_shape(vehicle: Vehicle, reporter: Reporter) -> bool:
+    why = ""
+    try:
+        refuse_without_other_model(vehicle)
+    except InputError as error:
+        why = f"there is no independent model ({str(error).partition(',')[0]})"
+    if not why and vehicle.aerodynamics.engine == "euler" and vehicle.map.alarm_levels != "always":
+        why = f"its {SHAPE_CONDITIONS} flows by euler cost more than the build (map.alarm_levels = 'always')"
+    if why:
+        reporter.note(f"alarm levels: those of the theory, {why}")
+    return not why
+
+
+def level_conditions(vehicle: Vehicle) -> list[FlightCondition]:
+    """Return the conditions that alarm levels of a shape that is none of revolution are set on."""
+    heights = vehicle.conditions.altitudes_km
+    low, high = min(heights), max(heights)
+    if vehicle.map.form == "dynamic_pressure":
+        bottom, top = vehicle.map.valid_altitude_km
+        low, high = max(ALTITUDES_KM[0], bottom), min(ALTITUDES_KM[1], top)
+        if low > high:
+            low, high = bottom, top
+    random = np.random.default_rng(SEED)
+    return conditions_in_ranges(vehicle, (1e3 * low, 1e3 * high), SHAPE_CONDITIONS, random)
+
+
+def with_shape_levels(
+    vehicle: Vehicle, inverse_map: InverseMap, known: Structure | None, flows: Snapshots, reporter: Reporter
+) -> InverseMap:
+    """Return ``inverse_map`` with alarm levels set on flights of a shape that is none of revolution.
+
+    Parameters
+    ----------
+    known : structure of the map, whose check is the mesh that flies; a finer one where it has none.
+    flows : at :func:`level_conditions`.
+    """
+    check = None if known is None else known.check
+    if known is None or check is None:
+        structure = flying_structure(vehicle, known, reporter)
+    else:
+        structure = structure_of_check(vehicle, known, check)
+
+    def read() -> ReadFlights:
+        flown = DrawnVehicles(
+            noise=vehicle.noise,
+            flights=shape_flights(vehicle, structure, flows),
+            n_gauges=len(structure.names),
+        )
+        return readings(inverse_map, vehicle.noise, flown, np.random.default_rng(SEED), SHAPE_VEHICLES)
+
+    return _with_levels(inverse_map, read, reporter)
+
+
+def with_measured_levels(
+    vehicle: Vehicle, inverse_map: InverseMap, flows: FlowTable, fly: Fly, reporter: Reporter
+) -> InverseMap:
+    """Return ``inverse_map`` with alarm levels set on flights of the independent model."""
+    return _with_levels(inverse_map, lambda: read_flights(inverse_map, vehicle, flows, fly), reporter)
+
+
+def _with_levels(inverse_map: InverseMap, read: Callable[[], ReadFlights], reporter: Reporter) -> InverseMap:
+    with reporter.stage("Alarm levels: flights of the independent model"):
+        flights = read()
+        found = with_alarm_levels(inverse_map, flights)
+    if found.manifold is not None:
+        with reporter.stage("Alarm levels of the nonlinear estimator"):
+            found = with_flight_alarm_levels(found, flights)
+        reporter.note(_flight_levels_line(found.provenance["flight_alarm_levels"]))
+    facts = found.provenance["alarm_levels"]
+    if not facts["used"]:
+        reporter.note(
+            "warning: alarm levels: those of the theory; map and independent model differ, "
+            f"{facts['rate_before']:.2g} of its flights raise an alarm"
+        )
+        return found
+    reporter.note(
+        f"alarm levels: chi-square times {found.chi_square_scale:.3g}, largest |z| times "
+        f"{found.outlier_scale**0.5:.3g}, for {facts['stated_rate']:g} false alarms ({facts['samples']} samples)"
+    )
+    return found
+
+
+def _flight_levels_line(facts: Mapping[str, Any]) -> str:
+    if not facts["used"]:
+        return (
+            "warning: alarm levels of the nonlinear estimator: those of the theory; map and independent model "
+            f"differ, {facts['rate_before']:.2g} of its flights raise an alarm"
+        )
+    factors = dict(zip(("chi-square", "largest |z|", "largest shape"), facts["scales"], strict=False))
+    factors.update({name: value**0.5 for name, value in factors.items() if name != "chi-square"})
+    text = ", ".join(f"{name} times {value:.3g}" for name, value in factors.items())
+    return f"nonlinear estimator: {text} ({facts['samples']} samples)"
