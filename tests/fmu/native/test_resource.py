@@ -99,7 +99,7 @@ def test_truncated_and_extended(small: NativeCase, tmp_path: Path) -> None:
         (148, 1, "1 error terms"),
         (152, 1, "which is wrong for 8 gauges"),
         (152, 6, "which is wrong for 8 gauges"),
-        (152, 10, "which cannot be"),
+        (152, 11, "which cannot be"),
         (156, 1, "which cannot be"),
     ],
 )
