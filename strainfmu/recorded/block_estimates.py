@@ -32,6 +32,7 @@ class BlockEstimates:
     residual_limit : (n,) alarm level of the largest |z|, NaN of an FMU.
     estimates : n estimates by a map, for their pressure; None of an FMU.
     outside : (n,) whether a further parameter of the flow leaves its range, by its name.
+    dropped : (n,) whether a quantity of navigation is known and not used, by its name; none of an FMU.
     further : (n, n_f) columns that this kind of estimator has beside, see ``BlockEstimator.further_columns``.
     """
 
@@ -49,6 +50,7 @@ class BlockEstimates:
     residual: FloatArray | None
     residual_limit: FloatArray
     outside: Mapping[str, BoolArray] = field(default_factory=dict)
+    dropped: Mapping[str, BoolArray] = field(default_factory=dict)
     further: FloatArray | None = None
     estimates: Sequence[LoadEstimate] | LoadEstimates | None = None
 

@@ -26,7 +26,7 @@ class HealthAccount:
     samples : number of samples by state.
     blamed : by state, in how many of its samples a gauge was to blame: it was missing where gauges are missing,
         and a suspect, or else the one of the largest residual, where the strains do not fit. Of OUTSIDE, a further
-        parameter of the flow that left its range.
+        parameter of the flow that left its range; of DEGRADED, a quantity of navigation that is left out, too.
     beyond : number of samples OUTSIDE because of the estimated coefficients; None where that is not known.
     """
 
@@ -50,6 +50,8 @@ class HealthAccount:
                 beyond = int((found.envelope_score[rows] > envelope_score_limit).sum())
                 self.beyond = beyond + (self.beyond or 0)
             blamed = {gauge: int(k) for gauge, k in zip(gauge_names, counts, strict=True) if k}
+            if state == HealthState.DEGRADED:
+                blamed |= {one: int(k) for one, left in found.dropped.items() if (k := left[rows].sum())}
             if state == HealthState.OUTSIDE:
                 blamed = {one: int(k) for one, left in found.outside.items() if (k := left[rows].sum())}
             self.blamed.setdefault(name, Counter()).update(blamed)

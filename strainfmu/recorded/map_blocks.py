@@ -132,6 +132,8 @@ class FlightBlocks:
     def of_steps(self, found: Sequence[FlightEstimate]) -> BlockEstimates:
         """Return the estimates ``found`` as a block."""
         k = len(found)
+        # A residual of 0 is that of a quantity that is not known.
+        dropped = np.array([(one.navigation_residual != 0.0) & ~one.navigation_used for one in found])
         return BlockEstimates(
             coefficients=np.array([one.coefficients for one in found]),
             coefficients_std=np.array([one.coefficients_std for one in found]),
@@ -148,6 +150,7 @@ class FlightBlocks:
             residual_limit=np.full(k, self._threshold),
             further=np.array([self._further(one) for one in found]),
             outside=outside_ranges(self.parameter_names, np.array([one.parameter_score for one in found])),
+            dropped=dict(zip(NAVIGATION, dropped.T, strict=True)),
             estimates=found,
         )
 

@@ -98,3 +98,14 @@ def test_an_fmu_takes_the_same(tmp_path: Path) -> None:
 def test_a_negative_deviation_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="'static_pressure_std', row 2: expected at least 0, got -1"):
         estimated(tmp_path, {"mach_number": MACH, "static_pressure": STATIC, "static_pressure_std": -1.0})
+
+
+@pytest.mark.parametrize("filtered", [False, True])
+def test_navigation_that_is_left_out_is_said_at_the_end(tmp_path: Path, filtered: bool) -> None:
+    q = 0.7 * STATIC * MACH**2
+    columns = {"mach_number": 1.25 * MACH, "static_pressure [Pa]": STATIC, "dynamic_pressure [Pa]": q}
+    table, found = estimated(tmp_path, columns, **({"time_constant": 1.0} if filtered else {}))
+    assert not table["navigation_used.mach_number [1]"].any()
+    said = "\n".join(found.account.lines())
+    assert "DEGRADED: 3 of 3 samples (1e+02 %): " in said
+    assert "most often to blame: 'mach_number' (in 3)" in said

@@ -41,7 +41,7 @@ static void solve(Flight *flight, const Law *law, const double *start, size_t it
     memcpy(residual, flight->solver.solution.navigation_residual, sizeof residual);
     if (flight_drop_inconsistent(flight)) {
         set_doubt(filter, before);
-        filter_sample(filter, law, start, iterations);
+        filter_sample(filter, law, start, (size_t)flight->map.warm_iterations);
     }
     filter_judge(filter, residual);
     memcpy(flight->solver.solution.navigation_residual, residual, sizeof residual);

@@ -243,7 +243,8 @@ class FlightFilter:
         if dropped.any():
             after = without_navigation(before, residual, dropped)
             rows = _rows(before, after)
-            found = filtered_sample(self._model, law, rows, start=start, iterations=iterations)
+            # A state that was searched with what is dropped is none of the sample without it.
+            found = filtered_sample(self._model, law, rows, start=start, iterations=WARM_ITERATIONS)
         named, distance = held.after(found.law, samples.measured, after.measured, white)
         residual = np.where(held.apart > 0.0, distance, residual)
         found = replace(found, solution=replace(found.solution, navigation_residual=residual))
