@@ -51,7 +51,8 @@ class SwitchedFilter:
     def filters(self, inputs: EstimatorInputs) -> bool:
         """Return whether the sample in ``inputs`` is filtered.
 
-        Not with deviations of zeros, or of further parameters of the flow, which the filter does not take.
+        Not with deviations of zeros, which the filter does not take, or of further parameters of the flow, which
+        that of native FMUs does not.
         """
         zeros = self.estimator.zeros
         follows = self.estimator.manifold.parameters is not None and inputs.knows_parameters
