@@ -57,7 +57,7 @@ class Calibrations:
         for g in np.flatnonzero(~found.used.any(axis=0)):
             judged[g : len(GAUGE_KINDS) * n_d : n_d] = False
         self.chi.append(found.per_reading)
-        self.pull.append(((found.vector - vector)[:n_built] / found.std[:n_built])[judged])
+        self.pull.append((found.vector - vector)[:n_built][judged] / found.std[:n_built][judged])
 
     def entries(self) -> dict[str, Any]:
         """Return means; none where no calibration was made."""

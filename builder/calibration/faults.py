@@ -12,7 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from builder.calibration.estimate import Estimate, estimate, usable
 from builder.calibration.readings_model import ReadingsModel
@@ -196,7 +196,7 @@ class _GaugeScatter:
             noise = np.maximum(noise, np.median(self.noise))
         covariance = spread @ spread.T + np.diag(noise**2)
         left = reading[rows] - self.predicted[rows, at]
-        return float(chi2.sf(left @ np.linalg.solve(covariance, left), rows.sum()))
+        return float(chdtrc(rows.sum(), left @ np.linalg.solve(covariance, left)))
 
     def follows(self, gauge: int) -> bool:
         """Return whether the gauge's readings go with what is predicted, whatever their unit."""

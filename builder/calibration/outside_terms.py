@@ -20,7 +20,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from builder.calibration.estimate import Estimate
 from builder.calibration.parameter_derivatives import Key
@@ -159,7 +159,7 @@ def _noise(weight: FloatArray, left: FloatArray) -> tuple[OutsideKind, float]:
         kind=NOISE,
         statistic=statistic * trace / square,
         freedom=freedom,
-        chance=float(chi2.sf(statistic * trace / square, freedom)),
+        chance=float(chdtrc(freedom, statistic * trace / square)),
     )
     return one, float(np.sqrt(max(1.0 + (statistic - trace) / square, 0.0)))
 
@@ -179,7 +179,7 @@ def _kind(kind: str, keys: Sequence[Key], size: FloatArray, covariance: FloatArr
         kind=kind,
         statistic=statistic,
         freedom=len(at),
-        chance=float(chi2.sf(statistic, len(at))),
+        chance=float(chdtrc(len(at), statistic)),
         terms=tuple(terms),
         std=float(np.sqrt(np.mean(np.diag(own)))),
     )

@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 from rich.console import Console
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from builder.pipeline.progress_bars import ConsoleReporter
 from builder.reporting import Progress
@@ -64,8 +64,8 @@ class FalseAlarms:
     def interval(self) -> tuple[float, float]:
         """Return the rates between which that of endless samples is with 95 %, were they independent (Garwood
         1936)."""
-        low = 0.5 * float(chi2.ppf(0.025, 2 * self.strain)) if self.strain else 0.0
-        return low / self.samples, 0.5 * float(chi2.ppf(0.975, 2 * self.strain + 2)) / self.samples
+        low = 0.5 * float(chdtri(2 * self.strain, 0.975)) if self.strain else 0.0
+        return low / self.samples, 0.5 * float(chdtri(2 * self.strain + 2, 0.025)) / self.samples
 
     def lines(self) -> list[str]:
         """Return a table."""

@@ -9,6 +9,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from time import perf_counter
 
 import numpy as np
 import pytest
@@ -168,13 +169,24 @@ def test_two_vehicles_in_one_process_give_their_own_results(ic3x_demo: Path, ogi
         np.testing.assert_allclose(found, expected, rtol=1e-12 if inverse_map.manifold is None else 1e-6)
 
 
-def test_every_command_runs_on_the_result(ic3x_demo: Path, tmp_path: Path, run: Run) -> None:
+def time_of_one_call(call: Callable[[], object], repeats: int = 1, calls: int = 1) -> float:
+    """The clock of ``strainfmu bench`` without its repetitions, which tests/cli/test_time_per_call.py counts."""
+    start = perf_counter()
+    call()
+    return perf_counter() - start
+
+
+def test_every_command_runs_on_the_result(
+    ic3x_demo: Path, tmp_path: Path, run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
     code, printed, _ = run("inspect", ic3x_demo / "map.h5")
     assert code == 0
     assert "IC3X surrogate" in printed
     code, _, _ = run("export", ic3x_demo / "map.h5", "-o", tmp_path / "again.fmu")
     assert code == 0
     assert validate_fmu(str(tmp_path / "again.fmu")) == []
+    monkeypatch.setattr("strainfmu.cli.bench.time_per_call", time_of_one_call)
+    monkeypatch.setattr("builder.compare.rival_costs.TRAINING", 60)
     code, printed, _ = run("bench", ic3x_demo)
     assert code == 0
     assert "bare product" in printed

@@ -48,7 +48,7 @@ def test_out_to_another_program_and_back_to_a_map(
     listed = text.replace("[map]", '[map]\nsymmetry = "listed"\nalarm_levels = "nominal"', 1)
     vehicle.write_text(listed, encoding="utf-8")
     given = ogive_demo / "snapshots.h5"
-    assert run("build", vehicle, "-o", tmp_path / "own", "--snapshots", given)[0] == 0
+    make_map(open_pipeline(load_vehicle(vehicle), tmp_path / "own", Silent(), FilesGiven(snapshots=given))[0])
     code, printed, _ = run("convert", given, "-o", vehicle.parent / "cfd", "--format", "triq")
     assert code == 0
     assert "manifest.toml: written, with 18 files" in printed
