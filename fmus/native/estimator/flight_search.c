@@ -9,6 +9,7 @@
 
 #define SMALLEST_PRESSURE 10.0 /* [Pa] of a start */
 #define LARGEST_PRESSURE 5e5
+#define LARGEST_EXCESS 5.0 /* of ln of a start's pressure over the range of the tables: solve.py */
 
 static const double TWO_PI = 6.2831853071795862;
 
@@ -122,10 +123,6 @@ static double joined_pressure(const Knowledge *known, double log_pressure, doubl
     return joined;
 }
 
-static double limited(double pressure) {
-    return pressure < SMALLEST_PRESSURE ? SMALLEST_PRESSURE : pressure > LARGEST_PRESSURE ? LARGEST_PRESSURE : pressure;
-}
-
 void flight_search_start(FlightSolver *solver, size_t start, double *state) {
     const size_t n = solver->n;
     const Sample *sample = &solver->sample;
@@ -145,7 +142,7 @@ void flight_search_start(FlightSolver *solver, size_t start, double *state) {
         }
         CHOSEN(solver->wide, compare)(n, weighted, square, solver->search_strain + (start * SEARCH_STATES + k) * n,
                                       &dot, &size);
-        const double by_strain = limited(dot / (size > 1e-300 ? size : 1e-300));
+        const double by_strain = clipped(dot / (size > 1e-300 ? size : 1e-300), SMALLEST_PRESSURE, LARGEST_PRESSURE);
         const double log_pressure =
             joined_pressure(&known, logarithm(by_strain), size * (by_strain * by_strain), &of_navigation);
         const double pressure = exponential(log_pressure);
@@ -156,4 +153,6 @@ void flight_search_start(FlightSolver *solver, size_t start, double *state) {
             state[STATE_PRESSURE] = log_pressure;
         }
     }
+    const double *range = solver->map->log_pressure_range;
+    state[STATE_PRESSURE] = clipped(state[STATE_PRESSURE], range[0] - LARGEST_EXCESS, range[1] + LARGEST_EXCESS);
 }

@@ -164,10 +164,6 @@ static void linearise(FlightSolver *solver) {
     add_measurement(solver);
 }
 
-static double clipped(double value, double low, double high) {
-    return value < low ? low : value > high ? high : value;
-}
-
 void flight_limited(const FlightMap *map, const double *from, const double *step, double *state) {
     double size = 1.0;
     for (size_t i = 0; i < N_STATES; i++) {

@@ -94,6 +94,16 @@ def test_navigation_at_the_ends_of_numbers(
     assert seen[-1] == HealthState.OK, seen
 
 
+@pytest.mark.parametrize("orders", [-30.0, -7.0, 7.0, 30.0])
+def test_a_search_does_not_start_far_beyond_the_pressures_of_the_tables(
+    fmu: FlightFmu, inverse_map: InverseMap, orders: float
+) -> None:
+    """p_inf of navigation, taken for exact, e^orders times the true one: searched alike from the first step on."""
+    samples = random_flight(inverse_map, 3, seed=12)
+    wrong = {"static_pressure": float(np.exp(orders)) * 5500.0, "static_pressure_std": 1e-3}
+    compare(fmu, inverse_map, [replace(one, flow=wrong) for one in samples])
+
+
 def test_lost_gauges(fmu: FlightFmu, inverse_map: InverseMap) -> None:
     random = np.random.default_rng(5)
     samples = []
