@@ -10,6 +10,11 @@ import numpy as np
 import pytest
 
 from builder.campaign.snapshots import Snapshots, load_snapshots
+from builder.pipeline.map_files import make_map
+from builder.pipeline.pipeline import FilesGiven
+from builder.pipeline.used_files import open_pipeline
+from builder.reporting import Silent
+from builder.vehicle.file import load_vehicle
 from strainfmu.estimator.inverse_map import load_inverse_map
 
 OGIVE = Path(__file__).parent / "ogive"
