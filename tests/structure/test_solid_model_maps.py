@@ -31,8 +31,8 @@ Run = Callable[..., tuple[int, str, str]]
 def both_maps(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     """Folders of the coarse ogive's map, built on the Fourier model and on the solid one.
 
-    All harmonics that 36 roll angles carry, so that the two operators mean the same; alarm levels, which need flows
-    of a third model, and the report are not looked at.
+    All harmonics that 36 roll angles carry, so that the two operators mean the same. Neither alarm levels, which
+    need flows of a third model, nor the report is looked at.
     """
     folder = tmp_path_factory.mktemp("both")
     harmonics, levels = ("harmonics = 8", "harmonics = 17"), ("[map]", '[map]\nalarm_levels = "nominal"')
