@@ -104,7 +104,7 @@ def _show(console: Console, result: CompareResult) -> None:
 def _cells(one: dict[str, Any]) -> list[str]:
     air = one["air_data_p95"]
     return [
-        *(_text(None if value is None else 1e4 * value, "{:.1f}") for value in one["rms"].values()),
+        *(_text(None if value is None else 1e4 * value, "{:.1f}", "{:.2f}") for value in one["rms"].values()),
         _text(min(share for share in one["coverage_percent"].values() if share is not None), "{:.1f}"),
         _text(one["field_median_percent"], "{:.2f}"),
         _text(one["field_p95_percent"], "{:.2f}"),
@@ -113,5 +113,7 @@ def _cells(one: dict[str, Any]) -> list[str]:
     ]
 
 
-def _text(value: float | None, form: str) -> str:
-    return "-" if value is None else form.format(value)
+def _text(value: float | None, form: str, below_one: str = "") -> str:
+    if value is None:
+        return "-"
+    return (below_one if below_one and value < 1.0 else form).format(value)
