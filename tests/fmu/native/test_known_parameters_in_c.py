@@ -86,6 +86,11 @@ def flow_of(mach_number: float, dynamic_pressure: float) -> dict[str, float]:
     return {**unknown, "mach_number": mach_number, "dynamic_pressure": dynamic_pressure}
 
 
+def warm_map() -> InverseMap:
+    """The map with temperature modes and two sensors."""
+    return with_temperature(known_map(), k=3, n_t=2, mode_strain=1e-9 * np.ones((known_map().n_gauges, 3)))
+
+
 class Pair:
     """An instance and numpy's tracker, fed alike."""
 
@@ -170,8 +175,7 @@ def test_lost_gauges_deviations_of_zeros_and_settings(pair: Pair) -> None:
 
 
 def test_at_the_temperature_of_the_wall(tmp_path: Path) -> None:
-    held = with_temperature(known_map(), k=3, n_t=2, mode_strain=1e-9 * np.ones((known_map().n_gauges, 3)))
-    pair, deflection = Pair(held, tmp_path), flights()[3]
+    pair, deflection = Pair(warm_map(), tmp_path), flights()[3]
     for flight, readings in enumerate(([REFERENCE + 4.0, np.nan], [REFERENCE - 2.0, REFERENCE + 1.0])):
         pair.set_all({f"temperature[{i + 1}]": one for i, one in enumerate(readings)})
         pair.step(flight, (deflection[flight], 0.2), temperature=np.array(readings))
@@ -261,12 +265,16 @@ def refused(pair: Pair, known: str) -> bool:
     return True
 
 
-def test_the_filter_rests_while_a_deviation_is_stated(pair: Pair) -> None:
+@pytest.mark.parametrize("with_temperatures", [False, True])
+def test_the_filter_rests_while_a_deviation_is_stated(tmp_path: Path, with_temperatures: bool) -> None:
     """Each sample on its own then, as numpy has it; the filter begins again behind it."""
+    pair = Pair(warm_map() if with_temperatures else known_map(), tmp_path)
     strain, pressure, mach, deflection = flights()
     estimator = pair.tracker.estimator
     switched, track = SwitchedFilter(estimator, 0.5), TimedTrack()
     pair.set_all({FILTER_TIME_CONSTANT: 0.5})
+    readings = [REFERENCE + 4.0, REFERENCE - 1.0] if with_temperatures else []
+    pair.set_all({f"temperature[{i + 1}]": one for i, one in enumerate(readings)})
     names = ("C_A", "C_N", "M_R", "sigma.C_N", "sigma.M_R", "health.chi_square")
     for k, std in enumerate((np.nan, np.nan, 0.1, 0.1, np.nan, np.nan)):
         pair.give(0, (deflection[0], std))
@@ -275,7 +283,7 @@ def test_the_filter_rests_while_a_deviation_is_stated(pair: Pair) -> None:
             strain[0], None, flow_of(mach[0], pressure[0]), {NAME: deflection[0]}, {NAME: std}
         )
         assert switched.filters(inputs) == np.isnan(std)
-        found, track = switched.step(inputs, track, 0.01 * k)
+        found, track = switched.step(inputs, track, 0.01 * k, np.array(readings) if readings else None)
         assert (track.track.law is None) == np.isfinite(std)
         expected = dict(zip(pair.names, output_values(found, with_further=True), strict=True))
         np.testing.assert_allclose(pair.get(*names), [expected[name] for name in names], rtol=1e-7)
