@@ -49,7 +49,7 @@ def tare_file(
     Raises
     ------
     InputError
-        A file, a column, a unit or a number is wrong, or the window holds too few samples.
+        A file, a column, a unit or a number is wrong, or the window leaves the recording or holds too few samples.
     StrainfmuError
         The reader of its kind is not installed.
     """
@@ -73,12 +73,27 @@ def _read(
         needs_pressure=False,
         computes_pressure=True,
     )
-    strains, pressures = [np.empty((0, n))], [np.empty(0)]
+    strains, pressures, times = [np.empty((0, n))], [np.empty(0)], [np.empty(0)]
     with open_strains(path, wanted, channels) as opened:
         for block, _ in opened.blocks:
+            times.append(block.time)
             inside = (block.time >= window.begin) & (block.time <= window.end)
             strains.append(block.strain[inside])
             pressures.append(block.dynamic_pressure[inside])
             if block.time[-1] > window.end:
                 break
+    _check_within(window, np.concatenate(times), path)
     return np.concatenate(strains), np.concatenate(pressures)
+
+
+def _check_within(window: Window, time: FloatArray, path: Path) -> None:
+    """Refuse a window that leaves the recording, ``time`` (n,) [s] up to its end, by more than a sample's time."""
+    if len(time) < 2:
+        return
+    first, last = float(time[0]), float(time[-1])
+    reach = 1.5 * (last - first) / (len(time) - 1)
+    if window.begin < first - reach or window.end > last + reach:
+        raise InputError(
+            f"{path}: window: expected within the recording, {first:g} to {last:g} s, "
+            f"got {window.begin:g} to {window.end:g} s"
+        )

@@ -52,6 +52,16 @@ def test_zeros_found_on_the_ground_serve_the_flight(synthetic: SyntheticFiles, t
     assert np.all(np.abs(c_n - truth) < 3.0 * sigma)
 
 
+def test_the_last_sample_stands_for_the_time_up_to_the_next(
+    synthetic: SyntheticFiles, tmp_path: Path, run: Run
+) -> None:
+    """300 samples at 100 Hz are 3 s, the last of them at 2.99 s."""
+    ground = standing(tmp_path / "g.csv")
+    code, out, _ = run("tare", synthetic.map_1, ground, "--window", "0:3", "-o", tmp_path / "zeros.toml")
+    assert code == 0
+    assert "6 zeros from 300 samples" in out
+
+
 def test_refused_while_loads_are_not_known(synthetic: SyntheticFiles, tmp_path: Path, run: Run) -> None:
     ground, zeros = standing(tmp_path / "g.csv", pressure=True), tmp_path / "zeros.toml"
     code, _, error = run("tare", synthetic.map_1, ground, "--window", "0:2", "-o", zeros)
@@ -85,6 +95,8 @@ def test_refused_where_half_of_the_gauges_do_not_read(synthetic: SyntheticFiles,
     [
         (("--window", "0-2"), "--window: expected FROM:TO in seconds, as 0:10, got '0-2'"),
         (("--window", "2:0"), "window: expected a begin before its end, got 2 to 0 s"),
+        (("--window", "0:5"), "g.csv: window: expected within the recording, 0 to 2.99 s, got 0 to 5 s"),
+        (("--window", "-1:2"), "g.csv: window: expected within the recording, 0 to 2.99 s, got -1 to 2 s"),
         (("--window", "0:0.1"), "g.csv: window: expected at least 64 samples, got 11"),
         (("--window", "0:2", "--ambient-pressure", "1e5"), "--vehicle: expected with --weight-up-roll-deg"),
     ],
