@@ -55,7 +55,7 @@ class Workspace:
     Raises
     ------
     InputError
-        ``folder`` exists and is no folder.
+        ``folder`` exists and is no folder, or lies in a file.
     StrainfmuError
         It cannot be written: raised before the long work.
     """
@@ -64,6 +64,8 @@ class Workspace:
         if folder.exists() and not folder.is_dir():
             raise InputError(f"{folder}: is a file, must be a folder")
         existing = next(path for path in (folder, *folder.absolute().parents) if path.exists())
+        if not existing.is_dir():
+            raise InputError(f"{folder}: expected a path in folders, got the file {existing} in place of one")
         if not os.access(existing, os.W_OK):
             raise StrainfmuError(f"{folder}: cannot be written, no permission in {existing}")
         self.folder = folder

@@ -66,6 +66,31 @@ class Estimate:
         return abs(self.per_reading - 1.0) <= FITS[0] + FITS[1] * float(np.sqrt(2.0 / self.n_readings))
 
     @property
+    def has_diverged(self) -> bool:
+        """Whether the steps led away from the readings: it fits them and the priors less than the drawing does."""
+        model, used = self.model, self.used
+        left = (model.test.readings - drawing_readings(model, used))[used] / model.test.reading_stds[used]
+        return not self.chi_square <= float(np.sum(left**2))
+
+    @property
+    def far_off(self) -> str:
+        """Readings that no vehicle near the drawing has: one factor tells of sign, unit or load."""
+        drawing, test, changes = self.model.at_drawing()[0], self.model.test, []
+        for part in (drawing, test.readings):
+            seen = np.where(self.used, part, 0.0)
+            for group in self.model.groups:  # what the loads change, without the zeros
+                rows = np.array([case.group == group for case in test.cases])
+                seen[rows] -= seen[rows].sum(axis=0) / np.maximum(self.used[rows].sum(axis=0), 1)
+            changes.append(seen[self.used])
+        size = float(changes[0] @ changes[0])
+        factor = float(changes[0] @ changes[1]) / size if size > 0.0 else float("nan")
+        return (
+            "no vehicle near the drawing has these readings: their changes from case to case are "
+            f"{factor:.3g} times the drawing's under the stated loads, expected about 1; "
+            "check signs, units and loads"
+        )
+
+    @property
     def parameters(self) -> AsBuiltParameters:
         """The vehicle as built."""
         return self.model.built(self.vector)

@@ -17,6 +17,7 @@ from scipy.special import chdtrc
 from builder.calibration.estimate import Estimate, estimate, usable
 from builder.calibration.readings_model import ReadingsModel
 from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.errors import InputError
 
 GAUGE_ALARM = 1e-7
 """Probability that a sound gauge is called a fault; of a Gaussian linear model, so with room for what is not."""
@@ -62,8 +63,17 @@ def calibrate_with_faults(model: ReadingsModel) -> tuple[Estimate, tuple[Fault, 
     Raises
     ------
     InputError
-        No reading is left.
+        No reading is left, or the steps lead away from the readings.
     """
+    with np.errstate(over="ignore", invalid="ignore"):  # where the steps diverge, which is refused
+        found, faults = _without_faults(model)
+        if found.has_diverged:
+            raise InputError(f"load test: {found.far_off}")
+    return found, faults
+
+
+def _without_faults(model: ReadingsModel) -> tuple[Estimate, tuple[Fault, ...]]:
+    """Return :func:`calibrate_with_faults`, be it near the readings or not."""
     used = usable(model)
     gauges = gauge_faults(model, used)
     names = model.structure.gauges.names

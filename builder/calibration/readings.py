@@ -46,8 +46,11 @@ def load_test(file: LoadTestFile, gauge_names: tuple[str, ...]) -> tuple[LoadTes
     Raises
     ------
     InputError
-        A recording is missing or wrong, a window holds no sample, or a reading's standard deviation is not known.
+        A recording is missing or wrong, a window holds no sample, a reading's standard deviation is not known, or
+        no case has a load.
     """
+    if not any(case.load for case in file.case):
+        raise InputError(f"{file.path}: case: expected a load in one case or more, got baselines alone")
     found, errors = read_windows(file, gauge_names), file.errors.errors()
     cases = tuple(
         LoadCase(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -39,6 +41,9 @@ from builder.workspace import refuse_misfits
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.inverse_map import InverseMap, load_inverse_map, save_inverse_map
+
+PAGE = ".html"
+"""Suffix of the report beside the map."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -99,6 +104,7 @@ def run_calibrate(
     InputError
         A file is missing or wrong, or map, test, vehicle and snapshots are not of one vehicle.
     """
+    check_output(output)
     drawn, file = load_inverse_map(map_path), load_test_file(test_path)
     vehicle = _vehicle(file, vehicle_path, drawn, map_path)
     snapshots_path = snapshots_path or map_path.parent / SNAPSHOTS
@@ -117,7 +123,7 @@ def run_calibrate(
     )
     made = calibration_by(test, test_path, parts, reporter)
     save_inverse_map(made.inverse_map, output)
-    page = output.with_suffix(".html")
+    page = output.with_suffix(PAGE)
     with reporter.stage("Report"):
         write_report(made, f"{vehicle.name}: calibration by {file.name}", vehicle.reference.moment_station_m, page)
     return replace(made, files=(output, page), notes=(*notes, *missing))
@@ -133,10 +139,15 @@ def calibration_by(test: LoadTest, test_path: Path, parts: CalibrationParts, rep
     """
     vehicle, structure = parts.vehicle, parts.structure
     prior = prior_std(vehicle.calibration, structure.n_gauges, structure.n_regions)
-    with reporter.stage("Estimate: the vehicle as built"):
+    with reporter.stage("Estimate: the vehicle as built"), _naming(test_path):
         found, faults = calibrate_with_faults(ReadingsModel(structure, test, prior))
     with reporter.stage("Map of the vehicle as built"):
-        made = _map(parts, found)
+        try:
+            made = _map(parts, found)
+        except InputError as error:
+            if found.agrees:
+                raise
+            raise InputError(f"{test_path}: load test: {found.far_off}") from error
     made = with_levels(made, parts, remaining_after(found), reporter)
     outside = outside_model(found)
     made = with_provenance(made, _facts(found, faults, outside, test_path))
@@ -149,6 +160,30 @@ def write_report(made: Calibration, title: str, moment_station: float, page: Pat
     equations = load_equations(found, moment_station)
     left_out = cross_validation(found)
     write_page(calibration_page(title, found, made.faults, made.outside, left_out, equations), page)
+
+
+@contextmanager
+def _naming(test_path: Path) -> Iterator[None]:
+    """Name the file of the ground test in what is refused of its loads and readings."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{test_path}: {error}") from error
+
+
+def check_output(path: Path) -> None:
+    """Refuse a name under which map and page cannot be written, before the long work.
+
+    Raises
+    ------
+    InputError
+        It is the page's own, or a folder.
+    """
+    if path.suffix == PAGE:
+        raise InputError(f"{path}: --output: expected another suffix than {PAGE}, which is the report's")
+    for one in (path, path.with_suffix(PAGE)):
+        if one.is_dir():
+            raise InputError(f"{one}: is a folder, must be a file")
 
 
 def _vehicle(file: LoadTestFile, path: Path | None, drawn: InverseMap, map_path: Path) -> Vehicle:

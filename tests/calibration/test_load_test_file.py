@@ -142,6 +142,13 @@ def test_channels_file_of_the_recorder_is_used(tmp_path: Path) -> None:
     assert any("gauge 'c' has no reading in any case" in line for line in found.notes)
 
 
+def test_baselines_alone_are_no_test(tmp_path: Path) -> None:
+    two_steps(tmp_path)
+    text = FILE[: FILE.index("[[case.load]]")]
+    with pytest.raises(InputError, match=r"loadtest\.toml: case: expected a load in one case or more"):
+        load_test(load_test_file(written(tmp_path, text)), GAUGES)
+
+
 LOADS: tuple[Load, ...] = (
     PadForce(station=1.0, roll_angle=0.3, half_length=0.05, half_angle=0.5, force=(0.0, 10.0, -1e3)),
     PadPressure(station=1.0, roll_angle=-0.3, half_length=0.05, half_angle=0.5, push=800.0),

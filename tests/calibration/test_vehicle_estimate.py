@@ -13,6 +13,7 @@ from builder.calibration.load_test import LoadCase, LoadErrors, LoadTest
 from builder.calibration.readings_model import ReadingsModel
 from builder.calibration.standard_cases import standard_cases
 from builder.vehicle.file import Vehicle
+from strainfmu.errors import InputError
 
 NOISE = 0.05e-6
 ERRORS = LoadErrors(common=0.002)
@@ -74,6 +75,16 @@ def test_the_estimate_is_as_good_as_it_says(
 def test_sound_readings_raise_no_alarm(found: Estimate) -> None:
     shift, _ = load_shifts(found)
     assert np.abs(shift).max() < 4.0
+
+
+@pytest.mark.parametrize("factor", [-1.0, 1e3])
+def test_readings_that_no_vehicle_has_are_refused(model: tuple[ReadingsModel, np.ndarray], factor: float) -> None:
+    """All of the wrong sign or unit: gauges cannot be named, and the steps diverge."""
+    built = model[0]
+    with pytest.raises(InputError, match="no vehicle near the drawing") as refused:
+        calibrate_with_faults(built.with_readings(factor * built.test.readings))
+    said = float(str(refused.value).split("case to case are ")[1].split()[0])
+    assert said == pytest.approx(factor, rel=0.2)
 
 
 @pytest.mark.slow

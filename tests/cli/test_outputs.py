@@ -52,6 +52,32 @@ def test_an_output_that_is_an_input_is_refused(
             assert Path(name).read_text() == "input"
 
 
+@pytest.mark.parametrize("command", [*READS, "build", "compare", "demo", "stress"])
+def test_an_output_in_a_file_is_refused(command: str, tmp_path: Path, run: Run) -> None:
+    """No folder can be made there; that is said before the work."""
+    (tmp_path / "file").write_text("kept")
+    output = tmp_path / "file" / "folder" / "out.h5"
+    arguments = READS.get(command, () if command == "demo" else ("none.toml",))
+    code, _, errors = run(command, *arguments, "-o", output)
+    assert (code, errors) == (
+        2,
+        f"strainfmu: {output}: --output: expected a path in folders, got the file {tmp_path / 'file'} in place of"
+        " one\n",
+    )
+    assert (tmp_path / "file").read_text() == "kept"
+
+
+def test_the_report_of_a_calibration_never_takes_its_map(tmp_path: Path, run: Run) -> None:
+    """Both names are checked before anything is read."""
+    (tmp_path / "folder.html").mkdir()
+    for name, line in (
+        ("o.html", "o.html: --output: expected another suffix than .html, which is the report's"),
+        ("folder.h5", "folder.html: is a folder, must be a file"),
+    ):
+        code, _, errors = run("calibrate", "none.h5", "none.toml", "-o", tmp_path / name)
+        assert (code, errors) == (2, f"strainfmu: {tmp_path}/{line}\n")
+
+
 def test_two_outputs_are_two_files(tmp_path: Path, run: Run) -> None:
     one = str(tmp_path / "zeros.toml")
     code, _, errors = run("tare", "none.h5", "none.csv", "--window", "0:1", "-o", one, "--known-output", one)
