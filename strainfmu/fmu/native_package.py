@@ -39,24 +39,10 @@ CAPABILITIES = {
 """What the library can do: attributes of CoSimulation, by FMI version."""
 
 MODEL_EXCHANGE = {
-    "2": {
-        "needsExecutionTool": "false",
-        "canBeInstantiatedOnlyOncePerProcess": "false",
-        "canNotUseMemoryManagementFunctions": "true",
-        "canGetAndSetFMUstate": "true",
-        "canSerializeFMUstate": "true",
-        "providesDirectionalDerivative": "true",
-    },
-    "3": {
-        "needsExecutionTool": "false",
-        "canBeInstantiatedOnlyOncePerProcess": "false",
-        "canGetAndSetFMUState": "true",
-        "canSerializeFMUState": "true",
-        "providesDirectionalDerivatives": "true",
-        "providesAdjointDerivatives": "true",
-        "needsCompletedIntegratorStep": "true",
-    },
+    version: {name: value for name, value in of_steps.items() if name != "canHandleVariableCommunicationStepSize"}
+    for version, of_steps in CAPABILITIES.items()
 }
+MODEL_EXCHANGE["3"]["needsCompletedIntegratorStep"] = "true"
 """What the estimator's library can do for model exchange: no states, but events when health changes."""
 
 FOLDERS = {
