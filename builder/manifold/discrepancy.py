@@ -130,7 +130,7 @@ def level_error(
 
 
 TESTED = 6
-"""Shapes of pressure off the tables that are tested one by one."""
+"""Shapes of pressure off the tables that are tested, together."""
 
 
 def tested_shapes(manifold: ManifoldMap) -> FloatArray | None:

@@ -253,7 +253,7 @@ def with_levels_of(made: InverseMap, drawn: InverseMap) -> InverseMap:
         made.manifold,
         chi_square_scale=drawn.manifold.chi_square_scale,
         outlier_scale=drawn.manifold.outlier_scale,
-        shape_limit=drawn.manifold.shape_limit,
+        shape_scale=drawn.manifold.shape_scale,
     )
     return replace(found, manifold=tables)
 

@@ -39,7 +39,7 @@ from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 VEHICLES = 50
 """Vehicles as built that fly at each condition."""
 
-TESTS = ("chi-square", "largest |z|", "largest shape")
+TESTS = ("chi-square", "largest |z|", "shapes")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,9 +1,9 @@
 """Alarm levels of the nonlinear estimator from flights of the independent model.
 
 As for the linear map, see :mod:`builder.truth.alarm_levels`: the levels of chi-square, of the largest
-leave-one-out residual, and of the largest shape of pressure off the tables. Levels follow from the largest of many
-samples, and an estimate takes a fifth of a millisecond. So all are predicted first, by one linear step from the
-state of the flight, for which its vehicles have all matrices in common; only the largest are estimated.
+leave-one-out residual, and of the shapes of pressure off the tables together. Levels follow from the largest of
+many samples, and an estimate takes a fifth of a millisecond. So all are predicted first, by one linear step from
+the state of the flight, for which its vehicles have all matrices in common; only the largest are estimated.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY
 from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.manifold.estimator import BLOCK, EstimatorInputs, ManifoldEstimator
-from strainfmu.estimator.manifold.flight_health import gauge_threshold, shape_threshold, whole_chi_square_limit
+from strainfmu.estimator.manifold.flight_health import gauge_threshold, shape_limit, whole_chi_square_limit
 from strainfmu.estimator.manifold.flight_tables import evaluate
 from strainfmu.estimator.manifold.gauss_newton import strain_factor
 from strainfmu.estimator.manifold.navigation import NAVIGATION, predicted, state_measurement
@@ -54,14 +54,15 @@ def with_flight_alarm_levels(inverse_map: InverseMap, flights: ReadFlights) -> I
             manifold,
             chi_square_scale=float(scales[0]),
             outlier_scale=float(scales[1]),
-            shape_limit=shape_threshold(manifold, 1.0) * float(np.sqrt(scales[2])) if tested else None,
+            shape_scale=float(scales[2]) if tested else 1.0,
         )
     provenance = {**inverse_map.provenance, "flight_alarm_levels": facts}
     return replace(inverse_map, manifold=manifold, provenance=provenance)
 
 
 def flight_alarm_ratios(estimator: ManifoldEstimator, flights: ReadFlights) -> FloatArray:
-    """Return chi-square and the squares of the largest residuals (2 or 3, n), each over its level.
+    """Return chi-square, the square of the largest residual and chi-square of the shapes (2 or 3, n), over their
+    levels.
 
     The largest of each are those of the estimator, see :data:`ESTIMATED`; the others are predicted.
     """
@@ -112,7 +113,7 @@ def _estimated(
     """Return the tests (2 or 3, n) over their levels, and health (n,), of steps from ``state`` (n, 4), None for a
     search."""
     manifold, scale = estimator.manifold, estimator.settings.alarm_scale
-    of_gauges, of_shapes = gauge_threshold(manifold, scale), shape_threshold(manifold, scale)
+    of_gauges, of_shapes = gauge_threshold(manifold, scale), shape_limit(manifold, scale)
 
     def of_block(first: int) -> tuple[FloatArray, IntArray]:
         block = slice(first, first + BLOCK)
@@ -128,7 +129,7 @@ def _estimated(
             (np.max(np.abs(found.standardised_residual), axis=1) / of_gauges) ** 2,
         ]
         if found.shape_residual.shape[1]:
-            tests.append((np.max(np.abs(found.shape_residual), axis=1) / of_shapes) ** 2)
+            tests.append(np.sum(found.shape_residual**2, axis=1) / of_shapes)
         return np.stack(tests), np.asarray(found.health)
 
     with ThreadPoolExecutor(THREADS) as pool:
@@ -149,7 +150,7 @@ def _predicted_ratios(
         [
             whole_chi_square_limit(manifold, scale),
             gauge_threshold(manifold, scale) ** 2,
-            shape_threshold(manifold, scale) ** 2,
+            shape_limit(manifold, scale),
         ]
     )
 
@@ -169,11 +170,15 @@ def _predicted_ratios(
         step = (whitened @ jacobian + (innovation * weight) @ of_state) @ covariance
         left, of_navigation = whitened - step @ jacobian.T, innovation - step @ of_state.T
         tests = [np.sum(left**2, axis=1) + of_navigation**2 @ weight]
-        for direction in (inverse, inverse @ shapes):
-            by_state = direction.T @ jacobian
-            variance = np.sum(direction**2, axis=0) - np.einsum("sx,xy,sy->s", by_state, covariance, by_state)
-            if direction.shape[1]:
-                tests.append(np.max((left @ direction) ** 2 / variance, axis=1))
+        by_state = inverse.T @ jacobian
+        variance = np.sum(inverse**2, axis=0) - np.einsum("gx,xy,gy->g", by_state, covariance, by_state)
+        tests.append(np.max((left @ inverse) ** 2 / variance, axis=1))
+        if shapes.shape[1]:
+            turned = inverse @ shapes
+            by_state = turned.T @ jacobian
+            product = left @ turned
+            of_shapes = np.linalg.inv(turned.T @ turned - by_state @ covariance @ by_state.T)
+            tests.append(np.einsum("ks,st,kt->k", product, of_shapes, product))
         return np.stack(tests)
 
     with ThreadPoolExecutor(THREADS) as pool:

@@ -47,7 +47,7 @@ def whole_map() -> InverseMap:
         gauge_error_product=1e-6 * scale**2 * random.random((21, N_D)),
         common_error=1e-3 * scale * random.standard_normal((2, 6, N_D)),
         discrepancy_shapes=1e-6 * random.standard_normal((N_D, 3)),
-        shape_limit=4.5,
+        shape_scale=0.8,
         gauge_covariance=manifold.gauge_covariance + 1e-14 * np.ones((N_D, N_D)),
     )
     return replace(scaled_map(2, 1, N_D), manifold=manifold)

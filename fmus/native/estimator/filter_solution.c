@@ -112,5 +112,5 @@ void filter_solution(Filter *filter) {
                          + scale[i] * remaining[i][j] * scale[j]);
         }
     }
-    found->largest_shape = 0.0; /* they are estimated */
+    found->shape_square = 0.0; /* they are estimated */
 }

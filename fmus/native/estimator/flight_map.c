@@ -9,7 +9,6 @@
 #define N_FLIGHT_SCALARS 50
 #define MAX_ITERATIONS 1000
 #define MAX_KNOTS 4096
-#define MAX_SHAPES 64
 
 enum { N_MACH, N_INCIDENCE, N_HARMONICS, N_CHANNELS, N_TERMS, N_COMMON, N_SHAPES };
 
@@ -89,7 +88,7 @@ static void take_scalars(FlightMap *map, const double **next) {
     copy(next, map->largest_step, N_STATES);
     copy(next, map->navigation_limit, N_NAVIGATION);
     map->navigation_alarm = *take_doubles(next, 1);
-    map->shape_threshold = *take_doubles(next, 1);
+    map->shape_limit = *take_doubles(next, 1);
     map->outlier_threshold = *take_doubles(next, 1);
     map->tables.min_incidence = *take_doubles(next, 1);
     map->outside_score = *take_doubles(next, 1);

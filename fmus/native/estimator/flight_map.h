@@ -8,6 +8,7 @@
 
 #define N_STATES 4     /* of the flight state: M [1], u, w [rad], ln(p_inf / Pa) */
 #define N_NAVIGATION 3 /* M [1], p_inf [Pa], q_inf [Pa] */
+#define MAX_SHAPES 16  /* of pressure off the tables that are tested */
 #define N_MEASURED 7   /* M, ln p_inf, ln q_inf of navigation; then the four priors */
 
 enum { STATE_MACH, STATE_U, STATE_W, STATE_PRESSURE };
@@ -30,7 +31,7 @@ typedef struct {
 typedef struct {
     TableMap tables;            /* of strains, then loads */
     size_t n_common;            /* errors that all gauges have in common */
-    size_t n_shapes;            /* of pressure off the tables that are tested */
+    size_t n_shapes;            /* of pressure off the tables that are tested, at most MAX_SHAPES */
     double reference_area, reference_length;
     double mach_range[2], pressure_range[2], log_pressure_range[2], middle_log_pressure, incidence_limit;
     double has_crossflow_range;                         /* 1, or 0: incidence_limit at every roll angle of the wind */
@@ -42,7 +43,7 @@ typedef struct {
     double largest_step[N_STATES];
     double navigation_limit[N_NAVIGATION]; /* standardised residuals above which navigation is inconsistent */
     double navigation_alarm;               /* from which one that is dropped is an alarm */
-    double shape_threshold;                /* standardised size of a shape from which strain does not fit */
+    double shape_limit;                    /* sum of squares of shapes from which strain does not fit */
     double outlier_threshold;
     double outside_score, range_tolerance;
     double min_gain, min_incidence_score;

@@ -128,7 +128,7 @@ static int judge(Estimator *e, size_t used) {
     output[SUSPECTS] = suspect ? 1.0 : 0.0;
     output[ENVELOPE_SCORE] = range_score(flight);
     const int fits = output[CHI_SQUARE] <= output[CHI_SQUARE_LIMIT]
-                  && found->largest_shape <= map->shape_threshold * sqrt(alarm_scale);
+                  && found->shape_square <= map->shape_limit * alarm_scale;
     const int outside = output[ENVELOPE_SCORE] > map->outside_score || navigation_outside(flight)
                      || estimator_outside(e) != SIZE_MAX;
     const int lacks = used < e->map.n_gauges || flight_navigation_alarms(flight)

@@ -6,6 +6,7 @@
 #include "flight_algebra.h"
 
 #define SMALLEST_PART 0.25 /* of a step that is taken */
+#define LEAST_SEEN 1e-9    /* of the variance of a shape; what others leave below it is lost in rounding */
 
 static double *taken(double **doubles, size_t count) {
     double *array = *doubles;
@@ -241,12 +242,10 @@ static void set_gauge_residuals(FlightSolver *solver) {
     }
 }
 
-/* a' P r / sqrt(a' P a) of each shape a of pressure off the tables; the largest. */
-static void set_shape_residual(FlightSolver *solver) {
+/* L^-1 of the shapes of pressure off the tables, with zeros for gauges that are not used. */
+static void whiten_shapes(FlightSolver *solver) {
     const size_t n = solver->n, count = solver->map->n_shapes;
-    Solution *found = &solver->solution;
     double *shapes = solver->shapes;
-    found->largest_shape = 0.0;
     memset(shapes, 0, count * n * sizeof *shapes);
     for (size_t s = 0; s < count; s++) {
         for (size_t g = 0; g < solver->n_gauges; g++) {
@@ -254,16 +253,38 @@ static void set_shape_residual(FlightSolver *solver) {
         }
     }
     solve_lower(solver->wide, n, solver->factor, count, shapes);
+}
+
+/* r' P A (A' P A)^-1 A' P r of the shapes A, by the Cholesky factor of A' P A, row by row. A shape counts for nothing
+   where those before it leave a rounding error of its variance. */
+static void set_shape_square(FlightSolver *solver) {
+    const size_t n = solver->n, count = solver->map->n_shapes;
+    Solution *found = &solver->solution;
+    double by_state[MAX_SHAPES][N_STATES], factor[MAX_SHAPES][MAX_SHAPES], size[MAX_SHAPES];
+    found->shape_square = 0.0;
+    whiten_shapes(solver);
     for (size_t s = 0; s < count; s++) {
-        const double *shape = shapes + s * n;
-        double row[N_STATES];
+        const double *shape = solver->shapes + s * n;
+        const double alone = lane_dot(n, shape, shape);
+        double rest = lane_dot(n, shape, solver->right);
         for (size_t k = 0; k < N_STATES; k++) {
-            row[k] = lane_dot(n, shape, solver->right + (1 + k) * n);
+            by_state[s][k] = lane_dot(n, shape, solver->right + (1 + k) * n);
         }
-        const double variance =
-            lane_dot(n, shape, shape) - quadratic(N_STATES, row, found->state_covariance, row);
-        const double size = variance > 0.0 ? fabs(lane_dot(n, shape, solver->right)) / sqrt(variance) : 0.0;
-        found->largest_shape = size > found->largest_shape ? size : found->largest_shape;
+        double left = alone - quadratic(N_STATES, by_state[s], found->state_covariance, by_state[s]);
+        for (size_t t = 0; t < s; t++) {
+            double common = lane_dot(n, shape, solver->shapes + t * n)
+                          - quadratic(N_STATES, by_state[s], found->state_covariance, by_state[t]);
+            for (size_t k = 0; k < t; k++) {
+                common -= factor[s][k] * factor[t][k];
+            }
+            factor[s][t] = factor[t][t] > 0.0 ? common / factor[t][t] : 0.0;
+            left -= factor[s][t] * factor[s][t];
+            rest -= factor[s][t] * size[t];
+        }
+        const int seen = left > LEAST_SEEN * alone;
+        factor[s][s] = seen ? sqrt(left) : 0.0;
+        size[s] = seen ? rest / factor[s][s] : 0.0;
+        found->shape_square += size[s] * size[s];
     }
 }
 
@@ -292,7 +313,7 @@ static void set_solution(FlightSolver *solver) {
     flight_set_loads(solver);
     set_gauge_residuals(solver);
     set_navigation_residuals(solver);
-    set_shape_residual(solver);
+    set_shape_square(solver);
 }
 
 void flight_solve_warm(FlightSolver *solver, const double *state) {

@@ -34,7 +34,7 @@ typedef struct {
     double rest_square; /* square of what another iteration would move the state by, in its deviations */
     double *standardised_residual; /* (n) */
     double navigation_residual[N_NAVIGATION];
-    double largest_shape; /* standardised size of a shape of pressure off the tables in the residual */
+    double shape_square; /* chi-square of the shapes of pressure off the tables in the residual */
 } Solution;
 
 /* Arrays are by gauge, `n` of them: n_gauges in lanes. */

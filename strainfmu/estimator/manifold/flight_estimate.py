@@ -23,7 +23,8 @@ class FlightEstimate(LoadEstimate):
     state, state_covariance : (4,), (4, 4) flight state (M, u, w, ln p_inf).
     navigation_residual : (3,) standardised difference of each of ``NAVIGATION`` from all else; 0 if not known.
     navigation_used : (3,) which of them were used: those that are known and not dropped as inconsistent.
-    shape_residual : (n_s,) standardised size of each shape of pressure off the tables that the map tests.
+    shape_residual : (n_s,) standardised sizes of the shapes of pressure off the tables that the map tests, each
+        what those before it leave.
     fits : whether strain and navigation fit the tables.
     is_linear : whether loads and coefficients are those of the linear map, because strain does not fit the tables.
     """

@@ -66,9 +66,7 @@ def flight_health(
     score = range_score(manifold, found)
     outside = (score > OUTSIDE_SCORE) | _navigation_outside(manifold, navigation, navigation_used)
     fits = np.asarray(found.chi_square <= limit)
-    shapes = np.abs(found.shape_residual)
-    if shapes.shape[1]:
-        fits &= np.max(shapes, axis=1) <= shape_threshold(manifold, alarm_scale)
+    fits &= np.sum(found.shape_residual**2, axis=1) <= shape_limit(manifold, alarm_scale)
     dropped = navigation_alarms(navigation, navigation_used, found.navigation_residual)
     health = np.select(
         [outside, ~fits, suspect >= 0, dropped | ~used.all(axis=1) | (found.rest > LARGEST_REST)],
@@ -102,12 +100,9 @@ def gauge_threshold(manifold: ManifoldMap, alarm_scale: float) -> float:
     return float(nominal * np.sqrt(manifold.outlier_scale * alarm_scale))
 
 
-def shape_threshold(manifold: ManifoldMap, alarm_scale: float) -> float:
-    """Return the alarm level of the largest standardised size of a shape of pressure off the tables."""
-    level = manifold.shape_limit
-    if level is None:
-        level = outlier_threshold(max(manifold.shapes.shape[1], 1), FALSE_ALARM_PROBABILITY)
-    return float(level * np.sqrt(alarm_scale))
+def shape_limit(manifold: ManifoldMap, alarm_scale: float) -> float:
+    """Return the alarm level of the chi-square of the shapes of pressure off the tables."""
+    return alarm_scale * manifold.shape_scale * chi_square_limit(max(manifold.shapes.shape[1], 1))
 
 
 def navigation_alarms(navigation: Navigation, used: BoolArray, residual: FloatArray) -> BoolArray:

@@ -55,11 +55,10 @@ class ManifoldMap:
         wind.
     mach_number_error : standard deviation of a stated Mach number without its own [1].
     static_pressure_error, dynamic_pressure_error : the same of p_inf and q_inf, relative [1].
-    chi_square_scale, outlier_scale : factors on the alarm levels, from data of an independent model [1].
-    discrepancy_shapes : (n_d, n_s) strain of shapes of pressure off the tables, each tested on its own [1]; None
-        for none.
-    shape_limit : standardised size of a shape from which strain does not fit the tables, from data of an
-        independent model; None for that of the theory.
+    chi_square_scale, outlier_scale, shape_scale : factors on the alarm levels of chi-square, of the square of the
+        largest leave-one-out residual and of the chi-square of the shapes, from data of an independent model [1].
+    discrepancy_shapes : (n_d, n_s) strain of shapes of pressure off the tables, tested together [1]; None for
+        none.
     pressure_field, shape_field : pressure on the surface over the flight state, of a body of revolution, and of
         any other shape; None where the map does not hold it.
     further : loads of sections over the flight state; None for none.
@@ -87,8 +86,8 @@ class ManifoldMap:
     dynamic_pressure_error: float
     chi_square_scale: float = 1.0
     outlier_scale: float = 1.0
+    shape_scale: float = 1.0
     discrepancy_shapes: FloatArray | None = None
-    shape_limit: float | None = None
     crossflow_range: FloatArray | None = None
     pressure_field: FlightField | None = field(default=None, metadata=inner_record(FlightField, FIELD_UNITS))
     shape_field: ShapeField | None = field(default=None, metadata=inner_record(ShapeField, SHAPE_UNITS))

@@ -29,6 +29,9 @@ START_ITERATIONS, COLD_ITERATIONS, WARM_ITERATIONS = 4, 8, 2
 """Iterations of every state of the search, of the best of them from there, and from the last step's state."""
 
 
+LEAST_SEEN = 1e-9
+"""Fraction of the variance of a shape below which what others leave of it is lost in rounding."""
+
 LARGEST_EXCESS = 5.0
 """ln of a pressure over the largest of the tables up to which starts are taken; beyond it S loses its digits."""
 
@@ -44,7 +47,8 @@ class FlightSolution:
     chi_square : (k,) sum of squares of strain and navigation.
     standardised_residual : (k, n_d) leave-one-out residuals z of the gauges, 0 of lost ones.
     navigation_residual : (k, 3) the same of M, p_inf and q_inf; 0 where not known.
-    shape_residual : (k, n_s) standardised size of each shape of pressure off the tables in the residual.
+    shape_residual : (k, n_s) standardised sizes of the shapes of pressure off the tables in the residual, each what
+        those before it leave: the sum of their squares is chi-square of n_s degrees of freedom.
     rest : (k,) what another iteration would move the state by, in its standard deviations.
     further_loads, further_variance : (k, m) further loads of the map [N, N m], m = 0 for none.
     further_coefficients, further_coefficient_variance : (k, m) the same over q S, moments over q S L [1].
@@ -191,13 +195,32 @@ def _gauge_residuals(at: Linearised, covariance: FloatArray, used: BoolArray) ->
 
 
 def _shape_residuals(manifold: ManifoldMap, at: Linearised, covariance: FloatArray, used: BoolArray) -> FloatArray:
-    """Return (k, n_s) a' P r / sqrt(a' P a) for every shape a, P as of the gauges, whose a are unit vectors."""
+    """Return (k, n_s) C^-1 A' P r with C C' = A' P A, A the shapes, P as of the gauges, whose A are unit vectors."""
     shapes = np.where(used[:, :, None], manifold.shapes, 0.0)
     turned = np.swapaxes(forward_substituted(at.factor, shapes), 1, 2)
     product, of_state = (turned @ at.whitened[:, :, None])[:, :, 0], turned @ at.whitened_jacobian
-    variance = np.sum(turned * turned, axis=2) - np.einsum("ksx,kxy,ksy->ks", of_state, covariance, of_state)
-    seen = variance > 0.0
-    return np.where(seen, product / np.sqrt(np.where(seen, variance, 1.0)), 0.0)
+    alone = turned @ np.swapaxes(turned, 1, 2)
+    return independent_sizes(product, alone - of_state @ covariance @ np.swapaxes(of_state, 1, 2), alone)
+
+
+def independent_sizes(product: FloatArray, variance: FloatArray, alone: FloatArray) -> FloatArray:
+    """Return (k, n) C^-1 ``product`` (k, n) with C C' = ``variance`` (k, n, n); 0 where nothing is left to see.
+
+    That is where the variance, given those before, is a rounding error of the one ``alone`` without the state.
+    """
+    size, factor = np.zeros(product.shape), np.zeros(variance.shape)
+    for s in range(product.shape[1]):
+        for t in range(s):
+            rest = variance[:, s, t] - np.sum(factor[:, s, :t] * factor[:, t, :t], axis=1)
+            factor[:, s, t] = np.divide(
+                rest, factor[:, t, t], out=np.zeros(len(rest)), where=factor[:, t, t] > 0.0
+            )
+        left = variance[:, s, s] - np.sum(factor[:, s, :s] ** 2, axis=1)
+        seen = left > LEAST_SEEN * alone[:, s, s]
+        factor[:, s, s] = np.sqrt(np.where(seen, left, 0.0))
+        rest = product[:, s] - np.sum(factor[:, s, :s] * size[:, :s], axis=1)
+        size[:, s] = np.divide(rest, factor[:, s, s], out=np.zeros(len(rest)), where=seen)
+    return size
 
 
 def _navigation_residuals(at: Linearised, covariance: FloatArray) -> FloatArray:

@@ -11,13 +11,13 @@ from scaled_maps import scaled_map
 import strainfmu
 from builder.manifold.discrepancy import TESTED
 from strainfmu.errors import InputError
-from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, HealthState
+from strainfmu.estimator.health import HealthState, chi_square_limit
 from strainfmu.estimator.inverse_map import InverseMap, load_inverse_map, save_inverse_map
-from strainfmu.estimator.isolation import outlier_threshold
 from strainfmu.estimator.manifold.air_data import AIR_DATA_NAMES
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimate, FlightEstimates
 from strainfmu.estimator.manifold.navigation import LEAST_RELATIVE_STD
+from strainfmu.estimator.manifold.solve import independent_sizes
 from strainfmu.estimator.manifold.tracker import RETURN_AFTER, FlightTracker
 from strainfmu.flight_condition import FlightCondition
 
@@ -255,23 +255,48 @@ def test_a_shape_of_pressure_off_the_tables_is_seen_where_chi_square_is_not() ->
         found = estimator.estimate(strain + size * shapes[:, -1], **navigation(CONDITION))
         if not found.fits:
             break
-        largest = float(np.max(np.abs(found.shape_residual)))
-    assert largest < outlier_threshold(shapes.shape[1], FALSE_ALARM_PROBABILITY)
-    assert np.max(np.abs(found.shape_residual)) > largest
+        largest = float(np.sum(found.shape_residual**2))
+    limit = chi_square_limit(shapes.shape[1])
+    assert largest < limit < np.sum(found.shape_residual**2)
     assert found.chi_square < found.chi_square_limit
     assert found.health is HealthState.INCONSISTENT
     assert found.is_linear
 
 
-def test_a_shape_of_one_gauge_is_its_leave_one_out_residual() -> None:
+def test_the_shape_of_one_gauge_is_its_leave_one_out_residual() -> None:
     whole = whole_map()
     assert whole.manifold is not None
-    unit = replace(whole.manifold, discrepancy_shapes=1e-6 * np.eye(N_D)[:, [3, 8]])
+    unit = replace(whole.manifold, discrepancy_shapes=1e-6 * np.eye(N_D)[:, [3]])
     estimator, strain = ManifoldEstimator(replace(whole, manifold=unit)), strain_at(CONDITION)
     found = estimator.estimate(strain, **navigation(CONDITION))
-    np.testing.assert_allclose(found.shape_residual, found.standardised_residual[[3, 8]], rtol=1e-9)
+    np.testing.assert_allclose(found.shape_residual, found.standardised_residual[[3]], rtol=1e-9)
     found = estimator.estimate(strain, valid=np.arange(N_D) != 3, **navigation(CONDITION))
     assert found.shape_residual[0] == 0.0
+
+
+def test_shapes_are_tested_together_in_whatever_order_and_a_repeated_one_counts_once() -> None:
+    whole = whole_map()
+    assert whole.manifold is not None
+    strain, shapes = strain_at(CONDITION), 1e-6 * np.random.default_rng(5).standard_normal((N_D, 3))
+    strain = strain + 3.0 * shapes[:, 0]
+
+    def square(columns: list[int]) -> float:
+        chosen = replace(whole, manifold=replace(whole.manifold, discrepancy_shapes=shapes[:, columns]))
+        found = ManifoldEstimator(chosen).estimate(strain, **navigation(CONDITION))
+        return float(np.sum(found.shape_residual**2))
+
+    assert square([2, 0, 1]) == pytest.approx(square([0, 1, 2]), rel=1e-9)
+    assert square([0, 1, 1, 2, 0]) == pytest.approx(square([0, 1, 2]), rel=1e-9)
+    assert square([0, 1]) < square([0, 1, 2])
+
+
+def test_sizes_of_shapes_are_independent_of_each_other() -> None:
+    random = np.random.default_rng(2)
+    root = random.standard_normal((4, 3, 5))
+    product, variance = random.standard_normal((4, 3)), root @ np.swapaxes(root, 1, 2)
+    sizes = independent_sizes(product, variance, variance)
+    expected = np.einsum("ks,kst,kt->k", product, np.linalg.inv(variance), product)
+    np.testing.assert_allclose(np.sum(sizes**2, axis=1), expected, rtol=1e-10)
 
 
 @pytest.mark.parametrize("name", ["mach_number_std", "static_pressure_std", "dynamic_pressure_std"])
