@@ -41,7 +41,7 @@ from strainfmu.estimator.temperature import ThermalMap
 from strainfmu.records import inner_record, load_record, save_record
 
 SCHEMA = "strainfmu.inverse_map"
-SCHEMA_VERSION = 6
+SCHEMA_VERSION = 7
 
 LOAD_NAMES = ("axial_force", "normal_force", "side_force", "pitching_moment", "yawing_moment")
 COEFFICIENT_NAMES = ("C_A", "C_N", "C_Y", "M_P", "M_Y")

@@ -47,8 +47,8 @@ class FlightSolution:
     chi_square : (k,) sum of squares of strain and navigation.
     standardised_residual : (k, n_d) leave-one-out residuals z of the gauges, 0 of lost ones.
     navigation_residual : (k, 3) the same of M, p_inf and q_inf; 0 where not known.
-    shape_residual : (k, n_s) standardised sizes of the shapes of pressure off the tables in the residual, each what
-        those before it leave: the sum of their squares is chi-square of n_s degrees of freedom.
+    shape_residual : (k, n_s) standardised sizes of the shapes of pressure off the tables in the residual, each
+        what those before it leave: the sum of their squares is chi-square of n_s degrees of freedom.
     rest : (k,) what another iteration would move the state by, in its standard deviations.
     further_loads, further_variance : (k, m) further loads of the map [N, N m], m = 0 for none.
     further_coefficients, further_coefficient_variance : (k, m) the same over q S, moments over q S L [1].
@@ -195,7 +195,7 @@ def _gauge_residuals(at: Linearised, covariance: FloatArray, used: BoolArray) ->
 
 
 def _shape_residuals(manifold: ManifoldMap, at: Linearised, covariance: FloatArray, used: BoolArray) -> FloatArray:
-    """Return (k, n_s) C^-1 A' P r with C C' = A' P A, A the shapes, P as of the gauges, whose A are unit vectors."""
+    """Return (k, n_s) C^-1 A' P r with C C' = A' P A; A are the shapes, P is that of the gauges."""
     shapes = np.where(used[:, :, None], manifold.shapes, 0.0)
     turned = np.swapaxes(forward_substituted(at.factor, shapes), 1, 2)
     product, of_state = (turned @ at.whitened[:, :, None])[:, :, 0], turned @ at.whitened_jacobian
