@@ -196,7 +196,8 @@ class ColumnPlan:
         return f"likely in {' or '.join(units)}, by the map's strains; state the unit, as in 'name [{units[0]}]'"
 
     def _check_signs(self, flow: Mapping[str, FloatArray], first_row: int) -> None:
-        for name in _NOT_NEGATIVE:
+        deviations = (f"{name}{STD}" for name in flow)
+        for name in dict.fromkeys((*_NOT_NEGATIVE, *deviations)):
             negative = np.flatnonzero(flow.get(name, np.empty(0)) < 0.0)
             if len(negative):
                 row = int(negative[0])
@@ -270,6 +271,7 @@ def plan_columns(
         elif found or (name == "dynamic_pressure" and wanted.needs_pressure and not is_computed):
             column = _flow_column(path, found, name=name, names=names)
             flow[name] = (column, flow_factor(path, headings[column], name, given[column], wanted.readings))
+    refuse_lone_deviations(path, flow, wanted)
     return ColumnPlan(
         path=path,
         names=tuple(names),
@@ -286,6 +288,21 @@ def plan_columns(
         readings=tuple(wanted.readings),
         navigates=wanted.navigates,
     )
+
+
+def refuse_lone_deviations(path: Path, held: Mapping[str, object], wanted: Wanted) -> None:
+    """Refuse the standard deviation of a further parameter of the flow whose value is not among those ``held``.
+
+    Raises
+    ------
+    InputError
+        There is one.
+    """
+    for name in held:
+        parameter = name.removesuffix(STD)
+        is_further = parameter in wanted.flow and parameter not in (*FLOW_NAMES, *NAVIGATION_NAMES)
+        if is_further and parameter not in held:
+            raise InputError(f"{path}: {name}: expected {parameter} beside its standard deviation, got none")
 
 
 def passes_over(name: str, held: Sequence[str], wanted: Wanted) -> bool:

@@ -17,6 +17,7 @@ from strainfmu.recorded.columns import (
     StrainBlock,
     flow_factor,
     passes_over,
+    refuse_lone_deviations,
     strain_factor,
     time_factor,
 )
@@ -81,6 +82,7 @@ def _hdf5_arrays(path: Path, file: h5py.File, wanted: Wanted) -> StrainFile:
     n_d, strain, time = len(wanted.gauge_names), file["strain"], file["time"]
     warm = file[_TEMPERATURE] if _TEMPERATURE in names else None
     first = 1 + n_d + len(held)
+    refuse_lone_deviations(path, held, wanted)
     plan = ColumnPlan(
         path=path,
         names=("time", *(f"strain, {gauge}" for gauge in wanted.gauge_names), *held.values(), *wanted.sensors),

@@ -8,6 +8,7 @@ import pytest
 from deflected_shape import NAME, known_map
 from shape_case import N_D
 
+from strainfmu.errors import InputError
 from strainfmu.estimator.inverse_map import save_inverse_map
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.flight_tables import evaluate
@@ -73,3 +74,23 @@ def test_a_column_of_deviations_sharpens_the_pressure_field(tmp_path: Path) -> N
         with h5py.File(tmp_path / "field.vtkhdf") as file:
             std.append(np.mean(file["VTKHDF/PointData/sigma_pressure"][:]))
     assert std[1] < 0.4 * std[0]
+
+
+@pytest.mark.parametrize("source", ["map.h5", "e.fmu"])
+@pytest.mark.parametrize(
+    ("columns", "line"),
+    [
+        (
+            {f"{NAME}_std": 0.05},
+            rf"flight\.csv: {NAME}_std: expected {NAME} beside its standard deviation, got none",
+        ),
+        ({NAME: 1.0, f"{NAME}_std": -0.05}, rf"column '{NAME}_std', row 2: expected at least 0, got -0\.05"),
+    ],
+)
+def test_a_deviation_that_cannot_be_is_refused(
+    columns: dict[str, float], line: str, source: str, tmp_path: Path
+) -> None:
+    """By map and FMU alike; of the bus and of an FMU's input it is one that is not stated."""
+    with pytest.raises(InputError, match=line):
+        estimated(tmp_path, columns, source)
+    assert not (tmp_path / "loads.csv").exists()
