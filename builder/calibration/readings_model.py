@@ -20,6 +20,7 @@ from builder.calibration.parameter_derivatives import Key, of_gauges, parameter_
 from builder.calibration.response_tables import LoadResponse, together
 from builder.structure.loads.applied import Load, PadForce, PadPressure
 from strainfmu.arrays import FloatArray, IntArray
+from strainfmu.errors import InputError
 
 PAD_STEPS = {"place": 1e-3, "roll": 5e-3, "shape": 0.02}
 """Steps of the differences for pads [m, rad, 1]."""
@@ -55,7 +56,7 @@ class ReadingsModel:
         self.n_built = len(prior.vector)
         self.groups = list(dict.fromkeys(case.group for case in test.cases))
         self.loads = [(k, one) for k, case in enumerate(test.cases) for one in case.loads]
-        self._pads = [self._pad_columns(one.load) for _, one in self.loads]
+        self._pads = [self._checked_pad_columns(test.cases[k].name, one.load) for k, one in self.loads]
         self._together: LoadResponse | None = None
         self._at_drawing: tuple[FloatArray, FloatArray] | None = None
         built = parameter_names(structure.gauges.names, structure.n_regions)
@@ -166,6 +167,14 @@ class ReadingsModel:
                 found[case, :, first + n_l] += strain[number]
             pad = first + n_l + 1 + 3 * number
             found[case, :, pad : pad + 3] += self._pads[number].T
+
+    def _checked_pad_columns(self, case: str, load: Load) -> FloatArray:
+        """Return :meth:`_pad_columns`; a load that the structure refuses is named by its case, as it is stated."""
+        try:
+            self.structure.response(load)
+            return self._pad_columns(load)
+        except InputError as error:
+            raise InputError(f"load case '{case}': {error}") from error
 
     def _pad_columns(self, load: Load) -> FloatArray:
         """Return (3, n_d) change of the readings by place, roll and shape of a pad; zeros for other loads."""

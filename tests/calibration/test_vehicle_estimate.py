@@ -9,9 +9,10 @@ from builder.calibration.as_built_parameters import AsBuiltParameters, drawn, pr
 from builder.calibration.as_built_structure import AsBuiltStructure
 from builder.calibration.estimate import Estimate, estimate, usable
 from builder.calibration.faults import calibrate_with_faults, load_shifts
-from builder.calibration.load_test import LoadCase, LoadErrors, LoadTest
+from builder.calibration.load_test import KnownLoad, LoadCase, LoadErrors, LoadTest
 from builder.calibration.readings_model import ReadingsModel
 from builder.calibration.standard_cases import standard_cases
+from builder.structure.loads.applied import PadForce
 from builder.vehicle.file import Vehicle
 from strainfmu.errors import InputError
 
@@ -85,6 +86,20 @@ def test_readings_that_no_vehicle_has_are_refused(model: tuple[ReadingsModel, np
         calibrate_with_faults(built.with_readings(factor * built.test.readings))
     said = float(str(refused.value).split("case to case are ")[1].split()[0])
     assert said == pytest.approx(factor, rel=0.2)
+
+
+@pytest.mark.parametrize(("station", "said"), [(15.48, "15.48"), (-1.0, "-1")])
+def test_a_load_off_the_body_is_named_by_its_case(
+    as_built: AsBuiltStructure, prior: AsBuiltParameters, station: float, said: str
+) -> None:
+    pad = PadForce(station=station, roll_angle=0.0, half_length=0.05, half_angle=0.5, force=(0.0, 0.0, -1e3))
+    n_d = as_built.n_gauges
+    case = LoadCase(
+        name="aft", loads=(KnownLoad(load=pad),), reading=np.zeros(n_d), reading_std=np.full(n_d, NOISE)
+    )
+    test = LoadTest(gauge_names=as_built.gauges.names, cases=(case,), errors=ERRORS)
+    with pytest.raises(InputError, match=rf"load case 'aft': load: station {said} m is beyond the surface"):
+        ReadingsModel(as_built, test, prior)
 
 
 @pytest.mark.slow
