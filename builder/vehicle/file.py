@@ -124,6 +124,10 @@ class Vehicle(Section):
                 )
             if entry.mesh is None:
                 faults.append("structure.mesh: entry is missing, shape.surface needs a mesh of the structure")
+        if entry.checked_by is not None and entry.checked_by == entry.mesh:
+            faults.append(
+                f"structure.checked_by: expected another mesh than structure.mesh, got '{entry.mesh}' again"
+            )
         faults += self._parameter_faults()
         if kind != "surface" and entry.mesh is not None:
             faults.append(f"structure.mesh: expected with shape.surface alone, got it with {kind}")

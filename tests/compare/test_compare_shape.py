@@ -103,3 +103,14 @@ def test_the_finned_body_from_file_to_table(tmp_path: Path, run: Run, monkeypatc
     assert code == 0
     for name in ("structure.h5", "snapshots.h5", "compare_flows.h5", "compare.json"):
         assert f"{name}: up to date, reused" in out
+
+
+@pytest.mark.fast
+def test_a_mesh_does_not_check_itself(tmp_path: Path, run: Run) -> None:
+    """Its error would be 0."""
+    path = tmp_path / "finned_body.toml"
+    text = (VEHICLES / "finned_body.toml").read_text(encoding="utf-8")
+    path.write_text(text.replace("finned_body_check.vtu", "finned_body.vtu"), encoding="utf-8")
+    code, _, message = run("compare", path, "-o", tmp_path / "out")
+    line = "structure.checked_by: expected another mesh than structure.mesh, got 'finned_body.vtu' again"
+    assert (code, message) == (2, f"strainfmu: {path}: {line}\n")
