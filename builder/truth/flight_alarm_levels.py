@@ -27,8 +27,9 @@ from strainfmu.estimator.manifold.navigation import NAVIGATION, predicted, state
 from strainfmu.estimator.manifold.solve import solve_warm
 from strainfmu.flight_condition import FlightCondition
 
-ESTIMATED = 2.0 * TAIL
-"""Fraction of the samples, by each test, that is estimated: what the tail is fitted to, and as much again."""
+ESTIMATED = (2.0 * TAIL, 2.0 * TAIL, 5.0 * TAIL)
+"""Fractions of the samples, by chi-square, residual and shapes, that are estimated: what the tail is
+fitted to, and more, as the prediction is not exact. That of the shapes is the worst."""
 
 
 def with_flight_alarm_levels(inverse_map: InverseMap, flights: ReadFlights) -> InverseMap:
@@ -68,8 +69,8 @@ def flight_alarm_ratios(estimator: ManifoldEstimator, flights: ReadFlights) -> F
     """
     inputs, state = _inputs(estimator, flights), _states(flights)
     ratios = _predicted_ratios(estimator, flights, inputs, state)
-    level = np.quantile(ratios, 1.0 - ESTIMATED, axis=1, keepdims=True)
-    rows = np.flatnonzero(np.any(ratios >= level, axis=0))
+    level = [np.quantile(of_test, 1.0 - part) for of_test, part in zip(ratios, ESTIMATED, strict=False)]
+    rows = np.flatnonzero(np.any(ratios >= np.array(level)[:, None], axis=0))
     vehicles = len(flights.strain) // len(state)
     ratios[:, rows] = _estimated(estimator, inputs.rows(rows), state[rows // vehicles])[0]
     return ratios

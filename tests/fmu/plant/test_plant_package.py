@@ -90,8 +90,9 @@ def test_every_platform_is_shipped(fmus: dict[str, Path]) -> None:
         assert library_file(platform, "plant").is_file()
     with zipfile.ZipFile(fmus["inputs"]) as archive:
         names = archive.namelist()
-    for platform, item in PLATFORMS.items():
-        assert f"binaries/{platform}/StrainedVehicle{item.suffix}" in names
+    of_fmi2 = [name for name in PLATFORMS if name != "aarch64-darwin"]  # in darwin64's universal library
+    expected = {f"binaries/{platform}/StrainedVehicle{PLATFORMS[platform].suffix}" for platform in of_fmi2}
+    assert {name for name in names if name.startswith("binaries/")} == expected
     files = ("plant/plant.c", "autopilot/autopilot.c", "schedule/schedule.c", "fmi2/fmi2_co_simulation.c")
     assert {f"sources/{name}" for name in files} <= set(names)
 
