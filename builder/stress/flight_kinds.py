@@ -14,7 +14,7 @@ from builder.stress.flights import (
     mirrored,
     mirrored_is_inside,
 )
-from builder.stress.flows import AnotherEngine, Bump, other_leeward
+from builder.stress.flows import AnotherEngine, other_leeward, vortex_pairs, windward_bump
 from builder.stress.kind import Kind, KindClass, as_stated
 from builder.vehicle.file import Vehicle
 
@@ -160,13 +160,24 @@ def flow_kinds(vehicle: Vehicle) -> list[Kind]:
             size="+10 % of p_inf",
             group="outside",
             what="A bump at mid-body, as of a separation; its loads count as true.",
-            flow=Bump(0.1),
+            flow=windward_bump(0.1),
         ),
         Kind(
             error="local pressure, windward",
             size="+100 % of p_inf",
             group="outside",
             what="The same, ten times as large.",
-            flow=Bump(1.0),
+            flow=windward_bump(1.0),
+        ),
+        *(
+            Kind(
+                error="vortex pair, leeward",
+                size=f"{100.0 * size:g} % of p_inf at {where}",
+                group="outside",
+                what="Suction below two vortices that are in no snapshot; its loads count as true.",
+                flow=flow,
+            )
+            for size in (-0.1, -0.3)
+            for where, flow in vortex_pairs(size).items()
         ),
     ]

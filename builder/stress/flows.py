@@ -1,4 +1,4 @@
-"""Pressure of the stress test: flows beyond the envelope, another engine's, and one with a local bump."""
+"""Pressure of the stress test: flows beyond the envelope, another engine's, and spots of pressure on them."""
 
 from __future__ import annotations
 
@@ -153,38 +153,69 @@ def other_leeward(vehicle: Vehicle) -> str:
     return "ambient" if is_expanded else "prandtl_meyer"
 
 
-@dataclass(frozen=True)
-class Bump:
-    """A bump of ``size`` p_inf on the windward side, as of a local separation.
+@dataclass(frozen=True, kw_only=True)
+class Spots:
+    """Pressure of ``size`` p_inf more on Gaussian spots that lie symmetric to the plane of the wind.
 
-    It is a Gaussian at mid-body, with a standard deviation of 3 % of the length along and of 20 deg around.
+    Attributes
+    ----------
+    size : largest pressure over p_inf [1].
+    place, length : of the middle, and standard deviation, along the body over its length [1].
+    roll_deg, width_deg : to both sides of the leeward meridian, and standard deviation [deg]; 180 is one spot,
+        windward.
     """
 
     size: float
+    place: float
+    length: float
+    roll_deg: float
+    width_deg: float
 
     def on_table(self, vehicle: Vehicle, table: FlowTable) -> FlowTable:
         surface, n_m = truth_surface(vehicle), table.harmonic.shape[3]
-        along = _along(surface.x)
-        around = np.exp(-0.5 * (_from_windward(surface.roll_angle) / np.radians(20.0)) ** 2)
-        amplitude = np.fft.rfft(around).real[:n_m] / surface.n_roll
+        amplitude = np.fft.rfft(self._around(surface.roll_angle)).real[:n_m] / surface.n_roll
         amplitude[1:] *= 2.0
-        return replace(table, harmonic=table.harmonic + self.size * np.outer(along, amplitude))
+        return replace(table, harmonic=table.harmonic + self.size * np.outer(self._along(surface.x), amplitude))
 
     def on_surface(self, vehicle: Vehicle, flows: Snapshots) -> Snapshots:
         x, y, z = flows.point.T
         conditions = flows.conditions()
         leeward = np.array([one.leeward_roll_angle for one in conditions])[:, None]
-        around = np.exp(-0.5 * (_from_windward(np.arctan2(y, z) - leeward) / np.radians(20.0)) ** 2)
+        shape = self._around(np.arctan2(y, z) - leeward) * self._along(x)
         ambient = np.array([one.ambient_pressure for one in conditions])[:, None]
-        return replace(flows, pressure=flows.pressure + self.size * ambient * around * _along(x))
+        return replace(flows, pressure=flows.pressure + self.size * ambient * shape)
+
+    def _along(self, x: FloatArray) -> FloatArray:
+        """Return the spot along the body, by its stations ``x`` [m]."""
+        of_length = x / x.max()
+        return np.asarray(np.exp(-0.5 * ((of_length - self.place) / self.length) ** 2))
+
+    def _around(self, from_leeward: FloatArray) -> FloatArray:
+        """Return the spots round the body, by the angle from the leeward meridian [rad]."""
+        roll, width = np.radians(self.roll_deg), np.radians(self.width_deg)
+        sides = (roll,) if self.roll_deg == 180.0 else (roll, -roll)
+        off = (np.mod(from_leeward - side + np.pi, 2.0 * np.pi) - np.pi for side in sides)
+        return np.asarray(sum(np.exp(-0.5 * (one / width) ** 2) for one in off))
 
 
-def _along(x: FloatArray) -> FloatArray:
-    """Return the bump along the body, by its stations ``x`` [m]."""
-    length = x.max()
-    return np.asarray(np.exp(-0.5 * ((x - 0.5 * length) / (0.03 * length)) ** 2))
+def windward_bump(size: float) -> Spots:
+    """Return a bump of ``size`` p_inf at mid-body, windward, as of a local separation."""
+    return Spots(size=size, place=0.5, length=0.03, roll_deg=180.0, width_deg=20.0)
 
 
-def _from_windward(roll_angle: FloatArray) -> FloatArray:
-    """Return the angle [rad] from the windward meridian, which is opposite to the leeward one at 0."""
-    return np.asarray(np.abs(np.mod(roll_angle, 2.0 * np.pi) - np.pi))
+VORTEX_PAIRS = (
+    (0.3, 0.1, 25.0, 10.0),
+    (0.5, 0.1, 25.0, 10.0),
+    (0.7, 0.1, 25.0, 10.0),
+    (0.85, 0.05, 20.0, 8.0),
+    (0.6, 0.3, 30.0, 15.0),
+)
+"""Place, length, roll angle and width of the suction below pairs of leeward vortices, as of :class:`Spots`."""
+
+
+def vortex_pairs(size: float) -> dict[str, Spots]:
+    """Return pairs of leeward vortices of ``size`` p_inf, by where they lie."""
+    return {
+        f"{place:g} L": Spots(size=size, place=place, length=length, roll_deg=roll, width_deg=width)
+        for place, length, roll, width in VORTEX_PAIRS
+    }

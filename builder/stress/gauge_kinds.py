@@ -30,6 +30,11 @@ def added(count: int, strain: float) -> Readings:
     return readings
 
 
+def shifted(strain: float) -> Readings:
+    """Return all gauges, which read ``strain`` [m/m] more."""
+    return lambda d, wind, hardware, random: d + strain
+
+
 def scaled(count: int | None, factor: float) -> Readings:
     """Return ``count`` gauges, or all, that read ``factor`` times the strain."""
 
@@ -100,6 +105,9 @@ _OF_READINGS: tuple[tuple[str, str, str, Readings], ...] = (
         warm_windward,
     ),
     ("temperature, nose to tail", "0 to 30 um/m", "Apparent strain linear along the axis.", warm_tail),
+    ("temperature, all over the body", "2 um/m", "Apparent strain of all gauges.", shifted(2.0 * MICRO)),
+    ("temperature, all over the body", "10 um/m", "Apparent strain of all gauges.", shifted(10.0 * MICRO)),
+    ("temperature, all over the body", "50 um/m", "Apparent strain of all gauges.", shifted(50.0 * MICRO)),
 )
 """Error, size, what is done, and how."""
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from builder.stress.flows import Bump, newtonian_flows
+from builder.stress.flows import newtonian_flows, vortex_pairs, windward_bump
 from builder.stress.kind import Kind
 from builder.stress.kinds import all_kinds
 from builder.stress.model import RevolvedModel
@@ -129,10 +129,24 @@ def test_newtonian_flow_has_the_pressure_of_its_engine(flown: Vehicle, flow_beyo
 
 
 def test_a_bump_lies_windward_at_mid_body(flown: Vehicle, flow_beyond: FlowTable) -> None:
-    added = Bump(0.5).on_table(flown, flow_beyond).harmonic[0, 0] - flow_beyond.harmonic[0, 0]
+    added = windward_bump(0.5).on_table(flown, flow_beyond).harmonic[0, 0] - flow_beyond.harmonic[0, 0]
     surface = truth_surface(flown)
     field = added @ np.cos(np.outer(np.arange(added.shape[1]), surface.roll_angle))
     station, around = np.unravel_index(np.argmax(field), field.shape)
     assert surface.x[station] == pytest.approx(0.5 * surface.x[-1], abs=0.05)
     assert surface.roll_angle[around] == pytest.approx(np.pi)
     assert field.max() == pytest.approx(0.5, rel=0.1)
+
+
+def test_a_vortex_pair_sucks_to_both_sides_of_the_leeward_meridian(flown: Vehicle, flow_beyond: FlowTable) -> None:
+    pair = vortex_pairs(-0.3)["0.7 L"]
+    added = pair.on_table(flown, flow_beyond).harmonic[1, 2] - flow_beyond.harmonic[1, 2]
+    surface = truth_surface(flown)
+    field = added @ np.cos(np.outer(np.arange(added.shape[1]), surface.roll_angle))
+    station, _ = np.unravel_index(np.argmin(field), field.shape)
+    assert surface.x[station] == pytest.approx(0.7 * surface.x[-1], abs=0.05)
+    around = np.degrees(np.minimum(surface.roll_angle, 2.0 * np.pi - surface.roll_angle))
+    deepest = around[np.argsort(field[station])[:2]]
+    np.testing.assert_allclose(deepest, 25.0, atol=10.0)
+    assert field.min() == pytest.approx(-0.3, rel=0.2)
+    np.testing.assert_allclose(field[station], np.roll(field[station][::-1], 1), atol=1e-12)

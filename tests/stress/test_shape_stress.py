@@ -10,7 +10,7 @@ from shape_case import flown, shape_map, shape_vehicle
 from shape_truth import beam
 
 from builder.stress.flights import FEWER_BEYOND, at_edge, edges_of
-from builder.stress.flows import AnotherEngine, Bump
+from builder.stress.flows import AnotherEngine, vortex_pairs, windward_bump
 from builder.stress.kind import Kind
 from builder.stress.kinds import all_kinds
 from builder.stress.model import ShapeModel
@@ -122,7 +122,7 @@ def test_other_pressure_lies_where_it_should() -> None:
     flows = at_conditions(model.flows, model.flows.conditions()[:6])
     assert flows is not None
     ambient = np.array([one.ambient_pressure for one in flows.conditions()])[:, None]
-    added = (Bump(0.5).on_surface(vehicle, flows).pressure - flows.pressure) / ambient
+    added = (windward_bump(0.5).on_surface(vehicle, flows).pressure - flows.pressure) / ambient
     node = added.argmax(axis=1)
     x, y, z = flows.point[node].T
     assert x == pytest.approx(0.5 * flows.point[:, 0].max(), abs=0.06)
@@ -130,6 +130,11 @@ def test_other_pressure_lies_where_it_should() -> None:
     np.testing.assert_allclose(added.max(axis=1), 0.5 * np.exp(-0.5 * off**2), rtol=0.1)
     leeward = np.array([one.leeward_roll_angle for one in flows.conditions()])
     assert np.all(np.cos(np.arctan2(y, z) - leeward) < -0.95)
+    suction = (vortex_pairs(-0.3)["0.7 L"].on_surface(vehicle, flows).pressure - flows.pressure) / ambient
+    assert suction.max() <= 0.0
+    x, y, z = flows.point[suction.argmin(axis=1)].T
+    off = np.abs(np.angle(np.exp(1j * (np.arctan2(y, z) - leeward))))
+    np.testing.assert_allclose(np.degrees(off), 25.0, atol=12.0)
     steep = flown([FlightCondition(6.5, np.radians(15.0), 0.0, 22e3)])
     other, own = (
         one.pressure / steep.internal_pressure for one in (AnotherEngine().on_surface(vehicle, steep), steep)

@@ -53,7 +53,7 @@ def stress(
     rebuild: Annotated[bool, REBUILD_OPTION] = False,
     estimator: Annotated[Estimator | None, ESTIMATOR_OPTION] = None,
 ) -> None:
-    """Try some fifty kinds of error on a map: how many samples health flags, how many are wrong without a word.
+    """Try some sixty kinds of error on a map: how many samples health flags, how many are wrong without a word.
 
     Flies an independent, finer model of the vehicle: each hardware error, gauges off, temperature, flights beyond
     the envelope, another engine's pressure. Silent is a sample with a coefficient outside 3 sigma while health is
