@@ -73,7 +73,7 @@ def calibrate_with_faults(model: ReadingsModel) -> tuple[Estimate, tuple[Fault, 
 
 
 def _without_faults(model: ReadingsModel) -> tuple[Estimate, tuple[Fault, ...]]:
-    """Return :func:`calibrate_with_faults`, be it near the readings or not."""
+    """Return :func:`calibrate_with_faults`, whether its steps ended near the readings or not."""
     used = usable(model)
     gauges = gauge_faults(model, used)
     names = model.structure.gauges.names

@@ -51,7 +51,7 @@ class RollingFlights(TrueFlights):
     rolling: FloatArray | None = None
 
     def read(self, built: AsBuilt, rows: slice = slice(None)) -> FloatArray:
-        raise NotImplementedError
+        raise NotImplementedError  # the tally counts answers; nothing reads strain
 
 
 def flights(rolling: float | None = None) -> RollingFlights:

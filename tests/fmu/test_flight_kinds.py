@@ -11,15 +11,13 @@ import numpy as np
 import pytest
 from flight_fmu import N_D, fresh_tracker, random_flight, tracked, whole_map
 from fmpy.validation import validate_fmu
-from fmu_host import OPTIONS, loaded
+from fmu_host import OPTIONS, exported_kinds, loaded
 from further_maps import STATIONS, with_further_tables
 
 from strainfmu.estimator.filter.flight_filter import FlightFilter
 from strainfmu.estimator.filter.settings import FilterSettings
-from strainfmu.estimator.inverse_map import save_inverse_map
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.fmu.crosscheck import write_crosscheck
-from strainfmu.fmu.export import export_estimator
 from strainfmu.fmu.integrity import damaged_entries
 from strainfmu.interface.filter_variables import FILTER_TIME_CONSTANT
 from strainfmu.interface.further_variables import further_outputs
@@ -27,12 +25,7 @@ from strainfmu.interface.further_variables import further_outputs
 
 @pytest.fixture(scope="module")
 def flights(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    folder = tmp_path_factory.mktemp("flights")
-    save_inverse_map(with_further_tables(whole_map()), folder / "map.h5")
-    paths = {kind: folder / f"{kind}.fmu" for kind in OPTIONS}
-    for kind, options in OPTIONS.items():
-        export_estimator(folder / "map.h5", paths[kind], options)
-    return paths
+    return exported_kinds(with_further_tables(whole_map()), tmp_path_factory.mktemp("flights"))
 
 
 def description(path: Path) -> Element:

@@ -9,15 +9,14 @@ import pytest
 from flight_fmu import N_D, random_flight, whole_map
 from fmpy import read_model_description
 from fmpy.validation import validate_fmu
-from fmu_host import OPTIONS, loaded
+from fmu_host import OPTIONS, exported_kinds, loaded
 from sensor_maps import ROWS, with_sensors
 
 from strainfmu.estimator.filter.switched import SwitchedFilter, TimedTrack
-from strainfmu.estimator.inverse_map import InverseMap, save_inverse_map
+from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.manifold.derivative import estimate_derivative
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.fmu.crosscheck import write_crosscheck
-from strainfmu.fmu.export import export_estimator
 from strainfmu.interface.estimator_variables import NOT_KNOWN, estimator_interface, output_values
 from strainfmu.interface.filter_variables import FILTER_TIME_CONSTANT
 from strainfmu.interface.sensor_variables import reading_names, sensor_names
@@ -34,11 +33,7 @@ def held_map() -> InverseMap:
 
 @pytest.fixture(scope="module")
 def paths(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    folder = tmp_path_factory.mktemp("sensors")
-    save_inverse_map(held_map(), folder / "map.h5")
-    for kind, options in OPTIONS.items():
-        assert export_estimator(folder / "map.h5", folder / f"{kind}.fmu", options) == "manifold"
-    return {kind: folder / f"{kind}.fmu" for kind in OPTIONS}
+    return exported_kinds(held_map(), tmp_path_factory.mktemp("sensors"))
 
 
 @pytest.mark.parametrize("kind", OPTIONS)

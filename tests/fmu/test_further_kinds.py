@@ -8,14 +8,12 @@ import numpy as np
 import pytest
 from fmpy import read_model_description
 from fmpy.validation import validate_fmu
-from fmu_host import OPTIONS, loaded
+from fmu_host import OPTIONS, exported_kinds, loaded
 from further_maps import with_further
 from scaled_maps import NOMINAL, scaled_map
 
-from strainfmu.estimator.inverse_map import save_inverse_map
 from strainfmu.estimator.step import Estimator
 from strainfmu.fmu.crosscheck import write_crosscheck
-from strainfmu.fmu.export import export_estimator
 from strainfmu.interface.further_variables import further_outputs
 
 pytestmark = pytest.mark.fast
@@ -25,11 +23,7 @@ N = 18
 
 @pytest.fixture(scope="module")
 def paths(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    folder = tmp_path_factory.mktemp("further")
-    save_inverse_map(with_further(scaled_map(2, seed=4)), folder / "map.h5")
-    for kind, options in OPTIONS.items():
-        export_estimator(folder / "map.h5", folder / f"{kind}.fmu", options)
-    return {kind: folder / f"{kind}.fmu" for kind in OPTIONS}
+    return exported_kinds(with_further(scaled_map(2, seed=4)), tmp_path_factory.mktemp("further"))
 
 
 @pytest.mark.parametrize("kind", OPTIONS)

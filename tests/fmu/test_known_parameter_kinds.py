@@ -9,15 +9,13 @@ import pytest
 from deflected_shape import NAME, known_map
 from fmpy import read_model_description
 from fmpy.validation import validate_fmu
-from fmu_host import OPTIONS, loaded
+from fmu_host import OPTIONS, exported_kinds, loaded
 
-from strainfmu.estimator.inverse_map import save_inverse_map
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.flight_tables import evaluate
 from strainfmu.estimator.manifold.parameter_tables import with_known
 from strainfmu.estimator.manifold.tracker import FlightTracker
 from strainfmu.fmu.crosscheck import write_crosscheck
-from strainfmu.fmu.export import export_estimator
 from strainfmu.interface.input_names import NOT_KNOWN
 
 pytestmark = pytest.mark.fast
@@ -28,11 +26,7 @@ VALUE, STD = f"parameter.{NAME}", f"parameter_std.{NAME}"
 
 @pytest.fixture(scope="module")
 def paths(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    folder = tmp_path_factory.mktemp("known")
-    save_inverse_map(known_map(), folder / "map.h5")
-    for kind, options in OPTIONS.items():
-        assert export_estimator(folder / "map.h5", folder / f"{kind}.fmu", options) == "manifold"
-    return {kind: folder / f"{kind}.fmu" for kind in OPTIONS}
+    return exported_kinds(known_map(), tmp_path_factory.mktemp("known"))
 
 
 @pytest.mark.parametrize("kind", OPTIONS)

@@ -9,7 +9,7 @@ import pytest
 from flight_fmu import N_D, fresh_tracker, random_flight, whole_map
 from fmpy import read_model_description
 from fmpy.validation import validate_fmu
-from fmu_host import OPTIONS, loaded
+from fmu_host import OPTIONS, exported_kinds, loaded
 from further_maps import with_further
 from parameter_maps import PARAMETERS, with_parameters
 from scaled_maps import NOMINAL, scaled_map
@@ -26,11 +26,9 @@ N = 18
 
 @pytest.fixture(scope="module")
 def paths(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    folder = tmp_path_factory.mktemp("parameters")
-    save_inverse_map(with_parameters(with_further(scaled_map(2, seed=4))), folder / "map.h5")
-    for kind, options in OPTIONS.items():
-        export_estimator(folder / "map.h5", folder / f"{kind}.fmu", options)
-    return {kind: folder / f"{kind}.fmu" for kind in OPTIONS}
+    return exported_kinds(
+        with_parameters(with_further(scaled_map(2, seed=4))), tmp_path_factory.mktemp("parameters")
+    )
 
 
 @pytest.mark.parametrize("kind", OPTIONS)

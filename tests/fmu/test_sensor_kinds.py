@@ -9,17 +9,16 @@ import numpy as np
 import pytest
 from fmpy import read_csv, read_model_description, simulate_fmu
 from fmpy.validation import validate_fmu
-from fmu_host import OPTIONS, loaded
+from fmu_host import OPTIONS, exported_kinds, loaded
 from further_maps import with_further
 from scaled_maps import NOMINAL, scaled_map
 from sensor_maps import ROWS, sensor_rows, with_sensors
 
 from strainfmu.errors import InputError
-from strainfmu.estimator.inverse_map import InverseMap, save_inverse_map
+from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.sensors import SensorRows
 from strainfmu.estimator.step import Estimator
 from strainfmu.fmu.crosscheck import write_crosscheck
-from strainfmu.fmu.export import export_estimator
 from strainfmu.interface.estimator_variables import NOT_KNOWN, estimator_interface, output_values
 from strainfmu.interface.sensor_variables import reading_names, sensor_names
 
@@ -39,11 +38,7 @@ def rows_of(inverse_map: InverseMap) -> SensorRows:
 
 @pytest.fixture(scope="module")
 def paths(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    folder = tmp_path_factory.mktemp("sensors")
-    save_inverse_map(held_map(), folder / "map.h5")
-    for kind, options in OPTIONS.items():
-        export_estimator(folder / "map.h5", folder / f"{kind}.fmu", options)
-    return {kind: folder / f"{kind}.fmu" for kind in OPTIONS}
+    return exported_kinds(held_map(), tmp_path_factory.mktemp("sensors"))
 
 
 def test_names_are_identifiers() -> None:

@@ -11,13 +11,25 @@ import numpy as np
 from fmpy.fmi2 import FMU2Slave
 from synthetic_vehicle import N_GAUGES
 
-from strainfmu.fmu.export import ExportOptions
+from strainfmu.estimator.inverse_map import InverseMap, save_inverse_map
+from strainfmu.fmu.export import ExportOptions, export_estimator
 
 OPTIONS = {
     "native": ExportOptions(),
     "native_3": ExportOptions(fmi_version="3"),
     "python": ExportOptions(kind="python"),
 }
+
+
+def exported_kinds(inverse_map: InverseMap, folder: Path) -> dict[str, Path]:
+    """Return the FMUs of ``inverse_map`` of every kind, made in ``folder``, by the keys of :data:`OPTIONS`."""
+    save_inverse_map(inverse_map, folder / "map.h5")
+    found = {kind: folder / f"{kind}.fmu" for kind in OPTIONS}
+    for kind, options in OPTIONS.items():
+        holds = export_estimator(folder / "map.h5", found[kind], options)
+        assert holds == ("linear" if inverse_map.manifold is None else "manifold")
+    return found
+
 
 STRAINS = [f"strain[{i + 1}]" for i in range(N_GAUGES)]
 VALID = [f"valid[{i + 1}]" for i in range(N_GAUGES)]

@@ -153,7 +153,7 @@ void transpose(size_t rows, size_t columns, const double *matrix, size_t row, do
 
 /* Navigation in use: what is not named. Then, for a solution, what is held against it after the sample; residual gets the
    distances of what was named from its prediction. Or what was held before. filter_navigation.c */
-void filter_believe(Filter *filter);
+void filter_leave_out_named(Filter *filter);
 void filter_judge(Filter *filter, double residual[N_NAVIGATION]);
 void filter_keep_named(Filter *filter);
 

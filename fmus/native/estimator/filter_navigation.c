@@ -5,7 +5,7 @@
 #include "filter.h"
 #include "flight_algebra.h"
 
-void filter_believe(Filter *filter) {
+void filter_leave_out_named(Filter *filter) {
     double *precision = filter->solver->sample.precision;
     memcpy(filter->given, precision, sizeof filter->given);
     for (size_t k = 0; k < N_NAVIGATION; k++) {

@@ -50,10 +50,10 @@ static void solve(Flight *flight, const Law *law, const double *start, size_t it
 /* What navigation and the ranges of the map say, without what is apart. */
 static void measure(Flight *flight) {
     flight_set_measurement(flight);
-    filter_believe(&flight->filter);
+    filter_leave_out_named(&flight->filter);
 }
 
-/* Write the solution to the outputs, not good while navigation that is given is not believed; whether it fits. */
+/* Write the solution to the outputs, not OK while navigation that is given is named; whether it fits. */
 static int conclude(Estimator *e, size_t used) {
     const Filter *filter = &e->flight.filter;
     const int fits = flight_conclude(e, used);

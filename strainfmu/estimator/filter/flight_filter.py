@@ -236,7 +236,7 @@ class FlightFilter:
     ) -> _Solved:
         """Return the sample from ``law``, a second time without navigation that is inconsistent."""
         held, white = self.track.named, self.settings.white_navigation
-        before = after = held.believed(samples)
+        before = after = held.without_named(samples)
         found = filtered_sample(self._model, law, _rows(before), start=start, iterations=iterations)
         residual = found.solution.navigation_residual
         dropped = inconsistent_navigation(residual)
@@ -251,7 +251,7 @@ class FlightFilter:
         return _Solved(found=found, sample=after, named=named)
 
     def _concluded(self, inputs: EstimatorInputs, solved: _Solved, predicted: bool = False) -> FlightEstimates:
-        """Return the estimate of a sample; not ``OK`` while navigation that is given is not believed."""
+        """Return the estimate of a sample; not ``OK`` while navigation that is given is named."""
         estimate = self._known.concluded(inputs, solved.sample, solved.found.solution, predicted=predicted)
         named = np.isfinite(inputs.navigation.value[0]) & (solved.named.apart > 0.0)
         if named.any() and estimate.health[0] == HealthState.OK:
@@ -264,7 +264,7 @@ class FlightFilter:
         searched = track.state is None or track.since_search >= SEARCH_EVERY
         start, iterations = track.state, WARM_ITERATIONS
         if searched or start is None:
-            start, iterations = self._known.search(track.named.believed(samples)).state[0], 0
+            start, iterations = self._known.search(track.named.without_named(samples)).state[0], 0
         own = stationary_law(transition(self._model, 1.0, 1.0, track.warm), self.model.n_considered)
         solved = self._solved(own, samples, start=start, iterations=iterations)
         estimate = self._concluded(inputs, solved)

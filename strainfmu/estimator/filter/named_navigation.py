@@ -41,15 +41,15 @@ class NamedNavigation:
 
     Attributes
     ----------
-    apart : (3,) errors of those that are named, in deviations of navigation; 0 of one that is believed.
-    alarms : (3,) steps in a row that one that is believed was left out with an alarm, negative where it reads
+    apart : (3,) errors of those that are named, in deviations of navigation; 0 of one that is not named.
+    alarms : (3,) steps in a row that one that is not named was left out with an alarm, negative where it reads
         less than predicted.
     """
 
     apart: FloatArray = field(default_factory=lambda: np.zeros(_N))
     alarms: FloatArray = field(default_factory=lambda: np.zeros(_N))
 
-    def believed(self, samples: Samples) -> Samples:
+    def without_named(self, samples: Samples) -> Samples:
         """Return ``samples`` without the quantities that are named."""
         precision = samples.measured.precision.copy()
         precision[:, :_N] *= self.apart == 0.0
