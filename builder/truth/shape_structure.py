@@ -34,6 +34,8 @@ from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 
+NO_SECOND_MESH = "structure.checked_by: entry is missing, a second mesh plays the vehicle in an independent model"
+
 WAYS = 4
 """Gauges in place, and what they read more per metre aft, per metre around and per radian turned."""
 
@@ -88,9 +90,7 @@ def refuse_without_other_model(vehicle: Vehicle) -> None:
     if vehicle.sensors is not None:
         raise InputError("sensors: expected none for an independent model of this shape, which has gauges alone")
     if vehicle.shape_kind == "surface" and vehicle.structure.checked_by is None:
-        raise InputError(
-            "structure.checked_by: entry is missing, a second mesh plays the vehicle in an independent model"
-        )
+        raise InputError(NO_SECOND_MESH)
 
 
 def flying_structure(vehicle: Vehicle, known: Structure | None, reporter: Reporter) -> ShapeStructure:
@@ -111,9 +111,7 @@ def flying_structure(vehicle: Vehicle, known: Structure | None, reporter: Report
     assert isinstance(case, FreeCase)
     other = flying_mesh(vehicle) if vehicle.shape_kind == "sections" else case.other
     if other is None:
-        raise InputError(
-            "structure.checked_by: entry is missing, a second mesh plays the vehicle in an independent model"
-        )
+        raise InputError(NO_SECOND_MESH)
     with reporter.stage("Structure: the vehicle that flies") as progress:
         check = on_other_mesh(case, other, progress)
     ends = np.cumsum([len(one.name) for one in case.layouts.values()])
