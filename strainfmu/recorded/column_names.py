@@ -204,7 +204,7 @@ def _unknown_text(unknown: Sequence[str], names: Sequence[str], wanted: Wanted) 
     elif number is not None:
         hint = f"expected strain[1] to strain[{len(wanted.gauge_names)}]"
     else:
-        hint = f"expected a gauge, strain[i], time, {', '.join(FLOW_NAMES)}"
+        hint = f"expected a gauge, strain[i], time, {', '.join(wanted.flow)}"
     others = "" if len(unknown) == 1 else f", and of {len(unknown) - 1} others: {some_of(unknown[1:])}"
     return f"column '{first}': unknown name{others}; {hint}, or leave it out by --ignore-columns '{first}'"
 

@@ -156,6 +156,10 @@ def test_unknown_channels_are_refused(kind: str, tmp_path: Path) -> None:
     line = "column 'oil_temperature': unknown name; expected a gauge"
     with pytest.raises(InputError, match=line), open_strains(path, Wanted(gauge_names=tuple(NAMES))):
         pass
+    flow = ("dynamic_pressure", "static_pressure", "fin_roll_deg")
+    told = Wanted(gauge_names=tuple(NAMES), flow=flow)
+    with pytest.raises(InputError, match="time, dynamic_pressure, static_pressure, fin_roll_deg, or"):
+        open_strains(path, told).__enter__()
     for ignored in ("oil_temperature", "*"):
         with open_strains(path, Wanted(gauge_names=tuple(NAMES), ignored=(ignored,))) as opened:
             ((block, _),) = opened.blocks
