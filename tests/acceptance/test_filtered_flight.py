@@ -36,7 +36,7 @@ def flown(tmp_path_factory: pytest.TempPathFactory, ic3x_demo: Path) -> Path:
     main = "from strainfmu.cli.main import main; main()"
     command = [sys.executable, "-c", main, "demo", "--perfect", "-o", folder]
     subprocess.run([*command, "--snapshots", ic3x_demo / "snapshots.h5"], check=True, capture_output=True)
-    save_inverse_map(map_of_gauge_noise(load_snapshots(folder / "snapshots.h5")), folder / "noise.h5")
+    save_inverse_map(map_of_gauge_noise(load_snapshots(ic3x_demo / "snapshots.h5")), folder / "noise.h5")
     return folder
 
 
