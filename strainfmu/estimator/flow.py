@@ -41,7 +41,7 @@ def flow_of(
         One is no number or not one of each sample, or a parameter is unknown.
     """
     score = np.zeros((samples, len(known.names)))
-    if parameters:
+    if parameters is not None:
         score = known.score(known.values(parameters, samples))
     pressure, std, mach, altitude = (per_sample(*one, samples) for one in zip(_NAMES, values, strict=True))
     return Flow(pressure, std, mach, altitude, score)

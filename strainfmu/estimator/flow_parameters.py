@@ -49,26 +49,35 @@ class FlowParameters:
         width = self.maximum - self.minimum
         return np.asarray(np.where(width > 0.0, width, np.maximum(np.abs(self.maximum), 1.0)))
 
-    def values(self, given: Mapping[str, ArrayLike] | None, samples: int) -> FloatArray:
+    def values(
+        self, given: Mapping[str, ArrayLike] | None, samples: int, argument: str = "parameters"
+    ) -> FloatArray:
         """Return (samples, n_p) the values ``given`` by name, NaN of those that are not.
+
+        ``argument`` is what errors call ``given``.
 
         Raises
         ------
         InputError
-            The map has no parameter of a name, or a value is no number or not one of each sample.
+            ``given`` names nothing, the map has no parameter of a name, or a value is no number or not one of each
+            sample.
         """
         found = np.full((samples, len(self.names)), np.nan)
-        for name, value in (given or {}).items():
+        if given is None:
+            return found
+        known = ", ".join(self.names) or "none"
+        if not isinstance(given, Mapping):
+            raise InputError(f"{argument}: expected values by name, of the map's {known}, got {given!r}")
+        for name, value in given.items():
             if name not in self.names:
-                known = ", ".join(self.names) or "none"
-                raise InputError(f"parameters: expected those of the map, {known}, got '{name}'")
+                raise InputError(f"{argument}: expected those of the map, {known}, got '{name}'")
             found[:, self.names.index(name)] = per_sample(name, value, samples)
         return found
 
     def stds(self, given: Mapping[str, ArrayLike] | None, samples: int) -> FloatArray:
         """Return (samples, n_p) standard deviations ``given`` by name, as :meth:`values`; errors as there, and for
         one below 0."""
-        found = self.values(given, samples)
+        found = self.values(given, samples, "parameters_std")
         if np.any(found < 0.0):
             raise InputError(f"parameters_std: expected numbers from 0 on, got {np.nanmin(found):g}")
         return found

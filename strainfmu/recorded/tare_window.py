@@ -87,11 +87,14 @@ def _read(
 
 
 def _check_within(window: Window, time: FloatArray, path: Path) -> None:
-    """Refuse a window that leaves the recording, ``time`` (n,) [s] up to its end, by more than a sample's time."""
-    if len(time) < 2:
+    """Refuse a window that leaves the recording, ``time`` (n,) [s] up to its end, by more than a sample's time.
+
+    That is the median: a recording that paused for long does not reach further.
+    """
+    if not len(time):
         return
     first, last = float(time[0]), float(time[-1])
-    reach = 1.5 * (last - first) / (len(time) - 1)
+    reach = 1.5 * float(np.median(np.diff(time))) if len(time) > 1 else 0.0
     if window.begin < first - reach or window.end > last + reach:
         raise InputError(
             f"{path}: window: expected within the recording, {first:g} to {last:g} s, "

@@ -62,6 +62,16 @@ def test_the_last_sample_stands_for_the_time_up_to_the_next(
     assert "6 zeros from 300 samples" in out
 
 
+def test_a_recording_that_paused_reaches_no_further(synthetic: SyntheticFiles, tmp_path: Path, run: Run) -> None:
+    """Its mean time between samples is 3.4 s, that of nearly all of them 0.01 s."""
+    time = 0.01 * np.arange(300) + np.where(np.arange(300) < 100, 0.0, 1000.0)
+    strain = ZERO + 1e-7 * np.random.default_rng(2).normal(size=(300, N_GAUGES))
+    ground = write_csv(tmp_path / "g.csv", ["time", *NAMES], time, strain)
+    code, _, error = run("tare", synthetic.map_1, ground, "--window", "1001:1005", "-o", tmp_path / "zeros.toml")
+    assert (code, error.count("\n")) == (2, 1)
+    assert "window: expected within the recording, 0 to 1002.99 s, got 1001 to 1005 s" in error
+
+
 def test_refused_while_loads_are_not_known(synthetic: SyntheticFiles, tmp_path: Path, run: Run) -> None:
     ground, zeros = standing(tmp_path / "g.csv", pressure=True), tmp_path / "zeros.toml"
     code, _, error = run("tare", synthetic.map_1, ground, "--window", "0:2", "-o", zeros)

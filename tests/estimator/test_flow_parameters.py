@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from parameter_maps import with_parameters
@@ -83,6 +85,16 @@ def test_bad_input_is_one_line(estimator: Estimator) -> None:
         estimator.step(strain, NOMINAL, parameters={"power": [1.0, 2.0]})
     with pytest.raises(InputError, match="expected those of the map, none, got 'power'"):
         Estimator(random_map()).step(random_map().mean_strain, 1e5, parameters={"power": 1.0})
+
+
+@pytest.mark.parametrize("given", [[1.0], (), np.ones(3), 0.5, "power"])
+def test_values_without_names_are_refused_in_one_line(estimator: Estimator, given: Any) -> None:
+    strain = estimator.inverse_map.mean_strain
+    for call in (estimator.step, estimator.estimate):
+        with pytest.raises(InputError, match=r"^parameters: expected values by name, of the map's fin_deg, power"):
+            call(strain, NOMINAL, parameters=given)
+    with pytest.raises(InputError, match=r"^parameters_std: expected values by name, .* got \S"):
+        estimator.parameters.stds(given, 1)
 
 
 def test_a_map_without_parameters_has_none() -> None:

@@ -16,7 +16,7 @@ from builder.structure.solid.displaced_gauges import displaced_on_surface
 from builder.structure.solid.free_gauges import free_gauges, surface_axes
 from builder.structure.solid.gauge_rows import Gauges
 from builder.structure.solid.matter import Matter, PointMass
-from builder.structure.solid.mesh_choice import CAD_FORMATS, TETRAHEDRON_LENGTH
+from builder.structure.solid.mesh_choice import CAD_FORMATS, TETRAHEDRON_LENGTH, check_other
 from builder.structure.solid.section_wall import section_wall
 from builder.structure.solid.solid_mesh import SolidMesh
 from builder.structure.solid.supports import Support
@@ -174,6 +174,8 @@ def _meshes(vehicle: Vehicle, resolution: str) -> tuple[SolidMesh, SolidMesh | N
     made = paths[0].suffix.lower() in CAD_FORMATS
     if made:
         source["element_length"] = length
+    if len(read) > 1:
+        check_other(read[0], read[1], paths[1])
     return read[0], read[1] if len(read) > 1 else None, "gmsh_tetrahedra" if made else "imported", source
 
 

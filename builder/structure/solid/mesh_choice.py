@@ -11,7 +11,7 @@ import numpy as np
 
 from builder.structure.solid.locking import WallElements
 from builder.structure.solid.mesh_report import facet_size, facet_size_round_axis
-from builder.structure.solid.solid_mesh import INTERNAL, SolidMesh
+from builder.structure.solid.solid_mesh import INTERNAL, SolidMesh, same_elements
 from builder.structure.solid.swept_mesh import (
     HEXAHEDRON,
     RESOLUTIONS,
@@ -144,6 +144,21 @@ def make_mesh(body: BodyOfRevolution, wall: Wall, choice: MeshChoice) -> SweptSe
 def whole_mesh(mesh: SweptSector | SolidMesh) -> SolidMesh:
     """Return the mesh itself, or all sectors of a swept one."""
     return full_mesh(mesh) if isinstance(mesh, SweptSector) else mesh
+
+
+def check_other(mesh: SolidMesh, other: SolidMesh, path: Path) -> None:
+    """Refuse a second mesh, of ``path``, with the elements of the first: the difference would be 0, not the error.
+
+    Raises
+    ------
+    InputError
+        It has them, in whatever order.
+    """
+    if same_elements(mesh, other):
+        raise InputError(
+            f"structure.checked_by: expected another mesh than the first, got its {len(mesh.element)} elements "
+            f"again in '{path.name}'"
+        )
 
 
 def coarser_sector(body: BodyOfRevolution, wall: Wall, choice: MeshChoice) -> SweptSector:

@@ -27,6 +27,7 @@ from builder.structure.solid.matter import Matter
 from builder.structure.solid.mesh_checks import check_mesh
 from builder.structure.solid.mesh_choice import (
     MeshChoice,
+    check_other,
     coarser_sector,
     make_mesh,
     wall_elements,
@@ -185,7 +186,7 @@ def solve_solid_structure(case: AnyCase, reporter: Reporter, before: Structure |
             progress=progress,
         )
     with reporter.stage("Mesh error") as progress:
-        error, check = _mesh_error(case, surface.point, solved.strain_operator, progress)
+        error, check = _mesh_error(case, whole, surface.point, solved.strain_operator, progress)
     return Structure(
         vehicle=case.vehicle,
         model=case.mesh.model,
@@ -263,11 +264,12 @@ def _rows_of_layouts(mesh: SweptSector | SolidMesh, layouts: Mapping[str, Gauges
 
 
 def _mesh_error(
-    case: SolidCase, point: FloatArray, operator: FloatArray, progress: Progress
+    case: SolidCase, first: SolidMesh, point: FloatArray, operator: FloatArray, progress: Progress
 ) -> tuple[FloatArray, tuple[str, MeshCheck | None]]:
     """Return the error (n_d,) [1/Pa] under the reference loads; what it was measured against, and its Z_p.
 
-    The Fourier model's Z_p is not kept: a map solves it at the nodes of its own pressures.
+    ``first`` is the mesh of ``operator``, ``point`` (n, 3) its loaded nodes [m]. The Fourier model's Z_p is not
+    kept: a map solves it at the nodes of its own pressures.
     """
     length = case.body.length
     strain = operator @ reference_pressures(point, length)
@@ -285,6 +287,8 @@ def _mesh_error(
         mesh = make_mesh(case.body, case.wall, case.checked_by)
         whole, name = whole_mesh(mesh), case.checked_by.source if case.checked_by.file is None else ""
         name = name or f"the mesh {case.checked_by.source.rpartition('/')[2]}"
+        if case.checked_by.file is not None:
+            check_other(first, whole, case.checked_by.file)
         check_mesh(whole, case.body.length)
     rows = _rows_of_layouts(mesh, case.layouts)
     other = solve_strain(

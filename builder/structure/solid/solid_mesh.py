@@ -82,6 +82,20 @@ class SolidMesh:
         return self.surface[name]
 
 
+def same_elements(one: SolidMesh, other: SolidMesh) -> bool:
+    """Return whether two meshes hold the same elements at the same places, in whatever order."""
+    if one.element_type != other.element_type or one.element.shape != other.element.shape:
+        return False
+    return bool(np.array_equal(_elements_in_order(one), _elements_in_order(other)))
+
+
+def _elements_in_order(mesh: SolidMesh) -> FloatArray:
+    """Return the nodes' positions (m * n_e, 3) [m], sorted within each element, and elements by these."""
+    position, number = np.unique(mesh.node, axis=0, return_inverse=True)
+    element = np.sort(number.reshape(-1)[mesh.element], axis=1)
+    return np.asarray(position[element[np.lexsort(element.T)]].reshape(-1, 3))
+
+
 def linear_tetrahedra(mesh: SolidMesh) -> SolidMesh:
     """Return the linear tetrahedra on the corners of quadratic ones, to show what is lost with the middle nodes.
 

@@ -140,3 +140,25 @@ def test_wrong_regions_and_masses_are_one_line(tmp_path: Path, change: tuple[str
         structure_case(load_vehicle(path), ["body"])
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_a_mesh_does_not_check_itself_under_another_name(tmp_path: Path) -> None:
+    """Nor with its nodes and elements in another order; the difference would be 0, and be called the error."""
+    path = finned(tmp_path)
+    first = read_mesh(tmp_path / "finned_body.vtu")
+    random = np.random.default_rng(1)
+    order = random.permutation(first.n_nodes)
+    number = np.argsort(order)
+    shuffled = replace(
+        first,
+        node=first.node[order],
+        element=number[first.element][random.permutation(len(first.element))],
+        surface={name: number[facet] for name, facet in first.surface.items()},
+    )
+    write_mesh(tmp_path / "finned_body_check.vtu", shuffled, with_surfaces=True)
+    line = rf"^structure.checked_by: expected another mesh than the first, got its {len(first.element)} elements"
+    with pytest.raises(InputError, match=line):
+        structure_case(load_vehicle(path), ["body"])
+    moved = replace(shuffled, node=shuffled.node * [1.0, 1.0, 1.0 + 1e-9])
+    write_mesh(tmp_path / "finned_body_check.vtu", moved, with_surfaces=True)
+    structure_case(load_vehicle(path), ["body"])
