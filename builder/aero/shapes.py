@@ -115,11 +115,6 @@ def without_base(mesh: SurfaceMesh) -> SurfaceMesh:
     return SurfaceMesh(mesh.point[used], number.reshape(-1, 3).astype(np.int64))
 
 
-def surface_length(surface: SurfaceMesh) -> float:
-    """Return the greatest x of a surface [m]: its length from the nose at the origin."""
-    return float(surface.point[:, 0].max())
-
-
 def file_scale(path: Path, extent: float, unit: str | None, length: float | None) -> float:
     """Return the metres of a file's unit of length, from the unit or, without one, from the vehicle's length [m].
 

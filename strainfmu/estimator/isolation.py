@@ -18,18 +18,11 @@ AMBIGUOUS_CORRELATION = 0.9
 """|correlation| of two z above which a 10 sigma bias of one is taken for the other in more than 1 % of cases."""
 
 
-def standardised_residuals(
-    precision: FloatArray, residual: FloatArray, min_precision: FloatArray | float = 0.0
-) -> FloatArray:
-    """Return (n_d,) z_i = (P r)_i / sqrt(P_ii) [1]; 0 where P_ii <= ``min_precision``: no other gauge checks it.
-
-    ``precision`` is P [1/(m/m)^2], ``residual`` r [m/m].
-    """
-    return inverse_root(np.diag(precision), min_precision) * (precision @ residual)
-
-
 def inverse_root(precision_diagonal: FloatArray, min_precision: FloatArray | float = 0.0) -> FloatArray:
-    """Return 1 / sqrt(P_ii) (n_d,) [m/m], the deviation of leave-one-out errors; 0 for gauges nothing checks."""
+    """Return 1 / sqrt(P_ii) (n_d,) [m/m], the deviation of leave-one-out errors.
+
+    It is 0 where P_ii [1/(m/m)^2] <= ``min_precision``: no other gauge checks this one.
+    """
     checked = precision_diagonal > min_precision
     return np.where(checked, 1.0 / np.sqrt(np.where(checked, precision_diagonal, 1.0)), 0.0)
 
@@ -68,21 +61,14 @@ def ambiguous_groups(correlation: FloatArray, limit: float = AMBIGUOUS_CORRELATI
     return tuple(groups)
 
 
-def suspected_gauges(z: FloatArray, threshold: float, groups: tuple[tuple[int, ...], ...] = ()) -> tuple[int, ...]:
-    """Return the gauge of the largest |z| and those of its ambiguous group, by index; none below ``threshold``.
-
-    Right for a single faulty gauge; of several at once the worst need not be one of them.
-    """
-    worst = int(np.argmax(np.abs(z)))
-    if not abs(z[worst]) > threshold:
-        return ()
-    return next((group for group in groups if worst in group), (worst,))
-
-
 def suspects_by_gauge(
     n_gauges: int, groups: tuple[tuple[int, ...], ...]
 ) -> np.ndarray[tuple[int], np.dtype[np.object_]]:
-    """Return (n_gauges + 1,) tuples: the answer of :func:`suspected_gauges` for each gauge; the last one is ()."""
+    """Return (n_gauges + 1,) the gauges to suspect where |z| of each is the largest, by index; the last is ().
+
+    They are the gauge itself and its ambiguous group. Right for a single faulty gauge; of several at once the
+    worst need not be one of them.
+    """
     table = np.empty(n_gauges + 1, dtype=object)
     for gauge in range(n_gauges):
         table[gauge] = (gauge,)

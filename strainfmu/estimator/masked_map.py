@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import OrderedDict
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +14,9 @@ from strainfmu.estimator.isolation import ambiguous_groups, correlations, invers
 from strainfmu.estimator.load_errors import load_error_covariance
 from strainfmu.estimator.map_parts import MapParts
 from strainfmu.estimator.masks import MIN_INFORMATION, information_left, masked_gain, masked_whitening
+
+CACHED_MASKS = 32
+"""Sets of missing gauges whose matrices are kept, the one unused for longest dropped first."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +51,28 @@ class MaskedMap:
     chi_square_limit: float
     outlier_threshold: float
     ambiguous_groups: tuple[tuple[int, ...], ...]
+
+
+class MaskedMaps:
+    """The maps of the gauges in use, each computed when it is first asked for."""
+
+    def __init__(self, parts: MapParts) -> None:
+        """Prepare the map of all gauges."""
+        self.complete = complete_map(parts)
+        self._parts = parts
+        self._kept: OrderedDict[bytes, MaskedMap | None] = OrderedDict()
+
+    def of(self, used: BoolArray) -> MaskedMap | None:
+        """Return the map for the gauges ``used`` (n_d,); None if they do not identify the state."""
+        if used.all():
+            return self.complete
+        key = used.tobytes()
+        if key not in self._kept:
+            self._kept[key] = masked_map(self._parts, used.copy())
+            if len(self._kept) > CACHED_MASKS:
+                self._kept.popitem(last=False)
+        self._kept.move_to_end(key)
+        return self._kept[key]
 
 
 def complete_map(parts: MapParts) -> MaskedMap:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from collections.abc import Mapping
 from copy import copy
 from dataclasses import replace
@@ -30,7 +29,7 @@ from strainfmu.estimator.load_estimate import (
 )
 from strainfmu.estimator.loads_from_strain import LoadsFromStrain, ScaledLoads, absolute_loads, map_references
 from strainfmu.estimator.map_parts import map_parts
-from strainfmu.estimator.masked_map import MaskedMap, complete_map, masked_map
+from strainfmu.estimator.masked_map import MaskedMap, MaskedMaps
 from strainfmu.estimator.moment_point import about_point, moment_transfer
 from strainfmu.estimator.pressure_field import FieldInputs
 from strainfmu.estimator.settings import EstimatorSettings, default_settings
@@ -38,9 +37,6 @@ from strainfmu.estimator.zeros import GaugeZeros, no_zeros, with_zero_errors, ze
 
 BLOCK = 1024
 """Samples of a series that are computed together: few enough to stay in the processor's cache."""
-
-CACHED_MASKS = 32
-"""Sets of missing gauges whose matrices are kept, the one unused for longest dropped first."""
 
 
 class Estimator:
@@ -78,11 +74,10 @@ class Estimator:
         self._without_zeros, inverse_map = inverse_map, with_zero_errors(inverse_map, self.zeros)
         self.inverse_map = inverse_map
         self._parts = map_parts(inverse_map)
-        self._masked: OrderedDict[bytes, MaskedMap | None] = OrderedDict()
         self._scaled = ScaledLoads(inverse_map) if inverse_map.form == "dynamic_pressure" else None
         self.parameters = flow_parameters(inverse_map)
         self._ranges, self._envelope = flight_ranges(inverse_map), half_spaces(inverse_map)
-        self._complete = complete_map(self._parts)
+        self._masked = MaskedMaps(self._parts)
         self._apply_settings(settings or default_settings(inverse_map))
 
     def with_settings(self, settings: EstimatorSettings) -> Estimator:
@@ -122,7 +117,7 @@ class Estimator:
         shift = settings.moment_station - default_settings(self.inverse_map).moment_station
         self._transfer = moment_transfer(shift) if shift != 0.0 else None
         scale = settings.alarm_scale * self.inverse_map.chi_square_scale
-        self.chi_square_limit = scale * self._complete.chi_square_limit
+        self.chi_square_limit = scale * self._masked.complete.chi_square_limit
 
     def estimate(
         self,
@@ -258,11 +253,11 @@ class Estimator:
             if valid is not None:
                 used &= valid[rows]
             if used.all():
-                self._fill(series, slice(start, start + len(used)), self._complete, d, flow)
+                self._fill(series, slice(start, start + len(used)), self._masked.complete, d, flow)
                 continue
             _, first, which = np.unique(np.packbits(used, axis=1), axis=0, return_index=True, return_inverse=True)
             for number, mask in enumerate(used[first]):
-                masked = self._complete if mask.all() else self._masked_map(mask)
+                masked = self._masked.of(mask)
                 of_mask = start + np.flatnonzero(which.reshape(-1) == number)
                 if masked is None:
                     set_unknown(series, of_mask)
@@ -387,15 +382,4 @@ class Estimator:
         InputError
             ``valid`` has the wrong length or is not of bool.
         """
-        used = checked_mask(valid, self.inverse_map.n_gauges)
-        return self._complete if used.all() else self._masked_map(used)
-
-    def _masked_map(self, used: BoolArray) -> MaskedMap | None:
-        """Return the matrices for the gauges in use, from the cache if they are there."""
-        key = used.tobytes()
-        if key not in self._masked:
-            self._masked[key] = masked_map(self._parts, used.copy())
-            if len(self._masked) > CACHED_MASKS:
-                self._masked.popitem(last=False)
-        self._masked.move_to_end(key)
-        return self._masked[key]
+        return self._masked.of(checked_mask(valid, self.inverse_map.n_gauges))

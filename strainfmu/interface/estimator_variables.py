@@ -16,7 +16,7 @@ from strainfmu.estimator.settings import LARGEST_SENSOR_RANGE, LARGEST_SETTING, 
 from strainfmu.interface.enumerations import HEALTH_TYPE
 from strainfmu.interface.filter_variables import with_filter_parameter
 from strainfmu.interface.flight_variables import flight_interface, flight_outputs
-from strainfmu.interface.fmi_variables import COEFFICIENTS, Variable, with_arrays
+from strainfmu.interface.fmi_variables import COEFFICIENTS, Variable, deviation_of, with_arrays
 from strainfmu.interface.further_variables import FURTHER_ARRAYS, further_outputs, with_further_outputs
 from strainfmu.interface.input_names import FLOW_INPUTS as FLOW_INPUTS
 from strainfmu.interface.input_names import NOT_KNOWN as NOT_KNOWN
@@ -271,18 +271,7 @@ def _estimated_coefficients(inverse_map: InverseMap, gauges: tuple[str, ...]) ->
         )
         for (name, text), nominal in zip(COEFFICIENTS.items(), nominals, strict=True)
     ]
-    deviations = [
-        replace(
-            value,
-            name=f"sigma.{value.name}",
-            description=f"Standard deviation of {value.name}",
-            nominal=None,
-            minimum=0.0,
-            array="sigma.coefficients",
-        )
-        for value in values
-    ]
-    return [*values, *deviations]
+    return [*values, *map(deviation_of, values)]
 
 
 def _estimated_loads(inverse_map: InverseMap, gauges: tuple[str, ...]) -> list[Variable]:
@@ -304,18 +293,7 @@ def _estimated_loads(inverse_map: InverseMap, gauges: tuple[str, ...]) -> list[V
         )
         for (name, (text, unit)), (low, high) in zip(LOADS.items(), inverse_map.coefficient_range, strict=True)
     ]
-    deviations = [
-        replace(
-            value,
-            name=f"sigma.{value.name}",
-            description=f"Standard deviation of {value.name}",
-            nominal=None,
-            minimum=0.0,
-            array=f"sigma.{value.array}",
-        )
-        for value in values
-    ]
-    return [*values, *deviations]
+    return [*values, *map(deviation_of, values)]
 
 
 def _health(inverse_map: InverseMap, gauges: tuple[str, ...]) -> list[Variable]:

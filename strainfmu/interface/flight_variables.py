@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from strainfmu.estimator.manifold.air_data import AIR_DATA_NAMES, AIR_DATA_UNITS, MIN_GAIN
 from strainfmu.estimator.manifold.flight_health import OUTSIDE_SCORE
 from strainfmu.estimator.manifold.navigation import NAVIGATION
-from strainfmu.interface.fmi_variables import Variable
+from strainfmu.interface.fmi_variables import Variable, deviation_of
 from strainfmu.interface.input_names import FLOW_INPUTS, NAVIGATION_INPUTS, NOT_KNOWN, PARAMETERS
 
 if TYPE_CHECKING:
@@ -93,16 +93,6 @@ def _air_data(manifold: ManifoldMap) -> list[Variable]:
         )
         for name, text, unit in zip(AIR_DATA_NAMES, _AIR_DATA_TEXT, AIR_DATA_UNITS, strict=True)
     ]
-    deviations = [
-        replace(
-            value,
-            name=f"sigma.{value.name}",
-            description=f"Standard deviation of {value.name}",
-            nominal=None,
-            minimum=0.0,
-        )
-        for value in values
-    ]
     flags = {
         **{
             f"identified.{value.name}": f"Whether strain and navigation bring the deviation of {value.name} below "
@@ -116,7 +106,7 @@ def _air_data(manifold: ManifoldMap) -> list[Variable]:
         "health.linear_loads": "Whether loads and coefficients are those of the linear map: strain does not "
         "fit the tables, or did not a few steps ago",
     }
-    return [*values, *deviations, *(_flag(name, text) for name, text in flags.items())]
+    return [*values, *map(deviation_of, values), *(_flag(name, text) for name, text in flags.items())]
 
 
 def _flag(name: str, text: str) -> Variable:

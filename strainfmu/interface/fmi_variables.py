@@ -90,6 +90,18 @@ def strain_names(n_gauges: int) -> tuple[str, ...]:
     return tuple(f"strain[{i}]" for i in range(1, n_gauges + 1))
 
 
+def deviation_of(value: Variable) -> Variable:
+    """Return the standard deviation of the output ``value``, in an array of its own where that is in one."""
+    return replace(
+        value,
+        name=f"sigma.{value.name}",
+        description=f"Standard deviation of {value.name}",
+        nominal=None,
+        minimum=0.0,
+        array=None if value.array is None else f"sigma.{value.array}",
+    )
+
+
 def with_arrays(interface: Sequence[Variable], descriptions: Mapping[str, str]) -> tuple[Variable, ...]:
     """Return the interface of FMI 3.0: elements of one array become one variable, dependencies follow.
 

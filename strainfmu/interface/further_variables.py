@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from strainfmu.estimator.further_loads import SECTION_LOADS
-from strainfmu.interface.fmi_variables import Variable
+from strainfmu.interface.fmi_variables import Variable, deviation_of
 
 if TYPE_CHECKING:
     from strainfmu.estimator.inverse_map import InverseMap
@@ -19,8 +19,6 @@ FURTHER_ARRAYS = {
     **{f"section.{name}": f"{text}, of every section" for name, (text, _) in SECTION_LOADS.items()},
     **{f"sigma.section.{name}": f"Standard deviations of section.{name}" for name in SECTION_LOADS},
 }
-
-_STD = "Standard deviation of "
 
 
 def has_further_outputs(inverse_map: InverseMap) -> bool:
@@ -56,7 +54,7 @@ def with_further_outputs(interface: Sequence[Variable], inverse_map: InverseMap)
         ),
         replace(of_load, name="moment.roll", description="Rolling moment, positive with starboard going down"),
     ]
-    body = [two for one in values for two in (one, _deviation(one))]
+    body = [two for one in values for two in (one, deviation_of(one))]
     body = [_without(one, "moment_station") for one in body]
     sections = [
         replace(
@@ -70,7 +68,7 @@ def with_further_outputs(interface: Sequence[Variable], inverse_map: InverseMap)
         for name, (text, unit) in SECTION_LOADS.items()
         for i, station in enumerate(inverse_map.further.section_station.tolist(), start=1)
     ]
-    return (*interface, *body, *sections, *(_deviation(one) for one in sections))
+    return (*interface, *body, *sections, *map(deviation_of, sections))
 
 
 def further_load_outputs(n_sections: int) -> dict[str, str]:
@@ -98,16 +96,6 @@ def further_outputs(estimate: LoadEstimate) -> list[float]:
     )
     sections = np.concatenate([estimate.further_loads[1:], estimate.further_loads_std[1:]])
     return [*map(float, body), *sections.tolist()]
-
-
-def _deviation(value: Variable) -> Variable:
-    return replace(
-        value,
-        name=f"sigma.{value.name}",
-        description=f"{_STD}{value.name}",
-        minimum=0.0,
-        array=None if value.array is None else f"sigma.{value.array}",
-    )
 
 
 def _without(value: Variable, parameter: str) -> Variable:

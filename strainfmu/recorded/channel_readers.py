@@ -19,6 +19,7 @@ from strainfmu.recorded.csv_layout import ALL_UNITS, NUMBER, csv_layout
 from strainfmu.recorded.csv_rows import RowReader, iso_time, time_notes
 from strainfmu.recorded.mdf_file import opened_mdf
 from strainfmu.recorded.name_match import plain_name
+from strainfmu.recorded.tdms_file import opened_tdms
 
 
 def name_and_unit(heading: str) -> tuple[str, str | None]:
@@ -95,15 +96,7 @@ def mf4_channels(path: Path, stated: Collection[str]) -> Iterator[ChannelFile]:
 @contextmanager
 def tdms_channels(path: Path, stated: Collection[str]) -> Iterator[ChannelFile]:
     """Open a TDMS file; times of a channel are its group's channel of time, or those of its waveform."""
-    try:
-        from nptdms import TdmsFile
-    except ImportError as error:
-        raise StrainfmuError("npTDMS is not installed: pip install 'strainfmu[tdms]'") from error
-    try:
-        file = TdmsFile.open(str(path))
-    except Exception as error:  # npTDMS raises whatever its parsers do
-        raise InputError(f"{path}: damaged, or not a TDMS file") from error
-    with file:
+    with opened_tdms(path) as file:
         channels = {f"{group.name}/{one.name}": one for group in file.groups() for one in group.channels()}
         starts = [
             one.properties["wf_start_time"] for one in channels.values() if "wf_start_time" in one.properties

@@ -9,13 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from strainfmu.errors import InputError, StrainfmuError
+from strainfmu.errors import InputError
 from strainfmu.recorded.channel_readers import open_channels
 from strainfmu.recorded.column_names import Wanted, columns_to_read, quantity_of
 from strainfmu.recorded.columns import plan_columns
 from strainfmu.recorded.mdf_file import opened_mdf
 from strainfmu.recorded.rasters import Channel, on_one_raster
 from strainfmu.recorded.sample_blocks import StrainFile, column_file
+from strainfmu.recorded.tdms_file import opened_tdms
 from strainfmu.recorded.temperature_columns import sensor_of
 
 
@@ -74,15 +75,7 @@ def channel_strains(path: Path, wanted: Wanted) -> Iterator[StrainFile]:
 @contextmanager
 def tdms_strains(path: Path, wanted: Wanted) -> Iterator[StrainFile]:
     """Open a TDMS file; parameters and errors as of :func:`~strainfmu.recorded.strain_files.open_strains`."""
-    try:
-        from nptdms import TdmsFile
-    except ImportError as error:
-        raise StrainfmuError("npTDMS is not installed: pip install 'strainfmu[tdms]'") from error
-    try:
-        file = TdmsFile.open(str(path))
-    except Exception as error:  # npTDMS raises whatever its parsers do
-        raise InputError(f"{path}: damaged, or not a TDMS file") from error
-    with file:
+    with opened_tdms(path) as file:
         channels = [channel for group in file.groups() for channel in group.channels()]
         columns: dict[str, Any] = {}
         units: dict[str, str | None] = {}

@@ -19,6 +19,7 @@ from strainfmu.errors import InputError
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, HealthState
 from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.isolation import outlier_threshold
+from strainfmu.estimator.masked_map import CACHED_MASKS
 from strainfmu.estimator.moment_point import moment_transfer
 from strainfmu.estimator.settings import (
     LARGEST_SENSOR_RANGE,
@@ -26,7 +27,7 @@ from strainfmu.estimator.settings import (
     EstimatorSettings,
     default_settings,
 )
-from strainfmu.estimator.step import CACHED_MASKS, Estimator, LoadEstimate
+from strainfmu.estimator.step import Estimator, LoadEstimate
 
 pytestmark = pytest.mark.fast
 

@@ -55,11 +55,6 @@ class Protection:
         """Byte of the counter, and its bits in that byte."""
         return (1, 0x0F) if self.profile == 1 else (2, 0xFF)
 
-    @property
-    def header_length(self) -> int:
-        """Bytes of CRC and counter: 2 (the upper nibble of the second is free) or 3."""
-        return 2 if self.profile == 1 else 3
-
 
 def crc_of(data: bytes | bytearray, protection: Protection, covered: bytes = b"") -> int:
     """Return the CRC of ``data`` without its CRC field, followed by ``covered``, bytes of other frames."""

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from raw_fmu import GROUPS, N_OUTPUTS, WHOLE_OUTPUTS, outputs_of
 
 from strainfmu.atmosphere import pressure_and_temperature
 from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.estimator.load_estimate import LoadEstimate
 from strainfmu.estimator.masks import information_left
 from strainfmu.estimator.settings import EstimatorSettings, default_settings
 from strainfmu.estimator.step import Estimator
@@ -90,8 +92,24 @@ def _navigation(random: np.random.Generator, k: int, pressure: float) -> tuple[f
     return float(expected * random.uniform(0.95, 1.05)), altitude
 
 
+def estimated(estimator: Estimator, sample: Sample, **known: Any) -> LoadEstimate:
+    """The estimate of ``sample``; what else is ``known``, such as temperatures, as the estimator takes it."""
+    return estimator.step(
+        sample.strain,
+        sample.dynamic_pressure,
+        sample.valid,
+        sample.dynamic_pressure_std,
+        mach_number=sample.mach_number,
+        altitude=sample.altitude,
+        **known,
+    )
+
+
 class Reference:
     """The numpy estimator, and how far native may be from it."""
+
+    temperature: np.ndarray | None = None
+    """(n_t,) readings of the temperature sensors [K] that it takes with every sample."""
 
     def __init__(self, inverse_map: InverseMap) -> None:
         self.estimator = Estimator(inverse_map)
@@ -105,16 +123,7 @@ class Reference:
 
     def outputs(self, sample: Sample) -> np.ndarray:
         """(27,) outputs by value reference."""
-        return outputs_of(
-            self.estimator.step(
-                sample.strain,
-                sample.dynamic_pressure,
-                sample.valid,
-                sample.dynamic_pressure_std,
-                mach_number=sample.mach_number,
-                altitude=sample.altitude,
-            )
-        )
+        return outputs_of(estimated(self.estimator, sample, temperature=self.temperature))
 
     def growth(self, sample: Sample) -> float:
         """Largest growth of any state's deviation by the gauges missing: digits that both programs lose alike."""

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from ctypes import c_double
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from agreement import random_samples
+from agreement import estimated, random_samples
 from damaged_resource import refusal, with_value
 from further_maps import STATIONS, check_further, with_own_further
 from native_case import NativeCase
@@ -62,15 +63,8 @@ def test_as_numpy_while_gauges_zeros_and_temperatures_change(six: NativeCase) ->
         fmu.set_strain(reading)
         fmu.set_valid(sample.valid)
         assert fmu.set_scalars(0, *sample.flow) == OK
-        expected = estimator.step(
-            reading,
-            sample.dynamic_pressure,
-            sample.valid,
-            sample.dynamic_pressure_std,
-            mach_number=sample.mach_number,
-            altitude=sample.altitude,
-            temperature=None if k < 15 else temperature,
-        )
+        read = replace(sample, strain=reading)
+        expected = estimated(estimator, read, temperature=None if k < 15 else temperature)
         check_further(fmu.get_reals(references), np.array(further_outputs(expected)))
         used += np.isfinite(expected.further_loads[0])
     assert used > 20

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from agreement import random_samples
+from agreement import estimated, random_samples
 from damaged_resource import refusal, with_value
 from further_maps import STATIONS, with_own_further
 from native_case import NativeCase
@@ -70,15 +70,7 @@ def test_as_numpy(case: NativeCase) -> None:
         assert fmu.set_scalars(0, *sample.flow) == OK
         assert give(fmu, case, values) == OK
         known = np.where(values == NOT_KNOWN, np.nan, values)
-        expected = estimator.step(
-            sample.strain,
-            sample.dynamic_pressure,
-            sample.valid,
-            sample.dynamic_pressure_std,
-            mach_number=sample.mach_number,
-            altitude=sample.altitude,
-            parameters=dict(zip(PARAMETERS, known.tolist(), strict=True)),
-        )
+        expected = estimated(estimator, sample, parameters=dict(zip(PARAMETERS, known.tolist(), strict=True)))
         np.testing.assert_allclose(scores(fmu, case), expected.parameter_score, rtol=1e-15)
         found, wanted = fmu.outputs(), outputs_of(expected)[:N_OUTPUTS]
         assert found[20] == wanted[20]

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from agreement import Reference, Sample, random_samples
+from agreement import Reference, random_samples
 from damaged_resource import HEAD, refusal, with_flipped_bit, with_value
 from flight_fmu import FILTER, N_D, FlightFmu, FlightSample, check, random_flight, tracked, whole_map
 from native_case import NativeCase
-from raw_fmu import OK, REAL_OUTPUTS, Fmu2, Fmu3, first_zero, outputs_of, write_resource
+from raw_fmu import OK, REAL_OUTPUTS, Fmu2, Fmu3, first_zero, write_resource
 from scaled_maps import whole_scaled_map
 from thermal_maps import REFERENCE, with_temperature
 
@@ -65,32 +65,13 @@ def drawn_temperature(thermal: ThermalMap, k: int, random: np.random.Generator) 
     return temperature
 
 
-class Warm(Reference):
-    """The numpy estimator with temperatures."""
-
-    temperature: np.ndarray
-
-    def outputs(self, sample: Sample) -> np.ndarray:
-        return outputs_of(
-            self.estimator.step(
-                sample.strain,
-                sample.dynamic_pressure,
-                sample.valid,
-                sample.dynamic_pressure_std,
-                mach_number=sample.mach_number,
-                altitude=sample.altitude,
-                temperature=self.temperature,
-            )
-        )
-
-
 def give_temperature(fmu: Fmu2, temperature: np.ndarray, n: int) -> None:
     first = first_temperature(n)
     assert fmu.set_reals(range(first, first + N_T), temperature) == OK
 
 
 def test_as_numpy_while_sensors_and_zeros_change(hot: NativeCase) -> None:
-    random, fmu, reference = np.random.default_rng(1), Fmu2(hot.uri, hot.n).start(), Warm(hot.inverse_map)
+    random, fmu, reference = np.random.default_rng(1), Fmu2(hot.uri, hot.n).start(), Reference(hot.inverse_map)
     plain = Fmu2(hot.uri, hot.n).start()
     thermal = hot.inverse_map.thermal
     assert thermal is not None

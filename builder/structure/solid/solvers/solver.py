@@ -175,13 +175,3 @@ def named_back_end(name: str, back_ends: Sequence[BackEnd] = BACK_ENDS) -> BackE
             return back_end
     known = ", ".join((CYCLIC, *(back_end.name for back_end in back_ends)))
     raise InputError(f"solver '{name}' found, must be one of {known}")
-
-
-def solver_line(solver: Solver) -> str:
-    """Return one line for the output: what solved, on what terms, how large, how long, how well."""
-    used = solver.statistics
-    return (
-        f"solver {solver.name} ({solver.licence}): {used.n_dof} dofs, factor {used.factor_seconds:.1f} s, "
-        f"solve {used.solve_seconds:.1f} s, residual {used.relative_residual:.0e} (probes "
-        f"{used.probe_residual:.0e}), peak {used.peak_memory / 2**30:.1f} GiB"
-    )
