@@ -1,17 +1,17 @@
 /* Processor time of one step of an estimator FMU (FMI 2.0) in a C host, beside the bare product it stands for.
 
-   step_cost LIBRARY GUID RESOURCES PRESSURE ZERO SENSORS REFERENCE FILTER STRAIN...: prints nine times in
+   step_cost LIBRARY GUID RESOURCES PRESSURE ZERO SENSORS REFERENCE FILTER REPEATS STRAIN...: prints nine times in
    seconds, of the bare 5 x n product, of a whole step at one dynamic pressure, of one at another dynamic pressure than
    the step before, of the same with the first gauge off, of the first two with zeros and temperatures, of the first in
    the state after initialization, which is restored before, of the first with the filter over time (nan without one),
-   and of instantiation. A step is fmi2SetReal of the n strains (and of the dynamic
-   pressure, and of other temperatures), fmi2DoStep, fmi2GetReal of five coefficients, fmi2GetInteger of the health
-   state. Batches of all kinds take turns, so that their ratios do not depend on what else the machine does.
+   and of instantiation. A step is fmi2SetReal of the n strains (and of the dynamic pressure, and of other
+   temperatures), fmi2DoStep, fmi2GetReal of five coefficients, fmi2GetInteger of the health state. Each time but the
+   last is the median of REPEATS batches. Batches of all kinds take turns, so that their ratios do not depend on what
+   else the machine does.
 
    PRESSURE is the nominal dynamic pressure [Pa]; ZERO the value reference of the first zero; SENSORS the number of
    temperature sensors, REFERENCE their temperature [K]; FILTER the value reference of the filter's time constant, 0 for
-   none. STRAIN are n strains [m/m] that do not follow the dynamic
-   pressure and n that do, at the nominal one. */
+   none. STRAIN are n strains [m/m] that do not follow the dynamic pressure and n that do, at the nominal one. */
 
 #define _POSIX_C_SOURCE 199309L
 #include <dlfcn.h>
@@ -25,8 +25,8 @@
 
 /* Short batches, of which the median is one that no other program has slowed down. */
 enum {
-    REPEATS = 501, CALLS = 1000, LEAST_CALLS = 4, FIRST_CALLS = 20, SETS = 64, N_OUTPUTS = 5, HEALTH_STATE = 20,
-    FIRST_STRAIN = 27, MAX_SENSORS = 64, INSTANCES = 4
+    CALLS = 1000, LEAST_CALLS = 4, FIRST_CALLS = 20, SETS = 64, N_OUTPUTS = 5, HEALTH_STATE = 20, FIRST_STRAIN = 27,
+    MAX_SENSORS = 64, INSTANCES = 4, FIRST_WORD = 10
 };
 
 enum { NOMINAL, VARIED, FAULTY, WARM, WARM_VARIED, COLD, FILTERED, KINDS };
@@ -61,18 +61,18 @@ static int by_size(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-static double median(double *values)
+static double median(double *values, size_t count)
 {
-    qsort(values, REPEATS, sizeof *values, by_size);
-    return values[REPEATS / 2];
+    qsort(values, count, sizeof *values, by_size);
+    return values[count / 2];
 }
 
-static double bare_product(size_t n, double *strain)
+static double bare_product(size_t n, double *strain, size_t repeats)
 {
-    double *gain = calloc(N_OUTPUTS * n, sizeof *gain), means[REPEATS];
+    double *gain = calloc(N_OUTPUTS * n, sizeof *gain), *means = calloc(repeats, sizeof *means);
     volatile double out[N_OUTPUTS];
     for (size_t k = 0; k < N_OUTPUTS * n; k++) gain[k] = 1.0 / (double)(k + 1);
-    for (int r = 0; r < REPEATS; r++) {
+    for (size_t r = 0; r < repeats; r++) {
         double start = now();
         for (int c = 0; c < CALLS; c++) {
             strain[c % n] += 1e-18;
@@ -85,8 +85,10 @@ static double bare_product(size_t n, double *strain)
         means[r] = (now() - start) / CALLS;
     }
     (void)out;
+    const double found = median(means, repeats);
+    free(means);
     free(gain);
-    return median(means);
+    return found;
 }
 
 /* An FMU and the time it has come to [s]. */
@@ -143,17 +145,17 @@ static double batch(Bench *b, Instance *of, int kind, int calls)
     return (now() - start) / calls;
 }
 
-static void draw_sets(Bench *b, char **words)
+static void draw_sets(Bench *b, double pressure, char **strains)
 {
     b->inputs = calloc(b->n, sizeof *b->inputs);
     b->strain = calloc(2 * SETS * b->n, sizeof *b->strain);
     b->faulty = b->strain + SETS * b->n;
     for (size_t set = 0; set < SETS; set++) { /* from 0.7 to 1.3 of the nominal one, there and back */
         const double ratio = 0.7 + 1.2 / SETS * (double)(set < SETS / 2 ? set : SETS - set);
-        b->pressure[set] = ratio * strtod(words[4], NULL);
+        b->pressure[set] = ratio * pressure;
         for (size_t k = 0; k < b->n; k++) {
             b->inputs[k] = (fmi2ValueReference)(FIRST_STRAIN + k);
-            b->strain[set * b->n + k] = strtod(words[9 + k], NULL) + ratio * strtod(words[9 + b->n + k], NULL);
+            b->strain[set * b->n + k] = strtod(strains[k], NULL) + ratio * strtod(strains[b->n + k], NULL);
             b->faulty[set * b->n + k] = b->strain[set * b->n + k] + (k == 0 ? FAULT : 0.0);
         }
     }
@@ -161,16 +163,18 @@ static void draw_sets(Bench *b, char **words)
 
 int main(int count, char **words)
 {
-    if (count < 11 || count % 2 == 0) return 2;
+    if (count < FIRST_WORD + 2 || (count - FIRST_WORD) % 2) return 2;
     void *library = dlopen(words[1], RTLD_NOW);
     if (!library) {
         fprintf(stderr, "%s\n", dlerror());
         return 1;
     }
-    Bench b = {.n = ((size_t)count - 9) / 2, .sensors = strtoul(words[6], NULL, 10), .reference = strtod(words[7], NULL)};
+    Bench b = {.n = (size_t)(count - FIRST_WORD) / 2, .sensors = strtoul(words[6], NULL, 10)};
+    b.reference = strtod(words[7], NULL);
     const unsigned long zero = strtoul(words[5], NULL, 10), filter = strtoul(words[8], NULL, 10);
+    const size_t repeats = strtoul(words[9], NULL, 10);
     const int kinds = filter > 0 ? KINDS : FILTERED;
-    if (b.sensors > MAX_SENSORS) return 2;
+    if (b.sensors > MAX_SENSORS || repeats < 1) return 2;
 #define LOAD(name) name##TYPE *name = (name##TYPE *)dlsym(library, #name)
     LOAD(fmi2Instantiate);
     LOAD(fmi2SetupExperiment);
@@ -202,7 +206,7 @@ int main(int count, char **words)
         instance[k] = (Instance){fmu, 0.0};
     }
     b.status |= fmi2GetFMUstate(instance[1].fmu, &b.initial);
-    draw_sets(&b, words);
+    draw_sets(&b, strtod(words[4], NULL), words + FIRST_WORD);
     for (size_t k = 0; k < 2 * b.n; k++) {
         const fmi2ValueReference one = (fmi2ValueReference)(zero + k);
         b.status |= b.set_real(instance[2].fmu, &one, 1, &ZERO);
@@ -212,16 +216,18 @@ int main(int count, char **words)
         b.status |= b.set_real(instance[3].fmu, &one, 1, &CONSTANT);
     }
     for (size_t t = 0; t < b.sensors; t++) b.sensor[t] = (fmi2ValueReference)(zero + 2 * b.n + 1 + t);
-    double product = bare_product(b.n, b.strain);
-    static double means[KINDS][REPEATS];
+    double product = bare_product(b.n, b.strain, repeats);
+    double *means = calloc(KINDS * repeats, sizeof *means); /* (KINDS, repeats) */
     int calls[KINDS];
     for (int kind = 0; kind < kinds; kind++) {
         batch(&b, of[kind], kind, FIRST_CALLS); /* what only the first steps need */
         const double mean = batch(&b, of[kind], kind, FIRST_CALLS), wanted = BATCH / mean;
         calls[kind] = wanted > CALLS ? CALLS : wanted < LEAST_CALLS ? LEAST_CALLS : (int)wanted;
     }
-    for (int r = 0; r < REPEATS; r++) {
-        for (int kind = 0; kind < kinds; kind++) means[kind][r] = batch(&b, of[kind], kind, calls[kind]);
+    for (size_t r = 0; r < repeats; r++) {
+        for (int kind = 0; kind < kinds; kind++) {
+            means[(size_t)kind * repeats + r] = batch(&b, of[kind], kind, calls[kind]);
+        }
     }
     b.status |= fmi2FreeFMUstate(instance[1].fmu, &b.initial);
     for (int k = 0; k < INSTANCES; k++) {
@@ -230,8 +236,11 @@ int main(int count, char **words)
     }
     if (b.status > fmi2Warning) return 1;
     printf("%.6e", product);
-    for (int kind = 0; kind < KINDS; kind++) printf(" %.6e", kind < kinds ? median(means[kind]) : NAN);
+    for (int kind = 0; kind < KINDS; kind++) {
+        printf(" %.6e", kind < kinds ? median(means + (size_t)kind * repeats, repeats) : NAN);
+    }
     printf(" %.6e\n", instantiation);
+    free(means);
     free(b.strain);
     free(b.inputs);
     return 0;

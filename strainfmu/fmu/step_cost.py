@@ -42,6 +42,9 @@ SCALED_FIELDS = (
 )
 """Fields of a map that form "absolute" has none of, or does not use."""
 
+REPEATS = 501
+"""Short batches of steps in the C host, of which the median is one that no other program has slowed down."""
+
 _FIRST_STRAIN = 27
 _FIRST_ARRAY = 13
 """Value references of the strains in FMI 2.0 and 3.0."""
@@ -187,7 +190,8 @@ def host_costs(fmu: Path, unzipped: Path, inverse_map: InverseMap) -> dict[str, 
     names = {one.name: one.valueReference for one in description.modelVariables}
     thermal = inverse_map.thermal
     sensors = (0, 0.0) if thermal is None else (thermal.n_sensors, thermal.reference_temperature)
-    values = [repr(value) for value in (pressure, names["zero[1]"], *sensors, names.get(FILTER_TIME_CONSTANT, 0))]
+    numbers = (pressure, names["zero[1]"], *sensors, names.get(FILTER_TIME_CONSTANT, 0), REPEATS)
+    values = [repr(number) for number in numbers]
     times = _run([str(program), str(libraries[0]), description.guid, resources, *values, *strains])
     found = np.array(times.split(), dtype=float).tolist()
     product, step, varied, faulty, warm, warm_varied, cold, filtered, instantiation = found

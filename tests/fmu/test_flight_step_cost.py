@@ -13,7 +13,8 @@ from strainfmu.fmu.step_cost import step_costs
 pytestmark = pytest.mark.slow
 
 
-def test_the_filter_stands_beside_single_samples(tmp_path: Path) -> None:
+def test_the_filter_stands_beside_single_samples(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("strainfmu.fmu.step_cost.REPEATS", 3)
     save_inverse_map(whole_map(), tmp_path / "map.h5")
     host = [name for name in step_costs(tmp_path / "map.h5", lambda _: 1.0) if "C host" in name]
     filtered = [name for name in host if "a step with the filter" in name]
