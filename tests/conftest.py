@@ -11,6 +11,7 @@ from pathlib import Path
 
 import hypothesis
 import pytest
+from ogive import OGIVE
 from once import once
 from synthetic_vehicle import SyntheticFiles, make_synthetic_files, synthetic_files
 
@@ -26,8 +27,6 @@ hypothesis.settings.load_profile("strainfmu")
 pytest_plugins = ["coarse_vehicle", "as_built_case"]
 
 TESTS = Path(__file__).parent
-OGIVE = TESTS / "acceptance" / "ogive" / "ogive.toml"
-
 TOGETHER = ("inverse", "reports")
 """Folders whose files share results in memory that cost more than the tests: each runs in one process."""
 

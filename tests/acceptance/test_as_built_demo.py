@@ -7,11 +7,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from ogive import OGIVE
 
 from builder.calibration.load_test_file import load_test_file
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
-
-OGIVE = Path(__file__).parent / "ogive" / "ogive.toml"
 
 Run = Callable[..., tuple[int, str, str]]
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -11,8 +10,8 @@ from pathlib import Path
 
 import h5py
 import pytest
-
-OGIVE = Path(__file__).parent / "ogive"
+from changed_vehicle import change
+from ogive import copied_ogive
 
 Run = Callable[..., tuple[int, str, str]]
 
@@ -20,15 +19,7 @@ Run = Callable[..., tuple[int, str, str]]
 @pytest.fixture
 def vehicle(tmp_path: Path) -> Path:
     """Return a copy of the coarse vehicle that a test may spoil."""
-    shutil.copytree(OGIVE, tmp_path / "vehicle")
-    return tmp_path / "vehicle" / "ogive.toml"
-
-
-def spoil(path: Path, old: str, new: str) -> None:
-    """Replace text that must be there once or more, the first time only."""
-    text = path.read_text(encoding="utf-8")
-    assert old in text
-    path.write_text(text.replace(old, new, 1), encoding="utf-8")
+    return copied_ogive(tmp_path / "vehicle")
 
 
 def refused(outcome: tuple[int, str, str], *words: str, code: int = 2) -> None:
@@ -71,7 +62,7 @@ def refused(outcome: tuple[int, str, str], *words: str, code: int = 2) -> None:
 def test_vehicle_entries(
     vehicle: Path, tmp_path: Path, run: Run, old: str, new: str, words: tuple[str, ...]
 ) -> None:
-    spoil(vehicle, old, new)
+    change(vehicle, (old, new))
     outcome = run("demo", "--vehicle", vehicle, "-o", tmp_path / "out")
     refused(outcome, *words)
     assert not (tmp_path / "out").exists()  # refused before the long work
@@ -96,7 +87,7 @@ def test_missing_vehicle_file(tmp_path: Path, run: Run) -> None:
     ],
 )
 def test_gauges(vehicle: Path, run: Run, old: str, new: str, words: tuple[str, ...]) -> None:
-    spoil(vehicle.parent / "gauges.csv", old, new)
+    change(vehicle.parent / "gauges.csv", (old, new))
     outcome = run("check", vehicle)
     if words:
         refused(outcome, *words)
@@ -107,7 +98,7 @@ def test_gauges(vehicle: Path, run: Run, old: str, new: str, words: tuple[str, .
 def test_gauge_one_millimetre_off_the_surface(vehicle: Path, run: Run) -> None:
     table = vehicle.parent / "gauges.csv"
     z = float(table.read_text().splitlines()[1].split(",")[3])
-    spoil(table, f"{z:.6f}", f"{z - 0.001:.6f}")
+    change(table, (f"{z:.6f}", f"{z - 0.001:.6f}"))
     refused(run("check", vehicle), "axial_0_1", "1.00 mm inside", "0.5 mm is allowed")
 
 
@@ -129,7 +120,7 @@ def test_gauge_one_millimetre_off_the_surface(vehicle: Path, run: Run) -> None:
 def test_condition_outside_the_solvers_reach(
     vehicle: Path, tmp_path: Path, run: Run, old: str, new: str, words: tuple[str, ...]
 ) -> None:
-    spoil(vehicle, old, new)
+    change(vehicle, (old, new))
     outcome = run("build", vehicle, "-o", tmp_path / "out")
     refused(outcome, "axial Mach number falls to 1", "total incidence", *words)
     # What was solved beside it is kept, and nothing else.
@@ -139,7 +130,7 @@ def test_condition_outside_the_solvers_reach(
 @pytest.mark.slow
 def test_a_build_goes_on_without_conditions_out_of_reach(vehicle: Path, tmp_path: Path, run: Run) -> None:
     """The map is made from the others, and each flow that is missing is named."""
-    spoil(vehicle, "mach_number = [4.0, 4.5, 5.0]", "mach_number = [1.1, 4.5, 5.0]")
+    change(vehicle, ("mach_number = [4.0, 4.5, 5.0]", "mach_number = [1.1, 4.5, 5.0]"))
     code, printed, message = run("build", vehicle, "-o", tmp_path / "out")
     assert (code, message) == (0, "")
     words = " ".join(printed.split())
@@ -147,14 +138,14 @@ def test_a_build_goes_on_without_conditions_out_of_reach(vehicle: Path, tmp_path
     assert "not solved: M 1.1, alpha 0 deg, beta 0 deg, 22 km: euler: the axial Mach number falls to 1" in words
     assert "the map is made without 6 of 18 conditions" in words
     assert (tmp_path / "out" / "map.h5").exists()
-    spoil(vehicle, "mach_number = [1.1, 4.5, 5.0]", "mach_number = [1.1, 1.15, 4.5]")
+    change(vehicle, ("mach_number = [1.1, 4.5, 5.0]", "mach_number = [1.1, 1.15, 4.5]"))
     # As listed: at every roll angle the six have more modes.
-    spoil(vehicle, "modes = 4", 'modes = 6\nsymmetry = "listed"')
+    change(vehicle, ("modes = 4", 'modes = 6\nsymmetry = "listed"'))
     refused(run("build", vehicle, "-o", tmp_path / "few"), "map.modes: 6 found, at most 5", "6 snapshots")
 
 
 def test_manoeuvre_outside_the_flight_model(vehicle: Path, tmp_path: Path, run: Run) -> None:
-    spoil(vehicle.parent / "manoeuvre.csv", "1,4.6,5,1,22", "1,4.6,9,1,22")
+    change(vehicle.parent / "manoeuvre.csv", ("1,4.6,5,1,22", "1,4.6,9,1,22"))
     outcome = run("demo", "--vehicle", vehicle, "-o", tmp_path / "out")
     refused(outcome, "manoeuvre.csv", "total incidence", "0 to 7 deg allowed")
     assert not (tmp_path / "out").exists()  # refused before the long work

@@ -14,6 +14,7 @@ from time import perf_counter
 import numpy as np
 import pytest
 from fmpy.validation import validate_fmu
+from ogive import OGIVE
 
 import strainfmu
 from builder.campaign.snapshots import load_snapshots
@@ -21,8 +22,6 @@ from builder.inverse.pod import proper_orthogonal_decomposition
 from builder.pipeline.flight_score import score_flight
 from strainfmu.cosim.recording import load_recording
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, load_inverse_map
-
-OGIVE = Path(__file__).parent / "ogive" / "ogive.toml"
 
 Run = Callable[..., tuple[int, str, str]]
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from changed_vehicle import change
+from ogive import copied_ogive
 
 from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.pipeline.map_files import make_map
@@ -17,16 +18,13 @@ from builder.reporting import Silent
 from builder.vehicle.file import load_vehicle
 from strainfmu.estimator.inverse_map import load_inverse_map
 
-OGIVE = Path(__file__).parent / "ogive"
-
 Run = Callable[..., tuple[int, str, str]]
 
 
 @pytest.fixture
 def vehicle(tmp_path: Path) -> Path:
     """Return a copy of the coarse vehicle that a test may change."""
-    shutil.copytree(OGIVE, tmp_path / "vehicle")
-    return tmp_path / "vehicle" / "ogive.toml"
+    return copied_ogive(tmp_path / "vehicle")
 
 
 def choose_engine(vehicle: Path, entries: str) -> None:
@@ -49,9 +47,7 @@ def test_out_to_another_program_and_back_to_a_map(
     Angles as listed: an imported flow is one of its own even where another one is the same at another roll angle,
     and would count beside it at every roll angle.
     """
-    text = vehicle.read_text(encoding="utf-8")
-    listed = text.replace("[map]", '[map]\nsymmetry = "listed"\nalarm_levels = "nominal"', 1)
-    vehicle.write_text(listed, encoding="utf-8")
+    change(vehicle, ("[map]", '[map]\nsymmetry = "listed"\nalarm_levels = "nominal"'))
     given = ogive_demo / "snapshots.h5"
     make_map(open_pipeline(load_vehicle(vehicle), tmp_path / "own", Silent(), FilesGiven(snapshots=given))[0])
     code, printed, _ = run("convert", given, "-o", vehicle.parent / "cfd", "--format", "triq")

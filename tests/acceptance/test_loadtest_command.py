@@ -2,27 +2,24 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 
 import pytest
+from changed_vehicle import change
+from ogive import OGIVE, copied_ogive
 
 from builder.calibration.load_entries import PushEntry, WeightEntry
 from builder.calibration.load_test_file import load_test_file
-
-OGIVE = Path(__file__).parent / "ogive" / "ogive.toml"
 
 Run = Callable[..., tuple[int, str, str]]
 
 
 def with_density(folder: Path) -> Path:
     """Write the coarse vehicle with a density."""
-    shutil.copytree(OGIVE.parent, folder / "vehicle")
-    path = folder / "vehicle" / OGIVE.name
-    text = path.read_text(encoding="utf-8")
-    path.write_text(text.replace("[material]", "[material]\ndensity_kg_per_m3 = 2700.0", 1), encoding="utf-8")
+    path = copied_ogive(folder / "vehicle")
+    change(path, ("[material]", "[material]\ndensity_kg_per_m3 = 2700.0"))
     return path
 
 

@@ -21,9 +21,6 @@ from builder.vehicle.file import Vehicle
 from builder.vehicle.flight_conditions import ConditionSet
 from strainfmu.flight_condition import FlightCondition
 
-OGIVE = Path(__file__).parent.parent / "acceptance" / "ogive" / "ogive.toml"
-"""18 conditions, 15 distinct flows on 12 x 18 cells."""
-
 THREADS = Scheduling(workers=0)
 
 # Shells that start a command in the background let it ignore SIGINT: taken back here.

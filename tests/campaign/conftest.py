@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import pytest
-from campaign_case import OGIVE, Undisturbed, campaign_of, run, stored_hash
+from campaign_case import Undisturbed, campaign_of, run, stored_hash
+from ogive import OGIVE
 
 from builder.campaign.journal import encode_record
 from builder.campaign.snapshots import load_flows

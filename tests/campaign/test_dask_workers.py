@@ -13,7 +13,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
-from campaign_case import OGIVE, Undisturbed, start, stored_hash, wait_for_journal, wait_until
+from campaign_case import Undisturbed, start, stored_hash, wait_for_journal, wait_until
+from ogive import OGIVE
 
 Run = Callable[..., tuple[int, str, str]]
 

@@ -9,7 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from campaign_case import OGIVE, THREADS, campaign_of, run, start
+from campaign_case import THREADS, campaign_of, run, start
+from ogive import OGIVE
 
 from builder.aero.engine import Flow, FlowKey
 from builder.aero.euler_engine import EulerEngine

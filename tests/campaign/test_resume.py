@@ -8,7 +8,8 @@ import signal
 from pathlib import Path
 
 import pytest
-from campaign_case import OGIVE, Undisturbed, start, stored_hash, wait_for_journal
+from campaign_case import Undisturbed, start, stored_hash, wait_for_journal
+from ogive import OGIVE
 
 from builder.campaign.journal import journal_path
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from ogive import OGIVE
 from recorded_case import NAMES, samples, write_csv
 from synthetic_vehicle import N_GAUGES, SyntheticFiles, synthetic_inverse_map
 
@@ -18,7 +19,6 @@ pytestmark = pytest.mark.fast
 
 Run = Callable[..., tuple[int, str, str]]
 
-OGIVE = Path(__file__).parents[1] / "acceptance" / "ogive" / "ogive.toml"
 ZERO = 2e-4 * np.random.default_rng(1).normal(size=N_GAUGES)
 
 

@@ -8,6 +8,8 @@ from math import radians
 from pathlib import Path
 
 import pytest
+from changed_vehicle import change
+from ogive import OGIVE, copied_ogive
 
 from builder.aero.engines import make_engine
 from builder.campaign.reach import extreme_conditions, flows_out_of_reach
@@ -17,22 +19,13 @@ from builder.vehicle.file import IC3X, VEHICLES, load_vehicle
 from builder.vehicle.flight_conditions import condition_grid
 from strainfmu.cosim.trajectory import load_trajectory
 
-OGIVE = Path(__file__).parent.parent / "acceptance" / "ogive"
-
 Run = Callable[..., tuple[int, str, str]]
 
 
 @pytest.fixture
 def vehicle(tmp_path: Path) -> Path:
     """Return a copy of the coarse vehicle that a test may spoil."""
-    shutil.copytree(OGIVE, tmp_path / "vehicle")
-    return tmp_path / "vehicle" / "ogive.toml"
-
-
-def spoil(path: Path, old: str, new: str) -> None:
-    text = path.read_text(encoding="utf-8")
-    assert old in text
-    path.write_text(text.replace(old, new, 1), encoding="utf-8")
+    return copied_ogive(tmp_path / "vehicle")
 
 
 @pytest.mark.fast
@@ -51,7 +44,7 @@ def test_extreme_conditions() -> None:
 def test_flows_that_snapshots_would_refuse_are_refused(vehicle: Path, tmp_path: Path, run: Run) -> None:
     """Both commands name the same flow, the check without the campaign."""
     assert run("check", vehicle)[0] == 0
-    spoil(vehicle, "mach_number = [4.0, 4.5, 5.0]", "mach_number = [1.1, 4.5, 5.0]")
+    change(vehicle, ("mach_number = [4.0, 4.5, 5.0]", "mach_number = [1.1, 4.5, 5.0]"))
     code, _, message = run("check", vehicle)
     assert code == 2
     assert message.count("\n") == 1
@@ -61,7 +54,7 @@ def test_flows_that_snapshots_would_refuse_are_refused(vehicle: Path, tmp_path: 
 
 @pytest.mark.usefixtures("compiled_solver")
 def test_flows_of_the_flight_model_too(vehicle: Path, run: Run) -> None:
-    spoil(vehicle, "[truth]\nmach_number = [4.0,", "[truth]\nmach_number = [1.1,")
+    change(vehicle, ("[truth]\nmach_number = [4.0,", "[truth]\nmach_number = [1.1,"))
     code, _, message = run("check", vehicle)
     assert code == 2
     assert message.startswith(f"strainfmu: {vehicle}: truth: euler: ")
@@ -70,7 +63,7 @@ def test_flows_of_the_flight_model_too(vehicle: Path, run: Run) -> None:
 @pytest.mark.usefixtures("compiled_solver")
 def test_one_failure_stands_for_more_incidence() -> None:
     """No minute is spent on a flow that fails for the same reason."""
-    vehicle = load_vehicle(OGIVE / "ogive.toml")
+    vehicle = load_vehicle(OGIVE)
     engine = make_engine(vehicle, None, vehicle.resolution.map)
     keys = [(1.1, 0.0), (1.1, radians(3.0)), (4.0, 0.0), (4.0, 0.0)]
     assert len(flows_out_of_reach(engine, keys, Silent(), "title")) == 1
@@ -78,9 +71,9 @@ def test_one_failure_stands_for_more_incidence() -> None:
 
 def test_faults_of_all_checks_are_listed(vehicle: Path, run: Run) -> None:
     """Gauges, modes and manoeuvre in one go, before any flow is solved."""
-    spoil(vehicle, "modes = 4", "modes = 400")
-    spoil(vehicle.parent / "manoeuvre.csv", "1,4.6,5,1,22", "1,4.6,9,1,22")
-    spoil(vehicle, "[conditions]", "[aerodynamics]\nengine = 'table'\n[conditions]")
+    change(vehicle, ("modes = 4", "modes = 400"))
+    change(vehicle.parent / "manoeuvre.csv", ("1,4.6,5,1,22", "1,4.6,9,1,22"))
+    change(vehicle, ("[conditions]", "[aerodynamics]\nengine = 'table'\n[conditions]"))
     code, _, message = run("check", vehicle)
     assert code == 2
     lines = message.splitlines()
@@ -93,8 +86,8 @@ def test_faults_of_all_checks_are_listed(vehicle: Path, run: Run) -> None:
 @pytest.mark.usefixtures("compiled_solver")
 def test_a_manoeuvre_beyond_the_map_is_warned_of(vehicle: Path, run: Run) -> None:
     """Inside the flight model, outside the map: no fault, and a line per quantity."""
-    spoil(vehicle, "angle_of_attack_deg = [0.0, 3.0, 6.0]", "angle_of_attack_deg = [0.0, 1.0, 2.0, 3.0]")
-    spoil(vehicle, "modes = 4", "modes = 4\nvalid_altitude_km = [5.0, 20.0]")
+    change(vehicle, ("angle_of_attack_deg = [0.0, 3.0, 6.0]", "angle_of_attack_deg = [0.0, 1.0, 2.0, 3.0]"))
+    change(vehicle, ("modes = 4", "modes = 4\nvalid_altitude_km = [5.0, 20.0]"))
     code, printed, message = run("check", vehicle)
     assert (code, message) == (0, "")
     warnings = [line for line in printed.splitlines() if line.startswith("warning: ")]
@@ -108,7 +101,7 @@ def test_a_deflection_out_of_range_is_refused(run: Run, tmp_path: Path) -> None:
     """No health notices it, as it does other Mach numbers or incidence: value, time and range in one line."""
     for path in VEHICLES.glob("finned_body*"):
         shutil.copy(path, tmp_path)
-    spoil(tmp_path / "finned_body.toml", "values = [-4.0, -2.0, 0.0, 2.0, 4.0]", "values = [-2.0, 0.0, 2.0]")
+    change(tmp_path / "finned_body.toml", ("values = [-4.0, -2.0, 0.0, 2.0, 4.0]", "values = [-2.0, 0.0, 2.0]"))
     code, printed, message = run("check", tmp_path / "finned_body.toml")
     assert (code, printed, message.count("\n")) == (2, "", 1)
     assert "finned_body_manoeuvre.csv: fin_roll_deg: expected -2 .. 2, the range of the snapshots, got " in message
@@ -131,7 +124,7 @@ def test_what_a_map_covers_depends_on_its_form_and_symmetry(vehicle: Path) -> No
     (vehicle.parent / "manoeuvre.csv").write_text(text.replace("4.6,5,1,22", "4.6,-5,1,21"), encoding="utf-8")
     assert quantities(of_revolution=True) == []
     assert quantities(of_revolution=False) == ["angle of attack"]
-    spoil(vehicle, "modes = 4", 'modes = 4\nsymmetry = "listed"\nform = "absolute"')
+    change(vehicle, ("modes = 4", 'modes = 4\nsymmetry = "listed"\nform = "absolute"'))
     assert quantities(of_revolution=True) == ["angle of attack", "altitude"]
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from ogive import OGIVE
 
 from builder.compare import flights
 from builder.compare import run as compare_run
@@ -17,7 +18,6 @@ from builder.compare.rivals import RIVALS
 
 Run = Callable[..., tuple[int, str, str]]
 
-OGIVE = Path(__file__).parents[1] / "acceptance" / "ogive" / "ogive.toml"
 PRODUCT = ("linear Case 1", "linear Case 2", "manifold", "Kalman filter, random walk")
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import fmpy
 import pytest
+from changed_vehicle import replaced
 from slender_vehicle import SlenderFiles
 
 from strainfmu.cosim.flight import INSTANCES
@@ -77,10 +78,8 @@ def test_a_loop_that_does_not_hold_ends_with_1(files: SlenderFiles, tmp_path: Pa
     ],
 )
 def test_wrong_scenarios(files: SlenderFiles, tmp_path: Path, run: Run, old: str, new: str, message: str) -> None:
-    text = files.scenario.read_text()
-    assert old in text
     path = tmp_path / "wrong.toml"
-    path.write_text(text.replace(old, new, 1))
+    path.write_text(replaced(files.scenario.read_text(), (old, new)))
     code, _, err = run("fly", path, "--files", files.folder, "-o", tmp_path / "out")
     assert code == 2
     assert message in err

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from ogive import OGIVE
 
 import builder
 from builder.reporting import Silent
@@ -18,8 +19,6 @@ from builder.structure.structure_file import Structure
 from builder.vehicle.sections import GaugeLayoutEntry
 from strainfmu.errors import InputError
 from strainfmu.estimator.inverse_map import save_inverse_map
-
-OGIVE = Path(__file__).parents[1] / "acceptance" / "ogive" / "ogive.toml"
 
 
 @pytest.fixture(scope="module")

@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from changed_vehicle import write_changed
+from ogive import OGIVE, copied_ogive
 
 from builder.campaign.snapshot_fit import as_flown, option_misfits
 from builder.campaign.snapshots import load_snapshots, save_snapshots
@@ -24,7 +26,6 @@ from strainfmu.estimator.inverse_map import load_inverse_map
 
 Run = Callable[..., tuple[int, str, str]]
 
-OGIVE = Path(__file__).parents[1] / "acceptance" / "ogive"
 SET = (
     "mach_number,angle_of_attack_deg,sideslip_angle_deg,altitude_km\n"
     "4,0,0,22\n4,3,1,22\n4.5,0,3,22\n4.5,6,0,22\n5,2,2,22\n5,6,3,22\n5,0,0,22\n"
@@ -34,14 +35,9 @@ SET = (
 def write_vehicle(folder: Path, *changes: tuple[str, str]) -> Path:
     """Write the coarse vehicle with texts replaced once each, its tables beside it."""
     if not folder.exists():
-        shutil.copytree(OGIVE, folder)
-    text = (OGIVE / "ogive.toml").read_text(encoding="utf-8")
+        copied_ogive(folder)
     # Alarm levels from the independent model take longer than all else.
-    for old, new in (*changes, ("[map]", '[map]\nalarm_levels = "nominal"')):
-        assert old in text, old
-        text = text.replace(old, new, 1)
-    (folder / "vehicle.toml").write_text(text, encoding="utf-8")
-    return folder / "vehicle.toml"
+    return write_changed(folder, *changes, ("[map]", '[map]\nalarm_levels = "nominal"'), source=OGIVE)
 
 
 @pytest.fixture(scope="module")
@@ -321,7 +317,7 @@ def test_demo_flies_a_map_of_files_made_before(run: Run, made: Path, tmp_path: P
 
 def test_alarm_levels_are_of_the_snapshots_used(made: Path) -> None:
     """Measured at their conditions; not at all against another engine or out of their Mach numbers."""
-    vehicle = load_vehicle(OGIVE / "ogive.toml")
+    vehicle = load_vehicle(OGIVE)
     whole, part = load_snapshots(made / "newtonian.h5"), load_snapshots(made / "set.h5")
     assert as_flown(vehicle, replace(whole, engine="euler")) is vehicle
     assert not alarm_levels_wanted(as_flown(vehicle, part), Silent())  # newtonian against the euler engine's flows

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from ogive import OGIVE
 
 from builder.aero.engines import make_engine
 from builder.campaign.run import snapshots_of_flows
@@ -25,7 +26,6 @@ from builder.vehicle.map_needs import used_layouts
 from builder.vehicle.map_options import MapEntry
 from strainfmu.estimator.inverse_map import InverseMap
 
-OGIVE = Path(__file__).parent.parent / "acceptance" / "ogive" / "ogive.toml"
 NEWTONIAN = '[aerodynamics]\nengine = "newtonian"\nleeward = "prandtl_meyer"\n'
 
 CASE_1 = MapEntry(modes=4)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import csv
 import json
-import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
+from changed_vehicle import change
+from ogive import OGIVE, copied_ogive
 
 from builder.aero.engine import Flow, FlowKey
 from builder.aero.euler_engine import EulerEngine
@@ -24,8 +25,6 @@ from builder.vehicle.file import VEHICLES, load_vehicle
 
 Run = Callable[..., tuple[int, str, str]]
 
-OGIVE = Path(__file__).parents[1] / "acceptance" / "ogive"
-
 
 @pytest.fixture(autouse=True)
 def few_knots(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -36,10 +35,8 @@ def few_knots(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def vehicle_file(tmp_path: Path) -> Path:
     """The coarse test vehicle, its alarm levels those of the theory, which saves time."""
-    shutil.copytree(OGIVE, tmp_path / "vehicle")
-    path = tmp_path / "vehicle" / "ogive.toml"
-    text = path.read_text(encoding="utf-8").replace("modes = 4", 'modes = 4\nalarm_levels = "nominal"', 1)
-    path.write_text(text, encoding="utf-8")
+    path = copied_ogive(tmp_path / "vehicle")
+    change(path, ("modes = 4", 'modes = 4\nalarm_levels = "nominal"'))
     return path
 
 
@@ -127,7 +124,7 @@ def test_an_ended_run_goes_on(vehicle_file: Path, tmp_path: Path, monkeypatch: p
 def test_wrong_options_are_refused_in_one_line(
     arguments: tuple[object, ...], message: str, tmp_path: Path, run: Run
 ) -> None:
-    code, _, found = run("stress", OGIVE / "ogive.toml", "-o", tmp_path / "none", *arguments)
+    code, _, found = run("stress", OGIVE, "-o", tmp_path / "none", *arguments)
     assert code == 2
     assert found.count("\n") == 1
     assert message in found

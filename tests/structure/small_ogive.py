@@ -1,9 +1,12 @@
-"""The ogive of the acceptance tests, and a small vehicle like it that solves in a second."""
+"""The coarse ogive with entries changed, and a small vehicle like it that solves in a second."""
 
 from __future__ import annotations
 
 import shutil
 from pathlib import Path
+
+from changed_vehicle import replaced
+from ogive import OGIVE
 
 from builder.reporting import Silent
 from builder.structure.solid.case import solid_case
@@ -13,7 +16,6 @@ from builder.structure.structure_file import Structure
 from builder.vehicle.file import load_vehicle
 from builder.vehicle.map_needs import used_layouts
 
-OGIVE = Path(__file__).parent.parent / "acceptance" / "ogive" / "ogive.toml"
 ROWS = """rows = [
     { roll_angle_deg = 0.0, directions = ["axial", "hoop"], x_m = [0.35, 0.6] },
     { roll_angle_deg = 97.0, directions = ["axial", "hoop"], x_m = [0.6] },
@@ -35,12 +37,8 @@ FREE_FLIGHT = (
 
 def write_vehicle(path: Path, *changes: tuple[str, str]) -> Path:
     """Write the ogive's file with texts replaced once each, its tables beside it."""
-    text = OGIVE.read_text(encoding="utf-8")
-    for old, new in changes:
-        assert old in text, old
-        text = text.replace(old, new, 1)
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(text, encoding="utf-8")
+    path.write_text(replaced(OGIVE.read_text(encoding="utf-8"), *changes), encoding="utf-8")
     for table in ("gauges.csv", "manoeuvre.csv"):
         shutil.copy(OGIVE.parent / table, path.parent / table)
     return path

@@ -6,8 +6,9 @@ import shutil
 from pathlib import Path
 
 import pytest
+from changed_vehicle import refusal
 
-from builder.vehicle.file import IC3X, VEHICLES, load_vehicle
+from builder.vehicle.file import VEHICLES
 from strainfmu.cosim.trajectory import load_trajectory
 from strainfmu.errors import InputError
 
@@ -16,18 +17,6 @@ pytestmark = pytest.mark.fast
 FINNED = VEHICLES / "finned_body.toml"
 VALUES = "values = [-4.0, -2.0, 0.0, 2.0, 4.0]"
 SURFACE = '    { value = 4.0, file = "finned_body_roll_+4deg.stl" },\n'
-
-
-def refusal(folder: Path, source: Path, *changes: tuple[str, str]) -> str:
-    text = source.read_text(encoding="utf-8")
-    for old, new in changes:
-        assert old in text
-        text = text.replace(old, new, 1)
-    path = folder / "v.toml"
-    path.write_text(text, encoding="utf-8")
-    with pytest.raises(InputError) as caught:
-        load_vehicle(path)
-    return str(caught.value)
 
 
 @pytest.mark.parametrize(
@@ -48,7 +37,7 @@ def refusal(folder: Path, source: Path, *changes: tuple[str, str]) -> str:
     ],
 )
 def test_wrong_parameters_are_one_line(tmp_path: Path, changes: list[tuple[str, str]], message: str) -> None:
-    text = refusal(tmp_path, FINNED, *changes)
+    text = refusal(tmp_path, *changes, source=FINNED)
     assert message in text
     assert "\n" not in text
 
@@ -56,16 +45,16 @@ def test_wrong_parameters_are_one_line(tmp_path: Path, changes: list[tuple[str, 
 def test_marching_solver_and_profiles_have_no_parameters(tmp_path: Path) -> None:
     section = "[conditions.parameters.flap_deg]\nvalues = [0.0, 1.0]\n\n[noise]\n"
     newtonian = ('engine = "euler"', 'engine = "newtonian"')
-    assert "expected engine 'newtonian' or 'table', got 'euler'" in refusal(tmp_path, IC3X, ("[noise]\n", section))
+    assert "expected engine 'newtonian' or 'table', got 'euler'" in refusal(tmp_path, ("[noise]\n", section))
     assert "expected [shape] with sections or surface, got a profile" in refusal(
-        tmp_path, IC3X, ("[noise]\n", section), newtonian
+        tmp_path, ("[noise]\n", section), newtonian
     )
 
 
 def test_newtonian_engine_needs_surfaces(tmp_path: Path) -> None:
     text = FINNED.read_text(encoding="utf-8")
     start, end = text.index("surfaces = ["), text.index("]\n", text.index("surfaces = [")) + 2
-    message = refusal(tmp_path, FINNED, (text[start:end], ""))
+    message = refusal(tmp_path, (text[start:end], ""), source=FINNED)
     assert "fin_roll_deg.surfaces: entry is missing, the newtonian engine needs a surface at each end" in message
 
 

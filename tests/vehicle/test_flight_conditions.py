@@ -7,6 +7,7 @@ from math import radians
 from pathlib import Path
 
 import pytest
+from ogive import OGIVE
 
 from builder.vehicle.file import load_vehicle
 from builder.vehicle.flight_conditions import condition_set, count_repeated, flow_key, read_conditions
@@ -18,7 +19,6 @@ pytestmark = pytest.mark.fast
 Run = Callable[..., tuple[int, str, str]]
 
 HEADER = "mach_number,angle_of_attack_deg,sideslip_angle_deg,altitude_km"
-OGIVE = Path(__file__).parent.parent / "acceptance" / "ogive" / "ogive.toml"
 
 
 def test_published_sets() -> None:

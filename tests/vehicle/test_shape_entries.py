@@ -5,30 +5,17 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from changed_vehicle import TEXT, refusal
 
 from builder.vehicle.file import IC3X, load_vehicle
-from strainfmu.errors import InputError
 
 pytestmark = pytest.mark.fast
 
-TEXT = IC3X.read_text(encoding="utf-8")
 PROFILE = TEXT[TEXT.index("[[profile]]") : TEXT.index("[structure]")]
 SECTIONS = '[shape]\nsections = "s.csv"\n\n'
 SURFACE = '[shape]\nsurface = "s.stl"\nunit = "mm"\n\n'
 SOLID = ('model = "fourier"', 'model = "solid"')
 REFERENCE = ("moment_station_m = 2.0", "moment_station_m = 2.0\narea_m2 = 0.1\nlength_m = 0.4")
-
-
-def refusal(folder: Path, *changes: tuple[str, str]) -> str:
-    text = TEXT
-    for old, new in changes:
-        assert old in text
-        text = text.replace(old, new, 1)
-    path = folder / "v.toml"
-    path.write_text(text, encoding="utf-8")
-    with pytest.raises(InputError) as caught:
-        load_vehicle(path)
-    return str(caught.value)
 
 
 def test_profile_may_stand_in_the_section(tmp_path: Path) -> None:

@@ -5,10 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from changed_vehicle import write_changed
 
 from builder.structure.gauge_checks import check_gauges
 from builder.structure.wall import wall_of
-from builder.vehicle.file import IC3X, VEHICLES, load_vehicle
+from builder.vehicle.file import VEHICLES, load_vehicle
 from strainfmu.errors import InputError
 
 pytestmark = pytest.mark.fast
@@ -20,12 +21,9 @@ CLAMPED = 'support = "clamped_aft"'
 
 def written(folder: Path, structure: str, *changes: tuple[str, str], more: str = "") -> Path:
     """Write the shipped vehicle with further lines in [structure]."""
-    text = IC3X.read_text(encoding="utf-8")
-    for old, new in (*changes, ("[structure]\n", f"[structure]\n{structure}\n")):
-        assert old in text
-        text = text.replace(old, new, 1)
-    path = folder / "vehicle.toml"
-    path.write_text(text + more, encoding="utf-8")
+    path = write_changed(folder, *changes, ("[structure]\n", f"[structure]\n{structure}\n"))
+    with path.open("a", encoding="utf-8") as file:
+        file.write(more)
     return path
 
 

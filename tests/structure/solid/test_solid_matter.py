@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from changed_vehicle import change
 from solid_bodies import cube, swept_tube
 
 from builder.structure.solid.case import structure_case
@@ -100,13 +101,9 @@ def finned(folder: Path, *changes: tuple[str, str]) -> Path:
     """Write the shipped finned body in free flight, with a material and masses for its mesh."""
     for path in VEHICLES.glob("finned_body*"):
         shutil.copy(path, folder)
-    text = (folder / "finned_body.toml").read_text(encoding="utf-8")
     own = ("poisson_ratio = 0.33\n", f"poisson_ratio = 0.33\ndensity_kg_per_m3 = 2700.0\n\n{STEEL}")
-    for old, new in (('checked_by = "finned_body_check.vtu"\n', ENTRIES), own, *changes):
-        assert old in text
-        text = text.replace(old, new, 1)
     path = folder / "finned_body.toml"
-    path.write_text(text, encoding="utf-8")
+    change(path, ('checked_by = "finned_body_check.vtu"\n', ENTRIES), own, *changes)
     return path
 
 
