@@ -22,7 +22,8 @@ class HealthState(IntEnum):
     INVALID = 3
     """No gauge gives a valid strain: nothing can be computed."""
     DEGRADED = 4
-    """Gauges are missing; the others identify the state, fit a known pressure, and sigma has grown accordingly."""
+    """Gauges are missing or, of the nonlinear estimator, navigation is left out; the rest identifies the state,
+    fits a known pressure, and sigma has grown accordingly."""
     UNIDENTIFIED = 5
     """Gauges are missing and the others do not identify the state: nothing can be computed."""
     SUSPECT = 6

@@ -20,7 +20,10 @@ HEALTH_ITEMS = (
         "Dynamic pressure is not 1e-6 to 1e7 Pa, or its deviation impossible: no coefficients",
     ),
     (HealthState.INVALID, "No gauge gives a valid strain: nothing can be computed"),
-    (HealthState.DEGRADED, "Gauges are missing, the others identify the state: sigma has grown accordingly"),
+    (
+        HealthState.DEGRADED,
+        "Gauges are missing or navigation is left out, the rest identifies the state: sigma has grown accordingly",
+    ),
     (
         HealthState.UNIDENTIFIED,
         "Gauges are missing, the others do not identify the state: nothing is computed",

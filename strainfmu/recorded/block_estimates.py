@@ -6,12 +6,19 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
+import numpy as np
+
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.estimator.flow_parameters import PARAMETER_TOLERANCE
 from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.load_estimate import LoadEstimate, LoadEstimates
+from strainfmu.estimator.manifold.navigation import NAVIGATION
+from strainfmu.recorded.column_names import STATIC_PRESSURE
 from strainfmu.recorded.columns import StrainBlock
 from strainfmu.recorded.strain_level import LevelReference
+
+USED_PREFIX = "navigation_used."
+"""Of the columns that say whether a quantity of navigation is used."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -32,7 +39,6 @@ class BlockEstimates:
     residual_limit : (n,) alarm level of the largest |z|, NaN of an FMU.
     estimates : n estimates by a map, for their pressure; None of an FMU.
     outside : (n,) whether a further parameter of the flow leaves its range, by its name.
-    dropped : (n,) whether a quantity of navigation is known and not used, by its name; none of an FMU.
     further : (n, n_f) columns that this kind of estimator has beside, see ``BlockEstimator.further_columns``.
     """
 
@@ -50,7 +56,6 @@ class BlockEstimates:
     residual: FloatArray | None
     residual_limit: FloatArray
     outside: Mapping[str, BoolArray] = field(default_factory=dict)
-    dropped: Mapping[str, BoolArray] = field(default_factory=dict)
     further: FloatArray | None = None
     estimates: Sequence[LoadEstimate] | LoadEstimates | None = None
 
@@ -88,6 +93,24 @@ class BlockEstimator(Protocol):
 
     def estimate(self, block: StrainBlock, last: float) -> BlockEstimates:
         """Return the estimates of a block; ``last`` is the time before its first sample [s], NaN at the start."""
+
+
+def dropped_navigation(
+    block: StrainBlock, found: BlockEstimates, columns: Sequence[tuple[str, str]]
+) -> dict[str, BoolArray]:
+    """Return (n,) whether each quantity of navigation is given and not used, by its name.
+
+    ``columns`` are the ``further_columns`` of the estimator, which say what is used; {} of one that takes none.
+    """
+    names = [name for name, _ in columns]
+    if found.further is None or USED_PREFIX + NAVIGATION[0] not in names:
+        return {}
+    unknown = np.full(len(block.time), np.nan)
+    flow = {"dynamic_pressure": block.dynamic_pressure, **block.flow}
+    given = {name: ~np.isnan(flow.get(name, unknown)) for name in NAVIGATION}
+    given[STATIC_PRESSURE] |= ~np.isnan(flow.get("altitude", unknown))
+    used = {name: found.further[:, names.index(USED_PREFIX + name)] > 0.0 for name in NAVIGATION}
+    return {name: given[name] & ~used[name] for name in NAVIGATION}
 
 
 def outside_ranges(names: Sequence[str], score: FloatArray) -> dict[str, BoolArray]:

@@ -257,8 +257,8 @@ def plan_columns(
     given = [unit if units is None else (units[i] or unit) for i, (_, unit) in enumerate(parts)]
     names = [name for name, _ in parts]
     read, unused = columns_to_read(path, names, wanted)
-    time = _only(path, [i for i in read if names[i].lower() in TIME_NAMES], what="time", names=names)
-    indices = _gauge_columns(path, names, gauge_names=wanted.gauge_names, read=read)
+    time = _only(path, [i for i in read if names[i].lower() in TIME_NAMES], what="time", names=headings)
+    indices = _gauge_columns(path, names, headings, gauge_names=wanted.gauge_names, read=read)
     factors = [strain_factor(path, headings[i], given[i]) for i in indices]
     flow, passed = {}, []
     quantity = {i: quantity_of(names[i], wanted.readings) for i in read if i not in indices}
@@ -269,7 +269,7 @@ def plan_columns(
         if passes_over(name, held, wanted):
             passed += [names[i] for i in found]
         elif found or (name == "dynamic_pressure" and wanted.needs_pressure and not is_computed):
-            column = _flow_column(path, found, name=name, names=names)
+            column = _flow_column(path, found, name=name, names=headings)
             flow[name] = (column, flow_factor(path, headings[column], name, given[column], wanted.readings))
     refuse_lone_deviations(path, flow, wanted)
     return ColumnPlan(
@@ -344,7 +344,7 @@ def time_factor(path: Path, name: str, unit: str | None) -> float:
 
 
 def _gauge_columns(
-    path: Path, names: Sequence[str], gauge_names: Sequence[str], read: Sequence[int]
+    path: Path, names: Sequence[str], headings: Sequence[str], *, gauge_names: Sequence[str], read: Sequence[int]
 ) -> tuple[int, ...]:
     """Return the column of each gauge, by its name or its number; both at once are two columns for one gauge."""
     own: dict[str, list[int]] = {gauge: [] for gauge in gauge_names}
@@ -361,7 +361,7 @@ def _gauge_columns(
             raise InputError(
                 f"{path}: no column '{gauge}' or 'strain[{number}]' found for a gauge, it holds {some_of(names)}"
             )
-        indices.append(_only(path, found, what=gauge, names=names))
+        indices.append(_only(path, found, what=gauge, names=headings))
     return tuple(indices)
 
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from strainfmu.arrays import BoolArray
 from strainfmu.cosim.step import health_name
 from strainfmu.estimator.health import HealthState
 from strainfmu.interface.enumerations import HEALTH_ITEMS
@@ -34,8 +35,15 @@ class HealthAccount:
     blamed: dict[str, Counter[str]] = field(default_factory=dict)
     beyond: int | None = None
 
-    def add(self, found: BlockEstimates, gauge_names: Sequence[str], envelope_score_limit: float) -> None:
-        """Count the samples of a block."""
+    def add(
+        self,
+        found: BlockEstimates,
+        gauge_names: Sequence[str],
+        envelope_score_limit: float,
+        dropped: Mapping[str, BoolArray],
+    ) -> None:
+        """Count the samples of a block; ``dropped`` is navigation that is left out, by
+        :func:`~strainfmu.recorded.block_estimates.dropped_navigation`."""
         for state in np.unique(found.health[np.isfinite(found.health)]):
             rows = np.flatnonzero(found.health == state)
             name = health_name(int(state))
@@ -51,7 +59,7 @@ class HealthAccount:
                 self.beyond = beyond + (self.beyond or 0)
             blamed = {gauge: int(k) for gauge, k in zip(gauge_names, counts, strict=True) if k}
             if state == HealthState.DEGRADED:
-                blamed |= {one: int(k) for one, left in found.dropped.items() if (k := left[rows].sum())}
+                blamed |= {one: int(k) for one, left in dropped.items() if (k := left[rows].sum())}
             if state == HealthState.OUTSIDE:
                 blamed = {one: int(k) for one, left in found.outside.items() if (k := left[rows].sum())}
             self.blamed.setdefault(name, Counter()).update(blamed)
@@ -64,7 +72,7 @@ class HealthAccount:
         for name, number in self.samples.most_common():
             if name == HealthState.OK.name:
                 continue
-            text = f"{name}: {number} of {total} samples ({100.0 * number / total:.2g} %)"
+            text = f"{name}: {number} of {total} samples ({100.0 * number / total:.3g} %)"
             if name in texts:
                 text += f": {texts[name][0].lower()}{texts[name][1:]}"
             if name == HealthState.OUTSIDE.name and self.beyond is not None:

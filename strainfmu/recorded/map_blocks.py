@@ -21,7 +21,7 @@ from strainfmu.estimator.manifold.tracker import FlightTracker
 from strainfmu.estimator.step import Estimator
 from strainfmu.interface.parameter_variables import OUTSIDE_PREFIX
 from strainfmu.interface.sensor_variables import reading_units
-from strainfmu.recorded.block_estimates import BlockEstimates, outside_ranges
+from strainfmu.recorded.block_estimates import USED_PREFIX, BlockEstimates, outside_ranges
 from strainfmu.recorded.column_names import FLOW_NAMES, NAVIGATION_NAMES
 from strainfmu.recorded.columns import StrainBlock
 from strainfmu.recorded.sensor_readings import recorded_readings, rows_of_map
@@ -104,7 +104,7 @@ class FlightBlocks:
         *((f"air_data.{name}", unit) for name, unit in zip(AIR_DATA_NAMES, AIR_DATA_UNITS, strict=True)),
         *((f"sigma.air_data.{name}", unit) for name, unit in zip(AIR_DATA_NAMES, AIR_DATA_UNITS, strict=True)),
         *((f"identified.air_data.{name}", "1") for name in AIR_DATA_NAMES),
-        *((f"navigation_used.{name}", "1") for name in NAVIGATION),
+        *((f"{USED_PREFIX}{name}", "1") for name in NAVIGATION),
         ("linear_loads", "1"),
     )
 
@@ -132,8 +132,6 @@ class FlightBlocks:
     def of_steps(self, found: Sequence[FlightEstimate]) -> BlockEstimates:
         """Return the estimates ``found`` as a block."""
         k = len(found)
-        # A residual of 0 is that of a quantity that is not known.
-        dropped = np.array([(one.navigation_residual != 0.0) & ~one.navigation_used for one in found])
         return BlockEstimates(
             coefficients=np.array([one.coefficients for one in found]),
             coefficients_std=np.array([one.coefficients_std for one in found]),
@@ -150,7 +148,6 @@ class FlightBlocks:
             residual_limit=np.full(k, self._threshold),
             further=np.array([self._further(one) for one in found]),
             outside=outside_ranges(self.parameter_names, np.array([one.parameter_score for one in found])),
-            dropped=dict(zip(NAVIGATION, dropped.T, strict=True)),
             estimates=found,
         )
 

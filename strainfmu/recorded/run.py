@@ -15,7 +15,7 @@ from strainfmu.arrays import FloatArray
 from strainfmu.cosim.zeros_file import load_zeros
 from strainfmu.errors import InputError
 from strainfmu.estimator.inverse_map import InverseMap
-from strainfmu.recorded.block_estimates import BlockEstimates, BlockEstimator
+from strainfmu.recorded.block_estimates import BlockEstimates, BlockEstimator, dropped_navigation
 from strainfmu.recorded.column_names import FLOW_NAMES, NAVIGATION_NAMES, STATIC_PRESSURE, STD, Wanted
 from strainfmu.recorded.columns import ColumnPlan, StrainBlock
 from strainfmu.recorded.estimator_files import open_block_estimator
@@ -270,7 +270,8 @@ def _count(
 ) -> None:
     """Add a block to the summary."""
     gauge_names = estimator.gauge_names
-    summary.account.add(found, estimator.row_names, estimator.envelope_score_limit)
+    dropped = dropped_navigation(block, found, estimator.further_columns)
+    summary.account.add(found, estimator.row_names, estimator.envelope_score_limit, dropped)
     missing = np.isnan(block.strain).sum(axis=0)
     summary.missing_strains.update({n: int(k) for n, k in zip(gauge_names, missing, strict=True) if k})
     # The nonlinear estimator has coefficients without it.

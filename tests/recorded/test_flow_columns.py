@@ -134,6 +134,10 @@ def test_an_empty_cell_is_a_quantity_that_is_not_known(tmp_path: Path) -> None:
         ({"altitude [mi]": 1.0}, "column 'altitude [mi]': unit: expected one of m, km, ft, got 'mi'"),
         ({"mach_number [m/s]": 1.0}, "unit: expected one of 1, -, got 'm/s'"),
         ({"a.mach_number": 1.0, "b.mach_number": 1.0}, "expected one column for mach_number, got 2"),
+        (
+            {"altitude": 2e4, "altitude [km]": 20.0},
+            "expected one column for altitude, got 2: 'altitude' and 'altitude [km]'",
+        ),
     ],
 )
 def test_wrong_columns_get_one_line(columns: dict[str, float], line: str, tmp_path: Path) -> None:

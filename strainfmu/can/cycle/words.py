@@ -60,7 +60,7 @@ HEALTH_WORDS = {
     HealthState.INCONSISTENT: "the strains fit no known pressure",
     HealthState.NO_COEFFICIENTS: "no usable dynamic pressure",
     HealthState.INVALID: "no gauge gives a valid strain",
-    HealthState.DEGRADED: "gauges are missing, sigma has grown",
+    HealthState.DEGRADED: "gauges or navigation left out, sigma has grown",
     HealthState.UNIDENTIFIED: "too few gauges identify the state",
     HealthState.SUSPECT: "one gauge does not fit the others",
     HealthState.OUTSIDE: "outside what the map covers",
