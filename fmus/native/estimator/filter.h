@@ -69,7 +69,7 @@ typedef struct {
     double *read;        /* (order, rows) H' */
     double *term;        /* (n_terms, gauges) considered errors */
     double *white;       /* (rows, rows) upper triangle of the covariance of what is independent, and of the considered
-                            errors; its L after the loads */
+                            errors; of gauges its L after the loads */
     double *considered;  /* (order, rows) C G': of xi, then of the other states given x */
     double *by_state;    /* (N_STATES, order) covariance of xi with the states; then a row of the others' means */
     double *by_row;      /* (N_STATES, rows) the same with what is read but for H x; then a row of its means */
@@ -147,6 +147,11 @@ void filter_move_cross(Filter *filter);
 
 /* The flight state gets a value, from which the others follow by their covariance: its square distance. */
 double filter_give(Filter *filter, Law *law, const double *state);
+
+/* What row m of navigation reads of its lasting error, the only one that reads it. */
+static inline double filter_navigation_read(const Filter *filter, size_t m) {
+    return filter->read[(FIRST_NAVIGATION + m) * filter->rows + filter->gauges + m];
+}
 
 /* out (columns, rows) = matrix' (rows, columns), rows of each so far apart. */
 void transpose(size_t rows, size_t columns, const double *matrix, size_t row, double *out, size_t out_row);

@@ -177,11 +177,10 @@ void filter_set_rows(Filter *filter, const Law *law, const double *state) {
             }
         }
     }
+    double about[N_STATES];
     for (size_t k = 0; k < N_STATES; k++) {
-        const double about = law->mean[k] - state[k];
-        for (size_t r = 0; r < rows; r++) {
-            apart[r] -= about * filter->read[k * rows + r];
-        }
+        about[k] = law->mean[k] - state[k];
     }
+    subtract_product(solver->wide, 1, N_STATES, rows, by_rows(about, N_STATES), filter->read, rows, apart, rows);
 }
 

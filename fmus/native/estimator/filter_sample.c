@@ -58,36 +58,66 @@ static void set_given_state(Filter *filter, const Law *law) {
     }
 }
 
+/* out (count, rows) = left (count, order) H' of the other states: gauges read all but b, navigation one b each. */
+static void times_read(const Filter *filter, size_t count, const double *left, double *out) {
+    const size_t rows = filter->rows, order = filter->order, gauges = filter->gauges;
+    multiply(filter->solver->wide, FULL, count, filter->n_read - FIRST_SEEN, gauges, by_rows(left + FIRST_SEEN, order),
+             filter->read + FIRST_SEEN * rows, rows, out, rows);
+    for (size_t i = 0; i < count; i++) {
+        double *navigation = out + i * rows + gauges;
+        memset(navigation, 0, (rows - gauges) * sizeof *navigation);
+        for (size_t m = 0; m < N_NAVIGATION; m++) {
+            navigation[m] = left[i * order + FIRST_NAVIGATION + m] * filter_navigation_read(filter, m);
+        }
+    }
+}
+
+/* The upper triangle of the covariance of what is read given x, which takes its part of the considered errors, too. */
+static void set_spread(Filter *filter) {
+    const size_t rows = filter->rows, gauges = filter->gauges, count = filter->n_read - FIRST_SEEN;
+    const size_t at = (FIRST_SEEN - N_STATES) * rows, last = gauges * (rows + 1);
+    const int wide = filter->solver->wide;
+    const double *read = filter->read + FIRST_SEEN * rows, *considered = filter->considered;
+    double *half = filter->product, *spread = filter->spread;
+    /* Of gauges: half of it with half of what is considered, then its transpose. */
+    combine(wide, count * rows, 0.5, filter->gain + at, 1.0, considered + FIRST_SEEN * rows, half);
+    multiply_upper(wide, gauges, rows, count, (Strided){read, 1, rows}, half, filter->white, spread);
+    multiply_upper(wide, gauges, rows, count, (Strided){half, 1, rows}, read, spread, spread);
+    subtract_upper(wide, gauges, N_STATES, gauges, (Strided){considered, 1, rows}, considered, rows, spread, rows);
+    /* With navigation, and of it. */
+    for (size_t i = 0; i < rows; i++) {
+        memcpy(spread + i * rows + gauges, filter->white + i * rows + gauges, (rows - gauges) * sizeof *spread);
+    }
+    for (size_t m = 0; m < N_NAVIGATION; m++) {
+        const double read_of = filter_navigation_read(filter, m), *own = filter->gain + m * rows;
+        const double *with = considered + (FIRST_NAVIGATION + m) * rows;
+        for (size_t i = 0; i < gauges; i++) {
+            spread[i * rows + gauges + m] += read_of * (own[i] + with[i]);
+        }
+        for (size_t j = 0; j < N_NAVIGATION; j++) {
+            spread[last + m * rows + j] += read_of * own[gauges + j];
+        }
+    }
+}
+
 /* What does not change with the iterations, for the errors at the state of solver->response. */
 static void set_fixed(Filter *filter, const Law *law) {
     const size_t rows = filter->rows, order = filter->order, others = filter->n - N_STATES, first = N_STATES * rows;
-    const size_t read = filter->n_read - N_STATES, columns = order - N_STATES;
+    const size_t columns = order - N_STATES;
     const int wide = filter->solver->wide;
-    double *half = filter->product;
     filter_set_errors(filter);
     filter_set_considered(filter, law);
     set_given_state(filter, law);
-    multiply(wide, FULL, N_STATES + 1, read, rows, by_rows(filter->by_state + N_STATES, order), filter->read + first, rows,
-             filter->by_row, rows);
+    times_read(filter, N_STATES + 1, filter->by_state, filter->by_row);
     for (size_t k = 0; k < first; k++) {
         filter->by_row[k] += filter->considered[k];
     }
-    multiply(wide, FULL, others, read, rows, by_rows(filter->others + N_STATES, order), filter->read + first, rows,
-             filter->gain, rows);
-    /* Half of it, and half of what is considered; xi takes its part of the considered errors' covariance. */
-    memcpy(filter->read, filter->considered, first * sizeof *half);
-    for (size_t k = 0; k < first; k++) {
-        half[k] = -0.5 * filter->considered[k];
-    }
-    combine(wide, read * rows, 0.5, filter->gain, 1.0, filter->considered + first, half + first);
-    multiply_upper(wide, rows, filter->n_read, (Strided){filter->read, 1, rows}, half, filter->white, filter->spread);
-    multiply_upper(wide, rows, filter->n_read, (Strided){half, 1, rows}, filter->read, filter->spread, filter->spread);
-    cholesky(wide, rows, filter->spread);
-    invert_lower(wide, rows, filter->spread, half, filter->inverse);
-    for (size_t k = 0; k < others * rows; k++) {
-        filter->gain[k] += filter->considered[first + k];
-    }
-    transpose(others, rows, filter->gain, rows, filter->gain_turned, columns);
+    times_read(filter, others, filter->others, filter->gain);
+    set_spread(filter);
+    cholesky(wide, rows, rows, filter->spread);
+    invert_lower(wide, rows, filter->spread, filter->product, filter->inverse);
+    combine(wide, others * rows, 1.0, filter->gain, 1.0, filter->considered + first, filter->product);
+    transpose(others, rows, filter->product, rows, filter->gain_turned, columns);
     multiply(wide, LOWER_LEFT, rows, rows, columns, by_rows(filter->inverse, rows), filter->gain_turned, columns,
              filter->whitened + N_STATES, filter->row_whitened);
 }
@@ -97,15 +127,8 @@ static void set_right(Filter *filter) {
     const size_t rows = filter->rows;
     double *row = filter->product;
     memcpy(row, filter->by_row, N_STATES * rows * sizeof *row);
-    for (size_t k = 0; k < N_STATES; k++) {
-        for (size_t j = k; j < N_STATES; j++) {
-            const double *restrict read = filter->read + j * rows;
-            const double factor = filter->root[j][k];
-            for (size_t r = 0; r < rows; r++) {
-                row[k * rows + r] += factor * read[r];
-            }
-        }
-    }
+    add_product(filter->solver->wide, N_STATES, N_STATES, rows, (Strided){filter->root[0], 1, N_STATES}, filter->read,
+                rows, row, rows);
     memcpy(row + N_STATES * rows, filter->innovation, rows * sizeof *row);
     transpose(N_STATES + 1, rows, row, rows, filter->right, N_COLUMNS);
 }

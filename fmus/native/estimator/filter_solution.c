@@ -10,7 +10,7 @@
    covariance. */
 static void set_turned(Filter *filter, double remaining[N_LOADS][N_LOADS]) {
     const FlightSolver *solver = filter->solver;
-    const size_t rows = filter->rows, n = solver->n_gauges;
+    const size_t rows = filter->rows, gauges = filter->gauges, n = solver->n_gauges;
     const double square = solver->response.pressure * solver->response.pressure;
     double *turned = filter->right, product[N_COLUMNS * N_COLUMNS];
     memset(turned, 0, N_COLUMNS * rows * sizeof *turned);
@@ -19,16 +19,17 @@ static void set_turned(Filter *filter, double remaining[N_LOADS][N_LOADS]) {
             turned[g * N_COLUMNS + i] = solver->sample.used[g] ? square * filter->map.rest_cross[i * n + g] : 0.0;
         }
     }
-    cholesky(solver->wide, rows, filter->white);
-    solve_lower_columns(solver->wide, rows, filter->white, N_COLUMNS, turned);
-    multiply(solver->wide, FULL, N_COLUMNS, rows, N_COLUMNS, (Strided){turned, 1, N_COLUMNS}, turned, N_COLUMNS, product,
-             N_COLUMNS);
+    /* What is left of navigation is independent of strain: gauges alone are decomposed. */
+    cholesky(solver->wide, gauges, rows, filter->white);
+    solve_lower_columns(solver->wide, gauges, rows, filter->white, N_COLUMNS, turned);
+    multiply(solver->wide, FULL, N_COLUMNS, gauges, N_COLUMNS, (Strided){turned, 1, N_COLUMNS}, turned, N_COLUMNS,
+             product, N_COLUMNS);
     for (size_t i = 0; i < N_LOADS; i++) {
         for (size_t j = 0; j < N_LOADS; j++) {
             remaining[i][j] = square * filter->map.rest_load[i * N_LOADS + j] - product[i * N_COLUMNS + j];
         }
     }
-    solve_upper_columns(solver->wide, rows, filter->white, N_COLUMNS, turned);
+    solve_upper_columns(solver->wide, gauges, rows, filter->white, N_COLUMNS, turned);
 }
 
 double *filter_left(Filter *filter, const Law *law) {
@@ -39,11 +40,8 @@ double *filter_left(Filter *filter, const Law *law) {
     for (size_t g = 0; g < solver->n_gauges; g++) {
         left[g] = solver->sample.used[g] ? solver->sample.strain[g] - solver->response.value[g] : 0.0;
     }
-    for (size_t k = N_STATES; k < filter->n_read; k++) {
-        for (size_t g = 0; g < solver->n_gauges; g++) {
-            left[g] -= law->mean[k] * filter->read[k * rows + g];
-        }
-    }
+    subtract_product(solver->wide, 1, filter->n_read - FIRST_SEEN, filter->gauges, by_rows(law->mean + FIRST_SEEN, 0),
+                     filter->read + FIRST_SEEN * rows, rows, left, rows);
     return left;
 }
 
@@ -54,9 +52,10 @@ static void set_loads(Filter *filter) {
     const double *left = filter_left(filter, &filter->next_law), *mean = filter->next_law.mean;
     double *by_state = filter->joseph, *by_read = filter->turned, of_left[N_COLUMNS];
     memset(by_state, 0, N_LOADS * order * sizeof *by_state);
-    multiply(solver->wide, FULL, filter->n_read, rows, N_COLUMNS, by_rows(filter->read, rows), filter->right, N_COLUMNS,
-             by_read, N_COLUMNS);
-    multiply(solver->wide, FULL, 1, rows, N_COLUMNS, by_rows(left, rows), filter->right, N_COLUMNS, of_left, N_COLUMNS);
+    multiply(solver->wide, FULL, filter->n_read, filter->gauges, N_COLUMNS, by_rows(filter->read, rows), filter->right,
+             N_COLUMNS, by_read, N_COLUMNS);
+    multiply(solver->wide, FULL, 1, filter->gauges, N_COLUMNS, by_rows(left, rows), filter->right, N_COLUMNS, of_left,
+             N_COLUMNS);
     for (size_t i = 0; i < N_LOADS; i++) {
         double *row = by_state + i * order, sum = solver->response.value[solver->n_gauges + i];
         for (size_t k = 0; k < N_STATES; k++) {

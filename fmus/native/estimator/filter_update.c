@@ -156,16 +156,31 @@ static double set_kalman(Filter *filter, const Posterior *found) {
     return chi_square;
 }
 
-double filter_update_law(Filter *filter, const Law *law, Law *after) {
-    const size_t n = filter->n, rows = filter->rows, read = filter->n_read;
+/* K H: gauges read no b, and navigation of the others than x one b each. */
+static void set_kept(Filter *filter) {
+    const size_t n = filter->n, order = filter->order, rows = filter->rows, gauges = filter->gauges;
+    const size_t seen = filter->n_read - FIRST_SEEN, columns = in_lanes(seen);
     const int wide = filter->solver->wide;
+    const Strided kalman = by_rows(filter->kalman, rows);
+    double *kept = filter->kept;
+    transpose(N_STATES, rows, filter->read, rows, filter->turned, N_STATES);
+    multiply(wide, FULL, n, rows, N_STATES, kalman, filter->turned, N_STATES, kept, order);
+    transpose(seen, gauges, filter->read + FIRST_SEEN * rows, rows, filter->turned, columns);
+    multiply(wide, FULL, n, gauges, columns, kalman, filter->turned, columns, kept + FIRST_SEEN, order);
+    for (size_t m = 0; m < N_NAVIGATION; m++) {
+        const double read = filter_navigation_read(filter, m);
+        for (size_t i = 0; i < n; i++) {
+            kept[i * order + FIRST_NAVIGATION + m] = kalman.value[i * rows + gauges + m] * read;
+        }
+    }
+}
+
+double filter_update_law(Filter *filter, const Law *law, Law *after) {
     const Posterior found = filter_whiten(filter);
     set_of_states(filter, law, &found, after);
     const int enough = update_covariance(filter, after);
     const double chi_square = set_kalman(filter, &found);
-    transpose(read, rows, filter->read, rows, filter->turned, in_lanes(read));
-    multiply(wide, FULL, n, rows, in_lanes(read), by_rows(filter->kalman, rows), filter->turned, in_lanes(read),
-             filter->kept, filter->order);
+    set_kept(filter);
     if (!enough) {
         joseph_covariance(filter, law, after);
     }

@@ -34,20 +34,23 @@ EVERYWHERE void subtract_columns_twice(size_t first, size_t n, const double *res
     }
 }
 
-/* LANES columns of L from k on, of a matrix from which the columns before them have been subtracted. */
-EVERYWHERE void decompose(size_t n, size_t k, double *restrict a) {
-    for (size_t c = k; c < k + LANES; c++) {
-        double *restrict column = a + c * n;
-        for (size_t b = k; b < c; b++) {
-            const double *restrict before = a + b * n;
-            const double factor = before[c];
-            for (size_t i = k; i < n; i++) {
-                column[i] -= factor * before[i];
-            }
-        }
-        const double scale = 1.0 / sqrt(column[c]);
-        for (size_t i = k; i < n; i++) {
-            column[i] *= scale;
+/* LANES columns of L from k on, of a matrix from which the columns before them have been subtracted: first the factors
+   between them, then all rows at once. */
+EVERYWHERE void decompose(size_t n, size_t row, size_t k, double *restrict a) {
+    double *restrict c0 = a + k * row, *restrict c1 = c0 + row, *restrict c2 = c1 + row, *restrict c3 = c2 + row;
+    const double s0 = 1.0 / sqrt(c0[k]), f01 = c0[k + 1] * s0, f02 = c0[k + 2] * s0, f03 = c0[k + 3] * s0;
+    const double s1 = 1.0 / sqrt(c1[k + 1] - f01 * f01);
+    const double f12 = (c1[k + 2] - f01 * f02) * s1, f13 = (c1[k + 3] - f01 * f03) * s1;
+    const double s2 = 1.0 / sqrt(c2[k + 2] - f02 * f02 - f12 * f12);
+    const double f23 = (c2[k + 3] - f02 * f03 - f12 * f13) * s2;
+    const double s3 = 1.0 / sqrt(c3[k + 3] - f03 * f03 - f13 * f13 - f23 * f23);
+    for (size_t i = k; i < n; i += LANES) {
+        for (size_t r = i; r < i + LANES; r++) {
+            const double x0 = c0[r] * s0, x1 = (c1[r] - f01 * x0) * s1, x2 = (c2[r] - f02 * x0 - f12 * x1) * s2;
+            c3[r] = (c3[r] - f03 * x0 - f13 * x1 - f23 * x2) * s3;
+            c0[r] = x0;
+            c1[r] = x1;
+            c2[r] = x2;
         }
     }
 }
@@ -108,13 +111,13 @@ EVERYWHERE void backward(size_t n, const double *restrict lower, size_t count, d
 }
 
 /* L^-1 (LANES, LANES) of the diagonal's LANES from k on. */
-static void invert_diagonal(size_t n, const double *restrict lower, size_t k, double small[LANES][LANES]) {
+static void invert_diagonal(size_t row, const double *restrict lower, size_t k, double small[LANES][LANES]) {
     for (size_t c = 0; c < LANES; c++) {
-        const double scale = 1.0 / lower[(k + c) * n + k + c];
+        const double scale = 1.0 / lower[(k + c) * row + k + c];
         for (size_t j = 0; j < LANES; j++) {
             double sum = j == c ? 1.0 : 0.0;
             for (size_t b = 0; b < c; b++) {
-                sum -= lower[(k + b) * n + k + c] * small[b][j];
+                sum -= lower[(k + b) * row + k + c] * small[b][j];
             }
             small[c][j] = j <= c ? sum * scale : 0.0;
         }
@@ -146,8 +149,8 @@ EVERYWHERE void back(size_t n, const double *restrict inverse, const double *res
 }
 
 #if HAS_AVX2
-AVX2 static void decompose_avx2(size_t n, size_t k, double *matrix) {
-    decompose(n, k, matrix);
+AVX2 static void decompose_avx2(size_t n, size_t row, size_t k, double *matrix) {
+    decompose(n, row, k, matrix);
 }
 
 AVX2 static void forward_avx2(size_t n, const double *lower, size_t count, double *x) {
@@ -163,10 +166,11 @@ AVX2 static void back_avx2(size_t n, const double *inverse, const double *x, dou
 }
 #endif
 
-void cholesky(int wide, size_t n, double *matrix) {
+void cholesky(int wide, size_t n, size_t row, double *matrix) {
     for (size_t k = 0; k < n; k += LANES) {
-        subtract_product(wide, LANES, k, n - k, (Strided){matrix + k, 1, n}, matrix + k, n, matrix + k * n + k, n);
-        CHOSEN(wide, decompose)(n, k, matrix);
+        subtract_product(wide, LANES, k, n - k, (Strided){matrix + k, 1, row}, matrix + k, row, matrix + k * row + k,
+                         row);
+        CHOSEN(wide, decompose)(n, row, k, matrix);
     }
 }
 
@@ -209,21 +213,21 @@ static void turn_rows(double small[LANES][LANES], int transposed, size_t count, 
     }
 }
 
-void solve_lower_columns(int wide, size_t n, const double *lower, size_t count, double *x) {
+void solve_lower_columns(int wide, size_t n, size_t row, const double *lower, size_t count, double *x) {
     for (size_t k = 0; k < n; k += LANES) {
         double small[LANES][LANES];
-        invert_diagonal(n, lower, k, small);
-        subtract_product(wide, LANES, k, count, (Strided){lower + k, 1, n}, x, count, x + k * count, count);
+        invert_diagonal(row, lower, k, small);
+        subtract_product(wide, LANES, k, count, (Strided){lower + k, 1, row}, x, count, x + k * count, count);
         turn_rows(small, 0, count, x + k * count);
     }
 }
 
-void solve_upper_columns(int wide, size_t n, const double *lower, size_t count, double *x) {
+void solve_upper_columns(int wide, size_t n, size_t row, const double *lower, size_t count, double *x) {
     for (size_t k = n; k > 0; k -= LANES) {
         const size_t first = k - LANES;
         double small[LANES][LANES];
-        invert_diagonal(n, lower, first, small);
-        subtract_product(wide, LANES, n - k, count, (Strided){lower + first * n + k, n, 1}, x + k * count, count,
+        invert_diagonal(row, lower, first, small);
+        subtract_product(wide, LANES, n - k, count, (Strided){lower + first * row + k, row, 1}, x + k * count, count,
                          x + first * count, count);
         turn_rows(small, 1, count, x + first * count);
     }

@@ -8,8 +8,8 @@
 
 #include <stddef.h>
 
-/* Replace the lower triangle of a positive definite matrix (n, n) by L, matrix = L L'. */
-void cholesky(int wide, size_t n, double *matrix);
+/* Replace the lower triangle of a positive definite matrix (n, n) by L, matrix = L L'; columns lie `row` apart. */
+void cholesky(int wide, size_t n, size_t row, double *matrix);
 
 /* x = L^-1 x for `count` vectors, n apart. */
 void solve_lower(int wide, size_t n, const double *lower, size_t count, double *x);
@@ -17,9 +17,9 @@ void solve_lower(int wide, size_t n, const double *lower, size_t count, double *
 /* x = L'^-1 x for `count` vectors, n apart. */
 void solve_upper(int wide, size_t n, const double *lower, size_t count, double *x);
 
-/* The same for `count` vectors as columns (n, count), a multiple of LANES. */
-void solve_lower_columns(int wide, size_t n, const double *lower, size_t count, double *x);
-void solve_upper_columns(int wide, size_t n, const double *lower, size_t count, double *x);
+/* The same for `count` vectors as columns (n, count), a multiple of LANES, of an L whose columns lie `row` apart. */
+void solve_lower_columns(int wide, size_t n, size_t row, const double *lower, size_t count, double *x);
+void solve_upper_columns(int wide, size_t n, size_t row, const double *lower, size_t count, double *x);
 
 /* L^-1 (n, n) by rows; of what lies right of the diagonal's LANES, the next LANES are 0, others are not set. scratch
    takes (LANES, n). */

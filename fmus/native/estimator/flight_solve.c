@@ -83,7 +83,7 @@ static void set_factor(FlightSolver *solver) {
         }
         factor[g * n + g] = 1.0;
     }
-    cholesky(solver->wide, n, factor);
+    cholesky(solver->wide, n, n, factor);
 }
 
 static void evaluate(FlightSolver *solver, const double *state) {

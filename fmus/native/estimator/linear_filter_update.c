@@ -55,7 +55,7 @@ static void set_alone(LinearFilter *filter) {
     memset(cross, 0, N_LOADS * rows * sizeof *cross);
     set_rows(filter, N_LOADS, filter->ratio * filter->ratio, map->rest_cross, cross);
     memcpy(filter->factor, filter->white, rows * rows * sizeof *filter->factor);
-    cholesky(filter->wide, rows, filter->factor);
+    cholesky(filter->wide, rows, rows, filter->factor);
     solve_lower(filter->wide, rows, filter->factor, n + 1 + N_LOADS, whitened);
     memset(of_loads, 0, (N_LOADS + 1) * order * sizeof *of_loads);
     for (size_t k = 0; k < n; k++) {
@@ -82,7 +82,7 @@ static void set_alone(LinearFilter *filter) {
             *value = (i < n && j < n ? map->std[i] * *value * map->std[j] : 0.0) + prior;
         }
     }
-    cholesky(filter->wide, order, filter->small);
+    cholesky(filter->wide, order, order, filter->small);
     solve_lower(filter->wide, order, filter->small, N_LOADS + 1, of_loads);
     for (size_t i = 0; i < N_LOADS; i++) {
         filter->alone[i] = lane_dot(order, of_loads + i * order, found);
@@ -163,13 +163,13 @@ double linear_filter_update(LinearFilter *filter, const LinearLaw *law) {
         half[k] = 0.5 * gain[k] + filter->considered[k];
         gain[k] += filter->considered[k];
     }
-    multiply_upper(wide, rows, n, (Strided){filter->read, 1, rows}, half, filter->white, filter->factor);
-    multiply_upper(wide, rows, n, (Strided){half, 1, rows}, filter->read, filter->factor, filter->factor);
+    multiply_upper(wide, rows, rows, n, (Strided){filter->read, 1, rows}, half, filter->white, filter->factor);
+    multiply_upper(wide, rows, rows, n, (Strided){half, 1, rows}, filter->read, filter->factor, filter->factor);
     multiply(wide, FULL, 1, n, rows, by_rows(law->mean, order), filter->read, rows, innovation, rows);
     for (size_t r = 0; r < rows; r++) {
         innovation[r] = filter->apart[r] - innovation[r];
     }
-    cholesky(wide, rows, filter->factor);
+    cholesky(wide, rows, rows, filter->factor);
     solve_lower(wide, rows, filter->factor, n + 1, gain);
     const double chi_square = lane_dot(rows, innovation, innovation);
     const int enough = subtract_covariance(filter, law, gain);

@@ -31,10 +31,10 @@ EVERYWHERE void whole_of(size_t width, Shape shape, size_t rows, size_t inner, s
 #undef SOME_COLUMNS
 }
 
-EVERYWHERE void upper_of(size_t width, size_t n, size_t inner, Strided left, const double *right, const double *added,
-                         double *product) {
+EVERYWHERE void upper_of(size_t width, size_t n, size_t row, size_t inner, Strided left, const double *right,
+                         const double *added, double *product) {
     size_t j = 0;
-#define SOME_COLUMNS(count) strip(ADD, j + count, count, inner, left, right + j, n, added + j, product + j, n)
+#define SOME_COLUMNS(count) strip(ADD, j + count, count, inner, left, right + j, row, added + j, product + j, row)
     BY_COLUMNS(j, n, width, 0, SOME_COLUMNS)
 #undef SOME_COLUMNS
 }
@@ -102,9 +102,9 @@ EVERYWHERE void all_squares(size_t n, const double *restrict lower, double *rest
                                         const double *right, size_t right_row, double *product, size_t product_row) { \
         whole_of(width, shape, rows, inner, columns, left, right, right_row, product, product_row); \
     } \
-    instructions static void upper##set(size_t n, size_t inner, Strided left, const double *right, const double *added, \
-                                        double *product) { \
-        upper_of(width < BLOCK_COLUMNS ? width : BLOCK_COLUMNS, n, inner, left, right, added, product); \
+    instructions static void upper##set(size_t n, size_t row, size_t inner, Strided left, const double *right, \
+                                        const double *added, double *product) { \
+        upper_of(width < BLOCK_COLUMNS ? width : BLOCK_COLUMNS, n, row, inner, left, right, added, product); \
     } \
     instructions static void more##set(int is_upper, size_t rows, size_t inner, size_t columns, Strided left, \
                                        const double *right, size_t right_row, double *product, size_t product_row) { \
@@ -135,9 +135,9 @@ void multiply(int wide, Shape shape, size_t rows, size_t inner, size_t columns, 
     WIDEST(wide, whole)(shape, rows, inner, columns, left, right, right_row, product, product_row);
 }
 
-void multiply_upper(int wide, size_t n, size_t inner, Strided left, const double *right, const double *added,
-                    double *product) {
-    WIDEST(wide, upper)(n, inner, left, right, added, product);
+void multiply_upper(int wide, size_t n, size_t row, size_t inner, Strided left, const double *right,
+                    const double *added, double *product) {
+    WIDEST(wide, upper)(n, row, inner, left, right, added, product);
 }
 
 void add_product(int wide, size_t rows, size_t inner, size_t columns, Strided left, const double *right, size_t right_row,

@@ -25,9 +25,9 @@ void multiply(int wide, Shape shape, size_t rows, size_t inner, size_t columns, 
               size_t right_row, double *product, size_t product_row);
 
 /* The upper triangle of product (n, n) = added + left (n, inner) right (inner, n), and some of what lies left of it. n is
-   a multiple of LANES, the distance of all rows. */
-void multiply_upper(int wide, size_t n, size_t inner, Strided left, const double *right, const double *added,
-                    double *product);
+   a multiple of LANES; rows of the last three lie `row` apart. */
+void multiply_upper(int wide, size_t n, size_t row, size_t inner, Strided left, const double *right,
+                    const double *added, double *product);
 
 /* product (rows, columns) += or -= left (rows, inner) right (inner, columns). Columns are a multiple of LANES. */
 void add_product(int wide, size_t rows, size_t inner, size_t columns, Strided left, const double *right, size_t right_row,
