@@ -30,7 +30,7 @@ from strainfmu.files import write_bytes_atomically
 
 JSON, CSV, FIGURE = "compare.json", "compare.csv", "compare.png"
 
-VERSION = 5
+VERSION = 6
 """Raised whenever the scores change otherwise than by their inputs, so that they are made again."""
 
 

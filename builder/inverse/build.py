@@ -15,6 +15,7 @@ from builder.campaign.snapshot_transfer import snapshots_on
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.coefficients import load_covariance_by_terms
 from builder.inverse.ensemble import Ensemble, ensemble_of
+from builder.inverse.flows_between import between_term, flows_between
 from builder.inverse.further import further_loads
 from builder.inverse.gauge_noise import gauge_covariance, nuisance_terms
 from builder.inverse.hardware_errors import HardwareError, error_model, hardware_errors, hardware_terms
@@ -163,10 +164,18 @@ def inverse_problem(
         terms = joined_terms(terms, errors, sensors, ensemble)
         errors = joined_errors(errors, sensors, len(z_p), ensemble)
         z_p = np.vstack([z_p, sensors.operator])
+    loads = _load_operator(structure.surface, vehicle.reference_quantities().moment_station)
+    further = further_load_operator(
+        structure.surface, vehicle.map.section_stations_m, vehicle.reference_quantities().moment_station
+    )
+    between, off = flows_between(vehicle, snapshots), None
+    if between is not None and ensemble.grid is None and vehicle.noise.model == "default":
+        off = between.off_the_snapshots(ensemble, vehicle.map.form == "dynamic_pressure")
+        terms.append(between_term(off, z_p, loads, further))
     return Problem(
         ensemble=ensemble,
         strain_operator=z_p,
-        load_operator=_load_operator(structure.surface, vehicle.reference_quantities().moment_station),
+        load_operator=loads,
         node_area=_mesh(structure.surface).node_area,
         noise=tuple(terms),
         errors=tuple(errors),
@@ -174,10 +183,10 @@ def inverse_problem(
         entry=vehicle.map,
         mesh=mesh,
         sensors=sensors,
-        further_operator=further_load_operator(
-            structure.surface, vehicle.map.section_stations_m, vehicle.reference_quantities().moment_station
-        ),
+        further_operator=further,
         thermal=thermal if sensors is None else with_further_rows(thermal, len(sensors.rows)),
+        between=between,
+        off_the_snapshots=off,
     )
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from builder.inverse.case_1 import least_squares_map, relative_condition
 from builder.inverse.case_2 import gaussian_map, whitened_spectrum
 from builder.inverse.ensemble import Ensemble, rolled_modes
+from builder.inverse.flows_between import FlowsBetween
 from builder.inverse.hardware_errors import HardwareError
 from builder.inverse.mesh_error import MeshError
 from builder.inverse.mode_phase import turned_to_gauges
@@ -51,6 +52,9 @@ class Problem:
     sensors : those beside the strain gauges, whose rows follow the gauges'; None for none.
     further_operator : (m, n_p) the same of rolling moment and section loads; None for none.
     thermal : modes of the wall's temperature, which are among ``noise``; None for none.
+    between : flows between the snapshots; None where they are not known.
+    off_the_snapshots : (k, n_p) what of these is no combination of the snapshots, which is among ``noise``, see
+        :meth:`~builder.inverse.flows_between.FlowsBetween.off_the_snapshots` [Pa]; None where it is not counted.
     """
 
     ensemble: Ensemble
@@ -65,6 +69,8 @@ class Problem:
     sensors: SensorSet | None = None
     further_operator: FloatArray | None = None
     thermal: ThermalMap | None = None
+    between: FlowsBetween | None = None
+    off_the_snapshots: FloatArray | None = None
 
     @property
     def offset(self) -> FloatArray:
@@ -257,7 +263,9 @@ def _unresolved(problem: Problem, modes: PressureModes, kept: int) -> FloatArray
     if not problem.entry.keep_field:
         return None
     variance = modes.coefficient_std()[kept:] ** 2
-    return np.asarray(np.einsum("pm,pm,m->p", modes.modes[:, kept:], modes.modes[:, kept:], variance))
+    found = np.asarray(np.einsum("pm,pm,m->p", modes.modes[:, kept:], modes.modes[:, kept:], variance))
+    off = problem.off_the_snapshots
+    return found if off is None else found + np.sum(off**2, axis=0)
 
 
 def _mean_strain(problem: Problem, mean: FloatArray) -> FloatArray:

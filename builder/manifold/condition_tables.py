@@ -8,11 +8,13 @@ tables go on along their tangents.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from builder.campaign.snapshots import Snapshots
+from builder.inverse.flows_between import BETWEEN, FlowsBetween
 from builder.manifold.parameter_slopes import (
     FURTHER_PARAMETERS,
     ConditionSlopes,
@@ -24,6 +26,7 @@ from builder.manifold.tables import interpolating, spline_coefficients
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.manifold.flight_tables import LOG_PRESSURE, MACH, N_STATES, FlightTables, U, W, evaluate
 from strainfmu.estimator.manifold.spline import basis
+from strainfmu.flight_condition import FlightCondition
 
 RINGS, ROLLS, MAX_HARMONIC = 12, 64, 24
 """Total incidences and roll angles at which the splines are read off, and highest harmonic of the tables."""
@@ -63,13 +66,17 @@ class ConditionTables:
     slopes: ParameterSlopes | None
 
 
-def condition_tables(snapshots: Snapshots, operator: FloatArray, is_vented: bool) -> ConditionTables:
+def condition_tables(
+    snapshots: Snapshots, operator: FloatArray, is_vented: bool, between: FlowsBetween | None = None
+) -> ConditionTables:
     """Return the tables of ``operator`` (n, n_p) times the pressure.
 
     Parameters
     ----------
     snapshots : on the nodes of ``operator``.
     is_vented : whether p - p_inf loads the body, and not p.
+    between : flows between the snapshots, which show how far the tables are off there; where they are not known,
+        conditions are left out in turn.
 
     Raises
     ------
@@ -81,7 +88,7 @@ def condition_tables(snapshots: Snapshots, operator: FloatArray, is_vented: bool
     ratio = snapshots.pressure / ambient[:, None] - 1.0
     all_values = (ratio @ operator.T)[grid.row]
     values = all_values.mean(axis=3)
-    errors = {"interpolation": left_out_errors(grid, values)}
+    errors = {} if between is not None else {"interpolation": left_out_errors(grid, values)}
     slope = None
     if grid.row.shape[3] > 1:
         off = all_values - values[:, :, :, None]
@@ -96,6 +103,9 @@ def condition_tables(snapshots: Snapshots, operator: FloatArray, is_vented: bool
     incidence = np.array([condition.total_incidence for condition in conditions])
     found = _polar(grid, mach, values, float(incidence.max()))
     errors["tables"] = _off_the_splines(grid, found, values)
+    if between is not None:
+        fixed = 0.0 if is_vented else operator.sum(axis=1)
+        errors[BETWEEN] = errors_between(found, between.middle_of_cells(), between.of_cells(operator) + fixed)
     alpha, beta = grid.angle_of_attack, grid.sideslip
     return ConditionTables(
         mach_knots=found.mach_knots,
@@ -156,6 +166,16 @@ def left_out_errors(grid: SnapshotGrid, values: FloatArray) -> FloatArray:
         rows = np.array(errors).reshape(-1, values.shape[-1])
         found.append(rows / np.sqrt(len(rows)))
     return np.concatenate(found).T
+
+
+def errors_between(tables: FlightTables, conditions: Sequence[FlightCondition], values: FloatArray) -> FloatArray:
+    """Return columns (n, k) of the differences of ``tables`` from ``values`` (k, n) per p_inf at k conditions."""
+    state = np.zeros((len(conditions), N_STATES))
+    for row, one in zip(state, conditions, strict=True):
+        row[MACH], row[U] = one.mach_number, one.total_incidence * np.cos(one.leeward_roll_angle)
+        row[W] = one.total_incidence * np.sin(one.leeward_roll_angle)
+    errors = evaluate(tables, state).value - values
+    return np.asarray(errors.T / np.sqrt(len(errors)))
 
 
 def _polar(grid: SnapshotGrid, mach: FloatArray, values: FloatArray, limit: float) -> FlightTables:

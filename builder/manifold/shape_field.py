@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from builder.campaign.snapshots import Snapshots
+from builder.inverse.flows_between import FlowsBetween
 from builder.inverse.solution import Problem
 from builder.manifold.condition_tables import condition_tables
 from builder.manifold.discrepancy import corrects_level, process_size
@@ -20,7 +21,12 @@ _NEGLIGIBLE = 1e-3
 
 
 def shape_field(
-    vehicle: Vehicle, snapshots: Snapshots, problem: Problem, process: FloatArray, overpressure: FloatArray
+    vehicle: Vehicle,
+    snapshots: Snapshots,
+    problem: Problem,
+    process: FloatArray,
+    overpressure: FloatArray,
+    between: FlowsBetween | None,
 ) -> ShapeField:
     """Return the field at the nodes of ``snapshots``.
 
@@ -28,14 +34,17 @@ def shape_field(
     ----------
     process : (n_p, k) fields of the Gaussian process at unit variance.
     overpressure : (n_p,) p / p_inf - 1 at the least incidence.
+    between : flows between the snapshots; None where they are not known.
     """
     ambient = np.array([condition.ambient_pressure for condition in snapshots.conditions()])
     ratio = snapshots.pressure / ambient[:, None] - 1.0
     _, size, transposed = np.linalg.svd(ratio, full_matrices=False)
     modes = transposed[size > _NEGLIGIBLE * size[0]].T
-    found = condition_tables(snapshots, modes.T, True)
+    found = condition_tables(snapshots, modes.T, True, between)
     rest = ratio - (ratio @ modes) @ modes.T
     variance = np.mean(rest**2, axis=0)
+    if problem.off_the_snapshots is not None:
+        variance += np.sum((problem.off_the_snapshots / _pressure_level(problem)) ** 2, axis=0)
     covariance = np.zeros((len(modes), len(problem.strain_operator)))
     entry = vehicle.map
     fields = [modes @ one for one in found.errors.values()]
@@ -70,9 +79,14 @@ def _parameters(slopes: ParameterSlopes | None, strain: FloatArray) -> FieldPara
 
 def _spread(problem: Problem) -> Iterator[FloatArray]:
     """Yield fields (n_p, N) of the flows' deviation from their mean, per p_inf."""
-    ensemble = problem.ensemble
-    pressure = float(np.average(ensemble.ambient_pressure, weights=ensemble.weight))
+    ensemble, pressure = problem.ensemble, _pressure_level(problem)
     first, share = 0, np.sqrt(ensemble.member_weight) / pressure
     for block in ensemble.members():
         yield (share[first : first + len(block), None] * (block - ensemble.mean())).T
         first += len(block)
+
+
+def _pressure_level(problem: Problem) -> float:
+    """Return the mean p_inf of the flows of ``problem`` [Pa]."""
+    ensemble = problem.ensemble
+    return float(np.average(ensemble.ambient_pressure, weights=ensemble.weight))

@@ -9,6 +9,7 @@ import numpy as np
 from builder.aero.surface_mesh import SurfaceMesh, mesh_of_grid
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import AnyStructure
+from builder.inverse.flows_between import FlowsBetween, flows_between
 from builder.inverse.solution import Problem
 from builder.manifold.condition_tables import condition_tables
 from builder.manifold.discrepancy import gaussian_process_shapes, process_on_surface, response_of_shapes
@@ -73,8 +74,9 @@ def state_tables(
     if isinstance(surface, SurfaceGrid) and problem.ensemble.grid is not None:
         return _of_revolution(vehicle, snapshots, problem, operator, surface)
     mesh = mesh_of_grid(surface) if isinstance(surface, SurfaceGrid) else surface
-    snapshots = with_mirror_images(snapshots, mesh)
-    return _of_any_shape(vehicle, snapshots, problem, operator, mesh)
+    both = with_mirror_images(snapshots, mesh)
+    between = problem.between if both is snapshots else flows_between(vehicle, both)
+    return _of_any_shape(vehicle, both, problem, operator, mesh, between)
 
 
 def _is_vented(vehicle: Vehicle) -> bool:
@@ -82,10 +84,18 @@ def _is_vented(vehicle: Vehicle) -> bool:
 
 
 def _of_any_shape(
-    vehicle: Vehicle, snapshots: Snapshots, problem: Problem, operator: FloatArray, mesh: SurfaceMesh
+    vehicle: Vehicle,
+    snapshots: Snapshots,
+    problem: Problem,
+    operator: FloatArray,
+    mesh: SurfaceMesh,
+    between: FlowsBetween | None,
 ) -> StateTables:
-    entry, found = vehicle.map, condition_tables(snapshots, operator, _is_vented(vehicle))
+    entry, found = vehicle.map, condition_tables(snapshots, operator, _is_vented(vehicle), between)
     process = process_on_surface(mesh, entry.discrepancy_length, float(np.deg2rad(entry.discrepancy_roll_deg)))
+    field = None
+    if entry.keep_field:
+        field = shape_field(vehicle, snapshots, problem, process, found.overpressure, between)
     return StateTables(
         mach_knots=found.mach_knots,
         incidence_knots=found.incidence_knots,
@@ -95,7 +105,7 @@ def _of_any_shape(
         overpressure=found.overpressure,
         incidence_limit=found.incidence_limit,
         crossflow_range=found.crossflow_range,
-        field=shape_field(vehicle, snapshots, problem, process, found.overpressure) if entry.keep_field else None,
+        field=field,
         slopes=found.slopes,
     )
 
