@@ -24,6 +24,22 @@ HASH_ATTRIBUTE = "content_hash"
 USER_BLOCK_SIZE = 512
 
 
+def read_bytes(path: Path) -> bytes:
+    """Return the bytes of a file.
+
+    Raises
+    ------
+    InputError
+        It is missing or cannot be read.
+    """
+    try:
+        return path.read_bytes()
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: no such file") from error
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
+
+
 def write_bytes_atomically(path: str | PathLike[str], content: bytes) -> None:
     """Write ``content`` to a temporary file beside ``path``, then rename it into place.
 
@@ -119,12 +135,7 @@ def open_hdf5(path: str | PathLike[str], schema: str, schema_version: int) -> h5
         The file is missing, is not one of ours, is of another kind or version, or was altered.
     """
     path = Path(path)
-    try:
-        content = path.read_bytes()
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file") from error
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
+    content = read_bytes(path)
     words = content[:USER_BLOCK_SIZE].split(b"\n")[0].decode("ascii", "replace").split(" ")
     if len(words) != 5 or words[0] != "strainfmu" or words[3] != "sha256":
         raise InputError(f"{path}: damaged, or not an HDF5 file written by strainfmu")

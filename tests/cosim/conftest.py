@@ -7,7 +7,9 @@ from pathlib import Path
 import pytest
 from slender_vehicle import SlenderFiles, make_slender_files
 
+from strainfmu.cosim.flight import flight_system
 from strainfmu.cosim.scenario import Scenario, load_scenario
+from strainfmu.cosim.ssp import write_ssp
 from strainfmu.fmu.flight_package import export_flight
 
 
@@ -24,3 +26,13 @@ def scenario(files: SlenderFiles) -> Scenario:
 @pytest.fixture(scope="module")
 def fmus(scenario: Scenario, files: SlenderFiles) -> dict[str, Path]:
     return export_flight(scenario, files.folder / "fmus")
+
+
+@pytest.fixture(scope="module")
+def packages(scenario: Scenario, fmus: dict[str, Path], files: SlenderFiles) -> dict[bool, Path]:
+    """Return SSP packages of the flight by estimates, without and with connectors of the system."""
+    system = flight_system(scenario, fmus, "estimate")
+    paths = {with_them: files.folder / f"flight_{with_them}.ssp" for with_them in (False, True)}
+    for with_them, path in paths.items():
+        write_ssp(system, path, scenario.name, scenario.stop_time, scenario.step_size, with_them)
+    return paths

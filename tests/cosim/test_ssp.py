@@ -16,7 +16,6 @@ import numpy as np
 import pytest
 from fmpy.ssp.simulation import simulate_ssp
 from lxml import etree
-from slender_vehicle import SlenderFiles
 
 from strainfmu.cosim.flight import INSTANCES, flight_system, fly
 from strainfmu.cosim.recording import Recording
@@ -33,25 +32,15 @@ WATCHED = (
 
 
 @pytest.fixture(scope="module")
-def ssp(scenario: Scenario, fmus: dict[str, Path], files: SlenderFiles) -> dict[bool, Path]:
-    """The package without and with connectors of the system."""
-    system = flight_system(scenario, fmus, "estimate")
-    paths = {with_them: files.folder / f"flight_{with_them}.ssp" for with_them in (False, True)}
-    for with_them, path in paths.items():
-        write_ssp(system, path, scenario.name, scenario.stop_time, scenario.step_size, with_them)
-    return paths
-
-
-@pytest.fixture(scope="module")
 def at_once(scenario: Scenario, fmus: dict[str, Path]) -> Recording:
     """The flight as other engines step it."""
     return fly(scenario, fmus, "estimate", at_once=True)
 
 
 @pytest.mark.parametrize("connectors", [False, True])
-def test_ssp_packages_are_valid(ssp: dict[bool, Path], connectors: bool) -> None:
+def test_ssp_packages_are_valid(packages: dict[bool, Path], connectors: bool) -> None:
     schema = Path(fmpy.__file__).parent / "ssp" / "schema" / "SystemStructureDescription.xsd"
-    with zipfile.ZipFile(ssp[connectors]) as archive:
+    with zipfile.ZipFile(packages[connectors]) as archive:
         root = etree.fromstring(archive.read("SystemStructure.ssd"))
         assert sorted(archive.namelist())[1:] == sorted(f"resources/{name}.fmu" for name in INSTANCES)
     etree.XMLSchema(etree.parse(str(schema))).assertValid(root)
@@ -61,10 +50,12 @@ def test_ssp_packages_are_valid(ssp: dict[bool, Path], connectors: bool) -> None
 
 @pytest.mark.parametrize("connectors", [False, True])
 def test_fmpy_flies_the_ssp(
-    ssp: dict[bool, Path], scenario: Scenario, fmus: dict[str, Path], connectors: bool
+    packages: dict[bool, Path], scenario: Scenario, fmus: dict[str, Path], connectors: bool
 ) -> None:
     # FMPy gives every connected input 0 for the first step, so the flights begin differently and meet later.
-    found = simulate_ssp(str(ssp[connectors]), stop_time=scenario.stop_time - 1e-6, step_size=scenario.step_size)
+    found = simulate_ssp(
+        str(packages[connectors]), stop_time=scenario.stop_time - 1e-6, step_size=scenario.step_size
+    )
     wanted = fly(scenario, fmus, "estimate", at_once=True)
     assert len(found) == len(wanted.time) - 1
     last = slice(-50, None)
@@ -102,7 +93,7 @@ def other_engine(engine: str, path: Path, scenario: Scenario, fmus: dict[str, Pa
 def test_other_engines_fly_the_ssp(
     engine: str,
     package: str,
-    ssp: dict[bool, Path],
+    packages: dict[bool, Path],
     scenario: Scenario,
     fmus: dict[str, Path],
     at_once: Recording,
@@ -112,7 +103,7 @@ def test_other_engines_fly_the_ssp(
         pytest.skip(f"needs {engine}: pip install {package}")
     if engine == "ecos" and not (ctypes.util.find_library("tbb") or Path(sys.prefix, "lib/libtbb.so.12").exists()):
         pytest.skip("ecos needs libtbb.so.12: apt install libtbb12")
-    found = other_engine(engine, ssp[False], scenario, fmus, tmp_path)
+    found = other_engine(engine, packages[False], scenario, fmus, tmp_path)
     wanted = np.column_stack([at_once[name] for name in WATCHED])[1:]
     # The same FMUs, steps and delays: round-off of the engines' clocks is all that differs.
     size = np.abs(wanted).max(axis=0)

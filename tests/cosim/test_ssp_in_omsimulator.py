@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import pytest
 from lxml import etree
-from slender_vehicle import NOISE_STD, SlenderFiles, make_slender_files
+from slender_vehicle import NOISE_STD, SlenderFiles
 from starting_fmu import Starting
 
 from strainfmu.cosim.flight import flight_system, fly
@@ -26,7 +26,6 @@ from strainfmu.cosim.scenario import FaultEvent, Scenario, load_scenario
 from strainfmu.cosim.ssp import identifier, write_ssp
 from strainfmu.cosim.system import System, split_signal
 from strainfmu.errors import InputError
-from strainfmu.fmu.flight_package import export_flight
 from strainfmu.interface.plant_variables import GaugeFault
 
 SSD = {"ssd": "http://ssp-standard.org/SSP1/SystemStructureDescription"}
@@ -34,30 +33,10 @@ C_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 
 
 @pytest.fixture(scope="module")
-def files(tmp_path_factory: pytest.TempPathFactory) -> SlenderFiles:
-    return make_slender_files(tmp_path_factory.mktemp("slender"))
-
-
-@pytest.fixture(scope="module")
 def scenario(files: SlenderFiles) -> Scenario:
     """A flight with a name that is no identifier, and a gauge that fails on the way."""
     fault = FaultEvent(time=2.0, gauge="G1", kind=GaugeFault.BIAS, value=20 * NOISE_STD)
     return replace(load_scenario(files.scenario), name="7th flight, steps of 0.5 s", faults=(fault,))
-
-
-@pytest.fixture(scope="module")
-def fmus(scenario: Scenario, files: SlenderFiles) -> dict[str, Path]:
-    return export_flight(scenario, files.folder / "fmus")
-
-
-@pytest.fixture(scope="module")
-def packages(scenario: Scenario, fmus: dict[str, Path], files: SlenderFiles) -> dict[bool, Path]:
-    """The package without and with connectors of the system."""
-    system = flight_system(scenario, fmus, "estimate")
-    paths = {with_them: files.folder / f"flight_{with_them}.ssp" for with_them in (False, True)}
-    for with_them, path in paths.items():
-        write_ssp(system, path, scenario.name, scenario.stop_time, scenario.step_size, with_them)
-    return paths
 
 
 def structure_of(package: Path) -> Any:

@@ -9,6 +9,7 @@ import numpy as np
 
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
+from strainfmu.files import read_bytes
 
 
 def read_file(path: Path) -> bytes:
@@ -19,12 +20,7 @@ def read_file(path: Path) -> bytes:
     InputError
         The file is missing, cannot be read or is empty.
     """
-    try:
-        content = path.read_bytes()
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file") from error
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
+    content = read_bytes(path)
     if not content.strip():
         raise InputError(f"{path}: the file is empty")
     return content

@@ -8,6 +8,7 @@ from typing import Any
 
 from strainfmu.can.wire.libraries import error_line, import_cantools
 from strainfmu.errors import InputError
+from strainfmu.files import read_bytes
 
 
 def load_mapping(path: Path) -> dict[str, Any]:
@@ -37,12 +38,7 @@ def load_database(path: Path) -> Any:
     StrainfmuError
         cantools is not installed.
     """
-    try:
-        return database_of(_text(path.read_bytes()), str(path))
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file") from error
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
+    return database_of(_text(read_bytes(path)), str(path))
 
 
 def _text(content: bytes) -> str:

@@ -3,26 +3,17 @@
 from __future__ import annotations
 
 import os
-import shutil
 import subprocess
 from pathlib import Path
 
 import pytest
 from native_case import NativeCase
+from platforms import clang
 from raw_fmu import GUID
 
 from strainfmu.fmu.native_build import NATIVE, compile_with_zig, fmi_headers, source_files
 
 HOST = Path(__file__).parent / "host.c"
-
-
-def program(*names: str, install: str) -> str:
-    """The first of the programs that is installed; without any, the test is skipped."""
-    for name in names:
-        found = shutil.which(name) or (name if os.access(name, os.X_OK) else None)
-        if found is not None:
-            return found
-    return pytest.skip(f"needs {names[0]}: {install}")
 
 
 def program_by_zig(target: str, output: Path, sources: list[Path], *flags: str) -> Path:
@@ -38,12 +29,11 @@ def loading_host(target: str, output: Path) -> Path:
 
 def host_by_clang(output: Path, *flags: str, sources: tuple[Path, ...] | None = None) -> Path:
     """The host and the run-time with ``flags``, by clang."""
-    compiler = program("clang", "clang-14", "clang-16", "clang-19", install="apt install clang libclang-rt-14-dev")
     files = (HOST, *source_files()) if sources is None else sources
     # DWARF 4: older valgrinds cannot read 5.
     common = ["-std=c99", "-gdwarf-4", "-O1", "-ffp-contract=off", "-fno-omit-frame-pointer"]
     includes = [f"-I{fmi_headers()}", f"-I{NATIVE}"]
-    command = [compiler, *common, *flags, *includes, *map(str, files), "-lm", "-o", str(output)]
+    command = [clang(), *common, *flags, *includes, *map(str, files), "-lm", "-o", str(output)]
     finished = subprocess.run(command, capture_output=True, text=True, check=False)
     if finished.returncode != 0 and "clang_rt" in finished.stderr:
         pytest.skip("needs the sanitizers' run-time: apt install libclang-rt-14-dev")

@@ -7,10 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from c_host import host_by_clang, loading_host, program, run_host
+from c_host import host_by_clang, loading_host, run_host
 from flight_fmu import N_D, random_flight, whole_map
 from native_case import NativeCase
 from parameter_maps import with_parameter_tables
+from platforms import AARCH64, LINUX, NARROWER, by_aarch64, by_processor
 from raw_fmu import N_OUTPUTS, write_resource
 from sensor_maps import with_sensors
 from thermal_maps import with_temperature
@@ -29,9 +30,6 @@ pytestmark = [
 ]
 
 FLIGHTS, STEPS = 20, 10
-LINUX = "x86_64-linux-gnu.2.17"
-LESS = ("Nehalem", "Haswell")
-"""Processors with SSE2 alone, and with AVX2 but without AVX-512."""
 
 MAPS = {
     "gauges": whole_map,
@@ -105,22 +103,17 @@ def test_inputs_take_all_branches(linux: bytes) -> None:
     assert {0, 1, 4, 7} <= states
 
 
-@pytest.mark.parametrize("processor", LESS)
+@pytest.mark.parametrize("processor", NARROWER)
 def test_narrower_instructions(
     processor: str, flight: NativeCase, inputs: Path, linux: bytes, linux_host: Path
 ) -> None:
-    emulator = program("qemu-x86_64", install="apt install qemu-user")
-    command = [emulator, "-cpu", processor, str(linux_host), str(library_file("linux64"))]
+    command = [*by_processor(processor), str(linux_host), str(library_file("linux64"))]
     assert outputs_by(command, flight, inputs) == linux
 
 
 def test_aarch64(flight: NativeCase, inputs: Path, linux: bytes, tmp_path: Path) -> None:
-    emulator = program("qemu-aarch64", install="apt install qemu-user libc6-arm64-cross")
-    sysroot = Path("/usr/aarch64-linux-gnu")
-    if not sysroot.is_dir():
-        pytest.skip("needs the C library of aarch64: apt install libc6-arm64-cross")
-    host = loading_host("aarch64-linux-gnu.2.17", tmp_path / "host")
-    command = [emulator, "-L", str(sysroot), str(host), str(library_file("aarch64-linux"))]
+    emulated = by_aarch64()
+    command = [*emulated, str(loading_host(AARCH64, tmp_path / "host")), str(library_file("aarch64-linux"))]
     assert outputs_by(command, flight, inputs) == linux
 
 

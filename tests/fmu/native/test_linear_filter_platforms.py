@@ -7,9 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from c_host import host_by_clang, loading_host, program, run_host
+from c_host import host_by_clang, loading_host, run_host
 from linear_fmu import linear_flight
 from native_case import NativeCase
+from platforms import AARCH64, LINUX, NARROWER, by_aarch64, by_processor
 from raw_fmu import write_resource
 from scaled_maps import scaled_map, whole_scaled_map
 from thermal_maps import with_temperature
@@ -57,22 +58,18 @@ def replayed(command: list[str], case: NativeCase, inputs: Path) -> bytes:
     return run_host(command, case, "replay", STEPS, inputs, names.index(FILTER_TIME_CONSTANT), 1.0)
 
 
-@pytest.mark.parametrize("processor", ["Nehalem", "Haswell"])
+@pytest.mark.parametrize("processor", NARROWER)
 def test_narrower_instructions(case: NativeCase, inputs: Path, tmp_path: Path, processor: str) -> None:
-    """SSE2 alone, and AVX2 without AVX-512."""
-    emulator = program("qemu-x86_64", install="apt install qemu-user")
-    command = [str(loading_host("x86_64-linux-gnu.2.17", tmp_path / "host")), str(library_file("linux64"))]
-    assert replayed([emulator, "-cpu", processor, *command], case, inputs) == replayed(command, case, inputs)
+    emulated = by_processor(processor)
+    command = [str(loading_host(LINUX, tmp_path / "host")), str(library_file("linux64"))]
+    assert replayed([*emulated, *command], case, inputs) == replayed(command, case, inputs)
 
 
 def test_aarch64(case: NativeCase, inputs: Path, tmp_path: Path) -> None:
-    emulator = program("qemu-aarch64", install="apt install qemu-user libc6-arm64-cross")
-    sysroot = Path("/usr/aarch64-linux-gnu")
-    if not sysroot.is_dir():
-        pytest.skip("needs the C library of aarch64: apt install libc6-arm64-cross")
-    here = [str(loading_host("x86_64-linux-gnu.2.17", tmp_path / "here")), str(library_file("linux64"))]
-    there = [str(loading_host("aarch64-linux-gnu.2.17", tmp_path / "there")), str(library_file("aarch64-linux"))]
-    assert replayed([emulator, "-L", str(sysroot), *there], case, inputs) == replayed(here, case, inputs)
+    emulated = by_aarch64()
+    here = [str(loading_host(LINUX, tmp_path / "here")), str(library_file("linux64"))]
+    there = [str(loading_host(AARCH64, tmp_path / "there")), str(library_file("aarch64-linux"))]
+    assert replayed([*emulated, *there], case, inputs) == replayed(here, case, inputs)
 
 
 def test_memory(case: NativeCase, inputs: Path, tmp_path: Path) -> None:

@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from agreement import Sample, random_samples, strain_at
-from c_host import loading_host, program, run_host
+from c_host import loading_host, run_host
 from native_case import NativeCase
+from platforms import AARCH64, LINUX, NARROWER, WINDOWS, by_aarch64, by_processor, by_windows
 from raw_fmu import N_OUTPUTS
 
 from strainfmu.fmu.native_build import library_file
@@ -24,9 +25,6 @@ pytestmark = [
 ]
 
 STEPS = 2000
-LINUX = "x86_64-linux-gnu.2.17"
-LESS = ("Nehalem", "Haswell")
-"""Processors with SSE2 alone, and with AVX2 but without AVX-512."""
 
 
 def inputs_of(case: NativeCase) -> bytes:
@@ -98,7 +96,7 @@ def test_inputs_take_all_branches(linux: dict[str, bytes]) -> None:
     assert {0, 1, 2, 4, 6} <= states["case 1"]
 
 
-@pytest.mark.parametrize("processor", LESS)
+@pytest.mark.parametrize("processor", NARROWER)
 def test_narrower_instructions(
     processor: str,
     cases: dict[str, NativeCase],
@@ -106,34 +104,29 @@ def test_narrower_instructions(
     linux: dict[str, bytes],
     linux_host: Path,
 ) -> None:
-    emulator = program("qemu-x86_64", install="apt install qemu-user")
-    command = [emulator, "-cpu", processor, str(linux_host), str(library_file("linux64"))]
+    command = [*by_processor(processor), str(linux_host), str(library_file("linux64"))]
     assert outputs_by(command, cases, inputs) == linux
 
 
 def test_aarch64(
     cases: dict[str, NativeCase], inputs: dict[str, Path], linux: dict[str, bytes], tmp_path: Path
 ) -> None:
-    emulator = program("qemu-aarch64", install="apt install qemu-user libc6-arm64-cross")
-    sysroot = Path("/usr/aarch64-linux-gnu")
-    if not sysroot.is_dir():
-        pytest.skip("needs the C library of aarch64: apt install libc6-arm64-cross")
-    host = loading_host("aarch64-linux-gnu.2.17", tmp_path / "host")
-    command = [emulator, "-L", str(sysroot), str(host), str(library_file("aarch64-linux"))]
+    emulated = by_aarch64()
+    command = [*emulated, str(loading_host(AARCH64, tmp_path / "host")), str(library_file("aarch64-linux"))]
     assert outputs_by(command, cases, inputs) == linux
 
 
 def test_windows(
     cases: dict[str, NativeCase], inputs: dict[str, Path], linux: dict[str, bytes], tmp_path: Path
 ) -> None:
-    wine = program("wine64", "wine", "/usr/lib/wine/wine64", install="apt install wine64")
-    host = loading_host("x86_64-windows-gnu", tmp_path / "host.exe")
-    assert outputs_by([wine, str(host), f"Z:{library_file('win64')}"], cases, inputs) == linux
+    wine = by_windows()
+    host = loading_host(WINDOWS, tmp_path / "host.exe")
+    assert outputs_by([*wine, str(host), f"Z:{library_file('win64')}"], cases, inputs) == linux
 
 
 def test_windows_paths(small: NativeCase, tmp_path: Path) -> None:
-    wine = program("wine64", "wine", "/usr/lib/wine/wine64", install="apt install wine64")
-    host = loading_host("x86_64-windows-gnu", tmp_path / "host.exe")
+    wine = by_windows()
+    host = loading_host(WINDOWS, tmp_path / "host.exe")
     content = (small.resources / "map.bin").read_bytes()
     folders = ["Jürgen Groß + (1)", "日本語", "/".join(["a folder of many letters " * 4] * 3) + "/x"]
     for name in folders:
@@ -141,5 +134,5 @@ def test_windows_paths(small: NativeCase, tmp_path: Path) -> None:
         folder.mkdir(parents=True)
         (folder / "map.bin").write_bytes(content)
         location = f"file:///Z:{folder.as_uri().removeprefix('file://')}"
-        command = [wine, str(host), f"Z:{library_file('win64')}"]
+        command = [*wine, str(host), f"Z:{library_file('win64')}"]
         assert run_host(command, small, "run", 1, 5, location=location)

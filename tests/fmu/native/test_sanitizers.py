@@ -6,8 +6,9 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from c_host import host_by_clang, program, run_host
+from c_host import host_by_clang, run_host
 from native_case import NativeCase
+from platforms import program
 
 from strainfmu.fmu.native_build import source_files
 

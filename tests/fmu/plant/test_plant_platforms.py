@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import os
-import shutil
 import subprocess
 from dataclasses import dataclass
 from pathlib import Path
 
 import fmpy
 import pytest
+from platforms import AARCH64, LINUX, WINDOWS, by_aarch64, by_windows, clang
 from slender_vehicle import make_slender_files
 from synthetic_vehicle import SyntheticFiles
 
@@ -63,15 +63,6 @@ def models(synthetic: SyntheticFiles, tmp_path_factory: pytest.TempPathFactory) 
     return made
 
 
-def program(*names: str, install: str) -> str:
-    """The first of the programs that is installed; without any, the test is skipped."""
-    for name in names:
-        found = shutil.which(name) or (name if os.access(name, os.X_OK) else None)
-        if found is not None:
-            return found
-    return pytest.skip(f"needs {names[0]}: {install}")
-
-
 def by_zig(target: str, output: Path) -> str:
     pytest.importorskip("ziglang", reason="needs zig: pip install 'strainfmu[native]'")
     compile_with_zig(target, [*INCLUDES, *FILES, "-s", "-o", str(output)])
@@ -96,7 +87,7 @@ def run_all(command: list[str], models: dict[str, Resources], root: str = "") ->
 @pytest.fixture(scope="module")
 def linux(models: dict[str, Resources], tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[str]]:
     """Outputs on x86-64 Linux."""
-    found = run_all([by_zig("x86_64-linux-gnu.2.17", tmp_path_factory.mktemp("host") / "host")], models)
+    found = run_all([by_zig(LINUX, tmp_path_factory.mktemp("host") / "host")], models)
     for name, numbers in found.items():
         assert len(numbers) % STEPS == 0
         assert name == "schedule" or len(set(numbers)) > STEPS
@@ -104,25 +95,21 @@ def linux(models: dict[str, Resources], tmp_path_factory: pytest.TempPathFactory
 
 
 def test_aarch64(models: dict[str, Resources], linux: dict[str, list[str]], tmp_path: Path) -> None:
-    emulator = program("qemu-aarch64", install="apt install qemu-user libc6-arm64-cross")
-    sysroot = Path("/usr/aarch64-linux-gnu")
-    if not sysroot.is_dir():
-        pytest.skip("needs the C library of aarch64: apt install libc6-arm64-cross")
-    host = by_zig("aarch64-linux-gnu.2.17", tmp_path / "host")
-    assert run_all([emulator, "-L", str(sysroot), host], models) == linux
+    emulated = by_aarch64()
+    host = by_zig(AARCH64, tmp_path / "host")
+    assert run_all([*emulated, host], models) == linux
 
 
 def test_windows(models: dict[str, Resources], linux: dict[str, list[str]], tmp_path: Path) -> None:
-    wine = program("wine64", "wine", "/usr/lib/wine/wine64", install="apt install wine64")
-    host = by_zig("x86_64-windows-gnu", tmp_path / "host.exe")
-    assert run_all([wine, host], models, "/Z:") == linux
+    wine = by_windows()
+    host = by_zig(WINDOWS, tmp_path / "host.exe")
+    assert run_all([*wine, host], models, "/Z:") == linux
 
 
 def test_sanitizers(models: dict[str, Resources], tmp_path: Path) -> None:
-    clang = program("clang", "clang-14", "clang-16", "clang-19", install="apt install clang libclang-rt-14-dev")
     host = tmp_path / "host"
     flags = ["-std=c99", "-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
-    command = [clang, *flags, f"-I{fmi_headers()}", *INCLUDES, *FILES, "-lm", "-o", str(host)]
+    command = [clang(), *flags, f"-I{fmi_headers()}", *INCLUDES, *FILES, "-lm", "-o", str(host)]
     built = subprocess.run(command, capture_output=True, text=True, check=False)
     if built.returncode != 0 and "clang_rt" in built.stderr:
         pytest.skip("needs the sanitizers' run-time: apt install libclang-rt-14-dev")
