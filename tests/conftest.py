@@ -51,6 +51,16 @@ The second does not need the compiled flow solver, which the first prepares mean
 """
 
 
+def pytest_configure(config: pytest.Config) -> None:
+    """Bring arguments of one folder together: pytest 9.1 loses its fixtures when it comes to it a second time."""
+
+    def folder(argument: str) -> Path:
+        path = Path(argument.partition("::")[0])
+        return path if path.is_dir() else path.parent
+
+    config.args.sort(key=folder)
+
+
 @pytest.hookimpl(tryfirst=True)  # before xdist reads the groups
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Keep together, where tests run in several processes, what shares fixtures: a file, or one of the folders."""
