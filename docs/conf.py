@@ -35,6 +35,7 @@ extensions = [
     "command_line",
     "docstrings",
     "fmu_variables",
+    "gallery_results",
     "mathml",
     "vehicle_entries",
 ]
