@@ -91,6 +91,14 @@ class Estimate:
         )
 
     @property
+    def farthest(self) -> tuple[str, float]:
+        """The parameter farthest from its value before the test, and how far in its standard deviations then."""
+        std = self.model.std
+        size = np.divide(np.abs(self.vector), std, out=np.zeros_like(std), where=std > 0.0)
+        worst = int(size.argmax())
+        return self.model.names[worst], float(size[worst])
+
+    @property
     def parameters(self) -> AsBuiltParameters:
         """The vehicle as built."""
         return self.model.built(self.vector)

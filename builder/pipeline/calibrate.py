@@ -15,6 +15,7 @@ from builder.calibration.as_built_parameters import prior_std, slices
 from builder.calibration.as_built_structure import AsBuiltStructure, as_built_structure
 from builder.calibration.calibrated_map import calibrated_map, remaining_after, with_provenance
 from builder.calibration.cross_validation import cross_validation
+from builder.calibration.disagreement import unexplained
 from builder.calibration.estimate import Estimate
 from builder.calibration.faults import Fault, calibrate_with_faults
 from builder.calibration.flown_after_test import allowed_vehicles
@@ -39,7 +40,7 @@ from builder.truth.strain import TrueStructure
 from builder.vehicle.file import Vehicle, load_vehicle
 from builder.workspace import refuse_misfits
 from strainfmu.arrays import FloatArray
-from strainfmu.errors import InputError
+from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.estimator.inverse_map import InverseMap, load_inverse_map, save_inverse_map
 
 PAGE = ".html"
@@ -87,6 +88,7 @@ def run_calibrate(
     reporter: Reporter,
     vehicle_path: Path | None = None,
     snapshots_path: Path | None = None,
+    accept: bool = False,
 ) -> Calibration:
     """Calibrate a map by a ground test; write the map and a page of the same name.
 
@@ -98,11 +100,14 @@ def run_calibrate(
     vehicle_path : the vehicle file; by default the one that the test names.
     snapshots_path : snapshots of the map; by default those beside it. The flows of the independent model, which
         alarm levels are measured with, are those beside the snapshots.
+    accept : make the map although no error with a name explains the readings.
 
     Raises
     ------
     InputError
         A file is missing or wrong, or map, test, vehicle and snapshots are not of one vehicle.
+    StrainfmuError
+        No error with a name explains the readings, and that is not accepted.
     """
     check_output(output)
     drawn, file = load_inverse_map(map_path), load_test_file(test_path)
@@ -121,26 +126,36 @@ def run_calibrate(
     parts = CalibrationParts(
         vehicle=vehicle, snapshots=snapshots, structure=structure, drawn=drawn, independent=independent
     )
-    made = calibration_by(test, test_path, parts, reporter)
+    made = calibration_by(test, test_path, parts, reporter, accept)
     save_inverse_map(made.inverse_map, output)
     page = output.with_suffix(PAGE)
     with reporter.stage("Report"):
         write_report(made, f"{vehicle.name}: calibration by {file.name}", vehicle.reference.moment_station_m, page)
-    return replace(made, files=(output, page), notes=(*notes, *missing))
+    return replace(made, files=(output, page), notes=(*notes, *missing, *made.notes))
 
 
-def calibration_by(test: LoadTest, test_path: Path, parts: CalibrationParts, reporter: Reporter) -> Calibration:
+def calibration_by(
+    test: LoadTest, test_path: Path, parts: CalibrationParts, reporter: Reporter, accept: bool = False
+) -> Calibration:
     """Return the calibration of a map by a ground test, files not yet written.
 
     Raises
     ------
     InputError
         No reading is left, or the map cannot be built.
+    StrainfmuError
+        No error with a name explains the readings, and ``accept`` is false.
     """
     vehicle, structure = parts.vehicle, parts.structure
     prior = prior_std(vehicle.calibration, structure.n_gauges, structure.n_regions)
     with reporter.stage("Estimate: the vehicle as built"), _naming(test_path):
         found, faults = calibrate_with_faults(ReadingsModel(structure, test, prior))
+        outside = outside_model(found)
+    against = unexplained(found, outside)
+    if against and not accept:
+        for line in (*(fault.line for fault in faults), *outside.lines):
+            reporter.note(line)
+        raise StrainfmuError(f"{test_path}: load test: {against}; no map written, --accept writes it")
     with reporter.stage("Map of the vehicle as built"):
         try:
             made = _map(parts, found)
@@ -149,9 +164,10 @@ def calibration_by(test: LoadTest, test_path: Path, parts: CalibrationParts, rep
                 raise
             raise InputError(f"{test_path}: load test: {found.far_off}") from error
     made = with_levels(made, parts, remaining_after(found), reporter)
-    outside = outside_model(found)
-    made = with_provenance(made, _facts(found, faults, outside, test_path))
-    return Calibration(inverse_map=made, estimate=found, faults=faults, outside=outside)
+    facts = _facts(found, faults, outside, test_path) | ({"accepted": against} if against else {})
+    notes = (f"accepted: {against}",) if against else ()
+    made = with_provenance(made, facts)
+    return Calibration(inverse_map=made, estimate=found, faults=faults, outside=outside, notes=notes)
 
 
 def write_report(made: Calibration, title: str, moment_station: float, page: Path) -> None:

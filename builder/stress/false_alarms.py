@@ -153,7 +153,7 @@ def main() -> None:
     if options.estimator == "linear":
         inverse_map = replace(inverse_map, manifold=None)
     vehicle = of_map(load_vehicle(options.vehicle), inverse_map)
-    check_fit(vehicle, inverse_map)
+    check_fit(vehicle, inverse_map, options.map)
     resolution = vehicle.resolution.truth
     if table.harmonic.shape[2:] != (resolution.surface_stations, resolution.harmonics + 1):
         raise InputError(f"{options.flows}: flows of another [resolution.truth] than that of {options.vehicle}")

@@ -107,7 +107,7 @@ def run_stress(
         inverse_map = load_inverse_map(map_path)
         vehicle = of_map(load_vehicle(vehicle_path), inverse_map)
         refuse_without_independent_model(vehicle)
-        check_fit(vehicle, inverse_map)
+        check_fit(vehicle, inverse_map, map_path)
         pipeline = Pipeline(vehicle, Workspace(folder), reporter)
         pipeline.use(MAP, map_path, _content(map_path))
     _flows(pipeline, vehicle, effort)
@@ -194,8 +194,8 @@ def _scores(pipeline: Pipeline, vehicle: Vehicle, inverse_map: InverseMap, effor
     pipeline.make(JSON, "flagged and silent shares of every kind of error", inputs, write)
 
 
-def check_fit(vehicle: Vehicle, inverse_map: InverseMap) -> None:
-    """Refuse a map whose gauges or references are not those of ``vehicle``, before anything is solved.
+def check_fit(vehicle: Vehicle, inverse_map: InverseMap, path: Path) -> None:
+    """Refuse a map (``path``) whose gauges or references are not those of ``vehicle``, before anything is solved.
 
     Raises
     ------
@@ -209,8 +209,8 @@ def check_fit(vehicle: Vehicle, inverse_map: InverseMap) -> None:
         names = structure_case(vehicle, [layout]).layouts[layout].name
     if inverse_map.gauge_names != names:
         raise InputError(
-            f"map: expected the {len(names)} gauges of layout '{layout}', got {inverse_map.n_gauges} gauges, the "
-            f"first named {inverse_map.gauge_names[0]}"
+            f"{path}: expected the {len(names)} gauges of layout '{layout}', got {inverse_map.n_gauges} gauges, "
+            f"the first named {inverse_map.gauge_names[0]}"
         )
     reference = vehicle.reference_quantities()
     for name, expected, found in (
@@ -218,7 +218,7 @@ def check_fit(vehicle: Vehicle, inverse_map: InverseMap) -> None:
         ("reference length [m]", reference.length, inverse_map.reference_length),
     ):
         if abs(found - expected) > 1e-6 * expected:
-            raise InputError(f"map: {name}: expected {expected:.6g} of the vehicle, got {found:.6g}")
+            raise InputError(f"{path}: {name}: expected {expected:.6g} of the vehicle, got {found:.6g}")
 
 
 def scores(trial: Range, reporter: Reporter) -> list[Score]:

@@ -7,9 +7,11 @@ import pytest
 
 from builder.calibration.as_built_parameters import AsBuiltParameters, drawn, prior_std
 from builder.calibration.as_built_structure import AsBuiltStructure
+from builder.calibration.disagreement import unexplained
 from builder.calibration.estimate import Estimate, estimate, usable
 from builder.calibration.faults import calibrate_with_faults, load_shifts
 from builder.calibration.load_test import KnownLoad, LoadCase, LoadErrors, LoadTest
+from builder.calibration.outside_terms import outside_model
 from builder.calibration.readings_model import ReadingsModel
 from builder.calibration.standard_cases import standard_cases
 from builder.structure.loads.applied import PadForce
@@ -86,6 +88,38 @@ def test_readings_that_no_vehicle_has_are_refused(model: tuple[ReadingsModel, np
         calibrate_with_faults(built.with_readings(factor * built.test.readings))
     said = float(str(refused.value).split("case to case are ")[1].split()[0])
     assert said == pytest.approx(factor, rel=0.2)
+
+
+@pytest.mark.parametrize(
+    ("factor", "said"),
+    [
+        pytest.param(1.05, "", marks=pytest.mark.slow),  # the modulus and the load cell are known no better
+        (1.5, "youngs modulus would be 9"),
+        (0.5, "common gain would be 14"),  # chi-square per reading is 1.0
+        pytest.param(0.1, "chi-square per reading is 3.7", marks=pytest.mark.slow),
+    ],
+)
+def test_a_factor_on_all_readings_has_no_name(
+    model: tuple[ReadingsModel, np.ndarray], factor: float, said: str
+) -> None:
+    built = model[0]
+    found, _ = calibrate_with_faults(built.with_readings(factor * built.test.readings))
+    against = unexplained(found, outside_model(found))
+    assert (said in against) if said else not against
+    if said:
+        near = float(against.split("case to case are ")[1].split()[0])
+        assert near == pytest.approx(factor, rel=0.1)
+
+
+def test_noise_larger_than_stated_has_a_name(model: tuple[ReadingsModel, np.ndarray]) -> None:
+    """Chi-square per reading is 15 then; the warning of the noise says what to do."""
+    built, random = model[0], np.random.default_rng(3)
+    reading = built.test.readings + 4.9 * NOISE * random.standard_normal(built.test.readings.shape)
+    found, _ = calibrate_with_faults(built.with_readings(reading))
+    outside = outside_model(found)
+    assert found.per_reading > 10.0
+    assert not unexplained(found, outside)
+    assert "times as much as stated" in outside.lines[-1]
 
 
 @pytest.mark.parametrize(("station", "said"), [(15.48, "15.48"), (-1.0, "-1")])

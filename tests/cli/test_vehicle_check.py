@@ -79,8 +79,13 @@ def test_faults_of_all_checks_are_listed(vehicle: Path, run: Run) -> None:
     lines = message.splitlines()
     assert len(lines) == 3
     for line, words in zip(lines, ("aerodynamics.manifest: ", "map.modes: ", "total incidence: "), strict=True):
-        assert line.startswith("strainfmu: ")
+        assert line.startswith(f"strainfmu: {vehicle.parent}/")
         assert words in line
+    assert lines[1].startswith(f"strainfmu: {vehicle}: map.modes: ")
+    named = tuple(f"strainfmu: {vehicle}: {entry}" for entry in ("aerodynamics.", "map.modes: "))
+    for command in (("build",), ("compare",), ("demo", "--vehicle"), ("stress",)):
+        _, _, message = run(*command, vehicle, "-o", vehicle.parent / "out")
+        assert message.startswith(named), command
 
 
 @pytest.mark.usefixtures("compiled_solver")

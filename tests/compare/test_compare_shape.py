@@ -78,7 +78,7 @@ def test_a_vehicle_without_a_second_mesh_is_refused_before_the_long_work(tmp_pat
     code, _, message = run("compare", path, "-o", tmp_path / "out")
     assert code == 2
     assert message.count("\n") == 1
-    assert "structure.checked_by: entry is missing" in message
+    assert message.startswith(f"strainfmu: {path}: structure.checked_by: entry is missing")
     assert not (tmp_path / "out" / "structure.h5").exists()
 
 

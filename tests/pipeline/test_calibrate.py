@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,7 @@ from builder.pipeline.calibrate import run_calibrate
 from builder.pipeline.stages import build_map, take_snapshots
 from builder.reporting import Silent
 from builder.vehicle.file import IC3X, load_vehicle
-from strainfmu.errors import InputError
+from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.estimator.inverse_map import load_inverse_map, save_inverse_map
 
 pytestmark = pytest.mark.slow
@@ -89,6 +90,17 @@ def test_a_ground_test_calibrates_a_map(tmp_path: Path) -> None:
     page = output.with_suffix(".html").read_text(encoding="utf-8")
     assert "Regression load equations" in page
     assert "wrong sign" in page
+    larger = replace(test, strain=1.5 * test.strain)
+    (tmp_path / "larger").mkdir()
+    wrong, refused = write_ground_test(larger, tmp_path / "larger", "all times 1.5"), tmp_path / "refused.h5"
+    line = r"loadtest.toml: load test: .* 1\.[456]\d* times the drawing's .*; no map written, --accept writes it$"
+    with pytest.raises(StrainfmuError, match=line) as caught:
+        run_calibrate(tmp_path / "map.h5", wrong, refused, Silent(), vehicle_path=file)
+    assert caught.value.exit_code == 1
+    assert not refused.exists()
+    taken = run_calibrate(tmp_path / "map.h5", wrong, refused, Silent(), vehicle_path=file, accept=True)
+    assert taken.notes[-1].startswith("accepted: no vehicle near the drawing")
+    assert "1 is expected" in load_inverse_map(refused).provenance["calibration"]["accepted"]
     with pytest.raises(InputError, match="already calibrated"):
         run_calibrate(output, written, tmp_path / "twice.h5", Silent(), vehicle_path=file)
     with pytest.raises(InputError, match=r"vehicle: entry is missing"):

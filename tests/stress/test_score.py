@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -98,11 +99,11 @@ def test_flights_that_the_flows_do_not_reach_are_refused(trial: Range, flow_beyo
 
 def test_another_map_is_refused(trial: Range) -> None:
     names = tuple(f"other {name}" for name in trial.inverse_map.gauge_names)
-    with pytest.raises(InputError, match="expected the 54 gauges of layout 'configuration_2', got 54 gauges"):
-        check_fit(trial.vehicle, replace(trial.inverse_map, gauge_names=names))
+    with pytest.raises(InputError, match=r"^map.h5: expected the 54 gauges of layout .*, got 54 gauges"):
+        check_fit(trial.vehicle, replace(trial.inverse_map, gauge_names=names), Path("map.h5"))
     larger = replace(trial.inverse_map, reference_area=1.0)
-    with pytest.raises(InputError, match=r"reference area \[m2\]: expected .* of the vehicle, got 1"):
-        check_fit(trial.vehicle, larger)
+    with pytest.raises(InputError, match=r"^map.h5: reference area \[m2\]: expected .* of the vehicle, got 1"):
+        check_fit(trial.vehicle, larger, Path("map.h5"))
 
 
 def test_the_envelope_is_that_of_the_map(trial: Range, vehicle: Vehicle) -> None:

@@ -23,6 +23,9 @@ def calibrate(
         Path | None, typer.Option(help="Vehicle file of the map. Default: the one that the test names.")
     ] = None,
     snapshots: Annotated[Path | None, SNAPSHOTS_OPTION] = None,
+    accept: Annotated[
+        bool, typer.Option("--accept", help="Write the map although no error with a name explains the readings.")
+    ] = False,
 ) -> None:
     """Estimate the vehicle as built from a ground test and make its map.
 
@@ -30,9 +33,10 @@ def calibrate(
     directions and places of the gauges, wall, modulus and the errors of the loads follow by Bayes' rule from
     the tolerances of the vehicle file's section `calibration`. Gauges and load cases that do not fit are named
     and left out. Taper and second harmonic of the wall are taken for zero, and noise for what is stated: a
-    warning says by how much they are not, and what to do. The map has the strain operator as built, and in its
-    noise what the test left unknown; a report of the same name is written beside it. Snapshots are taken from
-    the map's folder.
+    warning says by how much they are not, and what to do. Readings that no vehicle near its tolerances has, and
+    that no fault or noise with a name explains, are refused: check loads, units and signs. The map has the strain
+    operator as built, and in its noise what the test left unknown; a report of the same name is written beside
+    it. Snapshots are taken from the map's folder.
 
     Examples:
 
@@ -44,7 +48,13 @@ def calibrate(
 
     console = Console()
     result = run_calibrate(
-        inverse_map, test, output, ConsoleReporter(console), vehicle_path=vehicle, snapshots_path=snapshots
+        inverse_map,
+        test,
+        output,
+        ConsoleReporter(console),
+        vehicle_path=vehicle,
+        snapshots_path=snapshots,
+        accept=accept,
     )
     _show(console, result)
 

@@ -15,6 +15,7 @@ from rich.table import Table
 from builder.pipeline.progress_bars import ConsoleReporter
 from strainfmu.cli.commands.maps import REBUILD_OPTION, SNAPSHOTS_OPTION, STRUCTURE_OPTION
 from strainfmu.cli.commands.number_ranges import within
+from strainfmu.cli.named_vehicle import naming
 
 if TYPE_CHECKING:
     from builder.compare.run import CompareResult
@@ -70,13 +71,14 @@ def compare(
     from builder.vehicle.file import IC3X
 
     console, start = Console(), perf_counter()
-    result = run_compare(
-        vehicle or IC3X,
-        output,
-        ConsoleReporter(console),
-        effort=Effort(conditions=conditions, draws=draws, seed=seed, training=training),
-        given=FilesGiven(snapshots=snapshots, structure=structure, rebuild=rebuild),
-    )
+    with naming(vehicle or IC3X):
+        result = run_compare(
+            vehicle or IC3X,
+            output,
+            ConsoleReporter(console),
+            effort=Effort(conditions=conditions, draws=draws, seed=seed, training=training),
+            given=FilesGiven(snapshots=snapshots, structure=structure, rebuild=rebuild),
+        )
     _show(console, result)
     written = ", ".join(str(path) for path in result.files)
     console.print(

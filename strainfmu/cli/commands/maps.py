@@ -13,6 +13,7 @@ from rich.table import Table
 
 from builder.pipeline.progress_bars import ConsoleReporter
 from strainfmu.cli.commands.number_ranges import within
+from strainfmu.cli.named_vehicle import naming
 
 SNAPSHOTS_OPTION = typer.Option(
     "--snapshots", metavar="FILE", help="Snapshots to use, from anywhere. Default: snapshots.h5 of the folder."
@@ -58,7 +59,8 @@ def build(
 
     console = Console()
     given = FilesGiven(snapshots=snapshots, structure=structure, rebuild=rebuild)
-    path = run_build(vehicle, output, ConsoleReporter(console), given, estimator)
+    with naming(vehicle):
+        path = run_build(vehicle, output, ConsoleReporter(console), given, estimator)
     for written in (path, path.with_name("report.html")):
         if written.is_file():
             console.print(f"{written}: written", highlight=False, markup=False, soft_wrap=True)

@@ -20,6 +20,7 @@ from strainfmu.cli.commands.maps import (
     Estimator,
 )
 from strainfmu.cli.commands.number_ranges import within
+from strainfmu.cli.named_vehicle import naming
 
 if TYPE_CHECKING:
     from builder.stress.run import StressResult
@@ -83,15 +84,16 @@ def stress(
         named = next(iter(of_build))
         raise InputError(f"--map: expected without {named}, which is for building a map, got both")
     console, start = Console(), perf_counter()
-    result = run_stress(
-        vehicle or IC3X,
-        output,
-        ConsoleReporter(console),
-        effort=Effort(conditions=conditions, draws=draws, seed=seed),
-        map_path=inverse_map,
-        given=given,
-        estimator=estimator,
-    )
+    with naming(vehicle or IC3X):
+        result = run_stress(
+            vehicle or IC3X,
+            output,
+            ConsoleReporter(console),
+            effort=Effort(conditions=conditions, draws=draws, seed=seed),
+            map_path=inverse_map,
+            given=given,
+            estimator=estimator,
+        )
     _show(console, result)
     written = ", ".join(str(path) for path in result.files)
     console.print(

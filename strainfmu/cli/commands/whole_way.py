@@ -21,6 +21,7 @@ from strainfmu.cli.commands.maps import (
     Estimator,
 )
 from strainfmu.cli.commands.number_ranges import within
+from strainfmu.cli.named_vehicle import naming
 from strainfmu.errors import InputError
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
 
@@ -100,15 +101,16 @@ def demo(
     given = FilesGiven(snapshots=snapshots, structure=structure, rebuild=rebuild)
     if perfect and as_built is not None:
         raise InputError("--as-built: expected without --perfect, got both")
-    result = run_demo(
-        vehicle or IC3X,
-        output,
-        ConsoleReporter(console),
-        given,
-        None if perfect else AS_BUILT_SEED,
-        estimator,
-        ground_test=as_built,
-    )
+    with naming(vehicle or IC3X):
+        result = run_demo(
+            vehicle or IC3X,
+            output,
+            ConsoleReporter(console),
+            given,
+            None if perfect else AS_BUILT_SEED,
+            estimator,
+            ground_test=as_built,
+        )
     _show_result(console, result)
     if can:
         _fly_over_bus(console, output, can_duration, can_authenticated)

@@ -12,6 +12,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from builder.pipeline.progress_bars import ConsoleReporter
+from strainfmu.cli.named_vehicle import named
 from strainfmu.errors import FaultsError, InputError
 from strainfmu.estimator.validity import (
     condition_ranges,
@@ -31,9 +32,10 @@ T = TypeVar("T")
 
 
 class _Faults:
-    """Runs checks one after the other and keeps what each refused."""
+    """Runs checks of a vehicle file one after the other and keeps what each refused, with the file's name."""
 
-    def __init__(self) -> None:
+    def __init__(self, vehicle: Path) -> None:
+        self.vehicle = vehicle
         self.lines: list[str] = []
 
     def of(self, check: Callable[[], T]) -> T | None:
@@ -41,7 +43,7 @@ class _Faults:
         try:
             return check()
         except InputError as error:
-            self.lines += error.lines
+            self.lines += named(error.lines, self.vehicle)
             return None
 
     def raise_if_any(self) -> None:
@@ -67,7 +69,7 @@ def check_vehicle(path: Path, console: Console) -> None:
 
     vehicle = load_vehicle(path)
     reporter = ConsoleReporter(console)
-    faults = _Faults()
+    faults = _Faults(path)
     gauges = faults.of(lambda: check_gauges(vehicle))
     engine = faults.of(lambda: make_engine(vehicle, None, vehicle.resolution.map, note=reporter.note))
     conditions = (None if engine is None else engine.conditions()) or vehicle.flight_conditions()
