@@ -100,6 +100,11 @@ class AsBuiltStructure:
     def n_regions(self) -> int:
         return len(self.regions)
 
+    @property
+    def outer_span(self) -> tuple[float, float]:
+        """First and last station of the outer surface [m]."""
+        return self.states.forces[0].outer_span
+
     def exactly_built(self) -> AsBuiltParameters:
         """Return the parameters of the vehicle of the file: zeros."""
         return exactly_built(self.n_gauges, self.n_regions)

@@ -191,8 +191,11 @@ class ReadingsModel:
 
         rows = []
         for name, changed in changes.items():
-            step = PAD_STEPS[name]
-            rows.append((strain(changed(step)) - strain(changed(-step))) / (2.0 * step))
+            low, high = -PAD_STEPS[name], PAD_STEPS[name]
+            if name == "place":  # a pad at an end of the body stays on it
+                front, aft = self.structure.outer_span
+                low, high = max(low, front - load.station), min(high, aft - load.station)
+            rows.append((strain(changed(high)) - strain(changed(low))) / (high - low))
         return np.array(rows)
 
     def _extra_names(self) -> list[str]:

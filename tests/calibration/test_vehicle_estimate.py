@@ -136,6 +136,27 @@ def test_a_load_off_the_body_is_named_by_its_case(
         ReadingsModel(as_built, test, prior)
 
 
+@pytest.mark.parametrize("from_aft", [False, True])
+def test_a_pad_at_an_end_of_the_body(as_built: AsBuiltStructure, prior: AsBuiltParameters, from_aft: bool) -> None:
+    """Its place is varied by 1 mm, on the body; the derivative is that of 1 mm inboard."""
+    n_d, end = as_built.n_gauges, as_built.outer_span[from_aft]
+    inboard = 1e-3 if not from_aft else -1e-3
+
+    def columns(station: float) -> np.ndarray:
+        pad = PadForce(station=station, roll_angle=0.3, half_length=0.2, half_angle=1.5, force=(0.0, 0.0, -1e3))
+        case = LoadCase(
+            name="end", loads=(KnownLoad(load=pad),), reading=np.zeros(n_d), reading_std=np.full(n_d, NOISE)
+        )
+        test = LoadTest(gauge_names=as_built.gauges.names, cases=(case,), errors=ERRORS)
+        model = ReadingsModel(as_built, test, prior)
+        return model.at_drawing()[1][0, :, model.names.index("pad place PadForce 1 of end")]
+
+    inside = columns(end + 2.0 * inboard)
+    assert np.abs(inside).max() > 0.0
+    for station in (end, end + 0.3 * inboard):
+        np.testing.assert_allclose(columns(station), inside, atol=0.1 * np.abs(inside).max())
+
+
 @pytest.mark.slow
 def test_faults_are_named_and_left_out(model: tuple[ReadingsModel, np.ndarray], found: Estimate) -> None:
     built, vector = model
