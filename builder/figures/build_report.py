@@ -11,6 +11,7 @@ from builder.aero.surface_mesh import SurfaceMesh
 from builder.figures.canvas import COLOUR_MAP, blank_figure
 from builder.figures.gauge_marks import KIND_MARKERS, KIND_OFFSETS, kind_label, kinds_of_map, shown_bias
 from builder.figures.unrolled import roll_degrees, unrolled_triangles
+from builder.figures.words import with_signs
 from builder.inverse.regularisation import LCurve
 from builder.structure.observability import SYMMETRIES
 from strainfmu.arrays import FloatArray, IntArray
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+SIGNS = [with_signs(name) for name in COEFFICIENT_NAMES]
 MODES_DRAWN = 20
 MAX_LABELS = 30
 MIN_SHOWN = 1e-4
@@ -162,14 +164,14 @@ def coefficients(
     for name, percent in zip(sources, 100.0 * of_variance, strict=True):
         variances.bar(column, percent, 0.7, bottom=below, label=name)
         below += percent
-    variances.set_xticks(column, COEFFICIENT_NAMES)
+    variances.set_xticks(column, SIGNS)
     variances.set_ylabel("fraction of the variance [%]")
     variances.set_ylim(0.0, 100.0 + 12.0 * len(sources))
     variances.legend(fontsize=8, loc="upper left")
     finite = np.where(np.isfinite(std_of_range), 300.0 * std_of_range, np.nan)
     ranges.bar(column, finite, 0.7, color=THIS_MAP)
-    ranges.set_xticks(column, COEFFICIENT_NAMES)
-    ranges.set_ylabel("3 sigma over the range of the snapshots [%]")
+    ranges.set_xticks(column, SIGNS)
+    ranges.set_ylabel("$3\\sigma$ over the range of the snapshots [%]")
     ranges.grid(axis="y", alpha=0.3)
     _draw_correlation(figure, matrix, correlation)
     return figure
@@ -186,8 +188,8 @@ def correlations(inverse_map: InverseMap) -> Figure:
 
 def _draw_correlation(figure: Figure, axis: Any, values: FloatArray) -> None:
     drawn = axis.imshow(values, cmap="RdBu_r", vmin=-1.0, vmax=1.0)
-    axis.set_xticks(np.arange(5), COEFFICIENT_NAMES, fontsize=8)
-    axis.set_yticks(np.arange(5), COEFFICIENT_NAMES, fontsize=8)
+    axis.set_xticks(np.arange(5), SIGNS, fontsize=8)
+    axis.set_yticks(np.arange(5), SIGNS, fontsize=8)
     for (i, j), value in np.ndenumerate(values):
         colour = "white" if abs(value) > 0.6 else "black"
         axis.text(j, i, f"{value:.2f}", ha="center", va="center", fontsize=8, color=colour)
@@ -206,8 +208,8 @@ def gauge_loss(inverse_map: InverseMap, *, growth: FloatArray, detectable_bias: 
     axes = figure.subplots(3, 2, sharex=True, sharey=True)
     for i, axis in enumerate(axes.flat):
         if i < len(COEFFICIENT_NAMES):
-            numbers, label = 100.0 * (growth[:, i] - 1.0), "sigma grows [%]"
-            axis.set_title(f"{COEFFICIENT_NAMES[i]}, gauge lost", fontsize=9)
+            numbers, label = 100.0 * (growth[:, i] - 1.0), "$\\sigma$ grows [%]"
+            axis.set_title(f"{SIGNS[i]}, gauge lost", fontsize=9)
         else:
             numbers, label = shown_bias(inverse_map, detectable_bias)
             axis.set_title("minimum detectable bias", fontsize=9)
@@ -260,7 +262,9 @@ def eigenvalues(values: FloatArray, gamma: float) -> Figure:
     above_round_off = values > 1e-16 * values[0]
     above = int(np.sum(values >= gamma))
     decay.semilogy(number[above_round_off], values[above_round_off], ".-", color=THIS_MAP, linewidth=0.8)
-    decay.axhline(gamma, color="tab:red", linewidth=1.0, label=f"gamma = {gamma:.4g}; {above} eigenvalues above")
+    decay.axhline(
+        gamma, color="tab:red", linewidth=1.0, label=f"$\\gamma$ = {gamma:.4g}; {above} eigenvalues above"
+    )
     decay.set_ylabel("eigenvalue [1]")
     decay.legend(fontsize=8)
     factors.bar(number, values / (values + gamma), color=THIS_MAP)
@@ -295,7 +299,7 @@ def l_curve(curve: LCurve, gammas: Sequence[tuple[str, float]]) -> Figure:
     axis.set_xlabel("norm of the whitened residual [1]")
     axis.set_ylabel("norm of the states [1]")
     axis.grid(alpha=0.3, which="both")
-    axis.legend(title="gamma", fontsize=8)
+    axis.legend(title="$\\gamma$", fontsize=8)
     return figure
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from builder.figures.canvas import blank_figure
+from builder.figures.words import estimator_in_words, with_signs
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -26,12 +27,14 @@ def compare_figure(entries: Sequence[Mapping[str, Any]], title: str) -> Figure:
         rms, coverage, field = panels[:, column]
         _bars(rms, found, "rms")
         rms.set_yscale("log")
+        least = min((value for one in found for value in one["rms"].values() if value), default=1e-6)
+        rms.set_ylim(bottom=0.5 * least)
         rms.set_ylabel("rms error [1]")
         rms.set_title(TITLES[errors])
         _bars(coverage, found, "coverage_percent")
         coverage.axhline(99.0, color="k", lw=0.8, ls="--")
         coverage.set_ylim(50.0, 101.0)
-        coverage.set_ylabel("truth inside 3 sigma [%]")
+        coverage.set_ylabel("truth inside $3\\sigma$ [%]")
         _distribution(field, found)
     handles, labels = panels[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=4, fontsize=8)
@@ -45,8 +48,8 @@ def _bars(axis: Axes, entries: Sequence[Mapping[str, Any]], key: str) -> None:
         names = list(one[key])
         value = np.array([np.nan if one[key][name] is None else one[key][name] for name in names])
         at = np.arange(len(names)) + (number + 0.5) * width - 0.4
-        axis.bar(at, value, width=width, color=colour, label=one["estimator"])
-        axis.set_xticks(np.arange(len(names)), names)
+        axis.bar(at, value, width=width, color=colour, label=estimator_in_words(one["estimator"]))
+        axis.set_xticks(np.arange(len(names)), [with_signs(name) for name in names])
 
 
 def _distribution(axis: Axes, entries: Sequence[Mapping[str, Any]]) -> None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from builder.figures.canvas import blank_figure
+from builder.figures.words import estimator_in_words, with_signs
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
 
@@ -35,8 +36,8 @@ def estimator_errors(
     axes = figure.subplots(rows, 1, sharex=True)
     for i, (axis, name) in enumerate(zip(axes, COEFFICIENT_NAMES, strict=False)):
         for color, (label, (error, std)) in zip(COLORS, errors.items(), strict=False):
-            _band(axis, time, error=error[:, i], std=std[:, i], color=color, label=label)
-        axis.set_title(f"Error of ${name}$ [1]", fontsize=9, loc="left")
+            _band(axis, time, error=error[:, i], std=std[:, i], color=color, label=estimator_in_words(label))
+        axis.set_title(f"Error of {with_signs(name)} [1]", fontsize=9, loc="left")
     axes[0].legend(ncols=4, fontsize=8, loc="upper right")
     if angles is not None:
         for color, label, i in (("tab:orange", "angle of attack", 0), ("tab:green", "sideslip", 1)):

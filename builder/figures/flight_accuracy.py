@@ -10,6 +10,7 @@ import numpy as np
 
 from builder.figures.canvas import COLOUR_MAP, blank_figure
 from builder.figures.hover import COLOUR_SCALE, HoverFigure, axis, choice, hover_figure, numbers
+from builder.figures.words import with_signs
 from strainfmu.arrays import FloatArray
 
 if TYPE_CHECKING:
@@ -46,6 +47,8 @@ def accuracy_maps(
     ----------
     mach_number, incidence_deg : (m,) [1], (i,) [deg].
     """
+    from matplotlib.ticker import MaxNLocator
+
     shown = [one for one in maps if one.on_page]
     figure = blank_figure(2.7 * len(shown), 2.6 * len(navigation))
     axes = figure.subplots(len(navigation), len(shown), sharex=True, sharey=True, squeeze=False)
@@ -64,14 +67,17 @@ def accuracy_maps(
             )
             _hatch(panel, mach_number, incidence_deg, one, row)
             if row == 0:
-                panel.set_title(one.label, fontsize=9)
+                panel.set_title(with_signs(one.label), fontsize=9)
             if column == 0:
-                panel.set_ylabel(f"{known}\ntotal incidence [deg]", fontsize=9)
+                panel.set_ylabel(f"{with_signs(known)}\ntotal incidence [deg]", fontsize=9)
             if row == len(navigation) - 1:
                 panel.set_xlabel("Mach number [1]", fontsize=9)
             panel.tick_params(labelsize=8)
         bar = figure.colorbar(drawn, ax=axes[:, column], location="bottom", pad=0.02)
-        bar.ax.tick_params(labelsize=7, rotation=45)
+        bar.locator = MaxNLocator(4)
+        bar.update_ticks()
+        bar.ax.tick_params(labelsize=8)
+        bar.set_label(f"$\\sigma$ of {with_signs(one.label)}", fontsize=8)
     return figure
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from builder.figures.canvas import blank_figure
+from builder.figures.words import with_signs
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -43,7 +44,7 @@ def stress_figure(entries: Sequence[dict[str, Any]], title: str) -> Figure:
         for y, one in enumerate(found):
             text = f"{one['silent_percent']:.1f}{'  target missed' if one['missed'] else ''}"
             axis.text(101.0, y, text, va="center", fontsize=7, clip_on=False)
-        axis.set_yticks(place, [f"{one['error']}, {one['size']}" for one in found], fontsize=7)
+        axis.set_yticks(place, [with_signs(f"{one['error']}, {one['size']}") for one in found], fontsize=7)
         axis.set_ylim(len(found) - 0.5, -0.5)
         axis.set_xlim(0.0, 100.0)
         axis.set_title(TITLES[name], fontsize=9, loc="left")

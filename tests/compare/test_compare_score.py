@@ -190,6 +190,10 @@ def test_the_figure_shows_every_estimator() -> None:
     assert len(figure.axes) == 6
     assert len(figure.axes[0].patches) == 15
     assert len(figure.axes[4].lines) == 2
+    assert figure.axes[0].get_xticklabels()[0].get_text() == "$C_A$"
+    legend = [one.get_text() for one in figure.legends[0].get_texts()]
+    assert "nonlinear estimator" in legend
+    assert "manifold" not in legend
 
 
 def test_conditions_are_inside_the_envelope_and_the_flows(shipped: Vehicle) -> None:

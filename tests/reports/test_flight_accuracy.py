@@ -98,7 +98,8 @@ def test_figures_show_what_is_not_identified() -> None:
     ]
     still = accuracy_maps(mach, incidence, NAVIGATION, maps)
     panels = still.axes[:4]
-    assert [one.get_title() for one in panels] == ["C_A [1]", "Mach number [1]", "", ""]
+    assert [one.get_title() for one in panels] == ["$C_A$ [1]", "Mach number [1]", "", ""]
+    assert "$p_\\infty$" in panels[0].get_ylabel()
     hatched = [sum(bool(of.get_hatch()) for of in one.patches) for one in panels]
     assert hatched == [0, 0, 0, 3]
     hover = hover_accuracy_maps(mach, incidence, NAVIGATION, maps)

@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from builder.figures.words import estimator_in_words
 from builder.pipeline.progress_bars import ConsoleReporter
 from strainfmu.cli.commands.maps import REBUILD_OPTION, SNAPSHOTS_OPTION, STRUCTURE_OPTION
 from strainfmu.cli.commands.number_ranges import within
@@ -97,7 +98,7 @@ def _show(console: Console, result: CompareResult) -> None:
         for one in result.entries:
             if one["errors"] == errors:
                 known = "" if one["navigation"] == "given" else f", {one['navigation']}"
-                table.add_row(escape(one["estimator"] + known), *_cells(one))
+                table.add_row(escape(estimator_in_words(one["estimator"]) + known), *_cells(one))
         console.print(table)
     for aim in result.aims:
         console.print(f"aim of the nonlinear estimator {aim.line}", highlight=False, markup=False, soft_wrap=True)

@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from builder.figures.words import estimator_in_words
 from builder.pipeline.progress_bars import ConsoleReporter
 from strainfmu.cli.commands.maps import (
     ESTIMATOR_OPTION,
@@ -147,7 +148,8 @@ def _accuracy_table(title: str, scores: dict[str, Any]) -> Table:
 
 def _show_estimators(console: Console, estimators: dict[str, Any]) -> None:
     """Show the accuracy of each estimator on the same strains."""
-    table = _accuracy_table("Linear and nonlinear estimator on the same strains", estimators)
+    in_words = {estimator_in_words(name): scores for name, scores in estimators.items()}
+    table = _accuracy_table("Linear and nonlinear estimator on the same strains", in_words)
     air = estimators["manifold"]["air_data"]
     for name in ("angle_of_attack", "sideslip_angle"):
         cells = [f"{degrees(air['rms'][name]):.3f}", f"{air['coverage_percent'][name]:.2f} %"]
