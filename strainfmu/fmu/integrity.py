@@ -9,8 +9,8 @@ import zlib
 from pathlib import Path, PurePosixPath
 
 from strainfmu.files import USER_BLOCK_SIZE
-from strainfmu.fmu.native_resource import CHECKED_FROM
 from strainfmu.fmu.package import CONTENTS
+from strainfmu.fmu.resource.map_file import CHECKED_FROM
 
 _ALTERED = "damaged or altered, its check sum is wrong"
 

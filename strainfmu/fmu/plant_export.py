@@ -33,7 +33,7 @@ from strainfmu.fmu.plant_reference import (
     plant_reference,
     schedule_reference,
 )
-from strainfmu.fmu.plant_resource import ModelKind, model_resource, plant_data
+from strainfmu.fmu.resource.model_file import ModelKind, model_resource, plant_data
 from strainfmu.fmu.terminals import terminal_files
 from strainfmu.interface.fmi_variables import Variable
 from strainfmu.interface.plant_variables import FlightStart, Motion, native_plant_interface

@@ -15,7 +15,7 @@ import numpy as np
 from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.step import LoadEstimate
 from strainfmu.fmu.native_build import library_file
-from strainfmu.fmu.native_resource import native_resource
+from strainfmu.fmu.resource.map_file import native_resource
 from strainfmu.interface.estimator_variables import output_values
 from strainfmu.interface.filter_variables import has_filter
 

@@ -17,8 +17,8 @@ from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimate
 from strainfmu.estimator.manifold.manifold_map import ManifoldMap
-from strainfmu.fmu import native_resource
-from strainfmu.fmu.filter_resource import filter_section
+from strainfmu.fmu.resource import map_file
+from strainfmu.fmu.resource.filter import filter_section
 from strainfmu.interface.estimator_variables import output_values
 
 pytestmark = pytest.mark.fast
@@ -102,7 +102,7 @@ def test_a_filter_of_other_sections_is_refused(
     def without(inverse_map: InverseMap, manifold: ManifoldMap) -> bytes:
         return filter_section(inverse_map, replace(manifold, further=None))
 
-    monkeypatch.setattr(native_resource, "filter_section", without)
+    monkeypatch.setattr(map_file, "filter_section", without)
     fmu = FlightFmu(write_resource(inverse_map, tmp_path).as_uri(), N_D)
     assert fmu.instance.value is None
     assert fmu.messages[-1][2].endswith("holds a filter of other section loads")

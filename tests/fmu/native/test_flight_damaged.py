@@ -17,7 +17,7 @@ from thermal_maps import with_temperature
 
 from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.fmu.native_build import source_files
-from strainfmu.fmu.native_resource import CHECKED_FROM, native_resource
+from strainfmu.fmu.resource.map_file import CHECKED_FROM, native_resource
 
 pytestmark = pytest.mark.slow
 

@@ -19,8 +19,8 @@ from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimate
 from strainfmu.estimator.manifold.tracker import FlightTracker
 from strainfmu.estimator.zeros import GaugeZeros
-from strainfmu.fmu.flight_resource import LOADS_SECTION, SECTION
-from strainfmu.fmu.native_resource import native_resource
+from strainfmu.fmu.resource.flight import LOADS_SECTION, SECTION
+from strainfmu.fmu.resource.map_file import native_resource
 from strainfmu.interface.estimator_variables import output_values
 from strainfmu.interface.further_variables import has_further_outputs, has_section_loads_by_strain_alone
 

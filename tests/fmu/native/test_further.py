@@ -18,7 +18,7 @@ from thermal_maps import REFERENCE, with_temperature
 
 from strainfmu.estimator.step import Estimator
 from strainfmu.estimator.zeros import GaugeZeros, no_zeros
-from strainfmu.fmu.further_resource import SECTION
+from strainfmu.fmu.resource.further_loads import SECTION
 from strainfmu.interface.further_variables import further_outputs
 
 pytestmark = pytest.mark.fast

@@ -21,7 +21,7 @@ from strainfmu.estimator.manifold.derivative import estimate_derivative
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimate
 from strainfmu.estimator.manifold.tracker import FlightTracker
-from strainfmu.fmu.parameter_tables_resource import SECTION
+from strainfmu.fmu.resource.parameter_tables import SECTION
 from strainfmu.interface.estimator_variables import estimator_arrays, estimator_interface, output_values
 from strainfmu.interface.filter_variables import FILTER_TIME_CONSTANT
 from strainfmu.interface.fmi_variables import value_references

@@ -21,7 +21,7 @@ from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.load_estimate import LoadEstimate
 from strainfmu.estimator.step import Estimator
-from strainfmu.fmu.linear_filter_resource import LINEAR_SECTION
+from strainfmu.fmu.resource.linear_filter import LINEAR_SECTION
 from strainfmu.interface.estimator_variables import estimator_interface
 from strainfmu.interface.filter_variables import FILTER_TIME_CONSTANT
 

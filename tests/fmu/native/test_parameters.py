@@ -21,7 +21,7 @@ from strainfmu.estimator.flow_parameters import flow_parameters
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.step import Estimator
-from strainfmu.fmu.parameter_resource import SECTION
+from strainfmu.fmu.resource.parameters import SECTION
 from strainfmu.interface.input_names import NOT_KNOWN
 
 pytestmark = pytest.mark.fast

@@ -22,7 +22,7 @@ from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.sensors import SensorRows
 from strainfmu.estimator.tare_edge import EdgeTare, TareState
 from strainfmu.estimator.zeros import GaugeZeros
-from strainfmu.fmu.sensor_resource import SECTION
+from strainfmu.fmu.resource.sensors import SECTION
 from strainfmu.interface.input_names import NOT_KNOWN
 
 pytestmark = pytest.mark.fast

@@ -22,7 +22,7 @@ from strainfmu.estimator.manifold.flight_estimate import FlightEstimate
 from strainfmu.estimator.manifold.tracker import FlightTracker
 from strainfmu.estimator.temperature import ThermalMap
 from strainfmu.estimator.zeros import GaugeZeros, no_zeros
-from strainfmu.fmu.thermal_resource import SECTION
+from strainfmu.fmu.resource.temperature import SECTION
 from strainfmu.interface.input_names import NOT_KNOWN
 
 pytestmark = pytest.mark.fast

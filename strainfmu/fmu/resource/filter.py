@@ -16,7 +16,7 @@ from strainfmu.estimator.filter.settings import RATE_TIME, SLOW, FilterSettings
 from strainfmu.estimator.filter.settings import SMALLEST as SMALLEST_TIME
 from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.manifold.manifold_map import ManifoldMap
-from strainfmu.fmu.resource_sections import section, sized_numbers
+from strainfmu.fmu.resource.sections import section, sized_numbers
 
 SECTION = b"FILTER\0\0"
 

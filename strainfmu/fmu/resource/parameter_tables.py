@@ -13,7 +13,7 @@ from strainfmu.estimator.fixed_order import product
 from strainfmu.estimator.manifold.estimator import LARGEST_USED_SCORE
 from strainfmu.estimator.manifold.manifold_map import ManifoldMap
 from strainfmu.estimator.manifold.parameter_tables import ParameterTables
-from strainfmu.fmu.resource_sections import section, sized_numbers
+from strainfmu.fmu.resource.sections import section, sized_numbers
 
 SECTION = b"KNOWN\0\0\0"
 

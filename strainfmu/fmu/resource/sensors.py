@@ -8,7 +8,7 @@ the C code.
 from __future__ import annotations
 
 from strainfmu.estimator.sensors import SensorRows
-from strainfmu.fmu.resource_sections import section, sized_numbers
+from strainfmu.fmu.resource.sections import section, sized_numbers
 
 SECTION = b"SENSORS\0"
 

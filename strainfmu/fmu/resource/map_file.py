@@ -6,13 +6,14 @@ is known; the guid, ended by a zero. Then eight 32-bit integers: the form, and s
 Then float64 values: the scalars, and the arrays in the order of :func:`_arrays`, :func:`_envelope` and
 :func:`_scaled`.
 
-Sections follow (:mod:`strainfmu.fmu.resource_sections`): the tables of the nonlinear estimator
-(:mod:`strainfmu.fmu.flight_resource`) and its filter (:mod:`strainfmu.fmu.filter_resource`), the filter of a
-linear map (:mod:`strainfmu.fmu.linear_filter_resource`), temperature modes
-(:mod:`strainfmu.fmu.thermal_resource`), loads beside the five (:mod:`strainfmu.fmu.further_resource`), limits of
-a tare (:mod:`strainfmu.fmu.tare_resource`), further parameters of the flow
-(:mod:`strainfmu.fmu.parameter_resource`), further sensors (:mod:`strainfmu.fmu.sensor_resource`). A bound that the
-map does not state is the largest finite number.
+Sections follow (:mod:`~strainfmu.fmu.resource.sections`): the tables of the nonlinear estimator
+(:mod:`~strainfmu.fmu.resource.flight`) and its filter (:mod:`~strainfmu.fmu.resource.filter`), the filter of a
+linear map (:mod:`~strainfmu.fmu.resource.linear_filter`), temperature modes
+(:mod:`~strainfmu.fmu.resource.temperature`), loads beside the five
+(:mod:`~strainfmu.fmu.resource.further_loads`), limits of a tare (:mod:`~strainfmu.fmu.resource.tare`), further
+parameters of the flow (:mod:`~strainfmu.fmu.resource.parameters`) and the tables over them
+(:mod:`~strainfmu.fmu.resource.parameter_tables`), further sensors (:mod:`~strainfmu.fmu.resource.sensors`). A
+bound that the map does not state is the largest finite number.
 ``fmus/native/estimator/map_resource.h`` describes the same file to the C code.
 
 Every value is that of :class:`~strainfmu.estimator.step.Estimator`, in the same bits on every machine
@@ -54,15 +55,15 @@ from strainfmu.estimator.masks import MIN_INFORMATION
 from strainfmu.estimator.settings import LARGEST_SENSOR_RANGE, LARGEST_SETTING, default_settings
 from strainfmu.estimator.tare import KnownStrain
 from strainfmu.estimator.zeros import LARGEST_ZERO
-from strainfmu.fmu.filter_resource import filter_section
-from strainfmu.fmu.flight_resource import flight_loads_section, flight_section
-from strainfmu.fmu.further_resource import further_section
-from strainfmu.fmu.linear_filter_resource import linear_filter_section
-from strainfmu.fmu.parameter_resource import parameter_section
-from strainfmu.fmu.parameter_tables_resource import parameter_tables_section
-from strainfmu.fmu.sensor_resource import sensor_section
-from strainfmu.fmu.tare_resource import tare_section
-from strainfmu.fmu.thermal_resource import thermal_section
+from strainfmu.fmu.resource.filter import filter_section
+from strainfmu.fmu.resource.flight import flight_loads_section, flight_section
+from strainfmu.fmu.resource.further_loads import further_section
+from strainfmu.fmu.resource.linear_filter import linear_filter_section
+from strainfmu.fmu.resource.parameter_tables import parameter_tables_section
+from strainfmu.fmu.resource.parameters import parameter_section
+from strainfmu.fmu.resource.sensors import sensor_section
+from strainfmu.fmu.resource.tare import tare_section
+from strainfmu.fmu.resource.temperature import thermal_section
 from strainfmu.interface.filter_variables import has_filter
 from strainfmu.interface.further_variables import has_further_outputs
 from strainfmu.interface.input_names import NOT_KNOWN

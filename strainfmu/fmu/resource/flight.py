@@ -33,7 +33,7 @@ from strainfmu.estimator.manifold.manifold_map import ManifoldMap
 from strainfmu.estimator.manifold.navigation import FALSE_ALARMS, NAVIGATION, NAVIGATION_ALARM, prior
 from strainfmu.estimator.manifold.solve import COLD_ITERATIONS, START_ITERATIONS, WARM_ITERATIONS
 from strainfmu.estimator.manifold.tracker import RETURN_AFTER, SEARCH_EVERY
-from strainfmu.fmu.resource_sections import section, sized_numbers
+from strainfmu.fmu.resource.sections import section, sized_numbers
 
 SECTION = b"FLIGHT\0\0"
 LOADS_SECTION = b"FLOADS\0\0"

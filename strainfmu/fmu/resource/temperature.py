@@ -11,7 +11,7 @@ import numpy as np
 from strainfmu.estimator.fixed_order import product
 from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.temperature import LARGEST_RISE, ThermalMap
-from strainfmu.fmu.resource_sections import section, sized_numbers
+from strainfmu.fmu.resource.sections import section, sized_numbers
 
 SECTION = b"THERMAL\0"
 
