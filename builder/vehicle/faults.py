@@ -41,6 +41,7 @@ _KINDS = {
     "float": "a number",
     "int": "a whole number",
     "list": "a list",
+    "tuple": "a list",
     "model": "a section",
     "string": "text",
 }

@@ -16,6 +16,7 @@ from further_maps import STATIONS, with_further_tables
 
 from strainfmu.estimator.filter.flight_filter import FlightFilter
 from strainfmu.estimator.filter.settings import FilterSettings
+from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.fmu.crosscheck import write_crosscheck
 from strainfmu.fmu.integrity import damaged_entries
@@ -122,3 +123,36 @@ def test_what_can_be_no_deviation_makes_its_value_unknown(
             assert not unknown[-1]
             assert np.isfinite(unknown).all()
             assert [stepped(name, -1.0), stepped(name, -np.inf)] == [unknown, unknown]
+
+
+@pytest.mark.parametrize("kind", ["numpy", "native", "python"])
+def test_navigation_that_no_flight_has_is_degraded(flights: dict[str, Path], tmp_path: Path, kind: str) -> None:
+    """What is not known costs sigma alone; what is impossible is a fault, and the loads are those without it."""
+    sample = random_flight(whole_map(), 1, seed=5)[0]
+    high = {"static_pressure": np.nan, "altitude": 72e3}  # above the atmosphere's table
+    mach = {"unknown": np.nan, "infinite": np.inf, "negative": -6.0}
+    changes: dict[str, dict[str, float]] = {name: {"mach_number": value} for name, value in mach.items()}
+    changes |= {"no altitude": high | {"altitude": np.nan}, "high": high, "below": high | {"altitude": -1.0}}
+    changes |= {"p": {"static_pressure": np.inf}}
+    found = {}
+    if kind == "numpy":
+        estimator = ManifoldEstimator(with_further_tables(whole_map()))
+        for name, change in changes.items():
+            one = estimator.step(sample.strain, **(sample.flow | change))
+            found[name] = (int(one.health), *one.coefficients)
+    else:
+        with loaded(flights[kind], tmp_path / kind) as host:
+            for name, change in changes.items():
+                host.fmu.reset()
+                host.initialize()
+                flow = sample.flow | change
+                host.set([f"strain[{i + 1}]" for i in range(N_D)], sample.strain)
+                host.set(list(flow), list(flow.values()))
+                host.fmu.doStep(0.0, 0.01)
+                found[name] = (host.health(), *host.get(["C_A", "C_N", "C_Y", "M_P", "M_Y"]))
+    states = {name: HealthState(one[0]).name for name, one in found.items()}
+    assert {name for name, state in states.items() if state == "OK"} == {"unknown", "no altitude"}
+    assert set(states.values()) == {"OK", "DEGRADED"}
+    for left_out, without in (("infinite", "unknown"), ("negative", "unknown"), ("high", "no altitude")):
+        assert found[left_out][1:] == found[without][1:]
+    assert found["below"] == found["high"] == found["p"]

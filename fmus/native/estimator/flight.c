@@ -132,13 +132,19 @@ size_t flight_set_strain(Estimator *e) {
     return count;
 }
 
+/* p(h); NaN where the altitude is not known, 0, which no flight has, where it is outside the table. */
+static double pressure_by_altitude(const Estimator *e) {
+    const double altitude = known_input(e, ALTITUDE), found = ambient_pressure(&e->map.envelope, altitude);
+    return isnan(found) && !isnan(altitude) ? 0.0 : found;
+}
+
 /* Navigation of the inputs, each with a deviation; it counts as not known where that is negative, which none can be. */
 static void set_navigation(Estimator *e) {
     Flight *flight = &e->flight;
     double *value = flight->value, *std = flight->std;
     value[0] = known_input(e, MACH_NUMBER);
     value[1] = known_input(e, STATIC_PRESSURE);
-    value[1] = isnan(value[1]) ? ambient_pressure(&e->map.envelope, known_input(e, ALTITUDE)) : value[1];
+    value[1] = isnan(value[1]) ? pressure_by_altitude(e) : value[1];
     value[2] = known_input(e, DYNAMIC_PRESSURE);
     std[0] = known_input(e, MACH_NUMBER_STD);
     std[1] = known_input(e, STATIC_PRESSURE_STD);

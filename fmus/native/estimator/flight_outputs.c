@@ -91,7 +91,7 @@ int flight_navigation_alarms(const Flight *flight) {
     for (size_t k = 0; k < N_NAVIGATION; k++) {
         const double size = fabs(flight->solver.solution.navigation_residual[k]);
         const int may_be_correct = size > 0.0 && size <= flight->map.navigation_alarm;
-        alarms |= isfinite(flight->value[k]) && !(flight->solver.sample.precision[k] > 0.0) && !may_be_correct;
+        alarms |= !isnan(flight->value[k]) && !(flight->solver.sample.precision[k] > 0.0) && !may_be_correct;
     }
     return alarms;
 }

@@ -15,7 +15,6 @@ from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.arguments import checked_mask, per_sample, strain_of_one, strain_of_samples
 from strainfmu.estimator.at_temperature import SensorSets, scattered
-from strainfmu.estimator.envelope import static_pressure_at
 from strainfmu.estimator.flow_parameters import write_parameters
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.inverse_map import InverseMap
@@ -31,6 +30,7 @@ from strainfmu.estimator.manifold.navigation import (
     NAVIGATION,
     Navigation,
     inconsistent_navigation,
+    pressure_by_altitude,
     prior,
     state_measurement,
 )
@@ -261,7 +261,7 @@ class ManifoldEstimator:
             used &= checked_mask(valid, n, len(d) if np.ndim(strain) == 2 else None)
         of = {name: per_sample(name, value, len(d)) for name, value in flow.items()}
         pressure = of["static_pressure"]
-        pressure = np.where(np.isnan(pressure), static_pressure_at(of["altitude"]), pressure)
+        pressure = np.where(np.isnan(pressure), pressure_by_altitude(of["altitude"]), pressure)
         value = np.column_stack([of["mach_number"], pressure, of["dynamic_pressure"]])
         for name in (f"{name}_std" for name in NAVIGATION):
             if np.any(of[name] < 0.0):

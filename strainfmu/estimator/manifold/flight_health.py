@@ -113,7 +113,7 @@ def navigation_alarms(navigation: Navigation, used: BoolArray, residual: FloatAr
     """
     size = np.abs(residual)
     may_be_correct = (size > 0.0) & (size <= NAVIGATION_ALARM)
-    return np.any(np.isfinite(navigation.value) & ~used & ~may_be_correct, axis=1)
+    return np.any(~np.isnan(navigation.value) & ~used & ~may_be_correct, axis=1)
 
 
 def range_score(manifold: ManifoldMap, found: FlightSolution) -> FloatArray:

@@ -9,6 +9,7 @@ import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO
+from strainfmu.estimator.envelope import static_pressure_at
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY
 from strainfmu.estimator.isolation import outlier_threshold
 from strainfmu.estimator.manifold.flight_tables import LOG_PRESSURE, MACH, N_STATES, U, W
@@ -61,6 +62,12 @@ class StateMeasurement:
 
     value: FloatArray
     precision: FloatArray
+
+
+def pressure_by_altitude(altitude: FloatArray) -> FloatArray:
+    """Return p(h) [Pa] (k,); NaN where h is not known, 0, which no flight has, where it is outside the table."""
+    found = static_pressure_at(altitude)
+    return np.where(np.isnan(found) & ~np.isnan(altitude), 0.0, found)
 
 
 def state_measurement(manifold: ManifoldMap, navigation: Navigation) -> StateMeasurement:
