@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import degrees
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from rich.box import SIMPLE_HEAD
@@ -13,6 +13,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from strainfmu.arrays import FloatArray
+from strainfmu.cli.inspection.provenance import provenance_rows
 from strainfmu.cli.inspection.temperature import temperature_sensors, temperature_table
 from strainfmu.estimator.detectability import detectable_noncentrality, minimal_detectable_bias
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY
@@ -37,12 +38,16 @@ EIGENVALUES_SHOWN = 12
 LOAD_UNITS = ("N", "N", "N", "N m", "N m")
 CASE_NAMES = {1: "1, least squares on POD modes", 2: "2, low-rank Gaussian prior"}
 
+NAMED = ("gauge", "coefficient", "term")
+"""Headings of columns of names, which are not broken."""
+
 OF_CONDITIONS = (
     "mach_number",
     "angle_of_attack_deg",
     "sideslip_angle_deg",
     "altitude_m",
     "dynamic_pressure_Pa",
+    "total_incidence_deg",
 )
 SHOWN_APART = (
     *OF_CONDITIONS,
@@ -72,7 +77,8 @@ def inspect_map(path: Path, folder: Path | None, console: Console) -> None:
     console.print(_validity(loaded))
     console.print(_noise(loaded))
     if loaded.manifold is not None:
-        console.print(_tables(loaded, loaded.manifold))
+        console.print(_tables(loaded.manifold))
+        console.print(_table_errors(loaded))
     if loaded.case == 2:
         console.print(_eigenvalues(loaded))
     console.print(_coefficients(loaded))
@@ -109,7 +115,8 @@ def _summary(loaded: InverseMap, title: str, content_hash: str) -> Table:
     table.add_column()
     table.add_column(overflow="fold")
     table.add_row("content hash", content_hash)
-    table.add_row("case", CASE_NAMES[loaded.case])
+    table.add_row("estimator", "linear" if loaded.manifold is None else "nonlinear, beside it the linear one")
+    table.add_row("case of the linear map", CASE_NAMES[loaded.case])
     table.add_row("gauges, states", f"{loaded.n_gauges}, {len(loaded.state_offset)}")
     if loaded.case == 2:
         rule = str(loaded.provenance.get("gamma_rule", "unknown")).replace("_", " ")
@@ -117,23 +124,9 @@ def _summary(loaded: InverseMap, title: str, content_hash: str) -> Table:
     table.add_row("degrees of freedom of chi-square", str(loaded.residual_degrees_of_freedom))
     table.add_row("reference area, length", f"{loaded.reference_area:.6g} m2, {loaded.reference_length:.6g} m")
     table.add_row("pressure field", "held" if loaded.field_modes is not None else "not held")
-    for key, value in loaded.provenance.items():
-        if key not in SHOWN_APART:
-            table.add_row(*map(escape, _with_unit(key, value)))
+    for row in provenance_rows(loaded.provenance, SHOWN_APART):
+        table.add_row(*map(escape, row))
     return table
-
-
-_UNIT_ENDINGS = {"_m": "m", "_mm": "mm", "_Pa": "Pa", "_deg": "deg"}
-
-
-def _with_unit(key: str, value: Any) -> tuple[str, str]:
-    """Return an entry's name in words, and its value with the unit that the name ends on."""
-    unit = next((unit for ending, unit in _UNIT_ENDINGS.items() if key.endswith(ending)), "")
-    name = key.removesuffix(f"_{unit}") if unit else key
-    text = f"{value:.6g}" if isinstance(value, float) else str(value)
-    if isinstance(value, dict):
-        text = ", ".join(" ".join(_with_unit(*entry)) for entry in value.items())
-    return name.replace("_", " "), f"{text} {unit}".strip()
 
 
 def _validity(loaded: InverseMap) -> Table:
@@ -154,8 +147,8 @@ def _noise(loaded: InverseMap) -> Table:
     return table
 
 
-def _tables(loaded: InverseMap, manifold: ManifoldMap) -> Table:
-    """Return what the tables of the nonlinear estimator hold, and what pressure off them strains."""
+def _tables(manifold: ManifoldMap) -> Table:
+    """Return what the tables of the nonlinear estimator hold."""
     table = _table("Nonlinear estimator: tables over the flight state", ("quantity", "value"))
     incidence = np.degrees(manifold.incidence_knots)
     table.add_row("Mach numbers of the flows", ", ".join(f"{one:g}" for one in manifold.mach_knots))
@@ -166,9 +159,14 @@ def _tables(loaded: InverseMap, manifold: ManifoldMap) -> Table:
         f"M {manifold.mach_number_error:g}, p_inf "
         f"{100.0 * manifold.static_pressure_error:g} %, q_inf {100.0 * manifold.dynamic_pressure_error:g} %",
     )
+    return table
+
+
+def _table_errors(loaded: InverseMap) -> Table:
+    """Return what pressure that the tables do not hold strains, term by term."""
+    table = _table("Nonlinear estimator: errors of the tables", ("term",), "rms strain [um/m]")
     for term in loaded.provenance.get("table_error_terms", []):
-        name = term["name"]
-        table.add_row(escape(f"strain of {name}, rms [um/m]"), f"{MICRO * term['rms_strain']:.3g}")
+        table.add_row(escape(str(term["name"])), f"{MICRO * term['rms_strain']:.3g}")
     return table
 
 
@@ -193,7 +191,8 @@ def _coefficients(loaded: InverseMap) -> Table:
     scale = per_force * np.array([1.0, 1.0, 1.0, loaded.reference_length, loaded.reference_length])
     std = np.sqrt(np.diag(loaded.load_covariance))
     numbers = ("minimum [1]", "maximum [1]", "sigma [1]", "of range [%]", "sigma of load")
-    title = f"Coefficients over the snapshots, and sigma at q_inf = {1e-3 * q:.4g} kPa"
+    whose = "" if loaded.manifold is None else " of the linear map"  # those of the other follow the flight
+    title = f"Coefficients over the snapshots, and sigma{whose} at q_inf = {1e-3 * q:.4g} kPa"
     table = _table(title, ("coefficient",), *numbers, last=("load",))
     rows = zip(COEFFICIENT_NAMES, loaded.coefficient_range, std, std / scale, LOAD_NAMES, LOAD_UNITS, strict=True)
     for name, (low, high), of_load, sigma, load, unit in rows:
@@ -221,7 +220,7 @@ def _gauges(loaded: InverseMap) -> Table:
         roll = degrees(np.arctan2(y, z)) % 360.0
         table.add_row(
             escape(name),
-            *(f"{value:.4g}" for value in (x, y, z)),
+            *(f"{round(value, 4) + 0.0:.4g}" for value in (x, y, z)),
             f"{roll if roll < 360.0 - 1e-9 else 0.0:.4g}",
             _reading(loaded.noise_std[i], *unit),
             _reading(bias[i], *unit) if np.isfinite(bias[i]) else "never",
@@ -267,6 +266,7 @@ def _table(title: str, words: tuple[str, ...], *numbers: str, last: tuple[str, .
         *((one, "right") for one in numbers),
         *((one, "left") for one in last),
     ]
-    for heading, justify in justified:
-        table.add_column(escape(heading), justify=justify, overflow="fold")
+    for number, (heading, justify) in enumerate(justified):
+        is_name = heading in NAMED and number == 0
+        table.add_column(escape(heading), justify=justify, overflow="fold", no_wrap=is_name)
     return table
