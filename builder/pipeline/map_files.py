@@ -49,7 +49,7 @@ from builder.truth.flown_vehicles import drawn_vehicles
 from builder.truth.flows import independent_flows, truth_inputs
 from builder.truth.strain import TrueStructure
 from builder.vehicle.file import Vehicle, load_vehicle
-from builder.vehicle.map_needs import used_layouts
+from builder.vehicle.map_needs import unused_entries, used_layouts
 from strainfmu.estimator import inverse_map as inverse_map_file
 from strainfmu.estimator.inverse_map import load_inverse_map, save_inverse_map
 
@@ -87,6 +87,8 @@ def run_build(
 
 def make_map(pipeline: Pipeline) -> None:
     """Make or take the snapshots, the structure if it is a file of its own, and the map."""
+    for line in unused_entries(pipeline.vehicle):
+        pipeline.reporter.note(line)
     make_map_parts(pipeline)
     _inverse_map(pipeline)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from builder.vehicle.file import Vehicle
 from strainfmu.errors import InputError
 
@@ -10,6 +12,31 @@ def used_layouts(vehicle: Vehicle) -> list[str]:
     """Return the layouts a map needs: the one in use and the one its noise is measured on."""
     reference = vehicle.noise.of_layout or vehicle.gauges.layout
     return sorted({vehicle.gauges.layout, reference})
+
+
+OF_THE_NONLINEAR = (
+    "discrepancy_percent",
+    "discrepancy_length",
+    "discrepancy_roll_deg",
+    "discrepancy_of_prior_percent",
+    "discrepancy_of_overpressure_percent",
+    "level_by_strain",
+)
+"""Entries of [map] that the tables of the nonlinear estimator take alone."""
+
+
+def unused_entries(vehicle: Vehicle) -> Iterator[str]:
+    """Yield a line for every entry of [map] that the file states and its map does not use.
+
+    They are no fault: `compare` makes maps of either estimator and of either case from the same file.
+    """
+    entry = vehicle.map
+    if entry.estimator == "linear":
+        for name in OF_THE_NONLINEAR:
+            if name in entry.model_fields_set:
+                yield f"map.{name}: not used, it is for estimator 'manifold', and the map's is 'linear'"
+    if entry.case == 1 and entry.prior_modes is not None:
+        yield "map.prior_modes: not used, it is for case 2, and the map's is 1"
 
 
 def check_map_size(vehicle: Vehicle, n_gauges: int, n_conditions: int | None = None) -> None:

@@ -92,11 +92,12 @@ def test_faults_of_all_checks_are_listed(vehicle: Path, run: Run) -> None:
 def test_a_manoeuvre_beyond_the_map_is_warned_of(vehicle: Path, run: Run) -> None:
     """Inside the flight model, outside the map: no fault, and a line per quantity."""
     change(vehicle, ("angle_of_attack_deg = [0.0, 3.0, 6.0]", "angle_of_attack_deg = [0.0, 1.0, 2.0, 3.0]"))
-    change(vehicle, ("modes = 4", "modes = 4\nvalid_altitude_km = [5.0, 20.0]"))
+    change(vehicle, ("modes = 4", "modes = 4\nvalid_altitude_km = [5.0, 20.0]\ndiscrepancy_percent = 2.0"))
     code, printed, message = run("check", vehicle)
     assert (code, message) == (0, "")
     warnings = [line for line in printed.splitlines() if line.startswith("warning: ")]
     assert [line.partition(": outside")[0] for line in warnings] == [
+        "warning: map.discrepancy_percent: not used, it is for estimator 'manifold', and the map's is 'linear'",
         "warning: the manoeuvre flies total incidence 1 to 5.099 deg, the map covers 0 to 4.242 deg",
         "warning: the manoeuvre flies altitude 22 to 22 km, the map covers 5 to 20 km",
     ]

@@ -12,7 +12,7 @@ from builder.structure.gauge_checks import check_gauges
 from builder.structure.wall import wall_of
 from builder.truth.held_out import largest_incidence
 from builder.vehicle.file import IC3X, load_vehicle
-from builder.vehicle.map_needs import used_layouts
+from builder.vehicle.map_needs import unused_entries, used_layouts
 from strainfmu.errors import InputError
 
 FIRST_CONE = 'kind = "cone"\nhalf_angle_deg = 5.0\nend_x_m = 1.75'
@@ -334,3 +334,22 @@ def test_the_truth_of_the_shipped_vehicle_goes_as_far_as_its_snapshots() -> None
     """Alarm levels are set over the whole envelope: tables err most where snapshots are sparse."""
     shipped = load_vehicle(IC3X)
     assert radians(max(shipped.truth.total_incidence_deg)) >= largest_incidence(shipped)
+
+
+@pytest.mark.fast
+def test_entries_that_the_map_does_not_use_are_named(tmp_path: Path) -> None:
+    """Of the nonlinear estimator with the linear one, of Case 2 with Case 1; what stands by default is not."""
+    text = IC3X.read_text(encoding="utf-8")
+    assert not list(unused_entries(load_vehicle(IC3X)))
+    both = 'estimator = "manifold"\nlevel_by_strain = true'
+    for old, new, named in (
+        ('estimator = "manifold"', 'estimator = "linear"', ["map.level_by_strain"]),
+        (both, "discrepancy_length = 0.3", ["map.discrepancy_length"]),
+        (both, "prior_modes = 20", ["map.prior_modes"]),
+        (both, "case = 2\nprior_modes = 20", []),
+    ):
+        assert old in text
+        path = tmp_path / "vehicle.toml"
+        path.write_text(text.replace(old, new), encoding="utf-8")
+        lines = list(unused_entries(load_vehicle(path)))
+        assert [line.partition(": not used")[0] for line in lines] == named

@@ -161,8 +161,10 @@ def _warnings(vehicle: Vehicle, trajectory: Trajectory, conditions: Sequence[Fli
     """Yield how long the manoeuvre is, where it leaves the snapshots, and why the demonstration would refuse."""
     from builder.pipeline.manoeuvre import manoeuvre_warnings
     from builder.structure.fourier.model import refuse_beyond_fourier
+    from builder.vehicle.map_needs import unused_entries
 
     yield f"manoeuvre: {trajectory.stop_time:.4g} s"
+    yield from (f"warning: {line}" for line in unused_entries(vehicle))
     of_revolution = (
         vehicle.is_of_revolution
         and vehicle.aerodynamics.surface is None
