@@ -1,9 +1,6 @@
-"""Calibration from a ground test: known loads, what the gauges read under them, and the as-built structure.
+"""Calibration from a ground test: what a test says of the vehicle as built, and the map that follows.
 
-:mod:`~builder.calibration.load_test_file` reads the file of a test (:mod:`~builder.calibration.load_entries` its
-loads), :mod:`~builder.calibration.readings` the recordings that it names; both make a
-:class:`~builder.calibration.load_test.LoadTest`.
-
-:mod:`~builder.calibration.as_built_structure` gives the strain of any pressure field and of any known load for a
-vehicle as built, whose :mod:`~builder.calibration.as_built_parameters` a test estimates.
+:mod:`~builder.calibration.ground_test` holds the test: its load cases, its file, what the gauges read.
+:mod:`~builder.calibration.as_built` gives the strain of any pressure field and of any known load for a vehicle as
+built, whose :mod:`~builder.calibration.as_built.parameters` the modules here estimate from a test.
 """

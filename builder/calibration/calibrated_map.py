@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from builder.calibration.as_built_parameters import AsBuiltParameters
-from builder.calibration.as_built_structure import AsBuiltStructure
+from builder.calibration.as_built.parameters import AsBuiltParameters
+from builder.calibration.as_built.structure import AsBuiltStructure
 from builder.calibration.estimate import Estimate
 from builder.calibration.left_by_test import LeftByTest, Remaining, left_by_test
 from builder.campaign.snapshots import Snapshots

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from builder.calibration.as_built_parameters import AsBuiltParameters
+from builder.calibration.as_built.parameters import AsBuiltParameters
 from builder.calibration.readings_model import ReadingsModel
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import InputError

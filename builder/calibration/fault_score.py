@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from builder.calibration.as_built_parameters import GAUGE_KINDS, prior_std
-from builder.calibration.as_built_structure import as_built_structure
+from builder.calibration.as_built.parameters import GAUGE_KINDS, prior_std
+from builder.calibration.as_built.structure import as_built_structure
 from builder.calibration.estimate import Estimate, usable
 from builder.calibration.faults import calibrate_with_faults, gauge_faults
-from builder.calibration.load_test import LoadErrors
+from builder.calibration.ground_test.load_test import LoadErrors
 from builder.calibration.readings_model import ReadingsModel
 from builder.calibration.score_setup import HARMONICS, blank_test, properties_of
 from builder.vehicle.file import load_vehicle

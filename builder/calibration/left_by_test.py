@@ -13,9 +13,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from builder.calibration.as_built_parameters import AsBuiltParameters, slices
-from builder.calibration.as_built_structure import AsBuiltStructure
-from builder.calibration.parameter_derivatives import Key, of_gauges, parameter_derivatives, uncertain_keys
+from builder.calibration.as_built.parameter_derivatives import (
+    Key,
+    of_gauges,
+    parameter_derivatives,
+    uncertain_keys,
+)
+from builder.calibration.as_built.parameters import AsBuiltParameters, slices
+from builder.calibration.as_built.structure import AsBuiltStructure
 from builder.inverse.ensemble import Ensemble
 from builder.inverse.hardware_errors import HardwareError
 from builder.inverse.noise_model import NoiseTerm

@@ -9,14 +9,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from builder.aero.loads import coefficient_scale
-from builder.calibration.as_built_parameters import prior_std, slices
-from builder.calibration.as_built_structure import AsBuiltStructure
-from builder.calibration.candidate_cases import Candidate, LoadLimits, attitude_cases, candidate_cases
+from builder.calibration.as_built.parameter_derivatives import of_gauges, parameter_derivatives, uncertain_keys
+from builder.calibration.as_built.parameters import prior_std, slices
+from builder.calibration.as_built.structure import AsBuiltStructure
 from builder.calibration.case_selection import CaseSensitivity, FlightSensitivity, no_knowledge, select_cases
-from builder.calibration.ground_test import known_loads
-from builder.calibration.load_changes import scaled
-from builder.calibration.load_test import LoadCase, LoadErrors, LoadTest
-from builder.calibration.parameter_derivatives import of_gauges, parameter_derivatives, uncertain_keys
+from builder.calibration.ground_test.candidate_cases import Candidate, LoadLimits, attitude_cases, candidate_cases
+from builder.calibration.ground_test.load_changes import scaled
+from builder.calibration.ground_test.load_test import LoadCase, LoadErrors, LoadTest
+from builder.calibration.ground_test.simulated import known_loads
 from builder.calibration.readings_model import ReadingsModel
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import AnyStructure, build_inverse_map, on_structure

@@ -13,11 +13,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from builder.calibration.as_built_parameters import HELD_KINDS, AsBuiltParameters, parameter_names, slices
-from builder.calibration.as_built_structure import AsBuiltStructure
-from builder.calibration.load_test import LoadTest
-from builder.calibration.parameter_derivatives import Key, of_gauges, parameter_derivatives, uncertain_keys
-from builder.calibration.response_tables import LoadResponse, together
+from builder.calibration.as_built.parameter_derivatives import (
+    Key,
+    of_gauges,
+    parameter_derivatives,
+    uncertain_keys,
+)
+from builder.calibration.as_built.parameters import HELD_KINDS, AsBuiltParameters, parameter_names, slices
+from builder.calibration.as_built.response_tables import LoadResponse, together
+from builder.calibration.as_built.structure import AsBuiltStructure
+from builder.calibration.ground_test.load_test import LoadTest
 from builder.structure.loads.applied import Load, PadForce, PadPressure
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError

@@ -22,15 +22,15 @@ from typing import Any
 import numpy as np
 
 from builder.aero.loads import coefficient_scales_at
-from builder.calibration.as_built_parameters import AsBuiltParameters, drawn
+from builder.calibration.as_built.outside_errors import OUTSIDE, outside_vehicle
+from builder.calibration.as_built.parameters import AsBuiltParameters, drawn
 from builder.calibration.calibrated_map import calibrated_map, remaining_after
 from builder.calibration.estimate import Estimate
 from builder.calibration.faults import calibrate_with_faults
-from builder.calibration.ground_test import WINDOW, TestedStructure, ground_test
+from builder.calibration.ground_test.load_test import LoadErrors
+from builder.calibration.ground_test.simulated import WINDOW, TestedStructure, ground_test
 from builder.calibration.left_by_test import LeftByTest, Remaining, left_by_test
 from builder.calibration.load_equations import load_equations
-from builder.calibration.load_test import LoadErrors
-from builder.calibration.outside_errors import OUTSIDE, outside_vehicle
 from builder.calibration.outside_terms import outside_model
 from builder.calibration.score_setup import READING_STD, Setup, SetupOptions, rows_of_test, setup_of
 from builder.calibration.score_summary import BEFORE, EQUATIONS, EXACT, errors_of, summary, table

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
-from builder.calibration.as_built_structure import as_built_structure
-from builder.calibration.candidate_cases import Candidate, LoadLimits
-from builder.calibration.ground_test import error_entries
+from builder.calibration.as_built.structure import as_built_structure
+from builder.calibration.ground_test.candidate_cases import Candidate, LoadLimits
+from builder.calibration.ground_test.load_test import LoadErrors
+from builder.calibration.ground_test.load_test_writer import WrittenCase, write_load_test
+from builder.calibration.ground_test.simulated import error_entries
 from builder.calibration.load_plan import LoadPlan, PlanParts, load_plan
-from builder.calibration.load_test import LoadErrors
-from builder.calibration.load_test_writer import WrittenCase, write_load_test
 from builder.campaign.snapshot_fit import body_misfits
 from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.pipeline.stages import fourier_structure, take_snapshots

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from builder.calibration.as_built_parameters import HELD_KINDS, in_words, slices
+from builder.calibration.as_built.parameters import HELD_KINDS, in_words, slices
 from builder.calibration.cross_validation import LeftOut
 from builder.calibration.estimate import Estimate
 from builder.calibration.faults import Fault, load_shifts

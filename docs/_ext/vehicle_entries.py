@@ -14,7 +14,7 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 from sphinx.application import Sphinx
 
-from builder.calibration.load_test_file import LoadTestFile
+from builder.calibration.ground_test.load_test_file import LoadTestFile
 from builder.vehicle.file import Vehicle
 from builder.vehicle.gamma_rules import RULES
 from builder.vehicle.sections import ENGINE_NAMES
@@ -177,7 +177,7 @@ class VehicleEntries(GeneratedText):
 class LoadTestEntries(GeneratedText):
     """Every entry of the file of a ground test."""
 
-    source = "builder.calibration.load_test_file"
+    source = "builder.calibration.ground_test.load_test_file"
 
     def text(self) -> str:
         """Return the page."""

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from ogive import OGIVE
 
-from builder.calibration.load_test_file import load_test_file
+from builder.calibration.ground_test.load_test_file import load_test_file
 from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
 
 Run = Callable[..., tuple[int, str, str]]

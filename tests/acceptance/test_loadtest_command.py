@@ -10,8 +10,8 @@ import pytest
 from changed_vehicle import change
 from ogive import OGIVE, copied_ogive
 
-from builder.calibration.load_entries import PushEntry, WeightEntry
-from builder.calibration.load_test_file import load_test_file
+from builder.calibration.ground_test.load_entries import PushEntry, WeightEntry
+from builder.calibration.ground_test.load_test_file import load_test_file
 
 Run = Callable[..., tuple[int, str, str]]
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from as_built_case import LAYOUT, TITANIUM
 
-from builder.calibration.as_built_parameters import AsBuiltParameters, drawn, parameter_names, prior_std
-from builder.calibration.as_built_structure import AsBuiltStructure, as_built_structure
-from builder.calibration.response_tables import together
+from builder.calibration.as_built.parameters import AsBuiltParameters, drawn, parameter_names, prior_std
+from builder.calibration.as_built.response_tables import together
+from builder.calibration.as_built.structure import AsBuiltStructure, as_built_structure
 from builder.inverse.gauge_derivatives import fourier_gauge_derivatives
 from builder.structure.fourier.model import StructuralModel
 from builder.structure.loads.applied import ApparentStrain, Load, PadForce, SurfacePressure, Weight

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from coarse_vehicle import COARSE
 
-from builder.calibration.load_test import LoadErrors
-from builder.calibration.outside_errors import OUTSIDE
+from builder.calibration.as_built.outside_errors import OUTSIDE
+from builder.calibration.ground_test.load_test import LoadErrors
 from builder.calibration.outside_terms import NOISE
 from builder.calibration.score import OUTSIDE_KINDS, Score, rows_of
 from builder.calibration.score_setup import SetupOptions, rows_of_test, setup_of

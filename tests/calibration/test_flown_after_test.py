@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from as_built_case import strain_covariance
 
-from builder.calibration.as_built_parameters import drawn, prior_std
-from builder.calibration.as_built_structure import AsBuiltStructure
+from builder.calibration.as_built.parameters import drawn, prior_std
+from builder.calibration.as_built.structure import AsBuiltStructure
 from builder.calibration.calibrated_map import calibrated_vehicle
 from builder.calibration.flown_after_test import allowed_vehicles, net_pressure
 from builder.calibration.left_by_test import Remaining

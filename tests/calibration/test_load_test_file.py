@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from builder.calibration.load_test_file import load_test_file
-from builder.calibration.load_test_writer import WrittenCase, write_load_test
-from builder.calibration.readings import load_test, read_windows
+from builder.calibration.ground_test.load_test_file import load_test_file
+from builder.calibration.ground_test.load_test_writer import WrittenCase, write_load_test
+from builder.calibration.ground_test.readings import load_test, read_windows
 from builder.structure.loads.applied import (
     Load,
     PadForce,

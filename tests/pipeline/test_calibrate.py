@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from builder.calibration.as_built_parameters import drawn, prior_std
-from builder.calibration.as_built_structure import as_built_structure
-from builder.calibration.candidate_cases import Candidate
-from builder.calibration.ground_test import TestFaults, ground_test, write_ground_test
-from builder.calibration.load_test import LoadErrors
-from builder.calibration.standard_cases import standard_cases
+from builder.calibration.as_built.parameters import drawn, prior_std
+from builder.calibration.as_built.structure import as_built_structure
+from builder.calibration.ground_test.candidate_cases import Candidate
+from builder.calibration.ground_test.load_test import LoadErrors
+from builder.calibration.ground_test.simulated import TestFaults, ground_test, write_ground_test
+from builder.calibration.ground_test.standard_cases import standard_cases
 from builder.campaign.snapshots import save_snapshots
 from builder.pipeline.calibrate import run_calibrate
 from builder.pipeline.stages import build_map, take_snapshots

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from builder.calibration.as_built_parameters import AsBuiltParameters, slices
-from builder.calibration.as_built_structure import AsBuiltStructure, as_built_structure
-from builder.calibration.parameter_derivatives import of_gauges, parameter_derivatives, uncertain_keys
+from builder.calibration.as_built.parameter_derivatives import of_gauges, parameter_derivatives, uncertain_keys
+from builder.calibration.as_built.parameters import AsBuiltParameters, slices
+from builder.calibration.as_built.structure import AsBuiltStructure, as_built_structure
 from builder.structure.loads.loaded_structure import LoadProperties
 from builder.vehicle.file import Vehicle
 

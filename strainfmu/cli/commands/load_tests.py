@@ -65,8 +65,8 @@ def loadtest(
 
         strainfmu loadtest my_vehicle.toml --force 800 --stations 0.6,1.2,2.4 --directions in,around --pressure 100
     """
-    from builder.calibration.candidate_cases import LoadLimits
-    from builder.calibration.load_test import LoadErrors
+    from builder.calibration.ground_test.candidate_cases import LoadLimits
+    from builder.calibration.ground_test.load_test import LoadErrors
     from builder.figures.canvas import save
     from builder.figures.load_plan import load_plan_figure
     from builder.pipeline.load_test_proposal import propose_load_test, write_proposal

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from builder.calibration.load_test import KnownLoad, LoadErrors
+from builder.calibration.ground_test.load_test import KnownLoad, LoadErrors
 from builder.structure.loads import applied
 from builder.structure.loads.applied import Load, Vector
 from builder.structure.loads.temperature import TemperatureField

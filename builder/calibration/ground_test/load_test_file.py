@@ -8,8 +8,8 @@ from typing import Annotated
 import numpy as np
 from pydantic import AfterValidator, Field, PrivateAttr, field_validator, model_validator
 
-from builder.calibration.load_entries import NO_LOAD_CELL, AnyLoadEntry
-from builder.calibration.load_test import KnownLoad, LoadErrors
+from builder.calibration.ground_test.load_entries import NO_LOAD_CELL, AnyLoadEntry
+from builder.calibration.ground_test.load_test import KnownLoad, LoadErrors
 from builder.vehicle.faults import Faults
 from builder.vehicle.limits import one_line
 from builder.vehicle.sections import FileName, Section
@@ -132,7 +132,7 @@ class LoadTestFile(Section):
 
 def load_test_file(path: str | Path) -> LoadTestFile:
     """Read and check the file of a ground test; recordings are read by
-    :func:`~builder.calibration.readings.load_test`.
+    :func:`~builder.calibration.ground_test.readings.load_test`.
 
     Raises
     ------

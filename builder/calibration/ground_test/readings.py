@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from builder.calibration.load_test import LoadCase, LoadTest
-from builder.calibration.load_test_file import CaseEntry, LoadTestFile
+from builder.calibration.ground_test.load_test import LoadCase, LoadTest
+from builder.calibration.ground_test.load_test_file import CaseEntry, LoadTestFile
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import InputError
 from strainfmu.recorded.column_names import Wanted

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from builder.calibration.as_built_parameters import GAUGE_KINDS, HELD_KINDS, REGION_KINDS, AsBuiltParameters
+from builder.calibration.as_built.parameters import GAUGE_KINDS, HELD_KINDS, REGION_KINDS, AsBuiltParameters
 from strainfmu.arrays import FloatArray
 
 STEPS = {

@@ -11,15 +11,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from builder.calibration.wall_changes import (
+from builder.calibration.as_built.wall_changes import (
     ExpectedWall,
     TaperedWall,
     ThickerWall,
     UnevenChange,
     uneven_adjoint,
 )
-from builder.calibration.wall_harmonics import SIDES, WAVES, harmonic_product
-from builder.calibration.wall_regions import WallRegions, thickened
+from builder.calibration.as_built.wall_harmonics import SIDES, WAVES, harmonic_product
+from builder.calibration.as_built.wall_regions import WallRegions, thickened
 from builder.reporting import Progress
 from builder.structure.fourier.fourier_elasticity import FourierStiffness
 from builder.structure.fourier.gauges import PlacedGauges
@@ -121,8 +121,9 @@ class WallStates:
     nominal, fore, aft : of the wall as expected at the stations, and a step ahead of and behind them.
     thin, thick : per region, of a wall thinner and thicker there, then of one that tapers towards its aft end and
         towards its fore end; empty where the wall is known.
-    uneven : for each of :data:`~builder.calibration.wall_harmonics.WAVES`, (n_r, 3 sides) per region of a wall
-        whose thickness goes as cos(wave phi), as in :data:`~builder.calibration.wall_harmonics.SIDES`.
+    uneven : for each of :data:`~builder.calibration.as_built.wall_harmonics.WAVES`, (n_r, 3 sides) per region of a
+        wall whose thickness goes as cos(wave phi), as in
+        :data:`~builder.calibration.as_built.wall_harmonics.SIDES`.
     forces : structures that give nodal forces only: of the wall as expected, thin ones, thick ones.
     station : (n_d,) of each gauge.
     """

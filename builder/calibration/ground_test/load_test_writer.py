@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from builder.calibration.load_entries import entry_of
+from builder.calibration.ground_test.load_entries import entry_of
 from builder.structure.loads.applied import Load
 from strainfmu.files import write_bytes_atomically
 

@@ -13,12 +13,12 @@ from typing import Protocol
 
 import numpy as np
 
-from builder.calibration.as_built_parameters import AsBuiltParameters
-from builder.calibration.candidate_cases import Candidate
-from builder.calibration.load_changes import as_applied, scaled
-from builder.calibration.load_entries import NO_LOAD_CELL, entry_of
-from builder.calibration.load_test import KnownLoad, LoadErrors
-from builder.calibration.load_test_writer import WrittenCase, write_load_test
+from builder.calibration.as_built.parameters import AsBuiltParameters
+from builder.calibration.ground_test.candidate_cases import Candidate
+from builder.calibration.ground_test.load_changes import as_applied, scaled
+from builder.calibration.ground_test.load_entries import NO_LOAD_CELL, entry_of
+from builder.calibration.ground_test.load_test import KnownLoad, LoadErrors
+from builder.calibration.ground_test.load_test_writer import WrittenCase, write_load_test
 from builder.structure.loads.applied import Load
 from builder.vehicle.gauge_layout import GaugeLayout
 from strainfmu.arrays import FloatArray

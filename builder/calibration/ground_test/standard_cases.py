@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from builder.calibration.load_test import KnownLoad, LoadErrors
+from builder.calibration.ground_test.load_test import KnownLoad, LoadErrors
 from builder.structure.loads.applied import Load, PadForce, Weight
 
 STATIONS = (0.14, 0.28, 0.43, 0.67, 0.86)

@@ -6,8 +6,8 @@ from dataclasses import fields
 
 import numpy as np
 
-from builder.calibration.as_built_parameters import AsBuiltParameters
-from builder.calibration.as_built_structure import AsBuiltStructure
+from builder.calibration.as_built.parameters import AsBuiltParameters
+from builder.calibration.as_built.structure import AsBuiltStructure
 from builder.truth.flight_tables import PlantGauges
 from strainfmu.arrays import FloatArray
 

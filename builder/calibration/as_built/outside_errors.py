@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from builder.calibration.as_built_parameters import AsBuiltParameters
-from builder.calibration.as_built_structure import AsBuiltStructure, as_built_structure
-from builder.calibration.wall_regions import wall_regions
+from builder.calibration.as_built.parameters import AsBuiltParameters
+from builder.calibration.as_built.structure import AsBuiltStructure, as_built_structure
+from builder.calibration.as_built.wall_regions import wall_regions
 from builder.structure.loads.applied import Load
 from builder.structure.loads.loaded_structure import LoadProperties
 from builder.vehicle.file import Vehicle

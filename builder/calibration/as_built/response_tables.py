@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from builder.calibration.as_built_parameters import AsBuiltParameters
-from builder.calibration.wall_harmonics import SIDES, WAVES
+from builder.calibration.as_built.parameters import AsBuiltParameters
+from builder.calibration.as_built.wall_harmonics import SIDES, WAVES
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 
 QUARTER = 0.5 * np.pi

@@ -18,8 +18,8 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from builder.calibration.as_built_parameters import AsBuiltParameters, exactly_built
-from builder.calibration.response_tables import (
+from builder.calibration.as_built.parameters import AsBuiltParameters, exactly_built
+from builder.calibration.as_built.response_tables import (
     QUARTER,
     LoadResponse,
     ResponseTable,
@@ -29,9 +29,9 @@ from builder.calibration.response_tables import (
     side_phases,
     uneven_amplitudes,
 )
-from builder.calibration.wall_harmonics import WAVES, quarter_turns, rolled_quarter, times_waves
-from builder.calibration.wall_regions import WallRegions, thickened, wall_regions
-from builder.calibration.wall_states import WALL_STEP, Adjoint, WallStates, wall_states
+from builder.calibration.as_built.wall_harmonics import WAVES, quarter_turns, rolled_quarter, times_waves
+from builder.calibration.as_built.wall_regions import WallRegions, thickened, wall_regions
+from builder.calibration.as_built.wall_states import WALL_STEP, Adjoint, WallStates, wall_states
 from builder.reporting import Progress
 from builder.structure.fourier.gauges import PlacedGauges
 from builder.structure.fourier.inner_surface import inner_surface_points
