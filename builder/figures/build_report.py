@@ -204,6 +204,8 @@ def gauge_loss(inverse_map: InverseMap, *, growth: FloatArray, detectable_bias: 
     growth : (n_d, 5) sigma of each load without the gauge over sigma with all [1].
     detectable_bias : (n_d,) [m/m].
     """
+    from matplotlib.collections import PathCollection
+
     figure = blank_figure(11.0, 7.5)
     axes = figure.subplots(3, 2, sharex=True, sharey=True)
     for i, axis in enumerate(axes.flat):
@@ -216,7 +218,11 @@ def gauge_loss(inverse_map: InverseMap, *, growth: FloatArray, detectable_bias: 
         drawn = _draw_gauges(axis, inverse_map, numbers)
         figure.colorbar(drawn, ax=axis, pad=0.01, label=label)
     handles, labels = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, fontsize=8, loc="outside upper right", frameon=False, ncols=3)
+    legend = figure.legend(handles, labels, fontsize=8, loc="outside upper right", frameon=False, ncols=3)
+    for handle in legend.legend_handles:  # its colour would be that of one gauge's number
+        if isinstance(handle, PathCollection):
+            handle.set_array(None)
+            handle.set_facecolor("white")
     for axis in axes[-1]:
         axis.set_xlabel("station x from the nose tip [m]")
     return figure
@@ -250,7 +256,7 @@ def pair_loss(inverse_map: InverseMap, *, growth: FloatArray, pairs: IntArray, p
     names = [inverse_map.gauge_names[k] for k in ticks]
     axis.set_xticks(ticks, names, rotation=90, fontsize=7)
     axis.set_yticks(ticks, names, fontsize=7)
-    figure.colorbar(drawn, ax=axis, pad=0.01, label="largest growth of a sigma [%]; diagonal: one gauge lost")
+    figure.colorbar(drawn, ax=axis, pad=0.01, label="largest growth of a $\\sigma$ [%]; diagonal: one gauge lost")
     return figure
 
 

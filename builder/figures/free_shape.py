@@ -10,6 +10,7 @@ import numpy as np
 from builder.campaign.snapshots import Snapshots
 from builder.figures.canvas import COLOUR_MAP, blank_figure
 from builder.figures.colours import beyond, colour_ends
+from builder.figures.words import with_signs
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.inverse_map import InverseMap
 
@@ -70,7 +71,7 @@ def shape_with_gauges(snapshots: Snapshots, inverse_map: InverseMap, title: str)
             ax.set_ylabel(upward)
         else:
             ax.set_axis_off()
-    figure.colorbar(patches, ax=axes, label="p/p_inf", extend=beyond(patches, ratio), aspect=40)
+    figure.colorbar(patches, ax=axes, label=with_signs("p/p_inf [1]"), extend=beyond(patches, ratio), aspect=40)
     axes[0].legend(loc="upper left", fontsize="small")
     named = zip(snapshots.parameter_names, condition.parameters, strict=True)
     further = "".join(f", {name} {value:g}" for name, value in named)

@@ -10,6 +10,7 @@ from builder.figures.canvas import COLOUR_MAP, blank_figure
 from builder.figures.colours import beyond, colour_ends
 from builder.figures.free_shape import turned
 from builder.figures.scene import BOX_SIDES, STATE_COLOURS, Scene
+from builder.figures.words import with_signs
 from strainfmu.arrays import FloatArray
 
 if TYPE_CHECKING:
@@ -39,7 +40,9 @@ def solid_view(scene: Scene) -> Figure:
         axis.set_aspect("equal")
         axis.set_axis_off()
         axis.set_title(name, fontsize="small", loc="left")
-    figure.colorbar(colours, ax=axes, label=scene.label, extend=beyond(colours, scene.values), aspect=30)
+    figure.colorbar(
+        colours, ax=axes, label=with_signs(scene.label), extend=beyond(colours, scene.values), aspect=30
+    )
     _legend(axes[0], scene)
     figure.suptitle(scene.title, fontsize="medium")
     return figure

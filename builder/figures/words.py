@@ -8,7 +8,7 @@ ESTIMATORS = {"manifold": "nonlinear estimator", "linear": "linear map"}
 """What documents say, by the name in files."""
 
 _COEFFICIENT = re.compile(r"\b(C_[ANY]|M_[PYR])\b")
-_FREE_STREAM = re.compile(r"\b([pq])_inf\b")
+_FREE_STREAM = re.compile(r"(\bp/)?\b([pq])_inf\b")
 
 
 def estimator_in_words(name: str) -> str:
@@ -22,4 +22,4 @@ def with_signs(text: str) -> str:
     >>> with_signs("C_A over q_inf [1]")
     '$C_A$ over $q_\\\\infty$ [1]'
     """
-    return _FREE_STREAM.sub(r"$\1_\\infty$", _COEFFICIENT.sub(r"$\1$", text))
+    return _FREE_STREAM.sub(r"$\1\2_\\infty$", _COEFFICIENT.sub(r"$\1$", text))
