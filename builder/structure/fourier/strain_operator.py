@@ -6,7 +6,7 @@ component (adjoint), then a product with the pressure load L. Source: the paper'
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -17,13 +17,12 @@ from builder.processors import processors
 from builder.reporting import Progress
 from builder.structure.fourier.fourier_elasticity import assemble_stiffness, factor_harmonic
 from builder.structure.fourier.free_flight import FlyingSolver
-from builder.structure.fourier.gauges import PlacedGauges, place_gauges
+from builder.structure.fourier.gauges import PlacedGauges
 from builder.structure.fourier.inner_surface import inner_surface_points
 from builder.structure.fourier.meridian_mesh import MeridianMesh
-from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.surface_load import pressure_load
-from builder.structure.wall import Material, Wall
-from builder.vehicle.geometry import BodyOfRevolution, SurfaceGrid
+from builder.structure.wall import Material
+from builder.vehicle.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 
@@ -240,41 +239,3 @@ def station_index(station_x: FloatArray, x: FloatArray) -> NDArray[np.intp]:
     for i in np.flatnonzero(np.abs(x - station_x[index]) > 2.0 * SAME_STATION):
         raise InputError(f"gauge {i + 1}: the response holds no station at x = {x[i]:.6g} m")
     return index
-
-
-def structural_response(
-    body: BodyOfRevolution,
-    wall: Wall,
-    gauge_position: FloatArray,
-    gauge_direction: FloatArray,
-    station_x: FloatArray,
-    resolution: Resolution | None = None,
-    gauge_name: Sequence[str] | None = None,
-    progress: Progress | None = None,
-) -> tuple[PlacedGauges, HarmonicResponse]:
-    """Go from the vehicle to the strain at its gauges per harmonic of the pressure.
-
-    Parameters
-    ----------
-    body, wall : outer shape, and wall with its material; the base ring is clamped.
-    gauge_position, gauge_direction : (n_gauges, 3) [m] and [-], body axes.
-    station_x : (n_x,) stations [m] of the pressure, as in ``SurfaceGrid.x``.
-    resolution : mesh and harmonics; the default is converged to 0.01 % of the median
-        gauge strain under smooth pressure.
-    gauge_name : names for messages.
-    progress : called with (harmonics done, harmonics in all).
-
-    Returns
-    -------
-    The placed gauges and the response, which :func:`strain_operator` turns into Z_p.
-
-    Raises
-    ------
-    InputError
-        The wall does not fit the body, a gauge is not on the inner surface, or a resolution is not positive.
-    """
-    resolution = resolution or Resolution()
-    mesh = shell_mesh(body, wall, resolution.element_length, resolution.n_layers)
-    gauges = place_gauges(mesh, gauge_position, gauge_direction, gauge_name)
-    response = harmonic_response(mesh, wall.material, gauges.x, station_x, resolution.max_harmonic, progress)
-    return gauges, response

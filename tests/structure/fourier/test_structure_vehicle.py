@@ -5,7 +5,7 @@ import time
 import numpy as np
 import pytest
 
-from builder.structure.fourier.gauges import PlacedGauges
+from builder.structure.fourier.gauges import PlacedGauges, place_gauges
 from builder.structure.fourier.meridian_mesh import MeridianMesh
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import (
@@ -13,7 +13,6 @@ from builder.structure.fourier.strain_operator import (
     Resolution,
     harmonic_response,
     strain_operator,
-    structural_response,
 )
 from builder.structure.wall import Material, Wall
 from builder.vehicle.geometry import BodyOfRevolution, SurfaceGrid, chain_segments, surface_grid
@@ -139,13 +138,14 @@ def test_whole_way_within_its_time(body: BodyOfRevolution, wall: Wall) -> None:
     direction = np.column_stack([np.zeros(54), np.cos(roll), -np.sin(roll)])
     seen: list[tuple[int, int]] = []
     start = time.perf_counter()
-    gauges, response = structural_response(
-        body,
-        wall,
-        position,
-        direction,
+    mesh = shell_mesh(body, wall, 0.0105, 1)
+    gauges = place_gauges(mesh, position, direction)
+    response = harmonic_response(
+        mesh,
+        wall.material,
+        gauges.x,
         surface_grid(body, 100, 32).x,
-        Resolution(0.0105, 1, 16),
+        16,
         progress=lambda done, total: seen.append((done, total)),
     )
     assert time.perf_counter() - start < 10.0
