@@ -180,8 +180,12 @@ static void move_columns(const Filter *filter, const Motion *motion, double *row
         row[k] = motion->pair[k][0][0] * x + motion->pair[k][0][1] * v;
         row[filter->n_read + k] = motion->pair[k][1][0] * x + motion->pair[k][1][1] * v;
     }
-    for (size_t i = N_STATES; i < filter->n_read; i++) {
-        row[i] *= motion->factor[i >= FIRST_SEEN];
+    const double of_navigation = motion->factor[0], of_seen = motion->factor[1];
+    for (size_t i = N_STATES; i < FIRST_SEEN; i++) {
+        row[i] *= of_navigation;
+    }
+    for (size_t i = FIRST_SEEN; i < filter->n_read; i++) {
+        row[i] *= of_seen;
     }
 }
 

@@ -8,13 +8,13 @@
 #define FILTER_H
 
 #include "filter_map.h"
+#include "flight_algebra.h"
 #include "flight_solve.h"
 #include "products.h"
 #include "thermal.h"
 
 #define FIRST_NAVIGATION N_STATES /* states b, then c */
 #define FIRST_SEEN (N_STATES + N_NAVIGATION)
-#define N_COLUMNS 8 /* of a few vectors side by side, in lanes */
 
 /* The normal law of the states, and their covariance with the errors that are considered, of each gauge its terms. The
    arrays lie in one block. */
@@ -82,7 +82,7 @@ typedef struct {
     double *right;       /* (rows, N_COLUMNS) columns of x, innovation */
     double *white_right; /* (rows, N_COLUMNS) L^-1 of them */
     double *of_states;   /* (N_STATES, order) root of the part of the covariance after that x has */
-    double *whitened;    /* (rows, row_whitened) L^-1 of gain_turned; then K' of L: of states, x, and the innovation */
+    double *whitened;    /* (rows, row_whitened) L^-1 of gain_turned; behind it of what x and the innovation add */
     size_t row_whitened;
     double *kalman;      /* (n + N_STATES + 1, rows) K, S^-1 (..), S^-1 times the innovation */
     double *squares;     /* (rows) diagonal of S^-1 */

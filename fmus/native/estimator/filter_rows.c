@@ -28,15 +28,18 @@ static void follow_loads(const FlightSolver *solver, size_t count, const double 
     const size_t n = solver->n_gauges;
     double c[1 + N_LOADS];
     coefficients_at(solver, c);
+    for (size_t a = 0; a <= N_LOADS; a++) {
+        c[a] *= solver->response.pressure;
+    }
     for (size_t t = 0; t < count; t++) {
+        const double *restrict one = error + t * (1 + N_LOADS) * n;
         double *restrict sum = out + t * row;
-        memset(sum, 0, n * sizeof *sum);
-        for (size_t a = 0; a <= N_LOADS; a++) {
-            const double *restrict one = error + (t * (1 + N_LOADS) + a) * n;
-            const double factor = solver->response.pressure * c[a];
-            for (size_t g = 0; g < n; g++) {
-                sum[g] += factor * one[g];
+        for (size_t g = 0; g < n; g++) {
+            double all = c[0] * one[g];
+            for (size_t a = 1; a <= N_LOADS; a++) {
+                all += c[a] * one[a * n + g];
             }
+            sum[g] = all;
         }
     }
 }
@@ -70,14 +73,16 @@ static void set_read(Filter *filter) {
             navigation_rows(filter, own)[k] = sqrt(1.0 - map->white_navigation);
         }
     }
-    for (size_t g = 0; g < n; g++) {
-        for (size_t k = 0; k < map->n_seen; k++) {
+    for (size_t k = 0; k < map->n_seen; k++) {
+        for (size_t g = 0; g < n; g++) {
             seen[k * rows + g] = pressure * map->seen_strain[k * n + g];
         }
+    }
+    for (size_t g = 0; g < n; g++) {
         gain[g] = flight->common_gain[g] * solver->response.value[g];
-        for (size_t k = 0; k < map->n_shared; k++) {
-            shared[k * rows + g] = map->shared[k * n + g];
-        }
+    }
+    for (size_t k = 0; k < map->n_shared; k++) {
+        memcpy(shared + k * rows, map->shared + k * n, n * sizeof *shared);
     }
     follow_loads(solver, flight->n_common, flight->common_error, gain + rows, rows);
     leave_out(filter, filter->n_read - FIRST_SEEN, seen, rows);

@@ -141,8 +141,8 @@ Posterior filter_whiten(Filter *filter) {
     set_right(filter);
     multiply(wide, LOWER_LEFT, rows, rows, N_COLUMNS, by_rows(filter->inverse, rows), filter->right, N_COLUMNS,
              filter->white_right, N_COLUMNS);
-    multiply(wide, FULL, N_COLUMNS, rows, N_COLUMNS, (Strided){filter->white_right, 1, N_COLUMNS}, filter->white_right,
-             N_COLUMNS, gram, N_COLUMNS);
+    multiply(wide, FULL, N_STATES + 1, rows, N_COLUMNS, (Strided){filter->white_right, 1, N_COLUMNS},
+             filter->white_right, N_COLUMNS, gram, N_COLUMNS);
     for (size_t k = 0; k < N_STATES; k++) {
         gram[k * N_COLUMNS + k] += 1.0;
         found.inverse[k][k] = 1.0;

@@ -21,7 +21,8 @@ static void set_turned(Filter *filter, double remaining[N_LOADS][N_LOADS]) {
     }
     /* What is left of navigation is independent of strain: gauges alone are decomposed. */
     cholesky(solver->wide, gauges, rows, filter->white);
-    solve_lower_columns(solver->wide, gauges, rows, filter->white, N_COLUMNS, turned);
+    invert_diagonals(gauges, rows, filter->white, filter->product);
+    solve_lower_columns(solver->wide, gauges, rows, filter->white, filter->product, turned);
     multiply(solver->wide, FULL, N_COLUMNS, gauges, N_COLUMNS, (Strided){turned, 1, N_COLUMNS}, turned, N_COLUMNS,
              product, N_COLUMNS);
     for (size_t i = 0; i < N_LOADS; i++) {
@@ -29,7 +30,7 @@ static void set_turned(Filter *filter, double remaining[N_LOADS][N_LOADS]) {
             remaining[i][j] = square * filter->map.rest_load[i * N_LOADS + j] - product[i * N_COLUMNS + j];
         }
     }
-    solve_upper_columns(solver->wide, gauges, rows, filter->white, N_COLUMNS, turned);
+    solve_upper_columns(solver->wide, gauges, rows, filter->white, filter->product, turned);
 }
 
 double *filter_left(Filter *filter, const Law *law) {

@@ -73,14 +73,14 @@ static void joseph_covariance(Filter *filter, const Law *law, Law *after) {
 static void set_of_states(Filter *filter, const Law *law, const Posterior *found, Law *after) {
     const size_t n = filter->n, order = filter->order;
     double *taken = filter->product;
-    multiply(filter->solver->wide, FULL, n - N_STATES, filter->rows, N_COLUMNS,
-             (Strided){filter->whitened + N_STATES, 1, filter->row_whitened}, filter->white_right, N_COLUMNS, taken,
-             N_COLUMNS);
+    multiply(filter->solver->wide, FULL, N_STATES + 1, filter->rows, order - N_STATES,
+             (Strided){filter->white_right, 1, N_COLUMNS}, filter->whitened + N_STATES, filter->row_whitened,
+             taken + N_STATES, order);
     for (size_t i = 0; i < n; i++) {
-        const double *own = i < N_STATES ? NULL : taken + (i - N_STATES) * N_COLUMNS;
-        double left[N_STATES], mean = law->mean[i] + (own == NULL ? 0.0 : own[N_STATES]);
+        const int is_other = i >= N_STATES;
+        double left[N_STATES], mean = law->mean[i] + (is_other ? taken[N_STATES * order + i] : 0.0);
         for (size_t k = 0; k < N_STATES; k++) {
-            left[k] = own == NULL ? filter->root[i][k] : filter->by_state[k * order + i] - own[k];
+            left[k] = is_other ? filter->by_state[k * order + i] - taken[k * order + i] : filter->root[i][k];
             mean += left[k] * found->mean[k];
         }
         after->mean[i] = mean;
@@ -123,31 +123,30 @@ static int update_covariance(Filter *filter, Law *after) {
 static double set_kalman(Filter *filter, const Posterior *found) {
     const size_t n = filter->n, order = filter->order, rows = filter->rows, row = filter->row_whitened;
     const int wide = filter->solver->wide;
-    double *of_x = filter->product, *squares = filter->squares, chi_square = 0.0;
+    double *kalman = filter->kalman, *of_x = kalman + n * rows, *squares = filter->squares, chi_square = 0.0;
     for (size_t r = 0; r < rows; r++) {
         const double *white = filter->white_right + r * N_COLUMNS;
-        double *own = filter->whitened + r * row, left = white[N_STATES];
-        memset(own, 0, N_STATES * sizeof *own);
+        double *own = filter->whitened + r * row + n, left = white[N_STATES];
         for (size_t j = 0; j < N_STATES; j++) {
             double sum = 0.0;
             for (size_t k = 0; k <= j; k++) {
                 sum += white[k] * found->inverse[j][k];
             }
-            of_x[r * N_STATES + j] = sum;
+            own[j] = sum;
             left -= white[j] * found->mean[j];
         }
-        own[n + N_STATES] = left;
+        own[N_STATES] = left;
         chi_square += left * left;
     }
-    add_product(wide, rows, N_STATES, order, by_rows(of_x, N_STATES), filter->of_states, order, filter->whitened, row);
-    for (size_t r = 0; r < rows; r++) {
-        memcpy(filter->whitened + r * row + n, of_x + r * N_STATES, N_STATES * sizeof *of_x);
-    }
-    multiply(wide, LOWER, n + N_STATES + 1, rows, rows, (Strided){filter->whitened, 1, row}, filter->inverse, rows,
-             filter->kalman, rows);
+    /* Of the others given x, of x and of the innovation; then all states take their part of x. */
+    multiply(wide, LOWER, n + 1, rows, rows, (Strided){filter->whitened + N_STATES, 1, row}, filter->inverse, rows,
+             kalman + N_STATES * rows, rows);
+    multiply(wide, FULL, N_STATES, N_STATES, rows, (Strided){filter->of_states, 1, order}, of_x, rows, kalman, rows);
+    add_product(wide, n - N_STATES, N_STATES, rows, (Strided){filter->of_states + N_STATES, 1, order}, of_x, rows,
+                kalman + N_STATES * rows, rows);
     column_squares(wide, rows, filter->inverse, squares);
     for (size_t k = 0; k < N_STATES; k++) {
-        const double *taken = filter->kalman + (n + k) * rows;
+        const double *taken = of_x + k * rows;
         for (size_t r = 0; r < rows; r++) {
             squares[r] -= taken[r] * taken[r];
         }

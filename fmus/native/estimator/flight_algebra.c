@@ -34,23 +34,25 @@ EVERYWHERE void subtract_columns_twice(size_t first, size_t n, const double *res
     }
 }
 
-/* LANES columns of L from k on, of a matrix from which the columns before them have been subtracted: first the factors
-   between them, then all rows at once. */
+/* LANES columns of L from k on, of a matrix from which the columns before them have been subtracted. The divisions wait
+   for each other, roots do not: L D L' first, then times the roots of D. */
 EVERYWHERE void decompose(size_t n, size_t row, size_t k, double *restrict a) {
     double *restrict c0 = a + k * row, *restrict c1 = c0 + row, *restrict c2 = c1 + row, *restrict c3 = c2 + row;
-    const double s0 = 1.0 / sqrt(c0[k]), f01 = c0[k + 1] * s0, f02 = c0[k + 2] * s0, f03 = c0[k + 3] * s0;
-    const double s1 = 1.0 / sqrt(c1[k + 1] - f01 * f01);
-    const double f12 = (c1[k + 2] - f01 * f02) * s1, f13 = (c1[k + 3] - f01 * f03) * s1;
-    const double s2 = 1.0 / sqrt(c2[k + 2] - f02 * f02 - f12 * f12);
-    const double f23 = (c2[k + 3] - f02 * f03 - f12 * f13) * s2;
-    const double s3 = 1.0 / sqrt(c3[k + 3] - f03 * f03 - f13 * f13 - f23 * f23);
+    const double d0 = 1.0 / c0[k], f01 = c0[k + 1] * d0, f02 = c0[k + 2] * d0, f03 = c0[k + 3] * d0;
+    const double d1 = 1.0 / (c1[k + 1] - f01 * c0[k + 1]);
+    const double u12 = c1[k + 2] - f01 * c0[k + 2], u13 = c1[k + 3] - f01 * c0[k + 3], f12 = u12 * d1, f13 = u13 * d1;
+    const double d2 = 1.0 / (c2[k + 2] - f02 * c0[k + 2] - f12 * u12);
+    const double u23 = c2[k + 3] - f02 * c0[k + 3] - f12 * u13, f23 = u23 * d2;
+    const double d3 = 1.0 / (c3[k + 3] - f03 * c0[k + 3] - f13 * u13 - f23 * u23);
+    const double s0 = sqrt(d0), s1 = sqrt(d1), s2 = sqrt(d2), s3 = sqrt(d3);
     for (size_t i = k; i < n; i += LANES) {
         for (size_t r = i; r < i + LANES; r++) {
-            const double x0 = c0[r] * s0, x1 = (c1[r] - f01 * x0) * s1, x2 = (c2[r] - f02 * x0 - f12 * x1) * s2;
-            c3[r] = (c3[r] - f03 * x0 - f13 * x1 - f23 * x2) * s3;
-            c0[r] = x0;
-            c1[r] = x1;
-            c2[r] = x2;
+            const double x0 = c0[r], x1 = c1[r] - f01 * x0, x2 = c2[r] - f02 * x0 - f12 * x1;
+            const double x3 = c3[r] - f03 * x0 - f13 * x1 - f23 * x2;
+            c0[r] = x0 * s0;
+            c1[r] = x1 * s1;
+            c2[r] = x2 * s2;
+            c3[r] = x3 * s3;
         }
     }
 }
@@ -198,38 +200,35 @@ void invert_lower(int wide, size_t n, const double *lower, double *scratch, doub
     }
 }
 
-/* LANES rows of x times L^-1 (LANES, LANES), or its transpose. */
-static void turn_rows(double small[LANES][LANES], int transposed, size_t count, double *restrict x) {
-    for (size_t j = 0; j < count; j++) {
-        double sum[LANES] = {0.0};
-        for (size_t c = 0; c < LANES; c++) {
-            for (size_t b = 0; b < LANES; b++) {
-                sum[c] += (transposed ? small[b][c] : small[c][b]) * x[b * count + j];
-            }
-        }
-        for (size_t c = 0; c < LANES; c++) {
-            x[c * count + j] = sum[c];
-        }
-    }
-}
-
-void solve_lower_columns(int wide, size_t n, size_t row, const double *lower, size_t count, double *x) {
+void invert_diagonals(size_t n, size_t row, const double *lower, double *diagonals) {
     for (size_t k = 0; k < n; k += LANES) {
         double small[LANES][LANES];
         invert_diagonal(row, lower, k, small);
-        subtract_product(wide, LANES, k, count, (Strided){lower + k, 1, row}, x, count, x + k * count, count);
-        turn_rows(small, 0, count, x + k * count);
+        memcpy(diagonals + k * LANES, small, sizeof small);
     }
 }
 
-void solve_upper_columns(int wide, size_t n, size_t row, const double *lower, size_t count, double *x) {
+/* LANES rows of x, (LANES, N_COLUMNS), times L^-1 (LANES, LANES) or its transpose. */
+static void turn_rows(int wide, Strided small, double *x) {
+    double before[LANES * N_COLUMNS];
+    memcpy(before, x, sizeof before);
+    multiply(wide, FULL, LANES, LANES, N_COLUMNS, small, before, N_COLUMNS, x, N_COLUMNS);
+}
+
+void solve_lower_columns(int wide, size_t n, size_t row, const double *lower, const double *diagonals, double *x) {
+    for (size_t k = 0; k < n; k += LANES) {
+        subtract_product(wide, LANES, k, N_COLUMNS, (Strided){lower + k, 1, row}, x, N_COLUMNS, x + k * N_COLUMNS,
+                         N_COLUMNS);
+        turn_rows(wide, by_rows(diagonals + k * LANES, LANES), x + k * N_COLUMNS);
+    }
+}
+
+void solve_upper_columns(int wide, size_t n, size_t row, const double *lower, const double *diagonals, double *x) {
     for (size_t k = n; k > 0; k -= LANES) {
         const size_t first = k - LANES;
-        double small[LANES][LANES];
-        invert_diagonal(row, lower, first, small);
-        subtract_product(wide, LANES, n - k, count, (Strided){lower + first * row + k, row, 1}, x + k * count, count,
-                         x + first * count, count);
-        turn_rows(small, 1, count, x + first * count);
+        subtract_product(wide, LANES, n - k, N_COLUMNS, (Strided){lower + first * row + k, row, 1}, x + k * N_COLUMNS,
+                         N_COLUMNS, x + first * N_COLUMNS, N_COLUMNS);
+        turn_rows(wide, (Strided){diagonals + first * LANES, 1, LANES}, x + first * N_COLUMNS);
     }
 }
 

@@ -17,9 +17,12 @@ void solve_lower(int wide, size_t n, const double *lower, size_t count, double *
 /* x = L'^-1 x for `count` vectors, n apart. */
 void solve_upper(int wide, size_t n, const double *lower, size_t count, double *x);
 
-/* The same for `count` vectors as columns (n, count), a multiple of LANES, of an L whose columns lie `row` apart. */
-void solve_lower_columns(int wide, size_t n, size_t row, const double *lower, size_t count, double *x);
-void solve_upper_columns(int wide, size_t n, size_t row, const double *lower, size_t count, double *x);
+/* The same for vectors as columns (n, N_COLUMNS), of an L whose columns lie `row` apart; diagonals (n, LANES) are the
+   inverses of its LANES by LANES. */
+#define N_COLUMNS 8
+void invert_diagonals(size_t n, size_t row, const double *lower, double *diagonals);
+void solve_lower_columns(int wide, size_t n, size_t row, const double *lower, const double *diagonals, double *x);
+void solve_upper_columns(int wide, size_t n, size_t row, const double *lower, const double *diagonals, double *x);
 
 /* L^-1 (n, n) by rows; of what lies right of the diagonal's LANES, the next LANES are 0, others are not set. scratch
    takes (LANES, n). */
