@@ -14,7 +14,7 @@ from strainfmu.estimator.filter.flight_filter import FlightFilter
 from strainfmu.estimator.filter.flight_track import FilteredStep
 from strainfmu.estimator.filter.kalman import Law
 from strainfmu.estimator.filter.linear_filter import LinearFilter, LinearStep
-from strainfmu.estimator.filter.settings import FilterSettings
+from strainfmu.estimator.filter.settings import LARGEST, FilterSettings
 from strainfmu.estimator.filter.smoothing import smoothed
 from strainfmu.estimator.load_estimate import LoadEstimates, series_of
 from strainfmu.recorded.block_estimates import BlockEstimates, BlockEstimator
@@ -116,8 +116,9 @@ class FilteredMap(MapBlocks):
 
 
 def _time_steps(block: StrainBlock, last: float) -> list[float]:
+    """Return the steps [s]; after the longest one of a filter nothing is left of what it knew."""
     before = np.append(last if np.isfinite(last) else block.time[0] - FIRST_STEP, block.time[:-1])
-    return [float(one) for one in block.time - before]
+    return [min(float(one), LARGEST) for one in block.time - before]
 
 
 def _lean(step: Step) -> Step:

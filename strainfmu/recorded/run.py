@@ -23,6 +23,7 @@ from strainfmu.recorded.field_series import FieldSeriesWriter, check_field_outpu
 from strainfmu.recorded.filtered_blocks import estimated_blocks, filter_attributes, with_filter
 from strainfmu.recorded.flight_pressure import computed_pressure, pressure_sources
 from strainfmu.recorded.health_account import HealthAccount
+from strainfmu.recorded.held_strains import HeldStrains
 from strainfmu.recorded.output import ESTIMATE_COLUMNS, EstimateWriter, check_output, estimate_writer
 from strainfmu.recorded.strain_files import open_strains
 from strainfmu.recorded.strain_level import LevelCheck
@@ -171,6 +172,7 @@ def estimate_file(
         with open_strains(data, wanted, None if channels is None else Path(channels)) as opened:
             plan = opened.plan
             level = LevelCheck(data, estimator.reference, float(np.median(plan.strain_factor)), check_level)
+            held = HeldStrains(data)
             zero = 0.0 if zeros is None else load_zeros(zeros, estimator.gauge_names).value
             summary = EstimationSummary(
                 unused=plan.unused,
@@ -184,6 +186,7 @@ def estimate_file(
             ):
                 for block, done, found in estimated_blocks(opened.blocks, estimator):
                     level.add(block.strain - zero, _flown_pressure(block))
+                    held.add(block.time, block.strain)
                     _write(writer, block, found=found, estimator=estimator, residuals=residuals)
                     _count(summary, block, found=found, estimator=estimator)
                     if series is not None and found.estimates is not None:
@@ -191,7 +194,7 @@ def estimate_file(
                         summary.fields = series.steps
                     if progress is not None:
                         progress(done, opened.length)
-                summary.notes += level.notes()
+                summary.notes += [*level.notes(), *held.notes()]
     return summary
 
 
