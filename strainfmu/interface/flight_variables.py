@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from strainfmu.estimator.manifold.air_data import AIR_DATA_NAMES, AIR_DATA_UNITS, MIN_GAIN
-from strainfmu.estimator.manifold.flight_health import OUTSIDE_SCORE
+from strainfmu.estimator.manifold.flight_health import outside_score
 from strainfmu.estimator.manifold.navigation import NAVIGATION
 from strainfmu.interface.fmi_variables import Variable, deviation_of
 from strainfmu.interface.input_names import FLOW_INPUTS, NAVIGATION_INPUTS, NOT_KNOWN, PARAMETERS
@@ -119,8 +119,7 @@ _FLIGHT_TEXT: dict[str, str] = {
     "altitude": "Geopotential altitude by navigation, for the static pressure; "
     f"{NOT_KNOWN:g} or NaN where not known",
     "health.chi_square": "Chi-square of strain and navigation about the tables",
-    "health.envelope_score": "Deviations by which the flight state leaves the ranges of the map, 0 inside; "
-    f"OUTSIDE above {OUTSIDE_SCORE:g}",
+    "health.envelope_score": "Deviations by which the flight state leaves the ranges of the map, 0 inside",
 }
 """Descriptions that differ for a map with tables over the flight state."""
 
@@ -128,6 +127,8 @@ _FLIGHT_TEXT: dict[str, str] = {
 def _of_flight_state(variable: Variable, manifold: ManifoldMap, gauges: tuple[str, ...]) -> Variable:
     """Return ``variable`` as a map with tables has it: every output depends on all gauges and navigation."""
     one = replace(variable, description=_FLIGHT_TEXT.get(variable.name, variable.description))
+    if one.name == "health.envelope_score":
+        one = replace(one, description=f"{one.description}; OUTSIDE above {outside_score(manifold):g}")
     if one.name == "dynamic_pressure":
         return replace(one, minimum=None, start=NOT_KNOWN)
     if one.name == "dynamic_pressure_std":

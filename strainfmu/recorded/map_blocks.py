@@ -15,7 +15,7 @@ from strainfmu.estimator.load_estimate import LoadEstimate, LoadEstimates
 from strainfmu.estimator.manifold.air_data import AIR_DATA_NAMES, AIR_DATA_UNITS
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimate
-from strainfmu.estimator.manifold.flight_health import OUTSIDE_SCORE, gauge_threshold
+from strainfmu.estimator.manifold.flight_health import gauge_threshold, outside_score
 from strainfmu.estimator.manifold.navigation import NAVIGATION
 from strainfmu.estimator.manifold.tracker import FlightTracker
 from strainfmu.estimator.step import Estimator
@@ -99,7 +99,6 @@ class FlightBlocks:
 
     inputs: tuple[str, ...] = (*FLOW_NAMES[1:], *NAVIGATION_NAMES)
     has_residuals = True
-    envelope_score_limit = OUTSIDE_SCORE
     _columns = (
         *((f"air_data.{name}", unit) for name, unit in zip(AIR_DATA_NAMES, AIR_DATA_UNITS, strict=True)),
         *((f"sigma.air_data.{name}", unit) for name, unit in zip(AIR_DATA_NAMES, AIR_DATA_UNITS, strict=True)),
@@ -112,6 +111,7 @@ class FlightBlocks:
         self.estimator, self._tracker = estimator, FlightTracker(estimator)
         self.inverse_map: InverseMap | None = estimator.inverse_map
         self._threshold = gauge_threshold(estimator.manifold, estimator.settings.alarm_scale)
+        self.envelope_score_limit = outside_score(estimator.manifold)
         self.parameter_names = estimator.parameters.names
         self.sharpening: tuple[str, ...] = () if estimator.manifold.parameters is None else self.parameter_names
         self._has_loads = estimator.manifold.further is not None

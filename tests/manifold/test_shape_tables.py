@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from flight_maps import flight_map
 from shape_case import (
     ALTITUDE,
     MIRRORED,
@@ -31,6 +32,8 @@ from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.inverse_map import InverseMap, load_inverse_map, save_inverse_map
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.field_estimate import table_pressure
+from strainfmu.estimator.manifold.flight_estimate import FlightEstimates
+from strainfmu.estimator.manifold.flight_health import outside_score
 from strainfmu.estimator.manifold.flight_tables import FlightTables, evaluate
 from strainfmu.flight_condition import FlightCondition
 
@@ -321,3 +324,20 @@ def test_the_process_has_unit_variance_and_tells_the_sides_of_a_fin_apart() -> N
     assert np.all(np.abs(covariance[0, far]) < 0.1)
     top, bottom = np.argmax(surface.node_normal[:, 2]), np.argmin(surface.node_normal[:, 2])
     assert abs(covariance[top, bottom]) < 0.1
+
+
+def test_two_deviations_beyond_a_range_are_outside() -> None:
+    """Ranges of both angles are few deviations wide; with others it takes three."""
+    estimator = ManifoldEstimator(inverse_map())
+    assert outside_score(estimator.manifold) < outside_score(flight_map())
+
+    def at(sideslip: float) -> FlightEstimates:
+        one = FlightCondition(6.5, 0.0, sideslip, ALTITUDE)
+        strain = evaluate(estimator.manifold.tables, state_of(one)[None]).value[:, :N_D]
+        return estimator.estimate(strain, one.dynamic_pressure, mach_number=6.5, altitude=ALTITUDE)
+
+    end, health = 1.01 * radians(2.0), []
+    std = float(at(end).air_data.std[0, 1])
+    for off in (-1.0, 1.5, 2.5):
+        health.append(int(at(end + off * std).health[0]))
+    assert health == [HealthState.OK, HealthState.OK, HealthState.OUTSIDE]

@@ -15,8 +15,13 @@ from strainfmu.estimator.manifold.manifold_map import ManifoldMap
 from strainfmu.estimator.manifold.navigation import NAVIGATION, NAVIGATION_ALARM, Navigation
 from strainfmu.estimator.manifold.solve import FlightSolution
 
-OUTSIDE_SCORE = 3.0
-"""Standard deviations by which the flight state leaves the ranges of the map from which it is outside."""
+OUTSIDE_SCORE, OUTSIDE_SCORE_OF_SHAPES = 3.0, 2.0
+"""Standard deviations by which the flight state leaves the ranges of the map from which it is outside.
+
+The second holds where angle of attack and sideslip have ranges of their own: these are a few degrees wide, few
+deviations of the angles. At the very end of a range it takes 1 good flight in 44 for one outside, if errors are as
+large as stated.
+"""
 
 LARGEST_REST = 1.0
 """Deviations of the flight state that the next iteration may move it by; above, the estimate is degraded."""
@@ -64,7 +69,7 @@ def flight_health(
     worst = np.argmax(size, axis=1)
     suspect = np.where(size[np.arange(k), worst] > threshold, worst, -1)
     score = range_score(manifold, found)
-    outside = (score > OUTSIDE_SCORE) | _navigation_outside(manifold, navigation, navigation_used)
+    outside = (score > outside_score(manifold)) | _navigation_outside(manifold, navigation, navigation_used)
     fits = np.asarray(found.chi_square <= limit)
     fits &= np.sum(found.shape_residual**2, axis=1) <= shape_limit(manifold, alarm_scale)
     dropped = navigation_alarms(navigation, navigation_used, found.navigation_residual)
@@ -116,6 +121,11 @@ def navigation_alarms(navigation: Navigation, used: BoolArray, residual: FloatAr
     return np.any(~np.isnan(navigation.value) & ~used & ~may_be_correct, axis=1)
 
 
+def outside_score(manifold: ManifoldMap) -> float:
+    """Return the range score from which a flight is outside."""
+    return OUTSIDE_SCORE if manifold.crossflow_range is None else OUTSIDE_SCORE_OF_SHAPES
+
+
 def range_score(manifold: ManifoldMap, found: FlightSolution) -> FloatArray:
     """Return (k,) standard deviations by which the flight state leaves the ranges of the map, 0 inside."""
     state = found.state
@@ -147,7 +157,7 @@ def _navigation_outside(manifold: ManifoldMap, navigation: Navigation, used: Boo
     """Return (k,) whether Mach number or p_inf of navigation, if used, leaves the ranges of the map."""
     outside = np.zeros(len(used), dtype=bool)
     for column, (low, high) in enumerate((manifold.mach_range, manifold.pressure_range)):
-        value, slack = navigation.value[:, column], OUTSIDE_SCORE * navigation.std[:, column]
+        value, slack = navigation.value[:, column], outside_score(manifold) * navigation.std[:, column]
         beyond = (value < (1.0 - RANGE_TOLERANCE) * low - slack) | (value > (1.0 + RANGE_TOLERANCE) * high + slack)
         outside |= beyond & used[:, column]
     return outside

@@ -25,7 +25,7 @@ from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, chi_square_limit
 from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.isolation import outlier_threshold
 from strainfmu.estimator.manifold.air_data import MIN_GAIN, MIN_INCIDENCE_SCORE
-from strainfmu.estimator.manifold.flight_health import OUTSIDE_SCORE, RANGE_TOLERANCE, shape_limit
+from strainfmu.estimator.manifold.flight_health import RANGE_TOLERANCE, outside_score, shape_limit
 from strainfmu.estimator.manifold.flight_tables import MIN_INCIDENCE
 from strainfmu.estimator.manifold.further_tables import FurtherTables
 from strainfmu.estimator.manifold.gauss_newton import LARGEST_STEP
@@ -118,7 +118,7 @@ def _scalars(manifold: ManifoldMap) -> FloatArray:
             shape_limit(manifold, 1.0),
             outlier_threshold(n, FALSE_ALARM_PROBABILITY),
             MIN_INCIDENCE,
-            OUTSIDE_SCORE,
+            outside_score(manifold),
             RANGE_TOLERANCE,
             MIN_GAIN,
             MIN_INCIDENCE_SCORE,
