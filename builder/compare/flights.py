@@ -80,6 +80,7 @@ def with_errors(vehicle: Vehicle, errors: str, case: int) -> Vehicle:
             discrepancy_percent=DISCREPANCY_PERCENT,
             discrepancy_of_prior_percent=DISCREPANCY_OF_PRIOR_PERCENT,
             discrepancy_of_overpressure_percent=DISCREPANCY_OF_PRIOR_PERCENT,
+            discrepancy_of_leeward_percent=DISCREPANCY_OF_PRIOR_PERCENT,
         )
     return vehicle.model_copy(update={"map": MapEntry(**entry), "noise": noise})
 

@@ -15,13 +15,14 @@ from builder.campaign.snapshot_transfer import snapshots_on
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.coefficients import load_covariance_by_terms
 from builder.inverse.ensemble import Ensemble, ensemble_of
-from builder.inverse.flows_between import between_term, flows_between
+from builder.inverse.flows_between import BETWEEN, flows_between
 from builder.inverse.further import further_loads
 from builder.inverse.gauge_noise import gauge_covariance, nuisance_terms
 from builder.inverse.hardware_errors import HardwareError, error_model, hardware_errors, hardware_terms
+from builder.inverse.leeward import LEEWARD_PRESSURE, leeward_fields
 from builder.inverse.map_envelope import coefficient_half_spaces, flight_ranges
 from builder.inverse.mesh_error import MeshError, mesh_error
-from builder.inverse.noise_model import NoiseTerm, gauge_noise
+from builder.inverse.noise_model import NoiseTerm, gauge_noise, pressure_errors
 from builder.inverse.observable_states import on_observable_states
 from builder.inverse.score_limit import with_score_limit
 from builder.inverse.sensors import SensorSet, joined_errors, joined_terms, sensor_set
@@ -168,10 +169,14 @@ def inverse_problem(
     further = further_load_operator(
         structure.surface, vehicle.map.section_stations_m, vehicle.reference_quantities().moment_station
     )
-    between, off = flows_between(vehicle, snapshots), None
-    if between is not None and ensemble.grid is None and vehicle.noise.model == "default":
-        off = between.off_the_snapshots(ensemble, vehicle.map.form == "dynamic_pressure")
-        terms.append(between_term(off, z_p, loads, further))
+    between, off, leeward = flows_between(vehicle, snapshots), None, None
+    if ensemble.grid is None and vehicle.noise.model == "default":
+        leeward = leeward_fields(vehicle, snapshots, ensemble)
+        if between is not None:
+            off = between.off_the_snapshots(ensemble, vehicle.map.form == "dynamic_pressure")
+    for name, fields in ((BETWEEN, off), (LEEWARD_PRESSURE, leeward)):
+        if fields is not None:
+            terms.append(pressure_errors(name, fields, z_p, loads, further))
     return Problem(
         ensemble=ensemble,
         strain_operator=z_p,
@@ -187,6 +192,7 @@ def inverse_problem(
         thermal=thermal if sensors is None else with_further_rows(thermal, len(sensors.rows)),
         between=between,
         off_the_snapshots=off,
+        leeward=leeward,
     )
 
 

@@ -66,6 +66,11 @@ class Ensemble:
         """Number of roll angles that members are taken at; 1 as listed."""
         return 1 if self.grid is None else rolls_of(self.grid.n_roll)
 
+    @property
+    def mean_ambient_pressure(self) -> float:
+        """Mean p_inf of the flows at the level of ``pressure`` [Pa]."""
+        return float(np.average(self.ambient_pressure, weights=self.weight))
+
     @cached_property
     def weight(self) -> FloatArray:
         """(N,) roll angles that a flow stands for: 1 where the wind is along the axis."""

@@ -17,7 +17,6 @@ from builder.aero.deflections import deflections_of
 from builder.aero.newtonian import NewtonianEngine
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.ensemble import Ensemble
-from builder.inverse.noise_model import NoiseTerm
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import FlowReachError
@@ -84,19 +83,8 @@ def flows_between(vehicle: Vehicle, snapshots: Snapshots) -> FlowsBetween | None
 
     That is newtonian flow round any shape but a body of revolution, by the options that made the snapshots.
     """
-    entry = vehicle.aerodynamics
-    if vehicle.is_of_revolution or {entry.engine, snapshots.engine} != {"newtonian"}:
-        return None
-    surface = snapshots.surface
-    engine = NewtonianEngine(
-        surface,
-        entry.stagnation or "rayleigh_pitot",
-        entry.leeward or "ambient",
-        deflections_of(vehicle, surface) if snapshots.parameter_names else (),
-    )
-    listed = snapshots.conditions()
-    first = engine.solve(engine.flow_key(listed[0])).arrays["pressure_ratio"]
-    if np.abs(first - snapshots.pressure[0] / listed[0].ambient_pressure).max() > _SAME:
+    engine, listed = same_engine(vehicle, snapshots), snapshots.conditions()
+    if engine is None:
         return None
     conditions, cells = _between(listed)
     try:
@@ -104,6 +92,25 @@ def flows_between(vehicle: Vehicle, snapshots: Snapshots) -> FlowsBetween | None
     except FlowReachError:
         return None
     return FlowsBetween(conditions=conditions, ratio=np.array(ratio), cells=cells)
+
+
+def same_engine(vehicle: Vehicle, snapshots: Snapshots, leeward: str | None = None) -> NewtonianEngine | None:
+    """Return newtonian flow at the nodes of ``snapshots``, by another ``leeward`` side if one is given.
+
+    None where the snapshots are not newtonian flow by the options of the vehicle file round a shape that is no
+    body of revolution.
+    """
+    entry = vehicle.aerodynamics
+    if vehicle.is_of_revolution or {entry.engine, snapshots.engine} != {"newtonian"}:
+        return None
+    surface, stagnation = snapshots.surface, entry.stagnation or "rayleigh_pitot"
+    moved = deflections_of(vehicle, surface) if snapshots.parameter_names else ()
+    own = NewtonianEngine(surface, stagnation, entry.leeward or "ambient", moved)
+    first = snapshots.conditions()[0]
+    again = own.solve(own.flow_key(first)).arrays["pressure_ratio"]
+    if np.abs(again - snapshots.pressure[0] / first.ambient_pressure).max() > _SAME:
+        return None
+    return own if leeward is None else NewtonianEngine(surface, stagnation, leeward, moved)
 
 
 def _between(listed: Sequence[FlightCondition]) -> tuple[tuple[FlightCondition, ...], int]:
@@ -129,19 +136,3 @@ def _middles(values: Sequence[float]) -> list[float]:
     distinct = np.unique(np.round(values, 9))
     middles = 0.5 * (distinct[1:] + distinct[:-1]) if len(distinct) > 1 else distinct
     return [float(one) for one in middles]
-
-
-def between_term(
-    fields: FloatArray, strain: FloatArray, load: FloatArray, further: FloatArray | None
-) -> NoiseTerm:
-    """Return the noise of ``fields`` (k, n_p) of :meth:`FlowsBetween.off_the_snapshots`, which no state holds.
-
-    Their strain and loads follow by the operators ``strain`` (n_d, n_p), ``load`` (5, n_p), ``further`` (m, n_p).
-    """
-    return NoiseTerm(
-        BETWEEN,
-        strain @ fields.T,
-        load @ fields.T,
-        None if further is None else further @ fields.T,
-        scales=True,
-    )

@@ -128,6 +128,17 @@ def truncated_modes(
     return NoiseTerm("truncated modes", strain, load, further, scales=True)
 
 
+def pressure_errors(
+    name: str, fields: FloatArray, strain: FloatArray, load: FloatArray, further: FloatArray | None
+) -> NoiseTerm:
+    """Return the term of pressure ``fields`` (k, n_p) at one standard deviation that no state holds [Pa].
+
+    Their strain and loads follow by the operators ``strain`` (n_d, n_p), ``load`` (5, n_p), ``further`` (m, n_p).
+    """
+    of_further = None if further is None else further @ fields.T
+    return NoiseTerm(name, strain @ fields.T, load @ fields.T, of_further, scales=True)
+
+
 def nuisance_modes(name: str, strain: FloatArray, std: FloatArray) -> NoiseTerm:
     """Return a term of ``strain`` columns (n_d, k) per unit of quantities with standard deviations ``std`` (k,).
 

@@ -55,6 +55,8 @@ class Problem:
     between : flows between the snapshots; None where they are not known.
     off_the_snapshots : (k, n_p) what of these is no combination of the snapshots, which is among ``noise``, see
         :meth:`~builder.inverse.flows_between.FlowsBetween.off_the_snapshots` [Pa]; None where it is not counted.
+    leeward : (k, n_p) error of the pressure on the leeward side, see :mod:`builder.inverse.leeward` [Pa]; None for
+        none.
     """
 
     ensemble: Ensemble
@@ -71,6 +73,7 @@ class Problem:
     thermal: ThermalMap | None = None
     between: FlowsBetween | None = None
     off_the_snapshots: FloatArray | None = None
+    leeward: FloatArray | None = None
 
     @property
     def offset(self) -> FloatArray:
@@ -264,8 +267,10 @@ def _unresolved(problem: Problem, modes: PressureModes, kept: int) -> FloatArray
         return None
     variance = modes.coefficient_std()[kept:] ** 2
     found = np.asarray(np.einsum("pm,pm,m->p", modes.modes[:, kept:], modes.modes[:, kept:], variance))
-    off = problem.off_the_snapshots
-    return found if off is None else found + np.sum(off**2, axis=0)
+    for fields in (problem.off_the_snapshots, problem.leeward):
+        if fields is not None:
+            found += np.sum(fields**2, axis=0)
+    return found
 
 
 def _mean_strain(problem: Problem, mean: FloatArray) -> FloatArray:

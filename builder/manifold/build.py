@@ -11,6 +11,7 @@ import numpy as np
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import AnyStructure, inverse_problem, on_structure
 from builder.inverse.ensemble import Ensemble, rolled_modes
+from builder.inverse.leeward import LEEWARD_PRESSURE
 from builder.inverse.noise_model import NoiseTerm
 from builder.inverse.solution import Problem
 from builder.manifold.discrepancy import level_error, process_size, tested_shapes
@@ -75,6 +76,8 @@ def manifold_map(
     coefficients = with_base_and_friction(vehicle, problem, found.mach_knots, found.coefficients)
     terms = found.errors | _scaled_errors(vehicle, problem, found.process, operator)
     terms |= _scaled_nuisance(nuisance, problem) | base_pressure_error(vehicle, problem, len(operator))
+    if problem.leeward is not None:
+        terms[LEEWARD_PRESSURE] = operator @ problem.leeward.T / problem.ensemble.mean_ambient_pressure
     level = level_error(vehicle, problem, operator, found.overpressure)
     if level is not None:
         terms["fraction of the overpressure"] = level
@@ -153,7 +156,7 @@ def _parameters(slopes: ParameterSlopes | None, terms: dict[str, FloatArray]) ->
 
 def _terms_of(terms: dict[str, FloatArray], ensemble: Ensemble, n_gauges: int) -> list[dict[str, Any]]:
     """Return name and rms strain over the gauges [m/m] of each of ``terms``, at the mean p_inf of the flows."""
-    pressure = float(np.average(ensemble.ambient_pressure, weights=ensemble.weight))
+    pressure = ensemble.mean_ambient_pressure
     return [
         {"name": name, "rms_strain": pressure * float(np.sqrt(np.sum(columns[:n_gauges] ** 2) / n_gauges))}
         for name, columns in terms.items()
@@ -192,7 +195,7 @@ def _scaled_errors(
 
 def _spread_of_flows(ensemble: Ensemble, operator: FloatArray) -> FloatArray:
     """Return columns (n, k) of the responses' deviation from their mean over the flows, per p_inf."""
-    pressure = float(np.average(ensemble.ambient_pressure, weights=ensemble.weight))
+    pressure = ensemble.mean_ambient_pressure
     if ensemble.grid is None:
         response, weight = ensemble.responses(operator), ensemble.member_weight
         return np.asarray((np.sqrt(weight)[:, None] * (response - weight @ response)).T / pressure)
@@ -203,7 +206,7 @@ def _spread_of_flows(ensemble: Ensemble, operator: FloatArray) -> FloatArray:
 def _scaled_nuisance(nuisance: Sequence[NoiseTerm], problem: Problem) -> dict[str, FloatArray]:
     """Return columns (n_d + 5 + m, k) per p_inf of the further terms that scale, by name."""
     ensemble = problem.ensemble
-    pressure = float(np.average(ensemble.ambient_pressure, weights=ensemble.weight))
+    pressure = ensemble.mean_ambient_pressure
     found = {}
     for term in nuisance:
         if term.scales:

@@ -44,12 +44,14 @@ def shape_field(
     rest = ratio - (ratio @ modes) @ modes.T
     variance = np.mean(rest**2, axis=0)
     if problem.off_the_snapshots is not None:
-        variance += np.sum((problem.off_the_snapshots / _pressure_level(problem)) ** 2, axis=0)
+        variance += np.sum((problem.off_the_snapshots / problem.ensemble.mean_ambient_pressure) ** 2, axis=0)
     covariance = np.zeros((len(modes), len(problem.strain_operator)))
     entry = vehicle.map
     fields = [modes @ one for one in found.errors.values()]
     fields += [process_size(vehicle, problem) * process]
     fields += [0.01 * entry.discrepancy_of_prior_percent * one for one in _spread(problem)]
+    if problem.leeward is not None:
+        fields += [problem.leeward.T / problem.ensemble.mean_ambient_pressure]
     level = 0.01 * entry.discrepancy_of_overpressure_percent * overpressure[:, None]
     if corrects_level(vehicle, problem):
         fields += [level]
@@ -79,14 +81,8 @@ def _parameters(slopes: ParameterSlopes | None, strain: FloatArray) -> FieldPara
 
 def _spread(problem: Problem) -> Iterator[FloatArray]:
     """Yield fields (n_p, N) of the flows' deviation from their mean, per p_inf."""
-    ensemble, pressure = problem.ensemble, _pressure_level(problem)
+    ensemble, pressure = problem.ensemble, problem.ensemble.mean_ambient_pressure
     first, share = 0, np.sqrt(ensemble.member_weight) / pressure
     for block in ensemble.members():
         yield (share[first : first + len(block), None] * (block - ensemble.mean())).T
         first += len(block)
-
-
-def _pressure_level(problem: Problem) -> float:
-    """Return the mean p_inf of the flows of ``problem`` [Pa]."""
-    ensemble = problem.ensemble
-    return float(np.average(ensemble.ambient_pressure, weights=ensemble.weight))

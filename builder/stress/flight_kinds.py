@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from builder.inverse.leeward import other_leeward
 from builder.stress.flights import (
     FEWER_BEYOND,
     above_mach,
@@ -14,7 +15,7 @@ from builder.stress.flights import (
     mirrored,
     mirrored_is_inside,
 )
-from builder.stress.flows import AnotherEngine, other_leeward, vortex_pairs, windward_bump
+from builder.stress.flows import AnotherEngine, vortex_pairs, windward_bump
 from builder.stress.kind import Kind, KindClass, as_stated
 from builder.vehicle.file import Vehicle
 

@@ -15,6 +15,7 @@ from builder.campaign.journal import Journal
 from builder.campaign.run import complete_flows
 from builder.campaign.scheduling import Scheduling
 from builder.campaign.snapshots import Snapshots
+from builder.inverse.leeward import other_leeward
 from builder.reporting import Reporter
 from builder.stress.flights import stress_knots
 from builder.truth.flow_table import FlowTable, flow_table
@@ -144,13 +145,6 @@ class AnotherEngine:
         ratio = [engine.pressure_ratio(engine.solve(engine.flow_key(one)), one) for one in conditions]
         ambient = np.array([one.ambient_pressure for one in conditions])
         return replace(flows, pressure=ambient[:, None] * np.array(ratio))
-
-
-def other_leeward(vehicle: Vehicle) -> str:
-    """Return the leeward side of newtonian flow that is not the vehicle's own."""
-    entry = vehicle.aerodynamics
-    is_expanded = entry.engine == "newtonian" and entry.leeward == "prandtl_meyer"
-    return "ambient" if is_expanded else "prandtl_meyer"
 
 
 @dataclass(frozen=True, kw_only=True)

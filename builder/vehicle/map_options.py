@@ -38,7 +38,9 @@ class MapEntry(Section):
     ``discrepancy_of_prior_percent`` of the deviation that the snapshots have about their mean; and
     ``discrepancy_of_overpressure_percent`` of the overpressure without incidence, all over the body at once, which
     gauges tell poorly and axial force follows: it widens the deviations and, where there are no further sensors,
-    corrects nothing unless ``level_by_strain`` says so.
+    corrects nothing unless ``level_by_strain`` says so. Of ``newtonian`` flow round sections or a surface
+    ``discrepancy_of_leeward_percent`` of the difference between ambient pressure leeward and a Prandtl-Meyer
+    expansion is expected besides, in the linear map too.
     """
 
     form: Literal["dynamic_pressure", "absolute"] = "dynamic_pressure"
@@ -58,6 +60,7 @@ class MapEntry(Section):
     discrepancy_roll_deg: float = Field(default=40.0, ge=10.0, le=180.0)
     discrepancy_of_prior_percent: float = Field(default=10.0, ge=0.0, le=100.0)
     discrepancy_of_overpressure_percent: float = Field(default=10.0, ge=0.0, le=100.0)
+    discrepancy_of_leeward_percent: float = Field(default=25.0, ge=0.0, le=100.0)
     level_by_strain: bool = False
 
     @field_validator("case", mode="before")

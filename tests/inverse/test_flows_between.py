@@ -11,6 +11,7 @@ from shape_case import ALTITUDE, flown, grid_conditions, shape_structure, shape_
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map, inverse_problem
 from builder.inverse.flows_between import BETWEEN, FlowsBetween, flows_between
+from builder.inverse.leeward import LEEWARD_PRESSURE
 from builder.manifold.build import with_manifold
 from builder.manifold.condition_tables import condition_tables
 from builder.vehicle.file import Vehicle
@@ -119,3 +120,27 @@ def test_many_cells_are_drawn_from() -> None:
     assert found is not None
     assert found.cells == len(found.conditions) == 800
     assert {one.mach_number for one in found.conditions} == {6.0}
+
+
+def test_the_leeward_side_is_in_doubt() -> None:
+    """A quarter of the difference to a Prandtl-Meyer expansion, leeward alone, in strain and loads of both."""
+    vehicle, structure = (
+        newtonian_vehicle(discrepancy_of_leeward_percent=25.0),
+        shape_structure(snapshots().surface),
+    )
+    problem = inverse_problem(vehicle, snapshots(), structure)
+    assert problem.leeward is not None
+    first, level = snapshots().conditions()[0], problem.ensemble.mean_ambient_pressure
+    wind = np.array([1.0, -np.sin(first.sideslip_angle), np.sin(first.angle_of_attack)])
+    wind[[0, 2]] *= np.cos(first.sideslip_angle)
+    wind[0] *= np.cos(first.angle_of_attack)
+    windward = snapshots().surface.node_normal @ wind < -1e-9
+    share = problem.leeward[0] / level * np.sqrt(len(problem.leeward)) / 0.25
+    assert np.abs(share[windward]).max() < 1e-12
+    assert -1.0 < share.min() < -0.3
+    made = with_manifold(build_inverse_map(vehicle, snapshots(), structure), vehicle, snapshots(), structure)
+    for terms in ("noise_terms", "table_error_terms"):
+        assert LEEWARD_PRESSURE in {one["name"] for one in made.provenance[terms]}
+    none = inverse_problem(newtonian_vehicle(discrepancy_of_leeward_percent=0.0), snapshots(), structure)
+    assert none.leeward is None
+    assert inverse_problem(shape_vehicle(), snapshots(), structure).leeward is None
