@@ -24,7 +24,7 @@ size_t law_doubles(const Filter *filter) {
 
 static size_t sample_doubles(const Filter *filter) {
     const size_t rows = filter->rows, order = filter->order, few = N_STATES + 1;
-    return filter->n_considered + rows * (4 * order + 6 * rows + few + 2 * N_COLUMNS + filter->row_whitened + 2)
+    return filter->n_considered + rows * (N_STATES + 4 * order + 6 * rows + few + 2 * N_COLUMNS + filter->row_whitened + 2)
          + order * (few + N_STATES + 5 * order) + rows * (order - N_STATES) + (filter->n + few) * rows
          + larger(rows, order) * order + filter->n * WIDE_COLUMNS + filter->map.n_further * rows + 2 * order;
 }
@@ -71,6 +71,7 @@ void filter_arrays(Filter *filter, double **doubles) {
     filter->noise = taken(doubles, rows * rows);
     filter->rest = taken(doubles, rows * rows);
     filter->read = taken(doubles, order * rows);
+    filter->slopes = taken(doubles, N_STATES * rows);
     filter->term = taken(doubles, filter->n_considered);
     filter->white = taken(doubles, rows * rows);
     filter->considered = taken(doubles, order * rows);

@@ -40,6 +40,8 @@ typedef struct {
     double now;                  /* of the sample that follows [s] */
     double mean, steps, widening; /* consistency.py */
     double apart[N_NAVIGATION], alarms[N_NAVIGATION]; /* named_navigation.py */
+    double slope_state[N_STATES]; /* flight state at which the last step took slopes, */
+    double slope_age;             /* and the time over which it has followed the estimated one [s] */
 } FilterTrack;
 
 typedef struct {
@@ -58,6 +60,7 @@ typedef struct {
     Law law, next_law;            /* with their laws */
     Law predicted, stationary; /* the cross covariance of the former is there after filter_move_cross alone */
     Law found;                 /* of the solution: one of these, wherever it is kept */
+    double slope_state[N_STATES]; /* flight state at which the step takes slopes */
     Motion motion;             /* from the law to the predicted one */
     double *noise, *rest;      /* (rows, rows) of the map */
     /* Scratch: a sample. The flight state is x = mean + L xi, of a standard normal xi. Given it, what else is read has a
@@ -67,6 +70,7 @@ typedef struct {
     double scale[N_NAVIGATION]; /* 1 over the deviation of navigation; 0 where not known */
     double root[N_STATES][N_STATES]; /* L */
     double *read;        /* (order, rows) H' */
+    double *slopes;      /* (N_STATES, rows) of x at the flight state of slopes */
     double *term;        /* (n_terms, gauges) considered errors */
     double *white;       /* (rows, rows) upper triangle of the covariance of what is independent, and of the considered
                             errors; of gauges its L after the loads */
@@ -124,12 +128,14 @@ void filter_forget_modes(const Filter *filter, double factor, double *covariance
 void filter_move_rows(const Filter *filter, size_t count, double scale, const double *from, double *to);
 
 /* Estimate solver->sample from a predicted law, by iterations from a flight state: the solution in solver->solution, the
-   law after it in filter->next_law. */
-void filter_sample(Filter *filter, const Law *law, const double *start, size_t iterations);
+   law after it in filter->next_law. Slopes are those at a flight state; NULL for each iteration's own. */
+void filter_sample(Filter *filter, const Law *law, const double *start, size_t iterations, const double *slopes);
 
-/* The errors at the state of solver->response: read but for x, term, white. Then H' of x, and the innovation. */
+/* The errors at the state of solver->response: read but for x, term, white. Then slopes, (N_STATES, rows) of H' of x; and
+   with those in read the innovation about a state. */
 void filter_set_errors(Filter *filter);
-void filter_set_rows(Filter *filter, const Law *law, const double *state);
+void filter_set_slopes(const Filter *filter, double *slopes);
+void filter_set_innovation(Filter *filter, const Law *law, const double *state);
 
 /* What a sample says of xi: its mean, and the inverse of the root of its precision. */
 typedef struct {

@@ -4,7 +4,7 @@
 #include <stdio.h>
 
 #define N_FILTER_SIZES 8
-#define N_FILTER_SCALARS 16
+#define N_FILTER_SCALARS 19
 #define LARGEST_NUMBER 64 /* of directions and terms */
 #define MOST_COLUMNS 4096 /* of section loads, of temperature modes and with them of errors in common */
 
@@ -30,6 +30,9 @@ static void take_scalars(FilterMap *map, const double **next) {
     map->largest_time = *take_doubles(next, 1);
     map->named_after = *take_doubles(next, 1);
     map->fits = *take_doubles(next, 1);
+    map->slope_time = *take_doubles(next, 1);
+    map->of_age = *take_doubles(next, 1);
+    map->longest_step = *take_doubles(next, 1);
 }
 
 static void take_arrays(FilterMap *map, const double **next, size_t n) {
@@ -61,7 +64,8 @@ static int sensible_values(const FilterMap *map, const double *values, size_t co
     return good && map->rate_time >= 0.0 && map->slow > 0.0 && map->white_navigation > 0.0
         && map->white_navigation <= 1.0 && map->window >= 1.0 && map->band > 0.0 && map->widen >= 1.0
         && map->narrow > 0.0 && map->narrow <= 1.0 && map->largest_widening >= 1.0 && map->smallest_time > 0.0
-        && map->largest_time > map->smallest_time && map->named_after >= 1.0 && map->fits > 0.0;
+        && map->largest_time > map->smallest_time && map->named_after >= 1.0 && map->fits > 0.0
+        && map->slope_time > 0.0 && map->of_age > 0.0 && map->longest_step > 0.0;
 }
 
 int filter_map_parse(const Section *section, size_t n_gauges, FilterMap *map, char text[MODEL_TEXT_SIZE]) {

@@ -22,6 +22,8 @@ typedef struct {
     double widen, narrow, largest_widening;
     double smallest_time, largest_time; /* of the time constant; the latter of a step, too [s] */
     double named_after, fits;   /* named_navigation.py: steps; deviations */
+    double slope_time;          /* of the flight state of slopes [s] */
+    double of_age, longest_step; /* flight_track.py: that over its age; time step over that */
     const double *seen_strain;  /* (n_seen, n_gauges) per p_inf */
     const double *seen_load;    /* (n_seen, 5) */
     const double *rest_strain;  /* (n_gauges, n_gauges) covariances of the other directions */

@@ -155,37 +155,46 @@ void filter_set_errors(Filter *filter) {
     set_white(filter);
 }
 
-void filter_set_rows(Filter *filter, const Law *law, const double *state) {
+void filter_set_slopes(const Filter *filter, double *slopes) {
+    const FlightSolver *solver = filter->solver;
+    const size_t rows = filter->rows;
+    memset(slopes, 0, N_STATES * rows * sizeof *slopes);
+    for (size_t g = 0; g < solver->n_gauges; g++) {
+        for (size_t k = 0; solver->sample.used[g] && k < N_STATES; k++) {
+            slopes[k * rows + g] = solver->response.jacobian[k][g];
+        }
+    }
+    for (size_t m = 0; m < N_NAVIGATION; m++) {
+        double row[N_STATES];
+        flight_measurement_row(solver, m, row);
+        for (size_t k = 0; filter->scale[m] > 0.0 && k < N_STATES; k++) {
+            navigation_rows(filter, slopes + k * rows)[m] = filter->scale[m] * row[k];
+        }
+    }
+}
+
+void filter_set_innovation(Filter *filter, const Law *law, const double *state) {
     const FlightSolver *solver = filter->solver;
     const Sample *sample = &solver->sample;
     const size_t rows = filter->rows;
     double *apart = filter->innovation, *means = filter->by_row + N_STATES * rows;
     memset(apart, 0, rows * sizeof *apart);
-    memset(filter->read, 0, N_STATES * rows * sizeof *filter->read);
     for (size_t g = 0; g < solver->n_gauges; g++) {
         if (sample->used[g]) {
             apart[g] = sample->strain[g] - solver->response.value[g] - means[g];
-            for (size_t k = 0; k < N_STATES; k++) {
-                filter->read[k * rows + g] = solver->response.jacobian[k][g];
-            }
         }
     }
     for (size_t m = 0; m < N_NAVIGATION; m++) {
-        double row[N_STATES];
         const double scale = filter->scale[m];
         if (scale > 0.0) {
-            flight_measurement_row(solver, m, row);
             navigation_rows(filter, apart)[m] =
                 scale * solver->innovation[m] - navigation_rows(filter, means)[m];
-            for (size_t k = 0; k < N_STATES; k++) {
-                navigation_rows(filter, filter->read + k * rows)[m] = scale * row[k];
-            }
         }
     }
-    double about[N_STATES];
     for (size_t k = 0; k < N_STATES; k++) {
-        about[k] = law->mean[k] - state[k];
+        const double about = law->mean[k] - state[k];
+        for (size_t r = 0; r < rows; r++) {
+            apart[r] -= about * filter->read[k * rows + r];
+        }
     }
-    subtract_product(solver->wide, 1, N_STATES, rows, by_rows(about, N_STATES), filter->read, rows, apart, rows);
 }
-

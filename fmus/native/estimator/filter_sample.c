@@ -187,24 +187,42 @@ static void set_residuals(Filter *filter) {
     }
 }
 
-void filter_sample(Filter *filter, const Law *law, const double *start, size_t iterations) {
+/* H' of x: slopes that were taken before, or those at the state of solver->response; and the innovation. */
+static void set_rows(Filter *filter, const Law *law, const double *state, int taken) {
+    if (taken) {
+        memcpy(filter->read, filter->slopes, N_STATES * filter->rows * sizeof *filter->read);
+    } else {
+        filter_set_slopes(filter, filter->read);
+    }
+    filter_set_innovation(filter, law, state);
+}
+
+void filter_sample(Filter *filter, const Law *law, const double *start, size_t iterations, const double *slopes) {
     FlightSolver *solver = filter->solver;
+    const int taken = slopes != NULL;
     double state[N_STATES], next[N_STATES];
     memcpy(state, start, sizeof state);
     flight_evaluate(solver, state);
     set_fixed(filter, law);
+    if (taken) {
+        flight_evaluate(solver, slopes);
+        filter_set_slopes(filter, filter->slopes);
+        flight_evaluate(solver, state);
+    }
     for (size_t k = 0; k < iterations; k++) {
-        filter_set_rows(filter, law, state);
+        set_rows(filter, law, state, taken);
         iterate(filter, law, state, next);
         memcpy(state, next, sizeof state);
         flight_evaluate(solver, state);
     }
     solver->solution.rest_square = 0.0;
-    filter_set_rows(filter, law, state);
+    set_rows(filter, law, state, taken);
     filter_tell_modes(filter, &filter->next_law);
     const double chi_square = filter_update_law(filter, law, &filter->next_law);
     solver->solution.chi_square = chi_square + filter_give(filter, &filter->next_law, state);
     set_residuals(filter);
+    /* What is left of strain follows from the slopes at the estimate. */
+    filter_set_slopes(filter, filter->read);
     filter_solution(filter);
     filter->found = filter->next_law;
 }

@@ -14,9 +14,9 @@ from strainfmu.errors import InputError
 from strainfmu.estimator.filter.consistency import Consistency, noted
 from strainfmu.estimator.filter.flight_model import (
     FlightModel,
-    SampleRows,
     error_columns,
     flight_model,
+    sample_rows,
     transition,
     with_tables,
 )
@@ -171,7 +171,9 @@ class FlightFilter:
         track, base, now = self.track, self.model.seen.direction, self._model.seen.direction
         last = base if track.directions is None else track.directions
         step = transition(self._model, time_step, track.consistency.widening, warm, None if last is now else last)
-        self.track = track = replace(track, directions=None if now is base else now)
+        slopes, age = track.slopes_after(time_step, self.settings.slope_time), track.slope_age + time_step
+        directions = None if now is base else now
+        self.track = track = replace(track, directions=directions, slope_state=slopes, slope_age=age)
         law, thermal = (
             None if track.law is None else predicted(track.law, step),
             self.estimator.inverse_map.thermal,
@@ -186,7 +188,7 @@ class FlightFilter:
         if not inputs.used.any():
             return self._coasted(inputs, samples, law=law, step=step)
         if law is not None and track.state is not None:
-            solved = self._solved(law, samples, start=track.state)
+            solved = self._solved(law, samples, start=track.state, slopes=track.slope_state)
             estimate = self._concluded(inputs, solved)
             if _fits(estimate):
                 return self._kept(inputs, solved, before=law, step=step, estimate=estimate)
@@ -205,7 +207,7 @@ class FlightFilter:
         solution = flight_solution(
             model,
             law,
-            _rows(step.sample),
+            sample_rows(step.sample),
             columns=error_columns(model, law.mean[:N_STATES]),
             quality=(
                 float(estimate.chi_square[0]),
@@ -232,19 +234,27 @@ class FlightFilter:
         return kept.known, kept.model
 
     def _solved(
-        self, law: Law, samples: Samples, *, start: FloatArray, iterations: int = WARM_ITERATIONS
+        self,
+        law: Law,
+        samples: Samples,
+        *,
+        start: FloatArray,
+        iterations: int = WARM_ITERATIONS,
+        slopes: FloatArray | None = None,
     ) -> _Solved:
         """Return the sample from ``law``, a second time without navigation that is inconsistent."""
         held, white = self.track.named, self.settings.white_navigation
         before = after = held.without_named(samples)
-        found = filtered_sample(self._model, law, _rows(before), start=start, iterations=iterations)
+        model = self._model
+        found = filtered_sample(model, law, sample_rows(before), start=start, iterations=iterations, slopes=slopes)
         residual = found.solution.navigation_residual
         dropped = inconsistent_navigation(residual)
         if dropped.any():
             after = without_navigation(before, residual, dropped)
-            rows = _rows(before, after)
+            rows = sample_rows(before, after)
             # A state that was searched with what is dropped is none of the sample without it.
-            found = filtered_sample(self._model, law, rows, start=start, iterations=WARM_ITERATIONS)
+            warm = WARM_ITERATIONS
+            found = filtered_sample(model, law, rows, start=start, iterations=warm, slopes=slopes)
         named, distance = held.after(found.law, samples.measured, after.measured, white)
         residual = np.where(held.apart > 0.0, distance, residual)
         found = replace(found, solution=replace(found.solution, navigation_residual=residual))
@@ -278,6 +288,8 @@ class FlightFilter:
             track,
             law=law,
             state=estimate.state[0] if kept is None else kept,
+            slope_state=None,
+            slope_age=0.0,
             since_search=self._since(searched),
             to_return=RETURN_AFTER,
             consistency=self._consistency(estimate),
@@ -313,6 +325,8 @@ class FlightFilter:
         self.track = FilterTrack(
             law=solved.found.law,
             state=estimate.state[0],
+            slope_state=self.track.slope_state if since is None else None,
+            slope_age=self.track.slope_age if since is None else 0.0,
             since_search=self._since(searched=False) if since is None else since,
             to_return=to_return,
             named=solved.named,
@@ -346,7 +360,8 @@ class FlightFilter:
             # A state that is no longer known is no start: the next sample searches the tables.
             lost = estimate.health[0] == HealthState.INVALID
             state = None if lost else estimate.state[0]
-            self.track = replace(self.track, law=solved.found.law, state=state, named=solved.named)
+            after = replace(self.track, law=solved.found.law, state=state, named=solved.named)
+            self.track = replace(after, slope_state=None, slope_age=0.0)
         return FilteredStep(
             estimate=estimate,
             estimator=self._now,
@@ -367,22 +382,6 @@ class FlightFilter:
         scale = self.estimator.settings.alarm_scale
         expected = scale * float(estimate.degrees_of_freedom[0])
         return noted(self.track.consistency, float(estimate.chi_square[0]), expected)
-
-
-def _rows(samples: Samples, doubted: Samples | None = None) -> SampleRows:
-    """Return the one sample in ``samples``, its navigation ``doubted`` or without doubts."""
-    before = samples.measured.precision[0, :3]
-    after = before if doubted is None else doubted.measured.precision[0, :3]
-    kept = after > 0.0
-    measured = samples.measured
-    precision = measured.precision.copy()
-    precision[0, :3] = np.where(kept, before, 0.0)
-    return SampleRows(
-        strain=samples.strain[0],
-        used=samples.used[0],
-        navigation=replace(measured, precision=precision),
-        doubt=np.where(kept, before / np.where(kept, after, 1.0), 1.0),
-    )
 
 
 def _fits(estimate: FlightEstimates) -> bool:

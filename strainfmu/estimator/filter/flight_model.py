@@ -21,6 +21,7 @@ from strainfmu.estimator.filter.settings import SLOW, FilterSettings
 from strainfmu.estimator.filter.warm import WarmSample, mode_columns, not_warm
 from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.manifold.flight_tables import LOG_PRESSURE, MACH, N_STATES, U, W, evaluate
+from strainfmu.estimator.manifold.gauss_newton import Samples
 from strainfmu.estimator.manifold.manifold_map import ManifoldMap
 from strainfmu.estimator.manifold.navigation import NAVIGATION, StateMeasurement, predicted, prior
 from strainfmu.estimator.proportional_errors import PAIRS
@@ -238,20 +239,46 @@ class SampleRows:
         return np.asarray(self.navigation.precision[0, :3] > 0.0)
 
 
+def sample_rows(samples: Samples, doubted: Samples | None = None) -> SampleRows:
+    """Return the one sample in ``samples``, its navigation ``doubted`` or without doubts."""
+    before = samples.measured.precision[0, :3]
+    after = before if doubted is None else doubted.measured.precision[0, :3]
+    kept = after > 0.0
+    measured = samples.measured
+    precision = measured.precision.copy()
+    precision[0, :3] = np.where(kept, before, 0.0)
+    return SampleRows(
+        strain=samples.strain[0],
+        used=samples.used[0],
+        navigation=replace(measured, precision=precision),
+        doubt=np.where(kept, before / np.where(kept, after, 1.0), 1.0),
+    )
+
+
 def measurement(
-    model: FlightModel, sample: SampleRows, columns: ErrorColumns, *, at: FloatArray, mean: FloatArray
+    model: FlightModel,
+    sample: SampleRows,
+    columns: ErrorColumns,
+    *,
+    at: FloatArray,
+    mean: FloatArray,
+    slopes: FloatArray | None = None,
 ) -> Measurement:
     """Return the rows of ``sample``, linearised at the flight state ``at`` (4,), about the ``mean`` (n,) of a law.
 
-    Rows of strain come first, in the order of the gauges used, then those of navigation, over its deviation.
+    ``slopes`` (4,) is the flight state of the slopes, None for ``at``. Rows of strain come first, in the order of
+    the gauges used, then those of navigation, over its deviation.
     """
     n_d, n = model.manifold.tables.n_gauges, model.n_states
     used, known, white = sample.used, sample.known, model.settings.white_navigation
     response = evaluate(model.manifold.tables, at[None])
-    strain = np.zeros((n_d, n))
-    strain[:, :N_STATES] = response.jacobian[0, :n_d]
-    strain[:, DISCREPANCY:] = columns.strain
     value, of_state = predicted(at[None])
+    sloped = response
+    if slopes is not None:
+        sloped, (_, of_state) = evaluate(model.manifold.tables, slopes[None]), predicted(slopes[None])
+    strain = np.zeros((n_d, n))
+    strain[:, :N_STATES] = sloped.jacobian[0, :n_d]
+    strain[:, DISCREPANCY:] = columns.strain
     scale = np.sqrt(sample.navigation.precision[0, :3])
     navigation = np.zeros((len(NAVIGATION), n))
     navigation[:, :N_STATES] = scale[:, None] * of_state[0, :3]

@@ -38,19 +38,25 @@ class FilteredSample:
 
 
 def filtered_sample(
-    model: FlightModel, law: Law, sample: SampleRows, *, start: FloatArray, iterations: int
+    model: FlightModel,
+    law: Law,
+    sample: SampleRows,
+    *,
+    start: FloatArray,
+    iterations: int,
+    slopes: FloatArray | None = None,
 ) -> FilteredSample:
     """Return the estimate of ``sample`` from the predicted ``law``, by ``iterations`` from a flight state.
 
-    ``start`` (4,) is that state.
+    ``start`` (4,) is that state, ``slopes`` (4,) that of the slopes; None for each iteration's own.
 
     As in the static estimator the errors are those at ``start``.
     """
     columns, state = error_columns(model, start), start
     for _ in range(iterations):
-        rows = measurement(model, sample, columns, at=state, mean=law.mean)
+        rows = measurement(model, sample, columns, at=state, mean=law.mean, slopes=slopes)
         state = _stepped(model, law, rows, state)
-    rows = measurement(model, sample, columns, at=state, mean=law.mean)
+    rows = measurement(model, sample, columns, at=state, mean=law.mean, slopes=slopes)
     update = measured(law, rows)
     mean, distance = given(update.law, N_STATES, state)
     found = Law(mean=mean, covariance=update.law.covariance, cross=update.law.cross)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.filter.consistency import Consistency
 from strainfmu.estimator.filter.kalman import Law, Transition
@@ -14,6 +16,12 @@ from strainfmu.estimator.manifold.flight_estimate import FlightEstimates
 from strainfmu.estimator.manifold.gauss_newton import Samples
 from strainfmu.estimator.manifold.inputs import EstimatorInputs
 
+OF_AGE = 0.25
+"""Time constant of the flight state of slopes over the time since the filter began, at most [1]."""
+
+LONGEST_STEP = 0.7
+"""Time step over that time constant from which each iteration takes its own slopes."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FilterTrack:
@@ -23,6 +31,8 @@ class FilterTrack:
     ----------
     law : of the states, None before the first step.
     state : (4,) flight state from which the next step starts, None before the first.
+    slope_state : (4,) flight state at which the last step took slopes, None for ``state``.
+    slope_age : time over which that has followed the estimated one [s].
     since_search, to_return : as of :class:`~strainfmu.estimator.manifold.tracker.Track`.
     consistency : of the window.
     named : what is held against navigation.
@@ -32,12 +42,26 @@ class FilterTrack:
 
     law: Law | None = None
     state: FloatArray | None = None
+    slope_state: FloatArray | None = None
+    slope_age: float = 0.0
     since_search: int = 0
     to_return: int = 0
     warm: WarmSample | None = None
     directions: FloatArray | None = None
     named: NamedNavigation = field(default_factory=NamedNavigation)
     consistency: Consistency = field(default_factory=Consistency)
+
+    def slopes_after(self, time_step: float, longest: float) -> FloatArray | None:
+        """Return (4,) the flight state of slopes after ``time_step`` [s]; None where each iteration takes its own.
+
+        It follows the estimated one with a time constant of ``longest`` [s], at most :data:`OF_AGE` of the time
+        that the filter has gone on: the first estimates are the worst.
+        """
+        time_constant = min(longest, OF_AGE * self.slope_age)
+        if self.state is None or time_step >= LONGEST_STEP * time_constant:
+            return None
+        last = self.state if self.slope_state is None else self.slope_state
+        return np.asarray(self.state + np.exp(-time_step / time_constant) * (last - self.state))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -14,6 +14,13 @@ RATE_TIME = 0.05
 """Time constant [s] at which the rates count twice. Below it they grow in inverse proportion: a filter without
 memory has none of the flight state either."""
 
+SLOPE_TIME = 0.2
+"""Time constant [s] by which the flight state whose slopes count follows the estimated one; at most T.
+
+Slopes at an estimate follow the noise of its sample: what they then say of a direction that is hardly seen is
+always off to one side, and adds up from step to step.
+"""
+
 SMALLEST, LARGEST = 1e-9, 1e6
 """Range of the settings, in the unit of each; the latter also the longest time step [s]."""
 
@@ -45,6 +52,11 @@ class FilterSettings:
             largest = 1.0 if entry.name == "white_navigation" else LARGEST
             if not (isfinite(value) and SMALLEST <= value <= largest):
                 raise InputError(f"{entry.name}: {value} found, must be between {SMALLEST:g} and {largest:g}")
+
+    @property
+    def slope_time(self) -> float:
+        """Time constant of the flight state whose slopes count [s]."""
+        return min(SLOPE_TIME, self.time_constant)
 
     @property
     def rate_scale(self) -> float:

@@ -87,6 +87,8 @@ def as_numbers(last: TimedTrack) -> dict[str, Any]:
     return {
         "time": last.time,
         "state": None if track.state is None else track.state.tolist(),
+        "slope_state": None if track.slope_state is None else track.slope_state.tolist(),
+        "slope_age": track.slope_age,
         "steps": [track.since_search, track.to_return],
         "consistency": asdict(track.consistency),
         "named": [track.named.apart.tolist(), track.named.alarms.tolist()],
@@ -104,14 +106,19 @@ def from_numbers(numbers: Mapping[str, Any]) -> TimedTrack:
     KeyError, TypeError, ValueError
         A part is missing, or of the wrong kind or shape.
     """
-    state = numbers["state"]
+    state, slope_state = (
+        None if numbers[name] is None else np.array(numbers[name], dtype=float).reshape(4)
+        for name in ("state", "slope_state")
+    )
     since_search, to_return = map(int, numbers["steps"])
     apart, alarms = np.array(numbers["named"], dtype=float).reshape(2, len(NAVIGATION))
     directions = numbers["directions"]
     track = FilterTrack(
         law=law_from_numbers(numbers["law"]),
         warm=warm_from_numbers(numbers["warm"]),
-        state=None if state is None else np.array(state, dtype=float).reshape(4),
+        state=state,
+        slope_state=slope_state,
+        slope_age=float(numbers["slope_age"]),
         since_search=since_search,
         to_return=to_return,
         consistency=Consistency(**numbers["consistency"]),

@@ -10,9 +10,10 @@ import numpy as np
 
 from strainfmu.estimator.filter.consistency import BAND, LARGEST, NARROW, WIDEN, WINDOW
 from strainfmu.estimator.filter.flight_model import flight_model
+from strainfmu.estimator.filter.flight_track import LONGEST_STEP, OF_AGE
 from strainfmu.estimator.filter.named_navigation import FITS, NAMED_AFTER
 from strainfmu.estimator.filter.settings import LARGEST as LARGEST_TIME
-from strainfmu.estimator.filter.settings import RATE_TIME, SLOW, FilterSettings
+from strainfmu.estimator.filter.settings import RATE_TIME, SLOPE_TIME, SLOW, FilterSettings
 from strainfmu.estimator.filter.settings import SMALLEST as SMALLEST_TIME
 from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.manifold.manifold_map import ManifoldMap
@@ -46,6 +47,9 @@ def filter_section(inverse_map: InverseMap, manifold: ManifoldMap) -> bytes:
         LARGEST_TIME,
         NAMED_AFTER,
         FITS,
+        SLOPE_TIME,
+        OF_AGE,
+        LONGEST_STEP,
     )
     errors = model.further
     further = () if errors is None else (errors.load, errors.rest_cross, errors.rest_variance)
