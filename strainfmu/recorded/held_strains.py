@@ -25,9 +25,8 @@ class HeldStrains:
         """Take the samples of a block: times (n,) [s] and strains (n, n_d), of which NaN are none."""
         known = np.isfinite(strain).any(axis=1)
         before = np.vstack([strain[:1] if self._last is None else self._last[None], strain[:-1]])
-        same = known & np.array(
-            [np.array_equal(one, other, equal_nan=True) for one, other in zip(before, strain, strict=True)]
-        )
+        equal = (strain == before) | (np.isnan(strain) & np.isnan(before))
+        same = known & equal.all(axis=1)
         if self._last is None:
             same[:1] = False
         for at, repeats in zip(time.tolist(), same.tolist(), strict=True):
