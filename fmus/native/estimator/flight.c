@@ -192,9 +192,10 @@ int flight_drop_inconsistent(Flight *flight) {
     if (!(largest > 1.0)) {
         return 0;
     }
-    const double size = fabs(residual[worst]), widening = size <= flight->map.navigation_alarm ? size + 1.0 : 1.0;
     double *precision = flight->solver.sample.precision;
     for (size_t k = 0; k < N_NAVIGATION; k++) {
+        const double widening =
+            navigation_may_be_wrong(flight, residual[worst], residual[k]) ? fabs(residual[worst]) + 1.0 : 1.0;
         precision[k] = k == worst ? 0.0 : precision[k] / (widening * widening);
     }
     return 1;

@@ -130,10 +130,13 @@ static double derive_range_score(const Flight *flight, const SolutionChange *cha
 /* Whether navigation that was dropped widened the deviations of the others: by a residual of the step itself, of which
    the end of the iterations says nothing. */
 static int navigation_doubted(const Flight *flight) {
+    const double *residual = flight->solver.solution.navigation_residual, *precision = flight->solver.sample.precision;
     int doubted = 0;
     for (size_t k = 0; k < N_NAVIGATION; k++) {
-        const double size = fabs(flight->solver.solution.navigation_residual[k]);
-        doubted |= !(flight->solver.sample.precision[k] > 0.0) && size > 0.0 && size <= flight->map.navigation_alarm;
+        const int dropped = !(precision[k] > 0.0) && fabs(residual[k]) > 0.0;
+        for (size_t i = 0; i < N_NAVIGATION; i++) {
+            doubted |= dropped && i != k && navigation_may_be_wrong(flight, residual[k], residual[i]);
+        }
     }
     return doubted;
 }

@@ -3,6 +3,8 @@
 #ifndef FLIGHT_PARTS_H
 #define FLIGHT_PARTS_H
 
+#include <math.h>
+
 #include "estimator.h"
 
 /* Take the gauges in use and their strain, at the reference temperature; their number. */
@@ -28,6 +30,14 @@ void flight_set_nothing_known(Estimator *e);
 /* Number of quantities of navigation in use; whether one has a value that is not used, and that is no correct one. */
 size_t flight_navigation_used(const Flight *flight);
 int flight_navigation_alarms(const Flight *flight);
+
+/* Difference of two sums of squares from which the quantity that leaves the larger one is not the wrong one: navigation.py. */
+#define DISCERNED 16.0
+
+/* Whether another quantity of navigation may be the wrong one, or none, where one is dropped; of their residuals. */
+static inline int navigation_may_be_wrong(const Flight *flight, double dropped, double other) {
+    return fabs(dropped) <= flight->map.navigation_alarm || dropped * dropped - other * other < DISCERNED;
+}
 
 /* Steps since the last search of the tables, as the step leaves them. */
 double flight_since_search(const Flight *flight, int searched);

@@ -30,6 +30,9 @@ q_inf: without it coefficients are those of the estimated flight state."""
 NAVIGATION_ALARM = outlier_threshold(len(NAVIGATION), FALSE_ALARM_PROBABILITY)
 """Standardised residual from which navigation that is dropped is an alarm, at the rate of health's other tests."""
 
+DISCERNED = 16.0
+"""Difference of two sums of squares from which the quantity that leaves the larger one is not the wrong one."""
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Navigation:
@@ -134,10 +137,12 @@ def inconsistent_navigation(residual: FloatArray) -> BoolArray:
 def doubted_precision(precision: FloatArray, residual: FloatArray, dropped: BoolArray) -> FloatArray:
     """Return the precision (k, 3) of navigation once ``dropped`` (k, 3) quantities do not count.
 
-    Below :data:`NAVIGATION_ALARM` it may as well be one of the others that is wrong, or none: they count with
-    deviations larger by the standardised ``residual`` (k, 3) of the one that is dropped, and one more for the
-    noise in it. Then three of them hold the error, whichever it is.
+    It may as well be one of the others that is wrong, where it would leave a sum of squares larger by less than
+    :data:`DISCERNED`, and, below :data:`NAVIGATION_ALARM`, any of them or none: such ones count with deviations
+    larger by the standardised ``residual`` (k, 3) of the one that is dropped, and one more for the noise in it.
+    Then three of them hold the error, whichever it is.
     """
     size = np.max(np.where(dropped, np.abs(residual), 0.0), axis=1, keepdims=True)
-    widening = np.where((size > 0.0) & (size <= NAVIGATION_ALARM), size + 1.0, 1.0)
+    may_be_wrong = (size <= NAVIGATION_ALARM) | (size * size - residual * residual < DISCERNED)
+    widening = np.where((size > 0.0) & may_be_wrong, size + 1.0, 1.0)
     return np.where(dropped, 0.0, precision / (widening * widening))

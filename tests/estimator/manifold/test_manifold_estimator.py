@@ -338,3 +338,19 @@ def test_doubt_about_navigation_covers_an_error_of_the_quantity_that_is_kept() -
         silent += bool(wrong) and found.health is HealthState.OK
     assert dropped == 20
     assert silent <= 1
+
+
+@pytest.mark.parametrize("factor", [0.8, 1.25])
+def test_a_wrong_dynamic_pressure_leaves_the_coefficients_within_three_sigma(factor: float) -> None:
+    """Far beyond the alarm level, too: M, p_inf and q_inf have one relation, which does not tell the wrong one."""
+    estimator = ManifoldEstimator(whole_map())
+    flow = navigation(CONDITION)
+    flow["dynamic_pressure"] *= factor
+    strain = np.array([strain_at(CONDITION, seed) for seed in range(20)])
+    found = estimator.estimate(strain, **flow)
+    assert isinstance(found, FlightEstimates)
+    u, w = (CONDITION.total_incidence * f(CONDITION.leeward_roll_angle) for f in (np.cos, np.sin))
+    loads = exact_response(CONDITION.mach_number, u, w, CONDITION.ambient_pressure)[N_D:]
+    true = loads / (CONDITION.dynamic_pressure * AREA * np.array([1.0, 1.0, 1.0, LENGTH, LENGTH]))
+    assert np.all(~found.navigation_used.all(axis=1))
+    assert np.all(np.abs(found.coefficients - true) < 3.0 * found.coefficients_std)

@@ -91,7 +91,8 @@ def test_navigation_that_is_dropped_with_an_alarm_asks_for_a_search(
         assert found.health is HealthState.DEGRADED
     assert len(searches) == 2  # with it and without
     assert found.fits
-    assert found.state == pytest.approx(state, abs=1e-3)
+    # The others may be the wrong ones, and count for less: the priors show.
+    assert np.all(np.abs(found.state - state) < 0.5 * np.sqrt(np.diagonal(found.state_covariance)))
 
 
 def test_a_spike_does_not_move_the_state(estimator: ManifoldEstimator) -> None:
