@@ -16,8 +16,8 @@ from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.tools.fault_injection import FaultySender
 from strainfmu.can.wire.profiles import Identifiers, profile_layout
 from strainfmu.cosim.estimator_source import open_step
-from strainfmu.estimator.inverse_map import save_inverse_map
-from strainfmu.estimator.step import Estimator
+from strainfmu.estimator.linear.estimator import Estimator
+from strainfmu.estimator.map.inverse_map import save_inverse_map
 from strainfmu.fmu.export import export_estimator
 from strainfmu.fmu.step_cost import host_costs
 

@@ -22,33 +22,33 @@ if TYPE_CHECKING:
     from strainfmu.cosim.recording import Recording
     from strainfmu.cosim.system import Connection, System
     from strainfmu.errors import InputError, StrainfmuError
+    from strainfmu.estimator.estimates.load_estimate import LoadEstimate, LoadEstimates
     from strainfmu.estimator.health import HealthState
-    from strainfmu.estimator.inverse_map import InverseMap, load_inverse_map, save_inverse_map
-    from strainfmu.estimator.load_estimate import LoadEstimate, LoadEstimates
+    from strainfmu.estimator.linear.estimator import Estimator
     from strainfmu.estimator.loading import load
+    from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map, save_inverse_map
     from strainfmu.estimator.settings import EstimatorSettings
-    from strainfmu.estimator.step import Estimator
     from strainfmu.fmu.export import ExportOptions, export_estimator
     from strainfmu.recorded.run import estimate_file
 
 _MODULES = {
     "Connection": "cosim.system",
-    "Estimator": "estimator.step",
+    "Estimator": "estimator.linear.estimator",
     "EstimatorSettings": "estimator.settings",
     "ExportOptions": "fmu.export",
     "HealthState": "estimator.health",
     "InputError": "errors",
-    "InverseMap": "estimator.inverse_map",
-    "LoadEstimate": "estimator.load_estimate",
-    "LoadEstimates": "estimator.load_estimate",
+    "InverseMap": "estimator.map.inverse_map",
+    "LoadEstimate": "estimator.estimates.load_estimate",
+    "LoadEstimates": "estimator.estimates.load_estimate",
     "Recording": "cosim.recording",
     "StrainfmuError": "errors",
     "System": "cosim.system",
     "estimate_file": "recorded.run",
     "export_estimator": "fmu.export",
     "load": "estimator.loading",
-    "load_inverse_map": "estimator.inverse_map",
-    "save_inverse_map": "estimator.inverse_map",
+    "load_inverse_map": "estimator.map.inverse_map",
+    "save_inverse_map": "estimator.map.inverse_map",
     "simulate": "cosim.master",
 }
 """Module of each public name."""

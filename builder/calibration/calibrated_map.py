@@ -18,7 +18,7 @@ from builder.structure.fourier.model import StructuralModel
 from builder.structure.mapped_structure import MappedStructure
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.estimator.map.inverse_map import InverseMap
 
 CALIBRATED = (
     "gauge_gain_percent",

@@ -18,7 +18,7 @@ from builder.structure.loads.applied import Load
 from builder.structure.loads.gauge_strain import load_resultant
 from builder.structure.loads.temperature import TemperatureField
 from strainfmu.arrays import BoolArray, FloatArray
-from strainfmu.estimator.inverse_map import LOAD_NAMES
+from strainfmu.estimator.map.inverse_map import LOAD_NAMES
 
 LEAST_T = 4.0
 
@@ -32,7 +32,7 @@ class LoadEquation:
 
     Attributes
     ----------
-    load : one of :data:`~strainfmu.estimator.inverse_map.LOAD_NAMES`.
+    load : one of :data:`~strainfmu.estimator.map.inverse_map.LOAD_NAMES`.
     gauges : (k,) numbers of the gauges.
     coefficient, standard_error : (k,) [N or N m per m/m].
     residual_std : of the cases [N or N m].

@@ -25,7 +25,7 @@ from builder.reporting import Progress
 from builder.structure.loads.applied import Load
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.estimator.map.inverse_map import InverseMap
 
 FLIGHTS = 24
 """Pressure fields of the map's ensemble that stand for the flights."""

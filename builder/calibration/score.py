@@ -40,9 +40,9 @@ from builder.truth.flow_table import load_flow_table
 from builder.vehicle.file import load_vehicle
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError, StrainfmuError
-from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.estimator.linear.estimator import Estimator
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
-from strainfmu.estimator.step import Estimator
+from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.files import write_bytes_atomically
 
 KINDS: dict[str, dict[str, Any]] = {

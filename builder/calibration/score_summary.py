@@ -9,7 +9,7 @@ import numpy as np
 
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 
 EXACT, BEFORE = "exact", "before"
 """States of what is known of a vehicle, beside the tests'."""

@@ -12,14 +12,14 @@ import numpy as np
 from builder.compare.field import estimated_fields
 from builder.compare.flights import Readings, one_condition
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.inverse_map import InverseMap
-from strainfmu.estimator.load_estimate import LoadEstimates
+from strainfmu.estimator.estimates.load_estimate import LoadEstimates
+from strainfmu.estimator.linear.estimator import Estimator
 from strainfmu.estimator.loading import estimator_of
 from strainfmu.estimator.manifold.air_data import AIR_DATA_NAMES
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimates
 from strainfmu.estimator.manifold.tracker import FlightTracker
-from strainfmu.estimator.step import Estimator
+from strainfmu.estimator.map.inverse_map import InverseMap
 
 GIVEN, PRESSURE_ALONE, NO_DYNAMIC_PRESSURE = "given", "q_inf only", "M and p_inf only"
 NAVIGATION = (GIVEN, PRESSURE_ALONE)

@@ -13,7 +13,7 @@ import numpy as np
 from builder.truth.flow_table import FlowTable, harmonics_at
 from builder.vehicle.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.load_estimate import LoadEstimates
+from strainfmu.estimator.estimates.load_estimate import LoadEstimates
 from strainfmu.flight_condition import FlightCondition
 
 

@@ -14,8 +14,7 @@ import numpy as np
 from builder.compare.candidate import Answer, median_microseconds
 from builder.compare.flights import Readings, one_condition
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.inverse_map import InverseMap
-from strainfmu.estimator.loads_from_strain import map_references
+from strainfmu.estimator.map.inverse_map import InverseMap, map_references
 
 STEP_STD = 0.1
 """Standard deviation of the walk in one cycle, over that of the prior: at 100 Hz it reaches the prior's in 1 s."""

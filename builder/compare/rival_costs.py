@@ -8,7 +8,7 @@ from builder.compare.candidate import GIVEN
 from builder.compare.flights import ALTITUDES_KM, Readings
 from builder.compare.rivals import RIVALS, RivalCandidate
 from builder.compare.training import training_flights
-from strainfmu.estimator.manifold.manifold_map import ManifoldMap
+from strainfmu.estimator.tables.manifold_map import ManifoldMap
 
 TRAINING = 500
 """Flights that each learns from: fewer than in a comparison, which its time per step hardly depends on."""

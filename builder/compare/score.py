@@ -14,7 +14,7 @@ from builder.compare.flights import Readings
 from builder.pipeline.flight_score import ROLLING
 from builder.truth.flights import Flights
 from strainfmu.arrays import FloatArray, IntArray
-from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 from strainfmu.flight_condition import FlightCondition
 
 SIGMAS = 3.0

@@ -12,9 +12,9 @@ import numpy as np
 from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, pressure_and_temperature
 from strainfmu.estimator.manifold.air_data import air_data
-from strainfmu.estimator.manifold.flight_tables import LOG_PRESSURE, MACH, U, W, evaluate
-from strainfmu.estimator.manifold.manifold_map import ManifoldMap
-from strainfmu.estimator.proportional_errors import PAIRS
+from strainfmu.estimator.map.proportional_errors import PAIRS
+from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, U, W, evaluate
+from strainfmu.estimator.tables.manifold_map import ManifoldMap
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -9,7 +9,7 @@ import numpy as np
 
 from builder.figures.canvas import blank_figure
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

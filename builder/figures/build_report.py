@@ -15,7 +15,7 @@ from builder.figures.words import with_signs
 from builder.inverse.regularisation import LCurve
 from builder.structure.observability import SYMMETRIES
 from strainfmu.arrays import FloatArray, IntArray
-from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, InverseMap
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -15,7 +15,7 @@ from builder.figures.unrolled import at_roll_angles
 from builder.vehicle.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.cosim.recording import Recording
-from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.estimator.map.inverse_map import InverseMap
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

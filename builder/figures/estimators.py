@@ -10,7 +10,7 @@ import numpy as np
 from builder.figures.canvas import blank_figure
 from builder.figures.words import estimator_in_words, with_signs
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -12,7 +12,7 @@ from builder.figures.canvas import COLOUR_MAP, blank_figure
 from builder.figures.colours import beyond, colour_ends
 from builder.figures.words import with_signs
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.estimator.map.inverse_map import InverseMap
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from builder.figures.unrolled import roll_degrees
 from builder.structure.observability import angle_from_meridian, direction_names
 from strainfmu.arrays import BoolArray, FloatArray
-from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.estimator.map.inverse_map import InverseMap
 
 KINDS = ("axial", "hoop", "inclined")
 SENSOR = "further sensors"

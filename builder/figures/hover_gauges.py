@@ -11,8 +11,8 @@ from builder.figures.hover import COLOUR_SCALE, HoverFigure, axis, choice, hover
 from builder.figures.unrolled import roll_degrees
 from builder.structure.observability import direction_names
 from strainfmu.arrays import FloatArray, IntArray
-from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, InverseMap
-from strainfmu.estimator.sensors import shown_units
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
+from strainfmu.estimator.map.sensors import shown_units
 
 MAX_MATRIX = 120
 """Gauges up to which the matrix of pairs is drawn: its size grows with their square."""

@@ -27,7 +27,7 @@ from builder.figures.hover_gauges import ROLL_AXIS, STATION_AXIS, gauge_places, 
 from builder.figures.unrolled import roll_degrees
 from builder.inverse.regularisation import LCurve
 from strainfmu.arrays import FloatArray, IntArray
-from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, InverseMap
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
 
 STATIONS, ROLLS = 100, 49
 """Points of an unrolled field."""

@@ -11,7 +11,7 @@ from builder.figures.canvas import blank_figure
 from builder.figures.field_views import SIDES, field_figure, pressure_rows
 from builder.vehicle.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

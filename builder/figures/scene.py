@@ -13,7 +13,7 @@ from builder.campaign.snapshots import Snapshots
 from builder.figures.gauge_marks import gauge_kinds
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
-from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.estimator.map.inverse_map import InverseMap
 
 MARK_LENGTH = 0.02
 """Of a bar, over the vehicle's extent; a quarter as wide, a tenth as high."""

@@ -37,8 +37,8 @@ from builder.vehicle.gauge_layout import GaugeLayout
 from builder.vehicle.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-from strainfmu.estimator.inverse_map import InverseMap
-from strainfmu.estimator.validity import condition_ranges, parameter_ranges
+from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.map.validity import condition_ranges, parameter_ranges
 from strainfmu.version import __version__
 
 AnyStructure = StructuralModel | MappedStructure

@@ -16,7 +16,7 @@ from scipy.linalg import solve_triangular
 from builder.inverse.state_map import StateMap
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-from strainfmu.estimator.innovation import innovation_whitening, inverse_cholesky
+from strainfmu.estimator.map.innovation import innovation_whitening, inverse_cholesky
 
 MAX_CONDITION_NUMBER = 1e10
 """Of the whitened, scaled Z: above it the gauges do not identify the states."""

@@ -14,7 +14,7 @@ import numpy as np
 from builder.inverse.state_map import StateMap
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-from strainfmu.estimator.innovation import innovation_whitening, inverse_cholesky
+from strainfmu.estimator.map.innovation import innovation_whitening, inverse_cholesky
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

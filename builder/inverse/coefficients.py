@@ -11,8 +11,8 @@ from builder.inverse.noise_model import NoiseModel
 from builder.inverse.state_map import StateMap
 from builder.vehicle.reference_quantities import ReferenceQuantities
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.innovation import inverse_cholesky
-from strainfmu.estimator.load_errors import load_gain, residual_load_gain
+from strainfmu.estimator.map.innovation import inverse_cholesky
+from strainfmu.estimator.map.load_errors import load_gain, residual_load_gain
 
 
 def load_covariance_by_terms(
@@ -25,7 +25,7 @@ def load_covariance_by_terms(
 
     The sum of the squares of :func:`load_error_factors` (Joseph's form) holds for any gain and cannot be negative.
     With gamma = 1 it is the posterior covariance.
-    :func:`strainfmu.estimator.load_errors.load_error_covariance` gives the same from a finished map, which no
+    :func:`strainfmu.estimator.map.load_errors.load_error_covariance` gives the same from a finished map, which no
     longer holds the terms.
 
     Parameters
@@ -33,8 +33,8 @@ def load_covariance_by_terms(
     solved : the state map.
     load_per_state : (5, n_q) M [N, N m per state].
     noise : the terms that occur; they may differ from those that the gain was weighted with.
-    strain_load_covariance : (n_d, 5) X of the gain G (:func:`~strainfmu.estimator.load_errors.load_gain`); None
-        for G = M T.
+    strain_load_covariance : (n_d, 5) X of the gain G (:func:`~strainfmu.estimator.map.load_errors.load_gain`);
+        None for G = M T.
     """
     gain = load_gain(
         load_per_state=load_per_state,

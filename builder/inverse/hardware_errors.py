@@ -17,7 +17,7 @@ from builder.structure.fourier.model import StructuralModel
 from builder.structure.mapped_structure import MappedStructure
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.proportional_errors import PAIRS, ErrorModel
+from strainfmu.estimator.map.proportional_errors import PAIRS, ErrorModel
 
 MICRO = 1e-6
 

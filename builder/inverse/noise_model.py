@@ -15,7 +15,7 @@ import numpy as np
 from builder.inverse.pod import PressureModes
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-from strainfmu.estimator.innovation import inverse_cholesky
+from strainfmu.estimator.map.innovation import inverse_cholesky
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from builder.inverse.case_2 import whitened_spectrum
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.estimator.map.inverse_map import InverseMap
 
 
 def on_observable_states(inverse_map: InverseMap) -> InverseMap:

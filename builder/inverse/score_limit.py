@@ -9,8 +9,8 @@ import numpy as np
 from builder.inverse.solution import Problem, Solution
 from builder.truth.tail_quantile import tail_quantile
 from strainfmu.arrays import FloatArray, IntArray
-from strainfmu.estimator.inverse_map import InverseMap
-from strainfmu.estimator.step import Estimator
+from strainfmu.estimator.linear.estimator import Estimator
+from strainfmu.estimator.map.inverse_map import InverseMap
 
 FALSE_OUTSIDE = 5e-4
 """Rate of flights inside the envelope that are taken to be outside it."""

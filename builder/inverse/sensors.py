@@ -20,7 +20,7 @@ from builder.vehicle.geometry import SurfaceGrid
 from builder.vehicle.sensor_entries import InertialUnit, LoadCells, Ports
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-from strainfmu.estimator.sensors import STRAIN, SensorRows
+from strainfmu.estimator.map.sensors import STRAIN, SensorRows
 
 Surface = SurfaceGrid | SurfaceMesh
 

@@ -24,7 +24,7 @@ from builder.vehicle.gamma_rules import Rule
 from builder.vehicle.map_options import MapEntry
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-from strainfmu.estimator.temperature import ThermalMap
+from strainfmu.estimator.map.temperature import ThermalMap
 
 MIN_STRAIN_OVER_NOISE, MIN_STRAIN_OVER_ERRORS = 10.0, 3.0
 """Strain of a mode over the gauges' noise, and over all errors together, from which it is a free state [1].

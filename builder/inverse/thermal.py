@@ -16,7 +16,7 @@ from builder.vehicle.file import Vehicle
 from builder.vehicle.temperature_options import Temperature
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-from strainfmu.estimator.temperature import ThermalMap
+from strainfmu.estimator.map.temperature import ThermalMap
 
 NAME = "temperature"
 """Name of the modes' noise term."""

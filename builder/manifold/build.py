@@ -22,12 +22,12 @@ from builder.manifold.state_tables import state_tables
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import pressure_and_temperature
-from strainfmu.estimator.inverse_map import InverseMap
-from strainfmu.estimator.manifold.flight_field import FlightField
-from strainfmu.estimator.manifold.further_tables import FurtherTables
-from strainfmu.estimator.manifold.manifold_map import ManifoldMap
-from strainfmu.estimator.manifold.parameter_tables import ParameterTables
-from strainfmu.estimator.manifold.shape_field import ShapeField
+from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.tables.flight_field import FlightField
+from strainfmu.estimator.tables.further_tables import FurtherTables
+from strainfmu.estimator.tables.manifold_map import ManifoldMap
+from strainfmu.estimator.tables.parameter_tables import ParameterTables
+from strainfmu.estimator.tables.shape_field import ShapeField
 
 
 def with_manifold(

@@ -14,9 +14,9 @@ from builder.vehicle.file import Vehicle
 from builder.vehicle.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO
-from strainfmu.estimator.manifold.flight_tables import LOG_PRESSURE, MACH, U
 from strainfmu.estimator.manifold.gauss_newton import strain_factor
-from strainfmu.estimator.manifold.manifold_map import ManifoldMap
+from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, U
+from strainfmu.estimator.tables.manifold_map import ManifoldMap
 
 _NEGLIGIBLE = 1e-3
 """Eigenvalue relative to the largest below which a shape of the Gaussian process is left out."""

@@ -14,7 +14,7 @@ from builder.manifold.tables import ring_response, spline_coefficients, spline_r
 from builder.vehicle.file import Vehicle
 from builder.vehicle.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.manifold.flight_field import FlightField
+from strainfmu.estimator.tables.flight_field import FlightField
 
 MAX_FIELD_HARMONIC = 32
 """Highest harmonic of the field: the leeward shock needs more than the gauges see."""

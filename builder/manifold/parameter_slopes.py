@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.manifold.parameter_tables import Powers
+from strainfmu.estimator.tables.parameter_tables import Powers
 
 FURTHER_PARAMETERS = "further parameters of the flow"
 """Error of tables of the mean over further parameters: what follows from these once they are known."""
@@ -59,7 +59,7 @@ class ConditionSlopes:
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ParameterSlopes:
     """Slopes over the flight state; as in
-    :class:`~strainfmu.estimator.manifold.parameter_tables.ParameterTables`."""
+    :class:`~strainfmu.estimator.tables.parameter_tables.ParameterTables`."""
 
     powers: Powers
     slope: FloatArray

@@ -14,7 +14,7 @@ from builder.manifold.discrepancy import corrects_level, process_size
 from builder.manifold.parameter_slopes import ParameterSlopes
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.manifold.shape_field import FieldParameters, ShapeField
+from strainfmu.estimator.tables.shape_field import FieldParameters, ShapeField
 
 _NEGLIGIBLE = 1e-3
 """Singular value, relative to the largest, below which a mode of the snapshots is left out."""

@@ -24,8 +24,8 @@ from builder.vehicle.file import Vehicle
 from builder.vehicle.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-from strainfmu.estimator.manifold.flight_field import FlightField
-from strainfmu.estimator.manifold.shape_field import ShapeField
+from strainfmu.estimator.tables.flight_field import FlightField
+from strainfmu.estimator.tables.shape_field import ShapeField
 
 MIN_FLOWS = (2, 4)
 """Least number of Mach numbers, and of incidences but zero, of a spline of a body of revolution."""
@@ -38,7 +38,7 @@ class StateTables:
     Attributes
     ----------
     mach_knots, incidence_knots, coefficients : see
-        :class:`~strainfmu.estimator.manifold.flight_tables.FlightTables`, no part of them fixed.
+        :class:`~strainfmu.estimator.tables.flight_tables.FlightTables`, no part of them fixed.
     errors : by name, columns (n, k) per p_inf whose squares add up to the mean one.
     process : (n, k) response per p_inf to the fields of a Gaussian process of unit variance.
     overpressure : (n_p,) p / p_inf - 1 at the least incidence, the mean over the Mach numbers.

@@ -50,8 +50,8 @@ from strainfmu.cosim import flight_model as flight_model_file
 from strainfmu.cosim.flight_model import save_flight_model
 from strainfmu.cosim.recording import Recording
 from strainfmu.cosim.zeros_file import load_zeros, write_zeros
-from strainfmu.estimator.inverse_map import load_inverse_map, save_inverse_map
-from strainfmu.estimator.zeros import GaugeZeros
+from strainfmu.estimator.map.inverse_map import load_inverse_map, save_inverse_map
+from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 from strainfmu.files import write_bytes_atomically
 
 CASES = 12

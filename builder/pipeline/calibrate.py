@@ -41,7 +41,7 @@ from builder.vehicle.file import Vehicle, load_vehicle
 from builder.workspace import refuse_misfits
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError, StrainfmuError
-from strainfmu.estimator.inverse_map import InverseMap, load_inverse_map, save_inverse_map
+from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map, save_inverse_map
 
 PAGE = ".html"
 """Suffix of the report beside the map."""

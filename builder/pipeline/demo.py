@@ -47,7 +47,7 @@ from strainfmu.cosim.recording import Recording, load_recording, save_csv, save_
 from strainfmu.cosim.system import System
 from strainfmu.cosim.trajectory import load_trajectory
 from strainfmu.errors import InputError
-from strainfmu.estimator.inverse_map import InverseMap, load_inverse_map
+from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map
 from strainfmu.files import write_bytes_atomically
 from strainfmu.fmu.export import export_estimator, export_plant
 from strainfmu.fmu.native_package import shipped_libraries

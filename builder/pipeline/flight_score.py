@@ -8,7 +8,7 @@ import numpy as np
 
 from strainfmu.arrays import FloatArray
 from strainfmu.cosim.recording import Recording
-from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 
 ROLLING = "M_R"
 CONSTANT = 1e-9

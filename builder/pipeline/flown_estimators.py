@@ -9,13 +9,13 @@ import numpy as np
 
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.cosim.recording import Recording
+from strainfmu.estimator.estimates.load_estimate import LoadEstimates
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, InverseMap
-from strainfmu.estimator.load_estimate import LoadEstimates
+from strainfmu.estimator.linear.estimator import Estimator
 from strainfmu.estimator.manifold.air_data import AIR_DATA_NAMES
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimates
-from strainfmu.estimator.step import Estimator
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
 from strainfmu.interface.fmi_variables import strain_names
 
 COMPARED_AIR_DATA = ("angle_of_attack", "sideslip_angle", "mach_number", "dynamic_pressure")

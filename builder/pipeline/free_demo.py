@@ -35,7 +35,7 @@ from strainfmu.cosim.fmu_step import FmuStep
 from strainfmu.cosim.recording import Recording, load_recording, save_csv, save_hdf5
 from strainfmu.cosim.trajectory import load_trajectory
 from strainfmu.errors import InputError
-from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, load_inverse_map
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, load_inverse_map
 from strainfmu.fmu.export import export_estimator
 from strainfmu.fmu.native_package import shipped_libraries
 from strainfmu.interface.fmi_variables import strain_names

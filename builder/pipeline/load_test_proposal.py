@@ -21,7 +21,7 @@ from builder.structure.fourier.model import refuse_beyond_fourier
 from builder.vehicle.file import Vehicle, load_vehicle
 from builder.vehicle.map_needs import used_layouts
 from builder.workspace import refuse_misfits
-from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 
 HEAD = (
     "Proposed by strainfmu loadtest. To be filled in after the test: the recording, its channels.toml, and when",

@@ -50,8 +50,8 @@ from builder.truth.flows import independent_flows, truth_inputs
 from builder.truth.strain import TrueStructure
 from builder.vehicle.file import Vehicle, load_vehicle
 from builder.vehicle.map_needs import unused_entries, used_layouts
-from strainfmu.estimator import inverse_map as inverse_map_file
-from strainfmu.estimator.inverse_map import load_inverse_map, save_inverse_map
+from strainfmu.estimator.map import inverse_map as inverse_map_file
+from strainfmu.estimator.map.inverse_map import load_inverse_map, save_inverse_map
 
 MAP_METHOD_VERSION = 11
 """Raised whenever the same files give another map, so that maps are made again."""

@@ -21,7 +21,7 @@ from builder.truth.shape_flights import shape_flights
 from builder.truth.shape_structure import flying_structure, refuse_without_other_model, structure_of_check
 from builder.vehicle.file import Vehicle
 from strainfmu.errors import InputError
-from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.flight_condition import FlightCondition
 
 SHAPE_CONDITIONS, SHAPE_VEHICLES = 200, 500

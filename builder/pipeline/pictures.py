@@ -10,7 +10,7 @@ from builder.figures.picture_files import write_picture
 from builder.figures.scene import scene_of_snapshot
 from builder.pipeline.pipeline import Pipeline
 from builder.pipeline.used_files import MAP, SNAPSHOTS
-from strainfmu.estimator.inverse_map import load_inverse_map
+from strainfmu.estimator.map.inverse_map import load_inverse_map
 
 
 def make_pictures(pipeline: Pipeline) -> None:

@@ -53,7 +53,7 @@ from builder.vehicle.file import Vehicle, load_vehicle
 from builder.vehicle.map_needs import check_map_size, used_layouts
 from builder.workspace import refuse_misfits
 from strainfmu.errors import InputError
-from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.estimator.map.inverse_map import InverseMap
 
 AnyProgress = bool | Reporter | None
 """None or False for silence, True for progress bars, or a reporter of the caller's."""

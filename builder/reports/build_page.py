@@ -13,7 +13,7 @@ from builder.reports.build_tables import first_rows, report_tables
 from builder.reports.first_screen import WELL, first_screen
 from builder.reports.html import Block, Cards, Files, Items, Page, Paragraph, Section, write_page
 from builder.reports.tables import Table, tables_json, write_csv
-from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 from strainfmu.files import write_bytes_atomically
 
 CSV_FOLDER = "report_tables"

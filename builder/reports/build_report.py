@@ -31,7 +31,7 @@ from builder.vehicle.file import Vehicle
 from builder.vehicle.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.estimator.map.inverse_map import InverseMap
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

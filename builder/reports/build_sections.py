@@ -15,7 +15,7 @@ from builder.reports.build_tables import MICROSTRAIN_PER_KPA, main_class
 from builder.reports.flight_accuracy import NAVIGATION, FlightAccuracy
 from builder.reports.html import Block, Paragraph, Section, picture
 from builder.reports.tables import Table
-from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 
 AIR_DATA_SHOWN = (
     ("total_incidence", "total incidence [deg]", 180.0 / np.pi, True),

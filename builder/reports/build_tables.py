@@ -14,8 +14,8 @@ from builder.reports.gauge_tables import gauges, sensors_table
 from builder.reports.tables import SCALES, Column, Table, by_name, make_table, records_table
 from builder.structure.observability import SYMMETRIES
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, LOAD_NAMES
-from strainfmu.estimator.validity import valid_ranges
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, LOAD_NAMES
+from strainfmu.estimator.map.validity import valid_ranges
 
 MICRO = SCALES["um/m"]
 MICROSTRAIN_PER_KPA = 1e9

@@ -10,7 +10,7 @@ import numpy as np
 from builder.inverse.coefficients import load_error_factors
 from builder.inverse.solution import Problem, Solution
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.estimator.map.inverse_map import InverseMap
 
 OF_STATES = "prior and gamma"
 

@@ -13,7 +13,7 @@ from builder.reports.build_report import BuildReport
 from builder.reports.tables import Column, shown
 from builder.structure.observability import Symmetry
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, LOAD_NAMES
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, LOAD_NAMES
 
 WELL = 0.05
 """Sigma over the range of the snapshots up to which a coefficient counts as measured well."""

@@ -10,14 +10,14 @@ import numpy as np
 from builder.reports.tables import Column, Table, make_table
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO
-from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, InverseMap
 from strainfmu.estimator.manifold.air_data import AIR_DATA_NAMES
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimates
 from strainfmu.estimator.manifold.flight_health import RANGE_TOLERANCE
-from strainfmu.estimator.manifold.flight_tables import LOG_PRESSURE, MACH, U, W, evaluate
 from strainfmu.estimator.manifold.gauss_newton import linearise_anew
 from strainfmu.estimator.manifold.navigation import NAVIGATION as QUANTITIES
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
+from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, U, W, evaluate
 
 ALL, PRESSURE_ALONE = "M, p_inf and q_inf", "q_inf only"
 NAVIGATION = (ALL, PRESSURE_ALONE)

@@ -17,7 +17,7 @@ from builder.vehicle.gamma_rules import RULES
 from builder.vehicle.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.estimator.map.inverse_map import InverseMap
 
 CURVE_DECADES = (-6.0, 6.0)
 CURVE_POINTS = 241

@@ -10,8 +10,8 @@ import numpy as np
 from builder.reports.build_report import BuildReport
 from builder.reports.tables import Column, Table, make_table
 from builder.structure.observability import direction_names
-from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
-from strainfmu.estimator.sensors import SensorRows, shown_units
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
+from strainfmu.estimator.map.sensors import SensorRows, shown_units
 
 
 def gauges(report: BuildReport) -> Table:

@@ -1,8 +1,8 @@
 """Value of each gauge: the cost of its loss, the bias that stays undetected, and its effect on the loads.
 
 With P the precision of d - m and R the gauges lost, the gain without them is G - K P_R, K = G_R P_RR^-1
-(:mod:`strainfmu.estimator.masks`). The factor E = [G L - X' L'^-1, G A - M] of the loads' error is linear in G.
-So with Q = P [L, A] it becomes E - K Q_R, and the variances of all sets of one size follow from three small
+(:mod:`strainfmu.estimator.linear.masks`). The factor E = [G L - X' L'^-1, G A - M] of the loads' error is linear
+in G. So with Q = P [L, A] it becomes E - K Q_R, and the variances of all sets of one size follow from three small
 products.
 """
 
@@ -14,16 +14,16 @@ from itertools import combinations
 import numpy as np
 
 from strainfmu.arrays import FloatArray, IntArray
-from strainfmu.estimator.detectability import (
+from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY
+from strainfmu.estimator.linear.detectability import (
     detectable_noncentrality,
     minimal_detectable_bias,
     minimal_isolable_bias,
 )
-from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY
-from strainfmu.estimator.inverse_map import InverseMap
-from strainfmu.estimator.isolation import ambiguous_groups, correlations, outlier_threshold
-from strainfmu.estimator.map_parts import map_parts
-from strainfmu.estimator.masks import MIN_INFORMATION
+from strainfmu.estimator.linear.isolation import ambiguous_groups, correlations, outlier_threshold
+from strainfmu.estimator.linear.map_parts import map_parts
+from strainfmu.estimator.linear.masks import MIN_INFORMATION
+from strainfmu.estimator.map.inverse_map import InverseMap
 
 MISS_PROBABILITY = 0.01
 """Probability that a bias of the stated detectable or isolable size is missed."""

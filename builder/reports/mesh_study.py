@@ -43,8 +43,8 @@ from builder.vehicle.geometry import BodyOfRevolution
 from builder.vehicle.map_needs import used_layouts
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError, StrainfmuError
-from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, InverseMap
-from strainfmu.estimator.step import Estimator
+from strainfmu.estimator.linear.estimator import Estimator
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
 
 FOURIER = "Fourier model"
 LAYERS = 2  # of the Fourier model's wall

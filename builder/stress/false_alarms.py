@@ -33,8 +33,8 @@ from builder.vehicle.file import Vehicle, load_vehicle
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, HealthState
-from strainfmu.estimator.inverse_map import InverseMap, load_inverse_map
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
+from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map
 
 VEHICLES = 50
 """Vehicles as built that fly at each condition."""

@@ -32,9 +32,9 @@ from builder.vehicle.sections import Resolutions
 from builder.vehicle.temperature_options import Temperature, TemperatureSensor
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError, StrainfmuError
-from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, InverseMap
+from strainfmu.estimator.linear.estimator import Estimator
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
-from strainfmu.estimator.step import Estimator
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
 
 MICRO, PER_100K, CELSIUS = 1e-6, 1e-4, 273.15
 

@@ -36,8 +36,8 @@ from builder.truth.independent_model import refuse_without_independent_model
 from builder.vehicle.file import Vehicle, load_vehicle
 from builder.workspace import Workspace
 from strainfmu.errors import FlowReachError, InputError
-from strainfmu.estimator import inverse_map as inverse_map_file
-from strainfmu.estimator.inverse_map import InverseMap, load_inverse_map
+from strainfmu.estimator.map import inverse_map as inverse_map_file
+from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map
 from strainfmu.files import content_hash_of, write_bytes_atomically
 from strainfmu.flight_condition import FlightCondition
 

@@ -18,8 +18,8 @@ from builder.truth.read_flights import gauge_noise
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.loading import estimator_of
+from strainfmu.estimator.map.inverse_map import InverseMap
 
 NONLINEAR_SHARE = 4
 """A nonlinear estimate costs far more than a linear one: its kinds are flown with so many times fewer draws."""

@@ -16,8 +16,8 @@ from builder.truth.read_flights import THREADS, ReadFlights
 from builder.truth.tail_quantile import tail_quantile
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY
-from strainfmu.estimator.inverse_map import InverseMap
-from strainfmu.estimator.step import Estimator
+from strainfmu.estimator.linear.estimator import Estimator
+from strainfmu.estimator.map.inverse_map import InverseMap
 
 LARGEST_SCALE = 3.0
 """Factor on an alarm level from which map and independent model do not agree: then the level stays the

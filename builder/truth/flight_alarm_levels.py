@@ -18,13 +18,13 @@ from builder.truth.read_flights import THREADS, ReadFlights
 from builder.truth.tail_quantile import TAIL
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY
-from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.manifold.estimator import BLOCK, EstimatorInputs, ManifoldEstimator
 from strainfmu.estimator.manifold.flight_health import gauge_threshold, shape_limit, whole_chi_square_limit
-from strainfmu.estimator.manifold.flight_tables import evaluate
 from strainfmu.estimator.manifold.gauss_newton import strain_factor
 from strainfmu.estimator.manifold.navigation import NAVIGATION, predicted, state_measurement
 from strainfmu.estimator.manifold.solve import solve_warm
+from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.tables.flight_tables import evaluate
 from strainfmu.flight_condition import FlightCondition
 
 ESTIMATED = (2.0 * TAIL, 2.0 * TAIL, 5.0 * TAIL)

@@ -13,7 +13,7 @@ from builder.truth.held_out import held_out_conditions
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map_options import Noise
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.flight_condition import FlightCondition
 
 CONDITIONS, VEHICLES = 1000, 200

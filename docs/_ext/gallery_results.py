@@ -17,7 +17,7 @@ import builder
 from builder.aero.engine import Flow, FlowKey
 from builder.aero.euler_engine import EulerEngine
 from builder.vehicle.file import Vehicle
-from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.estimator.map.inverse_map import InverseMap
 
 
 def keep_flows() -> None:

@@ -18,18 +18,18 @@ from pythonfmu import Fmi2Slave
 from pythonfmu.enums import Fmi2Status
 
 from strainfmu.errors import InputError
+from strainfmu.estimator.estimates.load_estimate import LoadEstimate
 from strainfmu.estimator.filter import switched, switched_linear
 from strainfmu.estimator.filter.switched import SwitchedFilter, TimedTrack
 from strainfmu.estimator.filter.switched_linear import SwitchedLinearFilter, TimedLaw
-from strainfmu.estimator.inverse_map import load_inverse_map
-from strainfmu.estimator.load_estimate import LoadEstimate
 from strainfmu.estimator.loading import estimator_of
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
+from strainfmu.estimator.map.inverse_map import load_inverse_map
+from strainfmu.estimator.map.temperature import known_sensors
 from strainfmu.estimator.settings import EstimatorSettings, setting_fault
-from strainfmu.estimator.tare import KnownStrain
-from strainfmu.estimator.tare_edge import EdgeTare
-from strainfmu.estimator.temperature import known_sensors
-from strainfmu.estimator.zeros import GaugeZeros, zero_fault
+from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros, zero_fault
+from strainfmu.estimator.zeros.tare import KnownStrain
+from strainfmu.estimator.zeros.tare_edge import EdgeTare
 from strainfmu.fmu.wrapper_exit import let_go_at_exit
 from strainfmu.interface.estimator_variables import (
     PARAMETERS,

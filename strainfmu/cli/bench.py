@@ -12,10 +12,10 @@ import numpy as np
 from strainfmu.arrays import FloatArray
 from strainfmu.cosim.master import matching_connections, simulate
 from strainfmu.cosim.system import System
-from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, InverseMap, load_inverse_map
+from strainfmu.estimator.linear.estimator import Estimator
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.tracker import FlightTracker
-from strainfmu.estimator.step import Estimator
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap, load_inverse_map
 from strainfmu.fmu.step_cost import step_costs
 
 STOP_TIME = 2.0

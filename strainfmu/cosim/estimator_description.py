@@ -13,7 +13,7 @@ import numpy as np
 from strainfmu.arrays import FloatArray
 from strainfmu.cosim.instance import read_description
 from strainfmu.errors import InputError
-from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 from strainfmu.interface.sensor_variables import PREFIX as SENSOR_PREFIX
 
 STRAIN = re.compile(r"strain\[(\d+)\]")

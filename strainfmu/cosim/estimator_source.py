@@ -16,12 +16,12 @@ from strainfmu.cosim.fmu_step import TEMPERATURE, FmuStep
 from strainfmu.cosim.step import ENVELOPE_SCORE, FURTHER_LOADS, PARAMETERS, Step, StepResult
 from strainfmu.cosim.zeros_file import load_zeros
 from strainfmu.errors import InputError
-from strainfmu.estimator.inverse_map import InverseMap, load_inverse_map
 from strainfmu.estimator.loading import estimator_of
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.tracker import FlightTracker
-from strainfmu.estimator.sensors import refuse_sensors
-from strainfmu.estimator.zeros import GaugeZeros
+from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map
+from strainfmu.estimator.map.sensors import refuse_sensors
+from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 from strainfmu.interface.further_variables import further_load_outputs, further_outputs, section_stations
 from strainfmu.interface.parameter_variables import (
     OUTSIDE_PREFIX,

@@ -32,7 +32,7 @@ from strainfmu.cosim.estimator_description import (
 from strainfmu.cosim.instance import Instance, SignalBlock, read_description, safe_temporary_parent, unzip
 from strainfmu.cosim.step import FURTHER_LOADS, PARAMETERS, StepRefused, StepResult
 from strainfmu.errors import InputError, StrainfmuError
-from strainfmu.estimator.zeros import GaugeZeros
+from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 from strainfmu.interface.further_variables import further_load_outputs
 from strainfmu.interface.parameter_variables import OUTSIDE_PREFIX, STD_PREFIX
 from strainfmu.interface.parameter_variables import PREFIX as PARAMETER_PREFIX

@@ -5,11 +5,11 @@ from __future__ import annotations
 from os import PathLike
 from pathlib import Path
 
-from strainfmu.estimator.inverse_map import InverseMap, load_inverse_map
+from strainfmu.estimator.linear.estimator import Estimator
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
+from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map
 from strainfmu.estimator.settings import EstimatorSettings
-from strainfmu.estimator.step import Estimator
-from strainfmu.estimator.zeros import GaugeZeros
+from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 
 
 def load(

@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields
 from math import isfinite
 
 from strainfmu.errors import InputError
-from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.estimator.map.inverse_map import InverseMap
 
 SENSOR_RANGE = 0.05
 """|strain| [m/m] that foil gauges stand, 5 %: what reads more is broken. Amplifiers often end far earlier."""

@@ -7,10 +7,10 @@ from math import atan2, degrees
 
 import numpy as np
 
-from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, InverseMap
-from strainfmu.estimator.sensors import SensorRows
-from strainfmu.estimator.temperature import ThermalMap
-from strainfmu.estimator.validity import ValidRange, valid_ranges
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
+from strainfmu.estimator.map.sensors import SensorRows
+from strainfmu.estimator.map.temperature import ThermalMap
+from strainfmu.estimator.map.validity import ValidRange, valid_ranges
 from strainfmu.fmu.documentation import Section
 from strainfmu.fmu.reference_run import ReferenceRun, estimate_figure
 from strainfmu.fmu.reference_strains import failing_gauge, reference_strains

@@ -17,8 +17,14 @@ from strainfmu.cosim.flight_model import check_envelope, load_flight_model
 from strainfmu.cosim.trajectory import load_trajectory
 from strainfmu.cosim.zeros_file import load_known_strain
 from strainfmu.errors import InputError
-from strainfmu.estimator.inverse_map import SCHEMA, SCHEMA_VERSION, InverseMap, load_inverse_map, save_inverse_map
-from strainfmu.estimator.tare import KnownStrain
+from strainfmu.estimator.map.inverse_map import (
+    SCHEMA,
+    SCHEMA_VERSION,
+    InverseMap,
+    load_inverse_map,
+    save_inverse_map,
+)
+from strainfmu.estimator.zeros.tare import KnownStrain
 from strainfmu.files import content_hash_of
 from strainfmu.fmu import native_package, python_package
 from strainfmu.fmu.description import FmuDescription
@@ -51,7 +57,13 @@ _COMMON_SOURCES = (
     "fmu/__init__.py",
     "fmu/wrapper_exit.py",
 )
-_ESTIMATOR_SOURCES = (*_COMMON_SOURCES, "estimator/", "estimator/filter/", "estimator/manifold/", "interface/")
+_ESTIMATOR_ROOMS = ("estimates", "filter", "linear", "manifold", "map", "numerics", "tables", "zeros")
+_ESTIMATOR_SOURCES = (
+    *_COMMON_SOURCES,
+    "estimator/",
+    *(f"estimator/{room}/" for room in _ESTIMATOR_ROOMS),
+    "interface/",
+)
 """Modules and, with a slash, whole rooms of the run-time that a slave imports, itself or through others."""
 _PLANT_SOURCES = (
     *_COMMON_SOURCES,

@@ -9,8 +9,8 @@ from strainfmu.cosim.flight import INSTANCES, scheduled_signals
 from strainfmu.cosim.flight_model import load_flight_model
 from strainfmu.cosim.scenario import Scenario
 from strainfmu.errors import InputError
-from strainfmu.estimator.inverse_map import load_inverse_map
-from strainfmu.estimator.sensors import refuse_sensors
+from strainfmu.estimator.map.inverse_map import load_inverse_map
+from strainfmu.estimator.map.sensors import refuse_sensors
 from strainfmu.fmu.export import export_estimator
 from strainfmu.fmu.plant_export import export_autopilot, export_native_plant, export_schedule
 from strainfmu.interface.plant_variables import Motion

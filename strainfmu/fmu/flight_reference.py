@@ -7,8 +7,8 @@ import numpy as np
 from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO
 from strainfmu.estimator.manifold.error_covariance import strain_covariance
-from strainfmu.estimator.manifold.flight_tables import LOG_PRESSURE, MACH, N_STATES, U, W, evaluate
-from strainfmu.estimator.manifold.manifold_map import ManifoldMap
+from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, N_STATES, U, W, evaluate
+from strainfmu.estimator.tables.manifold_map import ManifoldMap
 
 _PART_OF_RANGE = 0.3
 """Amplitude of Mach number and ln p_inf, of their ranges' halves."""

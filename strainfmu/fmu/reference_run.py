@@ -13,13 +13,13 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 import numpy as np
 from numpy.typing import NDArray
 
+from strainfmu.estimator.estimates.load_estimate import LoadEstimate
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.inverse_map import InverseMap
-from strainfmu.estimator.load_estimate import LoadEstimate
+from strainfmu.estimator.linear.estimator import Estimator
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.tracker import FlightTracker
-from strainfmu.estimator.step import Estimator
-from strainfmu.estimator.tare_edge import TareState
+from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.zeros.tare_edge import TareState
 from strainfmu.fmu.reference_strains import reference_strains, reference_truth
 from strainfmu.fmu.run_figure import Line, Panel, run_figure
 from strainfmu.interface.estimator_variables import estimator_interface, output_values

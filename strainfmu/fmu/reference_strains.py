@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
-from strainfmu.estimator.inverse_map import InverseMap
-from strainfmu.estimator.proportional_errors import PAIRS, ErrorModel, excess_products
+from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.map.proportional_errors import PAIRS, ErrorModel, excess_products
 from strainfmu.fmu.flight_reference import motion_coefficients, motion_strains
 
 MOVING_STATES = 5
@@ -107,7 +107,7 @@ def error_covariance(inverse_map: InverseMap, coefficients: FloatArray) -> Float
     """Return (k, n_d, n_d) covariance of the errors of the strains [1] at ``coefficients`` (k, 5).
 
     The map's own holds errors in proportion to strain at their mean over the snapshots:
-    :mod:`strainfmu.estimator.proportional_errors`.
+    :mod:`strainfmu.estimator.map.proportional_errors`.
     """
     covariance = np.repeat(inverse_map.noise_covariance[None], len(coefficients), axis=0)
     of_gauge, common, mean_product = (

@@ -18,8 +18,8 @@ import numpy as np
 from strainfmu.arrays import FloatArray
 from strainfmu.cosim.instance import import_fmpy, safe_temporary_parent
 from strainfmu.errors import StrainfmuError
-from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, InverseMap, load_inverse_map, save_inverse_map
-from strainfmu.estimator.sensors import refuse_sensors
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap, load_inverse_map, save_inverse_map
+from strainfmu.estimator.map.sensors import refuse_sensors
 from strainfmu.fmu.export import ExportOptions, export_estimator
 from strainfmu.interface.filter_variables import FILTER_TIME_CONSTANT
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from enum import IntEnum
 
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.tare_edge import TareState
+from strainfmu.estimator.zeros.tare_edge import TareState
 
 HEALTH_TYPE = "HealthState"
 

@@ -30,8 +30,8 @@ from strainfmu.interface.temperature_variables import TEMPERATURE_ARRAYS, with_t
 from strainfmu.interface.zero_variables import ZERO_ARRAYS, with_zero_parameters
 
 if TYPE_CHECKING:
-    from strainfmu.estimator.inverse_map import InverseMap
-    from strainfmu.estimator.load_estimate import LoadEstimate
+    from strainfmu.estimator.estimates.load_estimate import LoadEstimate
+    from strainfmu.estimator.map.inverse_map import InverseMap
 
 LOADS = {
     "force.axial": ("Axial force, positive aft, fore-body", "N"),

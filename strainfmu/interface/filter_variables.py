@@ -8,7 +8,7 @@ from strainfmu.estimator.filter.settings import LARGEST, SMALLEST
 from strainfmu.interface.fmi_variables import Variable
 
 if TYPE_CHECKING:
-    from strainfmu.estimator.inverse_map import InverseMap
+    from strainfmu.estimator.map.inverse_map import InverseMap
 
 FILTER_TIME_CONSTANT = "filter_time_constant"
 

@@ -16,7 +16,7 @@ from strainfmu.interface.input_names import FLOW_INPUTS, NAVIGATION_INPUTS, NOT_
 
 if TYPE_CHECKING:
     from strainfmu.estimator.manifold.flight_estimate import FlightEstimate
-    from strainfmu.estimator.manifold.manifold_map import ManifoldMap
+    from strainfmu.estimator.tables.manifold_map import ManifoldMap
 
 _AIR_DATA_TEXT = (
     "Angle of attack",

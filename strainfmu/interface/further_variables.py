@@ -12,8 +12,8 @@ from strainfmu.estimator.further_loads import SECTION_LOADS
 from strainfmu.interface.fmi_variables import Variable, deviation_of
 
 if TYPE_CHECKING:
-    from strainfmu.estimator.inverse_map import InverseMap
-    from strainfmu.estimator.load_estimate import LoadEstimate
+    from strainfmu.estimator.estimates.load_estimate import LoadEstimate
+    from strainfmu.estimator.map.inverse_map import InverseMap
 
 FURTHER_ARRAYS = {
     **{f"section.{name}": f"{text}, of every section" for name, (text, _) in SECTION_LOADS.items()},

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from math import inf, nan
 
 FLOW_INPUTS = ("dynamic_pressure", "dynamic_pressure_std", "mach_number", "altitude")
-"""Flow and navigation, the further arguments of :meth:`strainfmu.estimator.step.Estimator.step`."""
+"""Flow and navigation, the further arguments of :meth:`strainfmu.estimator.linear.estimator.Estimator.step`."""
 
 NOT_KNOWN = -1e9
 """Start value of :data:`FLOW_INPUTS` that need not be known, in the unit of each; NaN means the same.

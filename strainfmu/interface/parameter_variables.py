@@ -9,12 +9,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from strainfmu.estimator.flow_parameters import PARAMETER_TOLERANCE, flow_parameters
+from strainfmu.estimator.linear.flow_parameters import PARAMETER_TOLERANCE, flow_parameters
 from strainfmu.interface.fmi_variables import Variable
 from strainfmu.interface.input_names import NAVIGATION_INPUTS, NOT_KNOWN
 
 if TYPE_CHECKING:
-    from strainfmu.estimator.inverse_map import InverseMap
+    from strainfmu.estimator.map.inverse_map import InverseMap
 
 PREFIX = "parameter."
 STD_PREFIX = "parameter_std."

@@ -12,7 +12,7 @@ from strainfmu.interface.fmi_variables import Variable, strain_names
 from strainfmu.interface.input_names import NOT_KNOWN
 
 if TYPE_CHECKING:
-    from strainfmu.estimator.inverse_map import InverseMap
+    from strainfmu.estimator.map.inverse_map import InverseMap
 
 PREFIX = "sensor."
 THRUST = "thrust"

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from strainfmu.estimator.tare import TareLimits
-from strainfmu.estimator.zeros import LARGEST_ZERO
+from strainfmu.estimator.zeros.gauge_zeros import LARGEST_ZERO
+from strainfmu.estimator.zeros.tare import TareLimits
 from strainfmu.interface.enumerations import TARE_TYPE
 from strainfmu.interface.fmi_variables import Variable
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from strainfmu.estimator.zeros import LARGEST_ZERO
+from strainfmu.estimator.zeros.gauge_zeros import LARGEST_ZERO
 from strainfmu.interface.fmi_variables import Variable
 
 ZERO_COMMON_STD = "zero_common_std"

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from strainfmu.can.cycle.quality import Quality
 from strainfmu.can.cycle.words import all_words
-from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 from strainfmu.interface.estimator_variables import LOADS
 from strainfmu.monitor.events import EventLog
 from strainfmu.monitor.message import FIELD_UNITS, UNITS, parsed

@@ -9,10 +9,10 @@ from typing import Protocol
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
-from strainfmu.estimator.flow_parameters import PARAMETER_TOLERANCE
-from strainfmu.estimator.inverse_map import InverseMap
-from strainfmu.estimator.load_estimate import LoadEstimate, LoadEstimates
+from strainfmu.estimator.estimates.load_estimate import LoadEstimate, LoadEstimates
+from strainfmu.estimator.linear.flow_parameters import PARAMETER_TOLERANCE
 from strainfmu.estimator.manifold.navigation import NAVIGATION
+from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.recorded.column_names import STATIC_PRESSURE
 from strainfmu.recorded.columns import StrainBlock
 from strainfmu.recorded.strain_level import LevelReference

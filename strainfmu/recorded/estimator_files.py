@@ -8,9 +8,9 @@ from pathlib import Path
 
 from strainfmu.cosim.estimator_source import is_fmu
 from strainfmu.cosim.zeros_file import load_zeros
-from strainfmu.estimator.inverse_map import load_inverse_map
 from strainfmu.estimator.loading import estimator_of
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
+from strainfmu.estimator.map.inverse_map import load_inverse_map
 from strainfmu.recorded.block_estimates import BlockEstimator
 from strainfmu.recorded.fmu_blocks import opened_fmu
 from strainfmu.recorded.map_blocks import FlightBlocks, MapBlocks

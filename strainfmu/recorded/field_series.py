@@ -16,10 +16,10 @@ import numpy as np
 
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-from strainfmu.estimator.inverse_map import InverseMap
-from strainfmu.estimator.linear_field import no_field
-from strainfmu.estimator.load_estimate import LoadEstimate, LoadEstimates
-from strainfmu.estimator.pressure_field import PressureField
+from strainfmu.estimator.estimates.linear_field import no_field
+from strainfmu.estimator.estimates.load_estimate import LoadEstimate, LoadEstimates
+from strainfmu.estimator.estimates.pressure_field import PressureField
+from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.recorded.guarded_file import GuardedFile
 from strainfmu.recorded.whole_file import whole_file, writing
 

@@ -10,13 +10,13 @@ from typing import Protocol, TypeVar
 import numpy as np
 
 from strainfmu.errors import InputError
+from strainfmu.estimator.estimates.load_estimate import LoadEstimates, series_of
 from strainfmu.estimator.filter.flight_filter import FlightFilter
 from strainfmu.estimator.filter.flight_track import FilteredStep
 from strainfmu.estimator.filter.kalman import Law
 from strainfmu.estimator.filter.linear_filter import LinearFilter, LinearStep
 from strainfmu.estimator.filter.settings import LARGEST, FilterSettings
 from strainfmu.estimator.filter.smoothing import smoothed
-from strainfmu.estimator.load_estimate import LoadEstimates, series_of
 from strainfmu.recorded.block_estimates import BlockEstimates, BlockEstimator
 from strainfmu.recorded.columns import StrainBlock
 from strainfmu.recorded.map_blocks import FlightBlocks, MapBlocks, flow_of

@@ -8,17 +8,17 @@ from typing import Any, TypedDict, cast
 import numpy as np
 
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.flow_parameters import flow_parameters
+from strainfmu.estimator.estimates.load_estimate import LoadEstimate, LoadEstimates
 from strainfmu.estimator.further_loads import further_names, is_moment
-from strainfmu.estimator.inverse_map import InverseMap
-from strainfmu.estimator.load_estimate import LoadEstimate, LoadEstimates
+from strainfmu.estimator.linear.estimator import Estimator
+from strainfmu.estimator.linear.flow_parameters import flow_parameters
 from strainfmu.estimator.manifold.air_data import AIR_DATA_NAMES, AIR_DATA_UNITS
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimate
 from strainfmu.estimator.manifold.flight_health import gauge_threshold, outside_score
 from strainfmu.estimator.manifold.navigation import NAVIGATION
 from strainfmu.estimator.manifold.tracker import FlightTracker
-from strainfmu.estimator.step import Estimator
+from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.interface.parameter_variables import OUTSIDE_PREFIX
 from strainfmu.interface.sensor_variables import reading_units
 from strainfmu.recorded.block_estimates import USED_PREFIX, BlockEstimates, outside_ranges

@@ -14,7 +14,7 @@ import numpy as np
 
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 from strainfmu.recorded.guarded_file import GuardedFile
 from strainfmu.recorded.whole_file import whole_file, writing
 

@@ -14,7 +14,7 @@ import numpy as np
 from strainfmu.arrays import FloatArray
 from strainfmu.cosim.zeros_file import load_zeros
 from strainfmu.errors import InputError
-from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.recorded.block_estimates import BlockEstimates, BlockEstimator, dropped_navigation
 from strainfmu.recorded.column_names import FLOW_NAMES, NAVIGATION_NAMES, STATIC_PRESSURE, STD, Wanted
 from strainfmu.recorded.columns import ColumnPlan, StrainBlock

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.sensors import SensorRows
+from strainfmu.estimator.map.sensors import SensorRows
 from strainfmu.interface.sensor_variables import PREFIX, THRUST
 from strainfmu.recorded.columns import StrainBlock
 

@@ -10,8 +10,8 @@ import numpy as np
 
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-from strainfmu.estimator.inverse_map import InverseMap
-from strainfmu.estimator.tare import KnownStrain, Tare, TareLimits, tare
+from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.zeros.tare import KnownStrain, Tare, TareLimits, tare
 from strainfmu.interface.sensor_variables import reading_units
 from strainfmu.recorded.column_names import STATIC_PRESSURE, Wanted
 from strainfmu.recorded.sensor_readings import recorded_readings

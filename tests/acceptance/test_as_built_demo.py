@@ -10,7 +10,7 @@ import pytest
 from ogive import OGIVE
 
 from builder.calibration.ground_test.load_test_file import load_test_file
-from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 
 Run = Callable[..., tuple[int, str, str]]
 

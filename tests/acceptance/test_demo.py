@@ -21,7 +21,7 @@ from builder.campaign.snapshots import load_snapshots
 from builder.inverse.pod import proper_orthogonal_decomposition
 from builder.pipeline.flight_score import score_flight
 from strainfmu.cosim.recording import load_recording
-from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, load_inverse_map
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, load_inverse_map
 
 Run = Callable[..., tuple[int, str, str]]
 

@@ -43,8 +43,8 @@ from builder.vehicle.file import IC3X, Vehicle, load_vehicle
 from builder.vehicle.flight_conditions import ConditionSet
 from strainfmu.cosim.trajectory import load_trajectory
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, InverseMap
-from strainfmu.estimator.step import Estimator
+from strainfmu.estimator.linear.estimator import Estimator
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
 from strainfmu.flight_condition import FlightCondition
 
 DRAWS = 50

@@ -18,8 +18,8 @@ from builder.truth.free_flight_path import flown_path, flows_along
 from builder.truth.shape_structure import flying_structure
 from builder.vehicle.file import VEHICLES, load_vehicle
 from strainfmu.cosim.trajectory import load_trajectory
-from strainfmu.estimator.inverse_map import load_inverse_map
-from strainfmu.estimator.step import Estimator
+from strainfmu.estimator.linear.estimator import Estimator
+from strainfmu.estimator.map.inverse_map import load_inverse_map
 
 pytestmark = pytest.mark.slow
 

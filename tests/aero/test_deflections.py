@@ -36,7 +36,7 @@ from builder.structure.solid.mesh_import import read_mesh
 from builder.vehicle.file import VEHICLES, Vehicle, load_vehicle
 from builder.vehicle.flight_conditions import ConditionSet
 from strainfmu.errors import FlowReachError, InputError
-from strainfmu.estimator.validity import parameter_ranges, valid_ranges
+from strainfmu.estimator.map.validity import parameter_ranges, valid_ranges
 from strainfmu.flight_condition import FlightCondition
 from tests.aero.triangulated_shapes import box
 

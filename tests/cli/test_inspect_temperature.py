@@ -11,7 +11,7 @@ from scaled_maps import scaled_map
 from thermal_maps import with_temperature
 
 from strainfmu.cli.inspection.inverse_map import inspect_map
-from strainfmu.estimator.inverse_map import save_inverse_map
+from strainfmu.estimator.map.inverse_map import save_inverse_map
 
 pytestmark = pytest.mark.fast
 

@@ -9,7 +9,7 @@ from builder.compare.flights import GAUGE_NOISE, with_errors
 from builder.inverse.build import build_inverse_map
 from builder.structure.fourier.model import StructuralModel
 from builder.vehicle.file import Vehicle
-from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.estimator.map.inverse_map import InverseMap
 
 
 @pytest.fixture(scope="session")

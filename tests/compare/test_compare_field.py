@@ -13,10 +13,10 @@ from builder.structure.fourier.model import StructuralModel
 from builder.truth.flow_table import FlowTable
 from builder.truth.strain import TrueStructure
 from builder.vehicle.file import Vehicle
-from strainfmu.estimator.inverse_map import InverseMap
-from strainfmu.estimator.load_estimate import LoadEstimates
+from strainfmu.estimator.estimates.load_estimate import LoadEstimates
+from strainfmu.estimator.linear.estimator import Estimator
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
-from strainfmu.estimator.step import Estimator
+from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.flight_condition import FlightCondition
 
 

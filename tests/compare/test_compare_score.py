@@ -33,7 +33,7 @@ from builder.truth.flights import RevolvedFlights
 from builder.truth.strain import TrueFlights, TrueStructure
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 from strainfmu.flight_condition import FlightCondition
 
 pytestmark = pytest.mark.fast

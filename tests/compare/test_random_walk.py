@@ -8,7 +8,7 @@ import pytest
 from builder.compare import random_walk
 from builder.compare.flights import Readings
 from builder.compare.random_walk import RandomWalkCandidate
-from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.estimator.map.inverse_map import InverseMap
 
 
 def readings_of(inverse_map: InverseMap, cycles: int, noise: float = 1.0) -> tuple[Readings, np.ndarray]:

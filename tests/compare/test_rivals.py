@@ -12,7 +12,7 @@ from builder.compare.flights import Readings
 from builder.compare.rivals import LEVEL, RIVALS, RivalCandidate, conformal_half_width
 from builder.compare.training import TrainingFlights, training_flights, with_drawn_errors
 from strainfmu.estimator.manifold.error_covariance import strain_covariance
-from strainfmu.estimator.manifold.flight_tables import evaluate
+from strainfmu.estimator.tables.flight_tables import evaluate
 
 ALTITUDES = (15e3, 25e3)
 

@@ -20,8 +20,8 @@ from strainfmu.cosim.recording import Recording
 from strainfmu.cosim.scenario import FaultEvent, Scenario, load_scenario
 from strainfmu.cosim.system import Connection, System
 from strainfmu.errors import InputError
-from strainfmu.estimator.inverse_map import load_inverse_map, save_inverse_map
-from strainfmu.estimator.sensors import SensorRows
+from strainfmu.estimator.map.inverse_map import load_inverse_map, save_inverse_map
+from strainfmu.estimator.map.sensors import SensorRows
 from strainfmu.fmu.flight_package import export_flight
 from strainfmu.interface.plant_variables import FlightStart, GaugeFault
 

@@ -14,7 +14,7 @@ from strainfmu.cosim.fmu_step import FmuStep
 from strainfmu.cosim.step import StepRefused
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.step import Estimator
+from strainfmu.estimator.linear.estimator import Estimator
 
 pytestmark = pytest.mark.fast
 

@@ -20,8 +20,8 @@ from strainfmu.cosim.system import Connection, System
 from strainfmu.cosim.trajectory import HEADER, load_trajectory
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.inverse_map import load_inverse_map
-from strainfmu.estimator.step import Estimator
+from strainfmu.estimator.linear.estimator import Estimator
+from strainfmu.estimator.map.inverse_map import load_inverse_map
 from strainfmu.interface.estimator_variables import COEFFICIENTS, LOADS
 
 pytestmark = pytest.mark.fast

@@ -21,7 +21,7 @@ import pytest
 from snippets import KINDS, ROOT, Snippet, pages, snippets
 
 from builder.aero.euler.marching_grid import GRID_LEVELS
-from strainfmu.estimator.inverse_map import load_inverse_map
+from strainfmu.estimator.map.inverse_map import load_inverse_map
 
 PAGES = {page.relative_to(ROOT).as_posix(): snippets(page) for page in pages()}
 RUNNING = {name: found for name, found in PAGES.items() if any(s.kind != "skip" for s in found)}

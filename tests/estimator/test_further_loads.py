@@ -13,12 +13,12 @@ from random_map import map_of, random_model
 from scaled_maps import NOMINAL, scaled_map, whole_scaled_map
 
 from strainfmu.errors import InputError
-from strainfmu.estimator.added_noise import with_added_noise
+from strainfmu.estimator.estimates.load_estimate import LoadEstimates, series_of
 from strainfmu.estimator.further_loads import FurtherLoads, further_names
-from strainfmu.estimator.inverse_map import InverseMap, load_inverse_map, save_inverse_map
-from strainfmu.estimator.load_estimate import LoadEstimates, series_of
+from strainfmu.estimator.linear.estimator import Estimator
+from strainfmu.estimator.map.added_noise import with_added_noise
+from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map, save_inverse_map
 from strainfmu.estimator.settings import default_settings
-from strainfmu.estimator.step import Estimator
 
 pytestmark = pytest.mark.fast
 

@@ -14,7 +14,7 @@ from builder.figures.demonstration import gauges
 from builder.figures.gauge_marks import gauge_kinds, kind_label
 from builder.figures.hover_gauges import gauge_values
 from builder.vehicle.geometry import chain_segments, surface_grid
-from strainfmu.estimator.sensors import STRAIN, SensorRows
+from strainfmu.estimator.map.sensors import STRAIN, SensorRows
 
 pytestmark = pytest.mark.fast
 

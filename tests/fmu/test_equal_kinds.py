@@ -18,9 +18,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from synthetic_vehicle import N_GAUGES, SyntheticFiles
 
-from strainfmu.estimator.inverse_map import InverseMap, load_inverse_map
+from strainfmu.estimator.linear.estimator import Estimator
+from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map
 from strainfmu.estimator.settings import EstimatorSettings, default_settings
-from strainfmu.estimator.step import Estimator
 from strainfmu.interface.estimator_variables import (
     FLOW_INPUTS,
     NOT_KNOWN,

@@ -22,8 +22,8 @@ from synthetic_vehicle import N_GAUGES, SyntheticFiles, write_trajectory
 from strainfmu.cli.main import main
 from strainfmu.cosim.trajectory import HEADER
 from strainfmu.errors import InputError, StrainfmuError
-from strainfmu.estimator.inverse_map import load_inverse_map, save_inverse_map
-from strainfmu.estimator.step import Estimator
+from strainfmu.estimator.linear.estimator import Estimator
+from strainfmu.estimator.map.inverse_map import load_inverse_map, save_inverse_map
 from strainfmu.fmu.export import ExportOptions, export_estimator, export_plant
 from strainfmu.fmu.native_build import library_file
 from strainfmu.fmu.native_package import processor_library

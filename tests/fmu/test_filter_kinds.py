@@ -14,8 +14,8 @@ from thermal_maps import with_temperature
 
 from strainfmu.estimator.filter.flight_filter import FlightFilter
 from strainfmu.estimator.filter.settings import FilterSettings
-from strainfmu.estimator.inverse_map import InverseMap, save_inverse_map
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
+from strainfmu.estimator.map.inverse_map import InverseMap, save_inverse_map
 from strainfmu.fmu.export import export_estimator
 from strainfmu.interface.estimator_variables import estimator_interface
 from strainfmu.interface.filter_variables import FILTER_TIME_CONSTANT

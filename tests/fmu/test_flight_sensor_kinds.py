@@ -13,9 +13,9 @@ from fmu_host import OPTIONS, exported_kinds, loaded
 from sensor_maps import ROWS, with_sensors
 
 from strainfmu.estimator.filter.switched import SwitchedFilter, TimedTrack
-from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.manifold.derivative import estimate_derivative
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
+from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.fmu.crosscheck import write_crosscheck
 from strainfmu.interface.estimator_variables import NOT_KNOWN, estimator_interface, output_values
 from strainfmu.interface.filter_variables import FILTER_TIME_CONSTANT

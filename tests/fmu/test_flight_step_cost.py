@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from flight_fmu import whole_map
 
-from strainfmu.estimator.inverse_map import save_inverse_map
+from strainfmu.estimator.map.inverse_map import save_inverse_map
 from strainfmu.fmu.step_cost import step_costs
 
 pytestmark = pytest.mark.slow

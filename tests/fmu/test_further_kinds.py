@@ -12,7 +12,7 @@ from fmu_host import OPTIONS, exported_kinds, loaded
 from further_maps import with_further
 from scaled_maps import NOMINAL, scaled_map
 
-from strainfmu.estimator.step import Estimator
+from strainfmu.estimator.linear.estimator import Estimator
 from strainfmu.fmu.crosscheck import write_crosscheck
 from strainfmu.interface.further_variables import further_outputs
 

@@ -13,7 +13,7 @@ from fmu_host import STRAINS
 from synthetic_vehicle import N_GAUGES, SyntheticFiles
 
 from strainfmu.errors import InputError, StrainfmuError
-from strainfmu.estimator.inverse_map import SCHEMA, SCHEMA_VERSION
+from strainfmu.estimator.map.inverse_map import SCHEMA, SCHEMA_VERSION
 from strainfmu.files import content_hash_of
 from strainfmu.fmu.crosscheck import (
     ImporterResult,

@@ -12,9 +12,9 @@ from fmpy.validation import validate_fmu
 from fmu_host import OPTIONS, exported_kinds, loaded
 
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
-from strainfmu.estimator.manifold.flight_tables import evaluate
-from strainfmu.estimator.manifold.parameter_tables import with_known
 from strainfmu.estimator.manifold.tracker import FlightTracker
+from strainfmu.estimator.tables.flight_tables import evaluate
+from strainfmu.estimator.tables.parameter_tables import with_known
 from strainfmu.fmu.crosscheck import write_crosscheck
 from strainfmu.interface.input_names import NOT_KNOWN
 

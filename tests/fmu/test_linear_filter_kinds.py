@@ -14,8 +14,8 @@ from fmu_host import COEFFICIENTS, OPTIONS, Host, loaded
 from linear_fmu import LinearReference, LinearSample, linear_flight
 from scaled_maps import NOMINAL, scaled_map, whole_scaled_map
 
-from strainfmu.estimator.inverse_map import InverseMap, save_inverse_map
-from strainfmu.estimator.step import Estimator
+from strainfmu.estimator.linear.estimator import Estimator
+from strainfmu.estimator.map.inverse_map import InverseMap, save_inverse_map
 from strainfmu.fmu.crosscheck import write_crosscheck
 from strainfmu.fmu.export import export_estimator
 from strainfmu.interface.estimator_variables import estimator_interface

@@ -13,7 +13,7 @@ from synthetic_vehicle import N_GAUGES, SyntheticFiles, synthetic_flight_model, 
 
 from strainfmu.errors import InputError
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.tare_edge import TareState
+from strainfmu.estimator.zeros.tare_edge import TareState
 from strainfmu.fmu.description import FmuDescription, generation_time, model_identifier
 from strainfmu.fmu.model_description import model_description
 from strainfmu.fmu.model_description_3 import model_description_3

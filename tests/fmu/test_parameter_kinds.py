@@ -15,7 +15,7 @@ from parameter_maps import PARAMETERS, with_parameters
 from scaled_maps import NOMINAL, scaled_map
 
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.inverse_map import save_inverse_map
+from strainfmu.estimator.map.inverse_map import save_inverse_map
 from strainfmu.fmu.crosscheck import write_crosscheck
 from strainfmu.fmu.export import export_estimator
 

@@ -10,8 +10,8 @@ from random_map import random_map
 from scaled_maps import whole_scaled_map, with_envelope
 
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.inverse_map import InverseMap
-from strainfmu.estimator.step import Estimator
+from strainfmu.estimator.linear.estimator import Estimator
+from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.fmu.reference_run import N_ROWS, ReferenceRun, estimate_figure, reference_run
 from strainfmu.fmu.reference_strains import (
     error_covariance,

@@ -15,9 +15,9 @@ from fmu_host import OPTIONS, Host, loaded
 from scaled_maps import NOMINAL, whole_scaled_map
 
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.inverse_map import InverseMap, save_inverse_map
-from strainfmu.estimator.step import Estimator
-from strainfmu.estimator.zeros import GaugeZeros
+from strainfmu.estimator.linear.estimator import Estimator
+from strainfmu.estimator.map.inverse_map import InverseMap, save_inverse_map
+from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 from strainfmu.fmu.export import export_estimator
 from strainfmu.interface.estimator_variables import FLOW_INPUTS, NOT_KNOWN, known_flow, output_values
 from strainfmu.interface.zero_variables import zero_names

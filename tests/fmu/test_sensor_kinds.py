@@ -15,9 +15,9 @@ from scaled_maps import NOMINAL, scaled_map
 from sensor_maps import ROWS, sensor_rows, with_sensors
 
 from strainfmu.errors import InputError
-from strainfmu.estimator.inverse_map import InverseMap
-from strainfmu.estimator.sensors import SensorRows
-from strainfmu.estimator.step import Estimator
+from strainfmu.estimator.linear.estimator import Estimator
+from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.map.sensors import SensorRows
 from strainfmu.fmu.crosscheck import write_crosscheck
 from strainfmu.interface.estimator_variables import NOT_KNOWN, estimator_interface, output_values
 from strainfmu.interface.sensor_variables import reading_names, sensor_names

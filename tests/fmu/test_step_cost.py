@@ -10,7 +10,7 @@ from scaled_maps import whole_scaled_map
 from synthetic_vehicle import N_GAUGES, SyntheticFiles
 from thermal_maps import with_temperature
 
-from strainfmu.estimator.inverse_map import save_inverse_map
+from strainfmu.estimator.map.inverse_map import save_inverse_map
 from strainfmu.fmu.step_cost import step_costs
 
 pytestmark = pytest.mark.fast

@@ -14,11 +14,11 @@ from fmu_host import COEFFICIENTS, OPTIONS, STRAINS, Host, loaded
 from synthetic_vehicle import N_GAUGES, SyntheticFiles
 
 from strainfmu.cosim.zeros_file import write_zeros
-from strainfmu.estimator.inverse_map import load_inverse_map
-from strainfmu.estimator.step import Estimator
-from strainfmu.estimator.tare import KnownStrain, tare
-from strainfmu.estimator.tare_edge import TareState
-from strainfmu.estimator.zeros import GaugeZeros
+from strainfmu.estimator.linear.estimator import Estimator
+from strainfmu.estimator.map.inverse_map import load_inverse_map
+from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
+from strainfmu.estimator.zeros.tare import KnownStrain, tare
+from strainfmu.estimator.zeros.tare_edge import TareState
 from strainfmu.fmu.export import export_estimator
 from strainfmu.interface.tare_variables import zero_in_use_names
 from strainfmu.interface.zero_variables import zero_names

@@ -20,10 +20,10 @@ from thermal_maps import REFERENCE, with_temperature
 from warm_flights import warm_flight
 
 from strainfmu.estimator.filter.switched import SwitchedFilter, TimedTrack
-from strainfmu.estimator.inverse_map import InverseMap, save_inverse_map
+from strainfmu.estimator.linear.estimator import Estimator
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.tracker import FlightTracker
-from strainfmu.estimator.step import Estimator
+from strainfmu.estimator.map.inverse_map import InverseMap, save_inverse_map
 from strainfmu.fmu.export import export_estimator
 from strainfmu.interface.estimator_variables import FLOW_INPUTS, NOT_KNOWN, output_values
 from strainfmu.interface.filter_variables import FILTER_TIME_CONSTANT

@@ -29,7 +29,7 @@ from builder.vehicle.file import IC3X, load_vehicle
 from builder.vehicle.gauge_layout import GaugeLayout
 from builder.vehicle.geometry import surface_grid
 from builder.vehicle.map_options import MapEntry, Noise
-from strainfmu.estimator.inverse_map import save_inverse_map
+from strainfmu.estimator.map.inverse_map import save_inverse_map
 
 GIB = 2**30
 

@@ -21,8 +21,8 @@ from builder.vehicle.file import Vehicle
 from builder.vehicle.map_options import MapEntry, Noise
 from strainfmu.errors import InputError
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.inverse_map import InverseMap, load_inverse_map, save_inverse_map
-from strainfmu.estimator.step import Estimator
+from strainfmu.estimator.linear.estimator import Estimator
+from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map, save_inverse_map
 
 DYNAMIC_PRESSURE = 137970.0
 

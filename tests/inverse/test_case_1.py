@@ -26,7 +26,7 @@ from builder.vehicle.file import Vehicle
 from builder.vehicle.map_options import MapEntry, Noise
 from strainfmu.errors import InputError
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.step import Estimator
+from strainfmu.estimator.linear.estimator import Estimator
 
 pytestmark = pytest.mark.fast
 

@@ -17,8 +17,8 @@ from builder.inverse.coefficients import coefficient_covariance, load_covariance
 from builder.inverse.noise_model import NoiseModel, gauge_noise
 from builder.inverse.prior import LowRankPrior, prior_of_modes
 from builder.vehicle.reference_quantities import ReferenceQuantities
-from strainfmu.estimator.innovation import inverse_cholesky
-from strainfmu.estimator.load_errors import load_gain
+from strainfmu.estimator.map.innovation import inverse_cholesky
+from strainfmu.estimator.map.load_errors import load_gain
 
 N_MODES = 5
 N_DRAWS = 20_000

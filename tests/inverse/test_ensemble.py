@@ -24,7 +24,7 @@ from builder.vehicle.map_options import MapEntry, Noise
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.step import Estimator
+from strainfmu.estimator.linear.estimator import Estimator
 from strainfmu.flight_condition import FlightCondition
 
 N_X, N_FLOWS = 4, 5

@@ -15,7 +15,7 @@ from builder.inverse.leeward import LEEWARD_PRESSURE
 from builder.manifold.build import with_manifold
 from builder.manifold.condition_tables import condition_tables
 from builder.vehicle.file import Vehicle
-from strainfmu.estimator.manifold.flight_tables import FlightTables, evaluate
+from strainfmu.estimator.tables.flight_tables import FlightTables, evaluate
 from strainfmu.flight_condition import FlightCondition
 
 WIDE_DEG = (-24.0, 0.0, 24.0)

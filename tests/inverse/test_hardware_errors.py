@@ -8,7 +8,7 @@ from ensembles import listed_ensemble
 
 from builder.inverse.hardware_errors import HardwareError, error_model, hardware_terms
 from builder.vehicle.file import IC3X, load_vehicle
-from strainfmu.estimator.proportional_errors import PAIRS, excess_products
+from strainfmu.estimator.map.proportional_errors import PAIRS, excess_products
 
 pytestmark = pytest.mark.fast
 

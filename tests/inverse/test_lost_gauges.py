@@ -20,11 +20,11 @@ from builder.structure.mapped_structure import MappedStructure
 from builder.vehicle.file import Vehicle
 from builder.vehicle.gauge_layout import GaugeLayout
 from builder.vehicle.map_options import MapEntry
-from strainfmu.estimator.detectability import minimal_isolable_bias
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, HealthState
-from strainfmu.estimator.inverse_map import InverseMap
-from strainfmu.estimator.isolation import correlations, outlier_threshold
-from strainfmu.estimator.step import Estimator, LoadEstimate
+from strainfmu.estimator.linear.detectability import minimal_isolable_bias
+from strainfmu.estimator.linear.estimator import Estimator, LoadEstimate
+from strainfmu.estimator.linear.isolation import correlations, outlier_threshold
+from strainfmu.estimator.map.inverse_map import InverseMap
 
 N_GAUGES = 54
 N_DRAWS = 4000

@@ -14,7 +14,7 @@ from builder.vehicle.file import IC3X, Vehicle, load_vehicle
 from builder.vehicle.geometry import SurfaceGrid
 from builder.vehicle.map_options import MapEntry
 from strainfmu.atmosphere import dynamic_pressure
-from strainfmu.estimator.envelope import envelope_score
+from strainfmu.estimator.linear.envelope import envelope_score
 from strainfmu.flight_condition import FlightCondition
 
 pytestmark = pytest.mark.fast

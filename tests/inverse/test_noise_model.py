@@ -34,8 +34,8 @@ from builder.structure.wall import wall_of
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map_options import Noise
 from strainfmu.errors import InputError
-from strainfmu.estimator.innovation import inverse_cholesky
-from strainfmu.estimator.load_errors import load_gain
+from strainfmu.estimator.map.innovation import inverse_cholesky
+from strainfmu.estimator.map.load_errors import load_gain
 
 pytestmark = pytest.mark.fast
 

@@ -14,8 +14,8 @@ from builder.inverse.observable_states import on_observable_states
 from builder.inverse.solution import solve
 from builder.structure.fourier.model import StructuralModel
 from builder.vehicle.file import Vehicle
-from strainfmu.estimator.inverse_map import InverseMap
-from strainfmu.estimator.step import Estimator
+from strainfmu.estimator.linear.estimator import Estimator
+from strainfmu.estimator.map.inverse_map import InverseMap
 
 Q = 1.4e5
 

@@ -15,8 +15,8 @@ from builder.inverse.solution import solve
 from builder.structure.fourier.model import StructuralModel
 from builder.vehicle.file import Vehicle
 from strainfmu.errors import InputError
-from strainfmu.estimator.load_estimate import LoadEstimates
-from strainfmu.estimator.step import Estimator
+from strainfmu.estimator.estimates.load_estimate import LoadEstimates
+from strainfmu.estimator.linear.estimator import Estimator
 
 STATIONS = (0.6, 1.2, 1.75, 2.5, 3.6)
 

@@ -29,9 +29,9 @@ from builder.vehicle.sensor_entries import (
 )
 from strainfmu.cosim.estimator_source import open_step
 from strainfmu.errors import InputError
-from strainfmu.estimator.inverse_map import InverseMap, load_inverse_map, save_inverse_map
-from strainfmu.estimator.load_estimate import LoadEstimates
-from strainfmu.estimator.step import Estimator
+from strainfmu.estimator.estimates.load_estimate import LoadEstimates
+from strainfmu.estimator.linear.estimator import Estimator
+from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map, save_inverse_map
 from strainfmu.fmu.export import ExportOptions, export_estimator
 from strainfmu.interface.sensor_variables import reading_names
 

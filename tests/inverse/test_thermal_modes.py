@@ -22,7 +22,7 @@ from builder.structure.loads.gauge_strain import gauge_strain
 from builder.structure.loads.temperature import uniform_temperature
 from builder.vehicle.file import Vehicle
 from builder.vehicle.temperature_options import Temperature, TemperatureSensor
-from strainfmu.estimator.temperature import ThermalMap, sensor_set
+from strainfmu.estimator.map.temperature import ThermalMap, sensor_set
 
 pytestmark = pytest.mark.fast
 

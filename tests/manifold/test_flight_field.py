@@ -18,11 +18,11 @@ from builder.truth.held_out import held_out_conditions
 from builder.truth.strain import TrueStructure, true_flights, true_strain
 from builder.vehicle.file import Vehicle
 from strainfmu.errors import InputError
-from strainfmu.estimator.inverse_map import InverseMap, load_inverse_map, save_inverse_map
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.field_estimate import table_pressure
-from strainfmu.estimator.manifold.flight_field import FlightField
 from strainfmu.estimator.manifold.tracker import FlightTracker
+from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map, save_inverse_map
+from strainfmu.estimator.tables.flight_field import FlightField
 
 
 def exact_vehicle(vehicle: Vehicle, **entry: object) -> Vehicle:

@@ -13,7 +13,7 @@ from builder.manifold.followed_errors import followed_errors, squares_fitted
 from builder.structure.fourier.model import StructuralModel
 from builder.vehicle.file import Vehicle
 from strainfmu.estimator.filter.flight_model import gauge_terms
-from strainfmu.estimator.proportional_errors import PAIRS
+from strainfmu.estimator.map.proportional_errors import PAIRS
 
 FIRST, SECOND = np.array(PAIRS).T
 

@@ -12,12 +12,12 @@ from builder.aero.section_loads import six_loads
 from builder.campaign.snapshots import Snapshots
 from strainfmu.errors import InputError
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.inverse_map import load_inverse_map, save_inverse_map
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimates
-from strainfmu.estimator.manifold.flight_tables import evaluate
-from strainfmu.estimator.manifold.parameter_tables import with_known
 from strainfmu.estimator.manifold.tracker import FlightTracker
+from strainfmu.estimator.map.inverse_map import load_inverse_map, save_inverse_map
+from strainfmu.estimator.tables.flight_tables import evaluate
+from strainfmu.estimator.tables.parameter_tables import with_known
 
 
 @cache

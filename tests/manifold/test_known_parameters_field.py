@@ -11,15 +11,15 @@ from shape_case import flown, grid_conditions, shape_structure
 
 from builder.campaign.snapshots import Snapshots
 from strainfmu.errors import InputError
+from strainfmu.estimator.estimates.pressure_field import PressureField
 from strainfmu.estimator.filter.flight_filter import FlightFilter
 from strainfmu.estimator.filter.settings import FilterSettings
-from strainfmu.estimator.inverse_map import load_inverse_map, save_inverse_map
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.field_estimate import table_pressure
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimates
-from strainfmu.estimator.manifold.manifold_map import ManifoldMap
-from strainfmu.estimator.manifold.shape_field import ShapeField, field_with_known
-from strainfmu.estimator.pressure_field import PressureField
+from strainfmu.estimator.map.inverse_map import load_inverse_map, save_inverse_map
+from strainfmu.estimator.tables.manifold_map import ManifoldMap
+from strainfmu.estimator.tables.shape_field import ShapeField, field_with_known
 
 STD = 0.05
 

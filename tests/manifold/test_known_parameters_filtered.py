@@ -19,8 +19,8 @@ from strainfmu.estimator.filter.switched import TimedTrack, as_numbers, from_num
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimate
-from strainfmu.estimator.manifold.parameter_tables import with_known
 from strainfmu.estimator.manifold.tracker import FlightTracker
+from strainfmu.estimator.tables.parameter_tables import with_known
 
 DT, STEPS, MACH = 0.025, 48, 6.5
 TIME = DT * np.arange(STEPS)

@@ -15,8 +15,8 @@ from builder.manifold.tables import spline_rows
 from builder.structure.fourier.model import StructuralModel
 from builder.vehicle.file import Vehicle
 from strainfmu.errors import InputError
-from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
+from strainfmu.estimator.map.inverse_map import InverseMap
 
 
 def with_entry(vehicle: Vehicle, **entry: object) -> Vehicle:

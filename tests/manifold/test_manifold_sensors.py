@@ -24,12 +24,12 @@ from strainfmu.estimator.filter.flight_filter import FlightFilter
 from strainfmu.estimator.filter.flight_model import error_columns, flight_model
 from strainfmu.estimator.filter.settings import FilterSettings
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.inverse_map import InverseMap, load_inverse_map, save_inverse_map
 from strainfmu.estimator.manifold.error_covariance import strain_covariance
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimates
-from strainfmu.estimator.manifold.flight_tables import evaluate
 from strainfmu.estimator.manifold.tracker import FlightTracker
+from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map, save_inverse_map
+from strainfmu.estimator.tables.flight_tables import evaluate
 from strainfmu.fmu.export import ExportOptions, export_estimator
 from strainfmu.interface.sensor_variables import reading_names
 from tests.inverse.test_sensors import CELLS, FIBRE, IMU, POINTS, PORTS

@@ -29,12 +29,12 @@ from builder.manifold.discrepancy import process_on_surface, process_size
 from builder.manifold.state_tables import state_tables
 from strainfmu.errors import InputError
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.inverse_map import InverseMap, load_inverse_map, save_inverse_map
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.field_estimate import table_pressure
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimates
 from strainfmu.estimator.manifold.flight_health import outside_score
-from strainfmu.estimator.manifold.flight_tables import FlightTables, evaluate
+from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map, save_inverse_map
+from strainfmu.estimator.tables.flight_tables import FlightTables, evaluate
 from strainfmu.flight_condition import FlightCondition
 
 RANDOM = np.random.default_rng(8)

@@ -24,11 +24,11 @@ from strainfmu.can.cycle.frame_account import FrameAccount
 from strainfmu.can.cycle.quality import Cause, Quality
 from strainfmu.can.cycle.result import CycleResult
 from strainfmu.errors import InputError
-from strainfmu.estimator.inverse_map import save_inverse_map
+from strainfmu.estimator.estimates.unrolled_surface import outermost_places
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
-from strainfmu.estimator.manifold.flight_tables import evaluate
-from strainfmu.estimator.manifold.parameter_tables import with_known
-from strainfmu.estimator.unrolled_surface import outermost_places
+from strainfmu.estimator.map.inverse_map import save_inverse_map
+from strainfmu.estimator.tables.flight_tables import evaluate
+from strainfmu.estimator.tables.parameter_tables import with_known
 from strainfmu.interface.temperature_variables import temperature_names
 from strainfmu.monitor.message import parsed
 from strainfmu.monitor.server import Monitor

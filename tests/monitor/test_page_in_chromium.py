@@ -23,7 +23,7 @@ from strainfmu.can.cycle.quality import Cause, Quality
 from strainfmu.can.cycle.result import CycleResult
 from strainfmu.can.tools.strain_sources import FlownSample
 from strainfmu.estimator.further_loads import SECTION_LOADS
-from strainfmu.estimator.inverse_map import save_inverse_map
+from strainfmu.estimator.map.inverse_map import save_inverse_map
 from strainfmu.fmu.export import export_estimator
 from strainfmu.monitor.server import Monitor
 

@@ -18,7 +18,7 @@ from builder.structure.fourier.model import StructuralModel
 from builder.structure.structure_file import Structure
 from builder.vehicle.sections import GaugeLayoutEntry
 from strainfmu.errors import InputError
-from strainfmu.estimator.inverse_map import save_inverse_map
+from strainfmu.estimator.map.inverse_map import save_inverse_map
 
 
 @pytest.fixture(scope="module")

@@ -21,7 +21,7 @@ from builder.pipeline.stages import build_map, take_snapshots
 from builder.reporting import Silent
 from builder.vehicle.file import IC3X, load_vehicle
 from strainfmu.errors import InputError, StrainfmuError
-from strainfmu.estimator.inverse_map import load_inverse_map, save_inverse_map
+from strainfmu.estimator.map.inverse_map import load_inverse_map, save_inverse_map
 
 pytestmark = pytest.mark.slow
 

@@ -7,7 +7,7 @@ import pytest
 
 from builder.pipeline.flight_score import score_flight
 from strainfmu.cosim.recording import Recording
-from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 
 pytestmark = pytest.mark.fast
 

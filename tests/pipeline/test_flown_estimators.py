@@ -15,7 +15,7 @@ from builder.pipeline.flown_estimators import COMPARED_AIR_DATA, estimator_entry
 from builder.vehicle.file import IC3X, VEHICLES, load_vehicle
 from strainfmu.cosim.recording import Recording
 from strainfmu.errors import InputError
-from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 from strainfmu.flight_condition import FlightCondition
 from strainfmu.interface.fmi_variables import strain_names
 

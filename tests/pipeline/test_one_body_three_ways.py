@@ -17,8 +17,8 @@ from builder.structure.solid.swept_mesh import SweptResolution, full_mesh, swept
 from builder.structure.structure_file import Structure
 from builder.structure.wall import Material, Wall
 from builder.vehicle.geometry import chain_segments, surface_grid
-from strainfmu.estimator.inverse_map import InverseMap
-from strainfmu.estimator.step import Estimator
+from strainfmu.estimator.linear.estimator import Estimator
+from strainfmu.estimator.map.inverse_map import InverseMap
 
 pytestmark = pytest.mark.slow
 

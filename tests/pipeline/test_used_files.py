@@ -22,7 +22,7 @@ from builder.pipeline.used_files import open_pipeline
 from builder.reporting import Silent
 from builder.vehicle.file import load_vehicle
 from strainfmu.errors import InputError
-from strainfmu.estimator.inverse_map import load_inverse_map
+from strainfmu.estimator.map.inverse_map import load_inverse_map
 
 Run = Callable[..., tuple[int, str, str]]
 

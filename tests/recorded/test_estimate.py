@@ -12,8 +12,8 @@ from recorded_case import NAMES, read_csv, samples, write_csv
 from synthetic_vehicle import N_GAUGES, SyntheticFiles, synthetic_inverse_map
 
 from strainfmu.errors import InputError
-from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
-from strainfmu.estimator.step import Estimator
+from strainfmu.estimator.linear.estimator import Estimator
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 from strainfmu.recorded.column_names import Wanted
 from strainfmu.recorded.columns import plan_columns
 from strainfmu.recorded.run import estimate_file

@@ -11,7 +11,7 @@ from field_maps import N_D, exact_pressure, field_map
 from flight_maps import exact_response
 
 from strainfmu.errors import InputError
-from strainfmu.estimator.inverse_map import save_inverse_map
+from strainfmu.estimator.map.inverse_map import save_inverse_map
 from strainfmu.flight_condition import FlightCondition
 from strainfmu.recorded.run import estimate_file
 

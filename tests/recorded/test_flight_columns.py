@@ -13,7 +13,7 @@ from synthetic_vehicle import SyntheticFiles
 
 from strainfmu.cosim.estimator_source import open_step
 from strainfmu.errors import InputError
-from strainfmu.estimator.inverse_map import save_inverse_map
+from strainfmu.estimator.map.inverse_map import save_inverse_map
 from strainfmu.flight_condition import FlightCondition
 from strainfmu.fmu.export import ExportOptions, export_estimator
 from strainfmu.recorded.run import estimate_file

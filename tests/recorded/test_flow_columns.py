@@ -15,8 +15,8 @@ from synthetic_vehicle import N_GAUGES, SyntheticFiles, synthetic_inverse_map
 from strainfmu.cosim.fmu_step import FmuStep
 from strainfmu.errors import InputError
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.inverse_map import save_inverse_map
-from strainfmu.estimator.step import Estimator
+from strainfmu.estimator.linear.estimator import Estimator
+from strainfmu.estimator.map.inverse_map import save_inverse_map
 from strainfmu.recorded.column_names import Wanted
 from strainfmu.recorded.run import estimate_file
 from strainfmu.recorded.strain_files import open_strains

@@ -12,9 +12,9 @@ from recorded_case import read_csv, samples, write_csv, write_flight
 from scaled_maps import NOMINAL, scaled_map
 from synthetic_vehicle import synthetic_inverse_map
 
-from strainfmu.estimator.inverse_map import save_inverse_map
-from strainfmu.estimator.load_estimate import LoadEstimates
-from strainfmu.estimator.step import Estimator
+from strainfmu.estimator.estimates.load_estimate import LoadEstimates
+from strainfmu.estimator.linear.estimator import Estimator
+from strainfmu.estimator.map.inverse_map import save_inverse_map
 from strainfmu.fmu.export import ExportOptions, export_estimator
 from strainfmu.recorded.run import estimate_file
 

@@ -14,8 +14,8 @@ from scaled_maps import scaled_map
 from synthetic_vehicle import SyntheticFiles, synthetic_inverse_map
 
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.inverse_map import save_inverse_map
-from strainfmu.estimator.step import Estimator
+from strainfmu.estimator.linear.estimator import Estimator
+from strainfmu.estimator.map.inverse_map import save_inverse_map
 from strainfmu.recorded.run import estimate_file
 
 pytestmark = pytest.mark.fast

@@ -10,7 +10,7 @@ from flight_fmu import random_flight, whole_map
 from recorded_case import NAMES, samples, write_csv
 from synthetic_vehicle import SyntheticFiles
 
-from strainfmu.estimator.inverse_map import save_inverse_map
+from strainfmu.estimator.map.inverse_map import save_inverse_map
 from strainfmu.recorded.held_strains import NOTED, HeldStrains
 from strainfmu.recorded.run import estimate_file
 

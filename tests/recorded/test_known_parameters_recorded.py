@@ -9,10 +9,10 @@ from deflected_shape import NAME, known_map
 from shape_case import N_D
 
 from strainfmu.errors import InputError
-from strainfmu.estimator.inverse_map import save_inverse_map
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
-from strainfmu.estimator.manifold.flight_tables import evaluate
-from strainfmu.estimator.manifold.parameter_tables import with_known
+from strainfmu.estimator.map.inverse_map import save_inverse_map
+from strainfmu.estimator.tables.flight_tables import evaluate
+from strainfmu.estimator.tables.parameter_tables import with_known
 from strainfmu.fmu.export import ExportOptions, export_estimator
 from strainfmu.recorded.run import estimate_file
 

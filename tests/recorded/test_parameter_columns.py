@@ -13,7 +13,7 @@ from scaled_maps import NOMINAL, scaled_map
 
 from strainfmu.errors import InputError
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.inverse_map import InverseMap, save_inverse_map
+from strainfmu.estimator.map.inverse_map import InverseMap, save_inverse_map
 from strainfmu.fmu.export import export_estimator
 from strainfmu.recorded.run import EstimationSummary, estimate_file
 

@@ -10,8 +10,8 @@ from flight_fmu import whole_map
 from flight_maps import exact_response
 
 from strainfmu.errors import InputError
-from strainfmu.estimator.inverse_map import save_inverse_map
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
+from strainfmu.estimator.map.inverse_map import save_inverse_map
 from strainfmu.fmu.export import ExportOptions, export_estimator
 from strainfmu.recorded.run import EstimationSummary, estimate_file
 

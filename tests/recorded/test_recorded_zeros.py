@@ -12,10 +12,10 @@ from recorded_case import NAMES, samples, write_csv
 from synthetic_vehicle import N_GAUGES, SyntheticFiles, synthetic_inverse_map
 
 from strainfmu.cosim.zeros_file import write_zeros
-from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
-from strainfmu.estimator.load_estimate import LoadEstimates
-from strainfmu.estimator.step import Estimator
-from strainfmu.estimator.zeros import GaugeZeros
+from strainfmu.estimator.estimates.load_estimate import LoadEstimates
+from strainfmu.estimator.linear.estimator import Estimator
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
+from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 
 pytestmark = pytest.mark.fast
 

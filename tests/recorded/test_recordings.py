@@ -11,7 +11,7 @@ from recorded_case import NAMES, read_csv, write_csv
 from recordings import RECORDINGS, flown
 from synthetic_vehicle import SyntheticFiles
 
-from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 from strainfmu.recorded.run import estimate_file
 
 pytestmark = pytest.mark.fast

@@ -14,14 +14,14 @@ from scaled_maps import NOMINAL, scaled_map
 from thermal_maps import REFERENCE, with_temperature
 
 from strainfmu.errors import InputError
+from strainfmu.estimator.estimates.load_estimate import LoadEstimates
 from strainfmu.estimator.filter.flight_filter import FlightFilter
 from strainfmu.estimator.filter.linear_filter import LinearFilter
 from strainfmu.estimator.filter.settings import FilterSettings
-from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, InverseMap, save_inverse_map
-from strainfmu.estimator.load_estimate import LoadEstimates
+from strainfmu.estimator.linear.estimator import Estimator
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.tracker import FlightTracker
-from strainfmu.estimator.step import Estimator
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap, save_inverse_map
 from strainfmu.fmu.export import ExportOptions, export_estimator
 from strainfmu.recorded.run import EstimationSummary, estimate_file
 

@@ -24,7 +24,7 @@ from builder.structure.fourier.model import StructuralModel, structural_model
 from builder.vehicle.file import Vehicle, load_vehicle
 from builder.vehicle.map_needs import used_layouts
 from builder.vehicle.map_options import MapEntry
-from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.estimator.map.inverse_map import InverseMap
 
 NEWTONIAN = '[aerodynamics]\nengine = "newtonian"\nleeward = "prandtl_meyer"\n'
 

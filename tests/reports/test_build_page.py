@@ -30,8 +30,8 @@ from builder.structure.mapped_structure import MappedStructure
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map_options import MapEntry
 from strainfmu.errors import InputError
-from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
-from strainfmu.estimator.sensors import STRAIN, SensorRows
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
+from strainfmu.estimator.map.sensors import STRAIN, SensorRows
 
 Parts = tuple[Vehicle, Snapshots, StructuralModel]
 

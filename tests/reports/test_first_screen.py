@@ -15,7 +15,7 @@ from clipping import set_width, show
 from builder.reports.build_page import write_numbers
 from builder.reports.build_report import BuildReport
 from builder.reports.first_screen import UNMEASURED, WELL, first_screen
-from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 
 
 def sentence(lines: tuple[str, ...], beginning: str) -> str | None:

@@ -19,10 +19,10 @@ from builder.reports.flight_accuracy import (
     flight_accuracy_table,
 )
 from builder.reports.html import Page, page_html
-from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.manifold.air_data import AIR_DATA_NAMES
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimates
+from strainfmu.estimator.map.inverse_map import InverseMap
 
 pytestmark = pytest.mark.fast
 N_D = STATIONS * ROWS

@@ -26,8 +26,8 @@ from builder.truth.strain import TrueStructure
 from builder.vehicle.file import Vehicle
 from strainfmu.errors import InputError
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, HealthState
-from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
+from strainfmu.estimator.map.inverse_map import InverseMap
 
 
 @pytest.fixture(scope="module")

@@ -22,7 +22,7 @@ from builder.structure.structure_file import load_structure
 from builder.vehicle.file import load_vehicle
 from builder.vehicle.map_needs import used_layouts
 from strainfmu.errors import InputError
-from strainfmu.estimator.inverse_map import load_inverse_map
+from strainfmu.estimator.map.inverse_map import load_inverse_map
 
 Run = Callable[..., tuple[int, str, str]]
 

@@ -22,7 +22,7 @@ from builder.structure.solid.swept_mesh import full_mesh, swept_wall
 from builder.structure.structure_file import load_structure
 from builder.structure.wall import wall_of
 from builder.vehicle.file import Vehicle, load_vehicle
-from strainfmu.estimator.inverse_map import load_inverse_map
+from strainfmu.estimator.map.inverse_map import load_inverse_map
 
 Run = Callable[..., tuple[int, str, str]]
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from raw_fmu import GUID, Fmu2
 
-from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.fmu.resource.map_file import CHECKED_FROM, native_resource
 
 HEAD = 24

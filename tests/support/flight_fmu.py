@@ -10,11 +10,11 @@ from flight_maps import MACH, ROWS, STATIONS, flight_map
 from raw_fmu import N_OUTPUTS, N_SCALARS, OK, Fmu2
 from scaled_maps import scaled_map
 
-from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimate
-from strainfmu.estimator.manifold.flight_tables import evaluate
 from strainfmu.estimator.manifold.tracker import FlightTracker
+from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.tables.flight_tables import evaluate
 from strainfmu.interface.estimator_variables import NOT_KNOWN, output_values
 from strainfmu.interface.input_names import FLOW_INPUTS, NAVIGATION_INPUTS
 

@@ -9,7 +9,7 @@ import numpy as np
 from builder.manifold.discrepancy import tested_shapes
 from builder.manifold.tables import spline_coefficients
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.manifold.manifold_map import ManifoldMap
+from strainfmu.estimator.tables.manifold_map import ManifoldMap
 
 STATIONS, ROWS = 4, 12
 NOISE_STD = 2e-7

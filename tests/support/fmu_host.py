@@ -11,7 +11,7 @@ import numpy as np
 from fmpy.fmi2 import FMU2Slave
 from synthetic_vehicle import N_GAUGES
 
-from strainfmu.estimator.inverse_map import InverseMap, save_inverse_map
+from strainfmu.estimator.map.inverse_map import InverseMap, save_inverse_map
 from strainfmu.fmu.export import ExportOptions, export_estimator
 
 OPTIONS = {

@@ -8,8 +8,8 @@ import numpy as np
 from flight_maps import AREA, LENGTH, table_coefficients
 
 from strainfmu.estimator.further_loads import FurtherLoads
-from strainfmu.estimator.inverse_map import InverseMap
-from strainfmu.estimator.manifold.further_tables import FurtherTables
+from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.tables.further_tables import FurtherTables
 
 STATION = np.array([0.8])
 COMBINATION = np.random.default_rng(8).standard_normal((7, 5))

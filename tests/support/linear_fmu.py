@@ -9,10 +9,10 @@ import numpy as np
 from raw_fmu import GROUPS, OK, WHOLE_OUTPUTS, Fmu2, first_zero, outputs_of
 from scaled_maps import NOMINAL
 
+from strainfmu.estimator.estimates.load_estimate import LoadEstimate
 from strainfmu.estimator.filter.switched_linear import SwitchedLinearFilter, TimedLaw
-from strainfmu.estimator.inverse_map import InverseMap
-from strainfmu.estimator.load_estimate import LoadEstimate
-from strainfmu.estimator.step import Estimator
+from strainfmu.estimator.linear.estimator import Estimator
+from strainfmu.estimator.map.inverse_map import InverseMap
 
 
 @dataclass(frozen=True, kw_only=True)

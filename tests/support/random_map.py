@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import cho_solve, cholesky, solve_triangular
 
-from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.estimator.map.inverse_map import InverseMap
 
 N_GAUGES = 8
 N_STATES = 3

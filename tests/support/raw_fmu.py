@@ -12,8 +12,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from strainfmu.estimator.inverse_map import InverseMap
-from strainfmu.estimator.step import LoadEstimate
+from strainfmu.estimator.linear.estimator import LoadEstimate
+from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.fmu.native_build import library_file
 from strainfmu.fmu.resource.map_file import native_resource
 from strainfmu.interface.estimator_variables import output_values

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from strainfmu.estimator.innovation import estimate_gain, innovation_whitening, inverse_cholesky
-from strainfmu.estimator.inverse_map import InverseMap
-from strainfmu.estimator.load_errors import LoadErrorModel, load_error_covariance, load_gain
-from strainfmu.estimator.proportional_errors import PAIRS
+from strainfmu.estimator.map.innovation import estimate_gain, innovation_whitening, inverse_cholesky
+from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.map.load_errors import LoadErrorModel, load_error_covariance, load_gain
+from strainfmu.estimator.map.proportional_errors import PAIRS
 
 NOMINAL = 130e3
 

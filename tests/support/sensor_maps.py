@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from strainfmu.estimator.inverse_map import InverseMap
-from strainfmu.estimator.sensors import STRAIN, SensorRows
+from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.map.sensors import STRAIN, SensorRows
 
 ROWS = {
     "port_0deg": ("pressure", "Pa", 5e8, 0.0),

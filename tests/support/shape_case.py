@@ -22,7 +22,7 @@ from builder.vehicle.file import VEHICLES, Vehicle, load_vehicle
 from builder.vehicle.flight_conditions import ConditionSet, condition_grid
 from builder.vehicle.gauge_layout import GaugeLayout
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.flight_condition import FlightCondition
 
 MACH, ANGLE_OF_ATTACK_DEG, SIDESLIP_DEG = (6.0, 6.5, 7.0), (-4.0, -2.0, 0.0, 2.0, 4.0), (-2.0, -1.0, 0.0, 1.0, 2.0)

@@ -14,8 +14,8 @@ import numpy as np
 
 from strainfmu.atmosphere import dynamic_pressure, pressure_and_temperature
 from strainfmu.cosim.flight_model import FlightModel, save_flight_model
-from strainfmu.estimator.innovation import estimate_gain, innovation_whitening
-from strainfmu.estimator.inverse_map import InverseMap, save_inverse_map
+from strainfmu.estimator.map.innovation import estimate_gain, innovation_whitening
+from strainfmu.estimator.map.inverse_map import InverseMap, save_inverse_map
 
 ANGLES = 8
 MACH_NUMBER, ALTITUDE = 6.0, 20e3

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from flight_fmu import FlightSample, random_flight, whole_map
 
-from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.estimator.map.inverse_map import InverseMap
 
 
 def warm_flight(held: InverseMap, steps: int, seed: int, time_step: float) -> list[FlightSample]:

@@ -25,8 +25,8 @@ from builder.truth.strain import TrueStructure, true_flights, true_strain, true_
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, HealthState
-from strainfmu.estimator.inverse_map import InverseMap, load_inverse_map
 from strainfmu.estimator.loading import estimator_of
+from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map
 from strainfmu.flight_condition import FlightCondition
 
 ALTITUDES = (12e3, 15e3, 20e3, 25e3, 30e3)

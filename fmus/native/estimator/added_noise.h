@@ -1,7 +1,7 @@
 /* A map whose gauges err otherwise than the file says, in ways that do not scale with the dynamic pressure: errors of
    their zeros, and what temperature sensors leave of thermal strain. Gains, whitening and covariances follow.
 
-   The C counterpart of strainfmu/estimator/added_noise.py, and of decomposition.py for form "dynamic_pressure". */
+   The C counterpart of strainfmu/estimator/map/added_noise.py, and of linear/decomposition.py for form "dynamic_pressure". */
 
 #ifndef ADDED_NOISE_H
 #define ADDED_NOISE_H

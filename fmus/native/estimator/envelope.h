@@ -1,6 +1,6 @@
 /* Whether an estimate and its flight state are inside what the snapshots of the map cover.
 
-   The C counterpart of strainfmu/estimator/envelope.py. */
+   The C counterpart of strainfmu/estimator/linear/envelope.py. */
 
 #ifndef ENVELOPE_H
 #define ENVELOPE_H

@@ -1,6 +1,6 @@
 /* Products of a set of gauges at fixed levels of the pressure ratio, computed when a step first needs them.
 
-   The C counterpart of level_products in strainfmu/estimator/proportional_errors.py. */
+   The C counterpart of level_products in strainfmu/estimator/map/proportional_errors.py. */
 
 #ifndef ERROR_LEVELS_H
 #define ERROR_LEVELS_H

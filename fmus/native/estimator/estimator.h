@@ -1,7 +1,7 @@
 /* The estimator: strains and dynamic pressure in; loads, coefficients and health out.
 
-   The C counterpart of strainfmu/estimator/step.py. Outputs are computed when they are read and kept until an input
-   or a setting changes. Nothing is allocated after estimator_create, and instances share nothing. */
+   The C counterpart of strainfmu/estimator/linear/estimator.py. Outputs are computed when they are read and kept until an
+   input or a setting changes. Nothing is allocated after estimator_create, and instances share nothing. */
 
 #ifndef ESTIMATOR_H
 #define ESTIMATOR_H

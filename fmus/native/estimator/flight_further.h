@@ -1,6 +1,6 @@
 /* Further loads over the flight state: rolling moment and loads of sections by the nonlinear estimator.
 
-   The C counterpart of strainfmu/estimator/manifold: further_tables.py, further_estimate.py. The section of
+   The C counterpart of strainfmu/estimator/manifold/further_estimate.py and tables/further_tables.py. The section of
    resources/map.bin is written by strainfmu/fmu/resource/flight.py. Of strain off the tables they are those of
    further_loads.h. */
 

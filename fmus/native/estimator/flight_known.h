@@ -1,6 +1,6 @@
 /* Further parameters of the flow that are known with a deviation: tables and errors about what is known of them.
 
-   The C counterpart of strainfmu/estimator/manifold/parameter_tables.py. Tables are those of the mean plus p_inf times a
+   The C counterpart of strainfmu/estimator/tables/parameter_tables.py. Tables are those of the mean plus p_inf times a
    sum over powers of the parameters; errors are products, so that what is known weighs them. */
 
 #ifndef FLIGHT_KNOWN_H

@@ -27,7 +27,7 @@ typedef struct {
     const double *fixed;        /* (n_rows) */
 } TableMap;
 
-/* Quantities and units: strainfmu/estimator/manifold/manifold_map.py. */
+/* Quantities and units: strainfmu/estimator/tables/manifold_map.py. */
 typedef struct {
     TableMap tables;            /* of strains, then loads */
     size_t n_common;            /* errors that all gauges have in common */

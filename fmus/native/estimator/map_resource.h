@@ -14,7 +14,8 @@
 #define N_LOADS 5
 #define N_PAIRS 21 /* products c_a c_b, a <= b, of c = [1, the five coefficients] */
 
-/* Half-spaces of the coefficients n'C <= limit, and ranges of the flight state: strainfmu/estimator/envelope.py. */
+/* Half-spaces of the coefficients n'C <= limit, and ranges of the flight state:
+   strainfmu/estimator/linear/envelope.py. */
 typedef struct {
     size_t n_half_spaces, n_altitudes;
     double score_limit; /* deviations beyond a half-space that count as outside */
@@ -27,7 +28,8 @@ typedef struct {
     const double *direction;        /* (5, n_half_spaces) */
 } Envelope;
 
-/* What form "dynamic_pressure" needs besides: strainfmu/estimator/decomposition.py and proportional_errors.py. */
+/* What form "dynamic_pressure" needs besides: strainfmu/estimator/linear/decomposition.py and
+   strainfmu/estimator/map/proportional_errors.py. */
 typedef struct {
     size_t n_free;              /* free states, which are the first directions */
     size_t n_terms;             /* errors that all gauges have in common */

@@ -73,8 +73,8 @@ static void reordered_triangle(size_t n, const double *packed, const size_t *ord
 }
 
 /* Information that the gauges in use hold on a state, as a fraction of what all gauges hold: the minimum over the
-   states. information_left of strainfmu/estimator/masks.py. work->first holds the reordered gain triangle R, of which
-   the leading block R_RR belongs to the missing gauges; with the triangle r of their noise whitening, the fraction is
+   states. information_left of strainfmu/estimator/linear/masks.py. work->first holds the reordered gain triangle R, of
+   which the leading block R_RR belongs to the missing gauges; with the triangle r of their noise whitening, the fraction is
    the square of the smallest singular value of R_RR r^-1. */
 static double information_left(const Map *map, size_t n_missing, Workspace *work) {
     const size_t n = map->n_gauges;
@@ -153,7 +153,7 @@ static void add_squares(size_t length, const double *rows, double *covariance) {
     }
 }
 
-/* S + (G L - X' L'^-1) (..)' + (M - G A) (..)', the Joseph form of strainfmu/estimator/load_errors.py. */
+/* S + (G L - X' L'^-1) (..)' + (M - G A) (..)', the Joseph form of strainfmu/estimator/map/load_errors.py. */
 void masked_load_covariance(const Map *map, MaskedMap *masked, const Workspace *work) {
     const size_t n = map->n_gauges, states = map->n_states;
     double *rows = work->rows;

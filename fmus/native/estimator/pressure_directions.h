@@ -1,6 +1,6 @@
 /* The directions of a map in form "dynamic_pressure" that serve every dynamic pressure, for gauges with further errors.
 
-   The C counterpart of strainfmu/estimator/decomposition.py, where the formulas are. */
+   The C counterpart of strainfmu/estimator/linear/decomposition.py, where the formulas are. */
 
 #ifndef PRESSURE_DIRECTIONS_H
 #define PRESSURE_DIRECTIONS_H

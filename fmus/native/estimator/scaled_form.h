@@ -1,6 +1,6 @@
 /* The step of a map in form "dynamic_pressure": weights follow the dynamic pressure, errors the current strain.
 
-   The C counterpart of strainfmu/estimator/pressure_weights.py and loads_from_strain.py, where the formulas are. */
+   The C counterpart of strainfmu/estimator/linear/pressure_weights.py and loads_from_strain.py, where the formulas are. */
 
 #ifndef SCALED_FORM_H
 #define SCALED_FORM_H

@@ -1,7 +1,7 @@
 /* What an estimator of a map in form "dynamic_pressure" holds: tables made once, levels of the pressure ratio, and the
    numbers of the last step, from which its derivatives follow.
 
-   Directions are those of strainfmu/estimator/decomposition.py, there are as many as gauges. */
+   Directions are those of strainfmu/estimator/linear/decomposition.py, there are as many as gauges. */
 
 #ifndef SCALED_STATE_H
 #define SCALED_STATE_H
@@ -17,7 +17,7 @@
    result. */
 typedef struct {
     double ratio;     /* NaN before it is known */
-    double *products; /* (16, 21) G H_ab G' and trace of P H_ab, in panels of dense.h; strainfmu/estimator/
+    double *products; /* (16, 21) G H_ab G' and trace of P H_ab, in panels of dense.h; strainfmu/estimator/map/
                          proportional_errors.py */
     double *inverse;  /* (n_gauges) 1 / P_ii times |V_i|^2 by gauge in use, */
     double *slope;    /* its derivative by the square of the ratio, */

@@ -1,4 +1,4 @@
-/* The zeros that a window of readings gives, and what speaks against them: strainfmu/estimator/tare.py. */
+/* The zeros that a window of readings gives, and what speaks against them: strainfmu/estimator/zeros/tare.py. */
 
 #ifndef TARE_JUDGE_H
 #define TARE_JUDGE_H

@@ -1,6 +1,6 @@
 /* Readings of a window in few numbers: means of stretches of equal length, which tell noise from drift.
 
-   The C counterpart of strainfmu/estimator/reading_window.py, which describes it. */
+   The C counterpart of strainfmu/estimator/zeros/reading_window.py, which describes it. */
 
 #ifndef TARE_WINDOW_H
 #define TARE_WINDOW_H

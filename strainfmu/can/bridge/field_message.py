@@ -15,11 +15,11 @@ import numpy as np
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.can.cycle.result import CycleResult
 from strainfmu.errors import InputError
-from strainfmu.estimator.inverse_map import InverseMap, load_inverse_map
+from strainfmu.estimator.estimates.unrolled_surface import SurfacePlaces, outermost_places
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
-from strainfmu.estimator.manifold.flight_field import FlightField
 from strainfmu.estimator.manifold.tracker import FlightTracker
-from strainfmu.estimator.unrolled_surface import SurfacePlaces, outermost_places
+from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map
+from strainfmu.estimator.tables.flight_field import FlightField
 from strainfmu.interface.parameter_variables import PREFIX, STD_PREFIX
 from strainfmu.interface.temperature_variables import temperature_names
 

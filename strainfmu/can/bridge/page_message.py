@@ -22,9 +22,9 @@ from strainfmu.can.cycle.gauge_verdicts import gauge_reasons
 from strainfmu.can.cycle.quality import Cause
 from strainfmu.can.cycle.result import CycleResult
 from strainfmu.cosim.step import ENVELOPE_SCORE, health_name
-from strainfmu.estimator.flow_parameters import PARAMETER_TOLERANCE
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
+from strainfmu.estimator.linear.flow_parameters import PARAMETER_TOLERANCE
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 from strainfmu.fmu.package import CONTENTS
 from strainfmu.interface.estimator_variables import LOADS
 from strainfmu.interface.parameter_variables import OUTSIDE_PREFIX

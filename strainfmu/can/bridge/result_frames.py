@@ -18,7 +18,7 @@ from strainfmu.can.wire.frame import Frame
 from strainfmu.can.wire.frame_layout import FrameLayout
 from strainfmu.can.wire.profile_signals import E2E_COUNTER, E2E_CRC
 from strainfmu.can.wire.signal_plan import SignalPlan
-from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 
 _NOTHING = [nan] * 5
 _HEADER = {E2E_CRC: 0, E2E_COUNTER: 0}

@@ -13,7 +13,7 @@ from strainfmu.can.wire.frame_layout import BIG, FLOAT, LITTLE, SIGNED, FrameLay
 from strainfmu.can.wire.profile_signals import header_1, header_5
 from strainfmu.can.wire.profiles import BRIDGE, Identifiers
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 
 _RESULT_DATA_ID = 0x5380
 STATUS_PERIOD = 0.1

@@ -258,7 +258,7 @@ def _taring(
     set_zeros = getattr(step, "set_zeros", None)
     if set_zeros is None:
         raise InputError("--tare: expected an estimator that takes zeros of its gauges")
-    from strainfmu.estimator.inverse_map import load_inverse_map
+    from strainfmu.estimator.map.inverse_map import load_inverse_map
 
     held = load_inverse_map(options.tare)
     if tuple(held.gauge_names) != tuple(gauge_names):
@@ -343,7 +343,7 @@ def map_gauge_names(source: Path) -> tuple[str, ...]:
         from strainfmu.cosim.estimator_description import gauge_names_of
 
         return gauge_names_of(source)
-    from strainfmu.estimator.inverse_map import load_inverse_map
+    from strainfmu.estimator.map.inverse_map import load_inverse_map
 
     return tuple(load_inverse_map(source).gauge_names)
 
@@ -354,7 +354,7 @@ def map_section_stations(source: Path) -> tuple[float, ...] | None:
         from strainfmu.cosim.estimator_description import section_stations_in
 
         return section_stations_in(source)
-    from strainfmu.estimator.inverse_map import load_inverse_map
+    from strainfmu.estimator.map.inverse_map import load_inverse_map
     from strainfmu.interface.further_variables import section_stations
 
     return section_stations(load_inverse_map(source))

@@ -11,7 +11,7 @@ from types import TracebackType
 from strainfmu.can.cycle.taring import TareEnd
 from strainfmu.cosim.zeros_file import write_zeros
 from strainfmu.errors import StrainfmuError
-from strainfmu.estimator.zeros import GaugeZeros
+from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 
 
 class ZerosKeeper:

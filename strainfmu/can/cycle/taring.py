@@ -1,7 +1,7 @@
 """A tare on the running bus: strains of a window of cycles, while loads are known, become the zeros of the gauges.
 
-The window is judged as that of a recording is (:mod:`strainfmu.estimator.tare`); besides, the dynamic pressure
-must be known and the sender proven in every cycle of it.
+The window is judged as that of a recording is (:mod:`strainfmu.estimator.zeros.tare`); besides, the dynamic
+pressure must be known and the sender proven in every cycle of it.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ import numpy as np
 from strainfmu.can.cycle.quality import Cause
 from strainfmu.can.cycle.result import CycleResult
 from strainfmu.errors import InputError, StrainfmuError
-from strainfmu.estimator.inverse_map import InverseMap
-from strainfmu.estimator.tare import LEAST_SAMPLES, KnownStrain, TareLimits, tare
-from strainfmu.estimator.tare_verdict import loads_fault, refusal, refused_text, taken_text
-from strainfmu.estimator.zeros import GaugeZeros
+from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
+from strainfmu.estimator.zeros.tare import LEAST_SAMPLES, KnownStrain, TareLimits, tare
+from strainfmu.estimator.zeros.tare_verdict import loads_fault, refusal, refused_text, taken_text
 
 MOST_CYCLES = 100_000
 """Longest window [cycles]."""

@@ -15,7 +15,7 @@ from strainfmu.can.cycle.quality import Quality
 from strainfmu.can.wire.frame_layout import FrameLayout
 from strainfmu.can.wire.libraries import import_can
 from strainfmu.can.wire.signal_plan import SignalPlan
-from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 
 _RANGE_OF_NONE = 1e-9
 _NO_SAMPLE_TIME = 2**32 - 1

@@ -37,7 +37,7 @@ from strainfmu.can.wire.libraries import import_can
 from strainfmu.can.wire.profiles import profile_layout
 from strainfmu.cosim.step import ENVELOPE_SCORE
 from strainfmu.errors import StrainfmuError
-from strainfmu.estimator.inverse_map import InverseMap, load_inverse_map
+from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map
 from strainfmu.fmu.export import ExportOptions, export_estimator
 
 SETTLING_CYCLES = 100

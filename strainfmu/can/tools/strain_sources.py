@@ -15,7 +15,7 @@ import numpy as np
 from strainfmu.arrays import FloatArray
 from strainfmu.can.wire.frame_layout import FLOW_QUANTITIES, NAVIGATION
 from strainfmu.errors import InputError
-from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 from strainfmu.interface.fmi_variables import strain_names
 
 

@@ -28,7 +28,7 @@ from strainfmu.cli.commands.can_bus import (
 )
 from strainfmu.cli.commands.number_ranges import DURATION_S, PRESSURE_PA, within
 from strainfmu.errors import InputError
-from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 
 if TYPE_CHECKING:
     from strainfmu.can.tools.answers import Score

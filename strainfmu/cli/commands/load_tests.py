@@ -15,7 +15,7 @@ from rich.table import Table
 from builder.pipeline.progress_bars import ConsoleReporter
 from strainfmu.cli.commands.number_ranges import number, within
 from strainfmu.errors import InputError
-from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 
 if TYPE_CHECKING:
     from builder.calibration.load_plan import LoadPlan

@@ -99,7 +99,7 @@ def export(
 
         strainfmu export results/map.h5 -o estimator.fmu --tare-known known.toml
     """
-    from strainfmu.estimator.inverse_map import load_inverse_map
+    from strainfmu.estimator.map.inverse_map import load_inverse_map
     from strainfmu.fmu.export import ExportOptions, export_estimator
     from strainfmu.interface.further_variables import has_section_loads_by_strain_alone
 
@@ -279,7 +279,7 @@ def bench(
 
 def _rival_costs(map_path: Path) -> dict[str, float]:
     """Return the time per step [s] of learning estimators; none without tables or without scikit-learn."""
-    from strainfmu.estimator.inverse_map import load_inverse_map
+    from strainfmu.estimator.map.inverse_map import load_inverse_map
 
     manifold = load_inverse_map(map_path).manifold
     if manifold is None:

@@ -43,7 +43,7 @@ def picture(
     from builder.figures.picture_files import write_picture
     from builder.figures.scene import scene_of_snapshot
     from strainfmu.errors import InputError
-    from strainfmu.estimator.inverse_map import load_inverse_map
+    from strainfmu.estimator.map.inverse_map import load_inverse_map
 
     for name in ("map.h5", "snapshots.h5"):
         if not (folder / name).is_file():

@@ -14,8 +14,8 @@ from strainfmu.cli.commands.number_ranges import number
 from strainfmu.errors import InputError, StrainfmuError
 
 if TYPE_CHECKING:
-    from strainfmu.estimator.inverse_map import InverseMap
-    from strainfmu.estimator.tare import KnownStrain, Tare
+    from strainfmu.estimator.map.inverse_map import InverseMap
+    from strainfmu.estimator.zeros.tare import KnownStrain, Tare
     from strainfmu.recorded.tare_window import Window
 
 
@@ -68,10 +68,10 @@ def tare(
         --weight-up-roll-deg 0 --ambient-pressure 101325
     """
     from strainfmu.cosim.zeros_file import write_zeros
-    from strainfmu.estimator.inverse_map import load_inverse_map
-    from strainfmu.estimator.tare import TareLimits
-    from strainfmu.estimator.tare_verdict import refusal
-    from strainfmu.estimator.zeros import GaugeZeros
+    from strainfmu.estimator.map.inverse_map import load_inverse_map
+    from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
+    from strainfmu.estimator.zeros.tare import TareLimits
+    from strainfmu.estimator.zeros.tare_verdict import refusal
     from strainfmu.recorded.tare_window import tare_file
 
     chosen = _window(window)
@@ -140,7 +140,7 @@ def _known_strain(
     from builder.structure.loads.applied import Weight
     from builder.structure.loads.standing import squeeze_strain, weight_strain
     from builder.vehicle.file import load_vehicle
-    from strainfmu.estimator.tare import KnownStrain
+    from strainfmu.estimator.zeros.tare import KnownStrain
 
     n = held.n_strain_gauges
     loaded, strain = load_vehicle(vehicle), np.zeros(n)

@@ -24,7 +24,7 @@ from strainfmu.cli.commands.maps import (
 from strainfmu.cli.commands.number_ranges import within
 from strainfmu.cli.named_vehicle import naming
 from strainfmu.errors import InputError
-from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 
 if TYPE_CHECKING:
     from builder.pipeline.demo import DemoResult

@@ -14,8 +14,8 @@ from rich.markup import escape
 from rich.table import Table
 
 from strainfmu.errors import InputError
-from strainfmu.estimator import inverse_map as map_file
-from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES
+from strainfmu.estimator.map import inverse_map as map_file
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 from strainfmu.files import content_hash_of, schema_of
 
 if TYPE_CHECKING:

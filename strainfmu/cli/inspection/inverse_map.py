@@ -15,10 +15,11 @@ from rich.table import Table
 from strainfmu.arrays import FloatArray
 from strainfmu.cli.inspection.provenance import provenance_rows
 from strainfmu.cli.inspection.temperature import temperature_sensors, temperature_table
-from strainfmu.estimator.detectability import detectable_noncentrality, minimal_detectable_bias
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY
-from strainfmu.estimator.innovation import inverse_cholesky
-from strainfmu.estimator.inverse_map import (
+from strainfmu.estimator.linear.detectability import detectable_noncentrality, minimal_detectable_bias
+from strainfmu.estimator.linear.masks import MIN_INFORMATION
+from strainfmu.estimator.map.innovation import inverse_cholesky
+from strainfmu.estimator.map.inverse_map import (
     COEFFICIENT_NAMES,
     LOAD_NAMES,
     SCHEMA,
@@ -26,10 +27,9 @@ from strainfmu.estimator.inverse_map import (
     InverseMap,
     load_inverse_map,
 )
-from strainfmu.estimator.manifold.manifold_map import ManifoldMap
-from strainfmu.estimator.masks import MIN_INFORMATION
-from strainfmu.estimator.sensors import shown_units
-from strainfmu.estimator.validity import valid_ranges
+from strainfmu.estimator.map.sensors import shown_units
+from strainfmu.estimator.map.validity import valid_ranges
+from strainfmu.estimator.tables.manifold_map import ManifoldMap
 from strainfmu.files import content_hash_of
 
 MICRO = 1e6

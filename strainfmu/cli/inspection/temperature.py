@@ -10,7 +10,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.temperature import ThermalMap, sensor_set
+from strainfmu.estimator.map.temperature import ThermalMap, sensor_set
 
 MICRO = 1e6
 

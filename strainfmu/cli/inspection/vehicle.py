@@ -14,7 +14,7 @@ from rich.table import Table
 from builder.pipeline.progress_bars import ConsoleReporter
 from strainfmu.cli.named_vehicle import named
 from strainfmu.errors import FaultsError, InputError
-from strainfmu.estimator.validity import (
+from strainfmu.estimator.map.validity import (
     condition_ranges,
     parameter_ranges,
     valid_conditions,

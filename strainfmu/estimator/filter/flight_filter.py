@@ -29,13 +29,13 @@ from strainfmu.estimator.filter.warm import WarmSample, carried, warm_sample, wa
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimate, FlightEstimates
-from strainfmu.estimator.manifold.flight_tables import N_STATES
 from strainfmu.estimator.manifold.gauss_newton import Samples, without_navigation
 from strainfmu.estimator.manifold.inputs import EstimatorInputs
 from strainfmu.estimator.manifold.navigation import NAVIGATION, inconsistent_navigation, state_measurement
-from strainfmu.estimator.manifold.parameter_tables import without_known
 from strainfmu.estimator.manifold.solve import WARM_ITERATIONS
 from strainfmu.estimator.manifold.tracker import RETURN_AFTER, SEARCH_EVERY
+from strainfmu.estimator.tables.flight_tables import N_STATES
+from strainfmu.estimator.tables.parameter_tables import without_known
 
 _FLOW = (*NAVIGATION, *(f"{name}_std" for name in NAVIGATION), "altitude")
 

@@ -19,12 +19,12 @@ from strainfmu.estimator.filter.motion import decaying, with_rates
 from strainfmu.estimator.filter.seen_errors import SeenErrors, seen_errors, white_and_lasting
 from strainfmu.estimator.filter.settings import SLOW, FilterSettings
 from strainfmu.estimator.filter.warm import WarmSample, mode_columns, not_warm
-from strainfmu.estimator.inverse_map import InverseMap
-from strainfmu.estimator.manifold.flight_tables import LOG_PRESSURE, MACH, N_STATES, U, W, evaluate
 from strainfmu.estimator.manifold.gauss_newton import Samples
-from strainfmu.estimator.manifold.manifold_map import ManifoldMap
 from strainfmu.estimator.manifold.navigation import NAVIGATION, StateMeasurement, predicted, prior
-from strainfmu.estimator.proportional_errors import PAIRS
+from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.map.proportional_errors import PAIRS
+from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, N_STATES, U, W, evaluate
+from strainfmu.estimator.tables.manifold_map import ManifoldMap
 
 ERRORS_OF_NAVIGATION = 2 * N_STATES
 DISCREPANCY = ERRORS_OF_NAVIGATION + len(NAVIGATION)
@@ -47,7 +47,7 @@ class FlightModel:
     common : (n_d, c) errors that gauges have in common and that do not follow strain, those of modes last.
     modes : what is known of temperature modes without sensors.
     of_gauge : (n_d, t, 6) errors of each gauge that last, per p_inf and c of
-        :class:`~strainfmu.estimator.manifold.manifold_map.ManifoldMap` [1/Pa].
+        :class:`~strainfmu.estimator.tables.manifold_map.ManifoldMap` [1/Pa].
     own : (n_d,) standard deviation of what lasts in each gauge and does not follow strain.
     further : errors of section loads; None for none.
     """

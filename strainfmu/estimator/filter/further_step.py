@@ -12,10 +12,10 @@ import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.estimator.filter.seen_errors import SeenErrors
-from strainfmu.estimator.manifold.flight_tables import N_STATES, evaluate
 from strainfmu.estimator.manifold.further_estimate import FurtherEstimate
-from strainfmu.estimator.manifold.further_tables import FurtherTables
-from strainfmu.estimator.manifold.manifold_map import ManifoldMap
+from strainfmu.estimator.tables.flight_tables import N_STATES, evaluate
+from strainfmu.estimator.tables.further_tables import FurtherTables
+from strainfmu.estimator.tables.manifold_map import ManifoldMap
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

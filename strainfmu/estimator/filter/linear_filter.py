@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import InputError
+from strainfmu.estimator.estimates.load_estimate import LoadEstimate
 from strainfmu.estimator.filter.kalman import Law, Transition, measured, predicted, stationary_law
 from strainfmu.estimator.filter.linear_model import (
     LinearModel,
@@ -25,11 +26,10 @@ from strainfmu.estimator.filter.linear_model import (
 from strainfmu.estimator.filter.settings import FilterSettings, checked_time_step
 from strainfmu.estimator.filter.warm import WarmSample, carried, warm_sample
 from strainfmu.estimator.health import HealthState, chi_square_limit
-from strainfmu.estimator.load_estimate import LoadEstimate
-from strainfmu.estimator.moment_point import moment_transfer
+from strainfmu.estimator.linear.estimator import Estimator
+from strainfmu.estimator.linear.moment_point import moment_transfer
+from strainfmu.estimator.map.temperature import strain_at_reference
 from strainfmu.estimator.settings import default_settings
-from strainfmu.estimator.step import Estimator
-from strainfmu.estimator.temperature import strain_at_reference
 
 _NOT_FILTERED = (HealthState.INVALID, HealthState.UNIDENTIFIED, HealthState.NO_COEFFICIENTS)
 """States in which nothing was measured."""

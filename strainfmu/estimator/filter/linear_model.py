@@ -19,7 +19,7 @@ from strainfmu.estimator.filter.motion import decaying
 from strainfmu.estimator.filter.seen_errors import SeenErrors, seen_errors, white_and_lasting
 from strainfmu.estimator.filter.settings import SLOW, FilterSettings
 from strainfmu.estimator.filter.warm import WarmSample, isothermal_covariance, mode_columns, not_warm
-from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.estimator.map.inverse_map import InverseMap
 
 _ROUND_OFF = 1e-9
 """Variance of an error over that of the noise below which it is round-off."""

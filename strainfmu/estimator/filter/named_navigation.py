@@ -15,8 +15,7 @@ import numpy as np
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.filter.flight_model import ERRORS_OF_NAVIGATION
 from strainfmu.estimator.filter.kalman import Law
-from strainfmu.estimator.isolation import outlier_threshold
-from strainfmu.estimator.manifold.flight_tables import N_STATES
+from strainfmu.estimator.linear.isolation import outlier_threshold
 from strainfmu.estimator.manifold.gauss_newton import Samples
 from strainfmu.estimator.manifold.navigation import (
     NAVIGATION,
@@ -24,6 +23,7 @@ from strainfmu.estimator.manifold.navigation import (
     StateMeasurement,
     predicted,
 )
+from strainfmu.estimator.tables.flight_tables import N_STATES
 
 NAMED_AFTER = 4
 """Steps in a row that a quantity must be an alarm to the same side: readings that scatter more than stated name

@@ -10,13 +10,13 @@ from dataclasses import dataclass
 from typing import Any
 
 from strainfmu.arrays import FloatArray
+from strainfmu.estimator.estimates.load_estimate import LoadEstimate
 from strainfmu.estimator.filter.kalman import Law
 from strainfmu.estimator.filter.linear_filter import LinearFilter
 from strainfmu.estimator.filter.settings import LARGEST, FilterSettings
 from strainfmu.estimator.filter.switched import law_from_numbers, law_numbers, warm_from_numbers, warm_numbers
 from strainfmu.estimator.filter.warm import WarmSample
-from strainfmu.estimator.load_estimate import LoadEstimate
-from strainfmu.estimator.step import Estimator
+from strainfmu.estimator.linear.estimator import Estimator
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -1,10 +1,10 @@
 """Temperature modes in a filter: errors of their amplitudes are states, which last.
 
 A sample's sensors give amplitudes a^ with the covariance P of their errors
-(:mod:`strainfmu.estimator.temperature`). Strain is corrected by a^, and reads Phi da of what is left, da = a - a^.
-Errors of sensors last as the modes do, so that da is a process whose stationary covariance is P. Where a sensor
-comes or goes, a stays, and da changes by the difference of both a^; its covariance goes to the new P with time.
-What is not linear in a, the data sheet, gauge factor and modulus, is that at a^ and the mean of da.
+(:mod:`strainfmu.estimator.map.temperature`). Strain is corrected by a^, and reads Phi da of what is left, da = a -
+a^. Errors of sensors last as the modes do, so that da is a process whose stationary covariance is P. Where a
+sensor comes or goes, a stays, and da changes by the difference of both a^; its covariance goes to the new P with
+time. What is not linear in a, the data sheet, gauge factor and modulus, is that at a^ and the mean of da.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from strainfmu.arrays import BoolArray, FloatArray
-from strainfmu.estimator.at_temperature import SensorSets
 from strainfmu.estimator.filter.kalman import Law
-from strainfmu.estimator.inverse_map import InverseMap
-from strainfmu.estimator.temperature import SensorSet, ThermalMap, strain_at_amplitude
+from strainfmu.estimator.map.at_temperature import SensorSets
+from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.map.temperature import SensorSet, ThermalMap, strain_at_amplitude
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

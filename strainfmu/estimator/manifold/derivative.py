@@ -22,12 +22,12 @@ from strainfmu.errors import InputError
 from strainfmu.estimator.manifold.air_data import air_data_of_state
 from strainfmu.estimator.manifold.error_covariance import strain_covariance
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
-from strainfmu.estimator.manifold.flight_tables import LOG_PRESSURE, MACH, N_STATES, evaluate
 from strainfmu.estimator.manifold.gauss_newton import Samples
 from strainfmu.estimator.manifold.inputs import EstimatorInputs
-from strainfmu.estimator.manifold.manifold_map import ManifoldMap
 from strainfmu.estimator.manifold.navigation import NAVIGATION, prior, state_measurement
 from strainfmu.estimator.manifold.solve import solve_from
+from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, N_STATES, evaluate
+from strainfmu.estimator.tables.manifold_map import ManifoldMap
 
 _STEP = 1e-30
 """Imaginary step relative to the size of an argument."""

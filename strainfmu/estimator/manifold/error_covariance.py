@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.manifold.manifold_map import ManifoldMap
-from strainfmu.estimator.proportional_errors import PAIRS
+from strainfmu.estimator.map.proportional_errors import PAIRS
+from strainfmu.estimator.tables.manifold_map import ManifoldMap
 
 
 def strain_covariance(

@@ -14,11 +14,11 @@ from numpy.typing import ArrayLike
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.arguments import checked_mask, per_sample, strain_of_one, strain_of_samples
-from strainfmu.estimator.at_temperature import SensorSets, scattered
-from strainfmu.estimator.flow_parameters import write_parameters
+from strainfmu.estimator.estimates.load_estimate import set_unknown
+from strainfmu.estimator.estimates.pressure_field import FieldInputs
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.inverse_map import InverseMap
-from strainfmu.estimator.load_estimate import set_unknown
+from strainfmu.estimator.linear.estimator import Estimator
+from strainfmu.estimator.linear.flow_parameters import write_parameters
 from strainfmu.estimator.manifold.air_data import AIR_DATA_NAMES, AirData, air_data
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimate, FlightEstimates, joined
 from strainfmu.estimator.manifold.flight_health import flight_health
@@ -34,14 +34,14 @@ from strainfmu.estimator.manifold.navigation import (
     prior,
     state_measurement,
 )
-from strainfmu.estimator.manifold.parameter_tables import with_known
 from strainfmu.estimator.manifold.reference_loads import ReferenceLoads
 from strainfmu.estimator.manifold.solve import FlightSolution, solution, solve_cold, solve_from
 from strainfmu.estimator.manifold.starts import search_table
-from strainfmu.estimator.pressure_field import FieldInputs
+from strainfmu.estimator.map.at_temperature import SensorSets, scattered
+from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.settings import EstimatorSettings
-from strainfmu.estimator.step import Estimator
-from strainfmu.estimator.zeros import GaugeZeros, no_zeros, with_zero_errors, zero_of_rows
+from strainfmu.estimator.tables.parameter_tables import with_known
+from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros, no_zeros, with_zero_errors, zero_of_rows
 
 Solve = Callable[[Samples, IntArray], Linearised]
 """Takes samples and which of the inputs they are; returns their solution."""

@@ -11,17 +11,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
-from strainfmu.estimator.linear_field import linear_pressure, no_field
+from strainfmu.estimator.estimates.linear_field import linear_pressure, no_field
+from strainfmu.estimator.estimates.pressure_field import FieldInputs, PressureField, unknown_field
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimate
-from strainfmu.estimator.manifold.flight_field import FlightField
-from strainfmu.estimator.manifold.flight_tables import LOG_PRESSURE, MACH, MIN_INCIDENCE, U, W, evaluate
 from strainfmu.estimator.manifold.gauss_newton import strain_factor
-from strainfmu.estimator.manifold.manifold_map import ManifoldMap
-from strainfmu.estimator.manifold.parameter_tables import with_known
-from strainfmu.estimator.manifold.shape_field import ShapeField, field_with_known
 from strainfmu.estimator.manifold.solve import lognormal_std
-from strainfmu.estimator.manifold.spline import local_basis
-from strainfmu.estimator.pressure_field import FieldInputs, PressureField, unknown_field
+from strainfmu.estimator.numerics.spline import local_basis
+from strainfmu.estimator.tables.flight_field import FlightField
+from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, MIN_INCIDENCE, U, W, evaluate
+from strainfmu.estimator.tables.manifold_map import ManifoldMap
+from strainfmu.estimator.tables.parameter_tables import with_known
+from strainfmu.estimator.tables.shape_field import ShapeField, field_with_known
 
 MIN_LEFT = 0.05
 """Least part of the variance of pressure off the tables that strain leaves: C holds its low harmonics alone."""

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
-from strainfmu.estimator.load_estimate import LoadEstimate, LoadEstimates
+from strainfmu.estimator.estimates.load_estimate import LoadEstimate, LoadEstimates
+from strainfmu.estimator.estimates.pressure_field import FieldInputs, PressureField
 from strainfmu.estimator.manifold.air_data import AirData
-from strainfmu.estimator.pressure_field import FieldInputs, PressureField
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

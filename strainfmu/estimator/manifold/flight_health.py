@@ -9,11 +9,11 @@ import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, HealthState, chi_square_limit
-from strainfmu.estimator.isolation import outlier_threshold
-from strainfmu.estimator.manifold.flight_tables import LOG_PRESSURE, MACH, U, W
-from strainfmu.estimator.manifold.manifold_map import ManifoldMap
+from strainfmu.estimator.linear.isolation import outlier_threshold
 from strainfmu.estimator.manifold.navigation import NAVIGATION, NAVIGATION_ALARM, Navigation
 from strainfmu.estimator.manifold.solve import FlightSolution
+from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, U, W
+from strainfmu.estimator.tables.manifold_map import ManifoldMap
 
 OUTSIDE_SCORE, OUTSIDE_SCORE_OF_SHAPES = 3.0, 2.0
 """Standard deviations by which the flight state leaves the ranges of the map from which it is outside.

@@ -12,10 +12,10 @@ from typing import NamedTuple
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
-from strainfmu.estimator.manifold.flight_tables import evaluate
 from strainfmu.estimator.manifold.gauss_newton import Linearised
-from strainfmu.estimator.manifold.manifold_map import ManifoldMap
-from strainfmu.estimator.manifold.triangular import forward_substituted
+from strainfmu.estimator.numerics.triangular import forward_substituted
+from strainfmu.estimator.tables.flight_tables import evaluate
+from strainfmu.estimator.tables.manifold_map import ManifoldMap
 
 
 class FurtherEstimate(NamedTuple):

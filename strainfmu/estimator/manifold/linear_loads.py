@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from strainfmu.arrays import BoolArray
-from strainfmu.estimator.load_estimate import LoadEstimates
+from strainfmu.estimator.estimates.load_estimate import LoadEstimates
+from strainfmu.estimator.linear.estimator import Estimator
 from strainfmu.estimator.manifold.inputs import EstimatorInputs
-from strainfmu.estimator.step import Estimator
 
 OF_LOADS = (
     "loads",

@@ -9,11 +9,11 @@ import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO
-from strainfmu.estimator.envelope import static_pressure_at
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY
-from strainfmu.estimator.isolation import outlier_threshold
-from strainfmu.estimator.manifold.flight_tables import LOG_PRESSURE, MACH, N_STATES, U, W
-from strainfmu.estimator.manifold.manifold_map import ManifoldMap
+from strainfmu.estimator.linear.envelope import static_pressure_at
+from strainfmu.estimator.linear.isolation import outlier_threshold
+from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, N_STATES, U, W
+from strainfmu.estimator.tables.manifold_map import ManifoldMap
 
 NAVIGATION = ("mach_number", "static_pressure", "dynamic_pressure")
 """Quantities of navigation, in this order."""

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from strainfmu.arrays import BoolArray
-from strainfmu.estimator.inverse_map import InverseMap
-from strainfmu.estimator.load_estimate import LoadEstimates, empty_estimates
-from strainfmu.estimator.manifold.manifold_map import ManifoldMap
+from strainfmu.estimator.estimates.load_estimate import LoadEstimates, empty_estimates
+from strainfmu.estimator.estimates.pressure_field import FieldInputs
+from strainfmu.estimator.linear.moment_point import moment_transfer
 from strainfmu.estimator.manifold.solve import FlightSolution
-from strainfmu.estimator.moment_point import moment_transfer
-from strainfmu.estimator.pressure_field import FieldInputs
+from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.settings import EstimatorSettings, default_settings
+from strainfmu.estimator.tables.manifold_map import ManifoldMap
 
 
 class ReferenceLoads:

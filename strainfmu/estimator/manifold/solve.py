@@ -12,7 +12,6 @@ import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO
-from strainfmu.estimator.manifold.flight_tables import LOG_PRESSURE, MACH
 from strainfmu.estimator.manifold.further_estimate import StateErrors, further_estimate
 from strainfmu.estimator.manifold.gauss_newton import (
     Linearised,
@@ -21,9 +20,10 @@ from strainfmu.estimator.manifold.gauss_newton import (
     linearise_anew,
     stepped,
 )
-from strainfmu.estimator.manifold.manifold_map import ManifoldMap
 from strainfmu.estimator.manifold.starts import STARTS, SearchTable, starts
-from strainfmu.estimator.manifold.triangular import forward_substituted
+from strainfmu.estimator.numerics.triangular import forward_substituted
+from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH
+from strainfmu.estimator.tables.manifold_map import ManifoldMap
 
 START_ITERATIONS, COLD_ITERATIONS, WARM_ITERATIONS = 4, 8, 2
 """Iterations of every state of the search, of the best of them from there, and from the last step's state."""
@@ -181,8 +181,8 @@ def _spread(jacobian: FloatArray, covariance: FloatArray) -> FloatArray:
 def _gauge_residuals(at: Linearised, covariance: FloatArray, used: BoolArray) -> FloatArray:
     """Return (k, n_d) (S^-1 r)_i / sqrt(P_ii) with P = S^-1 - S^-1 J E_x J' S^-1: leave-one-out residuals.
 
-    P times the strain that nobody expected, which :mod:`strainfmu.estimator.isolation` takes, is S^-1 r of the
-    solution.
+    P times the strain that nobody expected, which :mod:`strainfmu.estimator.linear.isolation` takes, is S^-1 r of
+    the solution.
     """
     inverse = np.linalg.inv(at.factor)
     back = np.swapaxes(inverse, 1, 2)

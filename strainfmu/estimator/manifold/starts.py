@@ -8,9 +8,9 @@ import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.estimator.manifold.error_covariance import strain_covariance
-from strainfmu.estimator.manifold.flight_tables import LOG_PRESSURE, MACH, U, W, evaluate
-from strainfmu.estimator.manifold.manifold_map import ManifoldMap
 from strainfmu.estimator.manifold.navigation import StateMeasurement, predicted
+from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, U, W, evaluate
+from strainfmu.estimator.tables.manifold_map import ManifoldMap
 
 STARTS, MACHS, ROLLS = 6, 3, 16
 """States of the search: incidences, of each the best is a start; Mach numbers; roll angles of the wind.

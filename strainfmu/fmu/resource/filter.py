@@ -15,8 +15,8 @@ from strainfmu.estimator.filter.named_navigation import FITS, NAMED_AFTER
 from strainfmu.estimator.filter.settings import LARGEST as LARGEST_TIME
 from strainfmu.estimator.filter.settings import RATE_TIME, SLOPE_TIME, SLOW, FilterSettings
 from strainfmu.estimator.filter.settings import SMALLEST as SMALLEST_TIME
-from strainfmu.estimator.inverse_map import InverseMap
-from strainfmu.estimator.manifold.manifold_map import ManifoldMap
+from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.tables.manifold_map import ManifoldMap
 from strainfmu.fmu.resource.sections import section, sized_numbers
 
 SECTION = b"FILTER\0\0"

@@ -20,19 +20,19 @@ import numpy as np
 
 from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO
-from strainfmu.estimator.fixed_order import product
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, chi_square_limit
-from strainfmu.estimator.inverse_map import InverseMap
-from strainfmu.estimator.isolation import outlier_threshold
+from strainfmu.estimator.linear.isolation import outlier_threshold
 from strainfmu.estimator.manifold.air_data import MIN_GAIN, MIN_INCIDENCE_SCORE
 from strainfmu.estimator.manifold.flight_health import RANGE_TOLERANCE, outside_score, shape_limit
-from strainfmu.estimator.manifold.flight_tables import MIN_INCIDENCE
-from strainfmu.estimator.manifold.further_tables import FurtherTables
 from strainfmu.estimator.manifold.gauss_newton import LARGEST_STEP
-from strainfmu.estimator.manifold.manifold_map import ManifoldMap
 from strainfmu.estimator.manifold.navigation import FALSE_ALARMS, NAVIGATION, NAVIGATION_ALARM, prior
 from strainfmu.estimator.manifold.solve import COLD_ITERATIONS, START_ITERATIONS, WARM_ITERATIONS
 from strainfmu.estimator.manifold.tracker import RETURN_AFTER, SEARCH_EVERY
+from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.numerics.fixed_order import product
+from strainfmu.estimator.tables.flight_tables import MIN_INCIDENCE
+from strainfmu.estimator.tables.further_tables import FurtherTables
+from strainfmu.estimator.tables.manifold_map import ManifoldMap
 from strainfmu.fmu.resource.sections import section, sized_numbers
 
 SECTION = b"FLIGHT\0\0"

@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.decomposition import Decomposition
 from strainfmu.estimator.further_loads import FurtherLoads, is_moment
+from strainfmu.estimator.linear.decomposition import Decomposition
 from strainfmu.fmu.resource.sections import section, sized_numbers
 
 SECTION = b"FURTHER\0"

@@ -16,8 +16,8 @@ parameters of the flow (:mod:`~strainfmu.fmu.resource.parameters`) and the table
 bound that the map does not state is the largest finite number.
 ``fmus/native/estimator/map_resource.h`` describes the same file to the C code.
 
-Every value is that of :class:`~strainfmu.estimator.step.Estimator`, in the same bits on every machine
-(:mod:`strainfmu.estimator.fixed_order`). Of the whitening matrices the
+Every value is that of :class:`~strainfmu.estimator.linear.estimator.Estimator`, in the same bits on every machine
+(:mod:`strainfmu.estimator.numerics.fixed_order`). Of the whitening matrices the
 file holds the triangle R of a QR decomposition: all that is computed from W is the same for W and Q' W, and a
 triangle takes half the time and half the room.
 """
@@ -34,8 +34,9 @@ import numpy as np
 from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO
 from strainfmu.errors import InputError
-from strainfmu.estimator.decomposition import Decomposition, decompose
-from strainfmu.estimator.envelope import (
+from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, chi_square_limit
+from strainfmu.estimator.linear.decomposition import Decomposition, decompose
+from strainfmu.estimator.linear.envelope import (
     ALTITUDE_STEP,
     MACH_TOLERANCE,
     PRESSURE_TOLERANCE,
@@ -43,18 +44,18 @@ from strainfmu.estimator.envelope import (
     flight_ranges,
     half_spaces,
 )
-from strainfmu.estimator.fixed_order import householder, product
-from strainfmu.estimator.flow import MAX_DYNAMIC_PRESSURE, MIN_DYNAMIC_PRESSURE
-from strainfmu.estimator.flow_parameters import flow_parameters
-from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, chi_square_limit
-from strainfmu.estimator.inverse_map import InverseMap
-from strainfmu.estimator.isolation import AMBIGUOUS_CORRELATION, outlier_threshold
-from strainfmu.estimator.loads_from_strain import MIN_EXPECTED_RATIO, error_model
-from strainfmu.estimator.map_parts import MapParts, map_parts
-from strainfmu.estimator.masks import MIN_INFORMATION
+from strainfmu.estimator.linear.flow import MAX_DYNAMIC_PRESSURE, MIN_DYNAMIC_PRESSURE
+from strainfmu.estimator.linear.flow_parameters import flow_parameters
+from strainfmu.estimator.linear.isolation import AMBIGUOUS_CORRELATION, outlier_threshold
+from strainfmu.estimator.linear.loads_from_strain import MIN_EXPECTED_RATIO
+from strainfmu.estimator.linear.map_parts import MapParts, map_parts
+from strainfmu.estimator.linear.masks import MIN_INFORMATION
+from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.map.proportional_errors import error_model
+from strainfmu.estimator.numerics.fixed_order import householder, product
 from strainfmu.estimator.settings import LARGEST_SENSOR_RANGE, LARGEST_SETTING, default_settings
-from strainfmu.estimator.tare import KnownStrain
-from strainfmu.estimator.zeros import LARGEST_ZERO
+from strainfmu.estimator.zeros.gauge_zeros import LARGEST_ZERO
+from strainfmu.estimator.zeros.tare import KnownStrain
 from strainfmu.fmu.resource.filter import filter_section
 from strainfmu.fmu.resource.flight import flight_loads_section, flight_section
 from strainfmu.fmu.resource.further_loads import further_section

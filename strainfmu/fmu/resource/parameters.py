@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from strainfmu.errors import InputError
-from strainfmu.estimator.flow_parameters import LARGEST_SCORE, PARAMETER_TOLERANCE, FlowParameters
+from strainfmu.estimator.linear.flow_parameters import LARGEST_SCORE, PARAMETER_TOLERANCE, FlowParameters
 from strainfmu.fmu.resource.sections import section, sized_numbers
 
 SECTION = b"PARAMS\0\0"

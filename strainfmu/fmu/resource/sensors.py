@@ -7,7 +7,7 @@ the C code.
 
 from __future__ import annotations
 
-from strainfmu.estimator.sensors import SensorRows
+from strainfmu.estimator.map.sensors import SensorRows
 from strainfmu.fmu.resource.sections import section, sized_numbers
 
 SECTION = b"SENSORS\0"

@@ -8,10 +8,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from strainfmu.estimator.inverse_map import InverseMap
-from strainfmu.estimator.reading_window import LEAST_PART
-from strainfmu.estimator.tare import LEAST_SAMPLES, LIKE_LOAD, LOUD, MOVED, OWN_FACTOR, KnownStrain, TareLimits
-from strainfmu.estimator.tare_verdict import LEAST_GAUGES
+from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.zeros.reading_window import LEAST_PART
+from strainfmu.estimator.zeros.tare import (
+    LEAST_SAMPLES,
+    LIKE_LOAD,
+    LOUD,
+    MOVED,
+    OWN_FACTOR,
+    KnownStrain,
+    TareLimits,
+)
+from strainfmu.estimator.zeros.tare_verdict import LEAST_GAUGES
 from strainfmu.fmu.resource.sections import section
 
 SECTION = b"TARE\0\0\0\0"

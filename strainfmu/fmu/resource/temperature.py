@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from strainfmu.estimator.fixed_order import product
-from strainfmu.estimator.inverse_map import InverseMap
-from strainfmu.estimator.temperature import LARGEST_RISE, ThermalMap
+from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.map.temperature import LARGEST_RISE, ThermalMap
+from strainfmu.estimator.numerics.fixed_order import product
 from strainfmu.fmu.resource.sections import section, sized_numbers
 
 SECTION = b"THERMAL\0"

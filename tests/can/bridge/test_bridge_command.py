@@ -16,7 +16,7 @@ import pytest
 def test_the_command_ends_on_a_signal_with_a_summary(number: int, tmp_path: Path) -> None:
     from synthetic_vehicle import synthetic_inverse_map
 
-    from strainfmu.estimator.inverse_map import save_inverse_map
+    from strainfmu.estimator.map.inverse_map import save_inverse_map
     from strainfmu.fmu.export import export_estimator
 
     save_inverse_map(synthetic_inverse_map(), tmp_path / "map.h5")
@@ -86,7 +86,7 @@ def test_the_dbc_command_writes_a_file(run: Callable[..., tuple[int, str, str]],
     import cantools
     from synthetic_vehicle import synthetic_inverse_map
 
-    from strainfmu.estimator.inverse_map import save_inverse_map
+    from strainfmu.estimator.map.inverse_map import save_inverse_map
 
     save_inverse_map(synthetic_inverse_map(1, 54), tmp_path / "map.h5")
     code, printed, _ = run(

@@ -30,7 +30,7 @@ from strainfmu.can.wire.strain_encoder import StrainEncoder
 from strainfmu.cosim.estimator_source import open_step
 from strainfmu.cosim.step import Step, further_inputs
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.inverse_map import save_inverse_map
+from strainfmu.estimator.map.inverse_map import save_inverse_map
 from strainfmu.fmu.export import export_estimator
 
 CYCLE = 0.01

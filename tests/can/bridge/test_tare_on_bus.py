@@ -24,7 +24,7 @@ from strainfmu.can.wire.strain_encoder import StrainEncoder
 from strainfmu.cosim.zeros_file import load_zeros, write_zeros
 from strainfmu.errors import InputError
 from strainfmu.estimator.loading import estimator_of
-from strainfmu.estimator.zeros import GaugeZeros
+from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 
 NAMES = [f"G{i}" for i in range(N_GAUGES)]
 ZERO = 1e-6 * np.array([180.0, -95.0, 240.0, -160.0, 20.0, 310.0])

@@ -23,11 +23,11 @@ from strainfmu.can.wire.frame_layout import InputLayout
 from strainfmu.cosim.estimator_source import open_step
 from strainfmu.cosim.step import StepResult, parameter_names_of, parameter_std_names_of
 from strainfmu.errors import InputError
-from strainfmu.estimator.inverse_map import save_inverse_map
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
-from strainfmu.estimator.manifold.flight_tables import evaluate
-from strainfmu.estimator.manifold.parameter_tables import with_known
 from strainfmu.estimator.manifold.tracker import FlightTracker
+from strainfmu.estimator.map.inverse_map import save_inverse_map
+from strainfmu.estimator.tables.flight_tables import evaluate
+from strainfmu.estimator.tables.parameter_tables import with_known
 from strainfmu.fmu.export import ExportOptions, export_estimator
 
 FINS, Q, STD = 0x300, 0.7 * 6.5**2 * 4000.0, 0.05

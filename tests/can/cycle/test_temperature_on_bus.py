@@ -28,8 +28,8 @@ from strainfmu.can.wire.strain_encoder import StrainEncoder
 from strainfmu.cosim.estimator_source import open_step
 from strainfmu.cosim.step import StepResult
 from strainfmu.errors import InputError
-from strainfmu.estimator.inverse_map import InverseMap, save_inverse_map
-from strainfmu.estimator.step import Estimator
+from strainfmu.estimator.linear.estimator import Estimator
+from strainfmu.estimator.map.inverse_map import InverseMap, save_inverse_map
 from strainfmu.fmu.export import ExportOptions, export_estimator
 
 pytestmark = pytest.mark.fast

@@ -26,7 +26,7 @@ from strainfmu.can.tools.replay import ReplaySummary, replay_log
 from strainfmu.cosim.estimator_source import open_step
 from strainfmu.cosim.fmu_step import FmuStep
 from strainfmu.errors import InputError
-from strainfmu.estimator.inverse_map import save_inverse_map
+from strainfmu.estimator.map.inverse_map import save_inverse_map
 from strainfmu.fmu.export import export_estimator
 
 Run = Callable[..., tuple[int, str, str]]

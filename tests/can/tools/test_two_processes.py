@@ -21,8 +21,8 @@ from strainfmu.can.cycle.quality import Cause, Quality
 from strainfmu.can.wire.profiles import Identifiers
 from strainfmu.can.wire.signal_plan import SignalPlan
 from strainfmu.cosim.estimator_description import gauge_names_of
-from strainfmu.estimator.inverse_map import COEFFICIENT_NAMES, InverseMap, save_inverse_map
-from strainfmu.estimator.step import Estimator
+from strainfmu.estimator.linear.estimator import Estimator
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap, save_inverse_map
 from strainfmu.fmu.export import export_estimator
 
 GROUP = "239.74.163.77"

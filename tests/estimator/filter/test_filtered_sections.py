@@ -12,11 +12,11 @@ from further_maps import COMBINATION, with_further, with_further_tables
 from strainfmu.estimator.filter.flight_filter import FlightFilter
 from strainfmu.estimator.filter.settings import FilterSettings
 from strainfmu.estimator.filter.smoothing import smoothed
-from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimate
-from strainfmu.estimator.manifold.further_tables import FurtherTables
 from strainfmu.estimator.manifold.tracker import FlightTracker
+from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.tables.further_tables import FurtherTables
 
 pytestmark = pytest.mark.fast
 DT = 0.01

@@ -12,9 +12,9 @@ from strainfmu.estimator.filter.flight_filter import FlightFilter
 from strainfmu.estimator.filter.settings import FilterSettings
 from strainfmu.estimator.filter.smoothing import smoothed
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.tracker import RETURN_AFTER, FlightTracker
+from strainfmu.estimator.map.inverse_map import InverseMap
 
 pytestmark = pytest.mark.fast
 N_D = STATIONS * ROWS

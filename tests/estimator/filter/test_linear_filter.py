@@ -12,8 +12,8 @@ from strainfmu.estimator.filter.linear_filter import LinearFilter
 from strainfmu.estimator.filter.settings import FilterSettings
 from strainfmu.estimator.filter.smoothing import smoothed
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.inverse_map import InverseMap
-from strainfmu.estimator.step import Estimator
+from strainfmu.estimator.linear.estimator import Estimator
+from strainfmu.estimator.map.inverse_map import InverseMap
 
 pytestmark = pytest.mark.fast
 DT = 0.01

@@ -9,8 +9,8 @@ from scaled_maps import scaled_map
 
 from strainfmu.estimator.filter.flight_filter import FlightFilter
 from strainfmu.estimator.filter.settings import FilterSettings
-from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
+from strainfmu.estimator.map.inverse_map import InverseMap
 
 N_D = STATIONS * ROWS
 STATE = np.array([6.2, 0.09, -0.05, 8.6])

@@ -11,8 +11,8 @@ from warm_flights import warm_flight
 from strainfmu.estimator.filter.flight_filter import FlightFilter
 from strainfmu.estimator.filter.settings import FilterSettings
 from strainfmu.estimator.filter.smoothing import smoothed
-from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
+from strainfmu.estimator.map.inverse_map import InverseMap
 
 pytestmark = pytest.mark.fast
 

@@ -6,14 +6,12 @@ import numpy as np
 import pytest
 from flight_maps import INCIDENCE, NOISE_STD, ROWS, STATIONS, exact_response, flight_map
 
-from strainfmu.estimator.manifold.flight_tables import LOG_PRESSURE, MACH, U, W, evaluate
 from strainfmu.estimator.manifold.gauss_newton import (
     Samples,
     gauss_newton_step,
     linearise,
     strain_factor,
 )
-from strainfmu.estimator.manifold.manifold_map import ManifoldMap
 from strainfmu.estimator.manifold.navigation import (
     Navigation,
     inconsistent_navigation,
@@ -22,7 +20,9 @@ from strainfmu.estimator.manifold.navigation import (
 )
 from strainfmu.estimator.manifold.solve import FlightSolution, solution, solve_cold, solve_warm
 from strainfmu.estimator.manifold.starts import search_table
-from strainfmu.estimator.manifold.triangular import MANY, forward_substituted
+from strainfmu.estimator.numerics.triangular import MANY, forward_substituted
+from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, U, W, evaluate
+from strainfmu.estimator.tables.manifold_map import ManifoldMap
 
 pytestmark = pytest.mark.fast
 N_D = STATIONS * ROWS

@@ -12,13 +12,13 @@ import strainfmu
 from builder.manifold.discrepancy import TESTED
 from strainfmu.errors import InputError
 from strainfmu.estimator.health import HealthState, chi_square_limit
-from strainfmu.estimator.inverse_map import InverseMap, load_inverse_map, save_inverse_map
 from strainfmu.estimator.manifold.air_data import AIR_DATA_NAMES
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimate, FlightEstimates
 from strainfmu.estimator.manifold.navigation import LEAST_RELATIVE_STD
 from strainfmu.estimator.manifold.solve import independent_sizes
 from strainfmu.estimator.manifold.tracker import RETURN_AFTER, FlightTracker
+from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map, save_inverse_map
 from strainfmu.flight_condition import FlightCondition
 
 pytestmark = pytest.mark.fast

@@ -10,12 +10,12 @@ from scaled_maps import scaled_map
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.flight_health import LARGEST_REST, flight_health
-from strainfmu.estimator.manifold.flight_tables import LOG_PRESSURE, MACH, U, W, evaluate
 from strainfmu.estimator.manifold.gauss_newton import Linearised, Samples
 from strainfmu.estimator.manifold.navigation import Navigation, state_measurement
 from strainfmu.estimator.manifold.solve import solution, solve_cold
 from strainfmu.estimator.manifold.starts import search_table
 from strainfmu.estimator.manifold.tracker import RETURN_AFTER, SEARCH_EVERY, FlightTracker, Track
+from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, U, W, evaluate
 
 pytestmark = pytest.mark.fast
 N_D = STATIONS * ROWS

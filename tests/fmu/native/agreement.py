@@ -10,11 +10,11 @@ import numpy as np
 from raw_fmu import GROUPS, N_OUTPUTS, WHOLE_OUTPUTS, outputs_of
 
 from strainfmu.atmosphere import pressure_and_temperature
-from strainfmu.estimator.inverse_map import InverseMap
-from strainfmu.estimator.load_estimate import LoadEstimate
-from strainfmu.estimator.masks import information_left
+from strainfmu.estimator.estimates.load_estimate import LoadEstimate
+from strainfmu.estimator.linear.estimator import Estimator
+from strainfmu.estimator.linear.masks import information_left
+from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.settings import EstimatorSettings, default_settings
-from strainfmu.estimator.step import Estimator
 
 TOLERANCE = 1e-12
 """Relative to the largest of a group of outputs of one unit. Sums of 54 terms in another order differ by 1e-15 of

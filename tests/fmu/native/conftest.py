@@ -13,7 +13,7 @@ from random_map import map_of, random_map, random_model
 from raw_fmu import write_resource
 from scaled_maps import whole_scaled_map, with_envelope
 
-from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.estimator.map.inverse_map import InverseMap
 
 SCALED = ("scaled, few gauges", "scaled, case 1", "scaled, case 2")
 """In form "dynamic_pressure"."""

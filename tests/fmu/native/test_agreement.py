@@ -16,7 +16,7 @@ from native_case import NativeCase
 from raw_fmu import OK, SETTINGS, Fmu2, Fmu3, write_resource
 
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.inverse_map import load_inverse_map
+from strainfmu.estimator.map.inverse_map import load_inverse_map
 
 
 def apply(fmu: Fmu2, sample: Sample) -> None:

@@ -9,8 +9,8 @@ import pytest
 from native_case import NativeCase
 from raw_fmu import ERROR, N_OUTPUTS, N_SCALARS, OK, REAL_OUTPUTS, SETTINGS, Fmu2, Fmu3
 
-from strainfmu.estimator.decomposition import decompose
-from strainfmu.estimator.pressure_weights import gain_and_precision
+from strainfmu.estimator.linear.decomposition import decompose
+from strainfmu.estimator.linear.pressure_weights import gain_and_precision
 
 pytestmark = pytest.mark.fast
 

@@ -25,9 +25,9 @@ from raw_fmu import ERROR, OK, write_resource
 from strainfmu.estimator.filter.flight_filter import FlightFilter
 from strainfmu.estimator.filter.settings import FilterSettings
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimate
+from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.fmu.resource.filter import SECTION
 
 pytestmark = pytest.mark.fast

@@ -13,10 +13,10 @@ from raw_fmu import OK, write_resource
 
 from strainfmu.estimator.filter.flight_filter import FlightFilter
 from strainfmu.estimator.filter.settings import FilterSettings
-from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimate
-from strainfmu.estimator.manifold.manifold_map import ManifoldMap
+from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.tables.manifold_map import ManifoldMap
 from strainfmu.fmu.resource import map_file
 from strainfmu.fmu.resource.filter import filter_section
 from strainfmu.interface.estimator_variables import output_values

@@ -15,7 +15,7 @@ from raw_fmu import GUID
 from sensor_maps import with_sensors
 from thermal_maps import with_temperature
 
-from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.fmu.native_build import source_files
 from strainfmu.fmu.resource.map_file import CHECKED_FROM, native_resource
 

@@ -26,10 +26,10 @@ from further_maps import STATIONS, with_further_tables
 from raw_fmu import DISCARD, ERROR, N_OUTPUTS, N_SCALARS, OK, REAL_OUTPUTS, SETTINGS, Fmu3, write_resource
 from thermal_maps import REFERENCE, with_temperature
 
-from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.manifold.derivative import estimate_derivative
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
-from strainfmu.estimator.manifold.flight_tables import evaluate
+from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.tables.flight_tables import evaluate
 from strainfmu.interface.estimator_variables import NOT_KNOWN
 
 pytestmark = pytest.mark.fast

@@ -23,7 +23,7 @@ from flight_fmu import (
 from raw_fmu import ERROR, N_OUTPUTS, OK, write_resource
 
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.settings import default_settings
 from strainfmu.fmu.resource.flight import SECTION, channel_tables
 from strainfmu.interface.estimator_variables import NOT_KNOWN

@@ -16,8 +16,8 @@ from raw_fmu import N_OUTPUTS, OK, Fmu2, Fmu3, first_zero, write_resource
 from scaled_maps import whole_scaled_map
 from thermal_maps import REFERENCE, with_temperature
 
-from strainfmu.estimator.step import Estimator
-from strainfmu.estimator.zeros import GaugeZeros, no_zeros
+from strainfmu.estimator.linear.estimator import Estimator
+from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros, no_zeros
 from strainfmu.fmu.resource.further_loads import SECTION
 from strainfmu.interface.further_variables import further_outputs
 

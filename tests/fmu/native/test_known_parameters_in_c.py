@@ -16,11 +16,11 @@ from shape_case import flown, grid_conditions, shape_structure
 from thermal_maps import REFERENCE, with_temperature
 
 from strainfmu.estimator.filter.switched import SwitchedFilter, TimedTrack
-from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.manifold.derivative import estimate_derivative
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimate
 from strainfmu.estimator.manifold.tracker import FlightTracker
+from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.fmu.resource.parameter_tables import SECTION
 from strainfmu.interface.estimator_variables import estimator_arrays, estimator_interface, output_values
 from strainfmu.interface.filter_variables import FILTER_TIME_CONSTANT

@@ -17,10 +17,10 @@ from scaled_maps import scaled_map, whole_scaled_map
 from sensor_maps import with_sensors
 from thermal_maps import REFERENCE, with_temperature
 
+from strainfmu.estimator.estimates.load_estimate import LoadEstimate
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.inverse_map import InverseMap
-from strainfmu.estimator.load_estimate import LoadEstimate
-from strainfmu.estimator.step import Estimator
+from strainfmu.estimator.linear.estimator import Estimator
+from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.fmu.resource.linear_filter import LINEAR_SECTION
 from strainfmu.interface.estimator_variables import estimator_interface
 from strainfmu.interface.filter_variables import FILTER_TIME_CONSTANT

@@ -17,10 +17,10 @@ from raw_fmu import ERROR, N_OUTPUTS, OK, Fmu2, Fmu3, first_zero, of_filter, out
 from scaled_maps import NOMINAL, whole_scaled_map
 from thermal_maps import with_temperature
 
-from strainfmu.estimator.flow_parameters import flow_parameters
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.inverse_map import InverseMap
-from strainfmu.estimator.step import Estimator
+from strainfmu.estimator.linear.estimator import Estimator
+from strainfmu.estimator.linear.flow_parameters import flow_parameters
+from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.fmu.resource.parameters import SECTION
 from strainfmu.interface.input_names import NOT_KNOWN
 

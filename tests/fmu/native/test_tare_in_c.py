@@ -15,8 +15,8 @@ from flight_fmu import FIRST, N_D, FlightFmu, random_flight, whole_map
 from native_case import NativeCase
 from raw_fmu import ERROR, OK, REAL_OUTPUTS, Fmu2, Fmu3, first_zero, of_filter, write_resource
 
-from strainfmu.estimator.inverse_map import InverseMap
-from strainfmu.estimator.tare_edge import EdgeTare, TareState
+from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.zeros.tare_edge import EdgeTare, TareState
 
 pytestmark = pytest.mark.fast
 

@@ -16,12 +16,12 @@ from raw_fmu import OK, REAL_OUTPUTS, Fmu2, Fmu3, first_zero, write_resource
 from scaled_maps import whole_scaled_map
 from thermal_maps import REFERENCE, with_temperature
 
-from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimate
 from strainfmu.estimator.manifold.tracker import FlightTracker
-from strainfmu.estimator.temperature import ThermalMap
-from strainfmu.estimator.zeros import GaugeZeros, no_zeros
+from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.map.temperature import ThermalMap
+from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros, no_zeros
 from strainfmu.fmu.resource.temperature import SECTION
 from strainfmu.interface.input_names import NOT_KNOWN
 

@@ -20,8 +20,8 @@ from warm_flights import warm_flight
 from strainfmu.estimator.filter.flight_filter import FilteredStep, FlightFilter
 from strainfmu.estimator.filter.settings import FilterSettings
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.inverse_map import InverseMap
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
+from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.fmu.resource.filter import SECTION
 from strainfmu.interface.estimator_variables import estimator_arrays, estimator_interface, output_values
 from strainfmu.interface.filter_variables import FILTER_TIME_CONSTANT

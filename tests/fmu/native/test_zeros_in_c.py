@@ -14,7 +14,7 @@ from raw_fmu import ERROR, N_OUTPUTS, OK, REAL_OUTPUTS, Fmu2, Fmu3, first_zero, 
 
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.tracker import FlightTracker
-from strainfmu.estimator.zeros import GaugeZeros, no_zeros
+from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros, no_zeros
 
 pytestmark = pytest.mark.fast
 

@@ -26,7 +26,7 @@ from builder.structure.solid.gauge_rows import Gauges
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map_needs import used_layouts
 from strainfmu.errors import InputError
-from strainfmu.estimator.inverse_map import InverseMap
+from strainfmu.estimator.map.inverse_map import InverseMap
 
 PLACED = {"gauge_position_mm": 0.0, "gauge_orientation_deg": 0.0, "layout_roll_deg": 0.0}
 """Errors that need the strain of displaced gauges."""

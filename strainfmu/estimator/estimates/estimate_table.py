@@ -1,0 +1,37 @@
+"""Estimates as a table of pandas: coefficients, loads, their standard deviations and health."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from strainfmu.arrays import FloatArray
+from strainfmu.estimator.further_loads import further_names
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, LOAD_NAMES
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+    from strainfmu.estimator.estimates.load_estimate import LoadEstimate, LoadEstimates
+
+
+def dataframe_of(estimate: LoadEstimate | LoadEstimates, health: Any) -> DataFrame:
+    """Return a row a sample; ``health`` names its state. Needs pandas."""
+    from pandas import DataFrame
+
+    columns: dict[str, Any] = {}
+    rolling = (estimate.further_coefficients[..., :1], estimate.further_coefficients_std[..., :1])
+    rows: tuple[tuple[tuple[str, ...], FloatArray, FloatArray], ...] = (
+        (COEFFICIENT_NAMES, estimate.coefficients, estimate.coefficients_std),
+        (LOAD_NAMES, estimate.loads, estimate.loads_std),
+        (("M_R",), *rolling),
+        (further_names(estimate.section_station), estimate.further_loads, estimate.further_loads_std),
+    )
+    for names, values, std in rows:
+        columns |= dict(zip(names, np.atleast_2d(values).T, strict=True))
+        columns |= {f"sigma.{name}": row for name, row in zip(names, np.atleast_2d(std).T, strict=True)}
+    columns["chi_square"] = np.atleast_1d(estimate.chi_square)
+    columns["health"] = health
+    columns["valid_gauges"] = np.atleast_1d(np.sum(estimate.valid, axis=-1))
+    return DataFrame(columns)

@@ -1,0 +1,124 @@
+"""The envelope of a map: half-spaces of the coefficients and ranges of the flight state that its snapshots cover.
+
+A half-space is a direction n with the largest n'C over the snapshots. An estimate is outside if n'C exceeds it by
+more than its own uncertainty explains, in standard deviations of n'C. Dynamic pressure, Mach number and altitude
+have ranges of their own; where all three are known they must agree, q = 0.7 M^2 p(h).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, LAYERS, pressure_and_temperature
+from strainfmu.estimator.map.inverse_map import InverseMap
+
+MACH_TOLERANCE = 0.01
+"""Relative error of a Mach number from navigation that the range allows."""
+
+PRESSURE_TOLERANCE = 0.05
+"""Relative difference of dynamic pressure and 0.7 M^2 p(h) that errors of navigation and weather explain."""
+
+ALTITUDE_STEP = 250.0
+"""Step [m] of the table of p(h); between its entries p is linear, which errs by 2e-4."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class HalfSpaces:
+    """The coefficients that the snapshots of a map cover: n'C <= limit for every direction n.
+
+    Attributes
+    ----------
+    direction : (m, 5) n, over the coefficients at the references of the map [1].
+    limit : (m,) largest n'C over the snapshots [1].
+    """
+
+    direction: FloatArray
+    limit: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FlightRanges:
+    """Least and largest dynamic pressure [Pa], Mach number [1] and geopotential altitude [m] of a map, (2,)
+    each."""
+
+    dynamic_pressure: FloatArray
+    mach_number: FloatArray
+    altitude: FloatArray
+
+
+def half_spaces(inverse_map: InverseMap) -> HalfSpaces | None:
+    """Return the half-spaces of ``inverse_map``, None where it states none."""
+    direction, limit = inverse_map.envelope_direction, inverse_map.envelope_limit
+    return None if direction is None or limit is None else HalfSpaces(direction=direction, limit=limit)
+
+
+def flight_ranges(inverse_map: InverseMap) -> FlightRanges:
+    """Return the ranges of ``inverse_map``, without bounds where it states none."""
+
+    def bounds(stated: FloatArray | None) -> FloatArray:
+        return np.array([-np.inf, np.inf]) if stated is None else stated
+
+    return FlightRanges(
+        dynamic_pressure=bounds(inverse_map.dynamic_pressure_range),
+        mach_number=bounds(inverse_map.mach_number_range),
+        altitude=bounds(inverse_map.altitude_range),
+    )
+
+
+def ambient_pressure_table() -> FloatArray:
+    """Return p(h) [Pa] every :data:`ALTITUDE_STEP` from 0 to the top of the atmosphere."""
+    count = int(LAYERS[-1][0] / ALTITUDE_STEP) + 1
+    return np.array([pressure_and_temperature(i * ALTITUDE_STEP)[0] for i in range(count)])
+
+
+_PRESSURE = ambient_pressure_table()
+
+
+def envelope_score(envelope: HalfSpaces, coefficients: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Return (k,) the largest (n'C - limit) / sigma of n'C over the half-spaces, 0 where C is inside all [1].
+
+    ``coefficients`` is (k, 5), ``covariance`` theirs (k, 5, 5), both for the references of the map.
+    """
+    excess = coefficients @ envelope.direction.T - envelope.limit
+    score = np.zeros(len(coefficients))
+    for sample in np.flatnonzero(np.any(excess > 0.0, axis=1)):
+        beyond = excess[sample] > 0.0
+        direction = envelope.direction[beyond]
+        variance = np.sum((direction @ covariance[sample]) * direction, axis=1)
+        score[sample] = np.max(excess[sample, beyond] / np.sqrt(variance))
+    return score
+
+
+def outside_by_navigation(
+    ranges: FlightRanges,
+    *,
+    dynamic_pressure: FloatArray,
+    dynamic_pressure_std: FloatArray,
+    mach_number: FloatArray,
+    altitude: FloatArray,
+) -> BoolArray:
+    """Return (k,) whether q_inf [Pa], M or h [m] leave the ranges or contradict each other; NaN is not known."""
+    q, mach = dynamic_pressure, mach_number
+    low, high = ranges.mach_number * np.array([1.0 - MACH_TOLERANCE, 1.0 + MACH_TOLERANCE])
+    outside = (q < ranges.dynamic_pressure[0]) | (q > ranges.dynamic_pressure[1])
+    outside |= (mach < low) | (mach > high)
+    outside |= (altitude < ranges.altitude[0]) | (altitude > ranges.altitude[1])
+    if np.all(np.isnan(mach) | np.isnan(altitude)):  # nothing to compare the dynamic pressure with
+        return np.asarray(outside)
+    with np.errstate(over="ignore", invalid="ignore"):  # of values out of range, which are outside already
+        expected = 0.5 * HEAT_CAPACITY_RATIO * mach * mach * static_pressure_at(altitude)
+        allowed = PRESSURE_TOLERANCE * expected + 3.0 * dynamic_pressure_std
+        return np.asarray(outside | (np.abs(q - expected) > allowed))
+
+
+def static_pressure_at(altitude: FloatArray) -> FloatArray:
+    """Return p(h) [Pa] of the table (k,); NaN where h is not known or outside it."""
+    top = len(_PRESSURE) - 1
+    position = altitude / ALTITUDE_STEP
+    inside = (position >= 0.0) & (position <= top)
+    index = np.where(inside, np.minimum(np.floor(np.where(inside, position, 0.0)), top - 1), 0.0).astype(np.int64)
+    below, above = _PRESSURE[index], _PRESSURE[index + 1]
+    return np.where(inside, below + (position - index) * (above - below), np.nan)

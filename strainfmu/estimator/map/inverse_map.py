@@ -1,0 +1,274 @@
+"""The artefact ``map.h5``: everything that turns strain into loads, and what it was made from.
+
+Model: d = m + A q + e with cov(e) = Gamma; m is the strain of the mean pressure. Case 1: A = Z V with the kept
+POD modes V, q free [Pa]. Case 2: A = Z F with the factor F of the prior covariance, q standard normal [1]. The
+estimate q = T d + k, k = -T m, minimises |L^-1 (d - m - A q)|^2 + gamma |q|^2, L L' = Gamma (Pham et al., eq.
+segmented-ls-solution). The loads are f = M q + f_mean and what the residual reveals of load outside the states
+(:mod:`strainfmu.estimator.map.load_errors`). T and the residual whitening W follow from A, Gamma and
+gamma, and so does the estimate without any of the gauges; the file holds both, and a map in which they disagree is
+refused.
+
+Form "absolute" is the paper's: the model holds as it stands. In form "dynamic_pressure" it holds at the nominal
+dynamic pressure; at s times that, d = d_0 + s (m - d_0 + A q + e_m) + e_g and f = f_0 + s (..), where Gamma =
+Gamma_g + N N' is split into the gauges' own covariance Gamma_g, which does not scale, and errors e_m that do
+(:mod:`strainfmu.estimator.linear.decomposition`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from strainfmu.arrays import FloatArray
+from strainfmu.errors import InputError
+from strainfmu.estimator.further_loads import UNITS as FURTHER_UNITS
+from strainfmu.estimator.further_loads import FurtherLoads
+from strainfmu.estimator.map.innovation import inverse_cholesky
+from strainfmu.estimator.map.inverse_map_checks import check_inverse_map
+from strainfmu.estimator.map.load_errors import load_gain
+from strainfmu.estimator.map.sensors import UNITS as SENSOR_UNITS
+from strainfmu.estimator.map.sensors import SensorRows
+from strainfmu.estimator.map.temperature import UNITS as THERMAL_UNITS
+from strainfmu.estimator.map.temperature import ThermalMap
+from strainfmu.estimator.tables.manifold_map import UNITS as MANIFOLD_UNITS
+from strainfmu.estimator.tables.manifold_map import ManifoldMap
+from strainfmu.records import inner_record, load_record, save_record
+
+SCHEMA = "strainfmu.inverse_map"
+SCHEMA_VERSION = 7
+
+LOAD_NAMES = ("axial_force", "normal_force", "side_force", "pitching_moment", "yawing_moment")
+COEFFICIENT_NAMES = ("C_A", "C_N", "C_Y", "M_P", "M_Y")
+
+DEFAULT_SCORE_LIMIT = 3.0
+"""Standard deviations beyond the envelope that count as outside, where the map states no other."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class InverseMap:
+    """A finished inverse map for n_d gauges and n_q pressure states.
+
+    Loads are ordered as :data:`LOAD_NAMES` [N, N, N, N m, N m], coefficients as :data:`COEFFICIENT_NAMES`.
+
+    Attributes
+    ----------
+    vehicle : name of the vehicle and what it stands for.
+    case : 1, least squares on POD modes, or 2, low-rank Gaussian prior.
+    gauge_names : n_d names, unique.
+    gauge_position : (n_d, 3) position in body axes [m].
+    gauge_direction : (n_d, 3) unit vectors of the measured strain.
+    noise_std : (n_d,) standard deviation sigma of each gauge's noise [m/m].
+    state_operator : (n_d, n_q) A [(m/m)/state]; the unit of a state is Pa in Case 1, 1 in Case 2.
+    noise_covariance : (n_d, n_d) Gamma [1]: gauge noise and all that is marginalised, as truncated modes.
+    regularisation : gamma [1], 0 in Case 1, positive in Case 2.
+    strain_gain : (n_q, n_d) T = (A' Gamma^-1 A + gamma I)^-1 A' Gamma^-1 [state/(m/m)].
+    state_offset : (n_q,) k = -T m [state].
+    load_per_state : (5, n_q) M, G C_map V or G C_map F [N/state, N m/state].
+    load_of_mean : (5,) f_mean, loads of the mean pressure [N, N m].
+    load_covariance : (5, 5) covariance of the error of the estimated loads [(N, N m)^2].
+    mean_strain : (n_d,) m, strain of the mean pressure [m/m].
+    residual_whitening : (n_d, n_d) W [1/(m/m)]; chi-square of strain d is |W (d - m)|^2. W' W is the precision of
+        d - m under the model, (A A' + Gamma)^-1 in Case 2 whatever gamma, its limit for a free state in Case 1.
+    residual_degrees_of_freedom : expected value of that chi-square.
+    strain_range : (n_d,) largest |strain| over the snapshots [m/m].
+    coefficient_range : (5, 2) smallest and largest coefficient over the snapshots.
+    reference_area : S [m2].
+    reference_length : L [m].
+    nominal_dynamic_pressure : mean q_inf of the snapshots [Pa].
+    provenance : what the map was built from: settings, versions, hashes, the flight envelope.
+    strain_load_covariance : (n_d, 5) covariance of e with the load that no state holds, as of truncated modes
+        [m/m (N, N m)]; None where there is none.
+    field_mean, field_modes : (n_p,) [Pa] and (n_p, n_q) [Pa/state], p = field_mean + field_modes q, or None.
+    field_std : (n_p,) standard deviation of the pressure that no state holds, as of truncated modes [Pa], or None.
+    field_is_net : whether that field is p - p_inf; None without a field.
+    point, triangle : (n_p, 3) [m] and (n_t, 3), the surface of that field, or None.
+    form : one of :data:`FORMS`.
+    gauge_covariance : (n_d, n_d) Gamma_g [1], None in form "absolute".
+    error_strain, error_load : (n_d, k) N [m/m] and (5, k) the loads of its columns that no state holds [N, N m],
+        per standard deviation at the nominal dynamic pressure; None in form "absolute".
+    fixed_strain, fixed_load : (n_d,) d_0 [m/m] and (5,) f_0 [N, N m], which do not follow q_inf, as those of an
+        internal pressure that is not the ambient one; part of ``mean_strain`` and ``load_of_mean``. None for none.
+    gauge_error_product : (21, n_d), common_error : (n_t, 6, n_d), mean_product : (21,), see
+        :class:`~strainfmu.estimator.map.proportional_errors.ErrorModel`; None where no error follows the current
+        strain.
+    dynamic_pressure_error : standard deviation of q_inf relative to q_inf, where the caller states none [1].
+    chi_square_scale, outlier_scale : factors on the alarm levels of chi-square and of the square of the largest
+        |z|, from data of an independent model [1].
+    envelope_direction, envelope_limit : (n, 5) [1] and (n,) half-spaces of the coefficients, or None.
+    envelope_score_limit : standard deviations beyond them that count as outside [1].
+    dynamic_pressure_range, mach_number_range, altitude_range : (2,) [Pa, 1, m] of validity, or None.
+    sensors : what the rows measure, where some are no strain gauges; None for gauges alone. All other fields hold
+        the rows as strain, readings over ``sensors.scale``.
+    further : rolling moment and loads of sections; None where the rolling moment is zero, as that of a body of
+        revolution, and no sections are wanted.
+    thermal : modes of the wall's temperature and sensors of it; None in a map that knows of none.
+    manifold : tables of the nonlinear estimator for the same gauges; None in a map for the linear one alone.
+    """
+
+    vehicle: str
+    case: int
+    gauge_names: tuple[str, ...]
+    gauge_position: FloatArray
+    gauge_direction: FloatArray
+    noise_std: FloatArray
+    state_operator: FloatArray
+    noise_covariance: FloatArray
+    regularisation: float
+    strain_gain: FloatArray
+    state_offset: FloatArray
+    load_per_state: FloatArray
+    load_of_mean: FloatArray
+    load_covariance: FloatArray
+    mean_strain: FloatArray
+    residual_whitening: FloatArray
+    residual_degrees_of_freedom: int
+    strain_range: FloatArray
+    coefficient_range: FloatArray
+    reference_area: float
+    reference_length: float
+    nominal_dynamic_pressure: float
+    provenance: dict[str, Any] = field(default_factory=dict)
+    strain_load_covariance: FloatArray | None = None
+    field_mean: NDArray[np.float32] | None = None
+    field_modes: NDArray[np.float32] | None = None
+    field_std: NDArray[np.float32] | None = None
+    field_is_net: bool | None = None
+    point: NDArray[np.float32] | None = None
+    triangle: NDArray[np.int32] | None = None
+    form: str = "absolute"
+    gauge_covariance: FloatArray | None = None
+    error_strain: FloatArray | None = None
+    error_load: FloatArray | None = None
+    fixed_strain: FloatArray | None = None
+    fixed_load: FloatArray | None = None
+    gauge_error_product: FloatArray | None = None
+    common_error: FloatArray | None = None
+    mean_product: FloatArray | None = None
+    dynamic_pressure_error: float = 0.0
+    chi_square_scale: float = 1.0
+    outlier_scale: float = 1.0
+    envelope_direction: FloatArray | None = None
+    envelope_limit: FloatArray | None = None
+    envelope_score_limit: float = DEFAULT_SCORE_LIMIT
+    dynamic_pressure_range: FloatArray | None = None
+    mach_number_range: FloatArray | None = None
+    altitude_range: FloatArray | None = None
+    sensors: SensorRows | None = field(default=None, metadata=inner_record(SensorRows, SENSOR_UNITS))
+    further: FurtherLoads | None = field(default=None, metadata=inner_record(FurtherLoads, FURTHER_UNITS))
+    thermal: ThermalMap | None = field(default=None, metadata=inner_record(ThermalMap, THERMAL_UNITS))
+    manifold: ManifoldMap | None = field(default=None, metadata=inner_record(ManifoldMap, MANIFOLD_UNITS))
+
+    def __post_init__(self) -> None:
+        check_inverse_map(self)
+
+    def _repr_html_(self) -> str:
+        from strainfmu.estimator.map.map_html import map_html
+
+        return map_html(self)
+
+    @property
+    def n_gauges(self) -> int:
+        """Number of gauges n_d, further sensors among them."""
+        return len(self.gauge_names)
+
+    @property
+    def n_strain_gauges(self) -> int:
+        """Number of strain gauges, the first rows; all of them in a map without further sensors."""
+        return self.n_gauges if self.sensors is None else self.sensors.n_strain_gauges
+
+    @property
+    def scaled_parts(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Gamma_g, N and the loads of N.
+
+        Raises
+        ------
+        InputError
+            The map is in form "absolute", which has none.
+        """
+        own, error, load = self.gauge_covariance, self.error_strain, self.error_load
+        if own is None or error is None or load is None:
+            raise InputError("inverse map: form 'absolute' found, expected 'dynamic_pressure'")
+        return own, error, load
+
+    @cached_property
+    def load_gain(self) -> FloatArray:
+        """(5, n_d) G, loads per strain [N, N m]: f = G (d - m) + f_mean."""
+        return load_gain(
+            load_per_state=self.load_per_state,
+            strain_gain=self.strain_gain,
+            state_operator=self.state_operator,
+            noise_whitening=inverse_cholesky(self.noise_covariance),
+            strain_load_covariance=self.strain_load_covariance,
+        )
+
+
+def _units(case: int) -> dict[str, str]:
+    """Return the unit of each field; a state is a pressure in Case 1 and a number in Case 2."""
+    state = "Pa" if case == 1 else "1"
+    return {
+        "gauge_position": "m",
+        "gauge_direction": "1",
+        "noise_std": "m/m",
+        "state_operator": f"(m/m)/{state}",
+        "noise_covariance": "(m/m)^2",
+        "strain_gain": f"{state}/(m/m)",
+        "state_offset": state,
+        "load_per_state": f"N/{state}, N.m/{state}",
+        "load_of_mean": "N, N.m",
+        "load_covariance": "(N, N.m)^2",
+        "mean_strain": "m/m",
+        "residual_whitening": "1/(m/m)",
+        "strain_range": "m/m",
+        "coefficient_range": "1",
+        "reference_area": "m2",
+        "reference_length": "m",
+        "nominal_dynamic_pressure": "Pa",
+        "strain_load_covariance": "(m/m) (N, N.m)",
+        "gauge_covariance": "(m/m)^2",
+        "error_strain": "m/m",
+        "error_load": "N, N.m",
+        "fixed_strain": "m/m",
+        "fixed_load": "N, N.m",
+        "gauge_error_product": "(m/m)^2",
+        "common_error": "m/m",
+        "dynamic_pressure_range": "Pa",
+        "altitude_range": "m",
+        "field_mean": "Pa",
+        "field_modes": f"Pa/{state}",
+        "field_std": "Pa",
+        "point": "m",
+    }
+
+
+def save_inverse_map(inverse_map: InverseMap, path: str | PathLike[str]) -> str:
+    """Write ``inverse_map`` to ``path`` atomically and return its content hash.
+
+    Raises
+    ------
+    StrainfmuError
+        The file could not be written; what was there before is untouched.
+    """
+    return save_record(inverse_map, Path(path), SCHEMA, SCHEMA_VERSION, _units(inverse_map.case))
+
+
+def load_inverse_map(path: str | PathLike[str]) -> InverseMap:
+    """Read and check a map.
+
+    Raises
+    ------
+    InputError
+        The file is missing, damaged, altered, or of another schema version.
+    """
+    return load_record(InverseMap, Path(path), SCHEMA, SCHEMA_VERSION)
+
+
+def map_references(inverse_map: InverseMap) -> FloatArray:
+    """Return (5,) S and S L [m2, m3] that coefficients times q_inf are multiplied with to give loads."""
+    length = inverse_map.reference_length
+    return inverse_map.reference_area * np.array([1.0, 1.0, 1.0, length, length])

@@ -1,0 +1,255 @@
+"""What a map must be: shapes, values, and the agreement of what the file holds twice."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from strainfmu.arrays import FloatArray
+from strainfmu.errors import InputError
+from strainfmu.estimator.map.innovation import estimate_gain, inverse_cholesky
+from strainfmu.estimator.map.load_errors import load_error_model
+
+if TYPE_CHECKING:
+    from strainfmu.estimator.map.inverse_map import InverseMap
+
+CASES = (1, 2)
+"""Least squares on POD modes; low-rank Gaussian prior."""
+
+FORMS = ("dynamic_pressure", "absolute")
+"""Strain in proportion to q_inf, for any altitude; the paper's, for the pressure level of the snapshots."""
+
+_CONSISTENCY = 1e-6
+"""Largest disagreement, relative, between what the file holds twice: far above round-off, far below sigma."""
+
+
+def check_inverse_map(inverse_map: InverseMap) -> None:
+    """Check a map.
+
+    Raises
+    ------
+    InputError
+        A part is missing, has another shape or value than it must have, or disagrees with the others.
+    """
+    _check_arrays(inverse_map)
+    _check_field(inverse_map)
+    _check_values(inverse_map)
+    _check_form(inverse_map)
+    _check_parts(inverse_map)
+    try:
+        _check_consistency(inverse_map)
+    except InputError as error:
+        raise InputError(f"inverse map: {error}") from error
+
+
+def _check_parts(inverse_map: InverseMap) -> None:
+    """Check that what a map may hold beside the five loads is of its gauges."""
+    n_d = inverse_map.n_gauges
+    sensors, manifold, thermal = inverse_map.sensors, inverse_map.manifold, inverse_map.thermal
+    if sensors is not None and len(sensors.kind) != n_d:
+        raise InputError(f"inverse map: sensors of {len(sensors.kind)} rows, must be {n_d}")
+    if inverse_map.further is not None:
+        errors = None if inverse_map.error_strain is None else inverse_map.error_strain.shape[1]
+        inverse_map.further.check(n_d, len(inverse_map.state_offset), errors)
+    if thermal is not None and (inverse_map.form != "dynamic_pressure" or len(thermal.mode_strain) != n_d):
+        raise InputError(
+            "inverse map: thermal: expected modes of the map's gauges in form 'dynamic_pressure', got "
+            f"{len(thermal.mode_strain)} gauges in form '{inverse_map.form}'"
+        )
+    if manifold is not None and manifold.tables.n_gauges != n_d:
+        raise InputError(f"inverse map: tables of {manifold.tables.n_gauges} gauges, must be of {n_d}")
+    n_sensors = n_d - inverse_map.n_strain_gauges
+    if manifold is not None and manifold.n_sensors != n_sensors:
+        raise InputError(f"inverse map: tables of {manifold.n_sensors} further sensors, must be of {n_sensors}")
+
+
+def _check_arrays(inverse_map: InverseMap) -> None:
+    """Check shapes, and that every number is finite."""
+    n_d, n_q = len(inverse_map.gauge_names), len(inverse_map.state_offset)
+    expected = {
+        "gauge_position": (n_d, 3),
+        "gauge_direction": (n_d, 3),
+        "noise_std": (n_d,),
+        "state_operator": (n_d, n_q),
+        "noise_covariance": (n_d, n_d),
+        "strain_gain": (n_q, n_d),
+        "state_offset": (n_q,),
+        "load_per_state": (5, n_q),
+        "load_of_mean": (5,),
+        "load_covariance": (5, 5),
+        "mean_strain": (n_d,),
+        "residual_whitening": (n_d, n_d),
+        "strain_range": (n_d,),
+        "coefficient_range": (5, 2),
+    }
+    optional = {
+        "strain_load_covariance": (n_d, 5),
+        "gauge_covariance": (n_d, n_d),
+        "error_strain": (n_d, *_columns(inverse_map.error_strain)),
+        "error_load": (5, *_columns(inverse_map.error_strain)),
+        "fixed_strain": (n_d,),
+        "fixed_load": (5,),
+        "gauge_error_product": (21, n_d),
+        "common_error": (*_rows(inverse_map.common_error), 6, n_d),
+        "mean_product": (21,),
+        "envelope_direction": (*_rows(inverse_map.envelope_limit), 5),
+        "envelope_limit": _rows(inverse_map.envelope_limit),
+        "dynamic_pressure_range": (2,),
+        "mach_number_range": (2,),
+        "altitude_range": (2,),
+    }
+    expected |= {name: shape for name, shape in optional.items() if getattr(inverse_map, name) is not None}
+    for name, shape in expected.items():
+        value = getattr(inverse_map, name)
+        if value.shape != shape:
+            raise InputError(f"inverse map: {name} has shape {value.shape}, must be {shape}")
+        if not np.all(np.isfinite(value)):
+            raise InputError(f"inverse map: {name} holds values that are not finite")
+
+
+def _rows(array: FloatArray | None) -> tuple[int, ...]:
+    return () if array is None else array.shape[:1]
+
+
+def _columns(array: FloatArray | None) -> tuple[int, ...]:
+    return () if array is None else array.shape[1:2]
+
+
+def _check_form(inverse_map: InverseMap) -> None:
+    """Check that the parts of the form are there, all or none of those that belong together."""
+    if inverse_map.form not in FORMS:
+        raise InputError(f"inverse map: form is '{inverse_map.form}', must be one of {', '.join(FORMS)}")
+    scaled = inverse_map.form == "dynamic_pressure"
+    groups = {
+        "form": ("gauge_covariance", "error_strain", "error_load"),
+        "errors": ("gauge_error_product", "common_error", "mean_product"),
+        "fixed": ("fixed_strain", "fixed_load"),
+        "envelope": ("envelope_direction", "envelope_limit"),
+    }
+    for group, names in groups.items():
+        there = [name for name in names if getattr(inverse_map, name) is not None]
+        if (there and len(there) < len(names)) or (group == "form" and bool(there) != scaled):
+            found = ", ".join(there) or "none"
+            raise InputError(f"inverse map: {found} of {', '.join(names)} found, form '{inverse_map.form}'")
+    if scaled and inverse_map.regularisation not in (0.0, 1.0):
+        raise InputError(
+            f"inverse map: regularisation is {inverse_map.regularisation}, must be 1 (0 in Case 1) in form "
+            "'dynamic_pressure'"
+        )
+    for name in ("chi_square_scale", "outlier_scale", "envelope_score_limit"):
+        if not 0.0 < getattr(inverse_map, name) < np.inf:
+            raise InputError(f"inverse map: {name} is {getattr(inverse_map, name)}, must be positive")
+    if not 0.0 <= inverse_map.dynamic_pressure_error < 1.0:
+        raise InputError(
+            f"inverse map: dynamic_pressure_error is {inverse_map.dynamic_pressure_error}, must be 0 to 1"
+        )
+
+
+def _check_field(inverse_map: InverseMap) -> None:
+    """Check the pressure field: all of it or nothing."""
+    parts = {name: getattr(inverse_map, name) for name in ("field_mean", "field_modes", "point", "triangle")}
+    missing = [name for name, value in parts.items() if value is None]
+    if len(missing) == len(parts):
+        return
+    if missing:
+        raise InputError(f"inverse map: {', '.join(missing)} missing, the pressure field needs {', '.join(parts)}")
+    n_p, n_t = len(parts["field_mean"]), len(parts["triangle"])
+    shapes = ((n_p,), (n_p, len(inverse_map.state_offset)), (n_p, 3), (n_t, 3))
+    for (name, value), shape in zip(parts.items(), shapes, strict=True):
+        if value.shape != shape:
+            raise InputError(f"inverse map: {name} has shape {value.shape}, must be {shape}")
+        if not np.all(np.isfinite(value)):
+            raise InputError(f"inverse map: {name} holds values that are not finite")
+    held = inverse_map.field_std
+    if held is not None and not (held.shape == (n_p,) and np.all(np.isfinite(held)) and np.all(held >= 0.0)):
+        raise InputError(f"inverse map: field_std must be {n_p} finite values of at least 0")
+    of_flight = None if inverse_map.manifold is None else inverse_map.manifold.surface_field
+    if of_flight is not None and of_flight.n_nodes != n_p:
+        raise InputError(f"inverse map: pressure_field has {of_flight.n_nodes} nodes, must have {n_p}")
+    if n_t and not (parts["triangle"].min() >= 0 and parts["triangle"].max() < n_p):
+        raise InputError(f"inverse map: triangle names nodes outside 0 .. {n_p - 1}")
+
+
+def _check_values(inverse_map: InverseMap) -> None:
+    """Check what must be positive, named once, or one of a few."""
+    for name in ("reference_area", "reference_length", "nominal_dynamic_pressure"):
+        if not 0.0 < getattr(inverse_map, name) < np.inf:
+            raise InputError(f"inverse map: {name} is {getattr(inverse_map, name)}, must be positive")
+    n_d, n_q = len(inverse_map.gauge_names), len(inverse_map.state_offset)
+    if len(set(inverse_map.gauge_names)) != n_d or n_d == 0:
+        raise InputError("inverse map: gauge_names must hold at least one name and none twice")
+    if not np.all(inverse_map.noise_std > 0.0):
+        raise InputError("inverse map: noise_std must be positive")
+    if not np.all(np.diag(inverse_map.load_covariance) > 0.0):
+        raise InputError("inverse map: load_covariance must have positive variances")
+    if inverse_map.case not in CASES:
+        raise InputError(f"inverse map: case is {inverse_map.case}, must be one of {', '.join(map(str, CASES))}")
+    gamma, free = inverse_map.regularisation, inverse_map.case == 1
+    if not (gamma == 0.0 if free else 0.0 < gamma < np.inf):
+        allowed = "0" if free else "positive"
+        raise InputError(f"inverse map: regularisation is {gamma}, must be {allowed} in Case {inverse_map.case}")
+    freedom = n_d - n_q if free else n_d
+    if freedom < 1:
+        raise InputError(f"inverse map: {n_d} gauges for {n_q} states found, health needs at least one gauge more")
+    if inverse_map.residual_degrees_of_freedom != freedom:
+        raise InputError(
+            f"inverse map: residual_degrees_of_freedom is {inverse_map.residual_degrees_of_freedom}, "
+            f"must be {freedom}"
+        )
+
+
+def _check_consistency(inverse_map: InverseMap) -> None:
+    """Check T, k and W against A, Gamma, gamma and m."""
+    a, gamma = inverse_map.state_operator, inverse_map.noise_covariance
+    if not np.all(np.diag(gamma) >= (1.0 - _CONSISTENCY) * inverse_map.noise_std**2):
+        raise InputError("noise_covariance has variances below noise_std squared, must hold the gauge noise")
+    whitening = inverse_cholesky(gamma)
+    _check_split(inverse_map, whitening)
+    gain = inverse_map.strain_gain
+    # In the norm of the noise that T lets through.
+    error, size = (
+        np.linalg.norm(np.linalg.solve(whitening, t.T), axis=0)
+        for t in (gain - estimate_gain(a, gamma, inverse_map.regularisation), gain)
+    )
+    # Under a prior the gain of a state that no gauge sees is round-off.
+    if not np.all(error <= _CONSISTENCY * (size if inverse_map.case == 1 else np.maximum(size, 1e-3))):
+        raise InputError("strain_gain is not that of state_operator, noise_covariance and regularisation")
+    offset_error = np.abs(inverse_map.state_offset + gain @ inverse_map.mean_strain)
+    if not np.all(offset_error <= _CONSISTENCY * (np.abs(gain) @ np.abs(inverse_map.mean_strain))):
+        raise InputError("state_offset is not -strain_gain mean_strain")
+    w, freedom = inverse_map.residual_whitening, inverse_map.residual_degrees_of_freedom
+    of_states = w @ a
+    expected = float(np.sum((w @ np.linalg.inv(whitening)) ** 2))
+    if inverse_map.case == 2:
+        expected += float(np.sum(of_states**2))
+    elif not np.all(np.linalg.norm(of_states, axis=0) <= _CONSISTENCY * np.linalg.norm(whitening @ a, axis=0)):
+        raise InputError("residual_whitening sees the states, must be blind to state_operator")
+    if not abs(expected - freedom) <= _CONSISTENCY * freedom:
+        raise InputError(
+            f"residual_whitening gives chi-square a mean of {expected:.6g}, must be {freedom} (degrees of freedom)"
+        )
+    load_error_model(
+        load_covariance=inverse_map.load_covariance,
+        state_operator=a,
+        noise_covariance=gamma,
+        load_per_state=inverse_map.load_per_state,
+        load_gain=inverse_map.load_gain,
+        strain_load_covariance=inverse_map.strain_load_covariance,
+        known_prior=inverse_map.case == 2,
+    )
+
+
+def _check_split(inverse_map: InverseMap, whitening: FloatArray) -> None:
+    """Check that the parts of form "dynamic_pressure" add up to the covariances at the nominal one."""
+    if inverse_map.form == "absolute":
+        return
+    own, error, load = inverse_map.scaled_parts
+    inverse_cholesky(own)
+    apart = whitening @ (own + error @ error.T - inverse_map.noise_covariance) @ whitening.T
+    if not np.max(np.abs(apart)) <= _CONSISTENCY:
+        raise InputError("noise_covariance is not gauge_covariance and error_strain together")
+    x = inverse_map.strain_load_covariance
+    cross = whitening @ (error @ load.T - (0.0 if x is None else x))
+    if not np.all(np.abs(cross) <= _CONSISTENCY * np.sqrt(np.diag(inverse_map.load_covariance))):
+        raise InputError("strain_load_covariance is not error_strain times error_load")

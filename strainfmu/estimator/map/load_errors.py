@@ -1,0 +1,148 @@
+"""The gain from strain to loads, and the covariance of what any gain gives, in sums of positive terms.
+
+Loads f = f_mean + M q + g, strains d = m + A q + e: g is load that no state holds, as that of truncated modes, and
+may be correlated with their strain in e, X = cov(e, g). What the states leave of the strain, d - m - A q, so
+depends on g: its best linear estimate is X' Gamma^-1 (d - m - A q), so that with q = T (d - m)
+
+    f = f_mean + G (d - m),   G = (M - X' Gamma^-1 A) T + X' Gamma^-1.
+
+With any gain G the error of the estimate is G e - g - (M - G A) q. Splitting g into its regression on e and a
+remainder of covariance S,
+
+    cov = (G L - X' L'^-1) (G L - X' L'^-1)' + S + (M - G A) (M - G A)',   Gamma = L L',
+
+the Joseph form (Bucy & Joseph 1968; Bar-Shalom, Li & Kirubarajan, section 5.2.3): right for gains that are not
+optimal, without cancellation. In Case 1 the estimate is unbiased, G A = M, and the last term is none.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from strainfmu.arrays import FloatArray
+from strainfmu.errors import InputError
+from strainfmu.estimator.numerics.algebra import LAPACK, Algebra
+
+_ROUND_OFF = 1e-6
+"""Fraction of a stated covariance by which it may lie below the sum of its own terms."""
+
+
+def load_gain(
+    *,
+    load_per_state: FloatArray,
+    strain_gain: FloatArray,
+    state_operator: FloatArray,
+    noise_whitening: FloatArray,
+    strain_load_covariance: FloatArray | None,
+    algebra: Algebra = LAPACK,
+) -> FloatArray:
+    """Return (5, n_d) G, loads per strain [N, N m]; M T where no load is outside the states.
+
+    Source: Gauss-Markov estimate of a correlated quantity (Kailath, Sayed & Hassibi, Linear Estimation, 3.2).
+
+    Parameters
+    ----------
+    load_per_state : (5, n_q) M [N/state, N m/state].
+    strain_gain : (n_q, n_d) T [state/(m/m)].
+    state_operator : (n_d, n_q) A [(m/m)/state].
+    noise_whitening : (n_d, n_d) L^-1 of Gamma = L L' [1/(m/m)].
+    strain_load_covariance : (n_d, 5) X, or None.
+    algebra : what the matrices are multiplied with.
+    """
+    product = algebra.product
+    if strain_load_covariance is None:
+        return product(load_per_state, strain_gain)
+    of_residual = residual_load_gain(noise_whitening, strain_load_covariance, algebra)
+    of_states = load_per_state - product(of_residual, state_operator)
+    return np.asarray(product(of_states, strain_gain) + of_residual)
+
+
+def residual_load_gain(
+    noise_whitening: FloatArray, strain_load_covariance: FloatArray, algebra: Algebra = LAPACK
+) -> FloatArray:
+    """Return (5, n_d) X' Gamma^-1 [N, N m]: load outside the states per strain outside the states.
+
+    ``noise_whitening`` is L^-1 (n_d, n_d) of Gamma = L L' [1/(m/m)], ``strain_load_covariance`` X (n_d, 5).
+    """
+    whitened = algebra.product(noise_whitening, strain_load_covariance)
+    return algebra.product(whitened.T, noise_whitening)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LoadErrorModel:
+    """The terms of the covariance of the loads, whatever the gain.
+
+    Attributes
+    ----------
+    noise_root : (n_d, n_d) L, L L' = Gamma [m/m].
+    regression : (5, n_d) X' L'^-1 [N, N m]: the load of g known from whitened e.
+    remainder : (5, 5) S [(N, N m)^2], positive semi-definite.
+    state_operator : (n_d, n_q) A [(m/m)/state].
+    load_per_state : (5, n_q) M [N/state, N m/state].
+    known_prior : whether q is standard normal (Case 2) or free (Case 1).
+    """
+
+    noise_root: FloatArray
+    regression: FloatArray
+    remainder: FloatArray
+    state_operator: FloatArray
+    load_per_state: FloatArray
+    known_prior: bool
+
+
+def load_error_covariance(model: LoadErrorModel, load_gain: FloatArray) -> FloatArray:
+    """Return (5, 5) covariance [(N, N m)^2] of the error of loads estimated with ``load_gain`` G (5, n_d)."""
+    return model.remainder + _of_gain(model, load_gain, LAPACK)
+
+
+def load_error_model(
+    *,
+    load_covariance: FloatArray,
+    state_operator: FloatArray,
+    noise_covariance: FloatArray,
+    load_per_state: FloatArray,
+    load_gain: FloatArray,
+    strain_load_covariance: FloatArray | None,
+    known_prior: bool,
+    algebra: Algebra = LAPACK,
+) -> LoadErrorModel:
+    """Return the model whose covariance is ``load_covariance`` (5, 5) for ``load_gain`` G (5, n_d).
+
+    ``strain_load_covariance`` is X (n_d, 5), None where there is none; the other arguments are as in
+    :class:`LoadErrorModel`.
+
+    Raises
+    ------
+    InputError
+        ``load_covariance`` is less than gauge noise and prior alone make it.
+    """
+    noise_root = algebra.cholesky(noise_covariance)
+    x = np.zeros((len(noise_root), 5)) if strain_load_covariance is None else strain_load_covariance
+    model = LoadErrorModel(
+        noise_root=noise_root,
+        regression=algebra.solve_lower(noise_root, x).T,
+        remainder=np.zeros((5, 5)),
+        state_operator=state_operator,
+        load_per_state=load_per_state,
+        known_prior=known_prior,
+    )
+    size = np.sqrt(np.diag(load_covariance))
+    rest = (load_covariance - _of_gain(model, load_gain, algebra)) / np.outer(size, size)
+    values, vectors = algebra.eigen(rest)
+    if not values.min() >= -_ROUND_OFF:
+        raise InputError("load_covariance is less than noise_covariance and the prior alone make it")
+    root = size[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
+    return replace(model, remainder=algebra.product(root, root.T))
+
+
+def _of_gain(model: LoadErrorModel, load_gain: FloatArray, algebra: Algebra) -> FloatArray:
+    """Return the two terms that depend on the gain."""
+    product = algebra.product
+    of_noise = product(load_gain, model.noise_root) - model.regression
+    covariance = product(of_noise, of_noise.T)
+    if model.known_prior:
+        of_prior = model.load_per_state - product(load_gain, model.state_operator)
+        covariance = covariance + product(of_prior, of_prior.T)
+    return np.asarray(covariance)

@@ -1,0 +1,157 @@
+"""Strain and loads of a body of revolution over the flight state, as tensor-product splines.
+
+The flight state is x = (M, u, w, ln p_inf) with u = a_T cos phi_T, w = a_T sin phi_T, a_T the total incidence and
+phi_T the roll angle of the leeward meridian. The pressure of a flow is p_inf sum_m P_m(M, a_T) cos m(phi - phi_T),
+so that every linear response to it is
+
+    y = p_inf sum_m (A_m(M, a_T) cos m phi_T + B_m(M, a_T) sin m phi_T) + y_fixed.
+
+u and w go through zero incidence without a jump where the polar angle phi_T has one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from strainfmu.arrays import FloatArray
+from strainfmu.errors import InputError
+from strainfmu.estimator.numerics.spline import local_basis
+
+MIN_INCIDENCE = 1e-7
+"""Rounds the cone a_T = |(u, w)| off at its tip [rad]."""
+
+N_STATES = 4
+MACH, U, W, LOG_PRESSURE = range(N_STATES)
+"""Places of M [1], u, w [rad] and ln(p_inf / Pa) in the flight state."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FlightTables:
+    """Tables for n_d gauges and the five loads.
+
+    Attributes
+    ----------
+    mach_knots, incidence_knots : (n_M,), (n_a,) increasing [1, rad]; total incidence from 0.
+    response : (n_M + 2, n_a + 2, n_d + 5, n_m, 2) spline coefficients of A and B, per p_inf: strains [1/Pa], then
+        loads [m2, m3].
+    fixed_response : (n_d + 5,) y_fixed, what does not follow p_inf [m/m, N, N m].
+    """
+
+    mach_knots: FloatArray
+    incidence_knots: FloatArray
+    response: FloatArray
+    fixed_response: FloatArray
+
+    def __post_init__(self) -> None:
+        n = (len(self.mach_knots) + 2, len(self.incidence_knots) + 2)
+        shape = self.response.shape
+        if len(shape) != 5 or shape[:2] != n or shape[4] != 2 or self.fixed_response.shape != shape[2:3]:
+            raise InputError(f"response: expected shape {n} + (gauges + 5, harmonics, 2), got {shape}")
+        if not (np.all(np.isfinite(self.response)) and np.all(np.isfinite(self.fixed_response))):
+            raise InputError("response: not all values are finite")
+
+    @property
+    def n_gauges(self) -> int:
+        """Number of gauges n_d."""
+        return int(self.response.shape[2]) - 5
+
+    @cached_property
+    def by_harmonic(self) -> FloatArray:
+        """(n_M + 2, n_a + 2, 2 n_m, n_d + 5) the same coefficients, those of a harmonic together."""
+        cells, n = self.response.shape[:2], self.response.shape[2]
+        return np.ascontiguousarray(np.swapaxes(self.response.reshape(*cells, n, -1), 2, 3))
+
+
+class Response(NamedTuple):
+    """Strains then loads (k, n_d + 5), and their derivatives by the flight state (k, n_d + 5, 4)."""
+
+    value: FloatArray
+    jacobian: FloatArray
+
+
+def evaluate(tables: FlightTables, state: FloatArray) -> Response:
+    """Return the response at ``state`` (k, 4) real or complex."""
+    mach, u, w, log_pressure = state.T
+    incidence = np.sqrt(u * u + w * w + MIN_INCIDENCE * MIN_INCIDENCE)
+    wind = _harmonics(u, w, incidence, tables.response.shape[3])
+    sums = _sums(tables, mach, incidence, wind)
+    pressure = np.exp(log_pressure)[:, None]
+    value = pressure * sums.value
+    jacobian = np.stack(
+        [
+            pressure * sums.by_mach,
+            pressure * ((u / incidence)[:, None] * sums.by_incidence + sums.by_u),
+            pressure * ((w / incidence)[:, None] * sums.by_incidence + sums.by_w),
+            value,
+        ],
+        axis=2,
+    )
+    return Response(value + tables.fixed_response, jacobian)
+
+
+class _Sums(NamedTuple):
+    """Sums over harmonics and phases (k, n_d + 5), and their derivatives, those of u and w by the roll angle."""
+
+    value: FloatArray
+    by_mach: FloatArray
+    by_incidence: FloatArray
+    by_u: FloatArray
+    by_w: FloatArray
+
+
+def _sums(tables: FlightTables, mach: FloatArray, incidence: FloatArray, wind: _Harmonics) -> _Sums:
+    of_mach, of_incidence = local_basis(tables.mach_knots, mach), local_basis(tables.incidence_knots, incidence)
+    factors = (
+        (of_mach.value, of_incidence.value, wind.value),
+        (of_mach.derivative, of_incidence.value, wind.value),
+        (of_mach.value, of_incidence.derivative, wind.value),
+        (of_mach.value, of_incidence.value, wind.by_u),
+        (of_mach.value, of_incidence.value, wind.by_w),
+    )
+    n = tables.response.shape[2]
+    found = np.empty((len(factors), len(mach), n), dtype=of_incidence.value.dtype)
+    cells = np.stack([of_mach.cell, of_incidence.cell], axis=1)
+    # Samples of one cell have their 16 coefficients of each harmonic in common.
+    for i, j in set(map(tuple, cells.tolist())):
+        rows = np.flatnonzero((cells[:, 0] == i) & (cells[:, 1] == j))
+        local = tables.by_harmonic[i : i + 4, j : j + 4].reshape(-1, n)
+        weight = [
+            (first[rows, :, None] * second[rows, None, :]).reshape(len(rows), -1, 1)
+            * third[rows].reshape(len(rows), 1, -1)
+            for first, second, third in factors
+        ]
+        found[:, rows] = np.reshape(np.reshape(weight, (-1, len(local))) @ local, (len(factors), len(rows), n))
+    return _Sums(*found)
+
+
+class _Harmonics(NamedTuple):
+    """cos and sin of m phi_T (k, n_m, 2), and their derivatives by u and w [1/rad]."""
+
+    value: FloatArray
+    by_u: FloatArray
+    by_w: FloatArray
+
+
+def _harmonics(u: FloatArray, w: FloatArray, incidence: FloatArray, n_m: int) -> _Harmonics:
+    cosine, sine = u / incidence, w / incidence
+    cube = incidence**3
+    d_cosine = (incidence * incidence - u * u) / cube, -u * w / cube
+    d_sine = -u * w / cube, (incidence * incidence - w * w) / cube
+    value, by_u, by_w = (np.zeros((len(u), n_m, 2), dtype=incidence.dtype) for _ in range(3))
+    value[:, 0, 0] = 1.0
+    if np.iscomplexobj(incidence):
+        for m in range(1, n_m):
+            c, s = value[:, m - 1, 0], value[:, m - 1, 1]
+            value[:, m, 0], value[:, m, 1] = c * cosine - s * sine, s * cosine + c * sine
+    else:
+        powers = np.cumprod(np.broadcast_to((cosine + 1j * sine)[:, None], (len(u), n_m - 1)), axis=1)
+        value[:, 1:, 0], value[:, 1:, 1] = powers.real, powers.imag
+    order, c, s = np.arange(1, n_m), value[:, :-1, 0], value[:, :-1, 1]
+    for by, dc, ds in ((by_u, d_cosine[0], d_sine[0]), (by_w, d_cosine[1], d_sine[1])):
+        dc, ds = dc[:, None], ds[:, None]
+        by[:, 1:, 0], by[:, 1:, 1] = order * (c * dc - s * ds), order * (s * dc + c * ds)
+    return _Harmonics(value, by_u, by_w)

@@ -1,0 +1,1 @@
+"""Zeros of the strain gauges, and how a tare finds them."""

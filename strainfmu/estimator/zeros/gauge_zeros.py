@@ -1,0 +1,84 @@
+"""Zeros of the strain gauges: what each reads without strain, and how well that is known.
+
+Further sensors of a map have none: what they read without load is taken off before.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from strainfmu.arrays import FloatArray
+from strainfmu.errors import InputError
+from strainfmu.estimator.map.added_noise import with_added_noise
+from strainfmu.estimator.map.inverse_map import InverseMap
+
+LARGEST_ZERO = 0.05
+"""Largest zero and largest standard deviation of one [m/m]: the strain that foil gauges stand."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GaugeZeros:
+    """Zeros of n_d strain gauges, taken off what they read.
+
+    Attributes
+    ----------
+    value : (n_d,) reading without strain [m/m].
+    std : (n_d,) standard deviation of the error of each, independent of the others [m/m].
+    common_std : that of an error which all have in common [m/m].
+    """
+
+    value: FloatArray
+    std: FloatArray
+    common_std: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.value.ndim != 1 or self.std.shape != self.value.shape:
+            raise InputError(
+                f"zeros: expected values and deviations (n_d,), got {self.value.shape} and {self.std.shape}"
+            )
+        for name, values in (("zero", self.value), ("zero_std", self.std), ("zero_common_std", self.common_std)):
+            for one in np.ravel(values).tolist():
+                fault = zero_fault(name, one)
+                if fault:
+                    raise InputError(fault)
+
+    @cached_property
+    def covariance(self) -> FloatArray:
+        """(n_d, n_d) of their errors [(m/m)^2]."""
+        return np.asarray(np.diag(self.std * self.std) + self.common_std * self.common_std)
+
+
+def zero_fault(name: str, value: float) -> str:
+    """Return what is wrong with ``value`` for a zero, or for a deviation where ``name`` says ``std``; "" if
+    nothing is."""
+    smallest = 0.0 if name.partition("[")[0].endswith("std") else -LARGEST_ZERO
+    if smallest <= value <= LARGEST_ZERO:
+        return ""
+    return f"{name}: expected {smallest:g} to {LARGEST_ZERO:g} m/m, got {value:g}"
+
+
+def no_zeros(n_gauges: int) -> GaugeZeros:
+    """Return zeros of 0, exactly known."""
+    return GaugeZeros(value=np.zeros(n_gauges), std=np.zeros(n_gauges))
+
+
+def with_zero_errors(inverse_map: InverseMap, zeros: GaugeZeros) -> InverseMap:
+    """Return ``inverse_map`` for readings that ``zeros`` are taken off: their errors join the gauges' noise.
+
+    Raises
+    ------
+    InputError
+        They are of another number of gauges.
+    """
+    n = inverse_map.n_strain_gauges
+    if len(zeros.value) != n:
+        raise InputError(f"zeros: expected {n} values, got {len(zeros.value)}")
+    return with_added_noise(inverse_map, np.pad(zeros.covariance, (0, inverse_map.n_gauges - n)))
+
+
+def zero_of_rows(inverse_map: InverseMap, zeros: GaugeZeros) -> FloatArray:
+    """Return (n_d,) what ``zeros`` take off the rows of ``inverse_map`` [m/m], 0 of further sensors."""
+    return np.pad(zeros.value, (0, inverse_map.n_gauges - inverse_map.n_strain_gauges))

@@ -1,0 +1,192 @@
+"""Series of samples: equal to the samples one by one, in every state of health, and faster."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from time import perf_counter
+
+import numpy as np
+import pytest
+from random_map import N_GAUGES, map_of, random_map, random_model
+
+from strainfmu.errors import InputError
+from strainfmu.estimator.estimates.load_estimate import LoadEstimate, LoadEstimates
+from strainfmu.estimator.health import HealthState
+from strainfmu.estimator.linear.estimator import Estimator
+from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.settings import EstimatorSettings
+
+Q = 95.8e3
+MAPS = {
+    "case 1": lambda: map_of(random_model(gamma=0.0, n_gauges=54, n_states=5)),
+    "case 2": lambda: map_of(random_model(gamma=1.0, n_gauges=27, n_states=12)),
+    "few gauges": random_map,
+}
+
+
+def samples(inverse_map: InverseMap, k: int, seed: int = 1) -> np.ndarray:
+    """(k, n_d) strains of random states with the noise of the map, a third of the samples with a fault."""
+    random = np.random.default_rng(seed)
+    a, n = inverse_map.state_operator, inverse_map.n_gauges
+    root = np.linalg.cholesky(inverse_map.noise_covariance)
+    strain = (
+        random.normal(size=(k, a.shape[1])) @ a.T + random.normal(size=(k, n)) @ root.T + inverse_map.mean_strain
+    )
+    faulty = random.permutation(k)[: k // 3]
+    gauge = random.integers(n, size=len(faulty))
+    strain[faulty, gauge] = random.choice([np.nan, np.inf, 1e3], size=len(faulty))
+    off = random.permutation(k)[: k // 3]
+    strain[off, random.integers(n, size=len(off))] += 8.0 * inverse_map.noise_std.max()
+    return strain
+
+
+def assert_equal(found: LoadEstimates, expected: list[LoadEstimate]) -> None:
+    """Every field of every sample, to 1e-12 of the largest number of the field."""
+    assert len(found) == len(expected)
+    for entry in fields(LoadEstimate):
+        values = np.array([getattr(one, entry.name) for one in expected], dtype=object)
+        if entry.name in ("suspects", "outside_parameters"):
+            assert getattr(found, entry.name).tolist() == [getattr(one, entry.name) for one in expected]
+            continue
+        if entry.name == "section_station":  # what the samples have in common
+            np.testing.assert_array_equal(found.section_station, expected[0].section_station)
+            continue
+        wanted = np.array(values.tolist(), dtype=float)
+        finite = np.isfinite(wanted)
+        size = np.abs(wanted[finite]).max(initial=0.0)
+        np.testing.assert_allclose(
+            np.asarray(getattr(found, entry.name), dtype=float), wanted, rtol=0.0, atol=1e-12 * size
+        )
+
+
+@pytest.mark.parametrize("name", MAPS)
+def test_series_is_its_samples(name: str) -> None:
+    """With lost gauges, outliers, pressures that are none, masks of the caller and all gauges lost."""
+    inverse_map = MAPS[name]()
+    random, k = np.random.default_rng(2), 60
+    settings = EstimatorSettings(reference_area=0.3, reference_length=0.7, moment_station=1.5, sensor_range=1e2)
+    strain = samples(inverse_map, k)
+    q = np.where(random.random(k) < 0.8, Q * (1.0 + 0.1 * random.random(k)), random.choice([0.0, np.nan, -1.0], k))
+    q_std = random.choice([0.0, 1e3, np.nan], k, p=[0.5, 0.4, 0.1])
+    valid = random.random((k, inverse_map.n_gauges)) < 0.97
+    valid[7] = False
+    for estimator in (Estimator(inverse_map), Estimator(inverse_map, settings)):
+        found = estimator.estimate(strain, q, valid, q_std)
+        expected = [estimator.step(*row) for row in zip(strain, q, valid, q_std, strict=True)]
+        assert isinstance(found, LoadEstimates)
+        assert_equal(found, expected)
+        assert {HealthState.INVALID, HealthState.NO_COEFFICIENTS} <= {HealthState(h) for h in found.health}
+
+
+def test_one_sample_of_a_series_is_an_estimate() -> None:
+    inverse_map = random_map()
+    estimator, strain = Estimator(inverse_map), samples(inverse_map, 9)
+    found = estimator.estimate(strain, Q)
+    for i, row in enumerate(strain):
+        one, single = found[i], estimator.step(row, Q)
+        assert (one.health, one.suspects) == (single.health, single.suspects)
+        np.testing.assert_array_equal(one.valid, single.valid)
+
+
+def test_arguments_serve_all_samples_or_each() -> None:
+    inverse_map = random_map()
+    estimator, strain = Estimator(inverse_map), samples(inverse_map, 5)
+    mask = np.arange(N_GAUGES) != 2
+    one, each = (
+        estimator.estimate(strain, Q, mask, 1e3),
+        estimator.estimate(strain, np.full(5, Q), [mask] * 5, [1e3] * 5),
+    )
+    np.testing.assert_array_equal(one.coefficients_std, each.coefficients_std)
+    np.testing.assert_array_equal(one.valid, each.valid)
+
+
+def test_no_samples() -> None:
+    found = Estimator(random_map()).estimate(np.zeros((0, N_GAUGES)), Q)
+    assert len(found) == 0
+    assert found.coefficients.shape == (0, 5)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((np.zeros((4, 7)), Q), r"strain: expected \(k, 8\) values, got \(4, 7\)"),
+        ((np.zeros((4, 8)), np.full(3, Q)), r"dynamic_pressure: expected a number or 4 numbers, got shape \(3,\)"),
+        ((np.zeros((4, 8)), None), "dynamic_pressure: expected a number or 4 numbers, got None"),
+        ((np.zeros(8), None), "dynamic_pressure: expected a number, got None"),
+        ((np.zeros(8), "high"), "dynamic_pressure: expected a number, got 'high'"),
+        ((np.zeros(8), [Q, Q]), r"dynamic_pressure: expected a number, got shape \(2,\)"),
+        ((np.zeros((4, 8)), Q, np.ones((3, 8), dtype=bool)), r"valid: expected \(8,\) or \(4, 8\) values of bool"),
+        ((np.zeros((4, 8)), Q, np.ones((4, 8))), "of float64"),
+        ((np.zeros((4, 8)), Q, None, [1.0, 2.0]), "dynamic_pressure_std: expected a number or 4 numbers"),
+    ],
+)
+def test_wrong_arguments_are_refused(arguments: tuple[object, ...], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        Estimator(random_map()).estimate(*arguments)
+
+
+def test_names_are_views_of_the_arrays() -> None:
+    inverse_map = random_map()
+    estimator, strain = Estimator(inverse_map), samples(inverse_map, 6)
+    for found in (estimator.estimate(strain, Q), estimator.estimate(strain[0], Q)):
+        for i, name in enumerate(("C_A", "C_N", "C_Y", "M_P", "M_Y")):
+            np.testing.assert_array_equal(getattr(found, name), found.coefficients[..., i])
+            np.testing.assert_array_equal(getattr(found.sigma, name), found.coefficients_std[..., i])
+        names = ("axial_force", "normal_force", "side_force", "pitching_moment", "yawing_moment")
+        for i, name in enumerate(names):
+            np.testing.assert_array_equal(getattr(found, name), found.loads[..., i])
+            np.testing.assert_array_equal(getattr(found.sigma, name), found.loads_std[..., i])
+
+
+def test_dataframe_has_a_row_a_sample() -> None:
+    pandas = pytest.importorskip("pandas")
+    inverse_map = random_map()
+    estimator, strain = Estimator(inverse_map), samples(inverse_map, 6)
+    found = estimator.estimate(strain, Q)
+    table = found.to_dataframe()
+    assert isinstance(table, pandas.DataFrame)
+    np.testing.assert_array_equal(table["C_N"], found.C_N)
+    np.testing.assert_array_equal(table["sigma.yawing_moment"], found.sigma.yawing_moment)
+    assert table["health"].tolist() == [HealthState(h).name for h in found.health]
+    assert table["valid_gauges"].tolist() == found.valid.sum(axis=1).tolist()
+    one = estimator.estimate(strain[3], Q).to_dataframe()
+    assert one.shape == (1, table.shape[1])
+    assert one["health"].tolist() == table["health"].tolist()[3:4]
+
+
+def test_notebooks_show_tables() -> None:
+    """Every text is escaped, and no number is missing."""
+    from dataclasses import replace
+
+    inverse_map = replace(random_map(), vehicle="A <b> & co")
+    estimator, strain = Estimator(inverse_map), samples(inverse_map, 6)
+    shown = inverse_map._repr_html_()
+    assert "A &lt;b&gt; &amp; co" in shown
+    assert "Case 1" in shown
+    one = estimator.estimate(inverse_map.mean_strain, Q)
+    assert f"<td>{one.C_N:.5g}</td>" in one._repr_html_()
+    assert "load estimates" in estimator.estimate(strain, Q)._repr_html_()
+
+
+def test_estimates_compare_by_identity() -> None:
+    inverse_map = random_map()
+    one = Estimator(inverse_map).estimate(inverse_map.mean_strain, Q)
+    assert one == one
+    assert one != Estimator(inverse_map).estimate(inverse_map.mean_strain, Q)
+    assert inverse_map != random_map()
+
+
+def test_ten_thousand_samples_are_one_call() -> None:
+    """Faster than step by step; how much is printed by ``strainfmu bench``."""
+    inverse_map = MAPS["case 1"]()
+    estimator = Estimator(inverse_map)
+    random = np.random.default_rng(3)
+    strain = inverse_map.mean_strain + random.normal(size=(10_000, 54)) * inverse_map.noise_std
+    start = perf_counter()
+    found = estimator.estimate(strain, Q)
+    series = perf_counter() - start
+    start = perf_counter()
+    steps = [estimator.step(row, Q) for row in strain]
+    single = perf_counter() - start
+    assert_equal(found, steps)
+    print(f"series {1e3 * series:.1f} ms, steps {1e3 * single:.1f} ms: {single / series:.1f}")

@@ -1,0 +1,76 @@
+"""Gain and whitening against the formulas by the book, and where the book loses its digits."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from random_map import random_model
+
+from strainfmu.errors import InputError
+from strainfmu.estimator.map.innovation import estimate_gain, innovation_whitening, inverse_cholesky
+
+pytestmark = pytest.mark.fast
+
+
+@pytest.mark.parametrize("gamma", [0.0, 0.5, 1.0, 20.0])
+def test_gain_solves_the_normal_equations(gamma: float) -> None:
+    """To 1e-9 of the largest entry per state."""
+    model = random_model(gamma)
+    found, expected = estimate_gain(model.a, model.noise_covariance, gamma), model.gain()
+    size = np.abs(expected).max(axis=1, keepdims=True)
+    np.testing.assert_allclose(found / size, expected / size, rtol=0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("n_states", [5, 27, 60])
+def test_whitening_with_a_prior_inverts_the_covariance(n_states: int) -> None:
+    """W (A A' / gamma + Gamma) W' = I to 1e-8, with fewer, as many and more states than gauges."""
+    model = random_model(1.0, n_states=n_states)
+    for gamma in (1.0, 10.0):
+        w = innovation_whitening(model.a, model.noise_covariance, gamma)
+        covariance = model.noise_covariance + model.a @ model.a.T / gamma
+        np.testing.assert_allclose(w @ covariance @ w.T, np.eye(27), rtol=0.0, atol=1e-8)
+
+
+def test_whitening_without_a_prior_is_a_projection_blind_to_the_states() -> None:
+    """W Gamma W' is idempotent of trace n_d - n_q and W A = 0, to 1e-10 of their terms."""
+    model = random_model()
+    w = innovation_whitening(model.a, model.noise_covariance, 0.0)
+    projection = w @ model.noise_covariance @ w.T
+    np.testing.assert_allclose(projection @ projection, projection, atol=1e-10)
+    assert np.trace(projection) == pytest.approx(22.0, rel=1e-12)
+    assert np.abs(w @ model.a).max() < 1e-10 * np.abs(inverse_cholesky(model.noise_covariance) @ model.a).max()
+
+
+def test_whitening_keeps_its_digits_at_small_gamma() -> None:
+    """One state of 1e6 sigma, gamma 1e-6: a' P a = |a|^2 / (1 + |a|^2 / gamma) exactly, to 1e-9."""
+    a = np.array([[3e5], [-4e5], [1.2e6]])
+    w = innovation_whitening(a, np.eye(3), 1e-6)
+    square = Fraction(9 * 10**10 + 16 * 10**10 + 144 * 10**10)
+    exact = square / (1 + square * 10**6)
+    assert np.sum((w @ a) ** 2) == pytest.approx(float(exact), rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    "covariance", [np.diag([1.0, -1.0]), np.zeros((2, 2)), np.ones((2, 2)), np.array([[1.0, 0.5], [0.0, 1.0]])]
+)
+def test_covariance_that_is_none_is_refused(covariance: np.ndarray) -> None:
+    with pytest.raises(InputError, match="noise_covariance must be symmetric and positive definite"):
+        inverse_cholesky(covariance)
+
+
+def test_gauges_of_very_unlike_noise_keep_their_digits() -> None:
+    """1e-9 to 1 in one covariance: L^-1 Gamma L'^-1 = I to 1e-12."""
+    std = np.geomspace(1e-9, 1.0, 6)
+    correlation = 0.3 + 0.7 * np.eye(6)
+    covariance = correlation * np.outer(std, std)
+    w = inverse_cholesky(covariance)
+    np.testing.assert_allclose(w @ covariance @ w.T, np.eye(6), atol=1e-12)
+
+
+def test_states_that_gauges_do_not_see_are_refused() -> None:
+    a = np.zeros((4, 2))
+    a[:, 0] = 1.0
+    with pytest.raises(InputError, match="state_operator does not identify the states"):
+        estimate_gain(a, np.eye(4), 0.0)

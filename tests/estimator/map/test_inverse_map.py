@@ -1,0 +1,255 @@
+"""The artefact: what goes in comes out, and nothing damaged does."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from random_map import N_GAUGES, N_STATES, map_of, random_map, random_model
+
+from strainfmu import files
+from strainfmu.errors import InputError, StrainfmuError
+from strainfmu.estimator.map.innovation import innovation_whitening
+from strainfmu.estimator.map.inverse_map import (
+    SCHEMA,
+    SCHEMA_VERSION,
+    InverseMap,
+    load_inverse_map,
+    save_inverse_map,
+)
+from strainfmu.files import content_hash_of
+
+pytestmark = pytest.mark.fast
+
+
+@pytest.fixture
+def saved(tmp_path: Path) -> Path:
+    save_inverse_map(random_map(), tmp_path / "map.h5")
+    return tmp_path / "map.h5"
+
+
+def with_field(inverse_map: InverseMap) -> InverseMap:
+    """``inverse_map`` with a pressure field on two triangles."""
+    random = np.random.default_rng(3)
+    return replace(
+        inverse_map,
+        field_mean=random.normal(size=4).astype(np.float32),
+        field_modes=random.normal(size=(4, len(inverse_map.state_offset))).astype(np.float32),
+        point=random.normal(size=(4, 3)).astype(np.float32),
+        triangle=np.array([[0, 1, 2], [2, 1, 3]], dtype=np.int32),
+    )
+
+
+def case_2_map() -> InverseMap:
+    return map_of(random_model(gamma=1.0, n_gauges=N_GAUGES, n_states=2 * N_GAUGES))
+
+
+@pytest.mark.parametrize(
+    "inverse_map",
+    [random_map(), case_2_map(), with_field(random_map()), replace(random_map(), strain_load_covariance=None)],
+    ids=["case 1", "case 2", "with field", "without what may be missing"],
+)
+def test_round_trip(inverse_map: InverseMap, tmp_path: Path) -> None:
+    digest = save_inverse_map(inverse_map, tmp_path / "deep" / "map.h5")
+    loaded = load_inverse_map(tmp_path / "deep" / "map.h5")
+    for entry in fields(InverseMap):
+        found, wanted = getattr(loaded, entry.name), getattr(inverse_map, entry.name)
+        if isinstance(wanted, np.ndarray):
+            np.testing.assert_array_equal(found, wanted)
+            assert found.dtype == wanted.dtype
+        else:
+            assert found == wanted
+    assert loaded.n_gauges == N_GAUGES
+    assert content_hash_of(tmp_path / "deep" / "map.h5", SCHEMA, SCHEMA_VERSION) == digest
+
+
+def test_every_number_has_its_unit(saved: Path) -> None:
+    with h5py.File(saved) as file:
+        units = {name: file[name].attrs["unit"] for name in file if name != "gauge_names"}
+    assert len(units) == 25
+    assert units["strain_gain"] == "Pa/(m/m)"
+    assert units["noise_covariance"] == "(m/m)^2"
+    assert units["nominal_dynamic_pressure"] == "Pa"
+
+
+def test_states_of_a_prior_have_no_unit(tmp_path: Path) -> None:
+    save_inverse_map(with_field(case_2_map()), tmp_path / "map.h5")
+    with h5py.File(tmp_path / "map.h5") as file:
+        assert file["strain_gain"].attrs["unit"] == "1/(m/m)"
+        assert file["state_operator"].attrs["unit"] == "(m/m)/1"
+        assert file["field_modes"].attrs["unit"] == "Pa/1"
+
+
+def test_content_hash_is_of_content_alone(tmp_path: Path) -> None:
+    first = save_inverse_map(random_map(), tmp_path / "one.h5")
+    assert save_inverse_map(random_map(), tmp_path / "two.h5") == first
+    assert save_inverse_map(replace(random_map(), reference_area=0.2000001), tmp_path / "three.h5") != first
+    assert save_inverse_map(replace(random_map(), vehicle="other"), tmp_path / "four.h5") != first
+
+
+def test_flipped_bit_anywhere_is_refused_or_harmless(saved: Path) -> None:
+    """One bit of every 37th byte: only the padding behind the first line of text may be other than it was."""
+    content = saved.read_bytes()
+    padding = range(content.index(b"\n") + 1, files.USER_BLOCK_SIZE)
+    for position in range(0, len(content), 37):
+        damaged = bytearray(content)
+        damaged[position] ^= 1 << position % 8
+        saved.write_bytes(bytes(damaged))
+        if position in padding:
+            np.testing.assert_array_equal(load_inverse_map(saved).strain_gain, random_map().strain_gain)
+        else:
+            with pytest.raises(InputError, match=r"map.h5: (damaged|expected a file|schema version)"):
+                load_inverse_map(saved)
+
+
+def test_flipped_bit_in_any_array_is_refused(saved: Path) -> None:
+    """The lowest bit of one number of each array, in the file's bytes."""
+    with h5py.File(saved) as file:
+        # h5py counts from behind the user block where the file has one.
+        where = {name: (file[name].id.get_offset(), file[name].id.get_storage_size()) for name in file}
+    assert len(where) == 26
+    content = saved.read_bytes()
+    for offset, size in where.values():
+        damaged = bytearray(content)
+        damaged[offset + (size // 2) // 8 * 8] ^= 1
+        saved.write_bytes(bytes(damaged))
+        with pytest.raises(InputError, match="damaged or altered"):
+            load_inverse_map(saved)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.1, 0.5, 0.9, 0.999])
+def test_truncated_file_is_refused(share: float, saved: Path) -> None:
+    content = saved.read_bytes()
+    saved.write_bytes(content[: int(share * len(content))])
+    with pytest.raises(InputError, match=r"map.h5: damaged"):
+        load_inverse_map(saved)
+
+
+@pytest.mark.parametrize("version", [6, 8])
+def test_other_schema_version_is_refused(version: int, tmp_path: Path) -> None:
+    files.write_hdf5_atomically(tmp_path / "map.h5", SCHEMA, version, lambda file: None)
+    with pytest.raises(InputError, match=f"expected schema version 7, got {version}; build it again"):
+        load_inverse_map(tmp_path / "map.h5")
+
+
+def test_other_kind_of_file_is_refused(tmp_path: Path) -> None:
+    files.write_hdf5_atomically(tmp_path / "map.h5", "strainfmu.snapshots", 1, lambda file: None)
+    with pytest.raises(InputError, match=r"schema 'strainfmu.inverse_map', found 'strainfmu.snapshots'"):
+        load_inverse_map(tmp_path / "map.h5")
+
+
+def test_edited_file_is_refused(saved: Path) -> None:
+    with h5py.File(saved, "r+") as file:
+        file.attrs["vehicle"] = "another vehicle"
+    with pytest.raises(InputError, match="damaged or altered"):
+        load_inverse_map(saved)
+
+
+def test_missing_entry_is_named(tmp_path: Path) -> None:
+    def fill(file: h5py.File) -> None:
+        file.attrs["vehicle"] = "a vehicle"
+        file["case"] = 1
+
+    files.write_hdf5_atomically(tmp_path / "map.h5", SCHEMA, SCHEMA_VERSION, fill)
+    with pytest.raises(InputError, match=r"damaged, entry .*gauge_names.* is missing"):
+        load_inverse_map(tmp_path / "map.h5")
+
+
+def test_file_that_is_none_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no such file"):
+        load_inverse_map(tmp_path / "none.h5")
+    (tmp_path / "text.h5").write_text("not a map")
+    with pytest.raises(InputError, match="damaged, or not an HDF5 file"):
+        load_inverse_map(tmp_path / "text.h5")
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"strain_gain": np.zeros((3, 7))}, r"strain_gain has shape \(3, 7\), must be \(3, 8\)"),
+        ({"gauge_position": np.zeros((8, 2))}, r"gauge_position has shape \(8, 2\), must be \(8, 3\)"),
+        ({"load_covariance": np.zeros(5)}, r"load_covariance has shape \(5,\), must be \(5, 5\)"),
+        ({"mean_strain": np.full(8, np.nan)}, "mean_strain holds values that are not finite"),
+        ({"load_of_mean": np.full(5, np.inf)}, "load_of_mean holds values that are not finite"),
+        ({"reference_area": 0.0}, "reference_area is 0.0, must be positive"),
+        ({"reference_length": np.nan}, "reference_length is nan, must be positive"),
+        ({"nominal_dynamic_pressure": np.inf}, "nominal_dynamic_pressure is inf, must be positive"),
+        ({"gauge_names": ("a",) * 8}, "at least one name and none twice"),
+        ({"noise_std": np.zeros(8)}, "noise_std must be positive"),
+        ({"residual_degrees_of_freedom": 8}, "residual_degrees_of_freedom is 8, must be 5"),
+        ({"state_operator": np.zeros((8, 2))}, r"state_operator has shape \(8, 2\), must be \(8, 3\)"),
+        ({"case": 3}, "case is 3, must be one of 1, 2"),
+        ({"regularisation": 1.0}, "regularisation is 1.0, must be 0 in Case 1"),
+        ({"case": 2}, "regularisation is 0.0, must be positive in Case 2"),
+        ({"noise_covariance": np.zeros((8, 8))}, "noise_covariance has variances below noise_std squared"),
+        ({"noise_covariance": np.ones((8, 8))}, "noise_covariance must be symmetric and positive definite"),
+        ({"strain_gain": 1.001 * random_map().strain_gain}, "strain_gain is not that of state_operator"),
+        ({"state_offset": 1.001 * random_map().state_offset}, "state_offset is not -strain_gain mean_strain"),
+        ({"state_operator": 1e6 * random_map().state_operator}, "strain_gain is not that of state_operator"),
+        ({"residual_whitening": 2.0 * random_map().residual_whitening}, "chi-square a mean of 20, must be 5"),
+        ({"residual_whitening": 1e6 * np.eye(8)}, "residual_whitening sees the states"),
+        (
+            {"load_covariance": 1e-6 * random_map().load_covariance},
+            "load_covariance is less than noise_covariance",
+        ),
+        ({"strain_load_covariance": np.zeros((8, 4))}, r"strain_load_covariance has shape \(8, 4\)"),
+        (
+            {"field_mean": np.zeros(4, np.float32)},
+            "field_modes, point, triangle missing, the pressure field needs",
+        ),
+        ({"point": np.zeros((4, 2), np.float32)}, r"point has shape \(4, 2\), must be \(4, 3\)"),
+        ({"triangle": np.array([[0, 1, 4]])}, r"triangle names nodes outside 0 .. 3"),
+    ],
+)
+def test_values_that_cannot_be_meant_are_refused(changes: dict[str, object], words: str) -> None:
+    whole = random_map() if "field_mean" in changes else with_field(random_map())
+    with pytest.raises(InputError, match=f"inverse map: .*{words}"):
+        replace(whole, **changes)
+
+
+def test_as_many_states_as_gauges_are_refused() -> None:
+    """Least squares needs a gauge more than states; a prior does not."""
+    with pytest.raises(InputError, match="8 gauges for 8 states found, health needs at least one gauge more"):
+        map_of(random_model(gamma=0.0, n_gauges=8, n_states=8))
+    assert map_of(random_model(gamma=1.0, n_gauges=8, n_states=8)).residual_degrees_of_freedom == 8
+
+
+def test_state_that_no_gauge_sees_is_taken_under_a_prior() -> None:
+    """Its gain is round-off, here 1e-14 instead of 0; a state that gauges do see must have its own."""
+    model = random_model(gamma=1.0, n_gauges=N_GAUGES, n_states=N_STATES)
+    model.a[:, 1] = 0.0
+    inverse_map = map_of(model)
+    gain = inverse_map.strain_gain.copy()
+    gain[1] += 1e-14 / inverse_map.noise_std
+    assert replace(inverse_map, strain_gain=gain, state_offset=-gain @ model.m).case == 2
+    gain[2] += 1e-3 / inverse_map.noise_std
+    with pytest.raises(InputError, match="strain_gain is not that of state_operator"):
+        replace(inverse_map, strain_gain=gain, state_offset=-gain @ model.m)
+
+
+def test_chi_square_of_a_prior_is_that_of_the_model_whatever_gamma() -> None:
+    """Gamma of the estimate, 10, in W instead of 1: refused."""
+    model = random_model(gamma=10.0, n_gauges=N_GAUGES, n_states=N_STATES)
+    inverse_map = map_of(model)
+    wrong = innovation_whitening(model.a, model.noise_covariance, 10.0)
+    with pytest.raises(InputError, match=r"residual_whitening gives chi-square a mean of .*, must be 8"):
+        replace(inverse_map, residual_whitening=wrong)
+    right = innovation_whitening(model.a, model.noise_covariance, 1.0)
+    assert replace(inverse_map, residual_whitening=right).case == 2
+
+
+def test_file_is_whole_or_as_it_was(saved: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Writing fails: the old map stays, no temporary file is left, the error names the path."""
+    before = saved.read_bytes()
+
+    def no_space(descriptor: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(files.os, "fsync", no_space)
+    with pytest.raises(StrainfmuError, match=r"map.h5: could not be written: No space left on device"):
+        save_inverse_map(random_map(2), saved)
+    assert saved.read_bytes() == before
+    assert [path.name for path in saved.parent.iterdir()] == ["map.h5"]

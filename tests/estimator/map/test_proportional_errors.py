@@ -1,0 +1,123 @@
+"""Errors at the current strain: by the book at every level, between levels, and against drawn errors."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scaled_maps import NOMINAL, scaled_map
+
+from strainfmu.estimator.linear.estimator import Estimator
+from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.map.proportional_errors import (
+    PAIRS,
+    ErrorModel,
+    enclosing_levels,
+    excess_products,
+    level_products,
+    symmetric,
+)
+
+pytestmark = pytest.mark.fast
+
+N = 18
+
+
+def random_errors(size: float = 1.0) -> tuple[ErrorModel, np.ndarray, np.ndarray]:
+    """Return a model of two errors of each gauge (2, 6, n_d) and two common ones (2, 6, n_d), and these."""
+    random = np.random.default_rng(5)
+    own, common = (size * random.standard_normal((2, 6, N)) for _ in range(2))
+    of_gauge = np.array([(1.0 if a == b else 2.0) * np.sum(own[:, a] * own[:, b], axis=0) for a, b in PAIRS])
+    c = np.hstack([np.ones((50, 1)), random.uniform(-0.3, 0.3, (50, 5))])
+    mean = np.array([np.mean(c[:, a] * c[:, b]) for a, b in PAIRS])
+    return ErrorModel(of_gauge=of_gauge, common=common, mean_product=mean), own, common
+
+
+def test_levels_enclose_and_are_a_root_of_two_apart() -> None:
+    ratio = np.array([1e-3, 0.49, 0.5, 0.7, 0.71, 1.0, 1.3, 1.42, 5.0, 999.0])
+    below, above = enclosing_levels(ratio)
+    assert np.all((below <= ratio) & (ratio <= above))
+    np.testing.assert_allclose(above / below, np.sqrt(2.0), rtol=1e-12)
+    exponent = 2.0 * np.log2(below)
+    np.testing.assert_allclose(exponent, np.round(exponent), atol=1e-12)
+
+
+def test_products_of_a_level_are_the_covariance_by_the_book() -> None:
+    """sum_ab c_a c_b G H_ab G' and its trace with P: 1e-12 of the largest, at 20 coefficients."""
+    errors, own, common = random_errors()
+    random = np.random.default_rng(6)
+    gain, root = random.standard_normal((5, N)), random.standard_normal((N, N))
+    precision = root @ root.T
+    products = level_products(errors, gain, precision)
+    coefficients = random.standard_normal((20, 5))
+    weights = excess_products(errors, coefficients) + errors.mean_product
+    found = weights @ products
+    for k in range(20):
+        c = np.concatenate([[1.0], coefficients[k]])
+        h = np.diag(np.sum((c @ own) ** 2, axis=0)) + sum(np.outer(c @ one, c @ one) for one in common)
+        expected = gain @ h @ gain.T
+        np.testing.assert_allclose(symmetric(found[k : k + 1, :15])[0], expected, atol=1e-12 * expected.max())
+        assert found[k, 15] == pytest.approx(np.trace(precision @ h), rel=1e-12)
+
+
+def map_with_errors() -> tuple[InverseMap, np.ndarray, np.ndarray]:
+    """Return a map of Case 1 whose weights hold the errors at their mean, and these errors."""
+    errors, own, common = random_errors(4e-6)
+    fields = {
+        "gauge_error_product": errors.of_gauge,
+        "common_error": errors.common,
+        "mean_product": errors.mean_product,
+    }
+    return scaled_map(1, seed=2, n=N, errors=fields), own, common
+
+
+@pytest.mark.parametrize("level", [0.25, 1.0, 2.0**1.5])
+@pytest.mark.parametrize("spread", [0.0, 3.0])
+def test_errors_drawn_at_the_current_strain_have_the_stated_covariance(level: float, spread: float) -> None:
+    """20,000 flights of one state: normalised error squared 5 and chi-square at its limit's scale, within 5 %.
+
+    At the mean state and at one far from it, where the errors are several times larger; with the covariance of the
+    weights alone the second would be far off.
+    """
+    free, own, common = map_with_errors()
+    random, n = np.random.default_rng(8), 20_000
+    states = spread * random.standard_normal(free.state_operator.shape[1])
+    q = level * NOMINAL
+    scale = NOMINAL * free.reference_area * np.array([1.0, 1.0, 1.0, *2 * [free.reference_length]])
+    c = np.concatenate([[1.0], (free.load_of_mean + free.load_per_state @ states) / scale])
+    assert free.gauge_covariance is not None
+    assert free.error_strain is not None
+    assert free.error_load is not None
+    error = (random.standard_normal((n, 2, N)) * (c @ own)).sum(axis=1)
+    error += random.standard_normal((n, 2)) @ (c @ common)
+    others = random.standard_normal((n, N + 5))  # what does not follow the current strain
+    error += others @ free.error_strain[:, : N + 5].T
+    noise = random.standard_normal((n, N)) @ np.linalg.cholesky(free.gauge_covariance).T
+    strain = level * (free.mean_strain + states @ free.state_operator.T + error) + noise
+    truth = level * (free.load_of_mean + free.load_per_state @ states + others @ free.error_load[:, : N + 5].T)
+    found = Estimator(free).estimate(strain, q, dynamic_pressure_std=0.0)
+    deviation = found.loads - truth
+    squared = np.einsum(
+        "ki,ki->k", deviation, np.linalg.solve(found.load_covariance, deviation[:, :, None])[:, :, 0]
+    )
+    assert squared.mean() == pytest.approx(5.0, rel=0.05)
+    assert np.mean(np.abs(deviation) < 3.0 * found.loads_std) == pytest.approx(0.9973, abs=2e-3)
+    # The expected chi-square, in units of its degrees of freedom, is the scale of the limit.
+    scale_of_limit = found.chi_square_limit / Estimator(free).chi_square_limit
+    ratio = found.chi_square / (found.degrees_of_freedom * scale_of_limit)
+    assert ratio.mean() == pytest.approx(1.0, rel=0.05)
+
+
+def test_between_levels_the_covariance_is_smooth() -> None:
+    """Across a level it is continuous, and in the middle of two within 2 % of the one computed there."""
+    inverse_map, _, _ = map_with_errors()
+    estimator = Estimator(inverse_map)
+    states = 2.0 * np.ones(inverse_map.state_operator.shape[1])
+
+    def std_at(level: float) -> np.ndarray:
+        strain = level * (inverse_map.mean_strain + states @ inverse_map.state_operator.T)
+        return np.asarray(estimator.step(strain, level * NOMINAL, dynamic_pressure_std=0.0).loads_std) / level
+
+    np.testing.assert_allclose(std_at(1.0 - 1e-9), std_at(1.0 + 1e-9), rtol=1e-6)
+    middle = std_at(0.5 * (1.0 + np.sqrt(0.5)))
+    assert np.all(middle < 1.02 * std_at(np.sqrt(0.5)))
+    assert np.all(middle > 0.98 * std_at(1.0))
