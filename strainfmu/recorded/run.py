@@ -15,18 +15,23 @@ from strainfmu.arrays import FloatArray
 from strainfmu.cosim.zeros_file import load_zeros
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.recorded.block_estimates import BlockEstimates, BlockEstimator, dropped_navigation
-from strainfmu.recorded.column_names import FLOW_NAMES, NAVIGATION_NAMES, STATIC_PRESSURE, STD, Wanted
-from strainfmu.recorded.columns import ColumnPlan, StrainBlock
-from strainfmu.recorded.estimator_files import open_block_estimator
-from strainfmu.recorded.field_series import FieldSeriesWriter, check_field_output, field_series_writer
-from strainfmu.recorded.filtered_blocks import estimated_blocks, filter_attributes, with_filter
-from strainfmu.recorded.flight_pressure import computed_pressure, pressure_sources
-from strainfmu.recorded.health_account import HealthAccount
-from strainfmu.recorded.held_strains import HeldStrains
-from strainfmu.recorded.output import ESTIMATE_COLUMNS, EstimateWriter, check_output, estimate_writer
-from strainfmu.recorded.strain_files import open_strains
-from strainfmu.recorded.strain_level import LevelCheck
+from strainfmu.recorded.columns.column_names import FLOW_NAMES, NAVIGATION_NAMES, STATIC_PRESSURE, STD, Wanted
+from strainfmu.recorded.columns.columns import ColumnPlan, StrainBlock
+from strainfmu.recorded.columns.flight_pressure import computed_pressure, pressure_sources
+from strainfmu.recorded.columns.strain_level import LevelCheck
+from strainfmu.recorded.estimates.block_estimates import BlockEstimates, BlockEstimator, dropped_navigation
+from strainfmu.recorded.estimates.estimator_files import open_block_estimator
+from strainfmu.recorded.estimates.filtered_blocks import estimated_blocks, filter_attributes, with_filter
+from strainfmu.recorded.estimates.health_account import HealthAccount
+from strainfmu.recorded.output.estimate_files import (
+    ESTIMATE_COLUMNS,
+    EstimateWriter,
+    check_output,
+    estimate_writer,
+)
+from strainfmu.recorded.output.field_series import FieldSeriesWriter, check_field_output, field_series_writer
+from strainfmu.recorded.strains.held_strains import HeldStrains
+from strainfmu.recorded.strains.strain_files import open_strains
 
 Progress = Callable[[int, int], None]
 

@@ -13,9 +13,9 @@ from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.zeros.tare import KnownStrain, Tare, TareLimits, tare
 from strainfmu.interface.sensor_variables import reading_units
-from strainfmu.recorded.column_names import STATIC_PRESSURE, Wanted
-from strainfmu.recorded.sensor_readings import recorded_readings
-from strainfmu.recorded.strain_files import open_strains
+from strainfmu.recorded.columns.column_names import STATIC_PRESSURE, Wanted
+from strainfmu.recorded.columns.sensor_readings import recorded_readings
+from strainfmu.recorded.strains.strain_files import open_strains
 
 
 @dataclass(frozen=True, kw_only=True)

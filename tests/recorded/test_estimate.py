@@ -14,11 +14,11 @@ from synthetic_vehicle import N_GAUGES, SyntheticFiles, synthetic_inverse_map
 from strainfmu.errors import InputError
 from strainfmu.estimator.linear.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
-from strainfmu.recorded.column_names import Wanted
-from strainfmu.recorded.columns import plan_columns
+from strainfmu.recorded.columns.column_names import Wanted
+from strainfmu.recorded.columns.columns import plan_columns
 from strainfmu.recorded.run import estimate_file
-from strainfmu.recorded.sample_blocks import BLOCK_ROWS
-from strainfmu.recorded.strain_files import open_strains
+from strainfmu.recorded.strains.sample_blocks import BLOCK_ROWS
+from strainfmu.recorded.strains.strain_files import open_strains
 
 pytestmark = pytest.mark.fast
 

@@ -11,8 +11,8 @@ from builder.calibration.ground_test.load_test import LoadCase, LoadTest
 from builder.calibration.ground_test.load_test_file import CaseEntry, LoadTestFile
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import InputError
-from strainfmu.recorded.column_names import Wanted
-from strainfmu.recorded.strain_files import open_strains
+from strainfmu.recorded.columns.column_names import Wanted
+from strainfmu.recorded.strains.strain_files import open_strains
 
 SETTLED = 6.0
 """Difference between both halves of a window, in its standard deviations, above which the load still moved."""

@@ -14,8 +14,13 @@ from strainfmu.can.tools.replay import ReplaySummary, replay_log
 from strainfmu.cosim.estimator_source import open_step
 from strainfmu.cosim.step import section_stations_of
 from strainfmu.interface.further_variables import further_load_outputs
-from strainfmu.recorded.fmu_columns import further_outputs_of
-from strainfmu.recorded.output import ESTIMATE_COLUMNS, EstimateWriter, check_output, estimate_writer
+from strainfmu.recorded.estimates.fmu_columns import further_outputs_of
+from strainfmu.recorded.output.estimate_files import (
+    ESTIMATE_COLUMNS,
+    EstimateWriter,
+    check_output,
+    estimate_writer,
+)
 
 LOG_COLUMNS = (
     *ESTIMATE_COLUMNS,

@@ -14,7 +14,7 @@ from strainfmu.can.tools.recording import LOG_SUFFIXES, check_log, whole_microse
 from strainfmu.can.wire.frame import Frame, from_message
 from strainfmu.can.wire.libraries import error_line, import_can
 from strainfmu.errors import InputError
-from strainfmu.recorded.mdf_file import opened_mdf
+from strainfmu.recorded.formats.mdf_file import opened_mdf
 
 MF4 = ".mf4"
 

@@ -144,10 +144,10 @@ def recorded_samples(
     Raises
     ------
     InputError, StrainfmuError
-        As :func:`~strainfmu.recorded.strain_files.open_strains`.
+        As :func:`~strainfmu.recorded.strains.strain_files.open_strains`.
     """
-    from strainfmu.recorded.column_names import Wanted
-    from strainfmu.recorded.strain_files import open_strains
+    from strainfmu.recorded.columns.column_names import Wanted
+    from strainfmu.recorded.strains.strain_files import open_strains
 
     unknown = np.full(5, np.nan)
     # The bus carries strains, q_inf and navigation alone: no other column matters here.

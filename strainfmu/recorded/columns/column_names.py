@@ -1,0 +1,224 @@
+"""The names of columns: what each one holds, which of them are read, and which are unknown."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Container, Mapping, Sequence
+from dataclasses import dataclass, field
+from difflib import get_close_matches
+from pathlib import Path
+
+from strainfmu.errors import InputError
+from strainfmu.interface.fmi_variables import COEFFICIENTS
+from strainfmu.interface.sensor_variables import identifier
+from strainfmu.recorded.columns.strain_level import LevelReference
+from strainfmu.recorded.columns.temperature_columns import is_temperature, sensor_of
+
+TIME_NAMES = ("time", "t", "timestamps", "time_s")
+
+STD = "_std"
+"""Ends the name of the column with the standard deviation of a further parameter of the flow."""
+
+FLOW_NAMES = ("dynamic_pressure", "dynamic_pressure_std", "mach_number", "altitude")
+"""Quantities beside the strains; all but the first may be missing."""
+
+STATIC_PRESSURE = "static_pressure"
+"""p_inf: navigation of the nonlinear estimator. For the others it stands in, with the Mach number, for a dynamic
+pressure that is missing."""
+
+NAVIGATION_NAMES = ("mach_number_std", STATIC_PRESSURE, "static_pressure_std")
+"""What the nonlinear estimator takes of navigation beside ``FLOW_NAMES``."""
+
+SIGNALS = frozenset(
+    {
+        *COEFFICIENTS,
+        "M_R",
+        *("angle_of_attack", "sideslip_angle", "pitch_rate", "control_moment", "commanded_angle_of_attack"),
+        *("estimated_angle_of_attack", "trusted", "isolated_gauges"),
+    }
+)
+"""What a recorded system simulation holds besides: known, and not read."""
+
+_SIGNAL_GROUPS = ("sigma.", "force.", "moment.", "health.", "identified.", "navigation_used.", "tare_state")
+"""Beginnings of the names of an estimator's other outputs."""
+
+_AIR_DATA = "air_data."
+"""The same of those with names of the flow; without an instance ahead it may be an instance itself."""
+
+_INDEX = re.compile(r"strain\[([0-9]+)\]")
+_UNIT = re.compile(r"(?P<name>.*?)\s*\[(?P<unit>[^\[\]]*)\]")
+
+_OTHER_NAMES = {
+    **dict.fromkeys(("mach", "ma", "machnumber", "machinf"), "mach_number"),
+    **dict.fromkeys(("q", "qinf", "qbar", "pdyn", "pressure"), "dynamic_pressure"),
+    **dict.fromkeys(("qstd", "qinfstd", "sigmaq", "qsigma", "dynamicpressuresigma"), "dynamic_pressure_std"),
+    **dict.fromkeys(("p", "pinf", "ps", "pstatic", "ambientpressure"), STATIC_PRESSURE),
+    "timestamp": "time",
+    **dict.fromkeys(("alt", "h", "height", "geopotentialaltitude"), "altitude"),
+}
+"""Names that others give to a quantity, in small letters and digits alone: for suggestions."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wanted:
+    """What is to be read from a file.
+
+    Attributes
+    ----------
+    gauge_names : n_d names, the order of the strains in the blocks.
+    fixed_pressure : q_inf of the whole file [Pa], None to take it from the file.
+    flow : the quantities of ``FLOW_NAMES`` and ``NAVIGATION_NAMES`` that are read, and further parameters by name.
+    combined : gauges that are combinations of positions, which a bending bridge may feed.
+    computes_pressure : whether a missing q_inf is computed from Mach number and p_inf or altitude.
+    navigates : whether these are navigation by themselves, so that q_inf may be missing and is not computed.
+    needs_pressure : whether a file that neither holds q_inf nor lets it be computed is refused.
+    sensors : names of the n_t temperature sensors that are read.
+    ignored : names of columns not to read; with ``*`` for any text, of columns that are not known otherwise.
+    reference : strains that the map expects, which tell the likely unit; None if they are not known.
+    readings : SI unit, as FMI has it, of each further sensor and of thrust, by its name; they are among ``flow``.
+    """
+
+    gauge_names: tuple[str, ...]
+    fixed_pressure: float | None = None
+    flow: tuple[str, ...] = FLOW_NAMES
+    ignored: tuple[str, ...] = ()
+    reference: LevelReference | None = None
+    computes_pressure: bool = False
+    navigates: bool = False
+    combined: frozenset[str] = frozenset()
+    needs_pressure: bool = True
+    sensors: tuple[str, ...] = ()
+    readings: Mapping[str, str] = field(default_factory=dict)
+
+
+def split_heading(heading: str) -> tuple[str, str | None]:
+    """Return name and unit of ``name [unit]``; ``strain[3]`` is a name alone."""
+    heading = heading.strip()
+    match = _UNIT.fullmatch(heading)
+    if match is None:
+        return heading, None
+    is_index = match["unit"].isdigit() and not heading[: match.start("unit") - 1].endswith((" ", "]"))
+    if is_index:
+        return heading, None
+    return match["name"].strip(), match["unit"].strip()
+
+
+def last_part(name: str) -> str:
+    """Return the name without an instance's name and a dot ahead of it."""
+    return name.rpartition(".")[2]
+
+
+def quantity_of(name: str, readings: Container[str]) -> str:
+    """Return the quantity that a column's name states behind an instance's name and a dot.
+
+    One of ``readings``, which are identifiers, may be written as the sensor is called: ``port_0.2m`` is
+    ``port_0_2m``.
+    """
+    parts = name.split(".")
+    ends = (identifier(".".join(parts[first:])) for first in range(len(parts)))
+    return next((end for end in ends if end in readings), parts[-1])
+
+
+def strain_number(name: str) -> int | None:
+    """Return i of ``strain[i]`` or ``instance.strain[i]``, None for another name."""
+    match = _INDEX.fullmatch(last_part(name))
+    return None if match is None else int(match[1])
+
+
+def columns_to_read(
+    path: Path, names: Sequence[str], wanted: Wanted, known: Sequence[str] | None = None
+) -> tuple[list[int], tuple[str, ...]]:
+    """Return the columns that may be read, by index, and the names of all others.
+
+    ``known`` are the names to read; None for time, gauges and ``FLOW_NAMES`` as columns name them.
+
+    Raises
+    ------
+    InputError
+        A name is unknown and not to be ignored, or one to be ignored is not there.
+    """
+    for entry in wanted.ignored:
+        if "*" not in entry and entry not in names:
+            raise InputError(f"{path}: --ignore-columns: no column '{entry}' found, it holds {some_of(names)}")
+    patterns = [_pattern(entry) for entry in wanted.ignored if "*" in entry]
+    read, unused, unknown = [], [], []
+    for column, name in enumerate(names):
+        if name in wanted.ignored:
+            unused.append(name)
+        elif is_read(name, wanted) if known is None else name in known:
+            read.append(column)
+        elif (
+            _is_signal(name)
+            or (is_temperature(name) and not wanted.sensors)
+            or any(pattern.fullmatch(name) for pattern in patterns)
+        ):
+            unused.append(name)
+        else:
+            unknown.append(name)
+    if unknown:
+        raise InputError(f"{path}: {_unknown_text(unknown, names=names, wanted=wanted)}")
+    return read, tuple(unused)
+
+
+def some_of(names: Sequence[str]) -> str:
+    """Return the first names as one text."""
+    return ", ".join(names[:6]) + (" ..." if len(names) > 6 else "")
+
+
+def _pattern(entry: str) -> re.Pattern[str]:
+    return re.compile(".*".join(re.escape(part) for part in entry.split("*")))
+
+
+def is_read(name: str, wanted: Wanted) -> bool:
+    """Return whether a column of this name is one of time, gauges and flow."""
+    if name in wanted.gauge_names or name.lower() in TIME_NAMES:
+        return True
+    if quantity_of(name, wanted.readings) in wanted.flow:
+        return not _is_output(name)
+    if sensor_of(name, wanted.sensors) is not None:
+        return True
+    number = strain_number(name)
+    return number is not None and 1 <= number <= len(wanted.gauge_names)
+
+
+def _is_signal(name: str) -> bool:
+    """Return whether this is an output of an estimator, a plant or an autopilot; an instance may stand ahead."""
+    return _is_output(name) or any(one in SIGNALS for one in (name, name.partition(".")[2]))
+
+
+def _is_output(name: str) -> bool:
+    """Return whether this is an output of an estimator: what it makes of the flow is not what flew."""
+    of_instance = name.partition(".")[2]
+    return name.startswith(_SIGNAL_GROUPS) or of_instance.startswith((*_SIGNAL_GROUPS, _AIR_DATA))
+
+
+def _unknown_text(unknown: Sequence[str], names: Sequence[str], wanted: Wanted) -> str:
+    """Return what to say of unknown columns: the names, the nearest known ones, the way to pass over them."""
+    first = unknown[0]
+    if not first:
+        return f"column {list(names).index(first) + 1}: no name found, or leave it out by --ignore-columns '*'"
+    nearest = _nearest(first, names=names, wanted=wanted)
+    number = strain_number(first)
+    if nearest is not None:
+        hint = f"did you mean '{nearest}'"
+    elif number is not None:
+        hint = f"expected strain[1] to strain[{len(wanted.gauge_names)}]"
+    else:
+        hint = f"expected a gauge, strain[i], time, {', '.join(wanted.flow)}"
+    others = "" if len(unknown) == 1 else f", and of {len(unknown) - 1} others: {some_of(unknown[1:])}"
+    return f"column '{first}': unknown name{others}; {hint}, or leave it out by --ignore-columns '{first}'"
+
+
+def _nearest(name: str, names: Sequence[str], wanted: Wanted) -> str | None:
+    """Return the known name that ``name`` most resembles, None without one; names that are there are no choice."""
+    there = {quantity_of(other, wanted.readings) for other in names} | set(names)
+    known = [one for one in ("time", *wanted.flow, *wanted.gauge_names) if one not in there]
+    plain = last_part(name).lower()
+    other = _OTHER_NAMES.get(re.sub("[^a-z0-9]", "", plain))
+    if other in known:
+        return other
+    by_small = {one.lower(): one for one in reversed(known)}
+    found = get_close_matches(plain, by_small, n=1, cutoff=0.65) or get_close_matches(
+        name.lower(), by_small, n=1, cutoff=0.65
+    )
+    return by_small[found[0]] if found else None

@@ -1,0 +1,47 @@
+"""Dynamic pressure from the Mach number, where a recording does not hold it: q = gamma/2 p M^2.
+
+p is the static pressure that was measured, or that of the US Standard Atmosphere 1976 at the altitude.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+
+import numpy as np
+
+from strainfmu.arrays import FloatArray
+from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, LAYERS, pressure_and_temperature
+from strainfmu.recorded.columns.column_names import STATIC_PRESSURE
+
+
+def pressure_sources(held: Collection[str]) -> tuple[str, ...]:
+    """Return which of the quantities ``held`` q_inf is computed from; nothing if they do not suffice."""
+    if "mach_number" not in held:
+        return ()
+    return next((("mach_number", one) for one in (STATIC_PRESSURE, "altitude") if one in held), ())
+
+
+def computed_pressure(flow: Mapping[str, FloatArray]) -> FloatArray:
+    """Return (n,) q_inf [Pa] by the sources of ``flow`` [1, Pa, m]; NaN where one is not known."""
+    _, other = pressure_sources(flow)
+    static = flow[other] if other == STATIC_PRESSURE else _standard_pressure(flow[other])
+    return np.asarray(0.5 * HEAT_CAPACITY_RATIO * static * flow["mach_number"] ** 2)
+
+
+def _standard_pressure(altitude: FloatArray) -> FloatArray:
+    """Return (n,) p_inf [Pa] at geopotential altitudes (n,) [m]; NaN beyond the atmosphere."""
+    distinct, which = np.unique(altitude, return_inverse=True)
+    held = [pressure_and_temperature(h)[0] if 0.0 <= h <= LAYERS[-1][0] else np.nan for h in distinct]
+    return np.array(held)[which]
+
+
+def pressure_note(sources: tuple[str, ...], navigates: bool) -> str:
+    """Return how q_inf was computed, and what that costs; where ``sources`` are navigation it was not."""
+    if navigates:
+        return f"no dynamic_pressure found: estimated with {' and '.join(sources)} as navigation"
+    if STATIC_PRESSURE in sources:
+        return "no dynamic_pressure found: computed from mach_number and static_pressure, gamma/2 p M^2"
+    return (
+        "no dynamic_pressure found: computed from mach_number and altitude, gamma/2 p M^2 with p of the US "
+        "Standard Atmosphere 1976; a day's air differs from it by several percent: state dynamic_pressure_std"
+    )

@@ -1,0 +1,118 @@
+"""Estimates of a block of recorded samples, whatever makes them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+
+from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.estimator.estimates.load_estimate import LoadEstimate, LoadEstimates
+from strainfmu.estimator.linear.flow_parameters import PARAMETER_TOLERANCE
+from strainfmu.estimator.manifold.navigation import NAVIGATION
+from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.recorded.columns.column_names import STATIC_PRESSURE
+from strainfmu.recorded.columns.columns import StrainBlock
+from strainfmu.recorded.columns.strain_level import LevelReference
+
+USED_PREFIX = "navigation_used."
+"""Of the columns that say whether a quantity of navigation is used."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class BlockEstimates:
+    """Estimates of n samples; NaN where there is none.
+
+    Attributes
+    ----------
+    coefficients, coefficients_std : (n, 5) C_A, C_N, C_Y, M_P, M_Y and their standard deviations [1].
+    chi_square, chi_square_limit, degrees_of_freedom : (n,) [1]; an FMU does not state the last.
+    health : (n,) numbers of :class:`~strainfmu.estimator.health.HealthState`, NaN for a step that the FMU refused.
+    gauges_used : (n,).
+    valid : (n, n_d) gauges that gave a usable strain.
+    suspects : n tuples of gauges, by index; of an ambiguous group an FMU names the first alone.
+    suspect_count : (n,) number of gauges under suspicion.
+    envelope_score : (n,) standard deviations by which the coefficients leave the envelope of the map, 0 inside.
+    residual : (n, n_d) z of each gauge [1], None of an FMU.
+    residual_limit : (n,) alarm level of the largest |z|, NaN of an FMU.
+    estimates : n estimates by a map, for their pressure; None of an FMU.
+    outside : (n,) whether a further parameter of the flow leaves its range, by its name.
+    further : (n, n_f) columns that this kind of estimator has beside, see ``BlockEstimator.further_columns``.
+    """
+
+    coefficients: FloatArray
+    coefficients_std: FloatArray
+    chi_square: FloatArray
+    chi_square_limit: FloatArray
+    degrees_of_freedom: FloatArray
+    health: FloatArray
+    gauges_used: FloatArray
+    valid: BoolArray
+    suspects: Sequence[tuple[int, ...]]
+    suspect_count: FloatArray
+    envelope_score: FloatArray
+    residual: FloatArray | None
+    residual_limit: FloatArray
+    outside: Mapping[str, BoolArray] = field(default_factory=dict)
+    further: FloatArray | None = None
+    estimates: Sequence[LoadEstimate] | LoadEstimates | None = None
+
+
+class BlockEstimator(Protocol):
+    """An estimator of blocks.
+
+    Attributes
+    ----------
+    inputs : quantities beside strain and q_inf that it takes, of ``FLOW_NAMES``.
+    reference : the level of strains that it expects.
+    has_residuals : whether it gives the z of each gauge.
+    envelope_score_limit : score above which the coefficients are outside, NaN where it is not known.
+    further_columns : names and units of further columns of the output.
+    inverse_map : the map, None of an FMU.
+    gauge_names, row_names : strain gauges; the same, then further sensors.
+    readings : unit of each further sensor, and of thrust, by its name.
+    sensor_names : temperature sensors that it takes.
+    parameter_names : further parameters of the flow that it takes.
+    sharpening : those of them whose standard deviation it takes.
+    """
+
+    gauge_names: tuple[str, ...]
+    row_names: tuple[str, ...]
+    readings: Mapping[str, str]
+    sensor_names: tuple[str, ...]
+    parameter_names: tuple[str, ...]
+    sharpening: tuple[str, ...]
+    further_columns: tuple[tuple[str, str], ...]
+    inputs: tuple[str, ...]
+    reference: LevelReference
+    has_residuals: bool
+    envelope_score_limit: float
+    inverse_map: InverseMap | None
+
+    def estimate(self, block: StrainBlock, last: float) -> BlockEstimates:
+        """Return the estimates of a block; ``last`` is the time before its first sample [s], NaN at the start."""
+
+
+def dropped_navigation(
+    block: StrainBlock, found: BlockEstimates, columns: Sequence[tuple[str, str]]
+) -> dict[str, BoolArray]:
+    """Return (n,) whether each quantity of navigation is given and not used, by its name.
+
+    ``columns`` are the ``further_columns`` of the estimator, which say what is used; {} of one that takes none.
+    """
+    names = [name for name, _ in columns]
+    if found.further is None or USED_PREFIX + NAVIGATION[0] not in names:
+        return {}
+    unknown = np.full(len(block.time), np.nan)
+    flow = {"dynamic_pressure": block.dynamic_pressure, **block.flow}
+    given = {name: ~np.isnan(flow.get(name, unknown)) for name in NAVIGATION}
+    given[STATIC_PRESSURE] |= ~np.isnan(flow.get("altitude", unknown))
+    used = {name: found.further[:, names.index(USED_PREFIX + name)] > 0.0 for name in NAVIGATION}
+    return {name: given[name] & ~used[name] for name in NAVIGATION}
+
+
+def outside_ranges(names: Sequence[str], score: FloatArray) -> dict[str, BoolArray]:
+    """Return (n,) whether each parameter leaves its range, by their ``score`` (n, n_p)."""
+    return {name: one > PARAMETER_TOLERANCE for name, one in zip(names, score.T, strict=True)}

@@ -1,0 +1,109 @@
+"""A recording as a set of channels, whatever its format: names, units, values, and the times of each channel."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from strainfmu.arrays import FloatArray
+from strainfmu.errors import InputError
+from strainfmu.recorded.columns.column_names import TIME_NAMES
+from strainfmu.recorded.formats.name_match import plain_name
+
+LARGEST_MATRIX = 4096
+"""Columns of a matrix that are offered as channels."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChannelFile:
+    """An open recording.
+
+    Attributes
+    ----------
+    names : of all channels; those of groups behind the group's name and a slash.
+    units : of the channels that state one.
+    values : returns (n,) values of a channel; an error of numpy's where they are no numbers.
+    clock : returns (n,) times [s] that a channel has itself, None where a channel of time is needed.
+    time_of : returns the channel of time that belongs to a channel, None where there is none of its group.
+    notes : lines for the user on channels of dates and times, which ``values`` returns as seconds.
+    """
+
+    path: Path
+    names: tuple[str, ...]
+    units: Mapping[str, str] = field(default_factory=dict)
+    values: Callable[[str], Any]
+    clock: Callable[[str], FloatArray | None] = lambda _: None
+    time_of: Callable[[str], str | None] = lambda _: None
+    notes: Mapping[str, str] = field(default_factory=dict)
+
+    def numbers(self, name: str) -> FloatArray:
+        """Return (n,) values of a channel.
+
+        Raises
+        ------
+        InputError
+            They are no numbers.
+        """
+        try:
+            found = np.asarray(self.values(name))
+            if found.dtype.kind not in "fiub":
+                found = found.astype(float) if found.dtype.kind == "O" else np.array("x").astype(float)
+            found = np.asarray(found, dtype=float)
+        except (TypeError, ValueError) as error:
+            raise InputError(f"{self.path}: channel '{name}': values that are no numbers") from error
+        if found.ndim != 1:
+            raise InputError(f"{self.path}: channel '{name}': expected one number a sample, got {found.shape}")
+        return found
+
+    def time_channels(self) -> list[str]:
+        """Return the channels whose names are those of times."""
+        return [name for name in self.names if last_name(name) in TIME_NAMES]
+
+
+def last_name(name: str) -> str:
+    """Return the plain name behind the groups'."""
+    return plain_name(name.replace("\\", "/").rpartition("/")[2].rpartition(".")[2])
+
+
+def unique_names(path: Path, names: Sequence[str]) -> tuple[str, ...]:
+    """Return the names; refuse one that is there twice, as it could be either.
+
+    Raises
+    ------
+    InputError
+        A name is there twice.
+    """
+    seen = set[str]()
+    for name in names:
+        if name in seen:
+            raise InputError(f"{path}: expected one channel '{name}', got two")
+        seen.add(name)
+    return tuple(names)
+
+
+def matrix_columns(name: str, shape: tuple[int, ...]) -> list[str]:
+    """Return the names of the channels of an array (n,), (n, 1), (1, n) or (n, k): 'name', or 'name[1]' ..."""
+    if len(shape) == 1 or (len(shape) == 2 and 1 in shape):
+        return [name]
+    if len(shape) == 2 and shape[1] <= LARGEST_MATRIX:
+        return [f"{name}[{k}]" for k in range(1, shape[1] + 1)]
+    return []
+
+
+def seconds_of(values: Any) -> FloatArray:
+    """Return (n,) seconds since the first of dates and times of numpy, NaN where there is none."""
+    stamps = np.asarray(values).astype("datetime64[ns]")
+    known = stamps[~np.isnat(stamps)]
+    if not len(known):
+        return np.full(len(stamps), np.nan)
+    seconds = (stamps - known[0]).astype("timedelta64[ns]").astype(float) * 1e-9
+    return np.where(np.isnat(stamps), np.nan, seconds)
+
+
+def dated(path: Path, name: str) -> str:
+    """Return what to say of a channel of dates and times."""
+    return f"{path}: channel '{name}': dates and times, read as seconds since the first"

@@ -1,0 +1,188 @@
+"""Writers of estimates, block by block as CSV or HDF5; the file appears when it is complete."""
+
+from __future__ import annotations
+
+import csv
+import os
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from strainfmu.arrays import FloatArray
+from strainfmu.errors import InputError
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
+from strainfmu.recorded.output.guarded_file import GuardedFile
+from strainfmu.recorded.output.whole_file import whole_file, writing
+
+SCHEMA = "strainfmu.estimates"
+SCHEMA_VERSION = 2
+OUTPUT_SUFFIXES = (".csv", ".h5", ".hdf5")
+
+ESTIMATE_COLUMNS = (
+    ("time", "s"),
+    *((name, "1") for name in COEFFICIENT_NAMES),
+    *((f"sigma.{name}", "1") for name in COEFFICIENT_NAMES),
+    ("dynamic_pressure", "Pa"),
+    ("health.chi_square", "1"),
+    ("health.state", "1"),
+    ("gauges_used", "1"),
+)
+"""Columns of every output: name and unit."""
+
+_SLASH = "%2F"
+
+
+class EstimateWriter(ABC):
+    """Writes blocks of rows to a file: columns of numbers, then columns of text.
+
+    ``path`` is the file that messages name.
+    """
+
+    def __init__(self, path: Path, columns: Sequence[tuple[str, str]], text_columns: Sequence[str]) -> None:
+        self.path, self.columns, self.text_columns = path, tuple(columns), tuple(text_columns)
+        self.rows = 0
+
+    def write(self, rows: FloatArray, texts: Mapping[str, Sequence[str]] | None = None) -> None:
+        """Append ``rows`` (n, n_c), n_c columns in their units, and n texts of each text column.
+
+        Raises
+        ------
+        StrainfmuError
+            The file cannot be written.
+        """
+        self.rows += len(rows)
+        held = texts or {}
+        with writing(self.path):
+            self._append(np.atleast_2d(rows), [held[name] for name in self.text_columns])
+
+    @abstractmethod
+    def _append(self, rows: FloatArray, texts: list[Sequence[str]]) -> None:
+        """Append ``rows`` (n, n_c), which ``rows`` counts already, and the texts of each text column.
+
+        Raises
+        ------
+        OSError
+            The file cannot be written.
+        """
+
+    @abstractmethod
+    def describe(self, attributes: Mapping[str, float]) -> None:
+        """Write the ``attributes`` of the whole file, if its kind has any."""
+
+    @abstractmethod
+    def finish(self) -> None:
+        """Write what is left and bring all to the disk; raises OSError if it cannot."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Close the file, in order or not."""
+
+
+class _CsvWriter(EstimateWriter):
+    def __init__(
+        self, path: Path, temporary: Path, columns: Sequence[tuple[str, str]], text_columns: Sequence[str]
+    ) -> None:
+        super().__init__(path, columns, text_columns)
+        self._stream = temporary.open("w", newline="", encoding="utf-8")
+        self._writer = csv.writer(self._stream, lineterminator="\n")
+        self._writer.writerow([*(f"{name} [{unit}]" for name, unit in columns), *text_columns])
+
+    def _append(self, rows: FloatArray, texts: list[Sequence[str]]) -> None:
+        if texts:
+            self._writer.writerows([*row, *held] for row, *held in zip(rows.tolist(), *texts, strict=True))
+        else:
+            self._writer.writerows(rows.tolist())
+
+    def describe(self, attributes: Mapping[str, float]) -> None:
+        return  # CSV has no attributes
+
+    def finish(self) -> None:
+        self._stream.flush()
+        os.fsync(self._stream.fileno())
+
+    def close(self) -> None:
+        with suppress(OSError):  # what is left does not fit either: finish() has raised, or never came
+            self._stream.close()
+
+
+class _Hdf5Writer(EstimateWriter):
+    def __init__(
+        self, path: Path, temporary: Path, columns: Sequence[tuple[str, str]], text_columns: Sequence[str]
+    ) -> None:
+        super().__init__(path, columns, text_columns)
+        self._guarded = GuardedFile(temporary)
+        self._file = h5py.File(self._guarded, "w")
+        self._file.attrs["schema"], self._file.attrs["schema_version"] = SCHEMA, SCHEMA_VERSION
+        self._sets = [self._data_set(name, "f8") for name, _ in columns]
+        for item, (_, unit) in zip(self._sets, columns, strict=True):
+            item.attrs["unit"] = unit
+        self._texts = [self._data_set(name, h5py.string_dtype()) for name in text_columns]
+
+    def describe(self, attributes: Mapping[str, float]) -> None:
+        self._file.attrs.update(attributes)
+
+    def _data_set(self, name: str, kind: object) -> h5py.Dataset:
+        # A slash, which names of gauges may hold, would begin a group.
+        return self._file.create_dataset(
+            name.replace("/", _SLASH), (0,), maxshape=(None,), dtype=kind, chunks=(4096,)
+        )
+
+    def _append(self, rows: FloatArray, texts: list[Sequence[str]]) -> None:
+        for item, values in zip((*self._sets, *self._texts), (*rows.T, *texts), strict=True):
+            item.resize((self.rows,))
+            item[self.rows - len(rows) :] = values
+        self._guarded.raise_error()
+
+    def finish(self) -> None:
+        self._file.close()
+        self._guarded.sync()
+
+    def close(self) -> None:
+        self._file.close()
+        self._guarded.close()
+
+
+def check_output(path: Path) -> None:
+    """Refuse an output of another kind before any work begins.
+
+    Raises
+    ------
+    InputError
+        It is neither CSV nor HDF5.
+    """
+    if path.suffix.lower() not in OUTPUT_SUFFIXES:
+        raise InputError(f"{path}: expected one of {', '.join(OUTPUT_SUFFIXES)}, got '{path.suffix}'")
+
+
+@contextmanager
+def estimate_writer(
+    path: Path,
+    columns: Sequence[tuple[str, str]] = ESTIMATE_COLUMNS,
+    text_columns: Sequence[str] = (),
+    attributes: Mapping[str, float] | None = None,
+) -> Iterator[EstimateWriter]:
+    """Open an output; it is renamed into place at the end, and removed if there was an error.
+
+    ``attributes`` say how the estimates were made. HDF5 holds them as attributes of the file, CSV has no room for
+    them.
+
+    Raises
+    ------
+    InputError
+        It is neither CSV nor HDF5.
+    StrainfmuError
+        It cannot be written; an earlier file remains unchanged.
+    """
+    check_output(path)
+    kind = _CsvWriter if path.suffix.lower() == ".csv" else _Hdf5Writer
+
+    def opened(temporary: Path) -> EstimateWriter:
+        return kind(path, temporary, columns=columns, text_columns=text_columns)
+
+    with whole_file(path, opened) as writer:
+        writer.describe(attributes or {})
+        yield writer

@@ -1,0 +1,1 @@
+"""Recorded strains of a file, whatever its format, as blocks of samples."""

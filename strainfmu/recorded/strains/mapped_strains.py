@@ -1,0 +1,367 @@
+"""Recorded strains in the channels of a recorder, by channels.toml: found, converted, brought to one raster."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from strainfmu.arrays import FloatArray
+from strainfmu.errors import InputError
+from strainfmu.interface.parameter_variables import PREFIX
+from strainfmu.interface.sensor_variables import PREFIX as SENSOR_PREFIX
+from strainfmu.interface.sensor_variables import THRUST, identifier
+from strainfmu.recorded.channels.bridges import BENDING
+from strainfmu.recorded.channels.channel_conversion import (
+    channel_strain,
+    differs,
+    rosette_weights,
+    unit_of_channel,
+)
+from strainfmu.recorded.channels.channel_entries import COMPENSATIONS, ChannelMap
+from strainfmu.recorded.channels.rasters import Channel, on_one_raster
+from strainfmu.recorded.columns.column_names import FLOW_NAMES, NAVIGATION_NAMES, Wanted
+from strainfmu.recorded.columns.columns import flow_factor
+from strainfmu.recorded.columns.flight_pressure import pressure_sources
+from strainfmu.recorded.columns.temperature_columns import (
+    is_temperature,
+    kelvin,
+    sensor_of,
+    temperature_quantities,
+)
+from strainfmu.recorded.formats.channel_file import ChannelFile, last_name
+from strainfmu.recorded.formats.channel_readers import open_channels
+from strainfmu.recorded.formats.name_match import matched, plain_name, suggestion
+from strainfmu.recorded.strains.sample_blocks import StrainFile, column_file
+from strainfmu.units import STRAIN_UNITS, TIME_UNITS
+
+_QUANTITIES = (*FLOW_NAMES, *NAVIGATION_NAMES)
+
+SPARSE = 0.5
+"""Part of a channel's samples without a value above which those with one are its own, slower raster."""
+
+
+@dataclass
+class _Found:
+    """What was found so far: values by channel, which channel is what, and lines for the user."""
+
+    channels: dict[str, Channel] = field(default_factory=dict)
+    strain: dict[str, str] = field(default_factory=dict)
+    unit: dict[str, str] = field(default_factory=dict)
+    flow: dict[str, str] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+    used: set[str] = field(default_factory=set)
+
+
+@contextmanager
+def mapped_strains(path: Path, wanted: Wanted, mapping: ChannelMap) -> Iterator[StrainFile]:
+    """Open recorded strains whose channels ``mapping`` tells; the file is read whole.
+
+    Raises
+    ------
+    InputError
+        As :func:`~strainfmu.recorded.strains.strain_files.open_strains`; or a channel, a gauge or a unit of
+        ``mapping`` does not fit the recording or the map.
+    """
+    stated = [*(item.name for item in mapping.channels), *(item.name for item in mapping.flow)]
+    stated += [one for one in (mapping.time, mapping.raster) if one is not None]
+    stated += [*temperature_quantities(wanted.sensors), *wanted.sensors]
+    stated += _parameters(wanted)
+    with open_channels(path, {plain_name(name) for name in (*stated, *_QUANTITIES)}) as file:
+        gauges = _gauges(mapping, wanted)
+        found = _Found()
+        clock = _Clock(file, mapping, found)
+        _read_strains(file, mapping, gauges, clock, found)
+        _read_flow(file, mapping, wanted, clock, found)
+        yield _strain_file(file, mapping, wanted, found)
+
+
+def _parameters(wanted: Wanted) -> list[str]:
+    """Return the further parameters of the flow that are read."""
+    return [name for name in wanted.flow if name not in _QUANTITIES]
+
+
+def _gauges(mapping: ChannelMap, wanted: Wanted) -> dict[str, str]:
+    """Return what each stated gauge is: a gauge of the map, or a leg of a rosette under its own plain name."""
+    legs = {plain_name(leg) for rosette in mapping.rosettes for leg in rosette.legs}
+    stated = [(f"{entry.where}.gauge", entry.gauge) for entry in mapping.channels]
+    stated += [(f"{one.where}.gauges_deg", gauge) for one in mapping.rosettes for gauge in one.gauges]
+    gauges, seen = dict[str, str](), dict[str, str]()
+    for where, name in stated:
+        is_leg = plain_name(name) in legs
+        gauge = plain_name(name) if is_leg else matched(mapping.path, "gauge", name, wanted.gauge_names)
+        if gauge is None:
+            near = suggestion(name, wanted.gauge_names)
+            raise InputError(f"{mapping.path}: {where}: no gauge '{name}' in the map, {near}")
+        if gauge in seen:
+            raise InputError(
+                f"{mapping.path}: {where}: expected one channel for gauge '{name}', got another in {seen[gauge]}"
+            )
+        seen[gauge], gauges[name] = where, gauge
+    for missing in sorted(legs - seen.keys()):
+        raise InputError(f"{mapping.path}: rosette: no channel whose gauge is its leg '{missing}'")
+    for entry in mapping.channels:
+        if entry.bridge in BENDING and gauges[entry.gauge] not in wanted.combined:
+            raise InputError(
+                f"{mapping.path}: {entry.where}.bridge: '{entry.bridge}' gives half the difference of the strains "
+                f"at two positions, and gauge '{entry.gauge}' of the map is at one: expected a channel for each"
+            )
+    return gauges
+
+
+class _Clock:
+    """The times of channels: their own, those of a channel of time, or those of a rate."""
+
+    def __init__(self, file: ChannelFile, mapping: ChannelMap, found: _Found) -> None:
+        self._file, self._mapping, self._found = file, mapping, found
+        self._times: dict[str, FloatArray] = {}
+
+    def of(self, name: str, n: int) -> FloatArray:
+        """Return (n,) times [s] of a channel of n samples."""
+        own = None if self._mapping.time is not None else self._file.clock(name)
+        if own is None and self._mapping.rate is not None:
+            return np.arange(n) / self._mapping.rate
+        time = self._time(self._name(name)) if own is None else own
+        if len(time) != n:
+            raise InputError(
+                f"{self._file.path}: channel '{name}': expected {len(time)} values, as many as times, got {n}"
+            )
+        return time
+
+    def _time(self, name: str) -> FloatArray:
+        """Return a channel of time [s], read once."""
+        if name not in self._times:
+            file, mapping = self._file, self._mapping
+            unit = mapping.time_unit or file.units.get(name) or "s"
+            if unit not in TIME_UNITS:
+                raise InputError(
+                    f"{file.path}: channel '{name}': unit: expected one of {', '.join(TIME_UNITS)}, got '{unit}'"
+                )
+            values = file.numbers(name)
+            wrong = np.flatnonzero(~np.isfinite(values))
+            if len(wrong):
+                raise InputError(
+                    f"{file.path}: channel '{name}', sample {wrong[0] + 1}: expected a time, got none"
+                )
+            self._found.used.add(name)
+            self._found.notes += [file.notes[name]] if name in file.notes else []
+            self._times[name] = values * (1.0 if name in file.notes else TIME_UNITS[unit])
+        return self._times[name]
+
+    def _name(self, channel: str) -> str:
+        """Return the channel of time for a channel: the stated one, that of its group, or the only one."""
+        file, mapping = self._file, self._mapping
+        if mapping.time is not None:
+            name = matched(file.path, "channel of time", mapping.time, file.names)
+            if name is None:
+                near = suggestion(mapping.time, file.names)
+                raise InputError(
+                    f"{file.path}: no channel '{mapping.time}' of {mapping.path}: time.channel, {near}"
+                )
+            return name
+        own = file.time_of(channel)
+        if own is not None:
+            return own
+        held = file.time_channels()
+        if len(held) != 1:
+            got = " and ".join(f"'{name}'" for name in held) or "none"
+            raise InputError(
+                f"{file.path}: channel of time: expected one, got {got}; state [time] channel or rate_hz in "
+                f"{mapping.path}"
+            )
+        return held[0]
+
+
+def _read(file: ChannelFile, name: str, clock: _Clock) -> Channel:
+    """Return times and values of a channel; of one that is mostly empty those that have a value."""
+    values = file.numbers(name)
+    infinite = np.flatnonzero(np.isinf(values))
+    if len(infinite):
+        raise InputError(
+            f"{file.path}: channel '{name}', sample {infinite[0] + 1}: expected a finite number or NaN, "
+            f"got {values[infinite[0]]:g}"
+        )
+    time = clock.of(name, len(values))
+    has_value = np.isfinite(values)
+    if 2 <= has_value.sum() < (1.0 - SPARSE) * len(values):
+        return Channel(time[has_value], values[has_value])
+    return Channel(time, values)
+
+
+def _read_strains(
+    file: ChannelFile, mapping: ChannelMap, gauges: dict[str, str], clock: _Clock, found: _Found
+) -> None:
+    """Read the channels of strain, in m/m."""
+    other_units, taken = [], dict[str, str]()
+    for entry in mapping.channels:
+        name = matched(file.path, "channel", entry.name, file.names)
+        if name is None:
+            near = suggestion(entry.name, file.names)
+            found.notes.append(
+                f"{file.path}: no channel '{entry.name}' found, {near}; gauge '{entry.gauge}' is left out"
+            )
+            continue
+        if name in taken:
+            raise InputError(
+                f"{mapping.path}: {entry.where}.name: channel '{name}' is that of {taken[name]} already"
+            )
+        taken[name] = entry.where
+        recorded = file.units.get(name)
+        unit = unit_of_channel(mapping.path, entry, recorded)
+        if differs(unit, recorded):
+            other_units.append(f"'{name}' {unit}, not {recorded}")
+        raw = _read(file, name, clock)
+        found.channels[name] = Channel(raw.time, channel_strain(mapping.path, entry, raw.values, unit))
+        found.strain[gauges[entry.gauge]], found.unit[gauges[entry.gauge]] = name, unit
+        found.used.add(name)
+    if not found.strain:
+        raise InputError(
+            f"{file.path}: none of the channels of {mapping.path} found, the recording holds "
+            f"{', '.join(file.names[:6]) or 'none'}{' ..' if len(file.names) > 6 else ''}"
+        )
+    if other_units:
+        shown = ", ".join(other_units[:3]) + (" .." if len(other_units) > 3 else "")
+        found.notes.append(
+            f"{mapping.path}: units other than the recording's are used in {len(other_units)} channels: {shown}"
+        )
+    found.notes += _compensation(mapping)
+
+
+def _compensation(mapping: ChannelMap) -> list[str]:
+    """Return a line on the temperature compensation that is stated, none where nothing is."""
+    counts = Counter(entry.compensation for entry in mapping.channels)
+    kinds = ", ".join(f"{kind} {counts[kind]}" for kind in COMPENSATIONS if counts[kind])
+    if not kinds:
+        return []
+    rest = f", not stated {counts[None]}" if counts[None] else ""
+    return [f"{mapping.path}: temperature compensation of the channels: {kinds}{rest}; nothing else is taken off"]
+
+
+def _read_flow(file: ChannelFile, mapping: ChannelMap, wanted: Wanted, clock: _Clock, found: _Found) -> None:
+    """Read the channels of the flow, in SI units: those of ``[[flow]]``, then those with a quantity's own name."""
+    stated = set[str]()
+    for entry in mapping.flow:
+        name = matched(file.path, "channel", entry.name, file.names)
+        if name is None:
+            near = suggestion(entry.name, file.names)
+            raise InputError(
+                f"{file.path}: no channel '{entry.name}' of {mapping.path}: {entry.where} found, {near}"
+            )
+        quantity = entry.quantity.removeprefix(PREFIX)
+        if quantity.startswith(SENSOR_PREFIX):
+            quantity = identifier(quantity.removeprefix(SENSOR_PREFIX))
+        if quantity in stated:
+            raise InputError(f"{mapping.path}: {entry.where}: expected one channel of {entry.quantity}, got two")
+        unit = entry.unit or file.units.get(name)
+        parameter = entry.quantity.removeprefix(PREFIX) if entry.quantity.startswith(PREFIX) else None
+        if unit is None and entry.quantity != "mach_number" and parameter is None:
+            raise InputError(f"{mapping.path}: {entry.where}.unit: entry is missing, the recording states none")
+        if parameter is not None and parameter not in _parameters(wanted):
+            held = ", ".join(_parameters(wanted)) or "none"
+            raise InputError(
+                f"{mapping.path}: {entry.where}.quantity: expected a parameter of the map, {held}, "
+                f"got '{parameter}'"
+            )
+        is_reading = entry.quantity.startswith(SENSOR_PREFIX) or entry.quantity == THRUST
+        if is_reading and quantity not in wanted.readings:
+            held = ", ".join(wanted.readings) or "none"
+            raise InputError(
+                f"{mapping.path}: {entry.where}.quantity: expected a sensor of the map, {held}, got '{quantity}'"
+            )
+        stated.add(quantity)
+        if is_temperature(entry.quantity) and sensor_of(entry.quantity, wanted.sensors) is None:
+            raise InputError(
+                f"{mapping.path}: {entry.where}.quantity: expected one of {len(wanted.sensors)} sensors of the "
+                f"map, got '{entry.quantity}'"
+            )
+        _add_flow(file, name, quantity, unit=unit, clock=clock, found=found, readings=wanted.readings)
+    of_flow = [quantity for quantity in _QUANTITIES if quantity in wanted.flow]
+    for quantity in (*of_flow, *_parameters(wanted), *temperature_quantities(wanted.sensors)):
+        own = [name for name in file.names if last_name(name) in _own_names(quantity, wanted.sensors)]
+        if quantity not in stated and len(own) == 1:
+            unit = file.units.get(own[0])
+            _add_flow(file, own[0], quantity, unit=unit, clock=clock, found=found, readings=wanted.readings)
+    is_known = "dynamic_pressure" in found.flow or wanted.fixed_pressure is not None
+    if not is_known and wanted.needs_pressure and not (wanted.computes_pressure and pressure_sources(found.flow)):
+        raise InputError(
+            f"{file.path}: no channel of dynamic_pressure found, nor of mach_number with static_pressure or "
+            f"altitude; state one as [[flow]] in {mapping.path}, or --dynamic-pressure"
+        )
+
+
+def _own_names(quantity: str, sensors: Sequence[str]) -> tuple[str, ...]:
+    """Return the plain names that a channel of ``quantity`` may have by itself: a sensor's own name, too."""
+    sensor = sensor_of(quantity, sensors)
+    return (plain_name(quantity), *(() if sensor is None else (plain_name(sensors[sensor]),)))
+
+
+def _add_flow(
+    file: ChannelFile,
+    name: str,
+    quantity: str,
+    *,
+    unit: str | None,
+    clock: _Clock,
+    found: _Found,
+    readings: Mapping[str, str],
+) -> None:
+    if name in found.used:
+        raise InputError(f"{file.path}: channel '{name}': expected one use, got two, the second as {quantity}")
+    raw = _read(file, name, clock)
+    is_warm = is_temperature(quantity)
+    factor, offset = (
+        kelvin(file.path, name, unit) if is_warm else (flow_factor(file.path, name, quantity, unit, readings), 0.0)
+    )
+    found.channels[name] = Channel(raw.time, raw.values * factor + offset)
+    found.flow[quantity] = name
+    found.used.add(name)
+
+
+def _strain_file(file: ChannelFile, mapping: ChannelMap, wanted: Wanted, found: _Found) -> StrainFile:
+    """Return the samples of the map's gauges on one raster."""
+    raster = None
+    if mapping.raster is not None:
+        raster = matched(file.path, "raster", mapping.raster, [*found.channels])
+        if raster is None:
+            near = suggestion(mapping.raster, [*found.channels])
+            raise InputError(f"{mapping.path}: join.raster: no channel '{mapping.raster}' in use, {near}")
+    empty = [name for name, channel in found.channels.items() if not len(channel.time)]
+    if 0 < len(empty) < len(found.channels):
+        raise InputError(f"{file.path}: channel '{empty[0]}': expected samples, got none")
+    strains = set(found.strain.values())
+    merged = on_one_raster(file.path, found.channels, strains, join=mapping.join, raster=raster)
+    strain = {gauge: merged.values[name] for gauge, name in found.strain.items()}
+    _add_rosettes(mapping, wanted, strain, n=len(merged.time))
+    without = [gauge for gauge in wanted.gauge_names if gauge not in strain]
+    stated = {plain_name(entry.gauge) for entry in mapping.channels}
+    unstated = [gauge for gauge in without if plain_name(gauge) not in stated]
+    if unstated:
+        shown = ", ".join(unstated[:6]) + (" .." if len(unstated) > 6 else "")
+        found.notes.append(f"{mapping.path}: no channel for {len(unstated)} gauges of the map, left out: {shown}")
+    columns, units = {"time": merged.time}, dict[str, str | None]({"time": "s"})
+    for gauge in wanted.gauge_names:
+        unit = found.unit.get(gauge, "m/m")
+        units[gauge] = unit if unit in STRAIN_UNITS else "m/m"
+        values = strain.get(gauge)
+        columns[gauge] = (
+            np.full(len(merged.time), np.nan) if values is None else values / STRAIN_UNITS[units[gauge] or "1"]
+        )
+    columns |= {quantity: merged.values[name] for quantity, name in found.flow.items()}
+    opened = column_file(file.path, columns, units=units, wanted=wanted, notes=(*found.notes, *merged.notes))
+    unused = tuple(name for name in file.names if name not in found.used)
+    return replace(opened, plan=replace(opened.plan, unused=(*unused, *opened.plan.unused)))
+
+
+def _add_rosettes(mapping: ChannelMap, wanted: Wanted, strain: dict[str, FloatArray], n: int) -> None:
+    """Add the strains of gauges that rosettes give."""
+    for rosette in mapping.rosettes:
+        legs = [strain.get(plain_name(leg), np.full(n, np.nan)) for leg in rosette.legs]
+        for name, weights in rosette_weights(rosette).items():
+            gauge = matched(mapping.path, "gauge", name, wanted.gauge_names)
+            # A leg without weight has no say, also where it has no value.
+            parts: Sequence[FloatArray] = [w * leg for w, leg in zip(weights, legs, strict=True) if w]
+            strain[gauge or name] = np.sum(parts, axis=0)
