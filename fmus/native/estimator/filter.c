@@ -24,7 +24,7 @@ size_t law_doubles(const Filter *filter) {
 
 static size_t sample_doubles(const Filter *filter) {
     const size_t rows = filter->rows, order = filter->order, few = N_STATES + 1;
-    return filter->n_considered + rows * (N_STATES + 4 * order + 6 * rows + few + 2 * N_COLUMNS + filter->row_whitened + 2)
+    return filter->n_considered + rows * (4 * order + 6 * rows + few + 2 * N_COLUMNS + filter->row_whitened + 2)
          + order * (few + N_STATES + 5 * order) + rows * (order - N_STATES) + (filter->n + few) * rows
          + larger(rows, order) * order + filter->n * WIDE_COLUMNS + filter->map.n_further * rows + 2 * order;
 }
@@ -43,7 +43,7 @@ size_t filter_doubles(Filter *filter, FlightSolver *solver, const Thermal *therm
     filter->row_whitened = in_lanes(filter->n + N_STATES + 1);
     filter->n_terms = (size_t)flight->has_gain_error + filter->map.n_own + filter->map.n_terms;
     filter->n_considered = filter->n_terms * filter->gauges;
-    return 4 * law_doubles(filter) + sample_doubles(filter);
+    return 4 * law_doubles(filter) + response_doubles(&flight->tables) + sample_doubles(filter);
 }
 
 static void law_arrays(const Filter *filter, Law *law, double **doubles) {
@@ -68,10 +68,10 @@ void filter_arrays(Filter *filter, double **doubles) {
     law_arrays(filter, &filter->next_law, doubles);
     law_arrays(filter, &filter->predicted, doubles);
     law_arrays(filter, &filter->stationary, doubles);
+    response_arrays(&filter->solver->map->tables, &filter->slope_response, doubles);
     filter->noise = taken(doubles, rows * rows);
     filter->rest = taken(doubles, rows * rows);
     filter->read = taken(doubles, order * rows);
-    filter->slopes = taken(doubles, N_STATES * rows);
     filter->term = taken(doubles, filter->n_considered);
     filter->white = taken(doubles, rows * rows);
     filter->considered = taken(doubles, order * rows);

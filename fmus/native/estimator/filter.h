@@ -60,7 +60,8 @@ typedef struct {
     Law law, next_law;            /* with their laws */
     Law predicted, stationary; /* the cross covariance of the former is there after filter_move_cross alone */
     Law found;                 /* of the solution: one of these, wherever it is kept */
-    double slope_state[N_STATES]; /* flight state at which the step takes slopes */
+    double slope_state[N_STATES]; /* flight state at which the step takes slopes, */
+    Response slope_response;      /* and the tables there */
     Motion motion;             /* from the law to the predicted one */
     double *noise, *rest;      /* (rows, rows) of the map */
     /* Scratch: a sample. The flight state is x = mean + L xi, of a standard normal xi. Given it, what else is read has a
@@ -70,7 +71,6 @@ typedef struct {
     double scale[N_NAVIGATION]; /* 1 over the deviation of navigation; 0 where not known */
     double root[N_STATES][N_STATES]; /* L */
     double *read;        /* (order, rows) H' */
-    double *slopes;      /* (N_STATES, rows) of x at the flight state of slopes */
     double *term;        /* (n_terms, gauges) considered errors */
     double *white;       /* (rows, rows) upper triangle of the covariance of what is independent, and of the considered
                             errors; of gauges its L after the loads */
@@ -83,8 +83,10 @@ typedef struct {
     double *spread;      /* (rows, rows) covariance of what is read given x; its L */
     double *inverse;     /* (rows, rows) L^-1, of the same */
     double *innovation;  /* (rows) what strain and navigation read beside the prediction */
-    double *right;       /* (rows, N_COLUMNS) columns of x, innovation */
-    double *white_right; /* (rows, N_COLUMNS) L^-1 of them */
+    double *right;       /* (rows, N_COLUMNS) columns of xi that are read */
+    double *white_right; /* (rows, N_COLUMNS) L^-1 of them, and of the innovation */
+    double xi_mean[N_STATES], xi_inverse_root[N_STATES][N_STATES]; /* after the sample: mean; the inverse of the root of
+                                                                      its precision */
     double *of_states;   /* (N_STATES, order) root of the part of the covariance after that x has */
     double *whitened;    /* (rows, row_whitened) L^-1 of gain_turned; behind it of what x and the innovation add */
     size_t row_whitened;
@@ -131,19 +133,16 @@ void filter_move_rows(const Filter *filter, size_t count, double scale, const do
    law after it in filter->next_law. Slopes are those at a flight state; NULL for each iteration's own. */
 void filter_sample(Filter *filter, const Law *law, const double *start, size_t iterations, const double *slopes);
 
-/* The errors at the state of solver->response: read but for x, term, white. Then slopes, (N_STATES, rows) of H' of x; and
-   with those in read the innovation about a state. */
+/* The errors at the state of solver->response: read but for x, term, white. Then the slopes of a response, H' of x in
+   read; and with those the innovation about a state. */
 void filter_set_errors(Filter *filter);
-void filter_set_slopes(const Filter *filter, double *slopes);
+void filter_set_slopes(Filter *filter, const Response *response);
 void filter_set_innovation(Filter *filter, const Law *law, const double *state);
 
-/* What a sample says of xi: its mean, and the inverse of the root of its precision. */
-typedef struct {
-    double mean[N_STATES], inverse[N_STATES][N_STATES];
-} Posterior;
-
-/* For the rows that are set; then the law after them, and the normalised innovation squared. */
-Posterior filter_whiten(Filter *filter);
+/* Whiten the slopes that are set, and the innovation about them: what the sample says of xi, in xi_mean and xi_inverse_root.
+   Then the law after the sample, and the normalised innovation squared. */
+void filter_whiten_slopes(Filter *filter);
+void filter_whiten_innovation(Filter *filter);
 double filter_update_law(Filter *filter, const Law *law, Law *after);
 
 /* C G' of a law, in filter->considered; C after a sample; C of the predicted law. */

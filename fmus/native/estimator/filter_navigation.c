@@ -23,7 +23,7 @@ void filter_judge(Filter *filter, double residual[N_NAVIGATION]) {
         const double *error = law->covariance + own * filter->order;
         const int left_out = scale > 0.0 && !(solver->sample.precision[k] > 0.0);
         double row[N_STATES], state[N_STATES * N_STATES], variance = white + lasting * lasting * error[own];
-        flight_measurement_row(solver, k, row);
+        flight_measurement_row(solver->log_mach_slope, k, row);
         for (size_t i = 0; i < N_STATES; i++) {
             row[i] *= scale;
             memcpy(state + i * N_STATES, law->covariance + i * filter->order, N_STATES * sizeof *state);

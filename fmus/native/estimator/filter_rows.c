@@ -65,7 +65,7 @@ static void set_read(Filter *filter) {
     const double pressure = solver->response.pressure;
     double *seen = filter->read + FIRST_SEEN * rows, *gain = filter->read + filter->first_e * rows;
     double *shared = gain + (1 + flight->n_common) * rows;
-    memset(filter->read, 0, filter->order * rows * sizeof *filter->read);
+    memset(filter->read + N_STATES * rows, 0, (filter->order - N_STATES) * rows * sizeof *filter->read);
     for (size_t k = 0; k < N_NAVIGATION; k++) {
         filter->scale[k] = sqrt(solver->sample.precision[k]);
         if (filter->scale[k] > 0.0) {
@@ -155,18 +155,20 @@ void filter_set_errors(Filter *filter) {
     set_white(filter);
 }
 
-void filter_set_slopes(const Filter *filter, double *slopes) {
+void filter_set_slopes(Filter *filter, const Response *response) {
     const FlightSolver *solver = filter->solver;
     const size_t rows = filter->rows;
+    const double log_mach_slope = flight_log_mach_slope(response->state[STATE_MACH]);
+    double *slopes = filter->read;
     memset(slopes, 0, N_STATES * rows * sizeof *slopes);
     for (size_t g = 0; g < solver->n_gauges; g++) {
         for (size_t k = 0; solver->sample.used[g] && k < N_STATES; k++) {
-            slopes[k * rows + g] = solver->response.jacobian[k][g];
+            slopes[k * rows + g] = response->jacobian[k][g];
         }
     }
     for (size_t m = 0; m < N_NAVIGATION; m++) {
         double row[N_STATES];
-        flight_measurement_row(solver, m, row);
+        flight_measurement_row(log_mach_slope, m, row);
         for (size_t k = 0; filter->scale[m] > 0.0 && k < N_STATES; k++) {
             navigation_rows(filter, slopes + k * rows)[m] = filter->scale[m] * row[k];
         }

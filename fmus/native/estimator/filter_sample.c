@@ -122,53 +122,57 @@ static void set_fixed(Filter *filter, const Law *law) {
              filter->whitened + N_STATES, filter->row_whitened);
 }
 
-/* Columns of xi, of what strain and navigation read, and the innovation. */
-static void set_right(Filter *filter) {
-    const size_t rows = filter->rows;
-    double *row = filter->product;
-    memcpy(row, filter->by_row, N_STATES * rows * sizeof *row);
-    add_product(filter->solver->wide, N_STATES, N_STATES, rows, (Strided){filter->root[0], 1, N_STATES}, filter->read,
-                rows, row, rows);
-    memcpy(row + N_STATES * rows, filter->innovation, rows * sizeof *row);
-    transpose(N_STATES + 1, rows, row, rows, filter->right, N_COLUMNS);
-}
-
-Posterior filter_whiten(Filter *filter) {
+void filter_whiten_slopes(Filter *filter) {
     const size_t rows = filter->rows;
     const int wide = filter->solver->wide;
-    double gram[N_COLUMNS * N_COLUMNS], root[N_STATES][N_STATES], half[N_STATES];
-    Posterior found = {.mean = {0.0}};
-    set_right(filter);
-    multiply(wide, LOWER_LEFT, rows, rows, N_COLUMNS, by_rows(filter->inverse, rows), filter->right, N_COLUMNS,
+    double gram[N_STATES * N_STATES], root[N_STATES][N_STATES], *row = filter->product;
+    memcpy(row, filter->by_row, N_STATES * rows * sizeof *row);
+    add_product(wide, N_STATES, N_STATES, rows, (Strided){filter->root[0], 1, N_STATES}, filter->read, rows, row, rows);
+    transpose(N_STATES, rows, row, rows, filter->right, N_COLUMNS);
+    multiply(wide, LOWER_LEFT, rows, rows, N_STATES, by_rows(filter->inverse, rows), filter->right, N_COLUMNS,
              filter->white_right, N_COLUMNS);
-    multiply(wide, FULL, N_STATES + 1, rows, N_COLUMNS, (Strided){filter->white_right, 1, N_COLUMNS},
-             filter->white_right, N_COLUMNS, gram, N_COLUMNS);
+    multiply(wide, FULL, N_STATES, rows, N_STATES, (Strided){filter->white_right, 1, N_COLUMNS}, filter->white_right,
+             N_COLUMNS, gram, N_STATES);
+    memset(filter->xi_inverse_root, 0, sizeof filter->xi_inverse_root);
     for (size_t k = 0; k < N_STATES; k++) {
-        gram[k * N_COLUMNS + k] += 1.0;
-        found.inverse[k][k] = 1.0;
+        gram[k * N_STATES + k] += 1.0;
+        filter->xi_inverse_root[k][k] = 1.0;
     }
-    set_root(gram, N_COLUMNS, root);
-    solve_rows(root, N_STATES, found.inverse[0]);
+    set_root(gram, N_STATES, root);
+    solve_rows(root, N_STATES, filter->xi_inverse_root[0]);
+}
+
+void filter_whiten_innovation(Filter *filter) {
+    const size_t rows = filter->rows;
+    double product[N_STATES] = {0.0}, *innovation = filter->product;
+    times_lower(filter->solver->wide, rows, filter->inverse, filter->innovation, innovation);
+    for (size_t r = 0; r < rows; r++) {
+        double *white = filter->white_right + r * N_COLUMNS;
+        white[N_STATES] = innovation[r];
+        for (size_t k = 0; k < N_STATES; k++) {
+            product[k] += white[k] * white[N_STATES];
+        }
+    }
+    memset(filter->xi_mean, 0, sizeof filter->xi_mean);
     for (size_t j = 0; j < N_STATES; j++) {
-        half[j] = 0.0;
+        const double *inverse = filter->xi_inverse_root[j];
+        double half = 0.0;
         for (size_t k = 0; k <= j; k++) {
-            half[j] += found.inverse[j][k] * gram[k * N_COLUMNS + N_STATES];
+            half += inverse[k] * product[k];
         }
         for (size_t k = 0; k <= j; k++) {
-            found.mean[k] += found.inverse[j][k] * half[j];
+            filter->xi_mean[k] += inverse[k] * half;
         }
     }
-    return found;
 }
 
 /* The next flight state. */
-static void iterate(Filter *filter, const Law *law, const double *state, double *next) {
+static void iterate(const Filter *filter, const Law *law, const double *state, double *next) {
     double step[N_STATES];
-    const Posterior found = filter_whiten(filter);
     for (size_t i = 0; i < N_STATES; i++) {
         step[i] = law->mean[i] - state[i];
         for (size_t k = 0; k <= i; k++) {
-            step[i] += filter->root[i][k] * found.mean[k];
+            step[i] += filter->root[i][k] * filter->xi_mean[k];
         }
     }
     flight_limited(filter->solver->map, state, step, next);
@@ -187,42 +191,42 @@ static void set_residuals(Filter *filter) {
     }
 }
 
-/* H' of x: slopes that were taken before, or those at the state of solver->response; and the innovation. */
-static void set_rows(Filter *filter, const Law *law, const double *state, int taken) {
-    if (taken) {
-        memcpy(filter->read, filter->slopes, N_STATES * filter->rows * sizeof *filter->read);
-    } else {
-        filter_set_slopes(filter, filter->read);
+/* The problem about a state, that of solver->response: with its slopes, or those that are set. */
+static void set_problem(Filter *filter, const Law *law, const double *state, int own_slopes) {
+    if (own_slopes) {
+        filter_set_slopes(filter, &filter->solver->response);
+        filter_whiten_slopes(filter);
     }
     filter_set_innovation(filter, law, state);
+    filter_whiten_innovation(filter);
 }
 
 void filter_sample(Filter *filter, const Law *law, const double *start, size_t iterations, const double *slopes) {
     FlightSolver *solver = filter->solver;
-    const int taken = slopes != NULL;
+    const int own_slopes = slopes == NULL;
     double state[N_STATES], next[N_STATES];
     memcpy(state, start, sizeof state);
     flight_evaluate(solver, state);
     set_fixed(filter, law);
-    if (taken) {
-        flight_evaluate(solver, slopes);
-        filter_set_slopes(filter, filter->slopes);
-        flight_evaluate(solver, state);
+    if (!own_slopes) {
+        flight_response(&solver->tables, solver->wide, slopes, &filter->slope_response);
+        filter_set_slopes(filter, &filter->slope_response);
+        filter_whiten_slopes(filter);
     }
     for (size_t k = 0; k < iterations; k++) {
-        set_rows(filter, law, state, taken);
+        set_problem(filter, law, state, own_slopes);
         iterate(filter, law, state, next);
         memcpy(state, next, sizeof state);
         flight_evaluate(solver, state);
     }
     solver->solution.rest_square = 0.0;
-    set_rows(filter, law, state, taken);
+    set_problem(filter, law, state, own_slopes);
     filter_tell_modes(filter, &filter->next_law);
     const double chi_square = filter_update_law(filter, law, &filter->next_law);
     solver->solution.chi_square = chi_square + filter_give(filter, &filter->next_law, state);
     set_residuals(filter);
     /* What is left of strain follows from the slopes at the estimate. */
-    filter_set_slopes(filter, filter->read);
+    filter_set_slopes(filter, &solver->response);
     filter_solution(filter);
     filter->found = filter->next_law;
 }

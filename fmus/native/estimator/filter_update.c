@@ -70,7 +70,7 @@ static void joseph_covariance(Filter *filter, const Law *law, Law *after) {
 }
 
 /* Mean after the sample, and the root of what x has of the covariance. */
-static void set_of_states(Filter *filter, const Law *law, const Posterior *found, Law *after) {
+static void set_of_states(Filter *filter, const Law *law, Law *after) {
     const size_t n = filter->n, order = filter->order;
     double *taken = filter->product;
     multiply(filter->solver->wide, FULL, N_STATES + 1, filter->rows, order - N_STATES,
@@ -81,13 +81,13 @@ static void set_of_states(Filter *filter, const Law *law, const Posterior *found
         double left[N_STATES], mean = law->mean[i] + (is_other ? taken[N_STATES * order + i] : 0.0);
         for (size_t k = 0; k < N_STATES; k++) {
             left[k] = is_other ? filter->by_state[k * order + i] - taken[k * order + i] : filter->root[i][k];
-            mean += left[k] * found->mean[k];
+            mean += left[k] * filter->xi_mean[k];
         }
         after->mean[i] = mean;
         for (size_t j = 0; j < N_STATES; j++) {
             double sum = 0.0;
             for (size_t k = 0; k <= j; k++) {
-                sum += left[k] * found->inverse[j][k];
+                sum += left[k] * filter->xi_inverse_root[j][k];
             }
             filter->of_states[j * order + i] = sum;
         }
@@ -120,7 +120,7 @@ static int update_covariance(Filter *filter, Law *after) {
 
 /* Columns of x over the root of its precision, and the innovation that x does not tell, behind those of the states; then
    K, S^-1 times the innovation, and the diagonal of S^-1. The normalised innovation squared. */
-static double set_kalman(Filter *filter, const Posterior *found) {
+static double set_kalman(Filter *filter) {
     const size_t n = filter->n, order = filter->order, rows = filter->rows, row = filter->row_whitened;
     const int wide = filter->solver->wide;
     double *kalman = filter->kalman, *of_x = kalman + n * rows, *squares = filter->squares, chi_square = 0.0;
@@ -130,10 +130,10 @@ static double set_kalman(Filter *filter, const Posterior *found) {
         for (size_t j = 0; j < N_STATES; j++) {
             double sum = 0.0;
             for (size_t k = 0; k <= j; k++) {
-                sum += white[k] * found->inverse[j][k];
+                sum += white[k] * filter->xi_inverse_root[j][k];
             }
             own[j] = sum;
-            left -= white[j] * found->mean[j];
+            left -= white[j] * filter->xi_mean[j];
         }
         own[N_STATES] = left;
         chi_square += left * left;
@@ -150,7 +150,7 @@ static double set_kalman(Filter *filter, const Posterior *found) {
         for (size_t r = 0; r < rows; r++) {
             squares[r] -= taken[r] * taken[r];
         }
-        chi_square += found->mean[k] * found->mean[k];
+        chi_square += filter->xi_mean[k] * filter->xi_mean[k];
     }
     return chi_square;
 }
@@ -175,10 +175,9 @@ static void set_kept(Filter *filter) {
 }
 
 double filter_update_law(Filter *filter, const Law *law, Law *after) {
-    const Posterior found = filter_whiten(filter);
-    set_of_states(filter, law, &found, after);
+    set_of_states(filter, law, after);
     const int enough = update_covariance(filter, after);
-    const double chi_square = set_kalman(filter, &found);
+    const double chi_square = set_kalman(filter);
     set_kept(filter);
     if (!enough) {
         joseph_covariance(filter, law, after);

@@ -150,6 +150,24 @@ EVERYWHERE void back(size_t n, const double *restrict inverse, const double *res
     }
 }
 
+/* y = M x of a lower triangular matrix, LANES rows at once: their sums do not wait for each other. */
+EVERYWHERE void times(size_t n, const double *restrict lower, const double *restrict x, double *restrict y) {
+    for (size_t i = 0; i < n; i += LANES) {
+        const double *restrict rows = lower + i * n;
+        double sum[LANES][LANES] = {{0.0}};
+        for (size_t j = 0; j <= i; j += LANES) {
+            for (size_t c = 0; c < LANES; c++) {
+                for (size_t r = 0; r < LANES; r++) {
+                    sum[c][r] += rows[c * n + j + r] * x[j + r];
+                }
+            }
+        }
+        for (size_t c = 0; c < LANES; c++) {
+            y[i + c] = (sum[c][0] + sum[c][1]) + (sum[c][2] + sum[c][3]);
+        }
+    }
+}
+
 #if HAS_AVX2
 AVX2 static void decompose_avx2(size_t n, size_t row, size_t k, double *matrix) {
     decompose(n, row, k, matrix);
@@ -165,6 +183,10 @@ AVX2 static void backward_avx2(size_t n, const double *lower, size_t count, doub
 
 AVX2 static void back_avx2(size_t n, const double *inverse, const double *x, double *y, double *squares) {
     back(n, inverse, x, y, squares);
+}
+
+AVX2 static void times_avx2(size_t n, const double *lower, const double *x, double *y) {
+    times(n, lower, x, y);
 }
 #endif
 
@@ -234,6 +256,10 @@ void solve_upper_columns(int wide, size_t n, size_t row, const double *lower, co
 
 void turn_back(int wide, size_t n, const double *inverse, const double *x, double *y, double *squares) {
     CHOSEN(wide, back)(n, inverse, x, y, squares);
+}
+
+void times_lower(int wide, size_t n, const double *lower, const double *x, double *y) {
+    CHOSEN(wide, times)(n, lower, x, y);
 }
 
 double lane_dot(size_t n, const double *restrict x, const double *restrict y) {

@@ -32,6 +32,9 @@ void invert_lower(int wide, size_t n, const double *lower, double *scratch, doub
 #define N_TURNED 5
 void turn_back(int wide, size_t n, const double *inverse, const double *x, double *y, double *squares);
 
+/* y (n) = M x of a lower triangular matrix by rows, with zeros in the LANES of its diagonal. */
+void times_lower(int wide, size_t n, const double *lower, const double *x, double *y);
+
 /* Sum of x[i] y[i] over n elements, a multiple of LANES, in LANES parts. */
 double lane_dot(size_t n, const double *x, const double *y);
 

@@ -44,7 +44,7 @@ static void derive_state(const FlightSolver *solver, const Tangents *tangents, c
     memcpy(state, of_strain + 1, N_STATES * sizeof *state);
     for (size_t m = 0; m < N_MEASURED; m++) {
         double row[N_STATES];
-        flight_measurement_row(solver, m, row);
+        flight_measurement_row(solver->log_mach_slope, m, row);
         const double push =
             sample->precision[m] * solver->innovation[m] + solver->sample.precision[m] * sample->value[m];
         for (size_t k = 0; k < N_STATES; k++) {
@@ -107,7 +107,7 @@ static void derive_fit(const FlightSolver *solver, const SampleChange *sample, c
     for (size_t m = 0; m < N_MEASURED; m++) {
         const double precision = solver->sample.precision[m], innovation = solver->innovation[m];
         double row[N_STATES], d_row[N_STATES] = {0.0}, d_innovation = sample->value[m];
-        flight_measurement_row(solver, m, row);
+        flight_measurement_row(solver->log_mach_slope, m, row);
         d_row[STATE_MACH] = m == 2 ? tangents_row_slope(solver) * change->state[STATE_MACH] : 0.0;
         for (size_t k = 0; k < N_STATES; k++) {
             d_innovation -= row[k] * change->state[k];

@@ -242,7 +242,7 @@ static void use(Flight *flight, const Errors *errors) {
     flight->further.tables = errors->further;
     flight->further.map.strain_covariance = errors->further_strain_covariance;
     flight->further.map.variance = errors->further_variance;
-    flight->solver.response.known = flight->further.response.known = 0;
+    flight->solver.response.known = flight->further.response.known = flight->filter.slope_response.known = 0;
     flight->known.in_use = errors == &flight->known.own;
 }
 

@@ -91,10 +91,18 @@ static void evaluate(FlightSolver *solver, const double *state) {
     flight_response(&solver->tables, solver->wide, solver->state, &solver->response);
 }
 
+static double larger_mach(double mach) {
+    return mach > MIN_MACH ? mach : MIN_MACH;
+}
+
+double flight_log_mach_slope(double mach) {
+    return 2.0 / larger_mach(mach);
+}
+
 /* What the measurement reads at the state of the problem, subtracted from what it reads. */
 static void set_innovation(FlightSolver *solver) {
     const double *state = solver->state, *value = solver->sample.value;
-    const double mach = state[STATE_MACH] > MIN_MACH ? state[STATE_MACH] : MIN_MACH;
+    const double mach = larger_mach(state[STATE_MACH]);
     double *innovation = solver->innovation;
     innovation[0] = value[0] - state[STATE_MACH];
     innovation[1] = value[1] - state[STATE_PRESSURE];
@@ -102,7 +110,7 @@ static void set_innovation(FlightSolver *solver) {
     for (size_t k = 0; k < N_STATES; k++) {
         innovation[N_NAVIGATION + k] = value[N_NAVIGATION + k] - state[k];
     }
-    solver->log_mach_slope = 2.0 / mach;
+    solver->log_mach_slope = flight_log_mach_slope(state[STATE_MACH]);
 }
 
 void flight_evaluate(FlightSolver *solver, const double *state) {
@@ -110,7 +118,7 @@ void flight_evaluate(FlightSolver *solver, const double *state) {
     set_innovation(solver);
 }
 
-void flight_measurement_row(const FlightSolver *solver, size_t which, double *row) {
+void flight_measurement_row(double log_mach_slope, size_t which, double *row) {
     memset(row, 0, N_STATES * sizeof *row);
     if (which >= N_NAVIGATION) {
         row[which - N_NAVIGATION] = 1.0;
@@ -118,7 +126,7 @@ void flight_measurement_row(const FlightSolver *solver, size_t which, double *ro
         row[STATE_MACH] = 1.0;
     } else {
         row[STATE_PRESSURE] = 1.0;
-        row[STATE_MACH] = which == 2 ? solver->log_mach_slope : 0.0;
+        row[STATE_MACH] = which == 2 ? log_mach_slope : 0.0;
     }
 }
 
@@ -127,7 +135,7 @@ static void add_measurement(FlightSolver *solver) {
     for (size_t m = 0; m < N_MEASURED; m++) {
         const double precision = solver->sample.precision[m], innovation = solver->innovation[m];
         double row[N_STATES];
-        flight_measurement_row(solver, m, row);
+        flight_measurement_row(solver->log_mach_slope, m, row);
         for (size_t i = 0; i < N_STATES; i++) {
             const double weighted = precision * row[i];
             for (size_t j = 0; j < N_STATES; j++) {
@@ -294,7 +302,7 @@ static void set_navigation_residuals(FlightSolver *solver) {
     for (size_t m = 0; m < N_NAVIGATION; m++) {
         const double precision = solver->sample.precision[m];
         double row[N_STATES];
-        flight_measurement_row(solver, m, row);
+        flight_measurement_row(solver->log_mach_slope, m, row);
         const double reached = quadratic(N_STATES, row, found->state_covariance, row);
         const double variance = precision > 0.0 ? 1.0 / precision - reached : 0.0;
         const double remaining =

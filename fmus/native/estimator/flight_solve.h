@@ -109,8 +109,9 @@ double quadratic(size_t order, const double *x, const double *matrix, const doub
 /* The response, and what the measurement reads beside its values, at a state. For the filter, as the next two. */
 void flight_evaluate(FlightSolver *solver, const double *state);
 
-/* Row of the measurement's Jacobian there. */
-void flight_measurement_row(const FlightSolver *solver, size_t which, double *row);
+/* Row of the measurement's Jacobian, of a derivative of ln q_inf by the Mach number; and that derivative. */
+void flight_measurement_row(double log_mach_slope, size_t which, double *row);
+double flight_log_mach_slope(double mach);
 
 /* A step from a state, not too long, and inside the reach of the tables. */
 void flight_limited(const FlightMap *map, const double *from, const double *step, double *state);

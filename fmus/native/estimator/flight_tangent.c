@@ -163,7 +163,7 @@ static void set_by_state(const FlightSolver *solver, Tangents *tangents) {
     }
     for (size_t m = 0; m < N_MEASURED; m++) {
         double row[N_STATES];
-        flight_measurement_row(solver, m, row);
+        flight_measurement_row(solver->log_mach_slope, m, row);
         for (size_t k = 0; k < N_STATES; k++) {
             for (size_t l = 0; l < N_STATES; l++) {
                 tangents->by_state[k][l] += solver->sample.precision[m] * row[k] * row[l];
