@@ -31,7 +31,7 @@ from builder.inverse.thermal import modulus_std, thermal_map, thermal_terms, wit
 from builder.structure.fourier.model import StructuralModel, structural_model_on
 from builder.structure.mapped_structure import MappedStructure
 from builder.structure.solid.case import structure_case
-from builder.structure.solid.reference_loads import ELEMENT_FRACTION
+from builder.structure.solid.checks.reference_loads import ELEMENT_FRACTION
 from builder.vehicle.file import Vehicle
 from builder.vehicle.gauge_layout import GaugeLayout
 from builder.vehicle.geometry import SurfaceGrid

@@ -13,7 +13,7 @@ from builder.structure.fourier.model import StructuralModel, structural_model
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import harmonic_response, strain_operator
 from builder.structure.mapped_structure import MappedStructure
-from builder.structure.solid import displaced_gauges as displaced
+from builder.structure.solid.gauges import displaced_gauges as displaced
 from builder.structure.wall import wall_of
 from builder.vehicle.file import Vehicle
 from builder.vehicle.geometry import SurfaceGrid
@@ -60,7 +60,7 @@ def gauge_derivatives(
 
 
 def solid_gauge_derivatives(structure: MappedStructure, layout: str) -> GaugeDerivatives:
-    """Return the derivatives from the displaced gauges of :mod:`builder.structure.solid.displaced_gauges`.
+    """Return the derivatives from the displaced gauges of :mod:`builder.structure.solid.gauges.displaced_gauges`.
 
     Raises
     ------

@@ -25,17 +25,17 @@ from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import harmonic_response
 from builder.structure.mapped_structure import MappedStructure, mapped_operator
 from builder.structure.solid.case import solid_case
-from builder.structure.solid.cyclic_gauges import cyclic_gauge_rows
-from builder.structure.solid.gauge_rows import Gauges, gauge_rows
-from builder.structure.solid.gmsh_session import load_gmsh
-from builder.structure.solid.gmsh_wall import graded_wall_mesh
+from builder.structure.solid.checks.reference_loads import ELEMENT_FRACTION
+from builder.structure.solid.gauges.cyclic_gauges import cyclic_gauge_rows
+from builder.structure.solid.gauges.gauge_rows import Gauges, gauge_rows
+from builder.structure.solid.mesh.gmsh_session import load_gmsh
+from builder.structure.solid.mesh.gmsh_wall import graded_wall_mesh
+from builder.structure.solid.mesh.solid_mesh import EXTERNAL, SolidMesh, linear_tetrahedra
+from builder.structure.solid.mesh.swept_mesh import SweptSector, swept_wall
 from builder.structure.solid.mesh_choice import TETRAHEDRON_LENGTH, whole_mesh
 from builder.structure.solid.model import SolidCase
-from builder.structure.solid.reference_loads import ELEMENT_FRACTION
-from builder.structure.solid.solid_mesh import EXTERNAL, SolidMesh, linear_tetrahedra
+from builder.structure.solid.operators.surface_triangles import triangulated_surface
 from builder.structure.solid.solution import solve_strain
-from builder.structure.solid.surface_triangles import triangulated_surface
-from builder.structure.solid.swept_mesh import SweptSector, swept_wall
 from builder.structure.wall import Wall, wall_of
 from builder.vehicle.file import Vehicle
 from builder.vehicle.gauge_layout import GaugeLayout

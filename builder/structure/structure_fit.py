@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from builder.structure.solid.case import structure_case
-from builder.structure.solid.displaced_gauges import is_displaced
 from builder.structure.solid.free_case import FreeCase
-from builder.structure.solid.gauge_rows import Gauges
+from builder.structure.solid.gauges.displaced_gauges import is_displaced
+from builder.structure.solid.gauges.gauge_rows import Gauges
 from builder.structure.solid.model import AnyCase, support_entries
 from builder.structure.structure_file import Structure
 from builder.vehicle.file import Vehicle

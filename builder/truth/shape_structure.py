@@ -16,7 +16,9 @@ from builder.reporting import Reporter
 from builder.structure.mapped_structure import mapped_operator
 from builder.structure.mesh_check import MeshCheck
 from builder.structure.solid.case import structure_case
-from builder.structure.solid.displaced_gauges import (
+from builder.structure.solid.free_case import FreeCase, flying_mesh
+from builder.structure.solid.free_model import on_other_mesh
+from builder.structure.solid.gauges.displaced_gauges import (
     AFT,
     AROUND,
     BACK,
@@ -26,8 +28,6 @@ from builder.structure.solid.displaced_gauges import (
     TURNED_BACK,
     displaced_name,
 )
-from builder.structure.solid.free_case import FreeCase, flying_mesh
-from builder.structure.solid.free_model import on_other_mesh
 from builder.structure.structure_file import Structure
 from builder.truth.as_built import AsBuilt
 from builder.vehicle.file import Vehicle

@@ -10,7 +10,7 @@ from changed_vehicle import load_changed
 
 from builder.structure.gauge_checks import check_gauges
 from builder.structure.solid.case import solid_case, support_of
-from builder.structure.solid.supports import Clamped, Foundation
+from builder.structure.solid.operators.supports import Clamped, Foundation
 from builder.vehicle.file import Vehicle
 from strainfmu.errors import InputError
 

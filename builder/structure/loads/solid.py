@@ -15,18 +15,18 @@ from scipy.sparse import csr_array
 
 from builder.structure.loads.loaded_structure import INNER, OUTER, LoadProperties, SurfacePoints, check_stations
 from builder.structure.loads.temperature import TemperatureField, wall_depth
-from builder.structure.solid.closest_point import CurvedFacets, foot_point
-from builder.structure.solid.element_faces import boundary_facets
-from builder.structure.solid.elements import facet_shape_functions, reference_element, reference_facet
-from builder.structure.solid.free_flight import FreeFlight, free_flight
-from builder.structure.solid.gauge_rows import Gauges, gauge_rows
-from builder.structure.solid.solid_mesh import EXTERNAL, INTERNAL, SolidMesh
+from builder.structure.solid.elements.closest_point import CurvedFacets, foot_point
+from builder.structure.solid.elements.element_faces import boundary_facets
+from builder.structure.solid.elements.elements import facet_shape_functions, reference_element, reference_facet
+from builder.structure.solid.gauges.gauge_rows import Gauges, gauge_rows
+from builder.structure.solid.mesh.solid_mesh import EXTERNAL, INTERNAL, SolidMesh
+from builder.structure.solid.mesh.swept_mesh import SweptMesh
+from builder.structure.solid.operators.free_flight import FreeFlight, free_flight
+from builder.structure.solid.operators.stiffness import CHUNK, physical_gradients
+from builder.structure.solid.operators.supports import Support, rigid_motions
+from builder.structure.solid.operators.surface_load import surface_points, vector_area
 from builder.structure.solid.solvers.solver import choose_solver
-from builder.structure.solid.stiffness import CHUNK, physical_gradients
 from builder.structure.solid.strain_operator import held_problem
-from builder.structure.solid.supports import Support, rigid_motions
-from builder.structure.solid.surface_load import surface_points, vector_area
-from builder.structure.solid.swept_mesh import SweptMesh
 from builder.structure.wall import Material
 from strainfmu.arrays import FloatArray, IntArray
 

@@ -8,16 +8,16 @@ from dataclasses import replace
 import numpy as np
 
 from builder.structure.gauge_placement import gauge_mesh
-from builder.structure.solid.displaced_gauges import displaced_gauges
+from builder.structure.solid.checks.wall_layers import layers_needed
 from builder.structure.solid.free_case import free_case
-from builder.structure.solid.gauge_layouts import solid_gauges
-from builder.structure.solid.gauge_rows import Gauges
+from builder.structure.solid.gauges.displaced_gauges import displaced_gauges
+from builder.structure.solid.gauges.gauge_layouts import solid_gauges
+from builder.structure.solid.gauges.gauge_rows import Gauges
+from builder.structure.solid.mesh.solid_mesh import SUPPORT
+from builder.structure.solid.mesh.swept_mesh import RESOLUTIONS
 from builder.structure.solid.mesh_choice import SWEPT, MeshChoice
 from builder.structure.solid.model import AnyCase, SolidCase
-from builder.structure.solid.solid_mesh import SUPPORT
-from builder.structure.solid.supports import Clamped, Foundation, Support
-from builder.structure.solid.swept_mesh import RESOLUTIONS
-from builder.structure.solid.wall_layers import layers_needed
+from builder.structure.solid.operators.supports import Clamped, Foundation, Support
 from builder.structure.wall import Wall, wall_of
 from builder.vehicle.file import Vehicle
 from builder.vehicle.geometry import BodyOfRevolution

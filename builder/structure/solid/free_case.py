@@ -12,15 +12,15 @@ from typing import Any
 import numpy as np
 
 from builder.aero.cfd.units import METRES
-from builder.structure.solid.displaced_gauges import displaced_on_surface
-from builder.structure.solid.free_gauges import free_gauges, surface_axes
-from builder.structure.solid.gauge_rows import Gauges
-from builder.structure.solid.matter import Matter, PointMass
+from builder.structure.solid.gauges.displaced_gauges import displaced_on_surface
+from builder.structure.solid.gauges.free_gauges import free_gauges, surface_axes
+from builder.structure.solid.gauges.gauge_rows import Gauges
+from builder.structure.solid.mesh.section_wall import section_wall
+from builder.structure.solid.mesh.solid_mesh import SolidMesh
+from builder.structure.solid.mesh.swept_mesh import RESOLUTIONS, SweptResolution
 from builder.structure.solid.mesh_choice import CAD_FORMATS, TETRAHEDRON_LENGTH, check_other
-from builder.structure.solid.section_wall import section_wall
-from builder.structure.solid.solid_mesh import SolidMesh
-from builder.structure.solid.supports import Support
-from builder.structure.solid.swept_mesh import RESOLUTIONS, SweptResolution
+from builder.structure.solid.operators.matter import Matter, PointMass
+from builder.structure.solid.operators.supports import Support
 from builder.structure.structure_file import SCHEMA_VERSION
 from builder.structure.wall import material_of, wall_of
 from builder.vehicle.file import Vehicle
@@ -200,9 +200,9 @@ def _mesh_of_file(
 ) -> SolidMesh:
     """Read or make a mesh; ``digest`` tells versions of the file apart."""
     if path.suffix.lower() in CAD_FORMATS:
-        from builder.structure.solid.gmsh_files import step_mesh
+        from builder.structure.solid.mesh.gmsh_files import step_mesh
 
         return step_mesh(path, element_length)
-    from builder.structure.solid.mesh_import import read_mesh
+    from builder.structure.solid.mesh.mesh_import import read_mesh
 
     return read_mesh(path, unit, length=body_length)

@@ -10,17 +10,17 @@ from scipy.sparse import csr_array, vstack
 
 from builder.reporting import Progress, Reporter
 from builder.structure.mesh_check import MeshCheck
-from builder.structure.solid.examination import examination
+from builder.structure.solid.checks.examination import examination
+from builder.structure.solid.checks.locking import WallElements, check_locking
+from builder.structure.solid.checks.reference_loads import NO_REFERENCE, largest_amplitude, reference_pressures
 from builder.structure.solid.free_case import FreeCase
-from builder.structure.solid.gauge_rows import gauge_fields, gauge_rows
-from builder.structure.solid.locking import WallElements, check_locking
-from builder.structure.solid.mesh_checks import check_mesh
-from builder.structure.solid.mesh_report import facet_size_round_axis, mesh_report
-from builder.structure.solid.reference_loads import NO_REFERENCE, largest_amplitude, reference_pressures
-from builder.structure.solid.solid_mesh import EXTERNAL, INTERNAL, SolidMesh
+from builder.structure.solid.gauges.gauge_rows import gauge_fields, gauge_rows
+from builder.structure.solid.mesh.mesh_checks import check_mesh
+from builder.structure.solid.mesh.mesh_report import facet_size_round_axis, mesh_report
+from builder.structure.solid.mesh.solid_mesh import EXTERNAL, INTERNAL, SolidMesh
+from builder.structure.solid.mesh.swept_mesh import SweptMesh
+from builder.structure.solid.operators.surface_triangles import split_surface
 from builder.structure.solid.solution import StrainSolution, solve_strain
-from builder.structure.solid.surface_triangles import split_surface
-from builder.structure.solid.swept_mesh import SweptMesh
 from builder.structure.structure_file import Structure
 from strainfmu.arrays import FloatArray
 from strainfmu.version import __version__

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from builder.structure.solid.locking import WallElements
-from builder.structure.solid.mesh_report import facet_size, facet_size_round_axis
-from builder.structure.solid.solid_mesh import INTERNAL, SolidMesh, same_elements
-from builder.structure.solid.swept_mesh import (
+from builder.structure.solid.checks.locking import WallElements
+from builder.structure.solid.mesh.mesh_report import facet_size, facet_size_round_axis
+from builder.structure.solid.mesh.solid_mesh import INTERNAL, SolidMesh, same_elements
+from builder.structure.solid.mesh.swept_mesh import (
     HEXAHEDRON,
     RESOLUTIONS,
     SweptMesh,
@@ -125,9 +125,9 @@ def make_mesh(body: BodyOfRevolution, wall: Wall, choice: MeshChoice) -> SweptSe
         raise InputError(f"structure.point_masses, structure.covers: {NONE_HERE}")
     if choice.source == SWEPT:
         return swept_wall(body, wall, choice.with_layers(RESOLUTIONS[choice.resolution]))
-    from builder.structure.solid.gmsh_files import step_mesh, stl_mesh
-    from builder.structure.solid.gmsh_wall import graded_wall_mesh
-    from builder.structure.solid.mesh_import import read_mesh
+    from builder.structure.solid.mesh.gmsh_files import step_mesh, stl_mesh
+    from builder.structure.solid.mesh.gmsh_wall import graded_wall_mesh
+    from builder.structure.solid.mesh.mesh_import import read_mesh
 
     relative = TETRAHEDRON_LENGTH[choice.resolution]
     if choice.file is None:

@@ -17,14 +17,23 @@ from scipy.sparse import csr_array, vstack
 from builder.aero.surface_mesh import SurfaceMesh
 from builder.reporting import Progress, Reporter
 from builder.structure.mesh_check import MeshCheck
-from builder.structure.solid.cyclic_gauges import cyclic_gauge_rows
-from builder.structure.solid.examination import examination
+from builder.structure.solid.checks.examination import examination
+from builder.structure.solid.checks.locking import check_locking
+from builder.structure.solid.checks.reference_loads import (
+    fourier_can,
+    fourier_reference_strain,
+    largest_amplitude,
+    reference_pressures,
+)
 from builder.structure.solid.free_case import FreeCase
 from builder.structure.solid.free_model import solve_free_structure
-from builder.structure.solid.gauge_rows import Gauges, gauge_fields, gauge_rows
-from builder.structure.solid.locking import check_locking
-from builder.structure.solid.matter import Matter
-from builder.structure.solid.mesh_checks import check_mesh
+from builder.structure.solid.gauges.cyclic_gauges import cyclic_gauge_rows
+from builder.structure.solid.gauges.gauge_rows import Gauges, gauge_fields, gauge_rows
+from builder.structure.solid.mesh.mesh_checks import check_mesh
+from builder.structure.solid.mesh.mesh_of_vehicle import mesh_misfits
+from builder.structure.solid.mesh.mesh_report import exact_wall, mesh_report
+from builder.structure.solid.mesh.solid_mesh import EXTERNAL, SolidMesh
+from builder.structure.solid.mesh.swept_mesh import SweptSector
 from builder.structure.solid.mesh_choice import (
     MeshChoice,
     check_other,
@@ -33,20 +42,11 @@ from builder.structure.solid.mesh_choice import (
     wall_elements,
     whole_mesh,
 )
-from builder.structure.solid.mesh_of_vehicle import mesh_misfits
-from builder.structure.solid.mesh_report import exact_wall, mesh_report
-from builder.structure.solid.reference_loads import (
-    fourier_can,
-    fourier_reference_strain,
-    largest_amplitude,
-    reference_pressures,
-)
-from builder.structure.solid.solid_mesh import EXTERNAL, SolidMesh
+from builder.structure.solid.operators.matter import Matter
+from builder.structure.solid.operators.supports import Clamped, Support
+from builder.structure.solid.operators.surface_triangles import split_surface, triangulated_surface
 from builder.structure.solid.solution import solve_strain
 from builder.structure.solid.solvers.solver import CYCLIC, named_back_end
-from builder.structure.solid.supports import Clamped, Support
-from builder.structure.solid.surface_triangles import split_surface, triangulated_surface
-from builder.structure.solid.swept_mesh import SweptSector
 from builder.structure.structure_file import SCHEMA_VERSION, Structure, save_structure, structure_to_reuse
 from builder.structure.wall import Wall
 from builder.vehicle.geometry import BodyOfRevolution

@@ -9,17 +9,17 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from builder.reporting import Progress
-from builder.structure.solid.cyclic_operator import cyclic_problem
-from builder.structure.solid.free_flight import free_flight
-from builder.structure.solid.matter import Matter
-from builder.structure.solid.solid_mesh import EXTERNAL, SolidMesh
+from builder.structure.solid.mesh.solid_mesh import EXTERNAL, SolidMesh
+from builder.structure.solid.mesh.swept_mesh import REGION, SweptSector, full_mesh
+from builder.structure.solid.operators.cyclic_operator import cyclic_problem
+from builder.structure.solid.operators.free_flight import free_flight
+from builder.structure.solid.operators.matter import Matter
+from builder.structure.solid.operators.supports import Support
+from builder.structure.solid.operators.surface_load import nodal_force_load, pressure_load
+from builder.structure.solid.operators.surface_triangles import split_surface
 from builder.structure.solid.solvers.cyclic import CyclicSolver, force_operator, pressure_operator
 from builder.structure.solid.solvers.solver import CYCLIC, Solver, choose_solver
 from builder.structure.solid.strain_operator import held_problem, strain_operator
-from builder.structure.solid.supports import Support
-from builder.structure.solid.surface_load import nodal_force_load, pressure_load
-from builder.structure.solid.surface_triangles import split_surface
-from builder.structure.solid.swept_mesh import REGION, SweptSector, full_mesh
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 
@@ -31,7 +31,8 @@ class StrainSolution:
     Attributes
     ----------
     strain_operator : (n_d, n_p) [1/Pa], columns in the order of the full mesh's external nodes; of meshes that are
-        not swept one per side of a sharp edge (:func:`~builder.structure.solid.surface_triangles.split_surface`).
+        not swept one per side of a sharp edge
+        (:func:`~builder.structure.solid.operators.surface_triangles.split_surface`).
     statistics : solver, licence and residuals; nothing that changes from run to run.
     """
 

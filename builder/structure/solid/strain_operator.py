@@ -12,12 +12,12 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from builder.reporting import Progress
-from builder.structure.solid.free_flight import FreeFlight, determinate_support
-from builder.structure.solid.solid_mesh import SolidMesh
+from builder.structure.solid.mesh.solid_mesh import SolidMesh
+from builder.structure.solid.operators.free_flight import FreeFlight, determinate_support
+from builder.structure.solid.operators.stiffness import assemble_stiffness
+from builder.structure.solid.operators.supports import Restraint, Support, restrain
 from builder.structure.solid.solvers.problem import SparseProblem
 from builder.structure.solid.solvers.solver import Solver
-from builder.structure.solid.stiffness import assemble_stiffness
-from builder.structure.solid.supports import Restraint, Support, restrain
 from builder.structure.wall import Material
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
@@ -35,7 +35,7 @@ def held_problem(
     mesh : the mesh.
     materials : material by name of region.
     supports : what holds it, or the restraint they make; None in free flight, where three nodes hold the rigid
-        motions and :class:`~builder.structure.solid.free_flight.FreeFlight` balances the load.
+        motions and :class:`~builder.structure.solid.operators.free_flight.FreeFlight` balances the load.
 
     Raises
     ------

@@ -14,11 +14,11 @@ from itertools import permutations
 import numpy as np
 from scipy.sparse import coo_array, csr_array
 
-from builder.structure.solid.closest_point import CurvedFacets, foot_point
-from builder.structure.solid.element_faces import boundary_facets
-from builder.structure.solid.gauge_rows import Gauges
-from builder.structure.solid.solid_mesh import SolidMesh
-from builder.structure.solid.swept_mesh import HEXAHEDRON, SweptSector
+from builder.structure.solid.elements.closest_point import CurvedFacets, foot_point
+from builder.structure.solid.elements.element_faces import boundary_facets
+from builder.structure.solid.gauges.gauge_rows import Gauges
+from builder.structure.solid.mesh.solid_mesh import SolidMesh
+from builder.structure.solid.mesh.swept_mesh import HEXAHEDRON, SweptSector
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 

@@ -160,8 +160,8 @@ def structure(
 
 def _report(made: Structure, vehicle: Vehicle) -> Iterator[str]:
     """Yield what a structure holds: the mesh, its locking, the solver, the gauges and their mesh error."""
-    from builder.structure.solid.mesh_report import report_text
-    from builder.structure.solid.reference_loads import mesh_error_line
+    from builder.structure.solid.checks.reference_loads import mesh_error_line
+    from builder.structure.solid.mesh.mesh_report import report_text
 
     yield f"{made.vehicle}, {made.model.replace('_', ' ')}"
     yield report_text([(str(what), value, str(unit)) for what, value, unit in made.settings["mesh_report"]])

@@ -17,13 +17,14 @@ from scipy.sparse import csc_array, csr_array
 
 from builder.processors import processors
 from builder.reporting import Progress
-from builder.structure.solid.cyclic_operator import (
+from builder.structure.solid.operators.cyclic_operator import (
     CircularOperator,
     CyclicProblem,
     n_harmonics,
     to_body_axes,
     to_sector_frames,
 )
+from builder.structure.solid.operators.surface_load import sector_pressure_load, surface_nodes
 from builder.structure.solid.solvers.problem import (
     SolveStatistics,
     checked_loads,
@@ -34,7 +35,6 @@ from builder.structure.solid.solvers.problem import (
 )
 from builder.structure.solid.solvers.shifted_rows import ShiftedRows, shifted_rows
 from builder.structure.solid.solvers.superlu import factor_symmetric
-from builder.structure.solid.surface_load import sector_pressure_load, surface_nodes
 from strainfmu.arrays import ComplexArray, FloatArray
 from strainfmu.errors import InputError
 

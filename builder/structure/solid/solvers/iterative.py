@@ -13,9 +13,9 @@ import numpy as np
 from scipy.sparse import csr_array, csr_matrix
 from scipy.sparse.linalg import cg
 
+from builder.structure.solid.operators.supports import rigid_motions
 from builder.structure.solid.solvers.back_end import BackEnd, Factor, importable
 from builder.structure.solid.solvers.problem import SolverError, SparseProblem
-from builder.structure.solid.supports import rigid_motions
 from strainfmu.arrays import FloatArray
 
 COARSEST = 200  # unknowns of the level that is inverted

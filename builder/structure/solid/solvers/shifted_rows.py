@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import csc_array, csr_array
 
-from builder.structure.solid.swept_mesh import SweptSector
+from builder.structure.solid.mesh.swept_mesh import SweptSector
 from strainfmu.arrays import FloatArray, IntArray
 
 SAME_ENTRY = 1e-10

@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 from scipy.sparse import csc_array, csr_array, issparse
 
-from builder.structure.solid.cyclic_operator import CyclicProblem
+from builder.structure.solid.operators.cyclic_operator import CyclicProblem
 from builder.structure.solid.solvers.back_end import BackEnd
 from builder.structure.solid.solvers.cholmod import CHOLMOD, CVXOPT
 from builder.structure.solid.solvers.cyclic import CyclicSolver

@@ -1,0 +1,201 @@
+"""Gauges on a surface of any mesh: by position, by station and roll angle, by node or by element."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from math import cos, radians, sin
+
+import numpy as np
+
+from builder.structure.solid.elements.closest_point import CurvedFacets, FootPoint, foot_point
+from builder.structure.solid.gauges.gauge_rows import Gauges, joined_gauges
+from builder.structure.solid.mesh.solid_mesh import EXTERNAL, INTERNAL, SolidMesh
+from builder.structure.solid.operators.surface_triangles import triangulated_surface
+from builder.vehicle.file import Vehicle
+from builder.vehicle.gauge_table import TableGauge, read_gauge_table
+from builder.vehicle.sections import GaugeRow
+from strainfmu.arrays import FloatArray
+from strainfmu.errors import InputError
+
+SURFACE = {"inner": INTERNAL, "outer": EXTERNAL}
+LEAST_IN_SURFACE = 0.5
+"""Share of a direction's length that must lie in the surface."""
+SMALLEST_TANGENT = 0.05
+"""Length of the x axis' part in the surface below which there is no x tangent to count an angle from."""
+
+
+class GaugeSurface:
+    """One surface of a mesh, for placing gauges on it."""
+
+    def __init__(self, mesh: SolidMesh, name: str) -> None:
+        self.mesh, self.name = mesh, name
+        self._facet = mesh.named_surface(name)
+        self._curved = CurvedFacets(mesh.element_type, mesh.node[self._facet])
+
+    @cached_property
+    def _corners(self) -> FloatArray:
+        surface = triangulated_surface(self.mesh, self.name)
+        return surface.point[surface.triangle]
+
+    def foot(self, point: FloatArray) -> FootPoint:
+        """Return the closest point of the surface."""
+        return foot_point(self._curved, point)
+
+    def axes(self, foot: FootPoint, where: str) -> tuple[FloatArray, FloatArray]:
+        """Return unit vectors (3,) in the surface: along x, and across it towards increasing roll angle.
+
+        Raises
+        ------
+        InputError
+            The surface stands square to the x axis there.
+        """
+        outward = foot.normal if self.name == EXTERNAL else -foot.normal
+        along = np.array([1.0, 0.0, 0.0]) - outward[0] * outward
+        size = float(np.linalg.norm(along))
+        if size < SMALLEST_TANGENT:
+            raise InputError(
+                f"{where}: expected a direction as a vector where the surface stands across x, got an angle"
+            )
+        along /= size
+        return along, np.cross(outward, along)
+
+    def at_roll_angle(self, x: float, roll_angle: float, where: str) -> FootPoint:
+        """Return the point seen from the axis at ``x`` [m] at ``roll_angle`` [rad], of the outside the outermost.
+
+        Raises
+        ------
+        InputError
+            No point of the surface lies there.
+        """
+        ray = np.array([0.0, sin(roll_angle), cos(roll_angle)])
+        a, b, c = (self._corners[:, k] for k in range(3))
+        u, v, normal = b - a, c - a, np.cross(b - a, c - a)
+        start = np.array([x, 0.0, 0.0])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            t = np.einsum("ni,ni->n", a - start, normal) / (normal @ ray)
+            point = start + t[:, None] * ray
+            square = np.einsum("ni,ni->n", normal, normal)
+            p = np.einsum("ni,ni->n", np.cross(point - a, v), normal) / square
+            q = np.einsum("ni,ni->n", np.cross(u, point - a), normal) / square
+            hit = (p >= -1e-9) & (q >= -1e-9) & (p + q <= 1.0 + 1e-9) & (t > 0.0)
+        if not hit.any():
+            raise InputError(
+                f"{where}: expected a station with the {self.name} surface under it, got x = {x:g} m, roll angle "
+                f"{np.rad2deg(roll_angle):g} deg"
+            )
+        distance = float(t[hit].max() if self.name == EXTERNAL else t[hit].min())
+        return self.foot(start + distance * ray)
+
+
+def free_gauges(vehicle: Vehicle, layout: str, mesh: SolidMesh) -> Gauges:
+    """Return a layout of the vehicle file on the surfaces of ``mesh``.
+
+    Raises
+    ------
+    InputError
+        A gauge misses its surface by more than the tolerance, has none at its station, or its table is wrong.
+    """
+    entry = vehicle.gauges.layouts[layout]
+    where = f"gauges.layouts.{layout}"
+    if entry.rows is not None:
+        surfaces = {name: GaugeSurface(mesh, SURFACE[name]) for name in {row.surface for row in entry.rows}}
+        parts = [
+            _row(row, surfaces[row.surface], f"{where}.rows.{i}") for i, row in enumerate(entry.rows, start=1)
+        ]
+        return joined_gauges(parts, where)
+    assert entry.file is not None
+    surface = GaugeSurface(mesh, SURFACE[entry.surface or "inner"])
+    table = read_gauge_table(vehicle.beside(entry.file))
+    placed = [_table_gauge(one, surface, 1e-3 * entry.largest_distance_mm) for one in table]
+    return Gauges(
+        name=tuple(one.name for one in table),
+        position=np.array([position for position, _ in placed]),
+        direction=np.array([direction for _, direction in placed]),
+        length=np.full(len(table), 1e-3 * (entry.length_mm or 0.0)),
+        surface=(surface.name,) * len(table),
+    )
+
+
+def surface_axes(mesh: SolidMesh, gauges: Gauges) -> tuple[FloatArray, FloatArray]:
+    """Return the unit vectors (n, 3) along x and across it in the surface under each gauge."""
+    surfaces = {name: GaugeSurface(mesh, name) for name in set(gauges.surface)}
+    axes = [
+        surfaces[gauges.surface[i]].axes(surfaces[gauges.surface[i]].foot(gauges.position[i]), gauges.name[i])
+        for i in range(len(gauges.name))
+    ]
+    return np.array([along for along, _ in axes]), np.array([across for _, across in axes])
+
+
+def _row(row: GaugeRow, surface: GaugeSurface, where: str) -> Gauges:
+    """Place a row: axial gauges along the x tangent, hoop gauges across it."""
+    feet = [surface.at_roll_angle(x, radians(row.roll_angle_deg), where) for x in row.stations]
+    end = "_outer" if row.surface == "outer" else ""
+    name, position, direction = [], [], []
+    for kind in row.directions:
+        for number, foot in enumerate(feet, start=1):
+            along, across = surface.axes(foot, where)
+            name.append(f"{kind}_{row.roll_angle_deg:g}deg_{number}{end}")
+            position.append(foot.point)
+            direction.append(along if kind == "axial" else across)
+    n = len(name)
+    return Gauges(
+        name=tuple(name),
+        position=np.array(position),
+        direction=np.array(direction),
+        length=np.full(n, 1e-3 * row.length_mm),
+        surface=(surface.name,) * n,
+    )
+
+
+def _table_gauge(gauge: TableGauge, surface: GaugeSurface, tolerance: float) -> tuple[FloatArray, FloatArray]:
+    """Return position and direction (3,) of a gauge of a table, on the surface."""
+    where, place = f"{gauge.where}, gauge '{gauge.name}'", gauge.place
+    if "roll_angle_deg" in place:
+        foot = surface.at_roll_angle(place["x_m"], radians(place["roll_angle_deg"]), where)
+    else:
+        foot = surface.foot(_point(place, surface, where))
+        distance = float(np.linalg.norm(foot.offset))
+        if distance > tolerance:
+            _refuse_far(foot, surface, tolerance, where)
+    if "angle_deg" in gauge.direction:
+        angle = radians(gauge.direction["angle_deg"])
+        along, across = surface.axes(foot, where)
+        return foot.point, cos(angle) * along + sin(angle) * across
+    vector = np.array(list(gauge.direction.values()))
+    flat = vector - (vector @ foot.normal) * foot.normal
+    if np.linalg.norm(flat) <= LEAST_IN_SURFACE * np.linalg.norm(vector):
+        raise InputError(f"{where}: expected a direction along the surface, got one across it")
+    return foot.point, flat / np.linalg.norm(flat)
+
+
+def _point(place: dict[str, float], surface: GaugeSurface, where: str) -> FloatArray:
+    """Return the position (3,) [m] that a table gives."""
+    mesh = surface.mesh
+    if "x_m" in place:
+        return np.array([place["x_m"], place["y_m"], place["z_m"]])
+    kind, count = ("node", mesh.n_nodes) if "node" in place else ("element", len(mesh.element))
+    number = place[kind]
+    if number != int(number) or not 1 <= number <= count:
+        raise InputError(f"{where}: {kind}: expected a whole number, 1 .. {count}, got {number:g}")
+    if kind == "node":
+        return np.asarray(mesh.node[int(number) - 1])
+    facet = surface.mesh.named_surface(surface.name)
+    own = np.isin(facet, mesh.element[int(number) - 1]).all(axis=1)
+    if not own.any():
+        raise InputError(f"{where}: element: expected one with a face on surface '{surface.name}', got {number:g}")
+    return np.asarray(mesh.node[facet[np.flatnonzero(own)[0]]].mean(axis=0))
+
+
+def _refuse_far(foot: FootPoint, surface: GaugeSurface, tolerance: float, where: str) -> None:
+    """Refuse a gauge that misses its surface, and say on which it lies instead."""
+    point = foot.point + foot.offset
+    message = (
+        f"{where}: expected at most {1e3 * tolerance:g} mm from surface '{surface.name}', got "
+        f"{1e3 * np.linalg.norm(foot.offset):.3g} mm at ({', '.join(f'{value:.4g}' for value in point)}) m"
+    )
+    for other in (EXTERNAL, INTERNAL):
+        if other == surface.name or other not in surface.mesh.surface:
+            continue
+        if np.linalg.norm(GaugeSurface(surface.mesh, other).foot(point).offset) <= tolerance:
+            message += f"; it lies on surface '{other}'"
+    raise InputError(message)

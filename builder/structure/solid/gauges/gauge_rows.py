@@ -1,0 +1,309 @@
+"""Strain gauges on a surface of the mesh, and the rows B that give their strain.
+
+A gauge has a position on a named surface, a direction in its tangent plane and a length, over which strain is
+averaged along the direction; length 0 is a point. Gauges need not be on nodes. A position or direction that misses
+the surface by little is moved onto it; one that misses it by more is refused.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy.sparse import coo_array, csr_array
+
+from builder.structure.fourier.gauges import LARGEST_DISTANCE, LARGEST_TILT
+from builder.structure.solid.elements.closest_point import FootPoint, foot_point
+from builder.structure.solid.elements.element_faces import boundary_facets
+from builder.structure.solid.gauges.strain_recovery import SurfacePatches, strain_weights
+from builder.structure.solid.mesh.mesh_checks import match_facets
+from builder.structure.solid.mesh.solid_mesh import EXTERNAL, INTERNAL, SolidMesh
+from strainfmu.arrays import FloatArray, IntArray
+from strainfmu.errors import InputError
+
+SAME_PLACE = 1e-6  # m
+SAME_DIRECTION = 1e-6  # rad
+POINTS_ALONG_GAUGE = 5
+ROSETTE_ANGLES = (0, 45, 90)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Gauges:
+    """Strain gauges in body axes.
+
+    Attributes
+    ----------
+    name : (n,) names, for messages.
+    position : (n, 3) [m].
+    direction : (n, 3) of any length.
+    length : (n,) gauge length [m]; 0 for strain at a point.
+    surface : (n,) name of the surface each is bonded to.
+
+    Raises
+    ------
+    InputError
+        Lengths of the entries differ, a value is not finite, or a gauge length is negative.
+    """
+
+    name: tuple[str, ...]
+    position: FloatArray
+    direction: FloatArray
+    length: FloatArray
+    surface: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        n = len(self.name)
+        if not (self.position.shape == self.direction.shape == (n, 3)) or len(self.surface) != n:
+            raise InputError(
+                f"gauge positions {self.position.shape} and directions {self.direction.shape} must be ({n}, 3)"
+            )
+        if self.length.shape != (n,):
+            raise InputError(f"gauge lengths {self.length.shape} must be ({n},)")
+        for i in range(n):
+            if not (np.isfinite(self.position[i]).all() and np.isfinite(self.direction[i]).all()):
+                raise InputError(f"{self.name[i]}: a coordinate or direction is not finite")
+            if not 0.0 <= self.length[i] < np.inf:
+                raise InputError(f"{self.name[i]}: gauge length {self.length[i]:g} m must be at least 0")
+
+
+def joined_gauges(parts: list[Gauges], where: str) -> Gauges:
+    """Return the gauges of ``parts`` as one layout; ``where`` is its entry in the vehicle file.
+
+    Raises
+    ------
+    InputError
+        Two gauges have one name.
+    """
+    name = tuple(one for part in parts for one in part.name)
+    for one in name:
+        if name.count(one) > 1:
+            raise InputError(f"{where}: expected each gauge name once, got '{one}' twice")
+    return Gauges(
+        name=name,
+        position=np.concatenate([part.position for part in parts]),
+        direction=np.concatenate([part.direction for part in parts]),
+        length=np.concatenate([part.length for part in parts]),
+        surface=tuple(one for part in parts for one in part.surface),
+    )
+
+
+def gauge_fields(layouts: Mapping[str, Gauges]) -> dict[str, Any]:
+    """Return the entries of a structure that describe its gauges, of all ``layouts`` one after the other.
+
+    See :class:`builder.structure.structure_file.Structure`; directions are made unit vectors.
+    """
+    gauges = layouts.values()
+    direction = np.concatenate([one.direction for one in gauges])
+    return {
+        "gauge_names": tuple(name for one in gauges for name in one.name),
+        "layout": tuple(name for name, one in layouts.items() for _ in one.name),
+        "gauge_position": np.concatenate([one.position for one in gauges]),
+        "gauge_direction": direction / np.linalg.norm(direction, axis=1, keepdims=True),
+        "gauge_length": np.concatenate([one.length for one in gauges]),
+        "gauge_surface": tuple(name for one in gauges for name in one.surface),
+    }
+
+
+def gauges_at(
+    position: FloatArray,
+    direction: FloatArray,
+    name: Sequence[str] | None = None,
+    length: float = 0.0,
+    surface: str = INTERNAL,
+) -> Gauges:
+    """Return gauges of one length on one surface; names are ``"gauge 1"`` onwards by default."""
+    position, direction = np.asarray(position, dtype=float), np.asarray(direction, dtype=float)
+    names = tuple(name) if name is not None else tuple(f"gauge {i + 1}" for i in range(len(position)))
+    return Gauges(
+        name=names,
+        position=position,
+        direction=direction,
+        length=np.full(len(names), length),
+        surface=(surface,) * len(names),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedGauge:
+    """A gauge on its surface.
+
+    Attributes
+    ----------
+    foot : its point on the surface.
+    direction : (3,) unit vector in the tangent plane there.
+    """
+
+    foot: FootPoint
+    direction: FloatArray
+
+
+def gauge_rows(mesh: SolidMesh, gauges: Gauges, near_surface: bool = False) -> csr_array:
+    """Return B, the strain of each gauge per displacement.
+
+    Parameters
+    ----------
+    mesh : the mesh.
+    gauges : the gauges.
+    near_surface : gauges are moved onto the mesh however far it is from them, for meshes that only come near the
+        true surface, as linear elements do.
+
+    Returns
+    -------
+    (n_gauges, n_dof) [1/m].
+
+    Raises
+    ------
+    InputError
+        A surface does not exist; the first gauge that is more than 0.5 mm off its surface or beyond its edge, or
+        whose direction has no length or leans out of the tangent plane by more than 5 degrees; or the first two
+        gauges at one position with the same direction.
+    """
+    patches = {name: _patches(mesh, name) for name in dict.fromkeys(gauges.surface)}
+    placed = _placed(mesh, gauges, patches, near_surface)
+    row, column, entry = [], [], []
+    for i, gauge in enumerate(placed):
+        surface = patches[gauges.surface[i]]
+        for point, weight_of_point in _points_along(surface, gauge, float(gauges.length[i]), gauges.name[i]):
+            node, weight = strain_weights(surface, point.foot, point.direction)
+            row.append(np.full(weight.size, i))
+            column.append((3 * node[:, None] + np.arange(3)).ravel())
+            entry.append(weight_of_point * weight.ravel())
+    index = (np.concatenate(row), np.concatenate(column))
+    return csr_array(coo_array((np.concatenate(entry), index), shape=(len(placed), mesh.n_dof)))
+
+
+def place_gauges(mesh: SolidMesh, gauges: Gauges) -> list[PlacedGauge]:
+    """Return gauges on their surfaces. Errors as in :func:`gauge_rows`."""
+    return _placed(mesh, gauges, {name: _patches(mesh, name) for name in dict.fromkeys(gauges.surface)})
+
+
+def _placed(
+    mesh: SolidMesh, gauges: Gauges, patches: Mapping[str, SurfacePatches], near_surface: bool = False
+) -> list[PlacedGauge]:
+    if not gauges.name:
+        raise InputError("no gauges: at least one is needed")
+    placed = []
+    for i, name in enumerate(gauges.name):
+        unit = _unit(gauges.direction[i], name)
+        foot = foot_point(patches[gauges.surface[i]].curved, gauges.position[i])
+        if not near_surface:
+            _refuse_off_surface(mesh, gauges.position[i], foot, gauges.surface[i], name)
+        tilt = float(np.arcsin(min(abs(float(unit @ foot.normal)), 1.0)))
+        if tilt > LARGEST_TILT and not near_surface:
+            raise InputError(
+                f"{name}: direction leans {np.rad2deg(tilt):.1f} deg out of surface '{gauges.surface[i]}', "
+                f"at most {np.rad2deg(LARGEST_TILT):g} deg is allowed"
+            )
+        placed.append(PlacedGauge(foot, _in_plane(unit, foot.normal)))
+    _refuse_twins(gauges, placed)
+    return placed
+
+
+def rosette(
+    mesh: SolidMesh,
+    name: str,
+    position: FloatArray,
+    direction: FloatArray,
+    length: float = 0.0,
+    surface: str = INTERNAL,
+) -> Gauges:
+    """Return the three gauges of a rosette at 0, 45 and 90 degrees.
+
+    Angles count anticlockwise seen from outside the material, from ``direction`` (3,); ``name`` is followed by the
+    angle. Strains obey e_0 + e_90 = e_s + e_t and e_45 = (e_0 + e_90)/2 + e_st.
+
+    Raises
+    ------
+    InputError
+        As in :func:`gauge_rows`.
+    """
+    first = gauges_at(np.array([position]), np.array([direction]), [name], length, surface)
+    gauge = place_gauges(mesh, first)[0]
+    across = np.cross(gauge.foot.normal, gauge.direction)
+    angle = np.deg2rad(ROSETTE_ANGLES)[:, None]
+    return replace(
+        first,
+        name=tuple(f"{name} {degree}" for degree in ROSETTE_ANGLES),
+        position=np.tile(np.asarray(position, dtype=float), (3, 1)),
+        direction=np.cos(angle) * gauge.direction + np.sin(angle) * across,
+        length=np.full(3, length),
+        surface=(surface,) * 3,
+    )
+
+
+def _patches(mesh: SolidMesh, surface: str) -> SurfacePatches:
+    facet = mesh.named_surface(surface)
+    return SurfacePatches(mesh.element_type, mesh.node, facet, _regions_behind(mesh, facet))
+
+
+def _regions_behind(mesh: SolidMesh, facet: IntArray) -> IntArray:
+    """Return the region (f,) of the element of each facet."""
+    if len(mesh.region_names) == 1:
+        return np.zeros(len(facet), dtype=np.int64)
+    boundary, owner = boundary_facets(mesh.element_type, mesh.element)
+    return np.asarray(mesh.region[owner[match_facets(mesh.element_type, boundary, facet)]])
+
+
+def _unit(direction: FloatArray, name: str) -> FloatArray:
+    length = float(np.linalg.norm(direction))
+    if length == 0.0:
+        raise InputError(f"{name}: direction has no length")
+    unit: FloatArray = direction / length
+    return unit
+
+
+def _in_plane(direction: FloatArray, normal: FloatArray) -> FloatArray:
+    flat = direction - (direction @ normal) * normal
+    unit: FloatArray = flat / np.linalg.norm(flat)
+    return unit
+
+
+def _refuse_off_surface(mesh: SolidMesh, position: FloatArray, foot: FootPoint, surface: str, name: str) -> None:
+    distance = float(np.linalg.norm(foot.offset))
+    if distance <= LARGEST_DISTANCE:
+        return
+    if foot.beyond_edge > abs(foot.height):
+        found = f"{1e3 * foot.beyond_edge:.2f} mm beyond the edge of surface '{surface}'"
+    else:
+        side = "away from" if foot.height > 0.0 else "into"
+        found = f"{1e3 * distance:.2f} mm off surface '{surface}', {side} the material"
+    for other in (EXTERNAL, INTERNAL, *mesh.surface):
+        if other != surface and len(mesh.surface.get(other, ())):
+            there = foot_point(_patches(mesh, other).curved, position)
+            if np.linalg.norm(there.offset) <= LARGEST_DISTANCE:
+                found += f" and on surface '{other}'"
+                break
+    raise InputError(f"{name}: position is {found}, at most {1e3 * LARGEST_DISTANCE:g} mm is allowed")
+
+
+def _refuse_twins(gauges: Gauges, placed: list[PlacedGauge]) -> None:
+    point = np.array([gauge.foot.point for gauge in placed])
+    direction = np.array([gauge.direction for gauge in placed])
+    for i in range(1, len(placed)):
+        near = np.linalg.norm(point[:i] - point[i], axis=1) <= SAME_PLACE
+        # Strain along a direction is that against it.
+        turned = np.linalg.norm(np.cross(direction[:i], direction[i]), axis=1)
+        for j in np.flatnonzero(near & (turned <= SAME_DIRECTION)):
+            raise InputError(f"{gauges.name[i]}: same position and direction as {gauges.name[j]}")
+
+
+def _points_along(
+    surface: SurfacePatches, gauge: PlacedGauge, length: float, name: str
+) -> list[tuple[PlacedGauge, float]]:
+    """Return the points at which a gauge's strain is averaged and their weights; Gauss's rule along its length.
+
+    Points are spaced along the tangent and moved onto the surface: to second order in length over the surface's
+    radius of curvature that is the arc.
+    """
+    if length == 0.0:
+        return [(gauge, 1.0)]
+    position, weight = np.polynomial.legendre.leggauss(POINTS_ALONG_GAUGE)
+    points = []
+    for s, w in zip(0.5 * length * position, 0.5 * weight, strict=True):
+        foot = foot_point(surface.curved, gauge.foot.point + s * gauge.direction)
+        if foot.beyond_edge > LARGEST_DISTANCE:
+            raise InputError(f"{name}: its length of {1e3 * length:g} mm reaches beyond the edge of its surface")
+        points.append((PlacedGauge(foot, _in_plane(gauge.direction, foot.normal)), float(w)))
+    return points

@@ -1,0 +1,275 @@
+"""Solvers of sparse problems: agreement, residuals, refusals, choice."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.sparse import block_diag, csr_array, eye_array
+from scipy.sparse.linalg import eigsh
+from solid_bodies import METAL, cube, swept_tube, tube
+
+from builder.structure.solid.mesh.solid_mesh import SUPPORT
+from builder.structure.solid.mesh.swept_mesh import REGION
+from builder.structure.solid.operators.cyclic_operator import cyclic_problem
+from builder.structure.solid.operators.stiffness import assemble_stiffness
+from builder.structure.solid.operators.supports import Clamped, Symmetric
+from builder.structure.solid.solvers.back_end import BackEnd, importable
+from builder.structure.solid.solvers.iterative import IterationLimits, multigrid_solver
+from builder.structure.solid.solvers.petsc import PYTHON_VARIABLE, RANKS_VARIABLE, MpiLaunch, petsc_back_end
+from builder.structure.solid.solvers.problem import (
+    RESIDUAL_BOUND,
+    SolverError,
+    SparseProblem,
+    checked_residual,
+    relative_residual,
+    unheld_problem,
+)
+from builder.structure.solid.solvers.solver import (
+    AUTOMATIC,
+    BACK_ENDS,
+    SparseSolver,
+    choose_solver,
+    named_back_end,
+)
+from builder.structure.solid.solvers.superlu import SUPERLU
+from builder.structure.solid.strain_operator import held_problem
+from strainfmu.errors import InputError
+
+pytestmark = pytest.mark.fast
+
+MATERIALS = {REGION: METAL}
+MPIEXEC = ("mpiexec", "--allow-run-as-root", "--oversubscribe")  # of Open MPI
+SERIAL = [back_end for back_end in BACK_ENDS if back_end.name != "petsc"]
+DIRECT = [back_end for back_end in SERIAL if back_end.name != "iterative"]
+
+
+def held_cube(n: int = 3) -> SparseProblem:
+    return held_problem(cube("tetrahedron10", n), MATERIALS, [Clamped("x0")])
+
+
+def prepared(problem: SparseProblem, back_end: BackEnd) -> SparseSolver:
+    if not back_end.installed():
+        pytest.skip(f"{back_end.name} is not installed: {back_end.install}")
+    return SparseSolver(problem, back_end)
+
+
+def petsc_python() -> str:
+    python = os.environ.get(PYTHON_VARIABLE, sys.executable)
+    found = subprocess.run([python, "-c", "import petsc4py, mpi4py"], capture_output=True, check=False)
+    if found.returncode or shutil.which("mpiexec") is None:
+        pytest.skip(f"no mpiexec, or no petsc4py and mpi4py in {python}; {PYTHON_VARIABLE} may name another one")
+    return python
+
+
+@pytest.mark.parametrize("back_end", SERIAL, ids=lambda back_end: back_end.name)
+def test_agrees_with_the_dense_inverse(back_end: BackEnd) -> None:
+    """Dense LAPACK solution; direct ones differ by round-off times a condition number of 1e5, cg stops at 1e-9."""
+    problem = held_cube(4)
+    solver = prepared(problem, back_end)
+    load = np.random.default_rng(0).normal(size=(problem.n_dof, 3))
+    exact = problem.free @ np.linalg.solve(problem.matrix.toarray(), problem.free.T @ load)
+    tolerance = 1e-7 if back_end.name == "iterative" else 1e-10
+    np.testing.assert_allclose(solver.solve(load), exact, rtol=0.0, atol=tolerance * np.abs(exact).max())
+    assert solver.statistics.relative_residual < 1e-8
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_petsc_agrees_with_superlu_on_any_number_of_processes(ranks: int) -> None:
+    """The same solution from a matrix spread over processes, to round-off; loads in two blocks."""
+    problem = held_cube()
+    back_end = petsc_back_end(MpiLaunch(ranks, petsc_python(), MPIEXEC))
+    load = np.random.default_rng(0).normal(size=(problem.n_dof, 66))
+    exact = SparseSolver(problem, SUPERLU).solve(load)
+    found = SparseSolver(problem, back_end).solve(load)
+    np.testing.assert_allclose(found, exact, rtol=0.0, atol=1e-10 * np.abs(exact).max())
+
+
+def test_petsc_tells_why_its_processes_ended() -> None:
+    if shutil.which("mpiexec") is None:
+        pytest.skip("no mpiexec")
+    launch = MpiLaunch(1, shutil.which("false") or "false", MPIEXEC)
+    with pytest.raises(SolverError, match="solver petsc: the processes ended"):
+        SparseSolver(held_cube(1), petsc_back_end(launch))
+
+
+def test_petsc_refuses_a_wrong_number_of_processes(monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(InputError, match="0 processes found"):
+        MpiLaunch(0)
+    monkeypatch.setenv(RANKS_VARIABLE, "two")
+    monkeypatch.setenv(PYTHON_VARIABLE, sys.executable)
+    with pytest.raises(InputError, match="STRAINFMU_PETSC_RANKS: 'two' found"):
+        choose_solver(held_cube(1), "petsc")
+
+
+@pytest.mark.parametrize("back_end", DIRECT, ids=lambda back_end: back_end.name)
+def test_swept_mesh_with_sparse_loads(back_end: BackEnd) -> None:
+    """Forces as a sparse matrix give what the same forces give as an array; a solution keeps the support still."""
+    mesh = swept_tube()
+    problem = held_problem(mesh, MATERIALS, [Clamped(SUPPORT)])
+    solver = prepared(problem, back_end)
+    load = csr_array((np.array([1.0, -2.0]), ([4, 100], [0, 1])), shape=(mesh.n_dof, 2))
+    found = solver.solve(load)
+    reference = SparseSolver(problem, SUPERLU).solve(load.toarray())
+    np.testing.assert_allclose(found, reference, rtol=0.0, atol=1e-9 * np.abs(reference).max())
+    held = np.unique(mesh.surface[SUPPORT])
+    assert not found.reshape(-1, 3, 2)[held].any()
+
+
+@pytest.mark.parametrize("back_end", DIRECT, ids=lambda back_end: back_end.name)
+def test_free_body_is_refused(back_end: BackEnd) -> None:
+    """Nothing holds the body: six rigid motions cost nothing."""
+    stiffness = assemble_stiffness(cube("tetrahedron10", 2), MATERIALS)
+    with pytest.raises(SolverError, match=r"singular|positive definite"):
+        prepared(unheld_problem(stiffness), back_end)
+
+
+def test_free_body_is_refused_by_multigrid() -> None:
+    if not importable("pyamg"):
+        pytest.skip("pyamg is not installed")
+    stiffness = assemble_stiffness(cube("tetrahedron10", 2), MATERIALS)
+    with pytest.raises(SolverError, match="iterative"):
+        choose_solver(unheld_problem(stiffness), "iterative")
+
+
+@pytest.mark.parametrize("back_end", SERIAL, ids=lambda back_end: back_end.name)
+def test_indefinite_matrix_is_refused(back_end: BackEnd) -> None:
+    """A shift to between the two lowest eigenvalues makes one of them negative; the matrix stays regular."""
+    problem = held_cube(2)
+    lowest = np.sort(eigsh(problem.matrix, k=3, sigma=0.0, which="LM", return_eigenvectors=False))
+    shift = 0.5 * (lowest[0] + lowest[2])
+    shifted = csr_array(problem.matrix - shift * eye_array(problem.matrix.shape[0]))
+    with pytest.raises(SolverError, match=r"not positive definite|iterative"):
+        prepared(SparseProblem(shifted, problem.free, problem.node), back_end)
+
+
+def test_part_that_is_not_joined_is_refused() -> None:
+    """Two cubes, one held: gauge rows on the held one alone would not notice."""
+    stiffness = assemble_stiffness(cube("hexahedron20", 1), MATERIALS)
+    problem = held_problem(cube("hexahedron20", 1), MATERIALS, [Clamped("x0")])
+    both = block_diag([problem.matrix, stiffness])
+    with pytest.raises(SolverError, match=r"singular or nearly so|positive definite"):
+        SparseSolver(unheld_problem(csr_array(both)), SUPERLU)
+
+
+def test_residual_sample_leaves_no_column_out() -> None:
+    """One wrong column among twenty, of small loads: the sum of all columns shows it."""
+    matrix = csr_array(np.diag(np.arange(1.0, 31.0)))
+    load = np.random.default_rng(0).normal(size=(30, 20)) * np.geomspace(1.0, 1e-6, 20)
+    solution = load / np.arange(1.0, 31.0)[:, None]
+    assert relative_residual(matrix, solution, load) < 1e-14
+    solution[3, 13] *= 1.01
+    assert relative_residual(matrix, solution, load) > 1e-4
+    with pytest.raises(SolverError, match=r"solver any: relative residual .*, at most 1e-06 is allowed"):
+        checked_residual("any", matrix, solution, load)
+    assert RESIDUAL_BOUND == 1e-6
+    assert relative_residual(matrix, solution[:, :0], load[:, :0]) == 0.0
+
+
+def test_not_a_number_is_no_solution() -> None:
+    matrix = csr_array(np.eye(3))
+    with pytest.raises(SolverError, match="relative residual nan"):
+        checked_residual("any", matrix, np.full((3, 1), np.nan), np.ones((3, 1)))
+
+
+def test_multigrid_says_how_far_it_came() -> None:
+    if not importable("pyamg"):
+        pytest.skip("pyamg is not installed")
+    problem = held_cube(4)
+    solve = multigrid_solver(problem, IterationLimits(tolerance=1e-9, max_iterations=3))
+    with pytest.raises(SolverError, match=r"residual \d\.\de-\d\d after 3 iterations, must be at most 1e-09"):
+        solve(np.ones((problem.matrix.shape[0], 1)))
+
+
+def test_multigrid_on_guided_nodes() -> None:
+    """Nodes held in one direction break the 3 x 3 blocks; the solution is that of superlu to cg's tolerance."""
+    problem = held_problem(
+        cube("tetrahedron10", 4), MATERIALS, [Symmetric("x0"), Symmetric("y0"), Symmetric("z0")]
+    )
+    if not importable("pyamg"):
+        pytest.skip("pyamg is not installed")
+    load = np.ones((problem.n_dof, 1))
+    exact = choose_solver(problem, "superlu").solve(load)
+    found = choose_solver(problem, "iterative").solve(load)
+    np.testing.assert_allclose(found, exact, rtol=0.0, atol=1e-6 * np.abs(exact).max())
+
+
+def test_missing_solver_names_what_to_install_and_its_licence() -> None:
+    absent = replace(SUPERLU, name="absent", install="pip install absent", installed=lambda: importable("no.such"))
+    message = r"^solver 'absent' is not installed: pip install absent \(licence: BSD-3-Clause\)$"
+    with pytest.raises(InputError, match=message):
+        SparseSolver(held_cube(1), absent)
+    for back_end in BACK_ENDS:
+        if not back_end.installed():
+            with pytest.raises(InputError, match=rf"solver '{back_end.name}' is not installed: .*licence: "):
+                choose_solver(held_cube(1), back_end.name)
+
+
+def test_choice() -> None:
+    problem = held_cube(1)
+    fastest = next(back_end for back_end in AUTOMATIC if back_end.installed())
+    assert choose_solver(problem).name == fastest.name
+    chosen = choose_solver(problem, "superlu")
+    assert (chosen.name, chosen.licence) == ("superlu", "BSD-3-Clause")
+    sector = tube(0.1, 0.12, 0.13, 0.05, 6)
+    cyclic = cyclic_problem(sector, MATERIALS, [Clamped(SUPPORT)])
+    assert choose_solver(cyclic).name == choose_solver(cyclic, "cyclic").name == "cyclic"
+    with pytest.raises(InputError, match="solved by 'cyclic' alone"):
+        choose_solver(cyclic, "superlu")
+    with pytest.raises(InputError, match="needs a mesh of equal sectors"):
+        choose_solver(problem, "cyclic")
+    with pytest.raises(InputError, match="solver 'lu' found, must be one of cyclic, superlu, mumps"):
+        named_back_end("lu")
+
+
+def test_nothing_permissive_needs_to_be_installed() -> None:
+    """The licence of a back end chosen by default binds no program that calls it."""
+    assert SUPERLU.installed()
+    assert not any(word in back_end.licence for back_end in AUTOMATIC for word in ("GPL", "Intel"))
+
+
+def test_statistics_grow_with_the_work() -> None:
+    solver = SparseSolver(held_cube(2), SUPERLU)
+    before = solver.statistics
+    assert before.n_dof == 3 * 125
+    assert before.n_entries == held_cube(2).matrix.nnz
+    assert before.factor_seconds > 0.0
+    assert before.solve_seconds == before.relative_residual == 0.0
+    assert 0.0 < before.probe_residual < 1e-10
+    solver.solve(np.ones((375, 2)))
+    after = solver.statistics
+    assert after.solve_seconds > 0.0
+    assert 0.0 < after.relative_residual < 1e-10
+    assert after.peak_memory >= before.peak_memory >= 0
+
+
+@pytest.mark.parametrize(
+    ("loads", "message"),
+    [
+        (np.ones((5, 1)), r"loads \(5, 1\) found, must be \(81, any number\)"),
+        (np.ones(81), r"loads \(81,\) found"),
+        (np.full((81, 1), np.nan), "loads: a value is not finite"),
+    ],
+)
+def test_wrong_loads_are_refused(loads: np.ndarray, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        SparseSolver(held_cube(1), SUPERLU).solve(loads)
+
+
+def test_wrong_problems_are_refused() -> None:
+    good = csr_array(np.diag([1.0, 2.0]))
+    with pytest.raises(InputError, match="not symmetric"):
+        unheld_problem(csr_array(np.array([[2.0, 1.0], [0.0, 2.0]])))
+    with pytest.raises(InputError, match="not finite"):
+        unheld_problem(csr_array(np.diag([1.0, np.inf])))
+    with pytest.raises(InputError, match=r"matrix \(2, 2\), free motions \(3, 3\) differ"):
+        SparseProblem(good, csr_array(np.eye(3)))
+    with pytest.raises(InputError, match="2 nodes found for 2 dofs"):
+        SparseProblem(good, csr_array(np.eye(2)), np.zeros((2, 3)))
+    with pytest.raises(SolverError, match="diagonal is not positive"):
+        SparseSolver(unheld_problem(csr_array(np.diag([1.0, -1.0]))), SUPERLU)

@@ -1,0 +1,278 @@
+"""The cyclic solver against the full mesh: Z_p, displacements, supports, shapes of sectors, refusals."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.sparse import csr_array, eye_array
+from solid_bodies import METAL, tube
+
+from builder.structure.solid.elements.element_faces import element_faces
+from builder.structure.solid.gauges.cyclic_gauges import cyclic_gauge_rows
+from builder.structure.solid.gauges.gauge_rows import Gauges, gauge_rows, gauges_at
+from builder.structure.solid.growth import growth_rows, growth_table, layout_gauges, sector_of_size
+from builder.structure.solid.mesh.solid_mesh import EXTERNAL, INTERNAL, SUPPORT, SolidMesh
+from builder.structure.solid.mesh.swept_mesh import GUIDED, REGION, SweptSector, full_mesh
+from builder.structure.solid.operators.cyclic_operator import (
+    CircularOperator,
+    CyclicProblem,
+    cyclic_problem,
+    to_body_axes,
+    to_sector_frames,
+)
+from builder.structure.solid.operators.stiffness import sector_stiffness
+from builder.structure.solid.operators.supports import Clamped, Foundation, Support, Symmetric
+from builder.structure.solid.operators.surface_load import pressure_load, surface_nodes
+from builder.structure.solid.solvers.cyclic import CyclicSolver, pressure_operator
+from builder.structure.solid.solvers.problem import SolverError
+from builder.structure.solid.solvers.shifted_rows import shifted_rows
+from builder.structure.solid.solvers.solver import choose_solver
+from builder.structure.solid.strain_operator import held_problem, strain_operator
+from builder.structure.wall import wall_of
+from builder.vehicle.file import IC3X, load_vehicle
+from strainfmu.arrays import FloatArray
+from strainfmu.errors import InputError, StrainfmuError
+
+MATERIALS = {REGION: METAL}
+CLAMPED = [Clamped(SUPPORT)]
+RADIUS = 0.12
+FACES = element_faces("hexahedron20")
+
+
+def gauges_round(angles: Sequence[float], x: float = 0.06, length: float = 0.0) -> Gauges:
+    """An axial and a hoop gauge at each roll angle [deg] on the inner surface of a tube."""
+    phi = np.deg2rad(angles)
+    position = np.column_stack([np.full(len(phi), x), RADIUS * np.sin(phi), RADIUS * np.cos(phi)])
+    hoop = np.column_stack([np.zeros(len(phi)), np.cos(phi), -np.sin(phi)])
+    direction = np.concatenate([np.tile([1.0, 0.0, 0.0], (len(phi), 1)), hoop])
+    return gauges_at(np.tile(position, (2, 1)), direction, length=length)
+
+
+def full_strain_operator(
+    sector: SweptSector, rows: csr_array, supports: Sequence[Support], dense: bool = False
+) -> FloatArray:
+    mesh = full_mesh(sector)
+    problem = held_problem(mesh, MATERIALS, supports)
+    load = pressure_load(mesh, EXTERNAL)
+    if dense:
+        answer = problem.free @ np.linalg.solve(problem.matrix.toarray(), problem.free.T @ rows.T.toarray())
+        return np.asarray((load.T @ answer).T)
+    return strain_operator(rows, choose_solver(problem, "superlu"), load)
+
+
+def cyclic_strain_operator(sector: SweptSector, rows: csr_array, supports: Sequence[Support]) -> FloatArray:
+    problem = cyclic_problem(sector, MATERIALS, supports)
+    return CyclicSolver(problem).strain_operator(rows, pressure_operator(problem, EXTERNAL))
+
+
+def largest_difference(found: FloatArray, reference: FloatArray) -> float:
+    return float(np.abs(found - reference).max() / np.abs(reference).max())
+
+
+@pytest.mark.parametrize("n_sectors", [6, 7])
+def test_tiny_mesh_agrees_with_the_dense_inverse(n_sectors: int) -> None:
+    """LAPACK on all sectors at once, an even and an odd number; round-off times a condition number of 1e5."""
+    sector = tube(0.1, RADIUS, 0.13, 0.05, n_sectors)
+    rows = gauge_rows(full_mesh(sector), gauges_round([10.0, 100.0]))
+    exact = full_strain_operator(sector, rows, CLAMPED, dense=True)
+    assert largest_difference(cyclic_strain_operator(sector, rows, CLAMPED), exact) < 1e-10
+
+
+@pytest.mark.parametrize(
+    "supports",
+    [
+        CLAMPED,
+        [Clamped(SUPPORT), Symmetric(GUIDED)],
+        [Clamped(SUPPORT), Symmetric(INTERNAL)],
+        [Foundation(INTERNAL, 1e9, 2e8)],
+        [Foundation(INTERNAL, 1e9), Symmetric(GUIDED), Foundation(SUPPORT, 0.0, 1e8)],
+    ],
+    ids=["clamped", "clamped and guided", "sliding inside", "foundation", "three kinds"],
+)
+def test_agrees_with_superlu_on_the_full_mesh(supports: Sequence[Support]) -> None:
+    """Two independent solutions of one discrete problem."""
+    sector = tube(0.3, RADIUS, 0.13, 0.05, 16, front="guided", aft="clamped")
+    rows = gauge_rows(full_mesh(sector), gauges_round([5.0, 95.0, 140.0]))
+    reference = full_strain_operator(sector, rows, supports)
+    assert largest_difference(cyclic_strain_operator(sector, rows, supports), reference) < 1e-8
+
+
+def test_vehicle_agrees_with_superlu_on_the_full_mesh() -> None:
+    """The shipped vehicle, all gauges of its layout, about 20,000 dofs."""
+    vehicle = load_vehicle(IC3X)
+    sector = sector_of_size(vehicle, 20_000)
+    materials = {REGION: wall_of(vehicle).material}
+    rows = cyclic_gauge_rows(sector, layout_gauges(vehicle))
+    problem = cyclic_problem(sector, materials, CLAMPED)
+    solver = CyclicSolver(problem)
+    found = solver.strain_operator(rows, pressure_operator(problem, EXTERNAL))
+    mesh = full_mesh(sector)
+    direct = choose_solver(held_problem(mesh, materials, CLAMPED), "superlu")
+    assert largest_difference(found, strain_operator(rows, direct, pressure_load(mesh, EXTERNAL))) < 1e-8
+    assert solver.statistics.relative_residual < 1e-8
+
+
+def joined(sector: SweptSector, k: int) -> SweptSector:
+    """Return ``k`` neighbouring sectors as one sector."""
+    turns = [sector.rotation(s) for s in range(k)]
+    first = sector.n_nodes * np.arange(k)[:, None, None]
+
+    def repeated(numbers: NDArray[np.int64]) -> NDArray[np.int64]:
+        return np.asarray((numbers + first).reshape(-1, numbers.shape[1]))
+
+    node = np.concatenate([sector.node @ turn.T for turn in turns])
+    surface = {name: repeated(facet) for name, facet in sector.surface.items()}
+    return SweptSector(
+        n_sectors=sector.n_sectors // k, node=node, element=repeated(sector.element), surface=surface
+    )
+
+
+def with_windows(sector: SweptSector, cut: Sequence[int]) -> SweptSector:
+    """Return a sector without some elements, its unused nodes and the facets on them taken away."""
+    element = np.delete(sector.element, cut, axis=0)
+    n = sector.n_nodes
+    kept = np.unique(element % n)
+    number = np.full(2 * n, -1)
+    number[kept], number[n + kept] = np.arange(len(kept)), len(kept) + np.arange(len(kept))
+    corners = {tuple(sorted(face)) for one in element for face in (one[i].tolist() for i in FACES)}
+    surface = {
+        name: number[[facet for facet in facets.tolist() if tuple(sorted(facet)) in corners]]
+        for name, facets in sector.surface.items()
+    }
+    return SweptSector(
+        n_sectors=sector.n_sectors, node=sector.node[kept], element=number[element], surface=surface
+    )
+
+
+def test_four_equal_windows_in_a_tube() -> None:
+    """A body that is not of revolution: in sectors of five elements round the axis two are cut out."""
+    sector = joined(tube(0.3, RADIUS, 0.13, 0.05, 20), 5)
+    per_sector = len(sector.element) // 5
+    windowed = with_windows(sector, [2 * per_sector + 2, 2 * per_sector + 3])
+    assert len(full_mesh(windowed).element) == 4 * (5 * per_sector - 2)
+    rows = gauge_rows(full_mesh(windowed), gauges_round([20.0, 110.0, 200.0], x=0.07))
+    reference = full_strain_operator(windowed, rows, CLAMPED)
+    assert largest_difference(cyclic_strain_operator(windowed, rows, CLAMPED), reference) < 1e-8
+
+
+def test_displacements_under_any_load() -> None:
+    """Forces on single nodes, given as an array and as a sparse matrix, against superlu on the full mesh."""
+    sector = tube(0.2, RADIUS, 0.13, 0.05, 9)
+    mesh = full_mesh(sector)
+    load = np.random.default_rng(0).normal(size=(mesh.n_dof, 3))
+    reference = choose_solver(held_problem(mesh, MATERIALS, CLAMPED), "superlu").solve(load)
+    solver = choose_solver(cyclic_problem(sector, MATERIALS, CLAMPED))
+    assert largest_difference(solver.solve(load), reference) < 1e-9
+    assert not solver.solve(load).reshape(-1, 3, 3)[surface_nodes(mesh, SUPPORT)].any()
+    assert 0.0 < solver.statistics.relative_residual < 1e-9
+    assert solver.statistics.n_dof == mesh.n_dof
+
+
+def test_threads_do_not_change_the_result() -> None:
+    sector = tube(0.2, RADIUS, 0.13, 0.05, 12)
+    problem = cyclic_problem(sector, MATERIALS, CLAMPED)
+    rows = gauge_rows(full_mesh(sector), gauges_round([5.0]))
+    load = pressure_operator(problem, EXTERNAL)
+    one, two = (CyclicSolver(problem, threads).strain_operator(rows, load) for threads in (1, 2))
+    np.testing.assert_array_equal(one, two)
+
+
+def test_progress_counts_harmonics() -> None:
+    sector = tube(0.1, RADIUS, 0.13, 0.05, 7)
+    problem = cyclic_problem(sector, MATERIALS, CLAMPED)
+    rows = gauge_rows(full_mesh(sector), gauges_round([5.0]))
+    seen: list[tuple[int, int]] = []
+    CyclicSolver(problem).strain_operator(
+        rows, pressure_operator(problem, EXTERNAL), lambda done, n: seen.append((done, n))
+    )
+    assert seen == [(1, 4), (2, 4), (3, 4), (4, 4)]
+
+
+def test_gauges_a_quarter_turn_apart_are_one_pattern() -> None:
+    """Four roll angles, two directions: two distinct rows; shifted back, they are the rows given."""
+    sector = tube(0.2, RADIUS, 0.13, 0.05, 16)
+    gauges = gauges_round([0.0, 90.0, 180.0, 270.0])
+    rows = cyclic_gauge_rows(sector, gauges)
+    shifted = shifted_rows(sector, rows)
+    assert shifted.n_patterns == 2
+    frames = to_sector_frames(sector, np.asarray(rows.toarray().T))
+    for row, (pattern, shift) in enumerate(zip(shifted.pattern_of_row, shifted.shift_of_row, strict=True)):
+        mine = shifted.pattern == pattern
+        rebuilt = np.zeros((sector.n_sectors, sector.n_dof))
+        rebuilt[(shifted.sector[mine] + shift) % sector.n_sectors, shifted.dof[mine]] = shifted.entry[mine]
+        np.testing.assert_allclose(rebuilt, frames[:, :, row], rtol=0.0, atol=1e-9 * np.abs(frames).max())
+
+
+@pytest.mark.parametrize("length", [0.0, 0.03])
+def test_gauge_rows_of_a_window_are_those_of_the_full_mesh(length: float) -> None:
+    """Inside sectors, hoop gauges as long as one too; places are rounded to 1e-12 m over elements of 1e-2 m."""
+    sector = tube(0.2, RADIUS, 0.13, 0.05, 24)
+    gauges = gauges_round([6.0, 97.0, 261.5, 355.0], length=length)
+    whole, window = gauge_rows(full_mesh(sector), gauges), cyclic_gauge_rows(sector, gauges)
+    assert np.abs((whole - window).data).max() < 1e-9 * np.abs(whole.data).max()
+
+
+def test_gauge_off_the_surface_is_refused() -> None:
+    gauges = gauges_round([6.0])
+    with pytest.raises(InputError, match="off surface 'internal'"):
+        cyclic_gauge_rows(tube(0.2, RADIUS, 0.13, 0.05, 24), replace(gauges, position=0.99 * gauges.position))
+
+
+def test_frames_are_turned_there_and_back() -> None:
+    sector = tube(0.1, RADIUS, 0.13, 0.05, 6)
+    vector = np.random.default_rng(0).normal(size=(6 * sector.n_dof, 2))
+    np.testing.assert_allclose(to_body_axes(sector, to_sector_frames(sector, vector)), vector, atol=1e-14)
+
+
+def test_unsupported_structure_is_refused() -> None:
+    sector = tube(0.2, RADIUS, 0.13, 0.05, 12)
+    with pytest.raises(InputError, match="a rigid motion is left free"):
+        cyclic_problem(sector, MATERIALS, [])
+    with pytest.raises(InputError, match="no surface 'base'"):
+        cyclic_problem(sector, MATERIALS, [Clamped("base")])
+
+
+def free_problem(shift: float = 0.0) -> CyclicProblem:
+    """A tube whose clamp is taken away after the fact, its stiffness shifted by ``shift`` times the diagonal."""
+    sector = tube(0.2, RADIUS, 0.13, 0.05, 12)
+    here, after = sector_stiffness(sector, MATERIALS)
+    unit = eye_array(sector.n_dof, format="csr")
+    here = here + shift * here.diagonal().max() * unit
+    return CyclicProblem(
+        sector, CircularOperator(n_sectors=12, here=here, after=after, before=after.T.tocsr()), unit
+    )
+
+
+@pytest.mark.parametrize("shift", [0.0, -1e-6, -1e-2])
+def test_free_and_indefinite_structures_are_refused(shift: float) -> None:
+    problem = free_problem(shift)
+    rows = gauge_rows(full_mesh(problem.sector), gauges_round([5.0]))
+    with pytest.raises(SolverError, match=r"cyclic, harmonic \d+"):
+        CyclicSolver(problem).strain_operator(rows, pressure_operator(problem, EXTERNAL))
+
+
+def test_wrong_rows_are_refused() -> None:
+    problem = cyclic_problem(tube(0.1, RADIUS, 0.13, 0.05, 6), MATERIALS, CLAMPED)
+    mesh: SolidMesh = full_mesh(problem.sector)
+    rows = gauge_rows(mesh, gauges_round([5.0]))
+    load = pressure_operator(problem, EXTERNAL)
+    for wrong in (rows[:, :-3], rows * np.nan, rows[:0]):
+        with pytest.raises(InputError, match="finite columns"):
+            CyclicSolver(problem).strain_operator(wrong, load)
+
+
+def test_growth_is_measured_case_by_case() -> None:
+    """Two solvers of one small size, each in a process of its own; a process' failure is passed on."""
+    rows = list(growth_rows(IC3X, ["cyclic", "superlu"], [8_000]))
+    assert [row.solver for row in rows] == ["cyclic", "superlu"]
+    assert rows[0].n_dof == rows[1].n_dof >= 8_000
+    assert rows[0].n_gauges == 54
+    assert max(row.relative_residual for row in rows) < 1e-8
+    assert len(growth_table(rows).splitlines()) == 3
+    assert not list(growth_rows(IC3X, ["superlu"], [600_000]))
+    with pytest.raises(StrainfmuError, match="growth, cyclic at 0 dofs: size 0 must be at least 1"):
+        list(growth_rows(IC3X, ["cyclic"], [0]))
