@@ -146,34 +146,15 @@ def estimate_file(
             raise InputError(f"{source}: --residuals: expected an inverse map, got an FMU")
         if field_every < 1:
             raise InputError(f"--field-every: expected at least 1, got {field_every}")
+        if field_output is not None and time_constant is not None:
+            raise InputError("--field: expected none beside --filter, which does not filter the pressure field")
         if field_output is not None:
-            if time_constant is not None:
-                raise InputError(
-                    "--field: expected none beside --filter, which does not filter the pressure field"
-                )
             check_field_output(Path(field_output), estimator.inverse_map, source)
-        navigates = STATIC_PRESSURE in estimator.inputs
-        wanted = Wanted(
-            gauge_names=estimator.gauge_names,
-            fixed_pressure=dynamic_pressure,
-            flow=(
-                *FLOW_NAMES,
-                *(NAVIGATION_NAMES if navigates else (STATIC_PRESSURE,)),
-                *estimator.parameter_names,
-                *(f"{name}{STD}" for name in estimator.sharpening),
-                *estimator.readings,
-            ),
-            readings=estimator.readings,
-            computes_pressure=True,
-            navigates=navigates,
-            ignored=tuple(ignore_columns),
-            reference=estimator.reference,
-            sensors=estimator.sensor_names,
-        )
         if channels is not None and ignore_columns:
             raise InputError(
                 f"{data}: --ignore-columns: expected none beside --channels, which names what is read"
             )
+        wanted = _wanted(estimator, dynamic_pressure, ignore_columns)
         with open_strains(data, wanted, None if channels is None else Path(channels)) as opened:
             plan = opened.plan
             level = LevelCheck(data, estimator.reference, float(np.median(plan.strain_factor)), check_level)
@@ -201,6 +182,28 @@ def estimate_file(
                         progress(done, opened.length)
                 summary.notes += [*level.notes(), *held.notes()]
     return summary
+
+
+def _wanted(estimator: BlockEstimator, dynamic_pressure: float | None, ignored: Sequence[str]) -> Wanted:
+    """Return what ``estimator`` takes of a recording; ``dynamic_pressure`` [Pa] stands for its column."""
+    navigates = STATIC_PRESSURE in estimator.inputs
+    return Wanted(
+        gauge_names=estimator.gauge_names,
+        fixed_pressure=dynamic_pressure,
+        flow=(
+            *FLOW_NAMES,
+            *(NAVIGATION_NAMES if navigates else (STATIC_PRESSURE,)),
+            *estimator.parameter_names,
+            *(f"{name}{STD}" for name in estimator.sharpening),
+            *estimator.readings,
+        ),
+        readings=estimator.readings,
+        computes_pressure=True,
+        navigates=navigates,
+        ignored=tuple(ignored),
+        reference=estimator.reference,
+        sensors=estimator.sensor_names,
+    )
 
 
 def _field_series(
