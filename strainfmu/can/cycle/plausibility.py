@@ -56,25 +56,12 @@ class GaugeChecks:
         periods: FloatArray | None = None,
     ) -> None:
         self._settings = settings
+        self._cycle_time = cycle_time
         self._periods = np.full(n_gauges, cycle_time) if periods is None else periods
         self._cycles_apart = self._periods / cycle_time
         # Gauges that come in every cycle, where others come more slowly.
         is_fast = self._cycles_apart < 1.5
         self._fast = np.flatnonzero(is_fast & ~is_fast.all())
-        self._last_raw = np.zeros(n_gauges, dtype=np.int64)
-        self._last_strain = np.full(n_gauges, np.nan)
-        self._cycle_time = cycle_time
-        self._last_good = np.full(n_gauges, np.nan)
-        self._good_time = np.zeros(n_gauges)
-        self._pace = np.zeros(n_gauges)
-        self._changed = np.full(n_gauges, np.inf)
-        # When each gauge was heard last, and for how long it had not been heard before its last change, both in s.
-        self._heard = np.full(n_gauges, np.nan)
-        self._unheard = np.zeros(n_gauges)
-        self._repeats = np.zeros(n_gauges, dtype=np.int64)
-        self._zeros = np.zeros(n_gauges, dtype=np.int64)
-        self._good = np.full(n_gauges, settings.heal_cycles, dtype=np.int64)
-        self._seen = np.zeros(n_gauges, dtype=bool)
         # Limits of every gauge: a number is made an array of in every call, which takes as long as the comparison.
         self._largest = np.full(n_gauges, settings.sensor_range)
         self._largest_change = np.full(n_gauges, settings.rate_limit)
@@ -86,6 +73,34 @@ class GaugeChecks:
         noise = noise or like_gauges(n_gauges)
         self._never_beyond = noise.largest < (1.0 - _MARGIN) * settings.sensor_range
         self._only_raw_zero = noise.smallest > (1.0 + _MARGIN) * _ROUND_OFF
+        self._begin_gauges(n_gauges)
+        self._begin_cycles(n_gauges)
+        self.faults: dict[str, BoolArray] = {}
+        """Gauges (n_d,) that failed each check of the last cycle, by its words."""
+        self._watch = self.new_watch(noise)
+        self._counted_on: FloatArray | None = None
+        self._count_on(self._watch.noise_ratio)
+        self.has_frozen = False
+        """Gauges of the last cycle repeat readings, or scatter too little, together."""
+
+    def _begin_gauges(self, n_gauges: int) -> None:
+        """Begin with gauges of which none has been heard."""
+        self._last_raw = np.zeros(n_gauges, dtype=np.int64)
+        self._last_strain = np.full(n_gauges, np.nan)
+        self._last_good = np.full(n_gauges, np.nan)
+        self._good_time = np.zeros(n_gauges)
+        self._pace = np.zeros(n_gauges)
+        self._changed = np.full(n_gauges, np.inf)
+        # When each gauge was heard last, and for how long it had not been heard before its last change, both in s.
+        self._heard = np.full(n_gauges, np.nan)
+        self._unheard = np.zeros(n_gauges)
+        self._repeats = np.zeros(n_gauges, dtype=np.int64)
+        self._zeros = np.zeros(n_gauges, dtype=np.int64)
+        self._good = np.full(n_gauges, self._settings.heal_cycles, dtype=np.int64)
+        self._seen = np.zeros(n_gauges, dtype=bool)
+
+    def _begin_cycles(self, n_gauges: int) -> None:
+        """Begin with no cycle, and none quiet."""
         # Changes of the quiet cycles that the pace does not hold yet [m/m], and their lengths [cycles].
         self._recent = np.zeros((_RECENT, n_gauges))
         self._changes, self._lengths = list(self._recent), list[float]()
@@ -103,13 +118,6 @@ class GaugeChecks:
         self._changed_at = np.nan
         # Frames of this cycle's gauges were lost just before.
         self._had_pause = False
-        self.faults: dict[str, BoolArray] = {}
-        """Gauges (n_d,) that failed each check of the last cycle, by its words."""
-        self._watch = self.new_watch(noise)
-        self._counted_on: FloatArray | None = None
-        self._count_on(self._watch.noise_ratio)
-        self.has_frozen = False
-        """Gauges of the last cycle repeat readings, or scatter too little, together."""
 
     def new_watch(self, noise: GaugeNoise) -> FreezeWatch:
         """Return the watch for gauges that are frozen together."""
