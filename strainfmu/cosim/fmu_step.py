@@ -129,18 +129,21 @@ class FmuStep:
         self._python_path = list(sys.path)
         self._stack = ExitStack()
         try:
-            folder = self._stack.enter_context(
-                tempfile.TemporaryDirectory(
-                    prefix="strainfmu_", dir=safe_temporary_parent(), ignore_cleanup_errors=True
-                )
-            )
-            self._folder = Path(folder)
-            unzip(path, self._folder)
+            self._folder = self._unzipped()
             self.noise_std = noise_std_of(self._folder / CONTENTS, self.n_gauges)
             self._open()
         except BaseException:
             self._stack.close()
             raise
+
+    def _unzipped(self) -> Path:
+        """Return the folder of the FMU's files, which goes when the step is closed."""
+        made = tempfile.TemporaryDirectory(
+            prefix="strainfmu_", dir=safe_temporary_parent(), ignore_cleanup_errors=True
+        )
+        folder = Path(self._stack.enter_context(made))
+        unzip(self.path, folder)
+        return folder
 
     def __enter__(self) -> FmuStep:
         return self
