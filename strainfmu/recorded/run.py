@@ -146,10 +146,8 @@ def estimate_file(
             raise InputError(f"{source}: --residuals: expected an inverse map, got an FMU")
         if field_every < 1:
             raise InputError(f"--field-every: expected at least 1, got {field_every}")
-        if field_output is not None and time_constant is not None:
-            raise InputError("--field: expected none beside --filter, which does not filter the pressure field")
         if field_output is not None:
-            check_field_output(Path(field_output), estimator.inverse_map, source)
+            _check_field(Path(field_output), estimator.inverse_map, source, time_constant)
         if channels is not None and ignore_columns:
             raise InputError(
                 f"{data}: --ignore-columns: expected none beside --channels, which names what is read"
@@ -160,10 +158,8 @@ def estimate_file(
             level = LevelCheck(data, estimator.reference, float(np.median(plan.strain_factor)), check_level)
             held = HeldStrains(data)
             zero = 0.0 if zeros is None else load_zeros(zeros, estimator.gauge_names).value
-            summary = EstimationSummary(
-                unused=plan.unused,
-                notes=[*opened.notes, *_unused_inputs(source, estimator, plan)],
-            )
+            notes = [*opened.notes, *_unused_inputs(source, estimator, plan)]
+            summary = EstimationSummary(unused=plan.unused, notes=notes)
             names = _columns(plan, estimator.further_columns, estimator.row_names if residuals else ())
             made = filter_attributes(estimator)
             with (
@@ -204,6 +200,13 @@ def _wanted(estimator: BlockEstimator, dynamic_pressure: float | None, ignored: 
         reference=estimator.reference,
         sensors=estimator.sensor_names,
     )
+
+
+def _check_field(path: Path, inverse_map: InverseMap | None, source: Path, time_constant: float | None) -> None:
+    """Refuse pressure fields beside a filter, and what :func:`check_field_output` does."""
+    if time_constant is not None:
+        raise InputError("--field: expected none beside --filter, which does not filter the pressure field")
+    check_field_output(path, inverse_map, source)
 
 
 def _field_series(
