@@ -176,6 +176,18 @@ def advance_cells(
 
 
 @compiled
+def move_outer(outer: FloatArray, growth: FloatArray, last_growth: FloatArray, dx: float, ahead: float) -> None:
+    """Move the outer boundary (n_phi + 1,) through a step dx, and make ``growth`` the last one.
+
+    The shock moves as it would half a step ahead (second-order Adams-Bashforth): ``ahead`` is that half step over
+    the last step, 0 in the first.
+    """
+    for j in range(outer.size):
+        outer[j] += dx * (growth[j] + ahead * (growth[j] - last_growth[j]))
+        last_growth[j] = growth[j]
+
+
+@compiled
 def march(
     conserved: FloatArray,
     outer: FloatArray,
@@ -212,7 +224,7 @@ def march(
     area_before, area_after, crossing = np.empty((n_phi, n_r)), np.empty((n_phi, n_r)), np.empty((n_phi, n_r))
     first, second, guess = np.empty(conserved.shape), np.empty(conserved.shape), np.empty(conserved.shape)
     wall_first, wall_second = np.empty(n_phi), np.empty(n_phi)
-    growth, last_growth = np.empty(n_phi + 1), np.empty(n_phi + 1)
+    growth, last_growth = np.empty(n_phi + 1), np.zeros(n_phi + 1)
     radius, slope = np.empty(n_phi + 1), np.empty(n_phi + 1)
     x, last_dx = x_start, 0.0
     find_wall(x, wall, radius, slope)
@@ -227,11 +239,7 @@ def march(
         last = x + dx >= x_end * (1.0 - 1e-12)
         if last:
             dx = x_end - x
-        # The shock moves as it would half a step ahead (second-order Adams-Bashforth).
-        ahead = 0.5 * dx / last_dx if number > 0 else 0.0
-        for j in range(n_phi + 1):
-            outer[j] += dx * (growth[j] + ahead * (growth[j] - last_growth[j] if number > 0 else 0.0))
-            last_growth[j] = growth[j]
+        move_outer(outer, growth, last_growth, dx, 0.5 * dx / last_dx if number > 0 else 0.0)
         last_dx = dx
         find_wall(x + dx, wall, radius, slope)
         place_vertices(radius, outer, spacing, rays, after)
