@@ -88,6 +88,8 @@ void filter_solution(Filter *filter) {
     for (size_t k = 0; k < N_STATES; k++) {
         memcpy(found->state_covariance + k * N_STATES, covariance + k * order, N_STATES * sizeof *covariance);
     }
+    memcpy(found->widened_covariance, found->state_covariance, sizeof found->widened_covariance);
+    memset(found->widening, 0, sizeof found->widening);
     const double of_pressure[N_STATES] = {2.0 / mach, 0.0, 0.0, 1.0};
     const double of_log = sqrt(quadratic(N_STATES, of_pressure, found->state_covariance, of_pressure));
     const double widening = lognormal_deviation(of_log) / of_log, wider = widening * widening;

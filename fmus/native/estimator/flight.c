@@ -5,6 +5,7 @@
 #include <stdlib.h>
 
 #include "../core/elementary.h"
+#include "flight_ambiguity.h"
 #include "flight_parts.h"
 #include "step_parts.h"
 
@@ -171,10 +172,20 @@ void flight_set_measurement(Flight *flight) {
 }
 
 static void solve(Flight *flight, int search) {
+    FlightSolver *solver = &flight->solver;
+    const Track *base = &flight->base;
     if (search) {
-        flight_solve_cold(&flight->solver);
+        flight_search_widened(solver);
+    } else if (!flight_pressure_untold(solver)) {
+        flight_solve_warm(solver, base->state);
+    } else if (base->since_search >= flight->map.search_every) {
+        flight_search_again(solver, base->state);
+        flight->searched_again = 1;
     } else {
-        flight_solve_warm(&flight->solver, flight->base.state);
+        flight_solve_warm(solver, base->state);
+        if (base->widening[0] != 0.0) {
+            flight_widen(solver, base->widening);
+        }
     }
 }
 
@@ -215,6 +226,7 @@ static void set_next(Flight *flight, int searched, int fits, double to_return) {
     memcpy(next->state, moves ? flight->solver.solution.state : flight->base.state, sizeof next->state);
     next->since_search = flight_since_search(flight, searched);
     next->to_return = to_return;
+    memcpy(next->widening, flight->solver.solution.widening, sizeof next->widening);
     next->stepped = 0.0;
 }
 
@@ -231,6 +243,7 @@ static void forget_law(Filter *filter) {
 static int attempt(Estimator *e, size_t used, int search) {
     Flight *flight = &e->flight;
     double residual[N_NAVIGATION];
+    flight->searched_again = 0;
     flight_set_measurement(flight);
     solve(flight, search);
     memcpy(residual, flight->solver.solution.navigation_residual, sizeof residual);
@@ -245,8 +258,8 @@ static int attempt(Estimator *e, size_t used, int search) {
 static int best_attempt(Estimator *e, size_t used, int *searched) {
     const Track *base = &e->flight.base;
     const int first = base->has_state == 0.0, found = attempt(e, used, first);
-    *searched = first;
-    if (first || found == FITS || base->since_search < e->flight.map.search_every) {
+    *searched = first || e->flight.searched_again;
+    if (*searched || found == FITS || base->since_search < e->flight.map.search_every) {
         return found;
     }
     *searched = 1;
@@ -263,6 +276,7 @@ void flight_update(Estimator *e) {
     known_follow(e);
     if (flight_filters(e)) {
         flight_filter_update(e, used);
+        memset(flight->next.widening, 0, sizeof flight->next.widening);
         return;
     }
     if (flight->filter.present) {
@@ -318,6 +332,11 @@ int flight_track_fits(const Flight *flight, const Track *track) {
             && track->to_return >= 0.0 && track->to_return <= flight->map.return_after;
     for (size_t k = 0; k < N_STATES; k++) {
         good = good && isfinite(track->state[k]);
+    }
+    const int is_widened = track->widening[0] != 0.0;
+    for (size_t k = 0; k < N_WIDENING; k++) {
+        const double factor = track->widening[k];
+        good = good && (is_widened ? factor >= 1.0 && isfinite(factor) : factor == 0.0);
     }
     return good;
 }

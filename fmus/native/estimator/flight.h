@@ -26,6 +26,7 @@ typedef struct {
     double has_state; /* 0 or 1; all of it float64, as it is serialised */
     double state[N_STATES];
     double since_search, to_return; /* steps */
+    double widening[N_WIDENING];    /* of the last search; 0 where navigation has told the pressure since */
     double stepped;                 /* whether the outputs are those of a step that has been taken */
 } Track;
 
@@ -41,6 +42,7 @@ typedef struct {
     void *memory;
     Track base; /* that the outputs follow from */
     Track next; /* that they leave */
+    int searched_again; /* whether a step from the last state has searched the tables for what else fits */
     double prior_std[N_STATES];
     double value[N_NAVIGATION], std[N_NAVIGATION]; /* of navigation; NaN where not known */
     double real[N_FLIGHT_REALS];

@@ -42,7 +42,7 @@ static void set_flags(Flight *flight, const Solution *found) {
     int known[N_STATES];
     const double u = found->state[STATE_U], w = found->state[STATE_W];
     for (size_t k = 0; k < N_STATES; k++) {
-        known[k] = sqrt(found->state_covariance[k * N_STATES + k]) < flight->map.min_gain * flight->prior_std[k];
+        known[k] = sqrt(found->widened_covariance[k * N_STATES + k]) < flight->map.min_gain * flight->prior_std[k];
     }
     const int angles = known[STATE_U] && known[STATE_W];
     const double score = flight->map.min_incidence_score * flight->real[N_AIR_DATA + TOTAL_INCIDENCE];
@@ -83,7 +83,7 @@ void flight_air_data(Flight *flight, const Solution *found) {
     row[AIR_DYNAMIC][STATE_MACH] = 2.0 * dynamic / mach;
     row[AIR_DYNAMIC][STATE_PRESSURE] = dynamic;
     for (int i = 0; i < N_AIR_DATA; i++) {
-        const double variance = quadratic(N_STATES, row[i], found->state_covariance, row[i]);
+        const double variance = quadratic(N_STATES, row[i], found->widened_covariance, row[i]);
         std[i] = sqrt(variance > 0.0 ? variance : 0.0);
     }
     for (int i = AIR_PRESSURE; i <= AIR_DYNAMIC; i++) {

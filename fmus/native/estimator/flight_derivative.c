@@ -155,6 +155,8 @@ static const char *why_none(const Estimator *e, const double *d_input) {
     const Flight *flight = &e->flight;
     return flight_filters(e) ? "the filter over time is on"
          : flight->flag[LINEAR_LOADS] ? "strain does not fit, the loads are those of the linear map"
+         : flight->solver.solution.widening[0] != 0.0
+             ? "navigation does not tell the pressure, and deviations hold other flight states"
          : moves_known(e, d_input) ? "a parameter of the flow is among the inputs, and stated with its deviation"
          : navigation_doubted(flight) ? "navigation is inconsistent, and the rest of it counts less for that"
                                       : NULL;

@@ -5,6 +5,7 @@
 
 #include "estimator.h"
 #include "flight_algebra.h"
+#include "flight_ambiguity.h"
 
 #define N_FURTHER_SIZES 8
 
@@ -76,10 +77,15 @@ static void set_load(Estimator *e, size_t j, const PressureErrors *pressure) {
     }
     const double variance = quadratic(N_STATES, by_state, errors, by_state) + remaining;
     const double of_both = quadratic(N_STATES, of_coefficient, errors, of_coefficient) + scale * scale * remaining;
+    const double *widening = solver->solution.widening + N_STATES;
+    const size_t m = flight->further.map.tables.n_rows;
+    const int is_widened = widening[0] != 0.0;
+    const double of_load = is_widened ? flight_further_widening(widening, j, m) : 1.0;
+    const double of_other = is_widened ? flight_further_widening(widening + N_LOADS, j, m) : 1.0;
     e->further.value[FURTHER_LOADS][j] = load;
-    e->further.value[FURTHER_LOADS_STD][j] = sqrt(variance);
+    e->further.value[FURTHER_LOADS_STD][j] = of_load * sqrt(variance);
     e->further.value[FURTHER_COEFFICIENTS][j] = turn * (scale * load);
-    e->further.value[FURTHER_COEFFICIENTS_STD][j] = turn * sqrt(pressure->wider * of_both);
+    e->further.value[FURTHER_COEFFICIENTS_STD][j] = of_other * turn * sqrt(pressure->wider * of_both);
 }
 
 void flight_further_update(Estimator *e) {

@@ -62,7 +62,7 @@ static double range_score(const Flight *flight) {
     const double *state = found->state, tolerance = map->range_tolerance;
     double std[N_STATES];
     for (size_t k = 0; k < N_STATES; k++) {
-        std[k] = sqrt(found->state_covariance[k * N_STATES + k]);
+        std[k] = sqrt(found->widened_covariance[k * N_STATES + k]);
     }
     const double mach = larger(map->mach_range[0] * (1.0 - tolerance) - state[STATE_MACH],
                                state[STATE_MACH] - map->mach_range[1] * (1.0 + tolerance));

@@ -311,11 +311,12 @@ static void set_navigation_residuals(FlightSolver *solver) {
     }
 }
 
-/* The solution at the state of the problem. */
-static void set_solution(FlightSolver *solver) {
+void flight_settle(FlightSolver *solver) {
     Solution *found = &solver->solution;
     memcpy(found->state, solver->state, sizeof found->state);
     invert_small(N_STATES, solver->hessian, found->state_covariance);
+    memcpy(found->widened_covariance, found->state_covariance, sizeof found->widened_covariance);
+    memset(found->widening, 0, sizeof found->widening);
     found->chi_square = solver->cost;
     found->rest_square = quadratic(N_STATES, solver->gradient, found->state_covariance, solver->gradient);
     flight_set_loads(solver);
@@ -335,10 +336,24 @@ void flight_solve_warm(FlightSolver *solver, const double *state) {
         evaluate(solver, next);
     }
     linearise(solver);
-    set_solution(solver);
+    flight_settle(solver);
 }
 
-/* Iterate from a start, S renewed half-way, and return what tells the best: -2 ln likelihood. */
+void flight_linearise_anew(FlightSolver *solver, const double *state) {
+    evaluate(solver, state);
+    set_factor(solver);
+    linearise(solver);
+}
+
+double flight_deviance(const FlightSolver *solver) {
+    double sum = 0.0;
+    for (size_t g = 0; g < solver->n_gauges; g++) {
+        sum += logarithm(solver->factor[g * solver->n + g]);
+    }
+    return solver->cost + 2.0 * sum;
+}
+
+/* Iterate from a start, S renewed half-way, and return what tells the best. */
 static double iterate_start(FlightSolver *solver, double *state) {
     const size_t iterations = (size_t)solver->map->start_iterations;
     solver->has_before = 0;
@@ -352,33 +367,31 @@ static double iterate_start(FlightSolver *solver, double *state) {
     }
     evaluate(solver, state);
     linearise(solver);
-    double sum = 0.0;
-    for (size_t g = 0; g < solver->n_gauges; g++) {
-        sum += logarithm(solver->factor[g * solver->n + g]);
+    return flight_deviance(solver);
+}
+
+size_t flight_search_ends(FlightSolver *solver) {
+    size_t best = 0;
+    for (size_t start = 0; start < SEARCH_STARTS; start++) {
+        flight_search_start(solver, start, solver->end[start]);
+        solver->end_deviance[start] = iterate_start(solver, solver->end[start]);
+        best = solver->end_deviance[start] < solver->end_deviance[best] ? start : best;
     }
-    return solver->cost + 2.0 * sum;
+    return best;
+}
+
+void flight_solve_from(FlightSolver *solver, const double *state) {
+    const size_t iterations = (size_t)solver->map->cold_iterations;
+    double next[N_STATES];
+    solver->has_before = 0;
+    flight_linearise_anew(solver, state);
+    for (size_t k = 0; k < iterations; k++) {
+        next_state(solver, next);
+        flight_linearise_anew(solver, next);
+    }
+    flight_settle(solver);
 }
 
 void flight_solve_cold(FlightSolver *solver) {
-    double best[N_STATES], lowest = INFINITY;
-    for (size_t start = 0; start < SEARCH_STARTS; start++) {
-        double state[N_STATES];
-        flight_search_start(solver, start, state);
-        const double cost = iterate_start(solver, state);
-        if (start == 0 || cost < lowest) {
-            lowest = cost;
-            memcpy(best, state, sizeof best);
-        }
-    }
-    const size_t iterations = (size_t)solver->map->cold_iterations;
-    solver->has_before = 0;
-    for (size_t k = 0; k <= iterations; k++) {
-        evaluate(solver, best);
-        set_factor(solver);
-        linearise(solver);
-        if (k < iterations) {
-            next_state(solver, best);
-        }
-    }
-    set_solution(solver);
+    flight_solve_from(solver, solver->end[flight_search_ends(solver)]);
 }

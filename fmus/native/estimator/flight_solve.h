@@ -25,15 +25,19 @@ typedef struct {
 #define SEARCH_ROLLS 16
 #define SEARCH_STATES (SEARCH_MACHS * SEARCH_ROLLS) /* at each incidence */
 
+#define N_WIDENING (N_STATES + 2 * N_LOADS) /* flight state, loads, coefficients */
+
 /* Estimates of a sample, about the map's moment point and references. */
 typedef struct {
-    double state[N_STATES], state_covariance[N_STATES * N_STATES];
+    double state[N_STATES], state_covariance[N_STATES * N_STATES]; /* that of the problem about the state */
     double loads[N_LOADS], load_covariance[N_LOADS * N_LOADS];
     double coefficients[N_LOADS], coefficient_covariance[N_LOADS * N_LOADS];
     double chi_square;
     double rest_square; /* square of what another iteration would move the state by, in its deviations */
     double *standardised_residual; /* (n) */
     double navigation_residual[N_NAVIGATION];
+    double widening[N_WIDENING];                       /* factors on deviations, for what else fits; 0 for none, */
+    double widened_covariance[N_STATES * N_STATES];    /* of the state with them; those of the loads have them */
     double shape_square; /* chi-square of the shapes of pressure off the tables in the residual */
 } Solution;
 
@@ -64,6 +68,7 @@ typedef struct {
     double innovation[N_MEASURED];
     double log_mach_slope;       /* derivative of ln q_inf by M */
     double hessian[N_STATES * N_STATES], gradient[N_STATES], cost;
+    double end[SEARCH_STARTS][N_STATES], end_deviance[SEARCH_STARTS]; /* where the iterations of the search ended */
     int has_before;              /* whether the iterations have taken a step: from this state, the whole of it this */
     double before[N_STATES], whole_step[N_STATES];
 } FlightSolver;
@@ -80,6 +85,14 @@ void flight_solver_add_noise(FlightSolver *solver, const double *own, const doub
    solution is in solver->solution. */
 void flight_solve_cold(FlightSolver *solver);
 void flight_solve_warm(FlightSolver *solver, const double *state);
+
+/* The parts of it: where the search ends, in solver->end, and the best of them; the solution from there; the problem about
+   a state weighted by S there; -2 ln likelihood of the problem, less a constant; the solution at its state. */
+size_t flight_search_ends(FlightSolver *solver);
+void flight_solve_from(FlightSolver *solver, const double *state);
+void flight_linearise_anew(FlightSolver *solver, const double *state);
+double flight_deviance(const FlightSolver *solver);
+void flight_settle(FlightSolver *solver);
 
 /* Loads and coefficients of the solution, from its state and the problem about it. */
 void flight_set_loads(FlightSolver *solver);

@@ -19,7 +19,8 @@ from strainfmu.estimator.filter.flight_model import (
 from strainfmu.estimator.filter.further_step import PressureRow, StrainRows, further_solution
 from strainfmu.estimator.filter.kalman import Law, Measurement, gain, given, measured
 from strainfmu.estimator.manifold.gauss_newton import LARGEST_STEP, kept_in_reach
-from strainfmu.estimator.manifold.solve import FlightSolution, lognormal_std
+from strainfmu.estimator.manifold.load_solution import lognormal_std
+from strainfmu.estimator.manifold.solve import FlightSolution
 from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, N_STATES, evaluate
 
 

@@ -33,7 +33,8 @@ class FilterTrack:
     state : (4,) flight state from which the next step starts, None before the first.
     slope_state : (4,) flight state at which the last step took slopes, None for ``state``.
     slope_age : time over which that has followed the estimated one [s].
-    since_search, to_return : as of :class:`~strainfmu.estimator.manifold.tracker.Track`.
+    since_search, to_return, widening : as of :class:`~strainfmu.estimator.manifold.tracker.Track`; the filter
+        leaves no widening.
     consistency : of the window.
     named : what is held against navigation.
     warm : what was known of temperature modes; None for nothing.
@@ -46,6 +47,7 @@ class FilterTrack:
     slope_age: float = 0.0
     since_search: int = 0
     to_return: int = 0
+    widening: FloatArray | None = None
     warm: WarmSample | None = None
     directions: FloatArray | None = None
     named: NamedNavigation = field(default_factory=NamedNavigation)

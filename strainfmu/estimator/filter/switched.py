@@ -6,7 +6,7 @@ FMUs step so: the time of a sample is that at the start of the communication ste
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,7 @@ from strainfmu.estimator.filter.kalman import Law
 from strainfmu.estimator.filter.named_navigation import NamedNavigation
 from strainfmu.estimator.filter.settings import LARGEST, FilterSettings
 from strainfmu.estimator.filter.warm import WarmSample
+from strainfmu.estimator.manifold.ambiguity import N_WIDENING
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimate
 from strainfmu.estimator.manifold.inputs import EstimatorInputs
@@ -70,13 +71,13 @@ class SwitchedFilter:
             if temperature is not None:
                 ((_, estimator, inputs),) = estimator.groups(inputs, temperature)
             before = last.track
-            track = Track(state=before.state, since_search=before.since_search, to_return=before.to_return)
+            track = Track(**{entry.name: getattr(before, entry.name) for entry in fields(Track)})
             found, after = tracked(estimator, inputs, track)
-            kept = FilterTrack(state=after.state, since_search=after.since_search, to_return=after.to_return)
+            kept = FilterTrack(**{entry.name: getattr(after, entry.name) for entry in fields(Track)})
             return found, TimedTrack(track=kept, time=time)
         if self._filter is None:
             self._filter = FlightFilter(self.estimator, FilterSettings(time_constant=self.time_constant))
-        self._filter.track = last.track
+        self._filter.track = replace(last.track, widening=None)
         step = self._filter.stepped(min(max(time - last.time, 0.0), LARGEST), inputs, temperature)
         return step.estimate[0], TimedTrack(track=self._filter.track, time=time)
 
@@ -90,6 +91,7 @@ def as_numbers(last: TimedTrack) -> dict[str, Any]:
         "slope_state": None if track.slope_state is None else track.slope_state.tolist(),
         "slope_age": track.slope_age,
         "steps": [track.since_search, track.to_return],
+        "widening": None if track.widening is None else track.widening.tolist(),
         "consistency": asdict(track.consistency),
         "named": [track.named.apart.tolist(), track.named.alarms.tolist()],
         "law": law_numbers(track.law),
@@ -112,7 +114,7 @@ def from_numbers(numbers: Mapping[str, Any]) -> TimedTrack:
     )
     since_search, to_return = map(int, numbers["steps"])
     apart, alarms = np.array(numbers["named"], dtype=float).reshape(2, len(NAVIGATION))
-    directions = numbers["directions"]
+    directions, widening = numbers["directions"], numbers["widening"]
     track = FilterTrack(
         law=law_from_numbers(numbers["law"]),
         warm=warm_from_numbers(numbers["warm"]),
@@ -121,6 +123,7 @@ def from_numbers(numbers: Mapping[str, Any]) -> TimedTrack:
         slope_age=float(numbers["slope_age"]),
         since_search=since_search,
         to_return=to_return,
+        widening=None if widening is None else np.array(widening, dtype=float).reshape(N_WIDENING),
         consistency=Consistency(**numbers["consistency"]),
         named=NamedNavigation(apart=apart, alarms=alarms),
         directions=None if directions is None else np.array(directions, dtype=float),

@@ -9,7 +9,7 @@ import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO
-from strainfmu.estimator.manifold.solve import lognormal_std
+from strainfmu.estimator.manifold.load_solution import lognormal_std
 from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, MIN_INCIDENCE, U, W
 
 AIR_DATA_NAMES = (

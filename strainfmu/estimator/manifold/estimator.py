@@ -35,7 +35,7 @@ from strainfmu.estimator.manifold.navigation import (
     state_measurement,
 )
 from strainfmu.estimator.manifold.reference_loads import ReferenceLoads
-from strainfmu.estimator.manifold.solve import FlightSolution, solution, solve_cold, solve_from
+from strainfmu.estimator.manifold.solve import FlightSolution, solution, solve_again, solve_cold, solve_near
 from strainfmu.estimator.manifold.starts import search_table
 from strainfmu.estimator.map.at_temperature import SensorSets, scattered
 from strainfmu.estimator.map.inverse_map import InverseMap
@@ -215,7 +215,7 @@ class ManifoldEstimator:
         """Return the estimates of ``inputs`` from ``state`` (k, 4)."""
 
         def solve(first: FloatArray, samples: Samples, rows: IntArray) -> Linearised:
-            return solve_from(self.manifold, first[rows], samples)
+            return solve_near(self.manifold, first[rows], samples)
 
         return joined(
             [self.estimated(inputs.rows(rows), partial(solve, state[rows])) for rows in blocks(len(state))]
@@ -296,6 +296,10 @@ class ManifoldEstimator:
     def search(self, samples: Samples, rows: IntArray | None = None) -> Linearised:
         """Return the solution of ``samples`` from a search of the tables, whichever ``rows`` they are."""
         return solve_cold(self.manifold, self._search, samples)
+
+    def search_again(self, samples: Samples, state: FloatArray) -> Linearised:
+        """Return the solution of one sample from ``state`` (1, 4) or, where that fits better, a search."""
+        return solve_again(self.manifold, self._search, state, samples)
 
     def estimated(self, inputs: EstimatorInputs, solve: Solve) -> FlightEstimates:
         """Return the estimates of ``inputs`` whose flight state ``solve`` finds.

@@ -15,7 +15,7 @@ from strainfmu.estimator.estimates.linear_field import linear_pressure, no_field
 from strainfmu.estimator.estimates.pressure_field import FieldInputs, PressureField, unknown_field
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimate
 from strainfmu.estimator.manifold.gauss_newton import strain_factor
-from strainfmu.estimator.manifold.solve import lognormal_std
+from strainfmu.estimator.manifold.load_solution import lognormal_std
 from strainfmu.estimator.numerics.spline import local_basis
 from strainfmu.estimator.tables.flight_field import FlightField
 from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, MIN_INCIDENCE, U, W, evaluate

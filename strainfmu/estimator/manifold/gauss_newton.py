@@ -6,7 +6,8 @@ at an earlier state: S follows the state slowly, and its decomposition is most o
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 
@@ -44,6 +45,7 @@ class Linearised:
     gradient : (k, 4) J' S^-1 r + H' W nu.
     cost : (k,) sum of squares.
     factor_pressure : (k,) p_inf that ``factor`` belongs to [Pa]; None for that of ``state``.
+    widening : (k, 14) of :func:`~strainfmu.estimator.manifold.ambiguity.widening`; None for none.
     """
 
     state: FloatArray
@@ -61,6 +63,14 @@ class Linearised:
     gradient: FloatArray
     cost: FloatArray
     factor_pressure: FloatArray | None = None
+    widening: FloatArray | None = None
+
+    def rows(self, index: IntArray) -> Linearised:
+        """Return the samples of ``index``."""
+        values: dict[str, Any] = {entry.name: getattr(self, entry.name) for entry in fields(self)}
+        for name, value in values.items():
+            values[name] = None if value is None else value[index]
+        return Linearised(**values)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -140,6 +150,11 @@ def _linearised(
         + np.einsum("kix,ki->kx", weighted, innovation),
         cost=np.sum(whitened * whitened, axis=1) + of_navigation,
     )
+
+
+def deviance(at: Linearised) -> FloatArray:
+    """Return (k,) -2 ln likelihood, less a constant: what two states of a sample are compared by."""
+    return np.asarray(at.cost + 2.0 * np.sum(np.log(np.diagonal(at.factor, axis1=1, axis2=2)), axis=1))
 
 
 def _without_lost(covariance: FloatArray, used: BoolArray) -> FloatArray:

@@ -11,23 +11,28 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
-from strainfmu.atmosphere import HEAT_CAPACITY_RATIO
-from strainfmu.estimator.manifold.further_estimate import StateErrors, further_estimate
+from strainfmu.estimator.manifold.ambiguity import Ends, Widened, widening
+from strainfmu.estimator.manifold.further_estimate import further_estimate
 from strainfmu.estimator.manifold.gauss_newton import (
     Linearised,
     Samples,
+    deviance,
     linearise,
     linearise_anew,
     stepped,
 )
+from strainfmu.estimator.manifold.load_solution import load_solution
 from strainfmu.estimator.manifold.starts import STARTS, SearchTable, starts
 from strainfmu.estimator.numerics.triangular import forward_substituted
-from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH
+from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE
 from strainfmu.estimator.tables.manifold_map import ManifoldMap
 
 START_ITERATIONS, COLD_ITERATIONS, WARM_ITERATIONS = 4, 8, 2
 """Iterations of every state of the search, of the best of them from there, and from the last step's state."""
 
+
+BETTER = 9.0
+"""-2 ln likelihood by which a state of a search must fit better than that of the last step to count."""
 
 LEAST_SEEN = 1e-9
 """Fraction of the variance of a shape below which what others leave of it is lost in rounding."""
@@ -42,7 +47,7 @@ class FlightSolution:
 
     Attributes
     ----------
-    state : (k, 4) flight state, and its covariance (k, 4, 4).
+    state : (k, 4) flight state, and its covariance (k, 4, 4). Covariances and variances hold what else fits.
     loads, coefficients : (k, 5) [N, N m], [1]; covariances (k, 5, 5).
     chi_square : (k,) sum of squares of strain and navigation.
     standardised_residual : (k, n_d) leave-one-out residuals z of the gauges, 0 of lost ones.
@@ -79,10 +84,31 @@ class FlightSolution:
 
 
 def solve_cold(manifold: ManifoldMap, table: SearchTable, samples: Samples) -> Linearised:
-    """Return the best solution from the states of the search.
+    """Return the best solution from the states of the search, and what else fits as well.
 
     Each of them is iterated, S renewed half-way; the best is iterated on, S renewed in every iteration.
     """
+    ends = search_ends(manifold, table, samples)
+    best = np.argmin(ends.deviance, axis=0)
+    at = solve_from(manifold, ends.state[best, np.arange(len(best))], samples)
+    return replace(at, widening=widening(manifold, at, samples, ends))
+
+
+def solve_again(manifold: ManifoldMap, table: SearchTable, state: FloatArray, samples: Samples) -> Linearised:
+    """Return the solution of :func:`solve_warm` of the one sample, and what a search finds that fits as well.
+
+    A state of the search counts in its place where it is better by :data:`BETTER`: of two that fit about as well
+    the one stays that there is.
+    """
+    warm, ends = solve_warm(manifold, state, samples), search_ends(manifold, table, samples)
+    at, best = linearise_anew(manifold, warm.state, samples), int(np.argmin(ends.deviance[:, 0]))
+    if ends.deviance[best, 0] < deviance(at)[0] - BETTER:
+        at = warm = solve_from(manifold, ends.state[best], samples)
+    return replace(warm, widening=widening(manifold, at, samples, ends))
+
+
+def search_ends(manifold: ManifoldMap, table: SearchTable, samples: Samples) -> Ends:
+    """Return where the iterations from the states of the search end, S renewed half-way."""
     k = len(samples.strain)
     state = starts(table, samples.strain, samples.used, samples.measured).reshape(-1, 4)
     low, high = np.log(manifold.pressure_range)  # a pressure that navigation makes up must not overflow
@@ -94,10 +120,7 @@ def solve_cold(manifold: ManifoldMap, table: SearchTable, samples: Samples) -> L
         for _ in range(START_ITERATIONS // 2):
             state = stepped(manifold, at, before)
             before, at = at, linearise(manifold, state, at.factor, each)
-    cost = at.cost + 2.0 * np.sum(np.log(np.diagonal(at.factor, axis1=1, axis2=2)), axis=1)
-    best = np.argmin(cost.reshape(STARTS, k), axis=0) * k + np.arange(k)
-    state = state[best]
-    return solve_from(manifold, state, samples)
+    return Ends(state=state.reshape(STARTS, k, 4), deviance=deviance(at).reshape(STARTS, k))
 
 
 def solve_from(manifold: ManifoldMap, state: FloatArray, samples: Samples) -> Linearised:
@@ -108,6 +131,12 @@ def solve_from(manifold: ManifoldMap, state: FloatArray, samples: Samples) -> Li
         state = stepped(manifold, at, before)
         before, at = at, linearise_anew(manifold, state, samples)
     return at
+
+
+def solve_near(manifold: ManifoldMap, state: FloatArray, samples: Samples) -> Linearised:
+    """Return the solution from ``state`` (k, 4), and what else fits as well on its ridge."""
+    at = solve_from(manifold, state, samples)
+    return replace(at, widening=widening(manifold, at, samples, None))
 
 
 def solve_warm(manifold: ManifoldMap, state: FloatArray, samples: Samples) -> Linearised:
@@ -122,60 +151,27 @@ def solve_warm(manifold: ManifoldMap, state: FloatArray, samples: Samples) -> Li
 
 def solution(manifold: ManifoldMap, at: Linearised, used: BoolArray) -> FlightSolution:
     """Return the estimates at the solved state ``at``."""
-    pressure = np.exp(at.state[:, LOG_PRESSURE])
-    # Strain and load go together: errors of a p_inf other than that of S could leave a negative variance.
-    square = ((pressure if at.factor_pressure is None else at.factor_pressure) ** 2)[:, None, None]
     covariance = np.asarray(np.linalg.inv(at.hessian), dtype=np.float64)
-    cross = np.where(used[:, None, :], square * manifold.load_strain_covariance, 0.0)
-    turned = np.swapaxes(forward_substituted(at.factor, np.swapaxes(cross, 1, 2)), 1, 2)
-    loads = at.loads + (turned @ at.whitened[:, :, None])[:, :, 0]
-    by_state = at.load_jacobian - turned @ at.whitened_jacobian
-    remaining = square * manifold.load_covariance - turned @ np.swapaxes(turned, 1, 2)
-    mach = at.state[:, MACH]
-    dynamic = 0.5 * HEAT_CAPACITY_RATIO * mach * mach * pressure
-    scale = 1.0 / (dynamic[:, None] * manifold.references)
-    coefficients = scale * loads
-    of_pressure = np.zeros((len(mach), 4))
-    of_pressure[:, MACH], of_pressure[:, LOG_PRESSURE] = 2.0 / mach, 1.0
-    # The error of ln q_inf is normal, that of q_inf is not: three of these deviations cover what the other does.
-    of_log = np.sqrt(np.einsum("kx,kxy,ky->k", of_pressure, covariance, of_pressure))
-    wider = (lognormal_std(of_log) / of_log)[:, None, None] ** 2
-    coefficients_by_state = scale[:, :, None] * by_state - coefficients[:, :, None] * of_pressure[:, None, :]
-    errors = StateErrors(
-        covariance=covariance,
-        square=square,
-        dynamic_pressure=dynamic,
-        of_pressure=of_pressure,
-        wider=wider[:, 0],
-    )
-    further = further_estimate(manifold, at, used, errors)
+    found = load_solution(manifold, at, used, covariance)
+    further = further_estimate(manifold, at, used, found.errors)
+    wide = Widened.of(at.widening, further.loads.shape[1])
     return FlightSolution(
         state=at.state,
-        state_covariance=covariance,
-        loads=loads,
-        load_covariance=_spread(by_state, covariance) + remaining,
-        coefficients=coefficients,
-        coefficient_covariance=wider
-        * (_spread(coefficients_by_state, covariance) + scale[:, :, None] * remaining * scale[:, None, :]),
+        state_covariance=wide.state * covariance,
+        loads=found.loads,
+        load_covariance=wide.loads * found.load_covariance,
+        coefficients=found.coefficients,
+        coefficient_covariance=wide.coefficients * found.coefficient_covariance,
         chi_square=at.cost,
         standardised_residual=_gauge_residuals(at, covariance, used),
         navigation_residual=_navigation_residuals(at, covariance),
         shape_residual=_shape_residuals(manifold, at, covariance, used),
         rest=np.sqrt(np.maximum(np.einsum("kx,kxy,ky->k", at.gradient, covariance, at.gradient), 0.0)),
         further_loads=further.loads,
-        further_variance=further.variance,
+        further_variance=wide.further_loads * further.variance,
         further_coefficients=further.coefficients,
-        further_coefficient_variance=further.coefficient_variance,
+        further_coefficient_variance=wide.further_coefficients * further.coefficient_variance,
     )
-
-
-def lognormal_std(of_log: FloatArray) -> FloatArray:
-    """Return the relative deviation of a lognormal value three times which reach as far as three ``of_log``."""
-    return np.asarray(np.expm1(3.0 * of_log) / 3.0)
-
-
-def _spread(jacobian: FloatArray, covariance: FloatArray) -> FloatArray:
-    return np.asarray(jacobian @ covariance @ np.swapaxes(jacobian, 1, 2))
 
 
 def _gauge_residuals(at: Linearised, covariance: FloatArray, used: BoolArray) -> FloatArray:

@@ -8,12 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from strainfmu.arrays import FloatArray
+from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.estimator.arguments import strain_of_one
 from strainfmu.estimator.health import HealthState
+from strainfmu.estimator.manifold.ambiguity import pressure_untold
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimate, FlightEstimates
 from strainfmu.estimator.manifold.flight_health import navigation_alarms
+from strainfmu.estimator.manifold.gauss_newton import Linearised, Samples
 from strainfmu.estimator.manifold.inputs import EstimatorInputs
 from strainfmu.estimator.manifold.solve import solve_warm
 
@@ -33,11 +35,14 @@ class Track:
     state : (4,) flight state, None before the first step and after a loss of lock.
     since_search : steps since the last search of the tables, :data:`SEARCH_EVERY` for that many and more.
     to_return : steps that still must fit before the tables' loads are used; 0 while they are.
+    widening : (14,) of :func:`~strainfmu.estimator.manifold.ambiguity.widening` at the last search; None where
+        navigation has told the pressure since.
     """
 
     state: FloatArray | None = None
     since_search: int = 0
     to_return: int = 0
+    widening: FloatArray | None = None
 
 
 class FlightTracker:
@@ -92,19 +97,25 @@ def tracked(estimator: ManifoldEstimator, inputs: EstimatorInputs, track: Track)
 
     A step without gauges keeps the state. One that does not fit the tables, or drops a quantity of navigation with
     an alarm, searches them as well, unless one of the last :data:`SEARCH_EVERY` steps did. The search counts where
-    it fits better. What fits nowhere does not move the state: a spike passes.
+    it fits better. What fits nowhere does not move the state: a spike passes. While navigation does not tell the
+    pressure, a search comes after every :data:`SEARCH_EVERY` steps, for what else fits.
     """
     estimator, state = estimator.at_parameters(inputs), track.state
     since = min(track.since_search + 1, SEARCH_EVERY)
+    steps = _Solver(estimator, track, may_search=bool(inputs.used.any()))
     if state is None:
-        found, since = estimator.estimated(inputs, estimator.search), 0
+        found, since = estimator.estimated(inputs, steps.cold), 0
     else:
-        last = state[None]
-        found = estimator.estimated(inputs, lambda samples, _: solve_warm(estimator.manifold, last, samples))
-        standing = _standing(inputs, found)
-        if standing < _GOOD and track.since_search >= SEARCH_EVERY and inputs.used.any():
-            searched, since = estimator.estimated(inputs, estimator.search), 0
-            found = searched if _standing(inputs, searched) > standing else found
+        found = estimator.estimated(inputs, steps.warm)
+        standing, left = _standing(inputs, found), steps.widening
+        if steps.has_searched:
+            since = 0
+        elif standing < _GOOD and track.since_search >= SEARCH_EVERY and inputs.used.any():
+            searched, since = estimator.estimated(inputs, steps.cold), 0
+            if _standing(inputs, searched) > standing:
+                found = searched
+            else:
+                steps.widening = left
     one = found[0]
     if one.health in (HealthState.INVALID, HealthState.UNIDENTIFIED):
         return one, track
@@ -114,7 +125,43 @@ def tracked(estimator: ManifoldEstimator, inputs: EstimatorInputs, track: Track)
         one = estimator.with_linear_loads(inputs, found)[0]
     moves = fits or since > 0 or state is None
     after = one.state if moves else state
-    return one, replace(track, state=after, since_search=since, to_return=to_return)
+    left = None if steps.widening is None else steps.widening[0]
+    return one, replace(track, state=after, since_search=since, to_return=to_return, widening=left)
+
+
+class _Solver:
+    """Solves the one sample of a step, and notes what the last solution leaves.
+
+    Attributes
+    ----------
+    widening : (1, 14) of the last solution; None for none.
+    has_searched : whether a step from the last state has searched the tables as well.
+    """
+
+    def __init__(self, estimator: ManifoldEstimator, track: Track, *, may_search: bool) -> None:
+        self.estimator, self.track = estimator, track
+        self.is_due = may_search and track.since_search >= SEARCH_EVERY
+        self.widening: FloatArray | None = None
+        self.has_searched = False
+
+    def cold(self, samples: Samples, rows: IntArray) -> Linearised:
+        """Return the solution from a search."""
+        return self._noted(self.estimator.search(samples, rows))
+
+    def warm(self, samples: Samples, _: IntArray) -> Linearised:
+        """Return the solution from the last state."""
+        assert self.track.state is not None
+        last, is_untold = self.track.state[None], bool(pressure_untold(samples.measured)[0])
+        if is_untold and self.is_due:
+            self.has_searched = True
+            return self._noted(self.estimator.search_again(samples, last))
+        found = solve_warm(self.estimator.manifold, last, samples)
+        held = self.track.widening if is_untold else None
+        return self._noted(replace(found, widening=None if held is None else held[None]))
+
+    def _noted(self, found: Linearised) -> Linearised:
+        self.widening = found.widening
+        return found
 
 
 _GOOD = 2

@@ -57,26 +57,35 @@ def test_a_jump_fits_in_its_own_step(estimator: ManifoldEstimator) -> None:
 def searches(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """Number of samples of each search so far."""
     seen: list[int] = []
-    search = ManifoldEstimator.search
+    search, again = ManifoldEstimator.search, ManifoldEstimator.search_again
 
     def noted(self: ManifoldEstimator, samples: Samples, rows: np.ndarray | None = None) -> Linearised:
         seen.append(len(samples.strain))
         return search(self, samples, rows)
 
+    def noted_again(self: ManifoldEstimator, samples: Samples, state: np.ndarray) -> Linearised:
+        seen.append(len(samples.strain))
+        return again(self, samples, state)
+
     monkeypatch.setattr(ManifoldEstimator, "search", noted)
+    monkeypatch.setattr(ManifoldEstimator, "search_again", noted_again)
     return seen
 
 
-def test_a_search_comes_only_every_so_many_steps(estimator: ManifoldEstimator, searches: list[int]) -> None:
-    """The mean cost of a step is bounded whatever the strain does."""
-    _, (strain,) = flights(estimator, 1, 2)
+@pytest.mark.parametrize(("is_told", "expected"), [(True, [0, 11, 23]), (False, [0, 11, 22, 33])])
+def test_a_search_comes_only_every_so_many_steps(
+    estimator: ManifoldEstimator, searches: list[int], is_told: bool, expected: list[int]
+) -> None:
+    """The mean cost of a step is bounded whatever the strain does; without a pressure they come by themselves."""
+    (state,), (strain,) = flights(estimator, 1, 2)
+    q = dynamic_pressure(state) if is_told else np.nan
     tracker, at = FlightTracker(estimator), []
     for step in range(35):
         off = np.max(np.abs(strain)) * np.cos(np.arange(N_D)) if step >= 5 and step % 2 else 0.0
         before = len(searches)
-        tracker.step(strain + off)
+        tracker.step(strain + off, q)
         at += [step] if len(searches) > before else []
-    assert at == [0, 11, 23]
+    assert at == expected
 
 
 def test_navigation_that_is_dropped_with_an_alarm_asks_for_a_search(

@@ -23,6 +23,8 @@ from flight_fmu import (
 from raw_fmu import ERROR, N_OUTPUTS, OK, write_resource
 
 from strainfmu.estimator.health import HealthState
+from strainfmu.estimator.manifold.ambiguity import N_WIDENING
+from strainfmu.estimator.manifold.tracker import SEARCH_EVERY
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.settings import default_settings
 from strainfmu.fmu.resource.flight import SECTION, channel_tables
@@ -67,6 +69,40 @@ def test_unknown_navigation(fmu: FlightFmu, inverse_map: InverseMap) -> None:
     kept: list[tuple[str, ...]] = [(), ("mach_number",), ("static_pressure",), ("dynamic_pressure",)]
     blind = [replace(one, flow={name: one.flow[name] for name in kept[k % 4]}) for k, one in enumerate(samples)]
     compare(fmu, inverse_map, [*blind, replace(samples[0], flow={"altitude": 20e3, "mach_number": np.nan})])
+
+
+def test_without_a_pressure(fmu: FlightFmu, inverse_map: InverseMap) -> None:
+    """Other states that fit are searched for every eleven steps, held between, forgotten with a pressure."""
+    samples = [one for seed in range(5) for one in random_flight(inverse_map, 15, 60 + seed)]
+    for k, one in enumerate(samples):
+        kept = ("static_pressure",) if 40 < k < 55 else ("mach_number",) if k % 30 < 20 else ()
+        samples[k] = replace(one, flow={name: one.flow[name] for name in kept})
+    tracker, held = fresh_tracker(inverse_map), []
+    for sample in samples:
+        found = tracked(tracker, sample)
+        check(fmu.advance(sample), found)
+        held.append(tracker.track.widening)
+    assert 14 <= sum(one is None for one in held) <= 14 + SEARCH_EVERY
+    assert len({one.tobytes() for one in held if one is not None}) >= 6
+    assert max(one.max() for one in held if one is not None) > 1.5
+
+
+def test_the_state_keeps_what_else_fits(fmu: FlightFmu, inverse_map: InverseMap) -> None:
+    """Serialised between two searches; a factor below 1 is refused."""
+    samples = [replace(one, flow={}) for one in random_flight(inverse_map, 16, 77)]
+    for sample in samples[:5]:
+        fmu.advance(sample)
+    kept = fmu.serialise(fmu.get_state())
+    first = [fmu.advance(sample) for sample in samples[5:]]
+    status, state = fmu.deserialise(kept)
+    assert status == OK
+    assert fmu.call("SetFMUstate", state) == OK
+    assert np.array_equal([fmu.advance(sample) for sample in samples[5:]], first)
+    changed = np.frombuffer(kept, dtype=np.uint8).copy()
+    factors = changed[-8 * (N_WIDENING + 1) : -8].view(np.float64)
+    assert factors.min() >= 1.0
+    factors[3] = 0.9
+    assert fmu.deserialise(changed.tobytes())[0] == ERROR
 
 
 def test_stated_deviations(fmu: FlightFmu, inverse_map: InverseMap) -> None:

@@ -1,0 +1,22 @@
+/* Flight states that fit about as well as the estimated one, where navigation does not tell the pressure:
+   strainfmu/estimator/manifold/ambiguity.py. */
+
+#ifndef FLIGHT_AMBIGUITY_H
+#define FLIGHT_AMBIGUITY_H
+
+#include "flight_solve.h"
+
+/* Whether navigation tells neither p_inf nor q_inf. */
+int flight_pressure_untold(const FlightSolver *solver);
+
+/* Solve from a search, with what else fits; and from a state, with what a search finds that fits as well, or better. */
+void flight_search_widened(FlightSolver *solver);
+void flight_search_again(FlightSolver *solver, const double *state);
+
+/* Widen the covariances of the solution by factors on deviations (N_WIDENING). */
+void flight_widen(FlightSolver *solver, const double *widening);
+
+/* The factor on a coefficient's or a load's deviation, of those of the five, for further load j of m. */
+double flight_further_widening(const double *of_five, size_t j, size_t m);
+
+#endif
