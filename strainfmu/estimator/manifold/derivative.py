@@ -45,7 +45,9 @@ class EstimateDerivative:
     """Derivatives of the estimates of one sample, about the map's references and moment point.
 
     Columns are the inputs: strain of the n_d gauges, 0 of lost ones; M, p_inf, q_inf of navigation; their standard
-    deviations, each held while the value changes. Those of navigation that is not known are 0.
+    deviations, each held while the value changes. Those of navigation that is not known are 0. Standard
+    deviations of loads are those of the linearised problem, without what else fits
+    (:mod:`strainfmu.estimator.manifold.ambiguity`).
 
     Attributes
     ----------
