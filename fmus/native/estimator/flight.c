@@ -259,7 +259,7 @@ static int best_attempt(Estimator *e, size_t used, int *searched) {
     const Track *base = &e->flight.base;
     const int first = base->has_state == 0.0, found = attempt(e, used, first);
     *searched = first || e->flight.searched_again;
-    if (*searched || found == FITS || base->since_search < e->flight.map.search_every) {
+    if (first || found == FITS || base->since_search < e->flight.map.search_every) {
         return found;
     }
     *searched = 1;

@@ -105,10 +105,10 @@ def pressure_untold(measured: StateMeasurement) -> BoolArray:
     return np.asarray(measured.precision[:, 1] + measured.precision[:, 2] < TOLD)
 
 
-def widening(manifold: ManifoldMap, at: Linearised, samples: Samples, ends: Ends | None) -> FloatArray | None:
+def widening(manifold: ManifoldMap, at: Linearised, samples: Samples, ends: Ends) -> FloatArray | None:
     """Return (k, 14) factors, 1 at least, on the deviations of state, loads and coefficients; None if all are 1.
 
-    ``at`` is weighted by S at its own state; ``ends`` are those of the search, None where there was none.
+    ``at`` is weighted by S at its own state; ``ends`` are those of the search.
     """
     out = np.ones((len(at.state), N_WIDENING))
     rows = np.flatnonzero(pressure_untold(samples.measured) & samples.used.any(axis=1))
@@ -117,10 +117,8 @@ def widening(manifold: ManifoldMap, at: Linearised, samples: Samples, ends: Ends
     at, samples = at.rows(rows), samples.rows(rows)
     base = _Estimated.of(manifold, at, samples, _inverse(at.hessian))
     largest = base.variance
-    others = [_aside(manifold, at, samples, base, sign) for sign in (1.0, -1.0)]
-    if ends is not None:
-        others.append(_other_end(manifold, at, samples, base, ends, rows))
-    for weight, variance in others:
+    asides = [_aside(manifold, at, samples, base, sign) for sign in (1.0, -1.0)]
+    for weight, variance in (*asides, _other_end(manifold, at, samples, base, ends, rows)):
         larger = base.variance + weight[:, None] * (variance - base.variance)
         largest = np.where(larger > largest, larger, largest)  # not where it is no number
     with np.errstate(invalid="ignore"):  # of navigation out of every range

@@ -215,7 +215,7 @@ class ManifoldEstimator:
         """Return the estimates of ``inputs`` from ``state`` (k, 4)."""
 
         def solve(first: FloatArray, samples: Samples, rows: IntArray) -> Linearised:
-            return solve_near(self.manifold, first[rows], samples)
+            return solve_near(self.manifold, self._search, first[rows], samples)
 
         return joined(
             [self.estimated(inputs.rows(rows), partial(solve, state[rows])) for rows in blocks(len(state))]

@@ -11,7 +11,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
-from strainfmu.estimator.manifold.ambiguity import Ends, Widened, widening
+from strainfmu.estimator.manifold.ambiguity import Ends, Widened, pressure_untold, widening
 from strainfmu.estimator.manifold.further_estimate import further_estimate
 from strainfmu.estimator.manifold.gauss_newton import (
     Linearised,
@@ -133,10 +133,12 @@ def solve_from(manifold: ManifoldMap, state: FloatArray, samples: Samples) -> Li
     return at
 
 
-def solve_near(manifold: ManifoldMap, state: FloatArray, samples: Samples) -> Linearised:
-    """Return the solution from ``state`` (k, 4), and what else fits as well on its ridge."""
+def solve_near(manifold: ManifoldMap, table: SearchTable, state: FloatArray, samples: Samples) -> Linearised:
+    """Return the solution from ``state`` (k, 4), and what else fits as well."""
     at = solve_from(manifold, state, samples)
-    return replace(at, widening=widening(manifold, at, samples, None))
+    if not pressure_untold(samples.measured).any():
+        return at
+    return replace(at, widening=widening(manifold, at, samples, search_ends(manifold, table, samples)))
 
 
 def solve_warm(manifold: ManifoldMap, state: FloatArray, samples: Samples) -> Linearised:

@@ -108,9 +108,8 @@ def tracked(estimator: ManifoldEstimator, inputs: EstimatorInputs, track: Track)
     else:
         found = estimator.estimated(inputs, steps.warm)
         standing, left = _standing(inputs, found), steps.widening
-        if steps.has_searched:
-            since = 0
-        elif standing < _GOOD and track.since_search >= SEARCH_EVERY and inputs.used.any():
+        since = 0 if steps.has_searched else since
+        if standing < _GOOD and track.since_search >= SEARCH_EVERY and inputs.used.any():
             searched, since = estimator.estimated(inputs, steps.cold), 0
             if _standing(inputs, searched) > standing:
                 found = searched

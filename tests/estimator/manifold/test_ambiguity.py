@@ -1,5 +1,6 @@
 """Flight states that fit as well as the estimated one: coverage without a pressure, what is left alone, steps."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 from flight_maps import ROWS, STATIONS, flight_map
 from scaled_maps import scaled_map
 
+from strainfmu.estimator.filter.switched import SwitchedFilter, TimedTrack, as_numbers, from_numbers
 from strainfmu.estimator.manifold import solve
 from strainfmu.estimator.manifold.ambiguity import N_WIDENING, Ends, widening
 from strainfmu.estimator.manifold.error_covariance import strain_covariance
@@ -103,7 +105,8 @@ def test_a_linear_problem_keeps_its_deviations() -> None:
     manifold = replace(manifold, gauge_covariance=1e-8 * manifold.gauge_covariance)
     state = np.array([[6.0, 0.1, 0.03, np.log(2e4)], [5.4, -0.06, 0.08, np.log(5e4)]])
     samples = blind(manifold, evaluate(manifold.tables, state).value[:, :N_D])
-    factor = widening(manifold, solve_from(manifold, state, samples), samples, None)
+    at = solve_from(manifold, state, samples)
+    factor = widening(manifold, at, samples, Ends(state=at.state[None], deviance=deviance(at)[None]))
     assert factor is not None
     assert factor.shape == (2, N_WIDENING)
     assert np.all(factor >= 1.0)
@@ -155,3 +158,22 @@ def test_the_track_holds_the_widening_between_searches(
     assert not np.array_equal(seen[-1], seen[0])
     tracker.step(strain[0], static_pressure=PRESSURE)
     assert tracker.track.widening is None
+
+
+def test_the_track_of_an_fmu_in_python_keeps_it(
+    estimator: ManifoldEstimator, flights: tuple[np.ndarray, np.ndarray, np.ndarray]
+) -> None:
+    """As JSON between two searches; the filter, once on, leaves none."""
+    names = ("dynamic_pressure", "mach_number", "static_pressure", "altitude")
+    unknown = dict.fromkeys((*names, *(f"{name}_std" for name in names[:3])), np.nan)
+    inputs = estimator.checked_inputs(flights[1][:1], None, unknown)
+    switched, track = SwitchedFilter(estimator, 0.0), TimedTrack()
+    for step in range(3):
+        _, track = switched.step(inputs, track, 0.01 * step)
+    read = from_numbers(json.loads(json.dumps(as_numbers(track))))
+    one, other = (switched.step(inputs, last, 0.03)[0] for last in (track, read))
+    assert np.array_equal(one.coefficients_std, other.coefficients_std)
+    assert read.track.widening is not None
+    assert read.track.widening.max() > 1.0
+    _, after = SwitchedFilter(estimator, 0.5).step(inputs, read, 0.03)
+    assert after.track.widening is None
