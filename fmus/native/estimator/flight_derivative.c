@@ -2,6 +2,7 @@
 
 #include "flight_derivative.h"
 
+#include <math.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -155,11 +156,25 @@ static const char *why_none(const Estimator *e, const double *d_input) {
     const Flight *flight = &e->flight;
     return flight_filters(e) ? "the filter over time is on"
          : flight->flag[LINEAR_LOADS] ? "strain does not fit, the loads are those of the linear map"
-         : flight->solver.solution.widening[0] != 0.0
-             ? "navigation does not tell the pressure, and deviations hold other flight states"
          : moves_known(e, d_input) ? "a parameter of the flow is among the inputs, and stated with its deviation"
          : navigation_doubted(flight) ? "navigation is inconsistent, and the rest of it counts less for that"
                                       : NULL;
+}
+
+/* Deviations that hold other flight states as well have none, and neither has the score that is in them. */
+static void leave_out_deviations(const Estimator *e, double *d_output) {
+    const size_t m = e->further.map.n_loads;
+    double *d_further = d_output + N_DERIVATIVES;
+    for (size_t i = 0; i < N_LOADS; i++) {
+        d_output[LOADS_STD + i] = d_output[COEFFICIENTS_STD + i] = NAN;
+    }
+    for (size_t i = 0; i < N_AIR_DATA; i++) {
+        d_output[N_OUTPUTS + N_AIR_DATA + i] = NAN;
+    }
+    for (size_t j = 0; j < m; j++) {
+        d_further[FURTHER_LOADS_STD * m + j] = d_further[FURTHER_COEFFICIENTS_STD * m + j] = NAN;
+    }
+    d_output[ENVELOPE_SCORE] = e->output[ENVELOPE_SCORE] > 0.0 ? NAN : 0.0;
 }
 
 int flight_derivative(Estimator *e, const double *d_input, double *d_output, char text[MODEL_TEXT_SIZE]) {
@@ -198,5 +213,8 @@ int flight_derivative(Estimator *e, const double *d_input, double *d_output, cha
         d_output[CHI_SQUARE_LIMIT] = e->output[CHI_SQUARE_LIMIT] / e->input[e->map.n_gauges + ALARM_SCALE] * d_alarm;
     }
     d_output[ENVELOPE_SCORE] = derive_range_score(flight, &change);
+    if (flight->solver.solution.widening[0] != 0.0) {
+        leave_out_deviations(e, d_output);
+    }
     return 1;
 }
