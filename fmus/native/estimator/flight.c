@@ -163,7 +163,7 @@ void flight_set_measurement(Flight *flight) {
     for (size_t k = 0; k < N_NAVIGATION; k++) {
         const double value = flight->value[k], std = flight->std[k];
         const double scale = k == 0 ? std : std / value, precision = 1.0 / (scale * scale);
-        const int known = isfinite(value) && value > 0.0 && isfinite(std) && std > 0.0 && isfinite(precision);
+        const int known = isfinite(value) && value > 0.0 && isfinite(std) && std > 0.0 && precision > 0.0 && isfinite(precision);
         sample->value[k] = !known ? 0.0 : k == 0 ? value : logarithm(value);
         sample->precision[k] = known ? precision : 0.0;
     }
@@ -171,22 +171,25 @@ void flight_set_measurement(Flight *flight) {
     memcpy(sample->precision + N_NAVIGATION, flight->map.prior_precision, sizeof flight->map.prior_precision);
 }
 
+/* From a search or from the last state, and what that leaves of the factors on deviations. */
 static void solve(Flight *flight, int search) {
     FlightSolver *solver = &flight->solver;
     const Track *base = &flight->base;
+    double *left = flight->next.widening;
     if (search) {
         flight_search_widened(solver);
     } else if (!flight_pressure_untold(solver)) {
         flight_solve_warm(solver, base->state);
-    } else if (base->since_search >= flight->map.search_every) {
+        memcpy(left, base->widening, sizeof base->widening);
+        return;
+    } else if (base->widening[0] == 0.0 || base->since_search >= flight->map.search_every) {
         flight_search_again(solver, base->state);
         flight->searched_again = 1;
     } else {
         flight_solve_warm(solver, base->state);
-        if (base->widening[0] != 0.0) {
-            flight_widen(solver, base->widening);
-        }
+        flight_widen(solver, base->widening);
     }
+    memcpy(left, solver->solution.widening, sizeof flight->next.widening);
 }
 
 int flight_drop_inconsistent(Flight *flight) {
@@ -226,7 +229,6 @@ static void set_next(Flight *flight, int searched, int fits, double to_return) {
     memcpy(next->state, moves ? flight->solver.solution.state : flight->base.state, sizeof next->state);
     next->since_search = flight_since_search(flight, searched);
     next->to_return = to_return;
-    memcpy(next->widening, flight->solver.solution.widening, sizeof next->widening);
     next->stepped = 0.0;
 }
 

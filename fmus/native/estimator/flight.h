@@ -26,7 +26,7 @@ typedef struct {
     double has_state; /* 0 or 1; all of it float64, as it is serialised */
     double state[N_STATES];
     double since_search, to_return; /* steps */
-    double widening[N_WIDENING];    /* of the last search; 0 where navigation has told the pressure since */
+    double widening[N_WIDENING];    /* of the last search; 0 where navigation told the pressure then */
     double stepped;                 /* whether the outputs are those of a step that has been taken */
 } Track;
 

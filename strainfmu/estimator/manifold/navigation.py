@@ -83,6 +83,7 @@ def state_measurement(manifold: ManifoldMap, navigation: Navigation) -> StateMea
         scale = np.where(known, std, 1.0) / np.column_stack([np.ones(len(value)), number[:, 1:]])
         weight = 1.0 / scale**2
     precision = np.where(known & np.isfinite(weight), weight, 0.0)
+    rows = np.where(precision > 0.0, rows, 0.0)  # the square of what counts for nothing may overflow
     mean, weight = prior(manifold)
     k = len(value)
     return StateMeasurement(

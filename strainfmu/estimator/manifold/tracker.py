@@ -36,7 +36,7 @@ class Track:
     since_search : steps since the last search of the tables, :data:`SEARCH_EVERY` for that many and more.
     to_return : steps that still must fit before the tables' loads are used; 0 while they are.
     widening : (14,) of :func:`~strainfmu.estimator.manifold.ambiguity.widening` at the last search; None where
-        navigation has told the pressure since.
+        navigation told the pressure then. Steps whose navigation tells it leave it as it is.
     """
 
     state: FloatArray | None = None
@@ -98,7 +98,8 @@ def tracked(estimator: ManifoldEstimator, inputs: EstimatorInputs, track: Track)
     A step without gauges keeps the state. One that does not fit the tables, or drops a quantity of navigation with
     an alarm, searches them as well, unless one of the last :data:`SEARCH_EVERY` steps did. The search counts where
     it fits better. What fits nowhere does not move the state: a spike passes. While navigation does not tell the
-    pressure, a search comes after every :data:`SEARCH_EVERY` steps, for what else fits.
+    pressure, a search comes after every :data:`SEARCH_EVERY` steps, for what else fits, and in the first such step
+    after a search that was told it.
     """
     estimator, state = estimator.at_parameters(inputs), track.state
     since = min(track.since_search + 1, SEARCH_EVERY)
@@ -133,13 +134,13 @@ class _Solver:
 
     Attributes
     ----------
-    widening : (1, 14) of the last solution; None for none.
+    widening : (1, 14) that the last solution leaves; None for none.
     has_searched : whether a step from the last state has searched the tables as well.
     """
 
     def __init__(self, estimator: ManifoldEstimator, track: Track, *, may_search: bool) -> None:
         self.estimator, self.track = estimator, track
-        self.is_due = may_search and track.since_search >= SEARCH_EVERY
+        self.is_due = may_search and (track.widening is None or track.since_search >= SEARCH_EVERY)
         self.widening: FloatArray | None = None
         self.has_searched = False
 
@@ -155,8 +156,8 @@ class _Solver:
             self.has_searched = True
             return self._noted(self.estimator.search_again(samples, last))
         found = solve_warm(self.estimator.manifold, last, samples)
-        held = self.track.widening if is_untold else None
-        return self._noted(replace(found, widening=None if held is None else held[None]))
+        self.widening = None if self.track.widening is None else self.track.widening[None]
+        return replace(found, widening=self.widening if is_untold else None)
 
     def _noted(self, found: Linearised) -> Linearised:
         self.widening = found.widening

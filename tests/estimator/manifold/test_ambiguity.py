@@ -156,8 +156,14 @@ def test_the_track_holds_the_widening_between_searches(
         seen.append(tracker.track.widening)
     assert all(one is seen[0] or np.array_equal(one, seen[0]) for one in seen[:-1])
     assert not np.array_equal(seen[-1], seen[0])
-    tracker.step(strain[0], static_pressure=PRESSURE)
-    assert tracker.track.widening is None
+    without = FlightTracker(estimator, replace(tracker.track, widening=None))
+    found = [one.step(strain[0], static_pressure=PRESSURE).loads_std for one in (tracker, without)]
+    assert np.array_equal(*found)
+    assert without.track.widening is None
+    tracker.step(strain[0])
+    held = tracker.track.widening
+    assert held is not None
+    assert np.array_equal(held, seen[-1])
 
 
 def test_the_track_of_an_fmu_in_python_keeps_it(
