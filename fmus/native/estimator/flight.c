@@ -130,6 +130,7 @@ size_t flight_set_strain(Estimator *e) {
         sample->strain[g] = sample->used[g] ? e->strain[g] : 0.0;
         count += sample->used[g];
     }
+    e->flight.solver.n_kept = 0;
     return count;
 }
 

@@ -1,6 +1,7 @@
 /* Starts of the iterations where no last state is known: strainfmu/estimator/manifold/starts.py. */
 
 #include <math.h>
+#include <string.h>
 
 #include "../core/elementary.h"
 #include "flight_algebra.h"
@@ -155,4 +156,45 @@ void flight_search_start(FlightSolver *solver, size_t start, double *state) {
     }
     const double *range = solver->map->log_pressure_range;
     state[STATE_PRESSURE] = clipped(state[STATE_PRESSURE], range[0] - LARGEST_EXCESS, range[1] + LARGEST_EXCESS);
+}
+
+/* Whether a search of this step was of the same navigation: it is as it was, and so is where it ends. */
+static int recalled(FlightSolver *solver) {
+    for (size_t k = 0; k < solver->n_kept; k++) {
+        const KeptEnds *kept = &solver->kept[k];
+        if (memcmp(kept->precision, solver->sample.precision, sizeof kept->precision) == 0) {
+            memcpy(solver->end, kept->end, sizeof solver->end);
+            memcpy(solver->end_deviance, kept->deviance, sizeof solver->end_deviance);
+            return 1;
+        }
+    }
+    return 0;
+}
+
+static void keep(FlightSolver *solver) {
+    if (solver->n_kept < KEPT_SEARCHES) {
+        KeptEnds *kept = &solver->kept[solver->n_kept++];
+        memcpy(kept->precision, solver->sample.precision, sizeof kept->precision);
+        memcpy(kept->end, solver->end, sizeof kept->end);
+        memcpy(kept->deviance, solver->end_deviance, sizeof kept->deviance);
+    }
+}
+
+size_t flight_search_ends(FlightSolver *solver) {
+    size_t best = 0;
+    if (!recalled(solver)) {
+        for (size_t start = 0; start < SEARCH_STARTS; start++) {
+            flight_search_start(solver, start, solver->end[start]);
+            solver->end_deviance[start] = flight_iterate_start(solver, solver->end[start]);
+        }
+        keep(solver);
+    }
+    for (size_t start = 1; start < SEARCH_STARTS; start++) {
+        best = solver->end_deviance[start] < solver->end_deviance[best] ? start : best;
+    }
+    return best;
+}
+
+void flight_solve_cold(FlightSolver *solver) {
+    flight_solve_from(solver, solver->end[flight_search_ends(solver)]);
 }

@@ -353,8 +353,7 @@ double flight_deviance(const FlightSolver *solver) {
     return solver->cost + 2.0 * sum;
 }
 
-/* Iterate from a start, S renewed half-way, and return what tells the best. */
-static double iterate_start(FlightSolver *solver, double *state) {
+double flight_iterate_start(FlightSolver *solver, double *state) {
     const size_t iterations = (size_t)solver->map->start_iterations;
     solver->has_before = 0;
     for (size_t k = 0; k < iterations; k++) {
@@ -370,16 +369,6 @@ static double iterate_start(FlightSolver *solver, double *state) {
     return flight_deviance(solver);
 }
 
-size_t flight_search_ends(FlightSolver *solver) {
-    size_t best = 0;
-    for (size_t start = 0; start < SEARCH_STARTS; start++) {
-        flight_search_start(solver, start, solver->end[start]);
-        solver->end_deviance[start] = iterate_start(solver, solver->end[start]);
-        best = solver->end_deviance[start] < solver->end_deviance[best] ? start : best;
-    }
-    return best;
-}
-
 void flight_solve_from(FlightSolver *solver, const double *state) {
     const size_t iterations = (size_t)solver->map->cold_iterations;
     double next[N_STATES];
@@ -390,8 +379,4 @@ void flight_solve_from(FlightSolver *solver, const double *state) {
         flight_linearise_anew(solver, next);
     }
     flight_settle(solver);
-}
-
-void flight_solve_cold(FlightSolver *solver) {
-    flight_solve_from(solver, solver->end[flight_search_ends(solver)]);
 }

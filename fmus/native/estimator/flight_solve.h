@@ -41,6 +41,13 @@ typedef struct {
     double shape_square; /* chi-square of the shapes of pressure off the tables in the residual */
 } Solution;
 
+/* Where a search ended, of what navigation told with these precisions. */
+typedef struct {
+    double precision[N_NAVIGATION], end[SEARCH_STARTS][N_STATES], deviance[SEARCH_STARTS];
+} KeptEnds;
+
+#define KEPT_SEARCHES 2 /* with all of navigation, and without what is inconsistent */
+
 /* Arrays are by gauge, `n` of them: n_gauges in lanes. */
 typedef struct {
     const FlightMap *map;
@@ -69,6 +76,8 @@ typedef struct {
     double log_mach_slope;       /* derivative of ln q_inf by M */
     double hessian[N_STATES * N_STATES], gradient[N_STATES], cost;
     double end[SEARCH_STARTS][N_STATES], end_deviance[SEARCH_STARTS]; /* where the iterations of the search ended */
+    KeptEnds kept[KEPT_SEARCHES]; /* of the searches of this step: it may repeat them */
+    size_t n_kept; /* 0 again with the next strain */
     int has_before;              /* whether the iterations have taken a step: from this state, the whole of it this */
     double before[N_STATES], whole_step[N_STATES];
 } FlightSolver;
@@ -89,6 +98,7 @@ void flight_solve_warm(FlightSolver *solver, const double *state);
 /* The parts of it: where the search ends, in solver->end, and the best of them; the solution from there; the problem about
    a state weighted by S there; -2 ln likelihood of the problem, less a constant; the solution at its state. */
 size_t flight_search_ends(FlightSolver *solver);
+double flight_iterate_start(FlightSolver *solver, double *state); /* S renewed half-way; what tells the best end */
 void flight_solve_from(FlightSolver *solver, const double *state);
 void flight_linearise_anew(FlightSolver *solver, const double *state);
 double flight_deviance(const FlightSolver *solver);
