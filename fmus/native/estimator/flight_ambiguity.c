@@ -26,21 +26,22 @@ int flight_pressure_untold(const FlightSolver *solver) {
     return solver->sample.precision[1] + solver->sample.precision[2] < TOLD;
 }
 
+/* Widen a covariance so that no combination becomes more certain: ambiguity.py. */
+static void widen(size_t order, const double *widening, double *covariance) {
+    for (size_t i = 0; i < order; i++) {
+        for (size_t j = 0; j < order; j++) {
+            const double factor = widening[i] < widening[j] ? widening[i] : widening[j];
+            covariance[i * order + j] *= factor * factor;
+        }
+    }
+}
+
 void flight_widen(FlightSolver *solver, const double *widening) {
     Solution *found = &solver->solution;
-    const double *of_loads = widening + N_STATES, *of_coefficients = widening + N_STATES + N_LOADS;
     memcpy(found->widening, widening, sizeof found->widening);
-    for (size_t i = 0; i < N_STATES; i++) {
-        for (size_t j = 0; j < N_STATES; j++) {
-            found->widened_covariance[i * N_STATES + j] *= widening[i] * widening[j];
-        }
-    }
-    for (size_t i = 0; i < N_LOADS; i++) {
-        for (size_t j = 0; j < N_LOADS; j++) {
-            found->load_covariance[i * N_LOADS + j] *= of_loads[i] * of_loads[j];
-            found->coefficient_covariance[i * N_LOADS + j] *= of_coefficients[i] * of_coefficients[j];
-        }
-    }
+    widen(N_STATES, widening, found->widened_covariance);
+    widen(N_LOADS, widening + N_STATES, found->load_covariance);
+    widen(N_LOADS, widening + N_STATES + N_LOADS, found->coefficient_covariance);
 }
 
 double flight_further_widening(const double *of_five, size_t j, size_t m) {

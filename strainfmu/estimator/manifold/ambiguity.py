@@ -84,12 +84,21 @@ class Widened:
             return cls()
         state, loads, coefficients = np.split(factor, [N_STATES, N_STATES + 5], axis=1)
         return cls(
-            state=state[:, :, None] * state[:, None, :],
-            loads=loads[:, :, None] * loads[:, None, :],
-            coefficients=coefficients[:, :, None] * coefficients[:, None, :],
+            state=_of_covariance(state),
+            loads=_of_covariance(loads),
+            coefficients=_of_covariance(coefficients),
             further_loads=_of_further(loads, n_further) ** 2,
             further_coefficients=_of_further(coefficients, n_further) ** 2,
         )
+
+
+def _of_covariance(factor: FloatArray) -> FloatArray:
+    """Return (k, n, n) factors on a covariance whose deviations grow by ``factor`` (k, n).
+
+    The smaller of two, squared: less 1 it is a covariance, and so is its product by entries with one (Schur). No
+    combination, such as q_inf or a moment about another point, becomes more certain; equal factors scale all.
+    """
+    return np.minimum(factor[:, :, None], factor[:, None, :]) ** 2
 
 
 def _of_further(factor: FloatArray, n_further: int) -> FloatArray:

@@ -16,7 +16,7 @@ from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimates
 from strainfmu.estimator.manifold.gauss_newton import Linearised, Samples, deviance
 from strainfmu.estimator.manifold.navigation import Navigation, state_measurement
-from strainfmu.estimator.manifold.solve import BETTER, solve_from
+from strainfmu.estimator.manifold.solve import BETTER, solution, solve_from
 from strainfmu.estimator.manifold.tracker import SEARCH_EVERY, FlightTracker
 from strainfmu.estimator.tables.flight_tables import MACH, evaluate
 from strainfmu.estimator.tables.manifold_map import ManifoldMap
@@ -183,3 +183,21 @@ def test_the_track_of_an_fmu_in_python_keeps_it(
     assert read.track.widening.max() > 1.0
     _, after = SwitchedFilter(estimator, 0.5).step(inputs, read, 0.03)
     assert after.track.widening is None
+
+
+def test_no_combination_becomes_more_certain(
+    estimator: ManifoldEstimator, flights: tuple[np.ndarray, np.ndarray, np.ndarray]
+) -> None:
+    """Not q_inf, and no moment about another point, although correlated errors have factors of their own."""
+    manifold, (_, strain, _) = estimator.manifold, flights
+    samples = blind(manifold, strain)
+    at = estimator.search(samples)
+    assert at.widening is not None
+    before = solution(manifold, replace(at, widening=None), samples.used)
+    after = solution(manifold, at, samples.used)
+    for name in ("state_covariance", "load_covariance", "coefficient_covariance"):
+        narrow, wide = getattr(before, name), getattr(after, name)
+        scale = 1.0 / np.sqrt(np.diagonal(wide, axis1=1, axis2=2))
+        added = np.linalg.eigvalsh((wide - narrow) * scale[:, :, None] * scale[:, None, :])
+        assert added.min() > -1e-12, name
+        assert added.max() > 0.5, name
