@@ -118,7 +118,7 @@ def estimate_file(
 
     Parameters
     ----------
-    dynamic_pressure : q_inf of the whole file [Pa], instead of its column.
+    dynamic_pressure : q_inf of the whole file [Pa], instead of its column; NaN where it is not known.
     residuals : whether to write the standardised residual of every gauge, and its alarm level. Needs a map.
     ignore_columns : names of columns not to read, ``*`` for any text in the names of unknown ones.
     channels : file that tells which channel is which gauge (channels.toml); None where gauges name them.
@@ -152,7 +152,7 @@ def estimate_file(
             raise InputError(
                 f"{data}: --ignore-columns: expected none beside --channels, which names what is read"
             )
-        wanted = _wanted(estimator, dynamic_pressure, ignore_columns)
+        wanted = _wanted(source, estimator, dynamic_pressure, ignore_columns)
         with open_strains(data, wanted, None if channels is None else Path(channels)) as opened:
             plan = opened.plan
             level = LevelCheck(data, estimator.reference, float(np.median(plan.strain_factor)), check_level)
@@ -180,9 +180,19 @@ def estimate_file(
     return summary
 
 
-def _wanted(estimator: BlockEstimator, dynamic_pressure: float | None, ignored: Sequence[str]) -> Wanted:
-    """Return what ``estimator`` takes of a recording; ``dynamic_pressure`` [Pa] stands for its column."""
+def _wanted(
+    source: Path, estimator: BlockEstimator, dynamic_pressure: float | None, ignored: Sequence[str]
+) -> Wanted:
+    """Return what ``estimator`` takes of a recording; ``dynamic_pressure`` [Pa] stands for its column.
+
+    Raises
+    ------
+    InputError
+        The pressure is NaN, and the estimator of ``source`` needs it.
+    """
     navigates = STATIC_PRESSURE in estimator.inputs
+    if dynamic_pressure is not None and np.isnan(dynamic_pressure) and not navigates:
+        raise InputError(f"{source}: --dynamic-pressure: expected a pressure for a linear estimator, got nan")
     return Wanted(
         gauge_names=estimator.gauge_names,
         fixed_pressure=dynamic_pressure,

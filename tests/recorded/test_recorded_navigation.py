@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 from flight_fmu import whole_map
@@ -19,6 +21,7 @@ pytestmark = pytest.mark.fast
 MACH, STATIC, STATE = 6.0, 5500.0, (6.0, 0.03, 0.01)
 N_D = whole_map().n_gauges
 STRAIN = exact_response(*STATE, STATIC)[:N_D]
+Writer = Callable[[Path, dict[str, float]], Path]
 
 
 def written(folder: Path, columns: dict[str, float]) -> Path:
@@ -30,14 +33,27 @@ def written(folder: Path, columns: dict[str, float]) -> Path:
     return folder / "flight.csv"
 
 
+def written_arrays(folder: Path, columns: dict[str, float]) -> Path:
+    """Write the same as arrays of HDF5; a flow is one number or three."""
+    with h5py.File(folder / "flight.h5", "w") as file:
+        file["time"] = 0.01 * np.arange(3)
+        file["strain"] = np.tile(STRAIN, (3, 1))
+        for number, (heading, value) in enumerate(columns.items()):
+            name, _, unit = heading.removesuffix("]").partition(" [")
+            file[name] = np.full(3, value) if number % 2 else value
+            if unit:
+                file[name].attrs["unit"] = unit
+    return folder / "flight.h5"
+
+
 def estimated(
-    folder: Path, columns: dict[str, float], source: Path | None = None, **options: float
+    folder: Path, columns: dict[str, float], source: Path | None = None, write: Writer = written, **options: float
 ) -> tuple[np.ndarray, EstimationSummary]:
     """Return the table of estimates, and what is said of it."""
     if source is None:
         source = folder / "map.h5"
         save_inverse_map(whole_map(), source)
-    found = estimate_file(source, written(folder, columns), folder / "loads.csv", **options)
+    found = estimate_file(source, write(folder, columns), folder / "loads.csv", **options)
     table = np.genfromtxt(folder / "loads.csv", delimiter=",", names=True, deletechars="", replace_space=" ")
     return table, found
 
@@ -53,9 +69,12 @@ def numbers(table: np.ndarray) -> np.ndarray:
     return np.array([table[f"{name} [1]"][0] for name in (*names, *(f"sigma.{name}" for name in names))])
 
 
-def test_mach_number_and_static_pressure_are_navigation_without_dynamic_pressure(tmp_path: Path) -> None:
+@pytest.mark.parametrize("write", [written, written_arrays])
+def test_mach_number_and_static_pressure_are_navigation_without_dynamic_pressure(
+    tmp_path: Path, write: Writer
+) -> None:
     """q_inf computed of both would count their errors twice, and as smaller ones than they are."""
-    table, found = estimated(tmp_path, {"mach_number": MACH, "static_pressure [Pa]": STATIC})
+    table, found = estimated(tmp_path, {"mach_number": MACH, "static_pressure [Pa]": STATIC}, write=write)
     np.testing.assert_allclose(
         numbers(table), expected(mach_number=MACH, static_pressure=STATIC), rtol=1e-4, atol=1e-9
     )
@@ -68,14 +87,49 @@ def test_mach_number_and_static_pressure_are_navigation_without_dynamic_pressure
     assert np.any(numbers(table)[5:] > 1.1 * computed[5:])
 
 
-def test_deviations_of_navigation_are_read_in_their_units(tmp_path: Path) -> None:
+@pytest.mark.parametrize("write", [written, written_arrays])
+def test_deviations_of_navigation_are_read_in_their_units(tmp_path: Path, write: Writer) -> None:
     stated = {"mach_number": MACH, "mach_number_std": 0.2, "static_pressure [kPa]": STATIC / 1e3}
-    table, _ = estimated(tmp_path, stated | {"static_pressure_std [kPa]": 0.4})
+    table, _ = estimated(tmp_path, stated | {"static_pressure_std [kPa]": 0.4}, write=write)
     wide = expected(mach_number=MACH, mach_number_std=0.2, static_pressure=STATIC, static_pressure_std=400.0)
     np.testing.assert_allclose(numbers(table), wide, rtol=1e-4, atol=1e-9)
     assert np.all(table["static_pressure_std [Pa]"] == 400.0)
     given = expected(mach_number=MACH, static_pressure=STATIC)
     assert np.any(wide[5:] > 1.05 * given[5:])
+
+
+@pytest.mark.parametrize("write", [written, written_arrays])
+@pytest.mark.parametrize(
+    ("columns", "said"),
+    [
+        ({}, "estimated from strain alone"),
+        ({"mach_number": MACH}, "estimated with mach_number as navigation"),
+        ({"mach_number": MACH, "dynamic_pressure [Pa]": 1.0}, "estimated with mach_number as navigation"),
+    ],
+)
+def test_a_recording_without_a_pressure_is_estimated_where_that_is_stated(
+    tmp_path: Path, columns: dict[str, float], said: str, write: Writer
+) -> None:
+    """A column that is misspelt is not taken for a flight without navigation."""
+    if "dynamic_pressure [Pa]" not in columns:
+        with pytest.raises(
+            InputError, match=r"'dynamic_pressure' found, .*--dynamic-pressure, nan where it is not"
+        ):
+            estimated(tmp_path, columns, write=write)
+    table, found = estimated(tmp_path, columns, write=write, dynamic_pressure=float("nan"))
+    flow = {"mach_number": MACH} if columns else {}
+    np.testing.assert_allclose(numbers(table), expected(**flow), rtol=1e-4, atol=1e-9)
+    assert said in found.notes[0]
+    assert found.missing_pressure == 0
+
+
+def test_an_fmu_estimates_without_a_pressure(tmp_path: Path) -> None:
+    save_inverse_map(whole_map(), tmp_path / "map.h5")
+    export_estimator(
+        tmp_path / "map.h5", source := tmp_path / "estimator.fmu", ExportOptions(platforms=["linux64"])
+    )
+    table, _ = estimated(tmp_path, {}, source, dynamic_pressure=float("nan"))
+    np.testing.assert_allclose(numbers(table), expected(), rtol=1e-4, atol=1e-9)
 
 
 def test_all_three_at_once_and_a_filter(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import isnan
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -79,7 +80,9 @@ def estimate(
     dynamic_pressure: Annotated[
         float | None,
         typer.Option(
-            metavar="PA", callback=within(*PRESSURE_PA, "Pa"), help="Of the whole file, instead of its column."
+            metavar="PA",
+            callback=within(*PRESSURE_PA, "Pa", takes_nan=True),
+            help="Of the whole file, instead of its column; nan where it is not known.",
         ),
     ] = None,
     residuals: Annotated[
@@ -154,6 +157,8 @@ def estimate(
                 f"{data}: --residuals, --ignore-columns, --accept-strain-level and --field: "
                 "expected none with a CAN log"
             )
+        if dynamic_pressure is not None and isnan(dynamic_pressure):
+            raise InputError(f"{data}: --dynamic-pressure: expected a pressure with a CAN log, got nan")
         given = {} if dynamic_pressure is None else {"dynamic_pressure": dynamic_pressure}
         _replay(console, data, source, output, given, zeros=zeros)
         return

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import isnan
 from typing import Any
 
 import typer
@@ -14,8 +15,10 @@ PRESSURE_PA = (1.0, 1e8)
 DURATION_S = (1e-3, 1e8)
 
 
-def within(low: float, high: float, unit: str = "") -> Callable[[typer.CallbackParam, float | None], float | None]:
-    """Return the callback of an option that takes a number from ``low`` to ``high``; NaN is none.
+def within(
+    low: float, high: float, unit: str = "", *, takes_nan: bool = False
+) -> Callable[[typer.CallbackParam, float | None], float | None]:
+    """Return the callback of an option that takes a number from ``low`` to ``high``, and NaN if ``takes_nan``.
 
     Raises
     ------
@@ -24,9 +27,9 @@ def within(low: float, high: float, unit: str = "") -> Callable[[typer.CallbackP
     """
 
     def checked(param: typer.CallbackParam, value: float | None) -> float | None:
-        if value is not None and not low <= value <= high:
+        if value is not None and not low <= value <= high and not (takes_nan and isnan(value)):
             name = max(param.opts, key=len)
-            shown = f"{low:.6g} .. {high:.10g} {unit}".rstrip()
+            shown = f"{low:.6g} .. {high:.10g} {unit}".rstrip() + (", or nan" if takes_nan else "")
             raise InputError(f"{name}: expected {shown}, got {value:.6g}")
         return value
 

@@ -66,7 +66,7 @@ class Wanted:
     Attributes
     ----------
     gauge_names : n_d names, the order of the strains in the blocks.
-    fixed_pressure : q_inf of the whole file [Pa], None to take it from the file.
+    fixed_pressure : q_inf of the whole file [Pa], NaN where it is not known, None to take it from the file.
     flow : the quantities of ``FLOW_NAMES`` and ``NAVIGATION_NAMES`` that are read, and further parameters by name.
     combined : gauges that are combinations of positions, which a bending bridge may feed.
     computes_pressure : whether a missing q_inf is computed from Mach number and p_inf or altitude.
@@ -89,6 +89,11 @@ class Wanted:
     needs_pressure: bool = True
     sensors: tuple[str, ...] = ()
     readings: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def pressure_option(self) -> str:
+        """The option that stands in for a missing q_inf, in words."""
+        return "--dynamic-pressure" + (", nan where it is not known" if self.navigates else "")
 
 
 def split_heading(heading: str) -> tuple[str, str | None]:

@@ -23,7 +23,12 @@ from strainfmu.recorded.columns.column_names import (
     split_heading,
     strain_number,
 )
-from strainfmu.recorded.columns.flight_pressure import computed_pressure, pressure_note, pressure_sources
+from strainfmu.recorded.columns.flight_pressure import (
+    computed_pressure,
+    navigation_note,
+    pressure_note,
+    pressure_sources,
+)
 from strainfmu.recorded.columns.strain_level import LevelReference, level_of, likely_units
 from strainfmu.recorded.columns.temperature_columns import (
     TemperatureColumn,
@@ -87,7 +92,8 @@ class ColumnPlan:
     strain : n_d columns, order of the map's gauges.
     flow : column and factor of each quantity of ``FLOW_NAMES`` that is read, of ``STATIC_PRESSURE``, and of
         further parameters.
-    fixed_pressure : q_inf [Pa] where the file's is not read; NaN where the file's is, or where it is computed.
+    fixed_pressure : q_inf [Pa] where the file's is not read; NaN where the file's is, and where it is computed or
+        not known.
     navigates : as of :class:`~strainfmu.recorded.columns.column_names.Wanted`.
     unused : names of the columns that are not read.
     reference : strains that the map expects, None if they are not known.
@@ -125,15 +131,19 @@ class ColumnPlan:
 
     @property
     def computed_from(self) -> tuple[str, ...]:
-        """Quantities that q_inf is computed from, nothing where it is read or fixed."""
-        is_given = "dynamic_pressure" in self.flow or np.isfinite(self.fixed_pressure)
-        return () if is_given else pressure_sources(self.flow)
+        """Quantities that q_inf is computed from, nothing where it is read or fixed, or an output alone."""
+        return () if self.navigates or self._is_given else pressure_sources(self.flow)
+
+    @property
+    def _is_given(self) -> bool:
+        return "dynamic_pressure" in self.flow or bool(np.isfinite(self.fixed_pressure))
 
     @property
     def notes(self) -> tuple[str, ...]:
         """What is to be said of the columns."""
-        sources = self.computed_from
-        notes = [f"{self.path}: {pressure_note(sources, self.navigates)}"] if sources else []
+        notes = [f"{self.path}: {pressure_note(self.computed_from)}"] if self.computed_from else []
+        if self.navigates and not self._is_given:
+            notes = [f"{self.path}: {navigation_note(self.flow)}"]
         missing = [name for name in self.readings if name not in self.flow]
         if missing:
             shown = ", ".join(missing[:6]) + (" .." if len(missing) > 6 else "")
@@ -163,9 +173,9 @@ class ColumnPlan:
                 f"{self.path}: column '{self.names[self.strain[gauge]]}', row {first_row + row}: "
                 f"expected at most {LARGEST_STRAIN:g} m/m, got {strain[row, gauge]:g}; {self._unit_hint(strain)}"
             )
+        if self.computed_from:
+            flow["dynamic_pressure"] = computed_pressure(flow)
         if not self.navigates:
-            if self.computed_from:
-                flow["dynamic_pressure"] = computed_pressure(flow)
             flow.pop(STATIC_PRESSURE, None)
         pressure = flow.pop("dynamic_pressure", np.full(len(table), self.fixed_pressure))
         # A strain that no gauge bears is no value.
@@ -269,7 +279,7 @@ def plan_columns(
         if passes_over(name, held, wanted):
             passed += [names[i] for i in found]
         elif found or (name == "dynamic_pressure" and wanted.needs_pressure and not is_computed):
-            column = _flow_column(path, found, name=name, names=headings)
+            column = _flow_column(path, found, name=name, names=headings, wanted=wanted)
             flow[name] = (column, flow_factor(path, headings[column], name, given[column], wanted.readings))
     refuse_lone_deviations(path, flow, wanted)
     return ColumnPlan(
@@ -365,10 +375,10 @@ def _gauge_columns(
     return tuple(indices)
 
 
-def _flow_column(path: Path, found: Sequence[int], name: str, names: Sequence[str]) -> int:
+def _flow_column(path: Path, found: Sequence[int], name: str, names: Sequence[str], wanted: Wanted) -> int:
     if not found:
         raise InputError(
-            f"{path}: no column '{name}' found, it holds {some_of(names)}; or state --dynamic-pressure"
+            f"{path}: no column '{name}' found, it holds {some_of(names)}; or state {wanted.pressure_option}"
         )
     return _only(path, found, what=name, names=names)
 

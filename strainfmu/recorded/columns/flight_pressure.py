@@ -35,13 +35,20 @@ def _standard_pressure(altitude: FloatArray) -> FloatArray:
     return np.array(held)[which]
 
 
-def pressure_note(sources: tuple[str, ...], navigates: bool) -> str:
-    """Return how q_inf was computed, and what that costs; where ``sources`` are navigation it was not."""
-    if navigates:
-        return f"no dynamic_pressure found: estimated with {' and '.join(sources)} as navigation"
+def pressure_note(sources: tuple[str, ...]) -> str:
+    """Return how q_inf was computed from its ``sources``, and what that costs."""
     if STATIC_PRESSURE in sources:
         return "no dynamic_pressure found: computed from mach_number and static_pressure, gamma/2 p M^2"
     return (
         "no dynamic_pressure found: computed from mach_number and altitude, gamma/2 p M^2 with p of the US "
         "Standard Atmosphere 1976; a day's air differs from it by several percent: state dynamic_pressure_std"
     )
+
+
+def navigation_note(held: Collection[str]) -> str:
+    """Return what the nonlinear estimator knows of the flow without q_inf, of the quantities ``held``."""
+    pressure = next((one for one in (STATIC_PRESSURE, "altitude") if one in held), None)
+    known = [one for one in ("mach_number", pressure) if one in held]
+    if not known:
+        return "no dynamic_pressure found: estimated from strain alone"
+    return f"no dynamic_pressure found: estimated with {' and '.join(map(str, known))} as navigation"

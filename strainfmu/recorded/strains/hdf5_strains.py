@@ -74,7 +74,8 @@ def _hdf5_arrays(path: Path, file: h5py.File, wanted: Wanted) -> StrainFile:
     needed = ("strain", "time", "dynamic_pressure") if is_needed else ("strain", "time")
     for name in dict.fromkeys((*needed, *held.values())):
         if name not in names or not isinstance(file[name], h5py.Dataset):
-            raise InputError(f"{path}: no data set '{name}' found, it holds {', '.join(file) or 'nothing'}")
+            hint = f"; or state {wanted.pressure_option}" if name == "dynamic_pressure" else ""
+            raise InputError(f"{path}: no data set '{name}' found, it holds {', '.join(file) or 'nothing'}{hint}")
     flow = [file[name] for name in held.values()]
     _check_shapes(path, file, n_d=len(wanted.gauge_names), held=list(held.values()))
     if "gauge_names" in names:
@@ -100,6 +101,7 @@ def _hdf5_arrays(path: Path, file: h5py.File, wanted: Wanted) -> StrainFile:
         temperature=_sensors(path, warm, first, len(wanted.sensors), len(time)),
         sensors=wanted.sensors,
         readings=tuple(wanted.readings),
+        navigates=wanted.navigates,
     )
     return StrainFile(len(time), _hdf5_blocks(plan, time, strain=strain, flow=flow, warm=warm), plan)
 

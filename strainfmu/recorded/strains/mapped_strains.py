@@ -289,7 +289,7 @@ def _read_flow(file: ChannelFile, mapping: ChannelMap, wanted: Wanted, clock: _C
     if not is_known and wanted.needs_pressure and not (wanted.computes_pressure and pressure_sources(found.flow)):
         raise InputError(
             f"{file.path}: no channel of dynamic_pressure found, nor of mach_number with static_pressure or "
-            f"altitude; state one as [[flow]] in {mapping.path}, or --dynamic-pressure"
+            f"altitude; state one as [[flow]] in {mapping.path}, or {wanted.pressure_option}"
         )
 
 

@@ -220,3 +220,19 @@ def test_options_that_do_not_go_with_channels(synthetic: SyntheticFiles, tmp_pat
         assert code == 2
         assert line in errors
     assert not (tmp_path / "o.csv").exists()
+
+
+def test_a_pressure_that_is_not_known_needs_the_nonlinear_estimator(
+    synthetic: SyntheticFiles, tmp_path: Path, run: Run
+) -> None:
+    (tmp_path / "d.csv").write_text(CSV)
+    for name, line in (
+        ("d.csv", "--dynamic-pressure: expected a pressure for a linear estimator, got nan"),
+        ("run.blf", "--dynamic-pressure: expected a pressure with a CAN log, got nan"),
+    ):
+        code, _, errors = run(
+            "estimate", synthetic.map_1, tmp_path / name, "-o", tmp_path / "o.csv", "--dynamic-pressure", "nan"
+        )
+        assert code == 2
+        assert line in errors
+    assert not (tmp_path / "o.csv").exists()
