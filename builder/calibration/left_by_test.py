@@ -21,9 +21,9 @@ from builder.calibration.as_built.parameter_derivatives import (
 )
 from builder.calibration.as_built.parameters import AsBuiltParameters, slices
 from builder.calibration.as_built.structure import AsBuiltStructure
-from builder.inverse.ensemble import Ensemble
-from builder.inverse.hardware_errors import HardwareError
-from builder.inverse.noise_model import NoiseTerm
+from builder.inverse.modes.ensemble import Ensemble
+from builder.inverse.noise.hardware_errors import HardwareError
+from builder.inverse.noise.model import NoiseTerm
 from strainfmu.arrays import FloatArray
 
 NAME = "left by the ground test"

@@ -20,7 +20,7 @@ from builder.calibration.ground_test.simulated import known_loads
 from builder.calibration.readings_model import ReadingsModel
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import AnyStructure, build_inverse_map, on_structure
-from builder.inverse.ensemble import ensemble_of
+from builder.inverse.modes.ensemble import ensemble_of
 from builder.reporting import Progress
 from builder.structure.loads.applied import Load
 from builder.vehicle.file import Vehicle

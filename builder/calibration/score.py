@@ -35,7 +35,7 @@ from builder.calibration.outside_terms import outside_model
 from builder.calibration.score_setup import READING_STD, Setup, SetupOptions, rows_of_test, setup_of
 from builder.calibration.score_summary import BEFORE, EQUATIONS, EXACT, errors_of, summary, table
 from builder.campaign.snapshots import load_snapshots
-from builder.inverse.ensemble import Ensemble, ensemble_of
+from builder.inverse.modes.ensemble import Ensemble, ensemble_of
 from builder.truth.flow_table import load_flow_table
 from builder.vehicle.file import load_vehicle
 from strainfmu.arrays import FloatArray

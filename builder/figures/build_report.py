@@ -12,7 +12,7 @@ from builder.figures.canvas import COLOUR_MAP, blank_figure
 from builder.figures.gauge_marks import KIND_MARKERS, KIND_OFFSETS, kind_label, kinds_of_map, shown_bias
 from builder.figures.unrolled import roll_degrees, unrolled_triangles
 from builder.figures.words import with_signs
-from builder.inverse.regularisation import LCurve
+from builder.inverse.cases.regularisation import LCurve
 from builder.structure.observability import SYMMETRIES
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap

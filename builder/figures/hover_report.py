@@ -25,7 +25,7 @@ from builder.figures.hover import (
 )
 from builder.figures.hover_gauges import ROLL_AXIS, STATION_AXIS, gauge_places, gauge_symbols
 from builder.figures.unrolled import roll_degrees
-from builder.inverse.regularisation import LCurve
+from builder.inverse.cases.regularisation import LCurve
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
 

@@ -13,21 +13,27 @@ from builder.aero.section_loads import further_load_operator
 from builder.aero.surface_mesh import SurfaceMesh, mesh_load_operator, mesh_of_grid
 from builder.campaign.snapshot_transfer import snapshots_on
 from builder.campaign.snapshots import Snapshots
-from builder.inverse.coefficients import load_covariance_by_terms
-from builder.inverse.ensemble import Ensemble, ensemble_of
-from builder.inverse.flows_between import BETWEEN, flows_between
-from builder.inverse.further import further_loads
-from builder.inverse.gauge_noise import gauge_covariance, nuisance_terms
-from builder.inverse.hardware_errors import HardwareError, error_model, hardware_errors, hardware_terms
-from builder.inverse.leeward import LEEWARD_PRESSURE, leeward_fields
-from builder.inverse.map_envelope import coefficient_half_spaces, flight_ranges
-from builder.inverse.mesh_error import MeshError, mesh_error
-from builder.inverse.noise_model import NoiseTerm, gauge_noise, pressure_errors
-from builder.inverse.observable_states import on_observable_states
-from builder.inverse.score_limit import with_score_limit
-from builder.inverse.sensors import SensorSet, joined_errors, joined_terms, sensor_set
+from builder.inverse.cases.observable_states import on_observable_states
+from builder.inverse.envelope.bounds import coefficient_half_spaces, flight_ranges
+from builder.inverse.envelope.score_limit import with_score_limit
+from builder.inverse.loads.covariance import load_covariance_by_terms
+from builder.inverse.loads.further import further_loads
+from builder.inverse.modes.ensemble import Ensemble, ensemble_of
+from builder.inverse.noise.flows_between import BETWEEN, flows_between
+from builder.inverse.noise.gauges import gauge_covariance, nuisance_terms
+from builder.inverse.noise.hardware_errors import HardwareError, error_model, hardware_errors, hardware_terms
+from builder.inverse.noise.leeward import LEEWARD_PRESSURE, leeward_fields
+from builder.inverse.noise.mesh_error import MeshError, mesh_error
+from builder.inverse.noise.model import NoiseTerm, gauge_noise, pressure_errors
+from builder.inverse.noise.thermal import (
+    modulus_std,
+    thermal_map,
+    thermal_terms,
+    with_further_rows,
+    with_isothermal,
+)
+from builder.inverse.sensors.sensor_set import SensorSet, joined_errors, joined_terms, sensor_set
 from builder.inverse.solution import Problem, Solution, solve
-from builder.inverse.thermal import modulus_std, thermal_map, thermal_terms, with_further_rows, with_isothermal
 from builder.structure.fourier.model import StructuralModel, structural_model_on
 from builder.structure.mapped_structure import MappedStructure
 from builder.structure.solid.case import structure_case
@@ -72,7 +78,7 @@ def check_noise(vehicle: Vehicle) -> None:
     Raises
     ------
     InputError
-        As :func:`gauge_noise_covariance` and :func:`builder.inverse.gauge_noise.nuisance_terms`.
+        As :func:`gauge_noise_covariance` and :func:`builder.inverse.noise.gauges.nuisance_terms`.
     """
     entry, layout = vehicle.noise, vehicle.gauges.layout
     names = structure_case(vehicle, [layout]).layouts[layout].name

@@ -7,19 +7,19 @@ from typing import Any, NamedTuple, cast
 
 import numpy as np
 
-from builder.inverse.case_1 import least_squares_map, relative_condition
-from builder.inverse.case_2 import gaussian_map, whitened_spectrum
-from builder.inverse.ensemble import Ensemble, rolled_modes
-from builder.inverse.flows_between import FlowsBetween
-from builder.inverse.hardware_errors import HardwareError
-from builder.inverse.mesh_error import MeshError
-from builder.inverse.mode_phase import turned_to_gauges
-from builder.inverse.noise_model import NoiseModel, NoiseTerm, truncated_modes
-from builder.inverse.pod import PressureModes, area_weights, proper_orthogonal_decomposition
-from builder.inverse.prior import LowRankPrior, prior_of_modes, prior_of_snapshots
-from builder.inverse.regularisation import expected_data, select_gamma
-from builder.inverse.sensors import SensorSet
-from builder.inverse.state_map import StateMap
+from builder.inverse.cases.case_1 import least_squares_map, relative_condition
+from builder.inverse.cases.case_2 import gaussian_map, whitened_spectrum
+from builder.inverse.cases.prior import LowRankPrior, prior_of_modes, prior_of_snapshots
+from builder.inverse.cases.regularisation import expected_data, select_gamma
+from builder.inverse.cases.state_map import StateMap
+from builder.inverse.modes.ensemble import Ensemble, rolled_modes
+from builder.inverse.modes.phase import turned_to_gauges
+from builder.inverse.modes.pod import PressureModes, area_weights, proper_orthogonal_decomposition
+from builder.inverse.noise.flows_between import FlowsBetween
+from builder.inverse.noise.hardware_errors import HardwareError
+from builder.inverse.noise.mesh_error import MeshError
+from builder.inverse.noise.model import NoiseModel, NoiseTerm, truncated_modes
+from builder.inverse.sensors.sensor_set import SensorSet
 from builder.vehicle.gamma_rules import Rule
 from builder.vehicle.map_options import MapEntry
 from strainfmu.arrays import FloatArray
@@ -54,9 +54,10 @@ class Problem:
     thermal : modes of the wall's temperature, which are among ``noise``; None for none.
     between : flows between the snapshots; None where they are not known.
     off_the_snapshots : (k, n_p) what of these is no combination of the snapshots, which is among ``noise``, see
-        :meth:`~builder.inverse.flows_between.FlowsBetween.off_the_snapshots` [Pa]; None where it is not counted.
-    leeward : (k, n_p) error of the pressure on the leeward side, see :mod:`builder.inverse.leeward` [Pa]; None for
-        none.
+        :meth:`~builder.inverse.noise.flows_between.FlowsBetween.off_the_snapshots` [Pa]; None where it is not
+        counted.
+    leeward : (k, n_p) error of the pressure on the leeward side, see :mod:`builder.inverse.noise.leeward` [Pa];
+        None for none.
     """
 
     ensemble: Ensemble

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from builder.campaign.snapshots import Snapshots
-from builder.inverse.flows_between import BETWEEN, FlowsBetween
+from builder.inverse.noise.flows_between import BETWEEN, FlowsBetween
 from builder.manifold.parameter_slopes import (
     FURTHER_PARAMETERS,
     ConditionSlopes,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from builder.campaign.snapshots import Snapshots
-from builder.inverse.ensemble import rolled_modes
+from builder.inverse.modes.ensemble import rolled_modes
 from builder.inverse.solution import Problem
 from builder.manifold.discrepancy import corrects_level, gaussian_process_shapes, process_size
 from builder.manifold.flow_amplitudes import flow_amplitudes

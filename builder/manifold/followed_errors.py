@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import nnls
 
-from builder.inverse.hardware_errors import HardwareError
+from builder.inverse.noise.hardware_errors import HardwareError
 from builder.inverse.solution import Problem
 from builder.manifold.sensor_tables import friction_error
 from builder.vehicle.file import Vehicle

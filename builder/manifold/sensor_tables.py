@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from builder.inverse.hardware_errors import HardwareError
-from builder.inverse.sensors import base_area
+from builder.inverse.noise.hardware_errors import HardwareError
+from builder.inverse.sensors.sensor_set import base_area
 from builder.inverse.solution import Problem
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from builder.campaign.snapshots import Snapshots
-from builder.inverse.flows_between import FlowsBetween
+from builder.inverse.noise.flows_between import FlowsBetween
 from builder.inverse.solution import Problem
 from builder.manifold.condition_tables import condition_tables
 from builder.manifold.discrepancy import corrects_level, process_size

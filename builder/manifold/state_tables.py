@@ -9,7 +9,7 @@ import numpy as np
 from builder.aero.surface_mesh import SurfaceMesh, mesh_of_grid
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import AnyStructure
-from builder.inverse.flows_between import FlowsBetween, flows_between
+from builder.inverse.noise.flows_between import FlowsBetween, flows_between
 from builder.inverse.solution import Problem
 from builder.manifold.condition_tables import condition_tables
 from builder.manifold.discrepancy import gaussian_process_shapes, process_on_surface, response_of_shapes

@@ -10,7 +10,7 @@ import numpy as np
 from builder.aero.surface_mesh import SurfaceMesh, mesh_of_grid
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import AnyStructure, inverse_problem
-from builder.inverse.noise_model import NoiseFraction, NoiseTerm
+from builder.inverse.noise.model import NoiseFraction, NoiseTerm
 from builder.inverse.solution import Solution, solve
 from builder.reports.coefficient_sources import CoefficientSources, coefficient_sources
 from builder.reports.exclusions import exclusions

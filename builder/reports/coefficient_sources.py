@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from builder.inverse.coefficients import load_error_factors
+from builder.inverse.loads.covariance import load_error_factors
 from builder.inverse.solution import Problem, Solution
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.map.inverse_map import InverseMap
@@ -63,8 +63,8 @@ def coefficient_scales(inverse_map: InverseMap) -> FloatArray:
 def coefficient_sources(inverse_map: InverseMap, problem: Problem, solution: Solution) -> CoefficientSources:
     """Return the sources of each coefficient's variance; the map is that of ``problem`` and ``solution``.
 
-    The sources are the factors of :func:`builder.inverse.coefficients.load_error_factors`: each noise term, and in
-    Case 2 what the gain does not resolve of the states, which depends on the prior and gamma.
+    The sources are the factors of :func:`builder.inverse.loads.covariance.load_error_factors`: each noise term,
+    and in Case 2 what the gain does not resolve of the states, which depends on the prior and gamma.
     """
     scale, gain = coefficient_scales(inverse_map), inverse_map.load_gain
     # The solution's own states: the map may hold only the observable ones.

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from builder.aero.surface_mesh import SurfaceMesh
-from builder.inverse.case_2 import GaussianMap, gaussian_map
-from builder.inverse.coefficients import load_covariance_by_terms
-from builder.inverse.regularisation import LCurve, expected_data, l_curve, select_gamma
+from builder.inverse.cases.case_2 import GaussianMap, gaussian_map
+from builder.inverse.cases.regularisation import LCurve, expected_data, l_curve, select_gamma
+from builder.inverse.loads.covariance import load_covariance_by_terms
 from builder.inverse.solution import Problem, Solution
 from builder.reports.coefficient_sources import coefficient_scales
 from builder.reports.symmetry_classes import class_fractions, mirror_operators

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from builder.aero.surface_mesh import SurfaceMesh
-from builder.inverse.case_2 import gaussian_map
-from builder.inverse.noise_model import NoiseModel
-from builder.inverse.pod import PressureModes
+from builder.inverse.cases.case_2 import gaussian_map
+from builder.inverse.modes.pod import PressureModes
+from builder.inverse.noise.model import NoiseModel
 from builder.inverse.solution import Problem, Solution, ordered_modes, pressure_modes
 from builder.reports.symmetry_classes import class_fractions, mirror_operators, symmetric_part
 from builder.structure.observability import SYMMETRIES

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from builder.inverse.case_1 import LeastSquaresMap, least_squares_map, relative_condition
-from builder.inverse.pod import PressureModes, modal_coefficients, proper_orthogonal_decomposition
+from builder.inverse.cases.case_1 import LeastSquaresMap, least_squares_map, relative_condition
+from builder.inverse.modes.pod import PressureModes, modal_coefficients, proper_orthogonal_decomposition
 from builder.reproduce.protocol import COEFFICIENT_FLOOR, DRAWS, DRAWS_PER_CONDITION, MODES, P1, SEED
 from builder.reproduce.setups import Pressures, SetUp
 from strainfmu.arrays import FloatArray

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from builder.aero.loads import load_operator
-from builder.inverse.case_2 import GaussianMap, WhitenedSpectrum, gaussian_map, whitened_spectrum
-from builder.inverse.field import data_informed_modes, project_on_modes
-from builder.inverse.prior import LowRankPrior
-from builder.inverse.regularisation import DataSpectrum, expected_data, measured_data, select_gamma
+from builder.inverse.cases.case_2 import GaussianMap, WhitenedSpectrum, gaussian_map, whitened_spectrum
+from builder.inverse.cases.field import data_informed_modes, project_on_modes
+from builder.inverse.cases.prior import LowRankPrior
+from builder.inverse.cases.regularisation import DataSpectrum, expected_data, measured_data, select_gamma
 from builder.reports.symmetry_classes import grid_mirrors, symmetric_part
 from builder.reproduce.case_1 import FieldExample
 from builder.reproduce.protocol import DRAWN_MODES, DRAWS, DRAWS_PER_CONDITION, SEED

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from builder.inverse.case_1 import relative_condition
-from builder.inverse.pod import PressureModes
-from builder.inverse.prior import LowRankPrior, prior_of_snapshots
+from builder.inverse.cases.case_1 import relative_condition
+from builder.inverse.cases.prior import LowRankPrior, prior_of_snapshots
+from builder.inverse.modes.pod import PressureModes
 from builder.reports.symmetry_classes import grid_mirrors, symmetric_part
 from builder.reproduce.case_1 import PUBLISHED_STRAIN, case_1_map, pod_of, study_case_1
 from builder.reproduce.case_2 import Case2Map, case_2_map, odd_part

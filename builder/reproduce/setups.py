@@ -9,7 +9,7 @@ import numpy as np
 from builder.aero.loads import coefficient_scales_at, coefficients_of, load_operator
 from builder.aero.surface_mesh import mesh_of_grid
 from builder.campaign.snapshots import Snapshots
-from builder.inverse.pod import area_weights
+from builder.inverse.modes.pod import area_weights
 from builder.reproduce.protocol import EXAMPLES, HELD_OUT, NOISE_FRACTION, P1, P2
 from builder.reproduce.readings import SHIPPED
 from builder.reproduce.strain_models import StrainModel

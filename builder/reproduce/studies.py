@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from builder.inverse.prior import LowRankPrior, prior_of_snapshots
+from builder.inverse.cases.prior import LowRankPrior, prior_of_snapshots
 from builder.reproduce.case_1 import (
     Case1Map,
     Case1Study,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from builder.inverse.leeward import other_leeward
+from builder.inverse.noise.leeward import other_leeward
 from builder.stress.flights import (
     FEWER_BEYOND,
     above_mach,

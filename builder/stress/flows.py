@@ -15,7 +15,7 @@ from builder.campaign.journal import Journal
 from builder.campaign.run import complete_flows
 from builder.campaign.scheduling import Scheduling
 from builder.campaign.snapshots import Snapshots
-from builder.inverse.leeward import other_leeward
+from builder.inverse.noise.leeward import other_leeward
 from builder.reporting import Reporter
 from builder.stress.flights import stress_knots
 from builder.truth.flow_table import FlowTable, flow_table

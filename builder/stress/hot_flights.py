@@ -18,7 +18,7 @@ import numpy as np
 from builder.campaign.snapshot_transfer import snapshots_on
 from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.inverse.build import build_inverse_map
-from builder.inverse.thermal import thermal_structure
+from builder.inverse.noise.thermal import thermal_structure
 from builder.manifold.build import with_manifold
 from builder.structure.fourier.model import structural_model, with_mesh_error
 from builder.structure.loads.gauge_strain import gauge_strain, gauge_temperature

@@ -1,4 +1,4 @@
-"""The names of the rules that find gamma; they are defined in :mod:`builder.inverse.regularisation`."""
+"""The names of the rules that find gamma; they are defined in :mod:`builder.inverse.cases.regularisation`."""
 
 from __future__ import annotations
 

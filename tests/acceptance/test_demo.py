@@ -18,7 +18,7 @@ from ogive import OGIVE
 
 import strainfmu
 from builder.campaign.snapshots import load_snapshots
-from builder.inverse.pod import proper_orthogonal_decomposition
+from builder.inverse.modes.pod import proper_orthogonal_decomposition
 from builder.pipeline.flight_score import score_flight
 from strainfmu.cosim.recording import load_recording
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, load_inverse_map

@@ -11,7 +11,7 @@ from as_built_case import LAYOUT, TITANIUM
 from builder.calibration.as_built.parameters import AsBuiltParameters, drawn, parameter_names, prior_std
 from builder.calibration.as_built.response_tables import together
 from builder.calibration.as_built.structure import AsBuiltStructure, as_built_structure
-from builder.inverse.gauge_derivatives import fourier_gauge_derivatives
+from builder.inverse.noise.gauge_derivatives import fourier_gauge_derivatives
 from builder.structure.fourier.model import StructuralModel
 from builder.structure.loads.applied import ApparentStrain, Load, PadForce, SurfacePressure, Weight
 from builder.structure.loads.gauge_strain import gauge_strain

@@ -19,10 +19,10 @@ from ensembles import listed_ensemble
 from builder.aero.surface_mesh import mesh_of_grid
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
-from builder.inverse.case_2 import gaussian_map
-from builder.inverse.field import data_informed_modes, field_variance, posterior_samples, project_on_modes
-from builder.inverse.noise_model import NoiseModel, gauge_noise
-from builder.inverse.prior import prior_of_snapshots
+from builder.inverse.cases.case_2 import gaussian_map
+from builder.inverse.cases.field import data_informed_modes, field_variance, posterior_samples, project_on_modes
+from builder.inverse.cases.prior import prior_of_snapshots
+from builder.inverse.noise.model import NoiseModel, gauge_noise
 from builder.inverse.solution import Problem, solve
 from builder.structure.mapped_structure import MappedStructure
 from builder.vehicle.file import IC3X, load_vehicle

@@ -12,10 +12,10 @@ from inverse_case import Case
 
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
-from builder.inverse.case_2 import gaussian_map
-from builder.inverse.field import estimated_field
-from builder.inverse.noise_model import nuisance_modes
-from builder.inverse.prior import LowRankPrior
+from builder.inverse.cases.case_2 import gaussian_map
+from builder.inverse.cases.field import estimated_field
+from builder.inverse.cases.prior import LowRankPrior
+from builder.inverse.noise.model import nuisance_modes
 from builder.structure.fourier.model import StructuralModel
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map_options import MapEntry, Noise

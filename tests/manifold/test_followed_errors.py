@@ -7,7 +7,7 @@ import pytest
 
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import inverse_problem
-from builder.inverse.hardware_errors import HardwareError
+from builder.inverse.noise.hardware_errors import HardwareError
 from builder.inverse.solution import Problem
 from builder.manifold.followed_errors import followed_errors, squares_fitted
 from builder.structure.fourier.model import StructuralModel

@@ -12,8 +12,8 @@ from fmu_host import loaded
 from builder.aero.loads import load_operator
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map, inverse_problem
-from builder.inverse.noise_model import NoiseTerm
-from builder.inverse.sensors import base_area
+from builder.inverse.noise.model import NoiseTerm
+from builder.inverse.sensors.sensor_set import base_area
 from builder.inverse.solution import Problem
 from builder.manifold.build import manifold_map, with_manifold
 from builder.structure.fourier.model import StructuralModel
@@ -32,7 +32,7 @@ from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map, sa
 from strainfmu.estimator.tables.flight_tables import evaluate
 from strainfmu.fmu.export import ExportOptions, export_estimator
 from strainfmu.interface.sensor_variables import reading_names
-from tests.inverse.test_sensors import CELLS, FIBRE, IMU, POINTS, PORTS
+from tests.inverse.sensors.test_sensors import CELLS, FIBRE, IMU, POINTS, PORTS
 
 EVERY_KIND = Sensors(
     ports=PORTS,

@@ -17,7 +17,7 @@ from builder.campaign.snapshot_transfer import snapshots_on
 from builder.campaign.snapshots import Snapshots
 from builder.figures.build_report import known_pressure
 from builder.inverse.build import build_inverse_map
-from builder.inverse.noise_model import nuisance_modes
+from builder.inverse.noise.model import nuisance_modes
 from builder.reports.build_page import write_numbers
 from builder.reports.build_report import BuildReport, build_report
 from builder.reports.build_sections import blind_line

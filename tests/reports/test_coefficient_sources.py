@@ -9,7 +9,7 @@ import pytest
 from report_case import CASE_1, CASE_2, ReportCase, case_of
 
 from builder.campaign.snapshots import Snapshots
-from builder.inverse.regularisation import expected_data, select_gamma
+from builder.inverse.cases.regularisation import expected_data, select_gamma
 from builder.inverse.solution import ordered_modes
 from builder.reports.build_report import BuildReport
 from builder.reports.build_tables import report_tables

@@ -8,8 +8,8 @@ from report_case import CASE_1, CASE_2, ReportCase, case_of, map_of_some, others
 from scipy.stats import norm
 
 from builder.campaign.snapshots import Snapshots
-from builder.inverse.coefficients import load_covariance_by_terms
-from builder.inverse.observable_states import on_observable_states
+from builder.inverse.cases.observable_states import on_observable_states
+from builder.inverse.loads.covariance import load_covariance_by_terms
 from builder.inverse.solution import solve
 from builder.reports.coefficient_sources import coefficient_sources
 from builder.reports.gauge_value import gauge_value, loss_growth

@@ -11,7 +11,7 @@ from report_case import CASE_1, CASE_2, ReportCase, case_of
 
 from builder.aero.surface_mesh import mesh_of_grid
 from builder.campaign.snapshots import Snapshots
-from builder.inverse.noise_model import gauge_noise
+from builder.inverse.noise.model import gauge_noise
 from builder.inverse.solution import Problem, solve
 from builder.reports.prior_observability import PriorObservability, prior_observability
 from builder.reports.symmetry_classes import mirror_operators, symmetric_part

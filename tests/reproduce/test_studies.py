@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from builder.aero.loads import load_operator
-from builder.inverse.prior import prior_of_snapshots
+from builder.inverse.cases.prior import prior_of_snapshots
 from builder.reproduce.case_1 import case_1_map, field_example, pod_of, study_case_1
 from builder.reproduce.case_2 import case_2_map, load_readings, odd_part, study_field, study_gamma
 from builder.reproduce.measurements import class_rows, crime_rows, hoop_rows, reading_rows, scatter_rows

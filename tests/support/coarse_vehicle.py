@@ -16,8 +16,8 @@ from builder.aero.loads import load_operator
 from builder.campaign.scheduling import Scheduling, solve_flows
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import gauge_noise_covariance
-from builder.inverse.pod import proper_orthogonal_decomposition
-from builder.inverse.prior import LowRankPrior, prior_of_snapshots
+from builder.inverse.cases.prior import LowRankPrior, prior_of_snapshots
+from builder.inverse.modes.pod import proper_orthogonal_decomposition
 from builder.structure.fourier.model import StructuralModel, structural_model
 from builder.truth.flow_table import FlowTable, flow_table
 from builder.truth.flows import truth_engine, truth_keys, truth_knots

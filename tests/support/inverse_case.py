@@ -12,11 +12,11 @@ from builder.campaign.run import snapshots_of_flows
 from builder.campaign.scheduling import Scheduling, solve_flows
 from builder.campaign.snapshots import Snapshots
 from builder.campaign.vehicle_campaign import vehicle_campaign
-from builder.inverse.case_1 import LeastSquaresMap, least_squares_map
-from builder.inverse.case_2 import GaussianMap, gaussian_map
-from builder.inverse.noise_model import NoiseModel, gauge_noise, truncated_modes
-from builder.inverse.pod import PressureModes
-from builder.inverse.prior import LowRankPrior
+from builder.inverse.cases.case_1 import LeastSquaresMap, least_squares_map
+from builder.inverse.cases.case_2 import GaussianMap, gaussian_map
+from builder.inverse.cases.prior import LowRankPrior
+from builder.inverse.modes.pod import PressureModes
+from builder.inverse.noise.model import NoiseModel, gauge_noise, truncated_modes
 from builder.vehicle.file import Vehicle
 from builder.vehicle.flight_conditions import ConditionSet
 from strainfmu.flight_condition import FlightCondition

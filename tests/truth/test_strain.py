@@ -12,7 +12,7 @@ import pytest
 from ensembles import listed_ensemble
 
 from builder.aero.loads import coefficients_of, load_operator
-from builder.inverse.hardware_errors import hardware_errors
+from builder.inverse.noise.hardware_errors import hardware_errors
 from builder.structure.fourier.inner_surface import inner_surface_points
 from builder.structure.fourier.model import structural_model
 from builder.structure.fourier.shell_mesh import shell_mesh

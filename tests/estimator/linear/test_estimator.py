@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from random_map import N_GAUGES, map_of, missing, random_map, random_model
 
 from builder.aero.loads import load_operator
-from builder.inverse.coefficients import coefficient_covariance
+from builder.inverse.loads.covariance import coefficient_covariance
 from builder.vehicle.geometry import chain_segments, surface_grid
 from builder.vehicle.reference_quantities import ReferenceQuantities
 from strainfmu.errors import InputError

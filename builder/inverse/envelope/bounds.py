@@ -1,0 +1,98 @@
+"""The envelope of a map from the flows it is built on: half-spaces of the coefficients, ranges of the flight
+state."""
+
+from __future__ import annotations
+
+from itertools import combinations, product
+
+import numpy as np
+
+from builder.inverse.modes.ensemble import Ensemble
+from builder.vehicle.file import Vehicle
+from strainfmu.arrays import FloatArray
+from strainfmu.atmosphere import dynamic_pressure
+from strainfmu.estimator.linear.envelope import FlightRanges, HalfSpaces
+
+ROLL_ANGLES = 24
+"""Roll angles of the directions for a rolled ensemble; 1 / cos(pi / 24) lets 0.9 % of the incidence through."""
+
+PRESSURE_SLACK = 0.01
+"""Relative error of q_inf that the range of dynamic pressure allows."""
+
+_RATIOS = (-1.0, 0.0, 1.0)
+
+
+def coefficient_half_spaces(ensemble: Ensemble, coefficients: FloatArray) -> HalfSpaces:
+    """Return the half-spaces that hold the ``coefficients`` (n, 5) of all members of ``ensemble``.
+
+    As listed: all 210 sign patterns of one to four coefficients in units of their spread. Rolled: what is the same
+    at every roll angle, C_A and the amplitudes of the cross force and moment, combined likewise at 24 roll angles.
+    """
+    spread = np.ptp(coefficients, axis=0)
+    if ensemble.grid is not None:
+        for pair in (slice(1, 3), slice(3, 5)):
+            spread[pair] = 2.0 * np.max(np.linalg.norm(coefficients[:, pair], axis=1))
+    unit = np.where(spread > 1e-9 * np.max(spread), 1.0 / np.where(spread > 0.0, spread, 1.0), 0.0)
+    patterns = _signs() if ensemble.grid is None else _rolled()
+    direction = patterns * unit
+    size = np.linalg.norm(direction, axis=1)
+    direction = direction[size > 0.0] / size[size > 0.0, None]
+    reach = coefficients @ direction.T if ensemble.grid is None else _reach_at_any_roll(coefficients, direction)
+    return HalfSpaces(direction=direction, limit=np.max(reach, axis=0))
+
+
+def _reach_at_any_roll(coefficients: FloatArray, direction: FloatArray) -> FloatArray:
+    """Return (n, m) the largest n'C of each member over all roll angles, also those between the members'."""
+    # Force and moment turn together: n'C at roll angle psi is n_A C_A + Re(z e^(i psi)).
+    of_force = np.outer(coefficients[:, 1] + 1j * coefficients[:, 2], direction[:, 1] - 1j * direction[:, 2])
+    of_moment = np.outer(coefficients[:, 3] + 1j * coefficients[:, 4], direction[:, 3] - 1j * direction[:, 4])
+    return np.asarray(np.outer(coefficients[:, 0], direction[:, 0]) + np.abs(of_force + of_moment))
+
+
+def _signs() -> FloatArray:
+    """Return (210, 5) all patterns of +1 and -1 on one to four of five coefficients."""
+    rows = []
+    for count in range(1, 5):
+        for chosen in combinations(range(5), count):
+            for signs in product((1.0, -1.0), repeat=count):
+                row = np.zeros(5)
+                row[list(chosen)] = signs
+                rows.append(row)
+    return np.array(rows)
+
+
+def _rolled() -> FloatArray:
+    """Return (n, 5) patterns of C_A, and of the cross force and the moment along each roll angle."""
+    rows = [np.array([sign, 0.0, 0.0, 0.0, 0.0]) for sign in (1.0, -1.0)]
+    angles = 2.0 * np.pi * np.arange(ROLL_ANGLES) / ROLL_ANGLES
+    for axial, force, moment in product(_RATIOS, (0.0, 1.0), _RATIOS):
+        if force == 0.0 and moment <= 0.0:  # its opposite is another roll angle
+            continue
+        for angle in angles:
+            c, s = np.cos(angle), np.sin(angle)
+            rows.append(np.array([axial, force * c, force * s, moment * c, moment * s]))
+    return np.array(rows)
+
+
+def flight_ranges(vehicle: Vehicle, ensemble: Ensemble) -> FlightRanges:
+    """Return the ranges of q_inf, Mach number and altitude.
+
+    In form "dynamic_pressure" the altitude is that of map.valid_altitude_km, and q_inf what its ends and the Mach
+    numbers of the flows allow; in form "absolute" both are those of the snapshots.
+    """
+    mach = np.array([condition.mach_number for condition in ensemble.conditions])
+    low, high = float(mach.min()), float(mach.max())
+    if vehicle.map.form == "absolute":
+        pressure = np.array([condition.dynamic_pressure for condition in ensemble.conditions])
+        altitude = np.array([condition.altitude for condition in ensemble.conditions])
+        q_range = float(pressure.min()), float(pressure.max())
+        heights = float(altitude.min()), float(altitude.max())
+    else:
+        heights = 1e3 * vehicle.map.valid_altitude_km[0], 1e3 * vehicle.map.valid_altitude_km[1]
+        q_range = dynamic_pressure(low, heights[1]), dynamic_pressure(high, heights[0])
+    slack = np.array([1.0 - PRESSURE_SLACK, 1.0 + PRESSURE_SLACK])
+    return FlightRanges(
+        dynamic_pressure=np.array(q_range) * slack,
+        mach_number=np.array([low, high]),
+        altitude=np.array(heights),
+    )

@@ -1,0 +1,108 @@
+"""Covariance of estimated loads and coefficients, for any gain, summed over the noise terms."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from builder.aero.loads import coefficient_scale
+from builder.inverse.cases.state_map import StateMap
+from builder.inverse.noise.model import NoiseModel
+from builder.vehicle.reference_quantities import ReferenceQuantities
+from strainfmu.arrays import FloatArray
+from strainfmu.estimator.map.innovation import inverse_cholesky
+from strainfmu.estimator.map.load_errors import load_gain, residual_load_gain
+
+
+def load_covariance_by_terms(
+    solved: StateMap,
+    load_per_state: FloatArray,
+    noise: NoiseModel,
+    strain_load_covariance: FloatArray | None = None,
+) -> FloatArray:
+    """Return the (5, 5) covariance of the loads' estimation error [(N, N m)^2].
+
+    The sum of the squares of :func:`load_error_factors` (Joseph's form) holds for any gain and cannot be negative.
+    With gamma = 1 it is the posterior covariance.
+    :func:`strainfmu.estimator.map.load_errors.load_error_covariance` gives the same from a finished map, which no
+    longer holds the terms.
+
+    Parameters
+    ----------
+    solved : the state map.
+    load_per_state : (5, n_q) M [N, N m per state].
+    noise : the terms that occur; they may differ from those that the gain was weighted with.
+    strain_load_covariance : (n_d, 5) X of the gain G (:func:`~strainfmu.estimator.map.load_errors.load_gain`);
+        None for G = M T.
+    """
+    gain = load_gain(
+        load_per_state=load_per_state,
+        strain_gain=solved.strain_gain,
+        state_operator=solved.state_operator,
+        noise_whitening=inverse_cholesky(solved.noise_covariance),
+        strain_load_covariance=strain_load_covariance,
+    )
+    factors = load_error_factors(solved, load_per_state, gain, noise, strain_load_covariance)
+    factor = np.hstack([factors.of_states, *factors.of_noise])
+    covariance: FloatArray = factor @ factor.T
+    return covariance
+
+
+class LoadErrorFactors(NamedTuple):
+    """Independent factors of the loads' error [N, N m]: (5, j) of the states, (5, k) of each noise term."""
+
+    of_states: FloatArray
+    of_noise: list[FloatArray]
+
+
+def load_error_factors(
+    solved: StateMap,
+    load_per_state: FloatArray,
+    gain: FloatArray,
+    noise: NoiseModel,
+    strain_load_covariance: FloatArray | None,
+) -> LoadErrorFactors:
+    """Return the factors of the error of f = G (d - m) + f_mean, one standard deviation per column.
+
+    They are G N_i - M_i of each noise term (strain factor N_i, load M_i) and (G A - M) q of the states. A
+    truncated mode acts twice, through the strain and by its own load, and the two are correlated.
+
+    Parameters
+    ----------
+    solved, load_per_state, noise, strain_load_covariance : as of :func:`load_covariance_by_terms`.
+    gain : (5, n_d) G [N, N m].
+    """
+    of_states = load_per_state
+    if strain_load_covariance is not None:
+        # G A - M = (M - X' Gamma^-1 A) (T A - I), whose last factor is known without cancellation.
+        of_residual = residual_load_gain(inverse_cholesky(solved.noise_covariance), strain_load_covariance)
+        of_states = load_per_state - of_residual @ solved.state_operator
+    return LoadErrorFactors(
+        of_states @ solved.unresolved,
+        [gain @ term.strain - (0.0 if term.load is None else term.load) for term in noise.terms],
+    )
+
+
+def coefficient_covariance(
+    loads: FloatArray,
+    load_covariance: FloatArray,
+    reference: ReferenceQuantities,
+    dynamic_pressure: float,
+    dynamic_pressure_std: float = 0.0,
+) -> FloatArray:
+    """Return the (5, 5) covariance [1] of C = F/(q S), M/(q S L), to first order in the error of q_inf.
+
+    cov(C) = D cov(F) D + C C^T (sigma_q / q)^2 with D = diag(1/(q S), .., 1/(q S L)): an error of q_inf scales all
+    coefficients by the same factor.
+
+    Parameters
+    ----------
+    loads : (5,) [N, N m].
+    load_covariance : (5, 5) of the loads' error, which is independent of the error of q_inf.
+    reference : S and L.
+    dynamic_pressure, dynamic_pressure_std : q_inf and its standard deviation [Pa].
+    """
+    scale = coefficient_scale(dynamic_pressure, reference)
+    of_dynamic_pressure = scale * loads * (dynamic_pressure_std / dynamic_pressure)
+    return np.outer(scale, scale) * load_covariance + np.outer(of_dynamic_pressure, of_dynamic_pressure)

@@ -1,0 +1,249 @@
+"""The pressure fields that a map is built on: snapshots at one pressure level, at every roll angle they are valid
+at.
+
+Surface pressure over p_inf depends on Mach number and incidence alone. In form "dynamic_pressure" every snapshot
+is taken to the nominal dynamic pressure; with the internal pressure ambient, it is p - p_inf that scales. A flow
+round a body of revolution is valid at every roll angle, and its mirror image is one of these. The members of a
+rolled ensemble are the distinct flows at some 24 roll angles; means and modes are those of all roll angles.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from builder.aero.loads import coefficient_scale
+from builder.campaign.snapshots import Snapshots
+from builder.inverse.modes.pod import PressureModes
+from builder.vehicle.file import Vehicle
+from builder.vehicle.flight_conditions import flow_key
+from builder.vehicle.geometry import SurfaceGrid
+from strainfmu.arrays import FloatArray, IntArray
+from strainfmu.errors import InputError
+from strainfmu.flight_condition import FlightCondition
+
+ROLLS = 24
+"""Roll angles at least at which strain and coefficients of a rolled ensemble are taken; those of the nodes if
+fewer."""
+
+MIN_ROLLS = 12
+"""Fewer roll angles than this, 30 degrees apart, leave gaps in the disc of total incidence."""
+
+_NEGLIGIBLE = 3e-4
+"""Standard deviation, relative to the largest, below which a mode is left out: together 1e-5 of the variance."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Ensemble:
+    """N flows on n_p nodes.
+
+    Attributes
+    ----------
+    pressure : (N, n_p) pressure of the flows less what of the internal pressure scales with it [Pa].
+    fixed_pressure : internal pressure that does not scale and is not taken off ``pressure`` [Pa].
+    conditions : N flight conditions.
+    scale : (N, 5) coefficient per load of ``pressure`` less ``fixed_pressure``, at the references of the vehicle.
+    fixed_scale : (N, 5) coefficient per load of ``fixed_pressure`` at each flow's own dynamic pressure.
+    ambient_pressure : (N,) p_inf at the level of ``pressure`` [Pa].
+    nominal_dynamic_pressure : q_inf of that level; in form "absolute" the mean of the snapshots [Pa].
+    grid : nodes that the flows are rolled on; None where they stay as listed.
+    """
+
+    pressure: FloatArray
+    fixed_pressure: float
+    conditions: tuple[FlightCondition, ...]
+    scale: FloatArray
+    fixed_scale: FloatArray
+    ambient_pressure: FloatArray
+    nominal_dynamic_pressure: float
+    grid: SurfaceGrid | None
+
+    @cached_property
+    def rolls(self) -> int:
+        """Number of roll angles that members are taken at; 1 as listed."""
+        return 1 if self.grid is None else rolls_of(self.grid.n_roll)
+
+    @property
+    def mean_ambient_pressure(self) -> float:
+        """Mean p_inf of the flows at the level of ``pressure`` [Pa]."""
+        return float(np.average(self.ambient_pressure, weights=self.weight))
+
+    @cached_property
+    def weight(self) -> FloatArray:
+        """(N,) roll angles that a flow stands for: 1 where the wind is along the axis."""
+        if self.grid is None:
+            return np.ones(len(self.conditions))
+        inclined = np.array([condition.total_incidence > 1e-9 for condition in self.conditions])
+        return np.where(inclined, float(self.rolls), 1.0)
+
+    @cached_property
+    def member_weight(self) -> FloatArray:
+        """(n,) weight of each member in a mean over all of them; adds up to 1."""
+        if self.grid is None:
+            return np.full(len(self.conditions), 1.0 / len(self.conditions))
+        each = self.weight / self.rolls
+        return np.tile(each, self.rolls) / (self.rolls * each.sum())
+
+    def members(self) -> Iterator[FloatArray]:
+        """Return the members' pressure in blocks (N, n_p) [Pa], as ``pressure``: one block, or one per roll
+        angle."""
+        if self.grid is None:
+            yield self.pressure
+            return
+        n_roll = self.grid.n_roll
+        rings = self.pressure.reshape(len(self.pressure), -1, n_roll)
+        for roll in range(self.rolls):
+            yield np.roll(rings, roll * n_roll // self.rolls, axis=2).reshape(self.pressure.shape)
+
+    def responses(self, operator: FloatArray) -> FloatArray:
+        """Return (n, m) ``operator`` (m, n_p) times the pressure less ``fixed_pressure`` of every member."""
+        offset = self.fixed_pressure * operator.sum(axis=1)
+        return np.concatenate([block @ operator.T - offset for block in self.members()])
+
+    def coefficients(self, loads: FloatArray) -> FloatArray:
+        """Return (n, 5) coefficients of every member; ``loads`` is the load operator (5, n_p)."""
+        fixed = self.fixed_pressure * self.fixed_scale * loads.sum(axis=1)
+        return np.concatenate([block @ loads.T * self.scale - fixed for block in self.members()])
+
+    def mean(self) -> FloatArray:
+        """Return the mean pressure (n_p,) over all roll angles [Pa]."""
+        mean = self.weight @ self.pressure / self.weight.sum()
+        if self.grid is None:
+            return np.asarray(mean)
+        return np.repeat(mean.reshape(-1, self.grid.n_roll).mean(axis=1), self.grid.n_roll)
+
+
+def rolls_of(n_roll: int) -> int:
+    """Return the smallest divisor of ``n_roll`` from :data:`ROLLS` on, ``n_roll`` itself if that is smaller."""
+    return next((one for one in range(ROLLS, n_roll + 1) if n_roll % one == 0), n_roll)
+
+
+def ensemble_of(vehicle: Vehicle, snapshots: Snapshots) -> Ensemble:
+    """Return the pressure fields of ``snapshots`` as the sections [map] and [structure] want them used.
+
+    Raises
+    ------
+    InputError
+        In form "absolute", the snapshots' altitudes differ and so does the pressure inside.
+    """
+    entry, conditions = vehicle.map, snapshots.conditions()
+    grid, rows = None, np.arange(len(conditions))
+    if entry.symmetry == "full" and snapshots.grid is not None and rolls_of(snapshots.grid.n_roll) >= MIN_ROLLS:
+        grid = snapshots.grid
+        rows = _distinct_flows(conditions, entry.form == "absolute")
+    chosen = tuple(conditions[row] for row in rows)
+    pressure = snapshots.pressure[rows]
+    dynamic = np.array([condition.dynamic_pressure for condition in chosen])
+    ambient = np.array([condition.ambient_pressure for condition in chosen])
+    inside = vehicle.structure.internal_pressure_Pa
+    nominal = float(np.mean([condition.dynamic_pressure for condition in conditions]))
+    ratio = np.ones(len(rows))
+    if entry.form == "absolute":
+        fixed = _one_internal_pressure(vehicle, conditions)
+    else:
+        ratio = nominal / dynamic
+        pressure = ratio[:, None] * (pressure - ambient[:, None] if inside == "ambient" else pressure)
+        fixed = 0.0 if inside == "ambient" else float(inside)
+    reference = vehicle.reference_quantities()
+    at = np.array([coefficient_scale(value, reference) for value in dynamic])
+    return Ensemble(
+        pressure=pressure,
+        fixed_pressure=fixed,
+        conditions=chosen,
+        scale=at / ratio[:, None],
+        fixed_scale=at,
+        ambient_pressure=ratio * ambient,
+        nominal_dynamic_pressure=nominal,
+        grid=grid,
+    )
+
+
+def rolled_modes(ensemble: Ensemble, weights: FloatArray | None) -> PressureModes:
+    """Return the POD of a rolled ensemble over all roll angles.
+
+    Averaged over the roll angle, harmonics of the pressure are independent of each other, and of each the two
+    phases have the same variance. So every harmonic is decomposed on its own: its modes are a shape along x times
+    the cosine and the sine of m phi.
+
+    Parameters
+    ----------
+    ensemble : the flows, with a grid.
+    weights : (n_p,) of the inner product, the same round a ring; None for the Euclidean one.
+
+    Raises
+    ------
+    InputError
+        Fewer than two flows.
+    """
+    grid = ensemble.grid
+    assert grid is not None
+    if len(ensemble.pressure) < 2:
+        raise InputError(f"{len(ensemble.pressure)} flow found, at least 2 are needed")
+    n_roll, n, mean = grid.n_roll, len(ensemble.pressure), ensemble.mean()
+    rings = (ensemble.pressure - mean).reshape(n, -1, n_roll)
+    spectrum = np.fft.rfft(rings, axis=2) / n_roll
+    share = np.sqrt(ensemble.weight / ensemble.weight.sum())[:, None]
+    of_ring = np.ones(rings.shape[1]) if weights is None else weights.reshape(-1, n_roll)[:, 0]
+    root, roll_angle = np.sqrt(of_ring)[:, None], grid.roll_angle
+    shapes, deviations = [], []
+    parts = [
+        np.linalg.svd(root * (share * of_m).T, full_matrices=False)[:2] for of_m in np.moveaxis(spectrum, 2, 0)
+    ]
+    # A mode's deviation is in proportion to its singular value: what is far below the limit is not expanded.
+    least = 0.5 * _NEGLIGIBLE * max(float(deviation[0]) for _, deviation in parts)
+    for m, (left, deviation) in enumerate(parts):
+        phases = np.exp(1j * m * roll_angle)
+        alone = m == 0 or 2 * m == n_roll
+        for shape, std in zip(left.T[deviation > least], deviation[deviation > least], strict=True):
+            field = (shape / root[:, 0])[:, None] * phases
+            # p = 2 Re(c e^(i m phi)); the real and the imaginary part of c each have half of its variance.
+            for part in (field.real,) if alone else (field.real, field.imag):
+                size = np.sqrt(np.sum(of_ring[:, None] * part**2))
+                if size > 0.0:
+                    shapes.append((part / size).ravel())
+                    deviations.append(std * size * (1.0 if alone else np.sqrt(2.0)))
+    order = np.argsort(-np.array(deviations), kind="stable")
+    std = np.array(deviations)[order]
+    kept = order[std > _NEGLIGIBLE * std[0]]
+    modes = np.array(shapes)[kept].T
+    largest = np.abs(modes).argmax(axis=0)
+    modes = modes * np.sign(modes[largest, np.arange(modes.shape[1])])
+    return PressureModes(
+        mean=mean,
+        modes=modes,
+        singular_values=np.array(deviations)[kept] * np.sqrt(n - 1),
+        n_snapshots=n,
+        weights=weights,
+    )
+
+
+def _distinct_flows(conditions: list[FlightCondition], by_altitude: bool) -> IntArray:
+    """Return the first condition of each Mach number and total incidence: at every roll angle they are one flow.
+
+    At one pressure level altitude does not matter; ``by_altitude`` tells altitudes apart where it does.
+    """
+    first: dict[tuple[float, ...], int] = {}
+    for row, condition in enumerate(conditions):
+        key = (*flow_key(condition), condition.altitude if by_altitude else 0.0)
+        first.setdefault(key, row)
+    return np.array(sorted(first.values()), dtype=np.int64)
+
+
+def _one_internal_pressure(vehicle: Vehicle, conditions: list[FlightCondition]) -> float:
+    """Return p_internal [Pa] of all snapshots.
+
+    Raises
+    ------
+    InputError
+        The snapshots' altitudes differ and so does the pressure inside.
+    """
+    inside = [vehicle.internal_pressure(condition) for condition in conditions]
+    if min(inside) != max(inside):
+        raise InputError(
+            f"map.form 'absolute': expected one internal pressure, got {min(inside):.6g} to {max(inside):.6g} Pa; "
+            "give one altitude, structure.internal_pressure_Pa as a number, or form 'dynamic_pressure'"
+        )
+    return inside[0]

@@ -1,0 +1,146 @@
+"""Errors of the vehicle and its gauges as built: as terms of the weights, and as functions of the current strain.
+
+Every error has an operator that gives its strain, per standard deviation, from the surface pressure: Z_p itself
+for gains and Young's modulus, its derivatives for the placement of gauges, the roll of the layout and the wall.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from builder.inverse.modes.ensemble import Ensemble
+from builder.inverse.noise.gauge_derivatives import gauge_derivatives, wall_thickness_derivative
+from builder.inverse.noise.model import NoiseTerm, common_error, gauge_errors, nuisance_modes
+from builder.structure.fourier.model import StructuralModel
+from builder.structure.mapped_structure import MappedStructure
+from builder.vehicle.file import Vehicle
+from strainfmu.arrays import FloatArray
+from strainfmu.estimator.map.proportional_errors import PAIRS, ErrorModel
+
+MICRO = 1e-6
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class HardwareError:
+    """One error in proportion to strain.
+
+    Attributes
+    ----------
+    name : for reports.
+    operator : (n_d, n_p) strain per pressure at one standard deviation [1/Pa].
+    strain : (n, n_d) its strain at the members of the ensemble [m/m].
+    common : whether all gauges have the same error, or each its own.
+    of_mesh : whether it is an error of the structure's mesh, not of the hardware.
+    with_rest : whether the nonlinear estimator counts, gauge by gauge, what no load follows of a common error.
+    """
+
+    name: str
+    operator: FloatArray
+    strain: FloatArray
+    common: bool
+    of_mesh: bool = False
+    with_rest: bool = False
+
+
+def hardware_errors(
+    vehicle: Vehicle,
+    structure: StructuralModel | MappedStructure,
+    strain_operator: FloatArray,
+    ensemble: Ensemble,
+    modulus_std: float = 0.0,
+) -> list[HardwareError]:
+    """Return the errors of the section [noise] that are in proportion to strain; those of size 0 are left out.
+
+    ``strain_operator`` is Z_p (n_d, n_p) [1/Pa] of the layout in use, ``modulus_std`` the relative error of
+    Young's modulus by the wall's temperature.
+
+    Raises
+    ------
+    InputError
+        A gauge lies within a step of the end of its surface, or the structure holds no displaced gauges.
+    """
+    entry, layout = vehicle.noise, vehicle.gauges.layout
+    each = {"gauge gain": 0.01 * entry.gauge_gain_percent * strain_operator}
+    common = {"common gain": 0.01 * entry.common_gain_percent * strain_operator}
+    common["modulus with temperature"] = modulus_std * strain_operator
+    if entry.moves_gauges:
+        by = gauge_derivatives(vehicle, structure, layout)
+        position = 1e-3 * entry.gauge_position_mm
+        each["gauge position, axial"] = position * by.axial
+        each["gauge position, circumferential"] = position * by.circumferential
+        each["gauge orientation"] = np.deg2rad(entry.gauge_orientation_deg) * by.orientation
+        common["layout roll"] = np.deg2rad(entry.layout_roll_deg) * by.layout_roll
+    if entry.wall_thickness_percent > 0.0:
+        by_thickness = wall_thickness_derivative(vehicle, structure, layout)
+        common["wall thickness"] = 0.01 * entry.wall_thickness_percent * by_thickness
+    operators = {name: operator for name, operator in {**each, **common}.items() if np.any(operator)}
+    if not operators:
+        return []
+    strain = ensemble.responses(np.concatenate(list(operators.values())))
+    parts = np.split(strain, len(operators), axis=1)
+    return [
+        HardwareError(name=name, operator=operator, strain=part, common=name in common)
+        for (name, operator), part in zip(operators.items(), parts, strict=True)
+    ]
+
+
+def hardware_terms(
+    vehicle: Vehicle, errors: list[HardwareError], ensemble: Ensemble, strain_operator: FloatArray
+) -> list[NoiseTerm]:
+    """Return the noise terms of ``errors``, averaged over the ensemble, and of those that do not follow strain."""
+    entry, terms = vehicle.noise, error_terms(errors, ensemble)
+    if entry.apparent_strain_um_per_m > 0.0:
+        column, std = np.ones((len(strain_operator), 1)), np.array([MICRO * entry.apparent_strain_um_per_m])
+        terms.append(replace(nuisance_modes("apparent strain", column, std), hardware=True))
+    if entry.internal_pressure_percent > 0.0:
+        rms = rms_ambient_pressure(ensemble)
+        column = strain_operator.sum(axis=1)[:, None]
+        std = np.array([0.01 * entry.internal_pressure_percent * rms])
+        terms.append(replace(nuisance_modes("internal pressure", column, std), hardware=True, scales=True))
+    return terms
+
+
+def error_terms(errors: list[HardwareError], ensemble: Ensemble) -> list[NoiseTerm]:
+    """Return the noise terms of ``errors``, averaged over the ensemble; those of one name are one term."""
+    terms: dict[str, NoiseTerm] = {}
+    for error in errors:
+        term = common_error if error.common else gauge_errors
+        found = term(error.name, error.strain, 1.0, ensemble.member_weight)
+        if error.name in terms:
+            found = replace(found, strain=np.hstack([terms[error.name].strain, found.strain]))
+        terms[error.name] = replace(found, hardware=not error.of_mesh)
+    return list(terms.values())
+
+
+def rms_ambient_pressure(ensemble: Ensemble) -> float:
+    """Return the root mean square of p_inf over the flows [Pa]."""
+    return float(np.sqrt(np.average(ensemble.ambient_pressure**2, weights=ensemble.weight)))
+
+
+def error_model(errors: list[HardwareError], ensemble: Ensemble, coefficients: FloatArray) -> ErrorModel | None:
+    """Return how ``errors`` follow the coefficients (n, 5) of the ensemble's members; None without errors.
+
+    The strain of an error is regressed on [1, C] over the members. What the regression leaves stays in the
+    weights.
+    """
+    if not errors:
+        return None
+    weight = ensemble.member_weight
+    c = np.hstack([np.ones((len(coefficients), 1)), coefficients])
+    root = np.sqrt(weight)[:, None]
+    n_d = len(errors[0].operator)
+    of_gauge, common = np.zeros((len(PAIRS), n_d)), []
+    for error in errors:
+        slope = np.linalg.lstsq(root * c, root * error.strain, rcond=1e-10)[0]
+        if error.common:
+            common.append(slope)
+            continue
+        for row, (a, b) in enumerate(PAIRS):
+            of_gauge[row] += (1.0 if a == b else 2.0) * slope[a] * slope[b]
+    return ErrorModel(
+        of_gauge=of_gauge,
+        common=np.array(common).reshape(-1, 6, n_d),
+        mean_product=np.array([weight @ (c[:, a] * c[:, b]) for a, b in PAIRS]),
+    )

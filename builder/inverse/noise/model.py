@@ -1,0 +1,199 @@
+"""Covariance Gamma of the strain that the pressure states do not explain, term by term.
+
+Each term is a factor N of its covariance N N^T: strain at one standard deviation, column by column. This
+marginalises the quantity behind the term: it is estimated implicitly and dropped (Kaipio & Somersalo, Statistical
+and Computational Inverse Problems, 2005, section 5.8).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from builder.inverse.modes.pod import PressureModes
+from strainfmu.arrays import FloatArray
+from strainfmu.errors import InputError
+from strainfmu.estimator.map.innovation import inverse_cholesky
+
+
+@dataclass(frozen=True, eq=False)
+class NoiseTerm:
+    """One source of strain error, independent of the others and of the states.
+
+    Attributes
+    ----------
+    name : for reports.
+    strain : (n_d, k) columns of strain at one standard deviation [m/m].
+    load : (5, k) loads [N, N m] of the same columns that no state holds, or None where there are none.
+    further : (m, k) the same of the further loads, or None.
+    scales : whether the term grows with the dynamic pressure, as errors in proportion to strain do.
+    hardware : whether it is an error of the vehicle and its gauges as built.
+    """
+
+    name: str
+    strain: FloatArray
+    load: FloatArray | None = None
+    further: FloatArray | None = None
+    scales: bool = False
+    hardware: bool = False
+
+
+@dataclass(frozen=True)
+class NoiseFraction:
+    """The part of one term in Gamma.
+
+    Attributes
+    ----------
+    name : of the term.
+    fraction : tr(Gamma^-1 Gamma_term) / n_d [1] of the whitened variance; the fractions add up to 1.
+    rms_strain : root of the mean variance over the gauges [m/m].
+    """
+
+    name: str
+    fraction: float
+    rms_strain: float
+
+
+@dataclass(frozen=True, eq=False)
+class NoiseModel:
+    """All terms together."""
+
+    terms: tuple[NoiseTerm, ...]
+
+    @cached_property
+    def covariance(self) -> FloatArray:
+        """(n_d, n_d) Gamma, the sum of all terms' covariances [(m/m)^2]."""
+        return np.sum([term.strain @ term.strain.T for term in self.terms], axis=0)
+
+    @cached_property
+    def strain_load_covariance(self) -> FloatArray | None:
+        """(n_d, 5) covariance of strain error and load that no state holds [m/m (N, N m)], or None."""
+        parts = [term.strain @ term.load.T for term in self.terms if term.load is not None]
+        return np.sum(parts, axis=0) if parts else None
+
+    def fractions(self) -> list[NoiseFraction]:
+        """Return one row per term.
+
+        Raises
+        ------
+        InputError
+            The covariance is not positive definite.
+        """
+        whitening = inverse_cholesky(self.covariance)
+        n_gauges = len(whitening)
+        return [
+            NoiseFraction(
+                term.name,
+                float(np.sum((whitening @ term.strain) ** 2)) / n_gauges,
+                float(np.sqrt(np.sum(term.strain**2) / n_gauges)),
+            )
+            for term in self.terms
+        ]
+
+
+def gauge_noise(covariance: FloatArray) -> NoiseTerm:
+    """Return the term of the gauges' own noise with ``covariance`` (n_d, n_d) [(m/m)^2], diagonal or full.
+
+    Raises
+    ------
+    InputError
+        The matrix is not symmetric and positive definite.
+    """
+    inverse_cholesky(covariance)  # refuses a matrix that is no covariance
+    return NoiseTerm("gauge noise", np.asarray(np.linalg.cholesky(covariance), dtype=np.float64))
+
+
+def truncated_modes(
+    strain_of_modes: FloatArray,
+    load_of_modes: FloatArray,
+    modes: PressureModes,
+    kept: int,
+    further_of_modes: FloatArray | None = None,
+) -> NoiseTerm:
+    """Return the term of the POD modes beyond the first ``kept``, at their spread over the snapshots.
+
+    Parameters
+    ----------
+    strain_of_modes : (n_d, k) Z_p V of all modes [1/Pa].
+    load_of_modes : (5, k) G C_map V of all modes [N/Pa, N m/Pa].
+    modes : POD of the snapshots.
+    kept : number of modes that are states.
+    further_of_modes : (m, k) the same of the further loads, or None.
+    """
+    std = modes.coefficient_std()[kept:]
+    further = None if further_of_modes is None else further_of_modes[:, kept:] * std
+    strain, load = strain_of_modes[:, kept:] * std, load_of_modes[:, kept:] * std
+    return NoiseTerm("truncated modes", strain, load, further, scales=True)
+
+
+def pressure_errors(
+    name: str, fields: FloatArray, strain: FloatArray, load: FloatArray, further: FloatArray | None
+) -> NoiseTerm:
+    """Return the term of pressure ``fields`` (k, n_p) at one standard deviation that no state holds [Pa].
+
+    Their strain and loads follow by the operators ``strain`` (n_d, n_p), ``load`` (5, n_p), ``further`` (m, n_p).
+    """
+    of_further = None if further is None else further @ fields.T
+    return NoiseTerm(name, strain @ fields.T, load @ fields.T, of_further, scales=True)
+
+
+def nuisance_modes(name: str, strain: FloatArray, std: FloatArray) -> NoiseTerm:
+    """Return a term of ``strain`` columns (n_d, k) per unit of quantities with standard deviations ``std`` (k,).
+
+    For thermal strain a column is the apparent strain of one temperature distribution: of the gauges and of the
+    structure together.
+
+    Raises
+    ------
+    InputError
+        A value is not finite, or a standard deviation is negative.
+    """
+    if strain.ndim != 2 or std.shape != strain.shape[1:]:
+        raise InputError(
+            f"noise term '{name}': strain {strain.shape}, std {std.shape} found, must be (n_d, k), (k,)"
+        )
+    if not (np.all(np.isfinite(strain)) and np.all(np.isfinite(std)) and np.all(std >= 0.0)):
+        raise InputError(f"noise term '{name}': values must be finite and standard deviations at least 0")
+    return NoiseTerm(name, strain * std)
+
+
+def gauge_errors(name: str, sensitivity: FloatArray, std: float, weight: FloatArray | None = None) -> NoiseTerm:
+    """Return the term of an error that is independent from gauge to gauge, to first order.
+
+    The strain error of gauge i is g_i s_ij in flight j, with g_i of standard deviation ``std``; its variance is
+    averaged over the flights. For gains s is the strain itself; for position and orientation its derivative.
+
+    Parameters
+    ----------
+    name : for reports.
+    sensitivity : (N, n_d) strain error per unit of the gauge's error, over N flights [m/m per unit].
+    std : standard deviation of the gauge's error [unit].
+    weight : (N,) of the flights in the mean, adding up to 1; None for equal ones.
+
+    Raises
+    ------
+    InputError
+        A value is not finite, or the standard deviation is negative.
+    """
+    rms = np.sqrt(np.average(sensitivity**2, axis=0, weights=weight))
+    term = nuisance_modes(name, np.diag(rms), np.full(len(rms), std))
+    return replace(term, scales=True, hardware=True)
+
+
+def common_error(name: str, sensitivity: FloatArray, std: float, weight: FloatArray) -> NoiseTerm:
+    """Return the term of one error that all gauges have in common, such as that of the wall's thickness.
+
+    Its covariance is the mean of s_j s_j' over the flights j; parameters as in :func:`gauge_errors`.
+    """
+    _, size, right = np.linalg.svd(np.sqrt(weight)[:, None] * sensitivity, full_matrices=False)
+    kept = size > 1e-6 * size[0] if size[0] > 0.0 else size > 0.0
+    return replace(
+        nuisance_modes(name, right[kept].T * size[kept], np.full(int(kept.sum()), std)), scales=True, hardware=True
+    )
+
+
+def central_difference(plus: FloatArray, minus: FloatArray, step: float) -> FloatArray:
+    """Return (Z(x + step) - Z(x - step)) / (2 step) of strain operators (n_d, n_p), error O(step^2)."""
+    return (plus - minus) / (2.0 * step)

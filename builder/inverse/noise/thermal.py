@@ -1,0 +1,139 @@
+"""Temperature modes of a vehicle: thermal strain of its gauges, and what its sensors see of them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from builder.inverse.noise.model import NoiseTerm, nuisance_modes
+from builder.structure.loads.fourier import FourierStructure
+from builder.structure.loads.gauge_strain import gauge_strain, gauge_temperature
+from builder.structure.loads.loaded_structure import LoadProperties
+from builder.structure.loads.of_vehicle import fourier_structure_of
+from builder.structure.loads.temperature import TemperatureField, temperature_mode
+from builder.vehicle.file import Vehicle
+from builder.vehicle.temperature_options import Temperature
+from strainfmu.arrays import FloatArray
+from strainfmu.errors import InputError
+from strainfmu.estimator.map.temperature import ThermalMap
+
+NAME = "temperature"
+"""Name of the modes' noise term."""
+
+_STATIONS = 5
+_HARMONICS = 2
+_MICRO, _PER_100K, _CELSIUS = 1e-6, 1e-4, 273.15
+
+
+def thermal_modes(entry: Temperature, length: float) -> list[tuple[TemperatureField, float]]:
+    """Return the modes of a body of ``length`` [m] at an amplitude of 1 K, and their standard deviations [K]."""
+    stations = np.array(entry.stations_m) if entry.stations_m else np.linspace(0.0, length, _STATIONS)
+    kinds = (
+        (entry.rise_K, 0, False),
+        (entry.through_wall_K, 0, True),
+        (entry.side_K, 1, False),
+        (entry.through_wall_side_K, 1, True),
+        (entry.second_harmonic_K, 2, False),
+    )
+    modes = []
+    for std, harmonic, through in kinds:
+        crests = (0.0,) if harmonic == 0 else (0.0, 0.5 * np.pi / harmonic)
+        for crest in crests if std > 0.0 else ():
+            for hat in np.eye(len(stations)):
+                middle, rise = (np.zeros_like(hat), hat) if through else (hat, None)
+                modes.append((temperature_mode(stations, middle, harmonic, crest, rise), std))
+    return modes
+
+
+def thermal_map(vehicle: Vehicle, structure: FourierStructure | None = None) -> ThermalMap | None:
+    """Return the modes of the layout in use, the gauges' covariance 0; None without a section [temperature].
+
+    Raises
+    ------
+    InputError
+        The Fourier model cannot do the vehicle, or the map has not the form that follows q_inf.
+    """
+    entry = vehicle.temperature
+    if entry is None:
+        return None
+    if vehicle.map.form != "dynamic_pressure":
+        raise InputError(f"temperature: expected map.form 'dynamic_pressure', got '{vehicle.map.form}'")
+    if structure is None:
+        structure = thermal_structure(vehicle, entry)
+    modes = thermal_modes(entry, vehicle.body().length)
+    strain = np.column_stack([gauge_strain(structure, [mode]) for mode, _ in modes])
+    x = np.array([one.x_m for one in entry.sensor])
+    roll = np.radians([one.roll_angle_deg for one in entry.sensor])
+    depth = np.array([float(one.surface == "outer") for one in entry.sensor])
+    n_d = len(strain)
+    return ThermalMap(
+        reference_temperature=entry.reference_degC + _CELSIUS,
+        prior_std=np.array([std for _, std in modes]),
+        mode_strain=strain,
+        gauge_operator=np.column_stack([gauge_temperature(structure, mode) for mode, _ in modes]),
+        sensor_names=tuple(one.name for one in entry.sensor),
+        sensor_operator=np.column_stack([mode.at(x, roll, depth) for mode, _ in modes]),
+        sensor_std=np.array([one.std_K for one in entry.sensor]),
+        apparent_strain=_MICRO * np.array(entry.apparent_strain_um_per_m, dtype=float),
+        gauge_factor_slope=_PER_100K * entry.gauge_factor_percent_per_100K,
+        modulus_slope=_PER_100K * entry.modulus_percent_per_100K,
+        isothermal_covariance=np.zeros((n_d, n_d)),
+    )
+
+
+def thermal_structure(vehicle: Vehicle, entry: Temperature) -> FourierStructure:
+    """Return the Fourier model of the layout in use with the expansion of material and gauges."""
+    expansion = _MICRO * entry.expansion_um_per_m_per_K
+    compensation = entry.compensation_um_per_m_per_K
+    properties = LoadProperties(
+        expansion=expansion, compensation=expansion if compensation is None else _MICRO * compensation
+    )
+    return fourier_structure_of(vehicle, vehicle.gauges.layout, properties=properties, max_harmonic=_HARMONICS)
+
+
+def thermal_terms(vehicle: Vehicle, thermal: ThermalMap | None) -> list[NoiseTerm]:
+    """Return what temperature adds to the noise: the modes, and the scatter of the gauges' own response.
+
+    The mean response of the lot joins the modes: without sensors it is not known either.
+    """
+    entry = vehicle.temperature
+    if entry is None or thermal is None:
+        return []
+    terms = [nuisance_modes(NAME, thermal.linear_strain, thermal.prior_std)]
+    scatter = _MICRO * entry.apparent_strain_scatter_um_per_m_per_K * gauge_rise(thermal)
+    if scatter.any():
+        terms.append(nuisance_modes("apparent strain with temperature", np.diag(scatter), np.ones(len(scatter))))
+    return terms
+
+
+def gauge_rise(thermal: ThermalMap) -> FloatArray:
+    """Return (n_d,) the standard deviation of the gauges' temperature by the prior [K]."""
+    return np.asarray(np.sqrt(np.sum((thermal.gauge_operator * thermal.prior_std) ** 2, axis=1)))
+
+
+def modulus_std(thermal: ThermalMap | None) -> float:
+    """Return the relative standard deviation of the modulus by the prior of the temperature, the same all over."""
+    return 0.0 if thermal is None else abs(thermal.modulus_slope) * float(np.median(gauge_rise(thermal)))
+
+
+def with_further_rows(thermal: ThermalMap | None, n_rows: int) -> ThermalMap | None:
+    """Return ``thermal`` with ``n_rows`` rows behind the gauges, of sensors whose readings it does not move."""
+    if thermal is None:
+        return None
+    below = ((0, n_rows), (0, 0))
+    n = len(thermal.mode_strain) + n_rows
+    return replace(
+        thermal,
+        mode_strain=np.pad(thermal.mode_strain, below),
+        gauge_operator=np.pad(thermal.gauge_operator, below),
+        isothermal_covariance=np.zeros((n, n)),
+    )
+
+
+def with_isothermal(thermal: ThermalMap | None, terms: tuple[NoiseTerm, ...]) -> ThermalMap | None:
+    """Return ``thermal`` with the covariance of ``terms`` that neither scale nor are its modes."""
+    if thermal is None:
+        return None
+    rest = [term.strain @ term.strain.T for term in terms if not term.scales and term.name != NAME]
+    return replace(thermal, isothermal_covariance=np.sum(rest, axis=0))

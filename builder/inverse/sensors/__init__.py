@@ -1,0 +1,1 @@
+"""Sensors beside the strain gauges: rows of readings per surface pressure, with noise and errors."""

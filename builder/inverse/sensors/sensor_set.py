@@ -1,0 +1,381 @@
+"""Rows of the sensors beside the strain gauges: reading per surface pressure, noise, errors, nuisances."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from builder.aero.loads import load_operator
+from builder.aero.surface_mesh import SurfaceMesh, mesh_load_operator
+from builder.inverse.modes.ensemble import Ensemble
+from builder.inverse.noise.hardware_errors import HardwareError, error_terms, rms_ambient_pressure
+from builder.inverse.noise.model import NoiseTerm, common_error, nuisance_modes
+from builder.inverse.sensors.row import SensorRow
+from builder.inverse.sensors.structural import structural_rows
+from builder.structure.fourier.model import StructuralModel
+from builder.structure.mapped_structure import MappedStructure
+from builder.vehicle.file import Vehicle
+from builder.vehicle.geometry import SurfaceGrid
+from builder.vehicle.sensor_entries import InertialUnit, LoadCells, Ports
+from strainfmu.arrays import FloatArray
+from strainfmu.errors import InputError
+from strainfmu.estimator.map.sensors import STRAIN, SensorRows
+
+Surface = SurfaceGrid | SurfaceMesh
+
+_COMPONENTS = ("axial", "normal", "side", "pitch", "yaw")
+_AXES = {
+    "axial": (1.0, 0.0, 0.0),
+    "normal": (0.0, 0.0, 1.0),
+    "side": (0.0, 1.0, 0.0),
+    "pitch": (0.0, 1.0, 0.0),
+    "yaw": (0.0, 0.0, -1.0),
+}
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SensorSet:
+    """All n_s further sensors, each row divided by its scale.
+
+    Attributes
+    ----------
+    rows : the sensors.
+    scale : (n_s,) unit per m/m.
+    operator : (n_s, n_p) [1/Pa].
+    offset : (n_s,) what base and friction add to the readings at the nominal dynamic pressure [m/m].
+    errors : those in proportion to readings, rows of the sensors alone.
+    terms : those errors over the ensemble, and nuisances; rows of the sensors alone.
+    shared : (n_s, n_p) operator of each error that they have in common with the gauges [1/Pa], by name.
+    inside : (n_s, 1) what one standard deviation of the internal pressure does to the readings [m/m].
+    """
+
+    rows: tuple[SensorRow, ...]
+    scale: FloatArray
+    operator: FloatArray
+    offset: FloatArray
+    errors: list[HardwareError]
+    terms: list[NoiseTerm]
+    shared: dict[str, FloatArray]
+    inside: FloatArray
+
+    @property
+    def per_axial_force(self) -> FloatArray:
+        """(n_s,) rows per axial force at base and skin [(m/m)/N]."""
+        return np.array([row.per_axial_force for row in self.rows]) / self.scale
+
+    @property
+    def covariance(self) -> FloatArray:
+        """(n_s, n_s) of the sensors' own noise [(m/m)^2]."""
+        return np.diag((np.array([row.std for row in self.rows]) / self.scale) ** 2)
+
+    def described(self, n_gauges: int, thrust_scale: float = -1.0) -> SensorRows:
+        """Return what the rows of a map with ``n_gauges`` gauges ahead of these sensors measure."""
+        of_axial = np.array([row.per_axial_force for row in self.rows])
+        return SensorRows(
+            kind=(STRAIN,) * n_gauges + tuple(row.kind for row in self.rows),
+            unit=("m/m",) * n_gauges + tuple(row.unit for row in self.rows),
+            scale=np.concatenate([np.ones(n_gauges), self.scale]),
+            largest=np.concatenate([np.ones(n_gauges), [row.largest for row in self.rows]]),
+            # Thrust pushes forward, an axial force aft.
+            thrust_response=np.concatenate([np.zeros(n_gauges), thrust_scale * of_axial]),
+        )
+
+
+def sensor_set(
+    vehicle: Vehicle,
+    structure: StructuralModel | MappedStructure,
+    ensemble: Ensemble,
+    gauge_covariance: FloatArray,
+) -> SensorSet | None:
+    """Return the sensors of the section [sensors], None without one.
+
+    ``gauge_covariance`` (n_g, n_g) [(m/m)^2] is that of the gauges, whose typical noise the rows are scaled to.
+
+    Raises
+    ------
+    InputError
+        A sensor lies off the body, or surface or structure are none that it can be placed on.
+    """
+    entry = vehicle.sensors
+    if entry is None:
+        return None
+    surface = structure.surface
+    rows: list[SensorRow] = []
+    if entry.ports is not None:
+        rows += _ports(entry.ports, surface)
+    if entry.imu is not None:
+        rows += _inertial(entry.imu, surface)
+    if entry.load_cells is not None:
+        rows += _load_cells(entry.load_cells, surface)
+    rows += structural_rows(vehicle, structure)
+    typical = float(np.sqrt(np.median(np.diag(gauge_covariance))))
+    scale = np.array([row.std for row in rows]) / typical
+    offset, terms = _nuisances(vehicle, rows, scale, ensemble)
+    operator = np.array([row.operator for row in rows]) / scale[:, None]
+    errors = _errors(rows, scale, ensemble)
+    against_inside = np.array([row.follows_inside for row in rows])
+    std = 0.01 * vehicle.noise.internal_pressure_percent * rms_ambient_pressure(ensemble)
+    return SensorSet(
+        rows=tuple(rows),
+        scale=scale,
+        operator=operator,
+        offset=offset,
+        errors=errors,
+        terms=[*error_terms(errors, ensemble), *terms, *_drifts(rows, scale)],
+        shared=_joined_by_name([row.shared for row in rows], scale, len(rows[0].operator)),
+        inside=np.where(against_inside, std * operator.sum(axis=1), 0.0)[:, None],
+    )
+
+
+def _ports(entry: Ports, surface: Surface) -> list[SensorRow]:
+    if not isinstance(surface, SurfaceGrid):
+        raise InputError("sensors.ports: expected a surface of stations and roll angles, got a triangulated one")
+    if not surface.x[0] <= entry.x_m <= surface.x[-1]:
+        raise InputError(f"sensors.ports.x_m: expected {surface.x[0]:g} to {surface.x[-1]:g} m, got {entry.x_m:g}")
+    rows = []
+    for degrees in entry.roll_deg:
+        roll = np.deg2rad(degrees)
+        radius = float(np.interp(entry.x_m, surface.x, surface.radius))
+        around = np.array([np.sin(roll), np.cos(roll)])
+        rows.append(
+            SensorRow(
+                name=f"port_{degrees:g}deg",
+                kind="pressure",
+                unit="Pa",
+                position=np.array([entry.x_m, *(radius * around)]),
+                direction=np.array([0.0, *around]),
+                operator=port_row(surface, entry.x_m, roll),
+                std=entry.std_Pa,
+                largest=entry.range_Pa,
+                gain=0.01 * entry.gain_percent,
+                per_axial_force=0.0,
+                follows_inside=True,
+            )
+        )
+    return rows
+
+
+def port_row(grid: SurfaceGrid, x: float, roll: float) -> FloatArray:
+    """Return (n_p,) pressure at station ``x`` [m] and ``roll`` [rad] per nodal pressure [1].
+
+    Linear between stations and trigonometric in roll, as pressure is on the grid.
+    """
+    after = int(np.clip(np.searchsorted(grid.x, x), 1, len(grid.x) - 1))
+    length = grid.x[after] - grid.x[after - 1]
+    along = np.zeros(len(grid.x))
+    along[after] = 1.0 if length == 0.0 else (x - grid.x[after - 1]) / length
+    along[after - 1] = 1.0 - along[after]
+    harmonic = np.arange(grid.n_roll // 2 + 1)
+    share = np.where((harmonic == 0) | (2 * harmonic == grid.n_roll), 1.0, 2.0) / grid.n_roll
+    around = np.cos(np.outer(roll - grid.roll_angle, harmonic)) @ share
+    return np.outer(along, around).ravel()
+
+
+def _loads_about(surface: Surface, station: float) -> FloatArray:
+    if isinstance(surface, SurfaceGrid):
+        return load_operator(surface, station)
+    return mesh_load_operator(surface, station)
+
+
+def _inertial(entry: InertialUnit, surface: Surface) -> list[SensorRow]:
+    loads = _loads_about(surface, entry.center_x_m)
+    force, turn = loads[:3] / entry.mass_kg, loads[3:] / entry.inertia_kg_m2
+    ahead = entry.x_m - entry.center_x_m
+    # A centre of mass further aft lengthens the arm of every force ahead of it: M' = M + shift F.
+    shift = 1e-3 * entry.center_std_mm
+    of_centre = shift * loads[1:3] / entry.inertia_kg_m2
+    by_mass, by_inertia = 0.01 * entry.mass_percent, 0.01 * entry.inertia_percent
+    accelerations = {
+        "axial": (force[0], np.zeros_like(force[0]), np.zeros_like(force[0])),
+        # A nose that goes up or to starboard takes what lies ahead of the centre along.
+        "normal": (force[1], -ahead * turn[0], shift * turn[0] - ahead * of_centre[0]),
+        "side": (force[2], -ahead * turn[1], shift * turn[1] - ahead * of_centre[1]),
+    }
+    rows = [
+        SensorRow(
+            name=f"imu_{name}",
+            kind="acceleration",
+            unit="m/s2",
+            position=np.array([entry.x_m, 0.0, 0.0]),
+            direction=np.array(_AXES[name]),
+            operator=of_force + of_turn,
+            std=entry.accelerometer_std_m_per_s2,
+            largest=entry.accelerometer_range_m_per_s2,
+            gain=0.01 * entry.accelerometer_gain_percent,
+            per_axial_force=1.0 / entry.mass_kg if name == "axial" else 0.0,
+            follows_inside=False,
+            errors={"mass": by_mass * of_force, "inertia": by_inertia * of_turn, f"centre, {name}": centre},
+        )
+        for name, (of_force, of_turn, centre) in accelerations.items()
+    ]
+    if not entry.angular:
+        return rows
+    return rows + [
+        SensorRow(
+            name=f"imu_{name}",
+            kind="angular acceleration",
+            unit="rad/s2",
+            position=np.array([entry.x_m, 0.0, 0.0]),
+            direction=np.array(_AXES[name]),
+            operator=turn[k],
+            std=entry.angular_std_rad_per_s2,
+            largest=entry.angular_range_rad_per_s2,
+            gain=0.01 * entry.angular_gain_percent,
+            per_axial_force=0.0,
+            follows_inside=False,
+            errors={"inertia": by_inertia * turn[k], f"centre, {force_name}": of_centre[k]},
+        )
+        for k, (name, force_name) in enumerate((("pitch", "normal"), ("yaw", "side")))
+    ]
+
+
+def _load_cells(entry: LoadCells, surface: Surface) -> list[SensorRow]:
+    loads = dict(zip(_COMPONENTS, _loads_about(surface, entry.station_m), strict=True))
+    rows = []
+    for name in entry.components:
+        is_moment = name in ("pitch", "yaw")
+        rows.append(
+            SensorRow(
+                name=f"cell_{name}",
+                kind="moment" if is_moment else "force",
+                unit="N m" if is_moment else "N",
+                position=np.array([entry.station_m, 0.0, 0.0]),
+                direction=np.array(_AXES[name]),
+                operator=loads[name],
+                std=entry.moment_std_N_m if is_moment else entry.force_std_N,
+                largest=entry.moment_range_N_m if is_moment else entry.force_range_N,
+                gain=0.01 * entry.gain_percent,
+                per_axial_force=1.0 if name == "axial" else 0.0,
+                follows_inside=False,
+            )
+        )
+    return rows
+
+
+def _errors(rows: list[SensorRow], scale: FloatArray, ensemble: Ensemble) -> list[HardwareError]:
+    """Return gains of each sensor, and the errors that several have in common."""
+    n_p = len(rows[0].operator)
+    gains = np.array([row.gain * row.operator for row in rows]) / scale[:, None]
+    operators = {"sensor gain": gains, **_joined_by_name([row.errors for row in rows], scale, n_p)}
+    return [
+        HardwareError(
+            name=name,
+            operator=operator,
+            strain=ensemble.responses(operator),
+            common=name != "sensor gain",
+            with_rest=name != "sensor gain",
+        )
+        for name, operator in operators.items()
+        if np.any(operator)
+    ]
+
+
+def _joined_by_name(of_rows: list[dict[str, FloatArray]], scale: FloatArray, n_p: int) -> dict[str, FloatArray]:
+    """Return (n_s, n_p) operators [1/Pa] by name, zero in the rows that do not have one of that name."""
+    names = dict.fromkeys(name for row in of_rows for name in row)
+    none = np.zeros(n_p)
+    return {name: np.array([row.get(name, none) for row in of_rows]) / scale[:, None] for name in names}
+
+
+def _drifts(rows: list[SensorRow], scale: FloatArray) -> list[NoiseTerm]:
+    """Return the terms of offsets that several readings have in common."""
+    names = dict.fromkeys(name for row in rows for name in row.drift)
+    columns = {name: np.array([row.drift.get(name, 0.0) for row in rows]) / scale for name in names}
+    return [
+        replace(nuisance_modes(name, column[:, None], np.ones(1)), hardware=True)
+        for name, column in columns.items()
+    ]
+
+
+def base_area(vehicle: Vehicle) -> float:
+    """Return the area that the base pressure acts on [m2]: the reference's where [sensors] states none."""
+    entry = vehicle.sensors
+    stated = None if entry is None else entry.base_area_m2
+    return vehicle.reference_quantities().area if stated is None else stated
+
+
+def _nuisances(
+    vehicle: Vehicle, rows: list[SensorRow], scale: FloatArray, ensemble: Ensemble
+) -> tuple[FloatArray, list[NoiseTerm]]:
+    """Return what base pressure and friction add to the readings, and the terms of errors, thrust among them."""
+    entry = vehicle.sensors
+    assert entry is not None
+    reference, area = vehicle.reference_quantities(), base_area(vehicle)
+    per_force = np.array([row.per_axial_force for row in rows]) / scale
+    ambient, weight = ensemble.ambient_pressure, ensemble.weight / ensemble.weight.sum()
+    mean = float(weight @ ambient)
+    spread = float(np.sqrt(weight @ (ambient - mean) ** 2))
+    suction = 1.0 - entry.base_pressure_ratio
+    rms = float(np.hypot(mean, spread))
+    of_base = area * np.hypot(0.01 * entry.base_pressure_percent * rms, suction * spread)
+    per_coefficient = ensemble.nominal_dynamic_pressure * reference.area
+    offset = per_force * (area * suction * mean + entry.friction_C_A * per_coefficient)
+    columns = {
+        "base pressure": (of_base, True),
+        "friction": (entry.friction_C_A_std * per_coefficient, True),
+        "thrust": (0.0 if entry.imu is None else entry.imu.thrust_std_N, False),
+    }
+    terms = [
+        NoiseTerm(name, (std * per_force)[:, None], scales=scales, hardware=True)
+        for name, (std, scales) in columns.items()
+        if std > 0.0 and np.any(per_force)
+    ]
+    return offset, terms
+
+
+def joined_terms(
+    terms: list[NoiseTerm], errors: list[HardwareError], sensors: SensorSet, ensemble: Ensemble
+) -> list[NoiseTerm]:
+    """Return the noise terms of gauges and sensors together; the first is that of their own noise.
+
+    Terms of the gauges get no part in the sensors, but for that of the internal pressure, which some of them read
+    against, and for ``errors`` that both share.
+    """
+    n_s = len(sensors.rows)
+    first, *others = terms
+    n_g = len(first.strain)
+    own = np.zeros((n_g + n_s, n_g + n_s))
+    own[:n_g, :n_g] = first.strain
+    own[n_g:, n_g:] = np.sqrt(sensors.covariance)
+    joined = [replace(first, strain=own)]
+    of_both = {one.name: one.strain for one in errors if one.name in sensors.shared}
+    for term in others:
+        if term.name in of_both:
+            strain = np.hstack([of_both[term.name], ensemble.responses(sensors.shared[term.name])])
+            joined.append(
+                replace(common_error(term.name, strain, 1.0, ensemble.member_weight), hardware=term.hardware)
+            )
+            continue
+        below = sensors.inside if term.name == "internal pressure" else np.zeros((n_s, term.strain.shape[1]))
+        joined.append(replace(term, strain=np.vstack([term.strain, below])))
+    return [*joined, *(replace(term, strain=np.pad(term.strain, ((n_g, 0), (0, 0)))) for term in sensors.terms)]
+
+
+def joined_errors(
+    errors: list[HardwareError], sensors: SensorSet, n_g: int, ensemble: Ensemble
+) -> list[HardwareError]:
+    """Return the errors of ``n_g`` gauges and the sensors together, each with zeros in the rows of the others.
+
+    Those that both share have rows of both.
+    """
+    n_s = len(sensors.rows)
+
+    def padded(one: HardwareError, above: int, below: int) -> HardwareError:
+        return replace(
+            one,
+            operator=np.pad(one.operator, ((above, below), (0, 0))),
+            strain=np.pad(one.strain, ((0, 0), (above, below))),
+        )
+
+    def of_gauges(one: HardwareError) -> HardwareError:
+        if one.name not in sensors.shared:
+            return padded(one, 0, n_s)
+        further = sensors.shared[one.name]
+        return replace(
+            one,
+            operator=np.vstack([one.operator, further]),
+            strain=np.hstack([one.strain, ensemble.responses(further)]),
+        )
+
+    return [*map(of_gauges, errors), *(padded(one, n_g, 0) for one in sensors.errors)]

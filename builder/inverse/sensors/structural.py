@@ -1,0 +1,202 @@
+"""Sensors that read the structure as strain gauges do: displacement of the wall, and strain along optical fibres.
+
+Their readings per surface pressure follow from the same model of the wall. So they share its errors with the
+gauges: Young's modulus (the common gain), and the thickness of the wall.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from builder.inverse.noise.gauge_derivatives import WALL_STEP, central_difference, with_wall
+from builder.inverse.sensors.row import SensorRow
+from builder.structure.fourier.displacement import SurfaceTargets, displacement_operator
+from builder.structure.fourier.gauges import place_gauges
+from builder.structure.fourier.inner_surface import inner_surface_points
+from builder.structure.fourier.meridian_mesh import MeridianMesh
+from builder.structure.fourier.model import StructuralModel
+from builder.structure.fourier.shell_mesh import shell_mesh
+from builder.structure.fourier.strain_operator import harmonic_response, strain_operator
+from builder.structure.mapped_structure import MappedStructure
+from builder.structure.wall import wall_of
+from builder.vehicle.file import Vehicle
+from builder.vehicle.sensor_entries import Displacements, Fibre
+from strainfmu.arrays import FloatArray
+from strainfmu.errors import InputError
+
+MICRO, MILLI = 1e-6, 1e-3
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Place:
+    """Points of the inner surface: (n,) stations [m] and roll angles [rad], (n, 3) directions and places [m]."""
+
+    x: FloatArray
+    roll_angle: FloatArray
+    direction: FloatArray
+    position: FloatArray
+
+
+def structural_rows(vehicle: Vehicle, structure: StructuralModel | MappedStructure) -> list[SensorRow]:
+    """Return the rows of the entries displacement and fibre.
+
+    Raises
+    ------
+    InputError
+        The structure is not the Fourier model of a held body, or a point lies off the wall's inner surface.
+    """
+    entry = vehicle.sensors
+    if entry is None or not entry.of_structure:
+        return []
+    names = " and ".join(f"sensors.{name}" for name in entry.of_structure)
+    if not isinstance(structure, StructuralModel):
+        raise InputError(f"{names}: expected structure.model 'fourier', got {structure.description}")
+    if vehicle.structure.support == "free_flight":
+        raise InputError(f"{names}: expected a support that holds the body, got 'free_flight'")
+    if vehicle.temperature is not None:
+        raise InputError(
+            f"{names}: expected no section [temperature]: what heat does to their readings is not known"
+        )
+    mesh = _mesh(vehicle)
+    operator = _operators(vehicle, mesh, structure)
+    shared = _shared_errors(vehicle, structure, operator)
+    rows: list[SensorRow] = []
+    if entry.displacement is not None:
+        rows += _displacement_rows(
+            entry.displacement, _displacement_places(entry.displacement, mesh), operator, shared
+        )
+    if entry.fibre is not None:
+        rows += _fibre_rows(entry.fibre, _fibre_places(entry.fibre, mesh), operator, shared, len(rows))
+    return rows
+
+
+def _mesh(vehicle: Vehicle) -> MeridianMesh:
+    resolution = vehicle.resolution.map
+    return shell_mesh(
+        vehicle.body(), wall_of(vehicle), MILLI * resolution.element_length_mm, resolution.wall_layers
+    )
+
+
+def _operators(vehicle: Vehicle, mesh: MeridianMesh, structure: StructuralModel) -> FloatArray:
+    """Return (n, n_p) readings per pressure [unit/Pa], displacements first."""
+    entry, material, grid = vehicle.sensors, wall_of(vehicle).material, structure.surface
+    assert entry is not None
+    harmonics = structure.response.max_harmonic
+    found = []
+    if entry.displacement is not None:
+        place = _displacement_places(entry.displacement, mesh)
+        targets = SurfaceTargets(x=place.x, roll_angle=place.roll_angle, direction=place.direction)
+        found.append(displacement_operator(mesh, material, targets, grid, harmonics))
+    if entry.fibre is not None:
+        place = _fibre_places(entry.fibre, mesh)
+        gauges = place_gauges(mesh, place.position, place.direction, _fibre_names(entry.fibre))
+        response = harmonic_response(mesh, material, gauges.x, grid.x, harmonics)
+        found.append(strain_operator(response, gauges, grid))
+    return np.concatenate(found)
+
+
+def _shared_errors(vehicle: Vehicle, structure: StructuralModel, operator: FloatArray) -> dict[str, FloatArray]:
+    """Return (n, n_p) operators of the errors that gauges have too, one standard deviation [unit/Pa]."""
+    entry = vehicle.noise
+    found = {"common gain": 0.01 * entry.common_gain_percent * operator}
+    if entry.wall_thickness_percent > 0.0:
+        thin, thick = (
+            _operators(other, _mesh(other), structure)
+            for other in (with_wall(vehicle, factor) for factor in (1.0 - WALL_STEP, 1.0 + WALL_STEP))
+        )
+        by_thickness = central_difference(thick, thin, WALL_STEP)
+        found["wall thickness"] = 0.01 * entry.wall_thickness_percent * by_thickness
+    return {name: one for name, one in found.items() if np.any(one)}
+
+
+def _places(
+    mesh: MeridianMesh, x: FloatArray, degrees: FloatArray, direction: FloatArray | None, where: str
+) -> _Place:
+    """Return points of the inner surface; without ``direction`` along the meridian, aft."""
+    if not len(mesh.inner_edge):
+        raise InputError(f"{where}: the body is solid: it has no inner surface")
+    front, aft = mesh.node[mesh.inner_edge[[0, -1], [0, 2]], 0]
+    for one in x:
+        if not front <= one <= aft:
+            raise InputError(f"{where}: expected a station from {front:g} to {aft:g} m, got {one:g}")
+    point, roll = inner_surface_points(mesh, x), np.deg2rad(degrees)
+    across = np.column_stack([np.sin(roll), np.cos(roll)])
+    if direction is None:
+        direction = np.column_stack([point.tangent[:, 0], point.tangent[:, 1:] * across])
+    unit = direction / np.linalg.norm(direction, axis=1, keepdims=True)
+    return _Place(
+        x=x, roll_angle=roll, direction=unit, position=np.column_stack([x, point.radius[:, None] * across])
+    )
+
+
+def _displacement_places(entry: Displacements, mesh: MeridianMesh) -> _Place:
+    return _places(
+        mesh,
+        np.array([one.x_m for one in entry.point]),
+        np.array([one.roll_deg for one in entry.point]),
+        np.array([one.direction for one in entry.point]),
+        "sensors.displacement",
+    )
+
+
+def _fibre_places(entry: Fibre, mesh: MeridianMesh) -> _Place:
+    along = np.linspace(entry.first_x_m, entry.last_x_m, entry.count)
+    x, degrees = np.tile(along, len(entry.roll_deg)), np.repeat(entry.roll_deg, entry.count)
+    return _places(mesh, x, degrees, None, "sensors.fibre")
+
+
+def _fibre_names(entry: Fibre) -> list[str]:
+    return [f"fibre_{roll:g}deg_{k + 1}" for roll in entry.roll_deg for k in range(entry.count)]
+
+
+def _displacement_rows(
+    entry: Displacements, place: _Place, operator: FloatArray, shared: dict[str, FloatArray]
+) -> list[SensorRow]:
+    return [
+        SensorRow(
+            name=one.label,
+            kind="displacement",
+            unit="m",
+            position=place.position[k],
+            direction=place.direction[k],
+            operator=operator[k],
+            std=MICRO * entry.std_um,
+            largest=MILLI * entry.range_mm,
+            gain=0.01 * entry.gain_percent,
+            per_axial_force=0.0,
+            follows_inside=True,
+            shared={name: of_all[k] for name, of_all in shared.items()},
+        )
+        for k, one in enumerate(entry.point)
+    ]
+
+
+def _fibre_rows(
+    entry: Fibre, place: _Place, operator: FloatArray, shared: dict[str, FloatArray], first: int
+) -> list[SensorRow]:
+    """Return the rows of all fibres; their operators begin at row ``first``."""
+    rows = []
+    for k, name in enumerate(_fibre_names(entry)):
+        fibre = f"fibre {entry.roll_deg[k // entry.count]:g} deg"
+        own = operator[first + k]
+        rows.append(
+            SensorRow(
+                name=name,
+                kind="fibre strain",
+                unit="m/m",
+                position=place.position[k],
+                direction=place.direction[k],
+                operator=own,
+                std=MICRO * entry.std_um_per_m,
+                largest=MICRO * entry.range_um_per_m,
+                gain=0.0,
+                per_axial_force=0.0,
+                follows_inside=True,
+                errors={f"{fibre}, gain": 0.01 * entry.gain_percent * own} if entry.gain_percent else {},
+                shared={one: of_all[first + k] for one, of_all in shared.items()},
+                drift={f"{fibre}, drift": MICRO * entry.drift_um_per_m} if entry.drift_um_per_m else {},
+            )
+        )
+    return rows
