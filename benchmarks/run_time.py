@@ -18,8 +18,8 @@ from strainfmu.can.wire.profiles import Identifiers, profile_layout
 from strainfmu.cosim.estimator_source import open_step
 from strainfmu.estimator.linear.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import save_inverse_map
+from strainfmu.fmu.checks.step_cost import host_costs
 from strainfmu.fmu.export import export_estimator
-from strainfmu.fmu.step_cost import host_costs
 
 N_GAUGES = 54
 LOST = 3

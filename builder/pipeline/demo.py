@@ -50,7 +50,7 @@ from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map
 from strainfmu.files import write_bytes_atomically
 from strainfmu.fmu.export import export_estimator, export_plant
-from strainfmu.fmu.native_package import shipped_libraries
+from strainfmu.fmu.native.package import shipped_libraries
 
 AS_BUILT_SEED = 1
 """Seed of the hardware errors of the vehicle that flies."""

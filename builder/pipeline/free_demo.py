@@ -37,7 +37,7 @@ from strainfmu.cosim.trajectory import load_trajectory
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, load_inverse_map
 from strainfmu.fmu.export import export_estimator
-from strainfmu.fmu.native_package import shipped_libraries
+from strainfmu.fmu.native.package import shipped_libraries
 from strainfmu.interface.fmi_variables import strain_names
 from strainfmu.interface.parameter_variables import PREFIX
 

@@ -1,1 +1,1 @@
-"""The C run-time of the native FMU and its libraries, built by :mod:`strainfmu.fmu.native_build`."""
+"""The C run-time of the native FMU and its libraries, built by :mod:`strainfmu.fmu.native.build`."""

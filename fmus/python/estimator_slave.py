@@ -30,7 +30,7 @@ from strainfmu.estimator.settings import EstimatorSettings, setting_fault
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros, zero_fault
 from strainfmu.estimator.zeros.tare import KnownStrain
 from strainfmu.estimator.zeros.tare_edge import EdgeTare
-from strainfmu.fmu.wrapper_exit import let_go_at_exit
+from strainfmu.fmu.python.wrapper_exit import let_go_at_exit
 from strainfmu.interface.estimator_variables import (
     PARAMETERS,
     estimator_interface,

@@ -19,7 +19,7 @@ from pythonfmu.enums import Fmi2Status
 from strainfmu.cosim.flight_model import evaluate, load_flight_model
 from strainfmu.cosim.trajectory import load_trajectory
 from strainfmu.errors import InputError
-from strainfmu.fmu.wrapper_exit import let_go_at_exit
+from strainfmu.fmu.python.wrapper_exit import let_go_at_exit
 from strainfmu.interface.fmi_variables import value_references
 from strainfmu.interface.plant_variables import plant_interface
 

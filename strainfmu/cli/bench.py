@@ -16,7 +16,7 @@ from strainfmu.estimator.linear.estimator import Estimator
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.tracker import FlightTracker
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap, load_inverse_map
-from strainfmu.fmu.step_cost import step_costs
+from strainfmu.fmu.checks.step_cost import step_costs
 
 STOP_TIME = 2.0
 COMMUNICATION_STEP_SIZE = 1e-3

@@ -33,7 +33,7 @@ OUTPUTS = (
 FIRST_NUMBER = 2 * len(COEFFICIENT_NAMES)
 """Place of the first output that is neither a coefficient nor its standard deviation: ``health.chi_square``."""
 CONTENTS = "extra/strainfmu/contents.json"
-"""What an FMU of this project states beside its model description (strainfmu/fmu/package.py)."""
+"""What an FMU of this project states beside its model description (strainfmu/fmu/fmu_file.py)."""
 
 
 def gauge_names_of(path: Path) -> tuple[str, ...]:

@@ -1,1 +1,1 @@
-"""Packaging of FMUs: the model description, the documentation and the export itself."""
+"""Packaging of FMUs: what they state, hold and document, the export itself, and checks of finished ones."""

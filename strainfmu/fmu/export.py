@@ -26,18 +26,20 @@ from strainfmu.estimator.map.inverse_map import (
 )
 from strainfmu.estimator.zeros.tare import KnownStrain
 from strainfmu.files import content_hash_of
-from strainfmu.fmu import native_package, python_package
-from strainfmu.fmu.description import FmuDescription
-from strainfmu.fmu.documentation import documentation_files
-from strainfmu.fmu.estimator_page import all_ranges, estimator_sections
-from strainfmu.fmu.native_package import chosen_libraries, native_entries
-from strainfmu.fmu.native_sources import compiled_files, native_sources, sources_digest
-from strainfmu.fmu.package import CONTENTS, check_fmu_path
-from strainfmu.fmu.plant_page import plant_sections
-from strainfmu.fmu.plant_reference import python_plant_reference
-from strainfmu.fmu.python_package import python_entries, slave_code
-from strainfmu.fmu.reference_run import layered_standard_files, reference_run
-from strainfmu.fmu.terminals import terminal_files
+from strainfmu.fmu.description.fmu_description import FmuDescription
+from strainfmu.fmu.description.terminals import terminal_files
+from strainfmu.fmu.documentation.estimator_page import all_ranges, estimator_sections
+from strainfmu.fmu.documentation.index_page import documentation_files
+from strainfmu.fmu.documentation.plant_page import plant_sections
+from strainfmu.fmu.documentation.run_panels import reference_sections
+from strainfmu.fmu.fmu_file import CONTENTS, check_fmu_path
+from strainfmu.fmu.native import package as native_package
+from strainfmu.fmu.native.package import chosen_libraries, native_entries
+from strainfmu.fmu.native.sources import compiled_files, native_sources, sources_digest
+from strainfmu.fmu.python import package as python_package
+from strainfmu.fmu.python.package import python_entries, slave_code
+from strainfmu.fmu.reference_run.plant import python_plant_reference
+from strainfmu.fmu.reference_run.run import layered_standard_files, reference_run
 from strainfmu.interface.estimator_variables import estimator_arrays, estimator_interface
 from strainfmu.interface.plant_variables import plant_interface
 from strainfmu.interface.sensor_variables import sensor_names
@@ -55,7 +57,8 @@ _COMMON_SOURCES = (
     "files.py",
     "records.py",
     "fmu/__init__.py",
-    "fmu/wrapper_exit.py",
+    "fmu/python/__init__.py",
+    "fmu/python/wrapper_exit.py",
 )
 _ESTIMATOR_ROOMS = ("estimates", "filter", "linear", "manifold", "map", "numerics", "tables", "zeros")
 _ESTIMATOR_SOURCES = (
@@ -289,7 +292,8 @@ def export_plant(
         capabilities=python_package.CAPABILITIES,
     )
     reference = python_plant_reference(model, trajectory)
-    sections = [*plant_sections(model, trajectory, content_hash), *reference.sections(description.interface)]
+    interface = description.interface
+    sections = [*plant_sections(model, trajectory, content_hash), *reference_sections(reference, interface)]
     pages = documentation_files(description, sections, "python")
     contents = {
         "kind": "python",

@@ -21,20 +21,21 @@ from strainfmu.cosim.trajectory import load_trajectory
 from strainfmu.errors import InputError
 from strainfmu.files import content_hash_of
 from strainfmu.flight_condition import FlightCondition
-from strainfmu.fmu.description import FmuDescription
-from strainfmu.fmu.documentation import Section, documentation_files
-from strainfmu.fmu.native_package import CAPABILITIES, chosen_libraries, native_entries
-from strainfmu.fmu.native_sources import compiled_files, native_sources, sources_digest
-from strainfmu.fmu.package import CONTENTS, check_fmu_path
-from strainfmu.fmu.plant_page import native_plant_sections
-from strainfmu.fmu.plant_reference import (
+from strainfmu.fmu.description.fmu_description import FmuDescription
+from strainfmu.fmu.description.terminals import terminal_files
+from strainfmu.fmu.documentation.index_page import Section, documentation_files
+from strainfmu.fmu.documentation.plant_page import native_plant_sections
+from strainfmu.fmu.documentation.run_panels import reference_sections
+from strainfmu.fmu.fmu_file import CONTENTS, check_fmu_path
+from strainfmu.fmu.native.package import CAPABILITIES, chosen_libraries, native_entries
+from strainfmu.fmu.native.sources import compiled_files, native_sources, sources_digest
+from strainfmu.fmu.reference_run.plant import (
     Reference,
     autopilot_reference,
     plant_reference,
     schedule_reference,
 )
 from strainfmu.fmu.resource.model_file import ModelKind, model_resource, plant_data
-from strainfmu.fmu.terminals import terminal_files
 from strainfmu.interface.fmi_variables import Variable
 from strainfmu.interface.plant_variables import FlightStart, Motion, native_plant_interface
 from strainfmu.version import __version__
@@ -42,7 +43,7 @@ from strainfmu.version import __version__
 STEP_SIZE = 1e-2
 STOP_TIME = 20.0
 LIBRARY = "plant"
-"""The library of all three: a key of :data:`~strainfmu.fmu.native_sources.LIBRARIES`."""
+"""The library of all three: a key of :data:`~strainfmu.fmu.native.sources.LIBRARIES`."""
 
 
 def export_native_plant(
@@ -228,7 +229,7 @@ def _native_fmu(
         capabilities=capabilities,
         source_files=compiled_files(sources),
     )
-    pages = documentation_files(description, [*sections, *reference.sections(interface)], "native")
+    pages = documentation_files(description, [*sections, *reference_sections(reference, interface)], "native")
     known = {"kind": "native", "model": kind.name.lower(), "strainfmu_version": __version__, **contents}
     arrays = {variable.array for variable in interface}
     terminals = {"gauges": (("strain",), "Strain of every gauge")} if "strain" in arrays else {}

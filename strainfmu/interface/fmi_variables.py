@@ -85,6 +85,15 @@ UNITS = (
 )
 
 
+def shown_unit(variable: Variable) -> tuple[str, float]:
+    """Return the unit that people read, "" for none, and the factor to it."""
+    for unit in UNITS:
+        for display in unit.display_units:
+            if unit.name == variable.unit and display.name == variable.display_unit:
+                return display.name, display.factor
+    return variable.unit or "", 1.0
+
+
 def strain_names(n_gauges: int) -> tuple[str, ...]:
     """Return ``strain[1]`` .. ``strain[n]``, which structured naming makes an array (FMI 2.0, 2.2.9)."""
     return tuple(f"strain[{i}]" for i in range(1, n_gauges + 1))

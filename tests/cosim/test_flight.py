@@ -22,7 +22,7 @@ from strainfmu.cosim.system import Connection, System
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import load_inverse_map, save_inverse_map
 from strainfmu.estimator.map.sensors import SensorRows
-from strainfmu.fmu.flight_package import export_flight
+from strainfmu.fmu.flight_export import export_flight
 from strainfmu.interface.plant_variables import FlightStart, GaugeFault
 
 MODEL = slender_flight_model()

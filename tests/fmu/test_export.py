@@ -25,9 +25,9 @@ from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.estimator.linear.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import load_inverse_map, save_inverse_map
 from strainfmu.fmu.export import ExportOptions, export_estimator, export_plant
-from strainfmu.fmu.native_build import library_file
-from strainfmu.fmu.native_package import processor_library
-from strainfmu.fmu.python_package import with_own_package
+from strainfmu.fmu.native.build import library_file
+from strainfmu.fmu.native.package import processor_library
+from strainfmu.fmu.python.package import with_own_package
 
 
 @pytest.mark.fast

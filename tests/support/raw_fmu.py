@@ -14,7 +14,7 @@ import numpy as np
 
 from strainfmu.estimator.linear.estimator import LoadEstimate
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.fmu.native_build import library_file
+from strainfmu.fmu.native.build import library_file
 from strainfmu.fmu.resource.map_file import native_resource
 from strainfmu.interface.estimator_variables import output_values
 from strainfmu.interface.filter_variables import has_filter

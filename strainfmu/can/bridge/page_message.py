@@ -25,7 +25,7 @@ from strainfmu.cosim.step import ENVELOPE_SCORE, health_name
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.linear.flow_parameters import PARAMETER_TOLERANCE
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
-from strainfmu.fmu.package import CONTENTS
+from strainfmu.fmu.fmu_file import CONTENTS
 from strainfmu.interface.estimator_variables import LOADS
 from strainfmu.interface.parameter_variables import OUTSIDE_PREFIX
 

@@ -14,7 +14,7 @@ from strainfmu.can.wire.frame_layout import InputLayout
 from strainfmu.can.wire.profiles import profile_layout
 from strainfmu.can.wire.strain_encoder import StrainEncoder
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.fmu.flight_reference import clean_motion
+from strainfmu.fmu.reference_run.flight_motion import clean_motion
 
 PROFILE = "fd64"
 

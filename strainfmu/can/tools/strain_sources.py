@@ -120,7 +120,7 @@ def scenario_samples(path: Path, files: Path | None, cycle_time: float) -> Itera
     from strainfmu.cosim.flight import fly
     from strainfmu.cosim.instance import safe_temporary_parent
     from strainfmu.cosim.scenario import load_scenario
-    from strainfmu.fmu.flight_package import export_flight
+    from strainfmu.fmu.flight_export import export_flight
 
     scenario = replace(load_scenario(path, files), step_size=cycle_time)
     with tempfile.TemporaryDirectory(prefix="strainfmu_", dir=safe_temporary_parent()) as folder:

@@ -57,7 +57,7 @@ def fly(
     from strainfmu.cosim.scenario import load_scenario
     from strainfmu.cosim.ssp import check_ssp_path, write_ssp
     from strainfmu.errors import StrainfmuError
-    from strainfmu.fmu.flight_package import export_flight
+    from strainfmu.fmu.flight_export import export_flight
 
     if ssp is not None:
         check_ssp_path(ssp)

@@ -117,7 +117,7 @@ def export(
         note = "note: without section loads, which the map's tables lack: build it again, or --estimator linear"
         Console().print(note, highlight=False, markup=False, soft_wrap=True)
     if kind == "python":
-        from strainfmu.fmu.documentation import PYTHON_FOLDERS
+        from strainfmu.fmu.documentation.index_page import PYTHON_FOLDERS
 
         note = f"note: {PYTHON_FOLDERS}. The native kind runs from any folder."
         Console().print(note, highlight=False, markup=False, soft_wrap=True)
@@ -136,7 +136,7 @@ def crosscheck(
 
         strainfmu crosscheck estimator.fmu -o compatibility
     """
-    from strainfmu.fmu.crosscheck import check_results, write_crosscheck
+    from strainfmu.fmu.checks.crosscheck import check_results, write_crosscheck
 
     results = write_crosscheck(fmu, output)
     for result in results:

@@ -8,8 +8,8 @@ from typing import Any
 from rich.console import Console
 
 from strainfmu.errors import FaultsError
-from strainfmu.fmu.contents import read_fmu
-from strainfmu.fmu.integrity import damaged_entries
+from strainfmu.fmu.checks.contents import read_fmu
+from strainfmu.fmu.checks.integrity import damaged_entries
 
 
 def inspect_fmu(path: Path, console: Console) -> None:

@@ -11,7 +11,7 @@ from native_case import NativeCase
 from platforms import clang
 from raw_fmu import GUID
 
-from strainfmu.fmu.native_build import NATIVE, compile_with_zig, fmi_headers, source_files
+from strainfmu.fmu.native.build import NATIVE, compile_with_zig, fmi_headers, source_files
 
 HOST = Path(__file__).parent / "host.c"
 

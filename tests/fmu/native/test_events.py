@@ -12,7 +12,7 @@ from native_case import NativeCase
 from raw_fmu import ERROR, GUID, N_OUTPUTS, OK, WHOLE_OUTPUTS, Fmu2, Fmu3, shipped_library
 
 from strainfmu.estimator.health import HealthState
-from strainfmu.fmu.native_package import CAPABILITIES, MODEL_EXCHANGE
+from strainfmu.fmu.native.package import CAPABILITIES, MODEL_EXCHANGE
 
 pytestmark = pytest.mark.fast
 

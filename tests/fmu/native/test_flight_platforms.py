@@ -16,7 +16,7 @@ from raw_fmu import N_OUTPUTS, write_resource
 from sensor_maps import with_sensors
 from thermal_maps import with_temperature
 
-from strainfmu.fmu.native_build import library_file
+from strainfmu.fmu.native.build import library_file
 from strainfmu.interface.estimator_variables import NOT_KNOWN, estimator_interface
 from strainfmu.interface.filter_variables import FILTER_TIME_CONSTANT
 from strainfmu.interface.input_names import FLOW_INPUTS

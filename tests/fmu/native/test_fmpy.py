@@ -13,7 +13,7 @@ from fmpy.fmi3 import FMU3Slave
 from native_case import NativeCase
 from raw_fmu import GUID, N_OUTPUTS, REAL_OUTPUTS, WHOLE_OUTPUTS, this_platform
 
-from strainfmu.fmu.native_build import PLATFORMS, library_file
+from strainfmu.fmu.native.build import PLATFORMS, library_file
 
 pytestmark = pytest.mark.fast
 

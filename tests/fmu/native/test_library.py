@@ -13,7 +13,7 @@ import pytest
 from raw_fmu import shipped_library, this_platform
 
 from strainfmu.errors import InputError
-from strainfmu.fmu.native_build import (
+from strainfmu.fmu.native.build import (
     NATIVE,
     PLATFORMS,
     ZIG_VERSION,
@@ -24,7 +24,7 @@ from strainfmu.fmu.native_build import (
     source_files,
     universal_library,
 )
-from strainfmu.fmu.native_sources import LIBRARIES
+from strainfmu.fmu.native.sources import LIBRARIES
 
 HAVE_ZIG = find_spec("ziglang") is not None and version("ziglang") == ZIG_VERSION
 needs_zig = pytest.mark.skipif(not HAVE_ZIG, reason=f"needs zig {ZIG_VERSION}: pip install 'strainfmu[native]'")

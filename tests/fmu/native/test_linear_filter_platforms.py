@@ -15,7 +15,7 @@ from raw_fmu import write_resource
 from scaled_maps import scaled_map, whole_scaled_map
 from thermal_maps import with_temperature
 
-from strainfmu.fmu.native_build import library_file
+from strainfmu.fmu.native.build import library_file
 from strainfmu.interface.estimator_variables import NOT_KNOWN, estimator_interface
 from strainfmu.interface.filter_variables import FILTER_TIME_CONSTANT
 

@@ -14,7 +14,7 @@ from native_case import NativeCase
 from platforms import AARCH64, LINUX, NARROWER, WINDOWS, by_aarch64, by_processor, by_windows
 from raw_fmu import N_OUTPUTS
 
-from strainfmu.fmu.native_build import library_file
+from strainfmu.fmu.native.build import library_file
 
 pytest.importorskip("ziglang", reason="needs zig: pip install 'strainfmu[native]'")
 pytestmark = [

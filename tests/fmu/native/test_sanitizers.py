@@ -10,7 +10,7 @@ from c_host import host_by_clang, run_host
 from native_case import NativeCase
 from platforms import program
 
-from strainfmu.fmu.native_build import source_files
+from strainfmu.fmu.native.build import source_files
 
 pytestmark = pytest.mark.slow
 

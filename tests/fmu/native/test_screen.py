@@ -10,7 +10,7 @@ import pytest
 from c_host import program_by_zig
 from native_case import NativeCase
 
-from strainfmu.fmu.native_build import source_files
+from strainfmu.fmu.native.build import source_files
 
 SCREEN = Path(__file__).parent / "screen.c"
 

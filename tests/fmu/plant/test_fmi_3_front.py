@@ -13,7 +13,7 @@ import pytest
 from raw_fmu import DISCARD, ERROR, OK, Fmu2, Fmu3, this_platform
 from synthetic_vehicle import N_GAUGES, SyntheticFiles
 
-from strainfmu.fmu.native_build import library_file
+from strainfmu.fmu.native.build import library_file
 from strainfmu.fmu.plant_export import export_native_plant
 from strainfmu.interface.plant_variables import FlightStart, Motion
 

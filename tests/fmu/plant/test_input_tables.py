@@ -15,9 +15,9 @@ from slender_vehicle import make_slender_files
 
 from strainfmu.cosim.flight import INSTANCES
 from strainfmu.cosim.scenario import load_scenario
-from strainfmu.fmu.crosscheck import write_crosscheck
-from strainfmu.fmu.flight_package import export_flight
-from strainfmu.fmu.importers import read_table
+from strainfmu.fmu.checks.crosscheck import write_crosscheck
+from strainfmu.fmu.checks.importers import read_table
+from strainfmu.fmu.flight_export import export_flight
 
 pytestmark = pytest.mark.fast
 

@@ -20,7 +20,7 @@ from synthetic_vehicle import SyntheticFiles
 from strainfmu.cosim.instance import Instance, read_description
 from strainfmu.cosim.schedule import ScheduledSignal
 from strainfmu.errors import InputError, StrainfmuError
-from strainfmu.fmu.native_build import PLATFORMS, library_file
+from strainfmu.fmu.native.build import PLATFORMS, library_file
 from strainfmu.fmu.plant_export import export_native_plant, export_schedule
 from strainfmu.interface.fmi_variables import Variable
 from strainfmu.interface.plant_variables import FlightStart, Motion

@@ -14,8 +14,8 @@ from slender_vehicle import make_slender_files
 from synthetic_vehicle import SyntheticFiles
 
 from strainfmu.cosim.scenario import load_scenario
-from strainfmu.fmu.flight_package import export_flight
-from strainfmu.fmu.native_build import (
+from strainfmu.fmu.flight_export import export_flight
+from strainfmu.fmu.native.build import (
     NATIVE,
     compile_with_zig,
     fmi_headers,

@@ -20,10 +20,10 @@ from strainfmu.cosim.plant_law import Plant
 from strainfmu.cosim.schedule import ScheduledSignal
 from strainfmu.cosim.trajectory import load_trajectory
 from strainfmu.errors import InputError
-from strainfmu.fmu.crosscheck import write_crosscheck
-from strainfmu.fmu.importers import read_table
+from strainfmu.fmu.checks.crosscheck import write_crosscheck
+from strainfmu.fmu.checks.importers import read_table
 from strainfmu.fmu.plant_export import export_autopilot, export_native_plant, export_schedule
-from strainfmu.fmu.plant_reference import covering_step, plant_reference
+from strainfmu.fmu.reference_run.plant import covering_step, plant_reference
 from strainfmu.interface.fmi_variables import Variable
 from strainfmu.interface.plant_variables import FlightStart, GaugeFault, Motion
 

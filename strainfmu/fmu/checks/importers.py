@@ -1,0 +1,179 @@
+"""Importers that can be installed with pip, each driven over a table of inputs.
+
+Run in a process of its own, so that an importer that dies takes nothing with it:
+
+    python -m strainfmu.fmu.checks.importers IMPORTER X.fmu INPUT.csv OUTPUT.csv
+
+Inputs are set at the start of each step and held; outputs are read at its end. Row 0 of the output table is what
+the importer gives before the first step, empty where it gives nothing.
+"""
+
+from __future__ import annotations
+
+import csv
+import ctypes
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+Table = dict[str, list[list[float]]]
+"""Values by name of the variable: one list of elements per row, of one element for a scalar."""
+
+NANOSECONDS = 1e9
+
+_CASTS: dict[str, Callable[[float], Any]] = {"Real": float, "Integer": int, "Boolean": bool}
+"""Python's type by FMI's; ecos and libcosim know no Enumeration."""
+
+_ECOS_NAMES = {"Real": "real", "Integer": "integer", "Boolean": "bool"}
+
+
+def read_table(path: Path) -> Table:
+    """Return a table of :func:`~strainfmu.fmu.reference_run.run.signal_table`, "time" among its columns."""
+    with path.open(newline="", encoding="utf-8") as stream:
+        names, *rows = csv.reader(stream)
+    # A table of time alone has a blank behind its name.
+    return {name.strip(): [[float(v) for v in row[k].split()] for row in rows] for k, name in enumerate(names)}
+
+
+def write_table(path: Path, table: Table) -> None:
+    """Write a table with full precision."""
+    rows = zip(*table.values(), strict=True)
+    lines = [",".join(f'"{name}"' for name in table)]
+    lines += [",".join(" ".join(repr(float(v)) for v in cell) for cell in row) for row in rows]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def run_fmpy(fmu: Path, table: Table) -> Table:
+    """Simulate with FMPy, whose tables hold arrays or scalars: scalars beside arrays are set on their own."""
+    import fmpy
+
+    has_arrays = any(len(cells[0]) > 1 for cells in table.values())
+    scalars = [name for name, cells in table.items() if name != "time" and has_arrays and len(cells[0]) == 1]
+    together = {name: cells for name, cells in table.items() if name not in scalars}
+    references = [variable.valueReference for name, variable in _variables(fmu).items() if name in scalars]
+    names = [name for name in _variables(fmu) if name in scalars]
+
+    def set_scalars(time: float, recorder: Any) -> bool:
+        row = min(len(table["time"]) - 1, round(time / (table["time"][1][0] - table["time"][0][0])))
+        if scalars:
+            recorder.fmu.setFloat64(references, [table[name][row][0] for name in names])
+        return True
+
+    shapes = [
+        (name, float) if len(cells[0]) == 1 else (name, float, (len(cells[0]),))
+        for name, cells in together.items()
+    ]
+    rows = zip(*together.values(), strict=True)
+    signals = np.array(
+        [tuple(cell[0] if len(cell) == 1 else tuple(cell) for cell in row) for row in rows], dtype=shapes
+    )
+    time = [row[0] for row in table["time"]]
+    result = fmpy.simulate_fmu(
+        str(fmu),
+        stop_time=time[-1],
+        output_interval=time[1] - time[0],
+        input=signals,
+        start_values={name: table[name][0][0] for name in scalars},
+        step_finished=set_scalars,
+        fmi_type="CoSimulation",
+        debug_logging=True,  # some FMUs say what is wrong only then; fmpy prints it
+    )
+    return {
+        name: [np.atleast_1d(cell).astype(float).tolist() for cell in result[name]] for name in result.dtype.names
+    }
+
+
+def run_ecos(fmu: Path, table: Table) -> Table:
+    """Simulate with ecos (package ecospy), which needs libtbb.so.12: the system's, or that of the package tbb."""
+    beside = Path(sys.prefix, "lib", "libtbb.so.12")
+    if beside.exists():  # where pip puts it and no loader looks
+        ctypes.CDLL(str(beside), mode=ctypes.RTLD_GLOBAL)
+    from ecospy import EcosSimulation, EcosSimulationStructure
+
+    types = {name: variable.type for name, variable in _variables(fmu).items()}
+    inputs, outputs = {name: types[name] for name in table if name != "time"}, _scalar_outputs(fmu)
+    time = [row[0] for row in table["time"]]
+    found: Table = {"time": table["time"], **{name: [[]] for name in outputs}}
+    with EcosSimulationStructure() as structure:
+        structure.add_model("x", str(fmu))
+        with EcosSimulation(structure=structure, step_size=time[1] - time[0]) as simulation:
+            simulation.init()
+            for row in range(len(time) - 1):
+                for name, type_ in inputs.items():
+                    cast, setter = _CASTS[type_], getattr(simulation, f"set_{_ECOS_NAMES[type_]}")
+                    setter(f"x::{name}", cast(table[name][row][0]))
+                simulation.step()
+                for name, type_ in outputs.items():
+                    getter = getattr(simulation, f"get_{_ECOS_NAMES[type_]}")
+                    found[name].append([float(getter(f"x::{name}"))])
+            simulation.terminate()
+    return found
+
+
+def run_libcosim(fmu: Path, table: Table) -> Table:
+    """Simulate with libcosim of the Open Simulation Platform (package libcosimpy)."""
+    from libcosimpy.CosimExecution import CosimExecution
+    from libcosimpy.CosimLogging import CosimLogLevel, log_output_level
+    from libcosimpy.CosimManipulator import CosimManipulator
+    from libcosimpy.CosimObserver import CosimObserver
+    from libcosimpy.CosimSlave import CosimLocalSlave
+
+    log_output_level(CosimLogLevel.WARNING)
+    variables = _variables(fmu)
+    outputs = _scalar_outputs(fmu)
+    time = [row[0] for row in table["time"]]
+    execution = CosimExecution.from_step_size(int((time[1] - time[0]) * NANOSECONDS))
+    slave = execution.add_local_slave(CosimLocalSlave(fmu_path=str(fmu), instance_name="x"))
+    manipulator, observer = CosimManipulator.create_override(), CosimObserver.create_last_value()
+    execution.add_manipulator(manipulator)
+    execution.add_observer(observer)
+    found: Table = {"time": table["time"], **{name: [[]] for name in outputs}}
+    for row in range(len(time) - 1):
+        for type_, cast in _CASTS.items():
+            names = [name for name in table if name != "time" and variables[name].type == type_]
+            if names:
+                set_values = getattr(manipulator, f"slave_{type_.lower()}_values")
+                values = [cast(table[name][row][0]) for name in names]
+                set_values(slave, [variables[name].valueReference for name in names], values)
+        if not execution.step():
+            raise RuntimeError(f"step {row} failed")
+        for type_ in _CASTS:
+            names = [name for name, its in outputs.items() if its == type_]
+            if names:
+                get_values = getattr(observer, f"last_{type_.lower()}_values")
+                values = get_values(slave, [variables[name].valueReference for name in names])
+                for name, value in zip(names, values, strict=True):
+                    found[name].append([float(value)])
+    return found
+
+
+def _variables(fmu: Path) -> dict[str, Any]:
+    import fmpy
+
+    return {v.name: v for v in fmpy.read_model_description(str(fmu), validate=False).modelVariables}
+
+
+def _scalar_outputs(fmu: Path) -> dict[str, str]:
+    """Return the type by name of the outputs that numbers can be read from."""
+    return {n: v.type for n, v in _variables(fmu).items() if v.causality == "output" and v.type in _CASTS}
+
+
+IMPORTERS: dict[str, tuple[str, tuple[str, ...], Callable[[Path, Table], Table]]] = {
+    "FMPy": ("fmpy", ("2.0", "3.0"), run_fmpy),
+    "ecos": ("ecospy", ("2.0",), run_ecos),
+    "libcosim": ("libcosimpy", ("2.0",), run_libcosim),
+}
+"""Package on PyPI, versions of FMI that it is driven with, and how, by name of the importer."""
+
+
+def main(arguments: list[str]) -> None:
+    """Run one importer over one table."""
+    name, fmu, table, result = arguments
+    write_table(Path(result), IMPORTERS[name][2](Path(fmu), read_table(Path(table))))
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

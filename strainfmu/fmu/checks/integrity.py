@@ -1,0 +1,61 @@
+"""Integrity of an FMU file: the check sums of its archive, and those of the maps and models that are ours."""
+
+from __future__ import annotations
+
+import hashlib
+import struct
+import zipfile
+import zlib
+from pathlib import Path, PurePosixPath
+
+from strainfmu.files import USER_BLOCK_SIZE
+from strainfmu.fmu.fmu_file import CONTENTS
+from strainfmu.fmu.resource.map_file import CHECKED_FROM
+
+_ALTERED = "damaged or altered, its check sum is wrong"
+
+
+def damaged_entries(path: Path) -> list[str]:
+    """Return the entries of the FMU at ``path`` that are not as they were written, a line each; none if all are.
+
+    Of any FMU the check sums of the archive are held against the content; of this project's also those inside
+    the resources, which an entry that was exchanged or packed again does not satisfy.
+    """
+    found = []
+    with zipfile.ZipFile(path) as archive:
+        names = [item.filename for item in archive.infolist() if not item.is_dir()]
+        for name in names:
+            try:
+                content = archive.read(name)
+            except (zipfile.BadZipFile, zlib.error, EOFError, OSError):
+                found.append(f"{name}: {_ALTERED}")
+            except (RuntimeError, NotImplementedError) as error:  # encrypted, or packed in a way of its own
+                found.append(f"{name}: cannot be read: {error}")
+            else:
+                if CONTENTS in names and not _is_whole(name, content):
+                    found.append(f"{name}: {_ALTERED}")
+    return found
+
+
+def _is_whole(name: str, content: bytes) -> bool:
+    """Return whether an entry satisfies the check sum that it holds; entries without one do."""
+    kind = PurePosixPath(name)
+    if kind.parent.name != "resources":
+        return True
+    if kind.name in ("map.bin", "model.bin"):
+        return _is_whole_resource(content)
+    return kind.suffix != ".h5" or _is_whole_hdf5(content)
+
+
+def _is_whole_resource(content: bytes) -> bool:
+    """Return whether a native resource has the length and the CRC-32 of its header."""
+    if len(content) < CHECKED_FROM:
+        return False
+    length, stated, reserved = struct.unpack_from("<Q2I", content, CHECKED_FROM - 16)
+    return (length, stated, reserved) == (len(content), zlib.crc32(content[CHECKED_FROM:]), 0)
+
+
+def _is_whole_hdf5(content: bytes) -> bool:
+    """Return whether an HDF5 file has the SHA-256 of the line ahead of it."""
+    words = content[:USER_BLOCK_SIZE].split(b"\n")[0].split(b" ")
+    return words[-1] == hashlib.sha256(content[USER_BLOCK_SIZE:]).hexdigest().encode()

@@ -1,0 +1,228 @@
+"""Documentation page of an estimator FMU: what the map computes, where it holds, and how to cite it."""
+
+from __future__ import annotations
+
+from html import escape
+from math import atan2, degrees
+
+import numpy as np
+
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
+from strainfmu.estimator.map.sensors import SensorRows
+from strainfmu.estimator.map.temperature import ThermalMap
+from strainfmu.estimator.map.validity import ValidRange, valid_ranges
+from strainfmu.fmu.documentation.index_page import Section
+from strainfmu.fmu.documentation.run_panels import estimate_figure
+from strainfmu.fmu.reference_run.run import ReferenceRun
+from strainfmu.fmu.reference_run.strains import failing_gauge, reference_strains
+from strainfmu.interface.sensor_variables import THRUST, has_thrust, sensor_names
+from strainfmu.pages import table_html
+from strainfmu.version import __version__
+
+_LIMITS = (
+    "sigma is one standard deviation: gauge noise and what the map's model leaves out, for conditions like those "
+    "above, and the error of the dynamic pressure that dynamic_pressure_std states. C_A is the fore-body's: "
+    "base pressure is not measured by strain. Pressure patterns that leave the gauges without strain cannot be "
+    "seen.",
+    "A gauge whose strain is not finite or beyond sensor_range, or whose valid is false, is left out, exactly as "
+    "if the map had been built without it; sigma and alarm levels follow, and no output depends on its strain. "
+    "The first step without a gauge costs more than those after it.",
+    "Outputs belong to the inputs last set: right after initialization, after any set, after a step and without "
+    "one. An importer that holds inputs over a step records at its end what belongs to its start: estimates then "
+    "lag by one communication step. So does every connection of a master that steps all FMUs at once.",
+    "dynamic_pressure_std, mach_number and altitude need not be known: NaN, or their start value -1e9. "
+    "dynamic_pressure must be 1e-6 to 1e7 Pa. Where Mach number and altitude are known, it must agree with "
+    "0.7 M² p(h) of the US Standard Atmosphere 1976; if not, or if the flight or the estimated coefficients leave "
+    "what the map covers, health.state is OUTSIDE.",
+    "Loads are those of a quasi-static structure: vibration reads as load. The tunable parameters may be set at "
+    "any time; a value outside min and max is refused.",
+)
+
+_FLIGHT_LIMITS = (
+    "sigma is one standard deviation: gauge noise, hardware, pressure off the tables, and the flight state "
+    "that strain and navigation leave open. C_A is the fore-body's: base pressure is not measured by strain.",
+    _LIMITS[1],
+    "Each step starts from the flight state of the step before, or from a search of the tables: in the first "
+    "step, and every tenth while strain does not fit them. Outputs belong to the inputs last set; what is set "
+    "after a step belongs to the next one, whether or not it has been taken.",
+    "dynamic_pressure, mach_number, altitude and static_pressure come from navigation. Each need not be "
+    "known: NaN, or its start value -1e9. The one that contradicts strain and the others is left out: then "
+    "its navigation_used is false, and health.state is DEGRADED.",
+    "Where strain does not fit the tables, loads and coefficients are those of the linear map, if "
+    "dynamic_pressure is known: health.linear_loads. Air data are not to be used then, nor where identified "
+    "is false.",
+    _LIMITS[4],
+)
+
+_WEIGHTS = {
+    "absolute": "by one fixed affine map",
+    "dynamic_pressure": "by an affine map whose weights follow the dynamic pressure, so that one map serves any "
+    "altitude",
+}
+
+_CITATION = """@misc{strainload,
+  title  = {Real-time aerodynamic load estimation for hypersonics via strain-based inverse maps},
+  author = {Pham, J. V. and Ghattas, O. and Clemens, N. T. and Willcox, K. E.},
+  year   = {2024}, eprint = {2408.15286}, archivePrefix = {arXiv}
+}"""
+
+
+def estimator_sections(inverse_map: InverseMap, content_hash: str, run: ReferenceRun) -> list[Section]:
+    """Return the sections of the estimator's page before its tables."""
+    return [
+        (
+            "What it computes",
+            [
+                f"From the strains of {inverse_map.n_strain_gauges} gauges{_and_sensors(inverse_map)} it "
+                f"estimates the aerodynamic forces and moments {_how(inverse_map)}, each with its standard "
+                "deviation. A state of health states how far they can be trusted.",
+                f"Vehicle: {escape(inverse_map.vehicle)}. S = {inverse_map.reference_area:.6g} m², "
+                f"L = {inverse_map.reference_length:.6g} m. Map: <code>{content_hash}</code>.",
+                "Body axes: x aft from the nose tip, y starboard, z up. SI units; strain in m/m.",
+            ],
+        ),
+        ("Validity", _validity(inverse_map)),
+        ("Limits", _LIMITS if inverse_map.manifold is None else _FLIGHT_LIMITS),
+        (
+            "Example",
+            [
+                _example_text(inverse_map, run),
+                estimate_figure(inverse_map, run),
+            ],
+        ),
+        ("Gauges", [_gauge_table(inverse_map)]),
+        *([] if inverse_map.sensors is None else [("Sensors", _sensors(inverse_map, inverse_map.sensors))]),
+        *([] if inverse_map.thermal is None else [("Temperature", _temperature(inverse_map.thermal))]),
+        (
+            "How to cite",
+            [
+                f"The method, and strainfmu {__version__} with the hash of the map:",
+                f"<pre>{escape(_CITATION)}</pre>",
+            ],
+        ),
+    ]
+
+
+def _and_sensors(inverse_map: InverseMap) -> str:
+    """Return words for the further sensors, if there are any."""
+    count = inverse_map.n_gauges - inverse_map.n_strain_gauges
+    return f" and the readings of {count} further sensor{'s' if count > 1 else ''}" if count else ""
+
+
+def _how(inverse_map: InverseMap) -> str:
+    """Return how the loads are estimated, and what else is."""
+    if inverse_map.manifold is not None:
+        return (
+            "by the flight state that fits them and navigation best, on tables over Mach number, incidence and "
+            "pressure; and with them the coefficients and the air data"
+        )
+    return f"{_WEIGHTS[inverse_map.form]}, and from those and the dynamic pressure the coefficients"
+
+
+def _example_text(inverse_map: InverseMap, run: ReferenceRun) -> str:
+    """Return what the example shows."""
+    gauge, size = failing_gauge(inverse_map)
+    _, fails = reference_strains(inverse_map, len(run.time))
+    begin, end = run.time[np.flatnonzero(fails)[[0, -1]] + 1].tolist()
+    return (
+        "The reference run in extra/org.fmi-standard.fmi-ls-ref: a motion within what the snapshots cover, with "
+        "errors of the strains as large as the map states them. A step shows the inputs at its start. From "
+        f"{begin:g} to {end:g} s {_kind(inverse_map, gauge)} {escape(inverse_map.gauge_names[gauge])} reads "
+        f"{_reading(inverse_map, gauge, size)} too much."
+    )
+
+
+def all_ranges(inverse_map: InverseMap) -> list[ValidRange]:
+    """Return what the snapshots cover: flight conditions, strains and coefficients."""
+    rounded = inverse_map.coefficient_range.round(6) + 0.0  # + 0.0: no negative zeros
+    coefficients = zip(COEFFICIENT_NAMES, rounded.tolist(), strict=True)
+    return [
+        *valid_ranges(inverse_map),
+        *(ValidRange(quantity=name, minimum=low, maximum=high, unit="1") for name, (low, high) in coefficients),
+    ]
+
+
+def _validity(inverse_map: InverseMap) -> list[str]:
+    rows = [(one.quantity, one.text) for one in all_ranges(inverse_map)]
+    return [
+        "The map was built from flight conditions in these ranges. Outside them the estimate is an extrapolation, "
+        "and sigma need not hold.",
+        table_html(("Quantity", "Range"), rows, caption="Ranges of the snapshots"),
+    ]
+
+
+def _temperature(thermal: ThermalMap) -> list[str]:
+    """Return what temperatures do, and the sensors."""
+    rows = [
+        (str(number), name, f"{std:.3g}")
+        for number, (name, std) in enumerate(
+            zip(thermal.sensor_names, thermal.sensor_std.tolist(), strict=True), start=1
+        )
+    ]
+    text = (
+        "The wall's temperature strains the gauges: what the temperatures known tell of it is taken off, the rest "
+        f"is in sigma. A temperature that is NaN, -1e9 or 2000 K from {thermal.reference_temperature:g} K is not "
+        "known; the first step after a sensor comes or goes costs some milliseconds."
+    )
+    return [text, table_html(("No.", "Sensor", "Sigma [K]"), rows, caption="Sensors in the order of temperature")]
+
+
+def _kind(inverse_map: InverseMap, row: int) -> str:
+    return "gauge" if row < inverse_map.n_strain_gauges else "sensor"
+
+
+def _reading(inverse_map: InverseMap, row: int, value: float) -> str:
+    """Return what a row of the map reads at ``value`` [m/m], with its unit."""
+    sensors = inverse_map.sensors
+    if sensors is None or row < inverse_map.n_strain_gauges:
+        return f"{1e6 * value:.3g} um/m"
+    return f"{sensors.scale[row] * value:.3g} {sensors.unit[row]}"
+
+
+def _sensors(inverse_map: InverseMap, sensors: SensorRows) -> list[str]:
+    """Return what the further sensors are, and how they are used."""
+    first = inverse_map.n_strain_gauges
+    rows = [
+        (
+            str(row + 1),
+            name,
+            sensors.kind[row],
+            *_place(inverse_map, row),
+            _reading(inverse_map, row, float(inverse_map.noise_std[row])),
+            f"{sensors.largest[row]:.4g} {sensors.unit[row]}",
+        )
+        for row, name in enumerate(sensor_names(inverse_map), start=first)
+    ]
+    text = (
+        "Each is an input with a unit of its own, and has a flag of valid behind those of the gauges: its number "
+        "is that in valid and in health.suspect_gauge. One that is not finite, beyond its range, or not valid is "
+        "left out as a gauge is. Zeros and tare are those of the strain gauges: give readings less zeros of their "
+        "own."
+    )
+    headings = ("No.", "Input", "Kind", "x [m]", "Roll [deg]", "Direction x, y, z", "Noise sigma", "Range")
+    return [
+        text + (_THRUST_TEXT if has_thrust(inverse_map) else ""),
+        table_html(headings, rows, caption="Further sensors"),
+    ]
+
+
+_THRUST_TEXT = (
+    f" The input {THRUST}, forward along the axis, is taken off what sensors read of it; where it is not known, "
+    "NaN or -1e9, those that it moves are left out."
+)
+
+
+def _place(inverse_map: InverseMap, row: int) -> tuple[str, str, str]:
+    """Return station, roll angle and direction of a row of the map."""
+    x, y, z = inverse_map.gauge_position[row].tolist()
+    direction = ", ".join(f"{part:.3g}" for part in inverse_map.gauge_direction[row].round(9) + 0.0)
+    return f"{x:.4g}", f"{degrees(atan2(y, z)) % 360.0:.4g}", direction
+
+
+def _gauge_table(inverse_map: InverseMap) -> str:
+    rows = [
+        (str(row + 1), name, *_place(inverse_map, row), f"{1e6 * inverse_map.noise_std[row]:.3g}")
+        for row, name in enumerate(inverse_map.gauge_names[: inverse_map.n_strain_gauges])
+    ]
+    headings = ("No.", "Gauge", "x [m]", "Roll [deg]", "Direction x, y, z", "Noise sigma [um/m]")
+    return table_html(headings, rows, caption="Gauges in the order of the strains")

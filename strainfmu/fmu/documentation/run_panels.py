@@ -1,0 +1,82 @@
+"""Panels of the reference run for the pages of FMUs: estimates with bands, signals in units that people read."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from html import escape
+
+import numpy as np
+
+from strainfmu.estimator.health import HealthState
+from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.fmu.documentation.index_page import Section
+from strainfmu.fmu.documentation.run_figure import Line, Panel, run_figure
+from strainfmu.fmu.reference_run.plant import Reference
+from strainfmu.fmu.reference_run.run import ReferenceRun
+from strainfmu.fmu.reference_run.strains import reference_truth
+from strainfmu.interface.fmi_variables import COEFFICIENTS, Variable, shown_unit
+
+
+def estimate_figure(inverse_map: InverseMap, run: ReferenceRun) -> str:
+    """Return an SVG of the coefficients of ``run`` over time, each with its band of 3 sigma, truth, and health."""
+    truth = reference_truth(inverse_map, len(run.time))
+    panels = []
+    for name, true in zip(COEFFICIENTS, np.concatenate([truth[:1], truth[:-1]]).T, strict=True):
+        sigma = run.outputs[f"sigma.{name}"]
+        estimate = Line(name="estimate, 3 sigma", values=run.outputs[name], spread=3.0 * sigma)
+        panels.append(Panel(title=f"{name} [1]", lines=[estimate, Line(name="true", values=true, dashed=True)]))
+    state = run.outputs["health.state"]
+    met = sorted({int(value) for value in state})
+    place = {value: float(k) for k, value in enumerate(met)}
+    shown = np.array([place[int(value)] for value in state])
+    words = [(place[value], HealthState(value).name) for value in met]
+    panels.append(Panel(title="health", lines=[Line(name="state", values=shown, steps=True)], words=words))
+    return run_figure(run.time, panels, "Coefficients with 3 sigma bands, and the state of health")
+
+
+def reference_sections(reference: Reference, interface: Sequence[Variable]) -> list[Section]:
+    """Return the section of an FMU's page on its reference run; none where it holds none."""
+    if reference.run is None:
+        return []
+    text = "Input and output of a short run, 6 digits, lie in extra/org.fmi-standard.fmi-ls-ref. Computed with"
+    figure = signals_figure(reference.run, interface, reference.groups, in_steps=reference.in_steps)
+    return [("Reference run", [f"{text} {escape(reference.source)}.", figure])]
+
+
+def signals_panel(
+    run: ReferenceRun, interface: Sequence[Variable], title: str, names: Mapping[str, str], in_steps: bool
+) -> Panel | None:
+    """Return a panel of inputs and outputs of ``run``, text of the legend by name; None where it has none of them.
+
+    All are shown in the display unit of the first. Inputs and discrete outputs are always drawn in steps.
+    """
+    variables = {variable.name: variable for variable in interface}
+    signals = {**run.inputs, **run.outputs}
+    found = [variables[name] for name in names if name in signals]
+    if not found:
+        return None
+    unit, factor = shown_unit(found[0])
+    lines = [
+        Line(
+            name=names[variable.name],
+            values=factor * signals[variable.name],
+            steps=in_steps or variable.causality == "input" or variable.variability == "discrete",
+        )
+        for variable in found
+    ]
+    return Panel(title=f"{title} [{unit}]" if unit else title, lines=lines)
+
+
+def signals_figure(
+    run: ReferenceRun,
+    interface: Sequence[Variable],
+    groups: Mapping[str, Mapping[str, str]],
+    in_steps: bool = False,
+) -> str:
+    """Return an SVG with a panel per group: legend by name of the signal, by title of the panel."""
+    found = [
+        signals_panel(run=run, interface=interface, title=title, names=names, in_steps=in_steps)
+        for title, names in groups.items()
+    ]
+    panels = [panel for panel in found if panel is not None]
+    return run_figure(run.time, panels, f"Reference run: {', '.join(panel.title for panel in panels)}")

@@ -1,0 +1,173 @@
+"""The Python kind of FMU: run-time sources under a name of their own, PythonFMU around them, one zip.
+
+Python keeps one module per name in a process, so two FMUs with modules of the same name would both run the
+code that was loaded first. Hence the slave's file and the copied package carry a hash of the
+content in their names.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+import sys
+import tempfile
+import zipfile
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+
+from strainfmu.errors import StrainfmuError
+from strainfmu.fmu.description.fmi2 import model_description_bytes
+from strainfmu.fmu.description.fmu_description import FmuDescription
+
+CAPABILITIES = {
+    "needsExecutionTool": "true",
+    "canHandleVariableCommunicationStepSize": "true",
+    "canBeInstantiatedOnlyOncePerProcess": "false",
+    "canNotUseMemoryManagementFunctions": "true",
+    "canGetAndSetFMUstate": "true",
+    "canSerializeFMUstate": "true",
+}
+"""What a PythonFMU slave of this project can do (attributes of CoSimulation, FMI 2.0, section 4.3.1)."""
+
+_DESCRIPTION_FILE = "model_description.xml"
+_OWN_IMPORT = re.compile(r"^(\s*from )strainfmu(?=[. ])", re.MULTILINE)
+# Modules that FMUs of this project bring along: PythonFMU's and those with a hash in their names.
+_FMU_MODULE = re.compile(r"(pythonfmu|(strainfmu|\w+_slave)_[0-9a-f]{12})(\..*)?")
+
+
+@dataclass(frozen=True)
+class SlaveCode:
+    """The sources of one slave.
+
+    Attributes
+    ----------
+    name : name of its file in ``fmus/python``, without ``.py``.
+    sources : text by path inside the package ``strainfmu``, its imports unchanged.
+    text : the slave's own source.
+    """
+
+    name: str
+    sources: Mapping[str, str]
+    text: str
+
+    @property
+    def digest(self) -> str:
+        """Hash of all sources."""
+        content = json.dumps([self.name, self.text, dict(self.sources)], sort_keys=True)
+        return hashlib.sha256(content.encode()).hexdigest()
+
+
+def slave_code(name: str, sources: Sequence[str]) -> SlaveCode:
+    """Read the source of a slave and of the parts of ``strainfmu`` that it needs.
+
+    ``sources`` are paths such as ``fmu/x.py``; one that ends in a slash stands for every module of that folder.
+    """
+    package = resources.files("strainfmu")
+    modules: list[str] = []
+    for source in sources:
+        if source.endswith("/"):
+            names = (entry.name for entry in package.joinpath(source).iterdir())
+            modules += sorted(f"{source}{name}" for name in names if name.endswith(".py"))
+        else:
+            modules.append(source)
+    return SlaveCode(
+        name,
+        {path: package.joinpath(*path.split("/")).read_text("utf-8") for path in modules},
+        resources.files("fmus").joinpath("python", f"{name}.py").read_text("utf-8"),
+    )
+
+
+def with_own_package(source: str, package: str) -> str:
+    """Return ``source`` with ``from strainfmu...`` turned into ``from <package>...``."""
+    return _OWN_IMPORT.sub(rf"\g<1>{package}", source)
+
+
+def python_entries(description: FmuDescription, code: SlaveCode, payload: Mapping[str, bytes]) -> dict[str, bytes]:
+    """Return what PythonFMU packs into an FMU, content by name: description, binaries and ``resources/``.
+
+    ``payload`` is the data, content by name, that the slave reads from ``resources/``.
+
+    Raises
+    ------
+    StrainfmuError
+        PythonFMU is not installed, or a temporary file could not be written.
+    """
+    try:
+        with tempfile.TemporaryDirectory(prefix="strainfmu_") as folder:
+            stage = Path(folder)
+            script, project_files = _stage(
+                folder=stage / "resources", description=description, code=code, payload=payload
+            )
+            entries = _run_pythonfmu(script, project_files, stage)
+    except OSError as error:
+        raise StrainfmuError(f"the FMU could not be packed: {error.strerror or error}") from error
+    # As generated, not as PythonFMU formatted it.
+    entries["modelDescription.xml"] = entries.pop(f"resources/{_DESCRIPTION_FILE}")
+    return entries
+
+
+def _stage(
+    folder: Path, description: FmuDescription, code: SlaveCode, payload: Mapping[str, bytes]
+) -> tuple[Path, list[Path]]:
+    """Lay out what goes into ``resources/``; return the slave's file and all that goes beside it."""
+    suffix = hashlib.sha256(f"{description.guid}{code.digest}".encode()).hexdigest()[:12]
+    package = f"strainfmu_{suffix}"
+    files = {
+        **payload,
+        _DESCRIPTION_FILE: model_description_bytes(description),
+        "fmu.json": json.dumps({"model_identifier": description.model_identifier}).encode(),
+        f"{code.name}_{suffix}.py": with_own_package(code.text, package).encode(),
+    }
+    for name, text in code.sources.items():
+        files[f"{package}/{name}"] = with_own_package(text, package).encode()
+    _write_files(folder, files)
+    script = folder / f"{code.name}_{suffix}.py"
+    return script, [item for item in sorted(folder.iterdir()) if item != script]
+
+
+def _write_files(folder: Path, files: Mapping[str, bytes]) -> None:
+    """Write ``files`` under ``folder``, making folders as needed."""
+    for name, content in files.items():
+        target = folder / name
+        target.parent.mkdir(parents=True, exist_ok=True)
+        target.write_bytes(content)
+
+
+def _run_pythonfmu(script: Path, project_files: Sequence[Path], stage: Path) -> dict[str, bytes]:
+    """Let PythonFMU pack the FMU; return the content of its entries by name."""
+    with _imports_put_back():
+        try:
+            from pythonfmu.builder import FmuBuilder
+        except ImportError as error:
+            raise StrainfmuError("PythonFMU is not installed: pip install 'strainfmu[fmu]'") from error
+        packed = FmuBuilder.build_FMU(
+            script,
+            dest=stage / "packed.fmu",
+            project_files=project_files,
+        )
+    with zipfile.ZipFile(packed) as archive:
+        return {name: archive.read(name) for name in archive.namelist()}
+
+
+@contextmanager
+def _imports_put_back() -> Iterator[None]:
+    """Undo what packing does to the interpreter's imports, and pack with the installed PythonFMU.
+
+    PythonFMU imports the slave and leaves it and its folder behind. And an FMU that ran in this process has
+    left its own copy of ``pythonfmu``, which lacks the binaries to pack, and slaves that build on that copy.
+    """
+    path = list(sys.path)
+    before = {name: sys.modules.pop(name) for name in list(sys.modules) if _FMU_MODULE.fullmatch(name)}
+    sys.path[:] = [entry for entry in path if not Path(entry, "slavemodule.txt").exists()]
+    try:
+        yield
+    finally:
+        sys.path[:] = path
+        for name in list(sys.modules):
+            if _FMU_MODULE.fullmatch(name):
+                del sys.modules[name]
+        sys.modules.update(before)
