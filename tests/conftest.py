@@ -107,7 +107,7 @@ def compiled_solver(tmp_path_factory: pytest.TempPathFactory) -> None:
     def compile_it(folder: Path) -> None:
         from builder.aero.euler.marching_grid import MarchingGrid
         from builder.aero.euler.solver import solve_flow
-        from builder.vehicle.geometry import chain_segments
+        from builder.vehicle.shape.geometry import chain_segments
 
         if os.environ.get("NUMBA_DISABLE_JIT", "0") == "0":
             cone = chain_segments([(1.0, radians(8.0), radians(8.0))])

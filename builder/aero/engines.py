@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from builder.aero.euler.marching_grid import MarchingGrid
     from builder.aero.surface_mesh import SurfaceMesh
     from builder.vehicle.file import Vehicle
-    from builder.vehicle.geometry import SurfaceGrid
-    from builder.vehicle.sections import Resolution
+    from builder.vehicle.shape.geometry import SurfaceGrid
+    from builder.vehicle.toml.sections import Resolution
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class EngineKind:
 
 def own_surface(vehicle: Vehicle, resolution: Resolution) -> SurfaceGrid:
     """Return the pressure nodes on the body of the vehicle file."""
-    from builder.vehicle.geometry import surface_grid
+    from builder.vehicle.shape.geometry import surface_grid
 
     return surface_grid(vehicle.body(), resolution.surface_stations, resolution.surface_roll_angles)
 

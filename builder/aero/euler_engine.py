@@ -14,8 +14,8 @@ from builder.aero.euler.marching_grid import MarchingGrid
 from builder.aero.euler.solver import FlowSolution, solve_flow
 from builder.aero.surface_mesh import SurfaceMesh, mesh_of_grid
 from builder.aero.surface_pressure import pressure_at_stations, pressure_ratio_on_surface
-from builder.vehicle.flight_conditions import flow_key
-from builder.vehicle.geometry import BodyOfRevolution, SurfaceGrid
+from builder.vehicle.conditions.flight_conditions import flow_key
+from builder.vehicle.shape.geometry import BodyOfRevolution, SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.flight_condition import FlightCondition
 

@@ -17,7 +17,7 @@ from builder.aero.euler_engine import METHOD_VERSION, pieces
 from builder.aero.shapes import node_roll_angles, sections_grid, sections_mesh
 from builder.aero.surface_mesh import SurfaceMesh
 from builder.aero.surface_pressure import pressure_at_stations
-from builder.vehicle.sectioned_body import SectionedBody
+from builder.vehicle.shape.sectioned_body import SectionedBody
 from strainfmu.arrays import FloatArray
 from strainfmu.flight_condition import FlightCondition
 

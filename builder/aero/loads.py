@@ -6,8 +6,8 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from builder.vehicle.geometry import SurfaceGrid
-from builder.vehicle.reference_quantities import ReferenceQuantities
+from builder.vehicle.shape.geometry import SurfaceGrid
+from builder.vehicle.shape.reference_quantities import ReferenceQuantities
 from strainfmu.arrays import FloatArray
 from strainfmu.flight_condition import FlightCondition
 

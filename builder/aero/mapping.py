@@ -23,7 +23,7 @@ from scipy import sparse
 from builder.aero.closest_points import ClosestPoints, closest_points
 from builder.aero.loads import load_operator
 from builder.aero.surface_mesh import SurfaceMesh, mesh_load_operator, roll_moment_operator
-from builder.vehicle.geometry import SurfaceGrid
+from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from builder.aero.loads import load_operator
 from builder.aero.surface_mesh import SurfaceMesh
-from builder.vehicle.geometry import SurfaceGrid
+from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 

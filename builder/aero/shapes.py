@@ -13,14 +13,14 @@ from builder.aero.cfd.units import METRES
 from builder.aero.edges import FEATURE_ANGLE, prepare_surface
 from builder.aero.self_intersections import refuse_self_intersections
 from builder.aero.surface_mesh import SurfaceMesh, mesh_of_grid
-from builder.vehicle.geometry import SurfaceGrid, surface_grid
-from builder.vehicle.sectioned_body import SectionedBody
+from builder.vehicle.shape.geometry import SurfaceGrid, surface_grid
+from builder.vehicle.shape.sectioned_body import SectionedBody
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 
 if TYPE_CHECKING:
     from builder.vehicle.file import Vehicle
-    from builder.vehicle.sections import Resolution
+    from builder.vehicle.toml.sections import Resolution
 
 SAME_LENGTH = 0.02
 """Relative difference up to which a length in some unit is the one stated."""

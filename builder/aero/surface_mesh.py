@@ -12,7 +12,7 @@ from hashlib import sha256
 
 import numpy as np
 
-from builder.vehicle.geometry import SurfaceGrid
+from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.interpolate import Akima1DInterpolator
 
-from builder.vehicle.geometry import SurfaceGrid
+from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 
 

@@ -25,8 +25,8 @@ from builder.campaign.scheduling import Scheduling, solve_flows
 from builder.campaign.snapshots import KeptFlows, Snapshots, load_flows, load_snapshots, save_snapshots
 from builder.campaign.worker import FailedFlow
 from builder.reporting import Reporter
-from builder.vehicle.geometry import SurfaceGrid
-from builder.vehicle.reference_quantities import ReferenceQuantities
+from builder.vehicle.shape.geometry import SurfaceGrid
+from builder.vehicle.shape.reference_quantities import ReferenceQuantities
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import FlowReachError, InputError, StrainfmuError
 from strainfmu.files import fingerprint

@@ -20,8 +20,8 @@ from builder.campaign.run import Campaign
 from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.campaign.vehicle_campaign import vehicle_campaign
 from builder.vehicle.file import Vehicle
-from builder.vehicle.geometry import BodyOfRevolution
-from builder.vehicle.profile_record import profile_misfits
+from builder.vehicle.shape.geometry import BodyOfRevolution
+from builder.vehicle.shape.profile_record import profile_misfits
 from builder.workspace import Misfit
 from strainfmu.errors import InputError
 from strainfmu.flight_condition import FlightCondition

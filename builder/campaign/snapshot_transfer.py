@@ -10,7 +10,7 @@ from builder.aero.mapping import pressure_map
 from builder.aero.mapping_report import MappingTolerances, check_mapping, mapping_report
 from builder.aero.surface_mesh import mesh_of_grid
 from builder.campaign.snapshots import Snapshots
-from builder.vehicle.geometry import SurfaceGrid
+from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.errors import InputError
 
 

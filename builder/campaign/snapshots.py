@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from builder.aero.engine import Flow
 from builder.aero.loads import coefficients_of, load_operator
 from builder.aero.surface_mesh import SurfaceMesh, mesh_load_operator
-from builder.vehicle.geometry import SurfaceGrid
-from builder.vehicle.reference_quantities import ReferenceQuantities
+from builder.vehicle.shape.geometry import SurfaceGrid
+from builder.vehicle.shape.reference_quantities import ReferenceQuantities
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.files import open_hdf5, write_hdf5_atomically

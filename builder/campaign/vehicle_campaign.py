@@ -10,9 +10,9 @@ import numpy as np
 from builder.aero.engine import Engine
 from builder.aero.engines import own_surface
 from builder.campaign.run import Campaign
+from builder.vehicle.conditions.flight_conditions import ConditionSet
 from builder.vehicle.file import Vehicle
-from builder.vehicle.flight_conditions import ConditionSet
-from builder.vehicle.profile_record import profile_record
+from builder.vehicle.shape.profile_record import profile_record
 from strainfmu.version import __version__
 
 

@@ -13,7 +13,7 @@ from builder.truth.flights import Flights
 from builder.truth.flows import with_knots
 from builder.truth.held_out import conditions_in_ranges, largest_incidence
 from builder.vehicle.file import Vehicle
-from builder.vehicle.map_options import MapEntry
+from builder.vehicle.map.options import MapEntry
 from strainfmu.arrays import FloatArray
 from strainfmu.flight_condition import FlightCondition
 

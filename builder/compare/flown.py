@@ -30,7 +30,7 @@ from builder.truth.flows import independent_flows, truth_inputs
 from builder.truth.shape_flights import ShapeFlights, map_surface, shape_flights
 from builder.truth.strain import true_flights, without_faint_harmonics
 from builder.vehicle.file import Vehicle
-from builder.vehicle.geometry import SurfaceGrid
+from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.errors import InputError
 from strainfmu.flight_condition import FlightCondition
 

@@ -12,7 +12,7 @@ from builder.figures.canvas import COLOUR_MAP, blank_figure
 from builder.figures.colours import beyond, colour_ends
 from builder.figures.gauge_marks import draw_strokes
 from builder.figures.unrolled import at_roll_angles
-from builder.vehicle.geometry import SurfaceGrid
+from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.cosim.recording import Recording
 from strainfmu.estimator.map.inverse_map import InverseMap

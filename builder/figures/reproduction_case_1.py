@@ -9,7 +9,7 @@ import numpy as np
 
 from builder.figures.canvas import blank_figure
 from builder.figures.field_views import SIDES, field_figure, pressure_rows
-from builder.vehicle.geometry import SurfaceGrid
+from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from builder.figures.canvas import blank_figure
 from builder.figures.field_views import FRONT, SIDES, FieldRow, field_figure, pressure_rows
-from builder.vehicle.geometry import SurfaceGrid
+from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 
 if TYPE_CHECKING:

@@ -39,8 +39,8 @@ from builder.structure.mapped_structure import MappedStructure
 from builder.structure.solid.case import structure_case
 from builder.structure.solid.checks.reference_loads import ELEMENT_FRACTION
 from builder.vehicle.file import Vehicle
-from builder.vehicle.gauge_layout import GaugeLayout
-from builder.vehicle.geometry import SurfaceGrid
+from builder.vehicle.gauges.layout import GaugeLayout
+from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import InverseMap

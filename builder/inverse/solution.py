@@ -20,8 +20,8 @@ from builder.inverse.noise.hardware_errors import HardwareError
 from builder.inverse.noise.mesh_error import MeshError
 from builder.inverse.noise.model import NoiseModel, NoiseTerm, truncated_modes
 from builder.inverse.sensors.sensor_set import SensorSet
-from builder.vehicle.gamma_rules import Rule
-from builder.vehicle.map_options import MapEntry
+from builder.vehicle.map.gamma_rules import Rule
+from builder.vehicle.map.options import MapEntry
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.temperature import ThermalMap

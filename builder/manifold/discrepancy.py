@@ -11,7 +11,7 @@ import numpy as np
 from builder.aero.surface_mesh import SurfaceMesh
 from builder.inverse.solution import Problem
 from builder.vehicle.file import Vehicle
-from builder.vehicle.geometry import SurfaceGrid
+from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO
 from strainfmu.estimator.manifold.gauss_newton import strain_factor

@@ -12,7 +12,7 @@ from builder.manifold.flow_amplitudes import flow_amplitudes
 from builder.manifold.interpolation import left_out_errors
 from builder.manifold.tables import ring_response, spline_coefficients, spline_rows
 from builder.vehicle.file import Vehicle
-from builder.vehicle.geometry import SurfaceGrid
+from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.tables.flight_field import FlightField
 

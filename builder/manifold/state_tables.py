@@ -21,7 +21,7 @@ from builder.manifold.parameter_slopes import ParameterSlopes
 from builder.manifold.shape_field import shape_field
 from builder.manifold.tables import response_values, ring_response, spline_coefficients, spline_rows
 from builder.vehicle.file import Vehicle
-from builder.vehicle.geometry import SurfaceGrid
+from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.tables.flight_field import FlightField

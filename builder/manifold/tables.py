@@ -11,7 +11,7 @@ import numpy as np
 from scipy.interpolate import BSpline, CubicSpline, PPoly
 
 from builder.manifold.flow_amplitudes import FlowAmplitudes
-from builder.vehicle.geometry import SurfaceGrid
+from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.estimator.numerics.spline import DEGREE, padded_knots
 

@@ -39,7 +39,7 @@ from builder.truth.flight_tables import flight_model
 from builder.truth.flow_table import load_flow_table
 from builder.truth.flows import truth_knots
 from builder.vehicle.file import Vehicle, load_vehicle
-from builder.vehicle.geometry import surface_grid
+from builder.vehicle.shape.geometry import surface_grid
 from strainfmu.cosim import flight_model as flight_model_file
 from strainfmu.cosim.flight_model import check_envelope, save_flight_model
 from strainfmu.cosim.master import matching_connections, simulate

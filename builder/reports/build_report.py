@@ -28,7 +28,7 @@ from builder.structure.observability import (
     symmetry_responses,
 )
 from builder.vehicle.file import Vehicle
-from builder.vehicle.geometry import SurfaceGrid
+from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import InverseMap

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from builder.vehicle.file import Vehicle
-from builder.vehicle.map_options import Noise
+from builder.vehicle.map.options import Noise
 
 OPTIONAL_ERRORS = (
     ("apparent_strain_um_per_m", "apparent strain, such as that of an uncompensated temperature"),

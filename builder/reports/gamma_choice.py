@@ -13,8 +13,8 @@ from builder.inverse.loads.covariance import load_covariance_by_terms
 from builder.inverse.solution import Problem, Solution
 from builder.reports.coefficient_sources import coefficient_scales
 from builder.reports.symmetry_classes import class_fractions, mirror_operators
-from builder.vehicle.gamma_rules import RULES
-from builder.vehicle.geometry import SurfaceGrid
+from builder.vehicle.map.gamma_rules import RULES
+from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import InverseMap

@@ -38,9 +38,9 @@ from builder.structure.solid.operators.surface_triangles import triangulated_sur
 from builder.structure.solid.solution import solve_strain
 from builder.structure.wall import Wall, wall_of
 from builder.vehicle.file import Vehicle
-from builder.vehicle.gauge_layout import GaugeLayout
-from builder.vehicle.geometry import BodyOfRevolution
+from builder.vehicle.gauges.layout import GaugeLayout
 from builder.vehicle.map_needs import used_layouts
+from builder.vehicle.shape.geometry import BodyOfRevolution
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.estimator.linear.estimator import Estimator

@@ -20,7 +20,7 @@ from builder.inverse.noise.model import NoiseModel
 from builder.inverse.solution import Problem, Solution, ordered_modes, pressure_modes
 from builder.reports.symmetry_classes import class_fractions, mirror_operators, symmetric_part
 from builder.structure.observability import SYMMETRIES
-from builder.vehicle.geometry import SurfaceGrid
+from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 
 MIN_FRACTION = 1e-6

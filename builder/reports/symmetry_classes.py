@@ -8,7 +8,7 @@ from scipy import sparse
 from builder.aero.mirrors import mirror_operator
 from builder.aero.surface_mesh import SurfaceMesh
 from builder.structure.observability import SYMMETRIES
-from builder.vehicle.geometry import SurfaceGrid
+from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 
 Mirrors = tuple[sparse.csr_array, sparse.csr_array]

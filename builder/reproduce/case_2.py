@@ -15,8 +15,8 @@ from builder.reports.symmetry_classes import grid_mirrors, symmetric_part
 from builder.reproduce.case_1 import FieldExample
 from builder.reproduce.protocol import DRAWN_MODES, DRAWS, DRAWS_PER_CONDITION, SEED
 from builder.reproduce.setups import SetUp
-from builder.vehicle.gamma_rules import RULES, Rule
-from builder.vehicle.geometry import SurfaceGrid
+from builder.vehicle.map.gamma_rules import RULES, Rule
+from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 

@@ -18,7 +18,7 @@ from builder.reproduce.readings import READINGS, SHIPPED, Reading
 from builder.reproduce.setups import INDEPENDENT, Pressures, SetUp, noise_sigma
 from builder.reproduce.strain_models import StrainModel
 from builder.structure.observability import SYMMETRIES, smooth_response, symmetry_responses
-from builder.vehicle.geometry import SurfaceGrid
+from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 
 SMOOTH_DEGREE = 6

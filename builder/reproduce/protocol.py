@@ -10,9 +10,14 @@ from math import radians
 
 from builder.campaign.scheduling import Scheduling
 from builder.structure.solid.mesh.swept_mesh import RESOLUTIONS, SweptResolution
+from builder.vehicle.conditions.flight_conditions import (
+    PUBLISHED_ALTITUDE,
+    ConditionSet,
+    condition_grid,
+    condition_set,
+)
 from builder.vehicle.file import Vehicle
-from builder.vehicle.flight_conditions import PUBLISHED_ALTITUDE, ConditionSet, condition_grid, condition_set
-from builder.vehicle.sections import Resolution
+from builder.vehicle.toml.sections import Resolution
 from strainfmu.flight_condition import FlightCondition
 
 MODES = 5

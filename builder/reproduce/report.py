@@ -17,7 +17,7 @@ from builder.reproduce.parity import parity_rows
 from builder.reproduce.protocol import Sizes
 from builder.reproduce.report_figures import figure_makers
 from builder.reproduce.studies import Studies
-from builder.vehicle.geometry import SurfaceGrid
+from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.files import write_bytes_atomically
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from builder.reproduce.protocol import DRAWN_MODES, EXAMPLES, PUBLISHED_GAMMA
 from builder.reproduce.published import PUBLISHED
 from builder.reproduce.setups import INDEPENDENT, PAPER_LIKE, SAME_MESH, TITLES
 from builder.reproduce.studies import FIELDS, Studies
-from builder.vehicle.geometry import SurfaceGrid
+from builder.vehicle.shape.geometry import SurfaceGrid
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

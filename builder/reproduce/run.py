@@ -47,9 +47,9 @@ from builder.reproduce.studies import (
     run_case_2,
     run_measurements,
 )
+from builder.vehicle.conditions.flight_conditions import ConditionSet
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
-from builder.vehicle.flight_conditions import ConditionSet
-from builder.vehicle.geometry import SurfaceGrid
+from builder.vehicle.shape.geometry import SurfaceGrid
 from builder.workspace import Workspace
 
 Solve = Callable[[Progress], StrainModel]

@@ -13,7 +13,7 @@ from builder.inverse.modes.pod import area_weights
 from builder.reproduce.protocol import EXAMPLES, HELD_OUT, NOISE_FRACTION, P1, P2
 from builder.reproduce.readings import SHIPPED
 from builder.reproduce.strain_models import StrainModel
-from builder.vehicle.reference_quantities import ReferenceQuantities
+from builder.vehicle.shape.reference_quantities import ReferenceQuantities
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.flight_condition import FlightCondition

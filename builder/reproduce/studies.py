@@ -49,8 +49,8 @@ from builder.reproduce.readings import READINGS, SHIPPED, SPANS, Reading
 from builder.reproduce.setups import SAME_MESH, Pressures, SetUp
 from builder.reproduce.store import load_studies, save_studies
 from builder.reproduce.strain_models import FOURIER, HEXAHEDRA, RECOVERED, TETRAHEDRA, StrainModel
-from builder.vehicle.flight_conditions import flow_key
-from builder.vehicle.geometry import SurfaceGrid
+from builder.vehicle.conditions.flight_conditions import flow_key
+from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.files import write_bytes_atomically

@@ -6,7 +6,7 @@ import numpy as np
 
 from builder.stress.hardware_kinds import thinner_middle
 from builder.stress.kind import Hardware, Kind, Readings
-from builder.vehicle.map_options import Noise
+from builder.vehicle.map.options import Noise
 from strainfmu.arrays import FloatArray, IntArray
 
 MICRO = 1e-6

@@ -9,7 +9,7 @@ import numpy as np
 
 from builder.stress.kind import Build, Hardware, Kind, KindClass, as_stated, exact
 from builder.truth.as_built import AsBuilt, drawn
-from builder.vehicle.map_options import Noise
+from builder.vehicle.map.options import Noise
 
 MANY = 5
 """Draws of the vehicles as stated, times those of the other kinds: their false alarms are rare."""

@@ -11,7 +11,7 @@ import numpy as np
 from builder.stress.flights import DrawConditions, inside
 from builder.stress.flows import OtherFlow
 from builder.truth.as_built import AsBuilt, drawn, exactly_built
-from builder.vehicle.map_options import Noise
+from builder.vehicle.map.options import Noise
 from strainfmu.arrays import FloatArray
 
 KindClass = Literal["within", "outside", "unobservable"]

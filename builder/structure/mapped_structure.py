@@ -11,8 +11,8 @@ from builder.aero.mapping_report import MappingTolerances, check_mapping, mappin
 from builder.aero.surface_mesh import SurfaceMesh, mesh_of_grid
 from builder.campaign.snapshots import Snapshots
 from builder.structure.structure_file import Structure
-from builder.vehicle.gauge_layout import GaugeLayout
-from builder.vehicle.geometry import SurfaceGrid
+from builder.vehicle.gauges.layout import GaugeLayout
+from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 

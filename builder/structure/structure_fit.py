@@ -18,9 +18,9 @@ from builder.structure.solid.gauges.gauge_rows import Gauges
 from builder.structure.solid.model import AnyCase, support_entries
 from builder.structure.structure_file import Structure
 from builder.vehicle.file import Vehicle
-from builder.vehicle.geometry import BodyOfRevolution
 from builder.vehicle.map_needs import used_layouts
-from builder.vehicle.profile_record import profile_misfits
+from builder.vehicle.shape.geometry import BodyOfRevolution
+from builder.vehicle.shape.profile_record import profile_misfits
 from builder.workspace import Misfit
 
 SAME = 1e-9

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from builder.vehicle.map_options import Noise
+from builder.vehicle.map.options import Noise
 from strainfmu.arrays import FloatArray
 
 MICRO = 1e-6

@@ -19,7 +19,7 @@ from builder.truth.as_built import AsBuilt
 from builder.truth.flow_table import FlowTable
 from builder.truth.strain import TrueStructure, built_gauges
 from builder.vehicle.file import Vehicle
-from builder.vehicle.geometry import SurfaceGrid
+from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.cosim.flight_model import FlightModel
 

@@ -19,7 +19,7 @@ from scipy.interpolate import CubicSpline
 from builder.aero.engine import Flow, FlowKey
 from builder.aero.euler_engine import pieces
 from builder.aero.surface_pressure import pressure_at_stations
-from builder.vehicle.geometry import SurfaceGrid
+from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.records import load_record, save_record

@@ -13,7 +13,7 @@ from builder.truth.flights import Flights, RevolvedFlights
 from builder.truth.flow_table import FlowTable
 from builder.truth.strain import TrueStructure, true_flights, without_faint_harmonics
 from builder.vehicle.file import Vehicle
-from builder.vehicle.map_options import Noise
+from builder.vehicle.map.options import Noise
 from strainfmu.arrays import FloatArray
 from strainfmu.flight_condition import FlightCondition
 

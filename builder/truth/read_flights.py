@@ -11,7 +11,7 @@ from builder.truth.flow_table import FlowTable
 from builder.truth.flown_vehicles import FlownVehicles, Fly
 from builder.truth.held_out import held_out_conditions
 from builder.vehicle.file import Vehicle
-from builder.vehicle.map_options import Noise
+from builder.vehicle.map.options import Noise
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.flight_condition import FlightCondition

@@ -24,9 +24,9 @@ from builder.campaign.vehicle_campaign import vehicle_campaign
 from builder.reporting import Reporter
 from builder.truth.as_built import AsBuilt
 from builder.truth.shape_structure import ShapeStructure, as_built, on_nodes_of
+from builder.vehicle.conditions.flight_conditions import ConditionSet
 from builder.vehicle.file import Vehicle
-from builder.vehicle.flight_conditions import ConditionSet
-from builder.vehicle.geometry import SurfaceGrid
+from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.flight_condition import FlightCondition
 

@@ -13,18 +13,24 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field, PrivateAttr, model_validator
 
-from builder.vehicle.calibration_options import Calibration
-from builder.vehicle.condition_entries import Conditions
-from builder.vehicle.faults import Faults
-from builder.vehicle.flight_conditions import condition_grid
-from builder.vehicle.geometry import BodyOfRevolution, chain_pieces
-from builder.vehicle.limits import one_line
-from builder.vehicle.map_options import MapEntry, Noise
-from builder.vehicle.profile_entries import Piece
-from builder.vehicle.reference_quantities import ReferenceQuantities
-from builder.vehicle.sectioned_body import SectionedBody
-from builder.vehicle.sectioned_body import read_sections as read_sections_of_body
-from builder.vehicle.sections import (
+from builder.vehicle.conditions.entries import Conditions
+from builder.vehicle.conditions.flight_conditions import condition_grid
+from builder.vehicle.gauges.sensor_entries import Sensors
+from builder.vehicle.map.calibration import Calibration
+from builder.vehicle.map.options import MapEntry, Noise
+from builder.vehicle.shape.entries import Shape
+from builder.vehicle.shape.geometry import BodyOfRevolution, chain_pieces
+from builder.vehicle.shape.profile_entries import Piece
+from builder.vehicle.shape.reference_quantities import ReferenceQuantities
+from builder.vehicle.shape.sectioned_body import SectionedBody
+from builder.vehicle.shape.sectioned_body import read_sections as read_sections_of_body
+from builder.vehicle.sizes import size_faults
+from builder.vehicle.structure.section import Structure
+from builder.vehicle.structure.temperature import Temperature
+from builder.vehicle.toml.faults import Faults
+from builder.vehicle.toml.limits import one_line
+from builder.vehicle.toml.reading import read_sections
+from builder.vehicle.toml.sections import (
     Aerodynamics,
     Gauges,
     MaterialEntry,
@@ -33,12 +39,6 @@ from builder.vehicle.sections import (
     Section,
     Truth,
 )
-from builder.vehicle.sensor_entries import Sensors
-from builder.vehicle.shape_entries import Shape
-from builder.vehicle.sizes import size_faults
-from builder.vehicle.structure_section import Structure
-from builder.vehicle.temperature_options import Temperature
-from builder.vehicle.toml_sections import read_sections
 from strainfmu.errors import InputError
 from strainfmu.flight_condition import FlightCondition
 

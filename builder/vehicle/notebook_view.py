@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from builder.vehicle.gauge_layout import read_layout
+from builder.vehicle.gauges.layout import read_layout
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 

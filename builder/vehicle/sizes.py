@@ -6,14 +6,14 @@ from collections.abc import Iterator
 from math import degrees, prod
 from typing import TYPE_CHECKING
 
-from builder.vehicle.geometry import is_blunt, is_spherical
-from builder.vehicle.limits import MAX_CONDITIONS, MAX_ELEMENTS, MAX_GAUGES, MAX_PRESSURES, MIN_ELEMENTS
+from builder.vehicle.shape.geometry import is_blunt, is_spherical
+from builder.vehicle.toml.limits import MAX_CONDITIONS, MAX_ELEMENTS, MAX_GAUGES, MAX_PRESSURES, MIN_ELEMENTS
 from strainfmu.errors import InputError
 
 if TYPE_CHECKING:
     from builder.vehicle.file import Vehicle
-    from builder.vehicle.geometry import BodyOfRevolution
-    from builder.vehicle.sections import Resolution
+    from builder.vehicle.shape.geometry import BodyOfRevolution
+    from builder.vehicle.toml.sections import Resolution
 
 
 def size_faults(vehicle: Vehicle) -> list[str]:

@@ -15,7 +15,7 @@ from scipy.optimize import brentq
 
 from builder.aero.euler.marching_grid import MarchingGrid
 from builder.aero.euler.solver import solve_flow
-from builder.vehicle.geometry import chain_segments
+from builder.vehicle.shape.geometry import chain_segments
 
 GAMMA = 1.4
 

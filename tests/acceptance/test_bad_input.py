@@ -187,7 +187,7 @@ def test_wrong_options(run: Run) -> None:
 FILL_THE_DISK = """
 import resource, signal, sys
 from builder.aero.euler.solver import MarchingGrid, solve_flow
-from builder.vehicle.geometry import chain_segments
+from builder.vehicle.shape.geometry import chain_segments
 from strainfmu.cli.main import main
 
 # Compiled code is kept on disk too: it must be there before the disk is full.

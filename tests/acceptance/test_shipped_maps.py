@@ -39,8 +39,8 @@ from builder.truth.strain import (
     true_structure,
     without_faint_harmonics,
 )
+from builder.vehicle.conditions.flight_conditions import ConditionSet
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
-from builder.vehicle.flight_conditions import ConditionSet
 from strainfmu.cosim.trajectory import load_trajectory
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.linear.estimator import Estimator

@@ -10,7 +10,7 @@ import pytest
 
 from builder.aero.euler.solver import FlowSolution, solve_flow
 from builder.vehicle.file import IC3X, load_vehicle
-from builder.vehicle.geometry import BodyOfRevolution, chain_segments
+from builder.vehicle.shape.geometry import BodyOfRevolution, chain_segments
 
 BodyMaker = Callable[..., BodyOfRevolution]
 ConeFlow = Callable[[float, float, float], FlowSolution]

@@ -9,7 +9,7 @@ import pytest
 
 from builder.aero.closest_points import closest_on_triangles, closest_points
 from builder.aero.surface_mesh import SurfaceMesh, mesh_of_grid
-from builder.vehicle.geometry import chain_segments, surface_grid
+from builder.vehicle.shape.geometry import chain_segments, surface_grid
 
 pytestmark = pytest.mark.fast
 

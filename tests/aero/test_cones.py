@@ -11,7 +11,7 @@ from cone_theory import GAMMA, taylor_maccoll_pressure, taylor_maccoll_surface
 from scipy.interpolate import CubicSpline
 
 from builder.aero.euler.solver import FlowSolution, solve_flow
-from builder.vehicle.geometry import chain_segments
+from builder.vehicle.shape.geometry import chain_segments
 from strainfmu.errors import FlowReachError
 
 ConeFlow = Callable[[float, float, float], FlowSolution]

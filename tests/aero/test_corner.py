@@ -17,7 +17,7 @@ from builder.aero.euler.plane import Plane, free_stream
 from builder.aero.euler.reconstruction import Stream
 from builder.aero.euler.solver import free_stream_of
 from builder.aero.euler.surface_function import body_walls
-from builder.vehicle.geometry import chain_segments
+from builder.vehicle.shape.geometry import chain_segments
 
 pytestmark = pytest.mark.fast
 

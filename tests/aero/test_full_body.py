@@ -12,7 +12,7 @@ import pytest
 from builder.aero.euler.full_body import FullFlowSolution, solve_full_flow
 from builder.aero.euler.marching_grid import MarchingGrid
 from builder.aero.euler.solver import solve_flow
-from builder.vehicle.geometry import BodyOfRevolution
+from builder.vehicle.shape.geometry import BodyOfRevolution
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import FlowReachError, InputError
 

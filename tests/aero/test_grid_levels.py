@@ -12,7 +12,7 @@ import pytest
 
 from builder.aero.euler.marching_grid import GRID_LEVELS
 from builder.aero.euler.solver import solve_flow
-from builder.vehicle.geometry import BodyOfRevolution
+from builder.vehicle.shape.geometry import BodyOfRevolution
 
 Coefficients = Callable[[float, float], np.ndarray]
 RATIO = 1.5

@@ -12,8 +12,8 @@ from builder.aero.loads import coefficient_scale, load_operator
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.surface_load import pressure_load
 from builder.structure.wall import Material, Wall
-from builder.vehicle.geometry import BodyOfRevolution, SurfaceGrid, surface_grid
-from builder.vehicle.reference_quantities import ReferenceQuantities
+from builder.vehicle.shape.geometry import BodyOfRevolution, SurfaceGrid, surface_grid
+from builder.vehicle.shape.reference_quantities import ReferenceQuantities
 
 pytestmark = pytest.mark.fast
 

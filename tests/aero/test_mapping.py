@@ -16,7 +16,7 @@ from builder.aero.mapping import (
     pressure_map,
 )
 from builder.aero.surface_mesh import SurfaceMesh, mesh_load_operator, mesh_of_grid, roll_moment_operator
-from builder.vehicle.geometry import chain_segments, surface_grid
+from builder.vehicle.shape.geometry import chain_segments, surface_grid
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from tests.aero.triangulated_shapes import box

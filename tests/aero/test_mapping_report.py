@@ -11,7 +11,7 @@ import pytest
 from builder.aero.mapping import pressure_map
 from builder.aero.mapping_report import MappingReport, MappingTolerances, check_mapping, mapping_report
 from builder.aero.surface_mesh import SurfaceMesh, mesh_of_grid
-from builder.vehicle.geometry import chain_segments, surface_grid
+from builder.vehicle.shape.geometry import chain_segments, surface_grid
 from strainfmu.errors import InputError
 from tests.aero.triangulated_shapes import box
 

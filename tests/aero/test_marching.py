@@ -23,7 +23,7 @@ from builder.aero.euler.plane import free_stream
 from builder.aero.euler.solver import FlowSolution, free_stream_of, solve_flow
 from builder.aero.loads import load_operator
 from builder.aero.surface_pressure import pressure_at_stations, pressure_ratio_on_surface
-from builder.vehicle.geometry import BodyOfRevolution, surface_grid
+from builder.vehicle.shape.geometry import BodyOfRevolution, surface_grid
 from strainfmu.errors import FlowReachError, InputError
 
 BodyMaker = Callable[..., BodyOfRevolution]
@@ -297,7 +297,7 @@ from math import radians
 import numpy as np
 from builder.aero.euler import body_march, gas
 from builder.aero.euler.solver import MarchingGrid, solve_flow
-from builder.vehicle.geometry import chain_segments
+from builder.vehicle.shape.geometry import chain_segments
 from strainfmu.errors import FlowReachError
 
 body_march.MAX_LEGS, body_march.LARGEST_UNREST = 3, float("inf")  # unsettled, but the same in both

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from builder.aero.euler.solver import FlowSolution, solve_flow
-from builder.vehicle.geometry import BodyOfRevolution, chain_segments
+from builder.vehicle.shape.geometry import BodyOfRevolution, chain_segments
 
 NOSE_LENGTH = 5.0
 CYLINDERS = (0, 2, 4, 6, 10)

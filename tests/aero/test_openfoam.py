@@ -16,7 +16,7 @@ from openfoam.sphere_cone import ALONG_AXIS, compare
 from builder.aero.euler.marching_grid import marching_grid_of
 from builder.aero.euler.solver import solve_flow
 from builder.vehicle.file import VEHICLES, load_vehicle
-from builder.vehicle.geometry import chain_segments
+from builder.vehicle.shape.geometry import chain_segments
 
 pytestmark = [
     pytest.mark.slow,

@@ -14,8 +14,8 @@ from builder.aero.full_body_engine import FullBodyEngine
 from builder.aero.self_intersections import pierced_places
 from builder.aero.shapes import sections_mesh, surface_of_file
 from builder.aero.surface_mesh import SurfaceMesh, mesh_load_operator, mesh_of_grid
-from builder.vehicle.geometry import chain_segments, surface_grid
-from builder.vehicle.sectioned_body import SectionedBody
+from builder.vehicle.shape.geometry import chain_segments, surface_grid
+from builder.vehicle.shape.sectioned_body import SectionedBody
 from strainfmu.errors import InputError
 from strainfmu.flight_condition import FlightCondition
 from tests.aero.triangulated_shapes import box, cone

@@ -15,8 +15,8 @@ from builder.aero.euler.marching_grid import GRID_LEVELS, MarchingGrid
 from builder.aero.euler.solver import FlowSolution, solve_flow
 from builder.aero.euler.sphere_flow import solve_sphere
 from builder.aero.euler.surface_function import cap_of
-from builder.vehicle.geometry import BodyOfRevolution, Segment, chain_pieces
-from builder.vehicle.profile_curves import spherical_cap
+from builder.vehicle.shape.geometry import BodyOfRevolution, Segment, chain_pieces
+from builder.vehicle.shape.profile_curves import spherical_cap
 from strainfmu.errors import FlowReachError
 
 COARSE = GRID_LEVELS["coarse"]

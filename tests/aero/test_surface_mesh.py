@@ -9,7 +9,7 @@ import pytest
 
 from builder.aero.loads import load_operator
 from builder.aero.surface_mesh import SurfaceMesh, mesh_load_operator, mesh_of_grid
-from builder.vehicle.geometry import chain_segments, surface_grid
+from builder.vehicle.shape.geometry import chain_segments, surface_grid
 from strainfmu.errors import InputError
 
 pytestmark = pytest.mark.fast

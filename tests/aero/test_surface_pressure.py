@@ -12,7 +12,7 @@ from builder.aero.euler.solver import FlowSolution, MarchingGrid
 from builder.aero.euler_engine import EulerEngine
 from builder.aero.loads import load_operator
 from builder.aero.surface_pressure import pressure_at_stations, pressure_ratio_on_surface
-from builder.vehicle.geometry import BodyOfRevolution, SurfaceGrid, surface_grid
+from builder.vehicle.shape.geometry import BodyOfRevolution, SurfaceGrid, surface_grid
 from strainfmu.flight_condition import FlightCondition
 
 pytestmark = pytest.mark.fast

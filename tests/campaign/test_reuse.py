@@ -16,8 +16,8 @@ from campaign_case import THREADS, Undisturbed, campaign_of, run, stored_hash
 from builder.campaign.run import run_campaign
 from builder.campaign.snapshots import Snapshots, load_flows, load_snapshots
 from builder.reporting import Progress, Silent
+from builder.vehicle.conditions.flight_conditions import condition_grid
 from builder.vehicle.file import Vehicle
-from builder.vehicle.flight_conditions import condition_grid
 
 
 def changed(vehicle: Vehicle, **entries: Any) -> Vehicle:

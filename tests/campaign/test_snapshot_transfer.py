@@ -10,7 +10,7 @@ import pytest
 from builder.aero.surface_mesh import mesh_of_grid
 from builder.campaign.snapshot_transfer import snapshots_on
 from builder.campaign.snapshots import Snapshots
-from builder.vehicle.geometry import BodyOfRevolution, SurfaceGrid, chain_segments, surface_grid
+from builder.vehicle.shape.geometry import BodyOfRevolution, SurfaceGrid, chain_segments, surface_grid
 from strainfmu.errors import InputError
 from strainfmu.flight_condition import FlightCondition
 

@@ -21,7 +21,7 @@ from builder.campaign.snapshots import (
     load_snapshots,
     save_snapshots,
 )
-from builder.vehicle.geometry import chain_segments, surface_grid
+from builder.vehicle.shape.geometry import chain_segments, surface_grid
 from strainfmu.errors import InputError
 from strainfmu.files import write_hdf5_atomically
 

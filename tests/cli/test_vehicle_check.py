@@ -15,8 +15,8 @@ from builder.aero.engines import make_engine
 from builder.campaign.reach import extreme_conditions, flows_out_of_reach
 from builder.pipeline.manoeuvre import manoeuvre_warnings
 from builder.reporting import Silent
+from builder.vehicle.conditions.flight_conditions import condition_grid
 from builder.vehicle.file import IC3X, VEHICLES, load_vehicle
-from builder.vehicle.flight_conditions import condition_grid
 from strainfmu.cosim.trajectory import load_trajectory
 
 Run = Callable[..., tuple[int, str, str]]

@@ -13,7 +13,7 @@ from builder.figures.build_report import gauge_loss, known_pressure
 from builder.figures.demonstration import gauges
 from builder.figures.gauge_marks import gauge_kinds, kind_label
 from builder.figures.hover_gauges import gauge_values
-from builder.vehicle.geometry import chain_segments, surface_grid
+from builder.vehicle.shape.geometry import chain_segments, surface_grid
 from strainfmu.estimator.map.sensors import STRAIN, SensorRows
 
 pytestmark = pytest.mark.fast

@@ -12,8 +12,8 @@ from builder.aero.surface_mesh import mesh_of_grid
 from builder.campaign.snapshots import Snapshots
 from builder.figures import snapshots as snapshot_figures
 from builder.figures.canvas import save
-from builder.vehicle.flight_conditions import condition_grid
-from builder.vehicle.geometry import chain_segments, surface_grid
+from builder.vehicle.conditions.flight_conditions import condition_grid
+from builder.vehicle.shape.geometry import chain_segments, surface_grid
 
 HALF_ANGLE = radians(10.0)
 LENGTH = 2.0

@@ -26,9 +26,9 @@ from builder.inverse.noise.model import NoiseModel, gauge_noise
 from builder.inverse.solution import Problem, solve
 from builder.structure.mapped_structure import MappedStructure
 from builder.vehicle.file import IC3X, load_vehicle
-from builder.vehicle.gauge_layout import GaugeLayout
-from builder.vehicle.geometry import surface_grid
-from builder.vehicle.map_options import MapEntry, Noise
+from builder.vehicle.gauges.layout import GaugeLayout
+from builder.vehicle.map.options import MapEntry, Noise
+from builder.vehicle.shape.geometry import surface_grid
 from strainfmu.estimator.map.inverse_map import save_inverse_map
 
 GIB = 2**30

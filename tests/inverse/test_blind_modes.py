@@ -11,7 +11,7 @@ from builder.inverse.build import inverse_map_of, inverse_problem
 from builder.inverse.solution import MIN_STRAIN_OVER_NOISE, ordered_modes, pressure_modes, solve
 from builder.structure.fourier.model import StructuralModel
 from builder.vehicle.file import Vehicle
-from builder.vehicle.map_options import MapEntry
+from builder.vehicle.map.options import MapEntry
 
 
 @pytest.mark.parametrize("form", ["absolute", "dynamic_pressure"])

@@ -18,7 +18,7 @@ from builder.inverse.cases.prior import LowRankPrior
 from builder.inverse.noise.model import nuisance_modes
 from builder.structure.fourier.model import StructuralModel
 from builder.vehicle.file import Vehicle
-from builder.vehicle.map_options import MapEntry, Noise
+from builder.vehicle.map.options import MapEntry, Noise
 from strainfmu.errors import InputError
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.linear.estimator import Estimator

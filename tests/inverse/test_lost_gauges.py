@@ -18,8 +18,8 @@ from builder.inverse.solution import solve
 from builder.structure.fourier.model import StructuralModel
 from builder.structure.mapped_structure import MappedStructure
 from builder.vehicle.file import Vehicle
-from builder.vehicle.gauge_layout import GaugeLayout
-from builder.vehicle.map_options import MapEntry
+from builder.vehicle.gauges.layout import GaugeLayout
+from builder.vehicle.map.options import MapEntry
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, HealthState
 from strainfmu.estimator.linear.detectability import minimal_isolable_bias
 from strainfmu.estimator.linear.estimator import Estimator, LoadEstimate

@@ -18,7 +18,7 @@ from builder.inverse.solution import Problem
 from builder.manifold.build import manifold_map, with_manifold
 from builder.structure.fourier.model import StructuralModel
 from builder.vehicle.file import Vehicle
-from builder.vehicle.sensor_entries import Sensors
+from builder.vehicle.gauges.sensor_entries import Sensors
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.filter.flight_filter import FlightFilter
 from strainfmu.estimator.filter.flight_model import error_columns, flight_model

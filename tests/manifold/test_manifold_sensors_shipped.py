@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from builder.structure.fourier.model import structural_model
+from builder.vehicle.conditions.flight_conditions import ConditionSet, condition_grid
 from builder.vehicle.file import IC3X, load_vehicle
-from builder.vehicle.flight_conditions import ConditionSet, condition_grid
-from builder.vehicle.sensor_entries import Sensors
+from builder.vehicle.gauges.sensor_entries import Sensors
 from tests.inverse.sensors.test_sensors import CELLS, IMU, PORTS
 from tests.inverse.sensors.test_sensors_shipped import NUISANCES, RANGE, flown
 from tests.manifold.test_manifold_sensors import built, estimated, flights, with_sensors

@@ -22,8 +22,8 @@ from builder.inverse.noise.model import NoiseModel
 from builder.inverse.solution import Problem, Solution, solve
 from builder.structure.fourier.model import StructuralModel, structural_model
 from builder.vehicle.file import Vehicle, load_vehicle
+from builder.vehicle.map.options import MapEntry
 from builder.vehicle.map_needs import used_layouts
-from builder.vehicle.map_options import MapEntry
 from strainfmu.estimator.map.inverse_map import InverseMap
 
 NEWTONIAN = '[aerodynamics]\nengine = "newtonian"\nleeward = "prandtl_meyer"\n'

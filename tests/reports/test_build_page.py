@@ -28,7 +28,7 @@ from builder.reports.tables import Column, shown
 from builder.structure.fourier.model import StructuralModel
 from builder.structure.mapped_structure import MappedStructure
 from builder.vehicle.file import Vehicle
-from builder.vehicle.map_options import MapEntry
+from builder.vehicle.map.options import MapEntry
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 from strainfmu.estimator.map.sensors import STRAIN, SensorRows

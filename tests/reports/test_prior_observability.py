@@ -18,8 +18,8 @@ from builder.reports.symmetry_classes import mirror_operators, symmetric_part
 from builder.structure.fourier.model import StructuralModel
 from builder.structure.observability import SYMMETRIES
 from builder.vehicle.file import Vehicle
-from builder.vehicle.geometry import SurfaceGrid
-from builder.vehicle.map_options import MapEntry
+from builder.vehicle.map.options import MapEntry
+from builder.vehicle.shape.geometry import SurfaceGrid
 
 Parts = tuple[Vehicle, Snapshots, StructuralModel]
 

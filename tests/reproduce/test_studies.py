@@ -15,7 +15,7 @@ from builder.reproduce.readings import SHIPPED, gauges_of_45, with_all_gauges
 from builder.reproduce.setups import SAME_MESH, Pressures, SetUp, noise_sigma
 from builder.reproduce.strain_models import StrainModel, fourier_model
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
-from builder.vehicle.geometry import SurfaceGrid, surface_grid
+from builder.vehicle.shape.geometry import SurfaceGrid, surface_grid
 
 INSIDE = 5474.9
 

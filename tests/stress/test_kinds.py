@@ -15,7 +15,7 @@ from builder.stress.hardware_kinds import STATED, stated_class, stated_kinds
 from builder.stress.kind import Hardware, exact
 from builder.stress.kinds import all_kinds
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
-from builder.vehicle.map_options import HARDWARE_ERRORS, Noise
+from builder.vehicle.map.options import HARDWARE_ERRORS, Noise
 
 pytestmark = pytest.mark.fast
 

@@ -10,7 +10,7 @@ import numpy as np
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.solid.mesh.gmsh_session import ORIGIN, X_AXIS, gmsh_model
 from builder.structure.wall import Wall
-from builder.vehicle.geometry import BodyOfRevolution
+from builder.vehicle.shape.geometry import BodyOfRevolution
 
 MILLIMETRES = 1e3
 

@@ -25,7 +25,7 @@ from builder.structure.solid.mesh.swept_mesh import SweptResolution, SweptSector
 from builder.structure.solid.solvers.solver import named_back_end
 from builder.structure.wall import Wall
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
-from builder.vehicle.geometry import BodyOfRevolution
+from builder.vehicle.shape.geometry import BodyOfRevolution
 from strainfmu.errors import InputError
 
 Run = Callable[..., tuple[int, str, str]]

@@ -29,9 +29,9 @@ from builder.structure.solid.operators.surface_triangles import triangulated_sur
 from builder.structure.solid.solvers.cyclic import CyclicSolver, pressure_operator
 from builder.structure.wall import wall_of
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
-from builder.vehicle.gauge_layout import GaugeLayout
-from builder.vehicle.geometry import SurfaceGrid
-from builder.vehicle.sections import Resolution
+from builder.vehicle.gauges.layout import GaugeLayout
+from builder.vehicle.shape.geometry import SurfaceGrid
+from builder.vehicle.toml.sections import Resolution
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 

@@ -22,10 +22,10 @@ from builder.structure.fourier.model import StructuralModel, structural_model
 from builder.truth.flow_table import FlowTable, flow_table
 from builder.truth.flows import truth_engine, truth_keys, truth_knots
 from builder.truth.strain import TrueStructure, true_structure
+from builder.vehicle.conditions.flight_conditions import condition_grid
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
-from builder.vehicle.flight_conditions import condition_grid
-from builder.vehicle.map_options import MapEntry
-from builder.vehicle.sections import Resolution, Resolutions
+from builder.vehicle.map.options import MapEntry
+from builder.vehicle.toml.sections import Resolution, Resolutions
 from strainfmu.flight_condition import FlightCondition
 
 COARSE = Resolution(

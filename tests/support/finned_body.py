@@ -24,7 +24,7 @@ from builder.structure.solid.mesh.mesh_export import write_mesh
 from builder.structure.solid.mesh.solid_mesh import EXTERNAL, SolidMesh
 from builder.structure.solid.mesh.swept_mesh import HEXAHEDRON, SweptResolution, full_mesh, swept_wall
 from builder.structure.wall import Material, Wall
-from builder.vehicle.geometry import chain_segments
+from builder.vehicle.shape.geometry import chain_segments
 from strainfmu.arrays import FloatArray, IntArray
 
 LENGTH, RADIUS, CONE_END = 1.2, 0.1, 0.5

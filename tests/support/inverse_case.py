@@ -17,8 +17,8 @@ from builder.inverse.cases.case_2 import GaussianMap, gaussian_map
 from builder.inverse.cases.prior import LowRankPrior
 from builder.inverse.modes.pod import PressureModes
 from builder.inverse.noise.model import NoiseModel, gauge_noise, truncated_modes
+from builder.vehicle.conditions.flight_conditions import ConditionSet
 from builder.vehicle.file import Vehicle
-from builder.vehicle.flight_conditions import ConditionSet
 from strainfmu.flight_condition import FlightCondition
 
 

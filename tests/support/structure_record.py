@@ -6,7 +6,7 @@ import numpy as np
 
 from builder.aero.surface_mesh import mesh_of_grid
 from builder.structure.structure_file import Structure
-from builder.vehicle.geometry import SurfaceGrid
+from builder.vehicle.shape.geometry import SurfaceGrid
 
 STATIONS, ROLL_ANGLES = 41, 24
 LENGTH, RADIUS = 2.0, 0.1

@@ -31,7 +31,7 @@ from builder.truth.strain import (
     true_strain,
 )
 from builder.vehicle.file import Vehicle
-from builder.vehicle.map_options import Noise
+from builder.vehicle.map.options import Noise
 from strainfmu.arrays import FloatArray
 from strainfmu.flight_condition import FlightCondition
 

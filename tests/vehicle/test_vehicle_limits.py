@@ -11,8 +11,8 @@ from annotated_types import Ge, Gt, Le, Lt
 from changed_vehicle import TEXT, write_changed
 from pydantic import BaseModel
 
-from builder.vehicle.faults import _constraints, _models_in
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
+from builder.vehicle.toml.faults import _constraints, _models_in
 from strainfmu.errors import FaultsError, InputError
 
 pytestmark = pytest.mark.fast

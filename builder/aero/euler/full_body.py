@@ -16,7 +16,7 @@ from builder.aero.euler.grid import full_body_rays
 from builder.aero.euler.marching_grid import MarchingGrid
 from builder.aero.euler.solver import free_stream_of
 from builder.aero.euler.surface_function import SurfaceFunction, body_walls, cap_of, surface_walls
-from builder.vehicle.geometry import BodyOfRevolution
+from builder.vehicle.shape.geometry import BodyOfRevolution
 from strainfmu.arrays import FloatArray
 
 

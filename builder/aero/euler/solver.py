@@ -14,7 +14,7 @@ from builder.aero.euler.grid import half_body_rays
 from builder.aero.euler.marching_grid import MarchingGrid
 from builder.aero.euler.reconstruction import Stream
 from builder.aero.euler.surface_function import body_walls, cap_of
-from builder.vehicle.geometry import BodyOfRevolution
+from builder.vehicle.shape.geometry import BodyOfRevolution
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import FlowReachError
 

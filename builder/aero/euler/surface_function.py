@@ -12,7 +12,7 @@ from scipy.interpolate import CubicSpline
 
 from builder.aero.euler.grid import Rays, Wall
 from builder.aero.euler.spherical_start import Cap
-from builder.vehicle.geometry import BodyOfRevolution, Segment, is_spherical
+from builder.vehicle.shape.geometry import BodyOfRevolution, Segment, is_spherical
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 

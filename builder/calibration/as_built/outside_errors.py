@@ -17,7 +17,7 @@ from builder.calibration.as_built.wall_regions import wall_regions
 from builder.structure.loads.applied import Load
 from builder.structure.loads.loaded_structure import LoadProperties
 from builder.vehicle.file import Vehicle
-from builder.vehicle.gauge_layout import GaugeLayout
+from builder.vehicle.gauges.layout import GaugeLayout
 from strainfmu.arrays import FloatArray
 
 TAPER = 0.02

@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from builder.vehicle.calibration_options import Calibration
+from builder.vehicle.map.calibration import Calibration
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 

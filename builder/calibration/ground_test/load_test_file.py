@@ -10,10 +10,10 @@ from pydantic import AfterValidator, Field, PrivateAttr, field_validator, model_
 
 from builder.calibration.ground_test.load_entries import NO_LOAD_CELL, AnyLoadEntry
 from builder.calibration.ground_test.load_test import KnownLoad, LoadErrors
-from builder.vehicle.faults import Faults
-from builder.vehicle.limits import one_line
-from builder.vehicle.sections import FileName, Section
-from builder.vehicle.toml_sections import read_sections
+from builder.vehicle.toml.faults import Faults
+from builder.vehicle.toml.limits import one_line
+from builder.vehicle.toml.reading import read_sections
+from builder.vehicle.toml.sections import FileName, Section
 
 CaseName = Annotated[str, Field(min_length=1, max_length=200), AfterValidator(one_line)]
 Percent = Annotated[float, Field(ge=0.0, le=100.0)]

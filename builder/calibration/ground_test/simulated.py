@@ -20,7 +20,7 @@ from builder.calibration.ground_test.load_entries import NO_LOAD_CELL, entry_of
 from builder.calibration.ground_test.load_test import KnownLoad, LoadErrors
 from builder.calibration.ground_test.load_test_writer import WrittenCase, write_load_test
 from builder.structure.loads.applied import Load
-from builder.vehicle.gauge_layout import GaugeLayout
+from builder.vehicle.gauges.layout import GaugeLayout
 from strainfmu.arrays import FloatArray
 from strainfmu.files import write_bytes_atomically
 

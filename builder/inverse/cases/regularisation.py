@@ -15,7 +15,7 @@ import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
 from builder.inverse.cases.case_2 import WhitenedSpectrum
-from builder.vehicle.gamma_rules import RULES, Rule
+from builder.vehicle.map.gamma_rules import RULES, Rule
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 

@@ -9,7 +9,7 @@ import numpy as np
 from builder.aero.loads import coefficient_scale
 from builder.inverse.cases.state_map import StateMap
 from builder.inverse.noise.model import NoiseModel
-from builder.vehicle.reference_quantities import ReferenceQuantities
+from builder.vehicle.shape.reference_quantities import ReferenceQuantities
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.map.innovation import inverse_cholesky
 from strainfmu.estimator.map.load_errors import load_gain, residual_load_gain

@@ -18,9 +18,9 @@ import numpy as np
 from builder.aero.loads import coefficient_scale
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.modes.pod import PressureModes
+from builder.vehicle.conditions.flight_conditions import flow_key
 from builder.vehicle.file import Vehicle
-from builder.vehicle.flight_conditions import flow_key
-from builder.vehicle.geometry import SurfaceGrid
+from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 from strainfmu.flight_condition import FlightCondition

@@ -16,7 +16,7 @@ from builder.structure.mapped_structure import MappedStructure
 from builder.structure.solid.gauges import displaced_gauges as displaced
 from builder.structure.wall import wall_of
 from builder.vehicle.file import Vehicle
-from builder.vehicle.geometry import SurfaceGrid
+from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 

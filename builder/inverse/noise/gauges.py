@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from builder.inverse.noise.model import NoiseTerm, nuisance_modes
-from builder.vehicle.map_options import Noise
+from builder.vehicle.map.options import Noise
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 

@@ -13,7 +13,7 @@ from builder.structure.loads.loaded_structure import LoadProperties
 from builder.structure.loads.of_vehicle import fourier_structure_of
 from builder.structure.loads.temperature import TemperatureField, temperature_mode
 from builder.vehicle.file import Vehicle
-from builder.vehicle.temperature_options import Temperature
+from builder.vehicle.structure.temperature import Temperature
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.temperature import ThermalMap

@@ -16,8 +16,8 @@ from builder.inverse.sensors.structural import structural_rows
 from builder.structure.fourier.model import StructuralModel
 from builder.structure.mapped_structure import MappedStructure
 from builder.vehicle.file import Vehicle
-from builder.vehicle.geometry import SurfaceGrid
-from builder.vehicle.sensor_entries import InertialUnit, LoadCells, Ports
+from builder.vehicle.gauges.sensor_entries import InertialUnit, LoadCells, Ports
+from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.sensors import STRAIN, SensorRows

@@ -22,7 +22,7 @@ from builder.structure.fourier.strain_operator import harmonic_response, strain_
 from builder.structure.mapped_structure import MappedStructure
 from builder.structure.wall import wall_of
 from builder.vehicle.file import Vehicle
-from builder.vehicle.sensor_entries import Displacements, Fibre
+from builder.vehicle.gauges.sensor_entries import Displacements, Fibre
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 

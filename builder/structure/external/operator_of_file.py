@@ -12,7 +12,7 @@ from builder.structure.mesh_check import MeshCheck
 from builder.structure.solid.gauges.gauge_rows import Gauges, gauge_fields
 from builder.structure.structure_file import Structure
 from builder.vehicle.file import Vehicle
-from builder.vehicle.profile_record import profile_record
+from builder.vehicle.shape.profile_record import profile_record
 from strainfmu.arrays import FloatArray
 from strainfmu.version import __version__
 

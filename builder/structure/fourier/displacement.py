@@ -10,7 +10,7 @@ from builder.structure.fourier.inner_surface import inner_surface_points
 from builder.structure.fourier.meridian_mesh import MeridianMesh
 from builder.structure.fourier.strain_operator import operator_in_roll, response_of_rows
 from builder.structure.wall import Material
-from builder.vehicle.geometry import SurfaceGrid
+from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from builder.structure.fourier.meridian_mesh import MeridianMesh, line_nodes, locate_on_edge, quadratic_shape
-from builder.vehicle.geometry import SMALLEST_SLOPE_BREAK
+from builder.vehicle.shape.geometry import SMALLEST_SLOPE_BREAK
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 

@@ -14,9 +14,9 @@ from builder.structure.fourier.strain_operator import HarmonicResponse, harmonic
 from builder.structure.gauge_placement import gauge_layout
 from builder.structure.wall import wall_of
 from builder.vehicle.file import Vehicle
-from builder.vehicle.gauge_layout import GaugeLayout
-from builder.vehicle.geometry import SurfaceGrid, surface_grid
-from builder.vehicle.sections import GaugeLayoutEntry, GaugeRow, Resolution
+from builder.vehicle.gauges.layout import GaugeLayout
+from builder.vehicle.shape.geometry import SurfaceGrid, surface_grid
+from builder.vehicle.toml.sections import GaugeLayoutEntry, GaugeRow, Resolution
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 

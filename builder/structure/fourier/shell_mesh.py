@@ -20,7 +20,7 @@ from builder.structure.fourier.meridian_mesh import (
 )
 from builder.structure.fourier.wall_layup import SHORTEST_PIECE, furnished, layup_stations, outer_station, steps
 from builder.structure.wall import Wall
-from builder.vehicle.geometry import BodyOfRevolution
+from builder.vehicle.shape.geometry import BodyOfRevolution
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 

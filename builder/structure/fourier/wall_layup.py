@@ -21,7 +21,7 @@ from builder.structure.fourier.meridian_mesh import (
     line_nodes,
 )
 from builder.structure.wall import Material, RingFrame, Wall
-from builder.vehicle.geometry import BodyOfRevolution
+from builder.vehicle.shape.geometry import BodyOfRevolution
 from strainfmu.arrays import IntArray
 from strainfmu.errors import InputError
 

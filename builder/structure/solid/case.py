@@ -20,7 +20,7 @@ from builder.structure.solid.model import AnyCase, SolidCase
 from builder.structure.solid.operators.supports import Clamped, Foundation, Support
 from builder.structure.wall import Wall, wall_of
 from builder.vehicle.file import Vehicle
-from builder.vehicle.geometry import BodyOfRevolution
+from builder.vehicle.shape.geometry import BodyOfRevolution
 from strainfmu.errors import InputError
 
 

@@ -22,7 +22,7 @@ from builder.structure.solid.mesh.swept_mesh import (
     swept_wall,
 )
 from builder.structure.wall import Wall
-from builder.vehicle.geometry import BodyOfRevolution
+from builder.vehicle.shape.geometry import BodyOfRevolution
 from strainfmu.errors import InputError
 
 SWEPT, GMSH = "swept", "gmsh"

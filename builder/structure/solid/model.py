@@ -49,8 +49,8 @@ from builder.structure.solid.solution import solve_strain
 from builder.structure.solid.solvers.solver import CYCLIC, named_back_end
 from builder.structure.structure_file import SCHEMA_VERSION, Structure, save_structure, structure_to_reuse
 from builder.structure.wall import Wall
-from builder.vehicle.geometry import BodyOfRevolution
-from builder.vehicle.profile_record import profile_record
+from builder.vehicle.shape.geometry import BodyOfRevolution
+from builder.vehicle.shape.profile_record import profile_record
 from builder.workspace import refuse_misfits
 from strainfmu.arrays import FloatArray
 from strainfmu.files import fingerprint

@@ -65,8 +65,8 @@ def snapshots(
     from builder.campaign.scheduling import Scheduling
     from builder.campaign.snapshot_fit import replaced_line
     from builder.campaign.vehicle_campaign import vehicle_campaign
+    from builder.vehicle.conditions.flight_conditions import condition_set, count_repeated
     from builder.vehicle.file import load_vehicle
-    from builder.vehicle.flight_conditions import condition_set, count_repeated
 
     start = perf_counter()
     scheduling = Scheduling(scheduler, workers)

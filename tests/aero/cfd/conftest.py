@@ -12,7 +12,7 @@ from builder.aero.euler.marching_grid import marching_grid_of
 from builder.aero.euler_engine import EulerEngine
 from builder.campaign.snapshots import Snapshots
 from builder.vehicle.file import IC3X, load_vehicle
-from builder.vehicle.geometry import SurfaceGrid, surface_grid
+from builder.vehicle.shape.geometry import SurfaceGrid, surface_grid
 from strainfmu.flight_condition import FlightCondition
 
 

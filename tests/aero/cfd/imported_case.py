@@ -11,7 +11,7 @@ from builder.aero.cfd.table import TableEngine, table_engine
 from builder.aero.loads import coefficient_scale, load_operator
 from builder.aero.surface_mesh import mesh_of_grid
 from builder.campaign.snapshots import Snapshots
-from builder.vehicle.geometry import SurfaceGrid
+from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.flight_condition import FlightCondition
 

@@ -18,7 +18,7 @@ from builder.aero.cfd.manifest import load_manifest
 from builder.aero.cfd.surface_field import read_field
 from builder.aero.surface_mesh import SurfaceMesh
 from builder.campaign.snapshots import Snapshots
-from builder.vehicle.geometry import SurfaceGrid
+from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.errors import InputError
 
 Spoil = Callable[[Path], None]

@@ -26,7 +26,7 @@ from imported_case import (
 
 from builder.campaign.field_export import export_snapshots
 from builder.campaign.snapshots import Snapshots
-from builder.vehicle.geometry import SurfaceGrid
+from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.errors import InputError
 from strainfmu.flight_condition import FlightCondition
 

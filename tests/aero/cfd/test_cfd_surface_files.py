@@ -16,7 +16,7 @@ from builder.aero.surface_mesh import SurfaceMesh, mesh_of_grid
 from builder.aero.surface_parts import merge_nodes
 from builder.campaign.snapshots import Snapshots, save_snapshots
 from builder.vehicle.file import IC3X, load_vehicle
-from builder.vehicle.geometry import SurfaceGrid, surface_grid
+from builder.vehicle.shape.geometry import SurfaceGrid, surface_grid
 from strainfmu.errors import InputError
 
 Run = Callable[..., tuple[int, str, str]]

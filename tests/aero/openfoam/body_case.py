@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from builder.vehicle.geometry import BodyOfRevolution
+from builder.vehicle.shape.geometry import BodyOfRevolution
 from openfoam.case_files import State, read_state, run_solver, write_case
 from strainfmu.arrays import FloatArray
 

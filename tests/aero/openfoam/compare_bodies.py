@@ -15,7 +15,7 @@ import numpy as np
 
 from builder.aero.euler.solver import FlowSolution, solve_flow
 from builder.vehicle.file import IC3X, load_vehicle
-from builder.vehicle.geometry import BodyOfRevolution, chain_segments
+from builder.vehicle.shape.geometry import BodyOfRevolution, chain_segments
 from openfoam.body_case import BodyCase, Solution, loads_ahead, solve_case, spread_stations
 from strainfmu.arrays import FloatArray
 

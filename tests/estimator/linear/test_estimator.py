@@ -13,8 +13,8 @@ from random_map import N_GAUGES, map_of, missing, random_map, random_model
 
 from builder.aero.loads import load_operator
 from builder.inverse.loads.covariance import coefficient_covariance
-from builder.vehicle.geometry import chain_segments, surface_grid
-from builder.vehicle.reference_quantities import ReferenceQuantities
+from builder.vehicle.shape.geometry import chain_segments, surface_grid
+from builder.vehicle.shape.reference_quantities import ReferenceQuantities
 from strainfmu.errors import InputError
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, HealthState
 from strainfmu.estimator.linear.estimator import Estimator, LoadEstimate

@@ -23,7 +23,7 @@ from builder.inverse.modes.pod import PressureModes
 from builder.inverse.solution import solve
 from builder.structure.fourier.model import StructuralModel
 from builder.vehicle.file import Vehicle
-from builder.vehicle.map_options import MapEntry, Noise
+from builder.vehicle.map.options import MapEntry, Noise
 from strainfmu.errors import InputError
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.linear.estimator import Estimator

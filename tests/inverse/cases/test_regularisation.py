@@ -20,7 +20,7 @@ from builder.inverse.cases.regularisation import (
     measured_data,
     select_gamma,
 )
-from builder.vehicle.gamma_rules import RULES, Rule
+from builder.vehicle.map.gamma_rules import RULES, Rule
 from strainfmu.errors import InputError
 
 pytestmark = pytest.mark.fast

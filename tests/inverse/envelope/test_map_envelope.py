@@ -11,8 +11,8 @@ from ensembles import listed_ensemble
 from builder.inverse.envelope.bounds import PRESSURE_SLACK, coefficient_half_spaces, flight_ranges
 from builder.inverse.modes.ensemble import ROLLS, Ensemble
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
-from builder.vehicle.geometry import SurfaceGrid
-from builder.vehicle.map_options import MapEntry
+from builder.vehicle.map.options import MapEntry
+from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.atmosphere import dynamic_pressure
 from strainfmu.estimator.linear.envelope import envelope_score
 from strainfmu.flight_condition import FlightCondition

@@ -16,7 +16,7 @@ from builder.inverse.cases.case_2 import gaussian_map
 from builder.inverse.cases.prior import LowRankPrior, prior_of_modes
 from builder.inverse.loads.covariance import coefficient_covariance, load_covariance_by_terms
 from builder.inverse.noise.model import NoiseModel, gauge_noise
-from builder.vehicle.reference_quantities import ReferenceQuantities
+from builder.vehicle.shape.reference_quantities import ReferenceQuantities
 from strainfmu.estimator.map.innovation import inverse_cholesky
 from strainfmu.estimator.map.load_errors import load_gain
 

@@ -19,8 +19,8 @@ from builder.inverse.build import build_inverse_map, snapshot_coefficients
 from builder.inverse.modes.ensemble import ROLLS, Ensemble, ensemble_of, rolled_modes
 from builder.structure.fourier.model import StructuralModel, structural_model
 from builder.vehicle.file import Vehicle
-from builder.vehicle.geometry import SurfaceGrid
-from builder.vehicle.map_options import MapEntry, Noise
+from builder.vehicle.map.options import MapEntry, Noise
+from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.health import HealthState

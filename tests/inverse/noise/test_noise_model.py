@@ -32,7 +32,7 @@ from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import harmonic_response, strain_operator
 from builder.structure.wall import wall_of
 from builder.vehicle.file import Vehicle
-from builder.vehicle.map_options import Noise
+from builder.vehicle.map.options import Noise
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.innovation import inverse_cholesky
 from strainfmu.estimator.map.load_errors import load_gain

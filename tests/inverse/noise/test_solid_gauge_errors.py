@@ -24,7 +24,7 @@ from builder.structure.solid.mesh_choice import MeshChoice
 from builder.structure.solid.model import solve_solid_structure
 from builder.structure.wall import wall_of
 from builder.vehicle.file import Vehicle
-from builder.vehicle.map_options import Noise
+from builder.vehicle.map.options import Noise
 from strainfmu.errors import InputError
 
 LAYOUT = "configuration_1"

@@ -18,7 +18,7 @@ from builder.inverse.sensors.sensor_set import port_row
 from builder.inverse.solution import Problem
 from builder.structure.fourier.model import StructuralModel
 from builder.vehicle.file import Vehicle
-from builder.vehicle.sensor_entries import (
+from builder.vehicle.gauges.sensor_entries import (
     DisplacementPoint,
     Displacements,
     Fibre,

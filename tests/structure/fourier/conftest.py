@@ -8,7 +8,7 @@ from builder.structure.fourier.meridian_mesh import MeridianMesh
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import HarmonicResponse, harmonic_response
 from builder.structure.wall import Material, Wall
-from builder.vehicle.geometry import BodyOfRevolution, SurfaceGrid, chain_segments, surface_grid
+from builder.vehicle.shape.geometry import BodyOfRevolution, SurfaceGrid, chain_segments, surface_grid
 
 GAUGE_X = np.linspace(0.35, 3.30, 9)
 

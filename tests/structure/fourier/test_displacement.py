@@ -8,7 +8,7 @@ import pytest
 from builder.structure.fourier.displacement import SurfaceTargets, displacement_operator, displacement_rows
 from builder.structure.fourier.meridian_mesh import MeridianMesh, tube_mesh
 from builder.structure.wall import Material
-from builder.vehicle.geometry import SurfaceGrid
+from builder.vehicle.shape.geometry import SurfaceGrid
 
 LENGTH, INNER, OUTER = 4.0, 0.098, 0.100
 METAL = Material(110e9, 0.31)

@@ -9,7 +9,7 @@ from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import strain_rows
 from builder.structure.fourier.surface_load import pressure_load
 from builder.structure.wall import Material, Wall
-from builder.vehicle.geometry import chain_segments
+from builder.vehicle.shape.geometry import chain_segments
 
 pytestmark = pytest.mark.fast
 

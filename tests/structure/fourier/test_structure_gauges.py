@@ -5,7 +5,7 @@ import pytest
 
 from builder.structure.fourier.gauges import PlacedGauges, place_gauges
 from builder.structure.fourier.meridian_mesh import MeridianMesh, tube_mesh
-from builder.vehicle.geometry import BodyOfRevolution
+from builder.vehicle.shape.geometry import BodyOfRevolution
 from strainfmu.errors import InputError
 
 pytestmark = pytest.mark.fast

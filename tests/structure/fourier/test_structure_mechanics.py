@@ -17,7 +17,7 @@ from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import HarmonicResponse, harmonic_response, strain_rows
 from builder.structure.fourier.surface_load import pressure_load
 from builder.structure.wall import Material, Wall
-from builder.vehicle.geometry import BodyOfRevolution, SurfaceGrid, chain_segments
+from builder.vehicle.shape.geometry import BodyOfRevolution, SurfaceGrid, chain_segments
 from strainfmu.errors import InputError
 
 pytestmark = pytest.mark.fast

@@ -15,7 +15,7 @@ from builder.structure.fourier.strain_operator import (
     strain_operator,
 )
 from builder.structure.wall import Material, Wall
-from builder.vehicle.geometry import BodyOfRevolution, SurfaceGrid, chain_segments, surface_grid
+from builder.vehicle.shape.geometry import BodyOfRevolution, SurfaceGrid, chain_segments, surface_grid
 from strainfmu.errors import InputError
 
 

@@ -11,7 +11,7 @@ from builder.structure.fourier.free_flight import total_mass
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import HarmonicResponse, harmonic_response
 from builder.structure.wall import FlightMasses, Material, RingFrame, Wall, WallRegion
-from builder.vehicle.geometry import chain_segments
+from builder.vehicle.shape.geometry import chain_segments
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 

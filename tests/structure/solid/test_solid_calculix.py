@@ -23,7 +23,7 @@ from builder.structure.solid.solvers.problem import SparseProblem
 from builder.structure.solid.solvers.solver import SparseSolver, choose_solver
 from builder.structure.solid.strain_operator import strain_operator
 from builder.structure.wall import Material, Wall
-from builder.vehicle.geometry import chain_segments
+from builder.vehicle.shape.geometry import chain_segments
 from strainfmu.arrays import FloatArray
 
 pytestmark = [

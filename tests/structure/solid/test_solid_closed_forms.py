@@ -16,7 +16,7 @@ from builder.structure.solid.mesh.swept_mesh import REGION, SweptResolution, Swe
 from builder.structure.solid.operators.stiffness import assemble_stiffness
 from builder.structure.solid.operators.surface_load import surface_nodes
 from builder.structure.wall import Wall
-from builder.vehicle.geometry import chain_segments
+from builder.vehicle.shape.geometry import chain_segments
 
 pytestmark = pytest.mark.fast
 

@@ -15,7 +15,7 @@ from builder.structure.solid.gauges.gauge_rows import Gauges
 from builder.structure.solid.mesh.solid_mesh import INTERNAL
 from builder.structure.structure_file import Structure
 from builder.structure.wall import Wall
-from builder.vehicle.geometry import BodyOfRevolution, SurfaceGrid
+from builder.vehicle.shape.geometry import BodyOfRevolution, SurfaceGrid
 from strainfmu.arrays import FloatArray
 
 KILOPASCAL = 1e3

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from builder.structure.solid.gauges.gauge_rows import Gauges
-from builder.vehicle.geometry import BodyOfRevolution
+from builder.vehicle.shape.geometry import BodyOfRevolution
 from strainfmu.arrays import FloatArray
 
 STEP = 1e-3

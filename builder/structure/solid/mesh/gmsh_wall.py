@@ -20,7 +20,7 @@ from builder.structure.solid.mesh.gmsh_session import (
 from builder.structure.solid.mesh.solid_mesh import INTERNAL, SolidMesh
 from builder.structure.solid.mesh.surface_names import PLANE_TOLERANCE
 from builder.structure.wall import Wall
-from builder.vehicle.geometry import BodyOfRevolution
+from builder.vehicle.shape.geometry import BodyOfRevolution
 from strainfmu.arrays import FloatArray, IntArray
 
 CAVITY_FRONT = "cavity_front"

@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 from builder.structure.solid.elements.element_faces import FACE_CORNERS
 from builder.structure.solid.mesh.solid_mesh import EXTERNAL, INTERNAL, SolidMesh
 from builder.structure.wall import Wall
-from builder.vehicle.geometry import BodyOfRevolution
+from builder.vehicle.shape.geometry import BodyOfRevolution
 from builder.workspace import Misfit
 from strainfmu.arrays import FloatArray
 

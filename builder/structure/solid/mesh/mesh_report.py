@@ -13,7 +13,7 @@ from builder.structure.solid.elements.element_quality import determinant_ratio, 
 from builder.structure.solid.elements.elements import MASS_DEGREE, reference_element, reference_facet
 from builder.structure.solid.mesh.solid_mesh import EXTERNAL, INTERNAL, SUPPORT, SolidMesh
 from builder.structure.wall import Wall
-from builder.vehicle.geometry import BodyOfRevolution
+from builder.vehicle.shape.geometry import BodyOfRevolution
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 

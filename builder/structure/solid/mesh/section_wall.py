@@ -26,7 +26,7 @@ from builder.structure.solid.mesh.swept_mesh import (
     sweep,
 )
 from builder.structure.wall import Wall
-from builder.vehicle.sectioned_body import SectionedBody
+from builder.vehicle.shape.sectioned_body import SectionedBody
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 

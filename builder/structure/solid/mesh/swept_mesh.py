@@ -17,7 +17,7 @@ from builder.structure.solid.elements.element_faces import element_faces
 from builder.structure.solid.elements.elements import Quadrature, reference_nodes
 from builder.structure.solid.mesh.solid_mesh import EXTERNAL, INTERNAL, SUPPORT, SolidMesh
 from builder.structure.wall import Wall
-from builder.vehicle.geometry import BodyOfRevolution
+from builder.vehicle.shape.geometry import BodyOfRevolution
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 

@@ -19,7 +19,7 @@ from builder.structure.solid.mesh_choice import MeshChoice, make_mesh
 from builder.structure.solid.model import SolidCase, solve_solid_structure
 from builder.structure.solid.operators.supports import Clamped
 from builder.structure.wall import Material, Wall
-from builder.vehicle.geometry import chain_segments
+from builder.vehicle.shape.geometry import chain_segments
 
 METAL = Material(110e9, 0.31)
 BODY = chain_segments([(0.5, np.radians(20.0), np.radians(20.0)), (1.0, 0.0, 0.0)])

@@ -18,7 +18,7 @@ from builder.structure.solid.mesh.mesh_import import read_mesh
 from builder.structure.solid.mesh.mesh_report import element_volumes, exact_wall, surface_area
 from builder.structure.solid.mesh.solid_mesh import EXTERNAL, INTERNAL, SUPPORT, SolidMesh
 from builder.structure.wall import Material, Wall
-from builder.vehicle.geometry import BodyOfRevolution, chain_segments
+from builder.vehicle.shape.geometry import BodyOfRevolution, chain_segments
 from strainfmu.errors import InputError, StrainfmuError
 
 METAL = Material(70e9, 0.33)

@@ -19,7 +19,7 @@ from builder.structure.solid.mesh.ring_mesh import ring_mesh
 from builder.structure.solid.mesh.solid_mesh import EXTERNAL, INTERNAL, NODES_PER_ELEMENT, SUPPORT
 from builder.structure.solid.mesh.swept_mesh import full_mesh, swept_wall
 from builder.structure.wall import Material, Wall
-from builder.vehicle.geometry import chain_segments
+from builder.vehicle.shape.geometry import chain_segments
 from strainfmu.errors import InputError, StrainfmuError
 
 pytestmark = pytest.mark.fast

@@ -31,7 +31,7 @@ from builder.structure.solid.operators.surface_load import (
     vector_area,
 )
 from builder.structure.wall import Wall
-from builder.vehicle.geometry import BodyOfRevolution, chain_segments
+from builder.vehicle.shape.geometry import BodyOfRevolution, chain_segments
 from strainfmu.errors import InputError
 
 WALL = Wall(0.004, 0.10, METAL)

@@ -14,7 +14,7 @@ from math import asin, atan2, hypot, pi, radians
 import numpy as np
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
-from builder.vehicle.geometry import Segment
+from builder.vehicle.shape.geometry import Segment
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 

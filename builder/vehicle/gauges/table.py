@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
 
-from builder.vehicle.limits import MAX_GAUGES
+from builder.vehicle.toml.limits import MAX_GAUGES
 from strainfmu.errors import InputError
 
 PLACES = (("x_m", "y_m", "z_m"), ("x_m", "roll_angle_deg"), ("node",), ("element",))

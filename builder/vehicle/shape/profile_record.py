@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from builder.vehicle.geometry import BodyOfRevolution, Segment
+from builder.vehicle.shape.geometry import BodyOfRevolution, Segment
 from builder.workspace import Misfit
 
 SAME = 1e-9  # relative, and in metres and degrees

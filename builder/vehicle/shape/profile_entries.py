@@ -10,8 +10,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from builder.vehicle.geometry import Segment
-from builder.vehicle.profile_curves import (
+from builder.vehicle.shape.geometry import Segment
+from builder.vehicle.shape.profile_curves import (
     Haack,
     PowerLaw,
     Spline,
@@ -20,7 +20,7 @@ from builder.vehicle.profile_curves import (
     tangent_ogive,
     with_end_angles,
 )
-from builder.vehicle.sections import FileName, HalfAngle, Section, Station
+from builder.vehicle.toml.sections import FileName, HalfAngle, Section, Station
 from strainfmu.errors import InputError
 
 SAME_RADIUS = 1e-9

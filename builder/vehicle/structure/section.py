@@ -7,9 +7,15 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from builder.vehicle.limits import INTERNAL_PRESSURE_PA
-from builder.vehicle.sections import FileName, Section, Station
-from builder.vehicle.wall_sections import CoverEntry, FrameEntry, PointMassEntry, RegionEntry, ThicknessEntry
+from builder.vehicle.structure.wall_entries import (
+    CoverEntry,
+    FrameEntry,
+    PointMassEntry,
+    RegionEntry,
+    ThicknessEntry,
+)
+from builder.vehicle.toml.limits import INTERNAL_PRESSURE_PA
+from builder.vehicle.toml.sections import FileName, Section, Station
 
 FoundationStiffness = Annotated[float, Field(ge=1e3, le=1e18)]
 

@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
-from builder.vehicle.gamma_rules import RULES
-from builder.vehicle.map_options import HARDWARE_ERRORS, MapEntry, Noise
+from builder.vehicle.map.gamma_rules import RULES
+from builder.vehicle.map.options import HARDWARE_ERRORS, MapEntry, Noise
 
 pytestmark = pytest.mark.fast
 

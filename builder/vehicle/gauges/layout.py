@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from builder.vehicle.limits import MAX_GAUGES, Limits
+from builder.vehicle.toml.limits import MAX_GAUGES, Limits
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 

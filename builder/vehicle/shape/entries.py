@@ -6,8 +6,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from builder.vehicle.profile_entries import Piece
-from builder.vehicle.sections import FileName, Section, Station
+from builder.vehicle.shape.profile_entries import Piece
+from builder.vehicle.toml.sections import FileName, Section, Station
 
 KINDS = ("profile", "sections", "surface")
 

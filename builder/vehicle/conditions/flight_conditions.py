@@ -9,7 +9,7 @@ from itertools import product
 from math import radians
 from pathlib import Path
 
-from builder.vehicle.limits import ALTITUDE_KM, MACH_NUMBER, MAX_CONDITIONS, STREAM_ANGLE_DEG
+from builder.vehicle.toml.limits import ALTITUDE_KM, MACH_NUMBER, MAX_CONDITIONS, STREAM_ANGLE_DEG
 from strainfmu.errors import InputError
 from strainfmu.flight_condition import FlightCondition
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from builder.vehicle.geometry import SMALLEST_SLOPE_BREAK
+from builder.vehicle.shape.geometry import SMALLEST_SLOPE_BREAK
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 

@@ -1,5 +1,5 @@
-"""Sections of the vehicle file: their entries, units and limits. [map] and [noise] are in ``map_options.py``,
-[structure] in ``structure_section.py``."""
+"""Sections of the vehicle file: their entries, units and limits. [map] and [noise] are in
+:mod:`builder.vehicle.map.options`, [structure] in :mod:`builder.vehicle.structure.section`."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validator, model_validator
 
-from builder.vehicle.limits import (
+from builder.vehicle.toml.limits import (
     ALTITUDE_KM,
     HALF_ANGLE_DEG,
     MACH_NUMBER,

@@ -9,8 +9,8 @@ from typing import TypeVar
 
 from pydantic import ValidationError
 
-from builder.vehicle.faults import all_faults
-from builder.vehicle.sections import Section
+from builder.vehicle.toml.faults import all_faults
+from builder.vehicle.toml.sections import Section
 from strainfmu.errors import FaultsError, InputError
 
 _MOST_FAULTS = 40

@@ -6,8 +6,8 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, field_validator, model_validator
 
-from builder.vehicle.gauge_layout import DIRECTION
-from builder.vehicle.sections import Section, Station, one_line
+from builder.vehicle.gauges.layout import DIRECTION
+from builder.vehicle.toml.sections import Section, Station, one_line
 
 Percent = Annotated[float, Field(ge=0.0, le=100.0)]
 RollAngle = Annotated[float, Field(ge=-360.0, le=360.0)]

@@ -6,7 +6,7 @@ from typing import Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from builder.vehicle.sections import Section, Station
+from builder.vehicle.toml.sections import Section, Station
 
 Thickness = Field(ge=0.01, le=1e3)
 

@@ -7,9 +7,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from builder.vehicle.gamma_rules import RULES
-from builder.vehicle.limits import GAMMA
-from builder.vehicle.sections import Altitude, FileName, Section
+from builder.vehicle.map.gamma_rules import RULES
+from builder.vehicle.toml.limits import GAMMA
+from builder.vehicle.toml.sections import Altitude, FileName, Section
 
 SectionStation = Annotated[float, Field(gt=0.0, le=1000.0)]
 StrainStd = Annotated[float, Field(ge=1e-6, le=1e4)]

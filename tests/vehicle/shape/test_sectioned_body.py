@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from builder.vehicle.sectioned_body import SectionedBody, read_sections
+from builder.vehicle.shape.sectioned_body import SectionedBody, read_sections
 from strainfmu.errors import InputError
 
 pytestmark = pytest.mark.fast

@@ -1,0 +1,1 @@
+"""What a vehicle file says of its structure: wall, support, frames, masses and temperature."""
