@@ -15,6 +15,7 @@ import numpy as np
 
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.noise.flows_between import BETWEEN, FlowsBetween
+from builder.manifold.flow_amplitudes import with_middle_mach
 from builder.manifold.parameter_slopes import (
     FURTHER_PARAMETERS,
     ConditionSlopes,
@@ -134,16 +135,6 @@ def _slope_tables(grid: SnapshotGrid, slope: ConditionSlopes, tables: FlightTabl
         unit_error=slope.unit_error(),
         spread_error=slope.spread_error(),
     )
-
-
-def with_middle_mach(mach: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return two Mach numbers with the one between, and the values (3, ...) per p_inf there.
-
-    Between them what p - p_inf strains is linear per unit of dynamic pressure.
-    """
-    middle, square = mach.mean(), mach.reshape(-1, *[1] * (values.ndim - 1)) ** 2
-    between = middle**2 * np.mean(values / square, axis=0)
-    return np.array([mach[0], middle, mach[1]]), np.stack([values[0], between, values[1]])
 
 
 def left_out_errors(grid: SnapshotGrid, values: FloatArray) -> FloatArray:

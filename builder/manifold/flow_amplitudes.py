@@ -40,9 +40,17 @@ class FlowAmplitudes:
         amplitude[..., 0] -= 1.0
         return replace(self, amplitude=amplitude)
 
+    def with_middle_mach(self) -> FlowAmplitudes:
+        """Return the flows at two Mach numbers, and those between them by :func:`with_middle_mach`."""
+        mach, amplitude = with_middle_mach(self.mach, self.less_ambient().amplitude)
+        amplitude[..., 0] += 1.0
+        return replace(self, mach=mach, amplitude=amplitude)
+
 
 def flow_amplitudes(snapshots: Snapshots, max_harmonic: int = MAX_HARMONIC) -> FlowAmplitudes:
     """Return the amplitudes, up to ``max_harmonic``, of every distinct flow of ``snapshots``.
+
+    Of two Mach numbers those of the one between are added, see :func:`with_middle_mach`.
 
     Raises
     ------
@@ -70,7 +78,18 @@ def flow_amplitudes(snapshots: Snapshots, max_harmonic: int = MAX_HARMONIC) -> F
             condition = conditions[first[key]]
             rings = (snapshots.pressure[first[key]] / condition.ambient_pressure).reshape(len(grid.x), -1)
             amplitude[i, j] = _cosines(rings, grid.roll_angle - condition.leeward_roll_angle, n_m)
-    return FlowAmplitudes(mach=mach, incidence=incidence, amplitude=amplitude)
+    flows = FlowAmplitudes(mach=mach, incidence=incidence, amplitude=amplitude)
+    return flows.with_middle_mach() if len(mach) == 2 else flows
+
+
+def with_middle_mach(mach: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return two Mach numbers with the one between, and the values (3, ...) per p_inf there.
+
+    Between them what p - p_inf strains is linear per unit of dynamic pressure.
+    """
+    middle, square = mach.mean(), mach.reshape(-1, *[1] * (values.ndim - 1)) ** 2
+    between = middle**2 * np.mean(values / square, axis=0)
+    return np.array([mach[0], middle, mach[1]]), np.stack([values[0], between, values[1]])
 
 
 def _cosines(rings: FloatArray, angle: FloatArray, n_m: int) -> FloatArray:

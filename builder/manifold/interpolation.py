@@ -23,7 +23,8 @@ def interpolation_errors(flows: FlowAmplitudes, response: FloatArray) -> FloatAr
     """Return (n, n_c) errors of the channels of ``response`` (n_c, n_x, n_m, 2) per p_inf; their squares add up to
     the mean one.
 
-    Every incidence but the largest, and every inner Mach number, is left out in turn and predicted.
+    Every incidence but the largest, and every inner Mach number, is left out in turn and predicted. Of two Mach
+    numbers the inner one is that of :meth:`~builder.manifold.flow_amplitudes.FlowAmplitudes.with_middle_mach`.
     """
     errors = left_out_errors(flows.mach, flows.incidence, response_values(flows, response))
     if not len(errors):

@@ -15,7 +15,7 @@ from builder.truth.alarm_levels import with_alarm_levels
 from builder.truth.flight_alarm_levels import with_flight_alarm_levels
 from builder.truth.flow_table import FlowTable
 from builder.truth.flown_vehicles import DrawnVehicles, Fly
-from builder.truth.held_out import ALTITUDES_KM, conditions_in_ranges
+from builder.truth.held_out import conditions_in_ranges, drawn_altitudes_km
 from builder.truth.read_flights import SEED, ReadFlights, read_flights, readings
 from builder.truth.shape_flights import shape_flights
 from builder.truth.shape_structure import flying_structure, refuse_without_other_model, structure_of_check
@@ -78,15 +78,9 @@ def _wanted_of_shape(vehicle: Vehicle, reporter: Reporter) -> bool:
 
 def level_conditions(vehicle: Vehicle) -> list[FlightCondition]:
     """Return the conditions that alarm levels of a shape that is none of revolution are set on."""
-    heights = vehicle.conditions.altitudes_km
-    low, high = min(heights), max(heights)
-    if vehicle.map.form == "dynamic_pressure":
-        bottom, top = vehicle.map.valid_altitude_km
-        low, high = max(ALTITUDES_KM[0], bottom), min(ALTITUDES_KM[1], top)
-        if low > high:
-            low, high = bottom, top
+    bottom, top = drawn_altitudes_km(vehicle)
     random = np.random.default_rng(SEED)
-    return conditions_in_ranges(vehicle, (1e3 * low, 1e3 * high), SHAPE_CONDITIONS, random)
+    return conditions_in_ranges(vehicle, (1e3 * bottom, 1e3 * top), SHAPE_CONDITIONS, random)
 
 
 def with_shape_levels(

@@ -19,6 +19,19 @@ def largest_incidence(vehicle: Vehicle) -> float:
     return max(condition.total_incidence for condition in vehicle.flight_conditions())
 
 
+def drawn_altitudes_km(vehicle: Vehicle) -> tuple[float, float]:
+    """Return lowest and highest altitude [km] of :data:`ALTITUDES_KM` that the map holds at.
+
+    They are its own where it holds at none of these; in form "absolute" those of the flight conditions.
+    """
+    if vehicle.map.form != "dynamic_pressure":
+        heights = vehicle.conditions.altitudes_km
+        return min(heights), max(heights)
+    low, high = vehicle.map.valid_altitude_km
+    bottom, top = max(ALTITUDES_KM[0], low), min(ALTITUDES_KM[1], high)
+    return (bottom, top) if bottom < top else (low, high)
+
+
 def held_out_conditions(
     vehicle: Vehicle, table: FlowTable, count: int, random: np.random.Generator
 ) -> list[FlightCondition]:
@@ -30,10 +43,7 @@ def held_out_conditions(
     entry, incidence = vehicle.conditions, min(largest_incidence(vehicle), float(table.incidence_knots[-1]))
     low = max(min(entry.mach_number), float(table.mach_knots[0]))
     high = min(max(entry.mach_number), float(table.mach_knots[-1]))
-    heights = entry.altitudes_km
-    if vehicle.map.form == "dynamic_pressure":
-        bottom, top = vehicle.map.valid_altitude_km
-        heights = [max(ALTITUDES_KM[0], bottom), min(ALTITUDES_KM[1], top)]
+    bottom, top = drawn_altitudes_km(vehicle)
     found: list[FlightCondition] = []
     while len(found) < count:
         if vehicle.map.symmetry == "full":
@@ -49,7 +59,7 @@ def held_out_conditions(
             mach_number=float(random.uniform(low, high)),
             angle_of_attack=alpha,
             sideslip_angle=beta,
-            altitude=1e3 * float(random.uniform(min(heights), max(heights))),
+            altitude=1e3 * float(random.uniform(bottom, top)),
         )
         if condition.total_incidence <= incidence:
             found.append(condition)

@@ -11,6 +11,7 @@ from builder.inverse.build import build_inverse_map, snapshot_coefficients
 from builder.manifold.build import with_manifold
 from builder.manifold.discrepancy import gaussian_process_shapes
 from builder.manifold.flow_amplitudes import flow_amplitudes
+from builder.manifold.interpolation import left_out_errors
 from builder.manifold.tables import spline_rows
 from builder.structure.fourier.model import StructuralModel
 from builder.vehicle.file import Vehicle
@@ -103,6 +104,30 @@ def test_flows_that_do_not_suffice_are_named(
     torn = rows_of(snapshots, np.arange(len(mach)) != int(np.flatnonzero(one)[-1]))
     with pytest.raises(InputError, match="no flow at Mach number 5 and total incidence"):
         with_manifold(inverse_map, with_entry(vehicle), torn, structure)
+
+
+def test_between_two_mach_numbers_pressure_is_linear_per_dynamic_pressure(
+    vehicle: Vehicle, structure: StructuralModel, snapshots: Snapshots, inverse_map: InverseMap
+) -> None:
+    """Up to 6 deg that errs by less than linear in M does; half of what the two differ by counts as an error."""
+    mach = np.array([condition.mach_number for condition in snapshots.conditions()])
+    two = rows_of(snapshots, (mach == 5.0) | (mach == 7.0))
+    flows, whole = flow_amplitudes(two), flow_amplitudes(snapshots)
+    assert flows.mach.tolist() == [5.0, 6.0, 7.0]
+    true, found = whole.less_ambient().amplitude[2], flows.less_ambient().amplitude
+    linear = 0.5 * (found[0] + found[2])
+    low = flows.incidence < np.radians(6.0)
+    off, of_linear = (np.linalg.norm((one - true)[low]) for one in (found[1], linear))
+    assert off < 0.7 * of_linear
+    values = flows.amplitude[:, 1:, :, :1, None]
+    left_out = left_out_errors(flows.mach, flows.incidence[1:], values)
+    expected = 0.5 * (found[1] - linear)[1:, :, :1, None]
+    assert np.max(np.abs(left_out[-len(expected) :] - expected)) < 0.05 * np.max(np.abs(expected))
+    made = with_manifold(inverse_map, with_entry(vehicle, keep_field=True), two, structure).manifold
+    assert made is not None
+    assert made.mach_knots.tolist() == [5.0, 6.0, 7.0]
+    assert made.pressure_field is not None
+    assert len(made.pressure_field.amplitude) == 5
 
 
 def rows_of(snapshots: Snapshots, chosen: np.ndarray) -> Snapshots:

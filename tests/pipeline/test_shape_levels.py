@@ -53,6 +53,11 @@ def test_levels_are_set_where_the_map_holds() -> None:
     altitude = [one.altitude for one in level_conditions(finned)]
     assert 12e3 <= min(altitude) < 13e3
     assert 29e3 < max(altitude) <= 30e3
+    for low, high in ((0.0, 10.0), (35.0, 50.0)):
+        altitude = [
+            one.altitude for one in level_conditions(with_entries(finned, "map", valid_altitude_km=(low, high)))
+        ]
+        assert 1e3 * low <= min(altitude) < max(altitude) <= 1e3 * high
     absolute = with_entries(finned, "map", form="absolute")
     assert {one.altitude for one in level_conditions(absolute)} == {20e3}
 
