@@ -17,8 +17,8 @@ from builder.compare.flown import FLOWS, flown_pair, make_flows
 from builder.compare.rivals import RIVALS
 from builder.compare.score import AIR_DATA_KEYS
 from builder.compare.trial import Trial, all_entries
-from builder.figures.canvas import save
-from builder.figures.compare import compare_figure
+from builder.figures.comparison.rivals import compare_figure
+from builder.figures.drawing.canvas import save
 from builder.pipeline.map_files import make_map_parts, map_parts
 from builder.pipeline.pipeline import FilesGiven, Pipeline
 from builder.pipeline.stages import check_before_long_work

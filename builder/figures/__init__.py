@@ -1,1 +1,4 @@
-"""Figures of the builder: demonstration, snapshots, structures, build report, reproduction of the source."""
+"""Figures of the builder, by what they show: snapshots, structures, maps, scenes, demonstration, comparisons.
+
+All are drawn with what :mod:`~builder.figures.drawing` holds; none knows of another room but that one.
+"""

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from builder.campaign.snapshots import Snapshots
-from builder.figures.canvas import COLOUR_MAP, blank_figure
-from builder.figures.colours import beyond, colour_ends
-from builder.figures.gauge_marks import draw_strokes
-from builder.figures.unrolled import at_roll_angles
+from builder.figures.drawing.canvas import COLOUR_MAP, blank_figure
+from builder.figures.drawing.colours import beyond, colour_ends
+from builder.figures.drawing.gauge_marks import draw_strokes
+from builder.figures.drawing.unrolled import at_roll_angles
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.cosim.recording import Recording

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from builder.campaign.snapshots import Snapshots
-from builder.figures.canvas import COLOUR_MAP, blank_figure
-from builder.figures.colours import beyond, colour_ends
-from builder.figures.unrolled import at_roll_angles
+from builder.figures.drawing.canvas import COLOUR_MAP, blank_figure
+from builder.figures.drawing.colours import beyond, colour_ends
+from builder.figures.drawing.unrolled import at_roll_angles
 from strainfmu.arrays import FloatArray
 
 if TYPE_CHECKING:

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from builder.figures.canvas import COLOUR_MAP, blank_figure
-from builder.figures.gauge_marks import draw_strokes, gauge_kinds
-from builder.figures.unrolled import roll_degrees
+from builder.figures.drawing.canvas import COLOUR_MAP, blank_figure
+from builder.figures.drawing.gauge_marks import draw_strokes, gauge_kinds
+from builder.figures.drawing.unrolled import roll_degrees
 from builder.structure.observability import (
     SYMMETRIES,
     THRESHOLD,

@@ -28,8 +28,8 @@ from builder.calibration.ground_test.simulated import ground_test, write_ground_
 from builder.calibration.ground_test.standard_cases import standard_cases
 from builder.calibration.left_by_test import Remaining
 from builder.campaign.snapshots import Snapshots, load_snapshots
-from builder.figures.as_built import as_built_figure
-from builder.figures.canvas import save
+from builder.figures.calibration.as_built import as_built_figure
+from builder.figures.drawing.canvas import save
 from builder.pipeline.calibrate import (
     CalibrationParts,
     IndependentModel,

@@ -18,8 +18,8 @@ import numpy as np
 from builder.campaign.snapshot_transfer import snapshots_on
 from builder.campaign.snapshots import load_snapshots
 from builder.figures import demonstration as figures
-from builder.figures.canvas import save
-from builder.figures.estimators import estimator_errors
+from builder.figures.comparison.flown_estimators import estimator_errors
+from builder.figures.drawing.canvas import save
 from builder.pipeline.as_built_demo import CALIBRATED, AsBuiltRun
 from builder.pipeline.chosen_estimator import Estimators, with_estimator
 from builder.pipeline.flight_score import FlightScore, score_flight

@@ -16,8 +16,8 @@ import numpy as np
 
 from builder.campaign.snapshots import load_snapshots
 from builder.figures import demonstration as figures
-from builder.figures.canvas import save
-from builder.figures.free_shape import shape_with_gauges
+from builder.figures.drawing.canvas import save
+from builder.figures.scene.free_shape import shape_with_gauges
 from builder.pipeline.flight_score import ROLLING
 from builder.pipeline.manoeuvre import check_parameters
 from builder.pipeline.map_files import make_map

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from builder.campaign.snapshots import load_snapshots
-from builder.figures.picture_files import write_picture
-from builder.figures.scene import scene_of_snapshot
+from builder.figures.scene.picture_files import write_picture
+from builder.figures.scene.scene import scene_of_snapshot
 from builder.pipeline.pipeline import Pipeline
 from builder.pipeline.used_files import MAP, SNAPSHOTS
 from strainfmu.estimator.map.inverse_map import load_inverse_map

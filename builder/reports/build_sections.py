@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from builder.figures import build_report as draw
-from builder.figures import hover_gauges
-from builder.figures import hover_report as hover
-from builder.figures.flight_accuracy import AccuracyMap, accuracy_maps, hover_accuracy_maps
-from builder.figures.scene import scene_of
-from builder.figures.solid_view import solid_view
+from builder.figures.map import hover, hover_gauges
+from builder.figures.map import stills as draw
+from builder.figures.map.flight_accuracy import AccuracyMap, accuracy_maps, hover_accuracy_maps
+from builder.figures.scene.scene import scene_of
+from builder.figures.scene.solid_view import solid_view
 from builder.reports.build_report import BuildReport
 from builder.reports.build_tables import MICROSTRAIN_PER_KPA, main_class
 from builder.reports.flight_accuracy import NAVIGATION, FlightAccuracy

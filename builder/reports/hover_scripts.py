@@ -12,7 +12,7 @@ from functools import cache
 from gzip import compress
 from importlib.util import find_spec
 
-from builder.figures.hover import HoverFigure
+from builder.figures.drawing.hover import HoverFigure
 
 NEEDS_PLOTLY = "Figures are stills: values under the pointer need plotly, pip install 'strainfmu[report]'."
 POLICY = (

@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from builder.figures.canvas import save
+from builder.figures.drawing.canvas import save
 from builder.reports.html import Block, Items, Page, Paragraph, Picture, Section, write_page
 from builder.reports.tables import Table, by_name, tables_json, write_csv
 from builder.reproduce import tables

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from builder.figures import reproduction_case_1 as case_1
-from builder.figures import reproduction_case_2 as case_2
-from builder.figures.field_views import SIDES
+from builder.figures.reproduction import case_1, case_2
+from builder.figures.reproduction.field_views import SIDES
 from builder.reproduce.protocol import DRAWN_MODES, EXAMPLES, PUBLISHED_GAMMA
 from builder.reproduce.published import PUBLISHED
 from builder.reproduce.setups import INDEPENDENT, PAPER_LIKE, SAME_MESH, TITLES

@@ -14,8 +14,8 @@ import numpy as np
 
 from builder.campaign.journal import Journal
 from builder.campaign.snapshots import load_snapshots
-from builder.figures.canvas import save
-from builder.figures.stress import stress_figure
+from builder.figures.comparison.stress import stress_figure
+from builder.figures.drawing.canvas import save
 from builder.pipeline.chosen_estimator import Estimators, with_estimator
 from builder.pipeline.map_files import make_map, true_structure_of
 from builder.pipeline.pipeline import FilesGiven, Pipeline

@@ -8,8 +8,8 @@ import pytest
 from flight_maps import AREA, LENGTH, ROWS, STATIONS, exact_response, flight_map
 from scaled_maps import scaled_map
 
-from builder.figures.canvas import save
-from builder.figures.estimators import estimator_errors
+from builder.figures.comparison.flown_estimators import estimator_errors
+from builder.figures.drawing.canvas import save
 from builder.pipeline.chosen_estimator import with_estimator
 from builder.pipeline.flown_estimators import COMPARED_AIR_DATA, estimator_entry, flown_estimators
 from builder.vehicle.file import IC3X, VEHICLES, load_vehicle

@@ -15,7 +15,7 @@ from report_case import CASE_1, ReportCase, case_of
 from builder.aero.surface_mesh import mesh_of_grid
 from builder.campaign.snapshot_transfer import snapshots_on
 from builder.campaign.snapshots import Snapshots
-from builder.figures.build_report import known_pressure
+from builder.figures.map.stills import known_pressure
 from builder.inverse.build import build_inverse_map
 from builder.inverse.noise.model import nuisance_modes
 from builder.reports.build_page import write_numbers

@@ -7,7 +7,7 @@ import pytest
 from flight_maps import ROWS, STATIONS, exact_response, flight_map
 from scaled_maps import scaled_map
 
-from builder.figures.flight_accuracy import AccuracyMap, accuracy_maps, hover_accuracy_maps
+from builder.figures.map.flight_accuracy import AccuracyMap, accuracy_maps, hover_accuracy_maps
 from builder.reports.build_sections import flight_accuracy as accuracy_section
 from builder.reports.flight_accuracy import (
     INCIDENCES,

@@ -14,9 +14,9 @@ from clipping import DRAWN, set_width, show
 from page_checks import assert_self_contained
 from report_case import ReportCase
 
-from builder.figures import hover_gauges
-from builder.figures.hover import numbers
-from builder.figures.unrolled import roll_degrees
+from builder.figures.drawing.hover import numbers
+from builder.figures.drawing.unrolled import roll_degrees
+from builder.figures.map import hover_gauges
 from builder.reports.build_page import report_page
 from builder.reports.build_report import BuildReport
 from builder.reports.build_tables import report_tables

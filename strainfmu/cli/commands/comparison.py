@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from builder.figures.words import estimator_in_words
+from builder.figures.drawing.words import estimator_in_words
 from builder.pipeline.progress_bars import ConsoleReporter
 from strainfmu.cli.commands.maps import REBUILD_OPTION, SNAPSHOTS_OPTION, STRUCTURE_OPTION
 from strainfmu.cli.commands.number_ranges import within

@@ -67,8 +67,8 @@ def loadtest(
     """
     from builder.calibration.ground_test.candidate_cases import LoadLimits
     from builder.calibration.ground_test.load_test import LoadErrors
-    from builder.figures.canvas import save
-    from builder.figures.load_plan import load_plan_figure
+    from builder.figures.calibration.load_plan import load_plan_figure
+    from builder.figures.drawing.canvas import save
     from builder.pipeline.load_test_proposal import propose_load_test, write_proposal
 
     console, start = Console(), perf_counter()

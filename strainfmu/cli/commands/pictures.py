@@ -40,8 +40,8 @@ def picture(
         strainfmu picture demo -o vehicle.png --case 12 --excluded A1 --excluded A2
     """
     from builder.campaign.snapshots import load_snapshots
-    from builder.figures.picture_files import write_picture
-    from builder.figures.scene import scene_of_snapshot
+    from builder.figures.scene.picture_files import write_picture
+    from builder.figures.scene.scene import scene_of_snapshot
     from strainfmu.errors import InputError
     from strainfmu.estimator.map.inverse_map import load_inverse_map
 

@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from builder.figures.words import estimator_in_words
+from builder.figures.drawing.words import estimator_in_words
 from builder.pipeline.progress_bars import ConsoleReporter
 from strainfmu.cli.commands.maps import (
     ESTIMATOR_OPTION,

@@ -236,23 +236,21 @@ def _reading(value: float, factor: float, unit: str) -> str:
 
 def _draw(loaded: InverseMap, folder: Path) -> list[str]:
     """Draw the figures that need the map alone and return the names of the files."""
-    from builder.figures import build_report
-    from builder.figures.canvas import save
+    from builder.figures.drawing.canvas import save
+    from builder.figures.map import stills
     from builder.reports.gauge_value import gauge_value
 
     value = gauge_value(loaded)
     figures = {
-        "gauge_loss.png": build_report.gauge_loss(
-            loaded, growth=value.growth, detectable_bias=value.detectable_bias
-        ),
-        "pair_loss.png": build_report.pair_loss(
+        "gauge_loss.png": stills.gauge_loss(loaded, growth=value.growth, detectable_bias=value.detectable_bias),
+        "pair_loss.png": stills.pair_loss(
             loaded, growth=value.growth, pairs=value.pairs, pair_growth=value.pair_growth
         ),
-        "correlations.png": build_report.correlations(loaded),
+        "correlations.png": stills.correlations(loaded),
     }
     if loaded.case == 2:
         values = hessian_eigenvalues(loaded)
-        figures["eigenvalues.png"] = build_report.eigenvalues(values, loaded.regularisation)
+        figures["eigenvalues.png"] = stills.eigenvalues(values, loaded.regularisation)
     for name, figure in figures.items():
         save(figure, folder / name)
     return list(figures)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from builder.figures.unrolled import roll_degrees
+from builder.figures.drawing.unrolled import roll_degrees
 from builder.structure.observability import angle_from_meridian, direction_names
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.estimator.map.inverse_map import InverseMap

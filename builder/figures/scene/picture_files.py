@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from builder.aero.cfd.vtk_files import write_vtk
-from builder.figures.canvas import save
-from builder.figures.glb import write_glb
-from builder.figures.scene import Scene
-from builder.figures.solid_view import solid_view
+from builder.figures.drawing.canvas import save
+from builder.figures.scene.glb import write_glb
+from builder.figures.scene.scene import Scene
+from builder.figures.scene.solid_view import solid_view
 from strainfmu.errors import InputError
 
 FORMATS = (".png", ".glb", ".vtp")

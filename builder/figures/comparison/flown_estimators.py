@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from builder.figures.canvas import blank_figure
-from builder.figures.words import estimator_in_words, with_signs
+from builder.figures.drawing.canvas import blank_figure
+from builder.figures.drawing.words import estimator_in_words, with_signs
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 

@@ -13,9 +13,9 @@ import pytest
 
 from builder.aero.cfd.vtk_files import read_vtk
 from builder.aero.surface_mesh import mesh_of_grid
-from builder.figures.picture_files import write_picture
-from builder.figures.scene import BOX_SIDES, STATE_COLOURS, Scene, scene_of, scene_of_snapshot
-from builder.figures.solid_view import VIEWS, solid_view
+from builder.figures.scene.picture_files import write_picture
+from builder.figures.scene.scene import BOX_SIDES, STATE_COLOURS, Scene, scene_of, scene_of_snapshot
+from builder.figures.scene.solid_view import VIEWS, solid_view
 from builder.vehicle.shape.geometry import chain_segments, surface_grid
 from strainfmu.errors import InputError
 

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from builder.figures.canvas import COLOUR_MAP, blank_figure
-from builder.figures.colours import beyond, colour_ends
-from builder.figures.free_shape import turned
-from builder.figures.scene import BOX_SIDES, STATE_COLOURS, Scene
-from builder.figures.words import with_signs
+from builder.figures.drawing.canvas import COLOUR_MAP, blank_figure
+from builder.figures.drawing.colours import beyond, colour_ends
+from builder.figures.drawing.words import with_signs
+from builder.figures.scene.free_shape import turned
+from builder.figures.scene.scene import BOX_SIDES, STATE_COLOURS, Scene
 from strainfmu.arrays import FloatArray
 
 if TYPE_CHECKING:

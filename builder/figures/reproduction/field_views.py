@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from builder.figures.canvas import COLOUR_MAP, blank_figure
+from builder.figures.drawing.canvas import COLOUR_MAP, blank_figure
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from builder.figures.canvas import COLOUR_MAP, blank_figure
-from builder.figures.hover import COLOUR_SCALE, HoverFigure, axis, choice, hover_figure, numbers
-from builder.figures.words import with_signs
+from builder.figures.drawing.canvas import COLOUR_MAP, blank_figure
+from builder.figures.drawing.hover import COLOUR_SCALE, HoverFigure, axis, choice, hover_figure, numbers
+from builder.figures.drawing.words import with_signs
 from strainfmu.arrays import FloatArray
 
 if TYPE_CHECKING:

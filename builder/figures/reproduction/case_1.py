@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from builder.figures.canvas import blank_figure
-from builder.figures.field_views import SIDES, field_figure, pressure_rows
+from builder.figures.drawing.canvas import blank_figure
+from builder.figures.reproduction.field_views import SIDES, field_figure, pressure_rows
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES

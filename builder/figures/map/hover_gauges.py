@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from builder.figures.gauge_marks import KIND_OFFSETS, SENSOR, kinds_of_map, shown_bias
-from builder.figures.hover import COLOUR_SCALE, HoverFigure, axis, choice, hover_figure, numbers, words
-from builder.figures.unrolled import roll_degrees
+from builder.figures.drawing.gauge_marks import KIND_OFFSETS, SENSOR, kinds_of_map, shown_bias
+from builder.figures.drawing.hover import COLOUR_SCALE, HoverFigure, axis, choice, hover_figure, numbers, words
+from builder.figures.drawing.unrolled import roll_degrees
 from builder.structure.observability import direction_names
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
@@ -21,7 +21,7 @@ ROLL_AXIS = axis("roll angle [deg]", range=[-25.0, 370.0], tickvals=[0, 90, 180,
 STATION_AXIS = axis("station x from the nose tip [m]")
 NAMES = list(COEFFICIENT_NAMES)
 SYMBOLS = {"axial": "circle", "hoop": "square", "inclined": "diamond", SENSOR: "triangle-up"}
-"""Symbol of the marks of each kind of gauge, as :data:`~builder.figures.gauge_marks.KIND_MARKERS`."""
+"""Symbol of the marks of each kind of gauge, as :data:`~builder.figures.drawing.gauge_marks.KIND_MARKERS`."""
 
 
 def gauge_values(

@@ -1,4 +1,4 @@
-"""Figures of a build report that show their values; their stills are in :mod:`builder.figures.build_report`."""
+"""Figures of a build report that show their values; their stills are in :mod:`builder.figures.map.stills`."""
 
 from __future__ import annotations
 
@@ -9,8 +9,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from builder.aero.surface_mesh import SurfaceMesh
-from builder.figures.build_report import MIN_SHOWN, MODES_DRAWN
-from builder.figures.hover import (
+from builder.figures.drawing.hover import (
     BLUE,
     COLOUR_SCALE,
     GREY,
@@ -23,8 +22,9 @@ from builder.figures.hover import (
     numbers,
     words,
 )
-from builder.figures.hover_gauges import ROLL_AXIS, STATION_AXIS, gauge_places, gauge_symbols
-from builder.figures.unrolled import roll_degrees
+from builder.figures.drawing.unrolled import roll_degrees
+from builder.figures.map.hover_gauges import ROLL_AXIS, STATION_AXIS, gauge_places, gauge_symbols
+from builder.figures.map.stills import MIN_SHOWN, MODES_DRAWN
 from builder.inverse.cases.regularisation import LCurve
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap

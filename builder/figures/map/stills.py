@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from builder.aero.surface_mesh import SurfaceMesh
-from builder.figures.canvas import COLOUR_MAP, blank_figure
-from builder.figures.gauge_marks import KIND_MARKERS, KIND_OFFSETS, kind_label, kinds_of_map, shown_bias
-from builder.figures.unrolled import roll_degrees, unrolled_triangles
-from builder.figures.words import with_signs
+from builder.figures.drawing.canvas import COLOUR_MAP, blank_figure
+from builder.figures.drawing.gauge_marks import KIND_MARKERS, KIND_OFFSETS, kind_label, kinds_of_map, shown_bias
+from builder.figures.drawing.unrolled import roll_degrees, unrolled_triangles
+from builder.figures.drawing.words import with_signs
 from builder.inverse.cases.regularisation import LCurve
 from builder.structure.observability import SYMMETRIES
 from strainfmu.arrays import FloatArray, IntArray

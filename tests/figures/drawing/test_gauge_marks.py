@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from builder.aero.surface_mesh import mesh_of_grid
-from builder.figures.build_report import gauge_loss, known_pressure
 from builder.figures.demonstration import gauges
-from builder.figures.gauge_marks import gauge_kinds, kind_label
-from builder.figures.hover_gauges import gauge_values
+from builder.figures.drawing.gauge_marks import gauge_kinds, kind_label
+from builder.figures.map.hover_gauges import gauge_values
+from builder.figures.map.stills import gauge_loss, known_pressure
 from builder.vehicle.shape.geometry import chain_segments, surface_grid
 from strainfmu.estimator.map.sensors import STRAIN, SensorRows
 

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from builder.campaign.snapshots import Snapshots
-from builder.figures.canvas import COLOUR_MAP, blank_figure
-from builder.figures.colours import beyond, colour_ends
-from builder.figures.words import with_signs
+from builder.figures.drawing.canvas import COLOUR_MAP, blank_figure
+from builder.figures.drawing.colours import beyond, colour_ends
+from builder.figures.drawing.words import with_signs
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.map.inverse_map import InverseMap
 

@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from builder.figures.canvas import COLOUR_MAP
-from builder.figures.colours import colour_ends
-from builder.figures.scene import BOX, BOX_SIDES, STATE_COLOURS, Scene
+from builder.figures.drawing.canvas import COLOUR_MAP
+from builder.figures.drawing.colours import colour_ends
+from builder.figures.scene.scene import BOX, BOX_SIDES, STATE_COLOURS, Scene
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import StrainfmuError
 from strainfmu.files import write_bytes_atomically

@@ -10,7 +10,7 @@ import numpy as np
 from builder.aero.closest_points import closest_points
 from builder.aero.surface_mesh import SurfaceMesh
 from builder.campaign.snapshots import Snapshots
-from builder.figures.gauge_marks import gauge_kinds
+from builder.figures.drawing.gauge_marks import gauge_kinds
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import InverseMap

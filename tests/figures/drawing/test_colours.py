@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from builder.aero.surface_mesh import SurfaceMesh
-from builder.figures.colours import colour_ends
+from builder.figures.drawing.colours import colour_ends
 
 pytestmark = pytest.mark.fast
 

@@ -1,0 +1,1 @@
+"""Figures of estimators side by side, and of one under many kinds of error."""
