@@ -5,9 +5,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "absolute_form.h"
-#include "panels.h"
-#include "scaled_form.h"
+#include "linear/absolute_form.h"
+#include "linear/scaled_form.h"
+#include "numerics/panels.h"
 #include "step_parts.h"
 
 /* Bytes that vector loads like to start at a multiple of. */

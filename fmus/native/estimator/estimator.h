@@ -6,17 +6,17 @@
 #ifndef ESTIMATOR_H
 #define ESTIMATOR_H
 
-#include "added_noise.h"
-#include "envelope.h"
-#include "flight.h"
-#include "flow_parameters.h"
-#include "further_loads.h"
-#include "linear_filter.h"
-#include "masked_map.h"
-#include "scaled_state.h"
-#include "sensor_rows.h"
-#include "tare.h"
-#include "thermal.h"
+#include "filter/linear_filter.h"
+#include "linear/added_noise.h"
+#include "linear/envelope.h"
+#include "linear/further_loads.h"
+#include "linear/masked_map.h"
+#include "linear/scaled_state.h"
+#include "manifold/flight.h"
+#include "map/flow_parameters.h"
+#include "map/sensor_rows.h"
+#include "map/thermal.h"
+#include "zeros/tare.h"
 
 /* Sets of missing gauges whose matrices are kept; the least recently used gives way. */
 #define CACHED_MASKS 4

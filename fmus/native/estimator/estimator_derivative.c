@@ -1,9 +1,9 @@
 #include <math.h>
 #include <stdio.h>
 
-#include "absolute_form.h"
-#include "flight_derivative.h"
-#include "scaled_form.h"
+#include "linear/absolute_form.h"
+#include "linear/scaled_form.h"
+#include "manifold/flight_derivative.h"
 #include "step_parts.h"
 
 /* Changes of the strains that the map sees, in place of those of the readings. */

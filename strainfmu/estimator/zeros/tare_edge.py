@@ -1,7 +1,7 @@
 """A tare by the edges of a flag, as an FMU takes it: while the flag is up readings are averaged, then judged.
 
 The window is judged as that of a recording is (:mod:`strainfmu.estimator.zeros.tare`); besides, the dynamic
-pressure must be known in every step of it. ``fmus/native/estimator/tare.h`` is the C counterpart.
+pressure must be known in every step of it. ``fmus/native/estimator/zeros/tare.h`` is the C counterpart.
 """
 
 from __future__ import annotations

@@ -75,7 +75,7 @@ PLATFORMS = {
 def source_files(library: str = "estimator", native: Path = NATIVE) -> tuple[Path, ...]:
     """Return the C files that make a library, a key of :data:`~strainfmu.fmu.native.sources.LIBRARIES`."""
     return tuple(
-        file for folder in library_folders(library) for file in sorted(native.joinpath(folder).glob("*.c"))
+        file for folder in library_folders(library) for file in sorted(native.joinpath(folder).rglob("*.c"))
     )
 
 

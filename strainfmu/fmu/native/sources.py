@@ -7,8 +7,9 @@ and ``buildDescription.xml`` for importers that compile by themselves.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from importlib import resources
+from importlib.resources.abc import Traversable
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 LIBRARIES = {
@@ -36,9 +37,18 @@ def native_sources(library: str, fmi_version: str) -> dict[str, bytes]:
     front = FRONTS[fmi_version]
     names = ["library.cmake", f"headers/{front}.h"]
     for folder in (*LIBRARIES[library], front):
-        items = (item.name for item in native.joinpath(folder).iterdir())
-        names += [f"{folder}/{name}" for name in items if name.endswith((".c", ".h"))]
+        found = _files_below(native.joinpath(folder))
+        names += [f"{folder}/{name}" for name in found if name.endswith((".c", ".h"))]
     return {name: native.joinpath(*name.split("/")).read_bytes() for name in sorted(names)}
+
+
+def _files_below(folder: Traversable) -> Iterator[str]:
+    """Yield the names of the files in ``folder`` and in the folders below it."""
+    for item in folder.iterdir():
+        if item.is_dir():
+            yield from (f"{item.name}/{name}" for name in _files_below(item))
+        else:
+            yield item.name
 
 
 def compiled_files(sources: Mapping[str, bytes]) -> list[str]:

@@ -1,7 +1,8 @@
 """The filter of the nonlinear estimator as the native FMU reads it: a section of ``resources/map.bin``.
 
 Its content is eight 32-bit sizes, of which the last two are zero, and float64 values: the scalars, then the
-arrays in the order of :func:`filter_section`. ``fmus/native/estimator/filter_map.h`` describes them to the C code.
+arrays in the order of :func:`filter_section`. ``fmus/native/estimator/filter/filter_map.h`` describes them to
+the C code.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
 """The tables over the flight state as the native FMU reads them: a section of ``resources/map.bin``.
 
 The content of the section is eight 32-bit sizes, of which the last is zero, and float64 values: the scalars, and
-the arrays in the order of :func:`_arrays`. ``fmus/native/estimator/flight_map.h`` describes them to the C code.
+the arrays in the order of :func:`_arrays`. ``fmus/native/estimator/tables/flight_map.h`` describes them to the C
+code.
 
 Gauges that are rotations of each other have one table. A gauge at roll angle phi reads
 
@@ -78,7 +79,7 @@ def flight_section(inverse_map: InverseMap, manifold: ManifoldMap) -> bytes:
 def flight_loads_section(further: FurtherTables) -> bytes:
     """Return the section of the m ``further`` loads over the flight state: sizes, tables, errors per p_inf^2.
 
-    ``fmus/native/estimator/flight_further.h`` describes it to the C code.
+    ``fmus/native/estimator/manifold/flight_further.h`` describes it to the C code.
     """
     channels = channel_tables(further.response, np.zeros(0))
     numbers = (*channels.arrays, further.fixed_response, further.strain_covariance, further.variance)

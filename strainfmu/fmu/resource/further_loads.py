@@ -1,7 +1,7 @@
 """Loads beside the five as the native FMU reads them: a section of ``resources/map.bin``.
 
 Its content is eight 32-bit sizes, the first of which is their number, then float64 values in the order of
-:func:`further_section`. ``fmus/native/estimator/further_loads.h`` describes them to the C code.
+:func:`further_section`. ``fmus/native/estimator/linear/further_loads.h`` describes them to the C code.
 """
 
 from __future__ import annotations

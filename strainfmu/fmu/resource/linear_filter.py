@@ -1,8 +1,8 @@
 """The filter of a linear map as the native FMU reads it: a section of ``resources/map.bin``.
 
 Its content is eight 32-bit sizes, of which the last three are zero, and float64 values: the scalars, then the
-arrays in the order of :func:`linear_filter_section`. ``fmus/native/estimator/linear_filter_map.h`` describes them
-to the C code.
+arrays in the order of :func:`linear_filter_section`. ``fmus/native/estimator/filter/linear_filter_map.h``
+describes them to the C code.
 """
 
 from __future__ import annotations

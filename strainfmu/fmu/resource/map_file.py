@@ -14,7 +14,7 @@ linear map (:mod:`~strainfmu.fmu.resource.linear_filter`), temperature modes
 parameters of the flow (:mod:`~strainfmu.fmu.resource.parameters`) and the tables over them
 (:mod:`~strainfmu.fmu.resource.parameter_tables`), further sensors (:mod:`~strainfmu.fmu.resource.sensors`). A
 bound that the map does not state is the largest finite number.
-``fmus/native/estimator/map_resource.h`` describes the same file to the C code.
+``fmus/native/estimator/map/map_resource.h`` describes the same file to the C code.
 
 Every value is that of :class:`~strainfmu.estimator.linear.estimator.Estimator`, in the same bits on every machine
 (:mod:`strainfmu.estimator.numerics.fixed_order`). Of the whitening matrices the

@@ -1,7 +1,7 @@
 """Tables of further parameters of the flow as the native FMU reads them: a section of ``resources/map.bin``.
 
 The content of the section is eight 32-bit sizes, of which the last is zero, and float64 values in the order of
-:func:`parameter_tables_section`. ``fmus/native/estimator/flight_known.h`` describes them to the C code.
+:func:`parameter_tables_section`. ``fmus/native/estimator/tables/flight_known.h`` describes them to the C code.
 """
 
 from __future__ import annotations

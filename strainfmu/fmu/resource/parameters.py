@@ -2,7 +2,7 @@
 
 Its content is eight 32-bit sizes, the first of which is their number, float64 values in the order of
 :func:`parameter_section`, and a name of :data:`NAME_SIZE` bytes each, which ends by zeros.
-``fmus/native/estimator/flow_parameters.h`` describes them to the C code.
+``fmus/native/estimator/map/flow_parameters.h`` describes them to the C code.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Sections of ``resources/map.bin``: what not every map has, behind the arrays that every map has.
 
-``fmus/native/estimator/sections.h`` describes the same to the C code.
+``fmus/native/estimator/map/sections.h`` describes the same to the C code.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Further sensors of a map as the native FMU reads them: a section of ``resources/map.bin``.
 
 Its content is eight 32-bit sizes, the first of which is the number of strain gauges, and float64 values of the
-rows behind them in the order of :func:`sensor_section`. ``fmus/native/estimator/sensor_rows.h`` describes them to
-the C code.
+rows behind them in the order of :func:`sensor_section`. ``fmus/native/estimator/map/sensor_rows.h`` describes them
+to the C code.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """What a tare needs of a map, as the native FMU reads it: a section of ``resources/map.bin``.
 
-Its content is float64 values in the order of :func:`tare_section`; ``fmus/native/estimator/tare.h`` describes them
-to the C code.
+Its content is float64 values in the order of :func:`tare_section`; ``fmus/native/estimator/zeros/tare.h``
+describes them to the C code.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
 """Temperature modes as the native FMU reads them: a section of ``resources/map.bin``.
 
 Its content is eight 32-bit sizes, numbers of modes, of sensors and of coefficients of the data sheet, then float64
-values in the order of :func:`thermal_section`. ``fmus/native/estimator/thermal.h`` describes them to the C code.
+values in the order of :func:`thermal_section`. ``fmus/native/estimator/map/thermal.h`` describes them to the C
+code.
 """
 
 from __future__ import annotations

@@ -14,7 +14,7 @@
 #include "core/state.h"
 #include "core/uri_path.h"
 #include "estimator/estimator.h"
-#include "estimator/triangles.h"
+#include "estimator/numerics/triangles.h"
 
 #define MOST_GAUGES 64
 

@@ -12,8 +12,8 @@
 
 #include "core/resource.h"
 #include "estimator/estimator.h"
-#include "estimator/panels.h"
-#include "estimator/triangles.h"
+#include "estimator/numerics/panels.h"
+#include "estimator/numerics/triangles.h"
 
 #define MAX_GAUGES 64
 

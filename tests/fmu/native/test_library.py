@@ -65,8 +65,15 @@ def test_nothing_but_libc_is_needed(library: str) -> None:
 
 def test_sources_are_short_and_complete() -> None:
     names = {path.name for path in source_files()}
-    assert names >= {"estimator.c", "fmi2_co_simulation.c", "fmi3_co_simulation.c"}
+    assert names >= {"estimator.c", "dense.c", "fmi2_co_simulation.c", "fmi3_co_simulation.c"}
     assert not list(NATIVE.rglob("fmi[23]Function*.h"))  # an FMU must not bring the standard's headers
+
+
+@pytest.mark.parametrize("library", list(LIBRARIES))
+def test_no_two_sources_have_the_same_name(library: str) -> None:
+    """Importers compile them all at once, and some compilers write all objects into one folder."""
+    files = source_files(library)
+    assert len({path.name.lower() for path in files}) == len(files)
 
 
 def test_universal_library() -> None:

@@ -1,0 +1,239 @@
+/* One sample after another by the filter: strainfmu/estimator/filter/flight_filter.py. */
+
+#include <math.h>
+
+#include "../../core/elementary.h"
+#include "../manifold/flight_parts.h"
+#include "../step_parts.h"
+
+int flight_filters(const Estimator *e) {
+    const size_t n = e->sensors.n_strains;
+    const double *std = zeros_in_use(e) + n;
+    if (!e->flight.filter.present || !(e->input[filter_setting(e)] > 0.0)) {
+        return 0;
+    }
+    int zeros = 1;
+    for (size_t i = 0; i <= n; i++) {
+        zeros = zeros && std[i] == 0.0;
+    }
+    return zeros && !any_parameter_known(e);
+}
+
+/* What was doubted counts with its deviation, and errs more. */
+static void set_doubt(Filter *filter, const double *before) {
+    double *precision = filter->solver->sample.precision;
+    for (size_t k = 0; k < N_NAVIGATION; k++) {
+        if (precision[k] > 0.0) {
+            filter->doubt[k] = before[k] / precision[k];
+            precision[k] = before[k];
+        }
+    }
+}
+
+/* Solve from a law, a second time without navigation that is inconsistent; slopes as of filter_sample. */
+static void solve(Flight *flight, const Law *law, const double *start, size_t iterations, const double *slopes) {
+    Filter *filter = &flight->filter;
+    double residual[N_NAVIGATION], before[N_NAVIGATION];
+    memcpy(before, flight->solver.sample.precision, sizeof before);
+    for (size_t k = 0; k < N_NAVIGATION; k++) {
+        filter->doubt[k] = 1.0;
+    }
+    filter_sample(filter, law, start, iterations, slopes);
+    memcpy(residual, flight->solver.solution.navigation_residual, sizeof residual);
+    if (flight_drop_inconsistent(flight)) {
+        set_doubt(filter, before);
+        filter_sample(filter, law, start, (size_t)flight->map.warm_iterations, slopes);
+    }
+    filter_judge(filter, residual);
+    memcpy(flight->solver.solution.navigation_residual, residual, sizeof residual);
+}
+
+/* What navigation and the ranges of the map say, without what is apart. */
+static void measure(Flight *flight) {
+    flight_set_measurement(flight);
+    filter_leave_out_named(&flight->filter);
+}
+
+/* Write the solution to the outputs, not OK while navigation that is given is named; whether it fits. */
+static int conclude(Estimator *e, size_t used) {
+    const Filter *filter = &e->flight.filter;
+    const int fits = flight_conclude(e, used);
+    for (size_t k = 0; k < N_NAVIGATION; k++) {
+        if (filter->next.apart[k] > 0.0 && filter->given[k] > 0.0 && e->output[HEALTH_STATE] == OK) {
+            e->output[HEALTH_STATE] = DEGRADED;
+        }
+    }
+    return fits;
+}
+
+/* Let the next step go on from the flight state of these slopes, NULL for that which it starts from, of an age [s]. */
+static void keep_slopes(Flight *flight, const double *slopes, double age) {
+    FilterTrack *next = &flight->filter.next;
+    memcpy(next->slope_state, slopes == NULL ? flight->next.state : slopes, sizeof next->slope_state);
+    next->slope_age = age;
+}
+
+static void note(Estimator *e, size_t used) {
+    const double freedom = (double)(used + flight_navigation_used(&e->flight));
+    filter_note(&e->flight.filter, e->flight.solver.solution.chi_square,
+                e->input[e->map.n_gauges + ALARM_SCALE] * freedom);
+}
+
+/* Keep what a sample that fits leaves, and slopes of an age. */
+static void keep(Estimator *e, size_t used, int searched, const double *slopes, double age) {
+    Flight *flight = &e->flight;
+    const double to_return = flight_waiting(flight);
+    flight->next = (Track){.has_state = 1.0,
+                           .since_search = flight_since_search(flight, searched),
+                           .to_return = to_return};
+    memcpy(flight->next.state, flight->solver.solution.state, sizeof flight->next.state);
+    keep_slopes(flight, slopes, age);
+    flight->filter.next.has_law = 1.0;
+    note(e, used);
+    flight_fall_back(e, 1, to_return);
+}
+
+/* Let the predicted law, if there is one, go on to the next step. */
+static void keep_predicted(Filter *filter, int has_law) {
+    const Law kept = filter->next_law;
+    if (has_law) {
+        filter_move_cross(filter);
+    }
+    filter->next.has_law = has_law;
+    filter->next_law = filter->predicted;
+    filter->predicted = kept;
+}
+
+/* The sample on its own; the filter begins again from it if it fits. */
+static void begin(Estimator *e, size_t used, int has_law) {
+    Flight *flight = &e->flight;
+    const Track *base = &flight->base;
+    const int search = base->has_state == 0.0 || base->since_search >= flight->map.search_every;
+    double start[N_STATES];
+    measure(flight);
+    memcpy(start, base->state, sizeof start);
+    if (search) {
+        flight_solve_cold(&flight->solver);
+        memcpy(start, flight->solver.solution.state, sizeof start);
+    }
+    solve(flight, &flight->filter.stationary, start, search ? 0 : (size_t)flight->map.warm_iterations, NULL);
+    if (conclude(e, used)) {
+        keep(e, used, search, NULL, 0.0);
+        return;
+    }
+    flight->next = (Track){.has_state = 1.0,
+                           .since_search = flight_since_search(flight, search),
+                           .to_return = flight->map.return_after};
+    /* What fits nowhere does not move the state: the law goes on from there. */
+    const double *state = (search || has_law) && base->has_state != 0.0 ? base->state : flight->solver.solution.state;
+    memcpy(flight->next.state, state, sizeof flight->next.state);
+    keep_slopes(flight, NULL, 0.0);
+    filter_keep_named(&flight->filter);
+    keep_predicted(&flight->filter, has_law);
+    note(e, used);
+    flight_fall_back(e, 0, flight->map.return_after);
+}
+
+/* Without gauges: the prediction, with the navigation that there is, until the flight state is not known. */
+static void coast(Estimator *e) {
+    Flight *flight = &e->flight;
+    const double *start = flight->base.has_state != 0.0 ? flight->base.state : flight->filter.predicted.mean;
+    measure(flight);
+    solve(flight, &flight->filter.predicted, start, (size_t)flight->map.warm_iterations, NULL);
+    conclude(e, 0);
+    memset(flight->flag + NAVIGATION_USED, 0, N_NAVIGATION);
+    const int lost = !flight->flag[TOTAL_INCIDENCE];
+    if (lost) {
+        set_unknown(e->output);
+        e->output[SUSPECT_GAUGE] = e->output[SUSPECTS] = 0.0;
+        e->output[HEALTH_STATE] = INVALID;
+    }
+    flight->next = flight->base;
+    flight->next.stepped = 0.0;
+    flight->next.has_state = !lost;
+    memcpy(flight->next.state, flight->solver.solution.state, sizeof flight->next.state);
+    keep_slopes(flight, NULL, 0.0);
+    flight->filter.next.has_law = 1.0;
+}
+
+/* Strain at the reference temperature about the predicted amplitudes of modes: the wall stays as soft as it was where a
+   sensor is lost. */
+static void correct_strain(Estimator *e) {
+    const Filter *filter = &e->flight.filter;
+    const Law *law = &filter->predicted;
+    if (filter->map.n_modes > 0) {
+        estimator_set_strain(e);
+        thermal_correct_about(&e->thermal, law->amplitude, law->mean + filter_first_mode(filter), e->strain);
+        flight_set_strain(e);
+    }
+}
+
+/* The flight state of slopes after a time [s], in filter->slope_state; NULL where each iteration takes its own. */
+static const double *moved_slopes(Flight *flight, double elapsed) {
+    Filter *filter = &flight->filter;
+    const double longest = filter->time_constant < filter->map.slope_time ? filter->time_constant : filter->map.slope_time;
+    const double own = filter->map.of_age * filter->base.slope_age, time_constant = own < longest ? own : longest;
+    if (flight->base.has_state == 0.0 || elapsed >= filter->map.longest_step * time_constant) {
+        return NULL;
+    }
+    const double kept = exponential(-elapsed / time_constant);
+    for (size_t k = 0; k < N_STATES; k++) {
+        const double state = flight->base.state[k];
+        filter->slope_state[k] = state + kept * (filter->base.slope_state[k] - state);
+    }
+    return filter->slope_state;
+}
+
+void flight_filter_update(Estimator *e, size_t used) {
+    Flight *flight = &e->flight;
+    Filter *filter = &flight->filter;
+    const int has_law = filter->base.has_law != 0.0;
+    const double apart = filter->base.now - filter->base.time, longest = filter->map.largest_time;
+    const double elapsed = apart > 0.0 ? (apart < longest ? apart : longest) : 0.0;
+    const double *slopes = NULL;
+    filter->next = filter->base;
+    filter->next.time = filter->base.now;
+    filter_set_time_constant(filter, e->input[filter_setting(e)]);
+    filter_set_modes(filter);
+    if (has_law) {
+        filter_predict(filter, elapsed);
+        slopes = moved_slopes(flight, elapsed);
+        correct_strain(e);
+    }
+    if (used == 0 && has_law) {
+        coast(e);
+        return;
+    }
+    if (used == 0) {
+        flight_set_nothing_known(e);
+        return;
+    }
+    if (has_law && flight->base.has_state != 0.0) {
+        measure(flight);
+        solve(flight, &filter->predicted, flight->base.state, (size_t)flight->map.warm_iterations, slopes);
+        if (conclude(e, used)) {
+            keep(e, used, 0, slopes, filter->base.slope_age + elapsed);
+            return;
+        }
+    }
+    begin(e, used, has_law);
+}
+
+int filter_track_fits(const Filter *filter, const FilterTrack *track, const unsigned char *law) {
+    int good = (track->has_law == 0.0 || track->has_law == 1.0) && isfinite(track->time) && isfinite(track->now)
+            && track->mean >= 0.0 && isfinite(track->mean) && track->steps >= 0.0 && isfinite(track->steps)
+            && track->widening >= 1.0 && track->widening <= filter->map.largest_widening;
+    for (size_t k = 0; k < N_NAVIGATION; k++) {
+        good = good && track->apart[k] >= 0.0 && isfinite(track->apart[k]) && isfinite(track->alarms[k]);
+    }
+    for (size_t k = 0; k < N_STATES; k++) {
+        good = good && isfinite(track->slope_state[k]);
+    }
+    good = good && track->slope_age >= 0.0 && isfinite(track->slope_age);
+    for (size_t k = 0; k < law_doubles(filter); k++) {
+        double value;
+        memcpy(&value, law + k * sizeof value, sizeof value);
+        good = good && isfinite(value);
+    }
+    return good;
+}

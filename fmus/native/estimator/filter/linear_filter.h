@@ -1,0 +1,114 @@
+/* The filter over time of a linear map in form "dynamic_pressure".
+
+   The C counterpart of strainfmu/estimator/filter: kalman.py, linear_model.py, linear_filter.py. Arrays over gauges and
+   states are in lanes; a gauge that is not in use reads nothing, with a noise of 1. */
+
+#ifndef LINEAR_FILTER_H
+#define LINEAR_FILTER_H
+
+#include "../map/thermal.h"
+#include "linear_filter_map.h"
+
+/* The normal law of the states, and their covariance with the errors that are considered. The arrays lie in one block. */
+typedef struct {
+    double *mean;       /* (order) */
+    double *covariance; /* (n, order) */
+    double *cross;      /* (n, n_considered) */
+    double *amplitude;  /* (n_modes) of temperature by the sensors of the sample [K] */
+    double *known;      /* (n_sensors) which those were, 0 or 1 */
+} LinearLaw;
+
+/* What a sample leaves to the next one, beside the law; all of it float64, as serialised. */
+typedef struct {
+    double has_law; /* 0 or 1 */
+    double time;    /* of the sample of the law [s] */
+    double now;     /* of the sample that follows [s] */
+    double stepped; /* whether the outputs are those of a step that has been taken */
+} LinearTrack;
+
+typedef struct {
+    int present; /* whether the map has one; if not, nothing else is set */
+    LinearFilterMap map;
+    void *memory;
+    const Thermal *thermal;    /* of the estimator; its modes are the last states */
+    size_t n_sensors;          /* of temperature */
+    int wide;
+    size_t n_gauges, rows;     /* rows: n_gauges in lanes */
+    size_t n, order;           /* states; in lanes */
+    size_t n_considered;       /* own and rest, in lanes */
+    LinearTrack base, next;    /* that the outputs follow from, and that they leave, */
+    LinearLaw law, next_law;   /* with their laws */
+    LinearLaw predicted, stationary;
+    double *own_covariance, *rest_covariance; /* (rows, rows) of the considered errors */
+    /* Of a sample. */
+    double ratio;              /* of q_inf to nominal */
+    unsigned char *used;       /* (n_gauges) */
+    double *apart;             /* (rows) strain less that of the mean pressure */
+    double *read;              /* (order, rows) H' */
+    double *term;              /* (n_considered, rows) G' */
+    double *white;             /* (rows, rows) covariance of noise and considered errors */
+    double *of_load;           /* (5, order) change of the loads per state, with what the residual says of the rest */
+    double alone[N_LOADS];     /* loads of the law after the sample alone, less those of no state, */
+    double alone_covariance[N_LOADS * N_LOADS];
+    /* Scratch. */
+    double *read_turned;       /* (rows, order) H */
+    double *term_turned;       /* (rows, n_considered) G */
+    double *factor;            /* (rows, rows) */
+    double *small;             /* (order, order) */
+    double *considered;        /* (order, rows) C G' */
+    double *gain;              /* (order + LANES + 5, rows) */
+    double *product;           /* (order, rows) */
+    double *turned;            /* (rows or order, order) */
+    double *kept;              /* (order, order) I - K H */
+    double *joseph;            /* (2, order, order) */
+} LinearFilter;
+
+/* Read the section, if there is one, and allocate. 1; 0 after a message. */
+int linear_filter_create(const Section *section, size_t n_gauges, int wide, LinearFilter *filter,
+                         const Thermal *thermal, char text[MODEL_TEXT_SIZE]);
+void linear_filter_free(LinearFilter *filter);
+
+/* Forget all samples. */
+void linear_filter_reset(LinearFilter *filter);
+
+/* Number of doubles of a law. */
+size_t linear_law_doubles(const LinearFilter *filter);
+
+/* filter->predicted from filter->law, over a time step [s], with a time constant [s]. Amplitudes stay where other sensors
+   read than in the last sample. */
+void linear_filter_predict(LinearFilter *filter, double time_step, double time_constant);
+
+/* filter->stationary for the sensors of temperature that read. */
+void linear_filter_set_stationary(LinearFilter *filter);
+
+/* Rows of the sample in filter->used, filter->apart and filter->ratio; then filter->of_load, and what the sample says
+   alone. */
+void linear_filter_read(LinearFilter *filter);
+
+/* filter->next_law from a law, with the sample; its normalised innovation squared. */
+double linear_filter_update(LinearFilter *filter, const LinearLaw *law);
+
+/* Change of the five loads by a law in place of the sample alone, and of their covariance. */
+void linear_filter_loads(LinearFilter *filter, const LinearLaw *law, double *loads, double *covariance);
+
+struct Estimator;
+
+/* Whether samples are filtered: the time constant is positive, no zero has a deviation, and the instance takes steps. */
+int linear_filters(const struct Estimator *e);
+
+/* Change loads and coefficients by what is known of the samples before. */
+void linear_filter_outputs(struct Estimator *e);
+
+/* For estimator_before_change. */
+void linear_filter_before_change(struct Estimator *e);
+
+/* Take a step with the present inputs, from a point in time [s]. */
+void linear_filter_step(struct Estimator *e, double start);
+
+/* The state: the track, then the law, which is 0 where there is none; whether such bytes may be read. */
+size_t linear_filter_state_size(const LinearFilter *filter);
+void linear_filter_write_state(const LinearFilter *filter, unsigned char *bytes);
+int linear_filter_state_fits(const LinearFilter *filter, const unsigned char *bytes);
+void linear_filter_read_state(LinearFilter *filter, const unsigned char *bytes);
+
+#endif

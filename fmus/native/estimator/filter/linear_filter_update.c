@@ -1,0 +1,207 @@
+/* A sample of the filter of a linear map: strainfmu/estimator/filter/linear_model.py, kalman.py. */
+
+#include <math.h>
+#include <string.h>
+
+#include "../numerics/cholesky.h"
+#include "../numerics/products.h"
+#include "../tables/flight_tables.h"
+#include "linear_filter.h"
+
+#define LEAST_LEFT 1e-2 /* part of a variance that is left, above which a difference has digits enough */
+
+/* out (columns, rows) = matrix' (rows, columns), each a row apart from the next. */
+static void transpose(size_t rows, size_t columns, const double *matrix, size_t row, double *out, size_t out_row) {
+    for (size_t i = 0; i < rows; i++) {
+        for (size_t j = 0; j < columns; j++) {
+            out[j * out_row + i] = matrix[i * row + j];
+        }
+    }
+}
+
+/* `count` rows of strain times a factor, 0 for gauges that are not in use. */
+static void set_rows(const LinearFilter *filter, size_t count, double factor, const double *strain, double *out) {
+    for (size_t k = 0; k < count; k++) {
+        for (size_t g = 0; g < filter->n_gauges; g++) {
+            out[k * filter->rows + g] = filter->used[g] ? factor * strain[k * filter->n_gauges + g] : 0.0;
+        }
+    }
+}
+
+static void set_white(LinearFilter *filter) {
+    const size_t n = filter->n_gauges, rows = filter->rows;
+    const double square = filter->ratio * filter->ratio;
+    combine(filter->wide, rows * rows, 1.0, filter->own_covariance, square, filter->rest_covariance, filter->white);
+    for (size_t i = 0; i < rows; i++) {
+        if (i < n && filter->used[i]) {
+            filter->white[i * rows + i] += filter->map.noise[i];
+            continue;
+        }
+        for (size_t j = 0; j < rows; j++) {
+            filter->white[i * rows + j] = filter->white[j * rows + i] = 0.0;
+        }
+        filter->white[i * rows + i] = 1.0;
+    }
+}
+
+/* What is known of the states after the sample alone, by information: sums of positive terms. Its loads follow. */
+static void set_alone(LinearFilter *filter) {
+    const LinearFilterMap *map = &filter->map;
+    const size_t rows = filter->rows, n = filter->n, order = filter->order;
+    double *whitened = filter->gain, *apart = whitened + n * rows, *cross = apart + rows, *known = filter->turned;
+    double *of_loads = filter->joseph, *found = of_loads + N_LOADS * order; /* of the loads; of the strain */
+    memcpy(whitened, filter->read, n * rows * sizeof *whitened);
+    memcpy(apart, filter->apart, rows * sizeof *apart);
+    memset(cross, 0, N_LOADS * rows * sizeof *cross);
+    set_rows(filter, N_LOADS, filter->ratio * filter->ratio, map->rest_cross, cross);
+    memcpy(filter->factor, filter->white, rows * rows * sizeof *filter->factor);
+    cholesky(filter->wide, rows, rows, filter->factor);
+    solve_lower(filter->wide, rows, filter->factor, n + 1 + N_LOADS, whitened);
+    memset(of_loads, 0, (N_LOADS + 1) * order * sizeof *of_loads);
+    for (size_t k = 0; k < n; k++) {
+        const double *row = whitened + k * rows;
+        for (size_t i = 0; i < N_LOADS; i++) {
+            const double load = k < map->n_scaled ? filter->ratio * map->load[k * N_LOADS + i] : 0.0;
+            filter->of_load[i * order + k] = load - lane_dot(rows, cross + i * rows, row);
+            of_loads[i * order + k] = map->std[k] * filter->of_load[i * order + k];
+        }
+        found[k] = map->std[k] * lane_dot(rows, apart, row);
+    }
+    transpose(n, rows, whitened, rows, known, order);
+    for (size_t r = 0; r < rows; r++) {
+        memset(known + r * order + n, 0, (order - n) * sizeof *known);
+    }
+    multiply(filter->wide, FULL, n, rows, order, by_rows(whitened, rows), known, order, filter->small, order);
+    const size_t modes = map->n_modes, first_mode = n - modes;
+    for (size_t i = 0; i < order; i++) {
+        for (size_t j = 0; j < order; j++) {
+            double *value = filter->small + i * order + j;
+            const int of_modes = i >= first_mode && i < n && j >= first_mode && j < n;
+            const double prior = of_modes ? filter->thermal->information[(i - first_mode) * modes + (j - first_mode)]
+                                          : (i == j ? 1.0 : 0.0);
+            *value = (i < n && j < n ? map->std[i] * *value * map->std[j] : 0.0) + prior;
+        }
+    }
+    cholesky(filter->wide, order, order, filter->small);
+    solve_lower(filter->wide, order, filter->small, N_LOADS + 1, of_loads);
+    for (size_t i = 0; i < N_LOADS; i++) {
+        filter->alone[i] = lane_dot(order, of_loads + i * order, found);
+        for (size_t j = 0; j < N_LOADS; j++) {
+            filter->alone_covariance[i * N_LOADS + j] = lane_dot(order, of_loads + i * order, of_loads + j * order);
+        }
+    }
+}
+
+void linear_filter_read(LinearFilter *filter) {
+    const LinearFilterMap *map = &filter->map;
+    const size_t rows = filter->rows, first_common = map->n_scaled * rows, n_own = map->n_own;
+    set_rows(filter, map->n_scaled, filter->ratio, map->scaled, filter->read);
+    set_rows(filter, map->n_common, 1.0, map->common, filter->read + first_common);
+    set_rows(filter, n_own, 1.0, map->own, filter->term);
+    set_rows(filter, map->n_rest, filter->ratio, map->rest, filter->term + n_own * rows);
+    transpose(filter->n, rows, filter->read, rows, filter->read_turned, filter->order);
+    transpose(n_own + map->n_rest, rows, filter->term, rows, filter->term_turned, filter->n_considered);
+    set_white(filter);
+    set_alone(filter);
+}
+
+/* P after the sample, in Joseph form: A P A' + X + X' with X = (K R / 2 - A C G') K', R of what is white and considered. */
+static void joseph_covariance(LinearFilter *filter, const LinearLaw *law, const double *kalman) {
+    const size_t n = filter->n, order = filter->order, rows = filter->rows;
+    const int wide = filter->wide;
+    double *first = filter->joseph, *second = filter->joseph + order * order, *half = filter->product;
+    double *covariance = filter->next_law.covariance, *turned = filter->turned;
+    const Strided kept = by_rows(filter->kept, order);
+    multiply(wide, FULL, n, rows, rows, by_rows(kalman, rows), filter->white, rows, half, rows);
+    multiply(wide, FULL, n, n, rows, kept, filter->considered, rows, turned, rows);
+    for (size_t k = 0; k < n * rows; k++) {
+        half[k] = 0.5 * half[k] - turned[k];
+    }
+    transpose(n, rows, kalman, rows, turned, order);
+    multiply(wide, FULL, n, rows, order, by_rows(half, rows), turned, order, second, order);
+    multiply(wide, FULL, n, n, order, kept, law->covariance, order, first, order);
+    transpose(n, n, filter->kept, order, turned, order);
+    multiply(wide, FULL, n, n, order, by_rows(first, order), turned, order, covariance, order);
+    for (size_t i = 0; i < n; i++) {
+        memset(covariance + i * order + n, 0, (order - n) * sizeof *covariance);
+        for (size_t j = 0; j <= i; j++) {
+            const double sum = second[i * order + j] + second[j * order + i];
+            const double both = covariance[i * order + j] + covariance[j * order + i];
+            covariance[i * order + j] = covariance[j * order + i] = 0.5 * both + sum;
+        }
+    }
+}
+
+/* P after the sample, as a difference, in filter->next_law; 0 where that has too few digits. */
+static int subtract_covariance(LinearFilter *filter, const LinearLaw *law, const double *whitened) {
+    const size_t n = filter->n, order = filter->order, rows = filter->rows;
+    double *taken = filter->joseph, *covariance = filter->next_law.covariance;
+    int enough = 1;
+    transpose(n, rows, whitened, rows, filter->turned, order);
+    multiply(filter->wide, FULL, n, rows, order, by_rows(whitened, rows), filter->turned, order, taken, order);
+    for (size_t i = 0; i < n; i++) {
+        const double before = law->covariance[i * order + i];
+        enough = enough && before - taken[i * order + i] > LEAST_LEFT * before;
+        for (size_t j = 0; j <= i; j++) {
+            covariance[i * order + j] = covariance[j * order + i] =
+                law->covariance[i * order + j] - taken[i * order + j];
+        }
+    }
+    return enough;
+}
+
+double linear_filter_update(LinearFilter *filter, const LinearLaw *law) {
+    const size_t n = filter->n, order = filter->order, rows = filter->rows, considered = filter->n_considered;
+    const int wide = filter->wide;
+    double *gain = filter->gain, *innovation = gain + n * rows, *half = filter->product;
+    LinearLaw *after = &filter->next_law;
+    thermal_tell(filter->thermal, after->amplitude, after->known);
+    multiply(wide, FULL, n, considered, rows, by_rows(law->cross, considered), filter->term, rows, filter->considered,
+             rows);
+    multiply(wide, FULL, n, n, rows, by_rows(law->covariance, order), filter->read, rows, gain, rows);
+    for (size_t k = 0; k < n * rows; k++) {
+        half[k] = 0.5 * gain[k] + filter->considered[k];
+        gain[k] += filter->considered[k];
+    }
+    multiply_upper(wide, rows, rows, n, (Strided){filter->read, 1, rows}, half, filter->white, filter->factor);
+    multiply_upper(wide, rows, rows, n, (Strided){half, 1, rows}, filter->read, filter->factor, filter->factor);
+    multiply(wide, FULL, 1, n, rows, by_rows(law->mean, order), filter->read, rows, innovation, rows);
+    for (size_t r = 0; r < rows; r++) {
+        innovation[r] = filter->apart[r] - innovation[r];
+    }
+    cholesky(wide, rows, rows, filter->factor);
+    solve_lower(wide, rows, filter->factor, n + 1, gain);
+    const double chi_square = lane_dot(rows, innovation, innovation);
+    const int enough = subtract_covariance(filter, law, gain);
+    for (size_t i = 0; i < n; i++) {
+        after->mean[i] = law->mean[i] + lane_dot(rows, gain + i * rows, innovation);
+    }
+    solve_upper(wide, rows, filter->factor, n, gain);
+    multiply(wide, FULL, n, rows, order, by_rows(gain, rows), filter->read_turned, order, filter->kept, order);
+    for (size_t i = 0; i < n; i++) {
+        for (size_t j = 0; j < order; j++) {
+            filter->kept[i * order + j] = (i == j ? 1.0 : 0.0) - filter->kept[i * order + j];
+        }
+    }
+    if (!enough) {
+        joseph_covariance(filter, law, gain);
+    }
+    multiply(wide, FULL, n, n, considered, by_rows(filter->kept, order), law->cross, considered, after->cross,
+             considered);
+    subtract_product(wide, n, rows, considered, by_rows(gain, rows), filter->term_turned, considered, after->cross,
+                     considered);
+    return chi_square;
+}
+
+void linear_filter_loads(LinearFilter *filter, const LinearLaw *law, double *loads, double *covariance) {
+    const size_t n = filter->n, order = filter->order;
+    double *times = filter->joseph;
+    multiply(filter->wide, FULL, N_LOADS, n, order, by_rows(filter->of_load, order), law->covariance, order, times, order);
+    for (size_t i = 0; i < N_LOADS; i++) {
+        loads[i] = lane_dot(order, filter->of_load + i * order, law->mean) - filter->alone[i];
+        for (size_t j = 0; j < N_LOADS; j++) {
+            covariance[i * N_LOADS + j] = lane_dot(order, times + i * order, filter->of_load + j * order)
+                                        - filter->alone_covariance[i * N_LOADS + j];
+        }
+    }
+}

@@ -1,0 +1,156 @@
+#include "envelope.h"
+
+#include <math.h>
+
+#include "../numerics/dense.h"
+#include "../numerics/wide.h"
+
+#define N_ENTRIES 15 /* of a symmetric (5, 5) matrix */
+
+size_t half_space_doubles(const Envelope *envelope) {
+    return dense_rows(envelope->n_half_spaces) * (dense_columns(N_ENTRIES) + 1);
+}
+
+void half_space_arrays(const Envelope *envelope, HalfSpaces *spaces, double **doubles) {
+    const size_t m = envelope->n_half_spaces, rows = dense_rows(m), columns = dense_columns(N_ENTRIES);
+    spaces->products = *doubles;
+    spaces->variance = spaces->products + rows * columns;
+    *doubles += half_space_doubles(envelope);
+    for (size_t j = 0; j < m; j++) {
+        double *panel = spaces->products + j / ROWS * ROWS * columns + j % ROWS;
+        size_t at = 0;
+        for (size_t i = 0; i < N_LOADS; i++) {
+            for (size_t k = i; k < N_LOADS; k++) {
+                const double product = envelope->direction[i * m + j] * envelope->direction[k * m + j];
+                panel[ROWS * at++] = i == k ? product : 2.0 * product;
+            }
+        }
+    }
+}
+
+double ambient_pressure(const Envelope *envelope, double altitude) {
+    const size_t top = envelope->n_altitudes - 1;
+    const double position = altitude / envelope->altitude_step;
+    if (!(position >= 0.0 && position <= (double)top)) {
+        return NAN;
+    }
+    const size_t whole = (size_t)position, index = whole < top ? whole : top - 1;
+    const double below = envelope->ambient_pressure[index], above = envelope->ambient_pressure[index + 1];
+    return below + (position - (double)index) * (above - below);
+}
+
+double ambient_pressure_slope(const Envelope *envelope, double altitude) {
+    const size_t top = envelope->n_altitudes - 1;
+    const double position = altitude / envelope->altitude_step;
+    if (!(position >= 0.0 && position <= (double)top)) {
+        return 0.0;
+    }
+    const size_t whole = (size_t)position, index = whole < top ? whole : top - 1;
+    return (envelope->ambient_pressure[index + 1] - envelope->ambient_pressure[index]) / envelope->altitude_step;
+}
+
+/* Whether a value leaves a range; one that is not known does not. */
+static int leaves(const double *range, double value) {
+    return value < range[0] || value > range[1];
+}
+
+int outside_by_navigation(const Envelope *envelope, const Flow *flow) {
+    const double mach = flow->mach_number;
+    if (leaves(envelope->dynamic_pressure, flow->pressure) || leaves(envelope->mach_number, mach)
+        || leaves(envelope->altitude, flow->altitude)) {
+        return 1;
+    }
+    const double expected = envelope->half_gamma * mach * mach * ambient_pressure(envelope, flow->altitude);
+    const double allowed = envelope->pressure_tolerance * expected + 3.0 * flow->deviation;
+    return fabs(flow->pressure - expected) > allowed;
+}
+
+/* n'C - limit of half-space j. */
+EVERYWHERE double excess_of(const Envelope *envelope, const double *coefficients, size_t j) {
+    const size_t m = envelope->n_half_spaces;
+    double sum = envelope->direction[j] * coefficients[0];
+    for (size_t i = 1; i < N_LOADS; i++) {
+        sum += envelope->direction[i * m + j] * coefficients[i];
+    }
+    return sum - envelope->limit[j];
+}
+
+/* Whether some n'C is above its limit. */
+EVERYWHERE int beyond(const Envelope *envelope, const double *coefficients) {
+    int above = 0;
+    for (size_t j = 0; j < envelope->n_half_spaces; j++) {
+        above |= excess_of(envelope, coefficients, j) > 0.0;
+    }
+    return above;
+}
+
+#if HAS_AVX2
+AVX2 static int beyond_avx2(const Envelope *envelope, const double *coefficients) {
+    return beyond(envelope, coefficients);
+}
+#endif
+
+/* n'K n of half-space j for a symmetric K (5, 5). */
+static double form_of(const Envelope *envelope, size_t j, const double *matrix) {
+    double sum = 0.0;
+    for (size_t i = 0; i < N_LOADS; i++) {
+        double row = 0.0;
+        for (size_t k = 0; k < N_LOADS; k++) {
+            row += matrix[i * N_LOADS + k] * envelope->direction[k * envelope->n_half_spaces + j];
+        }
+        sum += row * envelope->direction[i * envelope->n_half_spaces + j];
+    }
+    return sum;
+}
+
+/* Squares of (n'C - limit) / sigma in place of the variances, 0 for half-spaces that C does not leave. */
+EVERYWHERE void square_scores(const Envelope *envelope, const double *coefficients, double *restrict variance) {
+    for (size_t j = 0; j < envelope->n_half_spaces; j++) {
+        const double excess = excess_of(envelope, coefficients, j), square = excess * excess / variance[j];
+        variance[j] = excess > 0.0 ? square : 0.0;
+    }
+}
+
+#if HAS_AVX2
+AVX2 static void square_scores_avx2(const Envelope *envelope, const double *coefficients, double *variance) {
+    square_scores(envelope, coefficients, variance);
+}
+#endif
+
+double envelope_score(const Envelope *envelope, const HalfSpaces *spaces, int wide, const double *coefficients,
+                      const double *covariance, size_t *worst) {
+    *worst = SIZE_MAX;
+    if (!CHOSEN(wide, beyond)(envelope, coefficients)) {
+        return 0.0;
+    }
+    double entries[N_ENTRIES + 1] = {0.0};
+    size_t at = 0;
+    for (size_t i = 0; i < N_LOADS; i++) {
+        for (size_t k = i; k < N_LOADS; k++) {
+            entries[at++] = covariance[i * N_LOADS + k];
+        }
+    }
+    dense_times(wide, envelope->n_half_spaces, N_ENTRIES, spaces->products, entries, spaces->variance);
+    CHOSEN(wide, square_scores)(envelope, coefficients, spaces->variance);
+    double largest = 0.0;
+    for (size_t j = 0; j < envelope->n_half_spaces; j++) {
+        if (spaces->variance[j] > largest) {
+            largest = spaces->variance[j];
+            *worst = j;
+        }
+    }
+    return sqrt(largest);
+}
+
+double envelope_score_derivative(const Envelope *envelope, size_t worst, double score, const double *covariance,
+                                 const double *d_coefficients, const double *d_covariance) {
+    if (worst == SIZE_MAX) {
+        return 0.0;
+    }
+    double change = 0.0;
+    for (size_t i = 0; i < N_LOADS; i++) {
+        change += envelope->direction[i * envelope->n_half_spaces + worst] * d_coefficients[i];
+    }
+    const double variance = form_of(envelope, worst, covariance);
+    return change / sqrt(variance) - 0.5 * score * form_of(envelope, worst, d_covariance) / variance;
+}

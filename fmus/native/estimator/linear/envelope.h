@@ -1,0 +1,46 @@
+/* Whether an estimate and its flight state are inside what the snapshots of the map cover.
+
+   The C counterpart of strainfmu/estimator/linear/envelope.py. */
+
+#ifndef ENVELOPE_H
+#define ENVELOPE_H
+
+#include "../map/map_resource.h"
+
+/* What is known of the flow in a step. */
+typedef struct {
+    int known;        /* whether the dynamic pressure gives coefficients */
+    double pressure;  /* [Pa] */
+    double deviation; /* of its error [Pa]; 0 where it is not known */
+    double mach_number, altitude; /* [1], [m]; NaN where not known */
+} Flow;
+
+/* p(h) [Pa]; NaN where h is not known or outside the table. */
+double ambient_pressure(const Envelope *envelope, double altitude);
+
+/* Its derivative by the altitude [Pa/m]. */
+double ambient_pressure_slope(const Envelope *envelope, double altitude);
+
+/* Whether dynamic pressure, Mach number or altitude leave their ranges or contradict each other. */
+int outside_by_navigation(const Envelope *envelope, const Flow *flow);
+
+/* What an estimator holds of the half-spaces. */
+typedef struct {
+    double *products; /* (n_half_spaces, 15) n_i n_j, doubled off the diagonal, in panels of dense.h */
+    double *variance; /* (dense_rows(n_half_spaces)) scratch */
+} HalfSpaces;
+
+/* Number of doubles that its arrays take, and handing them out, filled in. */
+size_t half_space_doubles(const Envelope *envelope);
+void half_space_arrays(const Envelope *envelope, HalfSpaces *spaces, double **doubles);
+
+/* The largest (n'C - limit) / sigma over the half-spaces, 0 where C is inside all. Coefficients (5) and their covariance
+   (5, 5) are those at the references of the map. *worst is the half-space, SIZE_MAX for none. wide as for panels.h. */
+double envelope_score(const Envelope *envelope, const HalfSpaces *spaces, int wide, const double *coefficients,
+                      const double *covariance, size_t *worst);
+
+/* Its derivative, where coefficients and covariance change by these. */
+double envelope_score_derivative(const Envelope *envelope, size_t worst, double score, const double *covariance,
+                                 const double *d_coefficients, const double *d_covariance);
+
+#endif

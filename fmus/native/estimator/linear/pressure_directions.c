@@ -1,0 +1,194 @@
+#include "pressure_directions.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "../numerics/lower_triangles.h"
+#include "../numerics/triangles.h"
+
+#define SWEEPS 40
+#define ORTHOGONAL 4e-16 /* |cosine| of two rows that counts as 0 */
+
+/* [L^-1 A, L^-1 N, L^-1] by columns, A the free states; the rows below those of the free states; then scratch of a
+   triangle that is not needed. */
+size_t pressure_directions_doubles(const Map *map) {
+    const size_t n = map->n_gauges;
+    return map->scaled ? n * (map->form.n_free + 2 * n) + 2 * n * n + n * (n + 1) + 2 * N_LOADS * n : 0;
+}
+
+static void whiten(size_t n, const double *inverse, const double *x, size_t stride, double *out) {
+    for (size_t i = 0; i < n; i++) {
+        const double *row = inverse + triangle_column(i);
+        double sum = 0.0;
+        for (size_t j = 0; j <= i; j++) {
+            sum += row[j] * x[j * stride];
+        }
+        out[i] = sum;
+    }
+}
+
+/* Reflect the free states away: `whole` has their triangle and, in its other columns, what is left. */
+static void eliminate_free(AddedNoise *noise, const double *inverse, double *whole) {
+    const Map *file = &noise->original;
+    const size_t n = file->n_gauges, n_free = file->form.n_free;
+    for (size_t c = 0; c < n_free; c++) {
+        whiten(n, inverse, file->state_operator + c * n, 1, whole + c * n);
+    }
+    for (size_t c = 0; c < n; c++) {
+        whiten(n, inverse, file->form.spread + c, n, whole + (n_free + c) * n);
+        double *column = whole + (n_free + n + c) * n;
+        for (size_t i = 0; i < n; i++) {
+            column[i] = i < c ? 0.0 : inverse[triangle_column(i) + c];
+        }
+    }
+    householder_columns(n, n_free, n_free + 2 * n, whole, noise->head);
+}
+
+/* Turn rows (count, 2 n) until their first halves are orthogonal, row to row. */
+static void turn_rows(size_t count, size_t n, double *rows) {
+    for (int sweep = 0; sweep < SWEEPS; sweep++) {
+        double largest = 0.0;
+        for (size_t p = 0; p + 1 < count; p++) {
+            for (size_t q = p + 1; q < count; q++) {
+                double *restrict a = rows + p * 2 * n, *restrict b = rows + q * 2 * n;
+                const double alpha = dot(n, a, a), beta = dot(n, b, b), gamma = dot(n, a, b);
+                const double scale = sqrt(alpha) * sqrt(beta);
+                if (!(fabs(gamma) > ORTHOGONAL * scale)) {
+                    continue;
+                }
+                largest = fabs(gamma) / scale > largest ? fabs(gamma) / scale : largest;
+                const double tau = (beta - alpha) / (2.0 * gamma);
+                const double size = 1.0 / (fabs(tau) + sqrt(1.0 + tau * tau)), t = tau < 0.0 ? -size : size;
+                const double c = 1.0 / sqrt(1.0 + t * t), s = t * c;
+                for (size_t i = 0; i < 2 * n; i++) {
+                    const double kept = a[i];
+                    a[i] = c * kept - s * b[i];
+                    b[i] = s * kept + c * b[i];
+                }
+            }
+        }
+        if (largest <= 8.0 * ORTHOGONAL) {
+            break;
+        }
+    }
+}
+
+/* Rows of loads, five or the further ones, that follow the directions. */
+typedef struct {
+    size_t count;
+    const double *per_state, *spread; /* (n_states, count), (n_gauges, count) */
+    double *of_free, *of_spread;      /* (count, n_gauges) scratch */
+    double *load;                     /* (n_gauges, count) of the directions */
+} LoadRows;
+
+/* Loads of the free directions, and of the columns of the spread less what the free states take of them (5, n). */
+static void split_loads(const Map *file, const double *whole, const LoadRows *rows) {
+    const size_t n = file->n_gauges, n_free = file->form.n_free, count = rows->count;
+    for (size_t i = 0; i < count; i++) {
+        double *row = rows->of_free + i * n;
+        for (size_t c = 0; c < n_free; c++) {
+            row[c] = rows->per_state[count * c + i];
+        }
+        solve_transposed(n, n_free, whole, row);
+        for (size_t c = 0; c < n; c++) {
+            rows->of_spread[i * n + c] = rows->spread[count * c + i] - dot(n_free, row, whole + (n_free + c) * n);
+        }
+        for (size_t c = 0; c < n_free; c++) {
+            rows->load[count * c + i] = row[c];
+        }
+    }
+}
+
+/* Loads of direction a, a turned row, taken out of those of the spread. */
+static void take_direction(const LoadRows *rows, size_t n, size_t a, double unit, const double *row) {
+    for (size_t i = 0; i < rows->count; i++) {
+        double *loads = rows->of_spread + i * n;
+        const double along = unit * dot(n, loads, row);
+        rows->load[rows->count * a + i] = along;
+        for (size_t j = 0; j < n; j++) {
+            loads[j] -= along * unit * row[j];
+        }
+    }
+}
+
+/* The row of the largest first half that is not taken yet, marked by taking its size out. */
+static size_t next_row(size_t count, double *square) {
+    size_t best = 0;
+    for (size_t k = 1; k < count; k++) {
+        best = square[k] > square[best] ? k : best;
+    }
+    return best;
+}
+
+/* Directions, falling by size, of the turned rows; their loads, and the load that no strain shows. */
+static void set_directions(AddedNoise *noise, const double *rows, const LoadRows *five, const LoadRows *further,
+                           double *square) {
+    const Map *file = &noise->original;
+    const size_t n = file->n_gauges, n_free = file->form.n_free, count = n - n_free;
+    for (size_t k = 0; k < count; k++) {
+        square[k] = dot(n, rows + k * 2 * n, rows + k * 2 * n);
+    }
+    for (size_t a = n_free; a < n; a++) {
+        const size_t k = next_row(count, square);
+        const double *row = rows + k * 2 * n;
+        const double root = sqrt(square[k]), unit = root > 0.0 ? 1.0 / root : 1.0;
+        square[k] = -1.0;
+        noise->singular[a] = root;
+        for (size_t j = 0; j < n; j++) {
+            noise->whitening[j * n + a] = row[n + j];
+        }
+        take_direction(five, n, a, unit, row);
+        take_direction(further, n, a, unit, row);
+    }
+    for (size_t i = 0; i < further->count; i++) {
+        const double *left = further->of_spread + i * n;
+        noise->further->own_unseen[i] = noise->further->map.spread_unseen[i] + dot(n, left, left);
+    }
+    for (size_t i = 0; i < N_LOADS; i++) {
+        for (size_t j = 0; j < N_LOADS; j++) {
+            noise->unseen[i * N_LOADS + j] =
+                file->form.spread_unseen[i * N_LOADS + j] + dot(n, five->of_spread + i * n, five->of_spread + j * n);
+        }
+    }
+}
+
+int set_pressure_directions(AddedNoise *noise) {
+    const Map *file = &noise->original;
+    const size_t n = file->n_gauges, n_free = file->form.n_free, triangle = n * (n + 1) / 2;
+    double *whole = noise->large, *rows = whole + n * (n_free + 2 * n), *root = rows + 2 * n * n;
+    double *inverse = root + triangle, *of_free = inverse + triangle, *of_spread = of_free + N_LOADS * n;
+    const double *own = noise->own != NULL ? noise->own : file->form.gauge_covariance;
+    for (size_t k = 0; k < n * n; k++) {
+        noise->square[0][k] = own[k] + noise->added[k];
+    }
+    for (size_t i = 0; i < n; i++) {
+        noise->form_min_precision[i] = file->min_information / noise->square[0][i * n + i];
+    }
+    if (!lower_root(n, noise->square[0], root, inverse)) {
+        return 0;
+    }
+    eliminate_free(noise, inverse, whole);
+    const LoadRows five = {N_LOADS, file->load_per_state, file->form.spread_load, of_free, of_spread, noise->load};
+    LoadRows further = {0};
+    split_loads(file, whole, &five);
+    if (noise->further != NULL) {
+        const FurtherMap *map = &noise->further->map;
+        further = (LoadRows){map->n_loads, map->load_per_state, map->spread_load, noise->further->rows,
+                             noise->further->rows + map->n_loads * n, noise->further->own_load};
+        split_loads(file, whole, &further);
+    }
+    for (size_t a = 0; a < n_free; a++) {
+        noise->singular[a] = 0.0;
+        for (size_t j = 0; j < n; j++) {
+            noise->whitening[j * n + a] = whole[(n_free + n + j) * n + a];
+        }
+    }
+    for (size_t k = 0; k < n - n_free; k++) {
+        for (size_t c = 0; c < 2 * n; c++) {
+            rows[k * 2 * n + c] = whole[(n_free + c) * n + n_free + k];
+        }
+    }
+    turn_rows(n - n_free, n, rows);
+    set_directions(noise, rows, &five, &further, noise->head);
+    return 1;
+}

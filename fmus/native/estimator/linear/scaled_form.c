@@ -1,0 +1,349 @@
+#include "scaled_form.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "../numerics/dense.h"
+#include "../numerics/triangles.h"
+#include "../numerics/wide.h"
+#include "../step_parts.h"
+#include "error_levels.h"
+#include "scaled_suspects.h"
+
+/* Places of the entries of a symmetric (5, 5) matrix, row by row from the diagonal. */
+static const unsigned char ENTRY[15][2] = {{0, 0}, {0, 1}, {0, 2}, {0, 3}, {0, 4}, {1, 1}, {1, 2}, {1, 3},
+                                           {1, 4}, {2, 2}, {2, 3}, {2, 4}, {3, 3}, {3, 4}, {4, 4}};
+
+void set_symmetric(const double *entries, double *matrix) {
+    for (size_t k = 0; k < 15; k++) {
+        matrix[ENTRY[k][0] * N_LOADS + ENTRY[k][1]] = matrix[ENTRY[k][1] * N_LOADS + ENTRY[k][0]] = entries[k];
+    }
+}
+
+static size_t level_doubles(size_t n) {
+    return N_VALUES * dense_columns(N_PAIRS) + 4 * n;
+}
+
+size_t scaled_doubles(const Map *map) {
+    const size_t n = map->n_gauges, whole = dense_rows(n), narrow = narrow_rows(n);
+    const size_t columns = dense_columns(n);
+    const size_t tables = (3 * whole + N_VALUES + ROWS + narrow / 2) * columns + n + 3 * whole;
+    const size_t step = 8 * whole + narrow + narrow + n * (n + 2) + 2 * n + N_LOADS * n;
+    return tables + n * n + 16 * n + step + CACHED_MASKS * CACHED_LEVELS * level_doubles(n) + 8;
+}
+
+size_t scaled_indices(const Map *map) {
+    return map->n_gauges;
+}
+
+static double *taken(double **doubles, size_t count) {
+    double *array = *doubles;
+    *doubles += count;
+    return array;
+}
+
+void scaled_arrays(Estimator *e, double **doubles, size_t **indices) {
+    const size_t n = e->map.n_gauges, columns = dense_columns(n), whole = dense_rows(n), narrow = narrow_rows(n);
+    Scaled *scaled = &e->scaled;
+    ScaledStep *step = &scaled->step;
+    scaled->rows = taken(doubles, whole * columns);
+    scaled->columns = taken(doubles, whole * columns);
+    scaled->square = taken(doubles, whole * columns);
+    scaled->squares = taken(doubles, N_VALUES * columns);
+    scaled->loads = taken(doubles, ROWS * columns);
+    scaled->screen = (float *)(void *)taken(doubles, narrow * columns / 2);
+    scaled->mean = taken(doubles, whole);
+    step->unresolved = taken(doubles, whole);
+    step->weight = taken(doubles, whole);
+    step->spread = taken(doubles, whole);
+    step->w = taken(doubles, whole);
+    step->of_mean = taken(doubles, whole);
+    step->x = taken(doubles, whole);
+    step->scratch[0] = taken(doubles, whole);
+    step->scratch[1] = taken(doubles, whole);
+    step->bound = taken(doubles, narrow);
+    step->narrow = (float *)(void *)taken(doubles, narrow / 2);
+    step->narrow_z = (float *)(void *)taken(doubles, narrow / 2);
+    scaled->size = taken(doubles, n);
+    scaled->own_mean = taken(doubles, whole);
+    scaled->residual = taken(doubles, whole);
+    scaled->work[0] = taken(doubles, n * n);
+    scaled->work[1] = taken(doubles, 16 * n);
+    step->matrix = taken(doubles, n * (n + 2));
+    step->head = taken(doubles, 2 * n);
+    step->growth = taken(doubles, N_LOADS * n);
+    for (size_t k = 0; k < CACHED_MASKS; k++) {
+        for (size_t l = 0; l < CACHED_LEVELS; l++) {
+            Level *level = &e->levels[k].level[l];
+            level->products = taken(doubles, N_VALUES * dense_columns(N_PAIRS));
+            level->inverse = taken(doubles, n);
+            level->slope = taken(doubles, n);
+            level->checked = taken(doubles, n);
+            level->margin = taken(doubles, n);
+        }
+    }
+    step->lost = *indices;
+    *indices += n;
+}
+
+void scaled_prepare(Estimator *e) {
+    const size_t n = e->map.n_gauges;
+    const ScaledForm *form = &e->map.form;
+    Scaled *scaled = &e->scaled;
+    double *scale = scaled->residual;
+    dense_panels(n, n, form->whitening, 1, n, scaled->rows);
+    dense_panels(n, n, form->whitening, n, 1, scaled->columns);
+    for (size_t k = 0; k < dense_rows(n) * dense_columns(n); k++) {
+        scaled->square[k] = scaled->columns[k] * scaled->columns[k];
+    }
+    dense_panels(N_LOADS, n, form->load, 1, N_LOADS, scaled->loads);
+    for (size_t i = 0; i < n; i++) {
+        const double *column = form->whitening + i * n;
+        scaled->size[i] = sqrt(dot(n, column, column));
+        scale[i] = 1.0 / scaled->size[i];
+    }
+    narrow_panels(n, n, form->whitening, n, 1, scale, scaled->screen);
+    for (size_t a = 0; a < n; a++) {
+        const double *load = form->load + N_LOADS * a;
+        for (size_t k = 0; k < N_VALUES; k++) {
+            const double square = k < 15 ? load[ENTRY[k][0]] * load[ENTRY[k][1]] : 0.0;
+            scaled->squares[(k / ROWS) * ROWS * dense_columns(n) + a * ROWS + k % ROWS] = square;
+        }
+    }
+    memcpy(scaled->own_mean, form->mean_strain, n * sizeof *scaled->own_mean);
+    dense_times(0, n, n, scaled->rows, scaled->own_mean, scaled->mean);
+    memset(scaled->residual, 0, n * sizeof *scaled->residual);
+    for (int k = 0; k < CACHED_MASKS; k++) {
+        scaled_forget(e, k);
+    }
+}
+
+void scaled_forget(Estimator *e, int k) {
+    e->levels[k].next = 0;
+    for (size_t l = 0; l < CACHED_LEVELS; l++) {
+        e->levels[k].level[l].ratio = NAN;
+    }
+}
+
+/* u and what follows from it. */
+EVERYWHERE void set_weights(const Estimator *e, ScaledStep *step) {
+    const ScaledForm *form = &e->map.form;
+    const double s = step->ratio;
+    const size_t n = e->map.n_gauges;
+    for (size_t a = 0; a < n; a++) {
+        const double scaled = s * form->singular[a], unresolved = 1.0 / (1.0 + scaled * scaled);
+        step->unresolved[a] = unresolved;
+        step->weight[a] = s * scaled * unresolved;
+        step->spread[a] = s * s * unresolved;
+    }
+    for (size_t a = 0; a < form->n_free; a++) {
+        step->unresolved[a] = 0.0;
+        step->weight[a] = step->spread[a] = 1.0;
+    }
+}
+
+/* V r and V (m - d_0), the residuals of lost gauges being 0. */
+EVERYWHERE void set_residual(Estimator *e, ScaledStep *step) {
+    const size_t n = e->map.n_gauges;
+    const ScaledForm *form = &e->map.form;
+    Scaled *scaled = &e->scaled;
+    for (size_t i = 0; i < n; i++) {
+        scaled->residual[i] = e->strain[i] - (form->fixed_strain[i] + step->ratio * form->mean_strain[i]);
+    }
+    step->n_lost = 0;
+    if (e->masked->n_used == n) {
+        memcpy(step->of_mean, scaled->mean, n * sizeof *step->of_mean);
+    } else {
+        memcpy(scaled->own_mean, form->mean_strain, n * sizeof *scaled->own_mean);
+        for (size_t i = 0; i < n; i++) {
+            if (!e->masked->mask[i]) {
+                scaled->residual[i] = scaled->own_mean[i] = 0.0;
+                step->lost[step->n_lost++] = i;
+            }
+        }
+        dense_times(e->wide, n, n, scaled->rows, scaled->own_mean, step->of_mean);
+    }
+    dense_times(e->wide, n, n, scaled->rows, scaled->residual, step->w);
+}
+
+/* Add V_R times r to a vector of directions. */
+static void add_lost(const Estimator *e, const double *r, double factor, double *vector) {
+    const size_t n = e->map.n_gauges;
+    for (size_t j = 0; j < e->scaled.step.n_lost; j++) {
+        const double *column = e->map.form.whitening + e->scaled.step.lost[j] * n, size = factor * r[j];
+        for (size_t a = 0; a < n; a++) {
+            vector[a] += size * column[a];
+        }
+    }
+}
+
+/* Predict the lost gauges: complete w and of_mean, and set chi-square, x and X. */
+static void predict_lost(Estimator *e, ScaledStep *step) {
+    const size_t n = e->map.n_gauges, n_lost = step->n_lost;
+    const ScaledForm *form = &e->map.form;
+    double *root = step->scratch[0], *of_w = step->matrix + n_lost * n, *of_mean = of_w + n;
+    for (size_t a = 0; a < n; a++) {
+        root[a] = sqrt(step->unresolved[a]);
+        of_w[a] = root[a] * step->w[a];
+        of_mean[a] = root[a] * step->of_mean[a];
+    }
+    memset(step->growth, 0, N_LOADS * n_lost * sizeof *step->growth);
+    for (size_t j = 0; j < n_lost; j++) {
+        const double *column = form->whitening + step->lost[j] * n;
+        for (size_t a = 0; a < n; a++) {
+            step->matrix[j * n + a] = root[a] * column[a];
+            for (size_t i = 0; i < N_LOADS; i++) {
+                step->growth[i * n_lost + j] += step->weight[a] * form->load[N_LOADS * a + i] * column[a];
+            }
+        }
+    }
+    householder_columns(n, n_lost, n_lost + 2, step->matrix, step->head);
+    step->chi_square = dot(n - n_lost, of_w + n_lost, of_w + n_lost);
+    double *whitened = step->scratch[1];
+    memcpy(whitened, of_w, n * sizeof *whitened);
+    memset(whitened, 0, n_lost * sizeof *whitened);
+    householder_back(n, n_lost, step->matrix, step->head, whitened);
+    for (size_t a = 0; a < n; a++) {
+        step->x[a] = root[a] * whitened[a];
+    }
+    solve_triangle(n, n_lost, step->matrix, of_w);
+    solve_triangle(n, n_lost, step->matrix, of_mean);
+    add_lost(e, of_w, -1.0, step->w);
+    add_lost(e, of_mean, -1.0, step->of_mean);
+    for (size_t i = 0; i < N_LOADS; i++) {
+        solve_transposed(n, n_lost, step->matrix, step->growth + i * n_lost);
+    }
+}
+
+/* Loads, their derivative by q_inf, and their covariance but for errors at the current strain. */
+EVERYWHERE void set_loads(Estimator *e, ScaledStep *step) {
+    const size_t n = e->map.n_gauges;
+    const ScaledForm *form = &e->map.form;
+    const double s = step->ratio, nominal = e->map.dynamic_pressure;
+    double loads[ROWS], of_mean[ROWS], squares[N_VALUES];
+    for (size_t a = 0; a < n; a++) {
+        step->scratch[0][a] = step->weight[a] * step->w[a];
+        step->scratch[1][a] = step->weight[a] * step->of_mean[a];
+    }
+    dense_times(e->wide, ROWS, n, e->scaled.loads, step->scratch[0], loads);
+    dense_times(e->wide, ROWS, n, e->scaled.loads, step->scratch[1], of_mean);
+    dense_times(e->wide, N_VALUES, n, e->scaled.squares, step->spread, squares);
+    set_symmetric(squares, step->covariance);
+    for (size_t i = 0; i < N_LOADS; i++) {
+        step->loads[i] = form->fixed_load[i] + s * form->load_of_mean[i] + loads[i];
+        step->per_pressure[i] = (form->load_of_mean[i] - of_mean[i]) / nominal;
+    }
+    for (size_t k = 0; k < N_LOADS * N_LOADS; k++) {
+        step->covariance[k] += s * s * form->unseen[k];
+    }
+    for (size_t i = 0; step->n_lost > 0 && i < N_LOADS; i++) {
+        for (size_t j = 0; j <= i; j++) {
+            const double more =
+                dot(step->n_lost, step->growth + i * step->n_lost, step->growth + j * step->n_lost);
+            step->covariance[i * N_LOADS + j] += more;
+            step->covariance[j * N_LOADS + i] += i == j ? 0.0 : more;
+        }
+    }
+}
+
+/* Errors in proportion to strain at the current one: what they add to covariance and expected chi-square. */
+EVERYWHERE void add_errors(Estimator *e, ScaledStep *step, const Level *low, const Level *high) {
+    const double s = step->ratio;
+    const int freedom = e->map.degrees_of_freedom - (int)step->n_lost;
+    step->expected_ratio = 1.0;
+    step->held = 0;
+    if (!e->map.form.has_errors) {
+        return;
+    }
+    double c[1 + N_LOADS] = {1.0}, scale[N_LOADS], excess[N_VALUES], matrix[N_LOADS * N_LOADS];
+    coefficient_scales(e->flow.pressure, e->map.reference_area, e->map.reference_length, scale);
+    for (size_t i = 0; i < N_LOADS; i++) {
+        c[1 + i] = scale[i] * step->loads[i];
+    }
+    size_t pair = 0;
+    for (size_t a = 0; a < 6; a++) {
+        for (size_t b = a; b < 6; b++, pair++) {
+            step->product[pair] = c[a] * c[b] - e->map.form.mean_product[pair];
+        }
+    }
+    dense_times(e->wide, N_VALUES, N_PAIRS, low->products, step->product, step->low);
+    dense_times(e->wide, N_VALUES, N_PAIRS, high->products, step->product, step->high);
+    for (size_t v = 0; v < N_VALUES; v++) {
+        excess[v] = (1.0 - step->part) * step->low[v] + step->part * step->high[v];
+    }
+    set_symmetric(excess, matrix);
+    for (size_t k = 0; k < N_LOADS * N_LOADS; k++) {
+        step->covariance[k] += s * s * matrix[k];
+    }
+    if (freedom > 0) {
+        const double least = e->map.form.min_expected_ratio;
+        step->expected_ratio = 1.0 + s * s * excess[15] / (double)freedom;
+        step->held = !(step->expected_ratio > least);
+        step->expected_ratio = step->held ? least : step->expected_ratio;
+    }
+}
+
+EVERYWHERE void set_coefficients(Estimator *e, const ScaledStep *step) {
+    const double *scalar = e->input + e->map.n_gauges;
+    const double q = e->flow.pressure, q_std = e->flow.deviation, shift = moment_shift(e);
+    double *output = e->output, per_pressure[N_LOADS], scale[N_LOADS];
+    memcpy(output + LOADS, step->loads, sizeof step->loads);
+    memcpy(per_pressure, step->per_pressure, sizeof per_pressure);
+    move_moments(shift, output + LOADS);
+    move_moments(shift, per_pressure);
+    coefficient_scales(q, scalar[REFERENCE_AREA], scalar[REFERENCE_LENGTH], scale);
+    for (size_t i = 0; i < N_LOADS; i++) {
+        double with_force;
+        const double variance =
+            i < 3 ? step->covariance[i * N_LOADS + i] : moved_variance(step->covariance, i, shift, &with_force);
+        const double of_pressure = per_pressure[i] * q_std, coefficient = scale[i] * output[LOADS + i];
+        const double of_both = (scale[i] * per_pressure[i] - coefficient / q) * q_std;
+        output[LOADS_STD + i] = sqrt(variance + of_pressure * of_pressure);
+        output[COEFFICIENTS + i] = coefficient;
+        output[COEFFICIENTS_STD + i] = sqrt(scale[i] * scale[i] * variance + of_both * of_both);
+    }
+}
+
+/* Inlined with all but what lost gauges need, so that the loops over directions are compiled for AVX2 too. */
+EVERYWHERE void update(Estimator *e) {
+    const Map *map = &e->map;
+    ScaledStep *step = &e->scaled.step;
+    const size_t n = map->n_gauges;
+    double below, above;
+    step->ratio = e->flow.pressure / map->dynamic_pressure;
+    set_weights(e, step);
+    set_residual(e, step);
+    if (step->n_lost > 0) {
+        predict_lost(e, step);
+    } else {
+        for (size_t a = 0; a < n; a++) {
+            step->x[a] = step->unresolved[a] * step->w[a];
+        }
+        step->chi_square = dot(n, step->x, step->w);
+    }
+    set_loads(e, step);
+    enclosing_levels(step->ratio, &below, &above);
+    const Level *low = error_level(e, below, NULL), *high = error_level(e, above, low);
+    step->levels[0] = low;
+    step->levels[1] = high;
+    step->distance = above - below;
+    step->part = (step->ratio - below) / step->distance;
+    add_errors(e, step, low, high);
+    const double limits = e->input[n + ALARM_SCALE] * step->expected_ratio;
+    e->output[CHI_SQUARE] = step->chi_square;
+    e->output[CHI_SQUARE_LIMIT] = map->chi_square_scale * e->masked->chi_square_limit * limits;
+    set_scaled_suspects(e, e->masked->outlier_threshold * sqrt(map->outlier_scale * limits), low, high);
+    const LoadStatistics found = {step->loads, step->covariance, step->per_pressure};
+    set_envelope_score(e, &found);
+    set_coefficients(e, step);
+}
+
+#if HAS_AVX2
+AVX2 static void update_avx2(Estimator *e) {
+    update(e);
+}
+#endif
+
+void scaled_update(Estimator *e) {
+    CHOSEN(e->wide, update)(e);
+}

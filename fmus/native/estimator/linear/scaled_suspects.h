@@ -1,0 +1,12 @@
+/* The gauge that does not fit the others, for maps in form "dynamic_pressure": z = (P r)_i / sqrt(P_ii) at the present
+   pressure ratio. */
+
+#ifndef SCALED_SUSPECTS_H
+#define SCALED_SUSPECTS_H
+
+#include "../estimator.h"
+
+/* As set_suspects; the levels are those around the ratio of the step. */
+void set_scaled_suspects(Estimator *e, double threshold, const Level *low, const Level *high);
+
+#endif

@@ -1,0 +1,18 @@
+/* The gauge that does not fit the others: z of each is its difference from what the others predict for it, in standard
+   deviations. z = z_scale R' w, where w = R r is the whitened residual;
+   strainfmu/estimator/linear/isolation.py derives it. */
+
+#ifndef SUSPECTS_H
+#define SUSPECTS_H
+
+#include "../estimator.h"
+
+/* If some |z| is above the threshold, set the outputs SUSPECT_GAUGE and SUSPECTS: the gauge of the
+   largest |z|, and the number of those from which it cannot be distinguished. whitened, CHI_SQUARE and its limit must
+   be set. */
+void set_suspects(Estimator *e, double threshold);
+
+/* Set the outputs for the gauge in use of that index. */
+void name_suspects(Estimator *e, size_t worst);
+
+#endif

@@ -1,0 +1,112 @@
+#include "flight_further.h"
+
+#include <math.h>
+#include <stdio.h>
+
+#include "../estimator.h"
+#include "../numerics/cholesky.h"
+#include "flight_ambiguity.h"
+
+#define N_FURTHER_SIZES 8
+
+static size_t number_of_doubles(const FlightFurtherMap *map, size_t n) {
+    const size_t m = map->tables.n_rows;
+    return table_doubles(&map->tables) + m * n + m;
+}
+
+int flight_further_parse(const Section *section, const FlightMap *flight, size_t n_gauges, size_t n_loads,
+                         FlightFurtherMap *map, char text[MODEL_TEXT_SIZE]) {
+    const size_t values_at = 4 * N_FURTHER_SIZES;
+    const int has_sizes = section->length >= values_at;
+    map->tables = flight->tables;
+    map->tables.n_rows = n_loads;
+    map->tables.n_channels = has_sizes ? u32_at(section->content, 4) : 0;
+    map->tables.n_terms = has_sizes ? u32_at(section->content, 8) : 0;
+    if (!has_sizes || u32_at(section->content, 0) != n_loads || !sensible_table_sizes(&map->tables)
+        || section->length != values_at + 8 * number_of_doubles(map, n_gauges)) {
+        snprintf(text, MODEL_TEXT_SIZE, "holds tables of further loads whose sizes cannot be");
+        return 0;
+    }
+    const double *values = (const double *)(const void *)(section->content + values_at), *next = values;
+    take_tables(&map->tables, &next);
+    map->strain_covariance = take_doubles(&next, map->tables.n_rows * n_gauges);
+    map->variance = take_doubles(&next, map->tables.n_rows);
+    int good = 1;
+    for (size_t i = 0; i < number_of_doubles(map, n_gauges); i++) {
+        good = good && isfinite(values[i]);
+    }
+    if (!good || !sensible_terms(&map->tables)) {
+        snprintf(text, MODEL_TEXT_SIZE, "holds tables of further loads with a value that cannot be");
+        return 0;
+    }
+    return 1;
+}
+
+size_t flight_further_doubles(const FlightFurtherMap *map, size_t n_gauges) {
+    const size_t m = map->tables.n_rows;
+    return m == 0 ? 0 : flight_tables_doubles(&map->tables) + response_doubles(&map->tables) + m * in_lanes(n_gauges);
+}
+
+void flight_further_arrays(FlightFurther *further, size_t n_gauges, double **doubles) {
+    const TableMap *map = &further->map.tables;
+    if (map->n_rows > 0) {
+        flight_tables_arrays(map, &further->tables, doubles);
+        response_arrays(map, &further->response, doubles);
+        further->turned = *doubles;
+        *doubles += map->n_rows * in_lanes(n_gauges);
+    }
+}
+
+/* Load j at the solution, in the outputs. */
+static void set_load(Estimator *e, size_t j, const PressureErrors *pressure) {
+    const Flight *flight = &e->flight;
+    const FlightSolver *solver = &flight->solver;
+    const double *turned = flight->further.turned + j * solver->n;
+    const double *settings = e->input + e->map.n_gauges, *errors = solver->solution.state_covariance;
+    const int is_moment = e->further.map.is_moment[j] > 0.0;
+    const double reference = flight->map.reference_area * (is_moment ? flight->map.reference_length : 1.0);
+    const double own = settings[REFERENCE_AREA] * (is_moment ? settings[REFERENCE_LENGTH] : 1.0);
+    const double square = solver->factor_pressure * solver->factor_pressure;
+    double by_state[N_STATES], of_coefficient[N_STATES];
+    const double load = flight_corrected(solver, &flight->further.response, j, turned, by_state);
+    const double left = square * flight->further.map.variance[j] - lane_dot(solver->n, turned, turned);
+    const double remaining = left > 0.0 ? left : 0.0; /* of a load that strain tells wholly, rounding leaves less */
+    const double scale = 1.0 / (pressure->dynamic * reference), turn = reference / own;
+    for (size_t k = 0; k < N_STATES; k++) {
+        of_coefficient[k] = scale * by_state[k] - scale * load * pressure->by_state[k];
+    }
+    const double variance = quadratic(N_STATES, by_state, errors, by_state) + remaining;
+    const double of_both = quadratic(N_STATES, of_coefficient, errors, of_coefficient) + scale * scale * remaining;
+    const double *widening = solver->solution.widening + N_STATES;
+    const size_t m = flight->further.map.tables.n_rows;
+    const int is_widened = widening[0] != 0.0;
+    const double of_load = is_widened ? flight_further_widening(widening, j, m) : 1.0;
+    const double of_other = is_widened ? flight_further_widening(widening + N_LOADS, j, m) : 1.0;
+    e->further.value[FURTHER_LOADS][j] = load;
+    e->further.value[FURTHER_LOADS_STD][j] = of_load * sqrt(variance);
+    e->further.value[FURTHER_COEFFICIENTS][j] = turn * (scale * load);
+    e->further.value[FURTHER_COEFFICIENTS_STD][j] = of_other * turn * sqrt(pressure->wider * of_both);
+}
+
+void flight_further_update(Estimator *e) {
+    Flight *flight = &e->flight;
+    const FlightSolver *solver = &flight->solver;
+    const FlightFurtherMap *map = &flight->further.map;
+    const size_t m = map->tables.n_rows;
+    if (flight_filters(e)) {
+        filter_further_update(e);
+        return;
+    }
+    if (e->output[VALID_GAUGES] == 0.0) {
+        for (size_t j = 0; j < N_FURTHER * m; j++) {
+            e->further.value[0][j] = NAN; /* all arrays, which follow each other */
+        }
+        return;
+    }
+    flight_response(&flight->further.tables, solver->wide, solver->state, &flight->further.response);
+    flight_turn(solver, map->strain_covariance, m, flight->further.turned);
+    const PressureErrors pressure = flight_pressure_errors(solver);
+    for (size_t j = 0; j < m; j++) {
+        set_load(e, j, &pressure);
+    }
+}

@@ -1,0 +1,38 @@
+/* Further loads over the flight state: rolling moment and loads of sections by the nonlinear estimator.
+
+   The C counterpart of strainfmu/estimator/manifold/further_estimate.py and tables/further_tables.py. The section of
+   resources/map.bin is written by strainfmu/fmu/resource/flight.py. Of strain off the tables they are those of
+   further_loads.h. */
+
+#ifndef FLIGHT_FURTHER_H
+#define FLIGHT_FURTHER_H
+
+#include "../tables/flight_tables.h"
+
+typedef struct {
+    TableMap tables;                 /* a row per load, on the knots of those of strain; no rows in maps without */
+    const double *strain_covariance; /* (n_loads, n_gauges) per p_inf^2 */
+    const double *variance;          /* (n_loads) per p_inf^2 */
+} FlightFurtherMap;
+
+typedef struct {
+    FlightFurtherMap map;
+    FlightTables tables;
+    Response response;
+    double *turned; /* (n_loads, n) L^-1 of strain_covariance, n_gauges in lanes */
+} FlightFurther;
+
+struct Estimator;
+
+/* Read the section of n_loads loads beside the tables of `flight`. Return 1, or 0 with a text. */
+int flight_further_parse(const Section *section, const FlightMap *flight, size_t n_gauges, size_t n_loads,
+                         FlightFurtherMap *map, char text[MODEL_TEXT_SIZE]);
+
+/* Number of doubles that the arrays take, and handing them out, filled in. */
+size_t flight_further_doubles(const FlightFurtherMap *map, size_t n_gauges);
+void flight_further_arrays(FlightFurther *further, size_t n_gauges, double **doubles);
+
+/* The outputs in estimator->further for the solution of the last update. */
+void flight_further_update(struct Estimator *e);
+
+#endif

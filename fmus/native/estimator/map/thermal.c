@@ -1,0 +1,368 @@
+#include "thermal.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+#include "../numerics/dense.h"
+#include "../numerics/lower_triangles.h"
+#include "../numerics/triangles.h"
+#include "../numerics/wide.h"
+
+#define N_THERMAL_SIZES 8
+#define N_THERMAL_SCALARS 4
+#define MAX_COUNT 4096
+#define ALIGNMENT 64
+
+enum { N_MODES, N_SENSORS, N_POWERS };
+
+static size_t number_of_doubles(const ThermalMap *map, size_t n) {
+    return N_THERMAL_SCALARS + map->n_modes + map->n_sensors + map->n_sensors * map->n_modes + map->n_powers
+         + 2 * n * map->n_modes + 2 * n * n;
+}
+
+static void take_arrays(ThermalMap *map, const double *next, size_t n) {
+    map->reference = *take_doubles(&next, 1);
+    map->largest_rise = *take_doubles(&next, 1);
+    map->gauge_factor_slope = *take_doubles(&next, 1);
+    map->modulus_slope = *take_doubles(&next, 1);
+    map->prior_std = take_doubles(&next, map->n_modes);
+    map->sensor_std = take_doubles(&next, map->n_sensors);
+    map->sensor_operator = take_doubles(&next, map->n_sensors * map->n_modes);
+    map->apparent_strain = take_doubles(&next, map->n_powers);
+    map->mode_strain = take_doubles(&next, n * map->n_modes);
+    map->gauge_operator = take_doubles(&next, n * map->n_modes);
+    map->isothermal = take_doubles(&next, n * n);
+    map->scaled = take_doubles(&next, n * n);
+}
+
+static int sensible_values(const ThermalMap *map, const double *values, size_t n) {
+    int good = map->largest_rise > 0.0;
+    for (size_t i = 0; i < number_of_doubles(map, n); i++) {
+        good = good && isfinite(values[i]);
+    }
+    for (size_t i = 0; i < map->n_modes + map->n_sensors; i++) { /* one array follows the other */
+        good = good && map->prior_std[i] > 0.0;
+    }
+    for (size_t i = 0; i < n; i++) {
+        good = good && map->isothermal[i * n + i] > 0.0;
+    }
+    return good;
+}
+
+static int parse(const Section *section, size_t n, ThermalMap *map, char *text) {
+    const size_t values_at = 4 * N_THERMAL_SIZES;
+    int good = section->length >= values_at;
+    if (good) {
+        map->n_modes = u32_at(section->content, 4 * N_MODES);
+        map->n_sensors = u32_at(section->content, 4 * N_SENSORS);
+        map->n_powers = u32_at(section->content, 4 * N_POWERS);
+        good = map->n_modes >= 1 && map->n_modes <= MAX_COUNT && map->n_sensors <= MAX_COUNT
+            && map->n_powers <= MAX_COUNT && section->length == values_at + 8 * number_of_doubles(map, n);
+    }
+    if (!good) {
+        snprintf(text, MODEL_TEXT_SIZE, "holds temperature modes whose sizes cannot be");
+        return 0;
+    }
+    const double *values = (const double *)(const void *)(section->content + values_at);
+    take_arrays(map, values, n);
+    if (!sensible_values(map, values, n)) {
+        snprintf(text, MODEL_TEXT_SIZE, "holds temperature modes with a value that cannot be");
+        return 0;
+    }
+    return 1;
+}
+
+/* Scratch of thermal_renew: C diag(s) / std of the known sensors, the root of what is left of the amplitudes, that of
+   their information and its inverse, then strain by whitened amplitudes. */
+static size_t scratch_doubles(const ThermalMap *map, size_t n) {
+    const size_t k = map->n_modes;
+    return map->n_sensors * k + k * k + k * (k + 1) + n * k + 2 * n * map->n_sensors
+         + dense_columns(map->n_sensors) + ROWS;
+}
+
+int thermal_create(const Section *section, size_t n_gauges, int wide, Thermal *thermal, char text[MODEL_TEXT_SIZE]) {
+    ThermalMap *map = &thermal->map;
+    if (section->content == NULL) {
+        return 1;
+    }
+    if (!parse(section, n_gauges, map, text)) {
+        return 0;
+    }
+    const size_t rows = dense_rows(2 * n_gauges), columns = dense_columns(map->n_sensors), square = n_gauges * n_gauges;
+    const size_t k = map->n_modes, of_amplitudes = 2 * k * k + k * map->n_sensors;
+    const size_t count = rows * columns + 2 * square + columns + rows + 2 * n_gauges + of_amplitudes
+                       + scratch_doubles(map, n_gauges);
+    thermal->memory = calloc(1, ALIGNMENT + count * sizeof(double) + map->n_sensors);
+    if (thermal->memory == NULL) {
+        snprintf(text, MODEL_TEXT_SIZE, "needs more memory than there is");
+        return 0;
+    }
+    unsigned char *start = thermal->memory;
+    thermal->gain = (double *)(void *)(start + (ALIGNMENT - (uintptr_t)start % ALIGNMENT));
+    thermal->own = thermal->gain + rows * columns;
+    thermal->noise = thermal->own + square;
+    thermal->rise = thermal->noise + square;
+    thermal->of_gauge = thermal->rise + columns;
+    thermal->factor = thermal->of_gauge + rows;
+    thermal->offset = thermal->factor + n_gauges;
+    thermal->information = thermal->offset + n_gauges;
+    thermal->spread = thermal->information + k * k;
+    thermal->amplitude = thermal->spread + k * k;
+    thermal->scratch = thermal->amplitude + k * map->n_sensors;
+    thermal->known = (unsigned char *)(thermal->gain + count);
+    thermal->present = 1;
+    thermal->wide = wide;
+    thermal->n_gauges = n_gauges;
+    thermal_renew(thermal);
+    return 1;
+}
+
+void thermal_free(Thermal *thermal) {
+    free(thermal->memory);
+}
+
+int thermal_read(Thermal *thermal, const double *temperature) {
+    const ThermalMap *map = &thermal->map;
+    int changed = 0, moved = 0;
+    for (size_t t = 0; t < map->n_sensors; t++) {
+        const double above = temperature[t] - map->reference;
+        const unsigned char known = fabs(above) <= map->largest_rise; /* 0 for NaN */
+        const double rise = known ? above : 0.0;
+        changed |= known != thermal->known[t];
+        moved |= rise != thermal->rise[t];
+        thermal->known[t] = known;
+        thermal->rise[t] = rise;
+    }
+    thermal->outdated |= changed | moved;
+    return changed;
+}
+
+/* Amplitudes per rise of the known sensors (n_modes, n_sensors), and in `left` (n_modes, n_modes) the root of what they
+   leave of the amplitudes: by whitened amplitudes A = R^-1/2 C diag(s), left = diag(s) L'^-1 with I + A' A = L L'. */
+static void set_amplitudes(Thermal *thermal, double *seen, double *left, double *root, double *amplitude) {
+    const ThermalMap *map = &thermal->map;
+    const size_t k = map->n_modes, n_t = map->n_sensors;
+    double *inverse = root + k * (k + 1) / 2, *information = thermal->information;
+    for (size_t t = 0; t < n_t; t++) {
+        for (size_t a = 0; a < k; a++) {
+            const double size = map->sensor_operator[t * k + a] * map->prior_std[a] / map->sensor_std[t];
+            seen[t * k + a] = thermal->known[t] ? size : 0.0;
+        }
+    }
+    for (size_t a = 0; a < k; a++) {
+        for (size_t b = 0; b <= a; b++) {
+            double sum = a == b ? 1.0 : 0.0;
+            for (size_t t = 0; t < n_t; t++) {
+                sum += seen[t * k + a] * seen[t * k + b];
+            }
+            information[a * k + b] = information[b * k + a] = sum;
+        }
+    }
+    lower_root(k, information, root, inverse); /* of 1 and a sum of squares: always one */
+    for (size_t t = 0; t < n_t; t++) { /* L^-1 A' in place of A */
+        double *row = seen + t * k;
+        for (size_t a = k; a-- > 0;) {
+            row[a] = dot(a + 1, inverse + triangle_column(a), row);
+        }
+    }
+    for (size_t a = 0; a < k; a++) {
+        for (size_t b = 0; b < k; b++) {
+            left[a * k + b] = b < a ? 0.0 : map->prior_std[a] * inverse[triangle_column(b) + a];
+        }
+        for (size_t t = 0; t < n_t; t++) {
+            amplitude[a * n_t + t] = dot(k, left + a * k, seen + t * k) / map->sensor_std[t];
+        }
+    }
+    for (size_t a = 0; a < k; a++) {
+        for (size_t b = 0; b < k; b++) {
+            thermal->spread[a * k + b] = dot(k, left + a * k, left + b * k) / (map->prior_std[a] * map->prior_std[b]);
+        }
+    }
+}
+
+/* The covariances: isothermal, and what the sensors leave of the modes. */
+static void set_covariances(Thermal *thermal, const double *left, double *strain) {
+    const ThermalMap *map = &thermal->map;
+    const size_t k = map->n_modes, n = thermal->n_gauges;
+    const double first = map->n_powers > 0 ? map->apparent_strain[0] : 0.0;
+    for (size_t i = 0; i < n; i++) {
+        for (size_t b = 0; b < k; b++) {
+            double sum = 0.0;
+            for (size_t a = 0; a < k; a++) {
+                sum += (map->mode_strain[i * k + a] + first * map->gauge_operator[i * k + a]) * left[a * k + b];
+            }
+            strain[i * k + b] = sum;
+        }
+    }
+    for (size_t i = 0; i < n; i++) {
+        for (size_t j = 0; j <= i; j++) {
+            const double of_modes = dot(k, strain + i * k, strain + j * k);
+            thermal->own[i * n + j] = map->isothermal[i * n + j] + of_modes;
+            thermal->own[j * n + i] = map->isothermal[j * n + i] + of_modes;
+        }
+    }
+    for (size_t i = 0; i < n * n; i++) {
+        thermal->noise[i] = thermal->own[i] + map->scaled[i];
+    }
+}
+
+void thermal_renew(Thermal *thermal) {
+    const ThermalMap *map = &thermal->map;
+    const size_t k = map->n_modes, n_t = map->n_sensors, n = thermal->n_gauges;
+    double *seen = thermal->scratch, *left = seen + n_t * k, *root = left + k * k;
+    double *strain = root + k * (k + 1), *gain = strain + n * k, *amplitude = thermal->amplitude;
+    thermal->some = 0;
+    for (size_t t = 0; t < n_t; t++) {
+        thermal->some |= thermal->known[t];
+    }
+    set_amplitudes(thermal, seen, left, root, amplitude);
+    if (!thermal->some) {
+        return;
+    }
+    set_covariances(thermal, left, strain);
+    for (size_t i = 0; i < n; i++) {
+        for (size_t t = 0; t < n_t; t++) {
+            double of_strain = 0.0, of_rise = 0.0;
+            for (size_t a = 0; a < k; a++) {
+                of_strain += map->mode_strain[i * k + a] * amplitude[a * n_t + t];
+                of_rise += map->gauge_operator[i * k + a] * amplitude[a * n_t + t];
+            }
+            gain[i * n_t + t] = of_strain;
+            gain[(n + i) * n_t + t] = of_rise;
+        }
+    }
+    dense_panels(2 * n, n_t, gain, n_t, 1, thermal->gain);
+}
+
+void thermal_tell(const Thermal *thermal, double *amplitude, double *known) {
+    const size_t n_t = thermal->map.n_sensors;
+    for (size_t a = 0; a < thermal->map.n_modes; a++) {
+        double sum = 0.0;
+        for (size_t t = 0; t < n_t; t++) {
+            sum += thermal->amplitude[a * n_t + t] * thermal->rise[t];
+        }
+        amplitude[a] = sum;
+    }
+    for (size_t t = 0; t < n_t; t++) {
+        known[t] = thermal->known[t];
+    }
+}
+
+void thermal_add_left(const Thermal *thermal, size_t mode, double part, double *row) {
+    const size_t k = thermal->map.n_modes;
+    const double *std = thermal->map.prior_std;
+    for (size_t j = 0; j < k; j++) {
+        row[j] += part * std[mode] * thermal->spread[mode * k + j] * std[j];
+    }
+}
+
+/* What the data sheet says of a rise, and its slope. */
+static double apparent(const ThermalMap *map, double rise, double *slope) {
+    double sum = 0.0;
+    *slope = 0.0;
+    for (size_t power = map->n_powers; power-- > 0;) {
+        *slope = *slope * rise + (sum + map->apparent_strain[power]);
+        sum = (sum + map->apparent_strain[power]) * rise;
+    }
+    return sum;
+}
+
+/* Factors and offsets of all gauges for their rise and strain. */
+EVERYWHERE void set_factors(size_t n, size_t n_powers, const double *restrict powers, double gauge_factor, double modulus,
+                            const double *restrict strain, const double *restrict rise, double *restrict factor,
+                            double *restrict offset) {
+    for (size_t i = 0; i < n; i++) {
+        offset[i] = 0.0;
+    }
+    for (size_t power = n_powers; power-- > 0;) {
+        const double coefficient = powers[power];
+        for (size_t i = 0; i < n; i++) {
+            offset[i] = (offset[i] + coefficient) * rise[i];
+        }
+    }
+    for (size_t i = 0; i < n; i++) {
+        const double stiffness = 1.0 + modulus * rise[i];
+        offset[i] = (strain[i] + offset[i]) * stiffness;
+        factor[i] = stiffness / (1.0 + gauge_factor * rise[i]);
+    }
+}
+
+#if HAS_AVX2
+AVX2 static void set_factors_avx2(size_t n, size_t n_powers, const double *powers, double gauge_factor, double modulus,
+                                  const double *strain, const double *rise, double *factor, double *offset) {
+    set_factors(n, n_powers, powers, gauge_factor, modulus, strain, rise, factor, offset);
+}
+#endif
+
+static void follow(Thermal *thermal) {
+    const ThermalMap *map = &thermal->map;
+    const size_t n = thermal->n_gauges;
+    if (!thermal->outdated) {
+        return;
+    }
+    dense_times(thermal->wide, 2 * n, map->n_sensors, thermal->gain, thermal->rise, thermal->of_gauge);
+    CHOSEN(thermal->wide, set_factors)(n, map->n_powers, map->apparent_strain, map->gauge_factor_slope,
+                                       map->modulus_slope, thermal->of_gauge, thermal->of_gauge + n, thermal->factor,
+                                       thermal->offset);
+    thermal->outdated = 0;
+}
+
+void thermal_correct(Thermal *thermal, double *restrict strain) {
+    if (!thermal->some) {
+        return;
+    }
+    follow(thermal);
+    const double *restrict factor = thermal->factor, *restrict offset = thermal->offset;
+    for (size_t i = 0; i < thermal->n_gauges; i++) {
+        strain[i] = strain[i] * factor[i] - offset[i];
+    }
+}
+
+void thermal_correct_about(Thermal *thermal, const double *amplitude, const double *errors, double *restrict strain) {
+    const ThermalMap *map = &thermal->map;
+    const size_t n = thermal->n_gauges, k = map->n_modes;
+    const double first = map->n_powers > 0 ? map->apparent_strain[0] : 0.0;
+    double *of_strain = thermal->of_gauge, *of_rise = of_strain + n;
+    for (size_t i = 0; i < n; i++) {
+        of_strain[i] = of_rise[i] = 0.0;
+        for (size_t a = 0; a < k; a++) {
+            of_strain[i] += map->mode_strain[i * k + a] * (amplitude[a] + errors[a]);
+            of_rise[i] += map->gauge_operator[i * k + a] * (amplitude[a] + errors[a]);
+        }
+    }
+    CHOSEN(thermal->wide, set_factors)(n, map->n_powers, map->apparent_strain, map->gauge_factor_slope,
+                                       map->modulus_slope, of_strain, of_rise, thermal->factor, thermal->offset);
+    thermal->outdated = 1; /* they are no longer those of the sensors */
+    for (size_t i = 0; i < n; i++) {
+        double of_errors = 0.0;
+        for (size_t a = 0; a < k; a++) {
+            of_errors += (map->mode_strain[i * k + a] + first * map->gauge_operator[i * k + a]) * errors[a];
+        }
+        strain[i] = strain[i] * thermal->factor[i] - thermal->offset[i] + of_errors;
+    }
+}
+
+void thermal_derive(Thermal *thermal, const double *strain, const double *d_temperature, double *d_strain) {
+    const ThermalMap *map = &thermal->map;
+    const size_t n = thermal->n_gauges, n_t = map->n_sensors;
+    double *d_rise = thermal->scratch, *d_gauge = d_rise + dense_columns(n_t);
+    if (!thermal->some) {
+        return;
+    }
+    follow(thermal);
+    memset(d_rise, 0, dense_columns(n_t) * sizeof *d_rise);
+    for (size_t t = 0; t < n_t; t++) {
+        d_rise[t] = thermal->known[t] ? d_temperature[t] : 0.0;
+    }
+    dense_times(thermal->wide, 2 * n, n_t, thermal->gain, d_rise, d_gauge);
+    for (size_t i = 0; i < n; i++) {
+        const double rise = thermal->of_gauge[n + i], d = d_gauge[n + i];
+        double slope;
+        const double off = thermal->of_gauge[i] + apparent(map, rise, &slope);
+        const double sensitivity = 1.0 + map->gauge_factor_slope * rise, stiffness = 1.0 + map->modulus_slope * rise;
+        const double d_factor = (map->modulus_slope - map->gauge_factor_slope) * d / (sensitivity * sensitivity);
+        const double d_offset = (d_gauge[i] + slope * d) * stiffness + off * map->modulus_slope * d;
+        d_strain[i] = d_strain[i] * thermal->factor[i] + strain[i] * d_factor - d_offset;
+    }
+}

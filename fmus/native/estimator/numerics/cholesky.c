@@ -1,0 +1,304 @@
+#include "cholesky.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "blocks.h"
+
+#define MAX_SMALL 5
+
+/* Rows of a column: x -= sum over LANES columns, `stride` apart, each times its factor. */
+EVERYWHERE void subtract_columns(size_t first, size_t n, const double *restrict columns, size_t stride,
+                                 const double *factor, double *restrict x) {
+    const double *restrict c0 = columns, *restrict c1 = c0 + stride, *restrict c2 = c1 + stride,
+                           *restrict c3 = c2 + stride;
+    const double f0 = factor[0], f1 = factor[1], f2 = factor[2], f3 = factor[3];
+    for (size_t i = first; i < n; i += LANES) {
+        for (size_t r = i; r < i + LANES; r++) {
+            x[r] -= (f0 * c0[r] + f1 * c1[r]) + (f2 * c2[r] + f3 * c3[r]);
+        }
+    }
+}
+
+/* The same for two of them at once, which takes fewer loads: the same sums. */
+EVERYWHERE void subtract_columns_twice(size_t first, size_t n, const double *restrict columns, size_t stride,
+                                       const double *f, const double *g, double *restrict x, double *restrict y) {
+    const double *restrict c0 = columns, *restrict c1 = c0 + stride, *restrict c2 = c1 + stride,
+                           *restrict c3 = c2 + stride;
+    const double f0 = f[0], f1 = f[1], f2 = f[2], f3 = f[3], g0 = g[0], g1 = g[1], g2 = g[2], g3 = g[3];
+    for (size_t i = first; i < n; i += LANES) {
+        for (size_t r = i; r < i + LANES; r++) {
+            x[r] -= (f0 * c0[r] + f1 * c1[r]) + (f2 * c2[r] + f3 * c3[r]);
+            y[r] -= (g0 * c0[r] + g1 * c1[r]) + (g2 * c2[r] + g3 * c3[r]);
+        }
+    }
+}
+
+/* LANES columns of L from k on, of a matrix from which the columns before them have been subtracted. The divisions wait
+   for each other, roots do not: L D L' first, then times the roots of D. */
+EVERYWHERE void decompose(size_t n, size_t row, size_t k, double *restrict a) {
+    double *restrict c0 = a + k * row, *restrict c1 = c0 + row, *restrict c2 = c1 + row, *restrict c3 = c2 + row;
+    const double d0 = 1.0 / c0[k], f01 = c0[k + 1] * d0, f02 = c0[k + 2] * d0, f03 = c0[k + 3] * d0;
+    const double d1 = 1.0 / (c1[k + 1] - f01 * c0[k + 1]);
+    const double u12 = c1[k + 2] - f01 * c0[k + 2], u13 = c1[k + 3] - f01 * c0[k + 3], f12 = u12 * d1, f13 = u13 * d1;
+    const double d2 = 1.0 / (c2[k + 2] - f02 * c0[k + 2] - f12 * u12);
+    const double u23 = c2[k + 3] - f02 * c0[k + 3] - f12 * u13, f23 = u23 * d2;
+    const double d3 = 1.0 / (c3[k + 3] - f03 * c0[k + 3] - f13 * u13 - f23 * u23);
+    const double s0 = sqrt(d0), s1 = sqrt(d1), s2 = sqrt(d2), s3 = sqrt(d3);
+    for (size_t i = k; i < n; i += LANES) {
+        for (size_t r = i; r < i + LANES; r++) {
+            const double x0 = c0[r], x1 = c1[r] - f01 * x0, x2 = c2[r] - f02 * x0 - f12 * x1;
+            const double x3 = c3[r] - f03 * x0 - f13 * x1 - f23 * x2;
+            c0[r] = x0 * s0;
+            c1[r] = x1 * s1;
+            c2[r] = x2 * s2;
+            c3[r] = x3 * s3;
+        }
+    }
+}
+
+/* Elements k to k + LANES of L^-1 x, where the LANES rows above have been subtracted. */
+EVERYWHERE void solve_block(size_t n, const double *restrict lower, size_t k, double *restrict x) {
+    for (size_t c = k; c < k + LANES; c++) {
+        for (size_t b = k; b < c; b++) {
+            x[c] -= lower[b * n + c] * x[b];
+        }
+        x[c] /= lower[c * n + c];
+    }
+}
+
+EVERYWHERE void forward(size_t n, const double *restrict lower, size_t count, double *restrict x) {
+    for (size_t k = 0; k < n; k += LANES) {
+        for (size_t v = 0; v < count; v++) {
+            solve_block(n, lower, k, x + v * n);
+        }
+        size_t v = 0;
+        for (; v + 2 <= count; v += 2) {
+            double f[LANES], g[LANES], *first = x + v * n, *second = first + n;
+            memcpy(f, first + k, sizeof f);
+            memcpy(g, second + k, sizeof g);
+            subtract_columns_twice(k + LANES, n, lower + k * n, n, f, g, first, second);
+        }
+        for (; v < count; v++) {
+            double factor[LANES];
+            memcpy(factor, x + v * n + k, sizeof factor);
+            subtract_columns(k + LANES, n, lower + k * n, n, factor, x + v * n);
+        }
+    }
+}
+
+/* Elements k to k + LANES of L'^-1 x, where all below are solved. */
+EVERYWHERE void solve_block_back(size_t n, const double *restrict lower, size_t k, double *restrict x) {
+    for (size_t c = k + LANES; c-- > k;) {
+        const double *restrict column = lower + c * n;
+        double sum[LANES] = {0.0}, rest = x[c];
+        for (size_t i = k + LANES; i < n; i += LANES) {
+            for (size_t r = 0; r < LANES; r++) {
+                sum[r] += column[i + r] * x[i + r];
+            }
+        }
+        for (size_t b = c + 1; b < k + LANES; b++) {
+            rest -= column[b] * x[b];
+        }
+        x[c] = (rest - ((sum[0] + sum[1]) + (sum[2] + sum[3]))) / column[c];
+    }
+}
+
+EVERYWHERE void backward(size_t n, const double *restrict lower, size_t count, double *restrict x) {
+    for (size_t k = n; k > 0; k -= LANES) {
+        for (size_t v = 0; v < count; v++) {
+            solve_block_back(n, lower, k - LANES, x + v * n);
+        }
+    }
+}
+
+/* L^-1 (LANES, LANES) of the diagonal's LANES from k on. */
+static void invert_diagonal(size_t row, const double *restrict lower, size_t k, double small[LANES][LANES]) {
+    for (size_t c = 0; c < LANES; c++) {
+        const double scale = 1.0 / lower[(k + c) * row + k + c];
+        for (size_t j = 0; j < LANES; j++) {
+            double sum = j == c ? 1.0 : 0.0;
+            for (size_t b = 0; b < c; b++) {
+                sum -= lower[(k + b) * row + k + c] * small[b][j];
+            }
+            small[c][j] = j <= c ? sum * scale : 0.0;
+        }
+    }
+}
+
+EVERYWHERE void back(size_t n, const double *restrict inverse, const double *restrict x, double *restrict y,
+                     double *restrict squares) {
+    for (size_t j = 0; j < n; j += LANES) {
+        double sum[N_TURNED][LANES] = {{0.0}}, square[LANES] = {0.0};
+        for (size_t i = j; i < n; i++) {
+            const double *restrict row = inverse + i * n + j;
+            for (size_t r = 0; r < LANES; r++) {
+                square[r] += row[r] * row[r];
+            }
+            for (size_t v = 0; v < N_TURNED; v++) {
+                for (size_t r = 0; r < LANES; r++) {
+                    sum[v][r] += row[r] * x[v * n + i];
+                }
+            }
+        }
+        for (size_t r = 0; r < LANES; r++) {
+            squares[j + r] = square[r];
+            for (size_t v = 0; v < N_TURNED; v++) {
+                y[v * n + j + r] = sum[v][r];
+            }
+        }
+    }
+}
+
+/* y = M x of a lower triangular matrix, LANES rows at once: their sums do not wait for each other. */
+EVERYWHERE void times(size_t n, const double *restrict lower, const double *restrict x, double *restrict y) {
+    for (size_t i = 0; i < n; i += LANES) {
+        const double *restrict rows = lower + i * n;
+        double sum[LANES][LANES] = {{0.0}};
+        for (size_t j = 0; j <= i; j += LANES) {
+            for (size_t c = 0; c < LANES; c++) {
+                for (size_t r = 0; r < LANES; r++) {
+                    sum[c][r] += rows[c * n + j + r] * x[j + r];
+                }
+            }
+        }
+        for (size_t c = 0; c < LANES; c++) {
+            y[i + c] = (sum[c][0] + sum[c][1]) + (sum[c][2] + sum[c][3]);
+        }
+    }
+}
+
+#if HAS_AVX2
+AVX2 static void decompose_avx2(size_t n, size_t row, size_t k, double *matrix) {
+    decompose(n, row, k, matrix);
+}
+
+AVX2 static void forward_avx2(size_t n, const double *lower, size_t count, double *x) {
+    forward(n, lower, count, x);
+}
+
+AVX2 static void backward_avx2(size_t n, const double *lower, size_t count, double *x) {
+    backward(n, lower, count, x);
+}
+
+AVX2 static void back_avx2(size_t n, const double *inverse, const double *x, double *y, double *squares) {
+    back(n, inverse, x, y, squares);
+}
+
+AVX2 static void times_avx2(size_t n, const double *lower, const double *x, double *y) {
+    times(n, lower, x, y);
+}
+#endif
+
+void cholesky(int wide, size_t n, size_t row, double *matrix) {
+    for (size_t k = 0; k < n; k += LANES) {
+        subtract_product(wide, LANES, k, n - k, (Strided){matrix + k, 1, row}, matrix + k, row, matrix + k * row + k,
+                         row);
+        CHOSEN(wide, decompose)(n, row, k, matrix);
+    }
+}
+
+void solve_lower(int wide, size_t n, const double *lower, size_t count, double *x) {
+    CHOSEN(wide, forward)(n, lower, count, x);
+}
+
+void solve_upper(int wide, size_t n, const double *lower, size_t count, double *x) {
+    CHOSEN(wide, backward)(n, lower, count, x);
+}
+
+void invert_lower(int wide, size_t n, const double *lower, double *scratch, double *inverse) {
+    for (size_t k = 0; k < n; k += LANES) {
+        double small[LANES][LANES], turned[LANES * LANES], *rows = inverse + k * n;
+        invert_diagonal(n, lower, k, small);
+        multiply(wide, LOWER, LANES, k, k, (Strided){lower + k, 1, n}, inverse, n, scratch, n);
+        for (size_t c = 0; c < LANES; c++) { /* and zeros as far as the widest block of a product reads */
+            for (size_t j = 0; j < LANES; j++) {
+                turned[c * LANES + j] = -small[c][j];
+            }
+            memcpy(rows + c * n + k, small[c], sizeof small[c]);
+            memset(rows + c * n + k + LANES, 0, k + LANES < n ? sizeof small[c] : 0);
+        }
+        multiply(wide, FULL, LANES, LANES, k, by_rows(turned, LANES), scratch, n, rows, n);
+    }
+}
+
+void invert_diagonals(size_t n, size_t row, const double *lower, double *diagonals) {
+    for (size_t k = 0; k < n; k += LANES) {
+        double small[LANES][LANES];
+        invert_diagonal(row, lower, k, small);
+        memcpy(diagonals + k * LANES, small, sizeof small);
+    }
+}
+
+/* LANES rows of x, (LANES, N_COLUMNS), times L^-1 (LANES, LANES) or its transpose. */
+static void turn_rows(int wide, Strided small, double *x) {
+    double before[LANES * N_COLUMNS];
+    memcpy(before, x, sizeof before);
+    multiply(wide, FULL, LANES, LANES, N_COLUMNS, small, before, N_COLUMNS, x, N_COLUMNS);
+}
+
+void solve_lower_columns(int wide, size_t n, size_t row, const double *lower, const double *diagonals, double *x) {
+    for (size_t k = 0; k < n; k += LANES) {
+        subtract_product(wide, LANES, k, N_COLUMNS, (Strided){lower + k, 1, row}, x, N_COLUMNS, x + k * N_COLUMNS,
+                         N_COLUMNS);
+        turn_rows(wide, by_rows(diagonals + k * LANES, LANES), x + k * N_COLUMNS);
+    }
+}
+
+void solve_upper_columns(int wide, size_t n, size_t row, const double *lower, const double *diagonals, double *x) {
+    for (size_t k = n; k > 0; k -= LANES) {
+        const size_t first = k - LANES;
+        subtract_product(wide, LANES, n - k, N_COLUMNS, (Strided){lower + first * row + k, row, 1}, x + k * N_COLUMNS,
+                         N_COLUMNS, x + first * N_COLUMNS, N_COLUMNS);
+        turn_rows(wide, (Strided){diagonals + first * LANES, 1, LANES}, x + first * N_COLUMNS);
+    }
+}
+
+void turn_back(int wide, size_t n, const double *inverse, const double *x, double *y, double *squares) {
+    CHOSEN(wide, back)(n, inverse, x, y, squares);
+}
+
+void times_lower(int wide, size_t n, const double *lower, const double *x, double *y) {
+    CHOSEN(wide, times)(n, lower, x, y);
+}
+
+double lane_dot(size_t n, const double *restrict x, const double *restrict y) {
+    double sum[LANES] = {0.0};
+    for (size_t i = 0; i < n; i += LANES) {
+        for (size_t r = 0; r < LANES; r++) {
+            sum[r] += x[i + r] * y[i + r];
+        }
+    }
+    return (sum[0] + sum[1]) + (sum[2] + sum[3]);
+}
+
+void invert_small(size_t order, const double *matrix, double *inverse) {
+    double lower[MAX_SMALL][MAX_SMALL] = {{0.0}}, of_unit[MAX_SMALL][MAX_SMALL] = {{0.0}};
+    for (size_t i = 0; i < order; i++) {
+        for (size_t j = 0; j <= i; j++) {
+            double rest = matrix[i * order + j];
+            for (size_t k = 0; k < j; k++) {
+                rest -= lower[i][k] * lower[j][k];
+            }
+            lower[i][j] = i == j ? sqrt(rest) : rest / lower[j][j];
+        }
+    }
+    for (size_t j = 0; j < order; j++) {
+        for (size_t i = j; i < order; i++) {
+            double rest = i == j ? 1.0 : 0.0;
+            for (size_t k = j; k < i; k++) {
+                rest -= lower[i][k] * of_unit[k][j];
+            }
+            of_unit[i][j] = rest / lower[i][i];
+        }
+    }
+    for (size_t i = 0; i < order; i++) {
+        for (size_t j = 0; j < order; j++) {
+            double sum = 0.0;
+            for (size_t k = i > j ? i : j; k < order; k++) {
+                sum += of_unit[k][i] * of_unit[k][j];
+            }
+            inverse[i * order + j] = sum;
+        }
+    }
+}

@@ -1,0 +1,270 @@
+#include "flight_tables.h"
+
+#include <math.h>
+
+#include "../../core/elementary.h"
+#include "../map/map_resource.h"
+#include "../numerics/wide.h"
+
+static double *taken(double **doubles, size_t count) {
+    double *array = *doubles;
+    *doubles += count;
+    return array;
+}
+
+static size_t cells_of(const TableMap *map) {
+    return (map->n_mach + 2) * (map->n_incidence + 2);
+}
+
+size_t flight_cell_doubles(const TableMap *map) {
+    return cells_of(map) * map->n_channels * in_lanes(map->n_harmonics);
+}
+
+size_t flight_tables_doubles(const TableMap *map) {
+    const size_t harmonics = in_lanes(map->n_harmonics), width = map->n_channels * harmonics;
+    return (cells_of(map) + 3) * width + (2 * map->n_terms + 6) * harmonics;
+}
+
+void flight_tables_arrays(const TableMap *map, FlightTables *tables, double **doubles) {
+    const size_t m = map->n_harmonics, harmonics = in_lanes(m);
+    tables->map = map;
+    tables->harmonics = harmonics;
+    tables->width = map->n_channels * harmonics;
+    tables->cells = taken(doubles, cells_of(map) * tables->width);
+    for (size_t k = 0; map->table != NULL && k < cells_of(map) * map->n_channels; k++) {
+        memcpy(tables->cells + k * harmonics, map->table + k * m, m * sizeof(double));
+    }
+    tables->cosine = taken(doubles, map->n_terms * harmonics);
+    tables->sine = taken(doubles, map->n_terms * harmonics);
+    for (size_t t = 0; t < map->n_terms; t++) {
+        memcpy(tables->cosine + t * harmonics, map->cosine + t * m, m * sizeof(double));
+        memcpy(tables->sine + t * harmonics, map->sine + t * m, m * sizeof(double));
+    }
+    for (int k = 0; k < 3; k++) {
+        tables->amplitude[k] = taken(doubles, tables->width);
+    }
+    for (int k = 0; k < 6; k++) {
+        tables->wind[k] = taken(doubles, harmonics);
+    }
+}
+
+size_t response_doubles(const TableMap *map) {
+    return (1 + N_STATES) * in_lanes(map->n_rows);
+}
+
+void response_arrays(const TableMap *map, Response *response, double **doubles) {
+    response->value = taken(doubles, in_lanes(map->n_rows));
+    for (size_t k = 0; k < N_STATES; k++) {
+        response->jacobian[k] = taken(doubles, in_lanes(map->n_rows));
+    }
+}
+
+/* Knot of the splines on `knots`, whose ends are fourfold. */
+static double padded(const double *knots, size_t n, size_t index) {
+    return index < DEGREE ? knots[0] : index < DEGREE + n ? knots[index - DEGREE] : knots[n - 1];
+}
+
+Basis flight_basis(const double *knots, size_t n, double x) {
+    const double inside = x < knots[0] ? knots[0] : x > knots[n - 1] ? knots[n - 1] : x;
+    size_t span = 0;
+    while (span + 2 < n && knots[span + 1] <= inside) {
+        span++;
+    }
+    Basis found = {.first = span};
+    span += DEGREE;
+    double lower[N_LOCAL] = {0.0}, values[N_LOCAL] = {1.0};
+    for (size_t degree = 1; degree <= DEGREE; degree++) {
+        memcpy(lower, values, sizeof lower);
+        memset(values, 0, sizeof values);
+        for (size_t j = 0; j < degree; j++) {
+            const double left = padded(knots, n, span - degree + 1 + j), right = padded(knots, n, span + 1 + j);
+            const double part = lower[j] / (right - left);
+            values[j] += (right - inside) * part;
+            values[j + 1] += (inside - left) * part;
+        }
+    }
+    for (size_t j = 0; j < DEGREE; j++) {
+        const double part =
+            DEGREE * lower[j] / (padded(knots, n, span + 1 + j) - padded(knots, n, span - DEGREE + 1 + j));
+        found.slope[j] -= part;
+        found.slope[j + 1] += part;
+    }
+    for (size_t j = 0; j < N_LOCAL; j++) {
+        found.value[j] = values[j] + (x - inside) * found.slope[j];
+    }
+    return found;
+}
+
+void basis_curvature(const double *knots, size_t n, double x, const Basis *basis, double curvature[N_LOCAL]) {
+    const size_t span = basis->first + DEGREE;
+    const double left = padded(knots, n, span), right = padded(knots, n, span + 1);
+    const double linear[2] = {(right - x) / (right - left), (x - left) / (right - left)};
+    double slope[DEGREE] = {0.0};
+    memset(curvature, 0, N_LOCAL * sizeof *curvature);
+    if (x < knots[0] || x > knots[n - 1]) {
+        return;
+    }
+    for (size_t j = 0; j < 2; j++) {
+        const double part = 2.0 * linear[j] / (padded(knots, n, span + 1 + j) - padded(knots, n, span - 1 + j));
+        slope[j] -= part;
+        slope[j + 1] += part;
+    }
+    for (size_t j = 0; j < DEGREE; j++) {
+        const double part =
+            DEGREE * slope[j] / (padded(knots, n, span + 1 + j) - padded(knots, n, span - DEGREE + 1 + j));
+        curvature[j] -= part;
+        curvature[j + 1] += part;
+    }
+}
+
+EVERYWHERE void make_cell(const CellParts *parts, size_t width, size_t cell, double *restrict made) {
+    memcpy(made, parts->part + cell * width, width * sizeof *made);
+    for (size_t j = 0; j < parts->n_weights; j++) {
+        const double *restrict part = parts->part + ((1 + j) * parts->n_cells + cell) * width;
+        const double weight = parts->weight[j];
+        for (size_t k = 0; k < width; k++) {
+            made[k] += weight * part[k];
+        }
+    }
+    parts->made[cell] = parts->round;
+}
+
+/* Make the cells that the splines at a place need, the pairs of N_LOCAL knots from `mach` and `incidence` on. */
+EVERYWHERE void make_cells(const FlightTables *tables, size_t mach, size_t incidence) {
+    for (size_t k = 0; k < N_LOCAL * N_LOCAL; k++) {
+        const size_t cell = (mach + k / N_LOCAL) * (tables->map->n_incidence + 2) + incidence + k % N_LOCAL;
+        if (tables->parts->made[cell] != tables->parts->round) {
+            make_cell(tables->parts, tables->width, cell, tables->cells + cell * tables->width);
+        }
+    }
+}
+
+void flight_make_cells(const FlightTables *tables, size_t mach, size_t incidence) {
+    make_cells(tables, mach, incidence);
+}
+
+/* Coefficients at a Mach number and an incidence, and their derivatives by the two. */
+EVERYWHERE void combine(size_t width, size_t stride, const double *restrict cells, const Basis *mach,
+                        const Basis *incidence, double *restrict value, double *restrict by_mach,
+                        double *restrict by_incidence) {
+    for (size_t k = 0; k < width; k += LANES) {
+        double v[LANES] = {0.0}, m[LANES] = {0.0}, a[LANES] = {0.0};
+        for (size_t j = 0; j < N_LOCAL; j++) {
+            const double *cell = cells + j * width + k;
+            double p[LANES] = {0.0}, q[LANES] = {0.0};
+            for (size_t i = 0; i < N_LOCAL; i++) {
+                for (size_t r = 0; r < LANES; r++) {
+                    p[r] += mach->value[i] * cell[i * stride + r];
+                    q[r] += mach->slope[i] * cell[i * stride + r];
+                }
+            }
+            for (size_t r = 0; r < LANES; r++) {
+                v[r] += incidence->value[j] * p[r];
+                m[r] += incidence->value[j] * q[r];
+                a[r] += incidence->slope[j] * p[r];
+            }
+        }
+        for (size_t r = 0; r < LANES; r++) {
+            value[k + r] = v[r];
+            by_mach[k + r] = m[r];
+            by_incidence[k + r] = a[r];
+        }
+    }
+}
+
+static inline double lane_sum(const double *sum) {
+    return (sum[0] + sum[1]) + (sum[2] + sum[3]);
+}
+
+/* Sums over the harmonics of one term: value, derivatives by M, incidence, u, w. */
+EVERYWHERE void contract(size_t harmonics, const double *restrict cosine, const double *restrict sine,
+                         double *const *wind, const double *restrict value, const double *restrict by_mach,
+                         const double *restrict by_incidence, double *restrict sums) {
+    double v[LANES] = {0.0}, m[LANES] = {0.0}, a[LANES] = {0.0}, u[LANES] = {0.0}, w[LANES] = {0.0};
+    for (size_t k = 0; k < harmonics; k += LANES) {
+        for (size_t r = 0; r < LANES; r++) {
+            const double c = cosine[k + r], s = sine[k + r];
+            const double phase = c * wind[0][k + r] + s * wind[1][k + r];
+            v[r] += value[k + r] * phase;
+            m[r] += by_mach[k + r] * phase;
+            a[r] += by_incidence[k + r] * phase;
+            u[r] += value[k + r] * (c * wind[2][k + r] + s * wind[3][k + r]);
+            w[r] += value[k + r] * (c * wind[4][k + r] + s * wind[5][k + r]);
+        }
+    }
+    sums[0] = lane_sum(v);
+    sums[1] = lane_sum(m);
+    sums[2] = lane_sum(a);
+    sums[3] = lane_sum(u);
+    sums[4] = lane_sum(w);
+}
+
+/* Cosine and sine of m phi_T and their derivatives by u and w. */
+static void set_wind(const FlightTables *tables, double u, double w, double incidence) {
+    const double cosine = u / incidence, sine = w / incidence, square = incidence * incidence;
+    const double cube = square * incidence, across = -u * w / cube;
+    const double slope[2][2] = {{(square - u * u) / cube, across}, {across, (square - w * w) / cube}};
+    double *const *wind = tables->wind;
+    wind[0][0] = 1.0;
+    wind[1][0] = wind[2][0] = wind[3][0] = wind[4][0] = wind[5][0] = 0.0;
+    for (size_t m = 1; m < tables->map->n_harmonics; m++) {
+        const double c = wind[0][m - 1], s = wind[1][m - 1], order = (double)m;
+        for (int by = 0; by < 2; by++) {
+            const double dc = slope[by][0], ds = slope[by][1];
+            wind[2 + 2 * by][m] = order * (c * dc - s * ds);
+            wind[3 + 2 * by][m] = order * (s * dc + c * ds);
+        }
+        wind[0][m] = c * cosine - s * sine;
+        wind[1][m] = s * cosine + c * sine;
+    }
+}
+
+EVERYWHERE void respond(const FlightTables *tables, const double *state, Response *response) {
+    const TableMap *map = tables->map;
+    const double u = state[STATE_U], w = state[STATE_W];
+    const double incidence = sqrt((u * u + w * w) + map->min_incidence * map->min_incidence);
+    const Basis mach = flight_basis(map->mach_knots, map->n_mach, state[STATE_MACH]);
+    const Basis angle = flight_basis(map->incidence_knots, map->n_incidence, incidence);
+    const size_t stride = (map->n_incidence + 2) * tables->width;
+    double *const *amplitude = tables->amplitude;
+    if (tables->parts != NULL) {
+        make_cells(tables, mach.first, angle.first);
+    }
+    combine(tables->width, stride, tables->cells + mach.first * stride + angle.first * tables->width, &mach, &angle,
+            amplitude[0], amplitude[1], amplitude[2]);
+    set_wind(tables, u, w, incidence);
+    const double pressure = response->pressure = exponential(state[STATE_PRESSURE]);
+    const double along_u = u / incidence, along_w = w / incidence;
+    for (size_t row = 0; row < map->n_rows; row++) {
+        response->value[row] = map->fixed[row];
+        for (size_t k = 0; k < N_STATES; k++) {
+            response->jacobian[k][row] = 0.0;
+        }
+    }
+    for (size_t t = 0; t < map->n_terms; t++) {
+        const size_t at = (size_t)map->channel[t] * tables->harmonics, row = (size_t)map->row[t];
+        double sums[5];
+        contract(tables->harmonics, tables->cosine + t * tables->harmonics, tables->sine + t * tables->harmonics,
+                 tables->wind, amplitude[0] + at, amplitude[1] + at, amplitude[2] + at, sums);
+        response->value[row] += pressure * sums[0];
+        response->jacobian[STATE_MACH][row] += pressure * sums[1];
+        response->jacobian[STATE_U][row] += pressure * (along_u * sums[2] + sums[3]);
+        response->jacobian[STATE_W][row] += pressure * (along_w * sums[2] + sums[4]);
+        response->jacobian[STATE_PRESSURE][row] += pressure * sums[0];
+    }
+}
+
+#if HAS_AVX2
+AVX2 static void respond_avx2(const FlightTables *tables, const double *state, Response *response) {
+    respond(tables, state, response);
+}
+#endif
+
+void flight_response(const FlightTables *tables, int wide, const double *state, Response *response) {
+    if (response->known && memcmp(response->state, state, sizeof response->state) == 0) {
+        return;
+    }
+    CHOSEN(wide, respond)(tables, state, response);
+    memcpy(response->state, state, sizeof response->state);
+    response->known = 1;
+}
