@@ -7,8 +7,8 @@ import threading
 from collections import deque
 from typing import Any, NamedTuple
 
-from strainfmu.can.cycle.quality import Quality
-from strainfmu.can.cycle.words import all_words
+from strainfmu.can.cycle.states.quality import Quality
+from strainfmu.can.cycle.states.words import all_words
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 from strainfmu.interface.estimator_variables import LOADS
 from strainfmu.monitor.events import EventLog

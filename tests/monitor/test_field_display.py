@@ -19,10 +19,10 @@ from thermal_maps import REFERENCE, with_temperature
 from strainfmu.can.bridge.field_message import FIELD_PERIOD, FieldMessages, field_messages
 from strainfmu.can.bridge.page_message import GaugePosition
 from strainfmu.can.bridge.publisher import BridgeReports, Publisher
-from strainfmu.can.cycle.bus_state import BusState
-from strainfmu.can.cycle.frame_account import FrameAccount
-from strainfmu.can.cycle.quality import Cause, Quality
-from strainfmu.can.cycle.result import CycleResult
+from strainfmu.can.cycle.estimate.result import CycleResult
+from strainfmu.can.cycle.frames.account import FrameAccount
+from strainfmu.can.cycle.states.bus_state import BusState
+from strainfmu.can.cycle.states.quality import Cause, Quality
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimates.unrolled_surface import outermost_places
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator

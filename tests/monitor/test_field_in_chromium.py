@@ -12,9 +12,9 @@ from test_field_display import cycle
 from strainfmu.can.bridge.field_message import FieldMessages
 from strainfmu.can.bridge.page_message import GaugePosition
 from strainfmu.can.bridge.publisher import BridgeReports, Publisher
-from strainfmu.can.cycle.bus_state import BusState
-from strainfmu.can.cycle.frame_account import FrameAccount
-from strainfmu.can.cycle.quality import Quality
+from strainfmu.can.cycle.frames.account import FrameAccount
+from strainfmu.can.cycle.states.bus_state import BusState
+from strainfmu.can.cycle.states.quality import Quality
 from strainfmu.monitor.server import Monitor
 
 pytestmark = pytest.mark.skipif(PROGRAM is None, reason="Chromium is not installed")

@@ -12,8 +12,8 @@ from clipping import WIDTHS, clipped
 from page_results import OUTSIDE, publisher, result
 from synthetic_vehicle import N_GAUGES, SyntheticFiles
 
-from strainfmu.can.cycle.quality import Quality
-from strainfmu.can.cycle.result import CycleResult
+from strainfmu.can.cycle.estimate.result import CycleResult
+from strainfmu.can.cycle.states.quality import Quality
 from strainfmu.monitor.server import Monitor
 
 pytestmark = pytest.mark.skipif(PROGRAM is None, reason="Chromium is not installed")

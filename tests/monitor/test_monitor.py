@@ -21,7 +21,7 @@ from synthetic_vehicle import N_GAUGES, SyntheticFiles
 
 from strainfmu.can.bridge.page_message import gauge_positions
 from strainfmu.can.bridge.publisher import Publisher, parsed_address
-from strainfmu.can.cycle.quality import Cause, Quality
+from strainfmu.can.cycle.states.quality import Cause, Quality
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.monitor.server import PAGE_FILES, PUSH_PERIOD, Monitor, page_file
 

@@ -17,10 +17,10 @@ from synthetic_vehicle import synthetic_inverse_map
 
 from strainfmu.can.bridge.page_message import EstimatorFacts, GaugePosition
 from strainfmu.can.bridge.publisher import BridgeReports, Publisher
-from strainfmu.can.cycle.bus_state import BusState
-from strainfmu.can.cycle.frame_account import FrameAccount
-from strainfmu.can.cycle.quality import Cause, Quality
-from strainfmu.can.cycle.result import CycleResult
+from strainfmu.can.cycle.estimate.result import CycleResult
+from strainfmu.can.cycle.frames.account import FrameAccount
+from strainfmu.can.cycle.states.bus_state import BusState
+from strainfmu.can.cycle.states.quality import Cause, Quality
 from strainfmu.can.tools.strain_sources import FlownSample
 from strainfmu.estimator.further_loads import SECTION_LOADS
 from strainfmu.estimator.map.inverse_map import save_inverse_map

@@ -18,8 +18,8 @@ from strainfmu.can.bridge.page_message import (
     layout_message,
     result_message,
 )
-from strainfmu.can.cycle.bus_state import BusState
-from strainfmu.can.cycle.gauge_verdicts import (
+from strainfmu.can.cycle.estimate.result import CycleResult
+from strainfmu.can.cycle.gauges.verdicts import (
     FROZEN,
     HEALING,
     NO_FRAME,
@@ -28,9 +28,9 @@ from strainfmu.can.cycle.gauge_verdicts import (
     GaugeVerdicts,
     gauge_reasons,
 )
-from strainfmu.can.cycle.quality import Cause, Quality
-from strainfmu.can.cycle.result import CycleResult
-from strainfmu.can.cycle.words import BUS_WORDS, CAUSE_WORDS, HEALTH_WORDS, QUALITY_WORDS, all_words
+from strainfmu.can.cycle.states.bus_state import BusState
+from strainfmu.can.cycle.states.quality import Cause, Quality
+from strainfmu.can.cycle.states.words import BUS_WORDS, CAUSE_WORDS, HEALTH_WORDS, QUALITY_WORDS, all_words
 from strainfmu.can.tools.faults import Fault, FaultKind
 from strainfmu.estimator.health import HealthState
 from strainfmu.monitor.events import LISTED

@@ -23,7 +23,7 @@ from strainfmu.can.bridge.freshness_file import freshness_file, next_trip
 from strainfmu.can.bridge.run_loop import Bridge
 from strainfmu.can.bridge.setup import BridgeOptions, input_layout
 from strainfmu.can.bridge.summary import BridgeSummary
-from strainfmu.can.cycle.result import CycleResult
+from strainfmu.can.cycle.estimate.result import CycleResult
 from strainfmu.can.tools.faults import Fault
 from strainfmu.can.tools.observed import observed_bridge
 from strainfmu.can.tools.recording import MicrosecondClock

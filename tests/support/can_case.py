@@ -11,11 +11,11 @@ import numpy as np
 
 from strainfmu.can.bridge.result_frames import ResultFrames
 from strainfmu.can.bridge.result_layouts import result_layouts
-from strainfmu.can.cycle.bus_state import BusState
 from strainfmu.can.cycle.core import BridgeCore, bridge_core
-from strainfmu.can.cycle.plausibility import MIN_STUCK_CYCLES
-from strainfmu.can.cycle.quality import Quality
-from strainfmu.can.cycle.result import CycleResult
+from strainfmu.can.cycle.estimate.result import CycleResult
+from strainfmu.can.cycle.gauges.plausibility import MIN_STUCK_CYCLES
+from strainfmu.can.cycle.states.bus_state import BusState
+from strainfmu.can.cycle.states.quality import Quality
 from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.tools.dbc_export import all_layouts
 from strainfmu.can.tools.fault_injection import FaultySender, frozen_gauges, growth_of

@@ -8,7 +8,7 @@ from typing import Any
 from can_case import CYCLE, Projection
 
 from strainfmu.can.cycle.core import bridge_core
-from strainfmu.can.cycle.result import CycleResult
+from strainfmu.can.cycle.estimate.result import CycleResult
 from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.wire.dbc_files import database_of
 from strainfmu.can.wire.dbc_mapping import mapped_layout

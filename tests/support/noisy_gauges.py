@@ -8,7 +8,7 @@ import numpy as np
 from can_case import CYCLE, Projection, layout_of
 
 from strainfmu.can.cycle.core import bridge_core
-from strainfmu.can.cycle.result import CycleResult
+from strainfmu.can.cycle.estimate.result import CycleResult
 from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.wire.frame_layout import InputLayout
 from strainfmu.can.wire.strain_encoder import StrainEncoder

@@ -8,10 +8,10 @@ import numpy as np
 
 from strainfmu.can.bridge.page_message import EstimatorFacts, GaugePosition
 from strainfmu.can.bridge.publisher import BridgeReports, Publisher
-from strainfmu.can.cycle.bus_state import BusState
-from strainfmu.can.cycle.frame_account import FrameAccount
-from strainfmu.can.cycle.quality import Cause, Quality
-from strainfmu.can.cycle.result import CycleResult
+from strainfmu.can.cycle.estimate.result import CycleResult
+from strainfmu.can.cycle.frames.account import FrameAccount
+from strainfmu.can.cycle.states.bus_state import BusState
+from strainfmu.can.cycle.states.quality import Cause, Quality
 
 
 def result(quality: Quality = Quality.VALID, value: float = 0.5, **further: Any) -> CycleResult:

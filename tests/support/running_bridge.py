@@ -15,8 +15,8 @@ from strainfmu.can.bridge.result_layouts import result_layouts
 from strainfmu.can.bridge.run_loop import QUEUED_CYCLES, Bridge
 from strainfmu.can.bridge.summary import BridgeSummary
 from strainfmu.can.cycle.core import bridge_core
-from strainfmu.can.cycle.quality import Quality
-from strainfmu.can.cycle.result import CycleResult
+from strainfmu.can.cycle.estimate.result import CycleResult
+from strainfmu.can.cycle.states.quality import Quality
 from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.wire.frame import to_message
 from strainfmu.can.wire.profiles import Identifiers

@@ -48,19 +48,19 @@ from weakened_parts import (
     TrustsEveryState,
 )
 
-from strainfmu.can.cycle.acceptance import Acceptance
-from strainfmu.can.cycle.arrival_pace import ArrivalPace
-from strainfmu.can.cycle.assembler import CycleAssembler
 from strainfmu.can.cycle.core import BridgeCore
-from strainfmu.can.cycle.decoder import StrainDecoder
-from strainfmu.can.cycle.estimator_step import EstimatorStep
-from strainfmu.can.cycle.held_flow import HeldFlow, HeldValue
+from strainfmu.can.cycle.estimate.held_flow import HeldFlow, HeldValue
+from strainfmu.can.cycle.estimate.step import EstimatorStep
+from strainfmu.can.cycle.frames.acceptance import Acceptance
+from strainfmu.can.cycle.frames.arrival_pace import ArrivalPace
+from strainfmu.can.cycle.frames.assembler import CycleAssembler
+from strainfmu.can.cycle.frames.decoder import StrainDecoder
+from strainfmu.can.cycle.frames.own_frames import OwnFrames
+from strainfmu.can.cycle.frames.reception import Reception
+from strainfmu.can.cycle.frames.restart_proof import RestartProof
+from strainfmu.can.cycle.gauges.plausibility import GaugeChecks
 from strainfmu.can.cycle.judgement import CycleJudge
-from strainfmu.can.cycle.own_frames import OwnFrames
 from strainfmu.can.cycle.parts import cycle_limits, cycle_parts, flow_max_age, gauge_checks, sender_clock
-from strainfmu.can.cycle.plausibility import GaugeChecks
-from strainfmu.can.cycle.reception import Reception
-from strainfmu.can.cycle.restart_proof import RestartProof
 from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.wire.frame_layout import InputLayout
 from strainfmu.cosim.step import Step, noise_of

@@ -8,24 +8,24 @@ from dataclasses import replace
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
-from strainfmu.can.cycle.acceptance import Acceptance
-from strainfmu.can.cycle.arrival_pace import ArrivalPace
-from strainfmu.can.cycle.assembler import Arrival, Cycle, CycleAssembler, Verdict
 from strainfmu.can.cycle.core import BridgeCore
-from strainfmu.can.cycle.decoder import DecodedCycle, StrainDecoder
-from strainfmu.can.cycle.estimator_step import EstimatorStep
-from strainfmu.can.cycle.frame_account import FrameClass
-from strainfmu.can.cycle.freeze_watch import FreezeWatch
-from strainfmu.can.cycle.gauge_noise import GaugeNoise
-from strainfmu.can.cycle.gauge_verdicts import GaugeVerdicts
-from strainfmu.can.cycle.held_flow import HeldValue
+from strainfmu.can.cycle.estimate.held_flow import HeldValue
+from strainfmu.can.cycle.estimate.result import CycleResult
+from strainfmu.can.cycle.estimate.step import EstimatorStep
+from strainfmu.can.cycle.frames.acceptance import Acceptance
+from strainfmu.can.cycle.frames.account import FrameClass
+from strainfmu.can.cycle.frames.arrival_pace import ArrivalPace
+from strainfmu.can.cycle.frames.assembler import Arrival, Cycle, CycleAssembler, Verdict
+from strainfmu.can.cycle.frames.decoder import DecodedCycle, StrainDecoder
+from strainfmu.can.cycle.frames.own_frames import OwnFrames
+from strainfmu.can.cycle.frames.reception import Reception
+from strainfmu.can.cycle.frames.restart_proof import RestartProof
+from strainfmu.can.cycle.gauges.freeze_watch import FreezeWatch
+from strainfmu.can.cycle.gauges.noise import GaugeNoise
+from strainfmu.can.cycle.gauges.plausibility import GaugeChecks
+from strainfmu.can.cycle.gauges.verdicts import GaugeVerdicts
 from strainfmu.can.cycle.judgement import CycleJudge
-from strainfmu.can.cycle.own_frames import OwnFrames
-from strainfmu.can.cycle.plausibility import GaugeChecks
-from strainfmu.can.cycle.quality import Cause, Quality
-from strainfmu.can.cycle.reception import Reception
-from strainfmu.can.cycle.restart_proof import RestartProof
-from strainfmu.can.cycle.result import CycleResult
+from strainfmu.can.cycle.states.quality import Cause, Quality
 from strainfmu.can.e2e.check import E2EStatus, ReceptionCheck
 from strainfmu.can.e2e.sample_clock import ClockLimits, ClockReading, SampleClock, SenderClock
 from strainfmu.can.settings import BridgeSettings

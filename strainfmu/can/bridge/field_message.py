@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from strainfmu.arrays import FloatArray, IntArray
-from strainfmu.can.cycle.result import CycleResult
+from strainfmu.can.cycle.estimate.result import CycleResult
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimates.unrolled_surface import SurfacePlaces, outermost_places
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator

@@ -8,7 +8,7 @@ from math import inf
 
 from strainfmu.can.bridge.raw_bus import RawBus
 from strainfmu.can.bridge.receiver import AT_ONCE, FrameQueue, ReceiverBase
-from strainfmu.can.cycle.acceptance import Acceptance
+from strainfmu.can.cycle.frames.acceptance import Acceptance
 from strainfmu.can.e2e.clock import Clock
 from strainfmu.can.wire.frame import Frame, MalformedFrame
 

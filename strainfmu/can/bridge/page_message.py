@@ -18,9 +18,9 @@ from zipfile import BadZipFile, ZipFile
 
 import numpy as np
 
-from strainfmu.can.cycle.gauge_verdicts import gauge_reasons
-from strainfmu.can.cycle.quality import Cause
-from strainfmu.can.cycle.result import CycleResult
+from strainfmu.can.cycle.estimate.result import CycleResult
+from strainfmu.can.cycle.gauges.verdicts import gauge_reasons
+from strainfmu.can.cycle.states.quality import Cause
 from strainfmu.cosim.step import ENVELOPE_SCORE, health_name
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.linear.flow_parameters import PARAMETER_TOLERANCE

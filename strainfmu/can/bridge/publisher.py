@@ -21,10 +21,10 @@ from strainfmu.can.bridge.page_message import (
     layout_message,
     result_message,
 )
-from strainfmu.can.cycle.bus_state import BusState
-from strainfmu.can.cycle.frame_account import FrameAccount
-from strainfmu.can.cycle.quality import Cause, Quality
-from strainfmu.can.cycle.result import CycleResult
+from strainfmu.can.cycle.estimate.result import CycleResult
+from strainfmu.can.cycle.frames.account import FrameAccount
+from strainfmu.can.cycle.states.bus_state import BusState
+from strainfmu.can.cycle.states.quality import Cause, Quality
 from strainfmu.errors import InputError, StrainfmuError
 
 LAYOUT_PERIOD = 1.0

@@ -10,8 +10,8 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from strainfmu.can.cycle.acceptance import Acceptance
-from strainfmu.can.cycle.frame_account import FrameAccount, FrameClass
+from strainfmu.can.cycle.frames.acceptance import Acceptance
+from strainfmu.can.cycle.frames.account import FrameAccount, FrameClass
 from strainfmu.can.e2e.clock import Clock
 from strainfmu.can.wire.frame import Frame, MalformedFrame, from_message
 from strainfmu.can.wire.libraries import error_line, import_can

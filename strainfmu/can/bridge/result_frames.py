@@ -9,10 +9,10 @@ from operator import itemgetter
 
 from strainfmu.can.bridge.further_layouts import FurtherSignals
 from strainfmu.can.bridge.result_layouts import DETAIL, LAST_NAMES, SIGMA_NAMES
-from strainfmu.can.cycle.bus_state import BusState
-from strainfmu.can.cycle.frame_account import FrameAccount, FrameClass
-from strainfmu.can.cycle.quality import Cause, Quality, low_causes
-from strainfmu.can.cycle.result import CycleResult
+from strainfmu.can.cycle.estimate.result import CycleResult
+from strainfmu.can.cycle.frames.account import FrameAccount, FrameClass
+from strainfmu.can.cycle.states.bus_state import BusState
+from strainfmu.can.cycle.states.quality import Cause, Quality, low_causes
 from strainfmu.can.wire.crc import protect
 from strainfmu.can.wire.frame import Frame
 from strainfmu.can.wire.frame_layout import FrameLayout

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from strainfmu.can.bridge import further_layouts
-from strainfmu.can.cycle.bus_state import BusState
-from strainfmu.can.cycle.quality import Quality
+from strainfmu.can.cycle.states.bus_state import BusState
+from strainfmu.can.cycle.states.quality import Quality
 from strainfmu.can.wire.crc import Protection
 from strainfmu.can.wire.frame_layout import BIG, FLOAT, LITTLE, SIGNED, FrameLayout, SignalLayout
 from strainfmu.can.wire.profile_signals import header_1, header_5

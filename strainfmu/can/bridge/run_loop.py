@@ -25,12 +25,12 @@ from strainfmu.can.bridge.result_layouts import STATUS_PERIOD
 from strainfmu.can.bridge.summary import BridgeSummary
 from strainfmu.can.bridge.transmitter import Transmitter
 from strainfmu.can.bridge.undisturbed import undisturbed
-from strainfmu.can.cycle.acceptance import Acceptance
-from strainfmu.can.cycle.bus_state import BusState
 from strainfmu.can.cycle.core import BridgeCore
-from strainfmu.can.cycle.frame_account import FrameAccount, FrameClass
-from strainfmu.can.cycle.quality import Cause, Quality
-from strainfmu.can.cycle.result import CycleResult, published
+from strainfmu.can.cycle.estimate.result import CycleResult, published
+from strainfmu.can.cycle.frames.acceptance import Acceptance
+from strainfmu.can.cycle.frames.account import FrameAccount, FrameClass
+from strainfmu.can.cycle.states.bus_state import BusState
+from strainfmu.can.cycle.states.quality import Cause, Quality
 from strainfmu.can.e2e.clock import Clock, monotonic
 from strainfmu.can.wire.frame import Frame
 from strainfmu.can.wire.frame_layout import FrameLayout

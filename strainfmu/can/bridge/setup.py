@@ -13,8 +13,8 @@ from strainfmu.can.bridge.result_layouts import result_layouts
 from strainfmu.can.bridge.run_loop import Bridge
 from strainfmu.can.bridge.zeros_keeper import ZerosKeeper
 from strainfmu.can.cycle.core import BridgeCore, bridge_core
-from strainfmu.can.cycle.result import CycleResult
-from strainfmu.can.cycle.taring import Taring
+from strainfmu.can.cycle.estimate.result import CycleResult
+from strainfmu.can.cycle.estimate.taring import Taring
 from strainfmu.can.e2e.clock import Clock, monotonic
 from strainfmu.can.settings import BridgeSettings, checked_cycle_time
 from strainfmu.can.wire.authenticator import AuthenticationKey, load_key

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from strainfmu.can.cycle.frame_account import FrameAccount
-from strainfmu.can.cycle.quality import Quality
+from strainfmu.can.cycle.frames.account import FrameAccount
+from strainfmu.can.cycle.states.quality import Quality
 from strainfmu.cosim.step import health_name
 
 if TYPE_CHECKING:

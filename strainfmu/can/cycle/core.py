@@ -9,16 +9,16 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import replace
 
-from strainfmu.can.cycle.assembler import Arrival, Cycle, Verdict
-from strainfmu.can.cycle.bus_state import BusState, state_after
-from strainfmu.can.cycle.estimator_step import EstimatorStep
-from strainfmu.can.cycle.frame_account import FrameAccount, FrameClass
+from strainfmu.can.cycle.estimate.result import CycleResult
+from strainfmu.can.cycle.estimate.step import EstimatorStep
+from strainfmu.can.cycle.estimate.taring import Taring
+from strainfmu.can.cycle.frames.account import FrameAccount, FrameClass
+from strainfmu.can.cycle.frames.assembler import Arrival, Cycle, Verdict
+from strainfmu.can.cycle.frames.own_frames import OwnFrames, own_frames
 from strainfmu.can.cycle.judgement import CycleJudge
-from strainfmu.can.cycle.own_frames import OwnFrames, own_frames
 from strainfmu.can.cycle.parts import CycleParts, cycle_parts
-from strainfmu.can.cycle.quality import Cause, Quality
-from strainfmu.can.cycle.result import CycleResult
-from strainfmu.can.cycle.taring import Taring
+from strainfmu.can.cycle.states.bus_state import BusState, state_after
+from strainfmu.can.cycle.states.quality import Cause, Quality
 from strainfmu.can.e2e.authentication import Authentication
 from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.wire.frame import Frame

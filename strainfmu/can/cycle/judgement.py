@@ -7,16 +7,16 @@ from math import isnan
 import numpy as np
 
 from strainfmu.arrays import BoolArray
-from strainfmu.can.cycle.assembler import Arrival, Cycle
-from strainfmu.can.cycle.decoder import STATUS_DEGRADED, DecodedCycle
-from strainfmu.can.cycle.estimator_step import EstimatorStep
-from strainfmu.can.cycle.frame_account import FrameClass
-from strainfmu.can.cycle.gauge_verdicts import GaugeVerdicts
-from strainfmu.can.cycle.held_strains import WholeCycle
+from strainfmu.can.cycle.estimate.result import CycleResult, no_numbers, result_without_fields
+from strainfmu.can.cycle.estimate.step import EstimatorStep
+from strainfmu.can.cycle.frames.account import FrameClass
+from strainfmu.can.cycle.frames.assembler import Arrival, Cycle
+from strainfmu.can.cycle.frames.decoder import STATUS_DEGRADED, DecodedCycle
+from strainfmu.can.cycle.frames.held_strains import WholeCycle
+from strainfmu.can.cycle.frames.reception import TrailerVerdict
+from strainfmu.can.cycle.gauges.verdicts import GaugeVerdicts
 from strainfmu.can.cycle.parts import CycleParts
-from strainfmu.can.cycle.quality import Cause, Quality
-from strainfmu.can.cycle.reception import TrailerVerdict
-from strainfmu.can.cycle.result import CycleResult, no_numbers, result_without_fields
+from strainfmu.can.cycle.states.quality import Cause, Quality
 from strainfmu.can.e2e.sample_clock import ClockReading, SenderClock
 from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.wire.frame_layout import InputLayout

@@ -9,18 +9,18 @@ from dataclasses import dataclass
 
 from numpy.typing import ArrayLike
 
-from strainfmu.can.cycle.acceptance import Acceptance
-from strainfmu.can.cycle.arrival_pace import ArrivalPace
-from strainfmu.can.cycle.assembler import CycleAssembler, Limits
-from strainfmu.can.cycle.decoder import StrainDecoder
-from strainfmu.can.cycle.gauge_noise import gauge_noise
-from strainfmu.can.cycle.held_flow import HeldFlow, HeldValue
-from strainfmu.can.cycle.held_strains import HeldStrains, gauge_periods, held_strains
-from strainfmu.can.cycle.own_frames import OwnFrames
-from strainfmu.can.cycle.plausibility import GaugeChecks
-from strainfmu.can.cycle.reception import Reception
-from strainfmu.can.cycle.restart_proof import ProofLimits, RestartProof, SeenFrames
-from strainfmu.can.cycle.taring import Taring
+from strainfmu.can.cycle.estimate.held_flow import HeldFlow, HeldValue
+from strainfmu.can.cycle.estimate.taring import Taring
+from strainfmu.can.cycle.frames.acceptance import Acceptance
+from strainfmu.can.cycle.frames.arrival_pace import ArrivalPace
+from strainfmu.can.cycle.frames.assembler import CycleAssembler, Limits
+from strainfmu.can.cycle.frames.decoder import StrainDecoder
+from strainfmu.can.cycle.frames.held_strains import HeldStrains, gauge_periods, held_strains
+from strainfmu.can.cycle.frames.own_frames import OwnFrames
+from strainfmu.can.cycle.frames.reception import Reception
+from strainfmu.can.cycle.frames.restart_proof import ProofLimits, RestartProof, SeenFrames
+from strainfmu.can.cycle.gauges.noise import gauge_noise
+from strainfmu.can.cycle.gauges.plausibility import GaugeChecks
 from strainfmu.can.e2e.sample_clock import ClockLimits, SampleClock, SenderClock
 from strainfmu.can.e2e.synchronised_clock import SynchronisedClock
 from strainfmu.can.settings import BridgeSettings

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from strainfmu.arrays import FloatArray
-from strainfmu.can.cycle.quality import Quality
+from strainfmu.can.cycle.states.quality import Quality
 from strainfmu.can.wire.frame_layout import FrameLayout
 from strainfmu.can.wire.libraries import import_can
 from strainfmu.can.wire.signal_plan import SignalPlan

@@ -26,8 +26,8 @@ from strainfmu.can.bridge.raw_bus import raw_bus
 from strainfmu.can.bridge.result_frames import ResultFrames
 from strainfmu.can.bridge.setup import BridgeOptions, make_core
 from strainfmu.can.bridge.summary import BridgeSummary
-from strainfmu.can.cycle.quality import Quality
-from strainfmu.can.cycle.result import CycleResult
+from strainfmu.can.cycle.estimate.result import CycleResult
+from strainfmu.can.cycle.states.quality import Quality
 from strainfmu.can.tools.bench_flight import PROFILE, BenchFlight, bench_flight
 from strainfmu.can.tools.observed import observed_bridge
 from strainfmu.can.tools.recording import MicrosecondClock, Recorder

@@ -13,7 +13,7 @@ from strainfmu.can.bridge.page_message import PAGE_OUTPUTS, estimator_facts, gau
 from strainfmu.can.bridge.publisher import BridgeReports, Publisher, parsed_address
 from strainfmu.can.bridge.run_loop import Bridge
 from strainfmu.can.bridge.setup import BridgeOptions, ReadyBridge, Taps, make_bridge
-from strainfmu.can.cycle.result import CycleResult
+from strainfmu.can.cycle.estimate.result import CycleResult
 from strainfmu.can.e2e.clock import monotonic, synchronised_shift
 from strainfmu.can.tools.recording import MicrosecondClock, Recorder
 from strainfmu.errors import InputError

@@ -15,11 +15,11 @@ import numpy as np
 
 from strainfmu.can.bridge.result_frames import ResultFrames
 from strainfmu.can.bridge.setup import BridgeOptions, make_core
-from strainfmu.can.cycle.acceptance import Acceptance
 from strainfmu.can.cycle.core import BridgeCore
-from strainfmu.can.cycle.frame_account import FrameAccount, FrameClass
-from strainfmu.can.cycle.quality import Cause, Quality
-from strainfmu.can.cycle.result import CycleResult
+from strainfmu.can.cycle.estimate.result import CycleResult
+from strainfmu.can.cycle.frames.acceptance import Acceptance
+from strainfmu.can.cycle.frames.account import FrameAccount, FrameClass
+from strainfmu.can.cycle.states.quality import Cause, Quality
 from strainfmu.can.tools.log_description import load_description
 from strainfmu.can.tools.log_frames import LogState, log_frames
 from strainfmu.can.wire.frame import Frame

@@ -23,9 +23,9 @@ from running_bridge import CYCLE, Running
 from strainfmu.can.bridge.bus import BusSettings, kernel_drops, open_bus
 from strainfmu.can.bridge.receiver import ERRORS_PER_SECOND, BusFault, FrameQueue
 from strainfmu.can.bridge.run_loop import HAND_OVER
-from strainfmu.can.cycle.frame_account import FrameClass
-from strainfmu.can.cycle.quality import Cause, Quality
-from strainfmu.can.cycle.result import CycleResult
+from strainfmu.can.cycle.estimate.result import CycleResult
+from strainfmu.can.cycle.frames.account import FrameClass
+from strainfmu.can.cycle.states.quality import Cause, Quality
 from strainfmu.can.wire.frame import Frame, to_message
 from strainfmu.errors import InputError, StrainfmuError
 

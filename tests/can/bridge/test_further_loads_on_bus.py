@@ -17,8 +17,8 @@ from scaled_maps import NOMINAL, scaled_map
 from strainfmu.can.bridge.result_frames import ResultFrames
 from strainfmu.can.bridge.result_layouts import result_layouts
 from strainfmu.can.bridge.setup import BridgeOptions, make_core
-from strainfmu.can.cycle.quality import Quality
-from strainfmu.can.cycle.result import CycleResult
+from strainfmu.can.cycle.estimate.result import CycleResult
+from strainfmu.can.cycle.states.quality import Quality
 from strainfmu.can.tools.dbc_export import write_dbc
 from strainfmu.can.tools.log_estimates import estimate_log
 from strainfmu.can.wire.frame import Frame, to_message

@@ -12,7 +12,7 @@ import pytest
 from can_case import CYCLE, layout_of
 
 from strainfmu.can.bridge.receiver import ERRORS_PER_SECOND, BusFault, FrameQueue, Receiver
-from strainfmu.can.cycle.acceptance import Acceptance
+from strainfmu.can.cycle.frames.acceptance import Acceptance
 from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.tools.log_frames import LogState, log_frames
 from strainfmu.can.tools.recording import LOG_SUFFIXES, MicrosecondClock, Recorder

@@ -19,8 +19,8 @@ from synthetic_vehicle import N_GAUGES, SyntheticFiles, synthetic_inverse_map
 from strainfmu.atmosphere import dynamic_pressure
 from strainfmu.can.bridge.page_message import envelope_score_limit, health_text
 from strainfmu.can.cycle.core import bridge_core
-from strainfmu.can.cycle.quality import Cause, Quality
-from strainfmu.can.cycle.result import CycleResult
+from strainfmu.can.cycle.estimate.result import CycleResult
+from strainfmu.can.cycle.states.quality import Cause, Quality
 from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.wire.dbc_files import database_of
 from strainfmu.can.wire.dbc_mapping import mapped_layout

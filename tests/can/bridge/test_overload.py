@@ -12,9 +12,9 @@ from strainfmu.can.bridge.backlog import Backlog
 from strainfmu.can.bridge.receiver import FrameQueue
 from strainfmu.can.bridge.run_loop import QUEUED_CYCLES
 from strainfmu.can.cycle.core import BridgeCore, bridge_core
-from strainfmu.can.cycle.frame_account import FrameClass
-from strainfmu.can.cycle.quality import Cause, Quality
-from strainfmu.can.cycle.result import CycleResult, published
+from strainfmu.can.cycle.estimate.result import CycleResult, published
+from strainfmu.can.cycle.frames.account import FrameClass
+from strainfmu.can.cycle.states.quality import Cause, Quality
 from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.wire.frame import Frame
 from strainfmu.can.wire.strain_encoder import StrainEncoder

@@ -18,8 +18,8 @@ from strainfmu.can.bridge.bus import BusSettings, open_bus
 from strainfmu.can.bridge.inline_receiver import InlineReceiver
 from strainfmu.can.bridge.raw_bus import RawMulticast, RawSocketCan, can_frame, raw_bus
 from strainfmu.can.bridge.receiver import BusFault, FrameQueue
-from strainfmu.can.cycle.acceptance import Acceptance
-from strainfmu.can.cycle.own_frames import OwnFrames
+from strainfmu.can.cycle.frames.acceptance import Acceptance
+from strainfmu.can.cycle.frames.own_frames import OwnFrames
 from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.wire.frame import Frame, MalformedFrame, from_message, to_message
 

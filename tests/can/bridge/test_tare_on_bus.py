@@ -13,8 +13,8 @@ from synthetic_vehicle import N_GAUGES, SyntheticFiles, synthetic_inverse_map
 
 from strainfmu.can.bridge.freshness_file import freshness_file, next_trip
 from strainfmu.can.bridge.setup import BridgeOptions, input_layout
-from strainfmu.can.cycle.quality import Cause, Quality
-from strainfmu.can.cycle.result import CycleResult
+from strainfmu.can.cycle.estimate.result import CycleResult
+from strainfmu.can.cycle.states.quality import Cause, Quality
 from strainfmu.can.tools.sender import send_flight
 from strainfmu.can.tools.strain_sources import FlownSample
 from strainfmu.can.wire.crc import crc_in, crc_of
@@ -212,8 +212,8 @@ def test_old_and_forged_commands_are_none(synthetic: SyntheticFiles) -> None:
     from can_case import Projection
 
     from strainfmu.can.cycle.core import bridge_core
-    from strainfmu.can.cycle.frame_account import FrameClass
-    from strainfmu.can.cycle.taring import Taring
+    from strainfmu.can.cycle.estimate.taring import Taring
+    from strainfmu.can.cycle.frames.account import FrameClass
     from strainfmu.can.settings import BridgeSettings
 
     layout = profile_layout("fd64", NAMES, CYCLE, has_tare=True)

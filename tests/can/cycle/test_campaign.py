@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from can_case import CYCLE, GAP, LOSING, N_GAUGES, SIZES, Campaign, layout_of, mixed_layout, run_campaign
 
-from strainfmu.can.cycle.quality import Quality
+from strainfmu.can.cycle.states.quality import Quality
 from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.tools.faults import NEED_A_KEY, Fault, FaultKind, random_faults
 from strainfmu.can.wire.profiles import PROFILES

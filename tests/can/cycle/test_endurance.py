@@ -12,8 +12,8 @@ import pytest
 from can_case import Projection, Truth
 
 from strainfmu.can.cycle.core import bridge_core
-from strainfmu.can.cycle.frame_account import FrameClass
-from strainfmu.can.cycle.quality import Quality
+from strainfmu.can.cycle.frames.account import FrameClass
+from strainfmu.can.cycle.states.quality import Quality
 from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.wire.crc import protect
 from strainfmu.can.wire.frame import Frame

@@ -11,8 +11,8 @@ from can_case import CYCLE, GAP, N_GAUGES, SIZES, Campaign, Projection, layout_o
 from weakened_bus import WITHOUT, MakeCore, core_without
 
 from strainfmu.can.cycle.core import bridge_core
-from strainfmu.can.cycle.frame_account import FrameClass
-from strainfmu.can.cycle.quality import Cause, Quality
+from strainfmu.can.cycle.frames.account import FrameClass
+from strainfmu.can.cycle.states.quality import Cause, Quality
 from strainfmu.can.tools.faults import Fault, FaultKind, random_faults
 from strainfmu.can.wire.frame import Frame
 from strainfmu.can.wire.profiles import PROFILES

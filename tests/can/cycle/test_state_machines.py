@@ -7,11 +7,11 @@ import pytest
 from can_case import CYCLE, layout_of
 
 from strainfmu.can.bridge.reconnect import BackOff, BackOffSettings
-from strainfmu.can.cycle.acceptance import Acceptance
-from strainfmu.can.cycle.assembler import Arrival, CycleAssembler, Limits, Verdict
-from strainfmu.can.cycle.bus_state import BusState, state_after
-from strainfmu.can.cycle.frame_account import LISTED_IDENTIFIERS, FrameAccount, FrameClass
-from strainfmu.can.cycle.plausibility import GaugeChecks
+from strainfmu.can.cycle.frames.acceptance import Acceptance
+from strainfmu.can.cycle.frames.account import LISTED_IDENTIFIERS, FrameAccount, FrameClass
+from strainfmu.can.cycle.frames.assembler import Arrival, CycleAssembler, Limits, Verdict
+from strainfmu.can.cycle.gauges.plausibility import GaugeChecks
+from strainfmu.can.cycle.states.bus_state import BusState, state_after
 from strainfmu.can.e2e.sample_clock import ClockLimits, ClockReading, SampleClock
 from strainfmu.can.e2e.synchronised_clock import SynchronisedClock
 from strainfmu.can.settings import BridgeSettings

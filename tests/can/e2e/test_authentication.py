@@ -7,9 +7,9 @@ import pytest
 from can_case import CYCLE, KEY, OWN, Projection, Truth, layout_of, run_campaign
 
 from strainfmu.can.cycle.core import BridgeCore, bridge_core
-from strainfmu.can.cycle.frame_account import FrameClass
-from strainfmu.can.cycle.quality import Cause, Quality
-from strainfmu.can.cycle.result import CycleResult
+from strainfmu.can.cycle.estimate.result import CycleResult
+from strainfmu.can.cycle.frames.account import FrameClass
+from strainfmu.can.cycle.states.quality import Cause, Quality
 from strainfmu.can.e2e.authentication import Authentication, Authenticity
 from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.tools.fault_injection import FaultySender

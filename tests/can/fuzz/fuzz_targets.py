@@ -15,7 +15,7 @@ import numpy as np
 
 from strainfmu.can.bridge.freshness_file import load_freshness
 from strainfmu.can.cycle.core import bridge_core
-from strainfmu.can.cycle.quality import Quality
+from strainfmu.can.cycle.states.quality import Quality
 from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.wire.authenticator import AuthenticationKey, load_key
 from strainfmu.can.wire.crc import protect

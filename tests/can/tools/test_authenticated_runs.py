@@ -13,8 +13,8 @@ from synthetic_vehicle import SyntheticFiles
 from strainfmu.can.bridge.freshness_file import load_freshness
 from strainfmu.can.bridge.setup import BridgeOptions
 from strainfmu.can.bridge.summary import BridgeSummary
-from strainfmu.can.cycle.frame_account import FrameClass
-from strainfmu.can.cycle.quality import Quality
+from strainfmu.can.cycle.frames.account import FrameClass
+from strainfmu.can.cycle.states.quality import Quality
 from strainfmu.can.tools.log_description import sidecar
 from strainfmu.can.tools.log_frames import LogState, log_frames
 from strainfmu.can.tools.sender import planned_faults

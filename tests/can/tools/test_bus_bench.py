@@ -14,7 +14,7 @@ from flight_maps import NOISE_STD
 from synthetic_vehicle import SyntheticFiles
 
 from strainfmu.can.bridge.setup import BridgeOptions, make_core
-from strainfmu.can.cycle.quality import Quality
+from strainfmu.can.cycle.states.quality import Quality
 from strainfmu.can.tools.bench_flight import PROFILE, bench_flight
 from strainfmu.can.tools.bus_bench import SETTLING_CYCLES, _outcome, bus_run, core_cost, linear_cost
 from strainfmu.cli.bench_bus import bus_rows

@@ -13,8 +13,8 @@ from synthetic_vehicle import N_GAUGES, SyntheticFiles
 from strainfmu.can.bridge.bus import BusSettings, open_bus
 from strainfmu.can.bridge.setup import BridgeOptions
 from strainfmu.can.bridge.summary import BridgeSummary
-from strainfmu.can.cycle.quality import Quality
-from strainfmu.can.cycle.result import CycleResult
+from strainfmu.can.cycle.estimate.result import CycleResult
+from strainfmu.can.cycle.states.quality import Quality
 from strainfmu.can.tools.log_description import load_description
 from strainfmu.can.tools.log_frames import LogState, log_frames
 from strainfmu.can.tools.observed import observed_bridge

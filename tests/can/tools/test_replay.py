@@ -17,8 +17,8 @@ from synthetic_vehicle import SyntheticFiles
 
 from strainfmu.can.bridge.setup import BridgeOptions
 from strainfmu.can.bridge.summary import summary_rows
-from strainfmu.can.cycle.frame_account import FrameClass
-from strainfmu.can.cycle.result import CycleResult
+from strainfmu.can.cycle.estimate.result import CycleResult
+from strainfmu.can.cycle.frames.account import FrameClass
 from strainfmu.can.tools.faults import Fault, FaultKind
 from strainfmu.can.tools.log_description import sidecar
 from strainfmu.can.tools.recording import LOG_SUFFIXES

@@ -15,8 +15,8 @@ from strainfmu.can.bridge.bus import BusSettings, open_bus
 from strainfmu.can.bridge.result_frames import ResultFrames
 from strainfmu.can.bridge.result_layouts import result_layouts
 from strainfmu.can.cycle.core import bridge_core
-from strainfmu.can.cycle.quality import Cause, Quality
-from strainfmu.can.cycle.result import CycleResult
+from strainfmu.can.cycle.estimate.result import CycleResult
+from strainfmu.can.cycle.states.quality import Cause, Quality
 from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.tools.answers import score_answers
 from strainfmu.can.tools.sender import SETTLING_CYCLES, planned_faults, send_flight

@@ -17,7 +17,7 @@ from sender_process import FOREIGN
 from synthetic_vehicle import synthetic_inverse_map
 
 from strainfmu.can.bridge.result_layouts import result_layouts
-from strainfmu.can.cycle.quality import Cause, Quality
+from strainfmu.can.cycle.states.quality import Cause, Quality
 from strainfmu.can.wire.profiles import Identifiers
 from strainfmu.can.wire.signal_plan import SignalPlan
 from strainfmu.cosim.estimator_description import gauge_names_of

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from can_case import CYCLE, Truth, dbc_text_of, gauge_names, layout_of, run_core
 
-from strainfmu.can.cycle.frame_account import FrameClass
-from strainfmu.can.cycle.quality import Quality
+from strainfmu.can.cycle.frames.account import FrameClass
+from strainfmu.can.cycle.states.quality import Quality
 from strainfmu.can.tools.dbc_export import all_layouts
 from strainfmu.can.wire.dbc_files import database_of, load_mapping
 from strainfmu.can.wire.dbc_mapping import mapped_layout

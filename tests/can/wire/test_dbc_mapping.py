@@ -26,8 +26,8 @@ from dbc_case import (
 )
 
 from strainfmu.can.cycle.core import bridge_core
-from strainfmu.can.cycle.quality import Cause, Quality
-from strainfmu.can.cycle.result import CycleResult
+from strainfmu.can.cycle.estimate.result import CycleResult
+from strainfmu.can.cycle.states.quality import Cause, Quality
 from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.wire.dbc_files import database_of, load_database
 from strainfmu.can.wire.dbc_mapping import mapped_layout

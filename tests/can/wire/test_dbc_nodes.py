@@ -14,9 +14,9 @@ from can_case import CYCLE, Truth, dbc_text_of, gauge_names, layout_of, run_core
 
 from strainfmu.can.bridge.result_frames import BridgeStatus, ResultFrames
 from strainfmu.can.bridge.result_layouts import result_layouts
-from strainfmu.can.cycle.frame_account import FrameClass
-from strainfmu.can.cycle.quality import Cause, Quality
-from strainfmu.can.cycle.result import CycleResult
+from strainfmu.can.cycle.estimate.result import CycleResult
+from strainfmu.can.cycle.frames.account import FrameClass
+from strainfmu.can.cycle.states.quality import Cause, Quality
 from strainfmu.can.wire.dbc_writer import dbc_text
 from strainfmu.can.wire.frame import from_message
 from strainfmu.can.wire.profiles import PROFILES, Identifiers, configuration_of
@@ -170,8 +170,8 @@ def test_no_coefficients_go_out_without_quality(form: str, quality: Quality) -> 
 
 @pytest.mark.parametrize("form", ["fd", "classic-le", "classic-be"])
 def test_the_status_holds_the_last_valid_coefficients_and_their_age(form: str) -> None:
-    from strainfmu.can.cycle.bus_state import BusState
-    from strainfmu.can.cycle.frame_account import FrameAccount
+    from strainfmu.can.cycle.frames.account import FrameAccount
+    from strainfmu.can.cycle.states.bus_state import BusState
 
     layouts = result_layouts(form, Identifiers(), CYCLE)
     database = cantools.database.load_string(dbc_text(layouts, "test"), "dbc")

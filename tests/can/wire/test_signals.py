@@ -14,7 +14,7 @@ from cantools.database.conversion import BaseConversion
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from strainfmu.can.cycle.decoder import StrainDecoder
+from strainfmu.can.cycle.frames.decoder import StrainDecoder
 from strainfmu.can.wire.dbc_signals import signal_layout
 from strainfmu.can.wire.frame_layout import FLOAT, SIGNED, UNSIGNED, FrameLayout, SignalLayout
 from strainfmu.can.wire.profiles import PROFILES
@@ -195,8 +195,8 @@ def test_profiles_carry_strains_to_half_a_quantum(profile: str) -> None:
         (frame.key, frame) for frame in StrainEncoder(layout).encode(strain, 1.25e5, cycle=0, sample_time=12.5)
     )
     assert len(frames) == layout.cycle_length == len(layout.frames) - 1, "all but navigation, which is not known"
-    from strainfmu.can.cycle.assembler import Arrival
-    from strainfmu.can.cycle.reception import Reception
+    from strainfmu.can.cycle.frames.assembler import Arrival
+    from strainfmu.can.cycle.frames.reception import Reception
     from strainfmu.can.settings import BridgeSettings
 
     reception = Reception(layout, BridgeSettings())

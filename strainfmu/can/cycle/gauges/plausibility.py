@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
-from strainfmu.can.cycle.freeze_watch import FreezeWatch
-from strainfmu.can.cycle.gauge_noise import GaugeNoise, like_gauges
-from strainfmu.can.cycle.gauge_verdicts import FROZEN, JUMPS, OUT_OF_RANGE, ZERO
-from strainfmu.can.cycle.quantised_noise import longest_repetition
+from strainfmu.can.cycle.gauges.freeze_watch import FreezeWatch
+from strainfmu.can.cycle.gauges.noise import GaugeNoise, like_gauges
+from strainfmu.can.cycle.gauges.quantised_noise import longest_repetition
+from strainfmu.can.cycle.gauges.verdicts import FROZEN, JUMPS, OUT_OF_RANGE, ZERO
 from strainfmu.can.settings import BridgeSettings
 
 _ROUND_OFF = 1e-15

@@ -9,11 +9,11 @@ import pytest
 from can_case import CYCLE, layout_of
 from noisy_gauges import STEP, answers, strains_at_rest
 
-from strainfmu.can.cycle.freeze_watch import FreezeWatch
-from strainfmu.can.cycle.gauge_noise import like_gauges
-from strainfmu.can.cycle.plausibility import RARE
-from strainfmu.can.cycle.quality import Cause, Quality
-from strainfmu.can.cycle.quantised_noise import longest_repetition, noise_table
+from strainfmu.can.cycle.gauges.freeze_watch import FreezeWatch
+from strainfmu.can.cycle.gauges.noise import like_gauges
+from strainfmu.can.cycle.gauges.plausibility import RARE
+from strainfmu.can.cycle.gauges.quantised_noise import longest_repetition, noise_table
+from strainfmu.can.cycle.states.quality import Cause, Quality
 from strainfmu.can.settings import BridgeSettings
 
 NOISE = 0.24e-6

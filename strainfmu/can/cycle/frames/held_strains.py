@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from strainfmu.arrays import BoolArray
-from strainfmu.can.cycle.assembler import Arrival, Cycle
+from strainfmu.can.cycle.frames.assembler import Arrival, Cycle
 from strainfmu.can.wire.frame_layout import InputFrame, InputLayout
 
 _ROUND_OFF = 1e-6

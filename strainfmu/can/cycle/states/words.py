@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from enum import Enum
 
-from strainfmu.can.cycle.bus_state import BusState
-from strainfmu.can.cycle.quality import Cause, Quality
+from strainfmu.can.cycle.states.bus_state import BusState
+from strainfmu.can.cycle.states.quality import Cause, Quality
 from strainfmu.estimator.health import HealthState
 
 QUALITY_WORDS = {

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from strainfmu.can.cycle.arrival_pace import ArrivalPace
+from strainfmu.can.cycle.frames.arrival_pace import ArrivalPace
 
 pytestmark = pytest.mark.fast
 

@@ -17,8 +17,8 @@ from scaled_maps import NOMINAL, scaled_map
 from strainfmu.can.bridge.page_message import health_text
 from strainfmu.can.bridge.setup import BridgeOptions, make_core
 from strainfmu.can.cycle.core import BridgeCore, bridge_core
-from strainfmu.can.cycle.quality import Cause, Quality
-from strainfmu.can.cycle.result import CycleResult
+from strainfmu.can.cycle.estimate.result import CycleResult
+from strainfmu.can.cycle.states.quality import Cause, Quality
 from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.wire.dbc_files import database_of
 from strainfmu.can.wire.dbc_mapping import mapped_layout

@@ -5,9 +5,9 @@ from __future__ import annotations
 from math import isfinite, isnan
 
 from strainfmu.arrays import FloatArray
-from strainfmu.can.cycle.held_flow import FlowState
-from strainfmu.can.cycle.quality import Cause, Quality
-from strainfmu.can.cycle.result import quality_of_step
+from strainfmu.can.cycle.estimate.held_flow import FlowState
+from strainfmu.can.cycle.estimate.result import quality_of_step
+from strainfmu.can.cycle.states.quality import Cause, Quality
 from strainfmu.can.wire.frame_layout import NAVIGATION, InputLayout
 from strainfmu.cosim.step import Step, StepRefused, StepResult, further_inputs
 

@@ -10,9 +10,9 @@ import pytest
 from can_case import CYCLE, OWN, Projection, Truth, layout_of
 
 from strainfmu.can.cycle.core import BridgeCore, bridge_core
-from strainfmu.can.cycle.frame_account import FrameClass
-from strainfmu.can.cycle.quality import Cause, Quality
-from strainfmu.can.cycle.result import CycleResult
+from strainfmu.can.cycle.estimate.result import CycleResult
+from strainfmu.can.cycle.frames.account import FrameClass
+from strainfmu.can.cycle.states.quality import Cause, Quality
 from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.wire.frame import Frame
 from strainfmu.can.wire.frame_layout import InputLayout

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from strainfmu.can.cycle.gauge_noise import gauge_noise, like_gauges
+from strainfmu.can.cycle.gauges.noise import gauge_noise, like_gauges
+from strainfmu.can.cycle.gauges.plausibility import _LONGEST_QUIET, _RECENT, GaugeChecks
 from strainfmu.can.cycle.parts import gauge_checks
-from strainfmu.can.cycle.plausibility import _LONGEST_QUIET, _RECENT, GaugeChecks
 from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.wire.profiles import profile_layout
 

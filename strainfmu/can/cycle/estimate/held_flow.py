@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import inf, isfinite, isnan, nan
 
-from strainfmu.can.cycle.assembler import Arrival
-from strainfmu.can.cycle.decoder import STATUS_DEGRADED
-from strainfmu.can.cycle.quality import Cause
-from strainfmu.can.cycle.restart_proof import SeenFrames
+from strainfmu.can.cycle.frames.assembler import Arrival
+from strainfmu.can.cycle.frames.decoder import STATUS_DEGRADED
+from strainfmu.can.cycle.frames.restart_proof import SeenFrames
+from strainfmu.can.cycle.states.quality import Cause
 from strainfmu.can.e2e.sample_clock import SenderClock
 from strainfmu.can.wire.cycle_plan import raw_ends
 from strainfmu.can.wire.frame_layout import (

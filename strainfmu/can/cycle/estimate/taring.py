@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from strainfmu.can.cycle.quality import Cause
-from strainfmu.can.cycle.result import CycleResult
+from strainfmu.can.cycle.estimate.result import CycleResult
+from strainfmu.can.cycle.states.quality import Cause
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros

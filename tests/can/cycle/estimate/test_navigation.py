@@ -13,8 +13,8 @@ from weakened_bus import core_without
 from weakened_parts import HoldsAnyRange, HoldsForEver, HoldsNoValueCodes
 
 from strainfmu.can.cycle.core import BridgeCore, bridge_core
-from strainfmu.can.cycle.quality import Cause, Quality
-from strainfmu.can.cycle.result import CycleResult
+from strainfmu.can.cycle.estimate.result import CycleResult
+from strainfmu.can.cycle.states.quality import Cause, Quality
 from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.tools.fault_injection import FaultySender
 from strainfmu.can.tools.faults import Fault, FaultKind

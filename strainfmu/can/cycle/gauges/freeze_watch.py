@@ -1,8 +1,8 @@
 """The watch for frozen gauges: too many that repeat their reading, or readings that scatter less than noise does.
 
 Repeated readings: of the n gauges of a frame, or of all, at least k have repeated theirs m times in a row. With
-quantised noise (:mod:`~strainfmu.can.cycle.quantised_noise`) that has at most the probability C(n, k) P(m)^k.
-Those k gauges are frozen where it is below FALSE_ALARM.
+quantised noise (:mod:`~strainfmu.can.cycle.gauges.quantised_noise`) that has at most the probability
+C(n, k) P(m)^k. Those k gauges are frozen where it is below FALSE_ALARM.
 
 Scatter: a sender that repeats old strains and changes their last bit never repeats a reading. The second
 differences of the readings, in which load hardly appears, then have less variance than noise gives them. A CUSUM
@@ -21,8 +21,8 @@ from operator import lt
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
-from strainfmu.can.cycle.gauge_noise import GaugeNoise
-from strainfmu.can.cycle.quantised_noise import LONGEST_RUN, noise_table
+from strainfmu.can.cycle.gauges.noise import GaugeNoise
+from strainfmu.can.cycle.gauges.quantised_noise import LONGEST_RUN, noise_table
 
 FALSE_ALARM = 1e-12
 """Maximum probability per frame and cycle of taking healthy gauges for frozen."""

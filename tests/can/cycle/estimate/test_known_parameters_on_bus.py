@@ -13,8 +13,8 @@ from deflected_shape import NAME, known_map
 from shape_case import N_D
 
 from strainfmu.can.cycle.core import BridgeCore, bridge_core
-from strainfmu.can.cycle.quality import Cause
-from strainfmu.can.cycle.result import CycleResult
+from strainfmu.can.cycle.estimate.result import CycleResult
+from strainfmu.can.cycle.states.quality import Cause
 from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.wire.dbc_files import database_of
 from strainfmu.can.wire.dbc_mapping import mapped_layout

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from strainfmu.can.cycle.frame_account import FrameClass
-from strainfmu.can.cycle.own_frames import OwnFrames, own_frames
+from strainfmu.can.cycle.frames.account import FrameClass
+from strainfmu.can.cycle.frames.own_frames import OwnFrames, own_frames
 from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.wire.frame import EXTENDED_FLAG, Frame
 from strainfmu.can.wire.frame_layout import InputLayout

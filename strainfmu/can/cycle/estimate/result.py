@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
-from strainfmu.can.cycle.gauge_verdicts import GaugeVerdicts
-from strainfmu.can.cycle.quality import Cause, Quality
+from strainfmu.can.cycle.gauges.verdicts import GaugeVerdicts
+from strainfmu.can.cycle.states.quality import Cause, Quality
 from strainfmu.cosim.step import StepResult
 from strainfmu.estimator.health import HealthState
 

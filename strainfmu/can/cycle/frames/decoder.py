@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
-from strainfmu.can.cycle.assembler import Arrival
+from strainfmu.can.cycle.frames.assembler import Arrival
 from strainfmu.can.wire.cycle_plan import CyclePlan, InnerRange, raw_ends
 from strainfmu.can.wire.frame_layout import InputLayout
 

@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from strainfmu.arrays import BoolArray
-from strainfmu.can.cycle.assembler import Arrival
-from strainfmu.can.cycle.frame_account import FrameClass
-from strainfmu.can.cycle.quality import Cause
-from strainfmu.can.cycle.second_sender import SecondSender
+from strainfmu.can.cycle.frames.account import FrameClass
+from strainfmu.can.cycle.frames.assembler import Arrival
+from strainfmu.can.cycle.frames.second_sender import SecondSender
+from strainfmu.can.cycle.states.quality import Cause
 from strainfmu.can.e2e.authentication import Authentication, Authenticity
 from strainfmu.can.e2e.check import USABLE, E2EStatus, ReceptionCheck
 from strainfmu.can.e2e.state_machine import E2EState, E2EStateMachine

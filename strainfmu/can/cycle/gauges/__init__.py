@@ -1,0 +1,1 @@
+"""The judgement of each gauge by its values: range, jumps, noise, freezing; and its verdict."""
