@@ -16,9 +16,9 @@ from shape_case import shape_map
 from synthetic_vehicle import SyntheticFiles
 from thermal_maps import REFERENCE, with_temperature
 
-from strainfmu.can.bridge.field_message import FIELD_PERIOD, FieldMessages, field_messages
-from strainfmu.can.bridge.page_message import GaugePosition
-from strainfmu.can.bridge.publisher import BridgeReports, Publisher
+from strainfmu.can.bridge.displays.field_message import FIELD_PERIOD, FieldMessages, field_messages
+from strainfmu.can.bridge.displays.page_message import GaugePosition
+from strainfmu.can.bridge.displays.publisher import BridgeReports, Publisher
 from strainfmu.can.cycle.estimate.result import CycleResult
 from strainfmu.can.cycle.frames.account import FrameAccount
 from strainfmu.can.cycle.states.bus_state import BusState

@@ -9,9 +9,9 @@ from clipping import WIDTHS, clipped, set_width
 from field_maps import N_D, field_map
 from test_field_display import cycle
 
-from strainfmu.can.bridge.field_message import FieldMessages
-from strainfmu.can.bridge.page_message import GaugePosition
-from strainfmu.can.bridge.publisher import BridgeReports, Publisher
+from strainfmu.can.bridge.displays.field_message import FieldMessages
+from strainfmu.can.bridge.displays.page_message import GaugePosition
+from strainfmu.can.bridge.displays.publisher import BridgeReports, Publisher
 from strainfmu.can.cycle.frames.account import FrameAccount
 from strainfmu.can.cycle.states.bus_state import BusState
 from strainfmu.can.cycle.states.quality import Quality

@@ -19,8 +19,8 @@ import pytest
 from page_results import OUTSIDE, publisher, result
 from synthetic_vehicle import N_GAUGES, SyntheticFiles
 
-from strainfmu.can.bridge.page_message import gauge_positions
-from strainfmu.can.bridge.publisher import Publisher, parsed_address
+from strainfmu.can.bridge.displays.page_message import gauge_positions
+from strainfmu.can.bridge.displays.publisher import Publisher, parsed_address
 from strainfmu.can.cycle.states.quality import Cause, Quality
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.monitor.server import PAGE_FILES, PUSH_PERIOD, Monitor, page_file

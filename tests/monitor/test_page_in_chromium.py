@@ -15,8 +15,8 @@ from multicast import skip_without_multicast
 from operator_states import TestRange, running_range
 from synthetic_vehicle import synthetic_inverse_map
 
-from strainfmu.can.bridge.page_message import EstimatorFacts, GaugePosition
-from strainfmu.can.bridge.publisher import BridgeReports, Publisher
+from strainfmu.can.bridge.displays.page_message import EstimatorFacts, GaugePosition
+from strainfmu.can.bridge.displays.publisher import BridgeReports, Publisher
 from strainfmu.can.cycle.estimate.result import CycleResult
 from strainfmu.can.cycle.frames.account import FrameAccount
 from strainfmu.can.cycle.states.bus_state import BusState

@@ -11,7 +11,7 @@ import pytest
 from bus_run import live_run, wait_until
 from synthetic_vehicle import N_GAUGES, SyntheticFiles
 
-from strainfmu.can.bridge.page_message import (
+from strainfmu.can.bridge.displays.page_message import (
     EstimatorFacts,
     GaugePosition,
     estimator_facts,

@@ -9,8 +9,8 @@ from math import ceil
 
 import numpy as np
 
-from strainfmu.can.bridge.result_frames import ResultFrames
-from strainfmu.can.bridge.result_layouts import result_layouts
+from strainfmu.can.bridge.results.frames import ResultFrames
+from strainfmu.can.bridge.results.layouts import result_layouts
 from strainfmu.can.cycle.core import BridgeCore, bridge_core
 from strainfmu.can.cycle.estimate.result import CycleResult
 from strainfmu.can.cycle.gauges.plausibility import MIN_STUCK_CYCLES

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from strainfmu.can.bridge.page_message import EstimatorFacts, GaugePosition
-from strainfmu.can.bridge.publisher import BridgeReports, Publisher
+from strainfmu.can.bridge.displays.page_message import EstimatorFacts, GaugePosition
+from strainfmu.can.bridge.displays.publisher import BridgeReports, Publisher
 from strainfmu.can.cycle.estimate.result import CycleResult
 from strainfmu.can.cycle.frames.account import FrameAccount
 from strainfmu.can.cycle.states.bus_state import BusState

@@ -10,8 +10,8 @@ import can
 import numpy as np
 from can_case import Projection, Truth, layout_of
 
-from strainfmu.can.bridge.reconnect import BackOffSettings
-from strainfmu.can.bridge.result_layouts import result_layouts
+from strainfmu.can.bridge.bus.reconnect import BackOffSettings
+from strainfmu.can.bridge.results.layouts import result_layouts
 from strainfmu.can.bridge.run_loop import QUEUED_CYCLES, Bridge
 from strainfmu.can.bridge.summary import BridgeSummary
 from strainfmu.can.cycle.core import bridge_core

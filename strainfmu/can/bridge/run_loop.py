@@ -14,16 +14,16 @@ from typing import Any
 
 import numpy as np
 
-from strainfmu.can.bridge.backlog import Backlog
-from strainfmu.can.bridge.bus import OpenBus, kernel_drops, shut_down
-from strainfmu.can.bridge.inline_receiver import InlineReceiver
-from strainfmu.can.bridge.raw_bus import raw_bus
-from strainfmu.can.bridge.receiver import BusFault, FrameQueue, Receiver, ReceiverBase
-from strainfmu.can.bridge.reconnect import BackOff, BackOffSettings
-from strainfmu.can.bridge.result_frames import BridgeStatus, ResultFrames
-from strainfmu.can.bridge.result_layouts import STATUS_PERIOD
+from strainfmu.can.bridge.bus.opening import OpenBus, kernel_drops, shut_down
+from strainfmu.can.bridge.bus.raw_bus import raw_bus
+from strainfmu.can.bridge.bus.reconnect import BackOff, BackOffSettings
+from strainfmu.can.bridge.reception.backlog import Backlog
+from strainfmu.can.bridge.reception.inline_receiver import InlineReceiver
+from strainfmu.can.bridge.reception.receiver import BusFault, FrameQueue, Receiver, ReceiverBase
+from strainfmu.can.bridge.results.frames import BridgeStatus, ResultFrames
+from strainfmu.can.bridge.results.layouts import STATUS_PERIOD
+from strainfmu.can.bridge.results.transmitter import Transmitter
 from strainfmu.can.bridge.summary import BridgeSummary
-from strainfmu.can.bridge.transmitter import Transmitter
 from strainfmu.can.bridge.undisturbed import undisturbed
 from strainfmu.can.cycle.core import BridgeCore
 from strainfmu.can.cycle.estimate.result import CycleResult, published

@@ -7,11 +7,11 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from strainfmu.can.bridge.bus import BusSettings, configured, open_bus
-from strainfmu.can.bridge.freshness_file import FreshnessKeeper, freshness_file
-from strainfmu.can.bridge.result_layouts import result_layouts
+from strainfmu.can.bridge.bus.opening import BusSettings, configured, open_bus
+from strainfmu.can.bridge.keepers.freshness_file import FreshnessKeeper, freshness_file
+from strainfmu.can.bridge.keepers.zeros_keeper import ZerosKeeper
+from strainfmu.can.bridge.results.layouts import result_layouts
 from strainfmu.can.bridge.run_loop import Bridge
-from strainfmu.can.bridge.zeros_keeper import ZerosKeeper
 from strainfmu.can.cycle.core import BridgeCore, bridge_core
 from strainfmu.can.cycle.estimate.result import CycleResult
 from strainfmu.can.cycle.estimate.taring import Taring

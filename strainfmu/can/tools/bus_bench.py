@@ -21,9 +21,9 @@ from typing import Any
 
 import numpy as np
 
-from strainfmu.can.bridge.bus import BusSettings, open_bus, shut_down
-from strainfmu.can.bridge.raw_bus import raw_bus
-from strainfmu.can.bridge.result_frames import ResultFrames
+from strainfmu.can.bridge.bus.opening import BusSettings, open_bus, shut_down
+from strainfmu.can.bridge.bus.raw_bus import raw_bus
+from strainfmu.can.bridge.results.frames import ResultFrames
 from strainfmu.can.bridge.setup import BridgeOptions, make_core
 from strainfmu.can.bridge.summary import BridgeSummary
 from strainfmu.can.cycle.estimate.result import CycleResult
@@ -140,8 +140,8 @@ def _cost_of(fmu: Path, inverse_map: InverseMap, n_cycles: int) -> CoreCost:
 
 def _through_core(fmu: Path, flight: BenchFlight, n_cycles: int, recorder: Recorder | None) -> float:
     """Return the processor time per cycle of the whole process [s]; with a recorder, also results and a page."""
-    from strainfmu.can.bridge.page_message import gauge_positions
-    from strainfmu.can.bridge.publisher import BridgeReports, Publisher
+    from strainfmu.can.bridge.displays.page_message import gauge_positions
+    from strainfmu.can.bridge.displays.publisher import BridgeReports, Publisher
     from strainfmu.cosim.fmu_step import FmuStep
 
     period = flight.layout.cycle_time

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from strainfmu.can.bridge.result_layouts import result_layouts
+from strainfmu.can.bridge.results.layouts import result_layouts
 from strainfmu.can.bridge.setup import form_of_profile, map_gauge_names, map_section_stations
 from strainfmu.can.settings import checked_cycle_time
 from strainfmu.can.wire.frame_layout import FrameLayout

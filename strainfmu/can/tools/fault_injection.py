@@ -14,7 +14,7 @@ from math import nan
 import numpy as np
 
 from strainfmu.arrays import FloatArray
-from strainfmu.can.bridge.freshness_file import FIRST_TRIP
+from strainfmu.can.bridge.keepers.freshness_file import FIRST_TRIP
 from strainfmu.can.cycle.gauges.noise import gauge_noise
 from strainfmu.can.tools.altered_frames import AlteredFrames, of_other_length, with_flipped_bits
 from strainfmu.can.tools.faults import Fault, FaultKind

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from strainfmu.can.bridge.field_message import field_messages
-from strainfmu.can.bridge.page_message import PAGE_OUTPUTS, estimator_facts, gauge_positions
-from strainfmu.can.bridge.publisher import BridgeReports, Publisher, parsed_address
+from strainfmu.can.bridge.displays.field_message import field_messages
+from strainfmu.can.bridge.displays.page_message import PAGE_OUTPUTS, estimator_facts, gauge_positions
+from strainfmu.can.bridge.displays.publisher import BridgeReports, Publisher, parsed_address
 from strainfmu.can.bridge.run_loop import Bridge
 from strainfmu.can.bridge.setup import BridgeOptions, ReadyBridge, Taps, make_bridge
 from strainfmu.can.cycle.estimate.result import CycleResult

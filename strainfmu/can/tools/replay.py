@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from strainfmu.can.bridge.result_frames import ResultFrames
+from strainfmu.can.bridge.results.frames import ResultFrames
 from strainfmu.can.bridge.setup import BridgeOptions, make_core
 from strainfmu.can.cycle.core import BridgeCore
 from strainfmu.can.cycle.estimate.result import CycleResult

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from strainfmu.arrays import FloatArray
-from strainfmu.can.bridge.freshness_file import FIRST_TRIP
+from strainfmu.can.bridge.keepers.freshness_file import FIRST_TRIP
 from strainfmu.can.e2e.clock import Clock, monotonic
 from strainfmu.can.tools.fault_injection import FaultySender
 from strainfmu.can.tools.faults import NEED_A_KEY, Fault, FaultKind, random_faults

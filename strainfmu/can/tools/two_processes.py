@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from strainfmu.can.bridge.bus import BusSettings, open_bus, shut_down
+from strainfmu.can.bridge.bus.opening import BusSettings, open_bus, shut_down
 from strainfmu.can.tools.answers import Score
 from strainfmu.can.wire.profiles import SECURED_PROFILE
 from strainfmu.errors import StrainfmuError

@@ -294,7 +294,7 @@ def monitor(
     """
     from time import sleep
 
-    from strainfmu.can.bridge.publisher import parsed_address
+    from strainfmu.can.bridge.displays.publisher import parsed_address
     from strainfmu.monitor.server import Monitor, shown_address
 
     console = Console()

@@ -107,7 +107,7 @@ def send(
 
         strainfmu send map.h5 --data flight.h5 --faults 20 --seed 7 --interface socketcan --channel vcan0
     """
-    from strainfmu.can.bridge.bus import configured
+    from strainfmu.can.bridge.bus.opening import configured
     from strainfmu.can.bridge.setup import BridgeOptions, bus_settings, input_layout, map_gauge_names
 
     if sum(item is not None for item in (plant, scenario, data)) != 1:
@@ -204,8 +204,8 @@ def _send(
     from itertools import islice
     from time import sleep
 
-    from strainfmu.can.bridge.bus import open_bus, shut_down
-    from strainfmu.can.bridge.result_layouts import result_layouts
+    from strainfmu.can.bridge.bus.opening import open_bus, shut_down
+    from strainfmu.can.bridge.results.layouts import result_layouts
     from strainfmu.can.bridge.setup import bus_settings, form_of_profile
     from strainfmu.can.tools.answers import Listener, score_answers
     from strainfmu.can.tools.sender import send_flight
@@ -248,7 +248,7 @@ def _send(
 
 def _first_trip(options: Any, layout: Any, faults: list[Any]) -> int:
     """Return the trip counter of authenticated frames; those of the restarts to come follow it."""
-    from strainfmu.can.bridge.freshness_file import FIRST_TRIP, freshness_file, next_trip
+    from strainfmu.can.bridge.keepers.freshness_file import FIRST_TRIP, freshness_file, next_trip
     from strainfmu.can.tools.faults import FaultKind
 
     if layout.key is None:

@@ -20,8 +20,8 @@ import numpy as np
 import pytest
 from running_bridge import CYCLE, Running
 
-from strainfmu.can.bridge.bus import BusSettings, kernel_drops, open_bus
-from strainfmu.can.bridge.receiver import ERRORS_PER_SECOND, BusFault, FrameQueue
+from strainfmu.can.bridge.bus.opening import BusSettings, kernel_drops, open_bus
+from strainfmu.can.bridge.reception.receiver import ERRORS_PER_SECOND, BusFault, FrameQueue
 from strainfmu.can.bridge.run_loop import HAND_OVER
 from strainfmu.can.cycle.estimate.result import CycleResult
 from strainfmu.can.cycle.frames.account import FrameClass
@@ -348,7 +348,7 @@ def test_the_receive_buffer_is_enlarged_and_drops_of_the_system_are_counted() ->
 @pytest.mark.skipif(shutil.which("unshare") is None or os.geteuid() != 0, reason="needs unshare and root")
 def test_no_default_route_is_one_clear_line() -> None:
     code = (
-        "from strainfmu.can.bridge.bus import BusSettings, open_bus\n"
+        "from strainfmu.can.bridge.bus.opening import BusSettings, open_bus\n"
         "from strainfmu.errors import StrainfmuError\n"
         "try:\n    open_bus(BusSettings(interface='udp_multicast', channel='239.74.163.2'))\n"
         "except StrainfmuError as error:\n    print(error)\n"

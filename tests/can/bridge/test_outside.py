@@ -17,7 +17,7 @@ from scaled_maps import NOMINAL, scaled_map
 from synthetic_vehicle import N_GAUGES, SyntheticFiles, synthetic_inverse_map
 
 from strainfmu.atmosphere import dynamic_pressure
-from strainfmu.can.bridge.page_message import envelope_score_limit, health_text
+from strainfmu.can.bridge.displays.page_message import envelope_score_limit, health_text
 from strainfmu.can.cycle.core import bridge_core
 from strainfmu.can.cycle.estimate.result import CycleResult
 from strainfmu.can.cycle.states.quality import Cause, Quality

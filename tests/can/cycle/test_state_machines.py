@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from can_case import CYCLE, layout_of
 
-from strainfmu.can.bridge.reconnect import BackOff, BackOffSettings
+from strainfmu.can.bridge.bus.reconnect import BackOff, BackOffSettings
 from strainfmu.can.cycle.frames.acceptance import Acceptance
 from strainfmu.can.cycle.frames.account import LISTED_IDENTIFIERS, FrameAccount, FrameClass
 from strainfmu.can.cycle.frames.assembler import Arrival, CycleAssembler, Limits, Verdict

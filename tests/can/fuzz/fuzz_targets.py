@@ -13,7 +13,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from strainfmu.can.bridge.freshness_file import load_freshness
+from strainfmu.can.bridge.keepers.freshness_file import load_freshness
 from strainfmu.can.cycle.core import bridge_core
 from strainfmu.can.cycle.states.quality import Quality
 from strainfmu.can.settings import BridgeSettings

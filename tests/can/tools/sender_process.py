@@ -19,7 +19,7 @@ import can
 import numpy as np
 from can.interfaces.udp_multicast.utils import unpack_message
 
-from strainfmu.can.bridge.bus import BusSettings, open_bus
+from strainfmu.can.bridge.bus.opening import BusSettings, open_bus
 from strainfmu.can.wire.frame import to_message
 from strainfmu.can.wire.profiles import profile_layout
 from strainfmu.can.wire.strain_encoder import StrainEncoder

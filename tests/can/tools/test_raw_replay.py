@@ -10,7 +10,7 @@ from pathlib import Path
 from bus_run import CYCLE, flight
 from synthetic_vehicle import N_GAUGES, SyntheticFiles
 
-from strainfmu.can.bridge.bus import BusSettings, open_bus
+from strainfmu.can.bridge.bus.opening import BusSettings, open_bus
 from strainfmu.can.bridge.setup import BridgeOptions
 from strainfmu.can.bridge.summary import BridgeSummary
 from strainfmu.can.cycle.estimate.result import CycleResult

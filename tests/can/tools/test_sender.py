@@ -11,9 +11,9 @@ import pytest
 from slender_vehicle import make_slender_files
 from synthetic_vehicle import N_GAUGES, SyntheticFiles
 
-from strainfmu.can.bridge.bus import BusSettings, open_bus
-from strainfmu.can.bridge.result_frames import ResultFrames
-from strainfmu.can.bridge.result_layouts import result_layouts
+from strainfmu.can.bridge.bus.opening import BusSettings, open_bus
+from strainfmu.can.bridge.results.frames import ResultFrames
+from strainfmu.can.bridge.results.layouts import result_layouts
 from strainfmu.can.cycle.core import bridge_core
 from strainfmu.can.cycle.estimate.result import CycleResult
 from strainfmu.can.cycle.states.quality import Cause, Quality

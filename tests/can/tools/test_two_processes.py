@@ -16,7 +16,7 @@ from host_delays import HostDelays
 from sender_process import FOREIGN
 from synthetic_vehicle import synthetic_inverse_map
 
-from strainfmu.can.bridge.result_layouts import result_layouts
+from strainfmu.can.bridge.results.layouts import result_layouts
 from strainfmu.can.cycle.states.quality import Cause, Quality
 from strainfmu.can.wire.profiles import Identifiers
 from strainfmu.can.wire.signal_plan import SignalPlan

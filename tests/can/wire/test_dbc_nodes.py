@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from can_case import CYCLE, Truth, dbc_text_of, gauge_names, layout_of, run_core
 
-from strainfmu.can.bridge.result_frames import BridgeStatus, ResultFrames
-from strainfmu.can.bridge.result_layouts import result_layouts
+from strainfmu.can.bridge.results.frames import BridgeStatus, ResultFrames
+from strainfmu.can.bridge.results.layouts import result_layouts
 from strainfmu.can.cycle.estimate.result import CycleResult
 from strainfmu.can.cycle.frames.account import FrameClass
 from strainfmu.can.cycle.states.quality import Cause, Quality

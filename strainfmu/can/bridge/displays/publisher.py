@@ -14,8 +14,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from strainfmu.can.bridge.field_message import FIELD_PERIOD, FieldMessages
-from strainfmu.can.bridge.page_message import (
+from strainfmu.can.bridge.displays.field_message import FIELD_PERIOD, FieldMessages
+from strainfmu.can.bridge.displays.page_message import (
     EstimatorFacts,
     GaugePosition,
     layout_message,

@@ -6,8 +6,8 @@ import time
 from collections.abc import Callable
 from math import inf
 
-from strainfmu.can.bridge.raw_bus import RawBus
-from strainfmu.can.bridge.receiver import AT_ONCE, FrameQueue, ReceiverBase
+from strainfmu.can.bridge.bus.raw_bus import RawBus
+from strainfmu.can.bridge.reception.receiver import AT_ONCE, FrameQueue, ReceiverBase
 from strainfmu.can.cycle.frames.acceptance import Acceptance
 from strainfmu.can.e2e.clock import Clock
 from strainfmu.can.wire.frame import Frame, MalformedFrame

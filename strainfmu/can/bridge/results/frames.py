@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from math import isnan, nan
 from operator import itemgetter
 
-from strainfmu.can.bridge.further_layouts import FurtherSignals
-from strainfmu.can.bridge.result_layouts import DETAIL, LAST_NAMES, SIGMA_NAMES
+from strainfmu.can.bridge.results.further_layouts import FurtherSignals
+from strainfmu.can.bridge.results.layouts import DETAIL, LAST_NAMES, SIGMA_NAMES
 from strainfmu.can.cycle.estimate.result import CycleResult
 from strainfmu.can.cycle.frames.account import FrameAccount, FrameClass
 from strainfmu.can.cycle.states.bus_state import BusState

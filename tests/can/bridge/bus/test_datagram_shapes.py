@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from can.interfaces.udp_multicast.utils import pack_message
 
-from strainfmu.can.bridge.datagram_shapes import DatagramShapes
+from strainfmu.can.bridge.bus.datagram_shapes import DatagramShapes
 from strainfmu.can.wire.frame import Frame, to_message
 
 pytestmark = pytest.mark.fast

@@ -14,10 +14,10 @@ import pytest
 from can.interfaces.socketcan.socketcan import build_can_frame
 from can.interfaces.udp_multicast.utils import pack_message
 
-from strainfmu.can.bridge.bus import BusSettings, open_bus
-from strainfmu.can.bridge.inline_receiver import InlineReceiver
-from strainfmu.can.bridge.raw_bus import RawMulticast, RawSocketCan, can_frame, raw_bus
-from strainfmu.can.bridge.receiver import BusFault, FrameQueue
+from strainfmu.can.bridge.bus.opening import BusSettings, open_bus
+from strainfmu.can.bridge.bus.raw_bus import RawMulticast, RawSocketCan, can_frame, raw_bus
+from strainfmu.can.bridge.reception.inline_receiver import InlineReceiver
+from strainfmu.can.bridge.reception.receiver import BusFault, FrameQueue
 from strainfmu.can.cycle.frames.acceptance import Acceptance
 from strainfmu.can.cycle.frames.own_frames import OwnFrames
 from strainfmu.can.settings import BridgeSettings
@@ -138,7 +138,7 @@ def test_own_frames_that_have_come_back_do_not_end_the_wait(buses: list[can.BusA
 def test_a_cycle_is_taken_whole_by_one_wake_up_at_its_expected_end(
     buses: list[can.BusABC], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("strainfmu.can.bridge.inline_receiver.LONGEST_EXPECTED", 10.0)
+    monkeypatch.setattr("strainfmu.can.bridge.reception.inline_receiver.LONGEST_EXPECTED", 10.0)
     raw, queue = raw_multicast(buses[0]), FrameQueue(100, 2)
     acceptance, clock = Acceptance(layout(), [], BridgeSettings()), time.monotonic
     receiver = InlineReceiver(
@@ -164,7 +164,7 @@ def test_a_cycle_is_taken_whole_by_one_wake_up_at_its_expected_end(
 
     send_cycle()
     receiver.collect(60.0)
-    monkeypatch.setattr("strainfmu.can.bridge.inline_receiver.time.sleep", slept)
+    monkeypatch.setattr("strainfmu.can.bridge.reception.inline_receiver.time.sleep", slept)
     monkeypatch.setattr(raw, "wait", waited)
     for _ in range(3):
         first, last = queue.take(0.0, clock)[0]
@@ -181,7 +181,7 @@ def test_without_stamps_of_the_kernel_no_cycle_is_expected(
     buses: list[can.BusABC], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A frame would seem to come when it is looked for, and be looked for ever later."""
-    monkeypatch.setattr("strainfmu.can.bridge.inline_receiver.LONGEST_EXPECTED", 10.0)
+    monkeypatch.setattr("strainfmu.can.bridge.reception.inline_receiver.LONGEST_EXPECTED", 10.0)
     raw, queue = raw_multicast(buses[0]), FrameQueue(100, 1)
     acceptance, clock = Acceptance(layout(), [], BridgeSettings()), time.monotonic
     receiver = InlineReceiver(

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from strainfmu.can.bridge.bus_configuration import FoundOption, found_options, timing_of
+from strainfmu.can.bridge.bus.configuration import FoundOption, found_options, timing_of
 from strainfmu.can.wire.libraries import error_line, import_can
 from strainfmu.errors import InputError, StrainfmuError
 
@@ -76,7 +76,7 @@ def configured(settings: BusSettings) -> list[FoundOption]:
     Raises
     ------
     InputError
-        As :func:`~strainfmu.can.bridge.bus_configuration.found_options`.
+        As :func:`~strainfmu.can.bridge.bus.configuration.found_options`.
     """
     return [] if settings.options.get("ignore_config") else found_options(_given(settings), settings.context)
 

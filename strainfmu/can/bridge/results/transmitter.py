@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import Any
 
-from strainfmu.can.bridge.raw_bus import RawBus
+from strainfmu.can.bridge.bus.raw_bus import RawBus
 from strainfmu.can.wire.frame import Frame, to_message
 from strainfmu.can.wire.libraries import error_line, import_can
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from can_case import CYCLE, Projection, Truth, layout_of
 
-from strainfmu.can.bridge.backlog import Backlog
-from strainfmu.can.bridge.receiver import FrameQueue
+from strainfmu.can.bridge.reception.backlog import Backlog
+from strainfmu.can.bridge.reception.receiver import FrameQueue
 from strainfmu.can.bridge.run_loop import QUEUED_CYCLES
 from strainfmu.can.cycle.core import BridgeCore, bridge_core
 from strainfmu.can.cycle.estimate.result import CycleResult, published

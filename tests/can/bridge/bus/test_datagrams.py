@@ -10,7 +10,7 @@ from errno import EBADF
 
 import pytest
 
-from strainfmu.can.bridge.datagrams import AT_ONCE, LARGEST_DATAGRAM, AllAtOnce, Datagrams, OneByOne
+from strainfmu.can.bridge.bus.datagrams import AT_ONCE, LARGEST_DATAGRAM, AllAtOnce, Datagrams, OneByOne
 
 pytestmark = pytest.mark.fast
 
@@ -67,7 +67,7 @@ def test_a_step_of_the_clock_makes_no_datagram_younger_than_now(
     reader = maker(receiving)
     sending.send(b"1")
     now = time.time()
-    monkeypatch.setattr("strainfmu.can.bridge.datagrams.time.time", lambda: now - 3600.0)
+    monkeypatch.setattr("strainfmu.can.bridge.bus.datagrams.time.time", lambda: now - 3600.0)
     assert reader.read(AT_ONCE) == ([(b"1", 0.0)], True)
 
 

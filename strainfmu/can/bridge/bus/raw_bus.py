@@ -15,8 +15,8 @@ from abc import ABC, abstractmethod
 from importlib import import_module
 from typing import Any
 
-from strainfmu.can.bridge.datagram_shapes import DatagramShapes
-from strainfmu.can.bridge.datagrams import ANCILLARY, Waited, waiting_datagrams
+from strainfmu.can.bridge.bus.datagram_shapes import DatagramShapes
+from strainfmu.can.bridge.bus.datagrams import ANCILLARY, Waited, waiting_datagrams
 from strainfmu.can.wire.frame import FD_LENGTHS, Frame, MalformedFrame, from_message
 from strainfmu.can.wire.libraries import import_can
 

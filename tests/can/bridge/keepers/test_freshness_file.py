@@ -10,7 +10,7 @@ from time import monotonic, sleep
 import pytest
 from can_case import KEY
 
-from strainfmu.can.bridge.freshness_file import (
+from strainfmu.can.bridge.keepers.freshness_file import (
     FreshnessKeeper,
     freshness_file,
     load_freshness,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from strainfmu.can.bridge import further_layouts
+from strainfmu.can.bridge.results import further_layouts
 from strainfmu.can.cycle.states.bus_state import BusState
 from strainfmu.can.cycle.states.quality import Quality
 from strainfmu.can.wire.crc import Protection

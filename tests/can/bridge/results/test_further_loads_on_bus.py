@@ -14,8 +14,8 @@ from can_case import CYCLE
 from further_maps import STATIONS, with_own_further
 from scaled_maps import NOMINAL, scaled_map
 
-from strainfmu.can.bridge.result_frames import ResultFrames
-from strainfmu.can.bridge.result_layouts import result_layouts
+from strainfmu.can.bridge.results.frames import ResultFrames
+from strainfmu.can.bridge.results.layouts import result_layouts
 from strainfmu.can.bridge.setup import BridgeOptions, make_core
 from strainfmu.can.cycle.estimate.result import CycleResult
 from strainfmu.can.cycle.states.quality import Quality

@@ -11,7 +11,7 @@ import can
 import pytest
 from can_case import CYCLE, layout_of
 
-from strainfmu.can.bridge.receiver import ERRORS_PER_SECOND, BusFault, FrameQueue, Receiver
+from strainfmu.can.bridge.reception.receiver import ERRORS_PER_SECOND, BusFault, FrameQueue, Receiver
 from strainfmu.can.cycle.frames.acceptance import Acceptance
 from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.tools.log_frames import LogState, log_frames

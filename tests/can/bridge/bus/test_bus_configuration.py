@@ -11,7 +11,7 @@ import pytest
 from can.interfaces.virtual import VirtualBus
 from synthetic_vehicle import N_GAUGES, SyntheticFiles
 
-from strainfmu.can.bridge.bus import BusSettings, configured, open_bus
+from strainfmu.can.bridge.bus.opening import BusSettings, configured, open_bus
 from strainfmu.can.bridge.setup import UNPROTECTED_TEXT, BridgeOptions, bus_settings, make_bridge
 from strainfmu.cli.main import main
 from strainfmu.errors import InputError

@@ -1,0 +1,1 @@
+"""The bus itself: opened by python-can, read and written below it, opened again when it fails."""

@@ -1,0 +1,1 @@
+"""Results out: their frames on the bus, composed and sent."""
