@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from builder.aero.euler.marching_grid import MarchingGrid
     from builder.aero.surface_mesh import SurfaceMesh
     from builder.vehicle.file import Vehicle
+    from builder.vehicle.model_entries import Resolution
     from builder.vehicle.shape.geometry import SurfaceGrid
-    from builder.vehicle.toml.sections import Resolution
 
 
 @dataclass(frozen=True)

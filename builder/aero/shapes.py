@@ -20,7 +20,7 @@ from strainfmu.errors import InputError
 
 if TYPE_CHECKING:
     from builder.vehicle.file import Vehicle
-    from builder.vehicle.toml.sections import Resolution
+    from builder.vehicle.model_entries import Resolution
 
 SAME_LENGTH = 0.02
 """Relative difference up to which a length in some unit is the one stated."""

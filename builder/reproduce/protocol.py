@@ -17,7 +17,7 @@ from builder.vehicle.conditions.flight_conditions import (
     condition_set,
 )
 from builder.vehicle.file import Vehicle
-from builder.vehicle.toml.sections import Resolution
+from builder.vehicle.model_entries import Resolution
 from strainfmu.flight_condition import FlightCondition
 
 MODES = 5

@@ -28,8 +28,8 @@ from builder.truth.flow_table import FlowTable, load_flow_table
 from builder.truth.held_out import held_out_conditions
 from builder.truth.strain import TrueStructure, one_flight, true_flights, true_strain, true_structure
 from builder.vehicle.file import Vehicle, load_vehicle
+from builder.vehicle.model_entries import Resolutions
 from builder.vehicle.structure.temperature import Temperature, TemperatureSensor
-from builder.vehicle.toml.sections import Resolutions
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.estimator.linear.estimator import Estimator

@@ -24,8 +24,8 @@ from builder.structure.wall import wall_of
 from builder.truth.as_built import AsBuilt
 from builder.truth.flow_table import FlowTable, harmonics_at
 from builder.vehicle.file import Vehicle
+from builder.vehicle.model_entries import Resolution
 from builder.vehicle.shape.geometry import SurfaceGrid, surface_grid
-from builder.vehicle.toml.sections import Resolution
 from strainfmu.arrays import FloatArray
 from strainfmu.flight_condition import FlightCondition
 

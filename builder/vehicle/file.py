@@ -15,30 +15,25 @@ from pydantic import AfterValidator, Field, PrivateAttr, model_validator
 
 from builder.vehicle.conditions.entries import Conditions
 from builder.vehicle.conditions.flight_conditions import condition_grid
+from builder.vehicle.gauges.entries import Gauges
 from builder.vehicle.gauges.sensor_entries import Sensors
 from builder.vehicle.map.calibration import Calibration
 from builder.vehicle.map.options import MapEntry, Noise
-from builder.vehicle.shape.entries import Shape
+from builder.vehicle.model_entries import Aerodynamics, Resolutions, Truth
+from builder.vehicle.shape.entries import Reference, Shape
 from builder.vehicle.shape.geometry import BodyOfRevolution, chain_pieces
 from builder.vehicle.shape.profile_entries import Piece
 from builder.vehicle.shape.reference_quantities import ReferenceQuantities
 from builder.vehicle.shape.sectioned_body import SectionedBody
 from builder.vehicle.shape.sectioned_body import read_sections as read_sections_of_body
 from builder.vehicle.sizes import size_faults
+from builder.vehicle.structure.material import MaterialEntry
 from builder.vehicle.structure.section import Structure
 from builder.vehicle.structure.temperature import Temperature
 from builder.vehicle.toml.faults import Faults
 from builder.vehicle.toml.limits import one_line
 from builder.vehicle.toml.reading import read_sections
-from builder.vehicle.toml.sections import (
-    Aerodynamics,
-    Gauges,
-    MaterialEntry,
-    Reference,
-    Resolutions,
-    Section,
-    Truth,
-)
+from builder.vehicle.toml.sections import Section
 from strainfmu.errors import InputError
 from strainfmu.flight_condition import FlightCondition
 

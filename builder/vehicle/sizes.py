@@ -12,8 +12,8 @@ from strainfmu.errors import InputError
 
 if TYPE_CHECKING:
     from builder.vehicle.file import Vehicle
+    from builder.vehicle.model_entries import Resolution
     from builder.vehicle.shape.geometry import BodyOfRevolution
-    from builder.vehicle.toml.sections import Resolution
 
 
 def size_faults(vehicle: Vehicle) -> list[str]:

@@ -17,7 +17,7 @@ from sphinx.application import Sphinx
 from builder.calibration.ground_test.load_test_file import LoadTestFile
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map.gamma_rules import RULES
-from builder.vehicle.toml.sections import ENGINE_NAMES
+from builder.vehicle.model_entries import ENGINE_NAMES
 
 UNITS = {
     "um_per_m_per_K": "um/m/K",

@@ -15,7 +15,7 @@ from builder.aero.euler_engine import EulerEngine
 from builder.aero.local_inclination import LEEWARD, STAGNATION
 from builder.campaign.snapshots import load_snapshots
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
-from builder.vehicle.toml.sections import Aerodynamics
+from builder.vehicle.model_entries import Aerodynamics
 from strainfmu.errors import InputError
 
 pytestmark = pytest.mark.fast

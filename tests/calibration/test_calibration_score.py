@@ -19,7 +19,7 @@ from builder.calibration.score_summary import table as as_text
 from builder.campaign.snapshots import Snapshots
 from builder.truth.flow_table import FlowTable
 from builder.vehicle.file import Vehicle
-from builder.vehicle.toml.sections import Resolutions
+from builder.vehicle.model_entries import Resolutions
 from strainfmu.errors import InputError
 from strainfmu.estimator.health import HealthState
 

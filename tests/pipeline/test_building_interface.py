@@ -16,7 +16,7 @@ import builder
 from builder.reporting import Silent
 from builder.structure.fourier.model import StructuralModel
 from builder.structure.structure_file import Structure
-from builder.vehicle.toml.sections import GaugeLayoutEntry
+from builder.vehicle.gauges.entries import GaugeLayoutEntry
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import save_inverse_map
 

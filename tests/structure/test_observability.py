@@ -30,8 +30,8 @@ from builder.structure.solid.solvers.cyclic import CyclicSolver, pressure_operat
 from builder.structure.wall import wall_of
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
 from builder.vehicle.gauges.layout import GaugeLayout
+from builder.vehicle.model_entries import Resolution
 from builder.vehicle.shape.geometry import SurfaceGrid
-from builder.vehicle.toml.sections import Resolution
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 

@@ -25,7 +25,7 @@ from builder.truth.strain import TrueStructure, true_structure
 from builder.vehicle.conditions.flight_conditions import condition_grid
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
 from builder.vehicle.map.options import MapEntry
-from builder.vehicle.toml.sections import Resolution, Resolutions
+from builder.vehicle.model_entries import Resolution, Resolutions
 from strainfmu.flight_condition import FlightCondition
 
 COARSE = Resolution(

@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from builder.vehicle.toml.sections import Resolution
+from builder.vehicle.model_entries import Resolution
 from strainfmu.arrays import FloatArray
 
 

@@ -45,8 +45,8 @@ from builder.structure.loads.temperature import TemperatureField
 from builder.structure.wall import wall_of
 from builder.vehicle.file import Vehicle
 from builder.vehicle.gauges.layout import GaugeLayout
+from builder.vehicle.model_entries import Resolution
 from builder.vehicle.shape.geometry import SurfaceGrid, surface_grid
-from builder.vehicle.toml.sections import Resolution
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 

@@ -17,7 +17,7 @@ from builder.structure.solid.case import solid_case
 from builder.structure.solid.mesh_choice import MeshChoice, make_mesh, whole_mesh
 from builder.structure.wall import wall_of
 from builder.vehicle.file import Vehicle
-from builder.vehicle.toml.sections import Resolution
+from builder.vehicle.model_entries import Resolution
 from strainfmu.errors import InputError
 
 

@@ -1,4 +1,4 @@
-"""Section [shape] of the vehicle file: a profile, sections along x, or any closed surface."""
+"""Sections [shape] and [reference] of the vehicle file: a profile, sections along x, or any closed surface."""
 
 from __future__ import annotations
 
@@ -45,3 +45,11 @@ class Shape(Section):
     def kind(self) -> str:
         """Which of :data:`KINDS` it is."""
         return next(name for name in KINDS if getattr(self, name) is not None)
+
+
+class Reference(Section):
+    """Reference quantities of the coefficients; area and length default to base area and base diameter."""
+
+    area_m2: float | None = Field(default=None, ge=1e-6, le=1e6)
+    length_m: Station | None = None
+    moment_station_m: float = Field(ge=-1e3, le=1e3)

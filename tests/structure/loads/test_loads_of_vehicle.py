@@ -13,7 +13,7 @@ from builder.structure.loads.of_vehicle import fourier_structure_of, solid_struc
 from builder.structure.loads.temperature import temperature_mode, uniform_temperature
 from builder.structure.solid.mesh_choice import MeshChoice
 from builder.vehicle.file import Vehicle
-from builder.vehicle.toml.sections import Resolution
+from builder.vehicle.model_entries import Resolution
 from strainfmu.errors import InputError
 
 LAYOUT = "configuration_45"

@@ -15,8 +15,8 @@ from builder.structure.gauge_checks import check_gauges
 from builder.structure.gauge_placement import gauge_layout
 from builder.structure.wall import wall_of
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
+from builder.vehicle.gauges.entries import GaugeLayoutEntry, GaugeRow
 from builder.vehicle.gauges.layout import read_layout
-from builder.vehicle.toml.sections import GaugeLayoutEntry, GaugeRow
 from strainfmu.errors import InputError
 
 pytestmark = pytest.mark.fast

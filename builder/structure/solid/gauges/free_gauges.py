@@ -12,8 +12,8 @@ from builder.structure.solid.gauges.gauge_rows import Gauges, joined_gauges
 from builder.structure.solid.mesh.solid_mesh import EXTERNAL, INTERNAL, SolidMesh
 from builder.structure.solid.operators.surface_triangles import triangulated_surface
 from builder.vehicle.file import Vehicle
+from builder.vehicle.gauges.entries import GaugeRow
 from builder.vehicle.gauges.table import TableGauge, read_gauge_table
-from builder.vehicle.toml.sections import GaugeRow
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 

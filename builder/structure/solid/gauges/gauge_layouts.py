@@ -11,9 +11,9 @@ from builder.structure.gauge_placement import gauge_layout
 from builder.structure.solid.gauges.gauge_rows import Gauges, gauges_at, joined_gauges
 from builder.structure.solid.mesh.solid_mesh import EXTERNAL, INTERNAL
 from builder.vehicle.file import Vehicle
+from builder.vehicle.gauges.entries import GaugeLayoutEntry, GaugeRow
 from builder.vehicle.gauges.layout import GaugeLayout
 from builder.vehicle.shape.geometry import BodyOfRevolution
-from builder.vehicle.toml.sections import GaugeLayoutEntry, GaugeRow
 
 SURFACE = {"inner": INTERNAL, "outer": EXTERNAL}
 

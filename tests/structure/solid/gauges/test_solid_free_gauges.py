@@ -17,8 +17,8 @@ from builder.structure.solid.mesh.solid_mesh import EXTERNAL, INTERNAL
 from builder.structure.solid.mesh.swept_mesh import SweptMesh, SweptResolution
 from builder.structure.wall import Material, Wall
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
+from builder.vehicle.gauges.entries import GaugeLayoutEntry, Gauges
 from builder.vehicle.shape.sectioned_body import SectionedBody
-from builder.vehicle.toml.sections import GaugeLayoutEntry, Gauges
 from strainfmu.errors import InputError
 
 pytestmark = pytest.mark.fast

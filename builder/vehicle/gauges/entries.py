@@ -1,0 +1,93 @@
+"""Section [gauges] of the vehicle file: named layouts, each of rows or a file of positions."""
+
+from __future__ import annotations
+
+from itertools import product
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, Field, model_validator
+
+from builder.vehicle.toml.limits import once_each
+from builder.vehicle.toml.sections import FileName, Section, Station
+
+GaugeLength = Annotated[float, Field(ge=0.0, le=100.0)]
+
+
+class GaugeRow(Section):
+    """Gauges along one meridian of a surface, axial, hoop or both; of length 0 read strain at a point."""
+
+    roll_angle_deg: float = Field(ge=-360.0, le=360.0)
+    surface: Literal["inner", "outer"] = "inner"
+    length_mm: GaugeLength = 0.0
+    directions: list[Literal["axial", "hoop"]] = Field(min_length=1, max_length=2)
+    x_m: Annotated[list[Station], AfterValidator(once_each)] | None = Field(default=None, min_length=1)
+    first_x_m: Station | None = None
+    last_x_m: Station | None = None
+    count: int | None = Field(default=None, ge=2, le=1000)
+
+    @model_validator(mode="after")
+    def _one_way_to_give_stations(self) -> GaugeRow:
+        spread = [self.first_x_m, self.last_x_m, self.count]
+        if (self.x_m is None) != all(value is not None for value in spread) or (
+            self.x_m is not None and any(value is not None for value in spread)
+        ):
+            raise ValueError("stations must be given either as x_m or as first_x_m, last_x_m and count")
+        if self.first_x_m is not None and self.first_x_m == self.last_x_m:
+            raise ValueError(f"first_x_m, last_x_m: expected two stations, got {self.first_x_m:g} twice")
+        return self
+
+    @property
+    def stations(self) -> list[float]:
+        """Axial stations [m]."""
+        if self.x_m is not None:
+            return self.x_m
+        assert self.first_x_m is not None
+        assert self.last_x_m is not None
+        assert self.count is not None
+        step = (self.last_x_m - self.first_x_m) / (self.count - 1)
+        return [self.first_x_m + step * i for i in range(self.count)]
+
+
+class GaugeLayoutEntry(Section):
+    """One layout: rows, or a CSV file of positions and directions; surface and length are of all its gauges.
+
+    Gauges of a file on a vehicle of another shape than a profile are moved to the surface from
+    ``largest_distance_mm`` at most.
+    """
+
+    rows: list[GaugeRow] | None = Field(default=None, min_length=1)
+    file: FileName | None = None
+    surface: Literal["inner", "outer"] | None = None
+    length_mm: GaugeLength | None = None
+    largest_distance_mm: float = Field(default=0.5, ge=1e-3, le=1e3)
+
+    @model_validator(mode="after")
+    def _rows_or_file(self) -> GaugeLayoutEntry:
+        if (self.rows is None) == (self.file is None):
+            raise ValueError("a layout needs either rows or file")
+        if self.rows is not None and (self.surface is not None or self.length_mm is not None):
+            raise ValueError("surface and length_mm belong in each row; beside rows they have no meaning")
+        known: dict[tuple[float, str, float, str], int] = {}
+        for number, row in enumerate(self.rows or (), start=1):
+            roll = round(row.roll_angle_deg % 360.0, 6) % 360.0
+            for kind, x in product(row.directions, row.stations):
+                first = known.setdefault((roll, row.surface, round(x, 6), kind), number)
+                if first != number or row.directions.count(kind) > 1:
+                    raise ValueError(
+                        f"rows.{number}: expected each gauge once, got the {kind} one at {x:g} m of rows.{first} "
+                        "again"
+                    )
+        return self
+
+
+class Gauges(Section):
+    """Named layouts and the one in use."""
+
+    layout: str
+    layouts: dict[str, GaugeLayoutEntry] = Field(min_length=1)
+
+    @model_validator(mode="after")
+    def _layout_exists(self) -> Gauges:
+        if self.layout not in self.layouts:
+            raise ValueError(f"layout '{self.layout}' is not among the layouts {sorted(self.layouts)}")
+        return self
