@@ -1,0 +1,161 @@
+"""One recording with navigation, in every file format: the nonlinear estimator finds the same in each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+import h5py
+import numpy as np
+import pytest
+from flight_fmu import whole_map
+from flight_maps import exact_response
+
+from strainfmu.estimator.map.inverse_map import save_inverse_map
+from strainfmu.recorded.run import estimate_file
+from strainfmu.units import LENGTH_UNITS, NUMBER_UNITS, PRESSURE_UNITS
+
+pytestmark = pytest.mark.fast
+N_D, SAMPLES = whole_map().n_gauges, 12
+TIME = 0.01 * np.arange(SAMPLES)
+STRAIN = exact_response(6.0, 0.03, 0.01, 5500.0)[:N_D] + 1e-7 * np.random.default_rng(3).standard_normal(
+    (SAMPLES, N_D)
+)
+SI = {**PRESSURE_UNITS, **LENGTH_UNITS, **NUMBER_UNITS}
+
+
+class Column(NamedTuple):
+    """Values in a unit."""
+
+    values: np.ndarray
+    unit: str
+
+
+Columns = Mapping[str, Column]
+Writer = Callable[[Path, Columns], Path]
+
+ALL = {
+    "dynamic_pressure": Column(np.full(SAMPLES, 138.6), "kPa"),
+    "dynamic_pressure_std": Column(np.full(SAMPLES, 3.0), "kPa"),
+    "mach_number": Column(6.0 + 0.1 * TIME, "1"),
+    "mach_number_std": Column(np.full(SAMPLES, 0.1), "1"),
+    "static_pressure": Column(np.full(SAMPLES, 55.0), "hPa"),
+    "static_pressure_std": Column(np.full(SAMPLES, 2.0), "hPa"),
+    "altitude": Column(np.full(SAMPLES, 19.97), "km"),
+}
+GAUGES = [f"strain[{i + 1}]" for i in range(N_D)]
+
+
+def csv_file(folder: Path, flow: Columns) -> Path:
+    path = folder / "flight.csv"
+    headings = ["time [ms]", *(f"{name} [um/m]" for name in GAUGES)]
+    headings += [f"{name} [{one.unit}]" for name, one in flow.items()]
+    table = np.column_stack([1e3 * TIME, 1e6 * STRAIN, *(one.values for one in flow.values())])
+    np.savetxt(path, table, delimiter=",", header=",".join(headings), comments="", fmt="%.17g")
+    return path
+
+
+def hdf5_arrays(folder: Path, flow: Columns) -> Path:
+    path = folder / "arrays.h5"
+    with h5py.File(path, "w") as file:
+        table = {"time": Column(1e3 * TIME, "ms"), "strain": Column(1e6 * STRAIN, "um/m"), **flow}
+        for name, one in table.items():
+            file[name] = one.values
+            file[name].attrs["unit"] = one.unit
+    return path
+
+
+def hdf5_signals(folder: Path, flow: Columns) -> Path:
+    """As a recorded simulation: data sets of a group, with the name of the instance."""
+    path = folder / "signals.h5"
+    strain = {name: Column(1e6 * STRAIN[:, i], "um/m") for i, name in enumerate(GAUGES)}
+    with h5py.File(path, "w") as file:
+        file["time"], group = TIME, file.create_group("signals")
+        for name, one in {**strain, **flow}.items():
+            group[f"plant.{name}"] = one.values
+            group[f"plant.{name}"].attrs["unit"] = one.unit
+    return path
+
+
+def mat_file(folder: Path, flow: Columns) -> Path:
+    scipy_io = pytest.importorskip("scipy.io")
+    path = folder / "flight.mat"
+    in_si = {name: one.values * SI[one.unit] for name, one in flow.items()}
+    scipy_io.savemat(path, {"time": TIME, "strain": STRAIN, **in_si})
+    return path
+
+
+def parquet_file(folder: Path, flow: Columns) -> Path:
+    arrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    path = folder / "flight.parquet"
+    table = {"time [ms]": 1e3 * TIME, **{f"{name} [um/m]": 1e6 * STRAIN[:, i] for i, name in enumerate(GAUGES)}}
+    table |= {f"{name} [{one.unit}]": one.values for name, one in flow.items()}
+    parquet.write_table(arrow.table(table), path)
+    return path
+
+
+def mf4_file(folder: Path, flow: Columns) -> Path:
+    asammdf = pytest.importorskip("asammdf")
+    path = folder / "flight.mf4"
+    signals = [asammdf.Signal(1e6 * STRAIN[:, i], TIME, name=name, unit="um/m") for i, name in enumerate(GAUGES)]
+    signals += [asammdf.Signal(one.values, TIME, name=name, unit=one.unit) for name, one in flow.items()]
+    with asammdf.MDF() as file:
+        file.append(signals)
+        file.save(path, overwrite=True)
+    return path
+
+
+def tdms_file(folder: Path, flow: Columns) -> Path:
+    nptdms = pytest.importorskip("nptdms")
+    path = folder / "flight.tdms"
+    strain = {name: Column(1e6 * STRAIN[:, i], "um/m") for i, name in enumerate(GAUGES)}
+    table = {"time": Column(TIME, "s"), **strain, **flow}
+    with nptdms.TdmsWriter(path) as file:
+        channels = [
+            nptdms.ChannelObject("log", name, one.values, {"unit_string": one.unit}) for name, one in table.items()
+        ]
+        file.write_segment(channels)
+    return path
+
+
+FLIGHTS: list[tuple[tuple[str, ...], dict[str, float]]] = [
+    (tuple(ALL), {}),
+    (("mach_number", "mach_number_std", "static_pressure", "static_pressure_std"), {}),
+    (("mach_number", "altitude"), {}),
+    (("dynamic_pressure", "static_pressure"), {"dynamic_pressure": 140e3}),
+    ((), {"dynamic_pressure": float("nan")}),
+]
+"""What the recording holds, and what is stated beside it."""
+
+
+def estimates(folder: Path, inverse_map: Path, write: Writer) -> list[dict[str, np.ndarray]]:
+    """Return the columns of the estimates of each of ``FLIGHTS``."""
+    found = []
+    for held, given in FLIGHTS:
+        data = write(folder, {name: ALL[name] for name in held})
+        estimate_file(inverse_map, data, folder / "loads.h5", **given)
+        with h5py.File(folder / "loads.h5") as file:
+            found.append({name: item[()] for name, item in file.items() if item.dtype.kind == "f"})
+    return found
+
+
+@pytest.fixture(scope="module")
+def expected(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[dict[str, np.ndarray]]]:
+    """The map, and the estimates from CSV files."""
+    folder = tmp_path_factory.mktemp("csv")
+    save_inverse_map(whole_map(), folder / "map.h5")
+    return folder / "map.h5", estimates(folder, folder / "map.h5", csv_file)
+
+
+@pytest.mark.parametrize(
+    "write", [hdf5_arrays, hdf5_signals, mat_file, parquet_file, mf4_file, tdms_file], ids=lambda one: one.__name__
+)
+def test_every_format_gives_the_estimates_of_the_others(
+    tmp_path: Path, expected: tuple[Path, list[dict[str, np.ndarray]]], write: Writer
+) -> None:
+    inverse_map, by_csv = expected
+    for found, wanted in zip(estimates(tmp_path, inverse_map, write), by_csv, strict=True):
+        assert found.keys() == wanted.keys()
+        for name, values in wanted.items():
+            np.testing.assert_allclose(found[name], values, rtol=1e-9, atol=1e-12, err_msg=name)
