@@ -19,6 +19,7 @@ from builder.manifold.followed_errors import followed_errors
 from builder.manifold.parameter_slopes import FURTHER_PARAMETERS, ParameterSlopes, compressed
 from builder.manifold.sensor_tables import base_pressure_error, gains_of_sensors, with_base_and_friction
 from builder.manifold.state_tables import state_tables
+from builder.manifold.told_apart import check_told_apart
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import pressure_and_temperature
@@ -45,7 +46,7 @@ def with_manifold(
     Raises
     ------
     InputError
-        The flows do not suffice for tables.
+        The flows do not suffice for tables, or the gauges do not tell the sides of the wind apart.
     """
     problem = problem or inverse_problem(vehicle, snapshots, structure, nuisance)
     manifold, terms = manifold_map(vehicle, snapshots, structure, problem, nuisance)
@@ -113,6 +114,7 @@ def manifold_map(
         shape_field=found.field if isinstance(found.field, ShapeField) else None,
         parameters=_parameters(found.slopes, terms),
     )
+    check_told_apart(made)
     made = replace(made, discrepancy_shapes=tested_shapes(made))
     n_g = n_d if problem.sensors is None else n_d - len(problem.sensors.rows)
     return made, _terms_of(terms, problem.ensemble, n_g)

@@ -1,0 +1,70 @@
+"""Whether gauges tell winds from different sides apart.
+
+Gauges in one plane through the axis read the same of a wind and of its mirror image: strain then has two
+solutions, and the covariance of the one that is found knows nothing of the other.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from strainfmu.errors import InputError
+from strainfmu.estimator.manifold.gauss_newton import strain_factor
+from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, N_STATES, U, W, evaluate
+from strainfmu.estimator.tables.manifold_map import ManifoldMap
+
+ROLLS = 24
+"""Roll angles of the wind that are compared."""
+
+APART = np.radians(45.0)
+"""Least difference of two roll angles that counts."""
+
+TOLD, EXPLAINED = 9.0, 25.0
+"""Square of the distance in strain, in deviations, from which two winds are told apart, and by how much more the
+linearised problem, from which the deviations of the estimate follow, may have between them."""
+
+
+def check_told_apart(manifold: ManifoldMap) -> None:
+    """Refuse tables with winds that gauges read alike, far apart though they are by the estimate's own deviations.
+
+    Raises
+    ------
+    InputError
+        Names two such winds, in the middle of the ranges.
+    """
+    found = winds_read_alike(manifold)
+    if found is not None:
+        one, other = (round(float(np.degrees(angle))) for angle in found)
+        raise InputError(
+            f"gauges: expected some off one plane through the axis for the nonlinear estimator, got wind at roll "
+            f"angle {one} deg and at {other} deg that strain all of them alike; or map.estimator = 'linear'"
+        )
+
+
+def winds_read_alike(manifold: ManifoldMap) -> tuple[float, float] | None:
+    """Return the roll angles [rad] of two winds that gauges do not tell apart, where the linearised problem does.
+
+    They are those that it has farthest apart, None where there are none.
+    """
+    n_d = manifold.tables.n_gauges
+    roll = 2.0 * np.pi * np.arange(ROLLS) / ROLLS
+    middle, half = manifold.crossflow
+    state = np.zeros((ROLLS, N_STATES))
+    state[:, MACH], state[:, LOG_PRESSURE] = manifold.mach_range.mean(), np.log(manifold.pressure_range).mean()
+    state[:, U], state[:, W] = (
+        centre + 0.5 * size * wave
+        for centre, size, wave in zip(middle, half, (np.cos(roll), np.sin(roll)), strict=True)
+    )
+    response, used = evaluate(manifold.tables, state), np.ones((1, n_d), dtype=bool)
+    far = np.abs(np.angle(np.exp(1j * (roll[:, None] - roll)))) >= APART
+    worst, pair = 0.0, None
+    for i in range(ROLLS):
+        factor = strain_factor(manifold, state[i : i + 1], used)[0]
+        strain = np.linalg.solve(factor, (response.value[:, :n_d] - response.value[i, :n_d]).T)
+        slope = np.linalg.solve(factor, response.jacobian[i, :n_d])
+        distance, linear = np.sum(strain**2, axis=0), np.sum((slope @ (state - state[i]).T) ** 2, axis=0)
+        alike = far[i] & (distance < TOLD) & (linear - distance > EXPLAINED)
+        j = int(np.argmax(np.where(alike, linear - distance, 0.0)))
+        if alike[j] and linear[j] - distance[j] > worst:
+            worst, pair = float(linear[j] - distance[j]), (float(roll[min(i, j)]), float(roll[max(i, j)]))
+    return pair
