@@ -87,13 +87,17 @@ def _fitted(
 ) -> FloatArray:
     """Return the values (n_M, n_k, ...) at ``knots`` whose spline fits ``values`` (n_M, n_a, ...) best.
 
-    ``start`` (n_M, ...) is the value without incidence, None to fit it as well.
+    ``start`` (n_M, ...) is the value without incidence. None continues the spline to there: as that of an even
+    function has it that knows no knot at zero, its third derivative is 0 in the first interval.
     """
-    n = len(knots)
-    cardinal = np.asarray(_through(knots, np.eye(n)[None], m)(incidence))[0]
-    data = np.moveaxis(values, 1, 0)
+    n, through = len(knots), _through(knots, np.eye(len(knots))[None], m)
+    cardinal, data = np.asarray(through(incidence))[0], np.moveaxis(values, 1, 0)
     if start is None:
-        fitted = np.linalg.lstsq(cardinal, data.reshape(len(incidence), -1), rcond=None)[0]
+        third = np.asarray(through(0.0, 3))[0]
+        of_others = -third[1:] / third[0]
+        design = cardinal[:, 1:] + np.outer(cardinal[:, 0], of_others)
+        rest = np.linalg.lstsq(design, data.reshape(len(incidence), -1), rcond=None)[0]
+        fitted = np.concatenate([of_others[None] @ rest, rest])
     else:
         left = data - cardinal[:, :1].reshape(-1, *[1] * (data.ndim - 1)) * start
         rest = np.linalg.lstsq(cardinal[:, 1:], left.reshape(len(incidence), -1), rcond=None)[0]

@@ -12,12 +12,13 @@ from builder.manifold.build import with_manifold
 from builder.manifold.discrepancy import gaussian_process_shapes
 from builder.manifold.flow_amplitudes import flow_amplitudes
 from builder.manifold.interpolation import left_out_errors
-from builder.manifold.tables import spline_rows
+from builder.manifold.tables import spline_coefficients, spline_rows
 from builder.structure.fourier.model import StructuralModel
 from builder.vehicle.file import Vehicle
 from strainfmu.errors import InputError
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.numerics.spline import basis
 
 
 def with_entry(vehicle: Vehicle, **entry: object) -> Vehicle:
@@ -91,6 +92,21 @@ def test_knots_of_the_incidence_keep_their_distance() -> None:
         6.0,
         8.1,
     ]
+
+
+@pytest.mark.fast
+@pytest.mark.parametrize("degrees", [[1.0, 2.0, 4.0, 6.0], [3.0], [4.0, 4.4, 8.0, 12.0]])
+def test_without_a_flow_along_the_axis_the_mean_goes_on_to_there(degrees: list[float]) -> None:
+    """1 + 2 a^2 in harmonic 0, 3 a in harmonic 1: at zero incidence 1 and 0, and in between nearly as exact."""
+    mach, incidence = np.array([5.0, 7.0]), np.radians(degrees)
+    values = np.zeros((2, len(incidence), 1, 2, 2))
+    values[..., 0, 0], values[..., 1, 0] = (1.0 + 2.0 * incidence**2)[:, None], (3.0 * incidence)[:, None]
+    knots, table = spline_coefficients(mach, incidence, values, spline_rows(incidence), None)
+    at = np.linspace(0.0, incidence[-1], 30)
+    of_mach, of_incidence = basis(mach, np.array([6.0])).value, basis(knots, at).value
+    found = np.einsum("ia,jb,abnms->ijnms", of_mach, of_incidence, table)[0, :, 0, :, 0]
+    assert np.allclose(found[:, 0], 1.0 + 2.0 * at**2, atol=3.0 * incidence[0] ** 2)
+    assert np.allclose(found[:, 1], 3.0 * at, atol=1e-9)
 
 
 def test_flows_that_do_not_suffice_are_named(
