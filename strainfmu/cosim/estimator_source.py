@@ -33,7 +33,7 @@ from strainfmu.interface.parameter_variables import PREFIX as PARAMETER_PREFIX
 from strainfmu.interface.temperature_variables import temperature_names
 
 NAVIGATION = ("mach_number", "altitude")
-"""Inputs of an estimator for health alone."""
+"""Navigation that the bus has beside q_inf: for health alone, or for the nonlinear estimator."""
 
 
 @dataclass(frozen=True)
@@ -101,6 +101,7 @@ class MapStep:
         """Take ``zeros`` off the strains from the next step on."""
         found = estimator_of(self._map, zeros=zeros)
         self._estimator = FlightTracker(found) if isinstance(found, ManifoldEstimator) else found
+        self.needs_pressure = not isinstance(found, ManifoldEstimator)
 
     def __call__(
         self,

@@ -34,6 +34,7 @@ from strainfmu.cosim.step import FURTHER_LOADS, PARAMETERS, StepRefused, StepRes
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 from strainfmu.interface.further_variables import further_load_outputs
+from strainfmu.interface.input_names import NAVIGATION_INPUTS
 from strainfmu.interface.parameter_variables import OUTSIDE_PREFIX, STD_PREFIX
 from strainfmu.interface.parameter_variables import PREFIX as PARAMETER_PREFIX
 from strainfmu.interface.sensor_variables import PREFIX as SENSOR_PREFIX
@@ -64,6 +65,7 @@ class FmuStep:
     reading_units : unit of further sensors and thrust by name of the input, if :data:`SENSORS` was asked for.
     section_stations : x of the sections [m] whose loads are among the outputs, if :data:`FURTHER_LOADS` was asked
         for; None where it was not, or the FMU has neither rolling moment nor sections.
+    needs_pressure : whether there are no coefficients where q_inf is not known: of a linear estimator.
     strain_nominal : (n_d,) nominal values of the strains [m/m], the largest that are expected; 1 without.
     pressure_nominal : nominal value of q_inf [Pa].
     noise_std : (n_d,) standard deviations of the gauges' noise [m/m] in the FMU's map, None if it states none.
@@ -94,6 +96,7 @@ class FmuStep:
             raise InputError(f"{path}: expected {self.n_gauges} inputs valid[i], got {len(valid)}")
         pressure = next(v for v in inputs if v.name == "dynamic_pressure")
         by_name = {variable.name: variable for variable in inputs}
+        self.needs_pressure = not by_name.keys() >= set(NAVIGATION_INPUTS)  # which nonlinear estimators have
         sensors = numbered(inputs, TEMPERATURES) if TEMPERATURE in further_inputs else []
         self.sensor_names = tuple(described(variable, SENSOR) for variable in sensors)
         of_parameters = [name for name in by_name if name.startswith(PARAMETER_PREFIX)]

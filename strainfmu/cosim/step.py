@@ -63,6 +63,14 @@ def further_inputs(step: Step) -> tuple[str, ...]:
     return tuple(getattr(step, "further_inputs", ()))
 
 
+def needs_pressure(step: Step) -> bool:
+    """Return whether ``step`` has no coefficients where q_inf is not known.
+
+    It is ``step``'s attribute ``needs_pressure``, False of a nonlinear estimator; True where it has none.
+    """
+    return bool(getattr(step, "needs_pressure", True))
+
+
 def sensor_names_of(step: Step) -> tuple[str, ...]:
     """Return the temperature sensors whose inputs ``temperature[k]`` are among :func:`further_inputs`, in order.
 

@@ -24,7 +24,7 @@ from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.wire.frame import Frame
 from strainfmu.can.wire.frame_layout import DYNAMIC_PRESSURE, InputLayout
 from strainfmu.can.wire.profile_signals import LARGEST_DYNAMIC_PRESSURE
-from strainfmu.cosim.step import Step, noise_of
+from strainfmu.cosim.step import Step, needs_pressure, noise_of
 from strainfmu.errors import InputError
 
 _CATCH_UP = 10
@@ -316,10 +316,11 @@ def bridge_core(
     Raises
     ------
     InputError
-        The layout has no frame of q_inf and none is given, or own identifiers are among those of the input.
+        The layout has no frame of q_inf, none is given, and the estimator needs it; or own identifiers are among
+        those of the input.
     """
     own = own_frames(own_keys)
-    _check_input(layout, own.keys, dynamic_pressure)
+    _check_input(layout, own.keys, dynamic_pressure, is_needed=needs_pressure(step))
     noise_std = noise_of(step) if settings.gauge_noise is None else settings.gauge_noise
     parts = cycle_parts(layout, settings, own=own, dynamic_pressure=dynamic_pressure, noise_std=noise_std)
     parts = replace(parts, taring=taring)
@@ -327,9 +328,11 @@ def bridge_core(
     return BridgeCore(layout, settings, start=start, parts=parts, judge=judge)
 
 
-def _check_input(layout: InputLayout, own_keys: frozenset[int], dynamic_pressure: float | None) -> None:
-    """Refuse an input that cannot work."""
-    if layout.frame_of(DYNAMIC_PRESSURE) is None and dynamic_pressure is None:
+def _check_input(
+    layout: InputLayout, own_keys: frozenset[int], dynamic_pressure: float | None, *, is_needed: bool
+) -> None:
+    """Refuse an input that cannot work; ``is_needed`` says whether the estimator needs q_inf."""
+    if layout.frame_of(DYNAMIC_PRESSURE) is None and dynamic_pressure is None and is_needed:
         raise InputError(f"{layout.name}: no frame holds the dynamic pressure; state it by --dynamic-pressure")
     if dynamic_pressure is not None and not 0.0 < dynamic_pressure <= LARGEST_DYNAMIC_PRESSURE:
         raise InputError(

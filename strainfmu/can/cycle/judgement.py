@@ -324,7 +324,7 @@ class CycleJudge:
     ) -> CycleResult:
         """Return the result of a judged cycle; ``age`` and its uncertainty in s."""
         flow = self._flow.state(now)
-        if isnan(flow.dynamic_pressure):
+        if isnan(flow.dynamic_pressure) and self._flow.has_pressure:
             causes |= Cause.DYNAMIC_PRESSURE
         causes = causes | flow.lost if flow.lost else causes
         if flow.hides_delay:

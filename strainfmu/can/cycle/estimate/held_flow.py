@@ -249,6 +249,11 @@ class HeldFlow:
         self._further = [(one, cause) for one in values for has, cause in of_loss.items() if has(one.quantity)]
         self._state = FlowState(further=dict(constants))
 
+    @property
+    def has_pressure(self) -> bool:
+        """q_inf is fixed or among what the bus gives."""
+        return self._fixed is not None or self._pressure is not None
+
     def reset(self) -> None:
         """Forget the sender."""
         for value in self._values:

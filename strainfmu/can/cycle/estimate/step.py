@@ -9,7 +9,7 @@ from strainfmu.can.cycle.estimate.held_flow import FlowState
 from strainfmu.can.cycle.estimate.result import quality_of_step
 from strainfmu.can.cycle.states.quality import Cause, Quality
 from strainfmu.can.wire.frame_layout import NAVIGATION, InputLayout
-from strainfmu.cosim.step import Step, StepRefused, StepResult, further_inputs
+from strainfmu.cosim.step import Step, StepRefused, StepResult, further_inputs, needs_pressure
 
 _LONGEST_STEP = 100
 """Maximum number of cycles in one step of the FMU."""
@@ -26,6 +26,7 @@ class EstimatorStep:
 
     def __init__(self, layout: InputLayout, step: Step) -> None:
         self._step, self._is_protected, self._period = step, layout.is_protected, layout.cycle_time
+        self._needs_pressure = needs_pressure(step)
         self._navigation = tuple(name for name in NAVIGATION if name in further_inputs(step))
         self._further: dict[str, float] = {}
         self._last: float | None = None
@@ -53,8 +54,15 @@ class EstimatorStep:
         if quality.has_coefficients and not self._is_finite(step):
             quality, causes = Quality.INVALID, causes | Cause.STEP_FAILED
         if isnan(flow.dynamic_pressure):
-            quality = Quality.INVALID
+            quality = self._without_pressure(quality, causes)
         return step, quality, causes
+
+    def _without_pressure(self, quality: Quality, causes: Cause) -> Quality:
+        """Return the quality of outputs without q_inf: the nonlinear estimator has some, with a larger sigma."""
+        if self._needs_pressure:
+            return Quality.INVALID
+        is_lost = bool(causes & Cause.DYNAMIC_PRESSURE)
+        return Quality.DEGRADED if is_lost and quality in (Quality.VALID, Quality.UNPROTECTED) else quality
 
     def _quality_of(self, step: StepResult, causes: Cause) -> tuple[Quality, Cause]:
         """Return the quality of a step's outputs, and the causes with those of the estimator's health."""
