@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 
 from builder.aero.cfd.surface_files import read_surface
 from builder.aero.shapes import file_scale
-from builder.aero.surface_mesh import SurfaceMesh
+from builder.aero.surface.mesh import SurfaceMesh
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import FlowReachError, InputError
 

@@ -1,9 +1,9 @@
 """Interface of every source of surface pressure: a flight condition in, pressure at the surface nodes out.
 
-Engines: :class:`builder.aero.euler_engine.EulerEngine` (the marching solver),
-:class:`builder.aero.newtonian.NewtonianEngine` (any closed surface), :class:`builder.aero.cfd.table.TableEngine`
-(results of another solver, imported). A new engine implements these members; campaigns, the command line
-and reports need no change.
+Engines: :class:`builder.aero.engines.euler.EulerEngine` (the marching solver),
+:class:`builder.aero.engines.newtonian.NewtonianEngine` (any closed surface),
+:class:`builder.aero.cfd.table.TableEngine` (results of another solver, imported). A new engine implements these
+members; campaigns, the command line and reports need no change.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from builder.aero.surface_mesh import SurfaceMesh
+from builder.aero.surface.mesh import SurfaceMesh
 from strainfmu.arrays import FloatArray
 from strainfmu.flight_condition import FlightCondition
 

@@ -10,9 +10,9 @@ import numpy as np
 
 from builder.aero.cfd.surface_files import read_surface
 from builder.aero.cfd.units import METRES
-from builder.aero.edges import FEATURE_ANGLE, prepare_surface
-from builder.aero.self_intersections import refuse_self_intersections
-from builder.aero.surface_mesh import SurfaceMesh, mesh_of_grid
+from builder.aero.surface.edges import FEATURE_ANGLE, prepare_surface
+from builder.aero.surface.mesh import SurfaceMesh, mesh_of_grid
+from builder.aero.surface.self_intersections import refuse_self_intersections
 from builder.vehicle.shape.geometry import SurfaceGrid, surface_grid
 from builder.vehicle.shape.sectioned_body import SectionedBody
 from strainfmu.arrays import FloatArray

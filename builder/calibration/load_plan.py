@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from builder.aero.loads import coefficient_scale
+from builder.aero.loads.operator import coefficient_scale
 from builder.calibration.as_built.parameter_derivatives import of_gauges, parameter_derivatives, uncertain_keys
 from builder.calibration.as_built.parameters import prior_std, slices
 from builder.calibration.as_built.structure import AsBuiltStructure

@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from builder.aero.loads import coefficient_scales_at
+from builder.aero.loads.operator import coefficient_scales_at
 from builder.calibration.as_built.outside_errors import OUTSIDE, outside_vehicle
 from builder.calibration.as_built.parameters import AsBuiltParameters, drawn
 from builder.calibration.calibrated_map import calibrated_map, remaining_after

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from builder.aero.loads import coefficient_scale, load_operator
+from builder.aero.loads.operator import coefficient_scale, load_operator
 from builder.calibration.as_built.outside_errors import OutsideStructures, outside_structures
 from builder.calibration.as_built.parameters import AsBuiltParameters, prior_std
 from builder.calibration.as_built.structure import AsBuiltStructure, as_built_structure

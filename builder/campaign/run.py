@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from builder.aero.engine import Engine, Flow, FlowKey
-from builder.aero.surface_mesh import mesh_of_grid
+from builder.aero.surface.mesh import mesh_of_grid
 from builder.campaign.failures import FailedCondition, failed_conditions, missing_line
 from builder.campaign.journal import Journal
 from builder.campaign.scheduling import Scheduling, solve_flows

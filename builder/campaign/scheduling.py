@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from importlib.util import find_spec
 
 from builder.aero.engine import Engine, FlowKey
-from builder.aero.engines import ENGINES
+from builder.aero.engines.registry import ENGINES
 from builder.campaign.dask_workers import solve_on_dask
 from builder.campaign.worker import FailedFlow, SolvedFlow, solve_one
 from builder.processors import processors

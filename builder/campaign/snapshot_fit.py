@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from builder.aero.engines import make_engine
+from builder.aero.engines.registry import make_engine
 from builder.aero.shapes import outer_surface
 from builder.campaign.failures import failed_conditions
 from builder.campaign.run import Campaign

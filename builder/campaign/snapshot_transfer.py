@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from builder.aero.mapping import pressure_map
-from builder.aero.mapping_report import MappingTolerances, check_mapping, mapping_report
-from builder.aero.surface_mesh import mesh_of_grid
+from builder.aero.mapping.pressure_map import pressure_map
+from builder.aero.mapping.report import MappingTolerances, check_mapping, mapping_report
+from builder.aero.surface.mesh import mesh_of_grid
 from builder.campaign.snapshots import Snapshots
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.errors import InputError
@@ -17,7 +17,8 @@ from strainfmu.errors import InputError
 def snapshots_on(snapshots: Snapshots, grid: SurfaceGrid) -> Snapshots:
     """Return ``snapshots`` at the nodes of ``grid``; the same where they are there already.
 
-    Forces and moments of p - p_inf are kept exactly (:meth:`builder.aero.mapping.PressureMap.conservative`).
+    Forces and moments of p - p_inf are kept exactly
+    (:meth:`builder.aero.mapping.pressure_map.PressureMap.conservative`).
 
     Raises
     ------

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from builder.aero.engine import Flow
-from builder.aero.loads import coefficients_of, load_operator
-from builder.aero.surface_mesh import SurfaceMesh, mesh_load_operator
+from builder.aero.loads.operator import coefficients_of, load_operator
+from builder.aero.surface.mesh import SurfaceMesh, mesh_load_operator
 from builder.vehicle.shape.geometry import SurfaceGrid
 from builder.vehicle.shape.reference_quantities import ReferenceQuantities
 from strainfmu.arrays import FloatArray

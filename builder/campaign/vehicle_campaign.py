@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from builder.aero.engine import Engine
-from builder.aero.engines import own_surface
+from builder.aero.engines.registry import own_surface
 from builder.campaign.run import Campaign
 from builder.vehicle.conditions.flight_conditions import ConditionSet
 from builder.vehicle.file import Vehicle

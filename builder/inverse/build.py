@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from builder.aero.loads import coefficients_of, load_operator
-from builder.aero.section_loads import further_load_operator
-from builder.aero.surface_mesh import SurfaceMesh, mesh_load_operator, mesh_of_grid
+from builder.aero.loads.operator import coefficients_of, load_operator
+from builder.aero.loads.sections import further_load_operator
+from builder.aero.surface.mesh import SurfaceMesh, mesh_load_operator, mesh_of_grid
 from builder.campaign.snapshot_transfer import snapshots_on
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.cases.observable_states import on_observable_states

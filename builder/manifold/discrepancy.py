@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from builder.aero.surface_mesh import SurfaceMesh
+from builder.aero.surface.mesh import SurfaceMesh
 from builder.inverse.solution import Problem
 from builder.vehicle.file import Vehicle
 from builder.vehicle.shape.geometry import SurfaceGrid

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from builder.aero.mirrors import mirror_operator
-from builder.aero.surface_mesh import SurfaceMesh
+from builder.aero.mapping.mirrors import mirror_operator
+from builder.aero.surface.mesh import SurfaceMesh
 from builder.campaign.snapshots import Snapshots
 from strainfmu.arrays import FloatArray
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from builder.aero.surface_mesh import SurfaceMesh, mesh_of_grid
+from builder.aero.surface.mesh import SurfaceMesh, mesh_of_grid
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import AnyStructure
 from builder.inverse.noise.flows_between import FlowsBetween, flows_between

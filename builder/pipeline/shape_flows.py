@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from builder.aero.engines import make_engine
+from builder.aero.engines.registry import make_engine
 from builder.campaign import snapshots as snapshots_file
 from builder.campaign.run import run_campaign
 from builder.campaign.scheduling import Scheduling

@@ -14,7 +14,7 @@ from typing import Any
 from warnings import warn
 
 from builder.aero.engine import FlowKey
-from builder.aero.engines import make_engine
+from builder.aero.engines.registry import make_engine
 from builder.campaign.failures import failed_conditions, missing_line
 from builder.campaign.notes import campaign_notes
 from builder.campaign.run import Campaign, CampaignResult, complete_flows, snapshots_of_flows

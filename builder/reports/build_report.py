@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from builder.aero.surface_mesh import SurfaceMesh, mesh_of_grid
+from builder.aero.surface.mesh import SurfaceMesh, mesh_of_grid
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import AnyStructure, inverse_problem
 from builder.inverse.noise.model import NoiseFraction, NoiseTerm

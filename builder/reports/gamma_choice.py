@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from builder.aero.surface_mesh import SurfaceMesh
+from builder.aero.surface.mesh import SurfaceMesh
 from builder.inverse.cases.case_2 import GaussianMap, gaussian_map
 from builder.inverse.cases.regularisation import LCurve, expected_data, l_curve, select_gamma
 from builder.inverse.loads.covariance import load_covariance_by_terms

@@ -16,7 +16,7 @@ from io import StringIO
 import numpy as np
 from scipy.sparse import csr_array, vstack
 
-from builder.aero.loads import load_operator
+from builder.aero.loads.operator import load_operator
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map, snapshot_coefficients
 from builder.reporting import Progress, Reporter

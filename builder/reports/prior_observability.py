@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from builder.aero.surface_mesh import SurfaceMesh
+from builder.aero.surface.mesh import SurfaceMesh
 from builder.inverse.cases.case_2 import gaussian_map
 from builder.inverse.modes.pod import PressureModes
 from builder.inverse.noise.model import NoiseModel

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy import sparse
 
-from builder.aero.mirrors import mirror_operator
-from builder.aero.surface_mesh import SurfaceMesh
+from builder.aero.mapping.mirrors import mirror_operator
+from builder.aero.surface.mesh import SurfaceMesh
 from builder.structure.observability import SYMMETRIES
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray

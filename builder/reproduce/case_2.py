@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from builder.aero.loads import load_operator
+from builder.aero.loads.operator import load_operator
 from builder.inverse.cases.case_2 import GaussianMap, WhitenedSpectrum, gaussian_map, whitened_spectrum
 from builder.inverse.cases.field import data_informed_modes, project_on_modes
 from builder.inverse.cases.prior import LowRankPrior

@@ -9,10 +9,10 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from builder.aero.engines import own_surface
+from builder.aero.engines.euler import EulerEngine
+from builder.aero.engines.registry import own_surface
 from builder.aero.euler.marching_grid import GRID_LEVELS
-from builder.aero.euler_engine import EulerEngine
-from builder.aero.surface_mesh import mesh_of_grid
+from builder.aero.surface.mesh import mesh_of_grid
 from builder.campaign.failures import refuse_missing
 from builder.campaign.run import run_campaign
 from builder.campaign.snapshots import SCHEMA_VERSION as SNAPSHOTS_VERSION

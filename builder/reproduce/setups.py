@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from builder.aero.loads import coefficient_scales_at, coefficients_of, load_operator
-from builder.aero.surface_mesh import mesh_of_grid
+from builder.aero.loads.operator import coefficient_scales_at, coefficients_of, load_operator
+from builder.aero.surface.mesh import mesh_of_grid
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.modes.pod import area_weights
 from builder.reproduce.protocol import EXAMPLES, HELD_OUT, NOISE_FRACTION, P1, P2

@@ -9,8 +9,8 @@ import numpy as np
 
 from builder.aero.deflections import deflections_of
 from builder.aero.engine import FlowKey
-from builder.aero.newtonian import NewtonianEngine
-from builder.aero.surface_mesh import mesh_of_grid
+from builder.aero.engines.newtonian import NewtonianEngine
+from builder.aero.surface.mesh import mesh_of_grid
 from builder.campaign.journal import Journal
 from builder.campaign.run import complete_flows
 from builder.campaign.scheduling import Scheduling
@@ -115,7 +115,7 @@ def solved_knots(solved: BoolArray) -> tuple[BoolArray, BoolArray]:
 def newtonian_flows(vehicle: Vehicle, table: FlowTable) -> FlowTable:
     """Return the pressure of modified Newtonian theory, Prandtl-Meyer leeward, at the knots of ``table``.
 
-    Source: :mod:`builder.aero.local_inclination`.
+    Source: :mod:`builder.aero.engines.local_inclination`.
     """
     surface = truth_surface(vehicle)
     engine = NewtonianEngine(mesh_of_grid(surface), leeward="prandtl_meyer")

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from builder.aero.surface_mesh import SurfaceMesh
+from builder.aero.surface.mesh import SurfaceMesh
 from builder.structure.mesh_check import CHECK_UNITS, MeshCheck
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError

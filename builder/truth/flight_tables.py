@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from builder.aero.loads import load_operator
+from builder.aero.loads.operator import load_operator
 from builder.truth.as_built import AsBuilt
 from builder.truth.flow_table import FlowTable
 from builder.truth.strain import TrueStructure, built_gauges

@@ -17,8 +17,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from builder.aero.engine import Flow, FlowKey
-from builder.aero.euler_engine import pieces
-from builder.aero.surface_pressure import pressure_at_stations
+from builder.aero.engines.euler import pieces
+from builder.aero.engines.surface_pressure import pressure_at_stations
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError

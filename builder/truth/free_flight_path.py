@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from builder.aero.loads import coefficients_of
-from builder.aero.section_loads import six_loads
+from builder.aero.loads.operator import coefficients_of
+from builder.aero.loads.sections import six_loads
 from builder.campaign.snapshots import Snapshots
 from builder.reporting import Reporter
 from builder.truth.as_built import AsBuilt

@@ -12,11 +12,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from builder.aero.engine import FlowKey
-from builder.aero.engines import make_engine
-from builder.aero.loads import coefficients_of
-from builder.aero.mapping import consistent_map
-from builder.aero.section_loads import six_loads
-from builder.aero.surface_mesh import SurfaceMesh, mesh_of_grid
+from builder.aero.engines.registry import make_engine
+from builder.aero.loads.operator import coefficients_of
+from builder.aero.loads.sections import six_loads
+from builder.aero.mapping.pressure_map import consistent_map
+from builder.aero.surface.mesh import SurfaceMesh, mesh_of_grid
 from builder.campaign.run import complete_flows, snapshots_of_flows
 from builder.campaign.scheduling import Scheduling
 from builder.campaign.snapshots import Snapshots

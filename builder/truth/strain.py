@@ -12,7 +12,7 @@ from types import EllipsisType
 
 import numpy as np
 
-from builder.aero.loads import coefficient_scale, load_operator
+from builder.aero.loads.operator import coefficient_scale, load_operator
 from builder.reporting import Progress
 from builder.structure.fourier.gauges import PlacedGauges
 from builder.structure.fourier.inner_surface import inner_surface_points

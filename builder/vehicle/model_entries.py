@@ -10,7 +10,7 @@ from builder.vehicle.toml.limits import STREAM_ANGLE_DEG, once_each
 from builder.vehicle.toml.sections import FileName, MachNumber, Section
 
 ENGINE_NAMES = ("euler", "newtonian", "table")
-"""Sources of surface pressure by name; :data:`builder.aero.engines.ENGINES` makes them."""
+"""Sources of surface pressure by name; :data:`builder.aero.engines.registry.ENGINES` makes them."""
 
 
 class Aerodynamics(Section):

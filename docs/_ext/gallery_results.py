@@ -15,7 +15,7 @@ from sphinx.application import Sphinx
 
 import builder
 from builder.aero.engine import Flow, FlowKey
-from builder.aero.euler_engine import EulerEngine
+from builder.aero.engines.euler import EulerEngine
 from builder.vehicle.file import Vehicle
 from strainfmu.estimator.map.inverse_map import InverseMap
 

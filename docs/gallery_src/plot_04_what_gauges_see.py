@@ -10,7 +10,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import builder
-from builder.aero.surface_mesh import mesh_of_grid
+from builder.aero.surface.mesh import mesh_of_grid
 from builder.structure.observability import smooth_response, symmetry_responses
 
 vehicle = builder.load_vehicle("coarse.toml")

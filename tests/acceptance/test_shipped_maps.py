@@ -18,9 +18,9 @@ import numpy as np
 import pytest
 from coarse_vehicle import with_paper_map
 
+from builder.aero.engines.euler import EulerEngine
 from builder.aero.euler.marching_grid import marching_grid_of
-from builder.aero.euler_engine import EulerEngine
-from builder.aero.loads import load_operator
+from builder.aero.loads.operator import load_operator
 from builder.campaign.run import snapshots_of_flows
 from builder.campaign.scheduling import Scheduling, solve_flows
 from builder.campaign.snapshots import load_snapshots

@@ -20,12 +20,12 @@ from builder.aero.cfd.manifest import load_manifest
 from builder.aero.cfd.stl import write_stl
 from builder.aero.cfd.surface_files import read_surface
 from builder.aero.deflections import Deflection, deflections_of
-from builder.aero.edges import FEATURE_ANGLE, split_at_edges
 from builder.aero.engine import Engine
-from builder.aero.engines import make_engine
-from builder.aero.newtonian import NewtonianEngine
-from builder.aero.section_loads import six_loads
-from builder.aero.surface_mesh import SurfaceMesh
+from builder.aero.engines.newtonian import NewtonianEngine
+from builder.aero.engines.registry import make_engine
+from builder.aero.loads.sections import six_loads
+from builder.aero.surface.edges import FEATURE_ANGLE, split_at_edges
+from builder.aero.surface.mesh import SurfaceMesh
 from builder.campaign.run import run_campaign
 from builder.campaign.scheduling import Scheduling
 from builder.campaign.snapshots import load_snapshots

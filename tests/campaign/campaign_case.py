@@ -11,7 +11,7 @@ from pathlib import Path
 
 import h5py
 
-from builder.aero.engines import make_engine
+from builder.aero.engines.registry import make_engine
 from builder.campaign.journal import journal_path
 from builder.campaign.run import Campaign, CampaignResult, run_campaign
 from builder.campaign.scheduling import Scheduling

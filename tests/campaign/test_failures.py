@@ -13,7 +13,7 @@ from campaign_case import THREADS, campaign_of, run, start
 from ogive import OGIVE
 
 from builder.aero.engine import Flow, FlowKey
-from builder.aero.euler_engine import EulerEngine
+from builder.aero.engines.euler import EulerEngine
 from builder.campaign.failures import ConditionsMissing, failed_conditions, failure_lines, refuse_missing
 from builder.campaign.journal import journal_path
 from builder.campaign.notes import campaign_notes

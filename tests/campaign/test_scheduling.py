@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 from campaign_case import THREADS
 
-from builder.aero.engines import make_engine
-from builder.aero.euler_engine import EulerEngine
+from builder.aero.engines.euler import EulerEngine
+from builder.aero.engines.registry import make_engine
 from builder.campaign.scheduling import solve_flows
 from builder.vehicle.file import Vehicle
 from strainfmu.errors import StrainfmuError

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from builder.aero.engine import Flow
-from builder.aero.surface_mesh import mesh_of_grid
+from builder.aero.surface.mesh import mesh_of_grid
 from builder.campaign.snapshots import (
     SCHEMA,
     SCHEMA_VERSION,

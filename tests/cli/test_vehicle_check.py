@@ -11,7 +11,7 @@ import pytest
 from changed_vehicle import change
 from ogive import OGIVE, copied_ogive
 
-from builder.aero.engines import make_engine
+from builder.aero.engines.registry import make_engine
 from builder.campaign.reach import extreme_conditions, flows_out_of_reach
 from builder.pipeline.manoeuvre import manoeuvre_warnings
 from builder.reporting import Silent

@@ -16,7 +16,7 @@ from time import perf_counter
 import numpy as np
 from ensembles import listed_ensemble
 
-from builder.aero.surface_mesh import mesh_of_grid
+from builder.aero.surface.mesh import mesh_of_grid
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
 from builder.inverse.cases.case_2 import gaussian_map

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from flight_maps import flight_map
 
-from builder.aero.loads import load_operator
+from builder.aero.loads.operator import load_operator
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
 from builder.manifold.build import with_manifold

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from fmu_host import loaded
 
-from builder.aero.section_loads import further_load_operator
+from builder.aero.loads.sections import further_load_operator
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
 from builder.manifold.build import with_manifold

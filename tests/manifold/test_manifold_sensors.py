@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from fmu_host import loaded
 
-from builder.aero.loads import load_operator
+from builder.aero.loads.operator import load_operator
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map, inverse_problem
 from builder.inverse.noise.model import NoiseTerm

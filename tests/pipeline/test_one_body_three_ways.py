@@ -10,7 +10,7 @@ import pytest
 
 import builder
 from builder.aero.cfd.stl import write_stl
-from builder.aero.surface_mesh import SurfaceMesh, mesh_of_grid
+from builder.aero.surface.mesh import SurfaceMesh, mesh_of_grid
 from builder.structure.mapped_structure import mapped_operator
 from builder.structure.solid.mesh.mesh_export import write_mesh
 from builder.structure.solid.mesh.swept_mesh import SweptResolution, full_mesh, swept_wall

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from shape_case import N_D, grid_snapshots, shape_map, shape_structure, shape_vehicle
 
-from builder.aero.surface_mesh import SurfaceMesh
+from builder.aero.surface.mesh import SurfaceMesh
 from builder.pipeline import measured_levels
 from builder.pipeline.measured_levels import alarm_levels_wanted, level_conditions, with_shape_levels
 from builder.reporting import Silent

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from ogive import OGIVE
 
-from builder.aero.engines import make_engine
+from builder.aero.engines.registry import make_engine
 from builder.campaign.run import snapshots_of_flows
 from builder.campaign.scheduling import Scheduling, solve_flows
 from builder.campaign.snapshots import Snapshots

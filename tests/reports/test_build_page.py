@@ -12,7 +12,7 @@ import pytest
 from page_checks import assert_self_contained
 from report_case import CASE_1, ReportCase, case_of
 
-from builder.aero.surface_mesh import mesh_of_grid
+from builder.aero.surface.mesh import mesh_of_grid
 from builder.campaign.snapshot_transfer import snapshots_on
 from builder.campaign.snapshots import Snapshots
 from builder.figures.map.stills import known_pressure

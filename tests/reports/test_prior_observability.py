@@ -9,7 +9,7 @@ import pytest
 from ensembles import listed_ensemble
 from report_case import CASE_1, CASE_2, ReportCase, case_of
 
-from builder.aero.surface_mesh import mesh_of_grid
+from builder.aero.surface.mesh import mesh_of_grid
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.noise.model import gauge_noise
 from builder.inverse.solution import Problem, solve

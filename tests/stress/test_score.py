@@ -118,7 +118,7 @@ def test_the_envelope_is_that_of_the_map(trial: Range, vehicle: Vehicle) -> None
 
 def test_newtonian_flow_has_the_pressure_of_its_engine(flown: Vehicle, flow_beyond: FlowTable) -> None:
     """Windward on the front cone p/p_inf is 1 + 0.7 M^2 C_p,max sin^2(5 deg + a): 1 %."""
-    from builder.aero.local_inclination import largest_pressure_coefficient
+    from builder.aero.engines.local_inclination import largest_pressure_coefficient
 
     table, station = newtonian_flows(flown, flow_beyond), 8
     mach, incidence = float(table.mach_knots[2]), float(table.incidence_knots[3])

@@ -13,7 +13,7 @@ from changed_vehicle import change
 from ogive import OGIVE, copied_ogive
 
 from builder.aero.engine import Flow, FlowKey
-from builder.aero.euler_engine import EulerEngine
+from builder.aero.engines.euler import EulerEngine
 from builder.campaign.journal import Journal
 from builder.campaign.run import CampaignInterrupted
 from builder.campaign.scheduling import Scheduling

@@ -14,7 +14,7 @@ import pytest
 from coarse_vehicle import with_paper_map
 from installed_gmsh import gmsh_or_skip
 
-from builder.aero.engines import make_engine
+from builder.aero.engines.registry import make_engine
 from builder.campaign.run import run_campaign
 from builder.campaign.scheduling import Scheduling
 from builder.campaign.snapshots import Snapshots, load_snapshots

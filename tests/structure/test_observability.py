@@ -7,7 +7,7 @@ from math import pi, sqrt
 import numpy as np
 import pytest
 
-from builder.aero.surface_mesh import SurfaceMesh, mesh_of_grid
+from builder.aero.surface.mesh import SurfaceMesh, mesh_of_grid
 from builder.structure.fourier.model import StructuralModel, structural_model
 from builder.structure.observability import (
     SYMMETRIES,

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from small_ogive import FREE_FLIGHT, PRESSURE, small, solved
 
-from builder.aero.surface_mesh import mesh_of_grid
+from builder.aero.surface.mesh import mesh_of_grid
 from builder.structure.fourier.model import structural_model
 from builder.structure.solid.checks.reference_loads import reference_pressures
 from builder.vehicle.file import load_vehicle

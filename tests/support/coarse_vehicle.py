@@ -10,9 +10,9 @@ import pytest
 from inverse_case import Case, snapshots_at
 
 from builder.aero.engine import Flow, FlowKey
+from builder.aero.engines.euler import EulerEngine
 from builder.aero.euler.marching_grid import marching_grid_of
-from builder.aero.euler_engine import EulerEngine
-from builder.aero.loads import load_operator
+from builder.aero.loads.operator import load_operator
 from builder.campaign.scheduling import Scheduling, solve_flows
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import gauge_noise_covariance

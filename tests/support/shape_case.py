@@ -8,8 +8,8 @@ from functools import cache
 import numpy as np
 from scipy.spatial import cKDTree
 
-from builder.aero.engines import make_engine
-from builder.aero.surface_mesh import SurfaceMesh
+from builder.aero.engines.registry import make_engine
+from builder.aero.surface.mesh import SurfaceMesh
 from builder.campaign.run import complete_flows, snapshots_of_flows
 from builder.campaign.scheduling import Scheduling
 from builder.campaign.snapshots import Snapshots

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from shape_case import N_D, flown, shape_structure, shape_vehicle
 
-from builder.aero.surface_mesh import SurfaceMesh
+from builder.aero.surface.mesh import SurfaceMesh
 from builder.truth.shape_flights import ShapeFlights, shape_flights
 from builder.truth.shape_structure import WAYS, ShapeStructure
 from strainfmu.flight_condition import FlightCondition

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from builder.aero.surface_mesh import mesh_of_grid
+from builder.aero.surface.mesh import mesh_of_grid
 from builder.structure.structure_file import Structure
 from builder.vehicle.shape.geometry import SurfaceGrid
 

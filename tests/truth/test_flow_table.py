@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from builder.aero.engine import Flow, FlowKey
-from builder.aero.euler_engine import pieces
-from builder.aero.surface_pressure import pressure_at_stations
+from builder.aero.engines.euler import pieces
+from builder.aero.engines.surface_pressure import pressure_at_stations
 from builder.truth.flow_table import (
     FlowTable,
     harmonics_at,

@@ -11,7 +11,7 @@ import pytest
 from shape_case import N_D, flown, grid_conditions, shape_vehicle
 from shape_truth import beam, flights_at
 
-from builder.aero.section_loads import six_loads
+from builder.aero.loads.sections import six_loads
 from builder.aero.shapes import sections_mesh
 from builder.campaign.snapshots import Snapshots
 from builder.truth.as_built import AsBuilt, drawn_many, exactly_built
@@ -110,7 +110,7 @@ def test_pressure_goes_to_the_nodes_of_the_map() -> None:
 
 def replace_surface(held: Snapshots, nodes: Any) -> Snapshots:
     """Return newtonian snapshots at the conditions of ``held`` on ``nodes``."""
-    from builder.aero.newtonian import NewtonianEngine
+    from builder.aero.engines.newtonian import NewtonianEngine
 
     engine = NewtonianEngine(nodes)
     ratio = [

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from ensembles import listed_ensemble
 
-from builder.aero.loads import coefficients_of, load_operator
+from builder.aero.loads.operator import coefficients_of, load_operator
 from builder.inverse.noise.hardware_errors import hardware_errors
 from builder.structure.fourier.inner_surface import inner_surface_points
 from builder.structure.fourier.model import structural_model

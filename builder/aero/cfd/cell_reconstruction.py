@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import sparse
 
-from builder.aero.surface_mesh import SurfaceMesh
+from builder.aero.surface.mesh import SurfaceMesh
 from strainfmu.arrays import FloatArray, IntArray
 
 MIN_COSINE = 0.5

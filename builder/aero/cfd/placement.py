@@ -9,8 +9,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from builder.aero.cfd.surface_field import SurfaceField
-from builder.aero.surface_mesh import SurfaceMesh
-from builder.aero.surface_parts import part_of_node
+from builder.aero.surface.mesh import SurfaceMesh
+from builder.aero.surface.parts import part_of_node
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 

@@ -19,10 +19,10 @@ import numpy as np
 from scipy import sparse
 from scipy.spatial import cKDTree
 
-from builder.aero.closest_points import closest_points
-from builder.aero.mapping import interpolation_at
-from builder.aero.surface_mesh import SurfaceMesh
-from builder.aero.surface_parts import part_of_node
+from builder.aero.mapping.pressure_map import interpolation_at
+from builder.aero.surface.closest_points import closest_points
+from builder.aero.surface.mesh import SurfaceMesh
+from builder.aero.surface.parts import part_of_node
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.errors import InputError
 

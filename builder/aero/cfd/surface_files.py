@@ -10,7 +10,7 @@ import numpy as np
 from builder.aero.cfd.cart3d import read_cart3d
 from builder.aero.cfd.stl import read_stl
 from builder.aero.cfd.text_numbers import read_file
-from builder.aero.surface_mesh import SurfaceMesh
+from builder.aero.surface.mesh import SurfaceMesh
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 

@@ -17,9 +17,9 @@ from builder.aero.cfd.point_cloud import cloud_map
 from builder.aero.cfd.surface_field import SurfaceField, read_field
 from builder.aero.cfd.units import METRES, check_plausible, pressure_ratio
 from builder.aero.engine import Flow, FlowKey
-from builder.aero.mapping import pressure_map
-from builder.aero.mapping_report import MappingTolerances, check_mapping, mapping_report
-from builder.aero.surface_mesh import SurfaceMesh
+from builder.aero.mapping.pressure_map import pressure_map
+from builder.aero.mapping.report import MappingTolerances, check_mapping, mapping_report
+from builder.aero.surface.mesh import SurfaceMesh
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.flight_condition import FlightCondition

@@ -15,7 +15,7 @@ import numpy as np
 
 from builder.aero.cfd.legacy_vtk import check_whole
 from builder.aero.cfd.text_numbers import read_file
-from builder.aero.surface_mesh import SurfaceMesh
+from builder.aero.surface.mesh import SurfaceMesh
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.files import write_bytes_atomically

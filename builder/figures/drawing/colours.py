@@ -6,7 +6,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from builder.aero.surface_mesh import SurfaceMesh
+from builder.aero.surface.mesh import SurfaceMesh
 from strainfmu.arrays import FloatArray
 
 SHOWN_SHARE = 0.98

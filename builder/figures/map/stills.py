@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from builder.aero.surface_mesh import SurfaceMesh
+from builder.aero.surface.mesh import SurfaceMesh
 from builder.figures.drawing.canvas import COLOUR_MAP, blank_figure
 from builder.figures.drawing.gauge_marks import KIND_MARKERS, KIND_OFFSETS, kind_label, kinds_of_map, shown_bias
 from builder.figures.drawing.unrolled import roll_degrees, unrolled_triangles

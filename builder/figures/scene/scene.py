@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from builder.aero.closest_points import closest_points
-from builder.aero.surface_mesh import SurfaceMesh
+from builder.aero.surface.closest_points import closest_points
+from builder.aero.surface.mesh import SurfaceMesh
 from builder.campaign.snapshots import Snapshots
 from builder.figures.drawing.gauge_marks import gauge_kinds
 from strainfmu.arrays import FloatArray, IntArray

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from builder.aero.loads import coefficient_scale
+from builder.aero.loads.operator import coefficient_scale
 from builder.inverse.cases.state_map import StateMap
 from builder.inverse.noise.model import NoiseModel
 from builder.vehicle.shape.reference_quantities import ReferenceQuantities

@@ -15,7 +15,7 @@ from functools import cached_property
 
 import numpy as np
 
-from builder.aero.loads import coefficient_scale
+from builder.aero.loads.operator import coefficient_scale
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.modes.pod import PressureModes
 from builder.vehicle.conditions.flight_conditions import flow_key

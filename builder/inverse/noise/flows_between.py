@@ -14,7 +14,7 @@ from itertools import product
 import numpy as np
 
 from builder.aero.deflections import deflections_of
-from builder.aero.newtonian import NewtonianEngine
+from builder.aero.engines.newtonian import NewtonianEngine
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.modes.ensemble import Ensemble
 from builder.vehicle.file import Vehicle

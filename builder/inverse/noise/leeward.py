@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from builder.aero.newtonian import NewtonianEngine
+from builder.aero.engines.newtonian import NewtonianEngine
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.modes.ensemble import Ensemble
 from builder.inverse.noise.flows_between import same_engine

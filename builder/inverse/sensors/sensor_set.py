@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from builder.aero.loads import load_operator
-from builder.aero.surface_mesh import SurfaceMesh, mesh_load_operator
+from builder.aero.loads.operator import load_operator
+from builder.aero.surface.mesh import SurfaceMesh, mesh_load_operator
 from builder.inverse.modes.ensemble import Ensemble
 from builder.inverse.noise.hardware_errors import HardwareError, error_terms, rms_ambient_pressure
 from builder.inverse.noise.model import NoiseTerm, common_error, nuisance_modes

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from builder.aero.surface_mesh import SurfaceMesh
+from builder.aero.surface.mesh import SurfaceMesh
 from builder.structure.external.gauge_columns import columns_found
 from builder.structure.external.influence_checks import check_equilibrium
 from builder.structure.external.influence_file import Influence, read_influence

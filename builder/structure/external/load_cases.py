@@ -8,7 +8,7 @@ from hashlib import sha256
 
 import numpy as np
 
-from builder.aero.surface_mesh import SurfaceMesh
+from builder.aero.surface.mesh import SurfaceMesh
 from builder.campaign.snapshots import Snapshots
 from builder.structure.solid.gauges.gauge_rows import Gauges
 from builder.vehicle.file import Vehicle

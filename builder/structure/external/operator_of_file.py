@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from builder.aero.surface_mesh import SurfaceMesh
+from builder.aero.surface.mesh import SurfaceMesh
 from builder.structure.mesh_check import MeshCheck
 from builder.structure.solid.gauges.gauge_rows import Gauges, gauge_fields
 from builder.structure.structure_file import Structure

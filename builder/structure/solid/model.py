@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csr_array, vstack
 
-from builder.aero.surface_mesh import SurfaceMesh
+from builder.aero.surface.mesh import SurfaceMesh
 from builder.reporting import Progress, Reporter
 from builder.structure.mesh_check import MeshCheck
 from builder.structure.solid.checks.examination import examination

@@ -58,7 +58,7 @@ def snapshots(
 
         strainfmu snapshots my_vehicle.toml --set conditions.csv --scheduler tcp://cluster:8786
     """
-    from builder.aero.engines import make_engine
+    from builder.aero.engines.registry import make_engine
     from builder.campaign.failures import ConditionsMissing, missing_line
     from builder.campaign.notes import campaign_notes
     from builder.campaign.run import run_campaign
@@ -108,7 +108,7 @@ def surface(
         strainfmu surface my_vehicle.toml -o body.tri
     """
     from builder.aero.cfd.surface_export import write_surface
-    from builder.aero.engines import make_engine
+    from builder.aero.engines.registry import make_engine
     from builder.vehicle.file import load_vehicle
 
     loaded = load_vehicle(vehicle)

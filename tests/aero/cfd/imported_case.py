@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from builder.aero.cfd.table import TableEngine, table_engine
-from builder.aero.loads import coefficient_scale, load_operator
-from builder.aero.surface_mesh import mesh_of_grid
+from builder.aero.loads.operator import coefficient_scale, load_operator
+from builder.aero.surface.mesh import mesh_of_grid
 from builder.campaign.snapshots import Snapshots
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray

@@ -16,7 +16,7 @@ from imported_case import CONDITION, case_text, imported_ratio, manifest_text
 from builder.aero.cfd.cart3d import write_cart3d
 from builder.aero.cfd.manifest import load_manifest
 from builder.aero.cfd.surface_field import read_field
-from builder.aero.surface_mesh import SurfaceMesh
+from builder.aero.surface.mesh import SurfaceMesh
 from builder.campaign.snapshots import Snapshots
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.errors import InputError

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_map import N_GAUGES, map_of, missing, random_map, random_model
 
-from builder.aero.loads import load_operator
+from builder.aero.loads.operator import load_operator
 from builder.inverse.loads.covariance import coefficient_covariance
 from builder.vehicle.shape.geometry import chain_segments, surface_grid
 from builder.vehicle.shape.reference_quantities import ReferenceQuantities

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from builder.aero.surface_mesh import mesh_of_grid
+from builder.aero.surface.mesh import mesh_of_grid
 from builder.figures.demonstration import gauges
 from builder.figures.drawing.gauge_marks import gauge_kinds, kind_label
 from builder.figures.map.hover_gauges import gauge_values

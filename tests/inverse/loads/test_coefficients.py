@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from inverse_case import Case, gaussian, least_squares, noise_model
 
-from builder.aero.loads import coefficient_scale
+from builder.aero.loads.operator import coefficient_scale
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.cases.case_1 import least_squares_map
 from builder.inverse.cases.case_2 import gaussian_map

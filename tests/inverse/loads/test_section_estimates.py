@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from builder.aero.section_loads import further_load_operator
+from builder.aero.loads.sections import further_load_operator
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map, inverse_map_of, inverse_problem
 from builder.inverse.cases.observable_states import on_observable_states

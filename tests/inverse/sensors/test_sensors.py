@@ -10,7 +10,7 @@ import pytest
 from fmpy import read_model_description
 from fmu_host import loaded
 
-from builder.aero.loads import load_operator
+from builder.aero.loads.operator import load_operator
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map, inverse_problem
 from builder.inverse.modes.ensemble import ensemble_of

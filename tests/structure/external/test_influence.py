@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from nastran_files import op2_of_rods, write_gauges
 
-from builder.aero.surface_mesh import mesh_of_grid
+from builder.aero.surface.mesh import mesh_of_grid
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
 from builder.reporting import Silent

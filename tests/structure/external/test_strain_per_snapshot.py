@@ -10,8 +10,8 @@ import pytest
 from inverse_case import snapshots_at
 from nastran_files import op2_of_rods, write_gauges
 
-from builder.aero.newtonian import NewtonianEngine
-from builder.aero.surface_mesh import mesh_load_operator, mesh_of_grid
+from builder.aero.engines.newtonian import NewtonianEngine
+from builder.aero.surface.mesh import mesh_load_operator, mesh_of_grid
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
 from builder.structure.external.load_cases import LoadCases, load_cases

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from builder.aero.edges import split_at_edges
-from builder.aero.surface_mesh import SurfaceMesh
+from builder.aero.surface.edges import split_at_edges
+from builder.aero.surface.mesh import SurfaceMesh
 from builder.structure.solid.mesh.solid_mesh import SolidMesh
 from builder.structure.solid.operators.surface_load import surface_nodes
 from strainfmu.arrays import FloatArray, IntArray

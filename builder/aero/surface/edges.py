@@ -1,0 +1,170 @@
+"""A triangulated surface made fit to carry pressure: checked, turned outward, its nodes doubled at sharp edges."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import radians
+
+import numpy as np
+
+from builder.aero.surface.mesh import SurfaceMesh
+from builder.aero.surface.parts import connected, merge_nodes
+from strainfmu.arrays import BoolArray, FloatArray, IntArray
+from strainfmu.errors import InputError
+
+FEATURE_ANGLE = radians(30.0)
+"""Angle between neighbouring triangles above which an edge is sharp [rad]."""
+SAME_PLACE = 1e-7
+"""Nodes closer than this fraction of the surface's extent are one: coordinates in single precision."""
+BASE_DEPTH = 1e-3
+"""Fraction of the length, at the aft end, within which the rim of an open base must lie."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Edges:
+    """Edges between triangles of a surface without doubled nodes.
+
+    Attributes
+    ----------
+    left, right : (e,) triangles on both sides of each edge that two triangles share.
+    node : (e, 2) its ends.
+    turned : (e,) both triangles run through it the same way, so that one of them faces the wrong way.
+    free : (f, 2) ends of the edges of one triangle only.
+    crowded : (c, 2) ends of the edges that more than two share.
+    """
+
+    left: IntArray
+    right: IntArray
+    node: IntArray
+    turned: BoolArray
+    free: IntArray
+    crowded: IntArray
+
+
+def prepare_surface(mesh: SurfaceMesh, feature_angle: float) -> tuple[SurfaceMesh, tuple[str, ...]]:
+    """Return ``mesh`` facing outward, its nodes doubled at edges sharper than ``feature_angle`` [rad].
+
+    The surface must be closed, or open at the aft end alone (the base, left out). It may have several parts; each
+    is the outer shape of a body: no inner surface of a wall, and no part inside another.
+
+    Returns
+    -------
+    The surface, and notes on what was changed, one sentence each.
+
+    Raises
+    ------
+    InputError
+        The surface is open elsewhere (a half model), more than two triangles share an edge, or it has one side
+        only (a Moebius strip).
+    """
+    whole = _merged(mesh)
+    edges = _edges(whole)
+    _check_closed(whole, edges)
+    outward, turned = turn_outward(whole, edges)
+    notes = [] if turned == 0 else [f"{turned} of {len(whole.triangle)} triangles were turned to face outward"]
+    return split_at_edges(outward, feature_angle), tuple(notes)
+
+
+def _merged(mesh: SurfaceMesh) -> SurfaceMesh:
+    return merge_nodes(mesh, SAME_PLACE * float(np.ptp(mesh.point, axis=0).max()))
+
+
+def split_at_edges(mesh: SurfaceMesh, angle: float) -> SurfaceMesh:
+    """Return ``mesh`` with its nodes doubled where neighbouring triangles differ by more than ``angle`` [rad].
+
+    So a node's normal and pressure belong to one side of an edge. At a pointed tip, where no single edge is sharp
+    but the normals all round differ by more than the angle from their mean, each triangle gets a node of its own.
+    """
+    whole = _merged(mesh)
+    edges = _edges(whole)
+    unit = whole.vector_area / np.maximum(whole.area, np.finfo(float).tiny)[:, None]
+    flat = np.einsum("ei,ei->e", unit[edges.left], unit[edges.right]) >= np.cos(angle)
+    smooth = flat & ~edges.turned
+    corner = 3 * np.arange(len(whole.triangle))[:, None] + np.arange(3)
+    ends = []
+    for k in range(2):
+        node = edges.node[smooth, k][:, None]
+        left, right = edges.left[smooth], edges.right[smooth]
+        ends.append(
+            (corner[left][whole.triangle[left] == node], corner[right][whole.triangle[right] == node]),
+        )
+    here, there = (np.concatenate(side) for side in zip(*ends, strict=True))
+    count, fan = connected(here, there, corner.size)
+    corners_normal = np.repeat(unit, 3, axis=0)
+    mean = np.zeros((count, 3))
+    np.add.at(mean, fan, corners_normal)
+    mean /= np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), np.finfo(float).tiny)
+    apart = np.einsum("ci,ci->c", corners_normal, mean[fan]) < np.cos(angle)
+    pointed = np.zeros(count, dtype=bool)
+    pointed[fan[apart]] = True
+    alone = pointed[fan]
+    fan[alone] = count + np.arange(np.count_nonzero(alone))
+    _, first, number = np.unique(fan, return_index=True, return_inverse=True)
+    return SurfaceMesh(whole.point[whole.triangle.ravel()[first]], number.reshape(-1, 3).astype(np.int64))
+
+
+def turn_outward(mesh: SurfaceMesh, edges: _Edges | None = None) -> tuple[SurfaceMesh, int]:
+    """Return ``mesh`` with its triangles facing outward, and how many were turned.
+
+    Neighbours are made to agree; then each part whose enclosed volume is negative is turned over. An open base
+    counts as closed by the plane at the aft end.
+
+    Raises
+    ------
+    InputError
+        A part has one side only.
+    """
+    edges = _edges(mesh) if edges is None else edges
+    m = len(mesh.triangle)
+    # Two copies of every triangle, as it is (t) and turned over (m + t). Neighbours that agree join equal copies.
+    other = np.where(edges.turned, m, 0)
+    here = np.concatenate([edges.left, edges.left + m])
+    there = np.concatenate([edges.right + other, edges.right + m - other])
+    count, copy = connected(here, there, 2 * m)
+    if (copy[:m] == copy[m:]).any():
+        where = mesh.point[mesh.triangle[int(np.flatnonzero(copy[:m] == copy[m:])[0]), 0]]
+        raise InputError(f"surface: the part at {_place(where)} has one side only, like a Moebius strip")
+    corner = mesh.point[mesh.triangle] - np.array([mesh.point[:, 0].max(), 0.0, 0.0])
+    volume = np.einsum("mi,mi->m", mesh.vector_area, corner.mean(axis=1)) / 3.0
+    enclosed = np.bincount(copy, np.concatenate([volume, -volume]), count)
+    turned = enclosed[copy[:m]] < enclosed[copy[m:]]
+    triangle = np.where(turned[:, None], mesh.triangle[:, ::-1], mesh.triangle)
+    return SurfaceMesh(mesh.point, triangle), int(turned.sum())
+
+
+def _edges(mesh: SurfaceMesh) -> _Edges:
+    m = len(mesh.triangle)
+    start, end = mesh.triangle.T.ravel(), np.roll(mesh.triangle, -1, axis=1).T.ravel()
+    owner = np.tile(np.arange(m), 3)
+    ends = np.stack([np.minimum(start, end), np.maximum(start, end)], axis=1)
+    node, number, uses = np.unique(ends, axis=0, return_inverse=True, return_counts=True)
+    number = number.reshape(-1)
+    shared = np.flatnonzero(uses[number] == 2)
+    pair = shared[np.argsort(number[shared], kind="stable")].reshape(-1, 2)
+    return _Edges(
+        left=owner[pair[:, 0]],
+        right=owner[pair[:, 1]],
+        node=node[number[pair[:, 0]]],
+        turned=start[pair[:, 0]] == start[pair[:, 1]],
+        free=node[uses == 1],
+        crowded=node[uses > 2],
+    )
+
+
+def _check_closed(mesh: SurfaceMesh, edges: _Edges) -> None:
+    """Refuse a surface with holes other than the base, or with edges of three triangles."""
+    if len(edges.crowded):
+        where = _place(mesh.point[edges.crowded[0]].mean(axis=0))
+        raise InputError(f"surface: more than two triangles share the edge at {where}")
+    aft, length = mesh.point[:, 0].max(), np.ptp(mesh.point[:, 0])
+    ahead = mesh.point[edges.free, 0].min(axis=1) < aft - BASE_DEPTH * length
+    if ahead.any():
+        where = _place(mesh.point[edges.free[int(np.flatnonzero(ahead)[0])]].mean(axis=0))
+        raise InputError(
+            f"surface: {np.count_nonzero(ahead)} edges have one triangle only, the first at {where}; it must be"
+            f" closed, or open at its base x = {aft:.6g} m alone (a half model must be mirrored first)"
+        )
+
+
+def _place(point: FloatArray) -> str:
+    return "(" + ", ".join(f"{value:.6g}" for value in point) + ") m"
