@@ -105,8 +105,8 @@ def compiled_solver(tmp_path_factory: pytest.TempPathFactory) -> None:
     """Let one process compile the flow solver, where that is not kept on disk yet, before others need it."""
 
     def compile_it(folder: Path) -> None:
-        from builder.aero.euler.marching_grid import MarchingGrid
-        from builder.aero.euler.solver import solve_flow
+        from builder.aero.euler.bodies.solver import solve_flow
+        from builder.aero.euler.planes.marching_grid import MarchingGrid
         from builder.vehicle.shape.geometry import chain_segments
 
         if os.environ.get("NUMBA_DISABLE_JIT", "0") == "0":

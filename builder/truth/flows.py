@@ -10,7 +10,7 @@ import numpy as np
 from builder.aero.engine import FlowKey
 from builder.aero.engines.euler import EulerEngine
 from builder.aero.engines.newtonian import NewtonianEngine
-from builder.aero.euler.marching_grid import marching_grid_of
+from builder.aero.euler.planes.marching_grid import marching_grid_of
 from builder.aero.surface.mesh import mesh_of_grid
 from builder.campaign.journal import Journal
 from builder.campaign.run import complete_flows

@@ -12,8 +12,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import builder
-from builder.aero.euler.marching_grid import MarchingGrid
-from builder.aero.euler.solver import solve_flow
+from builder.aero.euler.bodies.solver import solve_flow
+from builder.aero.euler.planes.marching_grid import MarchingGrid
 
 vehicle = builder.load_vehicle("coarse.toml")
 grid = MarchingGrid(n_radial=24, n_circumferential=36)

@@ -13,8 +13,8 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from builder.aero.euler.marching_grid import MarchingGrid
-from builder.aero.euler.solver import solve_flow
+from builder.aero.euler.bodies.solver import solve_flow
+from builder.aero.euler.planes.marching_grid import MarchingGrid
 from builder.vehicle.shape.geometry import chain_segments
 
 GAMMA = 1.4

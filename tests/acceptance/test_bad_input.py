@@ -186,7 +186,7 @@ def test_wrong_options(run: Run) -> None:
 
 FILL_THE_DISK = """
 import resource, signal, sys
-from builder.aero.euler.solver import MarchingGrid, solve_flow
+from builder.aero.euler.bodies.solver import MarchingGrid, solve_flow
 from builder.vehicle.shape.geometry import chain_segments
 from strainfmu.cli.main import main
 

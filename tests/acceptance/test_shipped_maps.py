@@ -19,7 +19,7 @@ import pytest
 from coarse_vehicle import with_paper_map
 
 from builder.aero.engines.euler import EulerEngine
-from builder.aero.euler.marching_grid import marching_grid_of
+from builder.aero.euler.planes.marching_grid import marching_grid_of
 from builder.aero.loads.operator import load_operator
 from builder.campaign.run import snapshots_of_flows
 from builder.campaign.scheduling import Scheduling, solve_flows

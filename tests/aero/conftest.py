@@ -8,7 +8,7 @@ from math import radians
 
 import pytest
 
-from builder.aero.euler.solver import FlowSolution, solve_flow
+from builder.aero.euler.bodies.solver import FlowSolution, solve_flow
 from builder.vehicle.file import IC3X, load_vehicle
 from builder.vehicle.shape.geometry import BodyOfRevolution, chain_segments
 

@@ -10,7 +10,7 @@ import pytest
 
 from builder.aero.cfd.stl import write_stl
 from builder.aero.engines.full_body import FullBodyEngine
-from builder.aero.euler.marching_grid import MarchingGrid
+from builder.aero.euler.planes.marching_grid import MarchingGrid
 from builder.aero.shapes import sections_mesh, surface_of_file
 from builder.aero.surface.mesh import SurfaceMesh, mesh_load_operator, mesh_of_grid
 from builder.aero.surface.self_intersections import pierced_places

@@ -20,7 +20,7 @@ from typing import Any
 import pytest
 from snippets import KINDS, ROOT, Snippet, pages, snippets
 
-from builder.aero.euler.marching_grid import GRID_LEVELS
+from builder.aero.euler.planes.marching_grid import GRID_LEVELS
 from strainfmu.estimator.map.inverse_map import load_inverse_map
 
 PAGES = {page.relative_to(ROOT).as_posix(): snippets(page) for page in pages()}

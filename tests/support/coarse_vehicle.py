@@ -11,7 +11,7 @@ from inverse_case import Case, snapshots_at
 
 from builder.aero.engine import Flow, FlowKey
 from builder.aero.engines.euler import EulerEngine
-from builder.aero.euler.marching_grid import marching_grid_of
+from builder.aero.euler.planes.marching_grid import marching_grid_of
 from builder.aero.loads.operator import load_operator
 from builder.campaign.scheduling import Scheduling, solve_flows
 from builder.campaign.snapshots import Snapshots

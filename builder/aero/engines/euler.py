@@ -11,8 +11,8 @@ import numpy as np
 
 from builder.aero.engine import Flow, FlowKey
 from builder.aero.engines.surface_pressure import pressure_at_stations, pressure_ratio_on_surface
-from builder.aero.euler.marching_grid import MarchingGrid
-from builder.aero.euler.solver import FlowSolution, solve_flow
+from builder.aero.euler.bodies.solver import FlowSolution, solve_flow
+from builder.aero.euler.planes.marching_grid import MarchingGrid
 from builder.aero.surface.mesh import SurfaceMesh, mesh_of_grid
 from builder.vehicle.conditions.flight_conditions import flow_key
 from builder.vehicle.shape.geometry import BodyOfRevolution, SurfaceGrid

@@ -27,7 +27,7 @@ from math import asin, sqrt
 import numpy as np
 from scipy.optimize import brentq
 
-from builder.aero.euler.gas import GAMMA
+from builder.aero.euler.scheme.gas import GAMMA
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import FlowReachError
 

@@ -15,7 +15,7 @@ from builder.aero.engines.local_inclination import (
     pitot_pressure_ratio,
     prandtl_meyer_angle,
 )
-from builder.aero.euler.gas import expanded_pressure_ratio
+from builder.aero.euler.scheme.gas import expanded_pressure_ratio
 from strainfmu.errors import FlowReachError
 
 pytestmark = pytest.mark.fast

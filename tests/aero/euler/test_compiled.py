@@ -19,7 +19,7 @@ class Nowhere:
 
 for kind in (caching.CacheImpl, caching.CompileResultCacheImpl):
     kind._locator_classes = [Nowhere]
-from builder.aero.euler.gas import prandtl_meyer_angle
+from builder.aero.euler.scheme.gas import prandtl_meyer_angle
 print(round(float(prandtl_meyer_angle(2.0)), 6))
 """
 

@@ -10,7 +10,7 @@ import pytest
 from cone_theory import GAMMA, taylor_maccoll_pressure, taylor_maccoll_surface
 from scipy.interpolate import CubicSpline
 
-from builder.aero.euler.solver import FlowSolution, solve_flow
+from builder.aero.euler.bodies.solver import FlowSolution, solve_flow
 from builder.vehicle.shape.geometry import chain_segments
 from strainfmu.errors import FlowReachError
 

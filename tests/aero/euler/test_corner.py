@@ -7,16 +7,16 @@ from math import asin, radians, tan
 import numpy as np
 import pytest
 
-from builder.aero.euler import corner
-from builder.aero.euler.corner import WallStream
-from builder.aero.euler.gas import GAMMA, prandtl_meyer_angle
-from builder.aero.euler.grid import Wall, half_body_rays
-from builder.aero.euler.march import decode
-from builder.aero.euler.marching_grid import MarchingGrid
-from builder.aero.euler.plane import Plane, free_stream
-from builder.aero.euler.reconstruction import Stream
-from builder.aero.euler.solver import free_stream_of
-from builder.aero.euler.surface_function import body_walls
+from builder.aero.euler.bodies import corner
+from builder.aero.euler.bodies.corner import WallStream
+from builder.aero.euler.bodies.solver import free_stream_of
+from builder.aero.euler.bodies.surface_function import body_walls
+from builder.aero.euler.planes.marching_grid import MarchingGrid
+from builder.aero.euler.planes.plane import Plane, free_stream
+from builder.aero.euler.scheme.gas import GAMMA, prandtl_meyer_angle
+from builder.aero.euler.scheme.grid import Wall, half_body_rays
+from builder.aero.euler.scheme.march import decode
+from builder.aero.euler.scheme.reconstruction import Stream
 from builder.vehicle.shape.geometry import chain_segments
 
 pytestmark = pytest.mark.fast

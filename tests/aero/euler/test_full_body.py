@@ -9,9 +9,9 @@ from math import acos, atan2, cos, pi, radians, sin
 import numpy as np
 import pytest
 
-from builder.aero.euler.full_body import FullFlowSolution, solve_full_flow
-from builder.aero.euler.marching_grid import MarchingGrid
-from builder.aero.euler.solver import solve_flow
+from builder.aero.euler.bodies.full_body import FullFlowSolution, solve_full_flow
+from builder.aero.euler.bodies.solver import solve_flow
+from builder.aero.euler.planes.marching_grid import MarchingGrid
 from builder.vehicle.shape.geometry import BodyOfRevolution
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import FlowReachError, InputError

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq, minimize_scalar
 
-from builder.aero.euler.bow_shock import shock_slope
-from builder.aero.euler.flux import characteristic_slopes, hll
-from builder.aero.euler.gas import (
+from builder.aero.euler.scheme.bow_shock import shock_slope
+from builder.aero.euler.scheme.flux import characteristic_slopes, hll
+from builder.aero.euler.scheme.gas import (
     GAMMA,
     MIN_PRESSURE_RATIO,
     axial_velocity,

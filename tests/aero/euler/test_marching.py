@@ -16,12 +16,12 @@ import pytest
 from cone_theory import taylor_maccoll_surface
 
 from builder.aero.engines.surface_pressure import pressure_at_stations, pressure_ratio_on_surface
-from builder.aero.euler.gas import expanded_pressure_ratio
-from builder.aero.euler.grid import Step, cell_areas, full_body_rays, half_body_rays, place_vertices
-from builder.aero.euler.march import advance_cells, decode, find_fluxes
-from builder.aero.euler.marching_grid import GRID_LEVELS, MarchingGrid
-from builder.aero.euler.plane import free_stream
-from builder.aero.euler.solver import FlowSolution, free_stream_of, solve_flow
+from builder.aero.euler.bodies.solver import FlowSolution, free_stream_of, solve_flow
+from builder.aero.euler.planes.marching_grid import GRID_LEVELS, MarchingGrid
+from builder.aero.euler.planes.plane import free_stream
+from builder.aero.euler.scheme.gas import expanded_pressure_ratio
+from builder.aero.euler.scheme.grid import Step, cell_areas, full_body_rays, half_body_rays, place_vertices
+from builder.aero.euler.scheme.march import advance_cells, decode, find_fluxes
 from builder.aero.loads.operator import load_operator
 from builder.vehicle.shape.geometry import BodyOfRevolution, surface_grid
 from strainfmu.errors import FlowReachError, InputError
@@ -295,8 +295,9 @@ TINY_FLOWS = """
 import json
 from math import radians
 import numpy as np
-from builder.aero.euler import body_march, gas
-from builder.aero.euler.solver import MarchingGrid, solve_flow
+from builder.aero.euler.bodies import body_march
+from builder.aero.euler.scheme import gas
+from builder.aero.euler.bodies.solver import MarchingGrid, solve_flow
 from builder.vehicle.shape.geometry import chain_segments
 from strainfmu.errors import FlowReachError
 

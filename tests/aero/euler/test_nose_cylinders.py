@@ -13,7 +13,7 @@ from math import atan, pi, radians
 import numpy as np
 import pytest
 
-from builder.aero.euler.solver import FlowSolution, solve_flow
+from builder.aero.euler.bodies.solver import FlowSolution, solve_flow
 from builder.vehicle.shape.geometry import BodyOfRevolution, chain_segments
 
 NOSE_LENGTH = 5.0

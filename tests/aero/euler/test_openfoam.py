@@ -13,8 +13,8 @@ from openfoam.case_files import SOLVER, is_available
 from openfoam.elliptic_cone import FLOWS, difference
 from openfoam.sphere_cone import ALONG_AXIS, compare
 
-from builder.aero.euler.marching_grid import marching_grid_of
-from builder.aero.euler.solver import solve_flow
+from builder.aero.euler.bodies.solver import solve_flow
+from builder.aero.euler.planes.marching_grid import marching_grid_of
 from builder.vehicle.file import VEHICLES, load_vehicle
 from builder.vehicle.shape.geometry import chain_segments
 

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from cone_theory import GAMMA, taylor_maccoll_pressure
 
-from builder.aero.euler import spherical_start
-from builder.aero.euler.full_body import solve_full_flow
-from builder.aero.euler.marching_grid import GRID_LEVELS, MarchingGrid
-from builder.aero.euler.solver import FlowSolution, solve_flow
-from builder.aero.euler.sphere_flow import solve_sphere
-from builder.aero.euler.surface_function import cap_of
+from builder.aero.euler.bodies.full_body import solve_full_flow
+from builder.aero.euler.bodies.solver import FlowSolution, solve_flow
+from builder.aero.euler.bodies.surface_function import cap_of
+from builder.aero.euler.planes.marching_grid import GRID_LEVELS, MarchingGrid
+from builder.aero.euler.starts import spherical_start
+from builder.aero.euler.starts.sphere_flow import solve_sphere
 from builder.vehicle.shape.geometry import BodyOfRevolution, Segment, chain_pieces
 from builder.vehicle.shape.profile_curves import spherical_cap
 from strainfmu.errors import FlowReachError

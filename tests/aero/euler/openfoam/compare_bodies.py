@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from builder.aero.euler.solver import FlowSolution, solve_flow
+from builder.aero.euler.bodies.solver import FlowSolution, solve_flow
 from builder.vehicle.file import IC3X, load_vehicle
 from builder.vehicle.shape.geometry import BodyOfRevolution, chain_segments
 from openfoam.body_case import BodyCase, Solution, loads_ahead, solve_case, spread_stations

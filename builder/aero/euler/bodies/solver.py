@@ -7,13 +7,13 @@ from math import cos, degrees, pi, sin
 
 import numpy as np
 
-from builder.aero.euler.body_march import march_body
-from builder.aero.euler.flow import Flow
-from builder.aero.euler.gas import total_enthalpy
-from builder.aero.euler.grid import half_body_rays
-from builder.aero.euler.marching_grid import MarchingGrid
-from builder.aero.euler.reconstruction import Stream
-from builder.aero.euler.surface_function import body_walls, cap_of
+from builder.aero.euler.bodies.body_march import march_body
+from builder.aero.euler.bodies.surface_function import body_walls, cap_of
+from builder.aero.euler.planes.flow import Flow
+from builder.aero.euler.planes.marching_grid import MarchingGrid
+from builder.aero.euler.scheme.gas import total_enthalpy
+from builder.aero.euler.scheme.grid import half_body_rays
+from builder.aero.euler.scheme.reconstruction import Stream
 from builder.vehicle.shape.geometry import BodyOfRevolution
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import FlowReachError

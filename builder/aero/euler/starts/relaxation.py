@@ -5,21 +5,28 @@ steps of any length, because all areas of a step in which the whole plane grows 
 (x + dx)^2 - x^2. So each cell may take the longest step that is stable for it, as in pseudo-time, and the
 thin cells at the wall no longer set the pace of all. What then remains are a few slow modes, above all the layer
 of entropy at the wall, and extrapolation from several rounds of sweeps removes them (Anderson, J. ACM 12, 1965).
-Arrays are those of :mod:`builder.aero.euler.march`; sweeps are compiled.
+Arrays are those of :mod:`builder.aero.euler.scheme.march`; sweeps are compiled.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from builder.aero.euler.bow_shock import outer_boundary_growth
-from builder.aero.euler.compiled import compiled
-from builder.aero.euler.gas import GAMMA
-from builder.aero.euler.grid import Rays, Step, cell_areas, place_vertices
-from builder.aero.euler.march import AXIAL_SONIC, REACHED_END, WALL_DETACHED, crossing_steps, decode, find_fluxes
-from builder.aero.euler.marching_grid import MarchingGrid
-from builder.aero.euler.plane import Plane, change_between, cone_imbalance
-from builder.aero.euler.reconstruction import Stream
+from builder.aero.euler.planes.marching_grid import MarchingGrid
+from builder.aero.euler.planes.plane import Plane, change_between, cone_imbalance
+from builder.aero.euler.scheme.bow_shock import outer_boundary_growth
+from builder.aero.euler.scheme.compiled import compiled
+from builder.aero.euler.scheme.gas import GAMMA
+from builder.aero.euler.scheme.grid import Rays, Step, cell_areas, place_vertices
+from builder.aero.euler.scheme.march import (
+    AXIAL_SONIC,
+    REACHED_END,
+    WALL_DETACHED,
+    crossing_steps,
+    decode,
+    find_fluxes,
+)
+from builder.aero.euler.scheme.reconstruction import Stream
 from strainfmu.arrays import FloatArray
 
 COURANT = 1.1

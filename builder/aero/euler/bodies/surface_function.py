@@ -10,8 +10,8 @@ from typing import Protocol
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from builder.aero.euler.grid import Rays, Wall
-from builder.aero.euler.spherical_start import Cap
+from builder.aero.euler.scheme.grid import Rays, Wall
+from builder.aero.euler.starts.spherical_start import Cap
 from builder.vehicle.shape.geometry import BodyOfRevolution, Segment, is_spherical
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError

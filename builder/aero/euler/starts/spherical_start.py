@@ -1,9 +1,9 @@
 """Start of the march behind a spherical tip.
 
 The flow over a sphere does not know the body's axis: solved once about the wind
-(:mod:`~builder.aero.euler.sphere_flow`), it is cut by a plane across the axis. The cut lies on the cap, so far
-back that the flow through it is supersonic along the axis, also on the windward side: nothing behind it, the end
-of the cap above all, is felt there. Ahead of it the wall has the sphere's pressure.
+(:mod:`~builder.aero.euler.starts.sphere_flow`), it is cut by a plane across the axis. The cut lies on the cap, so
+far back that the flow through it is supersonic along the axis, also on the windward side: nothing behind it, the
+end of the cap above all, is felt there. Ahead of it the wall has the sphere's pressure.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from math import ceil, cos, degrees, hypot, radians, sin, sqrt
 import numpy as np
 from scipy.optimize import brentq
 
-from builder.aero.euler.flow import Flow
-from builder.aero.euler.gas import GAMMA
-from builder.aero.euler.grid import Rays
-from builder.aero.euler.marching_grid import MarchingGrid
-from builder.aero.euler.plane import Plane
-from builder.aero.euler.reconstruction import Stream
-from builder.aero.euler.sphere_flow import SphereFlow, solve_sphere
+from builder.aero.euler.planes.flow import Flow
+from builder.aero.euler.planes.marching_grid import MarchingGrid
+from builder.aero.euler.planes.plane import Plane
+from builder.aero.euler.scheme.gas import GAMMA
+from builder.aero.euler.scheme.grid import Rays
+from builder.aero.euler.scheme.reconstruction import Stream
+from builder.aero.euler.starts.sphere_flow import SphereFlow, solve_sphere
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import FlowReachError
 

@@ -24,8 +24,8 @@ class MarchingGrid:
     conical_tolerance : change of wall pressure (relative to its mean) and shock radius while x grows by half,
         imbalance of wall force and momentum, and ten times that of mass, that end the conical start.
     corner : how a convex corner of a body of revolution is passed. ``fan``: by a centred expansion
-        (:mod:`~builder.aero.euler.corner`). ``marched``: by the march alone, which leaves the pressure behind the
-        corner 0.5 to 1 % off on every grid and makes it swing by some percent.
+        (:mod:`~builder.aero.euler.bodies.corner`). ``marched``: by the march alone, which leaves the pressure
+        behind the corner 0.5 to 1 % off on every grid and makes it swing by some percent.
     """
 
     n_radial: int = 24

@@ -10,12 +10,12 @@ from math import degrees
 
 import numpy as np
 
-from builder.aero.euler.body_march import march_body
-from builder.aero.euler.flow import Flow
-from builder.aero.euler.grid import full_body_rays
-from builder.aero.euler.marching_grid import MarchingGrid
-from builder.aero.euler.solver import free_stream_of
-from builder.aero.euler.surface_function import SurfaceFunction, body_walls, cap_of, surface_walls
+from builder.aero.euler.bodies.body_march import march_body
+from builder.aero.euler.bodies.solver import free_stream_of
+from builder.aero.euler.bodies.surface_function import SurfaceFunction, body_walls, cap_of, surface_walls
+from builder.aero.euler.planes.flow import Flow
+from builder.aero.euler.planes.marching_grid import MarchingGrid
+from builder.aero.euler.scheme.grid import full_body_rays
 from builder.vehicle.shape.geometry import BodyOfRevolution
 from strainfmu.arrays import FloatArray
 
@@ -31,7 +31,8 @@ class FullFlowSolution:
     pieces : per smooth piece of the surface (stations (n,) [m], p/p_inf (n, n_phi)).
     force : (3,) force of p - p_inf along x, y, z from the wall fluxes, over p_inf [m2].
     force_from_momentum : (3,) the same from the momentum deficit of the exit plane [m2].
-    mass_defect, conical_change, n_steps, n_repairs : as in :class:`~builder.aero.euler.solver.FlowSolution`.
+    mass_defect, conical_change, n_steps, n_repairs : as in
+        :class:`~builder.aero.euler.bodies.solver.FlowSolution`.
     """
 
     mach_number: float

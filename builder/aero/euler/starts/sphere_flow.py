@@ -24,7 +24,7 @@ from numpy.polynomial.chebyshev import chebval, chebval2d, chebvander
 from numpy.typing import NDArray
 from scipy.linalg import lstsq
 
-from builder.aero.euler.gas import GAMMA, total_enthalpy
+from builder.aero.euler.scheme.gas import GAMMA, total_enthalpy
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import FlowReachError
 

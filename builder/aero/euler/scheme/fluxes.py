@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 
-from builder.aero.euler.compiled import compiled, inlined
-from builder.aero.euler.flux import hll
-from builder.aero.euler.gas import GAMMA, wall_pressure
-from builder.aero.euler.grid import Rays, Step, face_area, norm
-from builder.aero.euler.reconstruction import (
+from builder.aero.euler.scheme.compiled import compiled, inlined
+from builder.aero.euler.scheme.flux import hll
+from builder.aero.euler.scheme.gas import GAMMA, wall_pressure
+from builder.aero.euler.scheme.grid import Rays, Step, face_area, norm
+from builder.aero.euler.scheme.reconstruction import (
     State,
     Stream,
     circumferential_slopes,

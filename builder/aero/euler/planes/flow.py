@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from builder.aero.euler.reconstruction import Stream
+from builder.aero.euler.scheme.reconstruction import Stream
 from strainfmu.errors import FlowReachError
 
 

@@ -5,8 +5,8 @@ ever larger cones until nothing changes, which after the relaxation is seldom mo
 begins with the free stream. That must turn at once by the whole angle of the tip, as at a wedge, whose shock
 detaches at a higher Mach number than the cone's: where it does, the cone is opened step by step from a slender
 one. A body that begins with a cone is done up to that cone's end; the rest is marched piece by piece, so that
-slope breaks are met exactly. Round a convex one the flow is led by :mod:`~builder.aero.euler.corner`. Behind a
-spherical tip :mod:`~builder.aero.euler.spherical_start` gives the first plane.
+slope breaks are met exactly. Round a convex one the flow is led by :mod:`~builder.aero.euler.bodies.corner`.
+Behind a spherical tip :mod:`~builder.aero.euler.starts.spherical_start` gives the first plane.
 """
 
 from __future__ import annotations
@@ -17,12 +17,11 @@ from math import atan, log
 
 import numpy as np
 
-from builder.aero.euler import corner, march
-from builder.aero.euler.flow import Flow
-from builder.aero.euler.gas import GAMMA
-from builder.aero.euler.grid import Rays, Wall, find_wall, full_body_rays, half_body_rays, place_vertices
-from builder.aero.euler.marching_grid import MarchingGrid
-from builder.aero.euler.plane import (
+from builder.aero.euler.bodies import corner
+from builder.aero.euler.bodies.surface_function import cone_wall
+from builder.aero.euler.planes.flow import Flow
+from builder.aero.euler.planes.marching_grid import MarchingGrid
+from builder.aero.euler.planes.plane import (
     Plane,
     change_between,
     cone_force,
@@ -31,10 +30,12 @@ from builder.aero.euler.plane import (
     momentum_balance,
     refine,
 )
-from builder.aero.euler.reconstruction import Stream
-from builder.aero.euler.relaxation import relax_cone
-from builder.aero.euler.spherical_start import TIP_GRID_LENGTH, Cap, start_behind_cap, tip_grid
-from builder.aero.euler.surface_function import cone_wall
+from builder.aero.euler.scheme import march
+from builder.aero.euler.scheme.gas import GAMMA
+from builder.aero.euler.scheme.grid import Rays, Wall, find_wall, full_body_rays, half_body_rays, place_vertices
+from builder.aero.euler.scheme.reconstruction import Stream
+from builder.aero.euler.starts.relaxation import relax_cone
+from builder.aero.euler.starts.spherical_start import TIP_GRID_LENGTH, Cap, start_behind_cap, tip_grid
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import FlowReachError
 
@@ -59,7 +60,7 @@ OGIVE_START = 0.01
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Marched:
-    """What a march over a body gives; see :class:`~builder.aero.euler.solver.FlowSolution`.
+    """What a march over a body gives; see :class:`~builder.aero.euler.bodies.solver.FlowSolution`.
 
     Forces (3,) along x, y, z are those on the body between the rays, over p_inf [m2].
     """
@@ -143,7 +144,7 @@ def _spherical_start(
 def _round_corner(
     plane: Plane, before: Wall, after: Wall, pressure: FloatArray, flow: Flow, grid: MarchingGrid
 ) -> tuple[FloatArray, FloatArray]:
-    """March round a corner at which the wall turns away from the flow (:mod:`~builder.aero.euler.corner`).
+    """March round a corner at which the wall turns away from the flow (:mod:`~builder.aero.euler.bodies.corner`).
 
     ``pressure`` (n_phi,) is p on the wall up to it. Returns stations and p/p_inf (n, n_phi) behind it; none where
     the march itself does: in a concave or slight corner, in one that expands the flow to vacuum, or where the

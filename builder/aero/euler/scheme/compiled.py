@@ -1,4 +1,4 @@
-"""Compilation of this folder's functions by numba."""
+"""Compilation of the scheme's functions by numba."""
 
 from __future__ import annotations
 

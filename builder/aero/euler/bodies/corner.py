@@ -20,11 +20,11 @@ from math import ceil, expm1, log1p, log2
 
 import numpy as np
 
-from builder.aero.euler.gas import GAMMA, MIN_PRESSURE_RATIO, expanded_pressure_ratio
-from builder.aero.euler.grid import Step, Wall, find_wall, place_vertices
-from builder.aero.euler.march import add_wall_force
-from builder.aero.euler.marching_grid import MarchingGrid
-from builder.aero.euler.plane import Plane
+from builder.aero.euler.planes.marching_grid import MarchingGrid
+from builder.aero.euler.planes.plane import Plane
+from builder.aero.euler.scheme.gas import GAMMA, MIN_PRESSURE_RATIO, expanded_pressure_ratio
+from builder.aero.euler.scheme.grid import Step, Wall, find_wall, place_vertices
+from builder.aero.euler.scheme.march import add_wall_force
 from strainfmu.arrays import FloatArray
 
 FAN_CELLS = 16

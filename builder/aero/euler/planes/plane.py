@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from builder.aero.euler.gas import GAMMA
-from builder.aero.euler.grid import Rays, cell_areas, place_vertices
-from builder.aero.euler.marching_grid import MarchingGrid
-from builder.aero.euler.reconstruction import Stream
+from builder.aero.euler.planes.marching_grid import MarchingGrid
+from builder.aero.euler.scheme.gas import GAMMA
+from builder.aero.euler.scheme.grid import Rays, cell_areas, place_vertices
+from builder.aero.euler.scheme.reconstruction import Stream
 from strainfmu.arrays import FloatArray
 
 MASS_WEIGHT = 10.0

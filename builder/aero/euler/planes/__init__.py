@@ -1,0 +1,1 @@
+"""The flow that is marched, and the cross-planes it is marched on."""
