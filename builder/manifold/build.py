@@ -109,6 +109,7 @@ def manifold_map(
         mach_number_error=noise.navigation_mach_number,
         static_pressure_error=0.01 * noise.navigation_static_pressure_percent,
         dynamic_pressure_error=0.01 * noise.dynamic_pressure_percent,
+        altitude_error=0.01 * noise.standard_atmosphere_percent,
         further=_further(coefficients[:, :, n:], fixed[n:], errors[n:], errors[:n_d]),
         pressure_field=found.field if isinstance(found.field, FlightField) else None,
         shape_field=found.field if isinstance(found.field, ShapeField) else None,

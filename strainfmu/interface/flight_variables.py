@@ -68,7 +68,7 @@ def _navigation_inputs(manifold: ManifoldMap) -> list[Variable]:
         (
             "static_pressure_std",
             f"Standard deviation of the error of static_pressure; {NOT_KNOWN:g} or NaN takes "
-            f"{manifold.static_pressure_error:g} of it",
+            f"{manifold.static_pressure_error:g} of it, {manifold.altitude_error:g} of that at altitude",
             "Pa",
         ),
     )

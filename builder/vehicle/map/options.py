@@ -10,6 +10,7 @@ from pydantic import Field, field_validator, model_validator
 from builder.vehicle.map.gamma_rules import RULES
 from builder.vehicle.toml.limits import GAMMA
 from builder.vehicle.toml.sections import Altitude, FileName, Section
+from strainfmu.atmosphere import DEVIATION_OF_AIR
 
 SectionStation = Annotated[float, Field(gt=0.0, le=1000.0)]
 StrainStd = Annotated[float, Field(ge=1e-6, le=1e4)]
@@ -121,7 +122,8 @@ class Noise(Section):
     factor; ``layout_roll_deg`` turns all gauges round the axis; apparent strain is the same for all, as an
     uncompensated temperature causes it. Internal pressure is in percent of p_inf. ``dynamic_pressure_percent`` is
     the error of q_inf where the estimator is told no other; ``navigation_mach_number`` and
-    ``navigation_static_pressure_percent`` are those of M and p_inf.
+    ``navigation_static_pressure_percent`` are those of M and p_inf, ``standard_atmosphere_percent`` that of p_inf
+    by an altitude.
 
     ``nuisance_file`` is a CSV file beside the vehicle file with the strain of further modes, such as temperature
     distributions, at one standard deviation.
@@ -146,6 +148,7 @@ class Noise(Section):
     dynamic_pressure_percent: float = Field(default=1.0, ge=0.0, le=50.0)
     navigation_mach_number: float = Field(default=0.05, ge=1e-4, le=10.0)
     navigation_static_pressure_percent: float = Field(default=2.0, ge=1e-3, le=100.0)
+    standard_atmosphere_percent: float = Field(default=100.0 * DEVIATION_OF_AIR, ge=1e-3, le=100.0)
 
     @model_validator(mode="before")
     @classmethod

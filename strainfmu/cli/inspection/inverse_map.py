@@ -157,7 +157,8 @@ def _tables(manifold: ManifoldMap) -> Table:
     table.add_row(
         "navigation, one standard deviation",
         f"M {manifold.mach_number_error:g}, p_inf "
-        f"{100.0 * manifold.static_pressure_error:g} %, q_inf {100.0 * manifold.dynamic_pressure_error:g} %",
+        f"{100.0 * manifold.static_pressure_error:g} %, by altitude {100.0 * manifold.altitude_error:g} %, "
+        f"q_inf {100.0 * manifold.dynamic_pressure_error:g} %",
     )
     return table
 

@@ -137,7 +137,8 @@ class ManifoldEstimator:
         valid : (n_d,) or (k, n_d) of bool, false for gauges to leave out; None for none.
         dynamic_pressure_std, mach_number_std, static_pressure_std : their standard deviations; NaN takes those of
             the map.
-        altitude : geopotential [m]; gives p_inf of the standard atmosphere where ``static_pressure`` is not known.
+        altitude : geopotential [m]; gives p_inf of the standard atmosphere where ``static_pressure`` is not known,
+            from which the air of a day differs by the map's ``altitude_error``.
         temperature : (n_t,) or (k, n_t) readings of the map's temperature sensors [K], NaN where one gives none;
             None for none. What the wall's temperature strains is taken off, as far as they tell.
         parameters : further parameters of the flow by the names of the map, one for all samples or (k,), in the
@@ -260,14 +261,14 @@ class ManifoldEstimator:
         if valid is not None:
             used &= checked_mask(valid, n, len(d) if np.ndim(strain) == 2 else None)
         of = {name: per_sample(name, value, len(d)) for name, value in flow.items()}
-        pressure = of["static_pressure"]
-        pressure = np.where(np.isnan(pressure), pressure_by_altitude(of["altitude"]), pressure)
+        by_altitude = np.isnan(of["static_pressure"])
+        pressure = np.where(by_altitude, pressure_by_altitude(of["altitude"]), of["static_pressure"])
         value = np.column_stack([of["mach_number"], pressure, of["dynamic_pressure"]])
         for name in (f"{name}_std" for name in NAVIGATION):
             if np.any(of[name] < 0.0):
                 raise InputError(f"{name}: expected numbers from 0 on, got {np.nanmin(of[name]):g}")
         std = np.column_stack([of[f"{name}_std"] for name in NAVIGATION])
-        navigation = Navigation(value=value, std=self._stds(value, std))
+        navigation = Navigation(value=value, std=self._stds(value, std, by_altitude))
         known = self.parameters.values(parameters, len(d))
         score = self.parameters.score(known)
         is_used = np.isfinite(known) & (score <= LARGEST_USED_SCORE)
@@ -281,13 +282,13 @@ class ManifoldEstimator:
             parameter_std=deviation,
         )
 
-    def _stds(self, value: FloatArray, std: FloatArray) -> FloatArray:
-        """Return (k, 3) ``std``, those of the map where it is NaN."""
+    def _stds(self, value: FloatArray, std: FloatArray, by_altitude: BoolArray) -> FloatArray:
+        """Return (k, 3) ``std``, those of the map where it is NaN; ``by_altitude`` where p_inf is p(h)."""
         m = self.manifold
         own = np.column_stack(
             [
                 np.full(len(value), m.mach_number_error),
-                m.static_pressure_error * value[:, 1],
+                np.where(by_altitude, m.altitude_error, m.static_pressure_error) * value[:, 1],
                 m.dynamic_pressure_error * value[:, 2],
             ]
         )

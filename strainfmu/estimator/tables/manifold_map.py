@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from strainfmu.arrays import FloatArray
+from strainfmu.atmosphere import DEVIATION_OF_AIR
 from strainfmu.errors import InputError
 from strainfmu.estimator.tables.flight_field import UNITS as FIELD_UNITS
 from strainfmu.estimator.tables.flight_field import FlightField
@@ -55,6 +56,7 @@ class ManifoldMap:
         wind.
     mach_number_error : standard deviation of a stated Mach number without its own [1].
     static_pressure_error, dynamic_pressure_error : the same of p_inf and q_inf, relative [1].
+    altitude_error : that of p_inf of the standard atmosphere at a stated altitude, relative [1].
     chi_square_scale, outlier_scale, shape_scale : factors on the alarm levels of chi-square, of the square of the
         largest leave-one-out residual and of the chi-square of the shapes, from data of an independent model [1].
     discrepancy_shapes : (n_d, n_s) strain of shapes of pressure off the tables, tested together [1]; None for
@@ -84,6 +86,7 @@ class ManifoldMap:
     mach_number_error: float
     static_pressure_error: float
     dynamic_pressure_error: float
+    altitude_error: float = DEVIATION_OF_AIR
     chi_square_scale: float = 1.0
     outlier_scale: float = 1.0
     shape_scale: float = 1.0

@@ -109,6 +109,7 @@ def _scalars(manifold: ManifoldMap) -> FloatArray:
             manifold.mach_number_error,
             manifold.static_pressure_error,
             manifold.dynamic_pressure_error,
+            manifold.altitude_error,
             manifold.chi_square_scale,
             manifold.outlier_scale,
             *mean,

@@ -140,6 +140,12 @@ static double pressure_by_altitude(const Estimator *e) {
     return isnan(found) && !isnan(altitude) ? 0.0 : found;
 }
 
+double flight_navigation_error(const Estimator *e, size_t quantity) {
+    const FlightMap *map = &e->flight.map;
+    const int by_altitude = quantity == 1 && isnan(known_input(e, STATIC_PRESSURE));
+    return by_altitude ? map->altitude_error : map->error[quantity];
+}
+
 /* Navigation of the inputs, each with a deviation; it counts as not known where that is negative, which none can be. */
 static void set_navigation(Estimator *e) {
     Flight *flight = &e->flight;
@@ -152,7 +158,7 @@ static void set_navigation(Estimator *e) {
     std[1] = known_input(e, STATIC_PRESSURE_STD);
     std[2] = known_input(e, DYNAMIC_PRESSURE_STD);
     for (size_t k = 0; k < N_NAVIGATION; k++) {
-        const double own = k == 0 ? flight->map.error[k] : flight->map.error[k] * value[k];
+        const double own = flight_navigation_error(e, k) * (k == 0 ? 1.0 : value[k]);
         const double least = MIN_RELATIVE_STD * fabs(value[k]);
         std[k] = isnan(std[k]) ? own : std[k];
         std[k] = std[k] < 0.0 ? INFINITY : std[k] > least ? std[k] : least;

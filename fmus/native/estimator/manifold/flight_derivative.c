@@ -22,7 +22,7 @@ static void derive_navigation(const Estimator *e, const double *d_scalar, Dual v
         if (k == 1 && isnan(known)) {
             value[k].change = ambient_pressure_slope(&e->map.envelope, known_input(e, ALTITUDE)) * d_scalar[ALTITUDE];
         }
-        const double own = k == 0 ? 0.0 : flight->map.error[k] * value[k].change;
+        const double own = k == 0 ? 0.0 : flight_navigation_error(e, k) * value[k].change;
         std[k] = dual(flight->std[k], isnan(given) ? own : d_scalar[DEVIATIONS[k]]);
         const double least = MIN_RELATIVE_STD * fabs(value[k].value);
         if (least == std[k].value) {

@@ -31,6 +31,10 @@ void flight_set_nothing_known(Estimator *e);
 size_t flight_navigation_used(const Flight *flight);
 int flight_navigation_alarms(const Flight *flight);
 
+/* The deviation of a quantity of navigation without its own: of M [1], relative ones of p_inf, which the altitude tells
+   less exactly, and q_inf. */
+double flight_navigation_error(const Estimator *e, size_t quantity);
+
 /* Difference of two sums of squares from which the quantity that leaves the larger one is not the wrong one: navigation.py. */
 #define DISCERNED 16.0
 

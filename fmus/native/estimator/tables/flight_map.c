@@ -6,7 +6,7 @@
 #include "../map/map_resource.h"
 
 #define N_FLIGHT_SIZES 8
-#define N_FLIGHT_SCALARS 50
+#define N_FLIGHT_SCALARS 51
 #define MAX_ITERATIONS 1000
 #define MAX_KNOTS 4096
 
@@ -81,6 +81,7 @@ static void take_scalars(FlightMap *map, const double **next) {
     copy(next, map->crossflow_middle, 2);
     copy(next, map->crossflow_half, 2);
     copy(next, map->error, N_NAVIGATION);
+    map->altitude_error = *take_doubles(next, 1);
     map->chi_square_scale = *take_doubles(next, 1);
     map->outlier_scale = *take_doubles(next, 1);
     copy(next, map->prior_mean, N_STATES);

@@ -37,6 +37,7 @@ typedef struct {
     double has_crossflow_range;                         /* 1, or 0: incidence_limit at every roll angle of the wind */
     double crossflow_middle[2], crossflow_half[2];      /* of the ranges of u and w [rad] */
     double error[N_NAVIGATION]; /* of navigation without a deviation: of M [1], relative ones of p_inf and q_inf */
+    double altitude_error;      /* that of p_inf by the altitude */
     double chi_square_scale, outlier_scale;
     int has_gain_error;                    /* of any row's own */
     double prior_mean[N_STATES], prior_precision[N_STATES];
