@@ -15,7 +15,7 @@ from strainfmu.can.cycle.core import bridge_core
 from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.tools.fault_injection import FaultySender
 from strainfmu.can.wire.profiles import Identifiers, profile_layout
-from strainfmu.cosim.estimator_source import open_step
+from strainfmu.cosim.estimators.source import open_step
 from strainfmu.estimator.linear.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import save_inverse_map
 from strainfmu.fmu.checks.step_cost import host_costs

@@ -18,9 +18,9 @@ from typing import TYPE_CHECKING, Any
 from strainfmu.version import __version__
 
 if TYPE_CHECKING:
-    from strainfmu.cosim.master import simulate
-    from strainfmu.cosim.recording import Recording
-    from strainfmu.cosim.system import Connection, System
+    from strainfmu.cosim.systems.master import simulate
+    from strainfmu.cosim.systems.recording import Recording
+    from strainfmu.cosim.systems.system import Connection, System
     from strainfmu.errors import InputError, StrainfmuError
     from strainfmu.estimator.estimates.load_estimate import LoadEstimate, LoadEstimates
     from strainfmu.estimator.health import HealthState
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from strainfmu.recorded.run import estimate_file
 
 _MODULES = {
-    "Connection": "cosim.system",
+    "Connection": "cosim.systems.system",
     "Estimator": "estimator.linear.estimator",
     "EstimatorSettings": "estimator.settings",
     "ExportOptions": "fmu.export",
@@ -41,15 +41,15 @@ _MODULES = {
     "InverseMap": "estimator.map.inverse_map",
     "LoadEstimate": "estimator.estimates.load_estimate",
     "LoadEstimates": "estimator.estimates.load_estimate",
-    "Recording": "cosim.recording",
+    "Recording": "cosim.systems.recording",
     "StrainfmuError": "errors",
-    "System": "cosim.system",
+    "System": "cosim.systems.system",
     "estimate_file": "recorded.run",
     "export_estimator": "fmu.export",
     "load": "estimator.loading",
     "load_inverse_map": "estimator.map.inverse_map",
     "save_inverse_map": "estimator.map.inverse_map",
-    "simulate": "cosim.master",
+    "simulate": "cosim.systems.master",
 }
 """Module of each public name."""
 

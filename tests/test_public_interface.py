@@ -13,10 +13,10 @@ from random_map import random_map
 from synthetic_vehicle import SyntheticFiles
 
 import strainfmu
-from strainfmu.cosim.flight_model import load_flight_model
-from strainfmu.cosim.master import matching_connections
-from strainfmu.cosim.recording import load_recording, save_csv, save_hdf5
-from strainfmu.cosim.trajectory import load_trajectory
+from strainfmu.cosim.models.flight_model import load_flight_model
+from strainfmu.cosim.models.trajectory import load_trajectory
+from strainfmu.cosim.systems.master import matching_connections
+from strainfmu.cosim.systems.recording import load_recording, save_csv, save_hdf5
 
 pytestmark = pytest.mark.fast
 

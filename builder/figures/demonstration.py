@@ -14,7 +14,7 @@ from builder.figures.drawing.gauge_marks import draw_strokes
 from builder.figures.drawing.unrolled import at_roll_angles
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
-from strainfmu.cosim.recording import Recording
+from strainfmu.cosim.systems.recording import Recording
 from strainfmu.estimator.map.inverse_map import InverseMap
 
 if TYPE_CHECKING:

@@ -46,10 +46,10 @@ from builder.structure.loads.applied import Weight
 from builder.truth.flight_tables import plant_flight_model
 from builder.truth.flow_table import load_flow_table
 from strainfmu.arrays import FloatArray
-from strainfmu.cosim import flight_model as flight_model_file
-from strainfmu.cosim.flight_model import save_flight_model
-from strainfmu.cosim.recording import Recording
-from strainfmu.cosim.zeros_file import load_zeros, write_zeros
+from strainfmu.cosim.estimators.zeros_file import load_zeros, write_zeros
+from strainfmu.cosim.models import flight_model as flight_model_file
+from strainfmu.cosim.models.flight_model import save_flight_model
+from strainfmu.cosim.systems.recording import Recording
 from strainfmu.estimator.map.inverse_map import load_inverse_map, save_inverse_map
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 from strainfmu.files import write_bytes_atomically

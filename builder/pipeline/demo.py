@@ -40,12 +40,12 @@ from builder.truth.flow_table import load_flow_table
 from builder.truth.flows import truth_knots
 from builder.vehicle.file import Vehicle, load_vehicle
 from builder.vehicle.shape.geometry import surface_grid
-from strainfmu.cosim import flight_model as flight_model_file
-from strainfmu.cosim.flight_model import check_envelope, save_flight_model
-from strainfmu.cosim.master import matching_connections, simulate
-from strainfmu.cosim.recording import Recording, load_recording, save_csv, save_hdf5
-from strainfmu.cosim.system import System
-from strainfmu.cosim.trajectory import load_trajectory
+from strainfmu.cosim.models import flight_model as flight_model_file
+from strainfmu.cosim.models.flight_model import check_envelope, save_flight_model
+from strainfmu.cosim.models.trajectory import load_trajectory
+from strainfmu.cosim.systems.master import matching_connections, simulate
+from strainfmu.cosim.systems.recording import Recording, load_recording, save_csv, save_hdf5
+from strainfmu.cosim.systems.system import System
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map
 from strainfmu.files import write_bytes_atomically

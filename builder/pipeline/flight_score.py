@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from strainfmu.arrays import FloatArray
-from strainfmu.cosim.recording import Recording
+from strainfmu.cosim.systems.recording import Recording
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 
 ROLLING = "M_R"

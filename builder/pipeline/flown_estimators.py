@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from strainfmu.arrays import FloatArray, IntArray
-from strainfmu.cosim.recording import Recording
+from strainfmu.cosim.systems.recording import Recording
 from strainfmu.estimator.estimates.load_estimate import LoadEstimates
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.linear.estimator import Estimator

@@ -31,9 +31,9 @@ from builder.truth.as_built import AsBuilt
 from builder.truth.free_flight_path import FlownPath, flown_path, flows_along
 from builder.truth.shape_structure import flying_structure
 from builder.vehicle.map_needs import used_layouts
-from strainfmu.cosim.fmu_step import FmuStep
-from strainfmu.cosim.recording import Recording, load_recording, save_csv, save_hdf5
-from strainfmu.cosim.trajectory import load_trajectory
+from strainfmu.cosim.estimators.fmu_step import FmuStep
+from strainfmu.cosim.models.trajectory import load_trajectory
+from strainfmu.cosim.systems.recording import Recording, load_recording, save_csv, save_hdf5
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, load_inverse_map
 from strainfmu.fmu.export import export_estimator

@@ -7,7 +7,7 @@ from math import degrees
 from pathlib import Path
 
 from builder.vehicle.file import Vehicle
-from strainfmu.cosim.trajectory import Trajectory
+from strainfmu.cosim.models.trajectory import Trajectory
 from strainfmu.errors import FaultsError
 from strainfmu.flight_condition import FlightCondition
 

@@ -21,7 +21,7 @@ from builder.truth.strain import TrueStructure, built_gauges
 from builder.vehicle.file import Vehicle
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
-from strainfmu.cosim.flight_model import FlightModel
+from strainfmu.cosim.models.flight_model import FlightModel
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

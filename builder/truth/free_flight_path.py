@@ -20,7 +20,7 @@ from builder.truth.shape_flights import shape_flows
 from builder.truth.shape_structure import ShapeStructure, as_built, on_nodes_of
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
-from strainfmu.cosim.trajectory import Trajectory
+from strainfmu.cosim.models.trajectory import Trajectory
 from strainfmu.errors import InputError
 from strainfmu.flight_condition import FlightCondition
 

@@ -10,7 +10,7 @@ import numpy as np
 from generated_text import GeneratedText
 from sphinx.application import Sphinx
 
-from strainfmu.cosim.autopilot import AutopilotSettings, autopilot_interface
+from strainfmu.cosim.models.autopilot import AutopilotSettings, autopilot_interface
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.interface.enumerations import HEALTH_ITEMS, TARE_ITEMS, Items
 from strainfmu.interface.estimator_variables import estimator_arrays, estimator_interface

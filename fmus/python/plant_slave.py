@@ -16,8 +16,8 @@ import numpy as np
 from pythonfmu import Fmi2Slave
 from pythonfmu.enums import Fmi2Status
 
-from strainfmu.cosim.flight_model import evaluate, load_flight_model
-from strainfmu.cosim.trajectory import load_trajectory
+from strainfmu.cosim.models.flight_model import evaluate, load_flight_model
+from strainfmu.cosim.models.trajectory import load_trajectory
 from strainfmu.errors import InputError
 from strainfmu.fmu.python.wrapper_exit import let_go_at_exit
 from strainfmu.interface.fmi_variables import value_references

@@ -10,8 +10,8 @@ from time import perf_counter
 import numpy as np
 
 from strainfmu.arrays import FloatArray
-from strainfmu.cosim.master import matching_connections, simulate
-from strainfmu.cosim.system import System
+from strainfmu.cosim.systems.master import matching_connections, simulate
+from strainfmu.cosim.systems.system import System
 from strainfmu.estimator.linear.estimator import Estimator
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.tracker import FlightTracker

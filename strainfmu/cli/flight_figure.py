@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from builder.figures.drawing.canvas import blank_figure, save
-from strainfmu.cosim.recording import Recording
 from strainfmu.cosim.scenario import Scenario
+from strainfmu.cosim.systems.recording import Recording
 from strainfmu.estimator.health import HealthState
 
 if TYPE_CHECKING:

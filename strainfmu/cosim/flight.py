@@ -15,12 +15,12 @@ from pathlib import Path
 import numpy as np
 
 from strainfmu.arrays import FloatArray
-from strainfmu.cosim.flight_model import FlightModel, load_flight_model
-from strainfmu.cosim.master import simulate
-from strainfmu.cosim.recording import Recording
+from strainfmu.cosim.models.flight_model import FlightModel, load_flight_model
+from strainfmu.cosim.models.schedule import ScheduledSignal
 from strainfmu.cosim.scenario import FaultEvent, Scenario
-from strainfmu.cosim.schedule import ScheduledSignal
-from strainfmu.cosim.system import Connection, System
+from strainfmu.cosim.systems.master import simulate
+from strainfmu.cosim.systems.recording import Recording
+from strainfmu.cosim.systems.system import Connection, System
 from strainfmu.errors import InputError
 from strainfmu.estimator.health import HealthState
 from strainfmu.interface.estimator_variables import valid_names
@@ -135,7 +135,7 @@ def fly(
     Raises
     ------
     InputError, StrainfmuError
-        As :func:`~strainfmu.cosim.master.simulate`.
+        As :func:`~strainfmu.cosim.systems.master.simulate`.
     """
     system = flight_system(scenario, fmus, feedback)
     return simulate(system, scenario.stop_time, scenario.step_size, None, progress, at_once)

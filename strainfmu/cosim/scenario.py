@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from math import radians
 from pathlib import Path
 
-from strainfmu.cosim.autopilot import AutopilotSettings
+from strainfmu.cosim.models.autopilot import AutopilotSettings
 from strainfmu.cosim.toml_table import TomlTable, read_toml
 from strainfmu.interface.plant_variables import FlightStart, GaugeFault
 

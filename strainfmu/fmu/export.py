@@ -12,10 +12,10 @@ from tempfile import TemporaryDirectory
 from typing import Literal
 
 from strainfmu.archive import write_archive
-from strainfmu.cosim import flight_model
-from strainfmu.cosim.flight_model import check_envelope, load_flight_model
-from strainfmu.cosim.trajectory import load_trajectory
-from strainfmu.cosim.zeros_file import load_known_strain
+from strainfmu.cosim.estimators.zeros_file import load_known_strain
+from strainfmu.cosim.models import flight_model
+from strainfmu.cosim.models.flight_model import check_envelope, load_flight_model
+from strainfmu.cosim.models.trajectory import load_trajectory
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import (
     SCHEMA,
@@ -73,8 +73,9 @@ _PLANT_SOURCES = (
     "interface/",
     "flight_condition.py",
     "cosim/__init__.py",
-    "cosim/flight_model.py",
-    "cosim/trajectory.py",
+    "cosim/models/__init__.py",
+    "cosim/models/flight_model.py",
+    "cosim/models/trajectory.py",
 )
 
 _STEP_SIZE = 1e-2

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from strainfmu.cosim.flight import INSTANCES, scheduled_signals
-from strainfmu.cosim.flight_model import load_flight_model
+from strainfmu.cosim.models.flight_model import load_flight_model
 from strainfmu.cosim.scenario import Scenario
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import load_inverse_map

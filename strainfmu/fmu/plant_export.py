@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from strainfmu.archive import write_archive
-from strainfmu.cosim import flight_model
-from strainfmu.cosim.autopilot import AutopilotSettings, autopilot_data, autopilot_interface
-from strainfmu.cosim.flight_model import FlightModel, check_envelope, evaluate, load_flight_model
-from strainfmu.cosim.plant_law import Plant
-from strainfmu.cosim.schedule import ScheduledSignal, schedule_data, schedule_interface
-from strainfmu.cosim.trajectory import load_trajectory
+from strainfmu.cosim.models import flight_model
+from strainfmu.cosim.models.autopilot import AutopilotSettings, autopilot_data, autopilot_interface
+from strainfmu.cosim.models.flight_model import FlightModel, check_envelope, evaluate, load_flight_model
+from strainfmu.cosim.models.plant_law import Plant
+from strainfmu.cosim.models.schedule import ScheduledSignal, schedule_data, schedule_interface
+from strainfmu.cosim.models.trajectory import load_trajectory
 from strainfmu.errors import InputError
 from strainfmu.files import content_hash_of
 from strainfmu.flight_condition import FlightCondition

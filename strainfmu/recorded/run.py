@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from strainfmu.arrays import FloatArray
-from strainfmu.cosim.zeros_file import load_zeros
+from strainfmu.cosim.estimators.zeros_file import load_zeros
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.recorded.columns.column_names import FLOW_NAMES, NAVIGATION_NAMES, STATIC_PRESSURE, STD, Wanted

@@ -20,7 +20,7 @@ import strainfmu
 from builder.campaign.snapshots import load_snapshots
 from builder.inverse.modes.pod import proper_orthogonal_decomposition
 from builder.pipeline.flight_score import score_flight
-from strainfmu.cosim.recording import load_recording
+from strainfmu.cosim.systems.recording import load_recording
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, load_inverse_map
 
 Run = Callable[..., tuple[int, str, str]]

@@ -20,7 +20,7 @@ from builder.structure.fourier.model import structural_model, with_mesh_error
 from builder.vehicle.file import IC3X, load_vehicle
 from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import pressure_and_temperature
-from strainfmu.cosim.recording import Recording, load_recording
+from strainfmu.cosim.systems.recording import Recording, load_recording
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap, save_inverse_map
 from strainfmu.recorded.run import estimate_file
 

@@ -41,7 +41,7 @@ from builder.truth.strain import (
 )
 from builder.vehicle.conditions.flight_conditions import ConditionSet
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
-from strainfmu.cosim.trajectory import load_trajectory
+from strainfmu.cosim.models.trajectory import load_trajectory
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.linear.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap

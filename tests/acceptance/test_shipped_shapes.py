@@ -17,7 +17,7 @@ from builder.structure.structure_file import load_structure
 from builder.truth.free_flight_path import flown_path, flows_along
 from builder.truth.shape_structure import flying_structure
 from builder.vehicle.file import VEHICLES, load_vehicle
-from strainfmu.cosim.trajectory import load_trajectory
+from strainfmu.cosim.models.trajectory import load_trajectory
 from strainfmu.estimator.linear.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import load_inverse_map
 

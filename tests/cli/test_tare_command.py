@@ -12,7 +12,7 @@ from ogive import OGIVE
 from recorded_case import NAMES, samples, write_csv
 from synthetic_vehicle import N_GAUGES, SyntheticFiles, synthetic_inverse_map
 
-from strainfmu.cosim.zeros_file import load_known_strain, load_zeros
+from strainfmu.cosim.estimators.zeros_file import load_known_strain, load_zeros
 from strainfmu.estimator.linear.estimator import Estimator
 
 pytestmark = pytest.mark.fast

@@ -17,7 +17,7 @@ from builder.pipeline.manoeuvre import manoeuvre_warnings
 from builder.reporting import Silent
 from builder.vehicle.conditions.flight_conditions import condition_grid
 from builder.vehicle.file import IC3X, VEHICLES, load_vehicle
-from strainfmu.cosim.trajectory import load_trajectory
+from strainfmu.cosim.models.trajectory import load_trajectory
 
 Run = Callable[..., tuple[int, str, str]]
 

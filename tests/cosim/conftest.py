@@ -9,7 +9,7 @@ from slender_vehicle import SlenderFiles, make_slender_files
 
 from strainfmu.cosim.flight import flight_system
 from strainfmu.cosim.scenario import Scenario, load_scenario
-from strainfmu.cosim.ssp import write_ssp
+from strainfmu.cosim.systems.ssp import write_ssp
 from strainfmu.fmu.flight_export import export_flight
 
 

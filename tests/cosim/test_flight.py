@@ -12,13 +12,13 @@ from fmpy.validation import validate_fmu
 from slender_vehicle import NOISE_STD, slender_flight_model
 
 from strainfmu.atmosphere import speed_of_sound
-from strainfmu.cosim.autopilot import normal_force_table
 from strainfmu.cosim.flight import INSTANCES, FlightResult, fault_text, flight_result, flight_system, fly
-from strainfmu.cosim.flight_model import load_flight_model
-from strainfmu.cosim.master import simulate
-from strainfmu.cosim.recording import Recording
+from strainfmu.cosim.models.autopilot import normal_force_table
+from strainfmu.cosim.models.flight_model import load_flight_model
 from strainfmu.cosim.scenario import FaultEvent, Scenario, load_scenario
-from strainfmu.cosim.system import Connection, System
+from strainfmu.cosim.systems.master import simulate
+from strainfmu.cosim.systems.recording import Recording
+from strainfmu.cosim.systems.system import Connection, System
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import load_inverse_map, save_inverse_map
 from strainfmu.estimator.map.sensors import SensorRows

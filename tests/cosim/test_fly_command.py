@@ -12,7 +12,7 @@ from changed_vehicle import replaced
 from slender_vehicle import SlenderFiles
 
 from strainfmu.cosim.flight import INSTANCES
-from strainfmu.cosim.recording import load_recording
+from strainfmu.cosim.systems.recording import load_recording
 
 Run = Callable[..., tuple[int, str, str]]
 

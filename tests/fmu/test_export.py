@@ -20,7 +20,7 @@ from fmu_host import OPTIONS
 from synthetic_vehicle import N_GAUGES, SyntheticFiles, write_trajectory
 
 from strainfmu.cli.main import main
-from strainfmu.cosim.trajectory import HEADER
+from strainfmu.cosim.models.trajectory import HEADER
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.estimator.linear.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import load_inverse_map, save_inverse_map

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from builder.pipeline.flight_score import score_flight
-from strainfmu.cosim.recording import Recording
+from strainfmu.cosim.systems.recording import Recording
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 
 pytestmark = pytest.mark.fast

@@ -20,7 +20,7 @@ from builder.truth.flow_table import FlowTable, pressure_harmonics
 from builder.truth.flows import truth_engine, truth_keys
 from builder.truth.strain import TrueStructure
 from builder.vehicle.file import Vehicle
-from strainfmu.cosim.flight_model import FlightModel, FlightPoint, evaluate
+from strainfmu.cosim.models.flight_model import FlightModel, FlightPoint, evaluate
 from strainfmu.flight_condition import FlightCondition
 
 

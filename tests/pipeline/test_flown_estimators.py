@@ -13,7 +13,7 @@ from builder.figures.drawing.canvas import save
 from builder.pipeline.chosen_estimator import with_estimator
 from builder.pipeline.flown_estimators import COMPARED_AIR_DATA, estimator_entry, flown_estimators
 from builder.vehicle.file import IC3X, VEHICLES, load_vehicle
-from strainfmu.cosim.recording import Recording
+from strainfmu.cosim.systems.recording import Recording
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 from strainfmu.flight_condition import FlightCondition

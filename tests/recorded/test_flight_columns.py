@@ -11,7 +11,7 @@ from recorded_case import read_csv
 from scaled_maps import scaled_map
 from synthetic_vehicle import SyntheticFiles
 
-from strainfmu.cosim.estimator_source import open_step
+from strainfmu.cosim.estimators.source import open_step
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import save_inverse_map
 from strainfmu.flight_condition import FlightCondition

@@ -11,7 +11,7 @@ import pytest
 from recorded_case import NAMES, samples, write_csv
 from synthetic_vehicle import N_GAUGES, SyntheticFiles, synthetic_inverse_map
 
-from strainfmu.cosim.zeros_file import write_zeros
+from strainfmu.cosim.estimators.zeros_file import write_zeros
 from strainfmu.estimator.estimates.load_estimate import LoadEstimates
 from strainfmu.estimator.linear.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES

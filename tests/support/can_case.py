@@ -26,7 +26,7 @@ from strainfmu.can.wire.frame import Frame
 from strainfmu.can.wire.frame_layout import InputLayout
 from strainfmu.can.wire.profiles import SECURED_PROFILE, Identifiers, profile_layout
 from strainfmu.can.wire.strain_encoder import cycles_apart
-from strainfmu.cosim.step import StepResult
+from strainfmu.cosim.estimators.step import StepResult
 from strainfmu.estimator.health import HealthState
 
 CYCLE = 0.01

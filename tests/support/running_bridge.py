@@ -21,7 +21,7 @@ from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.wire.frame import to_message
 from strainfmu.can.wire.profiles import Identifiers
 from strainfmu.can.wire.strain_encoder import StrainEncoder
-from strainfmu.cosim.step import StepResult
+from strainfmu.cosim.estimators.step import StepResult
 
 N = 30
 CYCLE = 0.03

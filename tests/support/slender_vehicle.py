@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from strainfmu.atmosphere import dynamic_pressure, pressure_and_temperature
-from strainfmu.cosim.flight_model import FlightModel, save_flight_model
+from strainfmu.cosim.models.flight_model import FlightModel, save_flight_model
 from strainfmu.estimator.map.innovation import estimate_gain, innovation_whitening
 from strainfmu.estimator.map.inverse_map import InverseMap, save_inverse_map
 

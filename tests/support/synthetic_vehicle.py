@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from strainfmu.cosim.flight_model import FlightModel, save_flight_model
+from strainfmu.cosim.models.flight_model import FlightModel, save_flight_model
 from strainfmu.estimator.map.innovation import estimate_gain, innovation_whitening
 from strainfmu.estimator.map.inverse_map import InverseMap, save_inverse_map
 from strainfmu.fmu.export import export_estimator, export_plant

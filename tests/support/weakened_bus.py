@@ -63,7 +63,7 @@ from strainfmu.can.cycle.judgement import CycleJudge
 from strainfmu.can.cycle.parts import cycle_limits, cycle_parts, flow_max_age, gauge_checks, sender_clock
 from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.wire.frame_layout import InputLayout
-from strainfmu.cosim.step import Step, noise_of
+from strainfmu.cosim.estimators.step import Step, noise_of
 
 MakeCore = Callable[..., BridgeCore]
 """Makes a core from what ``bridge_core`` takes."""

@@ -32,7 +32,7 @@ from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.wire.crc import Protection, counter_in, protect
 from strainfmu.can.wire.frame import EXTENDED_FLAG, Frame
 from strainfmu.can.wire.frame_layout import InputLayout
-from strainfmu.cosim.step import StepResult
+from strainfmu.cosim.estimators.step import StepResult
 from strainfmu.estimator.health import HealthState
 
 # --- acceptance -----------------------------------------------------------------------------------------------

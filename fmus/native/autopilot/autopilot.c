@@ -1,7 +1,7 @@
 /* The autopilot: holds an angle of attack, and takes gauges out of use that do not fit the others.
 
    It samples its inputs at the end of every step. docs/explanation/flight.md derives the control law;
-   strainfmu/cosim/autopilot_law.py holds it in Python. */
+   strainfmu/cosim/models/autopilot_law.py holds it in Python. */
 
 #include <math.h>
 #include <stdio.h>

@@ -1,4 +1,4 @@
-/* Strain and coefficients of a vehicle of revolution over its envelope: strainfmu/cosim/flight_model.py in C. */
+/* Strain and coefficients of a vehicle of revolution over its envelope: strainfmu/cosim/models/flight_model.py in C. */
 
 #ifndef FLIGHT_MODEL_H
 #define FLIGHT_MODEL_H

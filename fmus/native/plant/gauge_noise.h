@@ -1,6 +1,6 @@
 /* Gauge noise: a standard normal number for every seed, sample and gauge, the same on every platform.
 
-   strainfmu/cosim/gauge_noise.py holds the same in numpy, and the table. */
+   strainfmu/cosim/models/gauge_noise.py holds the same in numpy, and the table. */
 
 #ifndef GAUGE_NOISE_H
 #define GAUGE_NOISE_H

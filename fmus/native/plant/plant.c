@@ -90,7 +90,7 @@ static void begin(SystemModel *model) {
     }
 }
 
-/* The trajectory at a time: strainfmu/cosim/trajectory.py. */
+/* The trajectory at a time: strainfmu/cosim/models/trajectory.py. */
 static FlightCondition on_trajectory(const Plant *plant, double time) {
     const double stop = plant->row[(plant->n_rows - 1) * ROW_SIZE];
     const double t = time < 0.0 ? 0.0 : time > stop ? stop : time;

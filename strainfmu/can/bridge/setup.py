@@ -22,7 +22,7 @@ from strainfmu.can.wire.frame import Frame
 from strainfmu.can.wire.frame_layout import NAVIGATION, FrameLayout, InputLayout
 from strainfmu.can.wire.libraries import import_can
 from strainfmu.can.wire.profiles import SECURED_PROFILE, Identifiers, configuration_of, profile_layout
-from strainfmu.cosim.step import (
+from strainfmu.cosim.estimators.step import (
     FURTHER_LOADS,
     PARAMETERS,
     Step,
@@ -150,9 +150,9 @@ def make_bridge(fmu: Path, options: BridgeOptions, taps: Taps | None = None) -> 
         Something needed is not installed, or the FMU cannot be loaded.
     """
     import_can()
-    from strainfmu.cosim.fmu_step import TEMPERATURE, FmuStep
-    from strainfmu.cosim.step import ENVELOPE_SCORE
-    from strainfmu.cosim.zeros_file import load_zeros
+    from strainfmu.cosim.estimators.fmu_step import TEMPERATURE, FmuStep
+    from strainfmu.cosim.estimators.step import ENVELOPE_SCORE
+    from strainfmu.cosim.estimators.zeros_file import load_zeros
 
     taps = taps or Taps()
     bus = bus_settings(options)
@@ -265,7 +265,7 @@ def _taring(
         raise InputError(f"{options.tare}: expected a map of the estimator's gauges, got one of others")
     known = None
     if options.tare_known is not None:
-        from strainfmu.cosim.zeros_file import load_known_strain
+        from strainfmu.cosim.estimators.zeros_file import load_known_strain
 
         known = load_known_strain(options.tare_known, gauge_names)
     return Taring(held, set_zeros, options.tare_cycles, said_for=round(settings.alarm_cycles), known=known)
@@ -340,7 +340,7 @@ def key_of(options: BridgeOptions) -> AuthenticationKey | None:
 def map_gauge_names(source: Path) -> tuple[str, ...]:
     """Return the gauges of a map or an FMU."""
     if source.suffix == ".fmu":
-        from strainfmu.cosim.estimator_description import gauge_names_of
+        from strainfmu.cosim.estimators.description import gauge_names_of
 
         return gauge_names_of(source)
     from strainfmu.estimator.map.inverse_map import load_inverse_map
@@ -351,7 +351,7 @@ def map_gauge_names(source: Path) -> tuple[str, ...]:
 def map_section_stations(source: Path) -> tuple[float, ...] | None:
     """Return x [m] of the sections whose loads a map or an FMU gives, with rolling moment; None for neither."""
     if source.suffix == ".fmu":
-        from strainfmu.cosim.estimator_description import section_stations_in
+        from strainfmu.cosim.estimators.description import section_stations_in
 
         return section_stations_in(source)
     from strainfmu.estimator.map.inverse_map import load_inverse_map

@@ -11,7 +11,7 @@ import numpy as np
 
 from strainfmu.can.cycle.frames.account import FrameAccount
 from strainfmu.can.cycle.states.quality import Quality
-from strainfmu.cosim.step import health_name
+from strainfmu.cosim.estimators.step import health_name
 
 if TYPE_CHECKING:
     from rich.table import Table

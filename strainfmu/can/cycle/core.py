@@ -24,7 +24,7 @@ from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.wire.frame import Frame
 from strainfmu.can.wire.frame_layout import DYNAMIC_PRESSURE, InputLayout
 from strainfmu.can.wire.profile_signals import LARGEST_DYNAMIC_PRESSURE
-from strainfmu.cosim.step import Step, needs_pressure, noise_of
+from strainfmu.cosim.estimators.step import Step, needs_pressure, noise_of
 from strainfmu.errors import InputError
 
 _CATCH_UP = 10

@@ -20,7 +20,7 @@ from strainfmu.can.cycle.states.quality import Cause, Quality
 from strainfmu.can.e2e.sample_clock import ClockReading, SenderClock
 from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.wire.frame_layout import InputLayout
-from strainfmu.cosim.step import ENVELOPE_SCORE
+from strainfmu.cosim.estimators.step import ENVELOPE_SCORE
 
 _READABLE = (None, FrameClass.NOT_TRUSTED)
 """Verdicts of a trailer with which strains are decoded."""

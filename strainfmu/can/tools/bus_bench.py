@@ -35,7 +35,7 @@ from strainfmu.can.tools.two_processes import GROUP, check_multicast, private_po
 from strainfmu.can.wire.frame_layout import NAVIGATION
 from strainfmu.can.wire.libraries import import_can
 from strainfmu.can.wire.profiles import profile_layout
-from strainfmu.cosim.step import ENVELOPE_SCORE
+from strainfmu.cosim.estimators.step import ENVELOPE_SCORE
 from strainfmu.errors import StrainfmuError
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map
 from strainfmu.fmu.export import ExportOptions, export_estimator
@@ -142,7 +142,7 @@ def _through_core(fmu: Path, flight: BenchFlight, n_cycles: int, recorder: Recor
     """Return the processor time per cycle of the whole process [s]; with a recorder, also results and a page."""
     from strainfmu.can.bridge.displays.page_message import gauge_positions
     from strainfmu.can.bridge.displays.publisher import BridgeReports, Publisher
-    from strainfmu.cosim.fmu_step import FmuStep
+    from strainfmu.cosim.estimators.fmu_step import FmuStep
 
     period = flight.layout.cycle_time
     cycles = [[replace(f, time=f.time + 1e-5 * i) for i, f in enumerate(flight.cycle(k))] for k in range(n_cycles)]

@@ -11,8 +11,8 @@ from strainfmu.can.bridge.setup import BridgeOptions
 from strainfmu.can.cycle.estimate.result import CycleResult
 from strainfmu.can.tools.log_description import load_description
 from strainfmu.can.tools.replay import ReplaySummary, replay_log
-from strainfmu.cosim.estimator_source import open_step
-from strainfmu.cosim.step import section_stations_of
+from strainfmu.cosim.estimators.source import open_step
+from strainfmu.cosim.estimators.step import section_stations_of
 from strainfmu.interface.further_variables import further_load_outputs
 from strainfmu.recorded.estimates.fmu_columns import further_outputs_of
 from strainfmu.recorded.output.estimate_files import (

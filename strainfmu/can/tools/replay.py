@@ -25,7 +25,7 @@ from strainfmu.can.tools.log_frames import LogState, log_frames
 from strainfmu.can.wire.frame import Frame
 from strainfmu.can.wire.frame_layout import FrameLayout
 from strainfmu.can.wire.signal_plan import SignalPlan
-from strainfmu.cosim.step import Step
+from strainfmu.cosim.estimators.step import Step
 
 _OF_THE_MOMENT = ("E2E_CRC", "Age")
 """Signals of a result that depend on when it was sent, which no replay knows."""

@@ -51,7 +51,7 @@ def plant_samples(
     StrainfmuError
         It cannot be loaded on this machine, or fails.
     """
-    from strainfmu.cosim.instance import Instance, read_description, safe_temporary_parent, unzip
+    from strainfmu.cosim.systems.instance import Instance, read_description, safe_temporary_parent, unzip
 
     description = read_description(path)
     variables = _plant_outputs(path, description, n_gauges)
@@ -118,8 +118,8 @@ def scenario_samples(path: Path, files: Path | None, cycle_time: float) -> Itera
         As the scenario's own flight.
     """
     from strainfmu.cosim.flight import fly
-    from strainfmu.cosim.instance import safe_temporary_parent
     from strainfmu.cosim.scenario import load_scenario
+    from strainfmu.cosim.systems.instance import safe_temporary_parent
     from strainfmu.fmu.flight_export import export_flight
 
     scenario = replace(load_scenario(path, files), step_size=cycle_time)

@@ -52,10 +52,10 @@ def fly(
     from strainfmu.cli.flight_figure import save_flight_figure
     from strainfmu.cosim.flight import flight_result, flight_system
     from strainfmu.cosim.flight import fly as run_flight
-    from strainfmu.cosim.flight_model import load_flight_model
-    from strainfmu.cosim.recording import save_csv, save_hdf5
+    from strainfmu.cosim.models.flight_model import load_flight_model
     from strainfmu.cosim.scenario import load_scenario
-    from strainfmu.cosim.ssp import check_ssp_path, write_ssp
+    from strainfmu.cosim.systems.recording import save_csv, save_hdf5
+    from strainfmu.cosim.systems.ssp import check_ssp_path, write_ssp
     from strainfmu.errors import StrainfmuError
     from strainfmu.fmu.flight_export import export_flight
 

@@ -67,7 +67,7 @@ def tare(
         strainfmu tare map.h5 ground.tdms --window 5:65 --channels channels.toml --vehicle my_vehicle.toml
         --weight-up-roll-deg 0 --ambient-pressure 101325
     """
-    from strainfmu.cosim.zeros_file import write_zeros
+    from strainfmu.cosim.estimators.zeros_file import write_zeros
     from strainfmu.estimator.map.inverse_map import load_inverse_map
     from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
     from strainfmu.estimator.zeros.tare import TareLimits

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from builder.aero.engine import Engine
     from builder.reporting import Reporter
     from builder.vehicle.file import Vehicle
-    from strainfmu.cosim.trajectory import Trajectory
+    from strainfmu.cosim.models.trajectory import Trajectory
     from strainfmu.flight_condition import FlightCondition
 
 T = TypeVar("T")
@@ -92,8 +92,8 @@ def _manoeuvre(vehicle: Vehicle, conditions: Sequence[FlightCondition]) -> Traje
     """Return the manoeuvre, within the flight model of the demonstration and the parameters of the snapshots."""
     from builder.pipeline.manoeuvre import check_parameters
     from builder.truth.flows import truth_knots
-    from strainfmu.cosim.flight_model import check_envelope
-    from strainfmu.cosim.trajectory import load_trajectory
+    from strainfmu.cosim.models.flight_model import check_envelope
+    from strainfmu.cosim.models.trajectory import load_trajectory
 
     path = vehicle.beside(vehicle.truth.manoeuvre)
     trajectory = load_trajectory(path, tuple(vehicle.conditions.parameters))

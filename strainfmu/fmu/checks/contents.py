@@ -7,7 +7,7 @@ import zipfile
 from pathlib import Path
 from typing import Any
 
-from strainfmu.cosim.instance import import_fmpy
+from strainfmu.cosim.systems.instance import import_fmpy
 from strainfmu.errors import InputError
 from strainfmu.fmu.fmu_file import CONTENTS
 

@@ -21,7 +21,7 @@ from platform import machine, system
 
 import numpy as np
 
-from strainfmu.cosim.instance import safe_temporary_parent
+from strainfmu.cosim.systems.instance import safe_temporary_parent
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.files import write_bytes_atomically
 from strainfmu.fmu.checks.contents import read_fmu

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from strainfmu.arrays import FloatArray
-from strainfmu.cosim.instance import import_fmpy, safe_temporary_parent
+from strainfmu.cosim.systems.instance import import_fmpy, safe_temporary_parent
 from strainfmu.errors import StrainfmuError
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap, load_inverse_map, save_inverse_map
 from strainfmu.estimator.map.sensors import refuse_sensors

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from html import escape
 
-from strainfmu.cosim.flight_model import FlightModel
-from strainfmu.cosim.trajectory import Trajectory
+from strainfmu.cosim.models.flight_model import FlightModel
+from strainfmu.cosim.models.trajectory import Trajectory
 from strainfmu.fmu.documentation.index_page import Section
 from strainfmu.interface.fmi_variables import UNITS
 from strainfmu.interface.plant_variables import GaugeFault, Motion

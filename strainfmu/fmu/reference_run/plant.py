@@ -14,12 +14,12 @@ import numpy as np
 
 from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import LAYERS, dynamic_pressure
-from strainfmu.cosim.autopilot import AutopilotSettings
-from strainfmu.cosim.autopilot_law import AutopilotSample, autopilot_design, first_state, next_state
-from strainfmu.cosim.flight_model import FlightModel, evaluate
-from strainfmu.cosim.plant_law import Plant, plant_rows
-from strainfmu.cosim.schedule import ScheduledSignal, schedule_interface, value_at
-from strainfmu.cosim.trajectory import Trajectory
+from strainfmu.cosim.models.autopilot import AutopilotSettings
+from strainfmu.cosim.models.autopilot_law import AutopilotSample, autopilot_design, first_state, next_state
+from strainfmu.cosim.models.flight_model import FlightModel, evaluate
+from strainfmu.cosim.models.plant_law import Plant, plant_rows
+from strainfmu.cosim.models.schedule import ScheduledSignal, schedule_interface, value_at
+from strainfmu.cosim.models.trajectory import Trajectory
 from strainfmu.errors import InputError
 from strainfmu.fmu.reference_run.run import INPUT_FORMAT, ReferenceRun, layered_standard_files
 from strainfmu.interface.estimator_variables import valid_names
@@ -73,7 +73,7 @@ def plant_reference(plant: Plant) -> Reference:
     There is none where it does so within the first steps, as one does that starts outside.
     """
     kinds = {f"strain[{k}]": f"{k}: {kind.name.lower()}" for k, (kind, _) in enumerate(FAULTS, start=1)}
-    return Reference("strainfmu.cosim.plant_law (numpy)", _plant_run(plant), _plant_groups(kinds))
+    return Reference("strainfmu.cosim.models.plant_law (numpy)", _plant_run(plant), _plant_groups(kinds))
 
 
 def _plant_groups(gauges: Mapping[str, str]) -> dict[str, dict[str, str]]:
@@ -143,7 +143,7 @@ def python_plant_reference(model: FlightModel, trajectory: Trajectory, seed: int
 
     Its noise is that of numpy's PCG64, one draw per communication point.
     """
-    source = "strainfmu.cosim.flight_model (numpy), which is inside the FMU too"
+    source = "strainfmu.cosim.models.flight_model (numpy), which is inside the FMU too"
     return Reference(source, _python_plant_run(model, trajectory, seed), _plant_groups({}))
 
 
@@ -209,7 +209,7 @@ def autopilot_reference(model: FlightModel, start: FlightStart, settings: Autopi
     names = ("control_moment", "estimated_angle_of_attack", "trusted", "isolated_gauges")
     outputs = (*names, *valid_names(model.n_gauges))
     run = ReferenceRun(np.array(time), inputs, dict(zip(outputs, found, strict=True)))
-    return Reference("strainfmu.cosim.autopilot_law (numpy)", run, _AUTOPILOT_GROUPS)
+    return Reference("strainfmu.cosim.models.autopilot_law (numpy)", run, _AUTOPILOT_GROUPS)
 
 
 _AUTOPILOT_GROUPS = {
@@ -234,7 +234,7 @@ def schedule_reference(signals: Sequence[ScheduledSignal]) -> Reference:
     for variable in schedule_interface(signals):
         by_unit.setdefault(shown_unit(variable)[0], {})[variable.name] = variable.name
     groups = {f"Signals {k}": names for k, names in enumerate(by_unit.values(), start=1)}
-    return Reference("strainfmu.cosim.schedule (numpy)", run, groups, in_steps=True)
+    return Reference("strainfmu.cosim.models.schedule (numpy)", run, groups, in_steps=True)
 
 
 def covering_step(span: float, n_steps: int) -> float:

@@ -16,9 +16,9 @@ import numpy as np
 
 from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import LAYERS, pressure_and_temperature
-from strainfmu.cosim.flight_model import FlightModel
-from strainfmu.cosim.gauge_noise import quantile_table
-from strainfmu.cosim.trajectory import Trajectory
+from strainfmu.cosim.models.flight_model import FlightModel
+from strainfmu.cosim.models.gauge_noise import quantile_table
+from strainfmu.cosim.models.trajectory import Trajectory
 from strainfmu.interface.fmi_variables import Variable
 from strainfmu.interface.plant_variables import Motion
 

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from strainfmu.cosim.estimator_source import is_fmu
-from strainfmu.cosim.zeros_file import load_zeros
+from strainfmu.cosim.estimators.source import is_fmu
+from strainfmu.cosim.estimators.zeros_file import load_zeros
 from strainfmu.estimator.loading import estimator_of
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.map.inverse_map import load_inverse_map

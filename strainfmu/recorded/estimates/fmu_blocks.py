@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from strainfmu.cosim.estimator_description import outputs_of
-from strainfmu.cosim.fmu_step import SENSORS, TEMPERATURE, FmuStep
-from strainfmu.cosim.step import StepRefused
-from strainfmu.cosim.zeros_file import load_zeros
+from strainfmu.cosim.estimators.description import outputs_of
+from strainfmu.cosim.estimators.fmu_step import SENSORS, TEMPERATURE, FmuStep
+from strainfmu.cosim.estimators.step import StepRefused
+from strainfmu.cosim.estimators.zeros_file import load_zeros
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.settings import SENSOR_RANGE
 from strainfmu.interface.parameter_variables import OUTSIDE_PREFIX, PREFIX, STD_PREFIX

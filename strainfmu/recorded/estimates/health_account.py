@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from strainfmu.arrays import BoolArray
-from strainfmu.cosim.step import health_name
+from strainfmu.cosim.estimators.step import health_name
 from strainfmu.estimator.health import HealthState
 from strainfmu.interface.enumerations import HEALTH_ITEMS
 from strainfmu.recorded.estimates.block_estimates import BlockEstimates

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from strainfmu.cosim.estimator_description import noise_std_of
-from strainfmu.cosim.step import noise_of
+from strainfmu.cosim.estimators.description import noise_std_of
+from strainfmu.cosim.estimators.step import noise_of
 
 pytestmark = pytest.mark.fast
 

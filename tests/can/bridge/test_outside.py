@@ -27,8 +27,8 @@ from strainfmu.can.wire.dbc_mapping import mapped_layout
 from strainfmu.can.wire.frame import Frame
 from strainfmu.can.wire.profiles import profile_layout
 from strainfmu.can.wire.strain_encoder import StrainEncoder
-from strainfmu.cosim.estimator_source import open_step
-from strainfmu.cosim.step import Step, further_inputs
+from strainfmu.cosim.estimators.source import open_step
+from strainfmu.cosim.estimators.step import Step, further_inputs
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import save_inverse_map
 from strainfmu.fmu.export import export_estimator

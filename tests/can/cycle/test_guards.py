@@ -16,7 +16,7 @@ from strainfmu.can.cycle.states.quality import Cause, Quality
 from strainfmu.can.tools.faults import Fault, FaultKind, random_faults
 from strainfmu.can.wire.frame import Frame
 from strainfmu.can.wire.profiles import PROFILES
-from strainfmu.cosim.step import StepResult
+from strainfmu.cosim.estimators.step import StepResult
 from strainfmu.estimator.health import HealthState
 
 

@@ -25,7 +25,7 @@ from strainfmu.can.wire.frame import Frame
 from strainfmu.can.wire.frame_layout import InputLayout
 from strainfmu.can.wire.profiles import PROFILES, SECURED_PROFILE, profile_layout
 from strainfmu.can.wire.strain_encoder import StrainEncoder
-from strainfmu.cosim.step import StepResult
+from strainfmu.cosim.estimators.step import StepResult
 from strainfmu.errors import InputError
 
 N_GAUGES = 6

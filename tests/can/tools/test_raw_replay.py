@@ -22,8 +22,8 @@ from strainfmu.can.tools.replay import replay_log
 from strainfmu.can.tools.sender import send_flight
 from strainfmu.can.wire.frame_layout import NAVIGATION
 from strainfmu.can.wire.profiles import profile_layout
-from strainfmu.cosim.fmu_step import FmuStep
-from strainfmu.cosim.step import ENVELOPE_SCORE
+from strainfmu.cosim.estimators.fmu_step import FmuStep
+from strainfmu.cosim.estimators.step import ENVELOPE_SCORE
 
 GROUP = "239.74.163.12"
 

@@ -23,8 +23,8 @@ from strainfmu.can.tools.faults import Fault, FaultKind
 from strainfmu.can.tools.log_description import sidecar
 from strainfmu.can.tools.recording import LOG_SUFFIXES
 from strainfmu.can.tools.replay import ReplaySummary, replay_log
-from strainfmu.cosim.estimator_source import open_step
-from strainfmu.cosim.fmu_step import FmuStep
+from strainfmu.cosim.estimators.fmu_step import FmuStep
+from strainfmu.cosim.estimators.source import open_step
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import save_inverse_map
 from strainfmu.fmu.export import export_estimator

@@ -23,9 +23,9 @@ from strainfmu.can.tools.sender import SETTLING_CYCLES, planned_faults, send_fli
 from strainfmu.can.tools.strain_sources import FlownSample, plant_samples, recorded_samples, scenario_samples
 from strainfmu.can.wire.frame import from_message
 from strainfmu.can.wire.profiles import Identifiers, profile_layout
-from strainfmu.cosim.master import simulate
-from strainfmu.cosim.step import StepResult
-from strainfmu.cosim.system import System
+from strainfmu.cosim.estimators.step import StepResult
+from strainfmu.cosim.systems.master import simulate
+from strainfmu.cosim.systems.system import System
 from strainfmu.errors import InputError, StrainfmuError
 
 pytestmark = pytest.mark.fast

@@ -10,7 +10,7 @@ import fmpy
 import pytest
 from fmu_host import COEFFICIENTS, loaded
 
-from strainfmu.cosim.instance import Instance, read_description, unzip
+from strainfmu.cosim.systems.instance import Instance, read_description, unzip
 from strainfmu.errors import StrainfmuError
 
 pytestmark = pytest.mark.fast

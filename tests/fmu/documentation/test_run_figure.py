@@ -73,7 +73,7 @@ def test_every_page_has_a_figure_and_folds_its_long_tables(tmp_path: Path, kind:
         export_autopilot(vehicle, path, START)
     elif kind == "schedule":
         from strainfmu.cosim.flight import scheduled_signals
-        from strainfmu.cosim.flight_model import load_flight_model
+        from strainfmu.cosim.models.flight_model import load_flight_model
         from strainfmu.cosim.scenario import load_scenario
 
         export_schedule(scheduled_signals(load_scenario(files.scenario), load_flight_model(vehicle)), path)

@@ -13,7 +13,7 @@ import pytest
 from fmu_host import COEFFICIENTS, OPTIONS, STRAINS, Host, loaded
 from synthetic_vehicle import N_GAUGES, SyntheticFiles
 
-from strainfmu.cosim.zeros_file import write_zeros
+from strainfmu.cosim.estimators.zeros_file import write_zeros
 from strainfmu.estimator.linear.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import load_inverse_map
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros

@@ -14,9 +14,9 @@ from scipy.integrate import solve_ivp
 from synthetic_vehicle import N_GAUGES, SyntheticFiles, synthetic_flight_model
 
 from strainfmu.atmosphere import speed_of_sound
-from strainfmu.cosim.flight_model import evaluate
-from strainfmu.cosim.gauge_noise import gauge_noise, quantile_table
-from strainfmu.cosim.trajectory import load_trajectory
+from strainfmu.cosim.models.flight_model import evaluate
+from strainfmu.cosim.models.gauge_noise import gauge_noise, quantile_table
+from strainfmu.cosim.models.trajectory import load_trajectory
 from strainfmu.flight_condition import FlightCondition
 from strainfmu.fmu.plant_export import export_native_plant
 from strainfmu.interface.plant_variables import FlightStart, GaugeFault, Motion

@@ -16,8 +16,8 @@ from fmpy.fmi2 import fmi2Discard, fmi2LastSuccessfulTime, fmi2OK, fmi2Terminate
 from fmu_host import COEFFICIENTS, STRAINS, Host, loaded
 from synthetic_vehicle import SyntheticFiles
 
-from strainfmu.cosim.master import simulate
-from strainfmu.cosim.system import System
+from strainfmu.cosim.systems.master import simulate
+from strainfmu.cosim.systems.system import System
 from strainfmu.errors import StrainfmuError
 from strainfmu.fmu.plant_export import export_native_plant
 from strainfmu.interface.plant_variables import FlightStart, Motion

@@ -17,8 +17,8 @@ from fmu_host import loaded
 from lxml import etree
 from synthetic_vehicle import SyntheticFiles
 
-from strainfmu.cosim.instance import Instance, read_description
-from strainfmu.cosim.schedule import ScheduledSignal
+from strainfmu.cosim.models.schedule import ScheduledSignal
+from strainfmu.cosim.systems.instance import Instance, read_description
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.fmu.native.build import PLATFORMS, library_file
 from strainfmu.fmu.plant_export import export_native_plant, export_schedule

@@ -13,12 +13,12 @@ from fmpy.validation import validate_fmu
 from slender_vehicle import make_slender_files, slender_flight_model
 from synthetic_vehicle import SyntheticFiles
 
-from strainfmu.cosim.autopilot import AutopilotSettings
-from strainfmu.cosim.autopilot_law import AutopilotSample, AutopilotState, autopilot_design, next_state
-from strainfmu.cosim.flight_model import load_flight_model
-from strainfmu.cosim.plant_law import Plant
-from strainfmu.cosim.schedule import ScheduledSignal
-from strainfmu.cosim.trajectory import load_trajectory
+from strainfmu.cosim.models.autopilot import AutopilotSettings
+from strainfmu.cosim.models.autopilot_law import AutopilotSample, AutopilotState, autopilot_design, next_state
+from strainfmu.cosim.models.flight_model import load_flight_model
+from strainfmu.cosim.models.plant_law import Plant
+from strainfmu.cosim.models.schedule import ScheduledSignal
+from strainfmu.cosim.models.trajectory import load_trajectory
 from strainfmu.errors import InputError
 from strainfmu.fmu.checks.crosscheck import write_crosscheck
 from strainfmu.fmu.checks.importers import read_table

@@ -15,8 +15,8 @@ from fmpy.fmi1 import FMICallException
 from fmu_host import COEFFICIENTS, LOADS, STRAINS, VALID, Host, loaded
 from synthetic_vehicle import N_GAUGES, SyntheticFiles
 
-from strainfmu.cosim.flight_model import evaluate, load_flight_model
-from strainfmu.cosim.trajectory import load_trajectory
+from strainfmu.cosim.models.flight_model import evaluate, load_flight_model
+from strainfmu.cosim.models.trajectory import load_trajectory
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.linear.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import load_inverse_map

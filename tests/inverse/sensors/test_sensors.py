@@ -27,7 +27,7 @@ from builder.vehicle.gauges.sensor_entries import (
     Ports,
     Sensors,
 )
-from strainfmu.cosim.estimator_source import open_step
+from strainfmu.cosim.estimators.source import open_step
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimates.load_estimate import LoadEstimates
 from strainfmu.estimator.linear.estimator import Estimator

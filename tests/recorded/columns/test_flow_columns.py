@@ -12,7 +12,7 @@ import pytest
 from recorded_case import NAMES, read_csv, samples, write_flight
 from synthetic_vehicle import N_GAUGES, SyntheticFiles, synthetic_inverse_map
 
-from strainfmu.cosim.fmu_step import FmuStep
+from strainfmu.cosim.estimators.fmu_step import FmuStep
 from strainfmu.errors import InputError
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.linear.estimator import Estimator

@@ -12,7 +12,7 @@ from flight_fmu import whole_map
 from recorded_case import NAMES, samples, write_flight
 from synthetic_vehicle import SyntheticFiles
 
-from strainfmu.cosim.instance import read_description
+from strainfmu.cosim.systems.instance import read_description
 from strainfmu.errors import InputError
 from strainfmu.interface.estimator_variables import estimator_interface
 from strainfmu.recorded.columns.column_names import Wanted

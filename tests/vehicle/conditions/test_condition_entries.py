@@ -9,7 +9,7 @@ import pytest
 from changed_vehicle import refusal
 
 from builder.vehicle.file import VEHICLES
-from strainfmu.cosim.trajectory import load_trajectory
+from strainfmu.cosim.models.trajectory import load_trajectory
 from strainfmu.errors import InputError
 
 pytestmark = pytest.mark.fast

@@ -21,7 +21,7 @@ import numpy as np
 from strainfmu.can.cycle.estimate.result import CycleResult
 from strainfmu.can.cycle.gauges.verdicts import gauge_reasons
 from strainfmu.can.cycle.states.quality import Cause
-from strainfmu.cosim.step import ENVELOPE_SCORE, health_name
+from strainfmu.cosim.estimators.step import ENVELOPE_SCORE, health_name
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.linear.flow_parameters import PARAMETER_TOLERANCE
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
@@ -84,8 +84,8 @@ def gauge_positions(fmu: Path) -> tuple[GaugePosition, ...]:
     InputError
         The FMU is missing, damaged, or no estimator.
     """
-    from strainfmu.cosim.estimator_description import gauge_names_of
-    from strainfmu.cosim.instance import read_description
+    from strainfmu.cosim.estimators.description import gauge_names_of
+    from strainfmu.cosim.systems.instance import read_description
 
     found = {}
     for variable in read_description(fmu).modelVariables:
@@ -104,7 +104,7 @@ def estimator_facts(fmu: Path) -> EstimatorFacts:
     InputError
         The FMU is missing or damaged.
     """
-    from strainfmu.cosim.estimator_description import section_stations_in
+    from strainfmu.cosim.estimators.description import section_stations_in
 
     try:
         with ZipFile(fmu) as archive:
@@ -131,7 +131,7 @@ def envelope_score_limit(fmu: Path) -> float | None:
     InputError
         The FMU is missing or damaged.
     """
-    from strainfmu.cosim.instance import read_description
+    from strainfmu.cosim.systems.instance import read_description
 
     for variable in read_description(fmu).modelVariables:
         match = _LIMIT.search(variable.description or "")

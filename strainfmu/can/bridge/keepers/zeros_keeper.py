@@ -9,7 +9,7 @@ from pathlib import Path
 from types import TracebackType
 
 from strainfmu.can.cycle.estimate.taring import TareEnd
-from strainfmu.cosim.zeros_file import write_zeros
+from strainfmu.cosim.estimators.zeros_file import write_zeros
 from strainfmu.errors import StrainfmuError
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 

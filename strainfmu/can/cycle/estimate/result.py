@@ -10,7 +10,7 @@ import numpy as np
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.can.cycle.gauges.verdicts import GaugeVerdicts
 from strainfmu.can.cycle.states.quality import Cause, Quality
-from strainfmu.cosim.step import StepResult
+from strainfmu.cosim.estimators.step import StepResult
 from strainfmu.estimator.health import HealthState
 
 

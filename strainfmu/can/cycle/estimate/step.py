@@ -9,7 +9,7 @@ from strainfmu.can.cycle.estimate.held_flow import FlowState
 from strainfmu.can.cycle.estimate.result import quality_of_step
 from strainfmu.can.cycle.states.quality import Cause, Quality
 from strainfmu.can.wire.frame_layout import NAVIGATION, InputLayout
-from strainfmu.cosim.step import Step, StepRefused, StepResult, further_inputs, needs_pressure
+from strainfmu.cosim.estimators.step import Step, StepRefused, StepResult, further_inputs, needs_pressure
 
 _LONGEST_STEP = 100
 """Maximum number of cycles in one step of the FMU."""

@@ -21,7 +21,7 @@ from strainfmu.can.wire.crc import crc_in, crc_of
 from strainfmu.can.wire.frame import Frame
 from strainfmu.can.wire.profiles import PROFILES, profile_layout
 from strainfmu.can.wire.strain_encoder import StrainEncoder
-from strainfmu.cosim.zeros_file import load_zeros, write_zeros
+from strainfmu.cosim.estimators.zeros_file import load_zeros, write_zeros
 from strainfmu.errors import InputError
 from strainfmu.estimator.loading import estimator_of
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros

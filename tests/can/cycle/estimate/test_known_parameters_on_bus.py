@@ -20,8 +20,8 @@ from strainfmu.can.wire.dbc_files import database_of
 from strainfmu.can.wire.dbc_mapping import mapped_layout
 from strainfmu.can.wire.frame import Frame
 from strainfmu.can.wire.frame_layout import InputLayout
-from strainfmu.cosim.estimator_source import open_step
-from strainfmu.cosim.step import StepResult, parameter_names_of, parameter_std_names_of
+from strainfmu.cosim.estimators.source import open_step
+from strainfmu.cosim.estimators.step import StepResult, parameter_names_of, parameter_std_names_of
 from strainfmu.errors import InputError
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.tracker import FlightTracker

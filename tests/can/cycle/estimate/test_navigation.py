@@ -20,7 +20,7 @@ from strainfmu.can.tools.fault_injection import FaultySender
 from strainfmu.can.tools.faults import Fault, FaultKind
 from strainfmu.can.wire.frame_layout import ALTITUDE, MACH_NUMBER, InputLayout
 from strainfmu.can.wire.profiles import PROFILES
-from strainfmu.cosim.step import ENVELOPE_SCORE, StepResult
+from strainfmu.cosim.estimators.step import ENVELOPE_SCORE, StepResult
 from strainfmu.errors import InputError
 from strainfmu.estimator.health import HealthState
 

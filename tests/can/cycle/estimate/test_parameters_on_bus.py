@@ -23,8 +23,8 @@ from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.wire.dbc_files import database_of
 from strainfmu.can.wire.dbc_mapping import mapped_layout
 from strainfmu.can.wire.frame import Frame
-from strainfmu.cosim.estimator_source import open_step
-from strainfmu.cosim.step import StepResult, parameter_names_of
+from strainfmu.cosim.estimators.source import open_step
+from strainfmu.cosim.estimators.step import StepResult, parameter_names_of
 from strainfmu.errors import InputError
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.linear.estimator import Estimator

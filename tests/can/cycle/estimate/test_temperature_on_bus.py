@@ -25,8 +25,8 @@ from strainfmu.can.wire.dbc_mapping import mapped_layout
 from strainfmu.can.wire.frame import Frame
 from strainfmu.can.wire.frame_layout import InputLayout
 from strainfmu.can.wire.strain_encoder import StrainEncoder
-from strainfmu.cosim.estimator_source import open_step
-from strainfmu.cosim.step import StepResult
+from strainfmu.cosim.estimators.source import open_step
+from strainfmu.cosim.estimators.step import StepResult
 from strainfmu.errors import InputError
 from strainfmu.estimator.linear.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap, save_inverse_map

@@ -18,8 +18,8 @@ from strainfmu.can.cycle.states.quality import Cause, Quality
 from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.tools.fault_injection import FaultySender
 from strainfmu.can.wire.frame_layout import DYNAMIC_PRESSURE, InputLayout
-from strainfmu.cosim.estimator_source import open_step
-from strainfmu.cosim.step import Step
+from strainfmu.cosim.estimators.source import open_step
+from strainfmu.cosim.estimators.step import Step
 from strainfmu.errors import InputError
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from strainfmu.arrays import FloatArray
-from strainfmu.cosim.fmu_step import TEMPERATURE, FmuStep
-from strainfmu.cosim.step import ENVELOPE_SCORE, FURTHER_LOADS, PARAMETERS, Step, StepResult
-from strainfmu.cosim.zeros_file import load_zeros
+from strainfmu.cosim.estimators.fmu_step import TEMPERATURE, FmuStep
+from strainfmu.cosim.estimators.step import ENVELOPE_SCORE, FURTHER_LOADS, PARAMETERS, Step, StepResult
+from strainfmu.cosim.estimators.zeros_file import load_zeros
 from strainfmu.errors import InputError
 from strainfmu.estimator.loading import estimator_of
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator

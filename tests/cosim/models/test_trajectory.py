@@ -9,7 +9,7 @@ import pytest
 from scipy.interpolate import PchipInterpolator
 from synthetic_vehicle import TRAJECTORY, write_trajectory
 
-from strainfmu.cosim.trajectory import HEADER, load_trajectory
+from strainfmu.cosim.models.trajectory import HEADER, load_trajectory
 from strainfmu.errors import InputError
 
 pytestmark = pytest.mark.fast

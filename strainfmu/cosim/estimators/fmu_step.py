@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from strainfmu.arrays import BoolArray, FloatArray
-from strainfmu.cosim.estimator_description import (
+from strainfmu.cosim.estimators.description import (
     CONTENTS,
     FIRST_NUMBER,
     OUTPUTS,
@@ -29,8 +29,8 @@ from strainfmu.cosim.estimator_description import (
     numbered,
     section_stations,
 )
-from strainfmu.cosim.instance import Instance, SignalBlock, read_description, safe_temporary_parent, unzip
-from strainfmu.cosim.step import FURTHER_LOADS, PARAMETERS, StepRefused, StepResult
+from strainfmu.cosim.estimators.step import FURTHER_LOADS, PARAMETERS, StepRefused, StepResult
+from strainfmu.cosim.systems.instance import Instance, SignalBlock, read_description, safe_temporary_parent, unzip
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 from strainfmu.interface.further_variables import further_load_outputs

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from strainfmu.arrays import FloatArray
-from strainfmu.cosim.instance import read_description
+from strainfmu.cosim.systems.instance import read_description
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 from strainfmu.interface.sensor_variables import PREFIX as SENSOR_PREFIX

@@ -12,7 +12,7 @@ import pytest
 from synthetic_vehicle import synthetic_flight_model
 
 from strainfmu.atmosphere import dynamic_pressure, pressure_and_temperature
-from strainfmu.cosim.flight_model import evaluate, load_flight_model, save_flight_model
+from strainfmu.cosim.models.flight_model import evaluate, load_flight_model, save_flight_model
 from strainfmu.errors import InputError
 from strainfmu.flight_condition import FlightCondition
 

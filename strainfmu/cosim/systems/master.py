@@ -22,9 +22,9 @@ from typing import Any
 import numpy as np
 
 from strainfmu.arrays import FloatArray
-from strainfmu.cosim.instance import Instance, SignalBlock, read_description, safe_temporary_parent, unzip
-from strainfmu.cosim.recording import Recording
-from strainfmu.cosim.system import (
+from strainfmu.cosim.systems.instance import Instance, SignalBlock, read_description, safe_temporary_parent, unzip
+from strainfmu.cosim.systems.recording import Recording
+from strainfmu.cosim.systems.system import (
     Connection,
     System,
     check_connections,

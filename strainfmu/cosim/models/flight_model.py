@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import pressure_and_temperature
-from strainfmu.cosim.trajectory import Trajectory
+from strainfmu.cosim.models.trajectory import Trajectory
 from strainfmu.errors import InputError
 from strainfmu.flight_condition import FlightCondition
 from strainfmu.records import load_record, save_record

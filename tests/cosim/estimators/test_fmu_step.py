@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from synthetic_vehicle import SyntheticFiles, synthetic_inverse_map
 
-from strainfmu.cosim.estimator_description import gauge_names_of
-from strainfmu.cosim.fmu_step import FmuStep
-from strainfmu.cosim.step import StepRefused
+from strainfmu.cosim.estimators.description import gauge_names_of
+from strainfmu.cosim.estimators.fmu_step import FmuStep
+from strainfmu.cosim.estimators.step import StepRefused
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.linear.estimator import Estimator

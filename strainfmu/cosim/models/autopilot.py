@@ -13,7 +13,7 @@ of a; so what accelerates a without being explained, d, is observed and subtract
     d = p (a' - integral of (a'' as predicted, with d in it)),
 
 the pole of which is -p and which leaves the step response as it is. The damping that the air gives is part of d.
-``fmus/native/autopilot/autopilot.c`` is the law in C, :mod:`strainfmu.cosim.autopilot_law` in numpy.
+``fmus/native/autopilot/autopilot.c`` is the law in C, :mod:`strainfmu.cosim.models.autopilot_law` in numpy.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ import numpy as np
 
 from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import dynamic_pressure, speed_of_sound
-from strainfmu.cosim.flight_model import FlightModel, evaluate
+from strainfmu.cosim.models.flight_model import FlightModel, evaluate
 from strainfmu.errors import InputError
 from strainfmu.flight_condition import FlightCondition
 from strainfmu.interface.estimator_variables import valid_names

@@ -14,9 +14,9 @@ import numpy as np
 
 from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import speed_of_sound
-from strainfmu.cosim.flight_model import FlightModel, evaluate
-from strainfmu.cosim.gauge_noise import gauge_noise
-from strainfmu.cosim.trajectory import Trajectory
+from strainfmu.cosim.models.flight_model import FlightModel, evaluate
+from strainfmu.cosim.models.gauge_noise import gauge_noise
+from strainfmu.cosim.models.trajectory import Trajectory
 from strainfmu.flight_condition import FlightCondition
 from strainfmu.interface.fmi_variables import COEFFICIENTS, strain_names
 from strainfmu.interface.plant_variables import FlightStart, GaugeFault, Motion

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from strainfmu.cosim.zeros_file import load_known_strain, load_zeros, write_zeros
+from strainfmu.cosim.estimators.zeros_file import load_known_strain, load_zeros, write_zeros
 from strainfmu.errors import InputError
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 

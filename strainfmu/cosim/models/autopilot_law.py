@@ -1,4 +1,4 @@
-"""The autopilot's law in numpy, sample by sample: what :mod:`strainfmu.cosim.autopilot` derives.
+"""The autopilot's law in numpy, sample by sample: what :mod:`strainfmu.cosim.models.autopilot` derives.
 
 The native FMU computes it in C (``fmus/native/autopilot/autopilot.c``); its reference run comes from here.
 """
@@ -12,8 +12,8 @@ import numpy as np
 
 from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import speed_of_sound
-from strainfmu.cosim.autopilot import AutopilotSettings, normal_force_table
-from strainfmu.cosim.flight_model import FlightModel
+from strainfmu.cosim.models.autopilot import AutopilotSettings, normal_force_table
+from strainfmu.cosim.models.flight_model import FlightModel
 from strainfmu.interface.plant_variables import FlightStart
 
 # Communication points are sums of steps: a time that is held for exactly hold_time is not longer than that.
@@ -91,7 +91,7 @@ def autopilot_design(model: FlightModel, start: FlightStart) -> AutopilotDesign:
     Raises
     ------
     InputError
-        As :func:`~strainfmu.cosim.autopilot.normal_force_table`.
+        As :func:`~strainfmu.cosim.models.autopilot.normal_force_table`.
     """
     return AutopilotDesign(
         table=normal_force_table(model, start),

@@ -18,9 +18,9 @@ from fmpy.ssp.simulation import simulate_ssp
 from lxml import etree
 
 from strainfmu.cosim.flight import INSTANCES, flight_system, fly
-from strainfmu.cosim.recording import Recording
 from strainfmu.cosim.scenario import Scenario
-from strainfmu.cosim.ssp import write_ssp
+from strainfmu.cosim.systems.recording import Recording
+from strainfmu.cosim.systems.ssp import write_ssp
 from strainfmu.errors import InputError
 
 WATCHED = (

@@ -15,8 +15,8 @@ from typing import Any
 from xml.etree.ElementTree import Element, SubElement, indent, register_namespace, tostring
 
 from strainfmu.archive import write_archive
-from strainfmu.cosim.instance import read_description
-from strainfmu.cosim.system import System, check_connections, find_variable, split_signal
+from strainfmu.cosim.systems.instance import read_description
+from strainfmu.cosim.systems.system import System, check_connections, find_variable, split_signal
 from strainfmu.errors import InputError
 
 SSD = "http://ssp-standard.org/SSP1/SystemStructureDescription"

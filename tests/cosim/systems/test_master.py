@@ -12,12 +12,12 @@ import pytest
 from synthetic_vehicle import N_GAUGES, SyntheticFiles, synthetic_flight_model, write_trajectory
 
 import strainfmu.fmu.export
-from strainfmu.cosim.flight_model import evaluate, load_flight_model, save_flight_model
-from strainfmu.cosim.instance import safe_temporary_parent
-from strainfmu.cosim.master import communication_points, matching_connections, simulate
-from strainfmu.cosim.recording import Recording, load_recording, save_csv, save_hdf5
-from strainfmu.cosim.system import Connection, System
-from strainfmu.cosim.trajectory import HEADER, load_trajectory
+from strainfmu.cosim.models.flight_model import evaluate, load_flight_model, save_flight_model
+from strainfmu.cosim.models.trajectory import HEADER, load_trajectory
+from strainfmu.cosim.systems.instance import safe_temporary_parent
+from strainfmu.cosim.systems.master import communication_points, matching_connections, simulate
+from strainfmu.cosim.systems.recording import Recording, load_recording, save_csv, save_hdf5
+from strainfmu.cosim.systems.system import Connection, System
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.linear.estimator import Estimator

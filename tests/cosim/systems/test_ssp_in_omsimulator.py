@@ -21,10 +21,10 @@ from slender_vehicle import NOISE_STD, SlenderFiles
 from starting_fmu import Starting
 
 from strainfmu.cosim.flight import flight_system, fly
-from strainfmu.cosim.instance import read_description
 from strainfmu.cosim.scenario import FaultEvent, Scenario, load_scenario
-from strainfmu.cosim.ssp import identifier, write_ssp
-from strainfmu.cosim.system import System, split_signal
+from strainfmu.cosim.systems.instance import read_description
+from strainfmu.cosim.systems.ssp import identifier, write_ssp
+from strainfmu.cosim.systems.system import System, split_signal
 from strainfmu.errors import InputError
 from strainfmu.interface.plant_variables import GaugeFault
 
