@@ -49,7 +49,8 @@ def write_record(group: h5py.Group, record: Any, units: Mapping[str, str]) -> No
     for entry in fields(record):
         value = getattr(record, entry.name)
         if isinstance(value, dict):
-            text = json.dumps(value, sort_keys=True)
+            # Entries inside keep their order: that of a map's parameters of the flow is that of their tables.
+            text = json.dumps(dict(sorted(value.items())))
             if len(text) <= LONGEST_ATTRIBUTE:
                 group.attrs[entry.name] = text
             else:

@@ -45,8 +45,7 @@ def flight_interface(
 def flight_outputs(estimate: FlightEstimate) -> list[float]:
     """Return the outputs that :func:`flight_interface` adds, in its order."""
     air = estimate.air_data
-    navigation = estimate.navigation_used & estimate.valid.any()
-    flags = [*air.is_identified.tolist(), *navigation.tolist(), estimate.is_linear]
+    flags = [*air.is_identified.tolist(), *estimate.navigation_used.tolist(), estimate.is_linear]
     return [*air.value.tolist(), *air.std.tolist(), *map(float, flags)]
 
 

@@ -193,16 +193,19 @@ def _wanted(
     navigates = STATIC_PRESSURE in estimator.inputs
     if dynamic_pressure is not None and np.isnan(dynamic_pressure) and not navigates:
         raise InputError(f"{source}: --dynamic-pressure: expected a pressure for a linear estimator, got nan")
+    flow = (
+        *FLOW_NAMES,
+        *(NAVIGATION_NAMES if navigates else (STATIC_PRESSURE,)),
+        *estimator.parameter_names,
+        *(f"{name}{STD}" for name in estimator.sharpening),
+        *estimator.readings,
+    )
+    of_nonlinear = (*NAVIGATION_NAMES, *(f"{name}{STD}" for name in estimator.parameter_names))
     return Wanted(
         gauge_names=estimator.gauge_names,
         fixed_pressure=dynamic_pressure,
-        flow=(
-            *FLOW_NAMES,
-            *(NAVIGATION_NAMES if navigates else (STATIC_PRESSURE,)),
-            *estimator.parameter_names,
-            *(f"{name}{STD}" for name in estimator.sharpening),
-            *estimator.readings,
-        ),
+        flow=flow,
+        passed=tuple(name for name in of_nonlinear if name not in flow),
         readings=estimator.readings,
         computes_pressure=True,
         navigates=navigates,

@@ -10,10 +10,11 @@ import numpy as np
 
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
+from strainfmu.estimator.linear.flow_parameters import flow_parameters
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.zeros.tare import KnownStrain, Tare, TareLimits, tare
 from strainfmu.interface.sensor_variables import reading_units
-from strainfmu.recorded.columns.column_names import STATIC_PRESSURE, Wanted
+from strainfmu.recorded.columns.column_names import FLOW_NAMES, NAVIGATION_NAMES, STD, Wanted
 from strainfmu.recorded.columns.sensor_readings import recorded_readings
 from strainfmu.recorded.strains.strain_files import open_strains
 
@@ -66,9 +67,12 @@ def _read(
 ) -> tuple[FloatArray, FloatArray]:
     """Return strain (n, n_d) and q_inf (n,) in the window; NaN where the recording holds no q_inf."""
     n, readings = inverse_map.n_strain_gauges, recorded_readings(reading_units(inverse_map))
+    parameters = flow_parameters(inverse_map).names
     wanted = Wanted(
         gauge_names=tuple(inverse_map.gauge_names[:n]),
-        flow=("dynamic_pressure", "mach_number", "altitude", STATIC_PRESSURE, *readings),
+        # All that an estimator of the map takes: recordings to be estimated are of use here as they are.
+        flow=(*FLOW_NAMES, *NAVIGATION_NAMES, *parameters, *(f"{name}{STD}" for name in parameters), *readings),
+        sensors=() if inverse_map.thermal is None else inverse_map.thermal.sensor_names,
         readings=readings,
         needs_pressure=False,
         computes_pressure=True,

@@ -7,6 +7,7 @@ errors at the current strain and that of q_inf, stays in it.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -105,6 +106,7 @@ class LinearFilter:
         mach_number: float = np.nan,
         altitude: float = np.nan,
         temperature: ArrayLike | None = None,
+        parameters: Mapping[str, ArrayLike] | None = None,
     ) -> LoadEstimate:
         """Estimate the loads of one sample, ``time_step`` [s] after the last one.
 
@@ -124,6 +126,7 @@ class LinearFilter:
             mach_number=mach_number,
             altitude=altitude,
             temperature=temperature,
+            parameters=parameters,
         )
         readings = np.asarray(strain, dtype=float)
         return self.stepped(seconds, static, readings, float(dynamic_pressure), temperature).estimate

@@ -359,7 +359,7 @@ class ManifoldEstimator:
             state=found.state,
             state_covariance=found.state_covariance,
             navigation_residual=found.navigation_residual,
-            navigation_used=known,
+            navigation_used=known & some[:, None],
             shape_residual=found.shape_residual,
             fits=judged.fits,
             is_linear=is_linear,

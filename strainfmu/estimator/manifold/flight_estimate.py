@@ -22,7 +22,8 @@ class FlightEstimate(LoadEstimate):
     air_data : angles, Mach number, pressures.
     state, state_covariance : (4,), (4, 4) flight state (M, u, w, ln p_inf).
     navigation_residual : (3,) standardised difference of each of ``NAVIGATION`` from all else; 0 if not known.
-    navigation_used : (3,) which of them were used: those that are known and not dropped as inconsistent.
+    navigation_used : (3,) which of them were used: those that are known and not dropped as inconsistent; none
+        without a gauge.
     shape_residual : (n_s,) standardised sizes of the shapes of pressure off the tables that the map tests, each
         what those before it leave.
     fits : whether strain and navigation fit the tables.

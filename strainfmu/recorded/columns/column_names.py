@@ -76,6 +76,7 @@ class Wanted:
     ignored : names of columns not to read; with ``*`` for any text, of columns that are not known otherwise.
     reference : strains that the map expects, which tell the likely unit; None if they are not known.
     readings : SI unit, as FMI has it, of each further sensor and of thrust, by its name; they are among ``flow``.
+    passed : quantities that are known and not read, since another estimator takes them.
     """
 
     gauge_names: tuple[str, ...]
@@ -89,6 +90,7 @@ class Wanted:
     needs_pressure: bool = True
     sensors: tuple[str, ...] = ()
     readings: Mapping[str, str] = field(default_factory=dict)
+    passed: tuple[str, ...] = ()
 
     @property
     def pressure_option(self) -> str:
@@ -154,6 +156,7 @@ def columns_to_read(
             read.append(column)
         elif (
             _is_signal(name)
+            or last_part(name) in wanted.passed
             or (is_temperature(name) and not wanted.sensors)
             or any(pattern.fullmatch(name) for pattern in patterns)
         ):

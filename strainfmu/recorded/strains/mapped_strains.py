@@ -260,7 +260,7 @@ def _read_flow(file: ChannelFile, mapping: ChannelMap, wanted: Wanted, clock: _C
         parameter = entry.quantity.removeprefix(PREFIX) if entry.quantity.startswith(PREFIX) else None
         if unit is None and entry.quantity != "mach_number" and parameter is None:
             raise InputError(f"{mapping.path}: {entry.where}.unit: entry is missing, the recording states none")
-        if parameter is not None and parameter not in _parameters(wanted):
+        if parameter is not None and parameter not in (*_parameters(wanted), *wanted.passed):
             held = ", ".join(_parameters(wanted)) or "none"
             raise InputError(
                 f"{mapping.path}: {entry.where}.quantity: expected a parameter of the map, {held}, "
