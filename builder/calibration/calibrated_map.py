@@ -11,8 +11,9 @@ from builder.calibration.as_built.structure import AsBuiltStructure
 from builder.calibration.estimate import Estimate
 from builder.calibration.left_by_test import LeftByTest, Remaining, left_by_test
 from builder.campaign.snapshots import Snapshots
-from builder.inverse.build import build_inverse_map, inverse_problem, on_structure
+from builder.inverse.build import build_inverse_map
 from builder.inverse.modes.ensemble import ensemble_of
+from builder.inverse.problem import inverse_problem, on_structure
 from builder.manifold.build import with_manifold
 from builder.structure.fourier.model import StructuralModel
 from builder.structure.mapped_structure import MappedStructure

@@ -19,8 +19,9 @@ from builder.calibration.ground_test.load_test import LoadCase, LoadErrors, Load
 from builder.calibration.ground_test.simulated import known_loads
 from builder.calibration.readings_model import ReadingsModel
 from builder.campaign.snapshots import Snapshots
-from builder.inverse.build import AnyStructure, build_inverse_map, on_structure
+from builder.inverse.build import build_inverse_map
 from builder.inverse.modes.ensemble import ensemble_of
+from builder.inverse.problem import AnyStructure, on_structure
 from builder.reporting import Progress
 from builder.structure.loads.applied import Load
 from builder.vehicle.file import Vehicle

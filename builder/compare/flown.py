@@ -11,12 +11,13 @@ from pathlib import Path
 
 import numpy as np
 
+from builder.aero.surface.mesh import mesh_of
 from builder.campaign.journal import Journal
 from builder.campaign.snapshots import load_snapshots
 from builder.compare.field import true_field
 from builder.compare.flights import Effort, example_conditions, random_conditions, vehicle_that_flies
 from builder.compare.trial import Flown
-from builder.inverse.build import AnyStructure
+from builder.inverse.problem import AnyStructure
 from builder.manifold.mirror_images import with_mirror_images
 from builder.manifold.snapshot_grid import snapshot_grid
 from builder.pipeline.map_files import true_structure_of
@@ -27,7 +28,7 @@ from builder.truth import flow_table as flow_table_file
 from builder.truth.flights import RevolvedFlights
 from builder.truth.flow_table import load_flow_table, save_flow_table
 from builder.truth.flows import independent_flows, truth_inputs
-from builder.truth.shape_flights import ShapeFlights, map_surface, shape_flights
+from builder.truth.shape_flights import ShapeFlights, shape_flights
 from builder.truth.strain import true_flights, without_faint_harmonics
 from builder.vehicle.file import Vehicle
 from builder.vehicle.shape.geometry import SurfaceGrid
@@ -82,7 +83,7 @@ def flown_pair(pipeline: Pipeline, vehicle: Vehicle, structure: AnyStructure, ef
     if vehicle.is_of_revolution:
         return _revolved(pipeline, vehicle, structure, effort)
     flows = load_snapshots(pipeline.path(FLOWS))
-    found = shape_flights(vehicle, shape_structure_of(pipeline), flows, map_surface(structure.surface))
+    found = shape_flights(vehicle, shape_structure_of(pipeline), flows, mesh_of(structure.surface))
     examples = example_conditions(vehicle)
     has_example = found.conditions[-1] == examples[0]
     rows = np.arange(len(found.conditions) - has_example)

@@ -21,7 +21,8 @@ from builder.compare.random_walk import RandomWalkCandidate
 from builder.compare.rivals import RIVALS, RivalCandidate
 from builder.compare.score import scored
 from builder.compare.training import training_flights
-from builder.inverse.build import AnyStructure, build_inverse_map
+from builder.inverse.build import build_inverse_map
+from builder.inverse.problem import AnyStructure
 from builder.manifold.build import with_manifold
 from builder.reporting import Progress, Reporter
 from builder.truth.flights import Flights

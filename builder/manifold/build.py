@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from builder.campaign.snapshots import Snapshots
-from builder.inverse.build import AnyStructure, inverse_problem, on_structure
 from builder.inverse.modes.ensemble import Ensemble, rolled_modes
 from builder.inverse.noise.leeward import LEEWARD_PRESSURE
 from builder.inverse.noise.model import NoiseTerm
+from builder.inverse.problem import AnyStructure, inverse_problem, on_structure
 from builder.inverse.solution import Problem
 from builder.manifold.discrepancy import level_error, process_size, tested_shapes
 from builder.manifold.followed_errors import followed_errors

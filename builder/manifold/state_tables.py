@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from builder.aero.surface.mesh import SurfaceMesh, mesh_of_grid
+from builder.aero.surface.mesh import SurfaceMesh, mesh_of
 from builder.campaign.snapshots import Snapshots
-from builder.inverse.build import AnyStructure
 from builder.inverse.noise.flows_between import FlowsBetween, flows_between
+from builder.inverse.problem import AnyStructure
 from builder.inverse.solution import Problem
 from builder.manifold.condition_tables import condition_tables
 from builder.manifold.discrepancy import gaussian_process_shapes, process_on_surface, response_of_shapes
@@ -73,7 +73,7 @@ def state_tables(
     surface = structure.surface
     if isinstance(surface, SurfaceGrid) and problem.ensemble.grid is not None:
         return _of_revolution(vehicle, snapshots, problem, operator, surface)
-    mesh = mesh_of_grid(surface) if isinstance(surface, SurfaceGrid) else surface
+    mesh = mesh_of(surface)
     both = with_mirror_images(snapshots, mesh)
     between = problem.between if both is snapshots else flows_between(vehicle, both)
     return _of_any_shape(vehicle, both, problem, operator, mesh, between)

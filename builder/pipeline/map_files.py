@@ -14,7 +14,7 @@ from builder.campaign.journal import Journal
 from builder.campaign.run import run_campaign
 from builder.campaign.scheduling import Scheduling
 from builder.campaign.snapshots import Snapshots, load_snapshots
-from builder.inverse.build import AnyStructure
+from builder.inverse.problem import AnyStructure
 from builder.pipeline.chosen_estimator import Estimators, with_estimator
 from builder.pipeline.measured_levels import (
     alarm_levels_wanted,

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from builder.campaign.snapshots import Snapshots
-from builder.inverse.build import AnyStructure
+from builder.inverse.problem import AnyStructure
 from builder.reporting import Reporter
 from builder.truth.shape_structure import ShapeStructure
 from builder.truth.strain import TrueStructure

@@ -22,8 +22,9 @@ from builder.campaign.scheduling import Scheduling
 from builder.campaign.snapshot_fit import as_flown, flow_record, vehicle_misfits
 from builder.campaign.snapshots import Snapshots
 from builder.campaign.vehicle_campaign import vehicle_campaign
-from builder.inverse.build import AnyStructure, build_inverse_map, check_noise, inverse_problem
+from builder.inverse.build import build_inverse_map
 from builder.inverse.noise.mesh_error import mesh_error_notes
+from builder.inverse.problem import AnyStructure, check_noise, inverse_problem
 from builder.manifold.build import with_manifold
 from builder.pipeline.measured_levels import (
     alarm_levels_wanted,

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from builder.aero.surface.mesh import SurfaceMesh, mesh_of_grid
+from builder.aero.surface.mesh import SurfaceMesh, mesh_of
 from builder.campaign.snapshots import Snapshots
-from builder.inverse.build import AnyStructure, inverse_problem
 from builder.inverse.noise.model import NoiseFraction, NoiseTerm
+from builder.inverse.problem import AnyStructure, inverse_problem
 from builder.inverse.solution import Solution, solve
 from builder.reports.coefficient_sources import CoefficientSources, coefficient_sources
 from builder.reports.exclusions import exclusions
@@ -99,7 +99,7 @@ def build_report(
     if not _same(solution, inverse_map):
         raise InputError(f"report: the map of {inverse_map.vehicle} was not built from these snapshots and gauges")
     grid = structure.surface
-    surface = mesh_of_grid(grid) if isinstance(grid, SurfaceGrid) else grid
+    surface = mesh_of(grid)
     response = _response(problem.strain_operator, surface, grid.n_roll if isinstance(grid, SurfaceGrid) else None)
     return BuildReport(
         vehicle=vehicle.name,

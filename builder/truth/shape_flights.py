@@ -16,7 +16,7 @@ from builder.aero.engines.registry import make_engine
 from builder.aero.loads.operator import coefficients_of
 from builder.aero.loads.sections import six_loads
 from builder.aero.mapping.pressure_map import consistent_map
-from builder.aero.surface.mesh import SurfaceMesh, mesh_of_grid
+from builder.aero.surface.mesh import SurfaceMesh
 from builder.campaign.run import complete_flows, snapshots_of_flows
 from builder.campaign.scheduling import Scheduling
 from builder.campaign.snapshots import Snapshots
@@ -26,7 +26,6 @@ from builder.truth.as_built import AsBuilt
 from builder.truth.shape_structure import ShapeStructure, as_built, on_nodes_of
 from builder.vehicle.conditions.flight_conditions import ConditionSet
 from builder.vehicle.file import Vehicle
-from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.flight_condition import FlightCondition
 
@@ -173,11 +172,6 @@ def _flow_of(condition: FlightCondition) -> tuple[float, ...]:
     """Return what the flow over p_inf depends on, rounded."""
     mach, alpha, beta, _, *parameters = condition.as_row()
     return tuple(round(one, 9) for one in (mach, alpha, beta, *parameters))
-
-
-def map_surface(surface: SurfaceGrid | SurfaceMesh) -> SurfaceMesh:
-    """Return the surface of a map as triangles."""
-    return mesh_of_grid(surface) if isinstance(surface, SurfaceGrid) else surface
 
 
 def on_nodes(flows: Snapshots, nodes: SurfaceMesh) -> FloatArray:

@@ -7,7 +7,7 @@ import pytest
 
 from builder.campaign.snapshots import Snapshots
 from builder.compare.field import estimated_fields, field_errors, station_weights, true_field
-from builder.inverse.build import inverse_problem
+from builder.inverse.problem import inverse_problem
 from builder.manifold.build import with_manifold
 from builder.structure.fourier.model import StructuralModel
 from builder.truth.flow_table import FlowTable

@@ -7,8 +7,9 @@ import pytest
 from coarse_vehicle import with_paper_map
 
 from builder.campaign.snapshots import Snapshots
-from builder.inverse.build import inverse_map_of, inverse_problem
+from builder.inverse.problem import inverse_problem
 from builder.inverse.solution import MIN_STRAIN_OVER_NOISE, ordered_modes, pressure_modes, solve
+from builder.inverse.solved_map import inverse_map_of
 from builder.structure.fourier.model import StructuralModel
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map.options import MapEntry

@@ -13,8 +13,9 @@ import pytest
 from scipy.stats import binom, chi2
 
 from builder.campaign.snapshots import Snapshots
-from builder.inverse.build import inverse_map_of, inverse_problem
+from builder.inverse.problem import inverse_problem
 from builder.inverse.solution import solve
+from builder.inverse.solved_map import inverse_map_of
 from builder.structure.fourier.model import StructuralModel
 from builder.structure.mapped_structure import MappedStructure
 from builder.vehicle.file import Vehicle

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from builder.campaign.snapshots import Snapshots
-from builder.inverse.build import inverse_problem
 from builder.inverse.noise.hardware_errors import HardwareError
+from builder.inverse.problem import inverse_problem
 from builder.inverse.solution import Problem
 from builder.manifold.followed_errors import followed_errors, squares_fitted
 from builder.structure.fourier.model import StructuralModel

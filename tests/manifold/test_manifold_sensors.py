@@ -11,8 +11,9 @@ from fmu_host import loaded
 
 from builder.aero.loads.operator import load_operator
 from builder.campaign.snapshots import Snapshots
-from builder.inverse.build import build_inverse_map, inverse_problem
+from builder.inverse.build import build_inverse_map
 from builder.inverse.noise.model import NoiseTerm
+from builder.inverse.problem import inverse_problem
 from builder.inverse.sensors.sensor_set import base_area
 from builder.inverse.solution import Problem
 from builder.manifold.build import manifold_map, with_manifold

@@ -22,7 +22,8 @@ from shape_case import (
 )
 
 from builder.campaign.snapshots import Snapshots
-from builder.inverse.build import build_inverse_map, inverse_problem, snapshot_coefficients
+from builder.inverse.build import build_inverse_map, snapshot_coefficients
+from builder.inverse.problem import inverse_problem
 from builder.manifold.build import with_manifold
 from builder.manifold.condition_tables import condition_tables
 from builder.manifold.discrepancy import process_on_surface, process_size

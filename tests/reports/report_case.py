@@ -13,13 +13,14 @@ from builder.campaign.run import snapshots_of_flows
 from builder.campaign.scheduling import Scheduling, solve_flows
 from builder.campaign.snapshots import Snapshots
 from builder.campaign.vehicle_campaign import vehicle_campaign
-from builder.inverse.build import inverse_map_of, inverse_problem
 from builder.inverse.cases.case_1 import least_squares_map
 from builder.inverse.cases.case_2 import gaussian_map
 from builder.inverse.cases.state_map import StateMap
 from builder.inverse.loads.covariance import load_covariance_by_terms
 from builder.inverse.noise.model import NoiseModel
+from builder.inverse.problem import inverse_problem
 from builder.inverse.solution import Problem, Solution, solve
+from builder.inverse.solved_map import inverse_map_of
 from builder.structure.fourier.model import StructuralModel, structural_model
 from builder.vehicle.file import Vehicle, load_vehicle
 from builder.vehicle.map.options import MapEntry

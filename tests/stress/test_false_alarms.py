@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 from builder.campaign.snapshots import Snapshots
-from builder.inverse.build import build_inverse_map, inverse_problem
+from builder.inverse.build import build_inverse_map
+from builder.inverse.problem import inverse_problem
 from builder.manifold.build import with_manifold
 from builder.stress import false_alarms as module
 from builder.stress.false_alarms import FalseAlarms, false_alarms

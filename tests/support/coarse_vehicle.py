@@ -15,9 +15,9 @@ from builder.aero.euler.planes.marching_grid import marching_grid_of
 from builder.aero.loads.operator import load_operator
 from builder.campaign.scheduling import Scheduling, solve_flows
 from builder.campaign.snapshots import Snapshots
-from builder.inverse.build import gauge_noise_covariance
 from builder.inverse.cases.prior import LowRankPrior, prior_of_snapshots
 from builder.inverse.modes.pod import proper_orthogonal_decomposition
+from builder.inverse.problem import gauge_noise_covariance
 from builder.structure.fourier.model import StructuralModel, structural_model
 from builder.truth.flow_table import FlowTable, flow_table
 from builder.truth.flows import truth_engine, truth_keys, truth_knots

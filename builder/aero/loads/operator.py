@@ -6,6 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from builder.aero.surface.mesh import SurfaceMesh, mesh_load_operator
 from builder.vehicle.shape.geometry import SurfaceGrid
 from builder.vehicle.shape.reference_quantities import ReferenceQuantities
 from strainfmu.arrays import FloatArray
@@ -49,6 +50,13 @@ def load_operator(grid: SurfaceGrid, moment_station: float, ahead_of: float = np
         np.outer(moment, sine),
     ]
     return step * np.stack([row.ravel() for row in rows])
+
+
+def load_operator_on(surface: SurfaceGrid | SurfaceMesh, moment_station: float) -> FloatArray:
+    """Return the loads per nodal pressure, (5, n) [m2, m2, m2, m3, m3], on a grid or on triangles."""
+    if isinstance(surface, SurfaceGrid):
+        return load_operator(surface, moment_station)
+    return mesh_load_operator(surface, moment_station)
 
 
 def coefficient_scale(dynamic_pressure: float, reference: ReferenceQuantities) -> FloatArray:

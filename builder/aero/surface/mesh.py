@@ -122,6 +122,11 @@ def mesh_of_grid(grid: SurfaceGrid) -> SurfaceMesh:
     return SurfaceMesh(point, np.concatenate([low, high]).astype(np.int64))
 
 
+def mesh_of(surface: SurfaceGrid | SurfaceMesh) -> SurfaceMesh:
+    """Return the triangles of a grid; a mesh as it is."""
+    return mesh_of_grid(surface) if isinstance(surface, SurfaceGrid) else surface
+
+
 def mesh_load_operator(mesh: SurfaceMesh, moment_station: float) -> FloatArray:
     """Return the loads per nodal pressure, (5, n) [m2, m2, m2, m3, m3].
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from builder.aero.loads.operator import load_operator
-from builder.aero.surface.mesh import SurfaceMesh, mesh_load_operator
+from builder.aero.loads.operator import load_operator_on
+from builder.aero.surface.mesh import SurfaceMesh
 from builder.inverse.modes.ensemble import Ensemble
 from builder.inverse.noise.hardware_errors import HardwareError, error_terms, rms_ambient_pressure
 from builder.inverse.noise.model import NoiseTerm, common_error, nuisance_modes
@@ -172,14 +172,8 @@ def port_row(grid: SurfaceGrid, x: float, roll: float) -> FloatArray:
     return np.outer(along, around).ravel()
 
 
-def _loads_about(surface: Surface, station: float) -> FloatArray:
-    if isinstance(surface, SurfaceGrid):
-        return load_operator(surface, station)
-    return mesh_load_operator(surface, station)
-
-
 def _inertial(entry: InertialUnit, surface: Surface) -> list[SensorRow]:
-    loads = _loads_about(surface, entry.center_x_m)
+    loads = load_operator_on(surface, entry.center_x_m)
     force, turn = loads[:3] / entry.mass_kg, loads[3:] / entry.inertia_kg_m2
     ahead = entry.x_m - entry.center_x_m
     # A centre of mass further aft lengthens the arm of every force ahead of it: M' = M + shift F.
@@ -231,7 +225,7 @@ def _inertial(entry: InertialUnit, surface: Surface) -> list[SensorRow]:
 
 
 def _load_cells(entry: LoadCells, surface: Surface) -> list[SensorRow]:
-    loads = dict(zip(_COMPONENTS, _loads_about(surface, entry.station_m), strict=True))
+    loads = dict(zip(_COMPONENTS, load_operator_on(surface, entry.station_m), strict=True))
     rows = []
     for name in entry.components:
         is_moment = name in ("pitch", "yaw")

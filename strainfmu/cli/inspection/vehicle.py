@@ -62,7 +62,7 @@ def check_vehicle(path: Path, console: Console) -> None:
         What the commands that take the file would refuse; a line each, of all of these checks.
     """
     from builder.aero.engines.registry import make_engine
-    from builder.inverse.build import check_noise
+    from builder.inverse.problem import check_noise
     from builder.structure.gauge_checks import check_gauges
     from builder.vehicle.file import load_vehicle
     from builder.vehicle.map_needs import check_map_size

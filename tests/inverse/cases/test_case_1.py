@@ -10,17 +10,13 @@ from coarse_vehicle import with_paper_map
 from inverse_case import Case, least_squares, noise_model
 
 from builder.campaign.snapshots import Snapshots
-from builder.inverse.build import (
-    build_inverse_map,
-    gauge_noise_covariance,
-    inverse_map_of,
-    inverse_problem,
-    snapshot_coefficients,
-)
+from builder.inverse.build import build_inverse_map, snapshot_coefficients
 from builder.inverse.cases.baselines import unweighted_gain
 from builder.inverse.cases.case_1 import LeastSquaresMap, least_squares_map, relative_condition
 from builder.inverse.modes.pod import PressureModes
+from builder.inverse.problem import gauge_noise_covariance, inverse_problem
 from builder.inverse.solution import solve
+from builder.inverse.solved_map import inverse_map_of
 from builder.structure.fourier.model import StructuralModel
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map.options import MapEntry, Noise

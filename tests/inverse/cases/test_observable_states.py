@@ -9,9 +9,10 @@ import pytest
 from coarse_vehicle import with_paper_map
 
 from builder.campaign.snapshots import Snapshots
-from builder.inverse.build import inverse_map_of, inverse_problem
 from builder.inverse.cases.observable_states import on_observable_states
+from builder.inverse.problem import inverse_problem
 from builder.inverse.solution import solve
+from builder.inverse.solved_map import inverse_map_of
 from builder.structure.fourier.model import StructuralModel
 from builder.vehicle.file import Vehicle
 from strainfmu.estimator.linear.estimator import Estimator

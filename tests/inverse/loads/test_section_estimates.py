@@ -9,9 +9,11 @@ import pytest
 
 from builder.aero.loads.sections import further_load_operator
 from builder.campaign.snapshots import Snapshots
-from builder.inverse.build import build_inverse_map, inverse_map_of, inverse_problem
+from builder.inverse.build import build_inverse_map
 from builder.inverse.cases.observable_states import on_observable_states
+from builder.inverse.problem import inverse_problem
 from builder.inverse.solution import solve
+from builder.inverse.solved_map import inverse_map_of
 from builder.structure.fourier.model import StructuralModel
 from builder.vehicle.file import Vehicle
 from strainfmu.errors import InputError

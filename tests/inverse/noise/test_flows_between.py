@@ -9,9 +9,10 @@ import numpy as np
 from shape_case import ALTITUDE, flown, grid_conditions, shape_structure, shape_vehicle
 
 from builder.campaign.snapshots import Snapshots
-from builder.inverse.build import build_inverse_map, inverse_problem
+from builder.inverse.build import build_inverse_map
 from builder.inverse.noise.flows_between import BETWEEN, FlowsBetween, flows_between
 from builder.inverse.noise.leeward import LEEWARD_PRESSURE
+from builder.inverse.problem import inverse_problem
 from builder.manifold.build import with_manifold
 from builder.manifold.condition_tables import condition_tables
 from builder.vehicle.file import Vehicle

@@ -12,7 +12,7 @@ import pytest
 from inverse_case import Case, noise_model
 
 from builder.campaign.snapshots import Snapshots
-from builder.inverse.build import build_inverse_map, check_noise, gauge_noise_covariance, inverse_problem
+from builder.inverse.build import build_inverse_map
 from builder.inverse.cases.case_1 import least_squares_map
 from builder.inverse.loads.covariance import load_covariance_by_terms
 from builder.inverse.noise.gauge_derivatives import GaugeDerivatives, fourier_gauge_derivatives
@@ -26,6 +26,7 @@ from builder.inverse.noise.model import (
     nuisance_modes,
     truncated_modes,
 )
+from builder.inverse.problem import check_noise, gauge_noise_covariance, inverse_problem
 from builder.structure.fourier.gauges import place_gauges
 from builder.structure.fourier.model import StructuralModel
 from builder.structure.fourier.shell_mesh import shell_mesh

@@ -9,9 +9,10 @@ import pytest
 from inverse_case import Case
 
 from builder.campaign.snapshots import Snapshots
-from builder.inverse.build import build_inverse_map, inverse_problem
+from builder.inverse.build import build_inverse_map
 from builder.inverse.noise.gauge_derivatives import gauge_derivatives
 from builder.inverse.noise.model import NoiseTerm
+from builder.inverse.problem import inverse_problem
 from builder.reporting import Silent
 from builder.structure.fourier.model import StructuralModel
 from builder.structure.fourier.shell_mesh import shell_mesh

@@ -12,8 +12,9 @@ from fmu_host import loaded
 
 from builder.aero.loads.operator import load_operator
 from builder.campaign.snapshots import Snapshots
-from builder.inverse.build import build_inverse_map, inverse_problem
+from builder.inverse.build import build_inverse_map
 from builder.inverse.modes.ensemble import ensemble_of
+from builder.inverse.problem import inverse_problem
 from builder.inverse.sensors.sensor_set import port_row
 from builder.inverse.solution import Problem
 from builder.structure.fourier.model import StructuralModel

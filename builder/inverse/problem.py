@@ -1,0 +1,205 @@
+"""What an inverse map is solved from: strain and loads per pressure, noise and errors, further sensors."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from builder.aero.loads.operator import load_operator_on
+from builder.aero.loads.sections import further_load_operator
+from builder.aero.surface.mesh import mesh_of
+from builder.campaign.snapshot_transfer import snapshots_on
+from builder.campaign.snapshots import Snapshots
+from builder.inverse.modes.ensemble import Ensemble, ensemble_of
+from builder.inverse.noise.flows_between import BETWEEN, flows_between
+from builder.inverse.noise.gauges import gauge_covariance, nuisance_terms
+from builder.inverse.noise.hardware_errors import HardwareError, hardware_errors, hardware_terms
+from builder.inverse.noise.leeward import LEEWARD_PRESSURE, leeward_fields
+from builder.inverse.noise.mesh_error import MeshError, mesh_error
+from builder.inverse.noise.model import NoiseTerm, gauge_noise, pressure_errors
+from builder.inverse.noise.thermal import (
+    modulus_std,
+    thermal_map,
+    thermal_terms,
+    with_further_rows,
+)
+from builder.inverse.sensors.sensor_set import joined_errors, joined_terms, sensor_set
+from builder.inverse.solution import Problem
+from builder.structure.fourier.model import StructuralModel, structural_model_on
+from builder.structure.mapped_structure import MappedStructure
+from builder.structure.solid.case import structure_case
+from builder.structure.solid.checks.reference_loads import ELEMENT_FRACTION
+from builder.vehicle.file import Vehicle
+from builder.vehicle.shape.geometry import SurfaceGrid
+from strainfmu.arrays import FloatArray
+from strainfmu.errors import InputError
+
+AnyStructure = StructuralModel | MappedStructure
+
+
+def gauge_noise_covariance(vehicle: Vehicle, snapshots: Snapshots, structure: AnyStructure) -> FloatArray:
+    """Return the covariance (n_d, n_d) of the noise of the gauges in use [(m/m)^2].
+
+    Relative noise is a fraction of the median |strain| over the snapshots, at their own pressure level and as they
+    are listed, and the gauges of ``noise.of_layout``.
+
+    Raises
+    ------
+    InputError
+        The section [noise] does not fit the gauges.
+    """
+    entry = vehicle.noise
+    layout, median = vehicle.gauges.layout, 0.0
+    if entry.percent_of_median_strain is not None:
+        inside = np.array([vehicle.internal_pressure(condition) for condition in snapshots.conditions()])
+        net = snapshots.pressure - inside[:, None]
+        median = float(np.median(np.abs(net @ structure.strain_operator(entry.of_layout or layout).T)))
+    return gauge_covariance(entry, len(structure.layouts[layout].names), median, vehicle.beside(""))
+
+
+def check_noise(vehicle: Vehicle) -> None:
+    """Refuse entries and files of the section [noise] that do not fit the gauges in use.
+
+    Called before the long work.
+
+    Raises
+    ------
+    InputError
+        As :func:`gauge_noise_covariance` and :func:`builder.inverse.noise.gauges.nuisance_terms`.
+    """
+    entry, layout = vehicle.noise, vehicle.gauges.layout
+    names = structure_case(vehicle, [layout]).layouts[layout].name
+    gauge_covariance(entry, len(names), 1.0, vehicle.beside(""))
+    if entry.nuisance_file is not None:
+        nuisance_terms(vehicle.beside(entry.nuisance_file), names)
+
+
+def noise_terms(
+    vehicle: Vehicle,
+    snapshots: Snapshots,
+    structure: AnyStructure,
+    ensemble: Ensemble,
+    errors: list[HardwareError],
+) -> list[NoiseTerm]:
+    """Return the noise terms of the section [noise], without the truncated modes.
+
+    ``errors`` are those in proportion to strain.
+
+    Raises
+    ------
+    InputError
+        The section does not fit the gauges, or the structural model cannot do what it requests.
+    """
+    layout, file = vehicle.gauges.layout, vehicle.noise.nuisance_file
+    nuisance = [] if file is None else nuisance_terms(vehicle.beside(file), structure.layouts[layout].names)
+    own = gauge_noise(gauge_noise_covariance(vehicle, snapshots, structure))
+    z_p = structure.strain_operator(layout)
+    return [own, *nuisance, *hardware_terms(vehicle, errors, ensemble, z_p)]
+
+
+def inverse_problem(
+    vehicle: Vehicle,
+    snapshots: Snapshots,
+    structure: AnyStructure,
+    nuisance: Sequence[NoiseTerm] = (),
+    left: Sequence[HardwareError] = (),
+) -> Problem:
+    """Return what the map of the layout in use is solved from.
+
+    Parameters
+    ----------
+    vehicle : the vehicle file.
+    snapshots : surface pressure at the flight conditions.
+    structure : strain per pressure.
+    nuisance : further noise terms, such as thermal strain.
+    left : further errors in proportion to strain, such as what a ground test left.
+
+    Raises
+    ------
+    InputError
+        The snapshots' surface is not the structure's, or the section [noise] does not fit the gauges.
+    """
+    snapshots = on_structure(snapshots, structure)
+    z_p = structure.strain_operator(vehicle.gauges.layout)
+    ensemble = ensemble_of(vehicle, snapshots)
+    mesh = _mesh_error(vehicle, snapshots, structure, ensemble)
+    thermal = thermal_map(vehicle)
+    errors = hardware_errors(vehicle, structure, z_p, ensemble, modulus_std=modulus_std(thermal))
+    errors += left
+    if mesh is not None and vehicle.noise.model == "default":
+        errors += mesh.terms()
+    terms = [
+        *noise_terms(vehicle, snapshots, structure, ensemble, errors),
+        *thermal_terms(vehicle, thermal),
+        *nuisance,
+    ]
+    own = gauge_noise_covariance(vehicle, snapshots, structure)
+    sensors = sensor_set(vehicle, structure, ensemble, own)
+    if sensors is not None:
+        terms = joined_terms(terms, errors, sensors, ensemble)
+        errors = joined_errors(errors, sensors, len(z_p), ensemble)
+        z_p = np.vstack([z_p, sensors.operator])
+    loads = load_operator_on(structure.surface, vehicle.reference_quantities().moment_station)
+    further = further_load_operator(
+        structure.surface, vehicle.map.section_stations_m, vehicle.reference_quantities().moment_station
+    )
+    between, off, leeward = flows_between(vehicle, snapshots), None, None
+    if ensemble.grid is None and vehicle.noise.model == "default":
+        leeward = leeward_fields(vehicle, snapshots, ensemble)
+        if between is not None:
+            off = between.off_the_snapshots(ensemble, vehicle.map.form == "dynamic_pressure")
+    for name, fields in ((BETWEEN, off), (LEEWARD_PRESSURE, leeward)):
+        if fields is not None:
+            terms.append(pressure_errors(name, fields, z_p, loads, further))
+    return Problem(
+        ensemble=ensemble,
+        strain_operator=z_p,
+        load_operator=loads,
+        node_area=mesh_of(structure.surface).node_area,
+        noise=tuple(terms),
+        errors=tuple(errors),
+        with_truncated_modes=vehicle.noise.with_truncated_modes,
+        entry=vehicle.map,
+        mesh=mesh,
+        sensors=sensors,
+        further_operator=further,
+        thermal=thermal if sensors is None else with_further_rows(thermal, len(sensors.rows)),
+        between=between,
+        off_the_snapshots=off,
+        leeward=leeward,
+    )
+
+
+def _mesh_error(
+    vehicle: Vehicle, snapshots: Snapshots, structure: AnyStructure, ensemble: Ensemble
+) -> MeshError | None:
+    """Return the error by the structure's mesh, None where nothing is known of it."""
+    layout, against = vehicle.gauges.layout, structure.checked_against
+    operator = structure.error_operator(layout)
+    if operator is None and isinstance(structure, MappedStructure) and not structure.is_external:
+        operator, against = _difference_of_fourier_model(vehicle, structure), "the Fourier model"
+    if operator is None:
+        return None
+    std = np.sqrt(np.diag(gauge_noise_covariance(vehicle, snapshots, structure)))
+    return mesh_error(operator, against, ensemble, std)
+
+
+def _difference_of_fourier_model(vehicle: Vehicle, structure: MappedStructure) -> FloatArray | None:
+    """Return what the Fourier model's Z_p (n_d, n_p) [1/Pa] adds to ``structure``; None where it cannot do it."""
+    layout, surface = vehicle.gauges.layout, structure.surface
+    if not isinstance(surface, SurfaceGrid) or layout not in vehicle.gauges.layouts:
+        return None
+    own = vehicle.resolution.map
+    length = min(own.element_length_mm, 1e3 * ELEMENT_FRACTION * vehicle.body().length)
+    fine = own.model_copy(update={"element_length_mm": length, "wall_layers": max(2, own.wall_layers)})
+    try:
+        other = structural_model_on(vehicle, surface, fine, [layout])
+    except InputError:
+        return None
+    return other.strain_operator(layout) - structure.strain_operator(layout)
+
+
+def on_structure(snapshots: Snapshots, structure: AnyStructure) -> Snapshots:
+    """Return the snapshots at the structure's nodes, unchanged where they are there already."""
+    return snapshots_on(snapshots, structure.surface) if isinstance(structure.surface, SurfaceGrid) else snapshots

@@ -1,0 +1,191 @@
+"""The map of a solved problem: its operators, parts of the form "dynamic_pressure", field and provenance."""
+
+from __future__ import annotations
+
+from math import degrees
+from typing import Any
+
+import numpy as np
+
+from builder.aero.surface.mesh import SurfaceMesh, mesh_of
+from builder.campaign.snapshots import Snapshots
+from builder.inverse.envelope.bounds import coefficient_half_spaces, flight_ranges
+from builder.inverse.loads.covariance import load_covariance_by_terms
+from builder.inverse.loads.further import further_loads
+from builder.inverse.modes.ensemble import Ensemble
+from builder.inverse.noise.hardware_errors import error_model
+from builder.inverse.noise.model import NoiseTerm
+from builder.inverse.noise.thermal import (
+    with_isothermal,
+)
+from builder.inverse.problem import AnyStructure, on_structure
+from builder.inverse.sensors.sensor_set import SensorSet
+from builder.inverse.solution import Problem, Solution
+from builder.vehicle.file import Vehicle
+from builder.vehicle.gauges.layout import GaugeLayout
+from strainfmu.arrays import FloatArray
+from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.map.validity import condition_ranges, parameter_ranges
+from strainfmu.version import __version__
+
+
+def inverse_map_of(
+    vehicle: Vehicle, snapshots: Snapshots, structure: AnyStructure, problem: Problem, solution: Solution
+) -> InverseMap:
+    """Return the map of a solved ``problem``; its first noise term is the gauges' own."""
+    snapshots, reference = on_structure(snapshots, structure), vehicle.reference_quantities()
+    z_p, loads, ensemble = problem.strain_operator, problem.load_operator, problem.ensemble
+    solved, load_per_state = solution.solved, loads @ solution.field_modes
+    coefficients = ensemble.coefficients(loads)
+    gauges = structure.layouts[vehicle.gauges.layout]
+    ranges, half_spaces = flight_ranges(vehicle, ensemble), coefficient_half_spaces(ensemble, coefficients)
+    return InverseMap(
+        vehicle=vehicle.name,
+        case=problem.entry.case,
+        **_rows(gauges, problem.sensors),
+        noise_std=np.linalg.norm(problem.noise[0].strain, axis=1),
+        state_operator=solved.state_operator,
+        noise_covariance=solved.noise_covariance,
+        regularisation=solved.regularisation,
+        strain_gain=solved.strain_gain,
+        state_offset=solved.state_offset,
+        load_per_state=load_per_state,
+        load_of_mean=loads @ (solution.mean - ensemble.fixed_pressure),
+        load_covariance=load_covariance_by_terms(
+            solved, load_per_state, solution.noise, solution.noise.strain_load_covariance
+        ),
+        mean_strain=solved.mean_strain,
+        residual_whitening=solved.residual_whitening,
+        residual_degrees_of_freedom=solved.residual_degrees_of_freedom,
+        strain_range=np.abs(ensemble.responses(z_p) + problem.offset).max(axis=0),
+        coefficient_range=np.column_stack([coefficients.min(axis=0), coefficients.max(axis=0)]),
+        reference_area=reference.area,
+        reference_length=reference.length,
+        nominal_dynamic_pressure=ensemble.nominal_dynamic_pressure,
+        strain_load_covariance=solution.noise.strain_load_covariance,
+        provenance=_provenance(vehicle, snapshots, structure, problem, solution),
+        dynamic_pressure_error=0.01 * vehicle.noise.dynamic_pressure_percent,
+        envelope_direction=half_spaces.direction,
+        envelope_limit=half_spaces.limit,
+        dynamic_pressure_range=ranges.dynamic_pressure,
+        mach_number_range=ranges.mach_number,
+        altitude_range=ranges.altitude,
+        thermal=with_isothermal(problem.thermal, solution.noise.terms),
+        **(
+            _scaled_parts(problem, solution, coefficients)
+            if problem.entry.form == "dynamic_pressure"
+            else {"further": further_loads(problem, solution, None)}
+        ),
+        **(_field(problem, solution, mesh_of(structure.surface)) if problem.entry.keep_field else {}),
+    )
+
+
+def _rows(gauges: GaugeLayout, sensors: SensorSet | None) -> dict[str, Any]:
+    """Return names, positions and directions of the map's rows, and what those that are no gauges measure."""
+    direction = gauges.direction / np.linalg.norm(gauges.direction, axis=1, keepdims=True)
+    if sensors is None:
+        return {"gauge_names": gauges.names, "gauge_position": gauges.position, "gauge_direction": direction}
+    return {
+        "gauge_names": (*gauges.names, *(row.name for row in sensors.rows)),
+        "gauge_position": np.vstack([gauges.position, *(row.position for row in sensors.rows)]),
+        "gauge_direction": np.vstack([direction, *(row.direction for row in sensors.rows)]),
+        "sensors": sensors.described(len(gauges.names)),
+    }
+
+
+def _scaled_parts(problem: Problem, solution: Solution, coefficients: FloatArray) -> dict[str, Any]:
+    """Return the fields of a map in form "dynamic_pressure" that one in form "absolute" does not have."""
+    scaling = [term for term in solution.noise.terms if term.scales]
+    fixed = [term.strain @ term.strain.T for term in solution.noise.terms if not term.scales]
+    m = 0 if problem.further_operator is None else len(problem.further_operator)
+    strain, load = _compressed(scaling, len(problem.strain_operator), m)
+    parts: dict[str, Any] = {
+        "form": "dynamic_pressure",
+        "gauge_covariance": np.sum(fixed, axis=0),
+        "error_strain": strain,
+        "error_load": load[:5],
+        "further": further_loads(problem, solution, load[5:]),
+    }
+    inside = problem.ensemble.fixed_pressure
+    if inside != 0.0:
+        parts["fixed_strain"] = -inside * problem.strain_operator.sum(axis=1)
+        parts["fixed_load"] = -inside * problem.load_operator.sum(axis=1)
+    errors = error_model(list(problem.errors), problem.ensemble, coefficients)
+    if errors is not None:
+        parts["gauge_error_product"] = errors.of_gauge
+        parts["common_error"] = errors.common
+        parts["mean_product"] = errors.mean_product
+    return parts
+
+
+def _compressed(terms: list[NoiseTerm], n_gauges: int, n_further: int) -> tuple[FloatArray, FloatArray]:
+    """Return strain (n_d, k) and load (5 + m, k) columns with the covariance of all ``terms``.
+
+    k is at most n_d + 5 + m with m = ``n_further`` further loads.
+    """
+    if not terms:
+        return np.zeros((n_gauges, 0)), np.zeros((5 + n_further, 0))
+    joint = np.hstack([np.vstack([term.strain, _loads_of(term, n_further)]) for term in terms])
+    # Rows of one size: strain and newtons differ by many orders of magnitude.
+    size = np.linalg.norm(joint, axis=1, keepdims=True)
+    size[size == 0.0] = 1.0
+    upper: FloatArray = np.asarray(np.linalg.qr((joint / size).T, mode="r"))
+    triangle = size * upper.T
+    return triangle[:n_gauges], triangle[n_gauges:]
+
+
+def _loads_of(term: NoiseTerm, n_further: int) -> FloatArray:
+    """Return (5 + m, k) loads of the columns of ``term``, zero where it has none."""
+    parts = ((term.load, 5), (term.further, n_further))
+    k = term.strain.shape[1]
+    return np.vstack([np.zeros((rows, k)) if part is None else part for part, rows in parts])
+
+
+def _provenance(
+    vehicle: Vehicle, snapshots: Snapshots, structure: AnyStructure, problem: Problem, solution: Solution
+) -> dict[str, Any]:
+    conditions, ensemble, names = snapshots.conditions(), problem.ensemble, snapshots.parameter_names
+    return {
+        "strainfmu_version": __version__,
+        "layout": vehicle.gauges.layout,
+        "snapshots": len(conditions),
+        "flows_solved": int(snapshots.solved.sum()),
+        **solution.facts,
+        "form": problem.entry.form,
+        "symmetry": "listed" if ensemble.grid is None else "full",
+        "noise_terms": [
+            {"name": one.name, "share": one.fraction, "rms_strain": one.rms_strain}
+            for one in solution.noise.fractions()
+        ],
+        "internal_pressure_Pa": vehicle.structure.internal_pressure_Pa,
+        **condition_ranges(conditions),
+        **({"parameters": parameter_ranges(names, conditions)} if names else {}),
+        "total_incidence_deg": _incidence_range(ensemble),
+        "moment_station_m": vehicle.reference_quantities().moment_station,
+        "resolution": vehicle.resolution.map.model_dump(),
+        "structural_model": structure.description,
+        **({} if problem.mesh is None else {"mesh_error": problem.mesh.record(_gauge_names(vehicle, structure))}),
+    }
+
+
+def _gauge_names(vehicle: Vehicle, structure: AnyStructure) -> tuple[str, ...]:
+    return structure.layouts[vehicle.gauges.layout].names
+
+
+def _incidence_range(ensemble: Ensemble) -> list[float]:
+    incidence = [degrees(condition.total_incidence) for condition in ensemble.conditions]
+    return [min(incidence), max(incidence)]
+
+
+def _field(problem: Problem, solution: Solution, mesh: SurfaceMesh) -> dict[str, Any]:
+    """Return the fields of the map that give pressure on the surface, in single precision."""
+    scaled, none = problem.entry.form == "dynamic_pressure", np.zeros(len(solution.mean))
+    variance = none if solution.unresolved is None else solution.unresolved
+    return {
+        "field_std": np.sqrt(variance).astype(np.float32),
+        "field_is_net": scaled and problem.ensemble.fixed_pressure == 0.0,
+        "field_mean": solution.mean.astype(np.float32),
+        "field_modes": solution.field_modes.astype(np.float32),
+        "point": mesh.point.astype(np.float32),
+        "triangle": mesh.triangle.astype(np.int32),
+    }
