@@ -16,9 +16,10 @@ from strainfmu.cosim.estimators.fmu_step import TEMPERATURE, FmuStep
 from strainfmu.cosim.estimators.step import ENVELOPE_SCORE, FURTHER_LOADS, PARAMETERS, Step, StepResult
 from strainfmu.cosim.estimators.zeros_file import load_zeros
 from strainfmu.errors import InputError
+from strainfmu.estimator.linear.estimator import Estimator
 from strainfmu.estimator.loading import estimator_of
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
-from strainfmu.estimator.manifold.tracker import FlightTracker
+from strainfmu.estimator.manifold.tracker import FlightTracker, Track
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map
 from strainfmu.estimator.map.sensors import refuse_sensors
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
@@ -88,7 +89,7 @@ class MapStep:
         self._map = inverse_map
         self.sensor_names = () if inverse_map.thermal is None else inverse_map.thermal.sensor_names
         self._temperatures = temperature_names(inverse_map.thermal)
-        self.set_zeros(zeros)
+        self._estimator = self._with(zeros)
         self._parameters = parameter_names(inverse_map)
         self._stds = parameter_std_names(inverse_map)
         self.further_inputs = (*NAVIGATION, *self._temperatures, *self._parameters, *self._stds)
@@ -98,9 +99,13 @@ class MapStep:
         self._further = {} if stations is None else further_load_outputs(len(stations))
 
     def set_zeros(self, zeros: GaugeZeros | None) -> None:
-        """Take ``zeros`` off the strains from the next step on."""
+        """Take ``zeros`` off the strains from the next step on, which goes on from the state of the last."""
+        last = self._estimator
+        self._estimator = self._with(zeros, last.track if isinstance(last, FlightTracker) else None)
+
+    def _with(self, zeros: GaugeZeros | None, track: Track | None = None) -> FlightTracker | Estimator:
         found = estimator_of(self._map, zeros=zeros)
-        self._estimator = FlightTracker(found) if isinstance(found, ManifoldEstimator) else found
+        return FlightTracker(found, track) if isinstance(found, ManifoldEstimator) else found
         self.needs_pressure = not isinstance(found, ManifoldEstimator)
 
     def __call__(

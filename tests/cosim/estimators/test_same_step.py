@@ -1,0 +1,83 @@
+"""The step of a bridge by map and by FMU: every input with gaps, zeros that change meanwhile, the same results."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from flight_fmu import whole_map
+from flight_maps import exact_response
+from further_maps import with_further_tables, with_own_further
+from parameter_maps import with_parameter_tables, with_parameters
+from scaled_maps import NOMINAL, scaled_map
+from thermal_maps import REFERENCE, with_temperature
+
+from strainfmu.cosim.estimators.fmu_step import FmuStep
+from strainfmu.cosim.estimators.source import MapStep, open_step
+from strainfmu.cosim.estimators.step import StepResult, further_inputs
+from strainfmu.estimator.map.inverse_map import InverseMap, save_inverse_map
+from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
+from strainfmu.fmu.export import ExportOptions, export_estimator
+
+pytestmark = pytest.mark.fast
+K, NEW_ZEROS = 20, 12
+VALUES = {
+    "mach_number": 6.0,
+    "altitude": 19970.0,
+    **{f"temperature[{i + 1}]": REFERENCE + 10.0 * i for i in range(4)},
+    "parameter.fin_deg": 1.5,
+    "parameter.power": 0.2,
+    "parameter.cant_deg": 2.0,
+    "parameter_std.fin_deg": 0.1,
+    "parameter_std.power": 0.05,
+    "parameter_std.cant_deg": 0.0,
+}
+
+
+def linear_map() -> InverseMap:
+    return with_parameters(with_own_further(with_temperature(scaled_map(2, seed=4))))
+
+
+def nonlinear_map() -> InverseMap:
+    held = whole_map()
+    assert held.manifold is not None
+    held = replace(held, manifold=replace(held.manifold, gauge_covariance=held.scaled_parts[0]))
+    return with_parameter_tables(with_further_tables(with_temperature(held)))
+
+
+def steps(source: Path, held: InverseMap) -> list[StepResult]:
+    random, n, found = np.random.default_rng(2), held.n_gauges, []
+    zeros = GaugeZeros(value=3e-6 * random.normal(size=n), std=1e-7 * random.uniform(size=n), common_std=1e-7)
+    pressure = NOMINAL if held.manifold is None else 0.7 * 5500.0 * 36.0
+    with open_step(source) as ready:
+        names = further_inputs(ready.step)
+        assert isinstance(ready.step, MapStep | FmuStep)
+        for k in range(K):
+            strain = held.mean_strain + held.noise_std * random.normal(size=n)
+            if held.manifold is not None:
+                strain = exact_response(6.0, 0.03 + 1e-3 * k, 0.01, 5500.0)[:n] + 2e-7 * random.normal(size=n)
+            strain[: {3: 1, 4: n // 3, 5: n}.get(k, 0)] = np.nan
+            given = {name: np.nan if k == 6 + i % 6 else VALUES[name] for i, name in enumerate(names)}
+            if k == NEW_ZEROS:
+                ready.step.set_zeros(zeros)
+            found.append(ready.step(strain, np.nan if k == 9 else pressure, 0.01, **given))
+    return found
+
+
+@pytest.mark.parametrize("kind", ["linear", "nonlinear"])
+def test_map_and_fmus(tmp_path: Path, kind: str) -> None:
+    """The nonlinear estimator goes on from its state where zeros change."""
+    held = linear_map() if kind == "linear" else nonlinear_map()
+    save_inverse_map(held, tmp_path / "map.h5")
+    expected = steps(tmp_path / "map.h5", held)
+    for one in ("native", "python"):
+        export_estimator(tmp_path / "map.h5", tmp_path / f"{one}.fmu", ExportOptions(kind=one))
+        for k, (found, wanted) in enumerate(zip(steps(tmp_path / f"{one}.fmu", held), expected, strict=True)):
+            assert found.health == wanted.health, k
+            assert found.further.keys() == wanted.further.keys()
+            for name in ("coefficients", "coefficients_std", "chi_square"):
+                np.testing.assert_allclose(getattr(found, name), getattr(wanted, name), rtol=1e-6, err_msg=str(k))
+            ours, theirs = (np.array([by.further[name] for name in wanted.further]) for by in (found, wanted))
+            np.testing.assert_allclose(ours, theirs, rtol=1e-5, atol=1e-9 * np.nanmax(np.abs(theirs), initial=1.0))
