@@ -171,13 +171,13 @@ class FlightFilter:
         track, base, now = self.track, self.model.seen.direction, self._model.seen.direction
         last = base if track.directions is None else track.directions
         step = transition(self._model, time_step, track.consistency.widening, warm, None if last is now else last)
-        slopes, age = track.slopes_after(time_step, self.settings.slope_time), track.slope_age + time_step
-        directions = None if now is base else now
-        self.track = track = replace(track, directions=directions, slope_state=slopes, slope_age=age)
         law, thermal = (
             None if track.law is None else predicted(track.law, step),
             self.estimator.inverse_map.thermal,
         )
+        slopes, age = track.slopes_after(time_step, self.settings.slope_time, law), track.slope_age + time_step
+        directions = None if now is base else now
+        self.track = track = replace(track, directions=directions, slope_state=slopes, slope_age=age)
         if law is not None and thermal is not None:
             inputs = replace(inputs, strain=warm_strain(thermal, warm, law, strain))
         samples = Samples(

@@ -15,12 +15,29 @@ from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimates
 from strainfmu.estimator.manifold.gauss_newton import Samples
 from strainfmu.estimator.manifold.inputs import EstimatorInputs
+from strainfmu.estimator.tables.flight_tables import N_STATES
 
 OF_AGE = 0.25
 """Time constant of the flight state of slopes over the time since the filter began, at most [1]."""
 
 LONGEST_STEP = 0.7
 """Time step over that time constant from which each iteration takes its own slopes."""
+
+
+NOTICED = 3.0
+"""Deviations of a rate at which half of the motion that it predicts moves the flight state of slopes.
+
+Without it slopes lag behind a turn by the time constant, 2 deg at 10 deg/s, and what they miss passes for errors
+that last. All of it would bring the noise of the rates into them.
+"""
+
+
+def noticed(law: Law) -> FloatArray:
+    """Return (4,) how far the rates of ``law`` stand out of their deviations, from 0 to 1."""
+    rates = slice(N_STATES, 2 * N_STATES)
+    square = law.mean[rates] ** 2
+    both = square + NOTICED**2 * np.diagonal(law.covariance)[rates]
+    return np.divide(square, both, out=np.zeros(N_STATES), where=both > 0.0)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -53,17 +70,21 @@ class FilterTrack:
     named: NamedNavigation = field(default_factory=NamedNavigation)
     consistency: Consistency = field(default_factory=Consistency)
 
-    def slopes_after(self, time_step: float, longest: float) -> FloatArray | None:
+    def slopes_after(self, time_step: float, longest: float, predicted: Law | None) -> FloatArray | None:
         """Return (4,) the flight state of slopes after ``time_step`` [s]; None where each iteration takes its own.
 
-        It follows the estimated one with a time constant of ``longest`` [s], at most :data:`OF_AGE` of the time
-        that the filter has gone on: the first estimates are the worst.
+        It moves as the filter has ``predicted``, as far as the rates stand out of their deviations, and follows
+        the estimated one with a time constant of ``longest`` [s], at most :data:`OF_AGE` of the time that the
+        filter has gone on: the first estimates are the worst.
         """
         time_constant = min(longest, OF_AGE * self.slope_age)
-        if self.state is None or time_step >= LONGEST_STEP * time_constant:
+        if self.state is None or self.law is None or predicted is None:
+            return None
+        if time_step >= LONGEST_STEP * time_constant:
             return None
         last = self.state if self.slope_state is None else self.slope_state
-        return np.asarray(self.state + np.exp(-time_step / time_constant) * (last - self.state))
+        moved = noticed(self.law) * (predicted.mean[:N_STATES] - self.law.mean[:N_STATES])
+        return np.asarray(self.state + moved + np.exp(-time_step / time_constant) * (last - self.state))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

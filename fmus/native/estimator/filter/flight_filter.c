@@ -6,6 +6,8 @@
 #include "../manifold/flight_parts.h"
 #include "../step_parts.h"
 
+#define NOTICED 3.0 /* deviations of a rate at which half of the motion counts: flight_track.py */
+
 int flight_filters(const Estimator *e) {
     const size_t n = e->sensors.n_strains;
     const double *std = zeros_in_use(e) + n;
@@ -168,7 +170,15 @@ static void correct_strain(Estimator *e) {
     }
 }
 
-/* The flight state of slopes after a time [s], in filter->slope_state; NULL where each iteration takes its own. */
+/* How far a rate, by its number among the states, stands out of its deviation, from 0 to 1: flight_track.py. */
+static double noticed(const Filter *filter, size_t rate) {
+    const double square = filter->law.mean[rate] * filter->law.mean[rate];
+    const double both = square + NOTICED * NOTICED * filter->law.covariance[rate * filter->order + rate];
+    return both > 0.0 ? square / both : 0.0;
+}
+
+/* The flight state of slopes after a time [s], in filter->slope_state, moved as far as the rates are noticed; NULL where
+   each iteration takes its own. */
 static const double *moved_slopes(Flight *flight, double elapsed) {
     Filter *filter = &flight->filter;
     const double longest = filter->time_constant < filter->map.slope_time ? filter->time_constant : filter->map.slope_time;
@@ -178,8 +188,9 @@ static const double *moved_slopes(Flight *flight, double elapsed) {
     }
     const double kept = exponential(-elapsed / time_constant);
     for (size_t k = 0; k < N_STATES; k++) {
-        const double state = flight->base.state[k];
-        filter->slope_state[k] = state + kept * (filter->base.slope_state[k] - state);
+        const double state = flight->base.state[k], moved = filter->predicted.mean[k] - filter->law.mean[k];
+        const double part = noticed(filter, filter->n_read + k);
+        filter->slope_state[k] = state + part * moved + kept * (filter->base.slope_state[k] - state);
     }
     return filter->slope_state;
 }
