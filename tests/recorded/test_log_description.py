@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from strainfmu.can.bridge.setup import BridgeOptions
+from strainfmu.can.bridge.options import BridgeOptions
 from strainfmu.can.tools.log_description import load_description, sidecar
 from strainfmu.can.tools.recording import MicrosecondClock, Recorder
 from strainfmu.can.wire.profiles import Identifiers

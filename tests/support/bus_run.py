@@ -20,8 +20,9 @@ from synthetic_vehicle import N_GAUGES, synthetic_inverse_map
 from strainfmu.atmosphere import dynamic_pressure
 from strainfmu.can.bridge.bus.opening import BusSettings, open_bus
 from strainfmu.can.bridge.keepers.freshness_file import freshness_file, next_trip
+from strainfmu.can.bridge.options import BridgeOptions
 from strainfmu.can.bridge.run_loop import Bridge
-from strainfmu.can.bridge.setup import BridgeOptions, input_layout
+from strainfmu.can.bridge.setup import input_layout
 from strainfmu.can.bridge.summary import BridgeSummary
 from strainfmu.can.cycle.estimate.result import CycleResult
 from strainfmu.can.tools.faults import Fault

@@ -25,7 +25,8 @@ from typing import Any
 import numpy as np
 
 from strainfmu.can.bridge.bus.opening import BusSettings, open_bus
-from strainfmu.can.bridge.setup import BridgeOptions, input_layout, map_gauge_names
+from strainfmu.can.bridge.options import BridgeOptions
+from strainfmu.can.bridge.setup import input_layout, map_gauge_names
 from strainfmu.can.tools.sender import send_flight
 from strainfmu.can.tools.strain_sources import FlownSample, plant_samples
 from strainfmu.can.tools.two_processes import private_port

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 from strainfmu.can.bridge.bus.opening import BusSettings, configured, open_bus
 from strainfmu.can.bridge.keepers.freshness_file import FreshnessKeeper, freshness_file
 from strainfmu.can.bridge.keepers.zeros_keeper import ZerosKeeper
+from strainfmu.can.bridge.options import RESULT_FORMS, BridgeOptions
 from strainfmu.can.bridge.results.layouts import result_layouts
 from strainfmu.can.bridge.run_loop import Bridge
 from strainfmu.can.cycle.core import BridgeCore, bridge_core
@@ -21,17 +22,19 @@ from strainfmu.can.wire.authenticator import AuthenticationKey, load_key
 from strainfmu.can.wire.frame import Frame
 from strainfmu.can.wire.frame_layout import NAVIGATION, FrameLayout, InputLayout
 from strainfmu.can.wire.libraries import import_can
-from strainfmu.can.wire.profiles import SECURED_PROFILE, Identifiers, configuration_of, profile_layout
+from strainfmu.can.wire.profiles import SECURED_PROFILE, configuration_of, profile_layout
 from strainfmu.cosim.estimators.step import (
     FURTHER_LOADS,
     PARAMETERS,
     Step,
+    further_inputs,
     parameter_names_of,
     parameter_std_names_of,
     section_stations_of,
     sensor_names_of,
 )
 from strainfmu.errors import InputError
+from strainfmu.interface.input_names import FURTHER_FLOW
 
 UNPROTECTED_TEXT = (
     "UNPROTECTED: no CRC with counter covers every byte of the input; errors of transmission may pass unseen, and "
@@ -43,63 +46,6 @@ UNLOADED_TEXT = (
     "tare: strains of own weight and of ambient air count as zeros; state them by --tare-known where they matter"
 )
 """Word at the start of a bridge that takes tares without knowing of loads on the ground."""
-
-RESULT_FORMS = ("fd", "classic-le", "classic-be")
-
-
-@dataclass(frozen=True, kw_only=True)
-class BridgeOptions:
-    """Options of a user; times in seconds.
-
-    Attributes
-    ----------
-    bus_options : "key=value" of the interface.
-    bus_context : of python-can's configuration, None for its default.
-    profile : of the input where no ``dbc`` is given, with ``cycle_time`` [s] and ``identifiers.base``.
-    dbc, mapping : the user's DBC file and its mapping, both or none.
-    dynamic_pressure : fixed [Pa], or None to take it from its frame.
-    result_form : one of RESULT_FORMS, None for the input's.
-    key_file : key of profile fd64-sec, None of others.
-    freshness_file : where the freshness value is remembered across runs, None for beside the key.
-    stuck_cycles, zero_cycles, max_age : as of :class:`BridgeSettings`.
-    clock_rate, clock_tolerance, hidden_age, synchronised, synchronised_shift : as of :class:`BridgeSettings`.
-    max_uncertainty : as there; None for no limit.
-    gauge_noise : standard deviation of the gauges' noise at rest [m/m], None for what the estimator was made with.
-    zeros : file of what the gauges read without strain (zeros.toml), None for what the FMU was exported with.
-    tare : map of the same gauges, with which tares are taken on command; None: they are not.
-    tare_cycles : window of a tare [cycles].
-    tare_known : file of the strains of the loads that act meanwhile, in the form of zeros; None for none.
-    tare_output : where its zeros are written, None for zeros.toml.
-    """
-
-    interface: str
-    channel: str
-    bus_options: tuple[str, ...] = ()
-    bus_context: str | None = None
-    profile: str = "fd64"
-    dbc: Path | None = None
-    mapping: Path | None = None
-    cycle_time: float = 0.01
-    identifiers: Identifiers = field(default_factory=Identifiers)
-    dynamic_pressure: float | None = None
-    result_form: str | None = None
-    stuck_cycles: int | None = None
-    zero_cycles: int | None = None
-    gauge_noise: float | None = None
-    max_age: float = 5.0
-    key_file: Path | None = None
-    freshness_file: Path | None = None
-    clock_rate: float = 0.0
-    clock_tolerance: float = 1e-4
-    hidden_age: float = 0.01
-    max_uncertainty: float | None = None
-    synchronised: float | None = None
-    synchronised_shift: float = 0.0
-    zeros: Path | None = None
-    tare: Path | None = None
-    tare_cycles: int = 500
-    tare_known: Path | None = None
-    tare_output: Path | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -158,7 +104,8 @@ def make_bridge(fmu: Path, options: BridgeOptions, taps: Taps | None = None) -> 
     bus = bus_settings(options)
     key_of(options)  # refused before the FMU is unpacked
     outputs = (ENVELOPE_SCORE, FURTHER_LOADS, *taps.outputs)
-    with FmuStep(fmu, (*NAVIGATION, TEMPERATURE, PARAMETERS), outputs) as step, ExitStack() as stack:
+    inputs = (*NAVIGATION, *FURTHER_FLOW, TEMPERATURE, PARAMETERS)
+    with FmuStep(fmu, inputs, outputs) as step, ExitStack() as stack:
         if options.zeros is not None:
             step.set_zeros(load_zeros(options.zeros, step.gauge_names))
         start = taps.clock()
@@ -231,7 +178,12 @@ def make_core(
         synchronised_shift=options.synchronised_shift,
     )
     layout, configuration = input_layout(
-        options, gauge_names, sensor_names_of(step), parameter_names_of(step), parameter_std_names_of(step)
+        options,
+        gauge_names,
+        sensor_names=sensor_names_of(step),
+        parameter_names=parameter_names_of(step),
+        parameter_std_names=parameter_std_names_of(step),
+        flow_names=further_inputs(step),
     )
     stations = section_stations_of(step)
     results = result_layouts(_result_form(options, layout), options.identifiers, layout.cycle_time, stations)
@@ -277,11 +229,13 @@ def input_layout(
     sensor_names: Sequence[str] = (),
     parameter_names: Sequence[str] = (),
     parameter_std_names: Sequence[str] = (),
+    flow_names: Sequence[str] = (),
 ) -> tuple[InputLayout, int]:
     """Return the input frames of a profile or a DBC file, and the number of the gauge assignment.
 
     ``sensor_names`` are the temperature sensors of the estimator, ``parameter_names`` its inputs for further
-    parameters of the flow, which a mapping may name, and ``parameter_std_names`` those for their deviations.
+    parameters of the flow, which a mapping may name, and ``parameter_std_names`` those for their deviations;
+    ``flow_names`` are all of its further inputs.
 
     Raises
     ------
@@ -312,6 +266,7 @@ def input_layout(
         sensor_names=sensor_names,
         parameter_names=parameter_names,
         parameter_std_names=parameter_std_names,
+        flow_names=flow_names,
     )
     return layout, configuration_of(options.dbc.name, gauge_names)
 

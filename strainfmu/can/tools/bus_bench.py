@@ -23,8 +23,9 @@ import numpy as np
 
 from strainfmu.can.bridge.bus.opening import BusSettings, open_bus, shut_down
 from strainfmu.can.bridge.bus.raw_bus import raw_bus
+from strainfmu.can.bridge.options import BridgeOptions
 from strainfmu.can.bridge.results.frames import ResultFrames
-from strainfmu.can.bridge.setup import BridgeOptions, make_core
+from strainfmu.can.bridge.setup import make_core
 from strainfmu.can.bridge.summary import BridgeSummary
 from strainfmu.can.cycle.estimate.result import CycleResult
 from strainfmu.can.cycle.states.quality import Quality

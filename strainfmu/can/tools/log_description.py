@@ -9,7 +9,7 @@ from math import isfinite
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
-from strainfmu.can.bridge.setup import BridgeOptions
+from strainfmu.can.bridge.options import BridgeOptions
 from strainfmu.can.wire.libraries import error_line
 from strainfmu.can.wire.profiles import Identifiers
 from strainfmu.errors import InputError

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from strainfmu.can.bridge.setup import BridgeOptions
+from strainfmu.can.bridge.options import BridgeOptions
 from strainfmu.can.cycle.estimate.result import CycleResult
 from strainfmu.can.tools.log_description import load_description
 from strainfmu.can.tools.replay import ReplaySummary, replay_log

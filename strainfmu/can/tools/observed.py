@@ -11,8 +11,9 @@ from typing import Any
 from strainfmu.can.bridge.displays.field_message import field_messages
 from strainfmu.can.bridge.displays.page_message import PAGE_OUTPUTS, estimator_facts, gauge_positions
 from strainfmu.can.bridge.displays.publisher import BridgeReports, Publisher, parsed_address
+from strainfmu.can.bridge.options import BridgeOptions
 from strainfmu.can.bridge.run_loop import Bridge
-from strainfmu.can.bridge.setup import BridgeOptions, ReadyBridge, Taps, make_bridge
+from strainfmu.can.bridge.setup import ReadyBridge, Taps, make_bridge
 from strainfmu.can.cycle.estimate.result import CycleResult
 from strainfmu.can.e2e.clock import monotonic, synchronised_shift
 from strainfmu.can.tools.recording import MicrosecondClock, Recorder

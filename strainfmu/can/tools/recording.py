@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from strainfmu.can.bridge.setup import BridgeOptions
+from strainfmu.can.bridge.options import BridgeOptions
 from strainfmu.can.tools.log_description import SIDECAR_VERSION, plain_options, sidecar
 from strainfmu.can.tools.log_files import open_log
 from strainfmu.can.wire.frame import Frame

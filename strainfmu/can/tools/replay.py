@@ -13,8 +13,9 @@ from typing import Any
 
 import numpy as np
 
+from strainfmu.can.bridge.options import BridgeOptions
 from strainfmu.can.bridge.results.frames import ResultFrames
-from strainfmu.can.bridge.setup import BridgeOptions, make_core
+from strainfmu.can.bridge.setup import make_core
 from strainfmu.can.cycle.core import BridgeCore
 from strainfmu.can.cycle.estimate.result import CycleResult
 from strainfmu.can.cycle.frames.acceptance import Acceptance

@@ -25,6 +25,7 @@ _TABLES = {
     "dynamic_pressure",
     "mach_number",
     "altitude",
+    "static_pressure",
     "temperature",
     "parameter",
     "units",

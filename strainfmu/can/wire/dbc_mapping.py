@@ -12,39 +12,30 @@ from typing import Any, TypeVar
 
 from strainfmu.can.wire.dbc_lookup import MappedDatabase
 from strainfmu.can.wire.dbc_signals import selector_value, signal_layout
+from strainfmu.can.wire.flow_units import to_si
 from strainfmu.can.wire.frame import FD_LENGTHS
 from strainfmu.can.wire.frame_layout import (
     ALTITUDE,
-    DYNAMIC_PRESSURE,
     FLOW_QUANTITIES,
+    FLOW_STDS,
     LARGEST_PARAMETER,
-    MACH_NUMBER,
+    STATIC_PRESSURE,
     FlowSignal,
     FrameLayout,
     InputFrame,
     InputLayout,
-    is_parameter,
-    is_parameter_std,
-    is_temperature,
     temperature_name,
 )
 from strainfmu.can.wire.mixed_rates import PERIODS_HELD, cycle_time_of, with_rates
 from strainfmu.can.wire.signal_plan import SignalPlan
 from strainfmu.errors import InputError
-from strainfmu.units import LENGTH_UNITS, NUMBER_UNITS, PRESSURE_UNITS, STRAIN_UNITS, TEMPERATURE_UNITS, TIME_UNITS
+from strainfmu.units import STRAIN_UNITS, TIME_UNITS
 
 _Key = TypeVar("_Key")
 """What a signal is of: the number of a gauge, or the name of a quantity."""
 
 _ABSENT = {"temperature": "temperature sensors", "parameter": "further parameters"}
 """What an estimator lacks to which a table of the mapping cannot map."""
-
-_UNITS_OF = {
-    DYNAMIC_PRESSURE: (PRESSURE_UNITS, "a unit of pressure", ""),
-    MACH_NUMBER: (NUMBER_UNITS | {"Mach": 1.0, "Ma": 1.0}, "a number", "1"),
-    ALTITUDE: (LENGTH_UNITS, "a unit of length", ""),
-}
-"""Units of a quantity of the flow, what they are, and that of a signal without one."""
 
 
 def mapped_layout(
@@ -55,6 +46,7 @@ def mapped_layout(
     sensor_names: Sequence[str] = (),
     parameter_names: Sequence[str] = (),
     parameter_std_names: Sequence[str] = (),
+    flow_names: Sequence[str] = (),
 ) -> InputLayout:
     """Return the frames that ``mapping`` names in ``database``.
 
@@ -65,6 +57,7 @@ def mapped_layout(
     sensor_names : temperature sensors of the estimator; the mapping may also call them temperature[1] ..
     parameter_names : inputs ``parameter.NAME`` of the estimator for further parameters of the flow.
     parameter_std_names : inputs ``parameter_std.NAME`` for their standard deviations.
+    flow_names : further inputs of the estimator; p_inf and deviations of navigation may be mapped to them.
 
     Raises
     ------
@@ -79,6 +72,8 @@ def mapped_layout(
     )
     mapper.may_hold("parameter", "name", by_name)
     mapper.may_deviate({by_name[name]: one for name, one in std_by_name.items() if name in by_name})
+    mapper.may_deviate({quantity: std for quantity, std in FLOW_STDS.items() if std in flow_names})
+    mapper.has_static_pressure = STATIC_PRESSURE in flow_names
     return mapper.layout()
 
 
@@ -101,6 +96,8 @@ class _Mapper:
         self._deviations: dict[str, str] = {}
         self._constants: dict[str, float] = {}
         self._frames_in_use: set[str] = set()
+        self.has_static_pressure = False
+        """The estimator takes p_inf."""
 
     def may_hold(self, table: str, kind: str, inputs: Mapping[str, str]) -> None:
         """Let ``table`` map signals to ``inputs`` of the estimator, by names of what they are of, a ``kind``."""
@@ -108,7 +105,7 @@ class _Mapper:
 
     def may_deviate(self, inputs: Mapping[str, str]) -> None:
         """Let a standard deviation be stated beside the signal of an input, for another of ``inputs``."""
-        self._deviations = dict(inputs)
+        self._deviations |= inputs
 
     def layout(self) -> InputLayout:
         """Return the whole input."""
@@ -199,15 +196,18 @@ class _Mapper:
 
     def _flow_paths(self) -> list[tuple[str, Any]]:
         """Return the quantities of the flow that are mapped, and "Message.Signal" of each."""
-        found = []
-        for quantity in FLOW_QUANTITIES:
+        found: dict[str, Any] = {}
+        for quantity in (*FLOW_QUANTITIES, STATIC_PRESSURE):
             table = self._file.table(quantity, optional=True)
             if not table:
                 continue
-            if set(table) != {"signal"}:
+            if quantity == STATIC_PRESSURE and not self.has_static_pressure:
+                raise InputError(f"{self._name}: {quantity}: expected none, the estimator does not take it")
+            if quantity == ALTITUDE and set(table) != {"signal"}:
                 raise InputError(f"{self._name}: {quantity}: expected 'signal', got {', '.join(table)}")
-            found.append((quantity, table["signal"]))
-        return found
+            found[quantity], deviation = self._signal_and_std(quantity, quantity, table)
+            found |= deviation
+        return list(found.items())
 
     def _further_paths(self, table: str) -> list[tuple[str, Any]]:
         """Return the inputs of the estimator that ``table`` maps, and "Message.Signal" of each."""
@@ -252,15 +252,7 @@ class _Mapper:
         used = [signal for _, signal in items]
         flow = []
         for index, (quantity, signal) in enumerate(items):
-            if is_temperature(quantity):
-                unit = self._file.unit(message, signal, tuple(TEMPERATURE_UNITS), "a unit of temperature")
-                factor, offset = TEMPERATURE_UNITS[unit]
-            elif is_parameter(quantity) or is_parameter_std(quantity):
-                factor, offset = 1.0, 0.0  # their unit is that of the vehicle file, which nobody states
-            else:
-                units, what, unless_stated = _UNITS_OF[quantity]
-                factor = self._file.factor(message, signal, units=units, what=what, unless_stated=unless_stated)
-                offset = 0.0
+            factor, offset = to_si(self._file, message, signal, quantity)
             flow.append(FlowSignal(quantity=quantity, index=index, to_si=factor, offset=offset))
         if len({signal.name for signal in used}) < len(used):
             names = " and ".join(quantity for quantity, _ in items)

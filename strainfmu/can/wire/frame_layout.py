@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from strainfmu.can.wire.authenticator import AuthenticationKey, Secured
 from strainfmu.can.wire.crc import Protection
 from strainfmu.can.wire.frame import frame_key
+from strainfmu.interface.input_names import FURTHER_FLOW
 
 UNSIGNED, SIGNED, FLOAT = "unsigned", "signed", "float"
 LITTLE, BIG = "little", "big"
@@ -17,6 +18,10 @@ FLOW_QUANTITIES = (DYNAMIC_PRESSURE, *NAVIGATION)
 """What the bridge takes from the bus beside strains, by the names of the FMU's inputs; only q_inf is needed.
 
 Temperatures are ``temperature[k]``, see :func:`temperature_name`."""
+
+STATIC_PRESSURE = "static_pressure"
+FLOW_STDS = {name.removesuffix("_std"): name for name in FURTHER_FLOW if name.endswith("_std")}
+"""The input for the standard deviation of each quantity that has one; only a mapping gives these, and p_inf."""
 
 _TEMPERATURE = "temperature["
 
@@ -139,8 +144,8 @@ class FlowSignal:
 
     Attributes
     ----------
-    quantity : one of :data:`FLOW_QUANTITIES`, :func:`temperature_name`, or as of :func:`is_parameter` and
-        :func:`is_parameter_std`.
+    quantity : of :data:`FLOW_QUANTITIES` or ``FURTHER_FLOW``, :func:`temperature_name`, or as of
+        :func:`is_parameter` and :func:`is_parameter_std`.
     index : of the signal in its frame.
     to_si, offset : factor from the signal's unit to Pa, 1, m, K or a parameter's own, and what is added then.
     """

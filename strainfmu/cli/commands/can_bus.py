@@ -205,7 +205,8 @@ def bridge(
 
         strainfmu bridge estimator.fmu --interface pcan --channel PCAN_USBBUS1 --dbc rack.dbc --mapping rack.toml
     """
-    from strainfmu.can.bridge.setup import BridgeOptions, bus_settings
+    from strainfmu.can.bridge.options import BridgeOptions
+    from strainfmu.can.bridge.setup import bus_settings
     from strainfmu.can.bridge.summary import summary_table
     from strainfmu.can.tools.observed import observed_bridge
 

@@ -244,7 +244,7 @@ def _replay(
     from dataclasses import replace as replaced
     from time import perf_counter
 
-    from strainfmu.can.bridge.setup import BridgeOptions
+    from strainfmu.can.bridge.options import BridgeOptions
     from strainfmu.can.bridge.summary import health_rows
     from strainfmu.can.tools.log_estimates import estimate_log
 

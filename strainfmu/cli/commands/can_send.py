@@ -108,7 +108,8 @@ def send(
         strainfmu send map.h5 --data flight.h5 --faults 20 --seed 7 --interface socketcan --channel vcan0
     """
     from strainfmu.can.bridge.bus.opening import configured
-    from strainfmu.can.bridge.setup import BridgeOptions, bus_settings, input_layout, map_gauge_names
+    from strainfmu.can.bridge.options import BridgeOptions
+    from strainfmu.can.bridge.setup import bus_settings, input_layout, map_gauge_names
 
     if sum(item is not None for item in (plant, scenario, data)) != 1:
         raise InputError("expected one of --plant, --scenario, --data")

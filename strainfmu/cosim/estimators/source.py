@@ -24,6 +24,7 @@ from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map
 from strainfmu.estimator.map.sensors import refuse_sensors
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 from strainfmu.interface.further_variables import further_load_outputs, further_outputs, section_stations
+from strainfmu.interface.input_names import FURTHER_FLOW
 from strainfmu.interface.parameter_variables import (
     OUTSIDE_PREFIX,
     STD_PREFIX,
@@ -71,7 +72,8 @@ def open_step(source: Path, zeros: Path | None = None) -> Iterator[ReadyStep]:
         The FMU cannot be loaded on this machine.
     """
     if is_fmu(source):
-        with FmuStep(source, (*NAVIGATION, TEMPERATURE, PARAMETERS), (ENVELOPE_SCORE, FURTHER_LOADS)) as fmu:
+        inputs = (*NAVIGATION, *FURTHER_FLOW, TEMPERATURE, PARAMETERS)
+        with FmuStep(source, inputs, (ENVELOPE_SCORE, FURTHER_LOADS)) as fmu:
             if zeros is not None:
                 fmu.set_zeros(load_zeros(zeros, fmu.gauge_names))
             yield ReadyStep(fmu, fmu.gauge_names)
@@ -87,12 +89,14 @@ class MapStep:
 
     def __init__(self, inverse_map: InverseMap, zeros: GaugeZeros | None = None) -> None:
         self._map = inverse_map
+        self.needs_pressure = inverse_map.manifold is None
         self.sensor_names = () if inverse_map.thermal is None else inverse_map.thermal.sensor_names
         self._temperatures = temperature_names(inverse_map.thermal)
         self._estimator = self._with(zeros)
         self._parameters = parameter_names(inverse_map)
         self._stds = parameter_std_names(inverse_map)
-        self.further_inputs = (*NAVIGATION, *self._temperatures, *self._parameters, *self._stds)
+        self._flow = FURTHER_FLOW[:1] if self.needs_pressure else FURTHER_FLOW
+        self.further_inputs = (*NAVIGATION, *self._flow, *self._temperatures, *self._parameters, *self._stds)
         self.noise_std = inverse_map.noise_std
         self.section_stations = section_stations(inverse_map)
         stations = self.section_stations
@@ -106,7 +110,6 @@ class MapStep:
     def _with(self, zeros: GaugeZeros | None, track: Track | None = None) -> FlightTracker | Estimator:
         found = estimator_of(self._map, zeros=zeros)
         return FlightTracker(found, track) if isinstance(found, ManifoldEstimator) else found
-        self.needs_pressure = not isinstance(found, ManifoldEstimator)
 
     def __call__(
         self,
@@ -120,13 +123,14 @@ class MapStep:
     ) -> StepResult:
         """Do one step; its result does not depend on ``step_size``.
 
-        ``others`` are temperatures [K], further parameters of the flow and their standard deviations by name of
-        the FMU's input; one that is not given is not known.
+        ``others`` are temperatures [K], p_inf and deviations of navigation, further parameters of the flow and
+        their deviations by name of the FMU's input; one that is not given is not known.
         """
         warm = None
         if self._temperatures and others:
             warm = np.array([others.get(name, nan) for name in self._temperatures])
         of_flow: dict[str, Any] = {"mach_number": mach_number, "altitude": altitude, "temperature": warm}
+        of_flow |= {name: others[name] for name in self._flow if name in others}
         names = [name.removeprefix(PARAMETER_PREFIX) for name in self._parameters]
         if names:
             of_flow["parameters"] = {name: others.get(PARAMETER_PREFIX + name, nan) for name in names}

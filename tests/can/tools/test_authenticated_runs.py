@@ -11,7 +11,7 @@ from bus_run import CYCLE, live_run, paced_bridge
 from synthetic_vehicle import SyntheticFiles
 
 from strainfmu.can.bridge.keepers.freshness_file import load_freshness
-from strainfmu.can.bridge.setup import BridgeOptions
+from strainfmu.can.bridge.options import BridgeOptions
 from strainfmu.can.bridge.summary import BridgeSummary
 from strainfmu.can.cycle.frames.account import FrameClass
 from strainfmu.can.cycle.states.quality import Quality

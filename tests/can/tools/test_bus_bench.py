@@ -13,7 +13,8 @@ from flight_fmu import whole_map
 from flight_maps import NOISE_STD
 from synthetic_vehicle import SyntheticFiles
 
-from strainfmu.can.bridge.setup import BridgeOptions, make_core
+from strainfmu.can.bridge.options import BridgeOptions
+from strainfmu.can.bridge.setup import make_core
 from strainfmu.can.cycle.states.quality import Quality
 from strainfmu.can.tools.bench_flight import PROFILE, bench_flight
 from strainfmu.can.tools.bus_bench import SETTLING_CYCLES, _outcome, bus_run, core_cost, linear_cost

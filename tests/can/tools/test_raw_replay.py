@@ -11,7 +11,7 @@ from bus_run import CYCLE, flight
 from synthetic_vehicle import N_GAUGES, SyntheticFiles
 
 from strainfmu.can.bridge.bus.opening import BusSettings, open_bus
-from strainfmu.can.bridge.setup import BridgeOptions
+from strainfmu.can.bridge.options import BridgeOptions
 from strainfmu.can.bridge.summary import BridgeSummary
 from strainfmu.can.cycle.estimate.result import CycleResult
 from strainfmu.can.cycle.states.quality import Quality

@@ -15,7 +15,7 @@ from further_maps import with_own_further
 from scaled_maps import scaled_map
 from synthetic_vehicle import SyntheticFiles
 
-from strainfmu.can.bridge.setup import BridgeOptions
+from strainfmu.can.bridge.options import BridgeOptions
 from strainfmu.can.bridge.summary import summary_rows
 from strainfmu.can.cycle.estimate.result import CycleResult
 from strainfmu.can.cycle.frames.account import FrameClass

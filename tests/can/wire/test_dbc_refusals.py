@@ -13,7 +13,8 @@ import pytest
 from can_case import Projection
 from dbc_case import AIR, HEAD, MULTIPLEXED, NAVIGATION, NESTED, RACK, START, layout_from
 
-from strainfmu.can.bridge.setup import BridgeOptions, make_core
+from strainfmu.can.bridge.options import BridgeOptions
+from strainfmu.can.bridge.setup import make_core
 from strainfmu.can.wire.frame_layout import InputLayout
 from strainfmu.errors import InputError
 

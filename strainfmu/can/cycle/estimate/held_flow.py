@@ -16,8 +16,10 @@ from strainfmu.can.wire.cycle_plan import raw_ends
 from strainfmu.can.wire.frame_layout import (
     ALTITUDE,
     DYNAMIC_PRESSURE,
+    FLOW_STDS,
     LARGEST_PARAMETER,
     MACH_NUMBER,
+    STATIC_PRESSURE,
     FlowSignal,
     InputFrame,
     is_parameter,
@@ -26,11 +28,14 @@ from strainfmu.can.wire.frame_layout import (
 )
 from strainfmu.can.wire.profile_signals import LARGEST_DYNAMIC_PRESSURE, LEAST_DYNAMIC_PRESSURE
 from strainfmu.can.wire.signal_plan import SignalPlan
+from strainfmu.interface.input_names import FURTHER_FLOW
 
 _SENSIBLE = {
     DYNAMIC_PRESSURE: (LEAST_DYNAMIC_PRESSURE, LARGEST_DYNAMIC_PRESSURE),
     MACH_NUMBER: (0.0, 100.0),
     ALTITUDE: (-2e3, 2e5),
+    STATIC_PRESSURE: (LEAST_DYNAMIC_PRESSURE, LARGEST_DYNAMIC_PRESSURE),
+    **dict.fromkeys(FLOW_STDS.values(), (0.0, LARGEST_PARAMETER)),
 }
 """Smallest and largest value of a quantity that may be used, in SI units, whatever its signal allows."""
 
@@ -53,8 +58,8 @@ class FlowState:
     mach_number, altitude : by navigation [1] and [m].
     lost : causes of what was known before and is not any more: navigation, a temperature, a further parameter or
         its standard deviation.
-    further : temperatures [K], further parameters of the flow and their standard deviations, by name of the
-        estimator's input.
+    further : temperatures [K], p_inf [Pa], deviations of navigation, further parameters of the flow and their
+        deviations, by name of the estimator's input.
     hides_delay : more delay of the dynamic pressure may hide than is allowed.
     """
 
@@ -245,6 +250,7 @@ class HeldFlow:
             is_temperature: Cause.TEMPERATURE,
             is_parameter: Cause.NAVIGATION,
             is_parameter_std: Cause.NAVIGATION,
+            FURTHER_FLOW.__contains__: Cause.NAVIGATION,
         }
         self._further = [(one, cause) for one in values for has, cause in of_loss.items() if has(one.quantity)]
         self._state = FlowState(further=dict(constants))

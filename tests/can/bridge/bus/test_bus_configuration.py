@@ -12,7 +12,8 @@ from can.interfaces.virtual import VirtualBus
 from synthetic_vehicle import N_GAUGES, SyntheticFiles
 
 from strainfmu.can.bridge.bus.opening import BusSettings, configured, open_bus
-from strainfmu.can.bridge.setup import UNPROTECTED_TEXT, BridgeOptions, bus_settings, make_bridge
+from strainfmu.can.bridge.options import BridgeOptions
+from strainfmu.can.bridge.setup import UNPROTECTED_TEXT, bus_settings, make_bridge
 from strainfmu.cli.main import main
 from strainfmu.errors import InputError
 

@@ -12,7 +12,8 @@ from bus_run import CYCLE, paced_bridge
 from synthetic_vehicle import N_GAUGES, SyntheticFiles, synthetic_inverse_map
 
 from strainfmu.can.bridge.keepers.freshness_file import freshness_file, next_trip
-from strainfmu.can.bridge.setup import BridgeOptions, input_layout
+from strainfmu.can.bridge.options import BridgeOptions
+from strainfmu.can.bridge.setup import input_layout
 from strainfmu.can.cycle.estimate.result import CycleResult
 from strainfmu.can.cycle.states.quality import Cause, Quality
 from strainfmu.can.tools.sender import send_flight

@@ -14,9 +14,10 @@ from can_case import CYCLE
 from further_maps import STATIONS, with_own_further
 from scaled_maps import NOMINAL, scaled_map
 
+from strainfmu.can.bridge.options import BridgeOptions
 from strainfmu.can.bridge.results.frames import ResultFrames
 from strainfmu.can.bridge.results.layouts import result_layouts
-from strainfmu.can.bridge.setup import BridgeOptions, make_core
+from strainfmu.can.bridge.setup import make_core
 from strainfmu.can.cycle.estimate.result import CycleResult
 from strainfmu.can.cycle.states.quality import Quality
 from strainfmu.can.tools.dbc_export import write_dbc

@@ -15,7 +15,8 @@ from parameter_maps import with_parameters
 from scaled_maps import NOMINAL, scaled_map
 
 from strainfmu.can.bridge.displays.page_message import health_text
-from strainfmu.can.bridge.setup import BridgeOptions, make_core
+from strainfmu.can.bridge.options import BridgeOptions
+from strainfmu.can.bridge.setup import make_core
 from strainfmu.can.cycle.core import BridgeCore, bridge_core
 from strainfmu.can.cycle.estimate.result import CycleResult
 from strainfmu.can.cycle.states.quality import Cause, Quality

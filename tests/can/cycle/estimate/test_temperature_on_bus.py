@@ -15,7 +15,8 @@ from can_case import CYCLE, Projection
 from scaled_maps import NOMINAL, scaled_map
 from thermal_maps import REFERENCE, with_temperature
 
-from strainfmu.can.bridge.setup import BridgeOptions, make_core
+from strainfmu.can.bridge.options import BridgeOptions
+from strainfmu.can.bridge.setup import make_core
 from strainfmu.can.cycle.core import bridge_core
 from strainfmu.can.cycle.estimate.result import CycleResult
 from strainfmu.can.cycle.states.quality import Cause, Quality

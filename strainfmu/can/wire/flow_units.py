@@ -1,0 +1,43 @@
+"""Units of the flow's quantities in a DBC file: the factor and the offset that take a signal to SI."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from strainfmu.can.wire.dbc_lookup import MappedDatabase
+from strainfmu.can.wire.frame_layout import (
+    ALTITUDE,
+    DYNAMIC_PRESSURE,
+    FLOW_STDS,
+    MACH_NUMBER,
+    STATIC_PRESSURE,
+    is_parameter,
+    is_parameter_std,
+    is_temperature,
+)
+from strainfmu.units import LENGTH_UNITS, NUMBER_UNITS, PRESSURE_UNITS, TEMPERATURE_UNITS
+
+_UNITS_OF = {
+    DYNAMIC_PRESSURE: (PRESSURE_UNITS, "a unit of pressure", ""),
+    MACH_NUMBER: (NUMBER_UNITS | {"Mach": 1.0, "Ma": 1.0}, "a number", "1"),
+    ALTITUDE: (LENGTH_UNITS, "a unit of length", ""),
+    STATIC_PRESSURE: (PRESSURE_UNITS, "a unit of pressure", ""),
+}
+_UNITS_OF |= {std: _UNITS_OF[quantity] for quantity, std in FLOW_STDS.items()}
+"""Units of a quantity of the flow, what they are, and that of a signal without one."""
+
+
+def to_si(file: MappedDatabase, message: Any, signal: Any, quantity: str) -> tuple[float, float]:
+    """Return factor and offset of a signal that holds ``quantity`` of the flow.
+
+    Raises
+    ------
+    InputError
+        Its unit is none of the quantity.
+    """
+    if is_temperature(quantity):
+        return TEMPERATURE_UNITS[file.unit(message, signal, tuple(TEMPERATURE_UNITS), "a unit of temperature")]
+    if is_parameter(quantity) or is_parameter_std(quantity):
+        return 1.0, 0.0  # their unit is that of the vehicle file, which nobody states
+    units, what, unless_stated = _UNITS_OF[quantity]
+    return file.factor(message, signal, units=units, what=what, unless_stated=unless_stated), 0.0
