@@ -33,7 +33,7 @@ from builder.pipeline.stages import solved_true_structure
 from builder.pipeline.used_files import FLOWS, SNAPSHOTS
 from builder.reporting import Reporter
 from builder.reports.calibration_page import calibration_page
-from builder.reports.html import write_page
+from builder.reports.page.html import write_page
 from builder.structure.fourier.model import structural_model
 from builder.truth.flow_table import FlowTable, load_flow_table
 from builder.truth.strain import TrueStructure

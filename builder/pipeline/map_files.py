@@ -35,9 +35,10 @@ from builder.pipeline.stages import (
 )
 from builder.pipeline.used_files import FLOWS, MAP, SNAPSHOTS, STRUCTURE, open_pipeline
 from builder.reporting import Reporter
-from builder.reports import build_page, hover_scripts
-from builder.reports.build_report import BuildReport, build_report
-from builder.reports.build_sections import blind_line
+from builder.reports.build_report import page as build_page
+from builder.reports.build_report.report import BuildReport, build_report
+from builder.reports.build_report.sections import blind_line
+from builder.reports.page import hover_scripts
 from builder.structure import structure_file
 from builder.structure.external.structure import external_inputs, external_structure
 from builder.structure.solid.case import structure_case

@@ -12,8 +12,8 @@ from builder.calibration.estimate import Estimate
 from builder.calibration.faults import Fault, load_shifts
 from builder.calibration.load_equations import LoadEquation
 from builder.calibration.outside_terms import NOISE, OutsideModel
-from builder.reports.html import Block, Cards, Items, Page, Paragraph, Section
-from builder.reports.tables import Column, Table, make_table
+from builder.reports.page.html import Block, Cards, Items, Page, Paragraph, Section
+from builder.reports.page.tables import Column, Table, make_table
 
 CANNOT_SEE = (
     "An error that all loads share is not seen: a load cell that reads too much makes a stiffer vehicle. Its "

@@ -11,7 +11,7 @@ from builder.inverse.cases.case_2 import GaussianMap, WhitenedSpectrum, gaussian
 from builder.inverse.cases.field import data_informed_modes, project_on_modes
 from builder.inverse.cases.prior import LowRankPrior
 from builder.inverse.cases.regularisation import DataSpectrum, expected_data, measured_data, select_gamma
-from builder.reports.symmetry_classes import grid_mirrors, symmetric_part
+from builder.reports.findings.symmetry_classes import grid_mirrors, symmetric_part
 from builder.reproduce.case_1 import FieldExample
 from builder.reproduce.protocol import DRAWN_MODES, DRAWS, DRAWS_PER_CONDITION, SEED
 from builder.reproduce.setups import SetUp

@@ -10,7 +10,7 @@ import numpy as np
 from builder.inverse.cases.case_1 import relative_condition
 from builder.inverse.cases.prior import LowRankPrior, prior_of_snapshots
 from builder.inverse.modes.pod import PressureModes
-from builder.reports.symmetry_classes import grid_mirrors, symmetric_part
+from builder.reports.findings.symmetry_classes import grid_mirrors, symmetric_part
 from builder.reproduce.case_1 import PUBLISHED_STRAIN, case_1_map, pod_of, study_case_1
 from builder.reproduce.case_2 import Case2Map, case_2_map, odd_part
 from builder.reproduce.protocol import EXAMPLES, MODES, NOISE_FREE_GAMMA, P1, SEED

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from builder.figures.drawing.canvas import save
-from builder.reports.html import Block, Items, Page, Paragraph, Picture, Section, write_page
-from builder.reports.tables import Table, by_name, tables_json, write_csv
+from builder.reports.page.html import Block, Items, Page, Paragraph, Picture, Section, write_page
+from builder.reports.page.tables import Table, by_name, tables_json, write_csv
 from builder.reproduce import tables
 from builder.reproduce.acceptance import verdicts
 from builder.reproduce.parity import parity_rows

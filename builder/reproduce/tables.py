@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from builder.reports.tables import Column, Table, make_table, records_table
+from builder.reports.page.tables import Column, Table, make_table, records_table
 from builder.reproduce.acceptance import Verdict
 from builder.reproduce.case_2 import COEFFICIENTS, load_readings
 from builder.reproduce.parity import ParityRow

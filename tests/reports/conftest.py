@@ -9,9 +9,9 @@ from chromium import Browser
 from report_case import CASE_1, CASE_2, ReportCase, case_of, solved_vehicle
 
 from builder.campaign.snapshots import Snapshots
-from builder.reports.build_page import report_page
-from builder.reports.build_report import BuildReport, build_report
-from builder.reports.html import page_html
+from builder.reports.build_report.page import report_page
+from builder.reports.build_report.report import BuildReport, build_report
+from builder.reports.page.html import page_html
 from builder.structure.fourier.model import StructuralModel
 from builder.vehicle.file import Vehicle
 

@@ -18,13 +18,13 @@ from builder.campaign.snapshots import Snapshots
 from builder.figures.map.stills import known_pressure
 from builder.inverse.build import build_inverse_map
 from builder.inverse.noise.model import nuisance_modes
-from builder.reports.build_page import write_numbers
-from builder.reports.build_report import BuildReport, build_report
-from builder.reports.build_sections import blind_line
-from builder.reports.build_tables import report_tables
-from builder.reports.exclusions import exclusions
-from builder.reports.html import Page, Section, page_html, picture
-from builder.reports.tables import Column, shown
+from builder.reports.build_report.page import write_numbers
+from builder.reports.build_report.report import BuildReport, build_report
+from builder.reports.build_report.sections import blind_line
+from builder.reports.build_report.tables import report_tables
+from builder.reports.findings.exclusions import exclusions
+from builder.reports.page.html import Page, Section, page_html, picture
+from builder.reports.page.tables import Column, shown
 from builder.structure.fourier.model import StructuralModel
 from builder.structure.mapped_structure import MappedStructure
 from builder.vehicle.file import Vehicle

@@ -8,8 +8,8 @@ from flight_maps import ROWS, STATIONS, exact_response, flight_map
 from scaled_maps import scaled_map
 
 from builder.figures.map.flight_accuracy import AccuracyMap, accuracy_maps, hover_accuracy_maps
-from builder.reports.build_sections import flight_accuracy as accuracy_section
-from builder.reports.flight_accuracy import (
+from builder.reports.build_report.sections import flight_accuracy as accuracy_section
+from builder.reports.findings.flight_accuracy import (
     INCIDENCES,
     MACHS,
     NAVIGATION,
@@ -18,7 +18,7 @@ from builder.reports.flight_accuracy import (
     flight_accuracy,
     flight_accuracy_table,
 )
-from builder.reports.html import Page, page_html
+from builder.reports.page.html import Page, page_html
 from strainfmu.estimator.manifold.air_data import AIR_DATA_NAMES
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimates

@@ -11,8 +11,8 @@ from builder.campaign.snapshots import Snapshots
 from builder.inverse.cases.observable_states import on_observable_states
 from builder.inverse.loads.covariance import load_covariance_by_terms
 from builder.inverse.solution import solve
-from builder.reports.coefficient_sources import coefficient_sources
-from builder.reports.gauge_value import gauge_value, loss_growth
+from builder.reports.findings.coefficient_sources import coefficient_sources
+from builder.reports.findings.gauge_value import gauge_value, loss_growth
 from builder.structure.fourier.model import StructuralModel
 from builder.vehicle.file import Vehicle
 from strainfmu.estimator.linear.estimator import Estimator

@@ -17,11 +17,11 @@ from report_case import ReportCase
 from builder.figures.drawing.hover import numbers
 from builder.figures.drawing.unrolled import roll_degrees
 from builder.figures.map import hover_gauges
-from builder.reports.build_page import report_page
-from builder.reports.build_report import BuildReport
-from builder.reports.build_tables import report_tables
-from builder.reports.hover_scripts import figure_data
-from builder.reports.html import Page, Picture, Section, page_html
+from builder.reports.build_report.page import report_page
+from builder.reports.build_report.report import BuildReport
+from builder.reports.build_report.tables import report_tables
+from builder.reports.page.hover_scripts import figure_data
+from builder.reports.page.html import Page, Picture, Section, page_html
 
 pytest.importorskip("plotly")
 
@@ -50,7 +50,7 @@ def test_plotly_knows_every_entry(html: str) -> None:
 
 
 def test_without_plotly_figures_are_stills(report: BuildReport, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("builder.reports.hover_scripts.find_spec", lambda name: None)
+    monkeypatch.setattr("builder.reports.page.hover_scripts.find_spec", lambda name: None)
     html = page_html(report_page(report))
     page = assert_self_contained(html)
     assert "script" not in page.tags

@@ -13,7 +13,7 @@ import pytest
 from page_checks import assert_self_contained
 
 from builder.figures.drawing.canvas import blank_figure
-from builder.reports.html import (
+from builder.reports.page.html import (
     Files,
     Items,
     Page,
@@ -24,7 +24,7 @@ from builder.reports.html import (
     picture,
     write_page,
 )
-from builder.reports.tables import (
+from builder.reports.page.tables import (
     Column,
     Table,
     by_name,

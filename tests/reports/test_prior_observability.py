@@ -13,8 +13,8 @@ from builder.aero.surface.mesh import mesh_of_grid
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.noise.model import gauge_noise
 from builder.inverse.solution import Problem, solve
-from builder.reports.prior_observability import PriorObservability, prior_observability
-from builder.reports.symmetry_classes import mirror_operators, symmetric_part
+from builder.reports.findings.prior_observability import PriorObservability, prior_observability
+from builder.reports.findings.symmetry_classes import mirror_operators, symmetric_part
 from builder.structure.fourier.model import StructuralModel
 from builder.structure.observability import SYMMETRIES
 from builder.vehicle.file import Vehicle

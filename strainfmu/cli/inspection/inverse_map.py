@@ -239,7 +239,7 @@ def _draw(loaded: InverseMap, folder: Path) -> list[str]:
     """Draw the figures that need the map alone and return the names of the files."""
     from builder.figures.drawing.canvas import save
     from builder.figures.map import stills
-    from builder.reports.gauge_value import gauge_value
+    from builder.reports.findings.gauge_value import gauge_value
 
     value = gauge_value(loaded)
     figures = {

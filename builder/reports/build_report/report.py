@@ -12,12 +12,12 @@ from builder.campaign.snapshots import Snapshots
 from builder.inverse.noise.model import NoiseFraction, NoiseTerm
 from builder.inverse.problem import AnyStructure, inverse_problem
 from builder.inverse.solution import Solution, solve
-from builder.reports.coefficient_sources import CoefficientSources, coefficient_sources
-from builder.reports.exclusions import exclusions
-from builder.reports.flight_accuracy import FlightAccuracy, flight_accuracy
-from builder.reports.gamma_choice import GammaChoice, gamma_choice
-from builder.reports.gauge_value import GaugeValue, gauge_value
-from builder.reports.prior_observability import PriorObservability, prior_observability
+from builder.reports.findings.coefficient_sources import CoefficientSources, coefficient_sources
+from builder.reports.findings.exclusions import exclusions
+from builder.reports.findings.flight_accuracy import FlightAccuracy, flight_accuracy
+from builder.reports.findings.gamma_choice import GammaChoice, gamma_choice
+from builder.reports.findings.gauge_value import GaugeValue, gauge_value
+from builder.reports.findings.prior_observability import PriorObservability, prior_observability
 from builder.structure.observability import (
     CLASS_DEGREE,
     HIGHEST_DEGREE,

@@ -9,11 +9,11 @@ from builder.figures.map import stills as draw
 from builder.figures.map.flight_accuracy import AccuracyMap, accuracy_maps, hover_accuracy_maps
 from builder.figures.scene.scene import scene_of
 from builder.figures.scene.solid_view import solid_view
-from builder.reports.build_report import BuildReport
-from builder.reports.build_tables import MICROSTRAIN_PER_KPA, main_class
-from builder.reports.flight_accuracy import NAVIGATION, FlightAccuracy
-from builder.reports.html import Block, Paragraph, Section, picture
-from builder.reports.tables import Table
+from builder.reports.build_report.report import BuildReport
+from builder.reports.build_report.tables import MICROSTRAIN_PER_KPA, main_class
+from builder.reports.findings.flight_accuracy import NAVIGATION, FlightAccuracy
+from builder.reports.page.html import Block, Paragraph, Section, picture
+from builder.reports.page.tables import Table
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 
 AIR_DATA_SHOWN = (

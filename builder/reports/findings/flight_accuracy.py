@@ -7,7 +7,7 @@ from math import degrees
 
 import numpy as np
 
-from builder.reports.tables import Column, Table, make_table
+from builder.reports.page.tables import Column, Table, make_table
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO
 from strainfmu.estimator.manifold.air_data import AIR_DATA_NAMES

@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from builder.figures.drawing.hover import HoverFigure
-from builder.reports.hover_scripts import NEEDS_PLOTLY, POLICY, available, figure_data, scripts
-from builder.reports.tables import Table, is_number, shown
+from builder.reports.page.hover_scripts import NEEDS_PLOTLY, POLICY, available, figure_data, scripts
+from builder.reports.page.tables import Table, is_number, shown
 from strainfmu.files import write_bytes_atomically
 from strainfmu.pages import STYLE, table_html
 

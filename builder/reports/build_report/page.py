@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
-from builder.reports import build_sections as sections
-from builder.reports.build_report import BuildReport
-from builder.reports.build_tables import first_rows, report_tables
-from builder.reports.first_screen import WELL, first_screen
-from builder.reports.html import Block, Cards, Files, Items, Page, Paragraph, Section, write_page
-from builder.reports.tables import Table, tables_json, write_csv
+from builder.reports.build_report import sections
+from builder.reports.build_report.first_screen import WELL, first_screen
+from builder.reports.build_report.report import BuildReport
+from builder.reports.build_report.tables import first_rows, report_tables
+from builder.reports.page.html import Block, Cards, Files, Items, Page, Paragraph, Section, write_page
+from builder.reports.page.tables import Table, tables_json, write_csv
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 from strainfmu.files import write_bytes_atomically
 

@@ -18,7 +18,7 @@ from builder.inverse.cases.case_2 import gaussian_map
 from builder.inverse.modes.pod import PressureModes
 from builder.inverse.noise.model import NoiseModel
 from builder.inverse.solution import Problem, Solution, ordered_modes, pressure_modes
-from builder.reports.symmetry_classes import class_fractions, mirror_operators, symmetric_part
+from builder.reports.findings.symmetry_classes import class_fractions, mirror_operators, symmetric_part
 from builder.structure.observability import SYMMETRIES
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray

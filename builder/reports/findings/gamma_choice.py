@@ -11,8 +11,8 @@ from builder.inverse.cases.case_2 import GaussianMap, gaussian_map
 from builder.inverse.cases.regularisation import LCurve, expected_data, l_curve, select_gamma
 from builder.inverse.loads.covariance import load_covariance_by_terms
 from builder.inverse.solution import Problem, Solution
-from builder.reports.coefficient_sources import coefficient_scales
-from builder.reports.symmetry_classes import class_fractions, mirror_operators
+from builder.reports.findings.coefficient_sources import coefficient_scales
+from builder.reports.findings.symmetry_classes import class_fractions, mirror_operators
 from builder.vehicle.map.gamma_rules import RULES
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray

@@ -1,0 +1,1 @@
+"""The report of a build: its numbers, its tables and its page."""

@@ -1,0 +1,1 @@
+"""What all pages are made of: HTML that needs no other file, tables of raw numbers, figures with their values."""
