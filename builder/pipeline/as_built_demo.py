@@ -15,18 +15,18 @@ from typing import Any
 
 import numpy as np
 
+from builder.calibration.after_test.calibrated_map import calibrated_map
+from builder.calibration.after_test.left_by_test import Remaining
 from builder.calibration.as_built.parameters import AsBuiltParameters, drawn, prior_std
 from builder.calibration.as_built.plant_gauges import plant_gauges
 from builder.calibration.as_built.structure import AsBuiltStructure, as_built_structure
 from builder.calibration.as_built.wall_regions import wall_regions
-from builder.calibration.calibrated_map import calibrated_map
 from builder.calibration.ground_test.candidate_cases import Candidate
 from builder.calibration.ground_test.load_test import LoadErrors, LoadTest
 from builder.calibration.ground_test.load_test_file import load_test_file
 from builder.calibration.ground_test.readings import load_test
 from builder.calibration.ground_test.simulated import ground_test, write_ground_test
 from builder.calibration.ground_test.standard_cases import standard_cases
-from builder.calibration.left_by_test import Remaining
 from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.figures.calibration.as_built import as_built_figure
 from builder.figures.drawing.canvas import save

@@ -11,21 +11,21 @@ from typing import Any
 
 import numpy as np
 
+from builder.calibration.after_test.calibrated_map import calibrated_map, remaining_after, with_provenance
+from builder.calibration.after_test.flown_after_test import allowed_vehicles
+from builder.calibration.after_test.left_by_test import Remaining
 from builder.calibration.as_built.parameters import prior_std, slices
 from builder.calibration.as_built.structure import AsBuiltStructure, as_built_structure
-from builder.calibration.calibrated_map import calibrated_map, remaining_after, with_provenance
-from builder.calibration.cross_validation import cross_validation
-from builder.calibration.disagreement import unexplained
-from builder.calibration.estimate import Estimate
-from builder.calibration.faults import Fault, calibrate_with_faults
-from builder.calibration.flown_after_test import allowed_vehicles
+from builder.calibration.estimate.cross_validation import cross_validation
+from builder.calibration.estimate.disagreement import unexplained
+from builder.calibration.estimate.faults import Fault, calibrate_with_faults
+from builder.calibration.estimate.load_equations import load_equations
+from builder.calibration.estimate.outside_terms import OutsideModel, outside_model
+from builder.calibration.estimate.readings_model import ReadingsModel
+from builder.calibration.estimate.vehicle import Estimate
 from builder.calibration.ground_test.load_test import LoadTest
 from builder.calibration.ground_test.load_test_file import LoadTestFile, load_test_file
 from builder.calibration.ground_test.readings import load_test
-from builder.calibration.left_by_test import Remaining
-from builder.calibration.load_equations import load_equations
-from builder.calibration.outside_terms import OutsideModel, outside_model
-from builder.calibration.readings_model import ReadingsModel
 from builder.campaign.snapshot_fit import as_flown, body_misfits
 from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.pipeline.measured_levels import alarm_levels_wanted, with_measured_levels

@@ -12,7 +12,7 @@ from builder.calibration.ground_test.candidate_cases import Candidate, LoadLimit
 from builder.calibration.ground_test.load_test import LoadErrors
 from builder.calibration.ground_test.load_test_writer import WrittenCase, write_load_test
 from builder.calibration.ground_test.simulated import error_entries
-from builder.calibration.load_plan import LoadPlan, PlanParts, load_plan
+from builder.calibration.plan.load_plan import LoadPlan, PlanParts, load_plan
 from builder.campaign.snapshot_fit import body_misfits
 from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.pipeline.stages import fourier_structure, take_snapshots

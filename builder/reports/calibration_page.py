@@ -7,11 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from builder.calibration.as_built.parameters import HELD_KINDS, in_words, slices
-from builder.calibration.cross_validation import LeftOut
-from builder.calibration.estimate import Estimate
-from builder.calibration.faults import Fault, load_shifts
-from builder.calibration.load_equations import LoadEquation
-from builder.calibration.outside_terms import NOISE, OutsideModel
+from builder.calibration.estimate.cross_validation import LeftOut
+from builder.calibration.estimate.faults import Fault, load_shifts
+from builder.calibration.estimate.load_equations import LoadEquation
+from builder.calibration.estimate.outside_terms import NOISE, OutsideModel
+from builder.calibration.estimate.vehicle import Estimate
 from builder.reports.page.html import Block, Cards, Items, Page, Paragraph, Section
 from builder.reports.page.tables import Column, Table, make_table
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from builder.calibration.after_test.calibrated_map import calibrated_map, calibrated_vehicle
+from builder.calibration.after_test.left_by_test import Remaining
 from builder.calibration.as_built.parameters import drawn, prior_std
 from builder.calibration.as_built.structure import AsBuiltStructure
-from builder.calibration.calibrated_map import calibrated_map, calibrated_vehicle
-from builder.calibration.left_by_test import Remaining
 from builder.campaign.snapshots import Snapshots
 from builder.vehicle.file import Vehicle
 

@@ -10,12 +10,12 @@ import pytest
 from coarse_vehicle import COARSE
 
 from builder.calibration.as_built.outside_errors import OUTSIDE
+from builder.calibration.estimate.outside_terms import NOISE
 from builder.calibration.ground_test.load_test import LoadErrors
-from builder.calibration.outside_terms import NOISE
-from builder.calibration.score import OUTSIDE_KINDS, Score, rows_of
-from builder.calibration.score_setup import SetupOptions, rows_of_test, setup_of
-from builder.calibration.score_summary import BEFORE, EQUATIONS, EXACT, errors_of, summary
-from builder.calibration.score_summary import table as as_text
+from builder.calibration.score.setup import SetupOptions, rows_of_test, setup_of
+from builder.calibration.score.summary import BEFORE, EQUATIONS, EXACT, errors_of, summary
+from builder.calibration.score.summary import table as as_text
+from builder.calibration.score.vehicles import OUTSIDE_KINDS, Score, rows_of
 from builder.campaign.snapshots import Snapshots
 from builder.truth.flow_table import FlowTable
 from builder.vehicle.file import Vehicle

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from builder.calibration.case_selection import CaseSensitivity, FlightSensitivity, no_knowledge, select_cases
+from builder.calibration.plan.case_selection import CaseSensitivity, FlightSensitivity, no_knowledge, select_cases
 
 pytestmark = pytest.mark.fast
 

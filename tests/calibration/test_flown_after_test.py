@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from as_built_case import strain_covariance
 
+from builder.calibration.after_test.calibrated_map import calibrated_vehicle
+from builder.calibration.after_test.flown_after_test import allowed_vehicles, net_pressure
+from builder.calibration.after_test.left_by_test import Remaining
 from builder.calibration.as_built.parameters import drawn, prior_std
 from builder.calibration.as_built.structure import AsBuiltStructure
-from builder.calibration.calibrated_map import calibrated_vehicle
-from builder.calibration.flown_after_test import allowed_vehicles, net_pressure
-from builder.calibration.left_by_test import Remaining
 from builder.truth.flow_table import FlowTable
 from builder.truth.flown_vehicles import drawn_vehicles
 from builder.truth.held_out import held_out_conditions

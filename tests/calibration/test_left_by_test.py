@@ -7,9 +7,9 @@ import pytest
 from as_built_case import strain_covariance
 from ensembles import listed_ensemble
 
+from builder.calibration.after_test.left_by_test import COMMON, PATTERNS, LeftByTest, Remaining, left_by_test
 from builder.calibration.as_built.parameters import drawn, prior_std
 from builder.calibration.as_built.structure import AsBuiltStructure
-from builder.calibration.left_by_test import COMMON, PATTERNS, LeftByTest, Remaining, left_by_test
 from builder.inverse.modes.ensemble import Ensemble
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray

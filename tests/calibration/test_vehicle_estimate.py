@@ -7,13 +7,13 @@ import pytest
 
 from builder.calibration.as_built.parameters import AsBuiltParameters, drawn, prior_std
 from builder.calibration.as_built.structure import AsBuiltStructure
-from builder.calibration.disagreement import unexplained
-from builder.calibration.estimate import Estimate, estimate, usable
-from builder.calibration.faults import calibrate_with_faults, load_shifts
+from builder.calibration.estimate.disagreement import unexplained
+from builder.calibration.estimate.faults import calibrate_with_faults, load_shifts
+from builder.calibration.estimate.outside_terms import outside_model
+from builder.calibration.estimate.readings_model import ReadingsModel
+from builder.calibration.estimate.vehicle import Estimate, estimate, usable
 from builder.calibration.ground_test.load_test import KnownLoad, LoadCase, LoadErrors, LoadTest
 from builder.calibration.ground_test.standard_cases import standard_cases
-from builder.calibration.outside_terms import outside_model
-from builder.calibration.readings_model import ReadingsModel
 from builder.structure.loads.applied import PadForce
 from builder.vehicle.file import Vehicle
 from strainfmu.errors import InputError

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from builder.calibration.load_plan import LoadPlan
+from builder.calibration.plan.load_plan import LoadPlan
 from builder.figures.drawing.canvas import blank_figure
 from builder.structure.loads.applied import PadForce, PadPressure
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES

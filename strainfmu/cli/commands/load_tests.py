@@ -18,7 +18,7 @@ from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 
 if TYPE_CHECKING:
-    from builder.calibration.load_plan import LoadPlan
+    from builder.calibration.plan.load_plan import LoadPlan
 
 
 def loadtest(

@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+from builder.calibration.after_test.left_by_test import LeftByTest, Remaining, left_by_test
 from builder.calibration.as_built.parameters import AsBuiltParameters
 from builder.calibration.as_built.structure import AsBuiltStructure
-from builder.calibration.estimate import Estimate
-from builder.calibration.left_by_test import LeftByTest, Remaining, left_by_test
+from builder.calibration.estimate.vehicle import Estimate
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
 from builder.inverse.modes.ensemble import ensemble_of
@@ -75,7 +75,8 @@ def calibrated_map(
     structure : with what may differ from the drawing.
     remaining : what the test says.
     others : operators (n_d, n_p) of further layouts that the section [noise] names.
-    left : what the test left, by :func:`~builder.calibration.left_by_test.left_by_test`; found here by default.
+    left : what the test left, by :func:`~builder.calibration.after_test.left_by_test.left_by_test`; found here by
+        default.
 
     Raises
     ------

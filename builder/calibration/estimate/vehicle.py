@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from builder.calibration.as_built.parameters import AsBuiltParameters
-from builder.calibration.readings_model import ReadingsModel
+from builder.calibration.estimate.readings_model import ReadingsModel
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import InputError
 

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from builder.calibration.estimate import Estimate
-from builder.calibration.readings_model import ReadingsModel
+from builder.calibration.estimate.readings_model import ReadingsModel
+from builder.calibration.estimate.vehicle import Estimate
 from builder.structure.loads.applied import Load
 from builder.structure.loads.gauge_strain import load_resultant
 from builder.structure.loads.temperature import TemperatureField

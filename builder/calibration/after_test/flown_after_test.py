@@ -12,11 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from builder.calibration.after_test.calibrated_map import calibrated_vehicle
+from builder.calibration.after_test.left_by_test import Remaining
 from builder.calibration.as_built.parameter_derivatives import Key, of_gauges, parameter_derivatives
 from builder.calibration.as_built.parameters import slices
 from builder.calibration.as_built.structure import AsBuiltStructure
-from builder.calibration.calibrated_map import calibrated_vehicle
-from builder.calibration.left_by_test import Remaining
 from builder.truth.flow_table import FlowTable, harmonics_at, ratio_on
 from builder.truth.flown_vehicles import DrawnVehicles, drawn_vehicles
 from builder.truth.strain import TrueStructure

@@ -12,12 +12,12 @@ from builder.aero.loads.operator import coefficient_scale
 from builder.calibration.as_built.parameter_derivatives import of_gauges, parameter_derivatives, uncertain_keys
 from builder.calibration.as_built.parameters import prior_std, slices
 from builder.calibration.as_built.structure import AsBuiltStructure
-from builder.calibration.case_selection import CaseSensitivity, FlightSensitivity, no_knowledge, select_cases
+from builder.calibration.estimate.readings_model import ReadingsModel
 from builder.calibration.ground_test.candidate_cases import Candidate, LoadLimits, attitude_cases, candidate_cases
 from builder.calibration.ground_test.load_changes import scaled
 from builder.calibration.ground_test.load_test import LoadCase, LoadErrors, LoadTest
 from builder.calibration.ground_test.simulated import known_loads
-from builder.calibration.readings_model import ReadingsModel
+from builder.calibration.plan.case_selection import CaseSensitivity, FlightSensitivity, no_knowledge, select_cases
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
 from builder.inverse.modes.ensemble import ensemble_of

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from builder.calibration.estimate import Estimate
+from builder.calibration.estimate.vehicle import Estimate
 from strainfmu.arrays import FloatArray
 
 

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtrc
 
-from builder.calibration.estimate import Estimate, estimate, usable
-from builder.calibration.readings_model import ReadingsModel
+from builder.calibration.estimate.readings_model import ReadingsModel
+from builder.calibration.estimate.vehicle import Estimate, estimate, usable
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import InputError
 

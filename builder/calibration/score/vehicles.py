@@ -5,7 +5,7 @@ model: another mesh, a wall of its own, other flows. Loads, load cell and pads e
 map sees the readings of its test alone. Regression load equations from the same readings stand in the same table.
 Rows are written after each vehicle; the same command goes on where it was stopped.
 
-    python -m builder.calibration.score VEHICLE SNAPSHOTS FLOWS --vehicles 40 --cases 6 12 24 -o score.json
+    python -m builder.calibration.score.vehicles VEHICLE SNAPSHOTS FLOWS --vehicles 40 --cases 6 12 24 -o out.json
 """
 
 from __future__ import annotations
@@ -22,18 +22,18 @@ from typing import Any
 import numpy as np
 
 from builder.aero.loads.operator import coefficient_scales_at
+from builder.calibration.after_test.calibrated_map import calibrated_map, remaining_after
+from builder.calibration.after_test.left_by_test import LeftByTest, Remaining, left_by_test
 from builder.calibration.as_built.outside_errors import OUTSIDE, outside_vehicle
 from builder.calibration.as_built.parameters import AsBuiltParameters, drawn
-from builder.calibration.calibrated_map import calibrated_map, remaining_after
-from builder.calibration.estimate import Estimate
-from builder.calibration.faults import calibrate_with_faults
+from builder.calibration.estimate.faults import calibrate_with_faults
+from builder.calibration.estimate.load_equations import load_equations
+from builder.calibration.estimate.outside_terms import outside_model
+from builder.calibration.estimate.vehicle import Estimate
 from builder.calibration.ground_test.load_test import LoadErrors
 from builder.calibration.ground_test.simulated import WINDOW, TestedStructure, ground_test
-from builder.calibration.left_by_test import LeftByTest, Remaining, left_by_test
-from builder.calibration.load_equations import load_equations
-from builder.calibration.outside_terms import outside_model
-from builder.calibration.score_setup import READING_STD, Setup, SetupOptions, rows_of_test, setup_of
-from builder.calibration.score_summary import BEFORE, EQUATIONS, EXACT, errors_of, summary, table
+from builder.calibration.score.setup import READING_STD, Setup, SetupOptions, rows_of_test, setup_of
+from builder.calibration.score.summary import BEFORE, EQUATIONS, EXACT, errors_of, summary, table
 from builder.campaign.snapshots import load_snapshots
 from builder.inverse.modes.ensemble import Ensemble, ensemble_of
 from builder.truth.flow_table import load_flow_table
@@ -222,7 +222,7 @@ def rows_of(path: Path, settings: dict[str, Any]) -> list[dict[str, Any]]:
 def parser() -> argparse.ArgumentParser:
     """Return the command's arguments."""
     found = argparse.ArgumentParser(
-        prog="python -m builder.calibration.score",
+        prog="python -m builder.calibration.score.vehicles",
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )

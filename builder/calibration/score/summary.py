@@ -46,8 +46,8 @@ def errors_of(error: FloatArray, sigma: FloatArray, health: IntArray | None = No
 def summary(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     """Return pooled rms errors over those of the exactly known vehicle, and coverage, by map and state.
 
-    ``rows`` are those of :meth:`builder.calibration.score.Score.of_vehicle`. Coverage of the worst vehicle is over
-    all coefficients, and that of one coefficient alone.
+    ``rows`` are those of :meth:`builder.calibration.score.vehicles.Score.of_vehicle`. Coverage of the worst
+    vehicle is over all coefficients, and that of one coefficient alone.
     """
     kinds = dict.fromkeys(row["map"] for row in rows)
     found = []

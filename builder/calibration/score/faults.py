@@ -1,6 +1,6 @@
 """How surely faults of a ground test are found and rightly named, over vehicles and load errors drawn at random.
 
-python -m builder.calibration.fault_score VEHICLE --draws 40 --cases 12
+python -m builder.calibration.score.faults VEHICLE --draws 40 --cases 12
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ import numpy as np
 
 from builder.calibration.as_built.parameters import GAUGE_KINDS, prior_std
 from builder.calibration.as_built.structure import as_built_structure
-from builder.calibration.estimate import Estimate, usable
-from builder.calibration.faults import calibrate_with_faults, gauge_faults
+from builder.calibration.estimate.faults import calibrate_with_faults, gauge_faults
+from builder.calibration.estimate.readings_model import ReadingsModel
+from builder.calibration.estimate.vehicle import Estimate, usable
 from builder.calibration.ground_test.load_test import LoadErrors
-from builder.calibration.readings_model import ReadingsModel
-from builder.calibration.score_setup import HARMONICS, blank_test, properties_of
+from builder.calibration.score.setup import HARMONICS, blank_test, properties_of
 from builder.vehicle.file import load_vehicle
 from strainfmu.arrays import FloatArray
 

@@ -7,8 +7,8 @@ fits, mean that loads, units or signs are not what is stated; a map of them woul
 
 from __future__ import annotations
 
-from builder.calibration.estimate import Estimate
-from builder.calibration.outside_terms import OutsideModel
+from builder.calibration.estimate.outside_terms import OutsideModel
+from builder.calibration.estimate.vehicle import Estimate
 
 FARTHEST = 6.0
 """Standard deviations that a parameter may be from its value before the test.

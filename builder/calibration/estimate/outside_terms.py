@@ -23,7 +23,7 @@ import numpy as np
 from scipy.special import chdtrc
 
 from builder.calibration.as_built.parameter_derivatives import Key
-from builder.calibration.estimate import Estimate
+from builder.calibration.estimate.vehicle import Estimate
 from strainfmu.arrays import FloatArray
 
 WIDE = 0.1

@@ -11,11 +11,11 @@ from builder.aero.loads.operator import coefficient_scale, load_operator
 from builder.calibration.as_built.outside_errors import OutsideStructures, outside_structures
 from builder.calibration.as_built.parameters import AsBuiltParameters, prior_std
 from builder.calibration.as_built.structure import AsBuiltStructure, as_built_structure
+from builder.calibration.estimate.readings_model import ReadingsModel
 from builder.calibration.ground_test.candidate_cases import Candidate
 from builder.calibration.ground_test.load_test import LoadCase, LoadErrors, LoadTest
 from builder.calibration.ground_test.simulated import known_loads
 from builder.calibration.ground_test.standard_cases import standard_cases
-from builder.calibration.readings_model import ReadingsModel
 from builder.campaign.snapshot_transfer import snapshots_on
 from builder.campaign.snapshots import Snapshots
 from builder.structure.loads.loaded_structure import LoadProperties

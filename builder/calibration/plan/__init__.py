@@ -1,0 +1,1 @@
+"""Design of a ground test: which load cases to apply, and what each of them buys in flight."""

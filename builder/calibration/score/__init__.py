@@ -1,0 +1,1 @@
+"""Calibration scored on vehicles and tests drawn at random."""
