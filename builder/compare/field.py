@@ -10,7 +10,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from builder.truth.flow_table import FlowTable, harmonics_at
+from builder.truth.revolution.flow_table import FlowTable, harmonics_at
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.estimates.load_estimate import LoadEstimates

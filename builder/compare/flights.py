@@ -10,8 +10,8 @@ import numpy as np
 
 from builder.truth.as_built import AsBuilt, drawn, exactly_built
 from builder.truth.flights import Flights
-from builder.truth.flows import with_knots
 from builder.truth.held_out import conditions_in_ranges, largest_incidence
+from builder.truth.revolution.flows import with_knots
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map.options import MapEntry
 from strainfmu.arrays import FloatArray

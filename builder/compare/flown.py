@@ -24,12 +24,12 @@ from builder.pipeline.map_files import true_structure_of
 from builder.pipeline.pipeline import Pipeline
 from builder.pipeline.shape_flows import make_shape_flows, shape_structure_of
 from builder.pipeline.used_files import SNAPSHOTS
-from builder.truth import flow_table as flow_table_file
 from builder.truth.flights import RevolvedFlights
-from builder.truth.flow_table import load_flow_table, save_flow_table
-from builder.truth.flows import independent_flows, truth_inputs
-from builder.truth.shape_flights import ShapeFlights, shape_flights
-from builder.truth.strain import true_flights, without_faint_harmonics
+from builder.truth.revolution import flow_table as flow_table_file
+from builder.truth.revolution.flow_table import load_flow_table, save_flow_table
+from builder.truth.revolution.flows import independent_flows, truth_inputs
+from builder.truth.revolution.strain import true_flights, without_faint_harmonics
+from builder.truth.shape.flights import ShapeFlights, shape_flights
 from builder.vehicle.file import Vehicle
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.errors import InputError

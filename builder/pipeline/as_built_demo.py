@@ -43,8 +43,8 @@ from builder.pipeline.measured_levels import alarm_levels_wanted
 from builder.pipeline.pipeline import Pipeline
 from builder.pipeline.used_files import FLOWS, MAP, SNAPSHOTS
 from builder.structure.loads.applied import Weight
-from builder.truth.flight_tables import plant_flight_model
-from builder.truth.flow_table import load_flow_table
+from builder.truth.revolution.flight_tables import plant_flight_model
+from builder.truth.revolution.flow_table import load_flow_table
 from strainfmu.arrays import FloatArray
 from strainfmu.cosim.estimators.zeros_file import load_zeros, write_zeros
 from strainfmu.cosim.models import flight_model as flight_model_file

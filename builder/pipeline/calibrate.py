@@ -35,8 +35,8 @@ from builder.reporting import Reporter
 from builder.reports.calibration_page import calibration_page
 from builder.reports.page.html import write_page
 from builder.structure.fourier.model import structural_model
-from builder.truth.flow_table import FlowTable, load_flow_table
-from builder.truth.strain import TrueStructure
+from builder.truth.revolution.flow_table import FlowTable, load_flow_table
+from builder.truth.revolution.strain import TrueStructure
 from builder.vehicle.file import Vehicle, load_vehicle
 from builder.workspace import refuse_misfits
 from strainfmu.arrays import FloatArray

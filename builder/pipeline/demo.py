@@ -35,9 +35,9 @@ from builder.reporting import Reporter
 from builder.structure.fourier.model import refuse_beyond_fourier
 from builder.structure.gauge_checks import check_gauges
 from builder.truth.as_built import AsBuilt, drawn, exactly_built
-from builder.truth.flight_tables import flight_model
-from builder.truth.flow_table import load_flow_table
-from builder.truth.flows import truth_knots
+from builder.truth.revolution.flight_tables import flight_model
+from builder.truth.revolution.flow_table import load_flow_table
+from builder.truth.revolution.flows import truth_knots
 from builder.vehicle.file import Vehicle, load_vehicle
 from builder.vehicle.shape.geometry import surface_grid
 from strainfmu.cosim.models import flight_model as flight_model_file

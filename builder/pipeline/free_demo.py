@@ -28,8 +28,8 @@ from builder.structure.solid.case import structure_case
 from builder.structure.solid.free_case import FreeCase
 from builder.structure.structure_file import load_structure
 from builder.truth.as_built import AsBuilt
-from builder.truth.free_flight_path import FlownPath, flown_path, flows_along
-from builder.truth.shape_structure import flying_structure
+from builder.truth.shape.flight_path import FlownPath, flown_path, flows_along
+from builder.truth.shape.structure import flying_structure
 from builder.vehicle.map_needs import used_layouts
 from strainfmu.cosim.estimators.fmu_step import FmuStep
 from strainfmu.cosim.models.trajectory import load_trajectory

@@ -44,11 +44,11 @@ from builder.structure.external.structure import external_inputs, external_struc
 from builder.structure.solid.case import structure_case
 from builder.structure.solid.model import update_structure
 from builder.structure.structure_file import Structure, load_structure, save_structure
-from builder.truth import flow_table as flow_table_file
-from builder.truth.flow_table import load_flow_table, save_flow_table
-from builder.truth.flown_vehicles import drawn_vehicles
-from builder.truth.flows import independent_flows, truth_inputs
-from builder.truth.strain import TrueStructure
+from builder.truth.levels.flown_vehicles import drawn_vehicles
+from builder.truth.revolution import flow_table as flow_table_file
+from builder.truth.revolution.flow_table import load_flow_table, save_flow_table
+from builder.truth.revolution.flows import independent_flows, truth_inputs
+from builder.truth.revolution.strain import TrueStructure
 from builder.vehicle.file import Vehicle, load_vehicle
 from builder.vehicle.map_needs import unused_entries, used_layouts
 from strainfmu.estimator.map import inverse_map as inverse_map_file

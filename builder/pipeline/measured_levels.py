@@ -11,14 +11,14 @@ from builder.campaign.snapshots import Snapshots
 from builder.reporting import Reporter
 from builder.structure.fourier.model import refuse_beyond_fourier
 from builder.structure.structure_file import Structure
-from builder.truth.alarm_levels import with_alarm_levels
-from builder.truth.flight_alarm_levels import with_flight_alarm_levels
-from builder.truth.flow_table import FlowTable
-from builder.truth.flown_vehicles import DrawnVehicles, Fly
 from builder.truth.held_out import conditions_in_ranges, drawn_altitudes_km
-from builder.truth.read_flights import SEED, ReadFlights, read_flights, readings
-from builder.truth.shape_flights import shape_flights
-from builder.truth.shape_structure import flying_structure, refuse_without_other_model, structure_of_check
+from builder.truth.levels.alarm_levels import with_alarm_levels
+from builder.truth.levels.flight_alarm_levels import with_flight_alarm_levels
+from builder.truth.levels.flown_vehicles import DrawnVehicles, Fly
+from builder.truth.levels.read_flights import SEED, ReadFlights, read_flights, readings
+from builder.truth.revolution.flow_table import FlowTable
+from builder.truth.shape.flights import shape_flights
+from builder.truth.shape.structure import flying_structure, refuse_without_other_model, structure_of_check
 from builder.vehicle.file import Vehicle
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import InverseMap

@@ -10,8 +10,8 @@ from typing import Any
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.problem import AnyStructure
 from builder.reporting import Reporter
-from builder.truth.shape_structure import ShapeStructure
-from builder.truth.strain import TrueStructure
+from builder.truth.revolution.strain import TrueStructure
+from builder.truth.shape.structure import ShapeStructure
 from builder.vehicle.file import Vehicle
 from builder.workspace import Workspace
 

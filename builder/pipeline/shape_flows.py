@@ -14,7 +14,7 @@ from builder.pipeline.pipeline import Pipeline
 from builder.pipeline.stages import note_campaign
 from builder.pipeline.used_files import STRUCTURE
 from builder.structure.structure_file import load_structure
-from builder.truth.shape_structure import ShapeStructure, flying_structure
+from builder.truth.shape.structure import ShapeStructure, flying_structure
 from builder.vehicle.conditions.flight_conditions import ConditionSet
 from builder.vehicle.file import Vehicle
 from strainfmu.flight_condition import FlightCondition

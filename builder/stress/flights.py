@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from builder.truth.flow_table import FlowTable
 from builder.truth.held_out import conditions_in_ranges, held_out_conditions, largest_incidence, wind_angles
+from builder.truth.revolution.flow_table import FlowTable
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import FlowReachError

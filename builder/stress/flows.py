@@ -18,8 +18,8 @@ from builder.campaign.snapshots import Snapshots
 from builder.inverse.noise.leeward import other_leeward
 from builder.reporting import Reporter
 from builder.stress.flights import stress_knots
-from builder.truth.flow_table import FlowTable, flow_table
-from builder.truth.flows import truth_engine, truth_surface
+from builder.truth.revolution.flow_table import FlowTable, flow_table
+from builder.truth.revolution.flows import truth_engine, truth_surface
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import FlowReachError

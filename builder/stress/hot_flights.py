@@ -24,9 +24,9 @@ from builder.structure.fourier.model import structural_model, with_mesh_error
 from builder.structure.loads.gauge_strain import gauge_strain, gauge_temperature
 from builder.structure.loads.temperature import temperature_mode
 from builder.truth.as_built import drawn_many
-from builder.truth.flow_table import FlowTable, load_flow_table
 from builder.truth.held_out import held_out_conditions
-from builder.truth.strain import TrueStructure, one_flight, true_flights, true_strain, true_structure
+from builder.truth.revolution.flow_table import FlowTable, load_flow_table
+from builder.truth.revolution.strain import TrueStructure, one_flight, true_flights, true_strain, true_structure
 from builder.vehicle.file import Vehicle, load_vehicle
 from builder.vehicle.model_entries import Resolutions
 from builder.vehicle.structure.temperature import Temperature, TemperatureSensor

@@ -11,10 +11,10 @@ import numpy as np
 from builder.campaign.snapshots import Snapshots
 from builder.stress.kind import Kind
 from builder.truth.flights import Flights, RevolvedFlights
-from builder.truth.flow_table import FlowTable
-from builder.truth.shape_flights import at_conditions, shape_flights
-from builder.truth.shape_structure import ShapeStructure, on_nodes_of
-from builder.truth.strain import TrueStructure, true_flights, without_faint_harmonics
+from builder.truth.revolution.flow_table import FlowTable
+from builder.truth.revolution.strain import TrueStructure, true_flights, without_faint_harmonics
+from builder.truth.shape.flights import at_conditions, shape_flights
+from builder.truth.shape.structure import ShapeStructure, on_nodes_of
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import FlowReachError

@@ -30,9 +30,9 @@ from builder.stress.score import Effort, Range, Score
 from builder.structure.fourier.model import place_layouts
 from builder.structure.gauge_placement import gauge_mesh
 from builder.structure.solid.case import structure_case
-from builder.truth import flow_table as flow_table_file
-from builder.truth.flow_table import load_flow_table, save_flow_table
 from builder.truth.independent_model import refuse_without_independent_model
+from builder.truth.revolution import flow_table as flow_table_file
+from builder.truth.revolution.flow_table import load_flow_table, save_flow_table
 from builder.vehicle.file import Vehicle, load_vehicle
 from builder.workspace import Workspace
 from strainfmu.errors import FlowReachError, InputError

@@ -14,7 +14,7 @@ from builder.stress.kind import Hardware, Kind
 from builder.stress.model import Model
 from builder.truth.as_built import AsBuilt
 from builder.truth.flights import Flights
-from builder.truth.read_flights import gauge_noise
+from builder.truth.levels.read_flights import gauge_noise
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.estimator.health import HealthState

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from builder.truth.as_built import AsBuilt
-from builder.truth.strain import TrueFlights, TrueStructure, some_flights, true_strain
+from builder.truth.revolution.strain import TrueFlights, TrueStructure, some_flights, true_strain
 from strainfmu.arrays import FloatArray
 from strainfmu.flight_condition import FlightCondition
 

@@ -6,7 +6,7 @@ from math import radians
 
 import numpy as np
 
-from builder.truth.flow_table import FlowTable
+from builder.truth.revolution.flow_table import FlowTable
 from builder.vehicle.file import Vehicle
 from strainfmu.flight_condition import FlightCondition
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from builder.structure.fourier.model import refuse_beyond_fourier
-from builder.truth.shape_structure import refuse_without_other_model
+from builder.truth.shape.structure import refuse_without_other_model
 from builder.vehicle.file import Vehicle
 
 

@@ -14,8 +14,8 @@ from fmpy.validation import validate_fmu
 from builder.pipeline.demo import run_demo, vehicle_as_built
 from builder.reporting import Silent
 from builder.structure.structure_file import load_structure
-from builder.truth.free_flight_path import flown_path, flows_along
-from builder.truth.shape_structure import flying_structure
+from builder.truth.shape.flight_path import flown_path, flows_along
+from builder.truth.shape.structure import flying_structure
 from builder.vehicle.file import VEHICLES, load_vehicle
 from strainfmu.cosim.models.trajectory import load_trajectory
 from strainfmu.estimator.linear.estimator import Estimator

@@ -17,7 +17,7 @@ from builder.calibration.score.summary import BEFORE, EQUATIONS, EXACT, errors_o
 from builder.calibration.score.summary import table as as_text
 from builder.calibration.score.vehicles import OUTSIDE_KINDS, Score, rows_of
 from builder.campaign.snapshots import Snapshots
-from builder.truth.flow_table import FlowTable
+from builder.truth.revolution.flow_table import FlowTable
 from builder.vehicle.file import Vehicle
 from builder.vehicle.model_entries import Resolutions
 from strainfmu.errors import InputError

@@ -10,8 +10,8 @@ from builder.compare.field import estimated_fields, field_errors, station_weight
 from builder.inverse.problem import inverse_problem
 from builder.manifold.build import with_manifold
 from builder.structure.fourier.model import StructuralModel
-from builder.truth.flow_table import FlowTable
-from builder.truth.strain import TrueStructure
+from builder.truth.revolution.flow_table import FlowTable
+from builder.truth.revolution.strain import TrueStructure
 from builder.vehicle.file import Vehicle
 from strainfmu.estimator.estimates.load_estimate import LoadEstimates
 from strainfmu.estimator.linear.estimator import Estimator

@@ -30,7 +30,7 @@ from builder.figures.comparison.rivals import compare_figure
 from builder.pipeline.flight_score import ROLLING
 from builder.truth.as_built import AsBuilt
 from builder.truth.flights import RevolvedFlights
-from builder.truth.strain import TrueFlights, TrueStructure
+from builder.truth.revolution.strain import TrueFlights, TrueStructure
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES

@@ -15,10 +15,10 @@ from builder.aero.loads.operator import coefficient_scale
 from builder.inverse.build import snapshot_coefficients
 from builder.structure.fourier.model import StructuralModel
 from builder.truth.as_built import exactly_built
-from builder.truth.flight_tables import flight_model
-from builder.truth.flow_table import FlowTable, pressure_harmonics
-from builder.truth.flows import truth_engine, truth_keys
-from builder.truth.strain import TrueStructure
+from builder.truth.revolution.flight_tables import flight_model
+from builder.truth.revolution.flow_table import FlowTable, pressure_harmonics
+from builder.truth.revolution.flows import truth_engine, truth_keys
+from builder.truth.revolution.strain import TrueStructure
 from builder.vehicle.file import Vehicle
 from strainfmu.cosim.models.flight_model import FlightModel, FlightPoint, evaluate
 from strainfmu.flight_condition import FlightCondition

@@ -14,8 +14,8 @@ from builder.stress.flows import stress_flows
 from builder.stress.model import RevolvedModel
 from builder.stress.score import Effort, Range
 from builder.structure.fourier.model import structural_model
-from builder.truth.flow_table import FlowTable
-from builder.truth.strain import true_structure
+from builder.truth.revolution.flow_table import FlowTable
+from builder.truth.revolution.strain import true_structure
 from builder.vehicle.file import Vehicle
 
 

@@ -18,12 +18,16 @@ from builder.manifold.build import with_manifold
 from builder.stress import false_alarms as module
 from builder.stress.false_alarms import FalseAlarms, false_alarms
 from builder.structure.fourier.model import StructuralModel
-from builder.truth.alarm_levels import alarm_scales, with_alarm_levels
-from builder.truth.flight_alarm_levels import flight_alarm_ratios, ratios_and_health, with_flight_alarm_levels
-from builder.truth.flow_table import FlowTable
-from builder.truth.flown_vehicles import drawn_vehicles
-from builder.truth.read_flights import ReadFlights, read_flights
-from builder.truth.strain import TrueStructure
+from builder.truth.levels.alarm_levels import alarm_scales, with_alarm_levels
+from builder.truth.levels.flight_alarm_levels import (
+    flight_alarm_ratios,
+    ratios_and_health,
+    with_flight_alarm_levels,
+)
+from builder.truth.levels.flown_vehicles import drawn_vehicles
+from builder.truth.levels.read_flights import ReadFlights, read_flights
+from builder.truth.revolution.flow_table import FlowTable
+from builder.truth.revolution.strain import TrueStructure
 from builder.vehicle.file import Vehicle
 from strainfmu.errors import InputError
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, HealthState

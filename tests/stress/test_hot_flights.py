@@ -7,8 +7,8 @@ import pytest
 
 from builder.campaign.snapshots import Snapshots
 from builder.stress.hot_flights import Heating, hot_flights, lines_of, maps_of, standard_temperature
-from builder.truth.flow_table import FlowTable
-from builder.truth.strain import TrueStructure
+from builder.truth.revolution.flow_table import FlowTable
+from builder.truth.revolution.strain import TrueStructure
 from builder.vehicle.file import Vehicle
 
 

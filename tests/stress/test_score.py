@@ -14,8 +14,8 @@ from builder.stress.kinds import all_kinds
 from builder.stress.model import RevolvedModel
 from builder.stress.run import check_fit, of_map, table_csv
 from builder.stress.score import Range
-from builder.truth.flow_table import FlowTable
-from builder.truth.flows import truth_surface
+from builder.truth.revolution.flow_table import FlowTable
+from builder.truth.revolution.flows import truth_surface
 from builder.vehicle.file import Vehicle
 from strainfmu.errors import FlowReachError, InputError
 

@@ -16,7 +16,7 @@ from builder.stress.kinds import all_kinds
 from builder.stress.model import ShapeModel
 from builder.stress.run import shape_conditions
 from builder.stress.score import Effort, Range
-from builder.truth.shape_flights import at_conditions
+from builder.truth.shape.flights import at_conditions
 from builder.vehicle.file import VEHICLES, load_vehicle
 from strainfmu.atmosphere import pressure_and_temperature
 from strainfmu.errors import FlowReachError

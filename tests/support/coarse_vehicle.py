@@ -19,9 +19,9 @@ from builder.inverse.cases.prior import LowRankPrior, prior_of_snapshots
 from builder.inverse.modes.pod import proper_orthogonal_decomposition
 from builder.inverse.problem import gauge_noise_covariance
 from builder.structure.fourier.model import StructuralModel, structural_model
-from builder.truth.flow_table import FlowTable, flow_table
-from builder.truth.flows import truth_engine, truth_keys, truth_knots
-from builder.truth.strain import TrueStructure, true_structure
+from builder.truth.revolution.flow_table import FlowTable, flow_table
+from builder.truth.revolution.flows import truth_engine, truth_keys, truth_knots
+from builder.truth.revolution.strain import TrueStructure, true_structure
 from builder.vehicle.conditions.flight_conditions import condition_grid
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
 from builder.vehicle.map.options import MapEntry

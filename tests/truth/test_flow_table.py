@@ -11,14 +11,14 @@ import pytest
 from builder.aero.engine import Flow, FlowKey
 from builder.aero.engines.euler import pieces
 from builder.aero.engines.surface_pressure import pressure_at_stations
-from builder.truth.flow_table import (
+from builder.truth.revolution.flow_table import (
     FlowTable,
     harmonics_at,
     load_flow_table,
     pressure_harmonics,
     save_flow_table,
 )
-from builder.truth.strain import TrueStructure
+from builder.truth.revolution.strain import TrueStructure
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 

@@ -16,8 +16,8 @@ from builder.aero.shapes import sections_mesh
 from builder.campaign.snapshots import Snapshots
 from builder.truth.as_built import AsBuilt, drawn_many, exactly_built
 from builder.truth.held_out import conditions_in_ranges
-from builder.truth.shape_flights import ShapeFlights, on_nodes
-from builder.truth.shape_structure import refuse_without_other_model
+from builder.truth.shape.flights import ShapeFlights, on_nodes
+from builder.truth.shape.structure import refuse_without_other_model
 from builder.vehicle.file import VEHICLES, Vehicle, load_vehicle
 from strainfmu.errors import InputError
 

@@ -19,8 +19,8 @@ from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import harmonic_response, strain_operator
 from builder.structure.wall import wall_of
 from builder.truth.as_built import AsBuilt, drawn, drawn_many, exactly_built
-from builder.truth.flow_table import FlowTable, harmonics_at
-from builder.truth.strain import (
+from builder.truth.revolution.flow_table import FlowTable, harmonics_at
+from builder.truth.revolution.strain import (
     SHIFT,
     WALL_STEP,
     TrueFlights,

@@ -8,7 +8,7 @@ import numpy as np
 
 from builder.calibration.as_built.parameters import AsBuiltParameters
 from builder.calibration.as_built.structure import AsBuiltStructure
-from builder.truth.flight_tables import PlantGauges
+from builder.truth.revolution.flight_tables import PlantGauges
 from strainfmu.arrays import FloatArray
 
 

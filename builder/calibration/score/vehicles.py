@@ -36,7 +36,7 @@ from builder.calibration.score.setup import READING_STD, Setup, SetupOptions, ro
 from builder.calibration.score.summary import BEFORE, EQUATIONS, EXACT, errors_of, summary, table
 from builder.campaign.snapshots import load_snapshots
 from builder.inverse.modes.ensemble import Ensemble, ensemble_of
-from builder.truth.flow_table import load_flow_table
+from builder.truth.revolution.flow_table import load_flow_table
 from builder.vehicle.file import load_vehicle
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError, StrainfmuError

@@ -91,7 +91,7 @@ def check_vehicle(path: Path, console: Console) -> None:
 def _manoeuvre(vehicle: Vehicle, conditions: Sequence[FlightCondition]) -> Trajectory:
     """Return the manoeuvre, within the flight model of the demonstration and the parameters of the snapshots."""
     from builder.pipeline.manoeuvre import check_parameters
-    from builder.truth.flows import truth_knots
+    from builder.truth.revolution.flows import truth_knots
     from strainfmu.cosim.models.flight_model import check_envelope
     from strainfmu.cosim.models.trajectory import load_trajectory
 
@@ -108,7 +108,7 @@ def _out_of_reach(
 ) -> Iterator[str]:
     """Yield why extreme flows of the snapshots and of the flight model cannot be solved."""
     from builder.campaign.reach import extreme_conditions, flows_out_of_reach
-    from builder.truth.flows import truth_engine, truth_keys
+    from builder.truth.revolution.flows import truth_engine, truth_keys
 
     keys = [engine.flow_key(condition) for condition in extreme_conditions(conditions)]
     for line in flows_out_of_reach(engine, keys, reporter, "Flow: extreme conditions"):

@@ -22,7 +22,7 @@ from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import HarmonicResponse, harmonic_response
 from builder.structure.wall import wall_of
 from builder.truth.as_built import AsBuilt
-from builder.truth.flow_table import FlowTable, harmonics_at
+from builder.truth.revolution.flow_table import FlowTable, harmonics_at
 from builder.vehicle.file import Vehicle
 from builder.vehicle.model_entries import Resolution
 from builder.vehicle.shape.geometry import SurfaceGrid, surface_grid

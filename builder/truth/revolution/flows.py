@@ -16,7 +16,7 @@ from builder.campaign.journal import Journal
 from builder.campaign.run import complete_flows
 from builder.campaign.scheduling import Scheduling
 from builder.reporting import Reporter
-from builder.truth.flow_table import FlowTable, flow_table
+from builder.truth.revolution.flow_table import FlowTable, flow_table
 from builder.vehicle.file import Vehicle
 from builder.vehicle.shape.geometry import SurfaceGrid, is_blunt, surface_grid
 from strainfmu.arrays import FloatArray

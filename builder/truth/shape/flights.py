@@ -23,7 +23,7 @@ from builder.campaign.snapshots import Snapshots
 from builder.campaign.vehicle_campaign import vehicle_campaign
 from builder.reporting import Reporter
 from builder.truth.as_built import AsBuilt
-from builder.truth.shape_structure import ShapeStructure, as_built, on_nodes_of
+from builder.truth.shape.structure import ShapeStructure, as_built, on_nodes_of
 from builder.vehicle.conditions.flight_conditions import ConditionSet
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray, IntArray
@@ -88,7 +88,7 @@ def shape_flights(
     """Return the flights of ``vehicle`` at the conditions of ``flows``.
 
     ``nodes`` is the surface of the map, by default that of the flows; ``operator`` (4, n_d, n_q) is
-    :func:`~builder.truth.shape_structure.on_nodes_of` for these flows, where it is known.
+    :func:`~builder.truth.shape.structure.on_nodes_of` for these flows, where it is known.
 
     Raises
     ------

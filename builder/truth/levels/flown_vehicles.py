@@ -10,8 +10,8 @@ import numpy as np
 
 from builder.truth.as_built import drawn_many
 from builder.truth.flights import Flights, RevolvedFlights
-from builder.truth.flow_table import FlowTable
-from builder.truth.strain import TrueStructure, true_flights, without_faint_harmonics
+from builder.truth.revolution.flow_table import FlowTable
+from builder.truth.revolution.strain import TrueStructure, true_flights, without_faint_harmonics
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map.options import Noise
 from strainfmu.arrays import FloatArray

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from builder.truth.flow_table import FlowTable
-from builder.truth.flown_vehicles import FlownVehicles, Fly
 from builder.truth.held_out import held_out_conditions
+from builder.truth.levels.flown_vehicles import FlownVehicles, Fly
+from builder.truth.revolution.flow_table import FlowTable
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map.options import Noise
 from strainfmu.arrays import FloatArray

@@ -16,8 +16,8 @@ from scipy.interpolate import CubicSpline
 
 from builder.aero.loads.operator import load_operator
 from builder.truth.as_built import AsBuilt
-from builder.truth.flow_table import FlowTable
-from builder.truth.strain import TrueStructure, built_gauges
+from builder.truth.revolution.flow_table import FlowTable
+from builder.truth.revolution.strain import TrueStructure, built_gauges
 from builder.vehicle.file import Vehicle
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray

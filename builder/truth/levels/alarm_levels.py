@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from builder.truth.read_flights import THREADS, ReadFlights
-from builder.truth.tail_quantile import tail_quantile
+from builder.truth.levels.read_flights import THREADS, ReadFlights
+from builder.truth.levels.tail_quantile import tail_quantile
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY
 from strainfmu.estimator.linear.estimator import Estimator

@@ -1,6 +1,6 @@
 """Alarm levels of the nonlinear estimator from flights of the independent model.
 
-As for the linear map, see :mod:`builder.truth.alarm_levels`: the levels of chi-square, of the largest
+As for the linear map, see :mod:`builder.truth.levels.alarm_levels`: the levels of chi-square, of the largest
 leave-one-out residual, and of the shapes of pressure off the tables together. Levels follow from the largest of
 many samples, and an estimate takes a fifth of a millisecond. So all are predicted first, by one linear step from
 the state of the flight, for which its vehicles have all matrices in common; only the largest are estimated.
@@ -13,9 +13,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from builder.truth.alarm_levels import LARGEST_SCALE, alarm_scales
-from builder.truth.read_flights import THREADS, ReadFlights
-from builder.truth.tail_quantile import TAIL
+from builder.truth.levels.alarm_levels import LARGEST_SCALE, alarm_scales
+from builder.truth.levels.read_flights import THREADS, ReadFlights
+from builder.truth.levels.tail_quantile import TAIL
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY
 from strainfmu.estimator.manifold.estimator import BLOCK, EstimatorInputs, ManifoldEstimator
@@ -35,7 +35,8 @@ fitted to, and more, as the prediction is not exact. That of the shapes is the w
 def with_flight_alarm_levels(inverse_map: InverseMap, flights: ReadFlights) -> InverseMap:
     """Return ``inverse_map`` with the levels of its nonlinear estimator that meet the stated rate on ``flights``.
 
-    Levels that would need a factor above :data:`~builder.truth.alarm_levels.LARGEST_SCALE` stay the theory's.
+    Levels that would need a factor above :data:`~builder.truth.levels.alarm_levels.LARGEST_SCALE` stay the
+    theory's.
     """
     manifold = inverse_map.manifold
     assert manifold is not None

@@ -16,8 +16,8 @@ from builder.aero.loads.sections import six_loads
 from builder.campaign.snapshots import Snapshots
 from builder.reporting import Reporter
 from builder.truth.as_built import AsBuilt
-from builder.truth.shape_flights import shape_flows
-from builder.truth.shape_structure import ShapeStructure, as_built, on_nodes_of
+from builder.truth.shape.flights import shape_flows
+from builder.truth.shape.structure import ShapeStructure, as_built, on_nodes_of
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
 from strainfmu.cosim.models.trajectory import Trajectory
