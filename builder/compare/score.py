@@ -11,7 +11,7 @@ import numpy as np
 from builder.compare.candidate import AIR_DATA, Answer, Candidate
 from builder.compare.field import field_errors
 from builder.compare.flights import Readings
-from builder.pipeline.flight_score import ROLLING
+from builder.pipeline.demonstration.flight_score import ROLLING
 from builder.truth.flights import Flights
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES

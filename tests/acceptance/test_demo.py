@@ -19,7 +19,7 @@ from ogive import OGIVE
 import strainfmu
 from builder.campaign.snapshots import load_snapshots
 from builder.inverse.modes.pod import proper_orthogonal_decomposition
-from builder.pipeline.flight_score import score_flight
+from builder.pipeline.demonstration.flight_score import score_flight
 from strainfmu.cosim.systems.recording import load_recording
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, load_inverse_map
 

@@ -11,7 +11,7 @@ import pytest
 from finned_body import DEFLECTIONS_DEG, OTHER_SURFACE, write_surface
 from fmpy.validation import validate_fmu
 
-from builder.pipeline.demo import run_demo, vehicle_as_built
+from builder.pipeline.demonstration.demo import run_demo, vehicle_as_built
 from builder.reporting import Silent
 from builder.structure.structure_file import load_structure
 from builder.truth.shape.flight_path import flown_path, flows_along

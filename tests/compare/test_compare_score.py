@@ -27,7 +27,7 @@ from builder.compare.flights import (
 from builder.compare.run import table_csv
 from builder.compare.score import AIR_DATA_KEYS, Tally, rms_of_tenths, tenths
 from builder.figures.comparison.rivals import compare_figure
-from builder.pipeline.flight_score import ROLLING
+from builder.pipeline.demonstration.flight_score import ROLLING
 from builder.truth.as_built import AsBuilt
 from builder.truth.flights import RevolvedFlights
 from builder.truth.revolution.strain import TrueFlights, TrueStructure

@@ -14,7 +14,7 @@ from shape_truth import flights_at
 from builder.compare.flights import GAUGE_NOISE, HARDWARE, Effort, altitudes, example_conditions, random_conditions
 from builder.compare.training import training_flights
 from builder.compare.trial import Flown, Trial, all_entries
-from builder.pipeline.flight_score import ROLLING
+from builder.pipeline.demonstration.flight_score import ROLLING
 from builder.reporting import Silent
 from builder.vehicle.file import VEHICLES, load_vehicle
 from strainfmu.flight_condition import FlightCondition

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from builder.pipeline.flight_score import score_flight
+from builder.pipeline.demonstration.flight_score import score_flight
 from strainfmu.cosim.systems.recording import Recording
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 

@@ -11,7 +11,7 @@ from scaled_maps import scaled_map
 from builder.figures.comparison.flown_estimators import estimator_errors
 from builder.figures.drawing.canvas import save
 from builder.pipeline.chosen_estimator import with_estimator
-from builder.pipeline.flown_estimators import COMPARED_AIR_DATA, estimator_entry, flown_estimators
+from builder.pipeline.demonstration.flown_estimators import COMPARED_AIR_DATA, estimator_entry, flown_estimators
 from builder.vehicle.file import IC3X, VEHICLES, load_vehicle
 from strainfmu.cosim.systems.recording import Recording
 from strainfmu.errors import InputError

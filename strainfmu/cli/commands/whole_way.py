@@ -27,7 +27,7 @@ from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 
 if TYPE_CHECKING:
-    from builder.pipeline.demo import DemoResult
+    from builder.pipeline.demonstration.demo import DemoResult
 
 VehicleArgument = Annotated[
     Path | None,
@@ -86,7 +86,7 @@ def demo(
 
         strainfmu demo --can
     """
-    from builder.pipeline.demo import AS_BUILT_SEED, run_demo
+    from builder.pipeline.demonstration.demo import AS_BUILT_SEED, run_demo
     from builder.pipeline.pipeline import FilesGiven
     from builder.vehicle.file import IC3X
 

@@ -90,7 +90,7 @@ def check_vehicle(path: Path, console: Console) -> None:
 
 def _manoeuvre(vehicle: Vehicle, conditions: Sequence[FlightCondition]) -> Trajectory:
     """Return the manoeuvre, within the flight model of the demonstration and the parameters of the snapshots."""
-    from builder.pipeline.manoeuvre import check_parameters
+    from builder.pipeline.demonstration.manoeuvre import check_parameters
     from builder.truth.revolution.flows import truth_knots
     from strainfmu.cosim.models.flight_model import check_envelope
     from strainfmu.cosim.models.trajectory import load_trajectory
@@ -159,7 +159,7 @@ def _shape_rows(vehicle: Vehicle, engine: Engine) -> Iterator[tuple[str, str]]:
 
 def _warnings(vehicle: Vehicle, trajectory: Trajectory, conditions: Sequence[FlightCondition]) -> Iterator[str]:
     """Yield how long the manoeuvre is, where it leaves the snapshots, and why the demonstration would refuse."""
-    from builder.pipeline.manoeuvre import manoeuvre_warnings
+    from builder.pipeline.demonstration.manoeuvre import manoeuvre_warnings
     from builder.structure.fourier.model import refuse_beyond_fourier
     from builder.vehicle.map_needs import unused_entries
 

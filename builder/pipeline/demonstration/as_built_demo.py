@@ -37,7 +37,7 @@ from builder.pipeline.calibrate import (
     with_levels,
     write_report,
 )
-from builder.pipeline.flown_estimators import FlownEstimates, estimator_entry, flown_estimators
+from builder.pipeline.demonstration.flown_estimators import FlownEstimates, estimator_entry, flown_estimators
 from builder.pipeline.map_files import true_structure_of
 from builder.pipeline.measured_levels import alarm_levels_wanted
 from builder.pipeline.pipeline import Pipeline

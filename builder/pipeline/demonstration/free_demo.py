@@ -18,10 +18,10 @@ from builder.campaign.snapshots import load_snapshots
 from builder.figures import demonstration as figures
 from builder.figures.drawing.canvas import save
 from builder.figures.scene.free_shape import shape_with_gauges
-from builder.pipeline.flight_score import ROLLING
-from builder.pipeline.manoeuvre import check_parameters
+from builder.pipeline.demonstration.flight_score import ROLLING
+from builder.pipeline.demonstration.manoeuvre import check_parameters
+from builder.pipeline.demonstration.pictures import make_pictures
 from builder.pipeline.map_files import make_map
-from builder.pipeline.pictures import make_pictures
 from builder.pipeline.pipeline import Pipeline
 from builder.pipeline.used_files import MAP, SNAPSHOTS, STRUCTURE
 from builder.structure.solid.case import structure_case

@@ -20,14 +20,14 @@ from builder.campaign.snapshots import load_snapshots
 from builder.figures import demonstration as figures
 from builder.figures.comparison.flown_estimators import estimator_errors
 from builder.figures.drawing.canvas import save
-from builder.pipeline.as_built_demo import CALIBRATED, AsBuiltRun
 from builder.pipeline.chosen_estimator import Estimators, with_estimator
-from builder.pipeline.flight_score import FlightScore, score_flight
-from builder.pipeline.flown_estimators import FlownEstimates, estimator_entry, flown_estimators
-from builder.pipeline.free_demo import fly_free_shape
-from builder.pipeline.manoeuvre import manoeuvre_warnings
+from builder.pipeline.demonstration.as_built_demo import CALIBRATED, AsBuiltRun
+from builder.pipeline.demonstration.flight_score import FlightScore, score_flight
+from builder.pipeline.demonstration.flown_estimators import FlownEstimates, estimator_entry, flown_estimators
+from builder.pipeline.demonstration.free_demo import fly_free_shape
+from builder.pipeline.demonstration.manoeuvre import manoeuvre_warnings
+from builder.pipeline.demonstration.pictures import make_pictures
 from builder.pipeline.map_files import make_independent_flows, make_map, true_structure_of
-from builder.pipeline.pictures import make_pictures
 from builder.pipeline.pipeline import FilesGiven, Pipeline
 from builder.pipeline.stages import check_before_long_work
 from builder.pipeline.used_files import FLOWS, MAP, SNAPSHOTS, open_pipeline
