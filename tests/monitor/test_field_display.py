@@ -29,6 +29,7 @@ from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.map.inverse_map import save_inverse_map
 from strainfmu.estimator.tables.flight_tables import evaluate
 from strainfmu.estimator.tables.parameter_tables import with_known
+from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 from strainfmu.interface.temperature_variables import temperature_names
 from strainfmu.monitor.message import parsed
 from strainfmu.monitor.server import Monitor
@@ -131,6 +132,18 @@ def test_temperatures_are_in_the_pressure() -> None:
     )
     np.testing.assert_allclose(found, own.pressure(with_std=False).pressure, rtol=2e-3)
     assert np.abs(found - cold).max() > 0.01 * cold.max()
+
+
+def test_zeros_are_off_the_strains_of_the_pressure() -> None:
+    """Those that the estimator takes off, from the next message on."""
+    messages, untold, sample = FieldMessages(field_map()), FieldMessages(field_map()), cycle()
+    expected = np.array(messages.message(sample, 5.0)["field"]["pressure_Pa"])
+    zeros = GaugeZeros(value=np.linspace(-4e-5, 4e-5, N_D), std=np.zeros(N_D))
+    with_zeros = replace(sample, strain=sample.strain + zeros.value)
+    assert np.abs(untold.message(with_zeros, 5.0)["field"]["pressure_Pa"] - expected).max() > 50.0
+    messages.set_zeros(zeros)
+    found = messages.message(with_zeros, 5.0)["field"]["pressure_Pa"]
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=2.0)
 
 
 def test_maps_that_do_not_fit_are_refused(tmp_path: Path) -> None:

@@ -34,6 +34,7 @@ from strainfmu.cosim.estimators.step import (
     sensor_names_of,
 )
 from strainfmu.errors import InputError
+from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 from strainfmu.interface.input_names import FURTHER_FLOW
 
 UNPROTECTED_TEXT = (
@@ -56,6 +57,7 @@ class Taps:
     ----------
     on_received, on_sent : called with every frame and its time, in the order of their times.
     on_result : called with every result after it was sent.
+    on_zeros : called with zeros of the gauges that the estimator takes off from then on, given or of a tare.
     outputs : further outputs of the estimator that results hold, as far as it has them.
     """
 
@@ -63,6 +65,7 @@ class Taps:
     on_received: Callable[[Frame], None] | None = None
     on_sent: Callable[[Frame], None] | None = None
     on_result: Callable[[CycleResult], None] | None = None
+    on_zeros: Callable[[GaugeZeros], None] = lambda _: None
     outputs: tuple[str, ...] = ()
 
 
@@ -100,14 +103,14 @@ def make_bridge(fmu: Path, options: BridgeOptions, taps: Taps | None = None) -> 
     from strainfmu.cosim.estimators.step import ENVELOPE_SCORE
     from strainfmu.cosim.estimators.zeros_file import load_zeros
 
-    taps = taps or Taps()
-    bus = bus_settings(options)
+    taps, bus = taps or Taps(), bus_settings(options)
     key_of(options)  # refused before the FMU is unpacked
     outputs = (ENVELOPE_SCORE, FURTHER_LOADS, *taps.outputs)
     inputs = (*NAVIGATION, *FURTHER_FLOW, TEMPERATURE, PARAMETERS)
     with FmuStep(fmu, inputs, outputs) as step, ExitStack() as stack:
         if options.zeros is not None:
-            step.set_zeros(load_zeros(options.zeros, step.gauge_names))
+            step.set_zeros(given := load_zeros(options.zeros, step.gauge_names))
+            taps.on_zeros(given)
         start = taps.clock()
         core, results, configuration = make_core(step, options, gauge_names=step.gauge_names, start=start)
         keeper = _freshness_keeper(core, options)
@@ -115,9 +118,8 @@ def make_bridge(fmu: Path, options: BridgeOptions, taps: Taps | None = None) -> 
             stack.enter_context(keeper)
         zeros = None
         if core.taring is not None:
-            path = options.tare_output or Path("zeros.toml")
-            source = f"{options.interface}:{options.channel}"
-            zeros = stack.enter_context(ZerosKeeper(path, step.gauge_names, source))
+            path, source = options.tare_output or Path("zeros.toml"), f"{options.interface}:{options.channel}"
+            zeros = stack.enter_context(ZerosKeeper(path, step.gauge_names, source, taps.on_zeros))
             core.taring.on_end = zeros.ended
         bridge = Bridge(
             core,

@@ -96,6 +96,7 @@ def observed_bridge(
             on_received=None if recorder is None else recorder.received,
             on_sent=None if recorder is None else recorder.sent,
             on_result=on_result,
+            on_zeros=(lambda _: None) if field is None else field.set_zeros,
             outputs=() if address is None else PAGE_OUTPUTS,
         )
         if options.synchronised is not None:

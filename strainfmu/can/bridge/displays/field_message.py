@@ -20,6 +20,7 @@ from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.tracker import FlightTracker
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map
 from strainfmu.estimator.tables.flight_field import FlightField
+from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 from strainfmu.interface.parameter_variables import PREFIX, STD_PREFIX
 from strainfmu.interface.temperature_variables import temperature_names
 
@@ -39,7 +40,7 @@ class FieldMessages:
         held = estimator.manifold.surface_field
         if held is None:
             raise ValueError("inverse_map: expected one that holds the pressure field")
-        self._tracker = FlightTracker(estimator)
+        self._tracker, self._zeros = FlightTracker(estimator), estimator.zeros
         self._temperatures = temperature_names(inverse_map.thermal)
         self._parameters = estimator.parameters.names
         if isinstance(held, FlightField):
@@ -54,12 +55,19 @@ class FieldMessages:
             "roll_angle": np.round(np.degrees(roll_angle), 3).tolist(),
         }
 
+    def set_zeros(self, zeros: GaugeZeros) -> None:
+        """Take ``zeros`` off the strains from the next message on; any thread may say so."""
+        self._zeros = zeros
+
     def message(self, result: CycleResult, timestamp: float) -> dict[str, Any]:
         """Return the message of ``result``; without values where there is no estimate."""
         values = self._pressure(result) if result.quality.has_coefficients else []
         return {"field": {"timestamp": timestamp, **self._places, "pressure_Pa": values}}
 
     def _pressure(self, result: CycleResult) -> list[int]:
+        zeros, last = self._zeros, self._tracker
+        if zeros is not last.estimator.zeros:
+            self._tracker = FlightTracker(last.estimator.with_zeros(zeros), last.track)
         try:
             found = self._tracker.step(
                 result.strain,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from types import TracebackType
@@ -22,13 +22,17 @@ class ZerosKeeper:
     path : of zeros.toml; those of the latest tare stay.
     gauge_names : in the order of the zeros.
     source : where they come from, for the file.
+    on_zeros : called with them.
 
     Attributes
     ----------
     lines : one on each tare that was asked for, and on each file.
     """
 
-    def __init__(self, path: Path, gauge_names: Sequence[str], source: str) -> None:
+    def __init__(
+        self, path: Path, gauge_names: Sequence[str], source: str, on_zeros: Callable[[GaugeZeros], None]
+    ) -> None:
+        self._on_zeros = on_zeros
         self._path, self._names, self._source = path, tuple(gauge_names), source
         self._threads: list[threading.Thread] = []
         self._lock = threading.Lock()
@@ -46,6 +50,7 @@ class ZerosKeeper:
         """Take in the end of a tare; never waits for the disk."""
         self.lines.append(end.text)
         if end.zeros is not None:
+            self._on_zeros(end.zeros)
             made_from = {
                 "bus": self._source,
                 "taken_at": datetime.now(UTC).isoformat(timespec="seconds"),

@@ -13,8 +13,9 @@ from synthetic_vehicle import N_GAUGES, SyntheticFiles, synthetic_inverse_map
 
 from strainfmu.can.bridge.keepers.freshness_file import freshness_file, next_trip
 from strainfmu.can.bridge.options import BridgeOptions
-from strainfmu.can.bridge.setup import input_layout
+from strainfmu.can.bridge.setup import Taps, input_layout, make_bridge
 from strainfmu.can.cycle.estimate.result import CycleResult
+from strainfmu.can.cycle.estimate.taring import TareEnd
 from strainfmu.can.cycle.states.quality import Cause, Quality
 from strainfmu.can.tools.sender import send_flight
 from strainfmu.can.tools.strain_sources import FlownSample
@@ -154,6 +155,25 @@ def test_strain_of_known_loads_is_taken_off(synthetic: SyntheticFiles, tmp_path:
     assert np.all(np.abs(zeros.value - ZERO) < 3e-7)
     np.testing.assert_array_less(0.02 * np.abs(weight), zeros.std)
     assert zeros.std[0] == pytest.approx(np.hypot(0.4e-6, zeros.std[3]), rel=0.05)
+
+
+def test_what_shows_a_pressure_is_told_of_zeros(synthetic: SyntheticFiles, tmp_path: Path) -> None:
+    """Of those given at the start, and of those of a tare."""
+    told = list[GaugeZeros]()
+    given, taken = (GaugeZeros(value=factor * ZERO, std=np.full(N_GAUGES, 1e-7)) for factor in (1.0, 2.0))
+    write_zeros(tmp_path / "given.toml", NAMES, given, {})
+    options = BridgeOptions(
+        interface="virtual",
+        channel="told",
+        cycle_time=CYCLE,
+        zeros=tmp_path / "given.toml",
+        tare=synthetic.map_1,
+        tare_output=tmp_path / "taken.toml",
+    )
+    with make_bridge(synthetic.estimator_1, options, Taps(on_zeros=told.append)) as ready:
+        assert ready.zeros is not None
+        ready.zeros.ended(TareEnd(text="", zeros=taken, samples=100))
+    np.testing.assert_allclose([one.value for one in told], [given.value, taken.value], rtol=1e-8)
 
 
 def test_without_a_command_or_the_option_nothing_happens(synthetic: SyntheticFiles, tmp_path: Path) -> None:
