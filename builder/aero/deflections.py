@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial import cKDTree
 
-from builder.aero.cfd.surface_files import read_surface
+from builder.aero.cfd.formats.surface_files import read_surface
 from builder.aero.shapes import file_scale
 from builder.aero.surface.mesh import SurfaceMesh
 from strainfmu.arrays import FloatArray

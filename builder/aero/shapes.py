@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from builder.aero.cfd.surface_files import read_surface
+from builder.aero.cfd.formats.surface_files import read_surface
 from builder.aero.cfd.units import METRES
 from builder.aero.surface.edges import FEATURE_ANGLE, prepare_surface
 from builder.aero.surface.mesh import SurfaceMesh, mesh_of_grid
@@ -76,7 +76,7 @@ def surface_of_file(path: Path, unit: str | None, length: float | None) -> tuple
 
     Parameters
     ----------
-    path : the file, one that :func:`builder.aero.cfd.surface_files.read_surface` knows.
+    path : the file, one that :func:`builder.aero.cfd.formats.surface_files.read_surface` knows.
     unit : of the file, or None where ``length`` tells.
     length : of the vehicle [m], or None.
 

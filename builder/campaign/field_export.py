@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from builder.aero.cfd.cart3d import write_cart3d
-from builder.aero.cfd.point_table import NORMALS
+from builder.aero.cfd.formats.cart3d import write_cart3d
+from builder.aero.cfd.formats.point_table import NORMALS
+from builder.aero.cfd.formats.vtk_files import write_vtk
 from builder.aero.cfd.units import pressure_coefficient
-from builder.aero.cfd.vtk_files import write_vtk
 from builder.aero.surface.mesh import SurfaceMesh
 from builder.campaign.snapshots import Snapshots
 from strainfmu.arrays import FloatArray

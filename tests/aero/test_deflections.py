@@ -16,9 +16,9 @@ from finned_body import (
 )
 from random_map import random_map
 
+from builder.aero.cfd.formats.stl import write_stl
+from builder.aero.cfd.formats.surface_files import read_surface
 from builder.aero.cfd.manifest import load_manifest
-from builder.aero.cfd.stl import write_stl
-from builder.aero.cfd.surface_files import read_surface
 from builder.aero.deflections import Deflection, deflections_of
 from builder.aero.engine import Engine
 from builder.aero.engines.newtonian import NewtonianEngine

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from builder.aero.cfd.stl import write_stl
+from builder.aero.cfd.formats.stl import write_stl
 from builder.aero.engines.full_body import FullBodyEngine
 from builder.aero.euler.planes.marching_grid import MarchingGrid
 from builder.aero.shapes import sections_mesh, surface_of_file

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import builder
-from builder.aero.cfd.stl import write_stl
+from builder.aero.cfd.formats.stl import write_stl
 from builder.aero.surface.mesh import SurfaceMesh, mesh_of_grid
 from builder.structure.mapped_structure import mapped_operator
 from builder.structure.solid.mesh.mesh_export import write_mesh

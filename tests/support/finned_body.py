@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from builder.aero.cfd.stl import write_stl
+from builder.aero.cfd.formats.stl import write_stl
 from builder.structure.solid.elements.element_faces import boundary_facets, element_edges, face_keys
 from builder.structure.solid.mesh.mesh_export import write_mesh
 from builder.structure.solid.mesh.solid_mesh import EXTERNAL, SolidMesh

@@ -18,7 +18,7 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field, ValidationError, field_validator, model_validator
 
-from builder.aero.cfd.text_numbers import read_file
+from builder.aero.cfd.formats.text_numbers import read_file
 from builder.aero.cfd.units import METRES, PRESSURE_UNITS, QUANTITIES
 from builder.vehicle.toml.sections import Section
 from strainfmu.arrays import FloatArray

@@ -10,10 +10,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from builder.aero.cfd.cart3d import read_cart3d
-from builder.aero.cfd.point_table import read_point_table
-from builder.aero.cfd.surface_files import VTK_FORMATS
-from builder.aero.cfd.vtk_files import read_vtk
+from builder.aero.cfd.formats.cart3d import read_cart3d
+from builder.aero.cfd.formats.point_table import read_point_table
+from builder.aero.cfd.formats.surface_files import VTK_FORMATS
+from builder.aero.cfd.formats.vtk_files import read_vtk
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 

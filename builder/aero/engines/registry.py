@@ -84,7 +84,7 @@ def _level(name: str) -> MarchingGrid:
 
 
 def _newtonian(vehicle: Vehicle, resolution: Resolution, grid_level: str | None, note: Note) -> Engine:
-    from builder.aero.cfd.surface_files import read_surface
+    from builder.aero.cfd.formats.surface_files import read_surface
     from builder.aero.cfd.units import METRES
     from builder.aero.deflections import deflections_of
     from builder.aero.engines.newtonian import NewtonianEngine, newtonian_engine

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from builder.aero.cfd.vtk_files import write_vtk
+from builder.aero.cfd.formats.vtk_files import write_vtk
 from builder.figures.drawing.canvas import save
 from builder.figures.scene.glb import write_glb
 from builder.figures.scene.scene import Scene

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from builder.aero.cfd.vtk_files import write_vtk
+from builder.aero.cfd.formats.vtk_files import write_vtk
 from builder.aero.mapping.pressure_map import nodal_force_operator
 from builder.structure.external.load_cases import LoadCases, strain_columns
 from builder.structure.external.nastran.bulk_data import case_control, force_cards, grid_cards

@@ -107,7 +107,7 @@ def surface(
 
         strainfmu surface my_vehicle.toml -o body.tri
     """
-    from builder.aero.cfd.surface_export import write_surface
+    from builder.aero.cfd.formats.surface_export import write_surface
     from builder.aero.engines.registry import make_engine
     from builder.vehicle.file import load_vehicle
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from imported_case import CONDITION, case_text, imported_ratio, manifest_text
 
-from builder.aero.cfd.cart3d import write_cart3d
+from builder.aero.cfd.formats.cart3d import write_cart3d
 from builder.aero.cfd.manifest import load_manifest
 from builder.aero.cfd.surface_field import read_field
 from builder.aero.surface.mesh import SurfaceMesh

@@ -9,9 +9,9 @@ import meshio
 import numpy as np
 import pytest
 
-from builder.aero.cfd.surface_export import close_openings, open_edges, write_surface
+from builder.aero.cfd.formats.surface_export import close_openings, open_edges, write_surface
+from builder.aero.cfd.formats.surface_files import read_surface
 from builder.aero.cfd.surface_field import read_field
-from builder.aero.cfd.surface_files import read_surface
 from builder.aero.surface.mesh import SurfaceMesh, mesh_of_grid
 from builder.aero.surface.parts import merge_nodes
 from builder.campaign.snapshots import Snapshots, save_snapshots

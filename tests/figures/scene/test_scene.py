@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from builder.aero.cfd.vtk_files import read_vtk
+from builder.aero.cfd.formats.vtk_files import read_vtk
 from builder.aero.surface.mesh import mesh_of_grid
 from builder.figures.scene.picture_files import write_picture
 from builder.figures.scene.scene import BOX_SIDES, STATE_COLOURS, Scene, scene_of, scene_of_snapshot

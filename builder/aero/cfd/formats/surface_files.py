@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from builder.aero.cfd.cart3d import read_cart3d
-from builder.aero.cfd.stl import read_stl
-from builder.aero.cfd.text_numbers import read_file
+from builder.aero.cfd.formats.cart3d import read_cart3d
+from builder.aero.cfd.formats.stl import read_stl
+from builder.aero.cfd.formats.text_numbers import read_file
 from builder.aero.surface.mesh import SurfaceMesh
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
@@ -45,7 +45,7 @@ def read_surface(path: Path, scale: float = 1.0) -> SurfaceMesh:
     elif suffix == ".obj":
         point, triangle = _read_obj(path)
     elif suffix in VTK_FORMATS:
-        from builder.aero.cfd.vtk_files import read_vtk
+        from builder.aero.cfd.formats.vtk_files import read_vtk
 
         content = read_vtk(path)
         point, triangle = content.point, content.triangle

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from builder.aero.cfd.text_numbers import read_file
+from builder.aero.cfd.formats.text_numbers import read_file
 from builder.aero.cfd.units import METRES
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError

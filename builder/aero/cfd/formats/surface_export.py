@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from builder.aero.cfd.cart3d import write_cart3d
-from builder.aero.cfd.stl import write_stl
-from builder.aero.cfd.vtk_files import write_vtk
+from builder.aero.cfd.formats.cart3d import write_cart3d
+from builder.aero.cfd.formats.stl import write_stl
+from builder.aero.cfd.formats.vtk_files import write_vtk
 from builder.aero.surface.mesh import SurfaceMesh
 from builder.aero.surface.parts import connected, merge_nodes
 from strainfmu.arrays import IntArray

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from builder.aero.cfd.text_numbers import read_file
+from builder.aero.cfd.formats.text_numbers import read_file
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 from strainfmu.files import write_bytes_atomically

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from builder.aero.cfd.legacy_vtk import check_whole
-from builder.aero.cfd.text_numbers import read_file
+from builder.aero.cfd.formats.legacy_vtk import check_whole
+from builder.aero.cfd.formats.text_numbers import read_file
 from builder.aero.surface.mesh import SurfaceMesh
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError, StrainfmuError
@@ -62,7 +62,7 @@ def require_vtk() -> None:
 def read_vtk(path: Path) -> VtkSurface:
     """Read the surface cells of a legacy VTK, .vtp or .vtu file, ASCII or binary, compressed or not.
 
-    VTK's own readers do it, in a process of their own (:mod:`builder.aero.cfd.vtk_child`).
+    VTK's own readers do it, in a process of their own (:mod:`builder.aero.cfd.formats.vtk_child`).
 
     Raises
     ------
