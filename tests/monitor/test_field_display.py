@@ -118,6 +118,24 @@ def test_a_known_deflection_is_in_the_pressure() -> None:
     np.testing.assert_array_equal(blind, found)
 
 
+def test_navigation_of_a_mapping_is_in_the_pressure() -> None:
+    """Static pressure and deviations, as the estimator of the bridge takes them."""
+    given = {"static_pressure": 5500.0, "static_pressure_std": 5.0, "mach_number_std": 0.5}
+    given["dynamic_pressure_std"] = 4e4
+    sample = replace(cycle(), mach_number=6.4)
+    found, without = (
+        np.array(
+            FieldMessages(field_map()).message(replace(sample, further_inputs=one), 5.0)["field"]["pressure_Pa"]
+        )
+        for one in (given, {})
+    )
+    own = ManifoldEstimator(field_map()).step(
+        sample.strain, sample.dynamic_pressure, mach_number=6.4, altitude=20e3, **given
+    )
+    np.testing.assert_allclose(found, own.pressure(with_std=False).pressure, rtol=0.0, atol=1.0)
+    assert np.abs(found - without).max() > 3.0
+
+
 def test_temperatures_are_in_the_pressure() -> None:
     held = with_temperature(field_map())
     assert held.thermal is not None

@@ -26,6 +26,10 @@ K, NEW_ZEROS = 20, 12
 VALUES = {
     "mach_number": 6.0,
     "altitude": 19970.0,
+    "dynamic_pressure_std": 3e3,
+    "mach_number_std": 0.1,
+    "static_pressure": 5510.0,
+    "static_pressure_std": 150.0,
     **{f"temperature[{i + 1}]": REFERENCE + 10.0 * i for i in range(4)},
     "parameter.fin_deg": 1.5,
     "parameter.power": 0.2,

@@ -21,6 +21,7 @@ from strainfmu.estimator.manifold.tracker import FlightTracker
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map
 from strainfmu.estimator.tables.flight_field import FlightField
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
+from strainfmu.interface.input_names import FURTHER_FLOW
 from strainfmu.interface.parameter_variables import PREFIX, STD_PREFIX
 from strainfmu.interface.temperature_variables import temperature_names
 
@@ -83,8 +84,8 @@ class FieldMessages:
         return np.rint(chosen).astype(int).ravel().tolist() if np.all(np.isfinite(chosen)) else []
 
     def _further(self, given: Mapping[str, float]) -> dict[str, Any]:
-        """Return the arguments of a step for what is ``given`` beside navigation, by name of the FMU's input."""
-        found: dict[str, Any] = {}
+        """Return the arguments of a step for what is ``given`` beside q_inf, Mach number and altitude."""
+        found: dict[str, Any] = {name: given.get(name, np.nan) for name in FURTHER_FLOW}
         if self._temperatures:
             found["temperature"] = np.array([given.get(name, np.nan) for name in self._temperatures])
         for argument, prefix in (("parameters", PREFIX), ("parameters_std", STD_PREFIX)):
