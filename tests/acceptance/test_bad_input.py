@@ -164,9 +164,9 @@ def test_damaged_and_older_maps(ogive_demo: Path, tmp_path: Path, run: Run) -> N
         file["strain_gain"][0, 0] *= 1.0 + 1e-9
     refused(run("export", path, "-o", fmu), "damaged or altered")
     refused(run("inspect", path), "damaged or altered")
-    assert b"strainfmu.inverse_map 7 " in original
-    path.write_bytes(original.replace(b"strainfmu.inverse_map 7 ", b"strainfmu.inverse_map 6 ", 1))
-    refused(run("export", path, "-o", fmu), "expected schema version 7, got 6")
+    assert b"strainfmu.inverse_map 8 " in original
+    path.write_bytes(original.replace(b"strainfmu.inverse_map 8 ", b"strainfmu.inverse_map 7 ", 1))
+    refused(run("export", path, "-o", fmu), "expected schema version 8, got 7")
     refused(run("export", ogive_demo / "snapshots.h5", "-o", fmu), "strainfmu.snapshots")
     assert not fmu.exists()
 

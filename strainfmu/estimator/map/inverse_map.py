@@ -41,7 +41,7 @@ from strainfmu.estimator.tables.manifold_map import ManifoldMap
 from strainfmu.records import inner_record, load_record, save_record
 
 SCHEMA = "strainfmu.inverse_map"
-SCHEMA_VERSION = 7
+SCHEMA_VERSION = 8
 
 LOAD_NAMES = ("axial_force", "normal_force", "side_force", "pitching_moment", "yawing_moment")
 COEFFICIENT_NAMES = ("C_A", "C_N", "C_Y", "M_P", "M_Y")
