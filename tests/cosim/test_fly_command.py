@@ -32,6 +32,13 @@ def test_the_command(files: SlenderFiles, tmp_path: Path, run: Run) -> None:
     assert (tmp_path / "f_connectors.ssp").is_file()
     recording = load_recording(tmp_path / "out" / "flight_estimate.h5")
     assert recording.time[-1] == 5.0
+    # What flew can be estimated again; masks and faults of the loop are known and not read.
+    for data in ("flight_estimate.h5", "flight_truth.csv"):
+        code, out, err = run(
+            "estimate", tmp_path / "out" / "estimator.fmu", tmp_path / "out" / data, "-o", tmp_path / "o.h5"
+        )
+        assert (code, err) == (0, "")
+        assert "columns not used" in out
 
 
 def test_a_loop_that_does_not_hold_ends_with_1(files: SlenderFiles, tmp_path: Path, run: Run) -> None:

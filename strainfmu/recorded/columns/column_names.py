@@ -39,11 +39,17 @@ SIGNALS = frozenset(
 )
 """What a recorded system simulation holds besides: known, and not read."""
 
-_SIGNAL_GROUPS = ("sigma.", "force.", "moment.", "health.", "identified.", "navigation_used.", "tare_state")
+_SIGNAL_GROUPS = (
+    *("sigma.", "force.", "moment.", "section.", "health.", "identified.", "navigation_used."),
+    *("tare_state", "zero_in_use"),
+)
 """Beginnings of the names of an estimator's other outputs."""
 
 _AIR_DATA = "air_data."
 """The same of those with names of the flow; without an instance ahead it may be an instance itself."""
+
+_OF_FLIGHT = ("autopilot.valid[", "schedule.fault_kind[", "schedule.fault_value[")
+"""The same of what else the FMUs of ``strainfmu fly`` put out; of another instance it may be a mask to heed."""
 
 _INDEX = re.compile(r"strain\[([0-9]+)\]")
 _UNIT = re.compile(r"(?P<name>.*?)\s*\[(?P<unit>[^\[\]]*)\]")
@@ -191,7 +197,8 @@ def is_read(name: str, wanted: Wanted) -> bool:
 
 def _is_signal(name: str) -> bool:
     """Return whether this is an output of an estimator, a plant or an autopilot; an instance may stand ahead."""
-    return _is_output(name) or any(one in SIGNALS for one in (name, name.partition(".")[2]))
+    of_instance = name.partition(".")[2]
+    return _is_output(name) or name.startswith(_OF_FLIGHT) or name in SIGNALS or of_instance in SIGNALS
 
 
 def _is_output(name: str) -> bool:

@@ -9,6 +9,7 @@ import h5py
 import numpy as np
 import pytest
 from flight_fmu import whole_map
+from further_maps import with_further_tables
 from recorded_case import NAMES, samples, write_flight
 from synthetic_vehicle import SyntheticFiles
 
@@ -91,8 +92,10 @@ def test_signals_of_a_simulation_are_known(synthetic: SyntheticFiles, tmp_path: 
 
 def test_air_data_of_an_estimator_are_not_what_flew(tmp_path: Path) -> None:
     """Outputs of the nonlinear estimator have names of the flow; an instance ``air_data`` is read."""
-    names = [f"estimator.{one.name}" for one in estimator_interface(whole_map()) if one.causality == "output"]
+    interface = estimator_interface(with_further_tables(whole_map()))
+    names = [f"estimator.{one.name}" for one in interface if one.causality == "output"]
     assert {"estimator.air_data.mach_number", "estimator.sigma.air_data.dynamic_pressure"} < {*names}
+    assert "estimator.section.normal[1]" in names
     flown = {"plant.mach_number": 6.0, "air_data.altitude": 2e4}
     data = write_flight(tmp_path / "d.csv", **dict.fromkeys(names, 1.0), **flown)
     with open_strains(data, Wanted(gauge_names=tuple(NAMES))) as opened:
