@@ -183,6 +183,13 @@ class Estimator:
         flow = (dynamic_pressure, dynamic_pressure_std, mach_number, altitude)
         return self._one(strain, valid, flow, temperature, parameters)
 
+    def of_rows(self, rows: FloatArray, used: BoolArray, pressure: FloatArray, std: FloatArray) -> LoadEstimates:
+        """Return the estimates of ``rows`` (k, n_d) of the map [m/m], of the gauges ``used`` (k, n_d) whatever
+        they read, with q_inf and its deviation (k,) [Pa]."""
+        unknown = np.full(len(rows), np.nan)
+        flow = flow_of((pressure, std, unknown, unknown), self.parameters, None, len(rows))
+        return self._series(self.readings_of(rows), used, flow, is_checked=True)
+
     def _one(
         self,
         strain: ArrayLike,

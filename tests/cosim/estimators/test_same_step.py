@@ -17,6 +17,8 @@ from thermal_maps import REFERENCE, with_temperature
 from strainfmu.cosim.estimators.fmu_step import FmuStep
 from strainfmu.cosim.estimators.source import MapStep, open_step
 from strainfmu.cosim.estimators.step import StepResult, further_inputs
+from strainfmu.estimator.linear.estimator import Estimator
+from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.map.inverse_map import InverseMap, save_inverse_map
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 from strainfmu.fmu.export import ExportOptions, export_estimator
@@ -85,3 +87,21 @@ def test_map_and_fmus(tmp_path: Path, kind: str) -> None:
                 np.testing.assert_allclose(getattr(found, name), getattr(wanted, name), rtol=1e-6, err_msg=str(k))
             ours, theirs = (np.array([by.further[name] for name in wanted.further]) for by in (found, wanted))
             np.testing.assert_allclose(ours, theirs, rtol=1e-5, atol=1e-9 * np.nanmax(np.abs(theirs), initial=1.0))
+
+
+def test_a_gauge_is_in_range_by_its_reading(tmp_path: Path) -> None:
+    """Less its zero it is not; off the tables the linear loads hold it all the same, by map and by FMU."""
+    held, strain = whole_map(), exact_response(6.0, 0.03, 0.01, 5500.0)[:48]
+    largest, zero = ManifoldEstimator(held).settings.sensor_range, np.zeros(48)
+    zero[3], strain[3] = -0.009, largest - 0.004
+    zeros, pressure = GaugeZeros(value=zero, std=np.zeros(48)), 0.7 * 5500.0 * 36.0
+    expected = Estimator(held, zeros=zeros).step(strain, pressure)
+    assert expected.valid.all()
+    save_inverse_map(held, tmp_path / "map.h5")
+    export_estimator(tmp_path / "map.h5", tmp_path / "e.fmu")
+    for source in ("map.h5", "e.fmu"):
+        with open_step(tmp_path / source) as ready:
+            assert isinstance(ready.step, MapStep | FmuStep)
+            ready.step.set_zeros(zeros)
+            found = ready.step(strain, pressure, 0.01)
+        np.testing.assert_allclose(found.coefficients, expected.coefficients, rtol=1e-7)
