@@ -88,7 +88,7 @@ class Kind:
     flow : the pressure, None for that of the independent model.
     build : the vehicle of one draw.
     readings : what becomes of the strains.
-    navigation : whether Mach number and altitude are given to the estimator.
+    navigation : whether Mach number and altitude are given; the nonlinear estimator takes p_inf in its place.
     draws : vehicles and noise of the run, times this.
     flagged_target, outside_target : share [%] of flagged samples at least, and of OUTSIDE at most, aimed at.
     """

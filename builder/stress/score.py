@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 from zlib import crc32
@@ -20,6 +21,7 @@ from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.loading import estimator_of
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.flight_condition import FlightCondition
 
 NONLINEAR_SHARE = 4
 """A nonlinear estimate costs far more than a linear one: its kinds are flown with so many times fewer draws."""
@@ -162,17 +164,22 @@ class Range:
         read = strain + gauge_noise(self.inverse_map, random, strain.shape)
         wind = np.array([[condition.leeward_roll_angle] for condition in flights.conditions])
         read = kind.readings(read, wind, self.hardware, random)
-        known = flights.conditions if kind.navigation else ()
         estimate = self.estimator.estimate(
             read,
             flights.dynamic_pressure * (1.0 + np.asarray(built.dynamic_pressure, dtype=float)),
-            mach_number=np.array([one.mach_number for one in known]) if known else np.nan,
-            altitude=np.array([one.altitude for one in known]) if known else np.nan,
+            **(self._navigation(flights.conditions) if kind.navigation else {}),
         )
         error: FloatArray = np.abs(estimate.coefficients - flights.coefficients)
         with np.errstate(invalid="ignore"):
             right = np.all(error <= SIGMAS * estimate.coefficients_std, axis=1)  # false for NaN
         return ~right, np.asarray(estimate.health)
+
+    def _navigation(self, conditions: Sequence[FlightCondition]) -> dict[str, Any]:
+        """Return Mach number and altitude, p_inf in place of the latter for the nonlinear estimator."""
+        mach = np.array([one.mach_number for one in conditions])
+        if self.inverse_map.manifold is None:
+            return {"mach_number": mach, "altitude": np.array([one.altitude for one in conditions])}
+        return {"mach_number": mach, "static_pressure": np.array([one.ambient_pressure for one in conditions])}
 
 
 def _percent(share: BoolArray) -> float:
