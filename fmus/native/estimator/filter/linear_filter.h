@@ -50,6 +50,8 @@ typedef struct {
     double *of_load;           /* (5, order) change of the loads per state, with what the residual says of the rest */
     double alone[N_LOADS];     /* loads of the law after the sample alone, less those of no state, */
     double alone_covariance[N_LOADS * N_LOADS];
+    double change[N_LOADS * N_LOADS]; /* of the covariance of the loads by earlier samples, about the moment point of */
+    int has_change;                   /* the settings; whether the outputs have it */
     /* Scratch. */
     double *read_turned;       /* (rows, order) H */
     double *term_turned;       /* (rows, n_considered) G */

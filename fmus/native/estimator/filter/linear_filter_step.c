@@ -101,7 +101,10 @@ static void set_deviations(Estimator *e, const double *by, const double *scale) 
         }
         load[i] = covariance[at];
     }
-    if (positive && is_positive(covariance)) {
+    LinearFilter *filter = &e->linear_filter;
+    filter->has_change = positive && is_positive(covariance);
+    if (filter->has_change) {
+        memcpy(filter->change, by, sizeof filter->change);
         for (size_t i = 0; i < N_LOADS; i++) {
             e->output[LOADS_STD + i] = sqrt(load[i]);
             e->output[COEFFICIENTS_STD + i] = sqrt(coefficient[i]);
@@ -131,6 +134,7 @@ void linear_filter_outputs(Estimator *e) {
     const double elapsed = filter->base.now - filter->base.time, longest = filter->map.largest_time;
     filter->next = filter->base;
     filter->next.time = filter->base.now;
+    filter->has_change = 0;
     if (has_law) {
         const double seconds = elapsed > 0.0 ? (elapsed < longest ? elapsed : longest) : 0.0;
         linear_filter_predict(filter, seconds, e->input[filter_setting(e)]);

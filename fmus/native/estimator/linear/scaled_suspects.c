@@ -73,27 +73,36 @@ static double precision_without(Estimator *e, size_t gauge) {
     return dot(n - step->n_lost, column + step->n_lost, column + step->n_lost);
 }
 
-void set_scaled_suspects(Estimator *e, double threshold, const Level *low, const Level *high) {
+void scaled_standardised_residuals(Estimator *e, double *z) {
     const size_t n = e->map.n_gauges;
     const MaskedMap *m = e->masked;
     const ScaledStep *step = &e->scaled.step;
     double *slope = e->scaled.step.scratch[0], *precisions = e->scaled.step.scratch[1];
-    if (!CHOSEN(e->wide, may_exceed)(e, threshold, low, high)) {
-        return;
-    }
     dense_times(e->wide, n, n, e->scaled.columns, step->x, slope);
     if (step->n_lost == 0) {
         dense_times(e->wide, n, n, e->scaled.square, step->unresolved, precisions);
     }
-    size_t worst = 0;
-    double largest = 0.0;
     for (size_t k = 0; k < m->n_used; k++) {
         const size_t gauge = m->used[k];
         const double precision = step->n_lost == 0 ? precisions[gauge] : precision_without(e, gauge);
         const int checked = precision > e->map.form.min_precision[gauge];
-        const double z = checked ? fabs(slope[gauge] / sqrt(precision)) : 0.0;
-        if (z > largest) {
-            largest = z;
+        z[gauge] = checked ? slope[gauge] / sqrt(precision) : 0.0;
+    }
+}
+
+void set_scaled_suspects(Estimator *e, double threshold, const Level *low, const Level *high) {
+    const MaskedMap *m = e->masked;
+    if (!CHOSEN(e->wide, may_exceed)(e, threshold, low, high)) {
+        return;
+    }
+    double *z = e->scaled.step.bound;
+    size_t worst = 0;
+    double largest = 0.0;
+    scaled_standardised_residuals(e, z);
+    for (size_t k = 0; k < m->n_used; k++) {
+        const double size = fabs(z[m->used[k]]);
+        if (size > largest) {
+            largest = size;
             worst = k;
         }
     }

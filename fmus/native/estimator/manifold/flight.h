@@ -47,6 +47,8 @@ typedef struct {
     double value[N_NAVIGATION], std[N_NAVIGATION]; /* of navigation; NaN where not known */
     double real[N_FLIGHT_REALS];
     unsigned char flag[N_FLIGHT_FLAGS];
+    int fits;                  /* whether strain and navigation fit the tables, */
+    double degrees_of_freedom; /* and those of chi-square */
 } Flight;
 
 struct Estimator;

@@ -106,7 +106,7 @@ size_t flight_navigation_used(const Flight *flight) {
 
 /* Set the outputs of health; whether strain and navigation fit the tables. */
 static int judge(Estimator *e, size_t used) {
-    const Flight *flight = &e->flight;
+    Flight *flight = &e->flight;
     const FlightMap *map = &flight->map;
     const Solution *found = &flight->solver.solution;
     const double alarm_scale = e->input[e->map.n_gauges + ALARM_SCALE];
@@ -122,8 +122,9 @@ static int judge(Estimator *e, size_t used) {
     }
     const int suspect = largest > map->outlier_threshold * sqrt(map->outlier_scale * alarm_scale);
     output[CHI_SQUARE] = found->chi_square;
-    output[CHI_SQUARE_LIMIT] =
-        alarm_scale * map->chi_square_scale * map->chi_square_limit[used + flight_navigation_used(flight)];
+    const size_t freedom = used + flight_navigation_used(flight);
+    output[CHI_SQUARE_LIMIT] = alarm_scale * map->chi_square_scale * map->chi_square_limit[freedom];
+    flight->degrees_of_freedom = (double)freedom;
     output[SUSPECT_GAUGE] = suspect ? (double)(worst + 1) : 0.0;
     output[SUSPECTS] = suspect ? 1.0 : 0.0;
     output[ENVELOPE_SCORE] = range_score(flight);
@@ -134,6 +135,7 @@ static int judge(Estimator *e, size_t used) {
     const int lacks = used < e->map.n_gauges || flight_navigation_alarms(flight)
                    || found->rest_square > LARGEST_REST * LARGEST_REST;
     output[HEALTH_STATE] = outside ? OUTSIDE : !fits ? INCONSISTENT : suspect ? SUSPECT : lacks ? DEGRADED : OK;
+    flight->fits = fits;
     return fits;
 }
 

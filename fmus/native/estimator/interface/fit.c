@@ -1,0 +1,204 @@
+#include "fit.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "../linear/scaled_suspects.h"
+#include "../linear/suspects.h"
+#include "../numerics/panels.h"
+#include "../step_parts.h"
+
+#define N_ENTRIES (N_LOADS * N_LOADS)
+
+/* T C T' + r r' of a row-wise 5 x 5 matrix. */
+static void transferred(const double transfer[N_LOADS][N_LOADS], const double *covariance, const double *more,
+                        double *result) {
+    double half[N_LOADS][N_LOADS];
+    for (size_t i = 0; i < N_LOADS; i++) {
+        for (size_t j = 0; j < N_LOADS; j++) {
+            half[i][j] = 0.0;
+            for (size_t k = 0; k < N_LOADS; k++) {
+                half[i][j] += transfer[i][k] * covariance[k * N_LOADS + j];
+            }
+        }
+    }
+    for (size_t i = 0; i < N_LOADS; i++) {
+        for (size_t j = 0; j < N_LOADS; j++) {
+            double sum = more[i] * more[j];
+            for (size_t k = 0; k < N_LOADS; k++) {
+                sum += half[i][k] * transfer[j][k];
+            }
+            result[i * N_LOADS + j] = sum;
+        }
+    }
+}
+
+/* Rows of the transfer of loads to the moment point of the settings, and that times a scale for each row. */
+static void set_transfer(const Estimator *e, const double *scale, double transfer[N_LOADS][N_LOADS]) {
+    const double shift = moment_shift(e);
+    memset(transfer, 0, N_ENTRIES * sizeof(double));
+    for (size_t i = 0; i < N_LOADS; i++) {
+        transfer[i][i] = scale[i];
+        if (i >= 3) {
+            transfer[i][i - 2] = shift * scale[i];
+        }
+    }
+}
+
+static const double ONES[N_LOADS] = {1.0, 1.0, 1.0, 1.0, 1.0}, NONE[N_LOADS] = {0.0};
+
+/* Covariances of loads and coefficients of the linear map, both with the error of the dynamic pressure. */
+static void linear_covariances(const Estimator *e, double *fit) {
+    const double *scalar = e->input + e->map.n_gauges;
+    const double q = e->flow.pressure, q_std = e->flow.deviation;
+    const double *covariance = e->map.scaled ? e->scaled.step.covariance : e->masked->load_covariance;
+    double transfer[N_LOADS][N_LOADS], loads[N_LOADS], per_pressure[N_LOADS], scale[N_LOADS], of_coefficient[N_LOADS];
+    memcpy(loads, e->output + LOADS, sizeof loads);
+    if (e->map.scaled) { /* the outputs may be the filter's */
+        memcpy(loads, e->scaled.step.loads, sizeof loads);
+        move_moments(moment_shift(e), loads);
+    }
+    memcpy(per_pressure, e->map.scaled ? e->scaled.step.per_pressure : NONE, sizeof per_pressure);
+    move_moments(moment_shift(e), per_pressure);
+    set_transfer(e, ONES, transfer);
+    for (size_t i = 0; i < N_LOADS; i++) {
+        per_pressure[i] = e->flow.known ? per_pressure[i] * q_std : 0.0;
+    }
+    transferred(transfer, covariance, per_pressure, fit + LOAD_COVARIANCE);
+    if (!e->flow.known) {
+        return;
+    }
+    coefficient_scales(q, scalar[REFERENCE_AREA], scalar[REFERENCE_LENGTH], scale);
+    set_transfer(e, scale, transfer);
+    for (size_t i = 0; i < N_LOADS; i++) {
+        const double coefficient = scale[i] * loads[i];
+        of_coefficient[i] = scale[i] * per_pressure[i] - coefficient / q * q_std;
+    }
+    transferred(transfer, covariance, of_coefficient, fit + COEFFICIENT_COVARIANCE);
+}
+
+/* The same of the filter of a linear map, which changes both by what earlier samples determine. */
+static void add_filtered(const Estimator *e, double *fit) {
+    const LinearFilter *filter = &e->linear_filter;
+    const double *scalar = e->input + e->map.n_gauges;
+    double scale[N_LOADS];
+    if (!linear_filters(e) || !filter->has_change) {
+        return;
+    }
+    coefficient_scales(e->flow.pressure, scalar[REFERENCE_AREA], scalar[REFERENCE_LENGTH], scale);
+    for (size_t i = 0; i < N_LOADS; i++) {
+        for (size_t j = 0; j < N_LOADS; j++) {
+            const double change = filter->change[i * N_LOADS + j];
+            fit[LOAD_COVARIANCE + i * N_LOADS + j] += change;
+            fit[COEFFICIENT_COVARIANCE + i * N_LOADS + j] += scale[i] * change * scale[j];
+        }
+    }
+}
+
+/* The same of the nonlinear estimator. */
+static void flight_covariances(const Estimator *e, double *fit) {
+    const FlightMap *map = &e->flight.map;
+    const Solution *found = &e->flight.solver.solution;
+    const double *scalar = e->input + e->map.n_gauges;
+    double transfer[N_LOADS][N_LOADS];
+    set_transfer(e, ONES, transfer);
+    transferred(transfer, found->load_covariance, NONE, fit + LOAD_COVARIANCE);
+    for (size_t i = 0; i < N_LOADS; i++) {
+        const double own = i < 3 ? scalar[REFERENCE_AREA] : scalar[REFERENCE_AREA] * scalar[REFERENCE_LENGTH];
+        for (size_t j = 0; j < N_LOADS; j++) {
+            const double reference = j < 3 ? map->reference_area : map->reference_area * map->reference_length;
+            transfer[i][j] *= reference / own;
+        }
+    }
+    transferred(transfer, found->coefficient_covariance, NONE, fit + COEFFICIENT_COVARIANCE);
+}
+
+/* z of the linear map by gauge, 0 where no other gauge in use checks it. */
+static void linear_residuals(Estimator *e, double *z) {
+    const MaskedMap *m = e->masked;
+    memset(z, 0, e->map.n_gauges * sizeof *z);
+    if (e->map.scaled) {
+        scaled_standardised_residuals(e, z);
+        return;
+    }
+    panels_transposed_times(e->wide, m->n_used, m->column_panels, e->whitened, e->z);
+    for (size_t k = 0; k < m->n_used; k++) {
+        z[m->used[k]] = e->z[k] * m->z_scale[k];
+    }
+}
+
+/* Gauges in use, and those that the largest residual points to. */
+static void write_gauges(const Estimator *e, double *used, double *suspect) {
+    const double range = e->input[e->map.n_gauges + SENSOR_RANGE];
+    const size_t first = (size_t)e->output[SUSPECT_GAUGE];
+    for (size_t i = 0; i < e->map.n_gauges; i++) {
+        used[i] = (double)gauge_in_use(e, i, range);
+        suspect[i] = 0.0;
+    }
+    if (first == 0) {
+        return;
+    }
+    suspect[first - 1] = 1.0;
+    if (e->flight.present) {
+        return;
+    }
+    /* The first suspect is the one that its group is numbered by. */
+    const MaskedMap *m = e->masked;
+    for (size_t k = 0; k < m->n_used; k++) {
+        if (m->used[m->group[k]] == first - 1) {
+            suspect[m->used[k]] = 1.0;
+        }
+    }
+}
+
+static void write_flight_fit(Estimator *e, double *fit, double *z) {
+    const Solution *found = &e->flight.solver.solution;
+    const int linear = e->flight.flag[LINEAR_LOADS];
+    if (isnan(e->output[LOADS])) {
+        return;
+    }
+    if (linear) {
+        linear_covariances(e, fit);
+    } else {
+        flight_covariances(e, fit);
+    }
+    fit[DEGREES_OF_FREEDOM] = e->flight.degrees_of_freedom;
+    fit[FITS] = (double)e->flight.fits;
+    memcpy(fit + FLIGHT_STATE, found->state, sizeof found->state);
+    memcpy(fit + FLIGHT_STATE_COVARIANCE, found->widened_covariance, sizeof found->widened_covariance);
+    memcpy(fit + AIR_DATA_RESIDUAL, found->navigation_residual, sizeof found->navigation_residual);
+    fit[DISCREPANCY_CHI_SQUARE] = found->shape_square;
+    memcpy(z, found->standardised_residual, e->map.n_gauges * sizeof *z);
+}
+
+static void write_linear_fit(Estimator *e, double *fit, double *z) {
+    const MaskedMap *m = e->masked;
+    if (!m->identified) {
+        return;
+    }
+    const int lost = (int)(e->map.n_gauges - m->n_used);
+    fit[DEGREES_OF_FREEDOM] = (double)(e->map.degrees_of_freedom > lost ? e->map.degrees_of_freedom - lost : 0);
+    fit[FITS] = (double)(e->output[CHI_SQUARE] <= e->output[CHI_SQUARE_LIMIT]);
+    if (e->map.scaled && !e->flow.known) {
+        fit[DEGREES_OF_FREEDOM] = 0.0;
+        return;
+    }
+    linear_residuals(e, z);
+    linear_covariances(e, fit);
+    add_filtered(e, fit);
+}
+
+void write_fit(Estimator *e, double *fit) {
+    const size_t n = e->map.n_gauges;
+    double *z = fit + OF_GAUGES;
+    for (size_t k = 0; k < OF_GAUGES + n; k++) {
+        fit[k] = NAN;
+    }
+    fit[DEGREES_OF_FREEDOM] = fit[FITS] = 0.0;
+    if (e->flight.present) {
+        write_flight_fit(e, fit, z);
+    } else {
+        write_linear_fit(e, fit, z);
+    }
+    write_gauges(e, z + n, z + 2 * n);
+}

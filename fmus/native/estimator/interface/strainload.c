@@ -1,0 +1,320 @@
+#include "strainload.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "fit.h"
+
+#define MAX_FIELDS 24
+
+/* Fields of a record. */
+typedef struct {
+    size_t count, size;
+    SlField field[MAX_FIELDS];
+} Record;
+
+/* A run of the estimator's inputs, and its place in the record of a sample or of the settings. */
+typedef struct {
+    size_t first, input, count;
+} Run;
+
+struct StrainLoad {
+    Model *model;
+    Estimator *estimator;
+    Record record[SL_FIT + 1];
+    Run sample[8], setting[8]; /* that end with a run of no inputs */
+};
+
+static void add_field(Record *record, const char *name, size_t count) {
+    SlField *field = &record->field[record->count++];
+    snprintf(field->name, sizeof field->name, "%s", name);
+    field->first = record->size;
+    field->count = count;
+    record->size += count;
+}
+
+/* Describe a run of inputs by the names of its fields, all of one length. */
+static Run *add_run(Record *record, Run *run, size_t input, size_t each, size_t n_names, const char *const *names) {
+    *run = (Run){record->size, input, each * n_names};
+    for (size_t k = 0; k < n_names; k++) {
+        add_field(record, names[k], each);
+    }
+    return run + 1;
+}
+
+/* Readings, then what is known of air, temperature and flow. */
+static void describe_inputs(StrainLoad *handle) {
+    static const char *const FIRST[] = {"dynamic_pressure", "dynamic_pressure_std", "mach_number", "altitude"};
+    static const char *const MORE[] = {"mach_number_std", "static_pressure", "static_pressure_std"};
+    static const char *const READINGS[] = {"strain", "sensor"};
+    static const char *const TEMPERATURE[] = {"temperature"}, *const THRUST[] = {"thrust"};
+    static const char *const PARAMETERS[] = {"parameter", "parameter_std"};
+    const Estimator *e = handle->estimator;
+    const size_t n = e->map.n_gauges, n_strains = e->sensors.n_strains, thrust = thrust_input(e);
+    Record *record = &handle->record[SL_INPUTS];
+    Run *run = add_run(record, handle->sample, 0, n_strains, 1, READINGS);
+    run = add_run(record, run, n_strains, n - n_strains, 1, READINGS + 1);
+    run = add_run(record, run, n, 1, 4, FIRST);
+    run = add_run(record, run, n + MACH_NUMBER_STD, 1, 3, MORE);
+    run = add_run(record, run, first_temperature(e), e->thermal.present ? e->thermal.map.n_sensors : 0, 1, TEMPERATURE);
+    run = add_run(record, run, thrust == SIZE_MAX ? 0 : thrust, thrust == SIZE_MAX ? 0 : 1, 1, THRUST);
+    run = add_run(record, run, first_parameter(e), e->parameters.count, estimator_inputs(e) > first_parameter_std(e) ? 2 : 1,
+                  PARAMETERS);
+    *run = (Run){0, 0, 0};
+}
+
+static void describe_settings(StrainLoad *handle) {
+    static const char *const SETTINGS[] = {"sensor_range", "alarm_scale", "reference_area", "reference_length",
+                                           "moment_station"};
+    static const char *const ZEROS[] = {"zero", "zero_std"}, *const COMMON[] = {"zero_common_std"};
+    static const char *const FILTER[] = {"filter_time_constant"};
+    const Estimator *e = handle->estimator;
+    const size_t n = e->map.n_gauges, n_strains = e->sensors.n_strains, filter = filter_setting(e);
+    Record *record = &handle->record[SL_SETTINGS];
+    Run *run = add_run(record, handle->setting, n + SENSOR_RANGE, 1, 5, SETTINGS);
+    run = add_run(record, run, n + N_ALL_SCALARS, n_strains, 2, ZEROS);
+    run = add_run(record, run, n + N_ALL_SCALARS + 2 * n_strains, 1, 1, COMMON);
+    run = add_run(record, run, filter == SIZE_MAX ? 0 : filter, filter == SIZE_MAX ? 0 : 1, 1, FILTER);
+    *run = (Run){0, 0, 0};
+}
+
+static void describe_outputs(StrainLoad *handle) {
+    const Estimator *e = handle->estimator;
+    Record *record = &handle->record[SL_OUTPUTS];
+    const size_t n_further = e->further.present ? e->further.map.n_loads : 0, n_flight = e->flight.present ? 1 : 0;
+    add_field(record, "coefficients", N_LOADS);
+    add_field(record, "coefficients_std", N_LOADS);
+    add_field(record, "loads", N_LOADS);
+    add_field(record, "loads_std", N_LOADS);
+    add_field(record, "health", 1);
+    add_field(record, "chi_square", 1);
+    add_field(record, "chi_square_limit", 1);
+    add_field(record, "valid_gauges", 1);
+    add_field(record, "suspect_gauge", 1);
+    add_field(record, "suspects", 1);
+    add_field(record, "envelope_score", 1);
+    add_field(record, "air_data", n_flight * N_AIR_DATA);
+    add_field(record, "air_data_std", n_flight * N_AIR_DATA);
+    add_field(record, "is_identified", n_flight * N_AIR_DATA);
+    add_field(record, "air_data_used", n_flight * N_NAVIGATION);
+    add_field(record, "is_linear", n_flight);
+    add_field(record, "further_loads", n_further);
+    add_field(record, "further_loads_std", n_further);
+    add_field(record, "further_coefficients", n_further);
+    add_field(record, "further_coefficients_std", n_further);
+    add_field(record, "parameter_score", e->parameters.count);
+}
+
+static void describe_fit(StrainLoad *handle) {
+    const size_t n = handle->estimator->map.n_gauges;
+    Record *record = &handle->record[SL_FIT];
+    add_field(record, "load_covariance", N_LOADS * N_LOADS);
+    add_field(record, "coefficient_covariance", N_LOADS * N_LOADS);
+    add_field(record, "degrees_of_freedom", 1);
+    add_field(record, "fits", 1);
+    add_field(record, "state", N_STATES);
+    add_field(record, "state_covariance", N_STATES * N_STATES);
+    add_field(record, "air_data_residual", N_NAVIGATION);
+    add_field(record, "discrepancy_chi_square", 1);
+    add_field(record, "standardised_residual", n);
+    add_field(record, "valid", n);
+    add_field(record, "is_suspect", n);
+}
+
+int sl_version(void) {
+    return SL_VERSION;
+}
+
+StrainLoad *sl_open(const void *bytes, size_t length, char text[SL_TEXT_SIZE]) {
+    StrainLoad *handle = calloc(1, sizeof *handle);
+    unsigned char *copy = handle != NULL ? malloc(length > 0 ? length : 1) : NULL;
+    if (copy == NULL) {
+        snprintf(text, SL_TEXT_SIZE, "needs more memory than there is");
+        free(handle);
+        return NULL;
+    }
+    memcpy(copy, bytes, length);
+    handle->model = model_create(copy, length, text);
+    if (handle->model == NULL) {
+        free(handle);
+        return NULL;
+    }
+    handle->estimator = (Estimator *)(void *)handle->model;
+    handle->model->mode = STEP;
+    describe_inputs(handle);
+    describe_settings(handle);
+    describe_outputs(handle);
+    describe_fit(handle);
+    return handle;
+}
+
+void sl_close(StrainLoad *handle) {
+    if (handle != NULL) {
+        model_destroy(handle->model);
+        free(handle);
+    }
+}
+
+size_t sl_size(const StrainLoad *handle, int record) {
+    if (record == SL_ROWS) {
+        return handle->estimator->map.n_gauges;
+    }
+    if (record == SL_STATE) {
+        return sizeof(double) + model_state_size(handle->model);
+    }
+    return record >= 0 && record <= SL_FIT ? handle->record[record].size : 0;
+}
+
+int sl_field(const StrainLoad *handle, int record, size_t index, SlField *field) {
+    if (record < 0 || record > SL_FIT || index >= handle->record[record].count) {
+        return 0;
+    }
+    *field = handle->record[record].field[index];
+    return 1;
+}
+
+/* The input of a place among the settings; SIZE_MAX beyond them. */
+static size_t setting_input(const StrainLoad *handle, size_t place) {
+    for (const Run *run = handle->setting; place < handle->record[SL_SETTINGS].size; run++) {
+        if (place - run->first < run->count) {
+            return run->input + (place - run->first);
+        }
+    }
+    return SIZE_MAX;
+}
+
+int sl_set(StrainLoad *handle, size_t first, size_t count, const double *value, char text[SL_TEXT_SIZE]) {
+    Estimator *e = handle->estimator;
+    const size_t zeros = e->map.n_gauges + N_ALL_SCALARS;
+    estimator_before_change(e);
+    for (size_t k = 0; k < count; k++) {
+        const size_t input = setting_input(handle, first + k);
+        if (input == SIZE_MAX) {
+            snprintf(text, SL_TEXT_SIZE, "there is no setting %lu", (unsigned long)(first + k));
+            return 0;
+        }
+        if (!estimator_accepts(e, input, value[k], text)) {
+            return 0;
+        }
+        if (input >= zeros && input < first_temperature(e) && e->input[input] != value[k]) {
+            tare_drop(&e->tare);
+            e->noise_outdated = 1;
+        }
+        e->input[input] = value[k];
+        e->outdated = 1;
+    }
+    return 1;
+}
+
+void sl_get(const StrainLoad *handle, size_t first, size_t count, double *value) {
+    for (size_t k = 0; k < count; k++) {
+        const size_t input = setting_input(handle, first + k);
+        value[k] = input == SIZE_MAX ? NAN : handle->estimator->input[input];
+    }
+}
+
+void sl_restart(StrainLoad *handle) {
+    Estimator *e = handle->estimator;
+    flight_reset(&e->flight);
+    linear_filter_reset(&e->linear_filter);
+    model_set_time(handle->model, 0.0);
+    e->outdated = 1;
+}
+
+/* Take a sample in. */
+static void set_sample(StrainLoad *handle, const double *input, const unsigned char *valid) {
+    Estimator *e = handle->estimator;
+    estimator_before_change(e);
+    for (const Run *run = handle->sample; run < handle->sample + 7; run++) {
+        memcpy(e->input + run->input, input + run->first, run->count * sizeof *input);
+    }
+    if (valid != NULL) {
+        for (size_t i = 0; i < e->map.n_gauges; i++) {
+            e->valid[i] = valid[i] != 0;
+        }
+    } else {
+        memset(e->valid, 1, e->map.n_gauges);
+    }
+    e->outdated = 1;
+}
+
+static void write_flags(const unsigned char *flag, size_t count, double *output) {
+    for (size_t k = 0; k < count; k++) {
+        output[k] = (double)flag[k];
+    }
+}
+
+/* Write the results of the sample; fit is NULL where it is not asked for. */
+static void write_result(StrainLoad *handle, double *output, double *fit) {
+    Estimator *e = handle->estimator;
+    memcpy(output, estimator_outputs(e), N_OUTPUTS * sizeof *output);
+    output += N_OUTPUTS;
+    if (e->flight.present) {
+        memcpy(output, e->flight.real, sizeof e->flight.real);
+        write_flags(e->flight.flag, N_FLIGHT_FLAGS, output + N_FLIGHT_REALS);
+        output += N_FLIGHT_REALS + N_FLIGHT_FLAGS;
+    }
+    if (e->further.present) {
+        if (e->further.outdated) {
+            further_update(e);
+        }
+        for (int part = 0; part < N_FURTHER; part++, output += e->further.map.n_loads) {
+            memcpy(output, e->further.value[part], e->further.map.n_loads * sizeof *output);
+        }
+    }
+    for (size_t k = 0; k < e->parameters.count; k++) {
+        const double given = e->input[first_parameter(e) + k];
+        output[k] = given == e->map.not_known ? 0.0 : parameter_score(&e->parameters, k, given);
+    }
+    if (fit != NULL) {
+        write_fit(e, fit);
+    }
+}
+
+void sl_step(StrainLoad *handle, double time, const double *input, const unsigned char *valid, double *output) {
+    char text[MODEL_TEXT_SIZE];
+    set_sample(handle, input, valid);
+    model_step(handle->model, time, time, text);
+    write_result(handle, output, NULL);
+}
+
+void sl_series(StrainLoad *handle, int how, int with_fit, size_t count, const double *time, const double *input,
+               const unsigned char *valid, double *output) {
+    const size_t n_inputs = handle->record[SL_INPUTS].size, n_outputs = handle->record[SL_OUTPUTS].size;
+    const size_t stride = n_outputs + (with_fit ? handle->record[SL_FIT].size : 0);
+    char text[MODEL_TEXT_SIZE];
+    for (size_t k = 0; k < count; k++) {
+        const double start = time != NULL ? time[k] : 0.0;
+        if (how == SL_EACH) {
+            sl_restart(handle);
+        }
+        set_sample(handle, input + k * n_inputs, valid != NULL ? valid + k * handle->estimator->map.n_gauges : NULL);
+        if (how == SL_TRACK) {
+            model_step(handle->model, start, start, text);
+        }
+        double *result = output + k * stride;
+        write_result(handle, result, with_fit ? result + n_outputs : NULL);
+    }
+}
+
+void sl_state(const StrainLoad *handle, unsigned char *bytes) {
+    memcpy(bytes, &handle->model->time, sizeof(double));
+    model_write_state(handle->model, bytes + sizeof(double));
+}
+
+int sl_restore(StrainLoad *handle, const unsigned char *bytes, char text[SL_TEXT_SIZE]) {
+    double time;
+    memcpy(&time, bytes, sizeof time);
+    if (!isfinite(time)) {
+        snprintf(text, SL_TEXT_SIZE, "holds a time that is no number");
+        return 0;
+    }
+    if (!model_check_state(handle->model, bytes + sizeof time, text)) {
+        return 0;
+    }
+    model_set_time(handle->model, time);
+    model_read_state(handle->model, bytes + sizeof time);
+    return 1;
+}

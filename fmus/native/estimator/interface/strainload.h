@@ -1,0 +1,89 @@
+/* The estimator without FMI: open a map, give it samples, read loads with their uncertainty.
+
+       char text[SL_TEXT_SIZE];
+       StrainLoad *handle = sl_open(bytes, length, text);      bytes of resources/map.bin
+       double *input = malloc(sl_size(handle, SL_INPUTS) * sizeof *input);
+       double *output = malloc(sl_size(handle, SL_OUTPUTS) * sizeof *output);
+       ... fill input, NaN for what is not known ...
+       sl_step(handle, time, input, NULL, output);             one sample after another
+       sl_close(handle);
+
+   A sample is a record of float64 values, and so is its result; sl_field gives name, position and length of each field
+   of a record. Nothing is allocated but by sl_open. Handles share nothing: a handle serves one thread at a time, and
+   pieces of a recording that are independent run on as many threads as there are handles. */
+
+#ifndef STRAINLOAD_H
+#define STRAINLOAD_H
+
+#include <stddef.h>
+
+#ifdef _WIN32
+#define SL_API __declspec(dllexport)
+#elif defined(__GNUC__)
+#define SL_API __attribute__((visibility("default")))
+#else
+#define SL_API
+#endif
+
+/* Changes when a function or the meaning of a field does. */
+#define SL_VERSION 1
+
+#define SL_TEXT_SIZE 256
+#define SL_NAME_SIZE 64
+
+typedef struct StrainLoad StrainLoad;
+
+/* The records of a handle, and the bytes of its state, for sl_size; the first four also for sl_field. */
+enum {
+    SL_INPUTS,   /* of a sample: readings, air data, temperatures, flow parameters */
+    SL_SETTINGS, /* what holds for all samples: limits, references, zero offsets, time constant of the filter */
+    SL_OUTPUTS,  /* loads, coefficients, their standard deviations, health, air data, further loads */
+    SL_FIT,      /* covariances, residuals and gauges of the sample, which come behind the outputs on request */
+    SL_ROWS,     /* sensors of the map: strain gauges, then the others */
+    SL_STATE     /* bytes of what a sample leaves to the next one */
+};
+
+/* How the samples of a series follow one another. */
+enum {
+    SL_EACH, /* each by itself, without memory */
+    SL_TRACK /* each from what the one before it left; the filter runs if its time constant is positive */
+};
+
+typedef struct {
+    char name[SL_NAME_SIZE]; /* of the signal in FMUs, without its index */
+    size_t first, count;     /* position in its record, and number of values */
+} SlField;
+
+SL_API int sl_version(void);
+
+/* The estimator of a map, at its start values. bytes are copied. NULL, after a message of one line. */
+SL_API StrainLoad *sl_open(const void *bytes, size_t length, char text[SL_TEXT_SIZE]);
+SL_API void sl_close(StrainLoad *handle);
+
+/* Number of values of a record, of rows, or of bytes of the state. */
+SL_API size_t sl_size(const StrainLoad *handle, int record);
+
+/* Field `index` of a record. 1; 0 if there is none. */
+SL_API int sl_field(const StrainLoad *handle, int record, size_t index, SlField *field);
+
+/* Settings from position `first` on. 1; 0, after a message, if one is refused: those before it are set then. */
+SL_API int sl_set(StrainLoad *handle, size_t first, size_t count, const double *value, char text[SL_TEXT_SIZE]);
+SL_API void sl_get(const StrainLoad *handle, size_t first, size_t count, double *value);
+
+/* Forget the samples so far; settings stay. */
+SL_API void sl_restart(StrainLoad *handle);
+
+/* One sample at `time` [s], by SL_TRACK. valid (rows) is 1 for sensors that may be used, NULL for all of them. output
+   (SL_OUTPUTS) is written. */
+SL_API void sl_step(StrainLoad *handle, double time, const double *input, const unsigned char *valid, double *output);
+
+/* `count` samples at once. time (count) [s], NULL for 0; valid (count, rows) or NULL; output (count, SL_OUTPUTS), or with
+   the fit (count, SL_OUTPUTS + SL_FIT). */
+SL_API void sl_series(StrainLoad *handle, int how, int with_fit, size_t count, const double *time, const double *input,
+                      const unsigned char *valid, double *output);
+
+/* What the last sample left, as bytes (SL_STATE); and back. 1; 0, after a message, if it is no state of this map. */
+SL_API void sl_state(const StrainLoad *handle, unsigned char *bytes);
+SL_API int sl_restore(StrainLoad *handle, const unsigned char *bytes, char text[SL_TEXT_SIZE]);
+
+#endif
