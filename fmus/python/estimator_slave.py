@@ -22,6 +22,7 @@ from strainfmu.estimator.estimates.load_estimate import LoadEstimate
 from strainfmu.estimator.filter import switched, switched_linear
 from strainfmu.estimator.filter.switched import SwitchedFilter, TimedTrack
 from strainfmu.estimator.filter.switched_linear import SwitchedLinearFilter, TimedLaw
+from strainfmu.estimator.further_loads import has_further_outputs
 from strainfmu.estimator.loading import estimator_of
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.map.inverse_map import load_inverse_map
@@ -39,7 +40,6 @@ from strainfmu.interface.estimator_variables import (
 )
 from strainfmu.interface.filter_variables import FILTER_TIME_CONSTANT, time_constant_fault
 from strainfmu.interface.fmi_variables import Variable, value_references
-from strainfmu.interface.further_variables import has_further_outputs
 from strainfmu.interface.input_names import FLOW_INPUTS, NAVIGATION_INPUTS, without_negative_deviations
 from strainfmu.interface.parameter_variables import parameter_names, parameter_std_names
 from strainfmu.interface.sensor_variables import THRUST

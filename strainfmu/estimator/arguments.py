@@ -8,6 +8,12 @@ from numpy.typing import ArrayLike
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import InputError
 
+NOT_KNOWN = -1e9
+"""Value of an FMU's input that need not be known, in the unit of each; NaN means the same.
+
+NaN alone would do, were there no importers that take it for an error (OMSimulator).
+"""
+
 
 def strain_of_one(strain: ArrayLike, n_gauges: int) -> FloatArray:
     """Return ``strain`` (n_d,) of one sample [m/m].

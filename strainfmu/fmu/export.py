@@ -167,7 +167,7 @@ def _known_bytes(known: KnownStrain | None) -> bytes:
 def _native_estimator(
     _: Path, inverse_map: InverseMap, content_hash: str, options: ExportOptions
 ) -> dict[str, bytes]:
-    from strainfmu.fmu.resource.map_file import native_resource
+    from strainfmu.estimator.resource.map_file import native_resource
 
     version = options.fmi_version
     libraries = chosen_libraries("estimator", options.platforms, version)

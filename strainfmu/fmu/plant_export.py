@@ -29,13 +29,13 @@ from strainfmu.fmu.documentation.run_panels import reference_sections
 from strainfmu.fmu.fmu_file import CONTENTS, check_fmu_path
 from strainfmu.fmu.native.package import CAPABILITIES, chosen_libraries, native_entries
 from strainfmu.fmu.native.sources import compiled_files, native_sources, sources_digest
+from strainfmu.fmu.plant_resource import ModelKind, model_resource, plant_data
 from strainfmu.fmu.reference_run.plant import (
     Reference,
     autopilot_reference,
     plant_reference,
     schedule_reference,
 )
-from strainfmu.fmu.resource.model_file import ModelKind, model_resource, plant_data
 from strainfmu.interface.fmi_variables import Variable
 from strainfmu.interface.plant_variables import FlightStart, Motion, native_plant_interface
 from strainfmu.version import __version__

@@ -4,18 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from strainfmu.estimator.filter.settings import LARGEST, SMALLEST
+from strainfmu.estimator.filter.settings import LARGEST, SMALLEST, has_filter
 from strainfmu.interface.fmi_variables import Variable
 
 if TYPE_CHECKING:
     from strainfmu.estimator.map.inverse_map import InverseMap
 
 FILTER_TIME_CONSTANT = "filter_time_constant"
-
-
-def has_filter(inverse_map: InverseMap) -> bool:
-    """Return whether FMUs of ``inverse_map`` can filter: linear maps that follow q_inf, and maps with tables."""
-    return inverse_map.manifold is not None or inverse_map.form == "dynamic_pressure"
 
 
 def with_filter_parameter(interface: tuple[Variable, ...], inverse_map: InverseMap) -> tuple[Variable, ...]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from strainfmu.estimator.further_loads import SECTION_LOADS
+from strainfmu.estimator.further_loads import SECTION_LOADS, has_further_outputs
 from strainfmu.interface.fmi_variables import Variable, deviation_of
 
 if TYPE_CHECKING:
@@ -19,13 +19,6 @@ FURTHER_ARRAYS = {
     **{f"section.{name}": f"{text}, of every section" for name, (text, _) in SECTION_LOADS.items()},
     **{f"sigma.section.{name}": f"Standard deviations of section.{name}" for name in SECTION_LOADS},
 }
-
-
-def has_further_outputs(inverse_map: InverseMap) -> bool:
-    """Return whether FMUs of the map state such loads: in form "dynamic_pressure", and its tables hold them."""
-    manifold = inverse_map.manifold
-    by_tables = manifold is None or manifold.further is not None
-    return inverse_map.further is not None and inverse_map.form == "dynamic_pressure" and by_tables
 
 
 def section_stations(inverse_map: InverseMap) -> tuple[float, ...] | None:

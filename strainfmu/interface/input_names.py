@@ -5,14 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from math import inf, nan
 
+from strainfmu.estimator.arguments import NOT_KNOWN as NOT_KNOWN
+
 FLOW_INPUTS = ("dynamic_pressure", "dynamic_pressure_std", "mach_number", "altitude")
 """Flow and navigation, the further arguments of :meth:`strainfmu.estimator.linear.estimator.Estimator.step`."""
-
-NOT_KNOWN = -1e9
-"""Start value of :data:`FLOW_INPUTS` that need not be known, in the unit of each; NaN means the same.
-
-NaN alone would do, were there no importers that take it for an error (OMSimulator).
-"""
 
 PARAMETERS = ("sensor_range", "alarm_scale", "reference_area", "reference_length", "moment_station")
 """Tunable parameters, the entries of :class:`~strainfmu.estimator.settings.EstimatorSettings`."""

@@ -8,7 +8,7 @@ from pathlib import Path
 from raw_fmu import GUID, Fmu2
 
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.fmu.resource.map_file import CHECKED_FROM, native_resource
+from strainfmu.estimator.resource.map_file import CHECKED_FROM, native_resource
 
 HEAD = 24
 """Bytes of a section ahead of its content: name, length, check sum."""

@@ -12,12 +12,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from strainfmu.estimator.filter.settings import has_filter
 from strainfmu.estimator.linear.estimator import LoadEstimate
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.resource.map_file import native_resource
 from strainfmu.fmu.native.build import library_file
-from strainfmu.fmu.resource.map_file import native_resource
 from strainfmu.interface.estimator_variables import output_values
-from strainfmu.interface.filter_variables import has_filter
 
 GUID = "{8c4e810f-3df3-4a00-8276-176fa3c9f000}"
 OK, WARNING, DISCARD, ERROR = 0, 1, 2, 3

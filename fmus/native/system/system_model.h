@@ -1,6 +1,6 @@
 /* A model of the system around the estimator: plant, autopilot or schedule, as resources/model.bin chooses.
 
-   The file lists the variables and holds the data; strainfmu/fmu/resource/model_file.py writes it. Variables, states and
+   The file lists the variables and holds the data; strainfmu/fmu/plant_resource.py writes it. Variables, states and
    time are float64 throughout, whole numbers and truth values too, so that one array is the state of an instance. */
 
 #ifndef SYSTEM_MODEL_H

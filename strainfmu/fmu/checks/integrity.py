@@ -8,9 +8,9 @@ import zipfile
 import zlib
 from pathlib import Path, PurePosixPath
 
+from strainfmu.estimator.resource.map_file import CHECKED_FROM
 from strainfmu.files import USER_BLOCK_SIZE
 from strainfmu.fmu.fmu_file import CONTENTS
-from strainfmu.fmu.resource.map_file import CHECKED_FROM
 
 _ALTERED = "damaged or altered, its check sum is wrong"
 

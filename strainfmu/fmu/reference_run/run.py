@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from strainfmu.estimator.estimates.load_estimate import LoadEstimate
+from strainfmu.estimator.further_loads import has_further_outputs
 from strainfmu.estimator.linear.estimator import Estimator
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.tracker import FlightTracker
@@ -22,7 +23,6 @@ from strainfmu.estimator.zeros.tare_edge import TareState
 from strainfmu.fmu.reference_run.strains import reference_strains
 from strainfmu.interface.estimator_variables import estimator_interface, output_values
 from strainfmu.interface.fmi_variables import COEFFICIENTS, Variable
-from strainfmu.interface.further_variables import has_further_outputs
 from strainfmu.interface.sensor_variables import reading_names
 
 STEP_SIZE = 0.05

@@ -28,7 +28,7 @@ from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimate
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.fmu.resource.filter import SECTION
+from strainfmu.estimator.resource.filter import SECTION
 
 pytestmark = pytest.mark.fast
 STEP = 0.01

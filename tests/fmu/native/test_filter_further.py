@@ -16,9 +16,9 @@ from strainfmu.estimator.filter.settings import FilterSettings
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimate
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.resource import map_file
+from strainfmu.estimator.resource.filter import filter_section
 from strainfmu.estimator.tables.manifold_map import ManifoldMap
-from strainfmu.fmu.resource import map_file
-from strainfmu.fmu.resource.filter import filter_section
 from strainfmu.interface.estimator_variables import output_values
 
 pytestmark = pytest.mark.fast

@@ -16,8 +16,8 @@ from sensor_maps import with_sensors
 from thermal_maps import with_temperature
 
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.resource.map_file import CHECKED_FROM, native_resource
 from strainfmu.fmu.native.build import source_files
-from strainfmu.fmu.resource.map_file import CHECKED_FROM, native_resource
 
 pytestmark = pytest.mark.slow
 

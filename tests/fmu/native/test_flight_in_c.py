@@ -26,8 +26,8 @@ from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.manifold.ambiguity import N_WIDENING
 from strainfmu.estimator.manifold.tracker import SEARCH_EVERY
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.resource.flight import SECTION, channel_tables
 from strainfmu.estimator.settings import default_settings
-from strainfmu.fmu.resource.flight import SECTION, channel_tables
 from strainfmu.interface.estimator_variables import NOT_KNOWN
 
 pytestmark = pytest.mark.fast

@@ -17,8 +17,8 @@ from scaled_maps import whole_scaled_map
 from thermal_maps import REFERENCE, with_temperature
 
 from strainfmu.estimator.linear.estimator import Estimator
+from strainfmu.estimator.resource.further_loads import SECTION
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros, no_zeros
-from strainfmu.fmu.resource.further_loads import SECTION
 from strainfmu.interface.further_variables import further_outputs
 
 pytestmark = pytest.mark.fast

@@ -21,7 +21,7 @@ from strainfmu.estimator.estimates.load_estimate import LoadEstimate
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.linear.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.fmu.resource.linear_filter import LINEAR_SECTION
+from strainfmu.estimator.resource.linear_filter import LINEAR_SECTION
 from strainfmu.interface.estimator_variables import estimator_interface
 from strainfmu.interface.filter_variables import FILTER_TIME_CONSTANT
 

@@ -21,7 +21,7 @@ from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.linear.estimator import Estimator
 from strainfmu.estimator.linear.flow_parameters import flow_parameters
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.fmu.resource.parameters import SECTION
+from strainfmu.estimator.resource.parameters import SECTION
 from strainfmu.interface.input_names import NOT_KNOWN
 
 pytestmark = pytest.mark.fast

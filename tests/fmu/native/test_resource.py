@@ -14,7 +14,7 @@ from native_case import NativeCase
 from raw_fmu import ERROR, Fmu2, Fmu3, shipped_library
 
 from strainfmu.errors import InputError
-from strainfmu.fmu.resource.map_file import CHECKED_FROM, native_resource
+from strainfmu.estimator.resource.map_file import CHECKED_FROM, native_resource
 
 pytestmark = pytest.mark.fast
 

@@ -7,8 +7,8 @@ from further_maps import with_further
 from random_map import map_of, random_model
 from scaled_maps import whole_scaled_map
 
-from strainfmu.fmu.resource.further_loads import SECTION
-from strainfmu.fmu.resource.map_file import native_resource
+from strainfmu.estimator.resource.further_loads import SECTION
+from strainfmu.estimator.resource.map_file import native_resource
 
 pytestmark = pytest.mark.fast
 

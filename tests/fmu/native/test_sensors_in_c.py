@@ -20,9 +20,9 @@ from thermal_maps import with_temperature
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.map.sensors import SensorRows
+from strainfmu.estimator.resource.sensors import SECTION
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 from strainfmu.estimator.zeros.tare_edge import EdgeTare, TareState
-from strainfmu.fmu.resource.sensors import SECTION
 from strainfmu.interface.input_names import NOT_KNOWN
 
 pytestmark = pytest.mark.fast

@@ -22,7 +22,7 @@ from strainfmu.estimator.filter.settings import FilterSettings
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.fmu.resource.filter import SECTION
+from strainfmu.estimator.resource.filter import SECTION
 from strainfmu.interface.estimator_variables import estimator_arrays, estimator_interface, output_values
 from strainfmu.interface.filter_variables import FILTER_TIME_CONSTANT
 from strainfmu.interface.input_names import FLOW_INPUTS, NAVIGATION_INPUTS

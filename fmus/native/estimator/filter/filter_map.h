@@ -1,5 +1,5 @@
 /* The filter over time in resources/map.bin: the content of a section, eight 32-bit sizes, then float64 values.
-   strainfmu/fmu/resource/filter.py writes it. */
+   strainfmu/estimator/resource/filter.py writes it. */
 
 #ifndef FILTER_MAP_H
 #define FILTER_MAP_H

@@ -1,5 +1,5 @@
 /* The filter over time of a linear map in resources/map.bin: the content of a section, eight 32-bit sizes, then float64
-   values. strainfmu/fmu/resource/linear_filter.py writes it. */
+   values. strainfmu/estimator/resource/linear_filter.py writes it. */
 
 #ifndef LINEAR_FILTER_MAP_H
 #define LINEAR_FILTER_MAP_H

@@ -1,7 +1,7 @@
 /* Linear outputs of a map in form "dynamic_pressure" beside the five loads: rolling moment, and loads of sections.
 
    The C counterpart of what strainfmu/estimator has of further loads (further_loads.py has their order);
-   strainfmu/fmu/resource/further_loads.py writes the section of resources/map.bin. They are computed when they are
+   strainfmu/estimator/resource/further_loads.py writes the section of resources/map.bin. They are computed when they are
    read. */
 
 #ifndef FURTHER_LOADS_H

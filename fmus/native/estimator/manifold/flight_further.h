@@ -1,7 +1,7 @@
 /* Further loads over the flight state: rolling moment and loads of sections by the nonlinear estimator.
 
    The C counterpart of strainfmu/estimator/manifold/further_estimate.py and tables/further_tables.py. The section of
-   resources/map.bin is written by strainfmu/fmu/resource/flight.py. Of strain off the tables they are those of
+   resources/map.bin is written by strainfmu/estimator/resource/flight.py. Of strain off the tables they are those of
    further_loads.h. */
 
 #ifndef FLIGHT_FURTHER_H

@@ -1,6 +1,6 @@
 /* Further parameters of the flow: their ranges, which the estimate does not use, and health does.
 
-   The C counterpart of strainfmu/estimator/linear/flow_parameters.py; strainfmu/fmu/resource/parameters.py writes the
+   The C counterpart of strainfmu/estimator/linear/flow_parameters.py; strainfmu/estimator/resource/parameters.py writes the
    section of resources/map.bin. */
 
 #ifndef FLOW_PARAMETERS_H

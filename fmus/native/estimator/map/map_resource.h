@@ -2,7 +2,7 @@
 
    The file is little endian: a header of HEADER_SIZE bytes, N_SIZES 32-bit integers, then float64 arrays in the order
    of Map; then sections of what not every map has. Arrays are each row by row unless they are described otherwise.
-   strainfmu/fmu/resource/map_file.py writes it, docs/explanation/native.md describes it. */
+   strainfmu/estimator/resource/map_file.py writes it, docs/explanation/native.md describes it. */
 
 #ifndef MAP_RESOURCE_H
 #define MAP_RESOURCE_H

@@ -1,7 +1,7 @@
 /* Sensors that are no strain gauges: the rows of a map behind those of the gauges, whose readings have units and ranges
    of their own.
 
-   The C counterpart of strainfmu/estimator/map/sensors.py; strainfmu/fmu/resource/sensors.py writes the section of
+   The C counterpart of strainfmu/estimator/map/sensors.py; strainfmu/estimator/resource/sensors.py writes the section of
    resources/map.bin. */
 
 #ifndef SENSOR_ROWS_H

@@ -1,7 +1,7 @@
 /* Temperature at run time: what the wall's temperature strains, taken off the readings as far as sensors tell.
 
    The C counterpart of strainfmu/estimator/map/temperature.py, which has the formulas;
-   strainfmu/fmu/resource/temperature.py writes the section of resources/map.bin. */
+   strainfmu/estimator/resource/temperature.py writes the section of resources/map.bin. */
 
 #ifndef THERMAL_H
 #define THERMAL_H

@@ -1,5 +1,5 @@
 /* The section of resources/map.bin of further parameters of the flow: what each changes of strain and loads over the
-   flight state, and errors. strainfmu/fmu/resource/parameter_tables.py writes it. */
+   flight state, and errors. strainfmu/estimator/resource/parameter_tables.py writes it. */
 
 #ifndef FLIGHT_KNOWN_MAP_H
 #define FLIGHT_KNOWN_MAP_H

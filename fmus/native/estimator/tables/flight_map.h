@@ -1,5 +1,5 @@
 /* The tables over the flight state in resources/map.bin: the content of a section, eight 32-bit sizes of which the last
-   is zero, then float64 values. strainfmu/fmu/resource/flight.py writes it and has the formulas. */
+   is zero, then float64 values. strainfmu/estimator/resource/flight.py writes it and has the formulas. */
 
 #ifndef FLIGHT_MAP_H
 #define FLIGHT_MAP_H

@@ -1,7 +1,7 @@
 /* A tare by the edges of the input `tare`: while it is true readings are averaged, then judged, and become the zeros.
 
    The C counterpart of strainfmu/estimator/zeros/tare_edge.py, and of tare.py, which has the formulas;
-   strainfmu/fmu/resource/tare.py writes the section of resources/map.bin. */
+   strainfmu/estimator/resource/tare.py writes the section of resources/map.bin. */
 
 #ifndef TARE_H
 #define TARE_H

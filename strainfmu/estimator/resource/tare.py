@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.resource.sections import section
 from strainfmu.estimator.zeros.reading_window import LEAST_PART
 from strainfmu.estimator.zeros.tare import (
     LEAST_SAMPLES,
@@ -20,7 +21,6 @@ from strainfmu.estimator.zeros.tare import (
     TareLimits,
 )
 from strainfmu.estimator.zeros.tare_verdict import LEAST_GAUGES
-from strainfmu.fmu.resource.sections import section
 
 SECTION = b"TARE\0\0\0\0"
 

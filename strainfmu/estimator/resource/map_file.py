@@ -6,13 +6,13 @@ is known; the guid, ended by a zero. Then eight 32-bit integers: the form, and s
 Then float64 values: the scalars, and the arrays in the order of :func:`_arrays`, :func:`_envelope` and
 :func:`_scaled`.
 
-Sections follow (:mod:`~strainfmu.fmu.resource.sections`): the tables of the nonlinear estimator
-(:mod:`~strainfmu.fmu.resource.flight`) and its filter (:mod:`~strainfmu.fmu.resource.filter`), the filter of a
-linear map (:mod:`~strainfmu.fmu.resource.linear_filter`), temperature modes
-(:mod:`~strainfmu.fmu.resource.temperature`), loads beside the five
-(:mod:`~strainfmu.fmu.resource.further_loads`), limits of a tare (:mod:`~strainfmu.fmu.resource.tare`), further
-parameters of the flow (:mod:`~strainfmu.fmu.resource.parameters`) and the tables over them
-(:mod:`~strainfmu.fmu.resource.parameter_tables`), further sensors (:mod:`~strainfmu.fmu.resource.sensors`). A
+Sections follow (:mod:`~strainfmu.estimator.resource.sections`): the tables of the nonlinear estimator
+(:mod:`~strainfmu.estimator.resource.flight`) and its filter (:mod:`~strainfmu.estimator.resource.filter`), the filter of a
+linear map (:mod:`~strainfmu.estimator.resource.linear_filter`), temperature modes
+(:mod:`~strainfmu.estimator.resource.temperature`), loads beside the five
+(:mod:`~strainfmu.estimator.resource.further_loads`), limits of a tare (:mod:`~strainfmu.estimator.resource.tare`), further
+parameters of the flow (:mod:`~strainfmu.estimator.resource.parameters`) and the tables over them
+(:mod:`~strainfmu.estimator.resource.parameter_tables`), further sensors (:mod:`~strainfmu.estimator.resource.sensors`). A
 bound that the map does not state is the largest finite number.
 ``fmus/native/estimator/map/map_resource.h`` describes the same file to the C code.
 
@@ -34,6 +34,9 @@ import numpy as np
 from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO
 from strainfmu.errors import InputError
+from strainfmu.estimator.arguments import NOT_KNOWN
+from strainfmu.estimator.filter.settings import has_filter
+from strainfmu.estimator.further_loads import has_further_outputs
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, chi_square_limit
 from strainfmu.estimator.linear.decomposition import Decomposition, decompose
 from strainfmu.estimator.linear.envelope import (
@@ -53,21 +56,18 @@ from strainfmu.estimator.linear.masks import MIN_INFORMATION
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.map.proportional_errors import error_model
 from strainfmu.estimator.numerics.fixed_order import householder, product
+from strainfmu.estimator.resource.filter import filter_section
+from strainfmu.estimator.resource.flight import flight_loads_section, flight_section
+from strainfmu.estimator.resource.further_loads import further_section
+from strainfmu.estimator.resource.linear_filter import linear_filter_section
+from strainfmu.estimator.resource.parameter_tables import parameter_tables_section
+from strainfmu.estimator.resource.parameters import parameter_section
+from strainfmu.estimator.resource.sensors import sensor_section
+from strainfmu.estimator.resource.tare import tare_section
+from strainfmu.estimator.resource.temperature import thermal_section
 from strainfmu.estimator.settings import LARGEST_SENSOR_RANGE, LARGEST_SETTING, default_settings
 from strainfmu.estimator.zeros.gauge_zeros import LARGEST_ZERO
 from strainfmu.estimator.zeros.tare import KnownStrain
-from strainfmu.fmu.resource.filter import filter_section
-from strainfmu.fmu.resource.flight import flight_loads_section, flight_section
-from strainfmu.fmu.resource.further_loads import further_section
-from strainfmu.fmu.resource.linear_filter import linear_filter_section
-from strainfmu.fmu.resource.parameter_tables import parameter_tables_section
-from strainfmu.fmu.resource.parameters import parameter_section
-from strainfmu.fmu.resource.sensors import sensor_section
-from strainfmu.fmu.resource.tare import tare_section
-from strainfmu.fmu.resource.temperature import thermal_section
-from strainfmu.interface.filter_variables import has_filter
-from strainfmu.interface.further_variables import has_further_outputs
-from strainfmu.interface.input_names import NOT_KNOWN
 
 MAGIC = b"SFMUMAP\0"
 FORMAT_VERSION = 3

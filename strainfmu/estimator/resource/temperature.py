@@ -12,7 +12,7 @@ import numpy as np
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.map.temperature import LARGEST_RISE, ThermalMap
 from strainfmu.estimator.numerics.fixed_order import product
-from strainfmu.fmu.resource.sections import section, sized_numbers
+from strainfmu.estimator.resource.sections import section, sized_numbers
 
 SECTION = b"THERMAL\0"
 

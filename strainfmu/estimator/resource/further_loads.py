@@ -11,7 +11,7 @@ import numpy as np
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.further_loads import FurtherLoads, is_moment
 from strainfmu.estimator.linear.decomposition import Decomposition
-from strainfmu.fmu.resource.sections import section, sized_numbers
+from strainfmu.estimator.resource.sections import section, sized_numbers
 
 SECTION = b"FURTHER\0"
 

@@ -11,9 +11,9 @@ import numpy as np
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.manifold.estimator import LARGEST_USED_SCORE
 from strainfmu.estimator.numerics.fixed_order import product
+from strainfmu.estimator.resource.sections import section, sized_numbers
 from strainfmu.estimator.tables.manifold_map import ManifoldMap
 from strainfmu.estimator.tables.parameter_tables import ParameterTables
-from strainfmu.fmu.resource.sections import section, sized_numbers
 
 SECTION = b"KNOWN\0\0\0"
 

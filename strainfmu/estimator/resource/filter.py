@@ -17,8 +17,8 @@ from strainfmu.estimator.filter.settings import LARGEST as LARGEST_TIME
 from strainfmu.estimator.filter.settings import RATE_TIME, SLOPE_TIME, SLOW, FilterSettings
 from strainfmu.estimator.filter.settings import SMALLEST as SMALLEST_TIME
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.resource.sections import section, sized_numbers
 from strainfmu.estimator.tables.manifold_map import ManifoldMap
-from strainfmu.fmu.resource.sections import section, sized_numbers
 
 SECTION = b"FILTER\0\0"
 

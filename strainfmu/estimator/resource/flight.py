@@ -31,10 +31,10 @@ from strainfmu.estimator.manifold.solve import COLD_ITERATIONS, START_ITERATIONS
 from strainfmu.estimator.manifold.tracker import RETURN_AFTER, SEARCH_EVERY
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.numerics.fixed_order import product
+from strainfmu.estimator.resource.sections import section, sized_numbers
 from strainfmu.estimator.tables.flight_tables import MIN_INCIDENCE
 from strainfmu.estimator.tables.further_tables import FurtherTables
 from strainfmu.estimator.tables.manifold_map import ManifoldMap
-from strainfmu.fmu.resource.sections import section, sized_numbers
 
 SECTION = b"FLIGHT\0\0"
 LOADS_SECTION = b"FLOADS\0\0"

@@ -8,7 +8,7 @@ to the C code.
 from __future__ import annotations
 
 from strainfmu.estimator.map.sensors import SensorRows
-from strainfmu.fmu.resource.sections import section, sized_numbers
+from strainfmu.estimator.resource.sections import section, sized_numbers
 
 SECTION = b"SENSORS\0"
 

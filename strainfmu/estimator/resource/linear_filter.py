@@ -12,7 +12,7 @@ import numpy as np
 from strainfmu.estimator.filter.linear_model import linear_model
 from strainfmu.estimator.filter.settings import LARGEST, SLOW, SMALLEST, FilterSettings
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.fmu.resource.sections import section, sized_numbers
+from strainfmu.estimator.resource.sections import section, sized_numbers
 
 LINEAR_SECTION = b"LFILTER\0"
 

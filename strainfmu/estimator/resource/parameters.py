@@ -11,7 +11,7 @@ import numpy as np
 
 from strainfmu.errors import InputError
 from strainfmu.estimator.linear.flow_parameters import LARGEST_SCORE, PARAMETER_TOLERANCE, FlowParameters
-from strainfmu.fmu.resource.sections import section, sized_numbers
+from strainfmu.estimator.resource.sections import section, sized_numbers
 
 SECTION = b"PARAMS\0\0"
 NAME_SIZE = 48

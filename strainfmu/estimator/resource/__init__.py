@@ -1,0 +1,1 @@
+"""``map.bin``, an inverse map as the compiled estimator reads it."""
