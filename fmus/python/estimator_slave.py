@@ -22,10 +22,10 @@ from strainfmu.estimator.estimates.load_estimate import LoadEstimate
 from strainfmu.estimator.filter import switched, switched_linear
 from strainfmu.estimator.filter.switched import SwitchedFilter, TimedTrack
 from strainfmu.estimator.filter.switched_linear import SwitchedLinearFilter, TimedLaw
-from strainfmu.estimator.further_loads import has_further_outputs
 from strainfmu.estimator.loading import estimator_of
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.map.inverse_map import load_inverse_map
+from strainfmu.estimator.map.offers import has_further_outputs
 from strainfmu.estimator.map.temperature import known_sensors
 from strainfmu.estimator.settings import EstimatorSettings, setting_fault
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros, zero_fault

@@ -9,15 +9,11 @@ normal force of every section and so on.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-
-if TYPE_CHECKING:
-    from strainfmu.estimator.map.inverse_map import InverseMap
 
 ROLLING = "rolling_moment"
 
@@ -114,13 +110,6 @@ def is_moment(n_sections: int) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
     """Return (m,) whether each further load is a moment."""
     of_section = [unit == "N.m" for _, unit in SECTION_LOADS.values()]
     return np.array([True, *np.repeat(of_section, n_sections)])
-
-
-def has_further_outputs(inverse_map: InverseMap) -> bool:
-    """Return whether FMUs of the map state such loads: in form "dynamic_pressure", and its tables hold them."""
-    manifold = inverse_map.manifold
-    by_tables = manifold is None or manifold.further is not None
-    return inverse_map.further is not None and inverse_map.form == "dynamic_pressure" and by_tables
 
 
 @dataclass(frozen=True, eq=False)

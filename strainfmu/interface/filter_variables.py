@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from strainfmu.estimator.filter.settings import LARGEST, SMALLEST, has_filter
+from strainfmu.estimator.filter.settings import LARGEST, SMALLEST
+from strainfmu.estimator.map.offers import has_filter
 from strainfmu.interface.fmi_variables import Variable
 
 if TYPE_CHECKING:

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from strainfmu.estimator.further_loads import SECTION_LOADS, has_further_outputs
+from strainfmu.estimator.further_loads import SECTION_LOADS
+from strainfmu.estimator.map.offers import has_further_outputs
 from strainfmu.interface.fmi_variables import Variable, deviation_of
 
 if TYPE_CHECKING:

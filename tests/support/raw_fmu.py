@@ -12,9 +12,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from strainfmu.estimator.filter.settings import has_filter
 from strainfmu.estimator.linear.estimator import LoadEstimate
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.map.offers import has_filter
 from strainfmu.estimator.resource.map_file import native_resource
 from strainfmu.fmu.native.build import library_file
 from strainfmu.interface.estimator_variables import output_values

@@ -4,12 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from math import isfinite
-from typing import TYPE_CHECKING
 
 from strainfmu.errors import InputError
-
-if TYPE_CHECKING:
-    from strainfmu.estimator.map.inverse_map import InverseMap
 
 SLOW = 100.0
 """Time constant of navigation errors, and of errors in common of a linear map, over that of the others [1]."""
@@ -79,8 +75,3 @@ def checked_time_step(value: float) -> float:
     if not (isfinite(value) and 0.0 < value <= LARGEST):
         raise InputError(f"time_step: {value} found, must be positive and at most {LARGEST:g} s")
     return float(value)
-
-
-def has_filter(inverse_map: InverseMap) -> bool:
-    """Return whether FMUs of ``inverse_map`` can filter: linear maps that follow q_inf, and maps with tables."""
-    return inverse_map.manifold is not None or inverse_map.form == "dynamic_pressure"

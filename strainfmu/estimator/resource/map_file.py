@@ -6,14 +6,11 @@ is known; the guid, ended by a zero. Then eight 32-bit integers: the form, and s
 Then float64 values: the scalars, and the arrays in the order of :func:`_arrays`, :func:`_envelope` and
 :func:`_scaled`.
 
-Sections follow (:mod:`~strainfmu.estimator.resource.sections`): the tables of the nonlinear estimator
-(:mod:`~strainfmu.estimator.resource.flight`) and its filter (:mod:`~strainfmu.estimator.resource.filter`), the filter of a
-linear map (:mod:`~strainfmu.estimator.resource.linear_filter`), temperature modes
-(:mod:`~strainfmu.estimator.resource.temperature`), loads beside the five
-(:mod:`~strainfmu.estimator.resource.further_loads`), limits of a tare (:mod:`~strainfmu.estimator.resource.tare`), further
-parameters of the flow (:mod:`~strainfmu.estimator.resource.parameters`) and the tables over them
-(:mod:`~strainfmu.estimator.resource.parameter_tables`), further sensors (:mod:`~strainfmu.estimator.resource.sensors`). A
-bound that the map does not state is the largest finite number.
+Sections follow (:mod:`~strainfmu.estimator.resource.sections`), each written by the file of its name beside this
+one: the tables of the nonlinear estimator (``flight``) and its filter (``filter``), the filter of a linear map
+(``linear_filter``), temperature modes (``temperature``), loads beside the five (``further_loads``), limits of a tare
+(``tare``), further parameters of the flow (``parameters``) and the tables over them (``parameter_tables``), further
+sensors (``sensors``). A bound that the map does not state is the largest finite number.
 ``fmus/native/estimator/map/map_resource.h`` describes the same file to the C code.
 
 Every value is that of :class:`~strainfmu.estimator.linear.estimator.Estimator`, in the same bits on every machine
@@ -35,8 +32,6 @@ from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO
 from strainfmu.errors import InputError
 from strainfmu.estimator.arguments import NOT_KNOWN
-from strainfmu.estimator.filter.settings import has_filter
-from strainfmu.estimator.further_loads import has_further_outputs
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, chi_square_limit
 from strainfmu.estimator.linear.decomposition import Decomposition, decompose
 from strainfmu.estimator.linear.envelope import (
@@ -54,6 +49,7 @@ from strainfmu.estimator.linear.loads_from_strain import MIN_EXPECTED_RATIO
 from strainfmu.estimator.linear.map_parts import MapParts, map_parts
 from strainfmu.estimator.linear.masks import MIN_INFORMATION
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.map.offers import has_filter, has_further_outputs
 from strainfmu.estimator.map.proportional_errors import error_model
 from strainfmu.estimator.numerics.fixed_order import householder, product
 from strainfmu.estimator.resource.filter import filter_section

@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from strainfmu.estimator.estimates.load_estimate import LoadEstimate
-from strainfmu.estimator.further_loads import has_further_outputs
 from strainfmu.estimator.linear.estimator import Estimator
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.tracker import FlightTracker
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.map.offers import has_further_outputs
 from strainfmu.estimator.zeros.tare_edge import TareState
 from strainfmu.fmu.reference_run.strains import reference_strains
 from strainfmu.interface.estimator_variables import estimator_interface, output_values

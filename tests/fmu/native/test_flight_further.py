@@ -14,11 +14,11 @@ from further_maps import STATIONS, check_further, with_further_tables
 from raw_fmu import GUID, OK, Fmu3
 from thermal_maps import REFERENCE, with_temperature
 
-from strainfmu.estimator.further_loads import has_further_outputs
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimate
 from strainfmu.estimator.manifold.tracker import FlightTracker
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.map.offers import has_further_outputs
 from strainfmu.estimator.resource.flight import LOADS_SECTION, SECTION
 from strainfmu.estimator.resource.map_file import native_resource
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
