@@ -210,7 +210,7 @@ class ManifoldEstimator:
                 (rows, known._searched(of_rows) if known is self else known._from(found.state[rows], of_rows))
             )
         known_found = cast(FlightEstimates, scattered(parts, len(inputs.strain)))
-        return replace(known_found, field_inputs=self._field_inputs(inputs))
+        return replace(known_found, field_inputs=self.field_inputs(inputs))
 
     def _from(self, state: FloatArray, inputs: EstimatorInputs) -> FlightEstimates:
         """Return the estimates of ``inputs`` from ``state`` (k, 4)."""
@@ -341,7 +341,7 @@ class ManifoldEstimator:
             navigation_used=known,
             alarm_scale=self.settings.alarm_scale,
         )
-        out = self._loads.estimates(found, used, self._field_inputs(inputs), len(self.parameters.names))
+        out = self._loads.estimates(found, used, self.field_inputs(inputs), len(self.parameters.names))
         outside = write_parameters(out, self.parameters, inputs.parameter_score)
         out.health[:] = np.where(outside, HealthState.OUTSIDE, judged.health)
         out.chi_square[:], out.standardised_residual[:] = found.chi_square, found.standardised_residual
@@ -365,7 +365,8 @@ class ManifoldEstimator:
             is_linear=is_linear,
         )
 
-    def _field_inputs(self, inputs: EstimatorInputs) -> FieldInputs | None:
+    def field_inputs(self, inputs: EstimatorInputs) -> FieldInputs | None:
+        """Return what the pressure of ``inputs`` follows from beside their estimates; None without a field."""
         if self.manifold.surface_field is None:
             return None
         value, std = inputs.navigation.value, inputs.navigation.std

@@ -7,13 +7,13 @@ derivative J_p by the state is (J_p - C S^-1 J) E_x (..)' + sigma_p^2 - C S^-1 C
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.estimator.estimates.linear_field import linear_pressure, no_field
 from strainfmu.estimator.estimates.pressure_field import FieldInputs, PressureField, unknown_field
-from strainfmu.estimator.manifold.flight_estimate import FlightEstimate
 from strainfmu.estimator.manifold.gauss_newton import strain_factor
 from strainfmu.estimator.manifold.load_solution import lognormal_std
 from strainfmu.estimator.numerics.spline import local_basis
@@ -27,7 +27,24 @@ MIN_LEFT = 0.05
 """Least part of the variance of pressure off the tables that strain leaves: C holds its low harmonics alone."""
 
 
-def pressure_of(estimate: FlightEstimate, with_std: bool = True) -> PressureField:
+class Solved(Protocol):
+    """What the pressure of one sample follows from: fields of :class:`FlightEstimate`."""
+
+    @property
+    def field_inputs(self) -> FieldInputs | None: ...
+    @property
+    def valid(self) -> BoolArray: ...
+    @property
+    def state(self) -> FloatArray: ...
+    @property
+    def state_covariance(self) -> FloatArray: ...
+    @property
+    def navigation_used(self) -> BoolArray: ...
+    @property
+    def is_linear(self) -> bool: ...
+
+
+def pressure_of(estimate: Solved, with_std: bool = True) -> PressureField:
     """Return the absolute pressure of ``estimate``; errors as :meth:`FlightEstimate.pressure`."""
     inputs = estimate.field_inputs
     manifold = None if inputs is None else inputs.inverse_map.manifold

@@ -1,4 +1,4 @@
-"""What the estimator of a map offers beside the five loads: a filter over time, rolling moment and section loads."""
+"""What the estimator of a map offers in addition to five loads: a filter, rolling moment, section loads."""
 
 from __future__ import annotations
 

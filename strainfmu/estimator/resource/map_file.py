@@ -6,11 +6,11 @@ is known; the guid, ended by a zero. Then eight 32-bit integers: the form, and s
 Then float64 values: the scalars, and the arrays in the order of :func:`_arrays`, :func:`_envelope` and
 :func:`_scaled`.
 
-Sections follow (:mod:`~strainfmu.estimator.resource.sections`), each written by the file of its name beside this
-one: the tables of the nonlinear estimator (``flight``) and its filter (``filter``), the filter of a linear map
-(``linear_filter``), temperature modes (``temperature``), loads beside the five (``further_loads``), limits of a tare
-(``tare``), further parameters of the flow (``parameters``) and the tables over them (``parameter_tables``), further
-sensors (``sensors``). A bound that the map does not state is the largest finite number.
+Sections follow (:mod:`~strainfmu.estimator.resource.sections`), each written by the file of its name in this
+folder: the tables of the nonlinear estimator (``flight``) and its filter (``filter``), the filter of a linear map
+(``linear_filter``), temperature modes (``temperature``), loads beside the five (``further_loads``), limits of a
+tare (``tare``), further parameters of the flow (``parameters``) and the tables over them (``parameter_tables``),
+further sensors (``sensors``). A bound that the map does not state is the largest finite number.
 ``fmus/native/estimator/map/map_resource.h`` describes the same file to the C code.
 
 Every value is that of :class:`~strainfmu.estimator.linear.estimator.Estimator`, in the same bits on every machine

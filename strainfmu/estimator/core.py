@@ -1,0 +1,310 @@
+"""The compiled estimator: its library, and a handle on one map.
+
+The library is the one that native FMUs carry, ``fmus/native/binaries``; ``strainload.h`` documents its functions.
+Where a platform has none, the sources are compiled once by the system's compiler and kept in the user's cache.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+import os
+import platform
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping
+from enum import IntEnum
+from functools import cache
+from importlib import resources
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+
+from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.errors import InputError, StrainfmuError
+
+VERSION = 1
+"""``SL_VERSION`` of the library that this file calls."""
+
+_TEXT_SIZE = 256
+_FLAGS = ("-std=c99", "-O2", "-DNDEBUG", "-ffp-contract=off", "-fno-math-errno", "-fvisibility=hidden", "-shared")
+_SUFFIX = {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
+
+
+class Record(IntEnum):
+    """Records of a handle: ``strainload.h``."""
+
+    INPUTS = 0
+    SETTINGS = 1
+    OUTPUTS = 2
+    FIT = 3
+    ROWS = 4
+    STATE = 5
+
+
+class Series(IntEnum):
+    """How the samples of a series follow one another."""
+
+    EACH = 0
+    """Each by itself, without memory."""
+    TRACK = 1
+    """Each from what the one before it left."""
+
+
+class _Field(ctypes.Structure):
+    _fields_ = (("name", ctypes.c_char * 64), ("first", ctypes.c_size_t), ("count", ctypes.c_size_t))
+
+
+class NoCoreError(StrainfmuError):
+    """No library of the compiled estimator serves this machine, and none can be compiled."""
+
+
+Layout = Mapping[str, slice]
+"""Place of each field of a record, by name."""
+
+
+class Core:
+    """The compiled estimator of one map; it serves one thread at a time.
+
+    Attributes
+    ----------
+    resource : bytes of ``map.bin`` that it was opened with.
+    n_rows : number of sensors of the map.
+    inputs, settings, outputs, fit : layouts of its records; those of ``fit`` begin behind the outputs.
+    """
+
+    def __init__(self, resource: bytes) -> None:
+        """Open the map in ``resource``.
+
+        Raises
+        ------
+        NoCoreError
+            There is no library for this machine, and no compiler to make one.
+        InputError
+            ``resource`` is damaged, or of another version.
+        """
+        self._library = library()
+        self.resource = resource
+        text = ctypes.create_string_buffer(_TEXT_SIZE)
+        self._handle = self._library.sl_open(resource, len(resource), text)
+        if not self._handle:
+            raise InputError(f"map.bin: {text.value.decode()}")
+        self._text = text
+        size = [self._library.sl_size(self._handle, record) for record in Record]
+        self.n_rows, self._state_size = size[Record.ROWS], size[Record.STATE]
+        self.n_inputs, self.n_outputs, self.n_fit = size[Record.INPUTS], size[Record.OUTPUTS], size[Record.FIT]
+        self.inputs, self.settings = self._layout(Record.INPUTS), self._layout(Record.SETTINGS)
+        self.outputs, self.fit = self._layout(Record.OUTPUTS), self._layout(Record.FIT, self.n_outputs)
+        # One sample: the addresses of these arrays are computed once.
+        self.sample = np.full(self.n_inputs, np.nan)
+        self.sample_items = memoryview(self.sample)
+        self._result = np.empty(self.n_outputs + self.n_fit)
+        self._short_result = self._result[: self.n_outputs]
+        self._time = np.zeros(1)
+        self._time_items = memoryview(self._time)
+        self._mask = np.ones(self.n_rows, dtype=np.uint8)
+        self._series = self._library.sl_series
+        self._addresses = tuple(a.ctypes.data for a in (self._time, self.sample, self._mask, self._result))
+
+    def __del__(self) -> None:
+        handle = getattr(self, "_handle", None)
+        if handle:
+            self._library.sl_close(handle)
+            self._handle = None
+
+    def _layout(self, record: Record, begin: int = 0) -> Layout:
+        found, field = dict[str, slice](), _Field()
+        while self._library.sl_field(self._handle, record, len(found), ctypes.byref(field)):
+            first = begin + int(field.first)
+            found[field.name.decode()] = slice(first, first + int(field.count))
+        return MappingProxyType(found)
+
+    def copy(self) -> Core:
+        """Return another handle on the same map with the same settings, for another thread."""
+        other = Core(self.resource)
+        other.set(0, self.get(0, sum(part.stop - part.start for part in self.settings.values())))
+        return other
+
+    def set(self, first: int, values: FloatArray) -> None:
+        """Set the settings from place ``first`` on to ``values``.
+
+        Raises
+        ------
+        InputError
+            A value is not allowed.
+        """
+        given = np.ascontiguousarray(values, dtype=float)
+        if not self._library.sl_set(self._handle, first, given.size, given.ctypes.data, self._text):
+            raise InputError(self._text.value.decode())
+
+    def get(self, first: int, count: int) -> FloatArray:
+        """Return ``count`` settings from place ``first`` on."""
+        found = np.empty(count)
+        self._library.sl_get(self._handle, first, count, found.ctypes.data)
+        return found
+
+    def step(
+        self, time: float, how: Series, with_fit: bool, mask: BoolArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the record of the one sample in :attr:`sample` at ``time`` [s], and a copy of the sample.
+
+        ``mask`` is (n_d,) of bool.
+        """
+        at_time, at_sample, at_mask, at_result = self._addresses
+        self._time_items[0] = time
+        if mask is None:
+            self._series(self._handle, how, with_fit, 1, at_time, at_sample, None, at_result)
+        else:
+            self._mask[:] = mask
+            self._series(self._handle, how, with_fit, 1, at_time, at_sample, at_mask, at_result)
+        return (self._result if with_fit else self._short_result).copy(), self.sample.copy()
+
+    def series(
+        self,
+        how: Series,
+        inputs: FloatArray,
+        *,
+        with_fit: bool = False,
+        time: FloatArray | None = None,
+        mask: np.ndarray | None = None,
+        out: FloatArray | None = None,
+    ) -> FloatArray:
+        """Return the records (k, n) of k samples: ``inputs`` (k, n_inputs), ``time`` (k,) [s], ``mask`` (k, n_d) of
+        bool. ``out`` is written where it is given."""
+        k = len(inputs)
+        given = np.ascontiguousarray(inputs)
+        result = np.empty((k, self.n_outputs + (self.n_fit if with_fit else 0))) if out is None else out
+        times = None if time is None else np.ascontiguousarray(time, dtype=float)
+        used = None if mask is None else np.ascontiguousarray(mask, dtype=np.uint8)
+        assert given.shape == (k, self.n_inputs) and given.dtype == float and result.flags.c_contiguous
+        self._series(
+            self._handle,
+            how,
+            with_fit,
+            k,
+            None if times is None else times.ctypes.data,
+            given.ctypes.data,
+            None if used is None else used.ctypes.data,
+            result.ctypes.data,
+        )
+        return result
+
+    def restart(self) -> None:
+        """Forget the samples so far."""
+        self._library.sl_restart(self._handle)
+
+    @property
+    def state(self) -> bytes:
+        """What the last sample left."""
+        found = ctypes.create_string_buffer(self._state_size)
+        self._library.sl_state(self._handle, found)
+        return found.raw
+
+    @state.setter
+    def state(self, state: bytes) -> None:
+        if len(state) != self._state_size:
+            raise InputError(f"state: {len(state)} bytes found, must be {self._state_size}: it is of another map")
+        if not self._library.sl_restore(self._handle, state, self._text):
+            raise InputError(f"state: {self._text.value.decode()}")
+
+
+@cache
+def library() -> ctypes.CDLL:
+    """Return the library of the compiled estimator for this machine.
+
+    Raises
+    ------
+    NoCoreError
+        None is shipped for this machine, and there is no compiler to make one.
+    """
+    path, fault = library_file(), "none is shipped for it"
+    if path.exists():
+        try:
+            return _declared(ctypes.CDLL(str(path)))
+        except OSError as error:  # of another C library, musl
+            fault = str(error)
+    return _declared(ctypes.CDLL(str(_compiled(fault))))
+
+
+def library_file() -> Path:
+    """Return the path of the shipped library for this machine, whether it is there or not."""
+    machine = platform.machine().lower()
+    folder = {
+        ("linux", "x86_64"): "linux64",
+        ("linux", "aarch64"): "aarch64-linux",
+        ("win32", "amd64"): "win64",
+        ("darwin", "x86_64"): "darwin64",
+        ("darwin", "arm64"): "darwin64",
+    }.get((sys.platform, machine), f"{sys.platform}-{machine}")
+    return Path(str(resources.files("fmus"))) / "native" / "binaries" / folder / f"estimator{_SUFFIX}"
+
+
+def _declared(found: ctypes.CDLL) -> ctypes.CDLL:
+    """Return ``found`` with the types of its functions."""
+    pointer, size, text = ctypes.c_void_p, ctypes.c_size_t, ctypes.c_char_p
+    number = ctypes.c_int
+    for name, result, arguments in (
+        ("sl_version", number, ()),
+        ("sl_open", pointer, (text, size, text)),
+        ("sl_close", None, (pointer,)),
+        ("sl_size", size, (pointer, number)),
+        ("sl_field", number, (pointer, number, size, pointer)),
+        ("sl_set", number, (pointer, size, size, pointer, text)),
+        ("sl_get", None, (pointer, size, size, pointer)),
+        ("sl_restart", None, (pointer,)),
+        ("sl_series", None, (pointer, number, number, size, pointer, pointer, pointer, pointer)),
+        ("sl_state", None, (pointer, text)),
+        ("sl_restore", number, (pointer, text, text)),
+    ):
+        function = getattr(found, name)
+        function.restype, function.argtypes = result, arguments
+    if found.sl_version() != VERSION:
+        raise NoCoreError(f"the estimator's library has version {found.sl_version()}, must be {VERSION}")
+    return found
+
+
+def _compiled(fault: str) -> Path:
+    """Return the library that the system's compiler makes of the sources, which is kept in the user's cache."""
+    native = Path(str(resources.files("fmus"))) / "native"
+    sources = [file for part in ("core", "estimator") for file in sorted((native / part).rglob("*.[ch]"))]
+    digest = hashlib.sha256(" ".join((*_FLAGS, platform.machine())).encode())
+    for source in sources:
+        digest.update(source.read_bytes())
+    target = _cache_folder() / f"estimator-{digest.hexdigest()[:24]}{_SUFFIX}"
+    if target.exists():
+        return target
+    compiler = next(
+        (found for name in (os.environ.get("CC"), "cc", "gcc", "clang") if (found := _which(name))), None
+    )
+    if compiler is None:
+        raise NoCoreError(
+            f"the compiled estimator: no library for {sys.platform} {platform.machine()} ({fault}) and no C compiler "
+            "(CC, cc, gcc, clang) found: install one"
+        )
+    target.parent.mkdir(parents=True, exist_ok=True)
+    files = [str(source) for source in sources if source.suffix == ".c"]
+    position_independent = () if sys.platform == "win32" else ("-fPIC",)
+    with tempfile.TemporaryDirectory(dir=target.parent) as folder:
+        made = Path(folder) / target.name
+        command = [compiler, *_FLAGS, *position_independent, *files, "-o", str(made), "-lm"]
+        finished = subprocess.run(command, capture_output=True, text=True, check=False)
+        if finished.returncode != 0:
+            last = (finished.stderr.strip().splitlines() or ["no message"])[-1]
+            raise NoCoreError(f"the compiled estimator: {compiler} failed: {last}")
+        made.replace(target)
+    return target
+
+
+def _which(name: str | None) -> str | None:
+    return shutil.which(name) if name else None
+
+
+def _cache_folder() -> Path:
+    if sys.platform == "win32":
+        base = os.environ.get("LOCALAPPDATA") or str(Path.home() / "AppData" / "Local")
+    else:
+        base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
+    return Path(base) / "strainfmu"

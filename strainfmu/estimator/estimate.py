@@ -1,0 +1,335 @@
+"""The result of an estimator: of one sample, or of k samples at once; every number by name, made when it is read."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.estimator.estimates.load_estimate import NamedLoads, Sigma
+from strainfmu.estimator.estimates.pressure_field import PressureField
+from strainfmu.estimator.further_loads import SECTION_LOADS, SectionLoads
+from strainfmu.estimator.health import HealthState
+from strainfmu.estimator.linear.flow_parameters import PARAMETER_TOLERANCE
+from strainfmu.estimator.manifold.air_data import AIR_DATA_NAMES, AirData
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+    from strainfmu.estimator.estimator import Estimator
+
+
+class Estimate(NamedLoads):
+    """Loads, coefficients, air data and health of one sample or of k samples.
+
+    Of k samples every array has a first axis of length k more than below, ``len(estimate)`` is k and
+    ``estimate[i]`` is the estimate of sample i. Of a gauge that is not ``valid``, no number depends on its strain.
+
+    Attributes
+    ----------
+    loads : (5,) forces and moments [N, N, N, N m, N m], order of ``LOAD_NAMES``; NaN where they cannot be known.
+    loads_std : (5,) their standard deviations.
+    coefficients : (5,) C_A, C_N, C_Y, M_P, M_Y [1]; NaN where they cannot be computed.
+    coefficients_std : (5,) their standard deviations [1].
+    """
+
+    def __init__(
+        self,
+        record: FloatArray,
+        estimator: Estimator,
+        inputs: FloatArray,
+        mask: BoolArray | None,
+        make_fit: Callable[[FloatArray, BoolArray | None], FloatArray] | None = None,
+    ) -> None:
+        """Wrap ``record`` (n,) or (k, n) of ``estimator``, of the samples ``inputs`` and ``mask``.
+
+        ``make_fit`` makes the record with the fit behind it of ``inputs`` and ``mask``; None where ``record`` has it.
+        """
+        self._record, self._estimator = record, estimator
+        self._inputs, self._mask, self._make_fit = inputs, mask, make_fit
+
+    def _field(self, name: str) -> FloatArray:
+        found: FloatArray = self._record[..., self._estimator.core.outputs[name]]
+        return found
+
+    @cached_property
+    def _fit_record(self) -> FloatArray:
+        return self._record if self._make_fit is None else self._make_fit(self._inputs, self._mask)
+
+    def _fit(self, name: str) -> FloatArray:
+        found: FloatArray = self._fit_record[..., self._estimator.core.fit[name]]
+        return found
+
+    def _one(self, name: str) -> Any:
+        """Return a field of one number: a float of one sample, (k,) of k samples."""
+        found = self._record[..., self._estimator.core.outputs[name].start]
+        return found if found.ndim else float(found)
+
+    @property
+    def sample(self) -> FloatArray:
+        """(n_inputs,) record of the sample, in the layout ``core.inputs`` of the estimator; (k, n_inputs) of k."""
+        return self._inputs
+
+    @property
+    def is_series(self) -> bool:
+        """Whether this is an estimate of k samples, not of one."""
+        return self._record.ndim == 2
+
+    def __len__(self) -> int:
+        if not self.is_series:
+            raise TypeError("the estimate of one sample has no length")
+        return len(self._record)
+
+    def __getitem__(self, sample: int) -> Estimate:
+        """Return the estimate of one sample of k."""
+        if not self.is_series:
+            raise TypeError("the estimate of one sample has no parts")
+        mask = self._mask if self._mask is None or self._mask.ndim == 1 else self._mask[sample]
+        make = None if self._make_fit is None else lambda *_: self._fit_record[sample]
+        return Estimate(self._record[sample], self._estimator, self._inputs[sample], mask, make)
+
+    def __iter__(self) -> Iterator[Estimate]:
+        return (self[sample] for sample in range(len(self)))
+
+    # Loads and coefficients; names of each are those of NamedLoads.
+
+    @property
+    def loads(self) -> FloatArray:  # type: ignore[override]  # NamedLoads declares attributes
+        return self._field("loads")
+
+    @property
+    def loads_std(self) -> FloatArray:
+        return self._field("loads_std")
+
+    @property
+    def coefficients(self) -> FloatArray:  # type: ignore[override]
+        return self._field("coefficients")
+
+    @property
+    def coefficients_std(self) -> FloatArray:
+        return self._field("coefficients_std")
+
+    @property
+    def sigma(self) -> Sigma:
+        """Standard deviations by name: ``estimate.sigma.C_N``."""
+        return Sigma(self.loads_std, self.coefficients_std, self.further_loads_std, self.further_coefficients_std)
+
+    @property
+    def load_covariance(self) -> FloatArray:
+        """(5, 5) covariance of the loads [(N, N m)^2]."""
+        return self._matrix("load_covariance", 5)
+
+    @property
+    def coefficient_covariance(self) -> FloatArray:
+        """(5, 5) covariance of the coefficients [1]."""
+        return self._matrix("coefficient_covariance", 5)
+
+    def _matrix(self, name: str, order: int) -> FloatArray:
+        found = self._fit(name)
+        return found.reshape(*found.shape[:-1], order, order)
+
+    # Rolling moment and section loads; zeros and none of a map without.
+
+    def _further(self, name: str) -> FloatArray:
+        found = self._field(name)
+        return found if found.shape[-1] else np.zeros((*found.shape[:-1], 1))
+
+    @property
+    def further_loads(self) -> FloatArray:  # type: ignore[override]
+        """(m,) rolling moment, and six loads of each section [N, N m]."""
+        return self._further("further_loads")
+
+    @property
+    def further_loads_std(self) -> FloatArray:
+        """(m,) standard deviations of :attr:`further_loads`."""
+        return self._further("further_loads_std")
+
+    @property
+    def further_coefficients(self) -> FloatArray:  # type: ignore[override]
+        """(m,) :attr:`further_loads` over q S, moments over q S L [1]."""
+        return self._further("further_coefficients")
+
+    @property
+    def further_coefficients_std(self) -> FloatArray:
+        """(m,) standard deviations of :attr:`further_coefficients` [1]."""
+        return self._further("further_coefficients_std")
+
+    @property
+    def section_station(self) -> FloatArray:
+        """(n_s,) x of the sections [m]."""
+        return self._estimator.section_station
+
+    @property
+    def section_loads(self) -> SectionLoads:
+        """Loads of the sections of the map, (n_s, 6), and their standard deviations."""
+        stations = self.section_station
+        shape = (*self.further_loads.shape[:-1], len(SECTION_LOADS), len(stations))
+        loads, std = (
+            np.swapaxes(values[..., 1:].reshape(shape), -1, -2)
+            for values in (self.further_loads, self.further_loads_std)
+        )
+        return SectionLoads(stations, loads, std)
+
+    # Health, and what it rests on.
+
+    @property
+    def health(self) -> Any:
+        """State of the estimate, a :class:`HealthState`; of k samples its numbers (k,)."""
+        found = self._one("health")
+        return found.astype(np.int64) if self.is_series else HealthState(int(found))
+
+    @property
+    def chi_square(self) -> Any:
+        """Chi-square of the residual of the valid gauges and, of nonlinear maps, of the air data used [1]."""
+        return self._one("chi_square")
+
+    @property
+    def chi_square_limit(self) -> Any:
+        """Detection threshold of chi-square, times ``alarm_scale``; infinite where nothing checks the estimate."""
+        return self._one("chi_square_limit")
+
+    @property
+    def degrees_of_freedom(self) -> Any:
+        """Degrees of freedom of chi-square; 0 where nothing checks the estimate."""
+        found = self._fit("degrees_of_freedom")[..., 0].astype(np.int64)
+        return found if self.is_series else int(found)
+
+    @property
+    def envelope_score(self) -> Any:
+        """Standard deviations by which the estimate leaves the envelope of the map; 0 inside, NaN if not known."""
+        return self._one("envelope_score")
+
+    @property
+    def valid(self) -> BoolArray:
+        """(n_d,) sensors that were used."""
+        return np.asarray(self._fit("valid") != 0.0)
+
+    @property
+    def standardised_residual(self) -> FloatArray:
+        """(n_d,) z, standard normal where a sensor fits the others; 0 where no other checks it."""
+        return self._fit("standardised_residual")
+
+    @property
+    def suspects(self) -> Any:
+        """Sensors, by index, that the largest \\|z\\| points to, none below its detection threshold; more than one
+        where they cannot be distinguished. Of k samples an array (k,) of tuples."""
+        suspect = self._fit("is_suspect") != 0.0
+        if not self.is_series:
+            return tuple(np.flatnonzero(suspect).tolist())
+        found = np.empty(len(suspect), dtype=object)
+        found[:] = [()] * len(suspect)
+        for row in np.flatnonzero(suspect.any(axis=1)):
+            found[row] = tuple(np.flatnonzero(suspect[row]).tolist())
+        return found
+
+    @property
+    def fits(self) -> Any:
+        """Whether strain and air data fit the map."""
+        found = self._fit("fits")[..., 0] != 0.0
+        return found if self.is_series else bool(found)
+
+    @property
+    def parameter_score(self) -> FloatArray:
+        """(n_p,) fraction of its range in the map by which each flow parameter leaves it; 0 inside or not known."""
+        return self._field("parameter_score")
+
+    @property
+    def outside_parameters(self) -> Any:
+        """Names of the flow parameters that leave their range, for which health is OUTSIDE; of k samples (k,) of
+        tuples."""
+        names, outside = self._estimator.parameters.names, self.parameter_score > PARAMETER_TOLERANCE
+        if not self.is_series:
+            return tuple(name for name, one in zip(names, outside.tolist(), strict=True) if one)
+        found = np.empty(len(outside), dtype=object)
+        found[:] = [tuple(np.array(names)[row]) if row.any() else () for row in outside]
+        return found
+
+    # Air data and flight state, of nonlinear maps.
+
+    @property
+    def air_data(self) -> AirData:
+        """Angles, Mach number and pressures with standard deviations; NaN of linear maps."""
+        if not self._estimator.is_nonlinear:
+            unknown = np.full((*self._record.shape[:-1], len(AIR_DATA_NAMES)), np.nan)
+            return AirData(value=unknown, std=unknown, is_identified=np.zeros(unknown.shape, dtype=bool))
+        flags = np.asarray(self._field("is_identified") != 0.0)
+        return AirData(value=self._field("air_data"), std=self._field("air_data_std"), is_identified=flags)
+
+    @property
+    def air_data_used(self) -> BoolArray:
+        """(3,) which air-data inputs (Mach number, static and dynamic pressure) were used: those that are given and
+        not left out as inconsistent; no axis of linear maps."""
+        return np.asarray(self._field("air_data_used") != 0.0)
+
+    @property
+    def air_data_residual(self) -> FloatArray:
+        """(3,) standardised difference of each air-data input from all else; 0 if not given, NaN of linear maps."""
+        return self._fit("air_data_residual")
+
+    @property
+    def is_linear(self) -> Any:
+        """Whether loads and coefficients are those of the linear map: always of linear maps, of nonlinear ones where
+        strain does not fit the tables."""
+        if not self._estimator.is_nonlinear:
+            return np.ones(len(self), dtype=bool) if self.is_series else True
+        found = self._one("is_linear")
+        return found != 0.0 if self.is_series else bool(found)
+
+    @property
+    def state(self) -> FloatArray:
+        """(4,) flight state (M, u, w, ln p_inf); NaN of linear maps."""
+        return self._fit("state")
+
+    @property
+    def state_covariance(self) -> FloatArray:
+        """(4, 4) covariance of :attr:`state`; NaN of linear maps."""
+        return self._matrix("state_covariance", 4)
+
+    @property
+    def discrepancy_chi_square(self) -> Any:
+        """Chi-square of the discrepancy modes in the residual; NaN of linear maps."""
+        found = self._fit("discrepancy_chi_square")[..., 0]
+        return found if self.is_series else float(found)
+
+    # What is made of an estimate.
+
+    def pressure(self, with_std: bool = True) -> PressureField:
+        """Return pressure and standard deviation at every node of the map's surface, of one sample.
+
+        ``with_std`` false leaves the standard deviation NaN, at a fraction of the cost.
+
+        Raises
+        ------
+        InputError
+            The map holds no pressure field.
+        """
+        if self.is_series:
+            raise TypeError("pressure: of one sample, estimate[i].pressure()")
+        return self._estimator.pressure_of(self)
+
+    def to_dataframe(self) -> DataFrame:
+        """Return one row a sample: coefficients, loads, their standard deviations and health. Needs pandas."""
+        from strainfmu.estimator.estimates.estimate_table import dataframe_of
+
+        names = np.array([state.name for state in HealthState])
+        return dataframe_of(self, names[np.atleast_1d(self.health)])
+
+    def __repr__(self) -> str:
+        if self.is_series:
+            states, counts = np.unique(self.health, return_counts=True)
+            text = ", ".join(f"{n} {HealthState(int(s)).name}" for s, n in zip(states, counts, strict=True))
+            return f"<Estimate of {len(self)} samples: {text}>"
+        names = ("C_A", "C_N", "C_Y", "M_P", "M_Y")
+        values = ", ".join(
+            f"{name} {value:.4g} +- {std:.2g}"
+            for name, value, std in zip(names, self.coefficients, self.coefficients_std, strict=True)
+        )
+        return f"<Estimate {self.health.name}: {values} (1 sigma)>"
+
+    def _repr_html_(self) -> str:
+        from strainfmu.estimator.estimates.estimate_html import estimate_html, estimates_html
+
+        return estimates_html(self) if self.is_series else estimate_html(self)

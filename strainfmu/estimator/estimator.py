@@ -1,0 +1,459 @@
+"""The estimator of a map: strain and air data in; loads, coefficients, air data and health out."""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
+from math import isfinite, nan
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.errors import InputError
+from strainfmu.estimator.arguments import checked_mask, per_sample, strain_of_samples
+from strainfmu.estimator.core import Core, Series
+from strainfmu.estimator.estimate import Estimate
+from strainfmu.estimator.estimates.pressure_field import PressureField
+from strainfmu.estimator.filter.settings import LARGEST, SMALLEST
+from strainfmu.estimator.linear.flow_parameters import flow_parameters
+from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map
+from strainfmu.estimator.resource.map_file import native_resource
+from strainfmu.estimator.settings import EstimatorSettings, default_settings
+from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros, no_zeros
+
+AIR_DATA_INPUTS = (
+    "dynamic_pressure",
+    "dynamic_pressure_std",
+    "mach_number",
+    "altitude",
+    "mach_number_std",
+    "static_pressure",
+    "static_pressure_std",
+)
+"""Inputs of a sample behind its readings, in their order in a record."""
+
+_NOTHING_MORE = (None, 0.0, None, None)
+"""Temperature, thrust, parameters and their deviations of a sample without any."""
+
+_STDS = tuple(name for name in AIR_DATA_INPUTS if name.endswith("_std"))
+
+PIECE = 512
+"""Samples, at least, for which another thread is worth its start."""
+
+
+def load(
+    path: str | PathLike[str], settings: EstimatorSettings | None = None, zeros: GaugeZeros | None = None
+) -> Estimator:
+    """Return the estimator of the map at ``path``; None takes the settings that the map was built with, and zero
+    offsets of 0.
+
+    Raises
+    ------
+    InputError
+        The file is missing, damaged, altered, or of another schema version, or ``zeros`` are of another number of
+        gauges.
+    """
+    return Estimator(load_inverse_map(Path(path)), settings, zeros)
+
+
+class Estimator:
+    """The estimator of one map, computed by the compiled core.
+
+    A sensor is left out of a sample if its reading is not finite or beyond its range, or if the caller excludes it.
+
+    Example
+    -------
+    >>> import strainfmu
+    >>> estimator = strainfmu.load("demo/map.h5")
+    >>> strain = estimator.inverse_map.mean_strain  # a measurement
+    >>> result = estimator.estimate(strain, dynamic_pressure=95.8e3)
+    >>> result.C_N, result.sigma.C_N, result.health.name
+    """
+
+    def __init__(
+        self,
+        inverse_map: InverseMap,
+        settings: EstimatorSettings | None = None,
+        zeros: GaugeZeros | None = None,
+        *,
+        filter_time_constant: float = 0.0,
+    ) -> None:
+        """Prepare ``inverse_map``; None takes the settings that it was built with, and zero offsets of 0.
+
+        ``filter_time_constant`` [s] is that of :meth:`track`, 0 for none: see :meth:`filter`.
+
+        Raises
+        ------
+        InputError
+            ``zeros`` are of another number of gauges, or the map has no filter.
+        NoCoreError
+            The compiled core is not available on this machine.
+        """
+        self._prepare(
+            inverse_map,
+            native_resource(inverse_map, ""),
+            settings or default_settings(inverse_map),
+            zeros or no_zeros(inverse_map.n_strain_gauges),
+            filter_time_constant,
+        )
+
+    def _prepare(
+        self,
+        inverse_map: InverseMap,
+        resource: bytes,
+        settings: EstimatorSettings,
+        zeros: GaugeZeros,
+        filter_time_constant: float,
+    ) -> None:
+        self.inverse_map, self.settings, self.zeros = inverse_map, settings, zeros
+        self.filter_time_constant = filter_time_constant
+        self.parameters = flow_parameters(inverse_map)
+        self.is_nonlinear = inverse_map.manifold is not None
+        further = inverse_map.further
+        self.section_station = np.zeros(0) if further is None else further.section_station
+        self._lock = threading.Lock()
+        self.core = Core(resource)
+        self._set_up(self.core)
+        self._tracks: Core | None = None
+        self._others: list[Core] = []
+        n, inputs = inverse_map.n_gauges, self.core.inputs
+        self._n, self._shape, self._first_air = n, (n,), inputs["dynamic_pressure"].start
+        self._temperature, self._thrust = inputs["temperature"], inputs["thrust"]
+        self._parameter = inputs["parameter"]
+
+    def _set_up(self, core: Core, filter_time_constant: float = 0.0) -> None:
+        """Give ``core`` the settings of this estimator."""
+        settings, zeros = self.settings, self.zeros
+        if len(zeros.value) != self.inverse_map.n_strain_gauges:
+            raise InputError(f"zeros: expected {self.inverse_map.n_strain_gauges} values, got {len(zeros.value)}")
+        given = [getattr(settings, name) for name in list(core.settings)[:5]]
+        core.set(0, np.concatenate([given, zeros.value, zeros.std, [zeros.common_std]]))
+        constant = core.settings["filter_time_constant"]
+        if filter_time_constant == 0.0:
+            return
+        if constant.stop == constant.start:
+            raise InputError("filter: the map's form is 'absolute', expected 'dynamic_pressure' or tables")
+        core.set(constant.start, np.array([filter_time_constant]))
+
+    # Other estimators of the same map.
+
+    def _other(self, **changed: Any) -> Estimator:
+        made = {
+            "settings": self.settings,
+            "zeros": self.zeros,
+            "filter_time_constant": self.filter_time_constant,
+        } | changed
+        other = Estimator.__new__(type(self))
+        other._prepare(self.inverse_map, self.core.resource, **made)
+        return other
+
+    def with_settings(self, settings: EstimatorSettings) -> Estimator:
+        """Return an estimator of the same map with other settings."""
+        return self._other(settings=settings)
+
+    def with_zeros(self, zeros: GaugeZeros) -> Estimator:
+        """Return an estimator of the same map with ``zeros`` instead of its own.
+
+        They are subtracted from what the gauges read. Their standard deviations join the noise of the gauges.
+
+        Raises
+        ------
+        InputError
+            They are of another number of gauges.
+        """
+        return self._other(zeros=zeros)
+
+    def filter(self, time_constant: float) -> Estimator:
+        """Return an estimator of the same map whose :meth:`track` filters over time with ``time_constant`` [s].
+
+        Raises
+        ------
+        InputError
+            The time constant is not in its range, or the map has no filter.
+        """
+        if not (time_constant == 0.0 or SMALLEST <= time_constant <= LARGEST):
+            raise InputError(f"time_constant: expected 0 or {SMALLEST:g} to {LARGEST:g} s, got {time_constant:g}")
+        return self._other(filter_time_constant=float(time_constant))
+
+    # Samples.
+
+    def estimate(
+        self,
+        strain: ArrayLike,
+        dynamic_pressure: ArrayLike = nan,
+        valid: ArrayLike | None = None,
+        dynamic_pressure_std: ArrayLike = nan,
+        *,
+        mach_number: ArrayLike = nan,
+        mach_number_std: ArrayLike = nan,
+        altitude: ArrayLike = nan,
+        static_pressure: ArrayLike = nan,
+        static_pressure_std: ArrayLike = nan,
+        temperature: ArrayLike | None = None,
+        thrust: ArrayLike = 0.0,
+        parameters: Mapping[str, ArrayLike] | None = None,
+        parameters_std: Mapping[str, ArrayLike] | None = None,
+    ) -> Estimate:
+        """Estimate the loads of one sample, or of k samples at once, each by itself.
+
+        Parameters
+        ----------
+        strain : (n_d,) or (k, n_d) readings [m/m], those of auxiliary sensors in units of their own, in the order
+            of ``inverse_map.gauge_names``.
+        dynamic_pressure, mach_number, static_pressure : q_inf [Pa], M [1], p_inf [Pa], one for all samples or (k,);
+            NaN where not known. A linear map needs q_inf, and uses M for health alone.
+        valid : (n_d,) or (k, n_d) of bool, false for sensors to leave out; None for none.
+        dynamic_pressure_std, mach_number_std, static_pressure_std : their standard deviations; NaN takes those of
+            the map.
+        altitude : geopotential [m]; gives p_inf of the standard atmosphere where ``static_pressure`` is not known.
+        temperature : (n_t,) or (k, n_t) readings of the map's temperature sensors [K], NaN where one gives none;
+            None for none.
+        thrust : [N], of a map with sensors that respond to it.
+        parameters : flow parameters by the names of the map, one value for all samples or (k,), in the units of the
+            vehicle file, NaN where not known; out of their range health is ``OUTSIDE``.
+        parameters_std : their standard deviations, with which they sharpen the nonlinear estimate.
+
+        Raises
+        ------
+        InputError
+            An argument has the wrong shape or is no number, ``valid`` is not of bool, a standard deviation is
+            negative, or the map has no sensors or parameters of that kind. Values that are not finite are no
+            error: health states what the estimate lacks.
+        """
+        air = (
+            dynamic_pressure,
+            dynamic_pressure_std,
+            mach_number,
+            altitude,
+            mach_number_std,
+            static_pressure,
+            static_pressure_std,
+        )
+        more = (temperature, thrust, parameters, parameters_std)
+        if (strain.ndim if type(strain) is np.ndarray else np.ndim(strain)) != 2:
+            return self._one(strain, valid, air, more, self.core, Series.EACH, 0.0)
+        inputs, mask = self._records(strain, valid, air, more)
+        with self._lock:
+            record = self._each(inputs, mask, with_fit=self.is_nonlinear)
+        return Estimate(record, self, inputs, mask, None if self.is_nonlinear else self._with_fit)
+
+    def step(self, strain: ArrayLike, dynamic_pressure: float = nan, **of_sample: Any) -> Estimate:
+        """Estimate the loads of one sample by itself; arguments and errors as :meth:`estimate`."""
+        return self.estimate(strain, dynamic_pressure, **of_sample)
+
+    def track(
+        self,
+        strain: ArrayLike,
+        dynamic_pressure: ArrayLike = nan,
+        valid: ArrayLike | None = None,
+        dynamic_pressure_std: ArrayLike = nan,
+        *,
+        time: ArrayLike = nan,
+        mach_number: ArrayLike = nan,
+        mach_number_std: ArrayLike = nan,
+        altitude: ArrayLike = nan,
+        static_pressure: ArrayLike = nan,
+        static_pressure_std: ArrayLike = nan,
+        temperature: ArrayLike | None = None,
+        thrust: ArrayLike = 0.0,
+        parameters: Mapping[str, ArrayLike] | None = None,
+        parameters_std: Mapping[str, ArrayLike] | None = None,
+    ) -> Estimate:
+        """Estimate one sample or k samples along time, each from what the sample before it left.
+
+        The first sample after the estimator was made or :meth:`restart` searches the tables; the others start from
+        the last flight state, in a fraction of the time. ``time`` [s], of one sample or (k,), is needed by a filter
+        (:meth:`filter`); samples of a time that does not go on are of the same moment. Other arguments and errors
+        as :meth:`estimate`.
+        """
+        air = (
+            dynamic_pressure,
+            dynamic_pressure_std,
+            mach_number,
+            altitude,
+            mach_number_std,
+            static_pressure,
+            static_pressure_std,
+        )
+        more = (temperature, thrust, parameters, parameters_std)
+        core = self._tracks or self._new_track()
+        if (strain.ndim if type(strain) is np.ndarray else np.ndim(strain)) != 2:
+            return self._one(strain, valid, air, more, core, Series.TRACK, self._time(time))
+        inputs, mask = self._records(strain, valid, air, more)
+        times = None if self.filter_time_constant == 0.0 else self._times(time, len(inputs))
+        with self._lock:
+            record = core.series(
+                Series.TRACK, inputs, with_fit=True, time=times, mask=_wide(mask, inputs, self._n)
+            )
+        return Estimate(record, self, inputs, mask)
+
+    def restart(self) -> None:
+        """Forget the samples that :meth:`track` has seen."""
+        if self._tracks is not None:
+            self._tracks.restart()
+
+    @property
+    def memory(self) -> bytes:
+        """What the last sample of :meth:`track` left; setting it goes on from there, also in another process."""
+        return (self._tracks or self._new_track()).state
+
+    @memory.setter
+    def memory(self, state: bytes) -> None:
+        (self._tracks or self._new_track()).state = state
+
+    def _new_track(self) -> Core:
+        core = Core(self.core.resource)
+        self._set_up(core, self.filter_time_constant)
+        self._tracks = core
+        return core
+
+    def _time(self, time: ArrayLike) -> float:
+        if self.filter_time_constant == 0.0:
+            return 0.0
+        if type(time) is float and isfinite(time):
+            return time
+        return float(self._times(time, 1)[0])
+
+    def _times(self, time: ArrayLike, samples: int) -> FloatArray:
+        times = per_sample("time", time, samples)
+        if not np.all(np.isfinite(times)):
+            raise InputError(f"time: expected the time of each sample [s] for the filter, got {time!r}")
+        return times
+
+    def _one(
+        self,
+        strain: ArrayLike,
+        valid: ArrayLike | None,
+        air: tuple[Any, ...],
+        more: tuple[Any, ...],
+        core: Core,
+        how: Series,
+        time: float,
+    ) -> Estimate:
+        """Return the estimate of one sample."""
+        with_fit = self.is_nonlinear or (how is Series.TRACK and self.filter_time_constant > 0.0)
+        mask = None if valid is None else checked_mask(valid, self._n)
+        is_plain = (
+            type(strain) is np.ndarray
+            and strain.shape == self._shape
+            and strain.dtype.kind == "f"
+            and more == _NOTHING_MORE
+            and all(type(value) is float for value in air)
+        )
+        with self._lock:
+            if is_plain:
+                core.sample[: self._n] = strain
+                self._write_air(core, air)
+            else:
+                core.sample[:] = self._records(strain, None, air, more)[0][0]
+            record, inputs = core.step(time, how, with_fit, mask)
+        if with_fit:
+            return Estimate(record, self, inputs, mask)
+        return Estimate(record, self, inputs, mask, self._fit_of_one)
+
+    def _write_air(self, core: Core, air: tuple[float, ...]) -> None:
+        """Write the numbers ``air`` of one sample to the record of ``core``; nothing else is known of it."""
+        items, place = core.sample_items, self._first_air
+        if air[1] < 0.0 or air[4] < 0.0 or air[6] < 0.0:
+            self._refuse_negative(dict(zip(AIR_DATA_INPUTS, air, strict=True)))
+        for value in air:
+            items[place] = value
+            place += 1
+        if place < core.n_inputs:
+            core.sample[place:] = nan
+            core.sample[self._thrust] = 0.0
+
+    def _refuse_negative(self, air: Mapping[str, Any]) -> None:
+        for name in _STDS:
+            if np.any(np.less(air[name], 0.0)):
+                raise InputError(f"{name}: expected numbers from 0 on, got {np.nanmin(air[name]):g}")
+
+    def _records(
+        self, strain: ArrayLike, valid: ArrayLike | None, air: tuple[ArrayLike, ...], more: tuple[Any, ...]
+    ) -> tuple[FloatArray, BoolArray | None]:
+        """Return the records (k, n_inputs) of the samples, checked, and their mask; arguments as of
+        :meth:`estimate`."""
+        d = strain_of_samples(strain, self._n)
+        k = len(d)
+        inputs = np.empty((k, self.core.n_inputs))
+        inputs[:, : self._n] = d
+        layout = self.core.inputs
+        for name, value in zip(AIR_DATA_INPUTS, air, strict=True):
+            inputs[:, layout[name].start] = per_sample(name, value, k)
+        self._refuse_negative(dict(zip(AIR_DATA_INPUTS, air, strict=True)))
+        temperature, thrust, parameters, stds = more
+        inputs[:, self._temperature] = self._temperatures(temperature, k)
+        if self._thrust.stop > self._thrust.start:
+            inputs[:, self._thrust.start] = per_sample("thrust", thrust, k)
+        inputs[:, self._parameter] = self.parameters.values(parameters, k)
+        place = layout.get("parameter_std")
+        known = self.parameters.stds(stds, k) if stds is not None or place is not None else None
+        if place is not None and known is not None:
+            inputs[:, place] = known
+        whole = np.ndim(strain) == 2
+        return inputs, None if valid is None else checked_mask(valid, self._n, k if whole else None)
+
+    def _temperatures(self, temperature: ArrayLike | None, samples: int) -> Any:
+        """Return the readings of the temperature sensors [K], NaN of those that give none."""
+        if temperature is None:
+            return nan
+        thermal = self.inverse_map.thermal
+        if thermal is None:
+            raise InputError("temperature: expected none, the map was built without [temperature]")
+        values, n_t = np.asarray(temperature, dtype=float), thermal.n_sensors
+        if values.shape not in ((n_t,), (samples, n_t)):
+            raise InputError(f"temperature: expected ({n_t},) or ({samples}, {n_t}) values, got {values.shape}")
+        return values
+
+    def _each(self, inputs: FloatArray, mask: BoolArray | None, *, with_fit: bool) -> FloatArray:
+        """Return the records of samples by themselves, in pieces on all processors."""
+        k, wide = len(inputs), _wide(mask, inputs, self._n)
+        n_pieces = max(1, min(_processors(), k // (PIECE // 16 if self.is_nonlinear else 8 * PIECE)))
+        if n_pieces == 1:
+            return self.core.series(Series.EACH, inputs, with_fit=with_fit, mask=wide)
+        while len(self._others) < n_pieces - 1:
+            self._others.append(self.core.copy())
+        record = np.empty((k, self.core.n_outputs + (self.core.n_fit if with_fit else 0)))
+        edges = np.linspace(0, k, n_pieces + 1).astype(int)
+
+        def run(piece: int) -> None:
+            core = self.core if piece == 0 else self._others[piece - 1]
+            rows = slice(edges[piece], edges[piece + 1])
+            part = None if wide is None else wide[rows]
+            core.series(Series.EACH, inputs[rows], with_fit=with_fit, mask=part, out=record[rows])
+
+        with ThreadPoolExecutor(n_pieces) as pool:
+            list(pool.map(run, range(n_pieces)))
+        return record
+
+    def _fit_of_one(self, inputs: FloatArray, mask: BoolArray | None) -> FloatArray:
+        """Return the record (n,) of one sample by itself with its fit, of a linear map."""
+        return self._with_fit(inputs[None], None if mask is None else mask[None])[0]
+
+    def _with_fit(self, inputs: FloatArray, mask: BoolArray | None) -> FloatArray:
+        """Return the records of samples by themselves with their fit, of a linear map."""
+        with self._lock:
+            return self._each(inputs, mask, with_fit=True)
+
+    # What is made of estimates off the deadline, in numpy.
+
+    def pressure_of(self, estimate: Estimate, with_std: bool = True) -> PressureField:
+        """Return the pressure on the surface of one ``estimate``: :meth:`Estimate.pressure`."""
+        from strainfmu.estimator.estimates.surface_pressure import surface_pressure
+
+        return surface_pressure(self, estimate, with_std)
+
+
+def _wide(mask: BoolArray | None, inputs: FloatArray, n: int) -> BoolArray | None:
+    """Return ``mask`` (n_d,) or (k, n_d) for each of the k samples."""
+    return None if mask is None else np.broadcast_to(mask, (len(inputs), n))
+
+
+def _processors() -> int:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
