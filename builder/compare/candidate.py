@@ -12,13 +12,9 @@ import numpy as np
 from builder.compare.field import estimated_fields
 from builder.compare.flights import Readings, one_condition
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.estimates.load_estimate import LoadEstimates
-from strainfmu.estimator.linear.estimator import Estimator
-from strainfmu.estimator.loading import estimator_of
+from strainfmu.estimator.estimate import Estimate
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.manifold.air_data import AIR_DATA_NAMES
-from strainfmu.estimator.manifold.estimator import ManifoldEstimator
-from strainfmu.estimator.manifold.flight_estimate import FlightEstimates
-from strainfmu.estimator.manifold.tracker import FlightTracker
 from strainfmu.estimator.map.inverse_map import InverseMap
 
 GIVEN, PRESSURE_ALONE, NO_DYNAMIC_PRESSURE = "given", "q_inf only", "M and p_inf only"
@@ -74,14 +70,13 @@ class LinearCandidate:
 
     def __init__(self, name: str, inverse_map: InverseMap) -> None:
         self.name, self.inverse_map = name, inverse_map
-        self.estimator = Estimator(inverse_map)
+        self.estimator = Estimator(inverse_map.without_tables())
 
     def answer(self, read: Readings, navigation: str) -> Answer:
         """Return the estimates; without navigation there is no field where the map's is p - p_inf."""
         found = self.estimator.estimate(
             read.last, read.dynamic_pressure, dynamic_pressure_std=read.dynamic_pressure_std
         )
-        assert isinstance(found, LoadEstimates)
         is_known = navigation == GIVEN or not self.inverse_map.field_is_net
         field = estimated_fields(found, read.static_pressure) if is_known else None
         return Answer(
@@ -104,9 +99,7 @@ class ManifoldCandidate:
     has_field = True
 
     def __init__(self, inverse_map: InverseMap) -> None:
-        found = estimator_of(inverse_map)
-        assert isinstance(found, ManifoldEstimator)
-        self.estimator = found
+        self.estimator = Estimator(inverse_map)
 
     def answer(self, read: Readings, navigation: str) -> Answer:
         """Return the estimates of a search of the tables."""
@@ -118,7 +111,6 @@ class ManifoldCandidate:
             mach_number=read.mach_number if known else np.nan,
             static_pressure=read.static_pressure if known else np.nan,
         )
-        assert isinstance(found, FlightEstimates)
         columns = [AIR_DATA_NAMES.index(name) for name in AIR_DATA]
         return Answer(
             coefficients=found.coefficients,
@@ -131,11 +123,10 @@ class ManifoldCandidate:
     def step_microseconds(self, read: Readings, navigation: str) -> float:
         """Return the median time of a step from the last one's state."""
         one, known = one_condition(read), navigation != PRESSURE_ALONE
-        tracker = FlightTracker(self.estimator)
         q = np.nan if navigation == NO_DYNAMIC_PRESSURE else float(one.dynamic_pressure[0])
 
         def step() -> object:
-            return tracker.step(
+            return self.estimator.track(
                 one.last[0],
                 q,
                 dynamic_pressure_std=read.dynamic_pressure_std,
@@ -146,7 +137,7 @@ class ManifoldCandidate:
         return median_microseconds(step)
 
 
-def _rolling(found: LoadEstimates) -> FloatArray | None:
+def _rolling(found: Estimate) -> FloatArray | None:
     if not found.further_coefficients.shape[-1]:
         return None
     return np.column_stack([found.M_R, found.sigma.M_R])

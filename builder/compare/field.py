@@ -13,7 +13,7 @@ import numpy as np
 from builder.truth.revolution.flow_table import FlowTable, harmonics_at
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.estimates.load_estimate import LoadEstimates
+from strainfmu.estimator.estimate import Estimate
 from strainfmu.flight_condition import FlightCondition
 
 
@@ -63,7 +63,7 @@ def field_errors(estimate: FloatArray, true: FloatArray) -> FloatArray:
     return np.asarray(off / size)
 
 
-def estimated_fields(found: LoadEstimates, static_pressure: FloatArray) -> FloatArray:
+def estimated_fields(found: Estimate, static_pressure: FloatArray) -> FloatArray:
     """Return (k, n_p) [Pa] the absolute pressure at the nodes of a map by its estimates, NaN where it has none.
 
     Strain of a vented body says nothing of p_inf: to a field that is p - p_inf, ``static_pressure`` (k,) is added.

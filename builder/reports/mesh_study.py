@@ -43,7 +43,7 @@ from builder.vehicle.map_needs import used_layouts
 from builder.vehicle.shape.geometry import BodyOfRevolution
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError, StrainfmuError
-from strainfmu.estimator.linear.estimator import Estimator
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
 
 FOURIER = "Fourier model"
@@ -260,12 +260,9 @@ def _row(
     """Return the row of a map fed with the true strains and noise; ``difference`` (N, n_d) in units of noise."""
     noise = np.random.default_rng(SEED).standard_normal((NOISE_DRAWS, *truth.strain.shape)) * truth.sigma
     estimator = Estimator(inverse_map)
-    estimates = [
-        [estimator.step(strain, q) for strain, q in zip(truth.strain + one, truth.dynamic_pressure, strict=True)]
-        for one in noise
-    ]
-    error = np.array([[e.coefficients for e in draw] for draw in estimates]) - truth.coefficients
-    std = np.array([[e.coefficients_std for e in draw] for draw in estimates])
+    estimates = [estimator.estimate(truth.strain + one, truth.dynamic_pressure) for one in noise]
+    error = np.array([draw.coefficients for draw in estimates]) - truth.coefficients
+    std = np.array([draw.coefficients_std for draw in estimates])
     spread = np.ptp(truth.coefficients, axis=0)
     rms = np.sqrt(np.mean(error**2, axis=(0, 1)))
     return StudyRow(
@@ -275,7 +272,7 @@ def _row(
         strain_largest=float(np.abs(difference).max()),
         error_of_range=tuple(np.divide(rms, spread, out=np.full(5, np.nan), where=spread > 0.0).tolist()),
         coverage=tuple(np.mean(np.abs(error) <= 3.0 * std, axis=(0, 1)).tolist()),
-        alarms=float(np.mean([[e.chi_square > e.chi_square_limit for e in draw] for draw in estimates])),
+        alarms=float(np.mean([draw.chi_square > draw.chi_square_limit for draw in estimates])),
     )
 
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections import Counter
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -33,7 +33,6 @@ from builder.vehicle.file import Vehicle, load_vehicle
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, HealthState
-from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map
 
 VEHICLES = 50
@@ -94,8 +93,8 @@ def false_alarms(
 ) -> FalseAlarms:
     """Count the false alarms of ``inverse_map`` on ``samples`` at least, in whole blocks of 50,000, or of fewer.
 
-    A map of the nonlinear estimator is tried as it steps, from the state of the flight, or by a ``search`` of its
-    tables, which takes about seven times as long.
+    A map of the nonlinear estimator is tried as it steps, from the state of the vehicle before, or by a ``search``
+    of its tables, which takes about seven times as long.
 
     Raises
     ------
@@ -125,7 +124,7 @@ def _tests(inverse_map: InverseMap, flights: ReadFlights, search: bool) -> tuple
     """Return tests over their levels (2 or 3, n) and health (n,); none of a linear map."""
     if inverse_map.manifold is None:
         return np.stack(alarm_ratios(inverse_map, flights)), np.zeros(0, dtype=np.int64)
-    return ratios_and_health(ManifoldEstimator(inverse_map), flights, search=search)
+    return ratios_and_health(inverse_map, flights, search=search)
 
 
 def main() -> None:
@@ -151,7 +150,7 @@ def main() -> None:
     if options.estimator == "manifold" and inverse_map.manifold is None:
         raise InputError(f"{options.map}: holds no tables of the nonlinear estimator")
     if options.estimator == "linear":
-        inverse_map = replace(inverse_map, manifold=None)
+        inverse_map = inverse_map.without_tables()
     vehicle = of_map(load_vehicle(options.vehicle), inverse_map)
     check_fit(vehicle, inverse_map, options.map)
     resolution = vehicle.resolution.truth

@@ -32,8 +32,7 @@ from builder.vehicle.model_entries import Resolutions
 from builder.vehicle.structure.temperature import Temperature, TemperatureSensor
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError, StrainfmuError
-from strainfmu.estimator.linear.estimator import Estimator
-from strainfmu.estimator.manifold.estimator import ManifoldEstimator
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
 
 MICRO, PER_100K, CELSIUS = 1e-6, 1e-4, 273.15
@@ -205,12 +204,12 @@ def _errors(
     """Return errors and sigmas (n, 5), and how many flights are not OK in percent."""
     q, mach = flights.dynamic_pressure, flights.mach_number
     if kind == "linear":
-        found = Estimator(held).estimate(
+        found = Estimator(held.without_tables()).estimate(
             strain, q, mach_number=mach, altitude=flights.altitude, temperature=temperature
         )
         health, value, sigma = found.health, found.coefficients, found.coefficients_std
     else:
-        flown = ManifoldEstimator(held).estimate(
+        flown = Estimator(held).estimate(
             strain, q, mach_number=mach, static_pressure=flights.ambient_pressure, temperature=temperature
         )
         health, value, sigma = flown.health, flown.coefficients, flown.coefficients_std

@@ -18,13 +18,10 @@ from builder.truth.flights import Flights
 from builder.truth.levels.read_flights import gauge_noise
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.loading import estimator_of
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.flight_condition import FlightCondition
-
-NONLINEAR_SHARE = 4
-"""A nonlinear estimate costs far more than a linear one: its kinds are flown with so many times fewer draws."""
 
 SIGMAS = 3.0
 """An estimate is wrong where a coefficient is further from the truth than this many of its standard deviations, or
@@ -38,7 +35,7 @@ class Effort:
     Attributes
     ----------
     conditions : flight conditions.
-    draws : vehicles, each with noise of its own, at every condition; a fourth of them for the nonlinear estimator.
+    draws : vehicles, each with noise of its own, at every condition.
     seed : of all draws.
     """
 
@@ -110,7 +107,7 @@ class Range:
 
     def __init__(self, vehicle: Vehicle, model: Model, inverse_map: InverseMap, effort: Effort) -> None:
         self.vehicle, self.model, self.effort = vehicle, model, effort
-        self.inverse_map, self.estimator = inverse_map, estimator_of(inverse_map)
+        self.inverse_map, self.estimator = inverse_map, Estimator(inverse_map)
         self.hardware = Hardware(
             noise=vehicle.noise,
             station=model.station,
@@ -140,8 +137,7 @@ class Range:
         """
         flights = self.flights(kind)
         random = np.random.default_rng([self.effort.seed, crc32(f"{kind.error} {kind.size}".encode())])
-        share = 1 if self.inverse_map.manifold is None else NONLINEAR_SHARE
-        count = max(1, round(self.effort.draws * kind.draws / share))
+        count = max(1, round(self.effort.draws * kind.draws))
         found = [self._one_vehicle(kind, flights, kind.build(self.hardware, random), random) for _ in range(count)]
         wrong = np.concatenate([one for one, _ in found])
         health = np.concatenate([one for _, one in found])

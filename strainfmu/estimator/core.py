@@ -100,11 +100,11 @@ class Core:
         self.outputs, self.fit = self._layout(Record.OUTPUTS), self._layout(Record.FIT, self.n_outputs)
         # One sample: the addresses of these arrays are computed once.
         self.sample = np.full(self.n_inputs, np.nan)
-        self.sample_items = memoryview(self.sample)
+        self.sample_items = (ctypes.c_double * self.n_inputs).from_buffer(self.sample)
         self._result = np.empty(self.n_outputs + self.n_fit)
         self._short_result = self._result[: self.n_outputs]
         self._time = np.zeros(1)
-        self._time_items = memoryview(self._time)
+        self._time_items = (ctypes.c_double * 1).from_buffer(self._time)
         self._mask = np.ones(self.n_rows, dtype=np.uint8)
         self._series = self._library.sl_series
         self._addresses = tuple(a.ctypes.data for a in (self._time, self.sample, self._mask, self._result))
@@ -172,14 +172,18 @@ class Core:
         mask: np.ndarray | None = None,
         out: FloatArray | None = None,
     ) -> FloatArray:
-        """Return the records (k, n) of k samples: ``inputs`` (k, n_inputs), ``time`` (k,) [s], ``mask`` (k, n_d) of
-        bool. ``out`` is written where it is given."""
+        """Return the records (k, n) of k samples.
+
+        ``inputs`` is (k, n_inputs), ``time`` (k,) [s], ``mask`` (k, n_d) of bool; ``out`` is written if it is given.
+        """
         k = len(inputs)
         given = np.ascontiguousarray(inputs)
         result = np.empty((k, self.n_outputs + (self.n_fit if with_fit else 0))) if out is None else out
         times = None if time is None else np.ascontiguousarray(time, dtype=float)
         used = None if mask is None else np.ascontiguousarray(mask, dtype=np.uint8)
-        assert given.shape == (k, self.n_inputs) and given.dtype == float and result.flags.c_contiguous
+        assert given.shape == (k, self.n_inputs)
+        assert given.dtype == float
+        assert result.flags.c_contiguous
         self._series(
             self._handle,
             how,
@@ -276,13 +280,12 @@ def _compiled(fault: str) -> Path:
     target = _cache_folder() / f"estimator-{digest.hexdigest()[:24]}{_SUFFIX}"
     if target.exists():
         return target
-    compiler = next(
-        (found for name in (os.environ.get("CC"), "cc", "gcc", "clang") if (found := _which(name))), None
-    )
+    names = (os.environ.get("CC"), "cc", "gcc", "clang")
+    compiler = next((found for name in names if name and (found := shutil.which(name))), None)
     if compiler is None:
         raise NoCoreError(
-            f"the compiled estimator: no library for {sys.platform} {platform.machine()} ({fault}) and no C compiler "
-            "(CC, cc, gcc, clang) found: install one"
+            f"the compiled estimator: no library for {sys.platform} {platform.machine()} ({fault}) and no C compiler"
+            " (CC, cc, gcc, clang) found: install one"
         )
     target.parent.mkdir(parents=True, exist_ok=True)
     files = [str(source) for source in sources if source.suffix == ".c"]
@@ -296,10 +299,6 @@ def _compiled(fault: str) -> Path:
             raise NoCoreError(f"the compiled estimator: {compiler} failed: {last}")
         made.replace(target)
     return target
-
-
-def _which(name: str | None) -> str | None:
-    return shutil.which(name) if name else None
 
 
 def _cache_folder() -> Path:

@@ -1,4 +1,4 @@
-"""The result of an estimator: of one sample, or of k samples at once; every number by name, made when it is read."""
+"""The result of an estimator, of one sample or of k samples: every number by name, made when it is read."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Estimate(NamedLoads):
     ) -> None:
         """Wrap ``record`` (n,) or (k, n) of ``estimator``, of the samples ``inputs`` and ``mask``.
 
-        ``make_fit`` makes the record with the fit behind it of ``inputs`` and ``mask``; None where ``record`` has it.
+        ``make_fit`` makes the record with the fit behind it of the samples; None where ``record`` has it.
         """
         self._record, self._estimator = record, estimator
         self._inputs, self._mask, self._make_fit = inputs, mask, make_fit
@@ -233,7 +233,7 @@ class Estimate(NamedLoads):
 
     @property
     def parameter_score(self) -> FloatArray:
-        """(n_p,) fraction of its range in the map by which each flow parameter leaves it; 0 inside or not known."""
+        """(n_p,) fraction of its range by which each flow parameter leaves it; 0 inside or not known."""
         return self._field("parameter_score")
 
     @property
@@ -260,19 +260,23 @@ class Estimate(NamedLoads):
 
     @property
     def air_data_used(self) -> BoolArray:
-        """(3,) which air-data inputs (Mach number, static and dynamic pressure) were used: those that are given and
-        not left out as inconsistent; no axis of linear maps."""
+        """(3,) which air-data inputs (Mach number, static and dynamic pressure) were used.
+
+        Those that are not given, or left out as inconsistent, are not; of linear maps the shape is (0,).
+        """
         return np.asarray(self._field("air_data_used") != 0.0)
 
     @property
     def air_data_residual(self) -> FloatArray:
-        """(3,) standardised difference of each air-data input from all else; 0 if not given, NaN of linear maps."""
+        """(3,) standardised difference of each air-data input from all else; 0 if not given, NaN if linear."""
         return self._fit("air_data_residual")
 
     @property
     def is_linear(self) -> Any:
-        """Whether loads and coefficients are those of the linear map: always of linear maps, of nonlinear ones where
-        strain does not fit the tables."""
+        """Whether loads and coefficients come from the linear map.
+
+        They always do of linear maps, of nonlinear ones where strain does not fit the tables.
+        """
         if not self._estimator.is_nonlinear:
             return np.ones(len(self), dtype=bool) if self.is_series else True
         found = self._one("is_linear")

@@ -6,6 +6,7 @@ import os
 import threading
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
+from functools import cached_property
 from math import isfinite, nan
 from os import PathLike
 from pathlib import Path
@@ -21,7 +22,9 @@ from strainfmu.estimator.core import Core, Series
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimates.pressure_field import PressureField
 from strainfmu.estimator.filter.settings import LARGEST, SMALLEST
+from strainfmu.estimator.linear.estimator import Estimator as LinearEstimator
 from strainfmu.estimator.linear.flow_parameters import flow_parameters
+from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map
 from strainfmu.estimator.resource.map_file import native_resource
 from strainfmu.estimator.settings import EstimatorSettings, default_settings
@@ -65,7 +68,7 @@ def load(
 class Estimator:
     """The estimator of one map, computed by the compiled core.
 
-    A sensor is left out of a sample if its reading is not finite or beyond its range, or if the caller excludes it.
+    A sensor is left out of a sample if its reading is not finite or out of its range, or if the caller excludes it.
 
     Example
     -------
@@ -144,13 +147,14 @@ class Estimator:
     # Other estimators of the same map.
 
     def _other(self, **changed: Any) -> Estimator:
-        made = {
-            "settings": self.settings,
-            "zeros": self.zeros,
-            "filter_time_constant": self.filter_time_constant,
-        } | changed
         other = Estimator.__new__(type(self))
-        other._prepare(self.inverse_map, self.core.resource, **made)
+        other._prepare(
+            self.inverse_map,
+            self.core.resource,
+            changed.get("settings", self.settings),
+            changed.get("zeros", self.zeros),
+            changed.get("filter_time_constant", self.filter_time_constant),
+        )
         return other
 
     def with_settings(self, settings: EstimatorSettings) -> Estimator:
@@ -206,8 +210,8 @@ class Estimator:
         ----------
         strain : (n_d,) or (k, n_d) readings [m/m], those of auxiliary sensors in units of their own, in the order
             of ``inverse_map.gauge_names``.
-        dynamic_pressure, mach_number, static_pressure : q_inf [Pa], M [1], p_inf [Pa], one for all samples or (k,);
-            NaN where not known. A linear map needs q_inf, and uses M for health alone.
+        dynamic_pressure, mach_number, static_pressure : q_inf [Pa], M [1], p_inf [Pa], one for all samples or
+            (k,); NaN where not known. A linear map needs q_inf, and uses M for health alone.
         valid : (n_d,) or (k, n_d) of bool, false for sensors to leave out; None for none.
         dynamic_pressure_std, mach_number_std, static_pressure_std : their standard deviations; NaN takes those of
             the map.
@@ -215,8 +219,8 @@ class Estimator:
         temperature : (n_t,) or (k, n_t) readings of the map's temperature sensors [K], NaN where one gives none;
             None for none.
         thrust : [N], of a map with sensors that respond to it.
-        parameters : flow parameters by the names of the map, one value for all samples or (k,), in the units of the
-            vehicle file, NaN where not known; out of their range health is ``OUTSIDE``.
+        parameters : flow parameters by the names of the map, one value for all samples or (k,), in the units of
+            the vehicle file, NaN where not known; out of their range health is ``OUTSIDE``.
         parameters_std : their standard deviations, with which they sharpen the nonlinear estimate.
 
         Raises
@@ -268,9 +272,9 @@ class Estimator:
         """Estimate one sample or k samples along time, each from what the sample before it left.
 
         The first sample after the estimator was made or :meth:`restart` searches the tables; the others start from
-        the last flight state, in a fraction of the time. ``time`` [s], of one sample or (k,), is needed by a filter
-        (:meth:`filter`); samples of a time that does not go on are of the same moment. Other arguments and errors
-        as :meth:`estimate`.
+        the last flight state, in a fraction of the time. ``time`` [s], of one sample or (k,), is needed by a
+        filter (:meth:`filter`); samples of a time that does not go on are of the same moment. Other arguments and
+        errors as :meth:`estimate`.
         """
         air = (
             dynamic_pressure,
@@ -442,6 +446,12 @@ class Estimator:
             return self._each(inputs, mask, with_fit=True)
 
     # What is made of estimates off the deadline, in numpy.
+
+    @cached_property
+    def field_estimator(self) -> LinearEstimator | ManifoldEstimator:
+        """The numpy estimator that the pressure on the surface is computed with."""
+        kind = ManifoldEstimator if self.is_nonlinear else LinearEstimator
+        return kind(self.inverse_map, self.settings, self.zeros)
 
     def pressure_of(self, estimate: Estimate, with_std: bool = True) -> PressureField:
         """Return the pressure on the surface of one ``estimate``: :meth:`Estimate.pressure`."""

@@ -40,8 +40,7 @@ from builder.truth.revolution.flow_table import load_flow_table
 from builder.vehicle.file import load_vehicle
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError, StrainfmuError
-from strainfmu.estimator.linear.estimator import Estimator
-from strainfmu.estimator.manifold.estimator import ManifoldEstimator
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.files import write_bytes_atomically
 
@@ -171,9 +170,9 @@ class Score:
         read = read + inverse_map.noise_std * random.standard_normal(read.shape)
         truth = np.repeat(setup.flights.coefficients, setup.draws, axis=0)
         if kind == "manifold":
-            flight = ManifoldEstimator(inverse_map).estimate(read, q, mach_number=mach, static_pressure=ambient)
+            flight = Estimator(inverse_map).estimate(read, q, mach_number=mach, static_pressure=ambient)
             return errors_of(flight.coefficients - truth, flight.coefficients_std, np.asarray(flight.health))
-        known = Estimator(inverse_map).estimate(read, q, mach_number=mach, altitude=altitude)
+        known = Estimator(inverse_map.without_tables()).estimate(read, q, mach_number=mach, altitude=altitude)
         return errors_of(known.coefficients - truth, known.coefficients_std, np.asarray(known.health))
 
     def _by_equations(self, known: Knowledge, seed: int) -> dict[str, Any]:

@@ -9,7 +9,7 @@ import numpy as np
 from builder.inverse.solution import Problem, Solution
 from builder.truth.levels.tail_quantile import tail_quantile
 from strainfmu.arrays import FloatArray, IntArray
-from strainfmu.estimator.linear.estimator import Estimator
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap
 
 FALSE_OUTSIDE = 5e-4
@@ -38,7 +38,7 @@ def with_score_limit(inverse_map: InverseMap, problem: Problem, solution: Soluti
         q = np.full(SAMPLES, nominal)
     stated = q * (1.0 + inverse_map.dynamic_pressure_error * random.standard_normal(SAMPLES))
     readings = samples if inverse_map.sensors is None else samples * inverse_map.sensors.scale
-    score = np.asarray(Estimator(inverse_map).estimate(readings, stated).envelope_score)
+    score = np.asarray(Estimator(inverse_map.without_tables()).estimate(readings, stated).envelope_score)
     limit = max(tail_quantile(score[np.isfinite(score)], FALSE_OUTSIDE), SMALLEST_LIMIT)
     return replace(inverse_map, envelope_score_limit=limit)
 

@@ -7,16 +7,16 @@ the stated rate of false alarms is met on such data, drawn over conditions, vehi
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from builder.truth.levels.read_flights import THREADS, ReadFlights
+from builder.truth.levels.read_flights import ReadFlights
 from builder.truth.levels.tail_quantile import tail_quantile
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY
-from strainfmu.estimator.linear.estimator import Estimator
+from strainfmu.estimator.estimator import Estimator
+from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, chi_square_limit
+from strainfmu.estimator.linear.isolation import outlier_threshold
 from strainfmu.estimator.map.inverse_map import InverseMap
 
 LARGEST_SCALE = 3.0
@@ -86,23 +86,11 @@ def alarm_levels(chi_square: FloatArray, outlier: FloatArray) -> AlarmLevels:
 
 def alarm_ratios(inverse_map: InverseMap, flights: ReadFlights) -> tuple[FloatArray, FloatArray]:
     """Return chi-square and the squared largest |z| (n,) of the linear map, each over its level."""
-    whole = Estimator(inverse_map).masked_map(np.ones(inverse_map.n_gauges, dtype=bool))
-    assert whole is not None
-    threshold = whole.outlier_threshold**2 * inverse_map.outlier_scale
-    nominal = inverse_map.chi_square_scale * whole.chi_square_limit
-
-    def of_thread(first: int) -> list[FloatArray]:
-        estimator = Estimator(inverse_map)  # one per thread: it keeps matrices between its steps
-        return [of_flight(number, estimator) for number in range(first, len(flights.conditions), THREADS)]
-
-    def of_flight(number: int, estimator: Estimator) -> FloatArray:
-        rows = flights.rows(number)
-        found = estimator.estimate(flights.strain[rows], flights.dynamic_pressure[rows])
-        limit = np.asarray(found.chi_square_limit)
-        worst = np.max(np.abs(found.standardised_residual), axis=1) ** 2
-        return np.stack([found.chi_square / limit, worst / (threshold * limit / nominal)])
-
-    with ThreadPoolExecutor(THREADS) as pool:
-        parts = [part for one in pool.map(of_thread, range(THREADS)) for part in one]
-    chi_square, outlier = np.concatenate(parts, axis=1)
-    return chi_square, outlier
+    whole = Estimator(inverse_map.without_tables())
+    n, freedom = inverse_map.n_gauges, inverse_map.residual_degrees_of_freedom
+    threshold = outlier_threshold(n, FALSE_ALARM_PROBABILITY) ** 2 * inverse_map.outlier_scale
+    nominal = inverse_map.chi_square_scale * chi_square_limit(freedom)
+    found = whole.estimate(flights.strain, flights.dynamic_pressure)
+    limit = np.asarray(found.chi_square_limit)
+    worst = np.max(np.abs(found.standardised_residual), axis=1) ** 2
+    return found.chi_square / limit, worst / (threshold * limit / nominal)

@@ -10,7 +10,6 @@ import numpy as np
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.estimator.estimates.pressure_field import FieldInputs, PressureField
 from strainfmu.estimator.linear.estimator import Estimator as LinearEstimator
-from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.field_estimate import pressure_of
 
 if TYPE_CHECKING:
@@ -49,9 +48,9 @@ def surface_pressure(estimator: Estimator, estimate: Estimate, with_std: bool) -
     flow = {name: float(sample[layout[name].start]) for name in _FLOW}
     names, values = estimator.parameters.names, sample[layout["parameter"]].tolist()
     parameters = dict(zip(names, values, strict=True))
-    if not estimator.is_nonlinear:
-        linear = LinearEstimator(estimator.inverse_map, estimator.settings, estimator.zeros)
-        found = linear.step(
+    field_estimator = estimator.field_estimator
+    if isinstance(field_estimator, LinearEstimator):
+        found = field_estimator.step(
             strain,
             flow["dynamic_pressure"],
             estimate.valid,
@@ -60,7 +59,7 @@ def surface_pressure(estimator: Estimator, estimate: Estimate, with_std: bool) -
         )
         return found.pressure(with_std)
     stds = sample[layout["parameter_std"]].tolist() if "parameter_std" in layout else []
-    nonlinear = ManifoldEstimator(estimator.inverse_map, estimator.settings, estimator.zeros)
+    nonlinear = field_estimator
     inputs = nonlinear.checked_inputs(
         strain, estimate.valid, flow, parameters, dict(zip(names, stds, strict=False))
     )

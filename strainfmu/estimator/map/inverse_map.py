@@ -16,7 +16,7 @@ Gamma_g + N N' is split into the gauges' own covariance Gamma_g, which does not 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
@@ -171,6 +171,10 @@ class InverseMap:
         from strainfmu.estimator.map.map_html import map_html
 
         return map_html(self)
+
+    def without_tables(self) -> InverseMap:
+        """Return this map for the linear estimator alone; the map itself where it has no tables."""
+        return self if self.manifold is None else replace(self, manifold=None)
 
     @property
     def n_gauges(self) -> int:
