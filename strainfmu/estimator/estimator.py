@@ -6,6 +6,7 @@ import os
 import threading
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from functools import cached_property
 from math import isfinite, nan
 from os import PathLike
@@ -46,8 +47,39 @@ _NOTHING_MORE = (None, 0.0, None, None)
 
 _STDS = tuple(name for name in AIR_DATA_INPUTS if name.endswith("_std"))
 
-PIECE = 512
+PIECE, PIECE_NONLINEAR = 4096, 32
 """Samples, at least, for which another thread is worth its start."""
+
+BLOCK = 1024
+"""Samples whose records are made together: they stay in the processor's cache."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Samples:
+    """Samples that have been checked.
+
+    Attributes
+    ----------
+    strain : (k, n_d) readings; None where ``inputs`` are written already.
+    columns : places in a record, and what is written there: a number, or one or a row of each sample.
+    mask : (k, n_d) of bool; None for all sensors.
+    inputs : (k, n_inputs) their records, written by :meth:`filled`.
+    """
+
+    strain: FloatArray | None
+    columns: tuple[tuple[slice, Any], ...]
+    mask: BoolArray | None
+    inputs: FloatArray
+
+    def filled(self, rows: slice) -> FloatArray:
+        """Write the records of ``rows`` and return them."""
+        found = self.inputs[rows]
+        if self.strain is not None:
+            found[:, : self.strain.shape[1]] = self.strain[rows]
+        for place, value in self.columns:
+            of_each = isinstance(value, np.ndarray) and value.ndim == 2 and len(value) == len(self.inputs)
+            found[:, place] = value[rows] if of_each else value
+        return found
 
 
 def load(
@@ -242,10 +274,11 @@ class Estimator:
         more = (temperature, thrust, parameters, parameters_std)
         if (strain.ndim if type(strain) is np.ndarray else np.ndim(strain)) != 2:
             return self._one(strain, valid, air, more, self.core, Series.EACH, 0.0)
-        inputs, mask = self._records(strain, valid, air, more)
+        samples = self._samples(strain, valid, air, more)
         with self._lock:
-            record = self._each(inputs, mask, with_fit=self.is_nonlinear)
-        return Estimate(record, self, inputs, mask, None if self.is_nonlinear else self._with_fit)
+            record = self._each(samples, with_fit=self.is_nonlinear)
+        make_fit = None if self.is_nonlinear else self._with_fit
+        return Estimate(record, self, samples.inputs, samples.mask, make_fit)
 
     def step(self, strain: ArrayLike, dynamic_pressure: float = nan, **of_sample: Any) -> Estimate:
         """Estimate the loads of one sample by itself; arguments and errors as :meth:`estimate`."""
@@ -289,13 +322,12 @@ class Estimator:
         core = self._tracks or self._new_track()
         if (strain.ndim if type(strain) is np.ndarray else np.ndim(strain)) != 2:
             return self._one(strain, valid, air, more, core, Series.TRACK, self._time(time))
-        inputs, mask = self._records(strain, valid, air, more)
+        samples = self._samples(strain, valid, air, more)
+        inputs = samples.filled(slice(None))
         times = None if self.filter_time_constant == 0.0 else self._times(time, len(inputs))
         with self._lock:
-            record = core.series(
-                Series.TRACK, inputs, with_fit=True, time=times, mask=_wide(mask, inputs, self._n)
-            )
-        return Estimate(record, self, inputs, mask)
+            record = core.series(Series.TRACK, inputs, with_fit=True, time=times, mask=samples.mask)
+        return Estimate(record, self, inputs, samples.mask)
 
     def restart(self) -> None:
         """Forget the samples that :meth:`track` has seen."""
@@ -355,7 +387,7 @@ class Estimator:
                 core.sample[: self._n] = strain
                 self._write_air(core, air)
             else:
-                core.sample[:] = self._records(strain, None, air, more)[0][0]
+                core.sample[:] = self._samples(strain, None, air, more).filled(slice(None))[0]
             record, inputs = core.step(time, how, with_fit, mask)
         if with_fit:
             return Estimate(record, self, inputs, mask)
@@ -378,30 +410,33 @@ class Estimator:
             if np.any(np.less(air[name], 0.0)):
                 raise InputError(f"{name}: expected numbers from 0 on, got {np.nanmin(air[name]):g}")
 
-    def _records(
+    def _samples(
         self, strain: ArrayLike, valid: ArrayLike | None, air: tuple[ArrayLike, ...], more: tuple[Any, ...]
-    ) -> tuple[FloatArray, BoolArray | None]:
-        """Return the records (k, n_inputs) of the samples, checked, and their mask; arguments as of
-        :meth:`estimate`."""
+    ) -> _Samples:
+        """Return the samples, checked; arguments as of :meth:`estimate`."""
         d = strain_of_samples(strain, self._n)
-        k = len(d)
-        inputs = np.empty((k, self.core.n_inputs))
-        inputs[:, : self._n] = d
-        layout = self.core.inputs
-        for name, value in zip(AIR_DATA_INPUTS, air, strict=True):
-            inputs[:, layout[name].start] = per_sample(name, value, k)
+        k, layout = len(d), self.core.inputs
         self._refuse_negative(dict(zip(AIR_DATA_INPUTS, air, strict=True)))
         temperature, thrust, parameters, stds = more
-        inputs[:, self._temperature] = self._temperatures(temperature, k)
-        if self._thrust.stop > self._thrust.start:
-            inputs[:, self._thrust.start] = per_sample("thrust", thrust, k)
-        inputs[:, self._parameter] = self.parameters.values(parameters, k)
-        place = layout.get("parameter_std")
-        known = self.parameters.stds(stds, k) if stds is not None or place is not None else None
-        if place is not None and known is not None:
-            inputs[:, place] = known
-        whole = np.ndim(strain) == 2
-        return inputs, None if valid is None else checked_mask(valid, self._n, k if whole else None)
+        columns: list[tuple[slice, Any]] = [
+            (layout[name], _column(name, value, k)) for name, value in zip(AIR_DATA_INPUTS, air, strict=True)
+        ]
+        columns += [
+            (self._temperature, self._temperatures(temperature, k)),
+            (self._thrust, _column("thrust", thrust, k)),
+            (self._parameter, nan if parameters is None else self.parameters.values(parameters, k)),
+            (layout.get("parameter_std", slice(0, 0)), nan if stds is None else self.parameters.stds(stds, k)),
+        ]
+        mask = None
+        if valid is not None:
+            one = checked_mask(valid, self._n, k if np.ndim(strain) == 2 else None)
+            mask = np.broadcast_to(one, (k, self._n))
+        return _Samples(
+            strain=d,
+            columns=tuple(one for one in columns if one[0].stop > one[0].start),
+            mask=mask,
+            inputs=np.empty((k, self.core.n_inputs)),
+        )
 
     def _temperatures(self, temperature: ArrayLike | None, samples: int) -> Any:
         """Return the readings of the temperature sensors [K], NaN of those that give none."""
@@ -415,25 +450,28 @@ class Estimator:
             raise InputError(f"temperature: expected ({n_t},) or ({samples}, {n_t}) values, got {values.shape}")
         return values
 
-    def _each(self, inputs: FloatArray, mask: BoolArray | None, *, with_fit: bool) -> FloatArray:
+    def _each(self, samples: _Samples, *, with_fit: bool) -> FloatArray:
         """Return the records of samples by themselves, in pieces on all processors."""
-        k, wide = len(inputs), _wide(mask, inputs, self._n)
-        n_pieces = max(1, min(_processors(), k // (PIECE // 16 if self.is_nonlinear else 8 * PIECE)))
-        if n_pieces == 1:
-            return self.core.series(Series.EACH, inputs, with_fit=with_fit, mask=wide)
+        k = len(samples.inputs)
+        n_pieces = max(1, min(_processors(), k // (PIECE_NONLINEAR if self.is_nonlinear else PIECE)))
         while len(self._others) < n_pieces - 1:
             self._others.append(self.core.copy())
         record = np.empty((k, self.core.n_outputs + (self.core.n_fit if with_fit else 0)))
-        edges = np.linspace(0, k, n_pieces + 1).astype(int)
+        edges = np.linspace(0, k, n_pieces + 1).astype(int).tolist()
 
         def run(piece: int) -> None:
             core = self.core if piece == 0 else self._others[piece - 1]
-            rows = slice(edges[piece], edges[piece + 1])
-            part = None if wide is None else wide[rows]
-            core.series(Series.EACH, inputs[rows], with_fit=with_fit, mask=part, out=record[rows])
+            for first in range(edges[piece], edges[piece + 1], BLOCK):
+                rows = slice(first, min(first + BLOCK, edges[piece + 1]))
+                mask = None if samples.mask is None else samples.mask[rows]
+                inputs = samples.filled(rows)
+                core.series(Series.EACH, inputs, with_fit=with_fit, mask=mask, out=record[rows])
 
-        with ThreadPoolExecutor(n_pieces) as pool:
-            list(pool.map(run, range(n_pieces)))
+        if n_pieces == 1:
+            run(0)
+        else:
+            with ThreadPoolExecutor(n_pieces) as pool:
+                list(pool.map(run, range(n_pieces)))
         return record
 
     def _fit_of_one(self, inputs: FloatArray, mask: BoolArray | None) -> FloatArray:
@@ -443,7 +481,7 @@ class Estimator:
     def _with_fit(self, inputs: FloatArray, mask: BoolArray | None) -> FloatArray:
         """Return the records of samples by themselves with their fit, of a linear map."""
         with self._lock:
-            return self._each(inputs, mask, with_fit=True)
+            return self._each(_Samples(strain=None, columns=(), mask=mask, inputs=inputs), with_fit=True)
 
     # What is made of estimates off the deadline, in numpy.
 
@@ -460,9 +498,11 @@ class Estimator:
         return surface_pressure(self, estimate, with_std)
 
 
-def _wide(mask: BoolArray | None, inputs: FloatArray, n: int) -> BoolArray | None:
-    """Return ``mask`` (n_d,) or (k, n_d) for each of the k samples."""
-    return None if mask is None else np.broadcast_to(mask, (len(inputs), n))
+def _column(name: str, value: ArrayLike, samples: int) -> Any:
+    """Return ``value`` of all samples, a number, or of each (samples, 1)."""
+    if type(value) is float:
+        return value
+    return per_sample(name, value, samples)[:, None]
 
 
 def _processors() -> int:
