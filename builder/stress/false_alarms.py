@@ -93,7 +93,7 @@ def false_alarms(
 ) -> FalseAlarms:
     """Count the false alarms of ``inverse_map`` on ``samples`` at least, in whole blocks of 50,000, or of fewer.
 
-    A map of the nonlinear estimator is tried as it steps, from the state of the vehicle before, or by a ``search``
+    A map of the nonlinear estimator is tried as it steps, from the state of the flight, or by a ``search``
     of its tables, which takes about seven times as long.
 
     Raises

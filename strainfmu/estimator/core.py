@@ -156,10 +156,10 @@ class Core:
         at_time, at_sample, at_mask, at_result = self._addresses
         self._time_items[0] = time
         if mask is None:
-            self._series(self._handle, how, with_fit, 1, at_time, at_sample, None, at_result)
+            self._series(self._handle, how, with_fit, 1, at_time, at_sample, None, None, at_result)
         else:
             self._mask[:] = mask
-            self._series(self._handle, how, with_fit, 1, at_time, at_sample, at_mask, at_result)
+            self._series(self._handle, how, with_fit, 1, at_time, at_sample, at_mask, None, at_result)
         return (self._result if with_fit else self._short_result).copy(), self.sample.copy()
 
     def series(
@@ -169,18 +169,21 @@ class Core:
         *,
         with_fit: bool = False,
         time: FloatArray | None = None,
-        mask: np.ndarray | None = None,
+        mask: BoolArray | None = None,
+        start: FloatArray | None = None,
         out: FloatArray | None = None,
     ) -> FloatArray:
         """Return the records (k, n) of k samples.
 
-        ``inputs`` is (k, n_inputs), ``time`` (k,) [s], ``mask`` (k, n_d) of bool; ``out`` is written if it is given.
+        ``inputs`` is (k, n_inputs), ``time`` (k,) [s], ``mask`` (k, n_d) of bool, ``start`` (k, 4) the flight
+        state from which each sample of :attr:`Series.EACH` starts; ``out`` is written if given.
         """
         k = len(inputs)
         given = np.ascontiguousarray(inputs)
         result = np.empty((k, self.n_outputs + (self.n_fit if with_fit else 0))) if out is None else out
         times = None if time is None else np.ascontiguousarray(time, dtype=float)
         used = None if mask is None else np.ascontiguousarray(mask, dtype=np.uint8)
+        state = None if start is None else np.ascontiguousarray(start, dtype=float)
         assert given.shape == (k, self.n_inputs)
         assert given.dtype == float
         assert result.flags.c_contiguous
@@ -192,6 +195,7 @@ class Core:
             None if times is None else times.ctypes.data,
             given.ctypes.data,
             None if used is None else used.ctypes.data,
+            None if state is None else state.ctypes.data,
             result.ctypes.data,
         )
         return result
@@ -259,7 +263,7 @@ def _declared(found: ctypes.CDLL) -> ctypes.CDLL:
         ("sl_set", number, (pointer, size, size, pointer, text)),
         ("sl_get", None, (pointer, size, size, pointer)),
         ("sl_restart", None, (pointer,)),
-        ("sl_series", None, (pointer, number, number, size, pointer, pointer, pointer, pointer)),
+        ("sl_series", None, (pointer, number, number, size, pointer, pointer, pointer, pointer, pointer)),
         ("sl_state", None, (pointer, text)),
         ("sl_restore", number, (pointer, text, text)),
     ):
@@ -284,8 +288,8 @@ def _compiled(fault: str) -> Path:
     compiler = next((found for name in names if name and (found := shutil.which(name))), None)
     if compiler is None:
         raise NoCoreError(
-            f"the compiled estimator: no library for {sys.platform} {platform.machine()} ({fault}) and no C compiler"
-            " (CC, cc, gcc, clang) found: install one"
+            f"the compiled estimator: no library for {sys.platform} {platform.machine()} ({fault}) and no C"
+            " compiler (CC, cc, gcc, clang) found: install one"
         )
     target.parent.mkdir(parents=True, exist_ok=True)
     files = [str(source) for source in sources if source.suffix == ".c"]

@@ -6,7 +6,7 @@ import os
 import threading
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import isfinite, nan
 from os import PathLike
@@ -42,7 +42,8 @@ AIR_DATA_INPUTS = (
 )
 """Inputs of a sample behind its readings, in their order in a record."""
 
-_NOTHING_MORE = (None, 0.0, None, None)
+_NO_THRUST = 0.0
+_NOTHING_MORE = (None, _NO_THRUST, None, None)
 """Temperature, thrust, parameters and their deviations of a sample without any."""
 
 _STDS = tuple(name for name in AIR_DATA_INPUTS if name.endswith("_std"))
@@ -64,12 +65,14 @@ class _Samples:
     columns : places in a record, and what is written there: a number, or one or a row of each sample.
     mask : (k, n_d) of bool; None for all sensors.
     inputs : (k, n_inputs) their records, written by :meth:`filled`.
+    start : (k, 4) flight states to start from; None for a search.
     """
 
     strain: FloatArray | None
     columns: tuple[tuple[slice, Any], ...]
     mask: BoolArray | None
     inputs: FloatArray
+    start: FloatArray | None = None
 
     def filled(self, rows: slice) -> FloatArray:
         """Write the records of ``rows`` and return them."""
@@ -100,7 +103,8 @@ def load(
 class Estimator:
     """The estimator of one map, computed by the compiled core.
 
-    A sensor is left out of a sample if its reading is not finite or out of its range, or if the caller excludes it.
+    A sensor is left out of a sample if its reading is not finite or out of its range, or if the caller excludes
+    it.
 
     Example
     -------
@@ -170,13 +174,13 @@ class Estimator:
         given = [getattr(settings, name) for name in list(core.settings)[:5]]
         core.set(0, np.concatenate([given, zeros.value, zeros.std, [zeros.common_std]]))
         constant = core.settings["filter_time_constant"]
-        if filter_time_constant == 0.0:
+        if constant.stop == constant.start and filter_time_constant == 0.0:
             return
         if constant.stop == constant.start:
             raise InputError("filter: the map's form is 'absolute', expected 'dynamic_pressure' or tables")
         core.set(constant.start, np.array([filter_time_constant]))
 
-    # Other estimators of the same map.
+    # Other estimators of the same map, whose tracks go on from where the last sample left this one.
 
     def _other(self, **changed: Any) -> Estimator:
         other = Estimator.__new__(type(self))
@@ -187,6 +191,8 @@ class Estimator:
             changed.get("zeros", self.zeros),
             changed.get("filter_time_constant", self.filter_time_constant),
         )
+        if self._tracks is not None:
+            other._new_track(self._tracks.state)
         return other
 
     def with_settings(self, settings: EstimatorSettings) -> Estimator:
@@ -232,9 +238,10 @@ class Estimator:
         static_pressure: ArrayLike = nan,
         static_pressure_std: ArrayLike = nan,
         temperature: ArrayLike | None = None,
-        thrust: ArrayLike = 0.0,
+        thrust: ArrayLike = _NO_THRUST,
         parameters: Mapping[str, ArrayLike] | None = None,
         parameters_std: Mapping[str, ArrayLike] | None = None,
+        start: ArrayLike | None = None,
     ) -> Estimate:
         """Estimate the loads of one sample, or of k samples at once, each by itself.
 
@@ -254,6 +261,8 @@ class Estimator:
         parameters : flow parameters by the names of the map, one value for all samples or (k,), in the units of
             the vehicle file, NaN where not known; out of their range health is ``OUTSIDE``.
         parameters_std : their standard deviations, with which they sharpen the nonlinear estimate.
+        start : (k, 4) flight states (M, u, w, ln p_inf) of k samples, from each of which a nonlinear estimate
+            starts; None searches the tables, which takes about ten times as long.
 
         Raises
         ------
@@ -275,6 +284,8 @@ class Estimator:
         if (strain.ndim if type(strain) is np.ndarray else np.ndim(strain)) != 2:
             return self._one(strain, valid, air, more, self.core, Series.EACH, 0.0)
         samples = self._samples(strain, valid, air, more)
+        if start is not None:
+            samples = replace(samples, start=_checked_start(start, len(samples.inputs)))
         with self._lock:
             record = self._each(samples, with_fit=self.is_nonlinear)
         make_fit = None if self.is_nonlinear else self._with_fit
@@ -298,7 +309,7 @@ class Estimator:
         static_pressure: ArrayLike = nan,
         static_pressure_std: ArrayLike = nan,
         temperature: ArrayLike | None = None,
-        thrust: ArrayLike = 0.0,
+        thrust: ArrayLike = _NO_THRUST,
         parameters: Mapping[str, ArrayLike] | None = None,
         parameters_std: Mapping[str, ArrayLike] | None = None,
     ) -> Estimate:
@@ -343,8 +354,10 @@ class Estimator:
     def memory(self, state: bytes) -> None:
         (self._tracks or self._new_track()).state = state
 
-    def _new_track(self) -> Core:
+    def _new_track(self, state: bytes | None = None) -> Core:
         core = Core(self.core.resource)
+        if state is not None:  # it holds settings, too
+            core.state = state
         self._set_up(core, self.filter_time_constant)
         self._tracks = core
         return core
@@ -379,7 +392,7 @@ class Estimator:
             type(strain) is np.ndarray
             and strain.shape == self._shape
             and strain.dtype.kind == "f"
-            and more == _NOTHING_MORE
+            and all(one is none for one, none in zip(more, _NOTHING_MORE, strict=True))
             and all(type(value) is float for value in air)
         )
         with self._lock:
@@ -464,8 +477,9 @@ class Estimator:
             for first in range(edges[piece], edges[piece + 1], BLOCK):
                 rows = slice(first, min(first + BLOCK, edges[piece + 1]))
                 mask = None if samples.mask is None else samples.mask[rows]
+                start = None if samples.start is None else samples.start[rows]
                 inputs = samples.filled(rows)
-                core.series(Series.EACH, inputs, with_fit=with_fit, mask=mask, out=record[rows])
+                core.series(Series.EACH, inputs, with_fit=with_fit, mask=mask, start=start, out=record[rows])
 
         if n_pieces == 1:
             run(0)
@@ -496,6 +510,13 @@ class Estimator:
         from strainfmu.estimator.estimates.surface_pressure import surface_pressure
 
         return surface_pressure(self, estimate, with_std)
+
+
+def _checked_start(start: ArrayLike, samples: int) -> FloatArray:
+    found = np.asarray(start, dtype=float)
+    if found.shape != (samples, 4) or not np.all(np.isfinite(found)):
+        raise InputError(f"start: expected ({samples}, 4) finite numbers, got {found.shape}")
+    return found
 
 
 def _column(name: str, value: ArrayLike, samples: int) -> Any:

@@ -1,5 +1,4 @@
-"""Alarm levels of the nonlinear estimator and false alarms on a coarse vehicle: the largest samples are estimated,
-levels bring the rate to the stated one, and what is counted adds up."""
+"""False alarms on a coarse vehicle: levels bring their rate to the stated one, and what is counted adds up."""
 
 from __future__ import annotations
 
@@ -19,11 +18,7 @@ from builder.stress import false_alarms as module
 from builder.stress.false_alarms import FalseAlarms, false_alarms
 from builder.structure.fourier.model import StructuralModel
 from builder.truth.levels.alarm_levels import alarm_scales, with_alarm_levels
-from builder.truth.levels.flight_alarm_levels import (
-    flight_alarm_ratios,
-    ratios_and_health,
-    with_flight_alarm_levels,
-)
+from builder.truth.levels.flight_alarm_levels import ratios_and_health, with_flight_alarm_levels
 from builder.truth.levels.flown_vehicles import drawn_vehicles
 from builder.truth.levels.read_flights import ReadFlights, read_flights
 from builder.truth.revolution.flow_table import FlowTable
@@ -31,7 +26,6 @@ from builder.truth.revolution.strain import TrueStructure
 from builder.vehicle.file import Vehicle
 from strainfmu.errors import InputError
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, HealthState
-from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.map.inverse_map import InverseMap
 
 
@@ -53,17 +47,13 @@ def calibrated(theory: InverseMap, flights: ReadFlights) -> InverseMap:
     return with_flight_alarm_levels(with_alarm_levels(theory, flights), flights)
 
 
-def test_what_is_estimated_are_the_largest(theory: InverseMap, flights: ReadFlights) -> None:
-    """Levels are those of estimates of all samples, within what a few samples of the tail are off."""
-    estimator = ManifoldEstimator(theory)
-    of_all, health = ratios_and_health(estimator, flights, search=False)
-    some = flight_alarm_ratios(estimator, flights)
-    assert of_all.shape == some.shape == (3, 10_000)
-    for one, other in zip(of_all, some, strict=True):
-        largest = np.argsort(-one)[:30]
-        np.testing.assert_allclose(other[largest], one[largest], rtol=1e-6)
-    np.testing.assert_allclose(alarm_scales(some), alarm_scales(of_all), rtol=0.02)
-    assert np.all((of_all.max(axis=0) <= 1.0) | (health != HealthState.OK))
+def test_steps_and_searches_find_the_same_tail(theory: InverseMap, flights: ReadFlights) -> None:
+    """A step of two iterations from the state of the flight leaves up to a fifth more than a search does."""
+    of_steps, health = ratios_and_health(theory, flights)
+    of_searches, _ = ratios_and_health(theory, flights, search=True)
+    assert of_steps.shape == of_searches.shape == (3, 10_000)
+    np.testing.assert_allclose(alarm_scales(of_steps), alarm_scales(of_searches), rtol=0.2)
+    assert np.all((of_steps.max(axis=0) <= 1.0) | (health != HealthState.OK))
 
 
 @pytest.mark.parametrize("search", [False, True])
@@ -78,7 +68,7 @@ def test_a_search_finds_the_flight_that_a_step_starts_from(
             for name in ("strain", "dynamic_pressure", "mach_number", "static_pressure")
         },
     )
-    ratios, health = ratios_and_health(ManifoldEstimator(calibrated), few, search=search)
+    ratios, health = ratios_and_health(calibrated, few, search=search)
     assert np.all(health == HealthState.OK)
     assert np.all(ratios.max(axis=0) < 1.0)
 

@@ -16,13 +16,10 @@ from strainfmu.cosim.estimators.fmu_step import TEMPERATURE, FmuStep
 from strainfmu.cosim.estimators.step import ENVELOPE_SCORE, FURTHER_LOADS, PARAMETERS, Step, StepResult
 from strainfmu.cosim.estimators.zeros_file import load_zeros
 from strainfmu.errors import InputError
-from strainfmu.estimator.linear.estimator import Estimator
-from strainfmu.estimator.loading import estimator_of
-from strainfmu.estimator.manifold.estimator import ManifoldEstimator
-from strainfmu.estimator.manifold.tracker import FlightTracker, Track
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map
 from strainfmu.estimator.map.sensors import refuse_sensors
-from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
+from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros, no_zeros
 from strainfmu.interface.further_variables import further_load_outputs, further_outputs, section_stations
 from strainfmu.interface.input_names import FURTHER_FLOW
 from strainfmu.interface.parameter_variables import (
@@ -92,7 +89,7 @@ class MapStep:
         self.needs_pressure = inverse_map.manifold is None
         self.sensor_names = () if inverse_map.thermal is None else inverse_map.thermal.sensor_names
         self._temperatures = temperature_names(inverse_map.thermal)
-        self._estimator = self._with(zeros)
+        self._estimator = Estimator(inverse_map, zeros=zeros)
         self._parameters = parameter_names(inverse_map)
         self._stds = parameter_std_names(inverse_map)
         self._flow = FURTHER_FLOW[:1] if self.needs_pressure else FURTHER_FLOW
@@ -104,12 +101,8 @@ class MapStep:
 
     def set_zeros(self, zeros: GaugeZeros | None) -> None:
         """Take ``zeros`` off the strains from the next step on, which goes on from the state of the last."""
-        last = self._estimator
-        self._estimator = self._with(zeros, last.track if isinstance(last, FlightTracker) else None)
-
-    def _with(self, zeros: GaugeZeros | None, track: Track | None = None) -> FlightTracker | Estimator:
-        found = estimator_of(self._map, zeros=zeros)
-        return FlightTracker(found, track) if isinstance(found, ManifoldEstimator) else found
+        known = no_zeros(self._map.n_strain_gauges) if zeros is None else zeros
+        self._estimator = self._estimator.with_zeros(known)
 
     def __call__(
         self,
@@ -136,7 +129,7 @@ class MapStep:
             of_flow["parameters"] = {name: others.get(PARAMETER_PREFIX + name, nan) for name in names}
         if self._stds:
             of_flow["parameters_std"] = {name: others.get(STD_PREFIX + name, nan) for name in names}
-        found = self._estimator.step(strain, dynamic_pressure, **of_flow)
+        found = self._estimator.track(strain, dynamic_pressure, **of_flow)
         further = {ENVELOPE_SCORE: found.envelope_score}
         further |= {
             OUTSIDE_PREFIX + n: score for n, score in zip(names, found.parameter_score.tolist(), strict=False)

@@ -280,19 +280,29 @@ void sl_step(StrainLoad *handle, double time, const double *input, const unsigne
     write_result(handle, output, NULL);
 }
 
+/* Begin again, from a flight state or, with NULL, a search of the tables. */
+static void begin(StrainLoad *handle, const double *state) {
+    Track *base = &handle->estimator->flight.base;
+    sl_restart(handle);
+    if (handle->estimator->flight.present && state != NULL) {
+        base->has_state = 1.0;
+        memcpy(base->state, state, sizeof base->state);
+    }
+}
+
 void sl_series(StrainLoad *handle, int how, int with_fit, size_t count, const double *time, const double *input,
-               const unsigned char *valid, double *output) {
+               const unsigned char *valid, const double *start, double *output) {
     const size_t n_inputs = handle->record[SL_INPUTS].size, n_outputs = handle->record[SL_OUTPUTS].size;
     const size_t stride = n_outputs + (with_fit ? handle->record[SL_FIT].size : 0);
     char text[MODEL_TEXT_SIZE];
     for (size_t k = 0; k < count; k++) {
-        const double start = time != NULL ? time[k] : 0.0;
+        const double now = time != NULL ? time[k] : 0.0;
         if (how == SL_EACH) {
-            sl_restart(handle);
+            begin(handle, start != NULL ? start + k * N_STATES : NULL);
         }
         set_sample(handle, input + k * n_inputs, valid != NULL ? valid + k * handle->estimator->map.n_gauges : NULL);
         if (how == SL_TRACK) {
-            model_step(handle->model, start, start, text);
+            model_step(handle->model, now, now, text);
         }
         double *result = output + k * stride;
         write_result(handle, result, with_fit ? result + n_outputs : NULL);

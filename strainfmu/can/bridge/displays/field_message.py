@@ -16,8 +16,7 @@ from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.can.cycle.estimate.result import CycleResult
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimates.unrolled_surface import SurfacePlaces, outermost_places
-from strainfmu.estimator.manifold.estimator import ManifoldEstimator
-from strainfmu.estimator.manifold.tracker import FlightTracker
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map
 from strainfmu.estimator.tables.flight_field import FlightField
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
@@ -37,11 +36,11 @@ class FieldMessages:
 
     def __init__(self, inverse_map: InverseMap) -> None:
         """Prepare ``inverse_map``; raises InputError without tables."""
-        estimator = ManifoldEstimator(inverse_map)
-        held = estimator.manifold.surface_field
+        estimator = Estimator(inverse_map)
+        held = None if inverse_map.manifold is None else inverse_map.manifold.surface_field
         if held is None:
             raise ValueError("inverse_map: expected one that holds the pressure field")
-        self._tracker, self._zeros = FlightTracker(estimator), estimator.zeros
+        self._estimator, self._zeros = estimator, estimator.zeros
         self._temperatures = temperature_names(inverse_map.thermal)
         self._parameters = estimator.parameters.names
         if isinstance(held, FlightField):
@@ -66,11 +65,11 @@ class FieldMessages:
         return {"field": {"timestamp": timestamp, **self._places, "pressure_Pa": values}}
 
     def _pressure(self, result: CycleResult) -> list[int]:
-        zeros, last = self._zeros, self._tracker
-        if zeros is not last.estimator.zeros:
-            self._tracker = FlightTracker(last.estimator.with_zeros(zeros), last.track)
+        zeros = self._zeros
+        if zeros is not self._estimator.zeros:
+            self._estimator = self._estimator.with_zeros(zeros)
         try:
-            found = self._tracker.step(
+            found = self._estimator.track(
                 result.strain,
                 result.dynamic_pressure,
                 result.valid,
