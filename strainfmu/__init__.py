@@ -22,10 +22,9 @@ if TYPE_CHECKING:
     from strainfmu.cosim.systems.recording import Recording
     from strainfmu.cosim.systems.system import Connection, System
     from strainfmu.errors import InputError, StrainfmuError
-    from strainfmu.estimator.estimates.load_estimate import LoadEstimate, LoadEstimates
+    from strainfmu.estimator.estimate import Estimate
+    from strainfmu.estimator.estimator import Estimator, load
     from strainfmu.estimator.health import HealthState
-    from strainfmu.estimator.linear.estimator import Estimator
-    from strainfmu.estimator.loading import load
     from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map, save_inverse_map
     from strainfmu.estimator.settings import EstimatorSettings
     from strainfmu.fmu.export import ExportOptions, export_estimator
@@ -33,20 +32,19 @@ if TYPE_CHECKING:
 
 _MODULES = {
     "Connection": "cosim.systems.system",
-    "Estimator": "estimator.linear.estimator",
+    "Estimate": "estimator.estimate",
+    "Estimator": "estimator.estimator",
     "EstimatorSettings": "estimator.settings",
     "ExportOptions": "fmu.export",
     "HealthState": "estimator.health",
     "InputError": "errors",
     "InverseMap": "estimator.map.inverse_map",
-    "LoadEstimate": "estimator.estimates.load_estimate",
-    "LoadEstimates": "estimator.estimates.load_estimate",
     "Recording": "cosim.systems.recording",
     "StrainfmuError": "errors",
     "System": "cosim.systems.system",
     "estimate_file": "recorded.run",
     "export_estimator": "fmu.export",
-    "load": "estimator.loading",
+    "load": "estimator.estimator",
     "load_inverse_map": "estimator.map.inverse_map",
     "save_inverse_map": "estimator.map.inverse_map",
     "simulate": "cosim.systems.master",
@@ -55,14 +53,13 @@ _MODULES = {
 
 __all__ = [
     "Connection",
+    "Estimate",
     "Estimator",
     "EstimatorSettings",
     "ExportOptions",
     "HealthState",
     "InputError",
     "InverseMap",
-    "LoadEstimate",
-    "LoadEstimates",
     "Recording",
     "StrainfmuError",
     "System",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol, cast
 
 import numpy as np
 
@@ -19,7 +19,19 @@ from strainfmu.estimator.manifold.air_data import AIR_DATA_NAMES, AirData
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-    from strainfmu.estimator.estimator import Estimator
+    from strainfmu.estimator.core import Core
+    from strainfmu.estimator.linear.flow_parameters import FlowParameters
+
+
+class Source(Protocol):
+    """What an estimate reads of the estimator that made it."""
+
+    core: Core
+    is_nonlinear: bool
+    parameters: FlowParameters
+    section_station: FloatArray
+
+    def pressure_of(self, estimate: Estimate, with_std: bool = True) -> PressureField: ...
 
 
 class Estimate(NamedLoads):
@@ -39,7 +51,7 @@ class Estimate(NamedLoads):
     def __init__(
         self,
         record: FloatArray,
-        estimator: Estimator,
+        estimator: Source,
         inputs: FloatArray,
         mask: BoolArray | None,
         make_fit: Callable[[FloatArray, BoolArray | None], FloatArray] | None = None,
@@ -319,7 +331,7 @@ class Estimate(NamedLoads):
         from strainfmu.estimator.estimates.estimate_table import dataframe_of
 
         names = np.array([state.name for state in HealthState])
-        return dataframe_of(self, names[np.atleast_1d(self.health)])
+        return dataframe_of(cast(Any, self), names[np.atleast_1d(self.health)])
 
     def __repr__(self) -> str:
         if self.is_series:
@@ -336,4 +348,4 @@ class Estimate(NamedLoads):
     def _repr_html_(self) -> str:
         from strainfmu.estimator.estimates.estimate_html import estimate_html, estimates_html
 
-        return estimates_html(self) if self.is_series else estimate_html(self)
+        return estimates_html(cast(Any, self)) if self.is_series else estimate_html(cast(Any, self))

@@ -29,6 +29,7 @@ from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map
 from strainfmu.estimator.resource.map_file import native_resource
 from strainfmu.estimator.settings import EstimatorSettings, default_settings
+from strainfmu.estimator.surface_pressure import AIR_DATA, SurfaceSample, surface_pressure
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros, no_zeros
 
 AIR_DATA_INPUTS = (
@@ -507,9 +508,22 @@ class Estimator:
 
     def pressure_of(self, estimate: Estimate, with_std: bool = True) -> PressureField:
         """Return the pressure on the surface of one ``estimate``: :meth:`Estimate.pressure`."""
-        from strainfmu.estimator.estimates.surface_pressure import surface_pressure
-
-        return surface_pressure(self, estimate, with_std)
+        record, layout, names = estimate.sample, self.core.inputs, self.parameters.names
+        stds = record[layout["parameter_std"]].tolist() if "parameter_std" in layout else []
+        sample = SurfaceSample(
+            strain=record[: self._n],
+            air={name: float(record[layout[name].start]) for name in AIR_DATA},
+            temperature=record[self._temperature],
+            thrust=float(record[self._thrust.start]) if self._thrust.stop > self._thrust.start else None,
+            parameters=dict(zip(names, record[self._parameter].tolist(), strict=True)),
+            parameters_std=dict(zip(names, stds, strict=bool(stds))),
+            valid=estimate.valid,
+            state=estimate.state,
+            state_covariance=estimate.state_covariance,
+            navigation_used=estimate.air_data_used,
+            is_linear=bool(estimate.is_linear),
+        )
+        return surface_pressure(self.field_estimator, sample, with_std)
 
 
 def _checked_start(start: ArrayLike, samples: int) -> FloatArray:

@@ -176,10 +176,10 @@ def test_maps_that_do_not_fit_are_refused(tmp_path: Path) -> None:
 
 
 def test_pressure_alone_is_that_with_its_deviation() -> None:
-    from strainfmu.estimator.loading import estimator_of
+    from strainfmu.estimator.estimator import Estimator
 
     for held in (field_map(), field_map(linear=True)):
-        found = estimator_of(held).estimate(np.atleast_2d(exact_response(*STATE)[:N_D]), 0.7 * 36.0 * 5474.9)[0]
+        found = Estimator(held).estimate(np.atleast_2d(exact_response(*STATE)[:N_D]), 0.7 * 36.0 * 5474.9)[0]
         one, other = found.pressure(), found.pressure(with_std=False)
         np.testing.assert_allclose(other.pressure, one.pressure, rtol=1e-12)
         assert np.all(np.isnan(other.std))

@@ -24,8 +24,8 @@ from builder.truth.revolution.flow_table import FlowTable, load_flow_table
 from builder.truth.revolution.strain import TrueStructure, true_flights, true_strain, true_structure
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
 from strainfmu.arrays import FloatArray, IntArray
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, HealthState
-from strainfmu.estimator.loading import estimator_of
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map
 from strainfmu.flight_condition import FlightCondition
 
@@ -75,7 +75,7 @@ def flown(
 ) -> tuple[FloatArray, FloatArray, IntArray]:
     """Return errors and sigmas (n, 5) of the coefficients and health (n,); 0 vehicles stands for the exact one."""
     random, n = np.random.default_rng(seed), inverse_map.n_gauges
-    flights, estimator = true_flights(vehicle, structure, flows, conditions), estimator_of(inverse_map)
+    flights, estimator = true_flights(vehicle, structure, flows, conditions), Estimator(inverse_map)
     built = [drawn(vehicle.noise, n, random) for _ in range(vehicles)] or [exactly_built(n)] * 10
     found = []
     for one in built:

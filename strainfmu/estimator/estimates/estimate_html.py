@@ -11,13 +11,12 @@ from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, LOAD_NAMES
 from strainfmu.estimator.notebook import html_table
 
 if TYPE_CHECKING:
-    from strainfmu.estimator.estimate import Estimate
     from strainfmu.estimator.estimates.load_estimate import LoadEstimate, LoadEstimates
 
 LOAD_UNITS = ("N", "N", "N", "N m", "N m")
 
 
-def estimate_html(estimate: LoadEstimate | Estimate) -> str:
+def estimate_html(estimate: LoadEstimate) -> str:
     """Return coefficients and loads with 3 sigma, and the health."""
     rows = [
         (name, f"{value:.5g}", f"{3.0 * std:.2g}", "1")
@@ -36,7 +35,7 @@ def estimate_html(estimate: LoadEstimate | Estimate) -> str:
     )
 
 
-def estimates_html(estimates: LoadEstimates | Estimate) -> str:
+def estimates_html(estimates: LoadEstimates) -> str:
     """Return range and median of 3 sigma of each coefficient over the samples, and how many are of each health."""
     rows = []
     for name, values, std in zip(

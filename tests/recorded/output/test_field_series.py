@@ -91,12 +91,12 @@ def test_series_opens_in_vtk(run: Run, map_path: Path, data: Path, tmp_path: Pat
 
 
 def test_steps_are_counted_across_blocks(map_path: Path, data: Path, tmp_path: Path) -> None:
-    from strainfmu.estimator.loading import estimator_of
+    from strainfmu.estimator.estimator import Estimator
     from strainfmu.recorded.output.field_series import field_series_writer
 
     held = field_map()
     strain = np.array([exact_response(*state)[:N_D] for state in states()])
-    found = estimator_of(held).estimate(strain, mach_number=6.0, altitude=20e3)
+    found = Estimator(held).estimate(strain, mach_number=6.0, altitude=20e3)
     with field_series_writer(tmp_path / "a.vtkhdf", held, every=3) as writer:
         for rows in (slice(0, 2), slice(2, 3), slice(3, 7)):
             writer.write_block(np.arange(7.0)[rows], [found[i] for i in range(7)[rows]])

@@ -25,7 +25,7 @@ from strainfmu.can.wire.profiles import PROFILES, profile_layout
 from strainfmu.can.wire.strain_encoder import StrainEncoder
 from strainfmu.cosim.estimators.zeros_file import load_zeros, write_zeros
 from strainfmu.errors import InputError
-from strainfmu.estimator.loading import estimator_of
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 
 NAMES = [f"G{i}" for i in range(N_GAUGES)]
@@ -115,7 +115,7 @@ def test_zeros_are_taken_at_rest_and_used_in_flight(
     # The coefficients in flight are those of the map in Python with the same zeros.
     flown = [result for result in run.results[-70:] if result.quality.has_coefficients]
     assert len(flown) > 40
-    direct = estimator_of(synthetic_inverse_map(1), zeros=zeros)
+    direct = Estimator(synthetic_inverse_map(1), zeros=zeros)
     for result in flown:
         reference = direct.estimate(result.strain, result.dynamic_pressure)
         np.testing.assert_allclose(result.coefficients, reference.coefficients, rtol=1e-9)
