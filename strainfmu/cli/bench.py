@@ -1,8 +1,9 @@
-"""Benchmark of one step: the mathematics, the numpy estimator, and FMUs of every kind."""
+"""Benchmark of one step: the mathematics, the estimator from Python, and FMUs of every kind."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import count
 from pathlib import Path
 from statistics import median
 from time import perf_counter
@@ -12,20 +13,18 @@ import numpy as np
 from strainfmu.arrays import FloatArray
 from strainfmu.cosim.systems.master import matching_connections, simulate
 from strainfmu.cosim.systems.system import System
-from strainfmu.estimator.linear.estimator import Estimator
-from strainfmu.estimator.manifold.estimator import ManifoldEstimator
-from strainfmu.estimator.manifold.tracker import FlightTracker
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap, load_inverse_map
 from strainfmu.fmu.checks.step_cost import step_costs
 
 STOP_TIME = 2.0
 COMMUNICATION_STEP_SIZE = 1e-3
 
-SERIES = 10_000
-"""Samples of the series that is estimated in one call."""
+SERIES, FLIGHTS = 200_000, 2_000
+"""Samples of the series that are estimated in one call, by the linear and the nonlinear estimator."""
 
-FLIGHTS = 256
-"""The same of the nonlinear estimator."""
+FILTER_TIME_CONSTANT, TIME_STEP = 1.0, 0.01
+"""Of the filtered steps [s]."""
 
 FEWEST_CALLS, LONGEST_REPEAT = 50, 0.05
 """Calls that a mean is taken of at least; time [s] after which no more are added."""
@@ -38,7 +37,7 @@ LOST = 3
 
 
 def bench_loop(map_path: Path, estimator_path: Path, plant_path: Path) -> dict[str, float]:
-    """Return the time per step [s] of the bare product, the numpy estimator and FMUs of every kind.
+    """Return the time per step [s] of the bare product, the estimator from Python and FMUs of every kind.
 
     The estimator is timed with all gauges and with three of them lost, as in every step after the first such one.
 
@@ -48,7 +47,7 @@ def bench_loop(map_path: Path, estimator_path: Path, plant_path: Path) -> dict[s
         A file is missing or damaged.
     """
     inverse_map = load_inverse_map(map_path)
-    estimator = Estimator(inverse_map)
+    estimator = Estimator(inverse_map.without_tables())
     n = inverse_map.n_gauges
     rows = inverse_map.load_gain
     strain, pressure = inverse_map.mean_strain, inverse_map.nominal_dynamic_pressure
@@ -67,12 +66,12 @@ def bench_loop(map_path: Path, estimator_path: Path, plant_path: Path) -> dict[s
     cost = dict(zip(flown.instances, np.median(flown.step_cost, axis=0).tolist(), strict=True))
     return {
         f"bare product 5 x {n}, numpy": time_per_call(lambda: np.dot(rows, strain, out=out)),
-        f"Estimator.step, {n} gauges, with health": time_per_call(lambda: estimator.step(strain, pressure)),
-        f"Estimator.estimate, {SERIES:,} samples in one call, per sample": time_per_call(
+        f"Python, linear, {n} gauges, with health": time_per_call(lambda: estimator.track(strain, pressure)),
+        f"Python, linear, {LOST} gauges lost": time_per_call(lambda: estimator.track(broken, pressure)),
+        f"Python, linear, {SERIES:,} samples in one call on all processors, per sample": time_per_call(
             lambda: estimator.estimate(series, pressure), repeats=10, calls=1
         )
         / SERIES,
-        f"Estimator.step, {LOST} gauges lost": time_per_call(lambda: estimator.step(broken, pressure)),
         **_flight_costs(inverse_map, series, pressure),
         f"estimator FMU in the demo's simulation: set {n + 1}, step, get {len(out)}": cost["estimator"],
         f"plant FMU: step, get {n + 1}": cost["plant"],
@@ -84,16 +83,25 @@ def _flight_costs(inverse_map: InverseMap, series: FloatArray, pressure: float) 
     """Return the time per step [s] of the nonlinear estimator; none of a map without tables."""
     if inverse_map.manifold is None:
         return {}
-    estimator = ManifoldEstimator(inverse_map)
-    tracker, some = FlightTracker(estimator), series[:FLIGHTS]
+    estimator, some = Estimator(inverse_map), series[:FLIGHTS]
+    filtered, times = estimator.filter(FILTER_TIME_CONSTANT), count()
+    in_one_call = {
+        "each by itself, on all processors": lambda: estimator.estimate(some, pressure),
+        "tracked": lambda: estimator.track(some, pressure),
+    }
     return {
-        "FlightTracker.step, from the state of the last one": time_per_call(
-            lambda: tracker.step(series[0], pressure), repeats=5
+        "Python, nonlinear, from the last flight state": time_per_call(
+            lambda: estimator.track(series[0], pressure)
         ),
-        f"ManifoldEstimator.estimate, {FLIGHTS} samples in one call, per sample": time_per_call(
-            lambda: estimator.estimate(some, pressure), repeats=3, calls=1
-        )
-        / FLIGHTS,
+        "Python, nonlinear, filtered": time_per_call(
+            lambda: filtered.track(series[0], pressure, time=TIME_STEP * next(times))
+        ),
+        **{
+            f"Python, nonlinear, {FLIGHTS:,} samples in one call {how}, per sample": (
+                time_per_call(call, repeats=3, calls=1) / FLIGHTS
+            )
+            for how, call in in_one_call.items()
+        },
     }
 
 
