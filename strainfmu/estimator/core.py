@@ -103,7 +103,7 @@ class Core:
         self.sample_items = (ctypes.c_double * self.n_inputs).from_buffer(self.sample)
         self._result = np.empty(self.n_outputs + self.n_fit)
         self._short_result = self._result[: self.n_outputs]
-        self._time = np.zeros(1)
+        self._time: FloatArray = np.zeros(1)
         self._time_items = (ctypes.c_double * 1).from_buffer(self._time)
         self._mask = np.ones(self.n_rows, dtype=np.uint8)
         self._series = self._library.sl_series

@@ -33,6 +33,8 @@ class Source(Protocol):
 
     def pressure_of(self, estimate: Estimate, with_std: bool = True) -> PressureField: ...
 
+    def further_of(self, estimate: Estimate, name: str) -> FloatArray: ...
+
 
 class Estimate(NamedLoads):
     """Loads, coefficients, air data and health of one sample or of k samples.
@@ -147,7 +149,7 @@ class Estimate(NamedLoads):
 
     def _further(self, name: str) -> FloatArray:
         found = self._field(name)
-        return found if found.shape[-1] else np.zeros((*found.shape[:-1], 1))
+        return found if found.shape[-1] else self._estimator.further_of(self, name)
 
     @property
     def further_loads(self) -> FloatArray:  # type: ignore[override]
@@ -225,6 +227,12 @@ class Estimate(NamedLoads):
         return self._fit("standardised_residual")
 
     @property
+    def residual_limit(self) -> Any:
+        """Detection threshold of the largest \\|z\\|."""
+        found = self._fit("residual_limit")[..., 0]
+        return found if self.is_series else float(found)
+
+    @property
     def suspects(self) -> Any:
         """Sensors, by index, that the largest \\|z\\| points to, none below its detection threshold; more than one
         where they cannot be distinguished. Of k samples an array (k,) of tuples."""
@@ -236,6 +244,12 @@ class Estimate(NamedLoads):
         for row in np.flatnonzero(suspect.any(axis=1)):
             found[row] = tuple(np.flatnonzero(suspect[row]).tolist())
         return found
+
+    @property
+    def suspect_count(self) -> Any:
+        """Number of :attr:`suspects`."""
+        found = self._one("suspects")
+        return found.astype(np.int64) if self.is_series else int(found)
 
     @property
     def fits(self) -> Any:

@@ -155,7 +155,8 @@ class Estimator:
         self.filter_time_constant = filter_time_constant
         self.parameters = flow_parameters(inverse_map)
         self.is_nonlinear = inverse_map.manifold is not None
-        further = inverse_map.further
+        manifold, further = inverse_map.manifold, inverse_map.further
+        further = None if manifold is not None and manifold.further is None else further
         self.section_station = np.zeros(0) if further is None else further.section_station
         self._lock = threading.Lock()
         self.core = Core(resource)
@@ -505,6 +506,19 @@ class Estimator:
         """The numpy estimator that the pressure on the surface is computed with."""
         kind = ManifoldEstimator if self.is_nonlinear else LinearEstimator
         return kind(self.inverse_map, self.settings, self.zeros)
+
+    def further_of(self, estimate: Estimate, name: str) -> FloatArray:
+        """Return rolling moment and section loads of a map whose core has none: in numpy of form "absolute", zero
+        of others."""
+        record, layout, n = np.atleast_2d(estimate.sample), self.core.inputs, self._n
+        shape = estimate.loads.shape[:-1]
+        numpy_estimator = self.field_estimator
+        if self.inverse_map.further is None or not isinstance(numpy_estimator, LinearEstimator):
+            return np.zeros((*shape, 1 + 6 * len(self.section_station)))
+        known = {one: record[:, layout[one].start] for one in ("dynamic_pressure", "dynamic_pressure_std")}
+        valid = np.atleast_2d(estimate.valid)
+        found: FloatArray = getattr(numpy_estimator.estimate(record[:, :n], valid=valid, **known), name)
+        return found.reshape(*shape, -1)
 
     def pressure_of(self, estimate: Estimate, with_std: bool = True) -> PressureField:
         """Return the pressure on the surface of one ``estimate``: :meth:`Estimate.pressure`."""

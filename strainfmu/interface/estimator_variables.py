@@ -9,8 +9,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
+from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimate
 from strainfmu.estimator.settings import LARGEST_SENSOR_RANGE, LARGEST_SETTING, default_settings
 from strainfmu.interface.enumerations import HEALTH_TYPE
@@ -70,18 +71,21 @@ def estimator_interface(inverse_map: InverseMap) -> tuple[Variable, ...]:
     return with_parameter_inputs(whole, inverse_map)
 
 
-def output_values(estimate: LoadEstimate, with_further: bool = False) -> list[float]:
+def output_values(estimate: Estimate | LoadEstimate, with_further: bool = False) -> list[float]:
     """Return the outputs of ``estimate`` in the order of their value references; the state of the tare is none.
 
     ``with_further`` for maps that have loads beside the five as outputs
     (:func:`~strainfmu.interface.further_variables.has_further_outputs`).
     """
-    of_flight = flight_outputs(estimate) if isinstance(estimate, FlightEstimate) else ()
+    has_tables = isinstance(estimate, FlightEstimate) or (
+        isinstance(estimate, Estimate) and len(estimate.air_data_used) > 0
+    )
+    of_flight = flight_outputs(cast("Estimate | FlightEstimate", estimate)) if has_tables else ()
     further = further_outputs(estimate) if with_further else ()
     return [*_linear_outputs(estimate), *of_flight, *further, *estimate.parameter_score.tolist()]
 
 
-def _linear_outputs(estimate: LoadEstimate) -> list[float]:
+def _linear_outputs(estimate: Estimate | LoadEstimate) -> list[float]:
     return [
         *estimate.coefficients.tolist(),
         *estimate.coefficients_std.tolist(),

@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.manifold.air_data import AIR_DATA_NAMES, AIR_DATA_UNITS, MIN_GAIN
 from strainfmu.estimator.manifold.flight_health import outside_score
 from strainfmu.estimator.manifold.navigation import NAVIGATION
@@ -42,10 +43,11 @@ def flight_interface(
     return tuple(_of_flight_state(one, manifold, gauges) for one in variables)
 
 
-def flight_outputs(estimate: FlightEstimate) -> list[float]:
+def flight_outputs(estimate: Estimate | FlightEstimate) -> list[float]:
     """Return the outputs that :func:`flight_interface` adds, in its order."""
     air = estimate.air_data
-    flags = [*air.is_identified.tolist(), *estimate.navigation_used.tolist(), estimate.is_linear]
+    used = estimate.air_data_used if isinstance(estimate, Estimate) else estimate.navigation_used
+    flags = [*air.is_identified.tolist(), *used.tolist(), estimate.is_linear]
     return [*air.value.tolist(), *air.std.tolist(), *map(float, flags)]
 
 

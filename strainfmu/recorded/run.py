@@ -21,8 +21,8 @@ from strainfmu.recorded.columns.flight_pressure import computed_pressure, pressu
 from strainfmu.recorded.columns.strain_level import LevelCheck
 from strainfmu.recorded.estimates.block_estimates import BlockEstimates, BlockEstimator, dropped_navigation
 from strainfmu.recorded.estimates.estimator_files import open_block_estimator
-from strainfmu.recorded.estimates.filtered_blocks import estimated_blocks, filter_attributes, with_filter
 from strainfmu.recorded.estimates.health_account import HealthAccount
+from strainfmu.recorded.estimates.smoothed_blocks import estimated_blocks, filter_attributes, with_filter
 from strainfmu.recorded.output.estimate_files import (
     ESTIMATE_COLUMNS,
     EstimateWriter,

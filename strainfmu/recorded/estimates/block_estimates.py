@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
-from strainfmu.estimator.estimates.load_estimate import LoadEstimate, LoadEstimates
+from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.linear.flow_parameters import PARAMETER_TOLERANCE
 from strainfmu.estimator.manifold.navigation import NAVIGATION
 from strainfmu.estimator.map.inverse_map import InverseMap
@@ -50,14 +50,14 @@ class BlockEstimates:
     health: FloatArray
     gauges_used: FloatArray
     valid: BoolArray
-    suspects: Sequence[tuple[int, ...]]
+    suspects: Sequence[tuple[int, ...]] | np.ndarray
     suspect_count: FloatArray
     envelope_score: FloatArray
     residual: FloatArray | None
     residual_limit: FloatArray
     outside: Mapping[str, BoolArray] = field(default_factory=dict)
     further: FloatArray | None = None
-    estimates: Sequence[LoadEstimate] | LoadEstimates | None = None
+    estimates: Estimate | None = None
 
 
 class BlockEstimator(Protocol):

@@ -8,12 +8,11 @@ from pathlib import Path
 
 from strainfmu.cosim.estimators.source import is_fmu
 from strainfmu.cosim.estimators.zeros_file import load_zeros
-from strainfmu.estimator.loading import estimator_of
-from strainfmu.estimator.manifold.estimator import ManifoldEstimator
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import load_inverse_map
 from strainfmu.recorded.estimates.block_estimates import BlockEstimator
 from strainfmu.recorded.estimates.fmu_blocks import opened_fmu
-from strainfmu.recorded.estimates.map_blocks import FlightBlocks, MapBlocks
+from strainfmu.recorded.estimates.map_blocks import MapBlocks
 
 
 @contextmanager
@@ -33,5 +32,4 @@ def open_block_estimator(source: Path, zeros: Path | None = None) -> Iterator[Bl
         return
     inverse_map = load_inverse_map(source)
     known = None if zeros is None else load_zeros(zeros, inverse_map.gauge_names[: inverse_map.n_strain_gauges])
-    estimator = estimator_of(inverse_map, zeros=known)
-    yield FlightBlocks(estimator) if isinstance(estimator, ManifoldEstimator) else MapBlocks(estimator)
+    yield MapBlocks(Estimator(inverse_map, zeros=known))

@@ -7,7 +7,7 @@ own point data.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -16,8 +16,8 @@ import numpy as np
 
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
+from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimates.linear_field import no_field
-from strainfmu.estimator.estimates.load_estimate import LoadEstimate, LoadEstimates
 from strainfmu.estimator.estimates.pressure_field import PressureField
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.recorded.output.guarded_file import GuardedFile
@@ -116,7 +116,7 @@ class FieldSeriesWriter:
             self.steps += 1
             self._guarded.raise_error()
 
-    def write_block(self, time: FloatArray, estimates: Sequence[LoadEstimate] | LoadEstimates) -> None:
+    def write_block(self, time: FloatArray, estimates: Estimate) -> None:
         """Append the fields of every ``every``-th sample, ``time`` (n,) [s] and n ``estimates`` of a block."""
         for row in range((-self._passed) % self.every, len(time), self.every):
             self.write(float(time[row]), estimates[row].pressure())

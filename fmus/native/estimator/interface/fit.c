@@ -152,6 +152,7 @@ static void write_gauges(const Estimator *e, double *used, double *suspect) {
 }
 
 static void write_flight_fit(Estimator *e, double *fit, double *z) {
+    const FlightMap *map = &e->flight.map;
     const Solution *found = &e->flight.solver.solution;
     const int linear = e->flight.flag[LINEAR_LOADS];
     if (isnan(e->output[LOADS])) {
@@ -168,6 +169,7 @@ static void write_flight_fit(Estimator *e, double *fit, double *z) {
     memcpy(fit + FLIGHT_STATE_COVARIANCE, found->widened_covariance, sizeof found->widened_covariance);
     memcpy(fit + AIR_DATA_RESIDUAL, found->navigation_residual, sizeof found->navigation_residual);
     fit[DISCREPANCY_CHI_SQUARE] = found->shape_square;
+    fit[RESIDUAL_LIMIT] = map->outlier_threshold * sqrt(map->outlier_scale * e->input[e->map.n_gauges + ALARM_SCALE]);
     memcpy(z, found->standardised_residual, e->map.n_gauges * sizeof *z);
 }
 
@@ -183,6 +185,9 @@ static void write_linear_fit(Estimator *e, double *fit, double *z) {
         fit[DEGREES_OF_FREEDOM] = 0.0;
         return;
     }
+    const double ratio = e->map.scaled ? e->scaled.step.expected_ratio : 1.0;
+    const double scale = e->map.outlier_scale * (e->input[e->map.n_gauges + ALARM_SCALE] * ratio);
+    fit[RESIDUAL_LIMIT] = m->outlier_threshold * sqrt(scale);
     linear_residuals(e, z);
     linear_covariances(e, fit);
     add_filtered(e, fit);

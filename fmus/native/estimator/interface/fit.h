@@ -17,6 +17,7 @@ enum {
     FLIGHT_STATE_COVARIANCE = FLIGHT_STATE + N_STATES,                /* (4, 4) as the next */
     AIR_DATA_RESIDUAL = FLIGHT_STATE_COVARIANCE + N_STATES * N_STATES, /* (3) standardised: M, p, q */
     DISCREPANCY_CHI_SQUARE = AIR_DATA_RESIDUAL + N_NAVIGATION,        /* of the discrepancy modes in the residual */
+    RESIDUAL_LIMIT,                                                   /* detection threshold of the largest |z| */
     OF_GAUGES
 };
 

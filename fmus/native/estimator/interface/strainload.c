@@ -118,6 +118,7 @@ static void describe_fit(StrainLoad *handle) {
     add_field(record, "state_covariance", N_STATES * N_STATES);
     add_field(record, "air_data_residual", N_NAVIGATION);
     add_field(record, "discrepancy_chi_square", 1);
+    add_field(record, "residual_limit", 1);
     add_field(record, "standardised_residual", n);
     add_field(record, "valid", n);
     add_field(record, "is_suspect", n);
