@@ -103,11 +103,11 @@ class Core:
         self.sample_items = (ctypes.c_double * self.n_inputs).from_buffer(self.sample)
         self._result = np.empty(self.n_outputs + self.n_fit)
         self._short_result = self._result[: self.n_outputs]
-        self._time: FloatArray = np.zeros(1)
-        self._time_items = (ctypes.c_double * 1).from_buffer(self._time)
+        self._time = ctypes.c_double(0.0)
         self._mask = np.ones(self.n_rows, dtype=np.uint8)
         self._series = self._library.sl_series
-        self._addresses = tuple(a.ctypes.data for a in (self._time, self.sample, self._mask, self._result))
+        arrays = (self.sample, self._mask, self._result)
+        self._addresses = (ctypes.addressof(self._time), *(array.ctypes.data for array in arrays))
 
     def __del__(self) -> None:
         handle = getattr(self, "_handle", None)
@@ -154,7 +154,7 @@ class Core:
         ``mask`` is (n_d,) of bool.
         """
         at_time, at_sample, at_mask, at_result = self._addresses
-        self._time_items[0] = time
+        self._time.value = time
         if mask is None:
             self._series(self._handle, how, with_fit, 1, at_time, at_sample, None, None, at_result)
         else:

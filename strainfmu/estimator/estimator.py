@@ -515,9 +515,9 @@ class Estimator:
         numpy_estimator = self.field_estimator
         if self.inverse_map.further is None or not isinstance(numpy_estimator, LinearEstimator):
             return np.zeros((*shape, 1 + 6 * len(self.section_station)))
-        known = {one: record[:, layout[one].start] for one in ("dynamic_pressure", "dynamic_pressure_std")}
+        pressure, std = (record[:, layout[one].start] for one in ("dynamic_pressure", "dynamic_pressure_std"))
         valid = np.atleast_2d(estimate.valid)
-        found: FloatArray = getattr(numpy_estimator.estimate(record[:, :n], valid=valid, **known), name)
+        found: FloatArray = getattr(numpy_estimator.estimate(record[:, :n], pressure, valid, std), name)
         return found.reshape(*shape, -1)
 
     def pressure_of(self, estimate: Estimate, with_std: bool = True) -> PressureField:
