@@ -219,7 +219,7 @@ def likely_cause(report: MappingReport) -> str:
 
 def _cause_of_place(report: MappingReport) -> str:
     """Return why surfaces of the same extents do not coincide."""
-    shift = report.source_box.mean(axis=0) - report.target_box.mean(axis=0)
+    ends = report.source_box - report.target_box
     room = _SAME_PLACE * report.length
     extent = np.ptp(report.target_box, axis=0)
     of_source = (report.source_centre - report.source_box[0]) / extent
@@ -228,9 +228,13 @@ def _cause_of_place(report: MappingReport) -> str:
         mirrored = abs(of_source[i] + of_target[i] - 1.0) < _SAME_SIZE
         if mirrored and abs(of_source[i] - of_target[i]) > _SAME_SIZE:
             return f"{_AXES[i]} points the other way: body axes are x aft, y starboard, z up"
-    if np.abs(shift).max() > room:
-        i = int(np.argmax(np.abs(shift)))
-        return f"the source is shifted by {shift[i]:.4g} m along {_AXES[i]}: body axes start at the nose tip"
+    end, i = np.unravel_index(int(np.argmax(np.abs(ends))), ends.shape)
+    if abs(ends[end, i]) > room:
+        if abs(ends[1, i] - ends[0, i]) <= room:
+            shift = f"{ends[end, i]:.4g} m along {_AXES[i]}"
+            return f"the source is shifted by {shift}: body axes start at the nose tip"
+        place = f"{_AXES[i]} = {report.source_box[end, i]:.4g} m, the target at {report.target_box[end, i]:.4g} m"
+        return f"the source {('begins', 'ends')[end]} at {place}: one of them is cut off there or has a part more"
     if report.source_closed and not report.target_closed:
         return _BASE_INCLUDED
     if report.target_closed and not report.source_closed:
