@@ -228,7 +228,7 @@ def _cause_of_place(report: MappingReport) -> str:
         mirrored = abs(of_source[i] + of_target[i] - 1.0) < _SAME_SIZE
         if mirrored and abs(of_source[i] - of_target[i]) > _SAME_SIZE:
             return f"{_AXES[i]} points the other way: body axes are x aft, y starboard, z up"
-    end, i = np.unravel_index(int(np.argmax(np.abs(ends))), ends.shape)
+    end, i = divmod(int(np.argmax(np.abs(ends))), len(_AXES))
     if abs(ends[end, i]) > room:
         if abs(ends[1, i] - ends[0, i]) <= room:
             shift = f"{ends[end, i]:.4g} m along {_AXES[i]}"

@@ -30,7 +30,7 @@ from builder.vehicle.shape.sectioned_body import SectionedBody
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 
-QUARTERS = 0.5 * np.pi * np.arange(4)
+QUARTERS: FloatArray = 0.5 * np.pi * np.arange(4.0)
 
 
 def section_wall(body: SectionedBody, wall: Wall, resolution: SweptResolution) -> SweptMesh:
