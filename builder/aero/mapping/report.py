@@ -89,10 +89,31 @@ class MappingTolerances:
     moment_residual_relative: float = 5e-3
 
 
+@dataclass(frozen=True, eq=False)
+class SurfaceGap:
+    """The largest distance between two surfaces, from a node of one to the other, both ways.
+
+    Attributes
+    ----------
+    size : [m].
+    point : (3,) the node [m].
+    """
+
+    size: float
+    point: FloatArray
+
+
 def mapping_report(
-    transfer: PressureMap, source: SurfaceMesh, target: SurfaceMesh, pressure: FloatArray
+    transfer: PressureMap,
+    source: SurfaceMesh,
+    target: SurfaceMesh,
+    pressure: FloatArray,
+    gap: SurfaceGap | None = None,
 ) -> MappingReport:
-    """Measure ``transfer``, made from ``source`` to ``target``, with net ``pressure`` (..., n_source)."""
+    """Measure ``transfer``, made from ``source`` to ``target``, with net ``pressure`` (..., n_source).
+
+    ``gap`` is :func:`surface_gap` of the same three, where it is known.
+    """
     fields = pressure.reshape(-1, source.n_nodes)
     source_loads = fields @ transfer.source_loads.T
     lost = np.abs(transfer.consistent(fields) @ transfer.target_loads.T - source_loads)
@@ -100,14 +121,14 @@ def mapping_report(
     length = float(np.ptp(target.point, axis=0).max())
     size = np.maximum(np.linalg.norm(source_loads[:, :3], axis=1), MIN_LOAD * np.abs(fields) @ source.node_area)
     size = np.where(size > 0.0, size, 1.0)
-    gap, where = _largest_gap(transfer, source, target)
+    gap = surface_gap(transfer, source, target) if gap is None else gap
     return MappingReport(
         force_residual=float(force.max()),
         force_residual_relative=float((force / size).max()),
         moment_residual=float(moment.max()),
         moment_residual_relative=float((moment / size).max()) / length,
-        largest_gap=gap,
-        largest_gap_point=where,
+        largest_gap=gap.size,
+        largest_gap_point=gap.point,
         length=length,
         area_mismatch=float(source.area.sum() / target.area.sum()) - 1.0,
         unfitted_fraction=float(target.node_area[~transfer.found.fits].sum() / target.area.sum()),
@@ -120,8 +141,8 @@ def mapping_report(
     )
 
 
-def _largest_gap(transfer: PressureMap, source: SurfaceMesh, target: SurfaceMesh) -> tuple[float, FloatArray]:
-    """Return the largest distance [m] of a node of one surface from the other, and that node (3,) [m].
+def surface_gap(transfer: PressureMap, source: SurfaceMesh, target: SurfaceMesh) -> SurfaceGap:
+    """Return the largest gap between the surfaces of ``transfer``.
 
     The source may stand proud of the target, as a fin that the target lacks: target nodes alone do not show it.
     """
@@ -131,8 +152,8 @@ def _largest_gap(transfer: PressureMap, source: SurfaceMesh, target: SurfaceMesh
     beyond = np.cumsum(source.node_area[order]) > NEGLIGIBLE_AREA * source.area.sum()
     there, here = int(np.argmax(transfer.found.gap)), int(order[np.argmax(beyond)])
     if back.gap[here] > transfer.found.gap[there]:
-        return float(back.gap[here]), source.point[here]
-    return float(transfer.found.gap[there]), target.point[there]
+        return SurfaceGap(float(back.gap[here]), source.point[here])
+    return SurfaceGap(float(transfer.found.gap[there]), target.point[there])
 
 
 def _box(mesh: SurfaceMesh) -> FloatArray:
