@@ -83,6 +83,7 @@ class Wanted:
     reference : strains that the map expects, which tell the likely unit; None if they are not known.
     readings : SI unit, as FMI has it, of each further sensor and of thrust, by its name; they are among ``flow``.
     passed : quantities that are known and not read, since another estimator takes them.
+    excluded : gauges to leave out, as the user names them: see :func:`excluded_gauges`.
     """
 
     gauge_names: tuple[str, ...]
@@ -97,6 +98,7 @@ class Wanted:
     sensors: tuple[str, ...] = ()
     readings: Mapping[str, str] = field(default_factory=dict)
     passed: tuple[str, ...] = ()
+    excluded: tuple[str, ...] = ()
 
     @property
     def pressure_option(self) -> str:
@@ -172,6 +174,35 @@ def columns_to_read(
     if unknown:
         raise InputError(f"{path}: {_unknown_text(unknown, names=names, wanted=wanted)}")
     return read, tuple(unused)
+
+
+def excluded_gauges(path: Path, wanted: Wanted, channels: Mapping[str, str] | None = None) -> frozenset[str]:
+    """Return the gauges to leave out; each is named as in the map, as ``strain[i]``, or by its channel.
+
+    ``channels`` are the gauges of channels that have other names, which may be no gauges of the map.
+
+    Raises
+    ------
+    InputError
+        A name is none of these, or all gauges are left out.
+    """
+    gauges, held = wanted.gauge_names, channels or {}
+    found = set[str]()
+    for name in wanted.excluded:
+        number = strain_number(name)
+        if name in gauges:
+            found.add(name)
+        elif name in held:
+            found.add(held[name])
+        elif number is not None and 1 <= number <= len(gauges):
+            found.add(gauges[number - 1])
+        else:
+            near = get_close_matches(name, [*gauges, *held], n=1, cutoff=0.65)
+            hint = f"did you mean '{near[0]}'" if near else f"there are {some_of([*held] or gauges)}"
+            raise InputError(f"{path}: --exclude: no gauge '{name}' found, {hint}")
+    if found >= set(gauges):
+        raise InputError(f"{path}: --exclude: expected some gauges to be left, got all {len(gauges)}")
+    return frozenset(found)
 
 
 def some_of(names: Sequence[str]) -> str:

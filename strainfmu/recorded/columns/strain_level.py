@@ -10,6 +10,7 @@ import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import InputError
+from strainfmu.estimator.settings import SENSOR_RANGE
 
 TOO_HIGH = 10.0
 """Times the level of the snapshots above which strains are refused: no flight is so far beyond a map."""
@@ -38,11 +39,13 @@ class LevelReference:
     strain_range : (n_d,) largest |strain| over the snapshots [m/m].
     noise_std : (n_d,) standard deviation of the gauge noise [m/m], 0 where it is not known.
     dynamic_pressure : q_inf at which that is so [Pa].
+    sensor_range : largest |strain| of a working gauge [m/m].
     """
 
     strain_range: FloatArray
     noise_std: FloatArray
     dynamic_pressure: float
+    sensor_range: float = SENSOR_RANGE
 
     @property
     def seen(self) -> BoolArray:
@@ -110,7 +113,7 @@ class LevelCheck:
         """
         above, below = self._above(), self._below()
         if self._reference.ratio(self._level) == 0.0:
-            return [f"{self._path}: strains are 0 throughout"]
+            return [f"{self._path}: half of the gauges or more read 0 throughout"]
         if below < TOO_LOW and self._refuses:
             raise InputError(self._text(below))
         if above > TOO_HIGH:

@@ -100,7 +100,7 @@ def test_what_flights_do_is_no_unit() -> None:
     assert notes(level * [1.0, 1.0, 1e2, 1.0], 1e5) == []
     assert notes(level * [1.0, 1.0, np.nan, 1e3], 1e5) == []
     assert notes(np.full(4, np.nan), 1e5) == []
-    assert notes(0.0 * level, 1e5) == ["d.csv: strains are 0 throughout"]
+    assert notes(0.0 * level, 1e5) == ["d.csv: half of the gauges or more read 0 throughout"]
     spikes = np.tile(level, (1000, 1))
     spikes[::300] = 0.09
     assert notes(spikes, 1e5) == []

@@ -7,9 +7,9 @@ import numpy as np
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.can.cycle.gauges.freeze_watch import FreezeWatch
 from strainfmu.can.cycle.gauges.noise import GaugeNoise, like_gauges
-from strainfmu.can.cycle.gauges.quantised_noise import longest_repetition
 from strainfmu.can.cycle.gauges.verdicts import FROZEN, JUMPS, OUT_OF_RANGE, ZERO
 from strainfmu.can.settings import BridgeSettings
+from strainfmu.estimator.numerics.quantisation import longest_repetition
 
 _ROUND_OFF = 1e-15
 """Maximum |strain| [m/m] that the round-off of scale and offset leaves of exactly zero."""

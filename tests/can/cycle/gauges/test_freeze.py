@@ -12,9 +12,10 @@ from noisy_gauges import STEP, answers, strains_at_rest
 from strainfmu.can.cycle.gauges.freeze_watch import FreezeWatch
 from strainfmu.can.cycle.gauges.noise import like_gauges
 from strainfmu.can.cycle.gauges.plausibility import RARE
-from strainfmu.can.cycle.gauges.quantised_noise import longest_repetition, noise_table
+from strainfmu.can.cycle.gauges.quantised_noise import noise_table
 from strainfmu.can.cycle.states.quality import Cause, Quality
 from strainfmu.can.settings import BridgeSettings
+from strainfmu.estimator.numerics.quantisation import longest_repetition
 
 NOISE = 0.24e-6
 """Noise of the demonstration's gauges [m/m], 0.96 quantisation steps."""
