@@ -17,8 +17,6 @@ from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.recorded.columns.column_names import FLOW_NAMES, NAVIGATION_NAMES, STATIC_PRESSURE, STD, Wanted
 from strainfmu.recorded.columns.columns import ColumnPlan, StrainBlock
-from strainfmu.recorded.columns.flight_pressure import flown_pressure
-from strainfmu.recorded.columns.strain_level import LevelCheck
 from strainfmu.recorded.estimates.block_estimates import BlockEstimates, BlockEstimator, dropped_navigation
 from strainfmu.recorded.estimates.estimator_files import open_block_estimator
 from strainfmu.recorded.estimates.filtered_blocks import estimated_blocks, filter_attributes, with_filter
@@ -30,7 +28,7 @@ from strainfmu.recorded.output.estimate_files import (
     estimate_writer,
 )
 from strainfmu.recorded.output.field_series import FieldSeriesWriter, check_field_output, field_series_writer
-from strainfmu.recorded.strains.strain_faults import StrainFaults
+from strainfmu.recorded.strains.data_checks import DataChecks
 from strainfmu.recorded.strains.strain_files import open_strains
 
 Progress = Callable[[int, int], None]
@@ -161,14 +159,16 @@ def estimate_file(
         wanted = replace(_wanted(source, estimator, dynamic_pressure, ignore_columns), excluded=tuple(exclude))
         with open_strains(data, wanted, None if channels is None else Path(channels)) as opened:
             plan = opened.plan
-            level = LevelCheck(data, estimator.reference, float(np.nanmedian(plan.strain_factor)), check_level)
-            zero = 0.0 if zeros is None else load_zeros(zeros, estimator.gauge_names).value
-            faults = StrainFaults(
-                data, estimator.gauge_names, estimator.reference, zero=zero, accepts_held=accept_held
+            checks = DataChecks(
+                plan,
+                estimator.gauge_names,
+                estimator.reference,
+                zero=0.0 if zeros is None else load_zeros(zeros, estimator.gauge_names).value,
+                accepts_level=not check_level,
+                accepts_held=accept_held,
+                is_joined=channels is not None,
             )
-            excluded = _excluded(estimator, plan)
-            notes = [f"{data}: left out by --exclude: {', '.join(excluded)}"] if excluded else []
-            notes += [*opened.notes, *_unused_inputs(source, estimator, plan)]
+            notes = [*opened.notes, *_unused_inputs(source, estimator, plan)]
             summary = EstimationSummary(unused=plan.unused, notes=notes)
             names = _columns(plan, estimator.further_columns, estimator.row_names if residuals else ())
             made = filter_attributes(estimator)
@@ -178,8 +178,7 @@ def estimate_file(
                 ) as writer,
                 _field_series(field_output, estimator.inverse_map, field_every) as series,
             ):
-                for block, done, found in estimated_blocks(faults.without(opened.blocks), estimator):
-                    level.add(block.strain - zero, flown_pressure(block.dynamic_pressure, block.flow))
+                for block, done, found in estimated_blocks(checks.without_faults(opened.blocks), estimator):
                     _write(writer, block, found=found, estimator=estimator, residuals=residuals)
                     _count(summary, block, found=found, estimator=estimator)
                     if series is not None and found.estimates is not None:
@@ -187,8 +186,8 @@ def estimate_file(
                         summary.fields = series.steps
                     if progress is not None:
                         progress(done, opened.length)
-                summary.missing_strains = Counter({n: k for n, k in faults.missing.items() if n not in excluded})
-                summary.notes += [*level.notes(), *faults.notes()]
+                summary.missing_strains = checks.missing
+                summary.notes += checks.notes()
     return summary
 
 
@@ -240,11 +239,6 @@ def _field_series(
     if path is None or inverse_map is None:
         return nullcontext()
     return field_series_writer(Path(path), inverse_map, every)
-
-
-def _excluded(estimator: BlockEstimator, plan: ColumnPlan) -> list[str]:
-    """Return the names of the gauges that are left out throughout."""
-    return [name for name, column in zip(estimator.gauge_names, plan.strain, strict=True) if column is None]
 
 
 def _unused_inputs(source: Path, estimator: BlockEstimator, plan: ColumnPlan) -> list[str]:

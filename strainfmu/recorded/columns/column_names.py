@@ -239,10 +239,12 @@ def _is_output(name: str) -> bool:
 
 
 def _unknown_text(unknown: Sequence[str], names: Sequence[str], wanted: Wanted) -> str:
-    """Return what to say of unknown columns: the names, the nearest known ones, the way to pass over them."""
-    first = unknown[0]
+    """Return what to say of unknown columns: the names, the nearest known ones, the ways to pass over them."""
+    first, way = unknown[0], "state by --channels TOML which channel is which gauge"
     if not first:
-        return f"column {list(names).index(first) + 1}: no name found, or leave it out by --ignore-columns '*'"
+        return (
+            f"column {list(names).index(first) + 1}: no name found; leave it out by --ignore-columns '*', or {way}"
+        )
     nearest = _nearest(first, names=names, wanted=wanted)
     number = strain_number(first)
     if nearest is not None:
@@ -252,7 +254,7 @@ def _unknown_text(unknown: Sequence[str], names: Sequence[str], wanted: Wanted) 
     else:
         hint = f"expected a gauge, strain[i], time, {', '.join(wanted.flow)}"
     others = "" if len(unknown) == 1 else f", and of {len(unknown) - 1} others: {some_of(unknown[1:])}"
-    return f"column '{first}': unknown name{others}; {hint}, or leave it out by --ignore-columns '{first}'"
+    return f"column '{first}': unknown name{others}; {hint}, leave it out by --ignore-columns '{first}', or {way}"
 
 
 def _nearest(name: str, names: Sequence[str], wanted: Wanted) -> str | None:

@@ -211,9 +211,11 @@ def _further_values(found: LoadEstimate | LoadEstimates, has_loads: bool) -> Flo
 
 
 def _level_reference(inverse_map: InverseMap) -> LevelReference:
+    held = inverse_map.dynamic_pressure_range
     return LevelReference(
         strain_range=inverse_map.strain_range[: inverse_map.n_strain_gauges],
         noise_std=inverse_map.noise_std[: inverse_map.n_strain_gauges],
         dynamic_pressure=inverse_map.nominal_dynamic_pressure,
         sensor_range=default_settings(inverse_map).sensor_range,
+        pressure_range=None if held is None else (float(held[0]), float(held[1])),
     )
