@@ -19,6 +19,7 @@ from strainfmu.estimator.manifold.flight_health import gauge_threshold, outside_
 from strainfmu.estimator.manifold.navigation import NAVIGATION
 from strainfmu.estimator.manifold.tracker import FlightTracker
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.settings import default_settings
 from strainfmu.interface.parameter_variables import OUTSIDE_PREFIX
 from strainfmu.interface.sensor_variables import reading_units
 from strainfmu.recorded.columns.column_names import FLOW_NAMES, NAVIGATION_NAMES
@@ -90,7 +91,8 @@ class MapBlocks:
         threshold = np.array([np.nan if one is None else one.outlier_threshold for one in maps])
         nominal = np.array([np.nan if one is None else one.chi_square_limit for one in maps])
         of_sample = np.ravel(which)
-        moved = found.chi_square_limit / (held.chi_square_scale * nominal[of_sample])
+        with np.errstate(invalid="ignore"):  # 0 of 0 without a gauge in use
+            moved = found.chi_square_limit / (held.chi_square_scale * nominal[of_sample])
         return np.asarray(threshold[of_sample] * np.sqrt(held.outlier_scale * moved))
 
 
@@ -209,8 +211,11 @@ def _further_values(found: LoadEstimate | LoadEstimates, has_loads: bool) -> Flo
 
 
 def _level_reference(inverse_map: InverseMap) -> LevelReference:
+    held = inverse_map.dynamic_pressure_range
     return LevelReference(
         strain_range=inverse_map.strain_range[: inverse_map.n_strain_gauges],
         noise_std=inverse_map.noise_std[: inverse_map.n_strain_gauges],
         dynamic_pressure=inverse_map.nominal_dynamic_pressure,
+        sensor_range=default_settings(inverse_map).sensor_range,
+        pressure_range=None if held is None else (float(held[0]), float(held[1])),
     )
