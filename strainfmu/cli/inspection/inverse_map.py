@@ -22,6 +22,7 @@ from strainfmu.estimator.map.innovation import inverse_cholesky
 from strainfmu.estimator.map.inverse_map import (
     COEFFICIENT_NAMES,
     LOAD_NAMES,
+    LOAD_UNITS,
     SCHEMA,
     SCHEMA_VERSION,
     InverseMap,
@@ -35,7 +36,6 @@ from strainfmu.files import content_hash_of
 MICRO = 1e6
 MISS_PROBABILITY = 0.01
 EIGENVALUES_SHOWN = 12
-LOAD_UNITS = ("N", "N", "N", "N m", "N m")
 CASE_NAMES = {1: "1, least squares on POD modes", 2: "2, low-rank Gaussian prior"}
 
 NAMED = ("gauge", "coefficient", "term")
