@@ -108,7 +108,7 @@ def modes(report: BuildReport) -> Table:
         rows.append(
             (
                 j + 1,
-                j < observed.n_kept,
+                observed.is_state[j],
                 observed.mode_std[j],
                 100.0 * observed.mode_fraction[j],
                 MICRO * observed.mode_strain[j],

@@ -124,7 +124,9 @@ def _summary(loaded: InverseMap, title: str, content_hash: str) -> Table:
     table.add_row("degrees of freedom of chi-square", str(loaded.residual_degrees_of_freedom))
     table.add_row("reference area, length", f"{loaded.reference_area:.6g} m2, {loaded.reference_length:.6g} m")
     table.add_row("pressure field", "held" if loaded.field_modes is not None else "not held")
-    for row in provenance_rows(loaded.provenance, SHOWN_APART):
+    # Maps state the choice of modes in full, but older ones only which were skipped.
+    in_choice = ("modes_skipped",) if "mode_choice" in loaded.provenance else ()
+    for row in provenance_rows(loaded.provenance, (*SHOWN_APART, *in_choice)):
         table.add_row(*map(escape, row))
     return table
 
