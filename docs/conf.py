@@ -97,6 +97,7 @@ sphinx_gallery_conf = {
     "remove_config_comments": True,
     "matplotlib_animations": False,
     "image_srcset": ["2x"],
+    "image_scrapers": ("gallery_figures.checked_figures",),
     "plot_gallery": "True",
     "abort_on_example_error": True,
     "copyfile_regex": r".*\.toml",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple, cast
+from typing import Any, cast
 
 import numpy as np
 
@@ -13,6 +13,12 @@ from builder.inverse.cases.prior import LowRankPrior, prior_of_modes, prior_of_s
 from builder.inverse.cases.regularisation import expected_data, select_gamma
 from builder.inverse.cases.state_map import StateMap
 from builder.inverse.modes.ensemble import Ensemble, rolled_modes
+from builder.inverse.modes.mode_choice import (
+    MIN_STRAIN_OVER_ERRORS,
+    MIN_STRAIN_OVER_NOISE,
+    LeftOutMode,
+    ModeChoice,
+)
 from builder.inverse.modes.phase import turned_to_gauges
 from builder.inverse.modes.pod import PressureModes, area_weights, proper_orthogonal_decomposition
 from builder.inverse.noise.flows_between import FlowsBetween
@@ -25,13 +31,6 @@ from builder.vehicle.map.options import MapEntry
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.temperature import ThermalMap
-
-MIN_STRAIN_OVER_NOISE, MIN_STRAIN_OVER_ERRORS = 10.0, 3.0
-"""Strain of a mode over the gauges' noise, and over all errors together, from which it is a free state [1].
-
-Without hardware errors a limit of 3 costs a factor 1.65 in sigma of C_A, one of 1 a factor 2.5. With them, modes
-between the two limits carry more error than knowledge.
-"""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -119,8 +118,8 @@ def solve(problem: Problem) -> Solution:
 
 
 def _solve_case_1(problem: Problem) -> Solution:
-    modes, order = ordered_modes(problem)
-    kept = order.kept
+    modes, choice = ordered_modes(problem)
+    kept = len(choice.kept)
     strain_of_modes = problem.strain_operator @ modes.modes
     noise = _with_truncated(problem, modes, kept, strain_of_modes)
     std, z = modes.coefficient_std()[:kept], strain_of_modes[:, :kept]
@@ -131,7 +130,8 @@ def _solve_case_1(problem: Problem) -> Solution:
     )
     facts = {
         "modes": kept,
-        "modes_skipped": [mode + 1 for mode in order.skipped],
+        "modes_skipped": [mode + 1 for mode in choice.skipped],
+        "mode_choice": choice.record(),
         "energy_of_modes": float(modes.energy[kept - 1]),
         "condition_number": solved.condition_number,
         "relative_condition_number": relative.value,
@@ -191,59 +191,66 @@ def pressure_modes(problem: Problem) -> PressureModes:
     return proper_orthogonal_decomposition(problem.ensemble.pressure, weights)
 
 
-class ModeOrder(NamedTuple):
-    """Number of modes that are states, and the ones ahead of the last of them that the gauges do not observe."""
-
-    kept: int
-    skipped: tuple[int, ...]
-
-
-def ordered_modes(problem: Problem) -> tuple[PressureModes, ModeOrder]:
-    """Return the POD with the modes of Case 1 first: those that the gauges observe, up to ``map.modes``.
+def ordered_modes(problem: Problem) -> tuple[PressureModes, ModeChoice]:
+    """Return the POD with the states of Case 1 first: the modes that the gauges observe, up to ``map.modes``.
 
     Raises
     ------
     InputError
         More modes requested than gauges or snapshots carry, or the gauges observe none.
     """
-    modes, wanted = pressure_modes(problem), problem.entry.modes
-    n_gauges, available = len(problem.strain_operator), modes.modes.shape[1]
+    modes = pressure_modes(problem)
+    choice = mode_choice(problem, modes)
+    rest = [mode for mode in range(modes.modes.shape[1]) if mode not in choice.kept]
+    return modes.reordered([*choice.kept, *rest]), choice
+
+
+def mode_choice(problem: Problem, modes: PressureModes) -> ModeChoice:
+    """Return which of ``modes`` are states of Case 1.
+
+    Modes are tried by falling energy, until there are ``map.modes`` states. A mode is a state if its strain at one
+    standard deviation, without the part that states before it explain, is at least :data:`MIN_STRAIN_OVER_NOISE`
+    times the gauges' own noise and :data:`MIN_STRAIN_OVER_ERRORS` times all errors together. A weaker one, kept as
+    a free state, would add noise to the loads; it stays with the truncated modes.
+
+    Raises
+    ------
+    InputError
+        As :func:`ordered_modes`.
+    """
+    wanted, n_gauges, available = problem.entry.modes, len(problem.strain_operator), modes.modes.shape[1]
     if wanted > min(n_gauges, available):
         raise InputError(
             f"map.modes: {wanted} found, at most {min(n_gauges, available)} with {n_gauges} gauges and "
             f"{modes.n_snapshots} snapshots"
         )
-    chosen = observable_modes(problem, modes)
-    if not chosen:
-        raise InputError(f"map.modes: the {n_gauges} gauges observe none of the {available} modes")
-    skipped = tuple(mode for mode in range(chosen[-1]) if mode not in chosen)
-    rest = [mode for mode in range(available) if mode not in chosen]
-    return modes.reordered([*chosen, *rest]), ModeOrder(len(chosen), skipped)
-
-
-def observable_modes(problem: Problem, modes: PressureModes) -> list[int]:
-    """Return the modes, by falling energy, that the gauges observe beside those before them.
-
-    A mode counts if its strain at one standard deviation, without the part that modes before it explain, is at
-    least :data:`MIN_STRAIN_OVER_NOISE` times the gauges' own noise and :data:`MIN_STRAIN_OVER_ERRORS` times all
-    errors together. A weaker one, kept as a free state, would let noise into the loads; it stays with the
-    truncated modes.
-    """
+    variance = modes.coefficient_std() ** 2 * (problem.node_area @ modes.modes**2)
     of_modes = problem.strain_operator @ (modes.modes * modes.coefficient_std())
     roots = (problem.noise[0].strain, np.linalg.cholesky(NoiseModel(problem.noise).covariance))
     whitened = [np.linalg.solve(root, of_modes) for root in roots]
     bases = [np.empty((len(root), 0)) for root in roots]
-    minima = (MIN_STRAIN_OVER_NOISE, MIN_STRAIN_OVER_ERRORS)
-    found: list[int] = []
-    for mode in range(of_modes.shape[1]):
-        if len(found) >= problem.entry.modes:
+    kept: list[int] = []
+    left_out: list[LeftOutMode] = []
+    for mode in range(available):
+        if len(kept) >= wanted:
             break
         new = [one[:, mode] - basis @ (basis.T @ one[:, mode]) for one, basis in zip(whitened, bases, strict=True)]
-        sizes = [float(np.linalg.norm(part)) for part in new]
-        if all(size >= minimum for size, minimum in zip(sizes, minima, strict=True)):
-            found.append(mode)
+        over_noise, over_errors = sizes = [float(np.linalg.norm(part)) for part in new]
+        if over_noise >= MIN_STRAIN_OVER_NOISE and over_errors >= MIN_STRAIN_OVER_ERRORS:
+            kept.append(mode)
             bases = [np.column_stack([b, part / size]) for b, part, size in zip(bases, new, sizes, strict=True)]
-    return found
+        else:
+            left_out.append(
+                LeftOutMode(
+                    mode=mode,
+                    fraction=float(variance[mode] / variance.sum()),
+                    over_noise=over_noise,
+                    over_errors=over_errors,
+                )
+            )
+    if not kept:
+        raise InputError(f"map.modes: the {n_gauges} gauges observe none of the {available} modes")
+    return ModeChoice(wanted=wanted, kept=tuple(kept), left_out=tuple(left_out))
 
 
 def _whole_prior(problem: Problem) -> LowRankPrior:

@@ -26,6 +26,7 @@ from builder.vehicle.gauges.layout import GaugeLayout
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.map.validity import condition_ranges, parameter_ranges
+from strainfmu.estimator.settings import GAUGE_RANGE
 from strainfmu.version import __version__
 
 
@@ -148,6 +149,7 @@ def _provenance(
     return {
         "strainfmu_version": __version__,
         "layout": vehicle.gauges.layout,
+        **({} if vehicle.gauges.range_um_per_m is None else {GAUGE_RANGE: vehicle.gauges.range_um_per_m}),
         "snapshots": len(conditions),
         "flows_solved": int(snapshots.solved.sum()),
         **solution.facts,

@@ -54,7 +54,7 @@ from builder.vehicle.map_needs import unused_entries, used_layouts
 from strainfmu.estimator.map import inverse_map as inverse_map_file
 from strainfmu.estimator.map.inverse_map import load_inverse_map, save_inverse_map
 
-MAP_METHOD_VERSION = 14
+MAP_METHOD_VERSION = 15
 """Raised whenever the same files give another map, so that maps are made again."""
 
 

@@ -17,6 +17,7 @@ from builder.truth.levels.flight_alarm_levels import with_flight_alarm_levels
 from builder.truth.levels.flown_vehicles import DrawnVehicles, Fly
 from builder.truth.levels.read_flights import SEED, ReadFlights, read_flights, readings
 from builder.truth.revolution.flow_table import FlowTable
+from builder.truth.revolution.flows import truth_knots
 from builder.truth.shape.flights import shape_flights
 from builder.truth.shape.structure import flying_structure, refuse_without_other_model, structure_of_check
 from builder.vehicle.file import Vehicle
@@ -51,7 +52,7 @@ def alarm_levels_wanted(vehicle: Vehicle, reporter: Reporter) -> bool:
         why = "the structure is another code's"
     elif vehicle.aerodynamics.engine != "euler":
         why = f"the snapshots' engine is '{vehicle.aerodynamics.engine}'"
-    elif _no_overlap(vehicle.truth.mach_number, vehicle.conditions.mach_number):
+    elif _no_overlap(truth_knots(vehicle)[0].tolist(), vehicle.conditions.mach_number):
         why = "truth.mach_number and the snapshots' Mach numbers have none in common"
     else:
         try:

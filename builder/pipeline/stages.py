@@ -23,6 +23,7 @@ from builder.campaign.snapshot_fit import as_flown, flow_record, vehicle_misfits
 from builder.campaign.snapshots import Snapshots
 from builder.campaign.vehicle_campaign import vehicle_campaign
 from builder.inverse.build import build_inverse_map
+from builder.inverse.modes.mode_choice import mode_choice_lines
 from builder.inverse.noise.mesh_error import mesh_error_notes
 from builder.inverse.problem import AnyStructure, check_noise, inverse_problem
 from builder.manifold.build import with_manifold
@@ -252,11 +253,8 @@ def map_from(
         reporter.note(
             "map.symmetry: 'full' needs snapshots on stations times roll angles; the angles are taken as listed"
         )
-    if held.get("modes_skipped"):
-        listed = ", ".join(map(str, held["modes_skipped"]))
-        reporter.note(
-            f"modes {listed}: the gauges observe nothing new of them; they count as noise, not as states"
-        )
+    for line in mode_choice_lines(held):
+        reporter.note(line)
     reporter.note(
         f"{inverse_map.n_gauges} gauges, sigma {1e6 * noise_std:.3g} um/m; "
         f"{held['modes']} modes hold {held['energy_of_modes']:.2%} of the energy"

@@ -20,8 +20,9 @@ from builder.vehicle.gauges.sensor_entries import Sensors
 from builder.vehicle.map.calibration import Calibration
 from builder.vehicle.map.options import MapEntry, Noise
 from builder.vehicle.model_entries import Aerodynamics, Resolutions, Truth
+from builder.vehicle.needed_entries import missing_entries
 from builder.vehicle.shape.entries import Reference, Shape
-from builder.vehicle.shape.geometry import BodyOfRevolution, chain_pieces
+from builder.vehicle.shape.geometry import BodyOfRevolution, chain_pieces, is_blunt
 from builder.vehicle.shape.profile_entries import Piece
 from builder.vehicle.shape.reference_quantities import ReferenceQuantities
 from builder.vehicle.shape.sectioned_body import SectionedBody
@@ -60,8 +61,8 @@ class Vehicle(Section):
     sensors: Sensors | None = None
     calibration: Calibration = Calibration()
     temperature: Temperature | None = None
-    truth: Truth
-    resolution: Resolutions
+    truth: Truth = Truth()
+    resolution: Resolutions = Resolutions()
     _folder: Path = PrivateAttr(default=Path())
 
     @model_validator(mode="after")
@@ -263,6 +264,43 @@ class Vehicle(Section):
         inside = self.structure.internal_pressure_Pa
         return condition.ambient_pressure if inside == "ambient" else inside
 
+    @property
+    def has_flow_table(self) -> bool:
+        """Whether flows of the vehicle that flies are solved at Mach numbers and incidences of [truth].
+
+        Of a body of revolution, where the file has that section or the map's alarm levels are set on them.
+        """
+        gauges_of_our_wall = self.structure.external is None and self.sensors is None
+        levels = self.aerodynamics.engine == "euler" and self.map.alarm_levels != "nominal" and gauges_of_our_wall
+        return self.is_of_revolution and (levels or bool(self.truth.model_fields_set))
+
+    def truth_engine(self) -> str:
+        """Return the name of the engine of the vehicle that flies, for a body of revolution.
+
+        It is "euler", whatever engine the map is built on, but where the file says otherwise, or where the tip is
+        blunt and the map's engine is another one.
+
+        Raises
+        ------
+        InputError
+            A piece of the profile is wrong.
+        """
+        if self.truth.engine is not None:
+            return self.truth.engine
+        return "newtonian" if self.aerodynamics.engine != "euler" and is_blunt(self.body()) else "euler"
+
+    def manoeuvre(self) -> Path:
+        """Return the path of the flight of the demonstration.
+
+        Raises
+        ------
+        InputError
+            The file names none.
+        """
+        if self.truth.manoeuvre is None:
+            raise InputError("truth.manoeuvre: entry is missing, `strainfmu demo` flies it")
+        return self.beside(self.truth.manoeuvre)
+
     def _repr_html_(self) -> str:
         from builder.vehicle.notebook_view import vehicle_html  # imports this module
 
@@ -288,8 +326,8 @@ def load_vehicle(path: str | Path) -> Vehicle:
     """
     path = Path(path)
 
-    def size_faults_beside_file(vehicle: Vehicle) -> list[str]:
+    def faults_beside_file(vehicle: Vehicle) -> list[str]:
         vehicle._folder = path.parent  # sizes follow from files that the vehicle file names, too
-        return size_faults(vehicle)
+        return [*missing_entries(vehicle), *size_faults(vehicle)]
 
-    return read_sections(path, Vehicle, size_faults_beside_file)
+    return read_sections(path, Vehicle, faults_beside_file)

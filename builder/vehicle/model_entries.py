@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Annotated, Literal
 
 from pydantic import Field, field_validator, model_validator
@@ -35,20 +36,38 @@ class Aerodynamics(Section):
         return value
 
 
-class Resolution(Section):
-    """Numerical resolution of one model of the vehicle."""
+@dataclass(frozen=True)
+class NeededBy:
+    """Mark of an entry that is required where the vehicle has what needs it; elsewhere its default is not used.
 
-    radial_cells: int = Field(ge=8, le=400)
-    circumferential_cells: int = Field(ge=8, le=400)
-    surface_stations: int = Field(ge=10, le=2000)
-    surface_roll_angles: int = Field(ge=16, le=720)
-    harmonics: int = Field(ge=4, le=200)
-    element_length_mm: float = Field(ge=0.1, le=1e4)
-    wall_layers: int = Field(ge=1, le=8)
+    Attributes
+    ----------
+    what : needs the entry, as the reference and the message of a missing entry say it.
+    """
+
+    what: str
+
+
+EULER = NeededBy("engine 'euler'")
+NODES = NeededBy("a profile or sections")
+FOURIER = NeededBy("a profile")
+ELEMENTS = NeededBy("a profile, and for the vehicle that flies with sections")
+
+
+class Resolution(Section):
+    """Numerical resolution of one model of the vehicle. A vehicle given by a surface has its files instead."""
+
+    radial_cells: Annotated[int, EULER] = Field(default=16, ge=8, le=400)
+    circumferential_cells: Annotated[int, EULER] = Field(default=24, ge=8, le=400)
+    surface_stations: Annotated[int, NODES] = Field(default=100, ge=10, le=2000)
+    surface_roll_angles: Annotated[int, NODES] = Field(default=72, ge=16, le=720)
+    harmonics: Annotated[int, FOURIER] = Field(default=4, ge=4, le=200)
+    element_length_mm: Annotated[float, ELEMENTS] = Field(default=10.0, ge=0.1, le=1e4)
+    wall_layers: Annotated[int, ELEMENTS] = Field(default=1, ge=1, le=8)
 
     @model_validator(mode="after")
     def _harmonics_fit(self) -> Resolution:
-        if 2 * self.harmonics >= self.surface_roll_angles:
+        if "harmonics" in self.model_fields_set and 2 * self.harmonics >= self.surface_roll_angles:
             raise ValueError(
                 f"harmonics: expected less than half of surface_roll_angles {self.surface_roll_angles}, "
                 f"got {self.harmonics}"
@@ -59,22 +78,36 @@ class Resolution(Section):
 class Resolutions(Section):
     """Resolution of the model that builds the map and of the one that plays the vehicle."""
 
-    map: Resolution
-    truth: Resolution
+    map: Resolution = Resolution()
+    truth: Resolution = Resolution()
+
+
+MIN_KNOTS = 4
 
 
 class Truth(Section):
     """The independent model that plays the vehicle in system simulations.
 
     ``engine`` is "euler" by default; "newtonian" where the tip is blunt and the map's engine is not "euler".
+    ``mach_number`` (one, or four and more) and ``total_incidence_deg`` are used for a profile alone, ``manoeuvre``
+    in demonstrations.
     """
 
     engine: Literal["euler", "newtonian"] | None = None
-    mach_number: list[MachNumber] = Field(min_length=4)
-    total_incidence_deg: list[Annotated[float, Field(ge=0.01, le=STREAM_ANGLE_DEG.high)]] = Field(min_length=4)
-    manoeuvre: FileName
+    mach_number: list[MachNumber] | None = None
+    total_incidence_deg: list[Annotated[float, Field(ge=0.01, le=STREAM_ANGLE_DEG.high)]] | None = Field(
+        default=None, min_length=MIN_KNOTS
+    )
+    manoeuvre: FileName | None = None
+
+    @field_validator("mach_number")
+    @classmethod
+    def _one_or_a_spline(cls, values: list[float] | None) -> list[float] | None:
+        if values is not None and not (len(values) == 1 or len(values) >= MIN_KNOTS):
+            raise ValueError(f"expected 1 value, or at least {MIN_KNOTS}, got {values}")
+        return values
 
     @field_validator("mach_number", "total_incidence_deg")
     @classmethod
-    def _each_value_once(cls, values: list[float]) -> list[float]:
-        return once_each(values)
+    def _each_value_once(cls, values: list[float] | None) -> list[float] | None:
+        return None if values is None else once_each(values)

@@ -44,14 +44,16 @@ def _flow_faults(vehicle: Vehicle) -> Iterator[str]:
     entry, truth = vehicle.conditions, vehicle.truth
     lists = [entry.mach_number, entry.angle_of_attack_deg, entry.sideslip_angle_deg, entry.altitudes_km]
     lists += [one.values for one in entry.parameters.values()]
+    knots = [truth.mach_number or (), truth.total_incidence_deg or ()]
+    own_nodes = vehicle.shape_kind != "surface"
     for where, sizes, name, resolution in (
         ("conditions", [len(values) for values in lists], "map", vehicle.resolution.map),
-        ("truth", [len(truth.mach_number), len(truth.total_incidence_deg)], "truth", vehicle.resolution.truth),
+        ("truth", [len(values) for values in knots], "truth", vehicle.resolution.truth),
     ):
         count, shown = prod(sizes), " x ".join(map(str, sizes))
         if count > MAX_CONDITIONS:
             yield f"{where}: expected at most {MAX_CONDITIONS} conditions, got {shown} = {count}"
-        elif count * _nodes(resolution) > MAX_PRESSURES:
+        elif own_nodes and count * _nodes(resolution) > MAX_PRESSURES:
             yield (
                 f"{where}: expected at most {MAX_PRESSURES} values of pressure, got {count} conditions x "
                 f"{_shown_nodes(name, resolution)} = {count * _nodes(resolution)}"
@@ -69,7 +71,7 @@ def _gauge_faults(vehicle: Vehicle) -> Iterator[str]:
         )
         if count > MAX_GAUGES:
             yield f"gauges.layouts.{layout}: expected at most {MAX_GAUGES} gauges, got {count}"
-        elif count * _nodes(resolution) > MAX_PRESSURES:
+        elif vehicle.shape_kind != "surface" and count * _nodes(resolution) > MAX_PRESSURES:
             yield (
                 f"gauges.layouts.{layout}: expected at most {MAX_PRESSURES} strains per pressure, got {count} "
                 f"gauges x {_shown_nodes(finest, resolution)} = {count * _nodes(resolution)}"

@@ -17,7 +17,7 @@ from sphinx.application import Sphinx
 from builder.calibration.ground_test.load_test_file import LoadTestFile
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map.gamma_rules import RULES
-from builder.vehicle.model_entries import ENGINE_NAMES
+from builder.vehicle.model_entries import ENGINE_NAMES, NeededBy
 
 UNITS = {
     "um_per_m_per_K": "um/m/K",
@@ -119,8 +119,9 @@ def _kind(annotation: Any) -> str:
 
 
 def _default(field: FieldInfo) -> str:
-    if field.is_required():
-        return "required"
+    needed = [one.what for one in field.metadata if isinstance(one, NeededBy)]
+    if field.is_required() or needed:
+        return f"required with {needed[0]}" if needed else "required"
     if field.default is None or isinstance(field.default, BaseModel):
         return ""
     if isinstance(field.default, bool):

@@ -70,6 +70,7 @@ for angle in angles:
     right.plot(mach_numbers, 100.0 * (ours / exact - 1.0), "o-", label=f"{angle:g} deg")
 left.set(xlabel="Mach number", ylabel="p/p$_\\infty$ on the cone")
 left.legend(title="half-angle; line: exact")
-right.set(xlabel="Mach number", ylabel="difference [%]", ylim=(-0.3, 0.3))
+right.set(xlabel="Mach number", ylabel="difference [%]")
+right.axhline(0.0, color="k", lw=1)
 right.grid(alpha=0.3)
 plt.show()

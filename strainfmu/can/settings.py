@@ -67,7 +67,7 @@ class BridgeSettings:
     gauge_noise : standard deviation of the gauges' noise at rest [m/m]; None: what the estimator was made with.
     zero_jump : a fall to exactly zero by more than this [m/m] and three times the last change counts at once.
     rate_limit : maximum change from one value to the next [m/m].
-    sensor_range : maximum |strain| [m/m], whatever the layout allows.
+    sensor_range : maximum |strain| [m/m], whatever the layout allows; the estimator's where that is smaller.
     heal_cycles : good values in a row after which a gauge is used again.
     jump_tolerance : by how much the delay of a cycle may be below the smallest one so far.
     jump_confirmations : cycles in a row that confirm a jump of the sender's clock.

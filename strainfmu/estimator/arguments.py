@@ -15,15 +15,32 @@ NaN alone would do, were there no importers that take it for an error (OMSimulat
 """
 
 
+def real_numbers(name: str, values: ArrayLike) -> FloatArray:
+    """Return ``values`` as an array of real numbers.
+
+    Raises
+    ------
+    InputError
+        They are complex, of which a part would be lost, or are no numbers, or rows of unequal length.
+    """
+    try:
+        found = np.asarray(values)
+        if found.dtype.kind != "c":
+            return np.asarray(found, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{name}: expected real numbers: {error}") from error
+    raise InputError(f"{name}: expected real numbers, got {found.dtype}")
+
+
 def strain_of_one(strain: ArrayLike, n_gauges: int) -> FloatArray:
     """Return ``strain`` (n_d,) of one sample [m/m].
 
     Raises
     ------
     InputError
-        It has another shape.
+        It has another shape, or holds something else than real numbers.
     """
-    d = np.asarray(strain, dtype=float)
+    d = real_numbers("strain", strain)
     if d.shape != (n_gauges,):
         raise InputError(f"strain: expected {n_gauges} values, got {d.shape}")
     return d
@@ -35,9 +52,9 @@ def strain_of_samples(strain: ArrayLike, n_gauges: int) -> FloatArray:
     Raises
     ------
     InputError
-        It has another shape.
+        It has another shape, or holds something else than real numbers.
     """
-    d = np.asarray(strain, dtype=float)
+    d = real_numbers("strain", strain)
     if d.ndim != 2:
         return strain_of_one(d, n_gauges)[None, :]
     if d.shape[1] != n_gauges:
@@ -69,12 +86,16 @@ def per_sample(name: str, value: ArrayLike, samples: int) -> FloatArray:
     InputError
         It holds something else than numbers, or another number of them.
     """
+    values = None
     try:
-        values = np.asarray(value, dtype=float) if value is not None else None
+        found = np.asarray(value)
+        if value is not None and found.dtype.kind != "c":
+            values = np.asarray(found, dtype=float)
     except (TypeError, ValueError):
-        values = None
+        pass
     if values is None or values.shape not in ((), (samples,)):
         expected = "a number" if samples == 1 else f"a number or {samples} numbers"
-        got = repr(value) if values is None else f"shape {values.shape}"
+        is_array = isinstance(value, np.ndarray)
+        got = f"shape {values.shape}" if values is not None else str(value.dtype) if is_array else repr(value)
         raise InputError(f"{name}: expected {expected}, got {got}")
     return np.full(samples, values) if values.ndim == 0 else values

@@ -9,7 +9,10 @@ from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import InverseMap
 
 SENSOR_RANGE = 0.05
-"""|strain| [m/m] that foil gauges stand, 5 %: what reads more is broken. Amplifiers often end far earlier."""
+"""|strain| [m/m] that foil gauges bear, 5 %: what reads more is broken. Amplifiers often end far earlier."""
+
+GAUGE_RANGE = "gauge_range_um_per_m"
+"""Entry of a map's provenance: the range that the vehicle file states of its gauges [um/m]."""
 
 LARGEST_SENSOR_RANGE = 1e100
 """Strain [m/m] above which its square could overflow."""
@@ -58,10 +61,13 @@ def setting_fault(name: str, value: float) -> str:
 def default_settings(inverse_map: InverseMap) -> EstimatorSettings:
     """Return the settings that ``inverse_map`` was built with.
 
-    A map that does not state its moment point counts stations from that point.
+    A map that does not state its moment point counts stations from that point. One that does not state the range
+    of its gauges has :data:`SENSOR_RANGE`.
     """
+    facts = inverse_map.provenance
     return EstimatorSettings(
         inverse_map.reference_area,
         inverse_map.reference_length,
-        float(inverse_map.provenance.get("moment_station_m", 0.0)),
+        float(facts.get("moment_station_m", 0.0)),
+        1e-6 * float(facts[GAUGE_RANGE]) if GAUGE_RANGE in facts else SENSOR_RANGE,
     )

@@ -39,7 +39,14 @@ from strainfmu.fmu.native.sources import compiled_files, native_sources, sources
 from strainfmu.fmu.python import package as python_package
 from strainfmu.fmu.python.package import python_entries, slave_code
 from strainfmu.fmu.reference_run.plant import python_plant_reference
-from strainfmu.fmu.reference_run.run import layered_standard_files, reference_run
+from strainfmu.fmu.reference_run.run import (
+    N_ROWS,
+    STEP_SIZE,
+    TRUTH,
+    layered_standard_files,
+    reference_run,
+    signal_table,
+)
 from strainfmu.interface.estimator_variables import estimator_arrays, estimator_interface
 from strainfmu.interface.plant_variables import plant_interface
 from strainfmu.interface.sensor_variables import sensor_names
@@ -79,7 +86,8 @@ _PLANT_SOURCES = (
 )
 
 _STEP_SIZE = 1e-2
-_STOP_TIME = 1.0
+_STOP_TIME = STEP_SIZE * (N_ROWS - 1)
+"""That of the reference run."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -256,6 +264,7 @@ def _estimator_extras(
         **{f"documentation/{name}": content for name, content in pages.items()},
         **terminal_files(description, _terminals(inverse_map), "estimator"),
         **layered_standard_files(run, description.interface),
+        TRUTH: signal_table(run.time, run.truth, estimator_interface(inverse_map), digits=6),
     }
 
 

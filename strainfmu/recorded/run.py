@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from os import PathLike
 from pathlib import Path
 
@@ -17,8 +17,6 @@ from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.recorded.columns.column_names import FLOW_NAMES, NAVIGATION_NAMES, STATIC_PRESSURE, STD, Wanted
 from strainfmu.recorded.columns.columns import ColumnPlan, StrainBlock
-from strainfmu.recorded.columns.flight_pressure import computed_pressure, pressure_sources
-from strainfmu.recorded.columns.strain_level import LevelCheck
 from strainfmu.recorded.estimates.block_estimates import BlockEstimates, BlockEstimator, dropped_navigation
 from strainfmu.recorded.estimates.estimator_files import open_block_estimator
 from strainfmu.recorded.estimates.health_account import HealthAccount
@@ -30,7 +28,7 @@ from strainfmu.recorded.output.estimate_files import (
     estimate_writer,
 )
 from strainfmu.recorded.output.field_series import FieldSeriesWriter, check_field_output, field_series_writer
-from strainfmu.recorded.strains.held_strains import HeldStrains
+from strainfmu.recorded.strains.data_checks import DataChecks
 from strainfmu.recorded.strains.strain_files import open_strains
 
 Progress = Callable[[int, int], None]
@@ -44,6 +42,8 @@ HEALTH_COLUMNS = (
 )
 SUSPECTS_COLUMN = "suspect_gauges"
 """Column of text: the names of the suspects, with a semicolon between them."""
+FAULTS_COLUMN = "strain_faults"
+"""Column of text: why strains were left out, ``held`` or ``zero`` of all gauges, else the names of railed ones."""
 
 _FLOW_UNITS = {
     "dynamic_pressure_std": "Pa",
@@ -110,6 +110,8 @@ def estimate_file(
     time_constant: float | None = None,
     smooth: bool = False,
     zeros: str | PathLike[str] | None = None,
+    accept_held: bool = False,
+    exclude: Sequence[str] = (),
 ) -> EstimationSummary:
     """Estimate every sample of ``data`` with the FMU or map ``source`` and write ``output``.
 
@@ -127,6 +129,8 @@ def estimate_file(
     time_constant : of a filter over time [s], None for none. Needs a map.
     smooth : whether to smooth what it has filtered. The output says both.
     zeros : file of what the gauges read without strain (zeros.toml), None for 0.
+    accept_held : whether to estimate rows in which no gauge changes, too; else they are INVALID.
+    exclude : gauges to leave out: names of the map, ``strain[i]``, or names of their columns or channels.
 
     Raises
     ------
@@ -152,23 +156,29 @@ def estimate_file(
             raise InputError(
                 f"{data}: --ignore-columns: expected none beside --channels, which names what is read"
             )
-        wanted = _wanted(source, estimator, dynamic_pressure, ignore_columns)
+        wanted = replace(_wanted(source, estimator, dynamic_pressure, ignore_columns), excluded=tuple(exclude))
         with open_strains(data, wanted, None if channels is None else Path(channels)) as opened:
             plan = opened.plan
-            level = LevelCheck(data, estimator.reference, float(np.median(plan.strain_factor)), check_level)
-            held = HeldStrains(data)
-            zero = 0.0 if zeros is None else load_zeros(zeros, estimator.gauge_names).value
+            checks = DataChecks(
+                plan,
+                estimator.gauge_names,
+                estimator.reference,
+                zero=0.0 if zeros is None else load_zeros(zeros, estimator.gauge_names).value,
+                accepts_level=not check_level,
+                accepts_held=accept_held,
+                is_joined=channels is not None,
+            )
             notes = [*opened.notes, *_unused_inputs(source, estimator, plan)]
             summary = EstimationSummary(unused=plan.unused, notes=notes)
             names = _columns(plan, estimator.further_columns, estimator.row_names if residuals else ())
             made = filter_attributes(estimator)
             with (
-                estimate_writer(output, names, text_columns=(SUSPECTS_COLUMN,), attributes=made) as writer,
+                estimate_writer(
+                    output, names, text_columns=(SUSPECTS_COLUMN, FAULTS_COLUMN), attributes=made
+                ) as writer,
                 _field_series(field_output, estimator.inverse_map, field_every) as series,
             ):
-                for block, done, found in estimated_blocks(opened.blocks, estimator):
-                    level.add(block.strain - zero, _flown_pressure(block))
-                    held.add(block.time, block.strain)
+                for block, done, found in estimated_blocks(checks.without_faults(opened.blocks), estimator):
                     _write(writer, block, found=found, estimator=estimator, residuals=residuals)
                     _count(summary, block, found=found, estimator=estimator)
                     if series is not None and found.estimates is not None:
@@ -176,7 +186,8 @@ def estimate_file(
                         summary.fields = series.steps
                     if progress is not None:
                         progress(done, opened.length)
-                summary.notes += [*level.notes(), *held.notes()]
+                summary.missing_strains = checks.missing
+                summary.notes += checks.notes()
     return summary
 
 
@@ -228,13 +239,6 @@ def _field_series(
     if path is None or inverse_map is None:
         return nullcontext()
     return field_series_writer(Path(path), inverse_map, every)
-
-
-def _flown_pressure(block: StrainBlock) -> FloatArray:
-    """Return (n,) q_inf [Pa] as it is given, or by the Mach number."""
-    if not pressure_sources(block.flow):
-        return block.dynamic_pressure
-    return np.where(np.isnan(block.dynamic_pressure), computed_pressure(block.flow), block.dynamic_pressure)
 
 
 def _unused_inputs(source: Path, estimator: BlockEstimator, plan: ColumnPlan) -> list[str]:
@@ -289,18 +293,15 @@ def _write(
     if residuals and found.residual is not None:
         columns += [found.residual_limit, *found.residual.T]
     names = [";".join(estimator.row_names[i] for i in one) for one in found.suspects]
-    writer.write(np.column_stack(columns), {SUSPECTS_COLUMN: names})
+    writer.write(np.column_stack(columns), {SUSPECTS_COLUMN: names, FAULTS_COLUMN: block.faults})
 
 
 def _count(
     summary: EstimationSummary, block: StrainBlock, *, found: BlockEstimates, estimator: BlockEstimator
 ) -> None:
     """Add a block to the summary."""
-    gauge_names = estimator.gauge_names
     dropped = dropped_navigation(block, found, estimator.further_columns)
     summary.account.add(found, estimator.row_names, estimator.envelope_score_limit, dropped)
-    missing = np.isnan(block.strain).sum(axis=0)
-    summary.missing_strains.update({n: int(k) for n, k in zip(gauge_names, missing, strict=True) if k})
     # The nonlinear estimator has coefficients without it.
     without = np.isnan(block.dynamic_pressure) & np.isnan(found.coefficients[:, 0])
     summary.missing_pressure += int(without.sum())

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from fmpy.validation import validate_fmu
 from ogive import OGIVE
+from published_run import check_published_run
 
 import strainfmu
 from builder.campaign.snapshots import load_snapshots
@@ -146,6 +147,12 @@ def test_fmus_are_valid_and_run_alone(ic3x_demo: Path, tmp_path: Path, name: str
     with output.open(newline="") as stream:
         rows = list(csv.DictReader(stream))
     assert all(np.isfinite(float(row["C_N"])) for row in rows)
+
+
+@pytest.mark.parametrize("demo", ["ic3x_demo", "ogive_demo"])
+def test_the_example_inside_the_fmu_shows_the_estimator_at_work(demo: str, request: pytest.FixtureRequest) -> None:
+    """Nonlinear, and linear: health, errors and text of what the FMU publishes."""
+    check_published_run(request.getfixturevalue(demo) / "estimator.fmu", has_air_data=True)
 
 
 def test_two_vehicles_in_one_process_give_their_own_results(ic3x_demo: Path, ogive_demo: Path) -> None:

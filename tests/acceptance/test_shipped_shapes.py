@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from finned_body import DEFLECTIONS_DEG, OTHER_SURFACE, write_surface
 from fmpy.validation import validate_fmu
+from published_run import check_published_run
 
 from builder.pipeline.demonstration.demo import run_demo, vehicle_as_built
 from builder.reporting import Silent
@@ -42,6 +43,7 @@ def test_loads_lie_within_three_sigma(name: str, tmp_path: Path) -> None:
     assert min(coverage(tmp_path).values()) >= 0.99
     assert load_inverse_map(tmp_path / "map.h5").provenance["mesh_error"]["rms_sigma"] <= 1.0
     assert validate_fmu(str(tmp_path / "estimator.fmu")) == []
+    check_published_run(tmp_path / "estimator.fmu", has_air_data=True)
 
 
 @pytest.mark.parametrize("name", ["elliptic_cone", "finned_body", "blunt_cone"])
@@ -50,6 +52,7 @@ def test_loads_of_the_nonlinear_estimator_lie_within_three_sigma(name: str, tmp_
     assert min(coverage(tmp_path).values()) >= 0.99
     assert json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))["healthy"] >= 0.99
     assert validate_fmu(str(tmp_path / "estimator.fmu")) == []
+    check_published_run(tmp_path / "estimator.fmu", has_air_data=True)
 
 
 def test_loads_of_the_finned_body_lie_within_three_sigma(finned_demo: Path) -> None:
@@ -59,6 +62,7 @@ def test_loads_of_the_finned_body_lie_within_three_sigma(finned_demo: Path) -> N
     mesh = load_inverse_map(finned_demo / "map.h5").provenance["mesh_error"]
     assert mesh["sigmas_trusted"]
     assert validate_fmu(str(finned_demo / "estimator.fmu")) == []
+    check_published_run(finned_demo / "estimator.fmu", has_air_data=True)
 
 
 def test_rolling_moment_of_turned_fins_on_another_surface(finned_demo: Path, tmp_path: Path) -> None:

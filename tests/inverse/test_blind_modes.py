@@ -7,8 +7,9 @@ import pytest
 from coarse_vehicle import with_paper_map
 
 from builder.campaign.snapshots import Snapshots
+from builder.inverse.modes.mode_choice import MIN_STRAIN_OVER_NOISE, mode_choice_lines
 from builder.inverse.problem import inverse_problem
-from builder.inverse.solution import MIN_STRAIN_OVER_NOISE, ordered_modes, pressure_modes, solve
+from builder.inverse.solution import ordered_modes, pressure_modes, solve
 from builder.inverse.solved_map import inverse_map_of
 from builder.structure.fourier.model import StructuralModel
 from builder.vehicle.file import Vehicle
@@ -35,11 +36,13 @@ def test_the_published_prior_builds_with_few_modes(
     assert skipped or (form, modes) == ("dynamic_pressure", 3)
     assert 3 in skipped or form == "dynamic_pressure"
     assert built.residual_degrees_of_freedom == 54 - modes
+    left_out = [line.partition(",")[0] for line in mode_choice_lines(built.provenance)[1:]]
+    assert left_out == [f"left out: mode {mode}" for mode in skipped]
     # What is skipped is in the noise, with its load.
     assert [term.name for term in solution.noise.terms] == ["gauge noise", "truncated modes"]
     ordered, order = ordered_modes(problem)
     whole = pressure_modes(problem)
-    assert order.kept == modes
+    assert len(order.kept) == modes
     assert [mode + 1 for mode in order.skipped] == skipped
     kept = [mode for mode in range(modes + len(skipped)) if mode + 1 not in skipped]
     np.testing.assert_array_equal(ordered.modes[:, :modes], whole.modes[:, kept])

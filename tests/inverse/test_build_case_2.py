@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,7 @@ from strainfmu.errors import InputError
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.linear.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map, save_inverse_map
+from strainfmu.estimator.settings import SENSOR_RANGE, default_settings
 
 DYNAMIC_PRESSURE = 137970.0
 
@@ -159,7 +161,8 @@ def test_cut_prior_counts_what_is_cut(
 def test_nuisance_handed_in_widens_the_uncertainty(
     vehicle: Vehicle, prior_snapshots: Snapshots, structure: StructuralModel
 ) -> None:
-    changed = vehicle.model_copy(update={"map": MapEntry(case=2)})
+    gauges = vehicle.gauges.model_copy(update={"range_um_per_m": 3000.0})
+    changed = vehicle.model_copy(update={"map": MapEntry(case=2), "gauges": gauges})
     heat = nuisance_modes("thermal strain", np.ones((54, 1)), np.array([1e-5]))
     plain = build_inverse_map(changed, prior_snapshots, structure)
     warm = build_inverse_map(changed, prior_snapshots, structure, [heat])
@@ -168,6 +171,8 @@ def test_nuisance_handed_in_widens_the_uncertainty(
     )
     assert warm.load_covariance[0, 0] > plain.load_covariance[0, 0]
     assert [term["name"] for term in warm.provenance["noise_terms"]][-1] == "thermal strain"
+    assert default_settings(warm).sensor_range == pytest.approx(3e-3)  # by the vehicle file
+    assert default_settings(replace(warm, provenance={})).sensor_range == SENSOR_RANGE
 
 
 def test_more_prior_modes_than_snapshots_are_refused(

@@ -13,12 +13,13 @@ import pytest
 from ogive import OGIVE
 
 import builder
+from builder.inverse.modes.mode_choice import mode_choice_lines
 from builder.reporting import Silent
 from builder.structure.fourier.model import StructuralModel
 from builder.structure.structure_file import Structure
 from builder.vehicle.gauges.entries import GaugeLayoutEntry
 from strainfmu.errors import InputError
-from strainfmu.estimator.map.inverse_map import save_inverse_map
+from strainfmu.estimator.map.inverse_map import load_inverse_map, save_inverse_map
 
 
 @pytest.fixture(scope="module")
@@ -129,13 +130,16 @@ def test_progress_is_shown_where_it_is_requested(
 
 
 def test_a_listener_is_told_every_stage(told: tuple[Listener, Path]) -> None:
-    listener, _ = told
+    listener, path = told
     assert listener.stages == [
         "Flow: the vehicle that flies",
         "Structure: the vehicle that flies",
         "Alarm levels: flights of the independent model",
     ]
     assert any("4 modes hold" in note for note in listener.notes)
+    lines = mode_choice_lines(load_inverse_map(path).provenance)
+    assert lines
+    assert [note for note in listener.notes if note in lines] == lines
 
 
 def test_the_solid_structure_is_mapped_onto_the_snapshots(

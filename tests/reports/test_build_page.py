@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,6 +18,7 @@ from builder.campaign.snapshot_transfer import snapshots_on
 from builder.campaign.snapshots import Snapshots
 from builder.figures.map.stills import known_pressure
 from builder.inverse.build import build_inverse_map
+from builder.inverse.modes.mode_choice import mode_choice_lines
 from builder.inverse.noise.model import nuisance_modes
 from builder.reports.build_report.page import write_numbers
 from builder.reports.build_report.report import BuildReport, build_report
@@ -84,6 +86,27 @@ def test_json_and_csv_hold_what_the_page_shows(report: BuildReport, html: str, t
     assert checked > 500
     assert content["blind_classes"] == ["odd in y, odd in z"]
     assert len(content["excluded"]) >= 6
+
+
+def test_modes_that_went_are_named_as_in_the_build(report: BuildReport, html: str, tmp_path: Path) -> None:
+    """By their numbers in the table of modes, with the lines of the map: a mode has one number everywhere."""
+    lines = mode_choice_lines(report.inverse_map.provenance)
+    assert bool(lines) == (report.inverse_map.case == 1)
+    shown_text = assert_self_contained(html).text
+    write_numbers(report, tmp_path)
+    content = json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))
+    assert content["mode_choice"] == [f"{line}." for line in lines]
+    assert all(line in shown_text for line in lines)
+    states = [row[0] for row in report_tables(report)["modes"].rows if row[1]]
+    if lines:
+        assert states == report.inverse_map.provenance["mode_choice"]["kept"]
+        assert f": {states[0]}, " in lines[0]
+        fractions = [float(row[3]) for row in report_tables(report)["modes"].rows]
+        for line in lines[1:-1]:
+            number, percent = re.findall(r"mode (\d+), ([\d.e-]+) % of the variance", line)[0]
+            assert float(percent) == pytest.approx(fractions[int(number) - 1], rel=0.06)
+    else:
+        assert len(states) == len(report_tables(report)["modes"].rows)
 
 
 def test_tables_say_what_the_map_says(case: ReportCase, report: BuildReport) -> None:

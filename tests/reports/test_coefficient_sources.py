@@ -60,7 +60,7 @@ def test_truncated_modes_are_what_flying_them_does(parts: Parts) -> None:
     modes, order = ordered_modes(case.problem)
     scale = found.std / np.sqrt(np.diag(one.load_covariance))
     total = np.zeros(5)
-    for j in range(order.kept, modes.modes.shape[1]):
+    for j in range(len(order.kept), modes.modes.shape[1]):
         pressure = modes.modes[:, j] * modes.coefficient_std()[j]
         error = one.load_gain @ (case.problem.strain_operator @ pressure) - case.problem.load_operator @ pressure
         total += (scale * error) ** 2

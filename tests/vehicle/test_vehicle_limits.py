@@ -107,6 +107,11 @@ def test_every_number_has_a_range() -> None:
             "resolution.map.element_length_mm: expected at most 360, 1/10 of the body's length, got 5000",
         ),
         ("moment_station_m = 2.0", "moment_station_m = 1e9", "expected -1000 .. 1000, got 1000000000.0"),
+        (
+            'layout = "configuration_2"',
+            'layout = "configuration_2"\nrange_um_per_m = 1e6',
+            "gauges.range_um_per_m: expected 1 .. 50000, got 1000000.0",
+        ),
         ("roll_angle_deg = 180.0", "roll_angle_deg = 1e9", "expected -360 .. 360, got 1000000000.0"),
         (
             "mach_number = [5.0,",

@@ -10,15 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from builder.aero.cfd.cell_reconstruction import reconstruct
 from builder.aero.cfd.manifest import CfdCase, Manifest, condition_key, file_content, load_manifest
-from builder.aero.cfd.placement import mirror, orient, place
-from builder.aero.cfd.point_cloud import cloud_map
+from builder.aero.cfd.placement import mirror, place
 from builder.aero.cfd.surface_field import SurfaceField, read_field
+from builder.aero.cfd.surface_transfer import on_surface
 from builder.aero.cfd.units import METRES, check_plausible, pressure_ratio
 from builder.aero.engine import Flow, FlowKey
-from builder.aero.mapping.pressure_map import pressure_map
-from builder.aero.mapping.report import MappingTolerances, check_mapping, mapping_report
 from builder.aero.surface.mesh import SurfaceMesh
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
@@ -133,17 +130,9 @@ def _on_surface(file: Path, field: SurfaceField, ratio: FloatArray, surface: Sur
     """Return p/p_inf (n_nodes,) at the vehicle's nodes of the field's values (n,)."""
     _check_extent(file, field.point, surface)
     try:
-        if field.triangle is None:
-            # Where one-sided points are carried on, the line may leave what the file holds.
-            return np.clip(cloud_map(field.point, field.normal, surface) @ ratio, ratio.min(), ratio.max())
-        source = orient(SurfaceMesh(field.point, field.triangle), surface)
-        if field.face is not None:
-            source, ratio = reconstruct(source, field.face, ratio)
-        transfer = pressure_map(source, surface)
-        check_mapping(mapping_report(transfer, source, surface, ratio - 1.0), MappingTolerances())
+        return on_surface(field, ratio, surface)
     except InputError as error:
         raise InputError(f"{file}: {error}") from error
-    return transfer.consistent(ratio)
 
 
 def _check_extent(file: Path, point: FloatArray, surface: SurfaceMesh) -> None:

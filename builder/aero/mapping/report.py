@@ -89,10 +89,31 @@ class MappingTolerances:
     moment_residual_relative: float = 5e-3
 
 
+@dataclass(frozen=True, eq=False)
+class SurfaceGap:
+    """The largest distance between two surfaces, from a node of one to the other, both ways.
+
+    Attributes
+    ----------
+    size : [m].
+    point : (3,) the node [m].
+    """
+
+    size: float
+    point: FloatArray
+
+
 def mapping_report(
-    transfer: PressureMap, source: SurfaceMesh, target: SurfaceMesh, pressure: FloatArray
+    transfer: PressureMap,
+    source: SurfaceMesh,
+    target: SurfaceMesh,
+    pressure: FloatArray,
+    gap: SurfaceGap | None = None,
 ) -> MappingReport:
-    """Measure ``transfer``, made from ``source`` to ``target``, with net ``pressure`` (..., n_source)."""
+    """Measure ``transfer``, made from ``source`` to ``target``, with net ``pressure`` (..., n_source).
+
+    ``gap`` is :func:`surface_gap` of the same three, where it is known.
+    """
     fields = pressure.reshape(-1, source.n_nodes)
     source_loads = fields @ transfer.source_loads.T
     lost = np.abs(transfer.consistent(fields) @ transfer.target_loads.T - source_loads)
@@ -100,14 +121,14 @@ def mapping_report(
     length = float(np.ptp(target.point, axis=0).max())
     size = np.maximum(np.linalg.norm(source_loads[:, :3], axis=1), MIN_LOAD * np.abs(fields) @ source.node_area)
     size = np.where(size > 0.0, size, 1.0)
-    gap, where = _largest_gap(transfer, source, target)
+    gap = surface_gap(transfer, source, target) if gap is None else gap
     return MappingReport(
         force_residual=float(force.max()),
         force_residual_relative=float((force / size).max()),
         moment_residual=float(moment.max()),
         moment_residual_relative=float((moment / size).max()) / length,
-        largest_gap=gap,
-        largest_gap_point=where,
+        largest_gap=gap.size,
+        largest_gap_point=gap.point,
         length=length,
         area_mismatch=float(source.area.sum() / target.area.sum()) - 1.0,
         unfitted_fraction=float(target.node_area[~transfer.found.fits].sum() / target.area.sum()),
@@ -120,8 +141,8 @@ def mapping_report(
     )
 
 
-def _largest_gap(transfer: PressureMap, source: SurfaceMesh, target: SurfaceMesh) -> tuple[float, FloatArray]:
-    """Return the largest distance [m] of a node of one surface from the other, and that node (3,) [m].
+def surface_gap(transfer: PressureMap, source: SurfaceMesh, target: SurfaceMesh) -> SurfaceGap:
+    """Return the largest gap between the surfaces of ``transfer``.
 
     The source may stand proud of the target, as a fin that the target lacks: target nodes alone do not show it.
     """
@@ -131,8 +152,8 @@ def _largest_gap(transfer: PressureMap, source: SurfaceMesh, target: SurfaceMesh
     beyond = np.cumsum(source.node_area[order]) > NEGLIGIBLE_AREA * source.area.sum()
     there, here = int(np.argmax(transfer.found.gap)), int(order[np.argmax(beyond)])
     if back.gap[here] > transfer.found.gap[there]:
-        return float(back.gap[here]), source.point[here]
-    return float(transfer.found.gap[there]), target.point[there]
+        return SurfaceGap(float(back.gap[here]), source.point[here])
+    return SurfaceGap(float(transfer.found.gap[there]), target.point[there])
 
 
 def _box(mesh: SurfaceMesh) -> FloatArray:
@@ -219,7 +240,7 @@ def likely_cause(report: MappingReport) -> str:
 
 def _cause_of_place(report: MappingReport) -> str:
     """Return why surfaces of the same extents do not coincide."""
-    shift = report.source_box.mean(axis=0) - report.target_box.mean(axis=0)
+    ends = report.source_box - report.target_box
     room = _SAME_PLACE * report.length
     extent = np.ptp(report.target_box, axis=0)
     of_source = (report.source_centre - report.source_box[0]) / extent
@@ -228,9 +249,13 @@ def _cause_of_place(report: MappingReport) -> str:
         mirrored = abs(of_source[i] + of_target[i] - 1.0) < _SAME_SIZE
         if mirrored and abs(of_source[i] - of_target[i]) > _SAME_SIZE:
             return f"{_AXES[i]} points the other way: body axes are x aft, y starboard, z up"
-    if np.abs(shift).max() > room:
-        i = int(np.argmax(np.abs(shift)))
-        return f"the source is shifted by {shift[i]:.4g} m along {_AXES[i]}: body axes start at the nose tip"
+    end, i = divmod(int(np.argmax(np.abs(ends))), len(_AXES))
+    if abs(ends[end, i]) > room:
+        if abs(ends[1, i] - ends[0, i]) <= room:
+            shift = f"{ends[end, i]:.4g} m along {_AXES[i]}"
+            return f"the source is shifted by {shift}: body axes start at the nose tip"
+        place = f"{_AXES[i]} = {report.source_box[end, i]:.4g} m, the target at {report.target_box[end, i]:.4g} m"
+        return f"the source {('begins', 'ends')[end]} at {place}: one of them is cut off there or has a part more"
     if report.source_closed and not report.target_closed:
         return _BASE_INCLUDED
     if report.target_closed and not report.source_closed:

@@ -24,9 +24,9 @@ from builder.figures.drawing.hover import (
 )
 from builder.figures.drawing.unrolled import roll_degrees
 from builder.figures.map.hover_gauges import ROLL_AXIS, STATION_AXIS, gauge_places, gauge_symbols
-from builder.figures.map.stills import MIN_SHOWN, MODES_DRAWN
+from builder.figures.map.stills import MIN_SHOWN, MODES_DRAWN, NO_STATE, OF_STATE
 from builder.inverse.cases.regularisation import LCurve
-from strainfmu.arrays import FloatArray, IntArray
+from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
 
 STATIONS, ROLLS = 100, 49
@@ -112,7 +112,7 @@ def _closest_nodes(surface: SurfaceMesh) -> tuple[FloatArray, FloatArray, IntArr
 
 
 def modes(
-    *, of_variance: FloatArray, removed: FloatArray, removed_at_best: FloatArray, n_kept: int
+    *, of_variance: FloatArray, removed: FloatArray, removed_at_best: FloatArray, is_state: BoolArray
 ) -> HoverFigure:
     """Return the first modes: fraction of the variance, and what is left of it; see the still."""
     count = min(MODES_DRAWN, len(of_variance))
@@ -122,7 +122,7 @@ def modes(
         return numbers(np.maximum(percent * (1.0 - fraction[:count]), MIN_SHOWN))
 
     held = numbers(np.column_stack([percent, 100.0 * removed[:count], 100.0 * removed_at_best[:count]]))
-    states = ["state of the map" if j <= n_kept else "truncated" for j in number]
+    states = ["state of the map" if one else "no state" for one in is_state[:count]]
     template = (
         "mode %{x}, %{hovertext}<br>%{customdata[0]} % of the variance<br>"
         "removed by this map %{customdata[1]} %<br>at best %{customdata[2]} %<extra></extra>"
@@ -131,7 +131,13 @@ def modes(
     line = {"mode": "markers", "type": "scatter"}
     return hover_figure(
         [
-            {"type": "bar", "y": numbers(np.maximum(percent, MIN_SHOWN)), "name": "of the snapshots", **common},
+            {
+                "type": "bar",
+                "y": numbers(np.maximum(percent, MIN_SHOWN)),
+                "name": "of the snapshots, states darker",
+                "marker": {"color": [OF_STATE if one else NO_STATE for one in is_state[:count]]},
+                **common,
+            },
             {
                 **line,
                 "y": left(removed),
@@ -148,7 +154,6 @@ def modes(
             },
         ],
         380,
-        colorway=["#cccccc", BLUE, ORANGE],
         xaxis=axis("POD mode", dtick=1),
         yaxis=axis("fraction of the variance [%]", type="log", exponentformat="power"),
     )

@@ -14,7 +14,7 @@ from builder.figures.drawing.unrolled import roll_degrees, unrolled_triangles
 from builder.figures.drawing.words import with_signs
 from builder.inverse.cases.regularisation import LCurve
 from builder.structure.observability import SYMMETRIES
-from strainfmu.arrays import FloatArray, IntArray
+from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
 
 if TYPE_CHECKING:
@@ -27,6 +27,7 @@ MAX_LABELS = 30
 MIN_SHOWN = 1e-4
 """Fraction of the variance, in per cent, at which a logarithmic axis ends."""
 THIS_MAP, AT_BEST, SNAPSHOTS = "tab:blue", "tab:orange", "0.6"
+OF_STATE, NO_STATE = "#999999", "#dddddd"
 RULE_MARKS = ("*", "o", "s", "^", "D")
 
 
@@ -67,14 +68,16 @@ def classes(
     return figure
 
 
-def modes(*, of_variance: FloatArray, removed: FloatArray, removed_at_best: FloatArray, n_kept: int) -> Figure:
+def modes(
+    *, of_variance: FloatArray, removed: FloatArray, removed_at_best: FloatArray, is_state: BoolArray
+) -> Figure:
     """Draw the first modes: their fraction of the variance, and what is left of it.
 
     Parameters
     ----------
     of_variance : (k,) fraction of the snapshots' variance in each mode [1].
     removed, removed_at_best : (k,) fraction of the mode's variance that this map, the best linear map removes [1].
-    n_kept : modes that are states.
+    is_state : (k,) whether each is a state of the map.
     """
     count = min(MODES_DRAWN, len(of_variance))
     figure = blank_figure(10.0, 3.6)
@@ -82,19 +85,20 @@ def modes(*, of_variance: FloatArray, removed: FloatArray, removed_at_best: Floa
     number, percent = np.arange(1, count + 1), 100.0 * of_variance[:count]
     left = np.maximum(percent * (1.0 - removed[:count]), MIN_SHOWN)
     best = np.maximum(percent * (1.0 - removed_at_best[:count]), MIN_SHOWN)
-    axis.bar(number, np.maximum(percent, MIN_SHOWN), 0.8, color="0.8", label="of the snapshots")
+    for shown, colour, label in (
+        (is_state[:count], OF_STATE, "of the snapshots, states"),
+        (~is_state[:count], NO_STATE, "of the snapshots, no states"),
+    ):
+        axis.bar(number[shown], np.maximum(percent[shown], MIN_SHOWN), 0.8, color=colour, label=label)
     axis.plot(number, left, "o", color=THIS_MAP, label="left by this map")
     axis.plot(number, best, "_", color=AT_BEST, markersize=14, markeredgewidth=2.5, label="left by the best map")
-    if n_kept < count:
-        axis.axvline(n_kept + 0.5, color="black", linestyle="--", linewidth=0.8)
-        axis.text(n_kept + 0.6, axis.get_ylim()[1], "truncated", fontsize=8, va="top")
     axis.set_yscale("log")
     axis.set_ylim(MIN_SHOWN, 200.0)
     axis.set_xticks(number)
     axis.set_xlabel("POD mode")
     axis.set_ylabel("fraction of the variance [%]")
     axis.grid(axis="y", alpha=0.3)
-    axis.legend(fontsize=8, ncols=3, loc="upper right")
+    axis.legend(fontsize=8, ncols=4, loc="upper right")
     return figure
 
 

@@ -102,8 +102,9 @@ def wall_thickness_derivative(
     if foreign or not isinstance(surface, SurfaceGrid):
         return -structure.strain_operator(layout)
     try:
+        inside = _with_points_inside(vehicle, layout)
         thin, thick = (
-            structural_model(with_wall(vehicle, factor), vehicle.resolution.map, [layout])
+            structural_model(with_wall(inside, factor), vehicle.resolution.map, [layout])
             for factor in (1.0 - WALL_STEP, 1.0 + WALL_STEP)
         )
     except InputError:
@@ -114,7 +115,7 @@ def wall_thickness_derivative(
 
 
 def with_wall(vehicle: Vehicle, factor: float) -> Vehicle:
-    """Return the vehicle with a wall ``factor`` as thick, and gauges at a point on the inner surface."""
+    """Return the vehicle with a wall ``factor`` as thick."""
     changed = {
         "wall_thickness_mm": factor * vehicle.structure.wall_thickness_mm,
         "wall_thickness_at": [
@@ -122,24 +123,21 @@ def with_wall(vehicle: Vehicle, factor: float) -> Vehicle:
             for one in vehicle.structure.wall_thickness_at
         ],
     }
-    layouts = {
-        name: entry.model_copy(
-            update={
-                "rows": None
-                if entry.rows is None
-                else [row.model_copy(update={"surface": "inner", "length_mm": 0.0}) for row in entry.rows],
-                "surface": None if entry.file is None else "inner",
-                "length_mm": None,
-            }
-        )
-        for name, entry in vehicle.gauges.layouts.items()
+    return vehicle.model_copy(update={"structure": vehicle.structure.model_copy(update=changed)})
+
+
+def _with_points_inside(vehicle: Vehicle, layout: str) -> Vehicle:
+    """Return the vehicle with the gauges of ``layout`` at points on the inner surface."""
+    entry = vehicle.gauges.layouts[layout]
+    changed = {
+        "rows": None
+        if entry.rows is None
+        else [row.model_copy(update={"surface": "inner", "length_mm": 0.0}) for row in entry.rows],
+        "surface": None if entry.file is None else "inner",
+        "length_mm": None,
     }
-    return vehicle.model_copy(
-        update={
-            "structure": vehicle.structure.model_copy(update=changed),
-            "gauges": vehicle.gauges.model_copy(update={"layouts": layouts}),
-        }
-    )
+    layouts = {**vehicle.gauges.layouts, layout: entry.model_copy(update=changed)}
+    return vehicle.model_copy(update={"gauges": vehicle.gauges.model_copy(update={"layouts": layouts})})
 
 
 def fourier_gauge_derivatives(vehicle: Vehicle, structure: StructuralModel, layout: str) -> GaugeDerivatives:

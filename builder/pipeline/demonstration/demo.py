@@ -125,7 +125,7 @@ def run_demo(
         return _free_demo(pipeline, as_built)
     # The Fourier model plays the vehicle that flies, whatever model the map is built on.
     refuse_beyond_fourier(vehicle, [vehicle.gauges.layout])
-    manoeuvre = vehicle.beside(vehicle.truth.manoeuvre)
+    manoeuvre = vehicle.manoeuvre()
     check_envelope(*truth_knots(vehicle), load_trajectory(manoeuvre), manoeuvre)
     make_map(pipeline)
     snapshots = load_snapshots(pipeline.path(SNAPSHOTS))
@@ -167,7 +167,7 @@ def _free_demo(pipeline: Pipeline, as_built: int | None) -> DemoResult:
     vehicle = pipeline.vehicle
     recording = fly_free_shape(pipeline, vehicle_as_built(vehicle, as_built))
     snapshots = load_snapshots(pipeline.path(SNAPSHOTS))
-    flown = load_trajectory(vehicle.beside(vehicle.truth.manoeuvre), tuple(vehicle.conditions.parameters))
+    flown = load_trajectory(vehicle.manoeuvre(), tuple(vehicle.conditions.parameters))
     for warning in manoeuvre_warnings(vehicle, flown, snapshots.conditions(), False):
         pipeline.reporter.note(warning)
     score = score_flight(recording)
@@ -223,7 +223,7 @@ def vehicle_as_built(vehicle: Vehicle, seed: int | None) -> AsBuilt:
 
 def _fmus(pipeline: Pipeline, map_name: str) -> None:
     workspace, vehicle = pipeline.workspace, pipeline.vehicle
-    trajectory = vehicle.beside(vehicle.truth.manoeuvre)
+    trajectory = vehicle.manoeuvre()
     with pipeline.reporter.stage("FMUs") as progress:
         pipeline.make(
             "estimator.fmu",
@@ -253,7 +253,7 @@ def _digest(library: str) -> str:
 
 def _flight(pipeline: Pipeline, start_values: dict[str, float]) -> Recording:
     workspace, vehicle = pipeline.workspace, pipeline.vehicle
-    trajectory = load_trajectory(vehicle.beside(vehicle.truth.manoeuvre))
+    trajectory = load_trajectory(vehicle.manoeuvre())
     fmus = {name: workspace.path(f"{name}.fmu") for name in ("plant", "estimator")}
 
     def make(path: Path) -> None:

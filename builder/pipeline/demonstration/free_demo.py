@@ -77,7 +77,7 @@ def fly_free_shape(pipeline: Pipeline, built: AsBuilt) -> Recording:
     case = structure_case(vehicle, used_layouts(vehicle))
     assert isinstance(case, FreeCase)
     check_free_demo(case, vehicle.shape_kind)
-    trajectory = vehicle.beside(vehicle.truth.manoeuvre)
+    trajectory = vehicle.manoeuvre()
     make_map(pipeline)
     flown = load_trajectory(trajectory, tuple(vehicle.conditions.parameters))
     check_parameters(vehicle, flown, load_snapshots(pipeline.path(SNAPSHOTS)).conditions(), trajectory)
@@ -111,7 +111,7 @@ def fly_free_shape(pipeline: Pipeline, built: AsBuilt) -> Recording:
 def _flown(pipeline: Pipeline, built: AsBuilt) -> FlownPath:
     """Compute what the vehicle does on its manoeuvre."""
     vehicle, reporter = pipeline.vehicle, pipeline.reporter
-    path = load_trajectory(vehicle.beside(vehicle.truth.manoeuvre), tuple(vehicle.conditions.parameters))
+    path = load_trajectory(vehicle.manoeuvre(), tuple(vehicle.conditions.parameters))
     time = STEP_SIZE * np.arange(round(path.stop_time / STEP_SIZE) + 1, dtype=np.float64)
     flows = flows_along(vehicle, path, reporter)
     structure = flying_structure(vehicle, load_structure(pipeline.path(STRUCTURE)), reporter)

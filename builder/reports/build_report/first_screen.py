@@ -115,7 +115,7 @@ def _weak_modes(report: BuildReport) -> list[str]:
     lines = []
     for j in np.flatnonzero(weak)[:MAX_MODES].tolist():
         removed = f"{_percent(max(observed.mode_removed[j], 0.0))} of it is removed"
-        what = removed if j < observed.n_kept else "it is no state of this map"
+        what = removed if observed.is_state[j] else "it is no state of this map"
         lines.append(
             f"POD mode {j + 1}, {_percent(observed.mode_fraction[j])} of the variance: {what}; the best linear "
             f"map would remove {_percent(observed.mode_removed_at_best[j])}."

@@ -44,6 +44,7 @@ def write_numbers(report: BuildReport, folder: Path) -> None:
         "engine": report.engine,
         "structural_model": report.structural_model,
         "blind_classes": [str(report.symmetries[i].symmetry) for i in report.blind_classes],
+        "mode_choice": list(sections.mode_choice_of(report)),
         "excluded": list(report.excluded),
         "summary": first_screen(report).as_json(),
         "tables": tables_json(tables),

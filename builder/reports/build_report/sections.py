@@ -9,10 +9,11 @@ from builder.figures.map import stills as draw
 from builder.figures.map.flight_accuracy import AccuracyMap, accuracy_maps, hover_accuracy_maps
 from builder.figures.scene.scene import scene_of
 from builder.figures.scene.solid_view import solid_view
+from builder.inverse.modes.mode_choice import mode_choice_lines
 from builder.reports.build_report.report import BuildReport
 from builder.reports.build_report.tables import MICROSTRAIN_PER_KPA, main_class
 from builder.reports.findings.flight_accuracy import NAVIGATION, FlightAccuracy
-from builder.reports.page.html import Block, Paragraph, Section, picture
+from builder.reports.page.html import Block, Items, Paragraph, Section, picture
 from builder.reports.page.tables import Table
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 
@@ -36,6 +37,11 @@ def blind_line(report: BuildReport) -> str:
         known = f" ({100.0 * fraction:.1f} % of the snapshots' variance)" if np.isfinite(fraction) else ""
         parts.append(f"pressure {report.symmetries[i].symmetry}{known}")
     return f"Layout {report.layout} is blind to {'; '.join(parts)}."
+
+
+def mode_choice_of(report: BuildReport) -> tuple[str, ...]:
+    """Return which modes are states of the linear map, and why others are not, a sentence each."""
+    return tuple(f"{line}." for line in mode_choice_lines(report.inverse_map.provenance))
 
 
 def _modelled(report: BuildReport) -> str:
@@ -89,7 +95,7 @@ def observability(report: BuildReport, tables: dict[str, Table]) -> Section:
                     of_variance=report.observability.mode_fraction,
                     removed=report.observability.mode_removed,
                     removed_at_best=report.observability.mode_removed_at_best,
-                    n_kept=report.observability.n_kept,
+                    is_state=report.observability.is_state,
                 ),
                 "The first POD modes: fraction of the variance in each, and what remains after the estimate.",
                 "Bars of the variance of each mode with marks for the part that remains after the estimate.",
@@ -98,9 +104,10 @@ def observability(report: BuildReport, tables: dict[str, Table]) -> Section:
                     of_variance=report.observability.mode_fraction,
                     removed=report.observability.mode_removed,
                     removed_at_best=report.observability.mode_removed_at_best,
-                    n_kept=report.observability.n_kept,
+                    is_state=report.observability.is_state,
                 ),
             ),
+            *((Items(choice),) if (choice := mode_choice_of(report)) else ()),
             tables["modes"],
             picture(
                 draw.singular_values(MICROSTRAIN_PER_KPA * report.singular_values),

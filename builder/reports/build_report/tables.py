@@ -14,14 +14,13 @@ from builder.reports.findings.flight_accuracy import flight_accuracy_table
 from builder.reports.page.tables import SCALES, Column, Table, by_name, make_table, records_table
 from builder.structure.observability import SYMMETRIES
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, LOAD_NAMES
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, LOAD_NAMES, LOAD_UNITS
 from strainfmu.estimator.map.validity import valid_ranges
 
 MICRO = SCALES["um/m"]
 MICROSTRAIN_PER_KPA = 1e9
 MAX_PAIRS = 200
 ALL_HARDWARE = "all hardware errors"
-LOAD_UNITS = ("N", "N", "N", "N m", "N m")
 
 
 def report_tables(report: BuildReport) -> dict[str, Table]:
@@ -109,7 +108,7 @@ def modes(report: BuildReport) -> Table:
         rows.append(
             (
                 j + 1,
-                j < observed.n_kept,
+                observed.is_state[j],
                 observed.mode_std[j],
                 100.0 * observed.mode_fraction[j],
                 MICRO * observed.mode_strain[j],

@@ -17,11 +17,11 @@ from builder.aero.surface.mesh import SurfaceMesh
 from builder.inverse.cases.case_2 import gaussian_map
 from builder.inverse.modes.pod import PressureModes
 from builder.inverse.noise.model import NoiseModel
-from builder.inverse.solution import Problem, Solution, ordered_modes, pressure_modes
+from builder.inverse.solution import Problem, Solution, mode_choice, pressure_modes
 from builder.reports.findings.symmetry_classes import class_fractions, mirror_operators, symmetric_part
 from builder.structure.observability import SYMMETRIES
 from builder.vehicle.shape.geometry import SurfaceGrid
-from strainfmu.arrays import FloatArray
+from strainfmu.arrays import BoolArray, FloatArray
 
 MIN_FRACTION = 1e-6
 """Fraction of the variance below which a class counts as empty."""
@@ -33,7 +33,8 @@ NODES_AT_ONCE = 4096
 class PriorObservability:
     """Variance of the snapshots' pressure, area-weighted, and the part that remains as error of the estimate.
 
-    Classes are in the order of :data:`~builder.structure.observability.SYMMETRIES`; k modes, n_p nodes. "Removed"
+    Classes are in the order of :data:`~builder.structure.observability.SYMMETRIES`; k modes by falling energy, n_p
+    nodes. "Removed"
     is 1 - error's variance / variance. It is negative where an estimate is worse than the mean.
 
     Attributes
@@ -50,7 +51,7 @@ class PriorObservability:
     removed, removed_at_best : fraction of the whole variance [1].
     node_mean, node_std : (n_p,) mean and standard deviation at each node [Pa] of the ensemble's pressure.
     node_removed : (n_p,) by this map, at each node [1]; NaN where the snapshots do not vary.
-    n_kept : number of modes that are states.
+    is_state : (k,) whether a mode is a state of the map.
     """
 
     mode_std: FloatArray
@@ -69,7 +70,7 @@ class PriorObservability:
     node_mean: FloatArray
     node_std: FloatArray
     node_removed: FloatArray
-    n_kept: int
+    is_state: BoolArray
 
 
 def prior_observability(
@@ -77,11 +78,11 @@ def prior_observability(
 ) -> PriorObservability:
     """Return what the gauges of ``problem`` observe of its snapshots, with the map of ``solution``."""
     entry = problem.entry
-    modes = ordered_modes(problem)[0] if entry.case == 1 else pressure_modes(problem)
+    modes = pressure_modes(problem)
     std, strain = modes.coefficient_std(), problem.strain_operator @ modes.modes
     error, best = _error_factor(problem, solution, modes, strain), _best_error_factor(problem, modes, strain)
-    of_states = solution.field_modes.shape[1]
-    kept = of_states if entry.case == 1 else min(entry.prior_modes or len(std), len(std))
+    is_state = np.zeros(len(std), dtype=bool)
+    is_state[list(mode_choice(problem, modes).kept) if entry.case == 1 else slice(entry.prior_modes)] = True
     area = problem.node_area / problem.node_area.sum()
     per_mode = std**2 * (area @ modes.modes**2)
     whole = float(per_mode.sum())
@@ -98,7 +99,7 @@ def prior_observability(
         left = np.array([_variance(part, area, factor) for factor in (error, best)])
         fraction = held.sum() / whole
         removed = 1.0 - left / held.sum() if fraction > MIN_FRACTION else np.full(2, np.nan)
-        classes[:, i] = fraction, held[:kept].sum() / per_mode[:kept].sum(), rms, *removed
+        classes[:, i] = fraction, held[is_state].sum() / per_mode[is_state].sum(), rms, *removed
     return PriorObservability(
         mode_std=np.sqrt(per_mode),
         mode_fraction=per_mode / whole,
@@ -116,7 +117,7 @@ def prior_observability(
         node_mean=modes.mean,
         node_std=node_std,
         node_removed=node_removed,
-        n_kept=kept,
+        is_state=is_state,
     )
 
 

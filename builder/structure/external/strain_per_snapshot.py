@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from builder.campaign.snapshots import Snapshots
+from builder.structure.external.case_checks import check_cases
 from builder.structure.external.gauge_columns import columns_found
 from builder.structure.external.load_cases import LoadCases, load_cases
 from builder.structure.external.operator_of_file import structure_of_operator
@@ -29,13 +30,6 @@ LINEARITY = 1e-3
 
 DEPENDENT = 1e-11
 """Singular value of the loads, relative to the largest, below which cases are combinations of others."""
-
-ODD, ODD_OVER_USUAL = 0.3, 20.0
-"""Error of a case predicted from all others, over its strain, and its score over the others', that is refused."""
-
-
-ALIKE = 0.02
-"""Distance of a case's pressure from combinations of the others', over its size, up to which it is judged."""
 
 
 def structure_of_strains(
@@ -64,7 +58,9 @@ def structure_of_strains(
     table, cases = read_strain_table(path, results), load_cases(vehicle, snapshots)
     kept = columns_found(path, table.column, layouts, vehicle.gauges.layout)
     strain = _strain_of_cases(table, cases)[:, [table.column.index(name) for one in kept.values() for name in one]]
-    operator = smallest_operator(cases.pressure, strain, _names(table, cases))
+    names = _names(table, cases)
+    check_cases(cases.pressure, strain, names, len(cases.conditions))
+    operator = smallest_operator(cases.pressure, strain, names)
     return structure_of_operator(
         operator,
         cases.surface,
@@ -104,7 +100,7 @@ def smallest_operator(pressure: FloatArray, strain: FloatArray, names: tuple[str
     Raises
     ------
     InputError
-        Strains of dependent loads differ, or one case is out of line with all others.
+        Strains of dependent loads differ.
     """
     # Of equal size: the uniform case and one at low dynamic pressure count alike.
     size = np.linalg.norm(pressure, axis=1, keepdims=True)
@@ -121,26 +117,4 @@ def smallest_operator(pressure: FloatArray, strain: FloatArray, names: tuple[str
             f"{names[worst]}: expected the strain that its load has as a combination of the others, got "
             f"{rest[worst] / max(rms[worst], 1e-300):.2g} of it more; is the analysis linear?"
         )
-    _refuse_odd(left, deviation, unit, names)
     return np.asarray((amplitude / deviation[kept, None]).T @ right[kept])
-
-
-def _refuse_odd(left: FloatArray, deviation: FloatArray, strain: FloatArray, names: tuple[str, ...]) -> None:
-    """Refuse a case that is out of line: predicted from the others, as pressures are alike, it is another.
-
-    The prediction is that of the smallest operator of the others: its error is (K^-1 s)_j / (K^-1)_jj with
-    K = P P^T. A single wrong case has the largest (K^-1 s)_j / sqrt((K^-1)_jj), by Cauchy and Schwarz.
-    """
-    inverse = (left / (deviation**2 + 1e-9 * deviation[0] ** 2)) @ left.T
-    leverage = np.diag(inverse)
-    error = np.linalg.norm(inverse @ strain, axis=1)
-    score = error / np.sqrt(leverage)
-    usual = float(np.median(score))
-    score[leverage < ALIKE**-2] = 0.0  # pressure that the others are not like, such as the uniform one's
-    worst = int(score.argmax())
-    relative = error[worst] / leverage[worst] / max(float(np.linalg.norm(strain[worst])), 1e-300)
-    if len(strain) >= 8 and score[worst] > ODD_OVER_USUAL * usual and relative > ODD:
-        raise InputError(
-            f"{names[worst]}: expected strain within {100.0 * ODD:g} % of what the other cases say, got "
-            f"{100.0 * relative:.3g} % off: another load, sign or unit?"
-        )

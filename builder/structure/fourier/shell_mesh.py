@@ -20,13 +20,15 @@ from builder.structure.fourier.meridian_mesh import (
 )
 from builder.structure.fourier.wall_layup import SHORTEST_PIECE, furnished, layup_stations, outer_station, steps
 from builder.structure.wall import Wall
-from builder.vehicle.shape.geometry import BodyOfRevolution
+from builder.vehicle.shape.geometry import STEEP, BodyOfRevolution
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 
 CORE_ELEMENTS = 2  # through the solid tip, inside the wall's layers
 FINEST = 0.25  # element length at an edge over the one far from it
 EDGE_REACH = 4.0  # lengths 0.78 sqrt(R t) within which elements are shorter: bending has decayed to 2 %
+SHORTEST_TURN = 0.05  # over the radius at the tip's end: length along the meridian of a turn to be resolved
+TURN_PER_ELEMENT = np.deg2rad(10.0)  # with a steep tip: chords are then 0.2 % of the nose radius off at most
 
 
 def shell_mesh(body: BodyOfRevolution, wall: Wall, element_length: float, n_layers: int = 1) -> MeridianMesh:
@@ -108,13 +110,28 @@ def _stations(body: BodyOfRevolution, wall: Wall, start: float, ends: list[float
     stations = [np.array(ends[:1])]
     for a, b in pairwise(ends):
         x = np.linspace(a, b, 2 + int(np.ceil(20.0 * (b - a) / (FINEST * length))))
+        if body.tip_angle > STEEP:
+            x = a + (b - a) * np.linspace(0.0, 1.0, len(x) + 4000) ** 2  # close where the meridian turns fast
         distance = np.abs(x[:, None] - edge) / reach
         size = length * np.minimum(1.0, FINEST + (1.0 - FINEST) * distance.min(axis=1))
-        count = np.concatenate([[0.0], np.cumsum(np.diff(x) * 0.5 * (1.0 / size[:-1] + 1.0 / size[1:]))])
+        each = np.diff(x) * 0.5 * (1.0 / size[:-1] + 1.0 / size[1:])
+        if body.tip_angle > STEEP:
+            each += _turns(body, x, SHORTEST_TURN * float(body.radius(start)))
+        count = np.concatenate([[0.0], np.cumsum(each)])
         n = max(2, int(np.ceil(count[-1] - 1e-9)))
         stations.append(np.interp(np.linspace(0.0, count[-1], n + 1), count, x)[1:])
         stations[-1][-1] = b
     return np.concatenate(stations)
+
+
+def _turns(body: BodyOfRevolution, x: FloatArray, shortest: float) -> FloatArray:
+    """Return the elements (n - 1,) that the turning of the meridian asks for between stations ``x`` (n,) [m].
+
+    Along the meridian they are not shorter than ``shortest`` [m]: a power law turns without end towards its tip.
+    """
+    angle = np.concatenate([body.angle(x[:1], "downstream"), body.angle(x[1:])])
+    length = np.hypot(np.diff(x), np.diff(body.radius(x)))
+    return np.asarray(np.minimum(np.abs(np.diff(angle)) / TURN_PER_ELEMENT, length / shortest))
 
 
 def _joints(body: BodyOfRevolution, start: float, end: float) -> list[float]:

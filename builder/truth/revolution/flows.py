@@ -18,14 +18,35 @@ from builder.campaign.scheduling import Scheduling
 from builder.reporting import Reporter
 from builder.truth.revolution.flow_table import FlowTable, flow_table
 from builder.vehicle.file import Vehicle
-from builder.vehicle.shape.geometry import SurfaceGrid, is_blunt, surface_grid
+from builder.vehicle.shape.geometry import SurfaceGrid, surface_grid
 from strainfmu.arrays import FloatArray
+from strainfmu.errors import InputError
+
+ONE_MACH_NUMBER = 1e-3
+"""Half the range of the flight model round a single Mach number, over that."""
 
 
 def truth_knots(vehicle: Vehicle) -> tuple[FloatArray, FloatArray]:
-    """Return the knots of the flight model: Mach numbers (n_M,) and total incidences (n_a,) [rad] from 0."""
-    incidence = sorted(round(radians(angle), 9) for angle in vehicle.truth.total_incidence_deg)
-    return np.array(sorted(vehicle.truth.mach_number)), np.array([0.0, *incidence])
+    """Return the knots of the flight model: Mach numbers (n_M,) and total incidences (n_a,) [rad] from 0.
+
+    A single Mach number, as of a wind tunnel, has two knots, :data:`ONE_MACH_NUMBER` below and above it.
+
+    Raises
+    ------
+    InputError
+        The vehicle file has none.
+    """
+    entry = vehicle.truth
+    for name, given in (("mach_number", entry.mach_number), ("total_incidence_deg", entry.total_incidence_deg)):
+        if given is None:
+            raise InputError(
+                f"truth.{name}: entry is missing, the flows of the vehicle that flies are solved there"
+            )
+    mach = np.unique(np.array(entry.mach_number))
+    if len(mach) == 1:
+        mach = mach * np.array([1.0 - ONE_MACH_NUMBER, 1.0 + ONE_MACH_NUMBER])
+    incidence = sorted(round(radians(angle), 9) for angle in entry.total_incidence_deg or ())
+    return mach, np.array([0.0, *incidence])
 
 
 def truth_keys(vehicle: Vehicle) -> list[FlowKey]:
@@ -41,13 +62,9 @@ def truth_surface(vehicle: Vehicle) -> SurfaceGrid:
 
 
 def truth_engine(vehicle: Vehicle) -> EulerEngine | NewtonianEngine:
-    """Return the flow solver of the independent model.
-
-    It is Euler, whatever engine the map is built on, but where the file says otherwise, or where the tip is blunt
-    and the map's engine is another one.
-    """
-    body, name = vehicle.body(), vehicle.truth.engine
-    if name == "newtonian" or (name is None and is_blunt(body) and vehicle.aerodynamics.engine != "euler"):
+    """Return the flow solver of the independent model, of :meth:`Vehicle.truth_engine`."""
+    body = vehicle.body()
+    if vehicle.truth_engine() == "newtonian":
         entries = vehicle.aerodynamics
         return NewtonianEngine(
             mesh_of_grid(truth_surface(vehicle)),

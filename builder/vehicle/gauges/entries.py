@@ -9,6 +9,7 @@ from pydantic import AfterValidator, Field, model_validator
 
 from builder.vehicle.toml.limits import once_each
 from builder.vehicle.toml.sections import FileName, Section, Station
+from strainfmu.estimator.settings import SENSOR_RANGE
 
 GaugeLength = Annotated[float, Field(ge=0.0, le=100.0)]
 
@@ -81,9 +82,14 @@ class GaugeLayoutEntry(Section):
 
 
 class Gauges(Section):
-    """Named layouts and the one in use."""
+    """Named layouts and the one in use; ``range_um_per_m`` is the largest strain that they measure.
+
+    A reading beyond it leaves its gauge out. Amplifiers limit it, too; without the entry it is 50,000 um/m, which
+    foil gauges bear.
+    """
 
     layout: str
+    range_um_per_m: float | None = Field(default=None, ge=1.0, le=1e6 * SENSOR_RANGE)
     layouts: dict[str, GaugeLayoutEntry] = Field(min_length=1)
 
     @model_validator(mode="after")

@@ -19,8 +19,9 @@ StrainStd = Annotated[float, Field(ge=1e-6, le=1e4)]
 class MapEntry(Section):
     """The inverse map.
 
-    ``case`` 1 keeps ``modes`` POD modes and solves by least squares; 2 takes the snapshots as a Gaussian prior,
-    all of them or ``prior_modes`` POD modes. ``gamma`` is Case 2's: a number, or the rule that finds it.
+    ``case`` 1 keeps at most ``modes`` POD modes, those that the gauges observe, and solves by least squares; 2
+    takes the snapshots as a Gaussian prior, all of them or ``prior_modes`` POD modes. ``gamma`` is Case 2's: a
+    number, or the rule that finds it.
     ``inner_product`` is that of the POD. ``keep_field`` writes the pressure field into the map.
 
     ``form`` "dynamic_pressure" models strain in proportion to q_inf, so that the map holds at every altitude of

@@ -24,7 +24,7 @@ from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.wire.frame import Frame
 from strainfmu.can.wire.frame_layout import DYNAMIC_PRESSURE, InputLayout
 from strainfmu.can.wire.profile_signals import LARGEST_DYNAMIC_PRESSURE
-from strainfmu.cosim.estimators.step import Step, needs_pressure, noise_of
+from strainfmu.cosim.estimators.step import Step, needs_pressure, noise_of, sensor_range_of
 from strainfmu.errors import InputError
 
 _CATCH_UP = 10
@@ -320,6 +320,7 @@ def bridge_core(
         those of the input.
     """
     own = own_frames(own_keys)
+    settings = replace(settings, sensor_range=min(settings.sensor_range, sensor_range_of(step)))
     _check_input(layout, own.keys, dynamic_pressure, is_needed=needs_pressure(step))
     noise_std = noise_of(step) if settings.gauge_noise is None else settings.gauge_noise
     parts = cycle_parts(layout, settings, own=own, dynamic_pressure=dynamic_pressure, noise_std=noise_std)

@@ -14,6 +14,7 @@ from strainfmu.can.cycle.frames.assembler import Arrival, Cycle
 from strainfmu.can.cycle.frames.decoder import STATUS_DEGRADED, DecodedCycle
 from strainfmu.can.cycle.frames.held_strains import WholeCycle
 from strainfmu.can.cycle.frames.reception import TrailerVerdict
+from strainfmu.can.cycle.gauges.plausibility import ROUND_OFF
 from strainfmu.can.cycle.gauges.verdicts import GaugeVerdicts
 from strainfmu.can.cycle.parts import CycleParts
 from strainfmu.can.cycle.states.quality import Cause, Quality
@@ -151,6 +152,8 @@ class CycleJudge:
             strains = [arrival for arrival in strains if arrival.slot < n_strain]
         decoded = self._decoder.decode(strains, trailer.status)
         plausible = self._plausible(decoded, cycle, whole)
+        if self._gauges.all_zero and self._is_dead(decoded, now):
+            plausible = self._gauges.refuse_zeros(decoded.present)
         age, uncertainty, of_time = self._age(cycle, now, decoded=decoded, trailer=trailer)
         trusted = reception.trusted_gauges(arrivals)
         if trailer.cause or of_time:
@@ -215,6 +218,11 @@ class CycleJudge:
             now=now,
         )
         return self._held.verdicts(checked, whole.fresh) & present
+
+    def _is_dead(self, decoded: DecodedCycle, now: float) -> bool:
+        """Return whether all gauges read exactly zero, those that are held included, although there is a load."""
+        is_zero = (decoded.raw == 0) | (np.abs(decoded.strain) <= ROUND_OFF)
+        return bool(is_zero[decoded.present].all()) and self._flow.stated_pressure(now) > 0.0
 
     def silence(self, time: float, quality: Quality, causes: Cause) -> CycleResult:
         """Return the result at ``time`` [s] of a cycle in which nothing came."""

@@ -64,7 +64,7 @@ def _motion(inverse_map: InverseMap) -> tuple[FloatArray, FloatArray]:
     The mean strain of a map is that of no flight state: to a map with tables it is a fault, at any q_inf.
     """
     if inverse_map.manifold is not None:
-        strain, pressure = clean_motion(inverse_map.manifold, _DISTINCT + 1)
+        strain, pressure = clean_motion(inverse_map, _DISTINCT + 1)
         return strain[:-1], pressure[:-1]
     swing = 1.0 + _SWING * np.sin(2.0 * np.pi * np.arange(_DISTINCT) / _DISTINCT)
     nominal = np.full(_DISTINCT, inverse_map.nominal_dynamic_pressure)

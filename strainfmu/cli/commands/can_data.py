@@ -94,6 +94,12 @@ def estimate(
     accept_strain_level: Annotated[
         bool, typer.Option("--accept-strain-level", help="Estimate although strains are far from the map's.")
     ] = False,
+    accept_held: Annotated[
+        bool, typer.Option("--accept-held", help="Estimate rows in which no gauge changes, too; else INVALID.")
+    ] = False,
+    exclude: Annotated[
+        str | None, typer.Option(metavar="CHANNEL,..", help="Gauges to leave out, by name, number or column.")
+    ] = None,
     field: Annotated[
         Path | None, typer.Option(metavar="X.vtkhdf", help="Write the pressure on the surface, for ParaView.")
     ] = None,
@@ -132,6 +138,8 @@ def estimate(
 
         strainfmu estimate map.h5 flight.csv -o loads.csv --residuals --ignore-columns 'temperature*,operator'
 
+        strainfmu estimate map.h5 flight.csv -o loads.csv --exclude axial_180deg_7,'strain\\[12]'
+
         strainfmu estimate map.h5 recorder.tdms -o loads.csv --channels channels.toml
 
         strainfmu estimate map.h5 flight.csv -o loads.h5 --filter 10 --smooth
@@ -152,11 +160,17 @@ def estimate(
         if channels is not None or filter_seconds is not None:
             option = "--channels" if channels is not None else "--filter"
             raise InputError(f"{data}: {option}: expected none with a CAN log")
-        if residuals or ignore_columns or accept_strain_level or field is not None:
-            raise InputError(
-                f"{data}: --residuals, --ignore-columns, --accept-strain-level and --field: "
-                "expected none with a CAN log"
-            )
+        refused = {
+            "--residuals": residuals,
+            "--ignore-columns": ignore_columns,
+            "--accept-strain-level": accept_strain_level,
+            "--accept-held": accept_held,
+            "--exclude": exclude,
+            "--field": field,
+        }
+        for option, value in refused.items():
+            if value:
+                raise InputError(f"{data}: {option}: expected none with a CAN log")
         if dynamic_pressure is not None and isnan(dynamic_pressure):
             raise InputError(f"{data}: --dynamic-pressure: expected a pressure with a CAN log, got nan")
         given = {} if dynamic_pressure is None else {"dynamic_pressure": dynamic_pressure}
@@ -170,7 +184,7 @@ def estimate(
             dynamic_pressure=dynamic_pressure,
             progress=progress,
             residuals=residuals,
-            ignore_columns=[name.strip() for name in (ignore_columns or "").split(",") if name.strip()],
+            ignore_columns=_names(ignore_columns),
             check_level=not accept_strain_level,
             field_output=field,
             field_every=field_every or 1,
@@ -178,12 +192,19 @@ def estimate(
             time_constant=filter_seconds,
             smooth=smooth,
             zeros=zeros,
+            accept_held=accept_held,
+            exclude=_names(exclude),
         )
     for line in _estimate_lines(summary, data):
         console.print(line, highlight=False, markup=False, soft_wrap=True)
     console.print(f"{output}: written, {summary.samples} samples", highlight=False, markup=False, soft_wrap=True)
     if field is not None:
         console.print(f"{field}: written, {summary.fields} fields", highlight=False, markup=False, soft_wrap=True)
+
+
+def _names(text: str | None) -> list[str]:
+    """Return the names of a list with commas."""
+    return [name.strip() for name in (text or "").split(",") if name.strip()]
 
 
 def _estimate_lines(summary: EstimationSummary, data: Path) -> list[str]:

@@ -22,6 +22,7 @@ from strainfmu.estimator.map.innovation import inverse_cholesky
 from strainfmu.estimator.map.inverse_map import (
     COEFFICIENT_NAMES,
     LOAD_NAMES,
+    LOAD_UNITS,
     SCHEMA,
     SCHEMA_VERSION,
     InverseMap,
@@ -35,7 +36,6 @@ from strainfmu.files import content_hash_of
 MICRO = 1e6
 MISS_PROBABILITY = 0.01
 EIGENVALUES_SHOWN = 12
-LOAD_UNITS = ("N", "N", "N", "N m", "N m")
 CASE_NAMES = {1: "1, least squares on POD modes", 2: "2, low-rank Gaussian prior"}
 
 NAMED = ("gauge", "coefficient", "term")
@@ -124,7 +124,9 @@ def _summary(loaded: InverseMap, title: str, content_hash: str) -> Table:
     table.add_row("degrees of freedom of chi-square", str(loaded.residual_degrees_of_freedom))
     table.add_row("reference area, length", f"{loaded.reference_area:.6g} m2, {loaded.reference_length:.6g} m")
     table.add_row("pressure field", "held" if loaded.field_modes is not None else "not held")
-    for row in provenance_rows(loaded.provenance, SHOWN_APART):
+    # Maps state the choice of modes in full, but older ones only which were skipped.
+    in_choice = ("modes_skipped",) if "mode_choice" in loaded.provenance else ()
+    for row in provenance_rows(loaded.provenance, (*SHOWN_APART, *in_choice)):
         table.add_row(*map(escape, row))
     return table
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
+from builder.inverse.modes.mode_choice import mode_choice_lines
+
 OF_LEVELS = ("chi-square", "largest |z|", "chi-square of the shapes")
 
 UNIT_ENDINGS = {"_m": "m", "_mm": "mm", "_Pa": "Pa", "_deg": "deg", "_percent": "%", "_um_per_m": "um/m"}
@@ -88,6 +90,11 @@ def _calibration(facts: Mapping[str, Any]) -> str:
     return "; ".join([", ".join(said), *(lines or ["no fault found"])])
 
 
+def _mode_choice(facts: Mapping[str, Any]) -> str:
+    """Return which modes are states, and why others are not, a line each."""
+    return "\n".join(mode_choice_lines({"mode_choice": facts})) or "every mode that was tried is a state"
+
+
 def _mesh_error(facts: Mapping[str, Any]) -> str:
     """Return how far another discretisation is, in sigmas of the gauges."""
     trusted = "" if facts["sigmas_trusted"] else "; the sigmas of the map are not to be trusted"
@@ -108,6 +115,7 @@ _WORDS: dict[str, tuple[str, Callable[[Any], str] | None]] = {
     "symmetry": ("flows taken", lambda value: SYMMETRIES.get(value, str(value))),
     "internal_pressure_Pa": ("", lambda value: value if isinstance(value, str) else f"{value:.6g} Pa"),
     "layout": ("gauge layout", None),
+    "mode_choice": ("choice of modes", _mode_choice),
     "modes": ("modes estimated", None),
     "modes_skipped": ("modes left to the noise, not observed", None),
     "snapshots": ("snapshots", lambda value: f"{value} conditions"),

@@ -76,11 +76,11 @@ def check_vehicle(path: Path, console: Console) -> None:
     if gauges is not None:
         faults.of(lambda: check_map_size(vehicle, gauges[vehicle.gauges.layout], len(conditions)))
         faults.of(lambda: check_noise(vehicle))
-    trajectory = faults.of(lambda: _manoeuvre(vehicle, conditions))
+    flies = vehicle.truth.manoeuvre is not None
+    trajectory = faults.of(lambda: _manoeuvre(vehicle, conditions)) if flies else None
     faults.raise_if_any()  # before the flows, which take longest
     assert gauges is not None
     assert engine is not None
-    assert trajectory is not None
     faults.lines += [f"{path}: {line}" for line in _out_of_reach(vehicle, engine, conditions, reporter)]
     faults.raise_if_any()
     console.print(_table(path, vehicle, gauges, engine, conditions))
@@ -95,7 +95,7 @@ def _manoeuvre(vehicle: Vehicle, conditions: Sequence[FlightCondition]) -> Traje
     from strainfmu.cosim.models.flight_model import check_envelope
     from strainfmu.cosim.models.trajectory import load_trajectory
 
-    path = vehicle.beside(vehicle.truth.manoeuvre)
+    path = vehicle.manoeuvre()
     trajectory = load_trajectory(path, tuple(vehicle.conditions.parameters))
     check_parameters(vehicle, trajectory, conditions, path)
     if vehicle.is_of_revolution:
@@ -113,7 +113,7 @@ def _out_of_reach(
     keys = [engine.flow_key(condition) for condition in extreme_conditions(conditions)]
     for line in flows_out_of_reach(engine, keys, reporter, "Flow: extreme conditions"):
         yield f"conditions: {line}"
-    if not vehicle.is_of_revolution:
+    if not vehicle.has_flow_table:
         return
     of_truth = sorted(truth_keys(vehicle))
     mach, incidence = ([key[axis] for key in of_truth] for axis in (0, 1))
@@ -157,20 +157,26 @@ def _shape_rows(vehicle: Vehicle, engine: Engine) -> Iterator[tuple[str, str]]:
     yield "slope breaks", ", ".join(f"{x:.4g} m" for x in body.slope_breaks) or "none"
 
 
-def _warnings(vehicle: Vehicle, trajectory: Trajectory, conditions: Sequence[FlightCondition]) -> Iterator[str]:
+def _warnings(
+    vehicle: Vehicle, trajectory: Trajectory | None, conditions: Sequence[FlightCondition]
+) -> Iterator[str]:
     """Yield how long the manoeuvre is, where it leaves the snapshots, and why the demonstration would refuse."""
     from builder.pipeline.demonstration.manoeuvre import manoeuvre_warnings
     from builder.structure.fourier.model import refuse_beyond_fourier
     from builder.vehicle.map_needs import unused_entries
 
-    yield f"manoeuvre: {trajectory.stop_time:.4g} s"
+    if trajectory is None:
+        yield "manoeuvre: none; `strainfmu demo` needs truth.manoeuvre, other commands do not"
+    else:
+        yield f"manoeuvre: {trajectory.stop_time:.4g} s"
     yield from (f"warning: {line}" for line in unused_entries(vehicle))
     of_revolution = (
         vehicle.is_of_revolution
         and vehicle.aerodynamics.surface is None
         and vehicle.aerodynamics.engine != "table"
     )
-    yield from manoeuvre_warnings(vehicle, trajectory, conditions, of_revolution)
+    if trajectory is not None:
+        yield from manoeuvre_warnings(vehicle, trajectory, conditions, of_revolution)
     if not vehicle.is_of_revolution:
         return
     try:

@@ -14,6 +14,7 @@ from strainfmu.arrays import FloatArray
 from strainfmu.cosim.systems.instance import read_description
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
+from strainfmu.estimator.settings import SENSOR_RANGE
 from strainfmu.interface.sensor_variables import PREFIX as SENSOR_PREFIX
 
 STRAIN = re.compile(r"strain\[(\d+)\]")
@@ -82,6 +83,12 @@ def noise_std_of(contents: Path, n_gauges: int) -> FloatArray | None:
         return None  # of an earlier version, or of another program
     usable = noise.shape == (n_gauges,) and bool((np.isfinite(noise) & (noise > 0.0)).all())
     return noise if usable else None
+
+
+def sensor_range_of(description: Any) -> float:
+    """Return the largest |strain| of a working gauge [m/m] by an FMU; that of maps if it states none."""
+    start = next((v.start for v in description.modelVariables if v.name == "sensor_range"), None)
+    return SENSOR_RANGE if start is None else float(start)
 
 
 def estimator_inputs(path: Path, description: Any, takes_sensors: bool = False) -> list[Any]:

@@ -28,6 +28,7 @@ from strainfmu.cosim.estimators.description import (
     noise_std_of,
     numbered,
     section_stations,
+    sensor_range_of,
 )
 from strainfmu.cosim.estimators.step import FURTHER_LOADS, PARAMETERS, StepRefused, StepResult
 from strainfmu.cosim.systems.instance import Instance, SignalBlock, read_description, safe_temporary_parent, unzip
@@ -68,6 +69,7 @@ class FmuStep:
     needs_pressure : whether there are no coefficients where q_inf is not known: of a linear estimator.
     strain_nominal : (n_d,) nominal values of the strains [m/m], the largest that are expected; 1 without.
     pressure_nominal : nominal value of q_inf [Pa].
+    sensor_range : largest |strain| of a working gauge [m/m], at the start.
     noise_std : (n_d,) standard deviations of the gauges' noise [m/m] in the FMU's map, None if it states none.
 
     Raises
@@ -118,6 +120,7 @@ class FmuStep:
         self.further_outputs = tuple(variable.name for variable in self._get[len(OUTPUTS) - 1 : -1])
         self.strain_nominal = np.array([float(variable.nominal or 1.0) for variable in strains])
         self.pressure_nominal = float(pressure.nominal or 1.0)
+        self.sensor_range = sensor_range_of(self._description)
         self._time = 0.0
         self._retried = False
         self._inputs = np.zeros(len(self._set))

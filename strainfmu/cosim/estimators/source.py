@@ -19,6 +19,7 @@ from strainfmu.errors import InputError
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map
 from strainfmu.estimator.map.sensors import refuse_sensors
+from strainfmu.estimator.settings import default_settings
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros, no_zeros
 from strainfmu.interface.further_variables import further_load_outputs, further_outputs, section_stations
 from strainfmu.interface.input_names import FURTHER_FLOW
@@ -95,6 +96,7 @@ class MapStep:
         self._flow = FURTHER_FLOW[:1] if self.needs_pressure else FURTHER_FLOW
         self.further_inputs = (*NAVIGATION, *self._flow, *self._temperatures, *self._parameters, *self._stds)
         self.noise_std = inverse_map.noise_std
+        self.sensor_range = default_settings(inverse_map).sensor_range
         self.section_stations = section_stations(inverse_map)
         stations = self.section_stations
         self._further = {} if stations is None else further_load_outputs(len(stations))

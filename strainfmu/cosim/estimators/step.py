@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import StrainfmuError
 from strainfmu.estimator.health import HealthState
+from strainfmu.estimator.settings import SENSOR_RANGE
 from strainfmu.interface.parameter_variables import PREFIX as PARAMETER_PREFIX
 from strainfmu.interface.parameter_variables import STD_PREFIX
 
@@ -105,3 +106,11 @@ def noise_of(step: Step) -> FloatArray | None:
     """
     noise: FloatArray | None = getattr(step, "noise_std", None)
     return noise
+
+
+def sensor_range_of(step: Step) -> float:
+    """Return the largest |strain| of a gauge that the estimator uses [m/m].
+
+    It is ``step``'s attribute ``sensor_range``; that of maps where it has none.
+    """
+    return float(getattr(step, "sensor_range", SENSOR_RANGE))

@@ -6,14 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, LOAD_NAMES
+from strainfmu.estimator.estimates.estimate_text import health_counts
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, LOAD_NAMES, LOAD_UNITS
 from strainfmu.estimator.notebook import html_table
 
 if TYPE_CHECKING:
     from strainfmu.estimator.estimates.load_estimate import LoadEstimate, LoadEstimates
-
-LOAD_UNITS = ("N", "N", "N", "N m", "N m")
 
 
 def estimate_html(estimate: LoadEstimate) -> str:
@@ -44,8 +42,8 @@ def estimates_html(estimates: LoadEstimates) -> str:
         known = np.isfinite(values)
         texts = (np.min(values[known]), np.max(values[known]), 3.0 * np.median(std[known])) if known.any() else ()
         rows.append((name, *(f"{text:.4g}" for text in texts)))
-    counts = zip(*np.unique(estimates.health, return_counts=True), strict=True)
-    states = ", ".join(f"{count} {HealthState(int(state)).name}" for state, count in counts)
     return html_table(
-        f"{len(estimates)} load estimates: {states}", ("", "minimum", "maximum", "median 3 sigma"), rows
+        f"{len(estimates)} load estimates: {health_counts(estimates)}",
+        ("", "minimum", "maximum", "median 3 sigma"),
+        rows,
     )

@@ -98,7 +98,7 @@ class Sigma(NamedLoads):
     further_coefficients: FloatArray
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class LoadEstimate(NamedLoads):
     """The estimate of one sample. Of a gauge that is not valid, no number here depends on its strain.
 
@@ -183,13 +183,18 @@ class LoadEstimate(NamedLoads):
 
         return dataframe_of(self, [self.health.name])
 
+    def __repr__(self) -> str:
+        from strainfmu.estimator.estimates.estimate_text import estimate_text
+
+        return estimate_text(self)
+
     def _repr_html_(self) -> str:
         from strainfmu.estimator.estimates.estimate_html import estimate_html
 
         return estimate_html(self)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class LoadEstimates(NamedLoads):
     """The estimates of k samples; row i of every array is the :class:`LoadEstimate` of sample i.
 
@@ -280,6 +285,11 @@ class LoadEstimates(NamedLoads):
 
         names = np.array([state.name for state in HealthState])
         return dataframe_of(self, names[self.health])
+
+    def __repr__(self) -> str:
+        from strainfmu.estimator.estimates.estimate_text import estimates_text
+
+        return estimates_text(self)
 
     def _repr_html_(self) -> str:
         from strainfmu.estimator.estimates.estimate_html import estimates_html

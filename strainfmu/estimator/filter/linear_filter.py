@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import InputError
+from strainfmu.estimator.arguments import real_numbers
 from strainfmu.estimator.estimates.load_estimate import LoadEstimate
 from strainfmu.estimator.filter.kalman import Law, Transition, measured, predicted, stationary_law
 from strainfmu.estimator.filter.linear_model import (
@@ -128,7 +129,7 @@ class LinearFilter:
             temperature=temperature,
             parameters=parameters,
         )
-        readings = np.asarray(strain, dtype=float)
+        readings = real_numbers("strain", strain)
         return self.stepped(seconds, static, readings, float(dynamic_pressure), temperature).estimate
 
     def stepped(

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
-from strainfmu.estimator.arguments import checked_mask, strain_of_one, strain_of_samples
+from strainfmu.estimator.arguments import checked_mask, real_numbers, strain_of_one, strain_of_samples
 from strainfmu.estimator.estimates.load_estimate import (
     LoadEstimate,
     LoadEstimates,
@@ -156,7 +156,7 @@ class Estimator:
             parameters of which the map knows nothing. Values that are not
             finite are no error: the estimate goes without the gauge or without coefficients, and health states it.
         """
-        d = np.asarray(strain, dtype=float)
+        d = real_numbers("strain", strain)
         if d.ndim != 2:
             flow = (dynamic_pressure, dynamic_pressure_std, mach_number, altitude)
             return self._one(d, valid, flow, temperature, parameters)

@@ -13,7 +13,7 @@ from strainfmu.estimator.estimates.pressure_field import FieldInputs, PressureFi
 from strainfmu.estimator.manifold.air_data import AirData
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class FlightEstimate(LoadEstimate):
     """The estimate of one sample, with the flight state that it follows from.
 
@@ -56,7 +56,7 @@ class FlightEstimate(LoadEstimate):
         return pressure_of(self, with_std)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class FlightEstimates(LoadEstimates):
     """The estimates of k samples; row i of every array is the :class:`FlightEstimate` of sample i."""
 

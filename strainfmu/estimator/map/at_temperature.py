@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
+from strainfmu.estimator.arguments import real_numbers
 from strainfmu.estimator.map.added_noise import with_gauge_covariance
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.map.temperature import (
@@ -61,9 +62,9 @@ class SensorSets(Generic[Kind]):
         Raises
         ------
         InputError
-            It has another shape, or the map knows no sensors.
+            It has another shape, holds something else than real numbers, or the map knows no sensors.
         """
-        values, n_t = np.asarray(temperature, dtype=float), self.thermal.n_sensors
+        values, n_t = real_numbers("temperature", temperature), self.thermal.n_sensors
         if values.shape not in ((n_t,), (samples, n_t)):
             raise InputError(f"temperature: expected ({n_t},) or ({samples}, {n_t}) values, got {values.shape}")
         return np.broadcast_to(values, (samples, n_t))

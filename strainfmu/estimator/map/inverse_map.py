@@ -44,6 +44,7 @@ SCHEMA = "strainfmu.inverse_map"
 SCHEMA_VERSION = 8
 
 LOAD_NAMES = ("axial_force", "normal_force", "side_force", "pitching_moment", "yawing_moment")
+LOAD_UNITS = ("N", "N", "N", "N m", "N m")
 COEFFICIENT_NAMES = ("C_A", "C_N", "C_Y", "M_P", "M_Y")
 
 DEFAULT_SCORE_LIMIT = 3.0

@@ -13,6 +13,7 @@ from __future__ import annotations
 import csv
 import ctypes
 import sys
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -26,6 +27,10 @@ NANOSECONDS = 1e9
 
 _CASTS: dict[str, Callable[[float], Any]] = {"Real": float, "Integer": int, "Boolean": bool}
 """Python's type by FMI's; ecos and libcosim know no Enumeration."""
+
+_CASTS_3: dict[str, Callable[[float], Any]] = {"Float64": float, "Int32": int, "Boolean": bool}
+_CALLS = {"Enumeration": "Int64"}
+"""What FMI 3.0 calls the type in the names of its functions, where that is another."""
 
 _ECOS_NAMES = {"Real": "real", "Integer": "integer", "Boolean": "bool"}
 
@@ -47,43 +52,65 @@ def write_table(path: Path, table: Table) -> None:
 
 
 def run_fmpy(fmu: Path, table: Table) -> Table:
-    """Simulate with FMPy, whose tables hold arrays or scalars: scalars beside arrays are set on their own."""
+    """Simulate with FMPy; what it prints of a failing FMU explains the failure."""
     import fmpy
 
-    has_arrays = any(len(cells[0]) > 1 for cells in table.values())
-    scalars = [name for name, cells in table.items() if name != "time" and has_arrays and len(cells[0]) == 1]
-    together = {name: cells for name, cells in table.items() if name not in scalars}
-    references = [variable.valueReference for name, variable in _variables(fmu).items() if name in scalars]
-    names = [name for name in _variables(fmu) if name in scalars]
-
-    def set_scalars(time: float, recorder: Any) -> bool:
-        row = min(len(table["time"]) - 1, round(time / (table["time"][1][0] - table["time"][0][0])))
-        if scalars:
-            recorder.fmu.setFloat64(references, [table[name][row][0] for name in names])
-        return True
-
-    shapes = [
-        (name, float) if len(cells[0]) == 1 else (name, float, (len(cells[0]),))
-        for name, cells in together.items()
-    ]
-    rows = zip(*together.values(), strict=True)
-    signals = np.array(
-        [tuple(cell[0] if len(cell) == 1 else tuple(cell) for cell in row) for row in rows], dtype=shapes
-    )
+    if any(len(cells[0]) > 1 for cells in table.values()):
+        return _run_fmpy_arrays(fmu, table)
+    rows = zip(*table.values(), strict=True)
+    signals = np.array([tuple(cell[0] for cell in row) for row in rows], dtype=[(name, float) for name in table])
     time = [row[0] for row in table["time"]]
     result = fmpy.simulate_fmu(
         str(fmu),
         stop_time=time[-1],
         output_interval=time[1] - time[0],
         input=signals,
-        start_values={name: table[name][0][0] for name in scalars},
-        step_finished=set_scalars,
         fmi_type="CoSimulation",
         debug_logging=True,  # some FMUs say what is wrong only then; fmpy prints it
     )
     return {
         name: [np.atleast_1d(cell).astype(float).tolist() for cell in result[name]] for name in result.dtype.names
     }
+
+
+def _run_fmpy_arrays(fmu: Path, table: Table) -> Table:
+    """Simulate by FMPy's calls of FMI 3.0: its ``simulate_fmu`` takes no table with an array and a scalar."""
+    import fmpy
+
+    description = fmpy.read_model_description(str(fmu), validate=False)
+    variables = {one.name: one for one in description.modelVariables}
+    outputs = [one for one in variables.values() if one.causality == "output"]
+    time = [row[0] for row in table["time"]]
+    found: Table = {"time": table["time"], **{one.name: [] for one in outputs}}
+    with tempfile.TemporaryDirectory() as folder:
+        instance = fmpy.instantiate_fmu(
+            fmpy.extract(str(fmu), folder), description, "CoSimulation", debug_logging=True
+        )
+
+        def set_inputs(row: int) -> None:
+            for name in (name for name in table if name != "time"):
+                setter = getattr(instance, f"set{_CALLS.get(variables[name].type, variables[name].type)}")
+                setter(
+                    [variables[name].valueReference], [_CASTS_3[variables[name].type](v) for v in table[name][row]]
+                )
+
+        def read_outputs() -> None:
+            for one in outputs:
+                getter = getattr(instance, f"get{_CALLS.get(one.type, one.type)}")
+                count = int(np.prod([int(dimension.start) for dimension in one.dimensions]))
+                found[one.name].append([float(value) for value in getter([one.valueReference], nValues=count)])
+
+        instance.enterInitializationMode(startTime=time[0], stopTime=time[-1])
+        set_inputs(0)
+        instance.exitInitializationMode()
+        read_outputs()
+        for row in range(len(time) - 1):
+            set_inputs(row)
+            instance.doStep(time[row], time[row + 1] - time[row])
+            read_outputs()
+        instance.terminate()
+        instance.freeInstance()
+    return found
 
 
 def run_ecos(fmu: Path, table: Table) -> Table:

@@ -20,6 +20,11 @@ from strainfmu.fmu.description.fmu_description import (
 from strainfmu.interface.enumerations import used_enumerations
 from strainfmu.interface.fmi_variables import Variable
 
+TIME = Variable(
+    name="time", description="Simulation time", causality="independent", variability="continuous", unit="s"
+)
+"""FMI 3.0 requires time among the variables; it comes last, so that no other reference depends on it."""
+
 _TYPES = {"Real": "Float64", "Integer": "Int32", "Boolean": "Boolean", "Enumeration": "Enumeration"}
 
 
@@ -32,19 +37,16 @@ def model_description_3(fmu: FmuDescription) -> Element:
     for kind, attributes in kinds.items():
         if attributes is not None:
             SubElement(root, kind, {"modelIdentifier": fmu.model_identifier, **attributes})
-    _add_units_and_types(root, fmu.interface)
+    interface = (*fmu.interface, TIME)
+    add_units(root, interface)
+    _add_types(root, interface)
     categories = SubElement(root, "LogCategories")
     for name, text in LOG_CATEGORIES.items():
         SubElement(categories, "Category", {"name": name, "description": text})
     SubElement(root, "DefaultExperiment", default_experiment(fmu))
     variables = SubElement(root, "ModelVariables")
-    for value_reference, variable in enumerate(fmu.interface):
+    for value_reference, variable in enumerate(interface):
         variables.append(_variable(value_reference, variable))
-    # FMI 3.0 requires time among the variables; it comes last, so that no other reference depends on it.
-    time = {"name": "time", "valueReference": str(len(fmu.interface)), "description": "Simulation time"}
-    SubElement(
-        variables, "Float64", {**time, "causality": "independent", "variability": "continuous", "unit": "s"}
-    )
     root.append(_model_structure(fmu.interface))
     return root
 
@@ -56,12 +58,8 @@ def model_description_3_bytes(fmu: FmuDescription) -> bytes:
     return tostring(root, encoding="UTF-8", xml_declaration=True)
 
 
-def _add_units_and_types(root: Element, interface: Sequence[Variable]) -> None:
-    """Declare every unit in use, that of time too, and the enumerations."""
-    add_units(root, interface)
-    units = root.find("UnitDefinitions")
-    assert units is not None
-    SubElement(SubElement(units, "Unit", {"name": "s"}), "BaseUnit", {"s": "1"})
+def _add_types(root: Element, interface: Sequence[Variable]) -> None:
+    """Declare the enumerations in use."""
     used = used_enumerations({variable.declared_type for variable in interface})
     definitions = SubElement(root, "TypeDefinitions") if used else None
     for name, (text, items) in used.items():

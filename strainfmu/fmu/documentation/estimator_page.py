@@ -7,14 +7,16 @@ from math import atan2, degrees
 
 import numpy as np
 
+from strainfmu.arrays import FloatArray
+from strainfmu.estimator.health import HealthState
+from strainfmu.estimator.manifold.tracker import RETURN_AFTER
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
 from strainfmu.estimator.map.sensors import SensorRows
 from strainfmu.estimator.map.temperature import ThermalMap
 from strainfmu.estimator.map.validity import ValidRange, valid_ranges
 from strainfmu.fmu.documentation.index_page import Section
-from strainfmu.fmu.documentation.run_panels import estimate_figure
-from strainfmu.fmu.reference_run.run import ReferenceRun
-from strainfmu.fmu.reference_run.strains import failing_gauge, reference_strains
+from strainfmu.fmu.documentation.run_panels import estimate_figure, fault_span
+from strainfmu.fmu.reference_run.run import TRUTH, ReferenceRun, is_usual
 from strainfmu.interface.sensor_variables import THRUST, has_thrust, sensor_names
 from strainfmu.pages import table_html
 from strainfmu.version import __version__
@@ -85,10 +87,7 @@ def estimator_sections(inverse_map: InverseMap, content_hash: str, run: Referenc
         ("Limits", _LIMITS if inverse_map.manifold is None else _FLIGHT_LIMITS),
         (
             "Example",
-            [
-                _example_text(inverse_map, run),
-                estimate_figure(inverse_map, run),
-            ],
+            [*_example(inverse_map, run), estimate_figure(inverse_map, run)],
         ),
         ("Gauges", [_gauge_table(inverse_map)]),
         *([] if inverse_map.sensors is None else [("Sensors", _sensors(inverse_map, inverse_map.sensors))]),
@@ -119,17 +118,48 @@ def _how(inverse_map: InverseMap) -> str:
     return f"{_WEIGHTS[inverse_map.form]}, and from those and the dynamic pressure the coefficients"
 
 
-def _example_text(inverse_map: InverseMap, run: ReferenceRun) -> str:
-    """Return what the example shows."""
-    gauge, size = failing_gauge(inverse_map)
-    _, fails = reference_strains(inverse_map, len(run.time))
-    begin, end = run.time[np.flatnonzero(fails)[[0, -1]] + 1].tolist()
-    return (
-        "The reference run in extra/org.fmi-standard.fmi-ls-ref: a motion within what the snapshots cover, with "
-        "errors of the strains as large as the map states them. A step shows the inputs at its start. From "
-        f"{begin:g} to {end:g} s {_kind(inverse_map, gauge)} {escape(inverse_map.gauge_names[gauge])} reads "
-        f"{_reading(inverse_map, gauge, size)} too much."
-    )
+def _example(inverse_map: InverseMap, run: ReferenceRun) -> list[str]:
+    """Return what the reference run shows: the flight, the fault, and how the estimate fares."""
+    fault, state = run.fault, run.outputs["health.state"]
+    assert fault is not None
+    begin, end = fault_span(run)
+    is_ok = (state == HealthState.OK) & ~fault.fails
+    count = int(np.sum(is_ok))
+    good = f"In {count} of the {np.sum(~fault.fails)} samples without the fault health.state is OK"
+    if count:
+        errors = [
+            np.abs(run.outputs[name] - run.truth[name]) / run.outputs[f"sigma.{name}"]
+            for name in COEFFICIENT_NAMES
+        ]
+        good += f"; the largest error of a coefficient in them is {np.max(np.array(errors)[:, is_ok]):.1f} sigma"
+    others = state[~fault.fails & ~is_ok]
+    if len(others):
+        good += f". In the others it is {_states(others)}"
+    if len(others) and inverse_map.manifold is not None and is_usual(run):
+        good += (
+            f": loads are those of the linear map until strain has fitted the tables {RETURN_AFTER} times in a row"
+        )
+    return [
+        f"A flight of {run.time[-1]:g} s that the snapshots cover, with its air data, is in "
+        "extra/org.fmi-standard.fmi-ls-ref: inputs and the outputs to expect. True values are in "
+        f"{TRUTH}. Errors of strain are as large as the map states; air data are wrong by half a standard "
+        "deviation. Outputs belong to the inputs of the sample before.",
+        f"From {begin:g} to {end:g} s (shaded) {_kind(inverse_map, fault.gauge)} "
+        f"{escape(inverse_map.gauge_names[fault.gauge])}, number {fault.gauge + 1}, reads "
+        f"{_reading(inverse_map, fault.gauge, fault.size)} too much. health.state is then "
+        f"{_states(state[fault.fails])}, and health.suspect_gauge "
+        f"{_numbers(run.outputs['health.suspect_gauge'][fault.fails])}.",
+        f"{good}.",
+    ]
+
+
+def _states(state: FloatArray) -> str:
+    """Return the names of the states of health met, in their order."""
+    return ", ".join(HealthState(int(value)).name for value in sorted(set(state.tolist())))
+
+
+def _numbers(values: FloatArray) -> str:
+    return ", ".join(f"{value:g}" for value in sorted(set(values.tolist())))
 
 
 def all_ranges(inverse_map: InverseMap) -> list[ValidRange]:

@@ -57,12 +57,21 @@ def nice_ticks(low: float, high: float, wanted: int = 4) -> list[float]:
     return [float(f"{k * step:.12g}") for k in range(first, last + 1)]
 
 
-def run_figure(time: FloatArray, panels: Sequence[Panel], label: str) -> str:
-    """Return an SVG of ``panels`` over ``time`` (n,) [s]; ``label`` says what it shows."""
+def run_figure(
+    time: FloatArray, panels: Sequence[Panel], label: str, shaded: tuple[float, float] | None = None
+) -> str:
+    """Return an SVG of ``panels`` over ``time`` (n,) [s]; ``label`` says what it shows.
+
+    ``shaded`` is a span of time [s] that stands out in all panels.
+    """
     end = float(time[-1])
     height = _TOP + len(panels) * (_PLOT + _GAP) - _GAP + _BOTTOM
     parts = [_panel(time, panel, _TOP + k * (_PLOT + _GAP)) for k, panel in enumerate(panels)]
     bottom = height - _BOTTOM
+    if shaded is not None:
+        first, last = (_x(edge, time) for edge in shaded)
+        span = f'x="{first:.1f}" y="{_TOP}" width="{last - first:.1f}" height="{bottom - _TOP}"'
+        parts.insert(0, f'<rect {span} fill="#f3e6c8"/>')
     for tick in nice_ticks(float(time[0]), end, 8):
         x = _x(tick, time)
         parts.append(f'<path d="M{x:.1f},{bottom}v5" stroke="#444"/>')

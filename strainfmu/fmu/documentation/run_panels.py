@@ -4,34 +4,67 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from html import escape
+from math import degrees
 
 import numpy as np
 
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.map.sensors import shown_units
 from strainfmu.fmu.documentation.index_page import Section
 from strainfmu.fmu.documentation.run_figure import Line, Panel, run_figure
 from strainfmu.fmu.reference_run.plant import Reference
-from strainfmu.fmu.reference_run.run import ReferenceRun
-from strainfmu.fmu.reference_run.strains import reference_truth
+from strainfmu.fmu.reference_run.run import ReferenceRun, held
 from strainfmu.interface.fmi_variables import COEFFICIENTS, Variable, shown_unit
+from strainfmu.interface.sensor_variables import reading_names
+
+_ANGLE = "air_data.angle_of_attack"
+_TITLES = {_ANGLE: "angle of attack"}
 
 
 def estimate_figure(inverse_map: InverseMap, run: ReferenceRun) -> str:
-    """Return an SVG of the coefficients of ``run`` over time, each with its band of 3 sigma, truth, and health."""
-    truth = reference_truth(inverse_map, len(run.time))
-    panels = []
-    for name, true in zip(COEFFICIENTS, np.concatenate([truth[:1], truth[:-1]]).T, strict=True):
-        sigma = run.outputs[f"sigma.{name}"]
-        estimate = Line(name="estimate, 3 sigma", values=run.outputs[name], spread=3.0 * sigma)
-        panels.append(Panel(title=f"{name} [1]", lines=[estimate, Line(name="true", values=true, dashed=True)]))
+    """Return an SVG of ``run`` over time: the failing gauge, estimates with bands of 3 sigma and truth, health.
+
+    Estimates are the coefficients and, where the map has tables, the angle of attack. The fault is shaded.
+    """
+    panels = [_fault_panel(inverse_map, run)]
+    for name in (*COEFFICIENTS, _ANGLE):
+        if name in run.truth:
+            factor, unit = (degrees(1.0), "deg") if name == _ANGLE else (1.0, "1")
+            spread = 3.0 * factor * run.outputs[f"sigma.{name}"]
+            estimate = Line(name="estimate, 3 sigma", values=factor * run.outputs[name], spread=spread)
+            true = Line(name="true", values=factor * run.truth[name], dashed=True)
+            panels.append(Panel(title=f"{_TITLES.get(name, name)} [{unit}]", lines=[estimate, true]))
     state = run.outputs["health.state"]
     met = sorted({int(value) for value in state})
     place = {value: float(k) for k, value in enumerate(met)}
     shown = np.array([place[int(value)] for value in state])
     words = [(place[value], HealthState(value).name) for value in met]
     panels.append(Panel(title="health", lines=[Line(name="state", values=shown, steps=True)], words=words))
-    return run_figure(run.time, panels, "Coefficients with 3 sigma bands, and the state of health")
+    label = "A failing gauge, estimates with 3 sigma bands beside the truth, and the state of health"
+    return run_figure(run.time, panels, label, shaded=fault_span(run))
+
+
+def fault_span(run: ReferenceRun) -> tuple[float, float]:
+    """Return the times [s] of the first and the last row of the outputs whose inputs have the fault."""
+    assert run.fault is not None
+    first, last = run.time[np.flatnonzero(run.fault.fails)[[0, -1]]].tolist()
+    return first, last
+
+
+def _fault_panel(inverse_map: InverseMap, run: ReferenceRun) -> Panel:
+    """Return what the failing gauge reads, and what it would read."""
+    fault = run.fault
+    assert fault is not None
+    scale, unit = shown_units(inverse_map.sensors, inverse_map.n_gauges)[fault.gauge]
+    reading = held(run.inputs[reading_names(inverse_map)[fault.gauge]])
+    if inverse_map.sensors is not None:
+        reading = reading / inverse_map.sensors.scale[fault.gauge]
+    lines = [
+        Line(name="reading", values=scale * reading),
+        Line(name="without the fault", values=scale * (reading - fault.size * fault.fails), dashed=True),
+    ]
+    return Panel(title=f"{inverse_map.gauge_names[fault.gauge]} [{unit}]", lines=lines)
 
 
 def reference_sections(reference: Reference, interface: Sequence[Variable]) -> list[Section]:

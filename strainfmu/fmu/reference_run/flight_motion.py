@@ -1,58 +1,68 @@
-"""Motion over the flight state, for the reference run of a map with tables: strains and their errors."""
+"""Flow direction of the reference run of a map with tables: strains, their errors, and the true outputs."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from strainfmu.arrays import FloatArray
-from strainfmu.atmosphere import HEAT_CAPACITY_RATIO
+from strainfmu.estimator.manifold.air_data import AIR_DATA_NAMES, air_data_of_state
 from strainfmu.estimator.manifold.error_covariance import strain_covariance
+from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, N_STATES, U, W, evaluate
 from strainfmu.estimator.tables.manifold_map import ManifoldMap
+from strainfmu.fmu.reference_run.flight_path import FlightPath, flight_path
+from strainfmu.fmu.reference_run.reference_flight import ReferenceFlight, white_noise
 
-_PART_OF_RANGE = 0.3
-"""Amplitude of Mach number and ln p_inf, of their ranges' halves."""
-
-_INCIDENCES = (0.5, 0.2)
-"""Mean and amplitude of the incidence, of its range: its roll angle turns once."""
+_PITCH, _YAW = (0.25, 0.55), 0.1
+"""Least and largest u of a pull-up and push-over, and amplitude of w, of half the ranges that the map covers."""
 
 
-def flight_motion(manifold: ManifoldMap, n_rows: int) -> FloatArray:
-    """Return (n, 4) flight states of a whole turn, inside the ranges of ``manifold``."""
-    phase = 2.0 * np.pi * np.arange(n_rows) / (n_rows - 1)
-    low, high = np.log(manifold.pressure_range)
-    slowest, fastest = manifold.mach_range
-    mean, amplitude = _INCIDENCES
+def flight_states(manifold: ManifoldMap, path: FlightPath) -> FloatArray:
+    """Return (n, 4) flight states of ``path``, inside the ranges of ``manifold``: they end where they begin."""
+    phase = np.linspace(0.0, 2.0 * np.pi, len(path.mach_number))
     middle, half = manifold.crossflow
-    size = half[:, None] * (mean + amplitude * np.cos(2.0 * phase))
-    state = np.empty((n_rows, N_STATES))
-    state[:, MACH] = 0.5 * (slowest + fastest) + _PART_OF_RANGE * 0.5 * (fastest - slowest) * np.sin(phase)
-    state[:, U], state[:, W] = middle[0] + size[0] * np.cos(phase), middle[1] + size[1] * np.sin(phase)
-    state[:, LOG_PRESSURE] = 0.5 * (low + high) + _PART_OF_RANGE * 0.5 * (high - low) * np.sin(phase)
+    low, high = _PITCH
+    state = np.empty((len(phase), N_STATES))
+    state[:, MACH], state[:, LOG_PRESSURE] = path.mach_number, np.log(path.static_pressure)
+    state[:, U] = middle[0] + half[0] * (low + (high - low) * 0.5 * (1.0 - np.cos(phase)))
+    state[:, W] = middle[1] + half[1] * _YAW * np.sin(phase)
     return state
 
 
-def motion_strains(manifold: ManifoldMap, n_rows: int) -> tuple[FloatArray, FloatArray]:
-    """Return (n, n_d) strains without errors [m/m], and (n, n_d, n_d) the covariance of the errors."""
-    state, n = flight_motion(manifold, n_rows), manifold.tables.n_gauges
-    value = evaluate(manifold.tables, state).value
-    pressure = np.exp(state[:, LOG_PRESSURE])
-    return value[:, :n], strain_covariance(manifold, pressure, value[:, :n], value[:, n:])
+def flight_of_tables(inverse_map: InverseMap, path: FlightPath) -> ReferenceFlight:
+    """Return the flight of ``path`` in the tables of ``inverse_map``."""
+    manifold = inverse_map.manifold
+    assert manifold is not None
+    state, n = flight_states(manifold, path), manifold.tables.n_gauges
+    value, jacobian = evaluate(manifold.tables, state)
+    strain, loads = value[:, :n], value[:, n:]
+    covariance = strain_covariance(manifold, path.static_pressure, strain, loads)
+    middle = len(state) // 2
+    square = (path.static_pressure**2)[:, None, None]
+    air_data = dict(zip(AIR_DATA_NAMES, air_data_of_state(state)[0].T, strict=True))
+    return ReferenceFlight(
+        strain=strain,
+        loads=loads,
+        load_per_coefficient=path.dynamic_pressure[:, None] * manifold.references,
+        covariance=covariance,
+        residual_precision=_free_precision(covariance[middle], jacobian[middle, :n]),
+        noise_std=white_noise(inverse_map.noise_std, manifold.gauge_covariance),
+        load_strain_covariance=square * manifold.load_strain_covariance,
+        air_data={f"air_data.{name}": values for name, values in air_data.items()},
+    )
 
 
-def clean_motion(manifold: ManifoldMap, n_rows: int) -> tuple[FloatArray, FloatArray]:
-    """Return (n, n_d) strains without errors [m/m] and (n,) q_inf [Pa] of the motion."""
-    state = flight_motion(manifold, n_rows)
-    return evaluate(manifold.tables, state).value[:, : manifold.tables.n_gauges], _dynamic_pressure(state)
+def _free_precision(covariance: FloatArray, jacobian: FloatArray) -> FloatArray:
+    """Return (n_d, n_d) the precision of strain about tables whose state is free, ``jacobian`` (n_d, 4) by it."""
+    precision = np.linalg.inv(covariance)
+    weighted = precision @ jacobian
+    return np.asarray(precision - weighted @ np.linalg.solve(jacobian.T @ weighted, weighted.T))
 
 
-def motion_coefficients(manifold: ManifoldMap, n_rows: int) -> FloatArray:
-    """Return (n, 5) true coefficients of the motion [1]."""
-    state = flight_motion(manifold, n_rows)
-    loads = evaluate(manifold.tables, state).value[:, manifold.tables.n_gauges :]
-    return np.asarray(loads / (_dynamic_pressure(state)[:, None] * manifold.references))
+def clean_motion(inverse_map: InverseMap, n_rows: int) -> tuple[FloatArray, FloatArray]:
+    """Return (n, n_d) strains without errors [m/m] and (n,) q_inf [Pa] of the flight of a map with tables.
 
-
-def _dynamic_pressure(state: FloatArray) -> FloatArray:
-    """Return (n,) q_inf [Pa] of (n, 4) flight states."""
-    return np.asarray(0.5 * HEAT_CAPACITY_RATIO * state[:, MACH] ** 2 * np.exp(state[:, LOG_PRESSURE]))
+    It ends where it begins.
+    """
+    path = flight_path(inverse_map, n_rows)
+    return flight_of_tables(inverse_map, path).strain, path.dynamic_pressure

@@ -21,7 +21,8 @@ from strainfmu.cosim.models.plant_law import Plant, plant_rows
 from strainfmu.cosim.models.schedule import ScheduledSignal, schedule_interface, value_at
 from strainfmu.cosim.models.trajectory import Trajectory
 from strainfmu.errors import InputError
-from strainfmu.fmu.reference_run.run import INPUT_FORMAT, ReferenceRun, layered_standard_files
+from strainfmu.fmu.reference_run.flight_path import rounded
+from strainfmu.fmu.reference_run.run import ReferenceRun, layered_standard_files
 from strainfmu.interface.estimator_variables import valid_names
 from strainfmu.interface.fmi_variables import COEFFICIENTS, Variable, shown_unit, strain_names
 from strainfmu.interface.plant_variables import FlightStart, GaugeFault, Motion, native_plant_interface
@@ -91,7 +92,7 @@ def _plant_groups(gauges: Mapping[str, str]) -> dict[str, dict[str, str]]:
 def _plant_run(plant: Plant) -> ReferenceRun | None:
     step = STEP_SIZE if plant.trajectory is None else covering_step(plant.trajectory.stop_time, N_ROWS - 1)
     time = _times(step, N_ROWS)
-    inputs = {name: _rounded(values) for name, values in _plant_inputs(plant, time).items()}
+    inputs = {name: rounded(values) for name, values in _plant_inputs(plant, time).items()}
     rows: list[dict[str, float]] = []
     try:
         for row in plant_rows(plant, time, inputs):
@@ -193,7 +194,7 @@ def autopilot_reference(model: FlightModel, start: FlightStart, settings: Autopi
         "dynamic_pressure": pressure * (1.0 + 0.1 * swing),
         "pitch_rate": 0.01 * np.sin(0.5 * row),
     }
-    inputs = {name: _rounded(values) for name, values in inputs.items()}
+    inputs = {name: rounded(values) for name, values in inputs.items()}
     samples = []
     for k in range(len(time)):
         given = {name: float(values[max(k - 1, 0)]) for name, values in inputs.items()}
@@ -247,10 +248,6 @@ def covering_step(span: float, n_steps: int) -> float:
 def _times(step: float, n: int) -> list[float]:
     """Return n decimal numbers: what a file holds is what is computed with."""
     return [float(f"{step * k:.10g}") for k in range(n)]
-
-
-def _rounded(values: FloatArray) -> FloatArray:
-    return np.array([float(format(value, INPUT_FORMAT)) for value in np.asarray(values, dtype=float).tolist()])
 
 
 def _cleaned(name: str, values: FloatArray) -> FloatArray:

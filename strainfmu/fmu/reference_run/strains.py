@@ -1,40 +1,32 @@
-"""Strains of a reference run: motion within what a map's snapshots cover, errors, one failing gauge."""
+"""Strains of the reference run of a linear map: states within what its snapshots cover, and their errors."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from strainfmu.arrays import BoolArray, FloatArray
-from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.map.proportional_errors import PAIRS, ErrorModel, excess_products
-from strainfmu.fmu.reference_run.flight_motion import motion_coefficients, motion_strains
+from strainfmu.arrays import FloatArray
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap, map_references
+from strainfmu.estimator.map.proportional_errors import PAIRS, error_model, excess_products
+from strainfmu.fmu.reference_run.flight_path import FlightPath
+from strainfmu.fmu.reference_run.reference_flight import ReferenceFlight, white_noise
 
 MOVING_STATES = 5
 """States that move, the first: those that the snapshots use most."""
 
-PERSISTENCE = 0.97
-"""Correlation of the errors of a row with those of the run: most of them belong to the hardware."""
-
-FAULT_SIZE = 15.0
-"""Error of the failing gauge, in standard deviations of its residual."""
-
 _WEIGHTS = (0.3, 0.3, 0.1, 0.1, 0.1)
 """Amplitudes, of the largest that a state may have alone; together below 1, so that the motion stays inside."""
 
-_SEED = 20
-
 
 def true_states(inverse_map: InverseMap, n_rows: int) -> FloatArray:
-    """Return (n, n_q) states of a whole turn.
+    """Return (n, n_q) states that end where they begin.
 
     Each state alone could reach the bound of the envelope's half-spaces, of the coefficients' ranges or of the
     strains over the snapshots. All of these are convex: a sum of parts that are together below 1 is inside.
     """
-    phase = 2.0 * np.pi * np.arange(n_rows) / (n_rows - 1)
+    phase = np.linspace(0.0, 2.0 * np.pi, n_rows)
     largest = largest_states(inverse_map)
-    moving = min(MOVING_STATES, len(largest))
-    states = np.zeros((len(phase), len(largest)))
-    for k in range(moving):
+    states = np.zeros((n_rows, len(largest)))
+    for k in range(min(MOVING_STATES, len(largest))):
         turn = (k // 2 + 1) * phase
         states[:, k] = _WEIGHTS[k] * largest[k] * (np.sin(turn) if k % 2 == 0 else np.cos(turn))
     return states
@@ -42,7 +34,8 @@ def true_states(inverse_map: InverseMap, n_rows: int) -> FloatArray:
 
 def largest_states(inverse_map: InverseMap) -> FloatArray:
     """Return (n_q,) the size that each state, up or down, may have alone; 0 where nothing bounds it."""
-    mean, per_state = true_coefficients(inverse_map)
+    scale = inverse_map.nominal_dynamic_pressure * map_references(inverse_map)
+    mean, per_state = inverse_map.load_of_mean / scale, inverse_map.load_per_state / scale[:, None]
     low, high = inverse_map.coefficient_range.T
     eye = np.eye(len(mean))
     rows = [(eye, high - mean), (-eye, mean - low)]
@@ -58,88 +51,59 @@ def largest_states(inverse_map: InverseMap) -> FloatArray:
     return np.where(np.isfinite(smallest), smallest, 0.0)
 
 
-def true_coefficients(inverse_map: InverseMap) -> tuple[FloatArray, FloatArray]:
-    """Return (5,) coefficients of the mean and (5, n_q) their change with each state, at the nominal q_inf."""
-    force = inverse_map.nominal_dynamic_pressure * inverse_map.reference_area
-    scale = force * np.array([1.0, 1.0, 1.0, inverse_map.reference_length, inverse_map.reference_length])
-    return inverse_map.load_of_mean / scale, inverse_map.load_per_state / scale[:, None]
+def flight_of_states(inverse_map: InverseMap, path: FlightPath) -> ReferenceFlight:
+    """Return the flight of ``path`` with the states of :func:`true_states`, which scale with the dynamic pressure.
 
-
-def reference_truth(inverse_map: InverseMap, n_rows: int) -> FloatArray:
-    """Return (n, 5) true coefficients of the run [1]."""
-    if inverse_map.manifold is not None:
-        return motion_coefficients(inverse_map.manifold, n_rows)
-    mean, per_state = true_coefficients(inverse_map)
-    return mean + true_states(inverse_map, n_rows) @ per_state.T
-
-
-def reference_strains(inverse_map: InverseMap, n_rows: int) -> tuple[FloatArray, BoolArray]:
-    """Return (n, n_d) strains [m/m], and (n,) whether the gauge fails.
-
-    They are those of a motion over the flight state where the map has tables of it; of any other map they are at
-    the nominal dynamic pressure.
-
-    Errors have the covariance that the map states: gauge noise, hardware, what its modes leave out.
+    What a map holds fixed, as the strain of an internal pressure, does not scale.
     """
-    healthy, covariance = _healthy_strains(inverse_map, n_rows)
-    random = np.random.Generator(np.random.PCG64(_SEED))
-    lasting = random.standard_normal(inverse_map.n_gauges)
-    fresh = random.standard_normal((n_rows, inverse_map.n_gauges))
-    drawn = PERSISTENCE * lasting + np.sqrt(1.0 - PERSISTENCE**2) * fresh
-    strain = healthy + np.einsum("kij,kj->ki", _root(covariance), drawn)
-    gauge, size = failing_gauge(inverse_map)
-    row = np.arange(n_rows)
-    fails = (row >= n_rows // 2) & (row < 3 * n_rows // 4)
-    strain[fails, gauge] += size
-    return strain, fails
+    states = true_states(inverse_map, len(path.dynamic_pressure))
+    ratio = (path.dynamic_pressure / inverse_map.nominal_dynamic_pressure)[:, None]
+    d_0, f_0 = inverse_map.fixed_strain, inverse_map.fixed_load
+    d_0 = np.zeros(inverse_map.n_gauges) if d_0 is None else d_0
+    f_0 = np.zeros(len(COEFFICIENT_NAMES)) if f_0 is None else f_0
+    strain = d_0 + ratio * (inverse_map.mean_strain - d_0 + states @ inverse_map.state_operator.T)
+    loads = f_0 + ratio * (inverse_map.load_of_mean - f_0 + states @ inverse_map.load_per_state.T)
+    own = inverse_map.gauge_covariance
+    load_per_coefficient = path.dynamic_pressure[:, None] * map_references(inverse_map)
+    return ReferenceFlight(
+        strain=strain,
+        loads=loads,
+        load_per_coefficient=load_per_coefficient,
+        covariance=error_covariance(inverse_map, loads / load_per_coefficient, ratio[:, 0]),
+        residual_precision=inverse_map.residual_whitening.T @ inverse_map.residual_whitening,
+        noise_std=white_noise(inverse_map.noise_std, inverse_map.noise_covariance if own is None else own),
+        load_strain_covariance=ratio[:, :, None] ** 2 * _load_strain_covariance(inverse_map),
+    )
 
 
-def _healthy_strains(inverse_map: InverseMap, n_rows: int) -> tuple[FloatArray, FloatArray]:
-    """Return (n, n_d) strains without errors, and (n, n_d, n_d) the covariance of the errors."""
-    if inverse_map.manifold is not None:
-        return motion_strains(inverse_map.manifold, n_rows)
-    states, coefficients = true_states(inverse_map, n_rows), reference_truth(inverse_map, n_rows)
-    healthy = inverse_map.mean_strain + states @ inverse_map.state_operator.T
-    return healthy, error_covariance(inverse_map, coefficients)
+def _load_strain_covariance(inverse_map: InverseMap) -> FloatArray:
+    """Return (5, n_d) of loads that no state holds with their strain, at the nominal dynamic pressure."""
+    if inverse_map.form == "dynamic_pressure":
+        _, error, load = inverse_map.scaled_parts
+        return np.asarray(load @ error.T)
+    stated = inverse_map.strain_load_covariance
+    return np.zeros((len(COEFFICIENT_NAMES), inverse_map.n_gauges)) if stated is None else stated.T
 
 
-def error_covariance(inverse_map: InverseMap, coefficients: FloatArray) -> FloatArray:
+def error_covariance(inverse_map: InverseMap, coefficients: FloatArray, ratio: FloatArray) -> FloatArray:
     """Return (k, n_d, n_d) covariance of the errors of the strains [1] at ``coefficients`` (k, 5).
 
-    The map's own holds errors in proportion to strain at their mean over the snapshots:
-    :mod:`strainfmu.estimator.map.proportional_errors`.
+    ``ratio`` (k,) is the dynamic pressure over the nominal one. The map's own covariance holds errors in
+    proportion to strain at their mean over the snapshots: :mod:`strainfmu.estimator.map.proportional_errors`.
     """
     covariance = np.repeat(inverse_map.noise_covariance[None], len(coefficients), axis=0)
-    of_gauge, common, mean_product = (
-        inverse_map.gauge_error_product,
-        inverse_map.common_error,
-        inverse_map.mean_product,
-    )
-    if of_gauge is None or common is None or mean_product is None:
+    if inverse_map.form != "dynamic_pressure":
         return covariance
-    errors = ErrorModel(of_gauge=of_gauge, common=common, mean_product=mean_product)
-    excess = excess_products(errors, coefficients)
+    _, error, _ = inverse_map.scaled_parts
+    square = (ratio * ratio)[:, None, None]
+    covariance += (square - 1.0) * (error @ error.T)
+    errors = error_model(inverse_map)
+    if errors is None:
+        return covariance
+    excess = square[:, :, 0] * excess_products(errors, coefficients)
     diagonal = np.arange(inverse_map.n_gauges)
-    covariance[:, diagonal, diagonal] += excess @ of_gauge
+    covariance[:, diagonal, diagonal] += excess @ errors.of_gauge
     for pair, (a, b) in enumerate(PAIRS):
-        product = common[:, a].T @ common[:, b]
+        product = errors.common[:, a].T @ errors.common[:, b]
         covariance += excess[:, pair, None, None] * (product if a == b else product + product.T)
     return covariance
-
-
-def _root(covariance: FloatArray) -> FloatArray:
-    """Return the symmetric square root of (k, n, n) matrices, the only one that every machine finds alike."""
-    values, vectors = np.linalg.eigh(covariance)
-    return np.asarray((vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]) @ vectors.transpose(0, 2, 1))
-
-
-def failing_gauge(inverse_map: InverseMap) -> tuple[int, float]:
-    """Return index and error [m/m] of the gauge that fails: the one whose error is best seen and told."""
-    whitening = inverse_map.residual_whitening
-    precision = whitening.T @ whitening
-    variance = np.diag(precision)
-    checked = np.where(variance > 0.0, variance, 1.0)
-    alike = precision**2 / np.outer(checked, checked)
-    np.fill_diagonal(alike, 0.0)
-    gauge = int(np.argmax(variance * (1.0 - np.max(alike, axis=0))))
-    return gauge, FAULT_SIZE / float(np.sqrt(checked[gauge]))

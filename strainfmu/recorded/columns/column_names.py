@@ -83,6 +83,7 @@ class Wanted:
     reference : strains that the map expects, which tell the likely unit; None if they are not known.
     readings : SI unit, as FMI has it, of each further sensor and of thrust, by its name; they are among ``flow``.
     passed : quantities that are known and not read, since another estimator takes them.
+    excluded : gauges to leave out, as the user names them: see :func:`excluded_gauges`.
     """
 
     gauge_names: tuple[str, ...]
@@ -97,6 +98,7 @@ class Wanted:
     sensors: tuple[str, ...] = ()
     readings: Mapping[str, str] = field(default_factory=dict)
     passed: tuple[str, ...] = ()
+    excluded: tuple[str, ...] = ()
 
     @property
     def pressure_option(self) -> str:
@@ -174,6 +176,35 @@ def columns_to_read(
     return read, tuple(unused)
 
 
+def excluded_gauges(path: Path, wanted: Wanted, channels: Mapping[str, str] | None = None) -> frozenset[str]:
+    """Return the gauges to leave out; each is named as in the map, as ``strain[i]``, or by its channel.
+
+    ``channels`` are the gauges of channels that have other names, which may be no gauges of the map.
+
+    Raises
+    ------
+    InputError
+        A name is none of these, or all gauges are left out.
+    """
+    gauges, held = wanted.gauge_names, channels or {}
+    found = set[str]()
+    for name in wanted.excluded:
+        number = strain_number(name)
+        if name in gauges:
+            found.add(name)
+        elif name in held:
+            found.add(held[name])
+        elif number is not None and 1 <= number <= len(gauges):
+            found.add(gauges[number - 1])
+        else:
+            near = get_close_matches(name, [*gauges, *held], n=1, cutoff=0.65)
+            hint = f"did you mean '{near[0]}'" if near else f"there are {some_of([*held] or gauges)}"
+            raise InputError(f"{path}: --exclude: no gauge '{name}' found, {hint}")
+    if found >= set(gauges):
+        raise InputError(f"{path}: --exclude: expected some gauges to be left, got all {len(gauges)}")
+    return frozenset(found)
+
+
 def some_of(names: Sequence[str]) -> str:
     """Return the first names as one text."""
     return ", ".join(names[:6]) + (" ..." if len(names) > 6 else "")
@@ -208,10 +239,12 @@ def _is_output(name: str) -> bool:
 
 
 def _unknown_text(unknown: Sequence[str], names: Sequence[str], wanted: Wanted) -> str:
-    """Return what to say of unknown columns: the names, the nearest known ones, the way to pass over them."""
-    first = unknown[0]
+    """Return what to say of unknown columns: the names, the nearest known ones, the ways to pass over them."""
+    first, way = unknown[0], "state by --channels TOML which channel is which gauge"
     if not first:
-        return f"column {list(names).index(first) + 1}: no name found, or leave it out by --ignore-columns '*'"
+        return (
+            f"column {list(names).index(first) + 1}: no name found; leave it out by --ignore-columns '*', or {way}"
+        )
     nearest = _nearest(first, names=names, wanted=wanted)
     number = strain_number(first)
     if nearest is not None:
@@ -221,7 +254,7 @@ def _unknown_text(unknown: Sequence[str], names: Sequence[str], wanted: Wanted) 
     else:
         hint = f"expected a gauge, strain[i], time, {', '.join(wanted.flow)}"
     others = "" if len(unknown) == 1 else f", and of {len(unknown) - 1} others: {some_of(unknown[1:])}"
-    return f"column '{first}': unknown name{others}; {hint}, or leave it out by --ignore-columns '{first}'"
+    return f"column '{first}': unknown name{others}; {hint}, leave it out by --ignore-columns '{first}', or {way}"
 
 
 def _nearest(name: str, names: Sequence[str], wanted: Wanted) -> str | None:

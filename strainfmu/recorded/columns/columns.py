@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -18,6 +18,7 @@ from strainfmu.recorded.columns.column_names import (
     TIME_NAMES,
     Wanted,
     columns_to_read,
+    excluded_gauges,
     quantity_of,
     some_of,
     split_heading,
@@ -39,7 +40,7 @@ from strainfmu.recorded.columns.temperature_columns import (
 from strainfmu.units import LENGTH_UNITS, NUMBER_UNITS, PRESSURE_UNITS, READING_UNITS, STRAIN_UNITS, TIME_UNITS
 
 LARGEST_STRAIN = 0.1
-"""Strain [m/m] above which a column is taken to be in another unit: no gauge bears it."""
+"""Strain [m/m] above which all columns are taken to be in another unit: no gauge bears it."""
 
 _FLOW_UNITS = {
     "dynamic_pressure": (PRESSURE_UNITS, "Pa"),
@@ -70,6 +71,8 @@ class StrainBlock:
         its standard deviation.
     readings : (n,) of each further sensor, and thrust, that the file holds [SI unit], NaN where it has no value.
     temperature : (n, n_t) of the map's sensors [K], NaN where one gives none; None if the file holds none.
+    faults : n texts on strains that were taken out, "" for none; see
+        :class:`~strainfmu.recorded.strains.strain_faults.StrainFaults`.
     """
 
     time: FloatArray
@@ -80,6 +83,7 @@ class StrainBlock:
     parameters: Mapping[str, FloatArray] = field(default_factory=dict)
     parameters_std: Mapping[str, FloatArray] = field(default_factory=dict)
     readings: Mapping[str, FloatArray] = field(default_factory=dict)
+    faults: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -89,7 +93,7 @@ class ColumnPlan:
     Attributes
     ----------
     time : column of the time.
-    strain : n_d columns, order of the map's gauges.
+    strain : n_d columns, order of the map's gauges; None of a gauge that is left out.
     flow : column and factor of each quantity of ``FLOW_NAMES`` that is read, of ``STATIC_PRESSURE``, and of
         further parameters.
     fixed_pressure : q_inf [Pa] where the file's is not read; NaN where the file's is, and where it is computed or
@@ -106,7 +110,7 @@ class ColumnPlan:
     names: tuple[str, ...]
     time: int
     time_factor: float
-    strain: tuple[int, ...]
+    strain: tuple[int | None, ...]
     strain_factor: FloatArray
     flow: Mapping[str, tuple[int, float]]
     fixed_pressure: float
@@ -121,7 +125,8 @@ class ColumnPlan:
     def columns(self) -> tuple[int, ...]:
         """All columns in use: time, strains, those of ``flow``, then those of temperatures."""
         of_flow = (column for column, _ in self.flow.values())
-        return (self.time, *self.strain, *of_flow, *(one.column for one in self.temperature if one is not None))
+        of_gauges = (column for column in self.strain if column is not None)
+        return (self.time, *of_gauges, *of_flow, *(one.column for one in self.temperature if one is not None))
 
     @property
     def stated(self) -> tuple[str, ...]:
@@ -160,17 +165,19 @@ class ColumnPlan:
             cannot be, or strains are in another unit than stated.
         """
         self._check_finite(table, first_row)
-        n_d = len(self.strain)
+        n_d, read = len(self.strain), [gauge for gauge, column in enumerate(self.strain) if column is not None]
         time = table[:, 0] * self.time_factor
-        strain = table[:, 1 : 1 + n_d] * self.strain_factor
-        flow = {name: table[:, 1 + n_d + i] * factor for i, (name, (_, factor)) in enumerate(self.flow.items())}
+        strain = np.full((len(table), n_d), np.nan)
+        strain[:, read] = table[:, 1 : 1 + len(read)] * self.strain_factor[read]
+        behind = table[:, 1 + len(read) :]
+        flow = {name: behind[:, i] * factor for i, (name, (_, factor)) in enumerate(self.flow.items())}
         self._check_time(time, first_row)
         self._check_signs(flow, first_row)
         large = np.flatnonzero((np.abs(strain) > LARGEST_STRAIN) & np.isfinite(strain))
         if len(large) and self._is_other_unit(strain):
             row, gauge = divmod(int(large[0]), n_d)
             raise InputError(
-                f"{self.path}: column '{self.names[self.strain[gauge]]}', row {first_row + row}: "
+                f"{self.path}: column '{self.names[self.strain[gauge] or 0]}', row {first_row + row}: "
                 f"expected at most {LARGEST_STRAIN:g} m/m, got {strain[row, gauge]:g}; {self._unit_hint(strain)}"
             )
         if self.computed_from:
@@ -178,9 +185,7 @@ class ColumnPlan:
         if not self.navigates:
             flow.pop(STATIC_PRESSURE, None)
         pressure = flow.pop("dynamic_pressure", np.full(len(table), self.fixed_pressure))
-        # A strain that no gauge bears is no value.
-        strain = np.where(np.abs(strain) <= LARGEST_STRAIN, strain, np.nan)
-        warm = temperatures(self.temperature, table[:, 1 + n_d + len(self.flow) :])
+        warm = temperatures(self.temperature, behind[:, len(self.flow) :])
         readings = {name: flow.pop(name) for name in self.readings if name in flow}
         parameters = {name: flow.pop(name) for name in tuple(flow) if name not in (*FLOW_NAMES, *NAVIGATION_NAMES)}
         stated = [name for name in parameters if name.endswith(STD) and name.removesuffix(STD) in parameters]
@@ -197,7 +202,7 @@ class ColumnPlan:
 
     def _unit_hint(self, strain: FloatArray) -> str:
         """Return what to do about strains that no gauge bears, with the unit that the map's strains suggest."""
-        factor = float(np.median(self.strain_factor))
+        factor = float(np.nanmedian(self.strain_factor))
         units: tuple[str, ...] = ()
         if self.reference is not None:
             units = likely_units(self.reference.ratio(level_of(strain)), factor)
@@ -268,8 +273,9 @@ def plan_columns(
     names = [name for name, _ in parts]
     read, unused = columns_to_read(path, names, wanted)
     time = _only(path, [i for i in read if names[i].lower() in TIME_NAMES], what="time", names=headings)
-    indices = _gauge_columns(path, names, headings, gauge_names=wanted.gauge_names, read=read)
-    factors = [strain_factor(path, headings[i], given[i]) for i in indices]
+    excluded = excluded_gauges(path, wanted)
+    indices = _gauge_columns(path, names, headings, gauge_names=wanted.gauge_names, excluded=excluded, read=read)
+    factors = [np.nan if i is None else strain_factor(path, headings[i], given[i]) for i in indices]
     flow, passed = {}, []
     quantity = {i: quantity_of(names[i], wanted.readings) for i in read if i not in indices}
     by_name = {name: [i for i, held in quantity.items() if held == name] for name in wanted.flow}
@@ -354,9 +360,18 @@ def time_factor(path: Path, name: str, unit: str | None) -> float:
 
 
 def _gauge_columns(
-    path: Path, names: Sequence[str], headings: Sequence[str], *, gauge_names: Sequence[str], read: Sequence[int]
-) -> tuple[int, ...]:
-    """Return the column of each gauge, by its name or its number; both at once are two columns for one gauge."""
+    path: Path,
+    names: Sequence[str],
+    headings: Sequence[str],
+    *,
+    gauge_names: Sequence[str],
+    excluded: Container[str],
+    read: Sequence[int],
+) -> tuple[int | None, ...]:
+    """Return the column of each gauge, by its name or its number, None of one that is left out.
+
+    Both at once are two columns for one gauge.
+    """
     own: dict[str, list[int]] = {gauge: [] for gauge in gauge_names}
     by_number: dict[int, list[int]] = {}
     for column in read:
@@ -364,8 +379,11 @@ def _gauge_columns(
             own[names[column]].append(column)
         elif (number := strain_number(names[column])) is not None:
             by_number.setdefault(number, []).append(column)
-    indices = []
+    indices: list[int | None] = []
     for number, gauge in enumerate(gauge_names, start=1):
+        if gauge in excluded:
+            indices.append(None)
+            continue
         found = [*own[gauge], *by_number.get(number, ())]
         if not found:
             raise InputError(

@@ -28,6 +28,13 @@ def computed_pressure(flow: Mapping[str, FloatArray]) -> FloatArray:
     return np.asarray(0.5 * HEAT_CAPACITY_RATIO * static * flow["mach_number"] ** 2)
 
 
+def flown_pressure(dynamic_pressure: FloatArray, flow: Mapping[str, FloatArray]) -> FloatArray:
+    """Return (n,) ``dynamic_pressure`` [Pa], where it is not known by the Mach number; NaN where neither is."""
+    if not pressure_sources(flow):
+        return dynamic_pressure
+    return np.where(np.isnan(dynamic_pressure), computed_pressure(flow), dynamic_pressure)
+
+
 def _standard_pressure(altitude: FloatArray) -> FloatArray:
     """Return (n,) p_inf [Pa] at geopotential altitudes (n,) [m]; NaN beyond the atmosphere."""
     distinct, which = np.unique(altitude, return_inverse=True)

@@ -10,6 +10,8 @@ import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import InputError
+from strainfmu.estimator.settings import SENSOR_RANGE
+from strainfmu.units import PRESSURE_UNITS
 
 TOO_HIGH = 10.0
 """Times the level of the snapshots above which strains are refused: no flight is so far beyond a map."""
@@ -18,12 +20,16 @@ TOO_LOW = 1.0 / 300.0
 """Fraction of the level at the data's q_inf below which strains are refused: gauge noise alone gives more."""
 
 _UNITS = (("um/m", 1e-6), ("mm/m", 1e-3), ("percent", 1e-2), ("m/m", 1.0))
+_PRESSURE_UNITS = {unit: PRESSURE_UNITS[unit] for unit in ("Pa", "hPa", "kPa", "bar", "MPa", "psi", "psf")}
 _FLOWN = (0.008, 4.0)
 """Largest strain of a recording over that of the snapshots: 0.016 on the shipped vehicle without incidence."""
 _TYPICAL = 0.4
 
 _QUANTILE = 0.99
 """Of a gauge's |strain| in a block: single spikes do not count."""
+
+_EXPLAINED = 5.0
+"""Largest factor between a dynamic pressure in another unit and the one that the strains suggest."""
 
 _OF_NOISE = 20.0
 """Expected strains over the noise from which on a low level means anything."""
@@ -38,11 +44,15 @@ class LevelReference:
     strain_range : (n_d,) largest |strain| over the snapshots [m/m].
     noise_std : (n_d,) standard deviation of the gauge noise [m/m], 0 where it is not known.
     dynamic_pressure : q_inf at which that is so [Pa].
+    sensor_range : largest |strain| of a working gauge [m/m].
+    pressure_range : smallest and largest q_inf that the map covers [Pa], None where that is not known.
     """
 
     strain_range: FloatArray
     noise_std: FloatArray
     dynamic_pressure: float
+    sensor_range: float = SENSOR_RANGE
+    pressure_range: tuple[float, float] | None = None
 
     @property
     def seen(self) -> BoolArray:
@@ -78,11 +88,23 @@ def level_of(strain: FloatArray) -> FloatArray:
 class LevelCheck:
     """Compares the strains of a file with the map's, block by block.
 
-    ``factor`` is that of the unit stated, to m/m. With ``refuses`` false a note stands in for a refusal.
+    Parameters
+    ----------
+    factor : of the unit of the strains, to m/m.
+    refuses : whether another level is refused; else a note says so.
+    pressure : the quantity that q_inf comes from, and the factor of its unit to Pa; None of an altitude.
     """
 
-    def __init__(self, path: Path, reference: LevelReference, factor: float, refuses: bool = True) -> None:
+    def __init__(
+        self,
+        path: Path,
+        reference: LevelReference,
+        factor: float,
+        refuses: bool = True,
+        pressure: tuple[str, float] | None = ("dynamic_pressure", 1.0),
+    ) -> None:
         self._path, self._reference, self._factor, self._refuses = path, reference, factor, refuses
+        self._stated = pressure
         self._level = np.full(len(reference.strain_range), np.nan)
         self._pressure = float("nan")
 
@@ -110,12 +132,35 @@ class LevelCheck:
         """
         above, below = self._above(), self._below()
         if self._reference.ratio(self._level) == 0.0:
-            return [f"{self._path}: strains are 0 throughout"]
+            return [f"{self._path}: half of the gauges or more read 0 throughout"]
         if below < TOO_LOW and self._refuses:
             raise InputError(self._text(below))
         if above > TOO_HIGH:
             return [self._text(above)]
-        return [self._text(below)] if below < TOO_LOW else []
+        return [self._text(below)] if below < TOO_LOW else self._pressure_notes()
+
+    def _pressure_notes(self) -> list[str]:
+        """Return a note on a q_inf that the map does not cover, and that would fit the strains in another unit."""
+        reference, q = self._reference, self._pressure
+        nominal = reference.dynamic_pressure
+        low, high = reference.pressure_range or (0.1 * nominal, 10.0 * nominal)
+        suggested = reference.ratio(self._level) / _TYPICAL * nominal
+        if self._stated is None or not q > 0.0 or low <= q <= high or not suggested > 0.0:
+            return []
+        name, factor = self._stated
+        in_unit = {unit: q * other / factor for unit, other in _PRESSURE_UNITS.items()}
+        likely = [unit for unit, value in in_unit.items() if 1.0 / _EXPLAINED < value / suggested < _EXPLAINED]
+        if not likely or max(q / suggested, suggested / q) < TOO_HIGH:
+            return []
+        likely.sort(key=lambda unit: abs(log10(in_unit[unit] / suggested)))
+        way = "give it in Pa" if name.startswith("-") else f"state the unit, as in '{name} [{likely[0]}]'"
+        covered = f"what the map covers, {low:.4g} to {high:.4g} Pa"
+        if reference.pressure_range is None:
+            covered = f"the nominal one, {nominal:.4g} Pa"
+        return [
+            f"{self._path}: {name}: q_inf is {q:.4g} Pa at most, {q / nominal:.1g} times {covered}, and strains "
+            f"do not fit it: likely in {' or '.join(likely)}; {way}"
+        ]
 
     def _above(self) -> float:
         """Return the level over the map's, at a q_inf that may be above the map's."""

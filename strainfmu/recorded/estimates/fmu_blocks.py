@@ -13,7 +13,6 @@ from strainfmu.cosim.estimators.fmu_step import SENSORS, TEMPERATURE, FmuStep
 from strainfmu.cosim.estimators.step import StepRefused
 from strainfmu.cosim.estimators.zeros_file import load_zeros
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.settings import SENSOR_RANGE
 from strainfmu.interface.parameter_variables import OUTSIDE_PREFIX, PREFIX, STD_PREFIX
 from strainfmu.interface.sensor_variables import THRUST
 from strainfmu.recorded.columns.column_names import FLOW_NAMES, NAVIGATION_NAMES
@@ -70,8 +69,9 @@ class FmuBlocks:
         self._scores = [self._further.index(f"{OUTSIDE_PREFIX}{name}") for name in self.parameter_names]
         self.reference = LevelReference(
             strain_range=step.strain_nominal,
-            noise_std=np.zeros(step.n_gauges),
+            noise_std=np.zeros(step.n_gauges) if step.noise_std is None else step.noise_std,
             dynamic_pressure=step.pressure_nominal,
+            sensor_range=step.sensor_range,
         )
 
     def estimate(self, block: StrainBlock, last: float) -> BlockEstimates:
@@ -97,7 +97,7 @@ class FmuBlocks:
             health[i] = [found.further.get(f"health.{name}", np.nan) for name in _HEALTH]
             further[i] = [found.further[name] for name in self._further]
         has_reading = np.isfinite(all_readings(block, self.readings))
-        valid = np.hstack([np.abs(block.strain) <= SENSOR_RANGE, has_reading])
+        valid = np.hstack([np.abs(block.strain) <= self.reference.sensor_range, has_reading])
         limit, used, suspect, count, score = health.T
         return BlockEstimates(
             coefficients=numbers[:, :5],

@@ -50,7 +50,10 @@ class HealthAccount:
             self.samples[name] += len(rows)
             counts = np.zeros(len(gauge_names), dtype=int)
             if state in _MISSING:
-                counts += (~found.valid[rows]).sum(axis=0)
+                missing = ~found.valid[rows]
+                counts += missing[~missing.all(axis=1)].sum(
+                    axis=0
+                )  # where all are missing, none of them is to blame
             elif state in _MISFIT:
                 for row in rows.tolist():
                     counts[list(_misfits(found, row))] += 1

@@ -16,6 +16,7 @@ from strainfmu.estimator.manifold.air_data import AIR_DATA_NAMES, AIR_DATA_UNITS
 from strainfmu.estimator.manifold.flight_health import outside_score
 from strainfmu.estimator.manifold.navigation import NAVIGATION
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.settings import default_settings
 from strainfmu.interface.parameter_variables import OUTSIDE_PREFIX
 from strainfmu.interface.sensor_variables import reading_units
 from strainfmu.recorded.columns.column_names import FLOW_NAMES, NAVIGATION_NAMES
@@ -130,8 +131,11 @@ def further_values(found: Any, has_loads: bool) -> FloatArray:
 
 
 def _level_reference(inverse_map: InverseMap) -> LevelReference:
+    held = inverse_map.dynamic_pressure_range
     return LevelReference(
         strain_range=inverse_map.strain_range[: inverse_map.n_strain_gauges],
         noise_std=inverse_map.noise_std[: inverse_map.n_strain_gauges],
         dynamic_pressure=inverse_map.nominal_dynamic_pressure,
+        sensor_range=default_settings(inverse_map).sensor_range,
+        pressure_range=None if held is None else (float(held[0]), float(held[1])),
     )

@@ -11,7 +11,7 @@ import h5py
 import numpy as np
 
 from strainfmu.errors import InputError
-from strainfmu.recorded.columns.column_names import Wanted, columns_to_read, quantity_of
+from strainfmu.recorded.columns.column_names import Wanted, columns_to_read, excluded_gauges, quantity_of
 from strainfmu.recorded.columns.columns import (
     ColumnPlan,
     StrainBlock,
@@ -84,12 +84,13 @@ def _hdf5_arrays(path: Path, file: h5py.File, wanted: Wanted) -> StrainFile:
     warm = file[_TEMPERATURE] if _TEMPERATURE in names else None
     first = 1 + n_d + len(held)
     refuse_lone_deviations(path, held, wanted)
+    excluded = excluded_gauges(path, wanted)
     plan = ColumnPlan(
         path=path,
         names=("time", *(f"strain, {gauge}" for gauge in wanted.gauge_names), *held.values(), *wanted.sensors),
         time=0,
         time_factor=time_factor(path, "time", _unit(path, "time", time)),
-        strain=tuple(range(1, n_d + 1)),
+        strain=tuple(None if one in excluded else i for i, one in enumerate(wanted.gauge_names, start=1)),
         strain_factor=np.full(n_d, strain_factor(path, "strain", _unit(path, "strain", strain))),
         flow={
             quantity: (column, flow_factor(path, name, quantity, _unit(path, name, file[name]), wanted.readings))
@@ -152,10 +153,10 @@ def _check_shapes(path: Path, file: h5py.File, n_d: int, held: list[str]) -> Non
 def _hdf5_blocks(
     plan: ColumnPlan, time: Any, strain: Any, flow: list[Any], warm: Any
 ) -> Iterator[tuple[StrainBlock, int]]:
-    last = -np.inf
+    last, kept = -np.inf, [gauge for gauge, column in enumerate(plan.strain) if column is not None]
     for first in range(0, len(time), BLOCK_ROWS):
         rows = slice(first, min(first + BLOCK_ROWS, len(time)))
-        parts = [np.asarray(time[rows], dtype=float), np.asarray(strain[rows], dtype=float)]
+        parts = [np.asarray(time[rows], dtype=float), np.asarray(strain[rows], dtype=float)[:, kept]]
         for held in flow:
             value = held[rows] if held.shape == time.shape else np.ravel(held[()])[0]
             parts.append(np.broadcast_to(np.asarray(value, dtype=float), parts[0].shape))

@@ -24,7 +24,7 @@ from strainfmu.recorded.channels.channel_conversion import (
 )
 from strainfmu.recorded.channels.channel_entries import COMPENSATIONS, ChannelMap
 from strainfmu.recorded.channels.rasters import Channel, on_one_raster
-from strainfmu.recorded.columns.column_names import FLOW_NAMES, NAVIGATION_NAMES, Wanted
+from strainfmu.recorded.columns.column_names import FLOW_NAMES, NAVIGATION_NAMES, Wanted, excluded_gauges
 from strainfmu.recorded.columns.columns import flow_factor
 from strainfmu.recorded.columns.flight_pressure import pressure_sources
 from strainfmu.recorded.columns.temperature_columns import (
@@ -73,6 +73,11 @@ def mapped_strains(path: Path, wanted: Wanted, mapping: ChannelMap) -> Iterator[
     stated += _parameters(wanted)
     with open_channels(path, {plain_name(name) for name in (*stated, *_QUANTITIES)}) as file:
         gauges = _gauges(mapping, wanted)
+        channels = {entry.name: gauges[entry.gauge] for entry in mapping.channels}
+        excluded = excluded_gauges(mapping.path, wanted, channels)
+        kept = tuple(entry for entry in mapping.channels if gauges[entry.gauge] not in excluded)
+        of_map = tuple(gauge for gauge in wanted.gauge_names if gauge in excluded)  # others are legs of rosettes
+        wanted, mapping = replace(wanted, excluded=of_map), replace(mapping, channels=kept)
         found = _Found()
         clock = _Clock(file, mapping, found)
         _read_strains(file, mapping, gauges, clock, found)
@@ -338,7 +343,7 @@ def _strain_file(file: ChannelFile, mapping: ChannelMap, wanted: Wanted, found: 
     _add_rosettes(mapping, wanted, strain, n=len(merged.time))
     without = [gauge for gauge in wanted.gauge_names if gauge not in strain]
     stated = {plain_name(entry.gauge) for entry in mapping.channels}
-    unstated = [gauge for gauge in without if plain_name(gauge) not in stated]
+    unstated = [gauge for gauge in without if plain_name(gauge) not in stated and gauge not in wanted.excluded]
     if unstated:
         shown = ", ".join(unstated[:6]) + (" .." if len(unstated) > 6 else "")
         found.notes.append(f"{mapping.path}: no channel for {len(unstated)} gauges of the map, left out: {shown}")

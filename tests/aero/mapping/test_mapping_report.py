@@ -74,6 +74,14 @@ def half(mesh: SurfaceMesh) -> SurfaceMesh:
     return SurfaceMesh(mesh.point[used], renumbered.reshape(-1, 3))
 
 
+def cut_at(station: float) -> SurfaceMesh:
+    """Return a fine body without its triangles ahead of ``station`` [m]."""
+    whole = body(200)
+    kept = whole.triangle[(whole.point[whole.triangle, 0] >= station).all(axis=1)]
+    used, numbered = np.unique(kept, return_inverse=True)
+    return SurfaceMesh(whole.point[used], numbered.reshape(-1, 3))
+
+
 EYE = np.eye(3)
 
 
@@ -87,12 +95,16 @@ EYE = np.eye(3)
         (moved(body(), EYE[[2, 0, 1]]), "axes are in another order"),
         (moved(body(), np.diag([-1.0, 1.0, -1.0])), "x points the other way"),
         (moved(body(), EYE, (0.25, 0.0, 0.0)), "shifted by 0.25 m along x: body axes start at the nose tip"),
+        (cut_at(0.05), "the source begins at x = 0.0[56].* m, the target at 0 m: one of them is cut off there"),
         (half(body()), "half model"),
         (closed(body()), "leave the base out"),
         (SurfaceMesh(body().point, body().triangle[:, ::-1]), "normals point inward"),
         (moved(body(), np.diag([1.0, 1.3, 1.3])), "shapes differ: extents x 3.6 m"),
     ],
-    ids=["mm", "inch", "foot", "mm and axes", "axes", "forward", "nose", "half", "base", "inward", "other shape"],
+    ids=[
+        *("mm", "inch", "foot", "mm and axes", "axes", "forward", "nose", "cut", "half", "base", "inward"),
+        "other shape",
+    ],
 )
 def test_wrong_surfaces_are_named(source: SurfaceMesh, hint: str) -> None:
     with pytest.raises(InputError, match=f"^mapping: .*{hint}") as caught:

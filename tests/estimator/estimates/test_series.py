@@ -118,6 +118,13 @@ def test_no_samples() -> None:
         ((np.zeros((4, 8)), Q, np.ones((3, 8), dtype=bool)), r"valid: expected \(8,\) or \(4, 8\) values of bool"),
         ((np.zeros((4, 8)), Q, np.ones((4, 8))), "of float64"),
         ((np.zeros((4, 8)), Q, None, [1.0, 2.0]), "dynamic_pressure_std: expected a number or 4 numbers"),
+        ((np.zeros(8) + 1e-6j, Q), "strain: expected real numbers, got complex128"),
+        ((np.zeros((4, 8)) + 0j, Q), "strain: expected real numbers, got complex128"),
+        (([1e-6j] * 8, Q), "strain: expected real numbers, got complex128"),
+        ((np.full(8, 1e-6j, dtype=object), Q), "strain: expected real numbers: .*complex"),
+        ((["much"] * 8, Q), "strain: expected real numbers: .*'much'"),
+        (([[0.0] * 8, [0.0] * 7], Q), "strain: expected real numbers: .*inhomogeneous"),
+        ((np.zeros(8), np.array(Q + 1j)), "dynamic_pressure: expected a number, got complex128"),
     ],
 )
 def test_wrong_arguments_are_refused(arguments: tuple[object, ...], message: str) -> None:
@@ -190,3 +197,35 @@ def test_ten_thousand_samples_are_one_call() -> None:
     single = perf_counter() - start
     assert_equal(found, steps)
     print(f"series {1e3 * series:.1f} ms, steps {1e3 * single:.1f} ms: {single / series:.1f}")
+
+
+@pytest.mark.parametrize("n_samples", [None, 0, 1, 2000])
+def test_a_result_is_shown_in_a_few_lines(n_samples: int | None) -> None:
+    """Kind, number of samples, every load with its sigma and unit, and health: of one sample and of thousands."""
+    inverse_map = random_map()
+    strain = inverse_map.mean_strain if n_samples is None else samples(inverse_map, n_samples)
+    found = Estimator(inverse_map).estimate(strain, Q)
+    lines = repr(found).splitlines()
+    assert len(lines) <= 8
+    assert max(map(len, lines)) <= 110
+    if isinstance(found, LoadEstimate):
+        assert lines[0].startswith(f"LoadEstimate: health OK, chi-square {found.chi_square:.4g}")
+        assert f"{found.normal_force:.5g} +- {found.sigma.normal_force:.2g} N" in repr(found)
+        assert f"C_N {found.C_N:.5g} +- {found.sigma.C_N:.2g}" in repr(found)
+    else:
+        assert lines[0].startswith(f"LoadEstimates of {n_samples} sample")
+        for state, count in zip(*np.unique(found.health, return_counts=True), strict=True):
+            assert f"{count} {HealthState(int(state)).name}" in lines[0]
+    if n_samples == 2000:
+        known = found.normal_force[np.isfinite(found.normal_force)]
+        assert f"{known.min():.5g} to {known.max():.5g} N" in repr(found)
+
+
+def test_a_result_without_loads_is_shown() -> None:
+    inverse_map = random_map()
+    found = Estimator(inverse_map).estimate(np.full(N_GAUGES, np.nan), Q)
+    assert repr(found).startswith("LoadEstimate: health INVALID, chi-square nan")
+    assert "normal_force not known" in repr(found)
+    lost = Estimator(inverse_map).estimate(np.full((3, N_GAUGES), np.nan), Q)
+    assert "3 INVALID" in repr(lost)
+    assert "normal_force not known" in repr(lost)

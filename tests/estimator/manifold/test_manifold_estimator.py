@@ -199,6 +199,17 @@ def test_a_lost_gauge_degrades_and_a_wrong_one_is_suspect() -> None:
     assert found.health in (HealthState.SUSPECT, HealthState.INCONSISTENT)
 
 
+def test_a_result_is_shown_in_a_few_lines() -> None:
+    estimator, strain = ManifoldEstimator(whole_map()), strain_at(CONDITION)
+    one = estimator.estimate(strain, **navigation(CONDITION))
+    assert repr(one).startswith("FlightEstimate: health OK, chi-square")
+    assert len(repr(one).splitlines()) <= 8
+    assert f"C_A {one.C_A:.5g} +- {one.sigma.C_A:.2g}" in repr(one)
+    many = repr(estimator.estimate(np.tile(strain, (3, 1)), **navigation(CONDITION)))
+    assert many.startswith("FlightEstimates of 3 samples: health 3 OK")
+    assert len(many.splitlines()) <= 8
+
+
 def test_bad_arguments_are_named() -> None:
     estimator = ManifoldEstimator(whole_map())
     with pytest.raises(InputError, match=rf"strain: expected {N_D} values, got \(3,\)"):
@@ -209,6 +220,10 @@ def test_bad_arguments_are_named() -> None:
         FlightTracker(estimator).step(np.zeros((2, N_D)))
     with pytest.raises(InputError, match="dynamic_pressure: expected a number, got None"):
         estimator.estimate(np.zeros(N_D), None)
+    with pytest.raises(InputError, match="strain: expected real numbers, got complex128"):
+        estimator.estimate(np.zeros(N_D) + 1e-6j)
+    with pytest.raises(InputError, match="strain: expected real numbers, got complex128"):
+        FlightTracker(estimator).step(np.zeros(N_D) + 1e-6j)
     with pytest.raises(InputError, match="mach_number: expected a number, got shape"):
         estimator.estimate(np.zeros(N_D), mach_number=[1.0, 2.0])
     with pytest.raises(InputError, match="estimator 'linear' found, expected 'manifold'"):

@@ -141,5 +141,7 @@ def test_what_is_wrong_is_named() -> None:
         cold.step(strain, NOMINAL, temperature=[300.0])
     with pytest.raises(InputError, match=r"temperature: expected \(4,\) or \(1, 4\) values, got \(3,\)"):
         warm.step(strain, NOMINAL, temperature=[300.0, 300.0, 300.0])
+    with pytest.raises(InputError, match="temperature: expected real numbers, got complex128"):
+        warm.step(strain, NOMINAL, temperature=[300.0 + 1j] * 4)
     with pytest.raises(InputError, match="thermal prior_std: expected positive values"):
         thermal_part(np.eye(3), prior_std=np.zeros(6))

@@ -43,7 +43,8 @@ def test_an_unknown_column_is_refused(name: str, hint: str, tmp_path: Path) -> N
         pass
     shown = name.partition(" [")[0]
     assert str(error.value).startswith(f"{data}: column '{shown}': unknown name; {hint}")
-    assert str(error.value).endswith(f"or leave it out by --ignore-columns '{shown}'")
+    ways = f"leave it out by --ignore-columns '{shown}', or state by --channels TOML which channel is which gauge"
+    assert str(error.value).endswith(ways)
 
 
 def test_a_gauge_misspelt_is_named(tmp_path: Path) -> None:
@@ -161,7 +162,7 @@ def test_unknown_channels_are_refused(kind: str, tmp_path: Path) -> None:
         pass
     flow = ("dynamic_pressure", "static_pressure", "fin_roll_deg")
     told = Wanted(gauge_names=tuple(NAMES), flow=flow)
-    with pytest.raises(InputError, match="time, dynamic_pressure, static_pressure, fin_roll_deg, or"):
+    with pytest.raises(InputError, match="time, dynamic_pressure, static_pressure, fin_roll_deg, leave it out"):
         open_strains(path, told).__enter__()
     for ignored in ("oil_temperature", "*"):
         with open_strains(path, Wanted(gauge_names=tuple(NAMES), ignored=(ignored,))) as opened:
@@ -179,7 +180,7 @@ def test_headings_without_a_name(tmp_path: Path) -> None:
         assert len(list(opened.blocks)) == 1
     path.write_text(",time,a,dynamic_pressure\n0,0,1e-6,9e4\n")  # the index of a data frame
     with (
-        pytest.raises(InputError, match="column 1: no name found, or leave it out by"),
+        pytest.raises(InputError, match="column 1: no name found; leave it out by"),
         open_strains(path, wanted),
     ):
         pass

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import tomllib
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import NamedTuple
@@ -12,6 +14,7 @@ import pytest
 from flight_fmu import whole_map
 from flight_maps import exact_response
 
+import strainfmu
 from strainfmu.estimator.map.inverse_map import save_inverse_map
 from strainfmu.recorded.run import estimate_file
 from strainfmu.units import LENGTH_UNITS, NUMBER_UNITS, PRESSURE_UNITS
@@ -159,3 +162,18 @@ def test_every_format_gives_the_estimates_of_the_others(
         assert found.keys() == wanted.keys()
         for name, values in wanted.items():
             np.testing.assert_allclose(found[name], values, rtol=1e-9, atol=1e-12, err_msg=name)
+
+
+def test_the_extra_all_holds_what_readers_ask_for() -> None:
+    """A reader without its library names the extra that installs it; the licence note names those of the LGPL."""
+    root = Path(strainfmu.__file__).parents[1]
+    if not (root / "pyproject.toml").is_file():
+        pytest.skip("installed without its sources")
+    sources = "".join(path.read_text() for path in (root / "strainfmu" / "recorded").rglob("*.py"))
+    asked = set(re.findall(r"pip install 'strainfmu\[(\w+)\]'", sources))
+    extras = tomllib.loads((root / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    (own,) = (one for one in extras["all"] if one.startswith("strainfmu["))
+    assert asked == {"mf4", "tdms", "mat", "parquet"}
+    assert asked <= set(own.removeprefix("strainfmu[").rstrip("]").split(","))
+    note = (root / "README.md").read_text().partition("\nLicence: ")[2]
+    assert all(name in note.partition("LGPL")[2] for name in ("python-can", "asammdf", "npTDMS"))

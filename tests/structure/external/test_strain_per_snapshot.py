@@ -279,11 +279,21 @@ def test_a_wrong_table_is_refused_in_one_line(
 
 @pytest.mark.fast
 @pytest.mark.parametrize("factor", [-1.0, 1e-3, 3.0])
-def test_a_case_out_of_line_is_refused(cases: LoadCases, strain: np.ndarray, factor: float) -> None:
+def test_a_case_out_of_line_is_refused(
+    listed: Vehicle,
+    newtonian: Snapshots,
+    layouts: dict[str, Gauges],
+    cases: LoadCases,
+    strain: np.ndarray,
+    tmp_path: Path,
+    factor: float,
+) -> None:
     odd = strain.copy()
     odd[40] *= factor
-    with pytest.raises(InputError, match="case_0041: expected"):
-        smallest_operator(cases.pressure, odd, cases.names)
+    path = tmp_path / "odd.csv"
+    path.write_text(strain_template(cases, layouts, listed.gauges.layout, odd))
+    with pytest.raises(InputError, match=r"odd\.csv: case_0041: expected the strain that the other cases predict"):
+        structure_of_strains(path, listed, newtonian, layouts)
 
 
 def test_a_structure_that_is_not_linear_is_refused(cases: LoadCases, strain: np.ndarray) -> None:

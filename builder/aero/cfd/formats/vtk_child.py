@@ -1,14 +1,18 @@
-"""Reader of one VTK file in a process of its own: ``python -P vtk_child.py FILE`` prints an .npz image.
+"""Reader of VTK files in a process of its own: ``python -P vtk_child.py``, names in, .npz images out.
+
+Each line of standard input is the name of a file as JSON. The answer on standard output is a line, ``read`` or
+``refused`` and a number of bytes, then these: the image, or the reason why the file is refused.
 
 VTK's readers print to the process's standard error, go on with half of the data, and on some damaged files end
-the process. Here none of that reaches the caller: what VTK reports as an error becomes a refusal (exit code 3,
-one line on standard error), and a crash becomes an exit code. Only VTK's input modules are loaded, which need no
-display.
+the process. Here none of that reaches the caller: what VTK reports as an error becomes a refusal, and a crash the
+end of the answers. Only VTK's input modules are loaded, which need no display.
 """
 
 from __future__ import annotations
 
 import io
+import json
+import os
 import re
 import sys
 from typing import Any
@@ -22,7 +26,6 @@ from vtkmodules.vtkFiltersCore import vtkTriangleFilter
 from vtkmodules.vtkIOLegacy import vtkGenericDataObjectReader
 from vtkmodules.vtkIOXML import vtkXMLPolyDataReader, vtkXMLUnstructuredGridReader
 
-REFUSED = 3
 # Cell types of vtkCellType.h.
 _NOT_AREA = (0, 1, 2, 3, 4, 21, 35, 68, 75)
 _STRIP, _PIXEL = 6, 8
@@ -168,8 +171,8 @@ def fields(attributes: Any, count: int, where: str) -> tuple[dict[str, NDArray[n
     return scalars, others
 
 
-def main(path: str) -> None:
-    """Read ``path`` and write points, triangles, cell numbers and arrays to standard output."""
+def image(path: str) -> bytes:
+    """Return points, triangles, cell numbers and arrays of a file, as .npz."""
     data = load(path)
     if not data.GetNumberOfPoints():
         raise Refusal("no point found")
@@ -183,14 +186,23 @@ def main(path: str) -> None:
     arrays["others"] = np.array(node_others + cell_others, dtype=np.str_)
     arrays |= {f"node_{i}": values for i, values in enumerate(node.values())}
     arrays |= {f"cell_{i}": values for i, values in enumerate(cell.values())}
-    image = io.BytesIO()
-    np.savez(image, **arrays)
-    sys.stdout.buffer.write(image.getvalue())
+    content = io.BytesIO()
+    np.savez(content, **arrays)
+    return content.getvalue()
+
+
+def main() -> None:
+    """Answer every line of standard input, until it ends."""
+    answers = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # what VTK prints is no answer
+    for line in sys.stdin.buffer:
+        try:
+            word, content = "read", image(json.loads(line))
+        except Refusal as refusal:
+            word, content = "refused", " ".join(str(refusal).split()).encode()
+        answers.write(f"{word} {len(content)}\n".encode() + content)
+        answers.flush()
 
 
 if __name__ == "__main__":
-    try:
-        main(sys.argv[1])
-    except Refusal as refusal:
-        print(refusal, file=sys.stderr)
-        sys.exit(REFUSED)
+    main()

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import importlib.util
 import io
-import subprocess
-import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,14 +13,12 @@ import numpy as np
 
 from builder.aero.cfd.formats.legacy_vtk import check_whole
 from builder.aero.cfd.formats.text_numbers import read_file
+from builder.aero.cfd.formats.vtk_process import VTK_PROCESS
 from builder.aero.surface.mesh import SurfaceMesh
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.files import write_bytes_atomically
 
-_CHILD = Path(__file__).with_name("vtk_child.py")
-_REFUSED = 3
-_LONGEST = 600.0
 _WRITTEN_TYPE = {".vtu": "UnstructuredGrid", ".vtp": "PolyData"}
 
 
@@ -62,7 +58,7 @@ def require_vtk() -> None:
 def read_vtk(path: Path) -> VtkSurface:
     """Read the surface cells of a legacy VTK, .vtp or .vtu file, ASCII or binary, compressed or not.
 
-    VTK's own readers do it, in a process of their own (:mod:`builder.aero.cfd.formats.vtk_child`).
+    VTK's own readers do it, in a process of their own (:mod:`builder.aero.cfd.formats.vtk_process`).
 
     Raises
     ------
@@ -77,16 +73,7 @@ def read_vtk(path: Path) -> VtkSurface:
         raise InputError(f"{path}: cut short: </VTKFile> is missing at its end")
     if content.startswith(b"# vtk DataFile"):
         check_whole(path, content)
-    command = [sys.executable, "-P", str(_CHILD), str(path)]
-    try:
-        done = subprocess.run(command, capture_output=True, check=False, timeout=_LONGEST)
-    except subprocess.TimeoutExpired as error:
-        raise InputError(f"{path}: damaged: VTK's reader did not end within {_LONGEST:g} s") from error
-    if done.returncode == _REFUSED:
-        raise InputError(f"{path}: {done.stderr.decode('utf-8', 'replace').strip().splitlines()[-1]}")
-    if done.returncode != 0:
-        raise InputError(f"{path}: damaged: VTK's reader broke down on it (exit code {done.returncode})")
-    with np.load(io.BytesIO(done.stdout), allow_pickle=False) as archive:
+    with np.load(io.BytesIO(VTK_PROCESS.read(path)), allow_pickle=False) as archive:
         return VtkSurface(
             point=archive["point"],
             triangle=archive["triangle"],

@@ -2,7 +2,7 @@
 
 Every column of nodes lies in a plane x = const. Through the wall they follow the outer normal's direction in that
 plane, so that the thickness along the normal is the wall's. The solid tip ahead of the hollow has a bore of a
-tenth of the inner section, and its first fiftieth is cut off, as in
+tenth of the inner section, and is cut off where it has a fiftieth of its radius, as in
 :mod:`builder.structure.solid.mesh.swept_mesh`.
 """
 
@@ -19,9 +19,9 @@ from builder.structure.solid.mesh.solid_mesh import EXTERNAL, INTERNAL, SUPPORT
 from builder.structure.solid.mesh.swept_mesh import (
     BORE,
     BORE_FRACTION,
-    CUT_FRACTION,
     SweptMesh,
     SweptResolution,
+    cut_station,
     full_mesh,
     sweep,
 )
@@ -29,6 +29,8 @@ from builder.structure.wall import Wall
 from builder.vehicle.shape.sectioned_body import SectionedBody
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
+
+QUARTERS: FloatArray = 0.5 * np.pi * np.arange(4.0)
 
 
 def section_wall(body: SectionedBody, wall: Wall, resolution: SweptResolution) -> SweptMesh:
@@ -137,8 +139,9 @@ def _stations(body: SectionedBody, wall: Wall, element_length: float) -> tuple[F
     n_tip = max(2, int(np.ceil(tip / element_length)))
     tip_ends = np.linspace(0.0, tip, n_tip + 1)
     inside = [float(x) for x in body.slope_breaks if 0.0 < x < tip]
+    cut = cut_station(lambda x: body.radius(x[:, None], QUARTERS).max(axis=1), tip)
     tip_ends = np.unique(np.concatenate([tip_ends, inside]))
-    tip_ends[0] = CUT_FRACTION * tip
+    tip_ends = np.append(cut, tip_ends[tip_ends > cut])
     stations = np.concatenate(wall_x)
     stations[-1] = body.length
     return with_middles(tip_ends), with_middles(stations)

@@ -6,7 +6,7 @@ belong to it, its second face is the first of the next sector. Nodes lie on true
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,7 +32,8 @@ _FACE_OF_EDGE = (0, 1, 4, 5)
 
 CORE_ELEMENTS = 2  # through the solid tip, inside the wall's layers
 BORE_FRACTION = 0.1  # radius of the bore through the solid tip over the inner radius of the wall behind it
-CUT_FRACTION = 0.02  # length cut off at the apex over the tip's length
+CUT_FRACTION = 0.02  # radius at which the apex is cut off over the radius at the tip's end
+BISECTIONS = 60
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -188,10 +189,10 @@ def swept_wall(body: BodyOfRevolution, wall: Wall, resolution: SweptResolution |
 
     Stations, layers and grading of the wall are those of :func:`builder.structure.fourier.shell_mesh.shell_mesh`.
     Elements without thickness on the axis would tie all sectors together, so the solid tip has a bore of a tenth
-    of the wall's inner radius behind it, and its first fiftieth is cut off. Neither has an effect: on the shipped
-    vehicle compliance under uniform and under lateral pressure is within 5e-5, and strain 1 mm behind the tip
-    within 0.3 %, of the Fourier model's, which has the whole tip. The cut belongs to the external surface, so that
-    the air load of the meshed surface is complete.
+    of the wall's inner radius behind it, and is cut off where its radius is a fiftieth of the one at its end.
+    Neither has an effect: on the shipped vehicle compliance under uniform and under lateral pressure is within
+    5e-5, and strain 1 mm behind the tip within 0.3 %, of the Fourier model's, which has the whole tip. The cut
+    belongs to the external surface, so that the air load of the meshed surface is complete.
 
     Parameters
     ----------
@@ -219,7 +220,7 @@ def swept_wall(body: BodyOfRevolution, wall: Wall, resolution: SweptResolution |
     wall_node = inner[:, None] + through * (outer[n_tip - 1 :] - inner)[:, None]
     core = np.linspace(BORE_FRACTION, 1.0, 2 * CORE_ELEMENTS + 1)[:-1, None] * [0.0, inner[0, 1]]
     core[:, 0] = inner[0, 0]
-    tip_x = _blunted(outer[:n_tip, 0])
+    tip_x = _cut_tip(body.radius, outer[:n_tip, 0])
     tip_node = tip_columns(tip_x, body.radius(tip_x), np.concatenate([core, wall_node[0]]))
     n_tip_node = tip_node[..., 0].size
     tip = np.arange(n_tip_node).reshape(tip_node.shape[:2])
@@ -246,12 +247,26 @@ def _named_resolution(resolution: SweptResolution | str) -> SweptResolution:
     return RESOLUTIONS[resolution]
 
 
-def _blunted(x: FloatArray) -> FloatArray:
+def _cut_tip(radius: Callable[[FloatArray], FloatArray], x: FloatArray) -> FloatArray:
     """Move the first station from the apex to where the tip is cut, and the middle after it along."""
-    blunted = x.copy()
-    blunted[0] = min(CUT_FRACTION * x[-1], 0.5 * x[1])
-    blunted[1] = 0.5 * (blunted[0] + x[2])
-    return blunted
+    cut = x.copy()
+    cut[0] = min(cut_station(radius, float(x[-1])), 0.5 * x[1])
+    cut[1] = 0.5 * (cut[0] + x[2])
+    return cut
+
+
+def cut_station(radius: Callable[[FloatArray], FloatArray], tip: float) -> float:
+    """Return the station [m] at which a solid tip of the length ``tip`` [m] is cut off.
+
+    It follows from the radius, not from the length: a fiftieth of a blunt tip's length is a third of its radius.
+    ``radius`` gives radii [m] at stations (n,) [m], 0 at the apex.
+    """
+    low, high = 0.0, tip
+    wanted = CUT_FRACTION * float(radius(np.array([tip]))[0])
+    for _ in range(BISECTIONS):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if float(radius(np.array([middle]))[0]) < wanted else (low, middle)
+    return high
 
 
 def two_sector_mesh(sector: SweptSector) -> SweptMesh:

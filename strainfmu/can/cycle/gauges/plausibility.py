@@ -7,11 +7,11 @@ import numpy as np
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.can.cycle.gauges.freeze_watch import FreezeWatch
 from strainfmu.can.cycle.gauges.noise import GaugeNoise, like_gauges
-from strainfmu.can.cycle.gauges.quantised_noise import longest_repetition
 from strainfmu.can.cycle.gauges.verdicts import FROZEN, JUMPS, OUT_OF_RANGE, ZERO
 from strainfmu.can.settings import BridgeSettings
+from strainfmu.estimator.numerics.quantisation import longest_repetition
 
-_ROUND_OFF = 1e-15
+ROUND_OFF = 1e-15
 """Maximum |strain| [m/m] that the round-off of scale and offset leaves of exactly zero."""
 
 _PACE = 3.0
@@ -65,14 +65,14 @@ class GaugeChecks:
         # Limits of every gauge: a number is made an array of in every call, which takes as long as the comparison.
         self._largest = np.full(n_gauges, settings.sensor_range)
         self._largest_change = np.full(n_gauges, settings.rate_limit)
-        self._round_off = np.full(n_gauges, _ROUND_OFF)
+        self._round_off = np.full(n_gauges, ROUND_OFF)
         self._zero_jump = np.full(n_gauges, settings.zero_jump)
         self._nothing = np.zeros(n_gauges, dtype=np.int64)
         self._one = np.ones(n_gauges, dtype=np.int64)
         # What no raw number of the layout can be need not be looked for.
         noise = noise or like_gauges(n_gauges)
         self._never_beyond = noise.largest < (1.0 - _MARGIN) * settings.sensor_range
-        self._only_raw_zero = noise.smallest > (1.0 + _MARGIN) * _ROUND_OFF
+        self._only_raw_zero = noise.smallest > (1.0 + _MARGIN) * ROUND_OFF
         self._begin_gauges(n_gauges)
         self._begin_cycles(n_gauges)
         self.faults: dict[str, BoolArray] = {}
@@ -82,6 +82,8 @@ class GaugeChecks:
         self._count_on(self._watch.noise_ratio)
         self.has_frozen = False
         """Gauges of the last cycle repeat readings, or scatter too little, together."""
+        self.all_zero = False
+        """All gauges of the last cycle read exactly zero, which none of them does under load."""
 
     def _begin_gauges(self, n_gauges: int) -> None:
         """Begin with gauges of which none has been heard."""
@@ -169,6 +171,8 @@ class GaugeChecks:
         if not self._only_raw_zero:
             zero |= np.abs(strain) <= self._round_off
         if 1 in zero.tobytes():
+            if 0 not in zero.tobytes():
+                return False
             zeros = (self._zeros + self._one) * zero
             # A change within this has not fallen to zero, whatever the gauge's pace.
             fell = change > self._zero_jump
@@ -196,7 +200,7 @@ class GaugeChecks:
         self._lengths.append(cycles if cycles > 1.0 else 1.0)
         if len(self._lengths) == _RECENT:
             self._add_changes()
-        self._difference = difference
+        self._difference, self.all_zero = difference, False
         self._last_raw, self._last_strain, self._last_good = raw, strain, strain
         self._last_time = now
         return True
@@ -339,6 +343,13 @@ class GaugeChecks:
             known = max(known, float(repeated[here].min()))
         return known, max(float((since + self._unheard)[present].min()) - known, 0.0)
 
+    def refuse_zeros(self, present: BoolArray) -> BoolArray:
+        """Return (n_d,) that no gauge of the last cycle is valid, whose ``present`` ones read exactly zero."""
+        self.faults = {ZERO: present}
+        self._good[present] = 0
+        self._is_quiet = False
+        return np.zeros_like(present)
+
     @staticmethod
     def _lost(pause: FloatArray, period: FloatArray | float) -> FloatArray:
         """Return the time [s] of whole periods that are missing in times between frames; 0 where NaN."""
@@ -367,9 +378,10 @@ class GaugeChecks:
 
         With an offset, raw zero and strain zero differ; both count.
         """
-        zero = present & ((raw == 0) | (np.abs(strain) <= _ROUND_OFF))
+        zero = present & ((raw == 0) | (np.abs(strain) <= ROUND_OFF))
         self._zeros += zero
         self._zeros[present & ~zero] = 0
+        self.all_zero = bool(present.any() and (zero == present).all())
         if not zero.any():
             return np.zeros_like(present)
         # A strain that passes through zero may well meet it: only a fall faster than its own pace counts at once.

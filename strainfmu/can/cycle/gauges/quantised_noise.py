@@ -11,14 +11,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
-from math import erf, log, sqrt
+from math import erf, sqrt
 
 import numpy as np
 
 from strainfmu.arrays import FloatArray, IntArray
-
-LARGEST_RATIO = 4.0
-"""Maximum s that counts for repeated readings; coarser steps than a quarter of the noise are told apart."""
+from strainfmu.estimator.numerics.quantisation import LARGEST_RATIO
 
 LONGEST_RUN = 63
 """Maximum number of repetitions in the table; longer runs count as so many."""
@@ -83,12 +81,3 @@ def noise_table() -> NoiseTable:
         log_repeated_zero=np.minimum(log_repeated_zero, 0.0),
         variance=variance,
     )
-
-
-def longest_repetition(ratio: float, probability: float) -> float:
-    """Return how many equal readings in a row are less probable than ``probability``, at the worst strain.
-
-    That is the middle of a quantisation step, as exactly zero is; infinite where the noise never leaves it.
-    """
-    inside = erf(0.5 / (ratio * sqrt(2.0)))
-    return float("inf") if inside >= 1.0 else log(probability) / log(inside)

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 import pytest
 from solid_bodies import METAL, harmonic_field, tube
 
+from builder.aero.mapping.pressure_map import pressure_map
+from builder.aero.mapping.report import MappingTolerances, check_mapping, mapping_report
+from builder.aero.surface.mesh import mesh_of_grid
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import harmonic_response
 from builder.structure.solid.elements.element_faces import boundary_facets, face_keys
 from builder.structure.solid.gauges.gauge_rows import gauge_rows, gauges_at
+from builder.structure.solid.mesh.mesh_checks import check_mesh
+from builder.structure.solid.mesh.section_wall import section_wall
 from builder.structure.solid.mesh.solid_mesh import EXTERNAL, INTERNAL, SUPPORT
 from builder.structure.solid.mesh.swept_mesh import (
     BORE,
@@ -30,12 +35,44 @@ from builder.structure.solid.operators.surface_load import (
     surface_points,
     vector_area,
 )
+from builder.structure.solid.operators.surface_triangles import triangulated_surface
 from builder.structure.wall import Wall
-from builder.vehicle.shape.geometry import BodyOfRevolution, chain_segments
+from builder.vehicle.shape.geometry import (
+    BodyOfRevolution,
+    Segment,
+    SegmentMaker,
+    chain_pieces,
+    chain_segments,
+    surface_grid,
+)
+from builder.vehicle.shape.profile_curves import PowerLaw, spherical_cap, with_end_angles
+from builder.vehicle.shape.sectioned_body import SectionedBody
 from strainfmu.errors import InputError
 
 WALL = Wall(0.004, 0.10, METAL)
 PAPER_DOFS = 461_664  # displacement components of the source's finite elements
+
+
+def spherical_cap_from(radius: float, x: float, start: float) -> Segment:
+    return spherical_cap(radius, np.deg2rad(9.0))
+
+
+def power_law_from(exponent: float, x: float, start: float) -> Segment:
+    curve = PowerLaw(
+        start_x=0.0,
+        end_x=0.1,
+        start_radius=0.0,
+        start_angle=0.0,
+        end_angle=0.0,
+        base_radius=0.05,
+        exponent=exponent,
+    )
+    return with_end_angles(curve)
+
+
+def nine_degrees(end: float, x: float, radius: float) -> Segment:
+    angle = np.deg2rad(9.0)
+    return Segment(start_x=x, end_x=end, start_radius=radius, start_angle=angle, end_angle=angle)
 
 
 @cache
@@ -163,6 +200,42 @@ def test_bore_and_cut_of_the_tip_are_not_felt() -> None:
     ones = np.ones(len(surface_nodes(fine, EXTERNAL)))
     found = gauge_rows(full_mesh(fine), gauges) @ harmonic_field(fine, 1, ones)
     np.testing.assert_allclose(found, reference, rtol=0.005)
+
+
+@pytest.mark.parametrize(
+    ("tip", "solid"),
+    [
+        (partial(spherical_cap_from, 0.02), 0.05),
+        (partial(spherical_cap_from, 0.08), 0.02),
+        (partial(power_law_from, 0.3), 0.05),
+        (partial(power_law_from, 0.75), 0.05),
+    ],
+    ids=["cap", "hollow cap", "power law 0.3", "power law 0.75"],
+)
+def test_blunt_tips_are_meshed_whole(tip: SegmentMaker, solid: float) -> None:
+    """Pressure is carried from the body onto the coarse mesh, whose cut is a fiftieth of the tip's radius."""
+    blunt = chain_pieces([tip, partial(nine_degrees, 0.4)])
+    mesh = full_mesh(swept_wall(blunt, Wall(0.002, solid, METAL), "coarse"))
+    check_mesh(mesh, blunt.length)
+    source, target = mesh_of_grid(surface_grid(blunt, 100, 96)), triangulated_surface(mesh, EXTERNAL)
+    assert np.hypot(*target.point[target.point[:, 0].argmin(), 1:]) < 0.021 * blunt.radius(solid)
+    newtonian = np.maximum(-source.node_normal[:, 0], 0.0) ** 2
+    report = mapping_report(pressure_map(source, target), source, target, newtonian)
+    check_mapping(report, MappingTolerances())
+    assert report.largest_gap_point[0] > 0.3  # the chords round the base are further off than the tip
+
+
+def test_rounded_nose_of_sections_is_meshed() -> None:
+    """Sections of a flattened sphere, the first of them ahead of a fiftieth of the tip: no element is folded."""
+    turn, radius = np.deg2rad(np.arange(0.0, 82.0, 9.0)), 0.03
+    x = np.append(radius * (1.0 - np.cos(turn)), 0.5)
+    size = np.append(radius * np.sin(turn), 0.1)
+    round_nose = SectionedBody(
+        station=x, half_width=1.3 * size, half_height=size, exponent=np.full_like(x, 2.0), centre_z=0.0 * x
+    )
+    mesh = section_wall(round_nose, Wall(0.003, 0.06, METAL), RESOLUTIONS["coarse"])
+    check_mesh(mesh, round_nose.length)
+    assert mesh.node[:, 0].min() < 1e-4
 
 
 def test_what_cannot_be_swept_is_refused() -> None:

@@ -1,0 +1,125 @@
+"""Readings of the reference run: a flight that the map covers, errors as large as the map states, one fault."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.estimator.health import HealthState
+from strainfmu.estimator.linear.flow_parameters import flow_parameters
+from strainfmu.estimator.map.added_noise import with_gauge_covariance
+from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.map.temperature import sensor_set
+from strainfmu.estimator.tables.parameter_tables import with_known
+from strainfmu.fmu.reference_run.flight_motion import flight_of_tables
+from strainfmu.fmu.reference_run.flight_path import flight_path
+from strainfmu.fmu.reference_run.reference_flight import ReferenceFlight
+from strainfmu.fmu.reference_run.strains import flight_of_states
+from strainfmu.interface.parameter_variables import parameter_names, parameter_std_names
+from strainfmu.interface.temperature_variables import temperature_names
+
+FAULT_SIZE = 15.0
+"""Error of the failing gauge, in standard deviations of its residual."""
+
+_FAULT = (0.55, 0.72)
+"""Part of the run at which the fault begins, and at which it ends."""
+
+FAULT_STATES = (HealthState.INCONSISTENT, HealthState.SUSPECT)
+"""Health of an estimate with a faulty gauge in use."""
+
+_PARAMETER_STD = 0.01
+"""Standard deviation of a parameter of the flow, of its range."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Fault:
+    """A gauge that fails.
+
+    Attributes
+    ----------
+    gauge : its row in the map.
+    size : its error [m/m].
+    fails : (n,) whether it does.
+    """
+
+    gauge: int
+    size: float
+    fails: BoolArray
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Readings:
+    """What sensors give in the reference run, of n samples.
+
+    Attributes
+    ----------
+    flight : without errors.
+    fault : that of one gauge.
+    known : (n,) inputs beside the rows of the map, by name.
+    """
+
+    flight: ReferenceFlight
+    fault: Fault
+    known: dict[str, FloatArray]
+
+    def drawn(self, seed: int) -> tuple[FloatArray, dict[str, FloatArray]]:
+        """Return (n, n_d) rows of the map [m/m] with errors and the fault, and the true outputs (n,) by name."""
+        strain, truth = self.flight.drawn(seed)
+        strain[self.fault.fails, self.fault.gauge] += self.fault.size
+        return strain, truth
+
+
+def reference_readings(inverse_map: InverseMap, n_rows: int) -> Readings:
+    """Return the readings of a flight of ``n_rows``, over the flight state where the map has tables of it."""
+    known = _known_inputs(inverse_map)
+    held = _with_known(inverse_map, known)
+    path = flight_path(held, n_rows)
+    flight = flight_of_states(held, path) if held.manifold is None else flight_of_tables(held, path)
+    gauge, size = failing_gauge(flight.residual_precision)
+    row = np.arange(n_rows)
+    first, end = (round(part * n_rows) for part in _FAULT)
+    return Readings(
+        flight=flight,
+        fault=Fault(gauge=gauge, size=size, fails=(row >= first) & (row < end)),
+        known={**path.air_data, **{name: np.full(n_rows, value) for name, value in known.items()}},
+    )
+
+
+def _known_inputs(inverse_map: InverseMap) -> dict[str, float]:
+    """Return temperatures, at the reference, and parameters of the flow, amid their ranges, by input."""
+    thermal, parameters = inverse_map.thermal, flow_parameters(inverse_map)
+    middle, std = 0.5 * (parameters.minimum + parameters.maximum), _PARAMETER_STD * parameters.span
+    return {
+        **({} if thermal is None else dict.fromkeys(temperature_names(thermal), thermal.reference_temperature)),
+        **dict(zip(parameter_names(inverse_map), middle.tolist(), strict=True)),
+        **dict(zip(parameter_std_names(inverse_map), std.tolist(), strict=False)),
+    }
+
+
+def _with_known(inverse_map: InverseMap, known: dict[str, float]) -> InverseMap:
+    """Return ``inverse_map`` as it holds while the inputs ``known`` are."""
+    thermal, manifold = inverse_map.thermal, inverse_map.manifold
+    if thermal is not None and thermal.n_sensors:
+        sensors = sensor_set(thermal, np.ones(thermal.n_sensors, dtype=bool))
+        inverse_map = with_gauge_covariance(inverse_map, sensors.gauge_covariance)
+        manifold = inverse_map.manifold
+    stds = parameter_std_names(inverse_map)
+    if manifold is None or not stds:
+        return inverse_map
+    value = np.array([known[name] for name in parameter_names(inverse_map)])
+    return replace(inverse_map, manifold=with_known(manifold, value, np.array([known[name] for name in stds])))
+
+
+def failing_gauge(precision: FloatArray) -> tuple[int, float]:
+    """Return index and error [m/m] of the gauge that fails: the one whose error is best seen and told.
+
+    ``precision`` (n_d, n_d) is that of the residual [1/(m/m)^2].
+    """
+    variance = np.diag(precision)
+    checked = np.where(variance > 0.0, variance, 1.0)
+    alike = precision**2 / np.outer(checked, checked)
+    np.fill_diagonal(alike, 0.0)
+    gauge = int(np.argmax(variance * (1.0 - np.max(alike, axis=0))))
+    return gauge, FAULT_SIZE / float(np.sqrt(checked[gauge]))

@@ -1,0 +1,79 @@
+"""The run that every kind of estimator FMU publishes: what it shows, and that the FMU gives it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from flight_fmu import whole_map
+from fmu_host import OPTIONS, exported_kinds
+from further_maps import with_further_tables
+from parameter_maps import with_parameter_tables
+from published_run import FOLDER, check_published_run, published_run
+from sensor_maps import with_sensors
+from thermal_maps import with_temperature
+
+from strainfmu.fmu.checks.importers import read_table, run_fmpy
+from strainfmu.interface.fmi_variables import COEFFICIENTS
+
+pytestmark = pytest.mark.fast
+
+
+@pytest.fixture(scope="module")
+def flights(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """FMUs of a map that has all that a map can have."""
+    held = with_temperature(with_sensors(with_parameter_tables(with_further_tables(whole_map()))))
+    return exported_kinds(held, tmp_path_factory.mktemp("published"))
+
+
+@pytest.mark.parametrize("kind", OPTIONS)
+def test_the_run_of_a_linear_map(fmus: dict[str, Path], kind: str) -> None:
+    """In form "absolute", without ranges of Mach number and altitude."""
+    run = check_published_run(fmus[kind], has_air_data=False)
+    assert set(run.truth) == {"time", *COEFFICIENTS}
+
+
+@pytest.mark.parametrize("kind", OPTIONS)
+def test_the_run_of_a_map_with_tables_and_everything_else(flights: dict[str, Path], kind: str) -> None:
+    run = check_published_run(flights[kind], has_air_data=True)
+    assert {"temperature[1]", "parameter.fin_deg", "parameter_std.fin_deg", "sensor.port_0deg"} <= set(run.inputs)
+    ok = run.outputs["health.state"] == 0.0
+    for name in ("angle_of_attack", "mach_number", "static_pressure"):
+        error = np.abs(run.outputs[f"air_data.{name}"] - run.truth[f"air_data.{name}"])
+        assert np.all(error[ok] < 4.0 * run.outputs[f"sigma.air_data.{name}"][ok]), name
+    assert "angle of attack [deg]" in run.page
+
+
+def test_all_kinds_publish_one_run(fmus: dict[str, Path], flights: dict[str, Path]) -> None:
+    for paths in (fmus, flights):
+        first, *others = (published_run(paths[kind]) for kind in OPTIONS)
+        for other in others:
+            for mine, its in (
+                (first.inputs, other.inputs),
+                (first.outputs, other.outputs),
+                (first.truth, other.truth),
+            ):
+                assert {name: values.tolist() for name, values in mine.items()} == {
+                    name: values.tolist() for name, values in its.items()
+                }
+
+
+@pytest.mark.parametrize("kind", OPTIONS)
+@pytest.mark.parametrize("map_name", ["linear", "flight"])
+def test_the_fmu_gives_its_run(
+    fmus: dict[str, Path], flights: dict[str, Path], tmp_path: Path, kind: str, map_name: str
+) -> None:
+    """Through FMPy, to the 6 digits of the file."""
+    import fmpy
+
+    path = (fmus if map_name == "linear" else flights)[kind]
+    folder = Path(fmpy.extract(str(path), str(tmp_path))) / FOLDER
+    found, expected = (
+        run_fmpy(path, read_table(folder / "reference_in.csv")),
+        read_table(folder / "reference_out.csv"),
+    )
+    assert {*found} == {*expected}
+    for name, rows in expected.items():
+        size = np.abs(rows).max() or 1.0
+        np.testing.assert_allclose(found[name], rows, rtol=0.0, atol=1e-5 * size, err_msg=name)
