@@ -21,12 +21,13 @@ if TYPE_CHECKING:
 
     from strainfmu.estimator.core import Core
     from strainfmu.estimator.linear.flow_parameters import FlowParameters
+    from strainfmu.estimator.numpy_core import NumpyCore
 
 
 class Source(Protocol):
     """What an estimate reads of the estimator that made it."""
 
-    core: Core
+    core: Core | NumpyCore
     is_nonlinear: bool
     parameters: FlowParameters
     section_station: FloatArray

@@ -11,7 +11,7 @@ from functools import cached_property
 from math import isfinite, nan
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.arguments import checked_mask, per_sample, strain_of_samples
-from strainfmu.estimator.core import Core, Series
+from strainfmu.estimator.core import Core, NoCoreError, Series
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimates.pressure_field import PressureField
 from strainfmu.estimator.filter.settings import LARGEST, SMALLEST
@@ -31,6 +31,9 @@ from strainfmu.estimator.resource.map_file import native_resource
 from strainfmu.estimator.settings import EstimatorSettings, default_settings
 from strainfmu.estimator.surface_pressure import AIR_DATA, SurfaceSample, surface_pressure
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros, no_zeros
+
+if TYPE_CHECKING:
+    from strainfmu.estimator.numpy_core import NumpyCore
 
 AIR_DATA_INPUTS = (
     "dynamic_pressure",
@@ -159,16 +162,27 @@ class Estimator:
         further = None if manifold is not None and manifold.further is None else further
         self.section_station = np.zeros(0) if further is None else further.section_station
         self._lock = threading.Lock()
-        self.core = Core(resource)
+        self.core = self._new_core(resource)
         self._set_up(self.core)
-        self._tracks: Core | None = None
-        self._others: list[Core] = []
+        self._tracks: Core | NumpyCore | None = None
+        self._others: list[Core | NumpyCore] = []
         n, inputs = inverse_map.n_gauges, self.core.inputs
         self._n, self._shape, self._first_air = n, (n,), inputs["dynamic_pressure"].start
         self._temperature, self._thrust = inputs["temperature"], inputs["thrust"]
         self._parameter = inputs["parameter"]
 
-    def _set_up(self, core: Core, filter_time_constant: float = 0.0) -> None:
+    def _new_core(self, resource: bytes) -> Core | NumpyCore:
+        """Return the compiled core of the map or, of a linear map on a machine that has none, numpy's."""
+        try:
+            return Core(resource)
+        except NoCoreError as error:
+            if self.is_nonlinear:
+                raise NoCoreError(f"the nonlinear estimator needs the compiled core: {error}") from None
+            from strainfmu.estimator.numpy_core import NumpyCore
+
+            return NumpyCore(self.inverse_map, resource)
+
+    def _set_up(self, core: Core | NumpyCore, filter_time_constant: float = 0.0) -> None:
         """Give ``core`` the settings of this estimator."""
         settings, zeros = self.settings, self.zeros
         if len(zeros.value) != self.inverse_map.n_strain_gauges:
@@ -356,8 +370,8 @@ class Estimator:
     def memory(self, state: bytes) -> None:
         (self._tracks or self._new_track()).state = state
 
-    def _new_track(self, state: bytes | None = None) -> Core:
-        core = Core(self.core.resource)
+    def _new_track(self, state: bytes | None = None) -> Core | NumpyCore:
+        core = self._new_core(self.core.resource)
         if state is not None:  # it holds settings, too
             core.state = state
         self._set_up(core, self.filter_time_constant)
@@ -383,7 +397,7 @@ class Estimator:
         valid: ArrayLike | None,
         air: tuple[Any, ...],
         more: tuple[Any, ...],
-        core: Core,
+        core: Core | NumpyCore,
         how: Series,
         time: float,
     ) -> Estimate:
@@ -408,7 +422,7 @@ class Estimator:
             return Estimate(record, self, inputs, mask)
         return Estimate(record, self, inputs, mask, self._fit_of_one)
 
-    def _write_air(self, core: Core, air: tuple[float, ...]) -> None:
+    def _write_air(self, core: Core | NumpyCore, air: tuple[float, ...]) -> None:
         """Write the numbers ``air`` of one sample to the record of ``core``; nothing else is known of it."""
         items, place = core.sample_items, self._first_air
         if air[1] < 0.0 or air[4] < 0.0 or air[6] < 0.0:
