@@ -20,6 +20,15 @@ from strainfmu.estimator.map.offers import has_further_outputs
 from strainfmu.estimator.settings import EstimatorSettings
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 
+_AIR_DATA = (
+    "dynamic_pressure",
+    "dynamic_pressure_std",
+    "mach_number",
+    "altitude",
+    "mach_number_std",
+    "static_pressure",
+    "static_pressure_std",
+)
 _SETTINGS = ("sensor_range", "alarm_scale", "reference_area", "reference_length", "moment_station")
 
 
@@ -43,12 +52,10 @@ class NumpyCore:
         further = inverse_map.further if has_further_outputs(inverse_map) else None
         m = 0 if further is None else len(further.variance)
         n_p = len(flow_parameters(inverse_map).names)
-        air = ("dynamic_pressure", "dynamic_pressure_std", "mach_number", "altitude")
-        air += ("mach_number_std", "static_pressure", "static_pressure_std")
         self.n_rows = n
         self.inputs = _layout(
             {"strain": n_strains, "sensor": n - n_strains}
-            | dict.fromkeys(air, 1)
+            | dict.fromkeys(_AIR_DATA, 1)
             | {"temperature": n_t, "thrust": int(has_thrust), "parameter": n_p}
         )
         of_zeros = {"zero": n_strains, "zero_std": n_strains, "zero_common_std": 1, "filter_time_constant": 0}
