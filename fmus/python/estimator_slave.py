@@ -8,9 +8,10 @@ An exception that reaches PythonFMU's wrapper kills the FMU, so nothing here rai
 from __future__ import annotations
 
 import json
+from base64 import b64decode, b64encode
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 from xml.etree.ElementTree import Element, parse
 
 import numpy as np
@@ -18,12 +19,8 @@ from pythonfmu import Fmi2Slave
 from pythonfmu.enums import Fmi2Status
 
 from strainfmu.errors import InputError
-from strainfmu.estimator.estimates.load_estimate import LoadEstimate
-from strainfmu.estimator.filter import switched, switched_linear
-from strainfmu.estimator.filter.switched import SwitchedFilter, TimedTrack
-from strainfmu.estimator.filter.switched_linear import SwitchedLinearFilter, TimedLaw
-from strainfmu.estimator.loading import estimator_of
-from strainfmu.estimator.manifold.estimator import ManifoldEstimator
+from strainfmu.estimator.estimate import Estimate
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import load_inverse_map
 from strainfmu.estimator.map.offers import has_further_outputs
 from strainfmu.estimator.map.temperature import known_sensors
@@ -35,19 +32,16 @@ from strainfmu.fmu.python.wrapper_exit import let_go_at_exit
 from strainfmu.interface.estimator_variables import (
     PARAMETERS,
     estimator_interface,
-    known_flow,
     output_values,
 )
 from strainfmu.interface.filter_variables import FILTER_TIME_CONSTANT, time_constant_fault
 from strainfmu.interface.fmi_variables import Variable, value_references
-from strainfmu.interface.input_names import FLOW_INPUTS, NAVIGATION_INPUTS, without_negative_deviations
+from strainfmu.interface.input_names import FLOW_INPUTS, NAVIGATION_INPUTS, given_flow, known_values
 from strainfmu.interface.parameter_variables import parameter_names, parameter_std_names
 from strainfmu.interface.sensor_variables import THRUST
 from strainfmu.interface.tare_variables import TARE, TARE_STATE, zero_in_use_names
 from strainfmu.interface.temperature_variables import temperature_names
 from strainfmu.interface.zero_variables import zero_names
-
-_Filter = TypeVar("_Filter", SwitchedFilter, SwitchedLinearFilter)
 
 
 class EstimatorSlave(Fmi2Slave):
@@ -64,7 +58,7 @@ class EstimatorSlave(Fmi2Slave):
         self.modelName = json.loads((resources / "fmu.json").read_text("utf-8"))["model_identifier"]
         let_go_at_exit(resources, self.modelName)
         inverse_map = load_inverse_map(resources / "map.h5")
-        self._estimator = estimator_of(inverse_map)
+        self._estimator = Estimator(inverse_map)
         interface = estimator_interface(inverse_map)
         references = value_references(interface)
         self._names = [variable.name for variable in interface]
@@ -76,12 +70,11 @@ class EstimatorSlave(Fmi2Slave):
         self._first_input, self._valid = references["strain[1]"], references["valid[1]"]
         self._pressure = references["dynamic_pressure"]
         self._parameters = [references[name] for name in PARAMETERS]
-        self._sensors, self._n_strains = inverse_map.sensors, inverse_map.n_strain_gauges
+        self._n_strains = inverse_map.n_strain_gauges
         self._thrust = references.get(THRUST)
         self._zeros = [references[name] for name in zero_names(self._n_strains)]
         self._zeros_outdated = False
         self._time_constant = references.get(FILTER_TIME_CONSTANT)
-        self._filter: SwitchedFilter | SwitchedLinearFilter | None = None
         self._thermal = inverse_map.thermal
         self._has_further = has_further_outputs(inverse_map)
         self._temperatures = [references[name] for name in temperature_names(inverse_map.thermal)]
@@ -95,15 +88,17 @@ class EstimatorSlave(Fmi2Slave):
         self._parameter_stds = [references[name] for name in parameter_std_names(inverse_map)]
         self._flow = {name: references[name] for name in FLOW_INPUTS + NAVIGATION_INPUTS if name in references}
         self._values = np.array([variable.start or 0.0 for variable in interface], dtype=float)
+        # Start values are no readings: a gauge whose input was never set is left out.
+        self._is_set = np.zeros(self._valid - self._first_input, dtype=bool)
         # Real inputs, which go without a check of their values.
         self._free = (
             self._of_type["Real"].intersection(self._inputs).difference(self._parameters).difference(self._zeros)
         ).difference({self._time_constant})
         self._outdated = True
-        # Outputs follow from the track of the last step; they leave the other one. Stepped: a step has taken them.
-        self._track, self._next, self._stepped = TimedTrack(), TimedTrack(), False
-        # The same of the filter of a linear map.
-        self._law, self._next_law = TimedLaw(), TimedLaw()
+        # Outputs follow from what the last step left, None for nothing; they leave the other one.
+        self._memory: bytes | None = None
+        self._next: bytes | None = None
+        self._stepped = False  # whether a step has taken them
         # Of the sample that the inputs are, and of the end of the last step.
         self._time, self._end = 0.0, 0.0
 
@@ -135,8 +130,9 @@ class EstimatorSlave(Fmi2Slave):
             strain = self._values[self._first_input :][: self._n_strains]
             valid = self._values[self._valid :][: self._n_strains]
             in_use = (valid != 0.0) & (np.abs(strain) <= self._estimator.settings.sensor_range)
-            (pressure,) = known_flow([float(self._values[self._pressure])])
-            self._tare.take(np.where(in_use, strain, np.nan), pressure)
+            in_use &= self._is_set[: self._n_strains]
+            # At rest it is 0.
+            self._tare.take(np.where(in_use, strain, np.nan), float(self._values[self._pressure]))
         self._values[self._tare_state] = self._tare.state
         if self._tare.text:
             self.log(self._tare.text, Fmi2Status.ok, "logEvents")
@@ -152,12 +148,18 @@ class EstimatorSlave(Fmi2Slave):
     def set_real(self, vrs: list[int], values: list[float]) -> None:
         """Set inputs and parameters; what cannot be set is logged and left alone."""
         self._before_change()
+        self._note_set(vrs)
         if vrs and self._free.issuperset(vrs):
             self._values[vrs] = values
             return
         for vr, value in zip(vrs, values, strict=True):
             if self._is_settable(vr, "Real"):
                 self._set_one(vr, value)
+
+    def _note_set(self, vrs: list[int]) -> None:
+        """Note which readings are set, until all are."""
+        if not self._is_set.all():
+            self._is_set[[vr - self._first_input for vr in vrs if self._first_input <= vr < self._valid]] = True
 
     def _set_one(self, vr: int, value: float) -> None:
         """Set an input or a parameter, with what follows from a parameter."""
@@ -179,7 +181,9 @@ class EstimatorSlave(Fmi2Slave):
             self._tare.drop()
             self._values[self._tare_state] = self._tare.state
             self._zeros_outdated = True
-        if not (of_zero or of_filter):
+        if of_filter:
+            self._estimator = self._estimator.filter(value)
+        elif not of_zero:
             self._apply_settings()
 
     def _apply_zeros(self) -> None:
@@ -240,61 +244,41 @@ class EstimatorSlave(Fmi2Slave):
         self._values[self._outputs] = output_values(self._estimate(), self._has_further)
         self._outdated = False
 
-    def _readings(self) -> np.ndarray:
-        """Return (n_d,) strains, and what further sensors read less what thrust makes of it."""
-        readings = self._values[self._first_input : self._valid]
-        if self._sensors is None or self._thrust is None:
-            return readings
-        (thrust,) = known_flow([float(self._values[self._thrust])])
-        return self._sensors.without_thrust(readings, thrust)
-
-    def _estimate(self) -> LoadEstimate:
-        strain = self._readings()
-        valid = self._values[self._valid : self._pressure] != 0.0
-        flow = dict(zip(self._flow, known_flow(self._values[[*self._flow.values()]].tolist()), strict=True))
-        temperature = self._temperature()
-        if isinstance(self._estimator, ManifoldEstimator):
-            known = without_negative_deviations(flow)
-            inputs = self._estimator.checked_inputs(
-                strain, valid, known, self._given_parameters(), self._given_deviations()
-            )
-            over_time = self._switched(SwitchedFilter, self._estimator)
-            found, self._next = over_time.step(inputs, self._track, self._time, temperature)
-            return found
-        static = self._estimator.step(
-            strain,
-            flow["dynamic_pressure"],
-            valid,
-            flow["dynamic_pressure_std"],
-            mach_number=flow["mach_number"],
-            altitude=flow["altitude"],
-            temperature=temperature,
-            parameters=self._given_parameters(),
+    def _estimate(self) -> Estimate:
+        flow = given_flow(dict(zip(self._flow, self._values[[*self._flow.values()]].tolist(), strict=True)))
+        (thrust,) = known_values([0.0 if self._thrust is None else float(self._values[self._thrust])])
+        if self._memory is not None:
+            self._estimator.memory = self._memory
+        elif self._remembers:
+            self._estimator.restart()
+        found = self._estimator.track(
+            self._values[self._first_input : self._valid],
+            valid=(self._values[self._valid : self._pressure] != 0.0) & self._is_set,
+            time=self._time,
+            temperature=self._temperature(),
+            thrust=thrust,
+            parameters=self._given_parameters() or None,
+            parameters_std=self._given_deviations() or None,
+            **flow,
         )
-        linear = self._switched(SwitchedLinearFilter, self._estimator)
-        pressure = flow["dynamic_pressure"]
-        filtered, self._next_law = linear.step(static, strain, pressure, self._law, self._time, temperature)
-        return filtered
+        self._next = self._estimator.memory if self._remembers else None
+        return found
+
+    @property
+    def _remembers(self) -> bool:
+        """Whether estimates follow from the steps before, too."""
+        return self._estimator.is_nonlinear or self._estimator.filter_time_constant > 0.0
 
     def _given_parameters(self) -> dict[str, float]:
         """Return the further parameters of the flow by name, NaN where not known."""
-        values = known_flow(self._values[self._flow_parameters].tolist())
+        values = known_values(self._values[self._flow_parameters].tolist())
         return dict(zip(self._estimator.parameters.names, values, strict=True))
 
     def _given_deviations(self) -> dict[str, float]:
         """Return the standard deviations of further parameters of the flow by name, NaN where not stated."""
         stds = self._values[self._parameter_stds]
-        stated = np.where((stds >= 0.0) & (stds < np.inf), stds, np.nan).tolist()
+        stated = np.where((stds > 0.0) & (stds < np.inf), stds, np.nan).tolist()
         return dict(zip(self._estimator.parameters.names, stated, strict=bool(stated)))
-
-    def _switched(self, kind: type[_Filter], estimator: Any) -> _Filter:
-        """Return the filter of ``estimator``, that of the last step if neither has changed."""
-        seconds = 0.0 if self._time_constant is None else float(self._values[self._time_constant])
-        known = self._filter
-        if isinstance(known, kind) and known.estimator is estimator and known.time_constant == seconds:
-            return known
-        self._filter = found = kind(estimator, seconds)
-        return found
 
     def _temperature(self) -> np.ndarray | None:
         """Return (n_t,) what the sensors read [K], None where none of them tells anything."""
@@ -307,15 +291,15 @@ class EstimatorSlave(Fmi2Slave):
         """Go on from the last step: what follows starts from the track that it left."""
         if self._stepped:
             self._update()
-            self._track, self._law = self._next, self._next_law
+            self._memory = self._next
             self._stepped, self._time = False, self._end
         self._outdated = True
 
     def _get_fmu_state(self) -> dict[str, Any]:
         return {
             "inputs": self._values[self._inputs].tolist(),
-            "track": switched.as_numbers(self._track),
-            "law": switched_linear.as_numbers(self._law),
+            "is_set": self._is_set.astype(int).tolist(),
+            "memory": None if self._memory is None else b64encode(self._memory).decode(),
             "times": [self._time, self._end],
             "stepped": int(self._stepped),
             "tare": self._tare.saved(),
@@ -324,9 +308,10 @@ class EstimatorSlave(Fmi2Slave):
     def _set_fmu_state(self, state: dict[str, Any]) -> None:
         before, tare = self._values.copy(), self._tare.saved()
         try:
-            track, law = switched.from_numbers(state["track"]), switched_linear.from_numbers(state["law"])
+            memory = None if state["memory"] is None else b64decode(state["memory"], validate=True)
             stepped = bool(state["stepped"])
             time, end = map(float, state["times"])
+            is_set = np.array(state["is_set"], dtype=bool).reshape(self._is_set.shape)
             self._values[self._inputs] = state["inputs"]
             self._apply_settings()
             self._tare.restore(state["tare"])
@@ -338,7 +323,7 @@ class EstimatorSlave(Fmi2Slave):
             self._apply_zeros()
             self.log(f"no state of this FMU: {error!r}", Fmi2Status.error)
         else:
-            self._track, self._law = track, law
+            self._memory, self._is_set = memory, is_set
             self._stepped, self._time, self._end = stepped, time, end
         self._values[self._tare_state] = self._tare.state
         self._outdated = True

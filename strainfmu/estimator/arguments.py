@@ -8,8 +8,10 @@ from numpy.typing import ArrayLike
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import InputError
 
-NOT_KNOWN = -1e9
-"""Value of an FMU's input that need not be known, in the unit of each; NaN means the same.
+NOT_KNOWN = -9999.0
+"""Start value of further parameters of the flow, in the unit of each: they may be 0, and have either sign.
+
+The same of thrust where it is not known. NaN means the same.
 
 NaN alone would do, were there no importers that take it for an error (OMSimulator).
 """
@@ -78,6 +80,23 @@ def checked_mask(valid: ArrayLike, n_gauges: int, samples: int | None = None) ->
     return mask
 
 
+def given(values: FloatArray) -> FloatArray:
+    """Return ``values`` of Mach number, altitude or a pressure, NaN where not given: where they are 0 or below."""
+    found: FloatArray = np.where(values > 0.0, values, np.nan)
+    return found
+
+
+def silent(readings: FloatArray, used: BoolArray, n_strain_gauges: int) -> BoolArray:
+    """Return (k,) the samples in which every strain gauge that is ``used`` (k, n_d), one or more, reads exactly 0.
+
+    No gauge under load does: nothing has been read. ``readings`` (k, n_d) are as they come, zeros not subtracted.
+    """
+    of_gauges = used[:, :n_strain_gauges]
+    loud = of_gauges & (readings[:, :n_strain_gauges] != 0.0)
+    found: BoolArray = of_gauges.any(axis=1) & ~loud.any(axis=1)
+    return found
+
+
 def per_sample(name: str, value: ArrayLike, samples: int) -> FloatArray:
     """Return ``value``, one number or one of each sample, as (samples,).
 
@@ -95,7 +114,7 @@ def per_sample(name: str, value: ArrayLike, samples: int) -> FloatArray:
         pass
     if values is None or values.shape not in ((), (samples,)):
         expected = "a number" if samples == 1 else f"a number or {samples} numbers"
-        is_array = isinstance(value, np.ndarray)
-        got = f"shape {values.shape}" if values is not None else str(value.dtype) if is_array else repr(value)
+        of_array = str(value.dtype) if isinstance(value, np.ndarray) else repr(value)
+        got = of_array if values is None else f"shape {values.shape}"
         raise InputError(f"{name}: expected {expected}, got {got}")
     return np.full(samples, values) if values.ndim == 0 else values

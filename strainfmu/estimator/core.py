@@ -29,6 +29,9 @@ from strainfmu.errors import InputError, StrainfmuError
 VERSION = 1
 """``SL_VERSION`` of the library that this file calls."""
 
+LIBRARIES_OF_FMU = "native"
+"""Folder in ``resources/`` of an FMU of the Python kind, which carries libraries and a copy of this package."""
+
 _TEXT_SIZE = 256
 _FLAGS = ("-std=c99", "-O2", "-DNDEBUG", "-ffp-contract=off", "-fno-math-errno", "-fvisibility=hidden", "-shared")
 _SUFFIX = {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
@@ -247,7 +250,9 @@ def library_file() -> Path:
         ("darwin", "x86_64"): "darwin64",
         ("darwin", "arm64"): "darwin64",
     }.get((sys.platform, machine), f"{sys.platform}-{machine}")
-    return Path(str(resources.files("fmus"))) / "native" / "binaries" / folder / f"estimator{_SUFFIX}"
+    name = Path(folder) / f"estimator{_SUFFIX}"
+    of_fmu = Path(__file__).parents[2] / LIBRARIES_OF_FMU
+    return (of_fmu if of_fmu.is_dir() else _native_folder() / "binaries") / name
 
 
 def _declared(found: ctypes.CDLL) -> ctypes.CDLL:
@@ -276,7 +281,7 @@ def _declared(found: ctypes.CDLL) -> ctypes.CDLL:
 
 def _compiled(fault: str) -> Path:
     """Return the library that the system's compiler makes of the sources, which is kept in the user's cache."""
-    native = Path(str(resources.files("fmus"))) / "native"
+    native = _native_folder()
     sources = [file for part in ("core", "estimator") for file in sorted((native / part).rglob("*.[ch]"))]
     digest = hashlib.sha256(" ".join((*_FLAGS, platform.machine())).encode())
     for source in sources:
@@ -303,6 +308,14 @@ def _compiled(fault: str) -> Path:
             raise NoCoreError(f"the compiled estimator: {compiler} failed: {last}")
         made.replace(target)
     return target
+
+
+def _native_folder() -> Path:
+    """Return the folder of the C sources and of the libraries."""
+    try:
+        return Path(str(resources.files("fmus"))) / "native"
+    except ModuleNotFoundError:
+        raise NoCoreError(f"the compiled estimator: no library for {sys.platform} {platform.machine()}") from None
 
 
 def _cache_folder() -> Path:

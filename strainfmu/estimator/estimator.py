@@ -52,6 +52,9 @@ _NOTHING_MORE = (None, _NO_THRUST, None, None)
 
 _STDS = tuple(name for name in AIR_DATA_INPUTS if name.endswith("_std"))
 
+EXACT = 1e-150
+"""Standard deviation that stands for 0: to the core, as to hosts of FMUs, 0 is one that is not given."""
+
 PIECE, PIECE_NONLINEAR = 4096, 32
 """Samples, at least, for which another thread is worth its start."""
 
@@ -168,6 +171,7 @@ class Estimator:
         self._others: list[Core | NumpyCore] = []
         n, inputs = inverse_map.n_gauges, self.core.inputs
         self._n, self._shape, self._first_air = n, (n,), inputs["dynamic_pressure"].start
+        self._std_places = [inputs[name].start for name in _STDS]
         self._temperature, self._thrust = inputs["temperature"], inputs["thrust"]
         self._parameter = inputs["parameter"]
 
@@ -368,11 +372,13 @@ class Estimator:
 
     @memory.setter
     def memory(self, state: bytes) -> None:
-        (self._tracks or self._new_track()).state = state
+        core = self._tracks or self._new_track()
+        core.state = state
+        self._set_up(core, self.filter_time_constant)  # the state holds the settings of its sample
 
     def _new_track(self, state: bytes | None = None) -> Core | NumpyCore:
         core = self._new_core(self.core.resource)
-        if state is not None:  # it holds settings, too
+        if state is not None:
             core.state = state
         self._set_up(core, self.filter_time_constant)
         self._tracks = core
@@ -430,6 +436,9 @@ class Estimator:
         for value in air:
             items[place] = value
             place += 1
+        for at in self._std_places:
+            if items[at] == 0.0:
+                items[at] = EXACT
         if place < core.n_inputs:
             core.sample[place:] = nan
             core.sample[self._thrust] = 0.0
@@ -454,7 +463,10 @@ class Estimator:
             (self._temperature, self._temperatures(temperature, k)),
             (self._thrust, _column("thrust", thrust, k)),
             (self._parameter, nan if parameters is None else self.parameters.values(parameters, k)),
-            (layout.get("parameter_std", slice(0, 0)), nan if stds is None else self.parameters.stds(stds, k)),
+            (
+                layout.get("parameter_std", slice(0, 0)),
+                nan if stds is None else self._stds(stds, k),
+            ),
         ]
         mask = None
         if valid is not None:
@@ -466,6 +478,9 @@ class Estimator:
             mask=mask,
             inputs=np.empty((k, self.core.n_inputs)),
         )
+
+    def _stds(self, stds: Mapping[str, ArrayLike], samples: int) -> FloatArray:
+        return _exact(self.parameters.stds(stds, samples))
 
     def _temperatures(self, temperature: ArrayLike | None, samples: int) -> Any:
         """Return the readings of the temperature sensors [K], NaN of those that give none."""
@@ -561,11 +576,16 @@ def _checked_start(start: ArrayLike, samples: int) -> FloatArray:
     return found
 
 
+def _exact(stds: FloatArray) -> FloatArray:
+    return np.where(stds == 0.0, EXACT, stds)
+
+
 def _column(name: str, value: ArrayLike, samples: int) -> Any:
     """Return ``value`` of all samples, a number, or of each (samples, 1)."""
     if type(value) is float:
-        return value
-    return per_sample(name, value, samples)[:, None]
+        return EXACT if name in _STDS and value == 0.0 else value
+    values = per_sample(name, value, samples)[:, None]
+    return _exact(values) if name in _STDS else values
 
 
 def _processors() -> int:

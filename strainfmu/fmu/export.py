@@ -17,6 +17,7 @@ from strainfmu.cosim.models import flight_model
 from strainfmu.cosim.models.flight_model import check_envelope, load_flight_model
 from strainfmu.cosim.models.trajectory import load_trajectory
 from strainfmu.errors import InputError
+from strainfmu.estimator.core import LIBRARIES_OF_FMU
 from strainfmu.estimator.map.inverse_map import (
     SCHEMA,
     SCHEMA_VERSION,
@@ -67,7 +68,7 @@ _COMMON_SOURCES = (
     "fmu/python/__init__.py",
     "fmu/python/wrapper_exit.py",
 )
-_ESTIMATOR_ROOMS = ("estimates", "filter", "linear", "manifold", "map", "numerics", "tables", "zeros")
+_ESTIMATOR_ROOMS = ("estimates", "filter", "linear", "manifold", "map", "numerics", "resource", "tables", "zeros")
 _ESTIMATOR_SOURCES = (
     *_COMMON_SOURCES,
     "estimator/",
@@ -210,12 +211,17 @@ def _python_estimator(
 ) -> dict[str, bytes]:
     code = slave_code("estimator_slave", _ESTIMATOR_SOURCES)
     known = _known_bytes(_known_strain(options, inverse_map))
-    payload = {"map.h5": map_path.read_bytes()} | ({"tare_known.json": known} if known else {})
+    libraries = {
+        f"{LIBRARIES_OF_FMU}/{native_package.FOLDERS[platform]}/estimator{suffix}": content
+        for platform, (suffix, content) in chosen_libraries("estimator", None, "2").items()
+    }
+    made_of = b"".join((f"{content_hash}{code.digest}".encode(), known, *libraries.values()))
+    payload = {"map.h5": map_path.read_bytes(), **libraries} | ({"tare_known.json": known} if known else {})
     description = FmuDescription(
         model_name=options.model_name,
         description=_described(inverse_map),
         interface=estimator_interface(inverse_map),
-        content_hash=hashlib.sha256(f"{content_hash}{code.digest}".encode() + known).hexdigest(),
+        content_hash=hashlib.sha256(made_of).hexdigest(),
         stop_time=_STOP_TIME,
         step_size=_STEP_SIZE,
         capabilities=python_package.CAPABILITIES,

@@ -17,6 +17,7 @@ from strainfmu.estimator.manifold.flight_health import outside_score
 from strainfmu.estimator.manifold.navigation import NAVIGATION
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.settings import default_settings
+from strainfmu.interface.input_names import given_flow
 from strainfmu.interface.parameter_variables import OUTSIDE_PREFIX
 from strainfmu.interface.sensor_variables import reading_units
 from strainfmu.recorded.columns.column_names import FLOW_NAMES, NAVIGATION_NAMES
@@ -90,8 +91,8 @@ class MapBlocks:
             "dynamic_pressure": block.dynamic_pressure,
             "temperature": block.temperature,
             "parameters": dict(block.parameters),
-            "parameters_std": dict(block.parameters_std) if self.sharpening else None,
-            **block.flow,
+            "parameters_std": given_flow(block.parameters_std) if self.sharpening else None,
+            **given_flow(block.flow),
         }
         if self.estimator.filter_time_constant > 0.0:
             return self.estimator.track(readings, time=block.time, **arguments)

@@ -24,6 +24,7 @@ from strainfmu.estimator.linear.estimator import Estimator as LinearEstimator
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimates, joined
 from strainfmu.estimator.manifold.flight_health import gauge_threshold
+from strainfmu.interface.input_names import given_flow
 from strainfmu.recorded.columns.columns import StrainBlock
 from strainfmu.recorded.columns.sensor_readings import rows_of_map
 from strainfmu.recorded.estimates.block_estimates import BlockEstimates, BlockEstimator, outside_ranges
@@ -59,11 +60,11 @@ class SmoothedFlight(MapBlocks):
         """Return the steps of a block."""
         found, readings = [], rows_of_map(block, self._numpy.inverse_map.sensors, self.readings)
         for row, seconds in enumerate(_time_steps(block, last)):
-            flow = {name: float(values[row]) for name, values in block.flow.items()}
+            flow = given_flow({name: float(values[row]) for name, values in block.flow.items()})
             flow["dynamic_pressure"] = float(block.dynamic_pressure[row])
             parameters = {name: values[row] for name, values in block.parameters.items()}
             warm = None if block.temperature is None else block.temperature[row]
-            std = {name: values[row] for name, values in block.parameters_std.items()}
+            std = given_flow({name: float(values[row]) for name, values in block.parameters_std.items()})
             step = self._filter.recorded(
                 seconds, readings[row], flow, temperature=warm, parameters=parameters, parameters_std=std
             )
@@ -95,7 +96,7 @@ class SmoothedMap(MapBlocks):
             block.dynamic_pressure,
             temperature=block.temperature,
             parameters=dict(block.parameters),
-            **block.flow,
+            **given_flow(block.flow),
         )
         if not isinstance(static, LoadEstimates):
             raise TypeError("strain: expected (n, n_d) values")

@@ -131,8 +131,9 @@ static void linear_residuals(Estimator *e, double *z) {
 static void write_gauges(const Estimator *e, double *used, double *suspect) {
     const double range = e->input[e->map.n_gauges + SENSOR_RANGE];
     const size_t first = (size_t)e->output[SUSPECT_GAUGE];
+    const int silent = estimator_silent(e);
     for (size_t i = 0; i < e->map.n_gauges; i++) {
-        used[i] = (double)gauge_in_use(e, i, range);
+        used[i] = (double)(!silent && gauge_in_use(e, i, range));
         suspect[i] = 0.0;
     }
     if (first == 0) {

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "../../core/floating.h"
 #include "fit.h"
 
 #define MAX_FIELDS 24
@@ -144,6 +145,7 @@ StrainLoad *sl_open(const void *bytes, size_t length, char text[SL_TEXT_SIZE]) {
     }
     handle->estimator = (Estimator *)(void *)handle->model;
     handle->model->mode = STEP;
+    estimator_note_given(handle->estimator, 0, handle->estimator->map.n_gauges);
     describe_inputs(handle);
     describe_settings(handle);
     describe_outputs(handle);
@@ -186,10 +188,10 @@ static size_t setting_input(const StrainLoad *handle, size_t place) {
     return SIZE_MAX;
 }
 
-int sl_set(StrainLoad *handle, size_t first, size_t count, const double *value, char text[SL_TEXT_SIZE]) {
+static int set(StrainLoad *handle, size_t first, size_t count, const double *value, char text[SL_TEXT_SIZE]) {
     Estimator *e = handle->estimator;
     const size_t zeros = e->map.n_gauges + N_ALL_SCALARS;
-    estimator_before_change(e);
+    estimator_before_change(e); /* it may compute the outputs that a step left */
     for (size_t k = 0; k < count; k++) {
         const size_t input = setting_input(handle, first + k);
         if (input == SIZE_MAX) {
@@ -207,6 +209,13 @@ int sl_set(StrainLoad *handle, size_t first, size_t count, const double *value, 
         e->outdated = 1;
     }
     return 1;
+}
+
+int sl_set(StrainLoad *handle, size_t first, size_t count, const double *value, char text[SL_TEXT_SIZE]) {
+    const Floating host = floating_enter();
+    const int done = set(handle, first, count, value, text);
+    floating_leave(&host);
+    return done;
 }
 
 void sl_get(const StrainLoad *handle, size_t first, size_t count, double *value) {
@@ -275,10 +284,7 @@ static void write_result(StrainLoad *handle, double *output, double *fit) {
 }
 
 void sl_step(StrainLoad *handle, double time, const double *input, const unsigned char *valid, double *output) {
-    char text[MODEL_TEXT_SIZE];
-    set_sample(handle, input, valid);
-    model_step(handle->model, time, time, text);
-    write_result(handle, output, NULL);
+    sl_series(handle, SL_TRACK, 0, 1, &time, input, valid, NULL, output);
 }
 
 /* Begin again, from a flight state or, with NULL, a search of the tables. */
@@ -296,6 +302,7 @@ void sl_series(StrainLoad *handle, int how, int with_fit, size_t count, const do
     const size_t n_inputs = handle->record[SL_INPUTS].size, n_outputs = handle->record[SL_OUTPUTS].size;
     const size_t stride = n_outputs + (with_fit ? handle->record[SL_FIT].size : 0);
     char text[MODEL_TEXT_SIZE];
+    const Floating host = floating_enter();
     for (size_t k = 0; k < count; k++) {
         const double now = time != NULL ? time[k] : 0.0;
         if (how == SL_EACH) {
@@ -308,6 +315,7 @@ void sl_series(StrainLoad *handle, int how, int with_fit, size_t count, const do
         double *result = output + k * stride;
         write_result(handle, result, with_fit ? result + n_outputs : NULL);
     }
+    floating_leave(&host);
 }
 
 void sl_state(const StrainLoad *handle, unsigned char *bytes) {
