@@ -146,7 +146,7 @@ def test_names_of_every_interface_are_unique(name: str, version: str) -> None:
     assert faults(root) == []
 
 
-@pytest.mark.parametrize("kind", ["native", "native_3", "python", "plant"])
+@pytest.mark.parametrize("kind", ["native", "native_3", "scalars", "python", "plant"])
 def test_names_of_every_fmu_are_unique(fmus: dict[str, Path], kind: str) -> None:
     with zipfile.ZipFile(fmus[kind]) as archive:
         assert len(archive.namelist()) == len(set(archive.namelist()))
