@@ -99,6 +99,7 @@ class ExportOptions:
     ----------
     kind : "native", compiled code, or "python", PythonFMU.
     fmi_version : "2" for FMI 2.0, "3" for FMI 3.0 (native only).
+    scalars : whether an FMU of FMI 3.0 has the scalar variables of FMI 2.0, by the same names, and no arrays.
     platforms : names of the platforms to support, by FMI 2.0 or 3.0; None for all (native only).
     model_name : name of the model that tools show.
     estimator : "linear" for the linear estimator of a map that holds tables of the nonlinear one too; None for
@@ -109,6 +110,7 @@ class ExportOptions:
 
     kind: str = "native"
     fmi_version: str = "2"
+    scalars: bool = False
     platforms: Sequence[str] | None = None
     model_name: str = "StrainLoadEstimator"
     estimator: Literal["linear"] | None = None
@@ -123,6 +125,8 @@ class ExportOptions:
             raise InputError(f"fmi: '{self.fmi_version}' found, must be one of {', '.join(FMI_VERSIONS)}")
         if self.kind == "python" and self.fmi_version != "2":
             raise InputError("fmi: 3 found, FMUs of kind python are of FMI 2.0")
+        if self.scalars and self.fmi_version != "3":
+            raise InputError(f"scalars: fmi {self.fmi_version} found, expected 3: FMI 2.0 has scalars alone")
         if self.kind == "python" and self.platforms is not None:
             raise InputError("platforms: FMUs of kind python have those of PythonFMU, linux64 and win64")
 
@@ -182,11 +186,12 @@ def _native_estimator(
     libraries = chosen_libraries("estimator", options.platforms, version)
     sources = native_sources("estimator", version)
     interface, known = estimator_interface(inverse_map), _known_strain(options, inverse_map)
+    arrays = estimator_arrays(interface)
     digest = f"{content_hash}{sources_digest(sources)}".encode() + _known_bytes(known)
     description = FmuDescription(
         model_name=options.model_name,
         description=_described(inverse_map),
-        interface=interface if version == "2" else estimator_arrays(interface),
+        interface=interface if version == "2" or options.scalars else arrays,
         content_hash=hashlib.sha256(digest).hexdigest(),
         stop_time=_STOP_TIME,
         step_size=_STEP_SIZE,
@@ -194,6 +199,7 @@ def _native_estimator(
         fmi_version=version,
         source_files=compiled_files(sources),
         model_exchange=native_package.MODEL_EXCHANGE[version] if inverse_map.manifold is None else None,
+        n_arrays=len(arrays) if options.scalars else None,
     )
     resource_files = {"map.bin": native_resource(inverse_map, description.guid, known)}
     return {

@@ -33,7 +33,9 @@ def sensor_names(inverse_map: InverseMap) -> tuple[str, ...]:
     first = inverse_map.n_strain_gauges
     for number, name in enumerate(inverse_map.gauge_names[first:], start=first + 1):
         known = PREFIX + identifier(name)
-        found[f"{known}_{number}" if known in found else known] = None
+        while known in found:
+            known = f"{known}_{number}"
+        found[known] = None
     return tuple(found)
 
 

@@ -19,6 +19,8 @@ OPTIONS = {
     "native_3": ExportOptions(fmi_version="3"),
     "python": ExportOptions(kind="python"),
 }
+SCALARS = ExportOptions(fmi_version="3", scalars=True)
+"""FMI 3.0 by the names of FMI 2.0, beside the kinds."""
 
 
 def exported_kinds(inverse_map: InverseMap, folder: Path) -> dict[str, Path]:

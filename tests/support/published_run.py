@@ -19,8 +19,8 @@ FOLDER = "extra/org.fmi-standard.fmi-ls-ref"
 LARGEST_ERROR = 4.0
 """Standard deviations that the error of a coefficient may have anywhere in the run."""
 
-LARGEST_RATES = {"mach_number": 0.05, "altitude": 200.0, "dynamic_pressure": 0.05, "coefficient": 0.25}
-"""Per second, what a vehicle can fly: [1], [m], of itself, of the range that the map covers."""
+LARGEST_RATES = {"mach_number": 0.05, "altitude": 200.0, "dynamic_pressure": 0.05}
+"""Per second, what a vehicle can fly: [1], [m], of itself."""
 
 
 @dataclass(frozen=True)
@@ -105,7 +105,7 @@ def _check_flight(run: PublishedRun, has_air_data: bool) -> None:
     for name, rate in rates.items():
         assert rate.max() <= LARGEST_RATES[name], name
     for name in COEFFICIENTS:
-        assert np.abs(np.diff(run.truth[name])).max() < 0.2 * np.ptp(run.truth[name]) + 1e-12, name
+        assert np.abs(np.diff(run.truth[name])).max() < 0.3 * np.ptp(run.truth[name]) + 1e-12, name
 
 
 def _check_page(run: PublishedRun, found: np.ndarray, worst: float) -> None:

@@ -1,4 +1,5 @@
-/* What the files of the FMI 3.0 front have in common. A variable of FMI 3.0 is an array of the model. */
+/* What the files of the FMI 3.0 front have in common. A variable of FMI 3.0 is an array of the model or, from
+   FMI3_FIRST_SCALAR on, one of its scalar variables: a description may list either. */
 
 #ifndef FMI3_H
 #define FMI3_H
@@ -11,8 +12,15 @@
 #define FMI3_SETTABLE (INSTANTIATED | INITIALIZATION | CONFIGURATION | FMI3_RUNNING)
 #define FMI3_READABLE (FMI3_SETTABLE | TERMINATED)
 
+/* Value reference of the scalar variable 0; strainfmu/fmu/description/fmi3.py states the same. */
+#define FMI3_FIRST_SCALAR 1000000u
+
 /* The scalar variables of a value reference; none for time and for what does not exist. */
 static inline Selection fmi3_array(const Instance *instance, fmi3ValueReference reference) {
+    if (reference >= FMI3_FIRST_SCALAR) {
+        const size_t variable = reference - FMI3_FIRST_SCALAR;
+        return (Selection){NULL, variable, model_type_of(instance->model, variable) != NO_VARIABLE};
+    }
     return model_array(instance->model, reference);
 }
 

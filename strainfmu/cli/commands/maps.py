@@ -73,6 +73,10 @@ def export(
         str, typer.Option(help="native: compiled, needs nothing of its host; python: PythonFMU.")
     ] = "native",
     fmi: Annotated[str, typer.Option(help="Version of FMI: 2 or, native only, 3.")] = "2",
+    scalars: Annotated[
+        bool,
+        typer.Option("--scalars", help="With --fmi 3: the variables of FMI 2, for tools that take no arrays."),
+    ] = False,
     platforms: Annotated[
         str, typer.Option(help="Native: all, or some of linux64, win64, darwin64, aarch64-linux, aarch64-darwin.")
     ] = "all",
@@ -95,6 +99,8 @@ def export(
 
         strainfmu export results/map.h5 -o estimator.fmu --fmi 3 --platforms linux64,win64
 
+        strainfmu export results/map.h5 -o estimator.fmu --fmi 3 --scalars
+
         strainfmu export results/map.h5 -o estimator.fmu --estimator linear
 
         strainfmu export results/map.h5 -o estimator.fmu --tare-known known.toml
@@ -106,7 +112,12 @@ def export(
     chosen = None if platforms == "all" else [name.strip() for name in platforms.split(",")]
     version = fmi.removesuffix(".0")
     options = ExportOptions(
-        kind=kind, fmi_version=version, platforms=chosen, estimator=estimator, tare_known=tare_known
+        kind=kind,
+        fmi_version=version,
+        scalars=scalars,
+        platforms=chosen,
+        estimator=estimator,
+        tare_known=tare_known,
     )
     found = export_estimator(inverse_map, output, options)
     Console().print(f"{output}: written", highlight=False, markup=False, soft_wrap=True)

@@ -1,4 +1,4 @@
-"""``modelDescription.xml`` of FMI 3.0 co-simulation FMUs, with arrays.
+"""``modelDescription.xml`` of FMI 3.0 FMUs, with arrays or, for tools that take none, with scalars alone.
 
 Source: Functional Mock-up Interface Specification, version 3.0.2, section 2.4 (definitions, variables, model
 structure) and 4.3 (co-simulation).
@@ -25,11 +25,14 @@ TIME = Variable(
 )
 """FMI 3.0 requires time among the variables; it comes last, so that no other reference depends on it."""
 
+FIRST_SCALAR = 1_000_000
+"""Value reference of the first variable of an interface of scalars, as ``fmus/native/fmi3/fmi3.h`` has it."""
+
 _TYPES = {"Real": "Float64", "Integer": "Int32", "Boolean": "Boolean", "Enumeration": "Enumeration"}
 
 
 def model_description_3(fmu: FmuDescription) -> Element:
-    """Return the root element ``fmiModelDescription`` of ``fmu``, whose interface holds arrays."""
+    """Return the root element ``fmiModelDescription`` of ``fmu``."""
     root = Element(
         "fmiModelDescription", {"fmiVersion": "3.0", "instantiationToken": fmu.guid, **root_attributes(fmu)}
     )
@@ -37,7 +40,7 @@ def model_description_3(fmu: FmuDescription) -> Element:
     for kind, attributes in kinds.items():
         if attributes is not None:
             SubElement(root, kind, {"modelIdentifier": fmu.model_identifier, **attributes})
-    interface = (*fmu.interface, TIME)
+    interface, references = (*fmu.interface, TIME), _references(fmu)
     add_units(root, interface)
     _add_types(root, interface)
     categories = SubElement(root, "LogCategories")
@@ -45,10 +48,19 @@ def model_description_3(fmu: FmuDescription) -> Element:
         SubElement(categories, "Category", {"name": name, "description": text})
     SubElement(root, "DefaultExperiment", default_experiment(fmu))
     variables = SubElement(root, "ModelVariables")
-    for value_reference, variable in enumerate(interface):
-        variables.append(_variable(value_reference, variable))
-    root.append(_model_structure(fmu.interface))
+    for variable in interface:
+        variables.append(_variable(references[variable.name], variable))
+    root.append(_model_structure(fmu.interface, references))
     return root
+
+
+def _references(fmu: FmuDescription) -> dict[str, int]:
+    """Return value references by name: arrays count from 0, scalars in place of arrays from :data:`FIRST_SCALAR`.
+
+    Time has the one behind all arrays, whichever are listed.
+    """
+    first, n_arrays = (0, len(fmu.interface)) if fmu.n_arrays is None else (FIRST_SCALAR, fmu.n_arrays)
+    return {**{one.name: k for k, one in enumerate(fmu.interface, start=first)}, TIME.name: n_arrays}
 
 
 def model_description_3_bytes(fmu: FmuDescription) -> bytes:
@@ -101,9 +113,8 @@ def _variable(value_reference: int, variable: Variable) -> Element:
     return element
 
 
-def _model_structure(interface: Sequence[Variable]) -> Element:
+def _model_structure(interface: Sequence[Variable], references: Mapping[str, int]) -> Element:
     """Return ModelStructure: what each output depends on, while stepping and at the start (section 2.4.8)."""
-    references = {variable.name: k for k, variable in enumerate(interface)}
     structure = Element("ModelStructure")
     outputs = [variable for variable in interface if variable.causality == "output"]
     for variable in outputs:

@@ -42,7 +42,7 @@ class FmuDescription:
     ----------
     model_name : free text, shown by tools.
     description : one sentence on what it computes.
-    interface : the variables; their index is their value reference.
+    interface : the variables; their index is their value reference, but for scalars of FMI 3.0.
     content_hash : hash of everything inside that decides the results.
     stop_time : end of the default experiment [s].
     step_size : communication step size of the default experiment [s].
@@ -50,6 +50,7 @@ class FmuDescription:
     fmi_version : "2" for FMI 2.0, "3" for FMI 3.0.
     source_files : names inside ``sources/`` of the files to compile, none for a Python FMU.
     model_exchange : attributes of the ModelExchange element; None for an FMU without it.
+    n_arrays : number of arrays that an interface of scalars stands for in FMI 3.0; None for one of the arrays.
     """
 
     model_name: str
@@ -62,6 +63,7 @@ class FmuDescription:
     fmi_version: str = "2"
     source_files: Sequence[str] = ()
     model_exchange: Mapping[str, str] | None = None
+    n_arrays: int | None = None
 
     @property
     def model_identifier(self) -> str:

@@ -15,7 +15,7 @@ from strainfmu.errors import InputError
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.zeros.tare_edge import TareState
 from strainfmu.fmu.description.fmi2 import model_description
-from strainfmu.fmu.description.fmi3 import model_description_3
+from strainfmu.fmu.description.fmi3 import FIRST_SCALAR, model_description_3
 from strainfmu.fmu.description.fmu_description import FmuDescription, generation_time, model_identifier
 from strainfmu.fmu.reference_run.run import array_elements
 from strainfmu.interface.enumerations import ENUMERATIONS, HEALTH_ITEMS, TARE_ITEMS
@@ -144,6 +144,31 @@ def test_arrays_of_fmi_3_hold_the_scalars_of_fmi_2(fmus: dict[str, Path]) -> Non
     assert outputs["moment"] == {"strain", "valid"}
 
 
+def test_scalars_of_fmi_3_are_the_variables_of_fmi_2(fmus: dict[str, Path]) -> None:
+    """Names, values and units, in their order; time comes last, with the value reference behind all arrays."""
+    second, third, arrays = (variables(fmus[kind]) for kind in ("native", "scalars", "native_3"))
+    assert list(third) == [*second, "time"]
+    assert [v.valueReference for v in third.values()] == [
+        *range(FIRST_SCALAR, FIRST_SCALAR + len(second)),
+        arrays["time"].valueReference,
+    ]
+    types = {"Real": "Float64", "Integer": "Int32"}
+    for name, one in second.items():
+        other = third[name]
+        assert other.type == types.get(one.type, one.type)
+        assert not other.dimensions
+        for attribute in ("start", "unit", "displayUnit", "causality", "variability", "description", "min", "max"):
+            assert getattr(one, attribute) == getattr(other, attribute), (name, attribute)
+    known = {
+        kind: {
+            u.variable.name: {v.name for v in u.dependencies}
+            for u in read_model_description(str(fmus[kind])).outputs
+        }
+        for kind in ("native", "scalars")
+    }
+    assert known["native"] == known["scalars"]
+
+
 def array_of(variable: Variable) -> tuple[str, ...]:
     return (variable.name,) if variable.dimension is None else array_elements(variable)
 
@@ -181,7 +206,7 @@ def test_the_guid_follows_the_content() -> None:
 
 def test_the_guid_follows_the_map_and_the_kind(fmus: dict[str, Path]) -> None:
     descriptions = [read_model_description(str(path)) for path in fmus.values()]
-    assert len({d.guid or d.instantiationToken for d in descriptions}) == len(fmus) == 7
+    assert len({d.guid or d.instantiationToken for d in descriptions}) == len(fmus) == 8
 
 
 def test_model_identifiers_are_c_names() -> None:

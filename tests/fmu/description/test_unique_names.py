@@ -9,6 +9,7 @@ from __future__ import annotations
 import zipfile
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from xml.etree.ElementTree import Element, fromstring
 
@@ -22,12 +23,15 @@ from synthetic_vehicle import synthetic_flight_model, synthetic_inverse_map
 from thermal_maps import with_temperature
 
 from strainfmu.cosim.models.autopilot import AutopilotSettings, autopilot_interface
+from strainfmu.cosim.models.schedule import ScheduledSignal, schedule_interface
+from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.fmu.description.fmi2 import model_description
 from strainfmu.fmu.description.fmi3 import model_description_3
 from strainfmu.fmu.description.fmu_description import FmuDescription
 from strainfmu.interface.estimator_variables import estimator_arrays, estimator_interface
 from strainfmu.interface.fmi_variables import Variable
 from strainfmu.interface.plant_variables import FlightStart, Motion, native_plant_interface, plant_interface
+from strainfmu.interface.sensor_variables import sensor_names
 
 pytestmark = pytest.mark.fast
 
@@ -41,6 +45,14 @@ def everything() -> tuple[Variable, ...]:
     )
 
 
+def with_names_alike() -> InverseMap:
+    """Sensors whose names become one, and whose second name is taken as well."""
+    held = with_sensors(whole_map())
+    n, names = held.n_strain_gauges, list(held.gauge_names)
+    names[n : n + 4] = ["port 1", f"port_1_{n + 3}", "port_1", "port-1"]
+    return replace(held, gauge_names=tuple(names))
+
+
 INTERFACES: dict[str, Callable[[], Sequence[Variable]]] = {
     "estimator of form absolute": lambda: estimator_interface(synthetic_inverse_map()),
     "estimator with everything": everything,
@@ -52,6 +64,13 @@ INTERFACES: dict[str, Callable[[], Sequence[Variable]]] = {
         )
         for motion in Motion
     },
+    "sensors with names that are alike": lambda: estimator_interface(with_names_alike()),
+    "schedule": lambda: schedule_interface(
+        [
+            ScheduledSignal(Variable(name=name, description=name, causality="output", unit="s"), (0.0,), (0.0,))
+            for name in ("one", "two")
+        ]
+    ),
     "autopilot": lambda: autopilot_interface(slender_flight_model(), START, AutopilotSettings()),
 }
 
@@ -146,7 +165,13 @@ def test_names_of_every_interface_are_unique(name: str, version: str) -> None:
     assert faults(root) == []
 
 
-@pytest.mark.parametrize("kind", ["native", "native_3", "python", "plant"])
+def test_no_sensor_is_lost_where_names_become_one() -> None:
+    held = with_names_alike()
+    assert len(set(sensor_names(held))) == held.n_gauges - held.n_strain_gauges
+    assert sensor_names(held)[:2] == ("sensor.port_1", f"sensor.port_1_{held.n_strain_gauges + 3}")
+
+
+@pytest.mark.parametrize("kind", ["native", "native_3", "scalars", "python", "plant"])
 def test_names_of_every_fmu_are_unique(fmus: dict[str, Path], kind: str) -> None:
     with zipfile.ZipFile(fmus[kind]) as archive:
         assert len(archive.namelist()) == len(set(archive.namelist()))

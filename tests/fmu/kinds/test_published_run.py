@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from flight_fmu import whole_map
-from fmu_host import OPTIONS, exported_kinds
+from fmu_host import OPTIONS, SCALARS, exported_kinds
 from further_maps import with_further_tables
 from parameter_maps import with_parameter_tables
 from published_run import FOLDER, check_published_run, published_run
@@ -15,7 +15,10 @@ from sensor_maps import with_sensors
 from thermal_maps import with_temperature
 
 from strainfmu.fmu.checks.importers import read_table, run_fmpy
+from strainfmu.fmu.export import export_estimator
 from strainfmu.interface.fmi_variables import COEFFICIENTS
+
+KINDS = (*OPTIONS, "scalars")
 
 pytestmark = pytest.mark.fast
 
@@ -24,17 +27,20 @@ pytestmark = pytest.mark.fast
 def flights(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """FMUs of a map that has all that a map can have."""
     held = with_temperature(with_sensors(with_parameter_tables(with_further_tables(whole_map()))))
-    return exported_kinds(held, tmp_path_factory.mktemp("published"))
+    folder = tmp_path_factory.mktemp("published")
+    paths = exported_kinds(held, folder) | {"scalars": folder / "scalars.fmu"}
+    export_estimator(folder / "map.h5", paths["scalars"], SCALARS)
+    return paths
 
 
-@pytest.mark.parametrize("kind", OPTIONS)
+@pytest.mark.parametrize("kind", KINDS)
 def test_the_run_of_a_linear_map(fmus: dict[str, Path], kind: str) -> None:
     """In form "absolute", without ranges of Mach number and altitude."""
     run = check_published_run(fmus[kind], has_air_data=False)
     assert set(run.truth) == {"time", *COEFFICIENTS}
 
 
-@pytest.mark.parametrize("kind", OPTIONS)
+@pytest.mark.parametrize("kind", KINDS)
 def test_the_run_of_a_map_with_tables_and_everything_else(flights: dict[str, Path], kind: str) -> None:
     run = check_published_run(flights[kind], has_air_data=True)
     assert {"temperature[1]", "parameter.fin_deg", "parameter_std.fin_deg", "sensor.port_0deg"} <= set(run.inputs)
@@ -47,7 +53,7 @@ def test_the_run_of_a_map_with_tables_and_everything_else(flights: dict[str, Pat
 
 def test_all_kinds_publish_one_run(fmus: dict[str, Path], flights: dict[str, Path]) -> None:
     for paths in (fmus, flights):
-        first, *others = (published_run(paths[kind]) for kind in OPTIONS)
+        first, *others = (published_run(paths[kind]) for kind in KINDS)
         for other in others:
             for mine, its in (
                 (first.inputs, other.inputs),
@@ -59,7 +65,7 @@ def test_all_kinds_publish_one_run(fmus: dict[str, Path], flights: dict[str, Pat
                 }
 
 
-@pytest.mark.parametrize("kind", OPTIONS)
+@pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("map_name", ["linear", "flight"])
 def test_the_fmu_gives_its_run(
     fmus: dict[str, Path], flights: dict[str, Path], tmp_path: Path, kind: str, map_name: str
