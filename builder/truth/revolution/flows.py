@@ -40,21 +40,27 @@ def truth_surface(vehicle: Vehicle) -> SurfaceGrid:
     return surface_grid(vehicle.body(), settings.surface_stations, settings.surface_roll_angles)
 
 
-def truth_engine(vehicle: Vehicle) -> EulerEngine | NewtonianEngine:
-    """Return the flow solver of the independent model.
+def truth_engine_name(vehicle: Vehicle) -> str:
+    """Return the name of the flow solver of the independent model.
 
     It is Euler, whatever engine the map is built on, but where the file says otherwise, or where the tip is blunt
     and the map's engine is another one.
     """
-    body, name = vehicle.body(), vehicle.truth.engine
-    if name == "newtonian" or (name is None and is_blunt(body) and vehicle.aerodynamics.engine != "euler"):
+    if vehicle.truth.engine is not None:
+        return vehicle.truth.engine
+    return "newtonian" if is_blunt(vehicle.body()) and vehicle.aerodynamics.engine != "euler" else "euler"
+
+
+def truth_engine(vehicle: Vehicle) -> EulerEngine | NewtonianEngine:
+    """Return the flow solver of the independent model, see :func:`truth_engine_name`."""
+    if truth_engine_name(vehicle) == "newtonian":
         entries = vehicle.aerodynamics
         return NewtonianEngine(
             mesh_of_grid(truth_surface(vehicle)),
             entries.stagnation or "rayleigh_pitot",
             entries.leeward or "ambient",
         )
-    return EulerEngine(body, marching_grid_of(vehicle.resolution.truth), truth_surface(vehicle))
+    return EulerEngine(vehicle.body(), marching_grid_of(vehicle.resolution.truth), truth_surface(vehicle))
 
 
 def truth_inputs(vehicle: Vehicle) -> dict[str, Any]:
