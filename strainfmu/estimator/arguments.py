@@ -89,7 +89,7 @@ def per_sample(name: str, value: ArrayLike, samples: int) -> FloatArray:
         pass
     if values is None or values.shape not in ((), (samples,)):
         expected = "a number" if samples == 1 else f"a number or {samples} numbers"
-        is_array = isinstance(value, np.ndarray)
-        got = f"shape {values.shape}" if values is not None else str(value.dtype) if is_array else repr(value)
+        got = str(value.dtype) if isinstance(value, np.ndarray) else repr(value)
+        got = got if values is None else f"shape {values.shape}"
         raise InputError(f"{name}: expected {expected}, got {got}")
     return np.full(samples, values) if values.ndim == 0 else values
