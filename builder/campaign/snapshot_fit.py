@@ -22,7 +22,9 @@ from builder.campaign.vehicle_campaign import vehicle_campaign
 from builder.vehicle.file import Vehicle
 from builder.vehicle.shape.geometry import BodyOfRevolution
 from builder.vehicle.shape.profile_record import profile_misfits
+from builder.vehicle.toml.limits import CLOSEST_VALUES
 from builder.workspace import Misfit
+from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.flight_condition import FlightCondition
 
@@ -114,19 +116,21 @@ def as_flown(vehicle: Vehicle, snapshots: Snapshots) -> Vehicle:
     same = snapshots.engine == vehicle.aerodynamics.engine
     if same and set(conditions) == set(vehicle.flight_conditions()):
         return vehicle
-    mach, alpha, beta, altitude, *values = (np.unique(column).tolist() for column in snapshots.condition.T)
+    mach, alpha, beta, altitude, *values = (np.unique(column) for column in snapshots.condition.T)
+    # Deflected surfaces are of the newtonian engine alone.
+    no_surfaces: dict[str, Any] = {} if snapshots.engine == "newtonian" else {"surfaces": []}
     parameters = {
-        name: vehicle.conditions.parameters[name].model_copy(update={"values": one})
+        name: vehicle.conditions.parameters[name].model_copy(update={"values": apart(one), **no_surfaces})
         for name, one in zip(snapshots.parameter_names, values, strict=True)
     }
-    alpha, beta = np.degrees(alpha).tolist(), np.degrees(beta).tolist()
+    alpha, beta = np.degrees(alpha), np.degrees(beta)
     if vehicle.map.symmetry == "full":
-        alpha, beta = [0.0, float(np.degrees(snapshots.total_incidence.max()))], [0.0]
+        alpha, beta = np.degrees([0.0, snapshots.total_incidence.max()]), np.zeros(1)
     entries = {
-        "mach_number": mach,
-        "angle_of_attack_deg": alpha,
-        "sideslip_angle_deg": beta,
-        "altitude_km": [1e-3 * one for one in altitude],
+        "mach_number": apart(mach),
+        "angle_of_attack_deg": apart(alpha),
+        "sideslip_angle_deg": apart(beta),
+        "altitude_km": apart(1e-3 * altitude),
         "parameters": parameters,
     }
     return vehicle.model_copy(
@@ -135,6 +139,12 @@ def as_flown(vehicle: Vehicle, snapshots: Snapshots) -> Vehicle:
             "aerodynamics": vehicle.aerodynamics.model_copy(update={"engine": snapshots.engine}),
         }
     )
+
+
+def apart(values: FloatArray) -> list[float]:
+    """Return rising ``values`` as a file lists them: of those that only rounding distinguishes, the first."""
+    first = np.diff(values, prepend=-np.inf) >= CLOSEST_VALUES
+    return [float(value) for value in values[first]]
 
 
 def flow_record(snapshots: Snapshots) -> dict[str, Any]:

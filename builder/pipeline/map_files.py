@@ -39,11 +39,13 @@ from builder.reports.build_report import page as build_page
 from builder.reports.build_report.report import BuildReport, build_report
 from builder.reports.build_report.sections import blind_line
 from builder.reports.page import hover_scripts
+from builder.reports.page.origin import input_files
 from builder.structure import structure_file
 from builder.structure.external.structure import external_inputs, external_structure
 from builder.structure.solid.case import structure_case
 from builder.structure.solid.model import update_structure
 from builder.structure.structure_file import Structure, load_structure, save_structure
+from builder.truth.independent_model import ENGINES_IN_WORDS
 from builder.truth.levels.flown_vehicles import drawn_vehicles
 from builder.truth.revolution import flow_table as flow_table_file
 from builder.truth.revolution.flow_table import load_flow_table, save_flow_table
@@ -82,7 +84,7 @@ def run_build(
     pipeline, conditions = open_pipeline(vehicle, folder, reporter, given or FilesGiven())
     check_before_long_work(pipeline.vehicle, conditions)
     make_map(pipeline)
-    _report(pipeline)
+    _report(pipeline, vehicle_path)
     return pipeline.path(MAP)
 
 
@@ -183,7 +185,7 @@ def _external_structure(pipeline: Pipeline) -> None:
     pipeline.make(STRUCTURE, holds, inputs, write)
 
 
-def _solid(pipeline: Pipeline) -> Structure | None:
+def solid_structure_of(pipeline: Pipeline) -> Structure | None:
     """Return the three-dimensional structure, None where the map is built on the Fourier model."""
     if pipeline.vehicle.structure.model != "solid":
         return None
@@ -195,7 +197,7 @@ def map_parts(pipeline: Pipeline) -> tuple[Snapshots, AnyStructure]:
     if pipeline.map_parts is None:
         vehicle, reporter = pipeline.vehicle, pipeline.reporter
         snapshots = load_snapshots(pipeline.path(SNAPSHOTS))
-        structure = _solid(pipeline) or fourier_structure(vehicle, used_layouts(vehicle), reporter)
+        structure = solid_structure_of(pipeline) or fourier_structure(vehicle, used_layouts(vehicle), reporter)
         pipeline.map_parts = snapshots, on_snapshots(structure, snapshots, reporter)
     return pipeline.map_parts
 
@@ -213,10 +215,10 @@ def _inverse_map(pipeline: Pipeline) -> None:
 
     def write(path: Path) -> None:
         snapshots, structure = map_parts(pipeline)
-        made = map_from(vehicle, snapshots, structure, pipeline.reporter, _solid(pipeline))
+        made = map_from(vehicle, snapshots, structure, pipeline.reporter, solid_structure_of(pipeline))
         if calibrates and not flown.is_of_revolution:
             of_levels = load_snapshots(pipeline.path(FLOWS))
-            made = with_shape_levels(flown, made, _solid(pipeline), of_levels, pipeline.reporter)
+            made = with_shape_levels(flown, made, solid_structure_of(pipeline), of_levels, pipeline.reporter)
         elif calibrates:
             flows = load_flow_table(pipeline.path(FLOWS))
             fly = partial(drawn_vehicles, flown, true_structure_of(pipeline), flows)
@@ -250,7 +252,8 @@ def make_independent_flows(pipeline: Pipeline) -> None:
             journal.remove()
 
     inputs = {"schema_version": flow_table_file.SCHEMA_VERSION, **truth_inputs(vehicle)}
-    pipeline.make(FLOWS, "flows of the independent, finer model of the vehicle", inputs, write)
+    engine = ENGINES_IN_WORDS[vehicle.truth_engine()]
+    pipeline.make(FLOWS, f"flows of the vehicle that flies, by {engine} on finer meshes", inputs, write)
 
 
 def true_structure_of(pipeline: Pipeline) -> TrueStructure:
@@ -260,15 +263,16 @@ def true_structure_of(pipeline: Pipeline) -> TrueStructure:
     return pipeline.true_structure
 
 
-def _report(pipeline: Pipeline) -> None:
+def _report(pipeline: Pipeline, vehicle_path: Path) -> None:
     """Make the report on the map and its gauges: a page, and its numbers."""
+    files = input_files(_report_files(pipeline, vehicle_path))
 
     @cache
     def report() -> BuildReport:
         snapshots, structure = map_parts(pipeline)
         inverse_map = load_inverse_map(pipeline.path(MAP))
         with pipeline.reporter.stage("Report: what the gauges observe"):
-            found = build_report(pipeline.vehicle, snapshots, structure, inverse_map)
+            found = build_report(pipeline.vehicle, snapshots, structure, inverse_map, files=files)
         pipeline.reporter.note(blind_line(found))
         return found
 
@@ -280,7 +284,11 @@ def _report(pipeline: Pipeline) -> None:
     def numbers(path: Path) -> None:
         build_page.write_numbers(report(), path.parent)
 
-    inputs = {"map": pipeline.made_from(MAP), "schema_version": build_page.SCHEMA_VERSION}
+    inputs = {
+        "map": pipeline.made_from(MAP),
+        "schema_version": build_page.SCHEMA_VERSION,
+        "files": [asdict(one) for one in files],
+    }
     pipeline.make(build_page.JSON_NAME, "numbers of the report; report_tables holds them as CSV", inputs, numbers)
     if find_spec("matplotlib") is None:
         pipeline.reporter.note(f"{build_page.PAGE_NAME}: not made, its figures need strainfmu[report]")
@@ -291,3 +299,20 @@ def _report(pipeline: Pipeline) -> None:
         {**inputs, "values under the pointer": hover_scripts.available()},
         page,
     )
+
+
+def _report_files(pipeline: Pipeline, vehicle_path: Path) -> dict[str, Path]:
+    """Return the files that a report follows from, by what they are."""
+    vehicle = pipeline.vehicle
+    layout = vehicle.gauges.layouts[vehicle.gauges.layout].file
+    named = {
+        "gauges": layout,
+        "covariance of the noise": vehicle.noise.covariance_file,
+        "nuisance modes": vehicle.noise.nuisance_file,
+    }
+    found = {"vehicle file": vehicle_path}
+    found |= {content: vehicle.beside(name) for content, name in named.items() if name is not None}
+    found["snapshots"] = pipeline.path(SNAPSHOTS)
+    if pipeline.path(STRUCTURE).is_file() and vehicle.structure.model == "solid":
+        found["structure"] = pipeline.path(STRUCTURE)
+    return {**found, "map": pipeline.path(MAP)}

@@ -138,7 +138,9 @@ def of_map(vehicle: Vehicle, inverse_map: InverseMap) -> Vehicle:
         if isinstance(held.get(name), list)
     }
     conditions = vehicle.conditions.model_copy(update=ranges)
-    entries = vehicle.map.model_copy(update={"form": inverse_map.form})
+    absolute = inverse_map.form == "absolute"
+    of_form = {"estimator": "linear"} if absolute else {"gamma": 1.0}
+    entries = vehicle.map.model_copy(update={"form": inverse_map.form, **of_form})
     return vehicle.model_copy(update={"conditions": conditions, "map": entries})
 
 

@@ -29,17 +29,25 @@ def gauge_layout(vehicle: Vehicle, layout: str, mesh: MeridianMesh) -> GaugeLayo
     if entry.file is not None:
         return read_layout(vehicle.beside(entry.file))
     assert entry.rows is not None
-    return _layout_from_rows(entry.rows, mesh, f"gauges.layouts.{layout}")
+    return layout_from_rows(entry.rows, mesh, f"gauges.layouts.{layout}")
 
 
-def _layout_from_rows(rows: Sequence[GaugeRow], mesh: MeridianMesh, where: str) -> GaugeLayout:
-    """Place rows on the inner surface: axial gauges along its meridian, hoop gauges across."""
+def layout_from_rows(rows: Sequence[GaugeRow], mesh: MeridianMesh, where: str, first_row: int = 1) -> GaugeLayout:
+    """Place rows on the inner surface: axial gauges along its meridian, hoop gauges across.
+
+    ``where`` names the layout in messages, ``first_row`` is the number there of the first of ``rows``.
+
+    Raises
+    ------
+    InputError
+        A station has no hollow behind it.
+    """
     inner = mesh.node[mesh.inner_edge.ravel(), 0]
     first, last = float(inner.min()), float(inner.max())
     names: list[str] = []
     position: list[list[float]] = []
     direction: list[list[float]] = []
-    for number, row in enumerate(rows, start=1):
+    for number, row in enumerate(rows, start=first_row):
         phi = radians(row.roll_angle_deg)
         sine, cosine = np.sin(phi), np.cos(phi)
         for x in row.stations:

@@ -114,7 +114,7 @@ def per_sample(name: str, value: ArrayLike, samples: int) -> FloatArray:
         pass
     if values is None or values.shape not in ((), (samples,)):
         expected = "a number" if samples == 1 else f"a number or {samples} numbers"
-        of_array = str(value.dtype) if isinstance(value, np.ndarray) else repr(value)
-        got = of_array if values is None else f"shape {values.shape}"
+        got = str(value.dtype) if isinstance(value, np.ndarray) else repr(value)
+        got = got if values is None else f"shape {values.shape}"
         raise InputError(f"{name}: expected {expected}, got {got}")
     return np.full(samples, values) if values.ndim == 0 else values

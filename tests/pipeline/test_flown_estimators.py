@@ -70,7 +70,8 @@ def test_the_estimator_of_a_vehicle_file_may_be_replaced() -> None:
     assert with_estimator(vehicle, "linear").map.estimator == "linear"
     assert with_estimator(with_estimator(vehicle, "linear"), "manifold").map.estimator == "manifold"
     assert with_estimator(vehicle, None) is vehicle
-    listed = vehicle.model_copy(update={"map": vehicle.map.model_copy(update={"symmetry": "listed"})})
+    entry = vehicle.map.model_copy(update={"symmetry": "listed", "estimator": "linear"})
+    listed = vehicle.model_copy(update={"map": entry})
     with pytest.raises(InputError, match=r"--estimator manifold: needs map.symmetry 'full', got 'listed'"):
         with_estimator(listed, "manifold")
     shape = load_vehicle(VEHICLES / "elliptic_cone.toml")

@@ -329,3 +329,8 @@ def test_alarm_levels_are_of_the_snapshots_used(made: Path) -> None:
     assert reach == pytest.approx(float(part.total_incidence.max()), rel=1e-12)
     faster = replace(euler, condition=euler.condition + np.array([2.0, 0.0, 0.0, 0.0]))
     assert not alarm_levels_wanted(as_flown(vehicle, faster), Silent())
+    # Axial flow alone, with angles that only rounding distinguishes: a valid vehicle all the same.
+    condition = part.condition * [1.0, 0.0, 0.0, 1.0]
+    condition[:, 1] = 1e-17 * np.arange(len(condition))
+    axial = as_flown(vehicle, replace(euler, condition=condition))
+    assert axial.conditions.angle_of_attack_deg == [0.0]

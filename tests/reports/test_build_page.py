@@ -6,6 +6,7 @@ import csv
 import json
 import re
 from dataclasses import replace
+from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
@@ -20,20 +21,23 @@ from builder.figures.map.stills import known_pressure
 from builder.inverse.build import build_inverse_map
 from builder.inverse.modes.mode_choice import mode_choice_lines
 from builder.inverse.noise.model import nuisance_modes
-from builder.reports.build_report.page import write_numbers
+from builder.reports.build_report.first_screen import first_screen
+from builder.reports.build_report.page import report_page, write_numbers
 from builder.reports.build_report.report import BuildReport, build_report
-from builder.reports.build_report.sections import blind_line
+from builder.reports.build_report.sections import blind_line, blindness_text
 from builder.reports.build_report.tables import report_tables
 from builder.reports.findings.exclusions import exclusions
-from builder.reports.page.html import Page, Section, page_html, picture
+from builder.reports.page.html import Page, Paragraph, Section, page_html, picture
+from builder.reports.page.origin import input_files
 from builder.reports.page.tables import Column, shown
 from builder.structure.fourier.model import StructuralModel
 from builder.structure.mapped_structure import MappedStructure
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map.options import MapEntry
 from strainfmu.errors import InputError
-from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, save_inverse_map
 from strainfmu.estimator.map.sensors import STRAIN, SensorRows
+from strainfmu.version import __version__
 
 Parts = tuple[Vehicle, Snapshots, StructuralModel]
 
@@ -86,6 +90,45 @@ def test_json_and_csv_hold_what_the_page_shows(report: BuildReport, html: str, t
     assert checked > 500
     assert content["blind_classes"] == ["odd in y, odd in z"]
     assert len(content["excluded"]) >= 6
+
+
+def test_the_page_has_no_negative_zero(report: BuildReport) -> None:
+    """Sentences on what is not removed, and on fractions that round to 0."""
+    observed = replace(report.observability, removed=-1e-9, class_removed=np.full(4, -1e-9))
+    lines = first_screen(replace(report, in_use=replace(report.in_use, pressure_removed=-1e-9))).as_json()
+    texts = [line for group in lines.values() for line in group]
+    texts += [block.text for block in blindness_text(replace(report, observability=observed))]
+    assert any(" 0.0 %, is inferred" in text for text in texts)
+    assert "Surface pressure: the data remove 0 % of the variance of the snapshots." in texts
+    assert not any(re.search(r"-0(\.0*)?(?![.\d])", text) for text in texts)
+
+
+def test_the_page_states_what_it_was_made_from(
+    case: ReportCase, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Version, date, and the hash of each file as sha256sum prints it."""
+    if case.inverse_map.case == 2:
+        pytest.skip("one case suffices")
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "1735689600")
+    (tmp_path / "ogive.toml").write_bytes(b"name = 'ogive'\n")
+    save_inverse_map(case.inverse_map, tmp_path / "map.h5")
+    files = input_files({"vehicle file": tmp_path / "ogive.toml", "map": tmp_path / "map.h5"})
+    made = build_report(case.vehicle, case.snapshots, case.structure, case.inverse_map, files=files)
+    rows = [
+        (content, name, sha256((tmp_path / name).read_bytes()).hexdigest())
+        for content, name in (("vehicle file", "ogive.toml"), ("map", "map.h5"))
+    ]
+    assert report_tables(made)["made_from"].rows == tuple(rows)
+    page = report_page(made)
+    assert Paragraph(f"Made by strainfmu {__version__} on 2025-01-01 00:00 UTC.") in page.opening
+    assert [section.title for section in page.sections][-2:] == ["Made from", "Numbers"]
+    write_numbers(made, tmp_path)
+    content = json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))
+    assert content["made"]["version"] == __version__
+    assert content["made"]["date"] == "2025-01-01 00:00 UTC"
+    assert [tuple(one.values()) for one in content["made"]["files"]] == rows
+    with pytest.raises(InputError, match=r"none.toml: cannot be read: No such file"):
+        input_files({"vehicle file": tmp_path / "none.toml"})
 
 
 def test_modes_that_went_are_named_as_in_the_build(report: BuildReport, html: str, tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from dataclasses import replace
+from hashlib import sha256
 from io import StringIO
 from pathlib import Path
 
@@ -47,9 +48,21 @@ def test_build_leaves_a_report_and_uses_it_again(run: Run, tmp_path: Path) -> No
     assert code == 0
     for name in ("map.h5", "report.json", "report.html"):
         assert f"{name}: up to date, reused" in printed
-    (tmp_path / "out" / "report.json").unlink()
-    assert run("build", vehicle, "-o", tmp_path / "out")[0] == 0
-    assert json.loads((tmp_path / "out" / "report.json").read_text(encoding="utf-8")) == content
+    held = {one["content"]: one for one in content["made"]["files"]}
+    assert list(held) == ["vehicle file", "gauges", "snapshots", "map"]
+    for name, path in (("vehicle file", vehicle), ("map", tmp_path / "out" / "map.h5")):
+        assert held[name]["sha256"] == sha256(path.read_bytes()).hexdigest()
+        assert held[name]["sha256"] in page.text
+    # A comment changes the file that the report was made from, and nothing else.
+    vehicle.write_text(vehicle.read_text(encoding="utf-8") + "\n# seen\n", encoding="utf-8")
+    code, printed, _ = run("build", vehicle, "-o", tmp_path / "out")
+    assert code == 0
+    assert "map.h5: up to date, reused" in printed
+    again = json.loads((tmp_path / "out" / "report.json").read_text(encoding="utf-8"))
+    assert again["made"]["files"][0]["sha256"] == sha256(vehicle.read_bytes()).hexdigest()
+    hashes = again["tables"].pop("made_from"), content["tables"].pop("made_from")
+    assert hashes[0] != hashes[1]
+    assert {**again, "made": None} == {**content, "made": None}
 
 
 def test_check_says_where_the_map_will_hold(run: Run, tmp_path: Path) -> None:

@@ -25,10 +25,10 @@ def sentence(lines: tuple[str, ...], beginning: str) -> str | None:
 
 def with_range(report: BuildReport, index: int, width_over_sigma: float) -> BuildReport:
     """The report with another range of one coefficient."""
-    found = report.coefficients
+    found = report.in_use.coefficients
     limits = found.range.copy()
     limits[index] = 0.0, width_over_sigma * found.std[index]
-    return replace(report, coefficients=replace(found, range=limits))
+    return replace(report, in_use=replace(report.in_use, coefficients=replace(found, range=limits)))
 
 
 def test_each_coefficient_stands_where_its_sigma_puts_it(report: BuildReport) -> None:

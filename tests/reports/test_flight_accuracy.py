@@ -9,15 +9,8 @@ from scaled_maps import scaled_map
 
 from builder.figures.map.flight_accuracy import AccuracyMap, accuracy_maps, hover_accuracy_maps
 from builder.reports.build_report.sections import flight_accuracy as accuracy_section
-from builder.reports.findings.flight_accuracy import (
-    INCIDENCES,
-    MACHS,
-    NAVIGATION,
-    ROLLS,
-    FlightAccuracy,
-    flight_accuracy,
-    flight_accuracy_table,
-)
+from builder.reports.findings.envelope_states import INCIDENCES, MACHS, NAVIGATION, ROLLS
+from builder.reports.findings.flight_accuracy import FlightAccuracy, flight_accuracy, flight_accuracy_table
 from builder.reports.page.html import Page, page_html
 from strainfmu.estimator.manifold.air_data import AIR_DATA_NAMES
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator

@@ -15,6 +15,7 @@ from builder.inverse.noise.model import gauge_noise
 from builder.inverse.solution import Problem, solve
 from builder.reports.findings.prior_observability import PriorObservability, prior_observability
 from builder.reports.findings.symmetry_classes import mirror_operators, symmetric_part
+from builder.reports.page.tables import percent
 from builder.structure.fourier.model import StructuralModel
 from builder.structure.observability import SYMMETRIES
 from builder.vehicle.file import Vehicle
@@ -77,6 +78,16 @@ def test_blind_share_of_a_constructed_case(grid: SurfaceGrid) -> None:
     assert observed.mode_classes[1, ODD_ODD] == pytest.approx(1.0, abs=1e-9)
     empty = np.isnan(observed.class_removed)
     assert empty.sum() == 2  # the classes that hold nothing
+
+
+@pytest.mark.fast
+def test_what_is_not_removed_is_zero_without_a_sign() -> None:
+    """Of a class that no gauge observes round-off removes -1e-16: on a page that was -0.0 %."""
+    found, _ = constructed(correlated=False)
+    assert found.class_removed[ODD_ODD] == 0.0
+    assert percent(found.class_removed[ODD_ODD]) == "0.0 %"
+    assert percent(-1e-9) == "0.0 %"
+    assert percent(-0.01) == "-1.0 %"
 
 
 def test_blind_pressure_is_inferred_from_what_flies_with_it() -> None:

@@ -58,8 +58,10 @@ def test_the_class_follows_from_the_stated_size() -> None:
 
 
 def test_the_class_of_a_flight_follows_from_the_map(shipped: Vehicle) -> None:
-    listed = shipped.model_copy(update={"map": shipped.map.model_copy(update={"symmetry": "listed"})})
-    absolute = shipped.model_copy(update={"map": shipped.map.model_copy(update={"form": "absolute"})})
+    listed, absolute = (
+        shipped.model_copy(update={"map": shipped.map.model_copy(update={"estimator": "linear", **entry})})
+        for entry in ({"symmetry": "listed"}, {"form": "absolute"})
+    )
     assert mirrored_is_inside(shipped)
     assert not mirrored_is_inside(listed)
     assert altitude_is_inside(shipped, 12e3)

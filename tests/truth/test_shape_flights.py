@@ -145,6 +145,17 @@ def test_a_vehicle_without_another_model_is_refused() -> None:
         return finned.model_copy(update={name: getattr(finned, name).model_copy(update=entries)})
 
     refuse_without_other_model(finned)
-    refused(with_section("aerodynamics", engine="table"), "aerodynamics.engine: expected 'euler' or 'newtonian'")
+    parameters = {
+        name: one.model_copy(update={"surfaces": []}) for name, one in finned.conditions.parameters.items()
+    }
+    of_table = finned.model_copy(
+        update={
+            "aerodynamics": finned.aerodynamics.model_copy(update={"engine": "table"}),
+            "conditions": finned.conditions.model_copy(update={"parameters": parameters}),
+        }
+    )
+    refused(of_table, "aerodynamics.engine: expected 'euler' or 'newtonian'")
     refused(with_section("structure", checked_by=None), "structure.checked_by: entry is missing")
-    refused(with_section("structure", influence="influence.csv"), "structure.influence: expected none")
+    refused(
+        with_section("structure", influence="influence.csv", checked_by=None), "structure.influence: expected none"
+    )

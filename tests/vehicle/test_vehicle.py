@@ -353,3 +353,42 @@ def test_entries_that_the_map_does_not_use_are_named(tmp_path: Path) -> None:
         path.write_text(text.replace(old, new), encoding="utf-8")
         lines = list(unused_entries(load_vehicle(path)))
         assert [line.partition(": not used")[0] for line in lines] == named
+
+
+@pytest.mark.fast
+@pytest.mark.parametrize(
+    ("section", "entries", "message"),
+    [
+        ("map", {"modes": "many"}, "MapEntry: modes: expected a whole number, 1 .. 1000, got 'many'"),
+        ("map", {"modes": 0}, "MapEntry: modes: expected 1 .. 1000, got 0"),
+        ("map", {"modess": 3}, "MapEntry: modess: unknown entry, did you mean modes?"),
+        ("map", {"case": 2, "gamma": 3.0}, "MapEntry: gamma: expected 1 with form 'dynamic_pressure', got 3"),
+        ("noise", {"std_um_per_m": float("nan")}, "Noise: std_um_per_m: expected .*, got nan"),
+        ("conditions", {"mach_number": [5.0, 5.0]}, "Conditions: mach_number: expected each value once"),
+    ],
+)
+def test_a_copy_with_a_wrong_entry_is_refused(section: str, entries: dict[str, object], message: str) -> None:
+    """As the entry of a file is: in one line that names it."""
+    with pytest.raises(InputError, match=message) as caught:
+        getattr(load_vehicle(IC3X), section).model_copy(update=entries)
+    assert len(caught.value.lines) == 1
+
+
+@pytest.mark.fast
+def test_a_copy_of_a_vehicle_is_checked_as_a_whole() -> None:
+    """Sections that do not fit each other are refused; a right copy keeps the folder of the file."""
+    vehicle = load_vehicle(IC3X)
+    with pytest.raises(InputError, match=r"Vehicle: structure\.support 'free_flight' needs material\.density"):
+        vehicle.model_copy(
+            update={
+                "structure": vehicle.structure.model_copy(update={"support": "free_flight"}),
+                "material": vehicle.material.model_copy(update={"density_kg_per_m3": None}),
+            }
+        )
+    with pytest.raises(InputError, match="Vehicle: map: expected a section, got 5"):
+        vehicle.model_copy(update={"map": 5})
+    fewer = vehicle.model_copy(update={"map": vehicle.map.model_copy(update={"modes": 3})})
+    assert fewer.map.modes == 3
+    assert vehicle.map.modes == 5
+    assert fewer.beside("a.csv") == IC3X.parent / "a.csv"
+    assert vehicle.model_copy(deep=True) == vehicle

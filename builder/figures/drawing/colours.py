@@ -1,7 +1,8 @@
-"""Ends of a colour scale: a blunt tip or an edge of a fin does not take it from the rest of the body."""
+"""Colours: ends of a scale that a blunt tip or an edge of a fin does not shift, and one for each of many parts."""
 
 from __future__ import annotations
 
+from colorsys import hls_to_rgb
 from typing import Any, Literal
 
 import numpy as np
@@ -30,3 +31,17 @@ def colour_ends(surface: SurfaceMesh, values: FloatArray) -> dict[str, float]:
 def beyond(drawn: Any, values: FloatArray) -> Literal["max", "neither"]:
     """Return which end of the colour bar of ``drawn`` marks values beyond it."""
     return "max" if values.max() > drawn.get_clim()[1] else "neither"
+
+
+_DARK = "1f77b4 ff7f0e 2ca02c d62728 9467bd 8c564b e377c2 7f7f7f bcbd22 17becf"
+_LIGHT = "aec7e8 ffbb78 98df8a ff9896 c5b0d5 c49c94 f7b6d2 c7c7c7 dbdb8d 9edae5"
+GOLDEN_ANGLE, LIGHTNESS = 0.618034, (0.35, 0.55, 0.75)
+
+
+def part_colours(count: int) -> list[str]:
+    """Return ``count`` colours as "#rrggbb", no two of them equal: matplotlib's tab20, then hues in between."""
+    found = f"{_DARK} {_LIGHT}".split()
+    for k in range(count - len(found)):
+        colour = hls_to_rgb(GOLDEN_ANGLE * k % 1.0, LIGHTNESS[k % len(LIGHTNESS)], 0.65)
+        found.append("".join(f"{round(255.0 * one):02x}" for one in colour))
+    return [f"#{one}" for one in found[:count]]

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from builder.aero.surface.mesh import SurfaceMesh
+from builder.figures.drawing.colours import part_colours
 from builder.figures.drawing.hover import (
     BLUE,
     COLOUR_SCALE,
@@ -201,13 +202,14 @@ def coefficients(
     std_of_range : (5,) sigma over the width of the range [1].
     correlation : (5, 5) of the errors [1].
     """
-    alone = np.sqrt(of_variance) * std
+    alone, colours = np.sqrt(of_variance) * std, part_colours(len(sources))
     bars: list[dict[str, Any]] = [
         {
             "type": "bar",
             "name": name,
             "x": NAMES,
             "y": numbers(100.0 * of_variance[k]),
+            "marker": {"color": colours[k]},
             "customdata": numbers(alone[k]),
             "hovertemplate": "%{x}, %{fullData.name}<br>%{y} % of the variance<br>sigma of it alone %{customdata}"
             "<extra></extra>",

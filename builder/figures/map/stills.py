@@ -9,6 +9,7 @@ import numpy as np
 
 from builder.aero.surface.mesh import SurfaceMesh
 from builder.figures.drawing.canvas import COLOUR_MAP, blank_figure
+from builder.figures.drawing.colours import part_colours
 from builder.figures.drawing.gauge_marks import KIND_MARKERS, KIND_OFFSETS, kind_label, kinds_of_map, shown_bias
 from builder.figures.drawing.unrolled import roll_degrees, unrolled_triangles
 from builder.figures.drawing.words import with_signs
@@ -165,8 +166,9 @@ def coefficients(
     variances, ranges, matrix = figure.subplots(1, 3, width_ratios=(1.2, 1.0, 1.1))
     below = np.zeros(5)
     column = np.arange(5)
-    for name, percent in zip(sources, 100.0 * of_variance, strict=True):
-        variances.bar(column, percent, 0.7, bottom=below, label=name)
+    colours = part_colours(len(sources))
+    for name, percent, colour in zip(sources, 100.0 * of_variance, colours, strict=True):
+        variances.bar(column, percent, 0.7, bottom=below, label=name, color=colour)
         below += percent
     variances.set_xticks(column, SIGNS)
     variances.set_ylabel("fraction of the variance [%]")
@@ -196,7 +198,7 @@ def _draw_correlation(figure: Figure, axis: Any, values: FloatArray) -> None:
     axis.set_yticks(np.arange(5), SIGNS, fontsize=8)
     for (i, j), value in np.ndenumerate(values):
         colour = "white" if abs(value) > 0.6 else "black"
-        axis.text(j, i, f"{value:.2f}", ha="center", va="center", fontsize=8, color=colour)
+        axis.text(j, i, f"{round(value, 2) + 0.0:.2f}", ha="center", va="center", fontsize=8, color=colour)
     figure.colorbar(drawn, ax=axis, pad=0.02, label="correlation of errors [1]")
 
 

@@ -1,6 +1,7 @@
 """The first screen of a report: what a layout measures well, badly, not at all, and what would help most.
 
-Every sentence follows from numbers of the report; one without its cause is left out.
+Every sentence follows from numbers of the report; one without its cause is left out. The estimator in use is
+judged: where that is the nonlinear one, sentences on the linear map alone are left out.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from builder.reports.build_report.report import BuildReport
-from builder.reports.page.tables import Column, shown
+from builder.reports.page.tables import Column, percent, shown
 from builder.structure.observability import Symmetry
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, LOAD_NAMES
@@ -54,33 +55,38 @@ class FirstScreen:
 
 def first_screen(report: BuildReport) -> FirstScreen:
     """Return the sentences of ``report``."""
-    of_range = report.coefficients.std_of_range
+    of_range, linear = report.in_use.coefficients.std_of_range, not report.in_use.is_nonlinear
     order = [int(i) for i in np.argsort(of_range, kind="stable")]
     well = [_coefficient(report, i) for i in order if of_range[i] <= WELL]
     badly = [_coefficient(report, i) for i in order[::-1] if WELL < of_range[i] < UNMEASURED]
     lost = [_coefficient(report, i) for i in order[::-1] if of_range[i] >= UNMEASURED]
-    (well if report.observability.removed >= PRESSURE_WELL else badly).append(_pressure(report))
+    removed = report.in_use.pressure_removed
+    if removed is not None:
+        (well if removed >= PRESSURE_WELL else badly).append(_pressure(removed))
+    of_map = (*_hidden_area(report), *_weak_modes(report)) if linear else ()
+    helps = (*_largest_source(report), *(_largest_noise(report) if linear else ()), *_blind_gauges(report))
     return FirstScreen(
         well=tuple(well),
-        badly=(*_rough_mesh(report), *badly, *_hidden_area(report), *_weak_modes(report)),
-        unmeasured=(*lost, *_blind_classes(report), *_silent_modes(report)),
-        helps=(*_largest_source(report), *_blind_gauges(report), *_other_map(report), *_costly_gauge(report)),
+        badly=(*_rough_mesh(report), *badly, *of_map),
+        unmeasured=(*lost, *_blind_classes(report), *(_silent_modes(report) if linear else ())),
+        helps=(*helps, *(_other_map(report) if linear else ()), *_costly_gauge(report)),
     )
 
 
 def _coefficient(report: BuildReport, index: int) -> str:
-    found, name = report.coefficients, f"{COEFFICIENT_NAMES[index]}, {LOAD_NAMES[index].replace('_', ' ')}"
+    used, name = report.in_use, f"{COEFFICIENT_NAMES[index]}, {LOAD_NAMES[index].replace('_', ' ')}"
+    found = used.coefficients
     low, high = found.range[index]
     fraction = found.std_of_range[index]
     if not np.isfinite(fraction):
         return f"{name}: it is {_value(low)} in every snapshot, so that the map holds no variation of it."
+    largest = f" rms, {used.largest_std[index]:.2g} at most" if used.is_nonlinear else ""
     of_what = f"{_percent(fraction)} of the range {_value(low)} to {_value(high)}"
-    return f"{name}: sigma {found.std[index]:.2g}, {of_what}."
+    return f"{name}: sigma {found.std[index]:.2g}{largest}, {of_what}."
 
 
-def _pressure(report: BuildReport) -> str:
-    observed = report.observability
-    return f"Surface pressure: the data remove {_percent(observed.removed)} of the variance of the snapshots."
+def _pressure(removed: float) -> str:
+    return f"Surface pressure: the data remove {_percent(removed)} of the variance of the snapshots."
 
 
 def _rough_mesh(report: BuildReport) -> list[str]:
@@ -151,25 +157,29 @@ def _in_words(symmetry: Symmetry) -> str:
 
 def _largest_source(report: BuildReport) -> list[str]:
     """Return what the sigma of the most uncertain coefficient would be without its largest source."""
-    found, of_range = report.coefficients, report.coefficients.std_of_range
+    found = report.in_use.coefficients
+    of_range = found.std_of_range
     finite = np.isfinite(of_range)
-    lines = []
-    if finite.any():
-        worst = int(np.argmax(np.where(finite, of_range, -1.0)))
-        source = int(np.argmax(found.variance[:, worst]))
-        left = found.std_without([found.names[source]])[worst] / found.std[worst]
-        lines.append(
-            f"The source to reduce first is {found.names[source]}: without it the sigma of "
-            f"{COEFFICIENT_NAMES[worst]} would be {_percent(of_range[worst] * left)} of the "
-            f"range, not {_percent(of_range[worst])}."
-        )
-    if len(report.noise) > 1:
-        noise = max(report.noise, key=lambda term: term.fraction)
-        lines.append(
-            f"The largest of {len(report.noise)} noise terms is {noise.name}: {_percent(noise.fraction)} of the "
-            f"whitened variance, {1e6 * noise.rms_strain:.2g} um/m rms."
-        )
-    return lines
+    if not finite.any():
+        return []
+    worst = int(np.argmax(np.where(finite, of_range, -1.0)))
+    source = int(np.argmax(found.variance[:, worst]))
+    left = found.std_without([found.names[source]])[worst] / found.std[worst]
+    return [
+        f"The source to reduce first is {found.names[source]}: without it the sigma of "
+        f"{COEFFICIENT_NAMES[worst]} would be {_percent(of_range[worst] * left)} of the "
+        f"range, not {_percent(of_range[worst])}."
+    ]
+
+
+def _largest_noise(report: BuildReport) -> list[str]:
+    if len(report.noise) < 2:
+        return []
+    noise = max(report.noise, key=lambda term: term.fraction)
+    return [
+        f"The largest of {len(report.noise)} noise terms is {noise.name}: {_percent(noise.fraction)} of the "
+        f"whitened variance, {1e6 * noise.rms_strain:.2g} um/m rms."
+    ]
 
 
 def _blind_gauges(report: BuildReport) -> list[str]:
@@ -205,7 +215,7 @@ def _other_map(report: BuildReport) -> list[str]:
 
 
 def _costly_gauge(report: BuildReport) -> list[str]:
-    growth, one = report.gauges.growth, report.inverse_map
+    growth, one = report.in_use.growth, report.inverse_map
     costly = int(np.argmax(growth.max(axis=1)))
     of = int(np.argmax(growth[costly]))
     ratio = growth[costly, of]
@@ -220,4 +230,5 @@ def _value(coefficient: float) -> str:
 
 
 def _percent(fraction: float) -> str:
-    return f"{100.0 * fraction:.3g} %" if fraction >= 0.1 else f"{100.0 * fraction:.2g} %"
+    rounded = round(fraction, 6)
+    return percent(rounded, ".3g" if rounded >= 0.1 else ".2g")

@@ -11,8 +11,9 @@ from builder.reports.build_report import sections
 from builder.reports.build_report.first_screen import WELL, first_screen
 from builder.reports.build_report.report import BuildReport
 from builder.reports.build_report.tables import first_rows, report_tables
+from builder.reports.findings.coefficient_sources import CoefficientSources
 from builder.reports.page.html import Block, Cards, Files, Items, Page, Paragraph, Section, write_page
-from builder.reports.page.tables import Table, tables_json, write_csv
+from builder.reports.page.tables import Table, percent, tables_json, write_csv
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 from strainfmu.files import write_bytes_atomically
 
@@ -22,7 +23,7 @@ PAGE_NAME = "report.html"
 ROWS_ON_PAGE = 200
 """Rows of a table that the page holds, folded; the files hold all of them."""
 
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 3
 """Version of report.json; raised when names or meanings change."""
 
 
@@ -38,7 +39,9 @@ def write_numbers(report: BuildReport, folder: Path) -> None:
     write_csv(tables, folder / CSV_FOLDER)
     content = {
         "schema_version": SCHEMA_VERSION,
+        "made": report.origin.as_json(),
         "vehicle": report.vehicle,
+        "estimator": "nonlinear" if report.in_use.is_nonlinear else "linear",
         "layout": report.layout,
         "case": report.inverse_map.case,
         "engine": report.engine,
@@ -70,14 +73,15 @@ def report_page(report: BuildReport) -> Page:
     of_page = (
         sections.observability(report, tables),
         sections.blindness(report),
-        sections.uncertainty(report, tables),
         *((sections.flight_accuracy(report.flight, tables),) if report.flight else ()),
+        sections.uncertainty(report, tables),
         sections.gauge_values(report, tables),
         sections.losses(report, tables),
         *((sections.gamma_choice(report, tables),) if report.gamma else ()),
         Section("Noise terms", (tables["noise"],)),
         Section("Validity range", (tables["validity"], Paragraph(STRAINS_OF_GAUGES))),
         Section(NOT_INCLUDED, (Items(report.excluded),)),
+        *((Section("Made from", (tables["made_from"],)),) if "made_from" in tables else ()),
         Section("Numbers", (Files(_files(tables)),)),
     )
     return Page(f"{report.vehicle}: what its gauges can observe", _opening(report), of_page)
@@ -88,39 +92,43 @@ STRAINS_OF_GAUGES = "The maximum strain of each gauge over the snapshots is in t
 
 
 def _opening(report: BuildReport) -> tuple[Block, ...]:
-    one, found = report.inverse_map, first_screen(report)
+    one, used, screen = report.inverse_map, report.in_use, first_screen(report)
     modes = "POD modes, by least squares" if one.case == 1 else "states under a Gaussian prior"
+    of_linear = f"Case {one.case}, {len(one.state_offset)} {modes}"
+    both = f"nonlinear, and the linear map ({of_linear}) where strain does not fit the tables"
     return (
+        Paragraph(report.origin.sentence),
         Paragraph(
-            f"Layout {report.layout}, {one.n_gauges} gauges; Case {one.case}, {len(one.state_offset)} {modes}; "
+            f"Layout {report.layout}, {one.n_gauges} gauges; estimator: "
+            f"{both if used.is_nonlinear else f'linear, {of_linear}'}; "
             f"flow by the {report.engine} engine, structure: {report.structural_model}."
         ),
         Cards(
             (
-                (f"Measured well: sigma up to {100.0 * WELL:g} % of the range", "green", found.well),
-                ("Measured badly", "amber", found.badly),
-                ("Not measured at all", "red", found.unmeasured),
-                ("What would help most", "blue", found.helps),
+                (f"Measured well: sigma up to {100.0 * WELL:g} % of the range", "green", screen.well),
+                ("Measured badly", "amber", screen.badly),
+                ("Not measured at all", "red", screen.unmeasured),
+                ("What would help most", "blue", screen.helps),
             )
         ),
         Paragraph(
-            f"Each sigma holds {'; '.join(report.coefficients.names)}. It does not hold the "
+            f"Each sigma is {'that of the nonlinear estimator, ' if used.is_nonlinear else ''}{used.where}. It "
+            f"includes {'; '.join(used.coefficients.names)}. It does not include the "
             f'{len(report.excluded)} errors listed under "{NOT_INCLUDED}". The range is that of the snapshots.'
         ),
-        *_without_hardware(report),
+        *_without_hardware(used.coefficients),
     )
 
 
-def _without_hardware(report: BuildReport) -> list[Block]:
-    """Return the sigmas without hardware errors, where the map holds any."""
-    found = report.coefficients
+def _without_hardware(found: CoefficientSources) -> list[Block]:
+    """Return the sigmas without hardware errors, where there are any."""
     if not found.hardware:
         return []
     ratio = found.std_without(found.hardware) / found.std
     parts = [
-        f"{name} {100.0 * share:.3g} %"
-        for name, share in zip(COEFFICIENT_NAMES, found.std_of_range * ratio, strict=True)
-        if np.isfinite(share)
+        f"{name} {percent(fraction, '.3g')}"
+        for name, fraction in zip(COEFFICIENT_NAMES, found.std_of_range * ratio, strict=True)
+        if np.isfinite(fraction)
     ]
     text = f"{len(found.hardware)} of these are hardware errors. Without them the sigmas over the range would be "
     return [Paragraph(f"{text}{', '.join(parts)}.")]

@@ -13,11 +13,13 @@ from builder.inverse.noise.model import NoiseFraction, NoiseTerm
 from builder.inverse.problem import AnyStructure, inverse_problem
 from builder.inverse.solution import Solution, solve
 from builder.reports.findings.coefficient_sources import CoefficientSources, coefficient_sources
+from builder.reports.findings.estimator_in_use import InUse, estimator_in_use
 from builder.reports.findings.exclusions import exclusions
 from builder.reports.findings.flight_accuracy import FlightAccuracy, flight_accuracy
 from builder.reports.findings.gamma_choice import GammaChoice, gamma_choice
 from builder.reports.findings.gauge_value import GaugeValue, gauge_value
 from builder.reports.findings.prior_observability import PriorObservability, prior_observability
+from builder.reports.page.origin import InputFile, Origin, origin_of
 from builder.structure.observability import (
     CLASS_DEGREE,
     HIGHEST_DEGREE,
@@ -47,11 +49,13 @@ class BuildReport:
     smooth_degree, smooth_harmonics : of those pressures.
     symmetries : response of the gauges to each class of smooth pressures.
     observability : what they observe of the snapshots.
-    coefficients : uncertainty of each, by source.
-    gauges : value of each.
+    in_use : the estimator that the map is used with: the nonlinear one of a map with tables.
+    coefficients : uncertainty of each by the linear map, by source.
+    gauges : value of each to the linear map.
     noise : fraction of each noise term.
     gamma : choice of gamma, in Case 2.
-    flight : what the nonlinear estimator knows over the envelope; None for a map without tables.
+    flight : uncertainty of the nonlinear estimator over the envelope; None for a map without tables.
+    origin : version, date and files.
     excluded : errors that no number here includes.
     """
 
@@ -66,11 +70,13 @@ class BuildReport:
     smooth_harmonics: int
     symmetries: tuple[SymmetryResponse, ...]
     observability: PriorObservability
+    in_use: InUse
     coefficients: CoefficientSources
     gauges: GaugeValue
     noise: tuple[NoiseFraction, ...]
     gamma: GammaChoice | None
     flight: FlightAccuracy | None
+    origin: Origin
     excluded: tuple[str, ...]
 
     @property
@@ -85,8 +91,9 @@ def build_report(
     structure: AnyStructure,
     inverse_map: InverseMap,
     nuisance: Sequence[NoiseTerm] = (),
+    files: tuple[InputFile, ...] = (),
 ) -> BuildReport:
-    """Return the report of ``inverse_map``, which was built from the others.
+    """Return the report of ``inverse_map``, which was built from the others; ``files`` are those they lie in.
 
     Raises
     ------
@@ -100,6 +107,8 @@ def build_report(
         raise InputError(f"report: the map of {inverse_map.vehicle} was not built from these snapshots and gauges")
     grid = structure.surface
     surface = mesh_of(grid)
+    observed = prior_observability(problem, solution, grid)
+    sources, gauges = coefficient_sources(inverse_map, problem, solution), gauge_value(inverse_map)
     response = _response(problem.strain_operator, surface, grid.n_roll if isinstance(grid, SurfaceGrid) else None)
     return BuildReport(
         vehicle=vehicle.name,
@@ -112,12 +121,14 @@ def build_report(
         smooth_degree=int(response.degree.max()),
         smooth_harmonics=int(response.harmonic.max()),
         symmetries=tuple(symmetry_responses(response)),
-        observability=prior_observability(problem, solution, grid),
-        coefficients=coefficient_sources(inverse_map, problem, solution),
-        gauges=gauge_value(inverse_map),
+        observability=observed,
+        in_use=estimator_in_use(inverse_map, sources, gauges, observed, surface.node_area),
+        coefficients=sources,
+        gauges=gauges,
         noise=tuple(solution.noise.fractions()),
         gamma=gamma_choice(inverse_map, problem, solution, grid),
         flight=flight_accuracy(inverse_map),
+        origin=origin_of(files),
         excluded=exclusions(vehicle, snapshots.engine),
     )
 

@@ -12,9 +12,10 @@ from builder.figures.scene.solid_view import solid_view
 from builder.inverse.modes.mode_choice import mode_choice_lines
 from builder.reports.build_report.report import BuildReport
 from builder.reports.build_report.tables import MICROSTRAIN_PER_KPA, main_class
-from builder.reports.findings.flight_accuracy import NAVIGATION, FlightAccuracy
+from builder.reports.findings.envelope_states import NAVIGATION
+from builder.reports.findings.flight_accuracy import FlightAccuracy
 from builder.reports.page.html import Block, Items, Paragraph, Section, picture
-from builder.reports.page.tables import Table
+from builder.reports.page.tables import Table, percent
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 
 AIR_DATA_SHOWN = (
@@ -34,7 +35,7 @@ def blind_line(report: BuildReport) -> str:
     parts = []
     for i in report.blind_classes:
         fraction = report.observability.class_fraction[i]
-        known = f" ({100.0 * fraction:.1f} % of the snapshots' variance)" if np.isfinite(fraction) else ""
+        known = f" ({percent(fraction)} of the snapshots' variance)" if np.isfinite(fraction) else ""
         parts.append(f"pressure {report.symmetries[i].symmetry}{known}")
     return f"Layout {report.layout} is blind to {'; '.join(parts)}."
 
@@ -58,8 +59,8 @@ def observability(report: BuildReport, tables: dict[str, Table]) -> Section:
         (
             Paragraph(
                 "Pressure is split by its symmetry about the planes y = 0 and z = 0. Response: strain over all "
-                "gauges per rms pressure, for smooth pressures. Variance removed: of the snapshots' pressure. At "
-                "best: by the best linear map of the same gauges and noise."
+                "gauges per rms pressure, for smooth pressures. Variance removed: of the snapshots' pressure, by "
+                "the linear map. At best: by the best linear map of the same gauges and noise."
             ),
             tables["classes"],
             picture(
@@ -121,8 +122,9 @@ def observability(report: BuildReport, tables: dict[str, Table]) -> Section:
     )
 
 
-def blindness(report: BuildReport) -> Section:
-    blocks: list[Block] = [Paragraph(blind_line(report))]
+def blindness_text(report: BuildReport) -> list[Paragraph]:
+    """Return what the layout cannot observe, and what the map states of it all the same."""
+    blocks = [Paragraph(blind_line(report))]
     observed = report.observability
     for i in report.blind_classes:
         if not np.isfinite(observed.class_removed[i]):
@@ -130,12 +132,18 @@ def blindness(report: BuildReport) -> Section:
         blocks.append(
             Paragraph(
                 f"No gauge responds to pressure {report.symmetries[i].symmetry}. It is "
-                f"{100.0 * observed.class_fraction_of_kept[i]:.1f} % of the variance of the modes that the map "
-                f"keeps. The part that this map still estimates, {100.0 * observed.class_removed[i]:.1f} %, is "
+                f"{percent(observed.class_fraction_of_kept[i])} of the variance of the modes that the map "
+                f"keeps. The part that this map still estimates, {percent(observed.class_removed[i])}, is "
                 "inferred: in the snapshots it is correlated with pressure that the gauges observe. In a flight "
                 "without that correlation the inferred part is wrong, and neither sigma nor chi-square shows it."
             )
         )
+    return blocks
+
+
+def blindness(report: BuildReport) -> Section:
+    blocks: list[Block] = [*blindness_text(report)]
+    observed = report.observability
     if np.isfinite(observed.class_fraction).all():
         blocks.append(
             picture(
@@ -158,10 +166,23 @@ def blindness(report: BuildReport) -> Section:
     return Section("Blindness", tuple(blocks))
 
 
+OF_LINEAR = Paragraph(
+    "This section judges the linear map, which gives the loads where strain does not fit the tables of the "
+    "nonlinear estimator."
+)
+
+
+def _of_linear(report: BuildReport) -> tuple[Block, ...]:
+    """Return that a section does not judge the estimator in use, where it does not."""
+    return (OF_LINEAR,) if report.in_use.is_nonlinear else ()
+
+
 def uncertainty(report: BuildReport, tables: dict[str, Table]) -> Section:
+    whose = ", linear map" if report.in_use.is_nonlinear else ""
     return Section(
-        "Uncertainty of each coefficient",
+        f"Uncertainty of each coefficient{whose}",
         (
+            *_of_linear(report),
             tables["coefficients"],
             picture(
                 draw.coefficients(
@@ -224,6 +245,7 @@ def flight_accuracy(of: FlightAccuracy, tables: dict[str, Table]) -> Section:
                 "Maps of standard deviations over Mach number and total incidence, a row for each navigation.",
                 hover=hover_accuracy_maps(*axes, maps),
             ),
+            *(tables[name] for name in ("nonlinear_coefficients", "nonlinear_sources") if name in tables),
             tables["flight_accuracy"],
         ),
     )
@@ -238,6 +260,7 @@ def gauge_values(report: BuildReport, tables: dict[str, Table]) -> Section:
     return Section(
         "Value of each gauge",
         (
+            *_of_linear(report),
             Paragraph(
                 "Leverage is the fraction of a gauge's information that no other gauge has: 1 where no other "
                 "gauge checks it. A bias of the stated size is detected, or attributed to its gauge, in 99 % of "
@@ -272,6 +295,7 @@ def losses(report: BuildReport, tables: dict[str, Table]) -> Section:
     return Section(
         "Cost of a lost gauge",
         (
+            *_of_linear(report),
             tables["worst_losses"],
             tables["worst_pairs"],
             picture(

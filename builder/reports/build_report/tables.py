@@ -9,7 +9,7 @@ import numpy as np
 
 from builder.reports.build_report.gauge_tables import gauges, sensors_table
 from builder.reports.build_report.report import BuildReport
-from builder.reports.findings.coefficient_sources import coefficient_scales
+from builder.reports.findings.coefficient_sources import CoefficientSources, coefficient_scales
 from builder.reports.findings.flight_accuracy import flight_accuracy_table
 from builder.reports.page.tables import SCALES, Column, Table, by_name, make_table, records_table
 from builder.structure.observability import SYMMETRIES
@@ -30,6 +30,7 @@ def report_tables(report: BuildReport) -> dict[str, Table]:
         classes(report),
         modes(report),
         singular_values(report),
+        *((nonlinear_coefficients(report), nonlinear_sources(report)) if report.in_use.is_nonlinear else ()),
         coefficients(report),
         correlations(report),
         sources(report),
@@ -43,6 +44,7 @@ def report_tables(report: BuildReport) -> dict[str, Table]:
         alike(report),
         *((flight_accuracy_table(report.flight),) if report.flight else ()),
         *((gamma_rules(report), eigenvalues(report), l_curve(report)) if report.gamma else ()),
+        *((report.origin.table(),) if report.origin.files else ()),
     )
     return by_name(tables)
 
@@ -176,7 +178,8 @@ def coefficients(report: BuildReport) -> Table:
         Column("unit"),
     )
     pressure = 1e-3 * report.inverse_map.nominal_dynamic_pressure
-    caption = f"Coefficients at a dynamic pressure of {pressure:.5g} kPa, and their loads."
+    of_what = " of the linear map" if report.in_use.is_nonlinear else ""
+    caption = f"Coefficients{of_what} at a dynamic pressure of {pressure:.5g} kPa, and their loads."
     return make_table("coefficients", caption, columns, rows)
 
 
@@ -193,9 +196,37 @@ def correlations(report: BuildReport) -> Table:
 
 
 def sources(report: BuildReport) -> Table:
-    found, caption = report.coefficients, "Fraction of each source in the variance of each coefficient."
-    percent = 100.0 * found.variance / found.std**2
-    return _by_coefficient("sources", caption, "source", found.names, percent, Column("", "%", ".1f"))
+    return _sources("sources", "Fraction of each source in the variance of each coefficient.", report.coefficients)
+
+
+def _sources(name: str, caption: str, found: CoefficientSources) -> Table:
+    fractions = 100.0 * found.variance / found.std**2
+    return _by_coefficient(name, caption, "source", found.names, fractions, Column("", "%", ".1f"))
+
+
+def nonlinear_coefficients(report: BuildReport) -> Table:
+    """One row per coefficient, by the nonlinear estimator."""
+    used = report.in_use
+    found = used.coefficients
+    rows = [
+        (name, found.std[i], used.largest_std[i], *found.range[i], 100.0 * found.std_of_range[i])
+        for i, name in enumerate(COEFFICIENT_NAMES)
+    ]
+    columns = (
+        Column("coefficient"),
+        Column("sigma, rms", "1", ".3g"),
+        Column("largest sigma", "1", ".3g"),
+        Column("minimum of the snapshots", "1", ".4f"),
+        Column("maximum", "1", ".4f"),
+        Column("rms sigma over that range", "%", ".2f"),
+    )
+    caption = f"Coefficients by the nonlinear estimator, {used.where}."
+    return make_table("nonlinear_coefficients", caption, columns, rows)
+
+
+def nonlinear_sources(report: BuildReport) -> Table:
+    caption = "Fraction of each source in the variance of each coefficient, nonlinear estimator."
+    return _sources("nonlinear_sources", caption, report.in_use.coefficients)
 
 
 def source_sigmas(report: BuildReport) -> Table:

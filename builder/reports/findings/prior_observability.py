@@ -26,6 +26,9 @@ from strainfmu.arrays import BoolArray, FloatArray
 MIN_FRACTION = 1e-6
 """Fraction of the variance below which a class counts as empty."""
 
+ROUND_OFF = 1e-9
+"""Fraction of a variance below which what is removed of it is 0: a blind class removes nothing, and not -1e-16."""
+
 NODES_AT_ONCE = 4096
 
 
@@ -98,22 +101,22 @@ def prior_observability(
         rms = np.sqrt(np.sum((problem.strain_operator @ part * std) ** 2) / len(strain))
         left = np.array([_variance(part, area, factor) for factor in (error, best)])
         fraction = held.sum() / whole
-        removed = 1.0 - left / held.sum() if fraction > MIN_FRACTION else np.full(2, np.nan)
+        removed = _removed(left, held.sum()) if fraction > MIN_FRACTION else np.full(2, np.nan)
         classes[:, i] = fraction, held[is_state].sum() / per_mode[is_state].sum(), rms, *removed
     return PriorObservability(
         mode_std=np.sqrt(per_mode),
         mode_fraction=per_mode / whole,
         mode_classes=class_fractions(modes.modes, area, mirrors),
         mode_strain=std * np.sqrt(np.mean(strain**2, axis=0)),
-        mode_removed=1.0 - np.sum(error**2, axis=1) / std**2,
-        mode_removed_at_best=1.0 - np.sum(best**2, axis=1) / std**2,
+        mode_removed=_removed(np.sum(error**2, axis=1), std**2),
+        mode_removed_at_best=_removed(np.sum(best**2, axis=1), std**2),
         class_fraction=classes[0],
         class_fraction_of_kept=classes[1],
         class_strain=classes[2],
         class_removed=classes[3],
         class_removed_at_best=classes[4],
-        removed=1.0 - of_error / whole,
-        removed_at_best=1.0 - of_best / whole,
+        removed=float(_removed(of_error, whole)),
+        removed_at_best=float(_removed(of_best, whole)),
         node_mean=modes.mean,
         node_std=node_std,
         node_removed=node_removed,
@@ -136,6 +139,12 @@ def _best_error_factor(problem: Problem, modes: PressureModes, strain: FloatArra
     return std[:, None] * solved.error_factor()
 
 
+def _removed(left: FloatArray | float, of: FloatArray | float) -> FloatArray:
+    """Return 1 - left / of, 0 where that is round-off."""
+    fraction = np.asarray(1.0 - left / of)
+    return np.where(np.abs(fraction) < ROUND_OFF, 0.0, fraction)
+
+
 def _variance(part: FloatArray, area: FloatArray, factor: FloatArray) -> float:
     """Return the area-weighted mean variance [Pa2] of part (n_p, k) c, c with the covariance of ``factor``."""
     gram = part.T @ (part * area[:, None])
@@ -150,5 +159,5 @@ def _at_nodes(modes: FloatArray, std: FloatArray, error: FloatArray) -> tuple[Fl
         before, after = np.sum((rows * std) ** 2, axis=1), np.sum((rows @ error) ** 2, axis=1)
         varies = before > 0.0
         spread[first : first + NODES_AT_ONCE] = np.sqrt(before)
-        removed[first : first + NODES_AT_ONCE][varies] = 1.0 - after[varies] / before[varies]
+        removed[first : first + NODES_AT_ONCE][varies] = _removed(after[varies], before[varies])
     return spread, removed

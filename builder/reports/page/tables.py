@@ -139,6 +139,11 @@ def shown(cell: Cell, column: Column) -> str:
     return str(cell)
 
 
+def percent(fraction: float, digits: str = ".1f") -> str:
+    """Return a fraction in per cent as text for a reader, as :func:`shown` rounds it."""
+    return f"{shown(100.0 * float(fraction), Column('', '%', digits))} %"
+
+
 def is_number(cell: Cell) -> bool:
     """Return whether a cell is aligned as a number: a number, or a missing one."""
     return cell is None or (isinstance(cell, int | float) and not isinstance(cell, bool))

@@ -68,9 +68,10 @@ def read_flights(
         The Fourier model cannot do the vehicle.
     """
     random = np.random.default_rng(seed)
-    # A map whose snapshots could not be rolled holds for the listed angles alone.
+    # A map whose snapshots could not be rolled holds for the listed angles alone; conditions need no estimator.
     symmetry = inverse_map.provenance.get("symmetry", vehicle.map.symmetry)
-    as_mapped = vehicle.model_copy(update={"map": vehicle.map.model_copy(update={"symmetry": symmetry})})
+    entry = vehicle.map.model_copy(update={"symmetry": symmetry, "estimator": "linear"})
+    as_mapped = vehicle.model_copy(update={"map": entry})
     flown = fly(held_out_conditions(as_mapped, table, conditions, random))
     return readings(inverse_map, vehicle.noise, flown, random, vehicles)
 

@@ -63,7 +63,6 @@ def truth_surface(vehicle: Vehicle) -> SurfaceGrid:
 
 def truth_engine(vehicle: Vehicle) -> EulerEngine | NewtonianEngine:
     """Return the flow solver of the independent model, of :meth:`Vehicle.truth_engine`."""
-    body = vehicle.body()
     if vehicle.truth_engine() == "newtonian":
         entries = vehicle.aerodynamics
         return NewtonianEngine(
@@ -71,7 +70,7 @@ def truth_engine(vehicle: Vehicle) -> EulerEngine | NewtonianEngine:
             entries.stagnation or "rayleigh_pitot",
             entries.leeward or "ambient",
         )
-    return EulerEngine(body, marching_grid_of(vehicle.resolution.truth), truth_surface(vehicle))
+    return EulerEngine(vehicle.body(), marching_grid_of(vehicle.resolution.truth), truth_surface(vehicle))
 
 
 def truth_inputs(vehicle: Vehicle) -> dict[str, Any]:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from collections.abc import Mapping
+from typing import Annotated, Any, Self
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
+from builder.vehicle.toml.faults import all_faults
 from builder.vehicle.toml.limits import (
     ALTITUDE_KM,
     HALF_ANGLE_DEG,
@@ -14,12 +16,32 @@ from builder.vehicle.toml.limits import (
     STREAM_ANGLE_DEG,
     one_line,
 )
+from strainfmu.errors import FaultsError
 
 
 class Section(BaseModel):
     """A table of a file: unknown entries, wrong types, NaN and infinity are refused; it never changes."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """Return a copy with other entries, checked as those of a file are.
+
+        Raises
+        ------
+        FaultsError
+            Entries are unknown or outside their limits, or do not fit the others: one line each.
+        """
+        copy = super().model_copy(deep=deep)
+        if not update:
+            return copy
+        try:
+            checked = type(self).model_validate({**dict(copy), **update})
+        except ValidationError as error:
+            name = type(self).__name__
+            raise FaultsError("\n".join(f"{name}: {line}" for line in all_faults(error, type(self)))) from error
+        # The copy has what is no entry, too: the folder of the file, and which entries were given.
+        return super(Section, copy).model_copy(update={name: getattr(checked, name) for name in update})
 
 
 MachNumber = Annotated[float, Field(ge=MACH_NUMBER.low, le=MACH_NUMBER.high)]

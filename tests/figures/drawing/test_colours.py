@@ -1,12 +1,14 @@
-"""Ends of a colour scale: peaks on a small area do not take it from the rest."""
+"""Ends of a colour scale: peaks on a small area do not take it from the rest. Every part has its own colour."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_hex
 
 from builder.aero.surface.mesh import SurfaceMesh
-from builder.figures.drawing.colours import colour_ends
+from builder.figures.drawing.colours import colour_ends, part_colours
+from builder.figures.map import hover, stills
 
 pytestmark = pytest.mark.fast
 
@@ -32,3 +34,35 @@ def test_peaks_on_a_small_area_have_one_colour(peak: float, low: float, vmax: fl
     found = colour_ends(surface, values)
     assert found["vmin"] == pytest.approx(values.min())
     assert found["vmax"] == pytest.approx(vmax, rel=0.03)
+
+
+@pytest.mark.parametrize("count", [0, 1, 13, 60])
+def test_no_two_parts_share_a_colour(count: int) -> None:
+    """More than the ten of the usual cycle; the first stay where more are requested."""
+    colours = part_colours(count)
+    assert len(colours) == len(set(colours)) == count
+    assert all(len(colour) == 7 and int(colour[1:], 16) >= 0 for colour in colours)
+    assert part_colours(100)[:count] == colours
+
+
+def test_sources_of_a_coefficient_have_a_colour_each() -> None:
+    """Thirteen sources: bars of the still and of the figure with values have the same colours, all different."""
+    names, variance = [f"source {k}" for k in range(13)], np.full((13, 5), 1.0 / 13.0)
+    common = {"sources": names, "of_variance": variance, "std_of_range": np.ones(5), "correlation": np.eye(5)}
+    still = stills.coefficients(**common)
+    bars = still.axes[0].containers
+    drawn = [to_hex(bar.patches[0].get_facecolor()) for bar in bars]
+    assert len(set(drawn)) == len(names)
+    shown = hover.coefficients(**common, std=np.ones(5), limits=np.tile([0.0, 1.0], (5, 1)))
+    assert [trace["marker"]["color"] for trace in shown["data"][: len(names)]] == drawn
+
+
+def test_a_correlation_that_rounds_to_zero_has_no_sign() -> None:
+    values = np.eye(5)
+    values[0, 1] = values[1, 0] = -1e-9
+    figure = stills.coefficients(
+        sources=["noise"], of_variance=np.ones((1, 5)), std_of_range=np.ones(5), correlation=values
+    )
+    texts = [text.get_text() for axis in figure.axes for text in axis.texts]
+    assert "0.00" in texts
+    assert "-0.00" not in texts

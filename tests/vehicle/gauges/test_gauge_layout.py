@@ -38,7 +38,8 @@ def inner_mesh(shipped: Vehicle) -> MeridianMesh:
 def with_layout(vehicle: Vehicle, entry: GaugeLayoutEntry) -> Vehicle:
     """Return the vehicle with one layout, ``here``."""
     gauges = vehicle.gauges.model_copy(update={"layout": "here", "layouts": {"here": entry}})
-    return vehicle.model_copy(update={"gauges": gauges})
+    noise = vehicle.noise.model_copy(update={"of_layout": None})
+    return vehicle.model_copy(update={"gauges": gauges, "noise": noise})
 
 
 def from_table(vehicle: Vehicle, folder: Path, *lines: str) -> Vehicle:

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 
 from builder.structure.fourier.meridian_mesh import MeridianMesh
-from builder.structure.gauge_placement import gauge_layout
+from builder.structure.gauge_placement import gauge_layout, layout_from_rows
 from builder.structure.solid.gauges.gauge_rows import Gauges, gauges_at, joined_gauges
 from builder.structure.solid.mesh.solid_mesh import EXTERNAL, INTERNAL
 from builder.vehicle.file import Vehicle
-from builder.vehicle.gauges.entries import GaugeLayoutEntry, GaugeRow
+from builder.vehicle.gauges.entries import GaugeRow
 from builder.vehicle.gauges.layout import GaugeLayout
 from builder.vehicle.shape.geometry import BodyOfRevolution
 
@@ -38,15 +38,14 @@ def solid_gauges(vehicle: Vehicle, layout: str, mesh: MeridianMesh) -> Gauges:
         found = gauge_layout(vehicle, layout, mesh)
         surface = SURFACE[entry.surface or "inner"]
         return gauges_at(found.position, found.direction, found.names, 1e-3 * (entry.length_mm or 0.0), surface)
-    parts = [_row(vehicle, layout, row, mesh) for row in entry.rows]
-    return joined_gauges(parts, f"gauges.layouts.{layout}")
+    where, body = f"gauges.layouts.{layout}", vehicle.body()
+    rows = enumerate(entry.rows, start=1)
+    return joined_gauges([_row(row, layout_from_rows([row], mesh, where, n), body) for n, row in rows], where)
 
 
-def _row(vehicle: Vehicle, layout: str, row: GaugeRow, mesh: MeridianMesh) -> Gauges:
-    alone = vehicle.gauges.model_copy(update={"layouts": {layout: GaugeLayoutEntry(rows=[row])}})
-    found = gauge_layout(vehicle.model_copy(update={"gauges": alone}), layout, mesh)
+def _row(row: GaugeRow, found: GaugeLayout, body: BodyOfRevolution) -> Gauges:
     if row.surface == "outer":
-        found = _on_outer_surface(found, vehicle.body())
+        found = _on_outer_surface(found, body)
     return gauges_at(found.position, found.direction, found.names, 1e-3 * row.length_mm, SURFACE[row.surface])
 
 

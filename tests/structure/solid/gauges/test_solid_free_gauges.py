@@ -43,7 +43,8 @@ def vehicle_with(folder: Path, text: str) -> Vehicle:
     (folder / "g.csv").write_text(text, encoding="utf-8")
     loaded = load_vehicle(IC3X)
     layouts = {"a": GaugeLayoutEntry(file=str(folder / "g.csv"), largest_distance_mm=5.0)}
-    return loaded.model_copy(update={"gauges": Gauges(layout="a", layouts=layouts)})
+    noise = loaded.noise.model_copy(update={"of_layout": None})
+    return loaded.model_copy(update={"gauges": Gauges(layout="a", layouts=layouts), "noise": noise})
 
 
 def test_wall_has_its_thickness_along_the_normal() -> None:

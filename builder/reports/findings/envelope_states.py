@@ -1,0 +1,99 @@
+"""Flight states over the envelope of a map with tables, and what the nonlinear estimator knows there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.atmosphere import HEAT_CAPACITY_RATIO
+from strainfmu.estimator.manifold.estimator import ManifoldEstimator
+from strainfmu.estimator.manifold.flight_estimate import FlightEstimates
+from strainfmu.estimator.manifold.flight_health import RANGE_TOLERANCE
+from strainfmu.estimator.manifold.gauss_newton import linearise_anew
+from strainfmu.estimator.manifold.inputs import EstimatorInputs
+from strainfmu.estimator.manifold.navigation import NAVIGATION as QUANTITIES
+from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, U, W, evaluate
+from strainfmu.estimator.tables.manifold_map import ManifoldMap
+
+ALL, PRESSURE_ALONE = "M, p_inf and q_inf", "q_inf only"
+NAVIGATION = (ALL, PRESSURE_ALONE)
+"""What is known beside strain, each with the standard deviation of the map."""
+
+MACHS, INCIDENCES, ROLLS = 13, 12, 8
+"""Flight states of the envelope; standard deviations are rms values over the aerodynamic roll angles in it."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Envelope:
+    """Flight states by incidence, Mach number and roll angle.
+
+    Attributes
+    ----------
+    mach_number : (m,) M [1].
+    total_incidence : (i,) [rad].
+    static_pressure : p_inf [Pa], the middle of the range of the map.
+    state : (i, m, r, 4) flight states.
+    inside : (i, m, r) whether the ranges of the map hold each.
+    """
+
+    mach_number: FloatArray
+    total_incidence: FloatArray
+    static_pressure: float
+    state: FloatArray
+    inside: BoolArray
+
+    @property
+    def flown(self) -> FloatArray:
+        """(k, 4) the states that the ranges of the map hold."""
+        return self.state[self.inside]
+
+    def over_rolls(self, values: FloatArray | BoolArray) -> FloatArray:
+        """Return (i, m, n) the mean over the roll angles of ``values`` (k, n) of :attr:`flown`, NaN where the
+        ranges of the map hold none."""
+        total = np.zeros((*self.inside.shape, values.shape[1]))
+        total[self.inside] = values
+        count = self.inside.sum(axis=2)[:, :, None]
+        return np.where(count > 0, total.sum(axis=2) / np.maximum(count, 1), np.nan)
+
+
+def envelope(manifold: ManifoldMap, machs: int = MACHS, incidences: int = INCIDENCES) -> Envelope:
+    """Return the states at even steps of Mach number and, from the first above 0, of total incidence."""
+    low, high = manifold.mach_range.tolist()
+    mach = np.linspace(low, high, machs)
+    middle, half = manifold.crossflow
+    incidence = float((np.abs(middle) + half).max()) * np.arange(1, incidences + 1) / incidences
+    roll = 2.0 * np.pi * np.arange(ROLLS) / ROLLS
+    state = np.zeros((incidences, machs, ROLLS, 4))
+    state[..., MACH] = mach[:, None]
+    state[..., U] = incidence[:, None, None] * np.cos(roll)
+    state[..., W] = incidence[:, None, None] * np.sin(roll)
+    state[..., LOG_PRESSURE] = np.log(manifold.pressure_range).mean()
+    return Envelope(
+        mach_number=mach,
+        total_incidence=incidence,
+        static_pressure=float(np.exp(state[0, 0, 0, LOG_PRESSURE])),
+        state=state,
+        inside=np.all(np.abs(state[..., U : W + 1] - middle) <= (1.0 + RANGE_TOLERANCE) * half, axis=-1),
+    )
+
+
+def inputs_at(estimator: ManifoldEstimator, state: FloatArray, navigation: str) -> EstimatorInputs:
+    """Return the strain of the tables at ``state`` (k, 4), and what ``navigation`` gives there."""
+    manifold, pressure = estimator.manifold, np.exp(state[:, LOG_PRESSURE])
+    known = dict.fromkeys((*QUANTITIES, "altitude", *(f"{name}_std" for name in QUANTITIES)), np.full(1, np.nan))
+    known["dynamic_pressure"] = 0.5 * HEAT_CAPACITY_RATIO * state[:, MACH] ** 2 * pressure
+    if navigation == ALL:
+        known.update(mach_number=state[:, MACH], static_pressure=pressure)
+    strain = evaluate(manifold.tables, state).value[:, : estimator.inverse_map.n_gauges]
+    flow = {name: np.broadcast_to(value, len(state)) for name, value in known.items()}
+    return estimator.checked_inputs(strain, None, flow)
+
+
+def estimated_at(estimator: ManifoldEstimator, state: FloatArray, navigation: str) -> FlightEstimates:
+    """Return the estimates for :func:`inputs_at`, linearised at ``state`` (k, 4)."""
+    inputs = inputs_at(estimator, state, navigation)
+    return estimator.estimated(
+        inputs, lambda samples, rows: linearise_anew(estimator.manifold, state[rows], samples)
+    )

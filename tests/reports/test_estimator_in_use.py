@@ -1,0 +1,174 @@
+"""The report judges the estimator that a map is used with: of a map with tables the nonlinear one."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+from field_maps import field_map
+from flight_maps import ROWS, STATIONS, flight_map
+from page_checks import assert_self_contained
+from scaled_maps import scaled_map
+
+from builder.reports.build_report.first_screen import first_screen
+from builder.reports.build_report.page import report_page, write_numbers
+from builder.reports.build_report.report import BuildReport
+from builder.reports.build_report.tables import report_tables
+from builder.reports.findings.envelope_states import ALL, envelope, estimated_at, inputs_at
+from builder.reports.findings.estimator_in_use import (
+    FEW,
+    HARDWARE,
+    InUse,
+    estimator_in_use,
+    linearised_at,
+    source_variances,
+)
+from builder.reports.findings.flight_accuracy import flight_accuracy
+from builder.reports.page.html import page_html
+from strainfmu.estimator.manifold.estimator import ManifoldEstimator
+from strainfmu.estimator.manifold.gauss_newton import linearise_anew
+from strainfmu.estimator.map.inverse_map import InverseMap
+
+N_D = STATIONS * ROWS
+
+
+@pytest.fixture(scope="module")
+def nonlinear_map() -> InverseMap:
+    """Errors of every kind that a map with tables holds, each as large as the others."""
+    random = np.random.default_rng(1)
+    manifold = flight_map(discrepancy=1e-3, hardware=True)
+    common = 1e-12 * random.standard_normal((2, 6, N_D))
+    own = 1e-24 * random.random((21, N_D))
+    return replace(scaled_map(2, 1, N_D), manifold=replace(manifold, common_error=common, gauge_error_product=own))
+
+
+LINEAR: Any = (None, None)
+"""What judges the linear map, of no concern to the other."""
+
+
+@pytest.fixture(scope="module")
+def in_use(nonlinear_map: InverseMap) -> InUse:
+    nothing: Any = None
+    return estimator_in_use(nonlinear_map, *LINEAR, nothing, np.ones(1))
+
+
+@pytest.mark.fast
+def test_the_sources_add_up_to_the_stated_variance(nonlinear_map: InverseMap) -> None:
+    """At every flight state and for every coefficient, 1e-9; every kind of error has a part."""
+    estimator = ManifoldEstimator(nonlinear_map)
+    state = envelope(estimator.manifold, 3, 3).flown
+    found, parts = (
+        estimated_at(estimator, state, ALL),
+        source_variances(estimator.manifold, linearised_at(estimator, state)),
+    )
+    np.testing.assert_allclose(sum(parts.values()), found.coefficients_std**2, rtol=1e-9)
+    assert all(np.max(part / found.coefficients_std**2) > 1e-6 for part in parts.values())
+    assert set(HARDWARE) < set(parts)
+
+
+@pytest.mark.fast
+def test_a_source_is_what_its_errors_do(nonlinear_map: InverseMap) -> None:
+    """Twice the error of the common gain adds three times its part, where it hardly changes the weights."""
+    small = replace(nonlinear_map.manifold, common_gain_std=1e-5)
+    estimators = [
+        ManifoldEstimator(replace(nonlinear_map, manifold=replace(small, common_gain_std=std)))
+        for std in (1e-5, 2e-5)
+    ]
+    state = envelope(small, 2, 2).flown
+    found, other = (estimated_at(one, state, ALL) for one in estimators)
+    part = source_variances(estimators[0].manifold, linearised_at(estimators[0], state))["gain of all gauges"]
+    change = other.coefficients_std**2 - found.coefficients_std**2
+    assert np.max(part) > 0.0
+    np.testing.assert_allclose(change, 3.0 * part, rtol=1e-3, atol=1e-9 * np.max(found.coefficients_std**2))
+
+
+def test_the_nonlinear_estimator_of_a_map_with_tables(nonlinear_map: InverseMap, in_use: InUse) -> None:
+    """Its rms sigma is that of estimates over the envelope, the cost of a gauge that of estimates without it."""
+    assert in_use.is_nonlinear
+    estimator = ManifoldEstimator(nonlinear_map)
+    found = estimated_at(estimator, envelope(estimator.manifold).flown, ALL)
+    np.testing.assert_allclose(in_use.coefficients.std, np.sqrt(np.mean(found.coefficients_std**2, axis=0)))
+    np.testing.assert_allclose(in_use.largest_std, found.coefficients_std.max(axis=0))
+    np.testing.assert_allclose(in_use.coefficients.variance.sum(axis=0), in_use.coefficients.std**2, rtol=1e-9)
+    assert in_use.growth.shape == (N_D, 5)
+    assert np.all(in_use.growth >= 1.0 - 1e-9)
+    assert in_use.growth.max() > 1.001
+    few, lost = envelope(estimator.manifold, *FEW).flown, int(np.argmax(in_use.growth[:, 1]))
+    inputs = inputs_at(estimator, few, ALL)
+    used = np.broadcast_to(np.arange(N_D) != lost, inputs.used.shape)
+    without = estimator.estimated(
+        replace(inputs, used=used), lambda samples, rows: linearise_anew(estimator.manifold, few[rows], samples)
+    )
+    rms = np.sqrt(
+        np.mean(without.coefficients_std**2, axis=0)
+        / np.mean(estimated_at(estimator, few, ALL).coefficients_std ** 2, axis=0)
+    )
+    np.testing.assert_allclose(in_use.growth[lost], rms, rtol=1e-6)
+    assert in_use.pressure_removed is None
+
+
+def test_pressure_is_judged_where_the_map_holds_it() -> None:
+    """The variance that is left, over that of pressure that varies by 100 Pa, or 1000 Pa, at each node."""
+    one = field_map()
+    n_p = len(one.point)
+    left = [
+        1.0
+        - estimator_in_use(one, *LINEAR, cast(Any, SimpleNamespace(node_std=std)), np.ones(n_p)).pressure_removed
+        for std in (np.full(n_p, 100.0), np.full(n_p, 1000.0))
+    ]
+    assert left[1] == pytest.approx(0.01 * left[0])
+    assert 0.0 < left[1] < 0.1
+
+
+def test_the_linear_estimator_of_any_other_map(report: BuildReport) -> None:
+    used = report.in_use
+    assert not used.is_nonlinear
+    assert used.coefficients is report.coefficients
+    assert used.growth is report.gauges.growth
+    assert used.pressure_removed == report.observability.removed
+    assert "nonlinear_coefficients" not in report_tables(report)
+
+
+def test_page_and_numbers_state_the_nonlinear_sigma(
+    report: BuildReport, nonlinear_map: InverseMap, in_use: InUse, tmp_path: Path
+) -> None:
+    """In the first screen, with the linear map's sections named so; its own sentences are left out."""
+    if report.gamma is not None:
+        pytest.skip("a page of one case suffices")
+    range_of = replace(in_use.coefficients, range=report.coefficients.range)
+    growth = np.ones((report.inverse_map.n_gauges, 5))
+    growth[3, 1] = 1.25
+    used = replace(in_use, coefficients=range_of, growth=growth)
+    judged = replace(report, in_use=used, flight=flight_accuracy(nonlinear_map))
+    screen = first_screen(judged)
+    lines = [line for group in screen.as_json().values() for line in group]
+    width = np.ptp(report.coefficients.range, axis=1)
+    stated = next(line for line in lines if line.startswith("C_A,"))
+    assert f"sigma {used.coefficients.std[0]:.2g} rms, {used.largest_std[0]:.2g} at most" in stated
+    percent = re.search(r"([\d.]+) % of the range", stated)
+    assert percent is not None
+    assert float(percent[1]) == pytest.approx(100.0 * used.coefficients.std[0] / width[0], rel=0.05)
+    assert not any("best linear map" in line or "noise terms" in line or "no state" in line for line in lines)
+    assert any(
+        f"is {report.inverse_map.gauge_names[3]}: without it 25 % more sigma of C_N" in line for line in lines
+    )
+    largest = used.coefficients.names[int(np.argmax(used.coefficients.variance[:, 0]))]
+    assert any(line.startswith("The source to reduce first is ") for line in lines)
+    page = assert_self_contained(page_html(report_page(judged)))
+    assert "Uncertainty of each coefficient, linear map" in page.text
+    assert page.text.count("This section judges the linear map") == 3
+    assert "estimator: nonlinear, and the linear map (Case" in page.text
+    assert largest in page.text
+    write_numbers(judged, tmp_path)
+    content = json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))
+    assert content["estimator"] == "nonlinear"
+    rows = content["tables"]["nonlinear_coefficients"]["rows"]
+    assert [row[1] for row in rows] == pytest.approx(used.coefficients.std.tolist())
+    fractions = np.array([row[1:] for row in content["tables"]["nonlinear_sources"]["rows"]])
+    np.testing.assert_allclose(fractions.sum(axis=0), 100.0)
