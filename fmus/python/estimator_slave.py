@@ -181,9 +181,7 @@ class EstimatorSlave(Fmi2Slave):
             self._tare.drop()
             self._values[self._tare_state] = self._tare.state
             self._zeros_outdated = True
-        if of_filter:
-            self._estimator = self._estimator.filter(value)
-        elif not of_zero:
+        if not of_zero:
             self._apply_settings()
 
     def _apply_zeros(self) -> None:
@@ -197,6 +195,9 @@ class EstimatorSlave(Fmi2Slave):
     def _apply_settings(self) -> None:
         settings = EstimatorSettings(**dict(zip(PARAMETERS, self._values[self._parameters].tolist(), strict=True)))
         self._estimator = self._estimator.with_settings(settings)
+        seconds = 0.0 if self._time_constant is None else float(self._values[self._time_constant])
+        if seconds != self._estimator.filter_time_constant:
+            self._estimator = self._estimator.filter(seconds)
 
     def get_integer(self, vrs: list[int]) -> list[int]:
         """Return health state and counts; any other value reference is logged and read as 0."""
