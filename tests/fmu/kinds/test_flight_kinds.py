@@ -97,7 +97,7 @@ def test_section_loads_step_by_step(
             filtered = flight.recorded(0.01, given.strain, given.flow, valid=valid).estimate[0]
             expected = further_outputs(filtered if time_constant else tracked(tracker, given))
             # A step of the PythonFMU is 0.01 s but for rounding: the time of its start less that of the last.
-            rtol = 1e-8 if time_constant else 0.0 if kind == "python" else 1e-10
+            rtol = 1e-8 if time_constant else 1e-10
             np.testing.assert_allclose(host.get(further), expected, rtol=rtol, atol=0.0)
 
 

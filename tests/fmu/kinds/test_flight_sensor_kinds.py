@@ -89,11 +89,8 @@ def test_kinds_give_what_numpy_does(paths: dict[str, Path], tmp_path: Path, kind
             names = ["C_A", "C_N", "C_Y", "M_P", "M_Y"]
             std = np.array([expected[f"sigma.{name}"] for name in names])
             apart = host.get(names) - [expected[name] for name in names]
-            exact = kind == "python"
-            np.testing.assert_allclose(apart / std, 0.0, atol=0.0 if exact else 1e-8)
-            np.testing.assert_allclose(
-                host.get([f"sigma.{name}" for name in names]), std, rtol=0.0 if exact else 1e-8
-            )
+            np.testing.assert_allclose(apart / std, 0.0, atol=1e-8)
+            np.testing.assert_allclose(host.get([f"sigma.{name}" for name in names]), std, rtol=1e-8)
             chi = host.get(["health.chi_square"])[0]
             assert chi == pytest.approx(expected["health.chi_square"], rel=1e-8)
 

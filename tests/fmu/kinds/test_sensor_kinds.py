@@ -110,9 +110,7 @@ def test_kinds_give_what_numpy_does(paths: dict[str, Path], tmp_path: Path, kind
             expected = dict(zip(outputs, output_values(found, with_further=True), strict=True))
             assert host.integers(["health.valid_gauges"])[0] == int(found.valid.sum())
             names = [name for name in expected if not name.startswith("health")]
-            np.testing.assert_allclose(
-                host.get(names), [expected[name] for name in names], rtol=0.0 if kind == "python" else 1e-12
-            )
+            np.testing.assert_allclose(host.get(names), [expected[name] for name in names], rtol=1e-12)
 
 
 def test_model_exchange_takes_what_co_simulation_does(paths: dict[str, Path], tmp_path: Path) -> None:
