@@ -271,26 +271,22 @@ class FlightFilter:
     def _begun(self, inputs: EstimatorInputs, samples: Samples, law: Law | None, step: Transition) -> FilteredStep:
         """Return the sample on its own; the filter begins again from it if it fits the tables."""
         track = self.track
-        searched = track.state is None or track.since_search >= SEARCH_EVERY
-        start, iterations = track.state, WARM_ITERATIONS
-        if searched or start is None:
-            start, iterations = self._known.search(track.named.without_named(samples)).state[0], 0
+        start = self._known.search(track.named.without_named(samples)).state[0]
         own = stationary_law(transition(self._model, 1.0, 1.0, track.warm), self.model.n_considered)
-        solved = self._solved(own, samples, start=start, iterations=iterations)
+        solved = self._solved(own, samples, start=start, iterations=0)
         estimate = self._concluded(inputs, solved)
         if _fits(estimate):
-            since = self._since(searched)
+            since = self._since(searched=True)
             return self._kept(inputs, solved, before=own, step=step, estimate=estimate, since=since)
         after = own if law is None else law
         # What fits nowhere does not move the state: the law goes on from there.
-        kept = None if law is None and not searched else track.state
         self.track = replace(
             track,
             law=law,
-            state=estimate.state[0] if kept is None else kept,
+            state=estimate.state[0] if track.state is None else track.state,
             slope_state=None,
             slope_age=0.0,
-            since_search=self._since(searched),
+            since_search=self._since(searched=True),
             to_return=RETURN_AFTER,
             consistency=self._consistency(estimate),
         )

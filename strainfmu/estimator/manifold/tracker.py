@@ -20,7 +20,7 @@ from strainfmu.estimator.manifold.inputs import EstimatorInputs
 from strainfmu.estimator.manifold.solve import solve_warm
 
 SEARCH_EVERY = 10
-"""Steps from one search of the tables to the next, at least."""
+"""Steps from one search of the tables, for what else fits, to the next."""
 
 RETURN_AFTER = 5
 """Steps in a row that must fit the tables before their loads follow those of the linear map again."""
@@ -95,11 +95,11 @@ class FlightTracker:
 def tracked(estimator: ManifoldEstimator, inputs: EstimatorInputs, track: Track) -> tuple[FlightEstimate, Track]:
     """Return the estimate of the one sample in ``inputs``, and what it leaves to the next step.
 
-    A step without gauges keeps the state. One that does not fit the tables, or drops a quantity of navigation with
-    an alarm, searches them as well, unless one of the last :data:`SEARCH_EVERY` steps did. The search counts where
-    it fits better. What fits nowhere does not move the state: a spike passes. While navigation does not tell the
-    pressure, a search comes after every :data:`SEARCH_EVERY` steps, for what else fits, and in the first such step
-    after a search that was told it.
+    A step without gauges keeps the state. One that does not fit the tables searches them as well; so does one that
+    drops a quantity of navigation with an alarm, unless one of the last :data:`SEARCH_EVERY` steps did. The search
+    counts where it fits better. What fits nowhere does not move the state: a spike passes. While the pressure is
+    not known, a search comes after every :data:`SEARCH_EVERY` steps, for what else fits, and in the first such
+    step after a search that knew it.
     """
     estimator, state = estimator.at_parameters(inputs), track.state
     since = min(track.since_search + 1, SEARCH_EVERY)
@@ -110,7 +110,8 @@ def tracked(estimator: ManifoldEstimator, inputs: EstimatorInputs, track: Track)
         found = estimator.estimated(inputs, steps.warm)
         standing, left = _standing(inputs, found), steps.widening
         since = 0 if steps.has_searched else since
-        if standing < _GOOD and track.since_search >= SEARCH_EVERY and inputs.used.any():
+        is_due = standing == _NO_FIT or (standing < _GOOD and track.since_search >= SEARCH_EVERY)
+        if is_due and inputs.used.any():
             searched, since = estimator.estimated(inputs, steps.cold), 0
             if _standing(inputs, searched) > standing:
                 found = searched
@@ -164,7 +165,7 @@ class _Solver:
         return found
 
 
-_GOOD = 2
+_NO_FIT, _GOOD = 0, 2
 
 
 def _standing(inputs: EstimatorInputs, found: FlightEstimates) -> int:

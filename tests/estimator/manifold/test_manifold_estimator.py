@@ -153,9 +153,9 @@ def test_loading_a_map_with_tables_gives_the_nonlinear_estimator(tmp_path: Path)
     assert loaded.manifold is not None
     assert np.array_equal(loaded.manifold.response, flight_map().response)
     estimator = strainfmu.load(tmp_path / "map.h5")
-    assert isinstance(estimator, ManifoldEstimator)
+    assert estimator.is_nonlinear
     save_inverse_map(replace(whole_map(), manifold=None), tmp_path / "linear.h5")
-    assert not isinstance(strainfmu.load(tmp_path / "linear.h5"), ManifoldEstimator)
+    assert not strainfmu.load(tmp_path / "linear.h5").is_nonlinear
 
 
 def test_strain_off_the_tables_gets_the_loads_of_the_linear_map() -> None:

@@ -71,7 +71,7 @@ def test_unknown_navigation(fmu: FlightFmu, inverse_map: InverseMap) -> None:
 
 
 def test_without_a_pressure(fmu: FlightFmu, inverse_map: InverseMap) -> None:
-    """States that fit are searched for every eleven steps, and held between, a pressure now and then or not."""
+    """States that fit are searched for every eleven steps or where strain does not fit, and held between."""
     samples = [one for seed in range(5) for one in random_flight(inverse_map, 15, 60 + seed)]
     for k, one in enumerate(samples):
         kept = ("static_pressure",) if 40 < k < 55 or k % 13 == 3 else ("mach_number",) if k % 30 < 20 else ()
@@ -81,7 +81,8 @@ def test_without_a_pressure(fmu: FlightFmu, inverse_map: InverseMap) -> None:
         found = tracked(tracker, sample)
         check(fmu.advance(sample), found)
         held.append(tracker.track.widening)
-    assert 6 <= len({one.tobytes() for one in held if one is not None}) <= 1 + len(samples) // (1 + SEARCH_EVERY)
+    most = 1 + len(samples) // (1 + SEARCH_EVERY) + 3  # and some steps that only fit by a search
+    assert 6 <= len({one.tobytes() for one in held if one is not None}) <= most
     assert max(one.max() for one in held if one is not None) > 1.5
 
 

@@ -110,24 +110,18 @@ static void keep_predicted(Filter *filter, int has_law) {
 static void begin(Estimator *e, size_t used, int has_law) {
     Flight *flight = &e->flight;
     const Track *base = &flight->base;
-    const int search = base->has_state == 0.0 || base->since_search >= flight->map.search_every;
     double start[N_STATES];
     measure(flight);
-    memcpy(start, base->state, sizeof start);
-    if (search) {
-        flight_solve_cold(&flight->solver);
-        memcpy(start, flight->solver.solution.state, sizeof start);
-    }
-    solve(flight, &flight->filter.stationary, start, search ? 0 : (size_t)flight->map.warm_iterations, NULL);
+    flight_solve_cold(&flight->solver);
+    memcpy(start, flight->solver.solution.state, sizeof start);
+    solve(flight, &flight->filter.stationary, start, 0, NULL);
     if (conclude(e, used)) {
-        keep(e, used, search, NULL, 0.0);
+        keep(e, used, 1, NULL, 0.0);
         return;
     }
-    flight->next = (Track){.has_state = 1.0,
-                           .since_search = flight_since_search(flight, search),
-                           .to_return = flight->map.return_after};
+    flight->next = (Track){.has_state = 1.0, .since_search = 0.0, .to_return = flight->map.return_after};
     /* What fits nowhere does not move the state: the law goes on from there. */
-    const double *state = (search || has_law) && base->has_state != 0.0 ? base->state : flight->solver.solution.state;
+    const double *state = base->has_state != 0.0 ? base->state : flight->solver.solution.state;
     memcpy(flight->next.state, state, sizeof flight->next.state);
     keep_slopes(flight, NULL, 0.0);
     filter_keep_named(&flight->filter);

@@ -264,12 +264,14 @@ static int attempt(Estimator *e, size_t used, int search) {
     return !flight_conclude(e, used) ? FITS_NOT : flight_navigation_alarms(flight) ? ALARMS : FITS;
 }
 
-/* From the last state, and from a search where that does not fit well and the last one is long ago; the better. */
+/* From the last state and, where that does not fit, from a search in the same step; the better. Where it fits but drops
+   navigation with an alarm, the search comes once in a while. At most three attempts, each of a fixed number of
+   iterations. */
 static int best_attempt(Estimator *e, size_t used, int *searched) {
     const Track *base = &e->flight.base;
     const int first = base->has_state == 0.0, found = attempt(e, used, first);
     *searched = first || e->flight.searched_again;
-    if (first || found == FITS || base->since_search < e->flight.map.search_every) {
+    if (first || found == FITS || (found == ALARMS && base->since_search < e->flight.map.search_every)) {
         return found;
     }
     *searched = 1;
