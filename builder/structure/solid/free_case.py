@@ -13,7 +13,7 @@ import numpy as np
 
 from builder.aero.cfd.units import METRES
 from builder.structure.solid.gauges.displaced_gauges import displaced_on_surface
-from builder.structure.solid.gauges.free_gauges import free_gauges, surface_axes
+from builder.structure.solid.gauges.free_gauges import check_table, free_gauges, surface_axes
 from builder.structure.solid.gauges.gauge_rows import Gauges
 from builder.structure.solid.mesh.section_wall import section_wall
 from builder.structure.solid.mesh.solid_mesh import INTERNAL, SolidMesh
@@ -106,6 +106,8 @@ def free_case(
     StrainfmuError
         Gmsh or meshio is needed and not installed, or fails.
     """
+    for name in layouts:
+        check_table(vehicle, name)
     mesh, other, model, source = _meshes(vehicle, resolution or vehicle.structure.resolution)
     matter = _matter(vehicle)
     for one in (mesh, other):

@@ -48,7 +48,7 @@ class _Faults:
 
     def raise_if_any(self) -> None:
         if self.lines:
-            raise FaultsError("\n".join(self.lines))
+            raise FaultsError("\n".join(dict.fromkeys(self.lines)))  # several checks may meet one fault
 
 
 def check_vehicle(path: Path, console: Console) -> None:

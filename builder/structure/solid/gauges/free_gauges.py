@@ -87,6 +87,19 @@ class GaugeSurface:
         return self.foot(start + distance * ray)
 
 
+def check_table(vehicle: Vehicle, layout: str) -> None:
+    """Refuse a wrong file of gauges before meshes are read, which takes longer.
+
+    Raises
+    ------
+    InputError
+        As :func:`builder.vehicle.gauges.table.read_gauge_table`.
+    """
+    file = vehicle.gauges.layouts[layout].file
+    if file is not None:
+        read_gauge_table(vehicle.beside(file))
+
+
 def free_gauges(vehicle: Vehicle, layout: str, mesh: SolidMesh) -> Gauges:
     """Return a layout of the vehicle file on the surfaces of ``mesh``.
 
