@@ -9,6 +9,9 @@ from __future__ import annotations
 from itertools import pairwise
 from math import exp, sqrt
 
+import numpy as np
+
+from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 
 GAS_CONSTANT = 287.053
@@ -64,6 +67,35 @@ def pressure_and_temperature(altitude: float) -> tuple[float, float]:
         if altitude <= top:
             break
     return pressure, temperature
+
+
+def layer_table() -> FloatArray:
+    """Return (6, 5) base, top [m], gradient [K/m] of each layer; pressure [Pa], temperature [K] at its base."""
+    return np.array(
+        [(base, top, gradient, *pressure_and_temperature(base)) for (base, gradient), (top, _) in pairwise(LAYERS)]
+    )
+
+
+_TABLE = layer_table()
+
+
+def static_pressure_at(altitude: FloatArray) -> FloatArray:
+    """Return the pressure [Pa] at geopotential altitudes (k,) [m]; NaN outside 0 to 71 km, and for NaN.
+
+    The closed form of :func:`pressure_and_temperature`; its derivative by the altitude, -g p/(R T), has no jumps.
+    """
+    inside = (altitude >= 0.0) & (altitude <= LAYERS[-1][0])
+    height = np.where(inside, altitude, 0.0)
+    layer = np.searchsorted(_TABLE[1:, 0], height)  # at a boundary the one below it
+    base, _, gradient, pressure, temperature = _TABLE[layer].T
+    rise, graded = height - base, gradient != 0.0
+    of_gradient = np.where(graded, gradient, 1.0)
+    exponent = np.where(
+        graded,
+        -_GRAVITY / (GAS_CONSTANT * of_gradient) * np.log((temperature + gradient * rise) / temperature),
+        -_GRAVITY * rise / (GAS_CONSTANT * temperature),
+    )
+    return np.asarray(np.where(inside, pressure * np.exp(exponent), np.nan))
 
 
 def speed_of_sound(altitude: float) -> float:

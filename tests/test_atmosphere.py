@@ -10,7 +10,13 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from builder.vehicle.conditions.flight_conditions import condition_grid, flow_key
-from strainfmu.atmosphere import dynamic_pressure, pressure_and_temperature, speed_of_sound
+from strainfmu.atmosphere import (
+    LAYERS,
+    dynamic_pressure,
+    pressure_and_temperature,
+    speed_of_sound,
+    static_pressure_at,
+)
 from strainfmu.errors import InputError
 from strainfmu.flight_condition import FlightCondition
 
@@ -61,6 +67,23 @@ def test_pressure_is_hydrostatic(altitude: float) -> None:
     pressure, temperature = pressure_and_temperature(altitude)
     slope = (pressure_and_temperature(altitude + 1.0)[0] - pressure_and_temperature(altitude - 1.0)[0]) / 2.0
     assert slope == pytest.approx(-pressure * 9.80665 / (287.053 * temperature), rel=1e-5)
+
+
+def test_pressures_of_many_altitudes() -> None:
+    """The closed form, also at the boundaries of layers and beside them; NaN outside."""
+    random = np.random.default_rng(1)
+    edges = np.array([base for base, _ in LAYERS])
+    altitude = np.concatenate([edges, edges[1:] - 1e-6, edges[:-1] + 1e-6, random.uniform(0.0, 71e3, 500)])
+    expected = [pressure_and_temperature(one)[0] for one in altitude.tolist()]
+    np.testing.assert_allclose(static_pressure_at(altitude), expected, rtol=1e-14)
+    assert np.isnan(static_pressure_at(np.array([-1e-9, 71000.1, np.nan, np.inf, -np.inf]))).all()
+
+
+def test_the_pressure_has_no_kinks() -> None:
+    """Slopes over 1 m below and above every 250 m differ by what the curvature makes of them, 1.5e-4."""
+    altitude = np.arange(250.0, 70e3, 250.0)
+    below, at, above = (static_pressure_at(altitude + side) for side in (-1.0, 0.0, 1.0))
+    np.testing.assert_allclose(above - at, at - below, rtol=2e-4)
 
 
 @pytest.mark.parametrize("altitude", [-1.0, 71000.1, float("nan"), float("inf")])

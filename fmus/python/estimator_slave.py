@@ -34,13 +34,12 @@ from strainfmu.fmu.python.wrapper_exit import let_go_at_exit
 from strainfmu.interface.estimator_variables import (
     PARAMETERS,
     estimator_interface,
-    known_flow,
     output_values,
 )
 from strainfmu.interface.filter_variables import FILTER_TIME_CONSTANT, time_constant_fault
 from strainfmu.interface.fmi_variables import Variable, value_references
 from strainfmu.interface.further_variables import has_further_outputs
-from strainfmu.interface.input_names import FLOW_INPUTS, NAVIGATION_INPUTS, without_negative_deviations
+from strainfmu.interface.input_names import FLOW_INPUTS, NAVIGATION_INPUTS, given_flow, known_values
 from strainfmu.interface.parameter_variables import parameter_names, parameter_std_names
 from strainfmu.interface.sensor_variables import THRUST
 from strainfmu.interface.tare_variables import TARE, TARE_STATE, zero_in_use_names
@@ -95,6 +94,8 @@ class EstimatorSlave(Fmi2Slave):
         self._parameter_stds = [references[name] for name in parameter_std_names(inverse_map)]
         self._flow = {name: references[name] for name in FLOW_INPUTS + NAVIGATION_INPUTS if name in references}
         self._values = np.array([variable.start or 0.0 for variable in interface], dtype=float)
+        # Start values are no readings: a gauge whose input was never set is left out.
+        self._is_set = np.zeros(self._valid - self._first_input, dtype=bool)
         # Real inputs, which go without a check of their values.
         self._free = (
             self._of_type["Real"].intersection(self._inputs).difference(self._parameters).difference(self._zeros)
@@ -135,8 +136,9 @@ class EstimatorSlave(Fmi2Slave):
             strain = self._values[self._first_input :][: self._n_strains]
             valid = self._values[self._valid :][: self._n_strains]
             in_use = (valid != 0.0) & (np.abs(strain) <= self._estimator.settings.sensor_range)
-            (pressure,) = known_flow([float(self._values[self._pressure])])
-            self._tare.take(np.where(in_use, strain, np.nan), pressure)
+            in_use &= self._is_set[: self._n_strains]
+            # At rest it is 0.
+            self._tare.take(np.where(in_use, strain, np.nan), float(self._values[self._pressure]))
         self._values[self._tare_state] = self._tare.state
         if self._tare.text:
             self.log(self._tare.text, Fmi2Status.ok, "logEvents")
@@ -152,12 +154,18 @@ class EstimatorSlave(Fmi2Slave):
     def set_real(self, vrs: list[int], values: list[float]) -> None:
         """Set inputs and parameters; what cannot be set is logged and left alone."""
         self._before_change()
+        self._note_set(vrs)
         if vrs and self._free.issuperset(vrs):
             self._values[vrs] = values
             return
         for vr, value in zip(vrs, values, strict=True):
             if self._is_settable(vr, "Real"):
                 self._set_one(vr, value)
+
+    def _note_set(self, vrs: list[int]) -> None:
+        """Note which readings are set, until all are."""
+        if not self._is_set.all():
+            self._is_set[[vr - self._first_input for vr in vrs if self._first_input <= vr < self._valid]] = True
 
     def _set_one(self, vr: int, value: float) -> None:
         """Set an input or a parameter, with what follows from a parameter."""
@@ -245,18 +253,17 @@ class EstimatorSlave(Fmi2Slave):
         readings = self._values[self._first_input : self._valid]
         if self._sensors is None or self._thrust is None:
             return readings
-        (thrust,) = known_flow([float(self._values[self._thrust])])
+        (thrust,) = known_values([float(self._values[self._thrust])])
         return self._sensors.without_thrust(readings, thrust)
 
     def _estimate(self) -> LoadEstimate:
         strain = self._readings()
-        valid = self._values[self._valid : self._pressure] != 0.0
-        flow = dict(zip(self._flow, known_flow(self._values[[*self._flow.values()]].tolist()), strict=True))
+        valid = (self._values[self._valid : self._pressure] != 0.0) & self._is_set
+        flow = given_flow(dict(zip(self._flow, self._values[[*self._flow.values()]].tolist(), strict=True)))
         temperature = self._temperature()
         if isinstance(self._estimator, ManifoldEstimator):
-            known = without_negative_deviations(flow)
             inputs = self._estimator.checked_inputs(
-                strain, valid, known, self._given_parameters(), self._given_deviations()
+                strain, valid, flow, self._given_parameters(), self._given_deviations()
             )
             over_time = self._switched(SwitchedFilter, self._estimator)
             found, self._next = over_time.step(inputs, self._track, self._time, temperature)
@@ -278,13 +285,13 @@ class EstimatorSlave(Fmi2Slave):
 
     def _given_parameters(self) -> dict[str, float]:
         """Return the further parameters of the flow by name, NaN where not known."""
-        values = known_flow(self._values[self._flow_parameters].tolist())
+        values = known_values(self._values[self._flow_parameters].tolist())
         return dict(zip(self._estimator.parameters.names, values, strict=True))
 
     def _given_deviations(self) -> dict[str, float]:
         """Return the standard deviations of further parameters of the flow by name, NaN where not stated."""
         stds = self._values[self._parameter_stds]
-        stated = np.where((stds >= 0.0) & (stds < np.inf), stds, np.nan).tolist()
+        stated = np.where((stds > 0.0) & (stds < np.inf), stds, np.nan).tolist()
         return dict(zip(self._estimator.parameters.names, stated, strict=bool(stated)))
 
     def _switched(self, kind: type[_Filter], estimator: Any) -> _Filter:
@@ -314,6 +321,7 @@ class EstimatorSlave(Fmi2Slave):
     def _get_fmu_state(self) -> dict[str, Any]:
         return {
             "inputs": self._values[self._inputs].tolist(),
+            "is_set": self._is_set.astype(int).tolist(),
             "track": switched.as_numbers(self._track),
             "law": switched_linear.as_numbers(self._law),
             "times": [self._time, self._end],
@@ -327,6 +335,7 @@ class EstimatorSlave(Fmi2Slave):
             track, law = switched.from_numbers(state["track"]), switched_linear.from_numbers(state["law"])
             stepped = bool(state["stepped"])
             time, end = map(float, state["times"])
+            is_set = np.array(state["is_set"], dtype=bool).reshape(self._is_set.shape)
             self._values[self._inputs] = state["inputs"]
             self._apply_settings()
             self._tare.restore(state["tare"])
@@ -338,7 +347,7 @@ class EstimatorSlave(Fmi2Slave):
             self._apply_zeros()
             self.log(f"no state of this FMU: {error!r}", Fmi2Status.error)
         else:
-            self._track, self._law = track, law
+            self._track, self._law, self._is_set = track, law, is_set
             self._stepped, self._time, self._end = stepped, time, end
         self._values[self._tare_state] = self._tare.state
         self._outdated = True

@@ -72,6 +72,23 @@ def checked_mask(valid: ArrayLike, n_gauges: int, samples: int | None = None) ->
     return mask
 
 
+def given(values: FloatArray) -> FloatArray:
+    """Return ``values`` of Mach number, altitude or a pressure, NaN where not given: where they are 0 or below."""
+    found: FloatArray = np.where(values > 0.0, values, np.nan)
+    return found
+
+
+def silent(readings: FloatArray, used: BoolArray, n_strain_gauges: int) -> BoolArray:
+    """Return (k,) the samples in which every strain gauge that is ``used`` (k, n_d), one or more, reads exactly 0.
+
+    No gauge under load does: nothing has been read. ``readings`` (k, n_d) are as they come, zeros not subtracted.
+    """
+    of_gauges = used[:, :n_strain_gauges]
+    loud = of_gauges & (readings[:, :n_strain_gauges] != 0.0)
+    found: BoolArray = of_gauges.any(axis=1) & ~loud.any(axis=1)
+    return found
+
+
 def per_sample(name: str, value: ArrayLike, samples: int) -> FloatArray:
     """Return ``value``, one number or one of each sample, as (samples,).
 

@@ -16,11 +16,13 @@ class HealthState(IntEnum):
     INCONSISTENT = 1
     """The residual's chi-square is above its alarm level: the strains do not fit any known pressure."""
     NO_COEFFICIENTS = 2
-    """Dynamic pressure is below 1e-6 Pa, above 1e7 Pa or no number, or its deviation is negative or infinite: no
-    coefficients. A map in form "absolute" still gives loads, and chi-square refers to them; in form
+    """Dynamic pressure is not given (0, below, or no number), is above 1e7 Pa, or its deviation is negative or
+    infinite: no coefficients. A map in form "absolute" still gives loads, and chi-square refers to them; in form
     "dynamic_pressure" nothing is known without q_inf."""
     INVALID = 3
-    """No gauge gives a valid strain: nothing can be computed."""
+    """No gauge gives a valid strain, or all that do read exactly zero in a flow, as no gauge under load does:
+    nothing can be computed. The linear estimator takes a dynamic pressure for a flow, the nonlinear one any
+    sample."""
     DEGRADED = 4
     """Gauges are missing or, of the nonlinear estimator, navigation is left out; the rest identifies the state,
     fits a known pressure, and sigma has grown accordingly."""

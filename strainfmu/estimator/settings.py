@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from math import isfinite
 
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import InverseMap
@@ -14,11 +13,8 @@ SENSOR_RANGE = 0.05
 GAUGE_RANGE = "gauge_range_um_per_m"
 """Entry of a map's provenance: the range that the vehicle file states of its gauges [um/m]."""
 
-LARGEST_SENSOR_RANGE = 1e100
-"""Strain [m/m] above which its square could overflow."""
-
-LARGEST_SETTING = 1e100
-"""Bound on every other setting, in its unit, so that no product with loads overflows."""
+SMALLEST_SETTING, LARGEST_SETTING = 1e-9, 1e9
+"""Bounds on every setting, in its unit: beyond what any vehicle has, and no product with loads overflows."""
 
 
 @dataclass(frozen=True)
@@ -50,12 +46,15 @@ class EstimatorSettings:
 
 def setting_fault(name: str, value: float) -> str:
     """Return what is wrong with ``value`` for the setting ``name``, in one line; "" if nothing is."""
-    if name == "moment_station":
-        if isfinite(value) and abs(value) <= LARGEST_SETTING:
-            return ""
-        return f"{name}: {value} found, must be between {-LARGEST_SETTING:g} and {LARGEST_SETTING:g}"
-    largest = LARGEST_SENSOR_RANGE if name == "sensor_range" else LARGEST_SETTING
-    return "" if 0.0 < value <= largest else f"{name}: {value} found, must be positive and at most {largest:g}"
+    smallest = setting_minimum(name)
+    if smallest <= value <= LARGEST_SETTING:
+        return ""
+    return f"{name}: {value} found, must be between {smallest:g} and {LARGEST_SETTING:g}"
+
+
+def setting_minimum(name: str) -> float:
+    """Return the smallest value of the setting ``name``, in its unit."""
+    return -LARGEST_SETTING if name == "moment_station" else SMALLEST_SETTING
 
 
 def default_settings(inverse_map: InverseMap) -> EstimatorSettings:

@@ -19,7 +19,10 @@ HEALTH_ITEMS = (
         HealthState.NO_COEFFICIENTS,
         "Dynamic pressure is not 1e-6 to 1e7 Pa, or its deviation impossible: no coefficients",
     ),
-    (HealthState.INVALID, "No gauge gives a valid strain: nothing can be computed"),
+    (
+        HealthState.INVALID,
+        "No gauge gives a valid strain, or all read exactly zero in a flow: nothing can be computed",
+    ),
     (
         HealthState.DEGRADED,
         "Gauges are missing or navigation is left out, the rest identifies the state: sigma has grown accordingly",

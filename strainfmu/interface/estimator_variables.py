@@ -12,16 +12,16 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimate
-from strainfmu.estimator.settings import LARGEST_SENSOR_RANGE, LARGEST_SETTING, default_settings
+from strainfmu.estimator.settings import LARGEST_SETTING, default_settings, setting_minimum
 from strainfmu.interface.enumerations import HEALTH_TYPE
 from strainfmu.interface.filter_variables import with_filter_parameter
 from strainfmu.interface.flight_variables import flight_interface, flight_outputs
 from strainfmu.interface.fmi_variables import COEFFICIENTS, Variable, deviation_of, with_arrays
 from strainfmu.interface.further_variables import FURTHER_ARRAYS, further_outputs, with_further_outputs
 from strainfmu.interface.input_names import FLOW_INPUTS as FLOW_INPUTS
+from strainfmu.interface.input_names import NOT_GIVEN
 from strainfmu.interface.input_names import NOT_KNOWN as NOT_KNOWN
 from strainfmu.interface.input_names import PARAMETERS as PARAMETERS
-from strainfmu.interface.input_names import known_flow as known_flow
 from strainfmu.interface.parameter_variables import with_parameter_inputs
 from strainfmu.interface.sensor_variables import PREFIX as SENSOR_PREFIX
 from strainfmu.interface.sensor_variables import place_text, reading_names, sensor_inputs, with_thrust_input
@@ -186,28 +186,30 @@ def _flow_inputs(inverse_map: InverseMap) -> list[Variable]:
         Variable(
             name="dynamic_pressure_std",
             description="Standard deviation of the error of dynamic_pressure, widens sigma; "
-            f"{NOT_KNOWN:g} or NaN takes {fraction:g} of dynamic_pressure",
+            f"{NOT_GIVEN} takes {fraction:g} of dynamic_pressure",
             causality="input",
             unit="Pa",
             display_unit="kPa",
             nominal=nominal,
-            start=NOT_KNOWN,
+            minimum=0.0,
+            start=0.0,
         ),
         Variable(
             name="mach_number",
-            description=f"Mach number by navigation, for health alone; {NOT_KNOWN:g} or NaN where not known",
+            description=f"Mach number by navigation, for health alone; {NOT_GIVEN} where not given",
             causality="input",
             unit="1",
-            start=NOT_KNOWN,
+            minimum=0.0,
+            start=0.0,
         ),
         Variable(
             name="altitude",
-            description="Geopotential altitude by navigation, for health alone; "
-            f"{NOT_KNOWN:g} or NaN where not known",
+            description=f"Geopotential altitude by navigation, for health alone; {NOT_GIVEN} where not given",
             causality="input",
             unit="m",
             display_unit="km",
-            start=NOT_KNOWN,
+            minimum=0.0,
+            start=0.0,
         ),
     ]
 
@@ -229,7 +231,6 @@ def _pressure_of_loads(inverse_map: InverseMap) -> tuple[str, ...]:
 def _parameters(inverse_map: InverseMap) -> list[Variable]:
     """Return the tunable parameters; their ranges are those that the estimator refuses to leave."""
     default = default_settings(inverse_map)
-    smallest = 1e-300  # above 0, which is refused; FMI's minimum is a value that is allowed
     rows = (
         ("sensor_range", "Largest |strain| of a working gauge; one beyond it is left out", "1", "um/m"),
         ("alarm_scale", "Factor on the limit of chi-square, and on the square of that of one gauge", "1", None),
@@ -245,8 +246,8 @@ def _parameters(inverse_map: InverseMap) -> list[Variable]:
             variability="tunable",
             unit=unit,
             display_unit=shown,
-            minimum=-LARGEST_SETTING if name == "moment_station" else smallest,
-            maximum=LARGEST_SENSOR_RANGE if name == "sensor_range" else LARGEST_SETTING,
+            minimum=setting_minimum(name),
+            maximum=LARGEST_SETTING,
             start=getattr(default, name),
         )
         for name, text, unit, shown in rows

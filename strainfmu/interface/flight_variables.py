@@ -12,7 +12,7 @@ from strainfmu.estimator.manifold.air_data import AIR_DATA_NAMES, AIR_DATA_UNITS
 from strainfmu.estimator.manifold.flight_health import outside_score
 from strainfmu.estimator.manifold.navigation import NAVIGATION
 from strainfmu.interface.fmi_variables import Variable, deviation_of
-from strainfmu.interface.input_names import FLOW_INPUTS, NAVIGATION_INPUTS, NOT_KNOWN, PARAMETERS
+from strainfmu.interface.input_names import FLOW_INPUTS, NAVIGATION_INPUTS, NOT_GIVEN, PARAMETERS
 
 if TYPE_CHECKING:
     from strainfmu.estimator.manifold.flight_estimate import FlightEstimate
@@ -54,25 +54,24 @@ def _navigation_inputs(manifold: ManifoldMap) -> list[Variable]:
     rows = (
         (
             "mach_number_std",
-            f"Standard deviation of the error of mach_number; {NOT_KNOWN:g} or NaN takes "
-            f"{manifold.mach_number_error:g}",
+            f"Standard deviation of the error of mach_number; {NOT_GIVEN} takes {manifold.mach_number_error:g}",
             "1",
         ),
         (
             "static_pressure",
             "Static pressure by navigation, goes before altitude; "
-            f"{NOT_KNOWN:g} or NaN takes that of the standard atmosphere at altitude",
+            f"{NOT_GIVEN} takes that of the standard atmosphere at altitude",
             "Pa",
         ),
         (
             "static_pressure_std",
-            f"Standard deviation of the error of static_pressure; {NOT_KNOWN:g} or NaN takes "
+            f"Standard deviation of the error of static_pressure; {NOT_GIVEN} takes "
             f"{manifold.static_pressure_error:g} of it, {manifold.altitude_error:g} of that at altitude",
             "Pa",
         ),
     )
     return [
-        Variable(name=name, description=text, causality="input", unit=unit, start=NOT_KNOWN)
+        Variable(name=name, description=text, causality="input", unit=unit, minimum=0.0, start=0.0)
         for name, text, unit in rows
     ]
 
@@ -113,10 +112,9 @@ def _flag(name: str, text: str) -> Variable:
 
 
 _FLIGHT_TEXT: dict[str, str] = {
-    "dynamic_pressure": f"Dynamic pressure by navigation; {NOT_KNOWN:g} or NaN where not known",
-    "mach_number": f"Mach number by navigation; {NOT_KNOWN:g} or NaN where not known",
-    "altitude": "Geopotential altitude by navigation, for the static pressure; "
-    f"{NOT_KNOWN:g} or NaN where not known",
+    "dynamic_pressure": f"Dynamic pressure by navigation; {NOT_GIVEN} where not given",
+    "mach_number": f"Mach number by navigation; {NOT_GIVEN} where not given",
+    "altitude": f"Geopotential altitude by navigation, for the static pressure; {NOT_GIVEN} where not given",
     "health.chi_square": "Chi-square of strain and navigation about the tables",
     "health.envelope_score": "Deviations by which the flight state leaves the ranges of the map, 0 inside",
 }
@@ -129,9 +127,9 @@ def _of_flight_state(variable: Variable, manifold: ManifoldMap, gauges: tuple[st
     if one.name == "health.envelope_score":
         one = replace(one, description=f"{one.description}; OUTSIDE above {outside_score(manifold):g}")
     if one.name == "dynamic_pressure":
-        return replace(one, minimum=None, start=NOT_KNOWN)
+        return replace(one, start=0.0)
     if one.name == "dynamic_pressure_std":
-        text = f"{NOT_KNOWN:g} or NaN takes {manifold.dynamic_pressure_error:g} of it"
+        text = f"{NOT_GIVEN} takes {manifold.dynamic_pressure_error:g} of it"
         return replace(one, description=f"Standard deviation of the error of dynamic_pressure; {text}")
     if one.causality != "output" or one.name == "health.valid_gauges":
         return one

@@ -3,15 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from math import inf, nan
+from math import nan
+from typing import TypeVar
+
+import numpy as np
+
+from strainfmu.arrays import FloatArray
 
 FLOW_INPUTS = ("dynamic_pressure", "dynamic_pressure_std", "mach_number", "altitude")
 """Flow and navigation, the further arguments of :meth:`strainfmu.estimator.linear.estimator.Estimator.step`."""
 
-NOT_KNOWN = -1e9
-"""Start value of :data:`FLOW_INPUTS` that need not be known, in the unit of each; NaN means the same.
+NOT_KNOWN = -9999.0
+"""Start value of further parameters of the flow, in the unit of each: they may be 0, and have either sign.
+
+The same of thrust where it is not known. NaN means the same.
 
 NaN alone would do, were there no importers that take it for an error (OMSimulator).
+"""
+
+NOT_GIVEN = "0 or below (or NaN)"
+"""What :data:`FLOW_INPUTS`, :data:`NAVIGATION_INPUTS` and temperatures are where they are not given, in words.
+
+Hosts fill in 0 for inputs that nothing is connected to, and all of them are positive.
 """
 
 PARAMETERS = ("sensor_range", "alarm_scale", "reference_area", "reference_length", "moment_station")
@@ -25,11 +38,24 @@ FURTHER_FLOW = (FLOW_INPUTS[1], *NAVIGATION_INPUTS)
 """Deviations of q_inf and navigation, and p_inf: what not every sender knows, and not every estimator takes."""
 
 
-def known_flow(values: Sequence[float]) -> tuple[float, ...]:
-    """Return ``values`` of :data:`FLOW_INPUTS`, NaN for those that are not known."""
+Value = TypeVar("Value", float, FloatArray)
+
+
+def given_flow(flow: Mapping[str, Value]) -> dict[str, Value]:
+    """Return ``flow``, values of :data:`FLOW_INPUTS` and :data:`NAVIGATION_INPUTS` by name, NaN where not given.
+
+    What comes over a wire, from a file or from a host has no other word for that than 0. So a standard deviation
+    of 0 takes the map's own.
+    """
+    return {name: _given(value) for name, value in flow.items()}
+
+
+def _given(value: Value) -> Value:
+    if isinstance(value, float):
+        return value if value > 0.0 else nan
+    return np.where(value > 0.0, value, nan)
+
+
+def known_values(values: Sequence[float]) -> tuple[float, ...]:
+    """Return ``values`` of further parameters of the flow, or of thrust, NaN for those that are not known."""
     return tuple(nan if value == NOT_KNOWN else value for value in values)
-
-
-def without_negative_deviations(flow: Mapping[str, float]) -> dict[str, float]:
-    """Return ``flow`` with an infinite deviation, whose value counts as not known, for each negative one."""
-    return {name: inf if name.endswith("_std") and value < 0.0 else value for name, value in flow.items()}

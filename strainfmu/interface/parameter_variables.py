@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from strainfmu.estimator.linear.flow_parameters import PARAMETER_TOLERANCE, flow_parameters
 from strainfmu.interface.fmi_variables import Variable
-from strainfmu.interface.input_names import NAVIGATION_INPUTS, NOT_KNOWN
+from strainfmu.interface.input_names import NAVIGATION_INPUTS, NOT_GIVEN, NOT_KNOWN
 
 if TYPE_CHECKING:
     from strainfmu.estimator.map.inverse_map import InverseMap
@@ -89,8 +89,9 @@ def _score(name: str, held: str) -> Variable:
 def _deviation(name: str) -> Variable:
     return Variable(
         name=f"{STD_PREFIX}{name}",
-        description=f"Standard deviation of {PREFIX}{name}; {NOT_KNOWN:g}, NaN or below 0 where not stated, "
+        description=f"Standard deviation of {PREFIX}{name}; {NOT_GIVEN} where not stated, "
         "and the value is for health alone",
         causality="input",
-        start=NOT_KNOWN,
+        minimum=0.0,
+        start=0.0,
     )

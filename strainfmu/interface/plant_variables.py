@@ -242,7 +242,7 @@ def _faults(vehicle: StrainedVehicle, n_gauges: int) -> list[Variable]:
 
 def _short_period(start: FlightStart) -> list[Variable]:
     """Return what the short-period motion adds."""
-    positive = 1e-300  # FMI's minimum is a value that is allowed
+    positive = 1e-6  # FMI's minimum is a value that is allowed
     return [
         Variable(
             name="pitch_rate",

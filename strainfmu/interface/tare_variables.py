@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from strainfmu.estimator.zeros.gauge_zeros import LARGEST_ZERO
-from strainfmu.estimator.zeros.tare import TareLimits
+from strainfmu.estimator.zeros.tare import LEAST_SAMPLES, TareLimits
 from strainfmu.interface.enumerations import TARE_TYPE
 from strainfmu.interface.fmi_variables import Variable
 
@@ -36,7 +36,7 @@ def with_tare_variables(interface: Sequence[Variable], gauge_names: Sequence[str
     asked = Variable(
         name=TARE,
         description="Strains are averaged while true, and become the zeros in the first step after it; refused "
-        f"unless dynamic_pressure is known and at most {limit:g} Pa",
+        f"with fewer than {LEAST_SAMPLES} steps, or unless dynamic_pressure is known and at most {limit:g} Pa",
         causality="input",
         variability="discrete",
         fmi_type="Boolean",

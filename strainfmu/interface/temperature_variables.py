@@ -7,10 +7,10 @@ from dataclasses import replace
 
 from strainfmu.estimator.map.temperature import ThermalMap
 from strainfmu.interface.fmi_variables import Variable
-from strainfmu.interface.input_names import NOT_KNOWN
+from strainfmu.interface.input_names import NOT_GIVEN
 
 TEMPERATURE_ARRAYS = {
-    "temperature": f"Temperature of each sensor; {NOT_KNOWN:g} or NaN where not known; names in the documentation"
+    "temperature": f"Temperature of each sensor; {NOT_GIVEN} where not known; names in the documentation"
 }
 
 
@@ -37,11 +37,12 @@ def with_temperature_inputs(interface: Sequence[Variable], thermal: ThermalMap |
     inputs = (
         Variable(
             name=name,
-            description=f"Temperature of sensor {sensor}; {NOT_KNOWN:g} or NaN where not known",
+            description=f"Temperature of sensor {sensor}; {NOT_GIVEN} where not known",
             causality="input",
             unit="K",
             nominal=thermal.reference_temperature,
-            start=NOT_KNOWN,
+            minimum=0.0,
+            start=0.0,
             array="temperature",
         )
         for name, sensor in zip(names, thermal.sensor_names, strict=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from math import radians
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from changed_vehicle import replaced
 from slender_vehicle import SlenderFiles
 
 from strainfmu.cosim.flight import INSTANCES
+from strainfmu.cosim.models.flight_model import load_flight_model, save_flight_model
 from strainfmu.cosim.systems.recording import load_recording
 
 Run = Callable[..., tuple[int, str, str]]
@@ -137,6 +139,20 @@ def test_the_plant_alone(files: SlenderFiles, tmp_path: Path, run: Run) -> None:
         code, _, err = run("plant", model, "-o", tmp_path / "q.fmu", *arguments)
         assert code == 2
         assert message in err
+
+
+def test_the_plant_begins_where_its_vehicle_flies(files: SlenderFiles, tmp_path: Path, run: Run) -> None:
+    """No option: the middle of the flight model's Mach numbers, which of a launcher are 2.5 to 4."""
+    model = load_flight_model(files.folder / "flight_model.h5")
+    slow = replace(model, mach_knots=model.mach_knots - model.mach_knots[0] + 2.5)
+    save_flight_model(slow, tmp_path / "slow.h5")
+    assert run("plant", tmp_path / "slow.h5", "-o", tmp_path / "p.fmu")[::2] == (0, "")
+    (start,) = (
+        float(one.start)
+        for one in fmpy.read_model_description(str(tmp_path / "p.fmu")).modelVariables
+        if one.name == "mach_number"
+    )
+    assert start == pytest.approx(0.5 * (slow.mach_knots[0] + slow.mach_knots[-1]))
 
 
 def test_scenario_that_is_not_there(tmp_path: Path, run: Run) -> None:

@@ -65,7 +65,9 @@ def test_the_linear_estimator_of_a_map_with_tables(
             main([*command, *more, "-o", str(tmp_path / "c.fmu")])
         said.append(capsys.readouterr().out)
     assert ("--estimator linear has model exchange" in said[0]) == (options.kind == "native")
+    assert "derivative" not in said[0]  # which every native FMU has
     assert "model exchange" not in said[1]
+    assert ("cannot load it: its library has undefined symbols" in said[0]) == (options.kind == "python")
 
 
 @pytest.mark.parametrize("kind", OPTIONS)

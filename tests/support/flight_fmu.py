@@ -15,7 +15,7 @@ from strainfmu.estimator.manifold.flight_estimate import FlightEstimate
 from strainfmu.estimator.manifold.tracker import FlightTracker
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.tables.flight_tables import evaluate
-from strainfmu.interface.estimator_variables import NOT_KNOWN, output_values
+from strainfmu.interface.estimator_variables import output_values
 from strainfmu.interface.input_names import FLOW_INPUTS, NAVIGATION_INPUTS
 
 N_D = STATIONS * ROWS
@@ -94,11 +94,11 @@ class FlightFmu(Fmu2):
 
     def give(self, sample: FlightSample) -> None:
         """Set all inputs."""
-        flow = [sample.flow.get(name, NOT_KNOWN) for name in FLOW_INPUTS]
+        flow = [sample.flow.get(name, 0.0) for name in FLOW_INPUTS]
         self.set_strain(sample.strain)
         self.set_valid(sample.valid)
         assert self.set_scalars(0, *flow) == OK
-        further = [sample.flow.get(name, NOT_KNOWN) for name in NAVIGATION_INPUTS]
+        further = [sample.flow.get(name, 0.0) for name in NAVIGATION_INPUTS]
         assert self.set_reals(range(FIRST, FIRST + N_INPUTS), further) == OK
         if sample.temperature is not None:
             assert self.set_reals(range(FILTER, FILTER + self.n_t), sample.temperature) == OK

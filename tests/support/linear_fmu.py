@@ -43,7 +43,7 @@ def linear_flight(inverse_map: InverseMap, steps: int, seed: int, poor: bool = T
             valid = random.random(n) > 0.05 * (k % 4)
         lost = poor and k % 29 > 26
         pressure = np.nan if poor and k % 37 == 36 else ratio * NOMINAL
-        deviation = float(random.choice([0.0, 0.01])) * NOMINAL
+        deviation = float(random.choice([1e-6, 0.01])) * NOMINAL
         samples.append(
             LinearSample(strain=strain, valid=valid & (not lost), pressure=pressure, deviation=deviation)
         )

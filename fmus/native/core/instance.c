@@ -6,7 +6,9 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "floating.h"
 #include "resource.h"
+#include "time_span.h"
 #include "uri_path.h"
 
 #define LINE_SIZE 1400
@@ -150,7 +152,10 @@ int instance_start_at(Instance *instance, const char *function, double start, in
     if (!instance_allows(instance, function, INSTANTIATED)) {
         return STATUS_ERROR;
     }
-    if (!isfinite(start) || (has_stop && !(stop >= start))) {
+    const Floating host = floating_enter();
+    const int good = is_time_span(start, has_stop, stop);
+    floating_leave(&host);
+    if (!good) {
         return instance_error(instance, "%s: from %g to %g s is no time span", function, start, stop);
     }
     model_set_time(instance->model, start);
@@ -205,8 +210,11 @@ int instance_step(Instance *instance, const char *function, double start, double
     if (!instance_allows(instance, function, STEP)) {
         return STATUS_ERROR;
     }
-    const double end = start + size;
-    if (!(size > 0.0) || !isfinite(end)) {
+    double end;
+    const Floating host = floating_enter();
+    const int good = step_ends(start, size, &end);
+    floating_leave(&host);
+    if (!good) {
         return instance_error(instance, "%s: a step of %g s from %g s found, must be positive", function, size, start);
     }
     char text[MODEL_TEXT_SIZE];

@@ -1,7 +1,7 @@
 /* The contract between a model and the FMI fronts: all that fmi2/ and fmi3/ know of a model.
 
-   A library holds one implementation: that of the estimator (estimator/estimator_model.c), or that of the system around
-   it (system/system_model.c), where resources/model.bin chooses plant, autopilot or schedule.
+   A library holds one implementation, in MODEL: that of the estimator (estimator/estimator_model.c), or that of the
+   system around it (system/system_model.c), where resources/model.bin chooses plant, autopilot or schedule.
 
    Scalar variables have numbers, which are the value references of FMI 2.0. FMI 3.0 collects them in arrays.
    Functions that can fail write a message to text, of at most MODEL_TEXT_SIZE bytes with its final zero. */
@@ -69,15 +69,35 @@ typedef struct {
     const double *(*along_direction)(Model *model, char text[MODEL_TEXT_SIZE]);
 } Derivatives;
 
+/* What a library implements. Functions that compute have their place here; those below call them. */
 typedef struct {
     const char *resource;           /* name of its file in resources/ */
     const char *content;            /* what messages call the content of that file */
     const char *foreign_state;      /* what a message reports of the state of another resource */
     int model_exchange;             /* whether it serves model exchange, without continuous states and indicators */
     const Derivatives *derivatives; /* NULL for none */
+    Model *(*create)(unsigned char *bytes, size_t length, char text[MODEL_TEXT_SIZE]);
+    void (*reset)(Model *model);
+    void (*end_initialization)(Model *model);
+    int (*step)(Model *model, double start, double end, char text[MODEL_TEXT_SIZE]);
+    void (*follow_event)(Model *model); /* this and the next four: NULL where nothing happens */
+    void (*accept_step)(Model *model);
+    void (*settle)(Model *model);
+    int (*unsettled)(Model *model);
+    int (*event)(Model *model, char text[MODEL_TEXT_SIZE]);
+    int (*get_reals)(Model *model, const Selection *which, double *value, char text[MODEL_TEXT_SIZE]);
+    int (*get_integers)(Model *model, const Selection *which, int *value, char text[MODEL_TEXT_SIZE]);
+    int (*get_booleans)(Model *model, const Selection *which, int *value, char text[MODEL_TEXT_SIZE]);
+    int (*set_reals)(Model *model, const Selection *which, const double *value, char text[MODEL_TEXT_SIZE]);
+    int (*set_integers)(Model *model, const Selection *which, const int *value, char text[MODEL_TEXT_SIZE]);
+    int (*set_booleans)(Model *model, const Selection *which, const int *value, char text[MODEL_TEXT_SIZE]);
+    int (*check_state)(const Model *model, const unsigned char *bytes, char text[MODEL_TEXT_SIZE]);
 } ModelFacts;
 
 extern const ModelFacts MODEL;
+
+/* Functions that compute do so in the default floating-point environment, whatever the host's is (floating.h); fronts
+   that call those of Derivatives take it for themselves. */
 
 /* Make a model of the bytes of its resource [length], and own them: they are freed here if that fails. NULL, after a
    message. */

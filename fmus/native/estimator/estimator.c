@@ -24,7 +24,7 @@ static int allocate(Estimator *e) {
                            + (map->scaled ? scaled_doubles(map) : 0);
     const size_t n_indices = CACHED_MASKS * masked_map_indices(map) + n + (map->scaled ? scaled_indices(map) : 0);
     const size_t n_bytes = n_doubles * sizeof(double) + n_indices * sizeof(size_t) + n * sizeof(float);
-    e->memory = calloc(1, ALIGNMENT + n_bytes + (CACHED_MASKS + 2) * n);
+    e->memory = calloc(1, ALIGNMENT + n_bytes + (CACHED_MASKS + 3) * n);
     if (e->memory == NULL) {
         return 0;
     }
@@ -55,6 +55,7 @@ static int allocate(Estimator *e) {
     e->derivative = e->noise_std + n + 1;
     e->valid = flags + CACHED_MASKS * n;
     e->mask = e->valid + n;
+    e->given = e->mask + n;
     return 1;
 }
 
@@ -150,7 +151,30 @@ static int sensor_works(const Estimator *e, size_t which) {
 
 unsigned char gauge_in_use(const Estimator *e, size_t i, double range) {
     const size_t n = e->sensors.n_strains;
-    return (unsigned char)(e->valid[i] & (i < n ? fabs(e->input[i]) <= range : sensor_works(e, i - n)));
+    return (unsigned char)(e->valid[i] & e->given[i] & (i < n ? fabs(e->input[i]) <= range : sensor_works(e, i - n)));
+}
+
+int estimator_silent(const Estimator *e) {
+    const double range = e->input[e->map.n_gauges + SENSOR_RANGE];
+    int reads = 0;
+    for (size_t i = 0; i < e->sensors.n_strains; i++) {
+        const int in_use = gauge_in_use(e, i, range);
+        if (in_use && e->input[i] != 0.0) {
+            return 0;
+        }
+        reads |= in_use;
+    }
+    if (!reads) {
+        return 0;
+    }
+    return e->flight.present || e->input[e->map.n_gauges + DYNAMIC_PRESSURE] >= e->map.min_dynamic_pressure;
+}
+
+void estimator_note_given(Estimator *e, size_t first, size_t end) {
+    for (size_t i = first; e->n_given < e->map.n_gauges && i < end; i++) {
+        e->n_given += !e->given[i];
+        e->given[i] = 1;
+    }
 }
 
 /* Whether the gauges in use are those of e->masked. */
@@ -159,7 +183,7 @@ static int same_mask(const Estimator *e, double range) {
     if (e->masked == NULL) {
         return 0;
     }
-    int broken = 0;
+    int broken = e->n_given < n;
     for (size_t i = 0; i < e->sensors.n_strains; i++) {
         broken |= !(fabs(e->input[i]) <= range);
     }
@@ -180,11 +204,12 @@ static int same_mask(const Estimator *e, double range) {
 static MaskedMap *masked_map(Estimator *e) {
     const size_t n = e->map.n_gauges;
     const double range = e->input[n + SENSOR_RANGE];
-    if (same_mask(e, range)) {
+    const int silent = estimator_silent(e);
+    if (!silent && same_mask(e, range)) {
         return e->masked;
     }
     for (size_t i = 0; i < n; i++) {
-        e->mask[i] = gauge_in_use(e, i, range);
+        e->mask[i] = !silent && gauge_in_use(e, i, range);
     }
     int oldest = 0;
     e->uses++;
@@ -349,7 +374,7 @@ void estimator_take_readings(Estimator *e) {
         for (size_t i = 0; i < e->sensors.n_strains; i++) {
             e->tare.reading[i] = gauge_in_use(e, i, range) ? e->input[i] : NAN;
         }
-        tare_take(&e->tare, known_input(e, DYNAMIC_PRESSURE));
+        tare_take(&e->tare, e->input[e->map.n_gauges + DYNAMIC_PRESSURE]); /* at rest it is 0 */
     }
 }
 

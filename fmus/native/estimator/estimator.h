@@ -51,7 +51,7 @@ enum { OK, INCONSISTENT, NO_COEFFICIENTS, INVALID, DEGRADED, UNIDENTIFIED, SUSPE
 /* Indices of the real inputs after the readings: strains, then further sensors; the last five are settings. */
 enum {
     DYNAMIC_PRESSURE,     /* [Pa] */
-    DYNAMIC_PRESSURE_STD, /* [Pa]; this and the next two may be NaN or the map's not_known */
+    DYNAMIC_PRESSURE_STD, /* [Pa]; these four are not given where they are 0 or below, or NaN: known_input */
     MACH_NUMBER,          /* [1] */
     ALTITUDE,             /* [m] */
     SENSOR_RANGE,         /* largest |strain| of a working gauge [1] */
@@ -61,15 +61,16 @@ enum {
     MOMENT_STATION,       /* x of the moment point [m] */
     N_SCALAR_INPUTS,
     MACH_NUMBER_STD = N_SCALAR_INPUTS, /* [1]; this and the rest of maps with tables over the flight state only, */
-    STATIC_PRESSURE,                   /* [Pa]; each may be NaN or the map's not_known */
+    STATIC_PRESSURE,                   /* [Pa]; as the first four */
     STATIC_PRESSURE_STD,               /* [Pa] */
     N_ALL_SCALARS
 };
 
 /* After the scalars: zero of each strain gauge, deviation of each of them, deviation that they have in common [1]; then
-   the temperature of each sensor [K], which may be NaN or the map's not_known; thrust [N], as temperatures, of a map
-   with sensors that it moves; then the time constant of the filter [s], 0 for none, of a map that has one. Then
-   further parameters of the flow and, with tables of them, their deviations, as temperatures. */
+   the temperature of each sensor [K], not known where it is 0 or below, or NaN; thrust [N], which may be NaN or the
+   map's not_known, of a map with sensors that it moves; then the time constant of the filter [s], 0 for none, of a map
+   that has one. Then further parameters of the flow, as thrust, and, with tables of them, their deviations, which are
+   not stated where they are 0 or below, or NaN. */
 static inline size_t number_of_zeros(size_t n_strains) {
     return 2 * n_strains + 1;
 }
@@ -83,6 +84,8 @@ typedef struct Estimator {
     double *strain;       /* (n_gauges) less zeros, at the reference temperature, since output was computed; of further
                              sensors the reading over its scale */
     unsigned char *valid; /* (n_gauges) 1 for the gauges that the caller trusts */
+    unsigned char *given; /* (n_gauges) 1 for those whose reading was set: start values are none */
+    size_t n_given;
     double output[N_OUTPUTS];
     HalfSpaces half_spaces;
     Flow flow;            /* of the inputs since output was computed */
@@ -124,9 +127,16 @@ void estimator_free(Estimator *estimator);
 /* Number of inputs and settings. */
 size_t estimator_inputs(const Estimator *estimator);
 
-/* Whether a gauge is in use: the caller trusts it, and its reading is a number within its range, which is
+/* Whether a gauge may be used: the caller trusts it, and its reading was set and is a number within its range, which is
    `range` [m/m] for strain. */
 unsigned char gauge_in_use(const Estimator *estimator, size_t gauge, double range);
+
+/* Whether strain is no reading: every gauge that may be used reads exactly 0 in a flow, as no gauge under load does. Then
+   none is used. With the linear estimator a flow is a dynamic pressure of one, with tables any sample. */
+int estimator_silent(const Estimator *estimator);
+
+/* Readings `first` up to, not including, `end` were set. */
+void estimator_note_given(Estimator *estimator, size_t first, size_t end);
 
 /* Of the inputs, the first of the temperatures, thrust, SIZE_MAX for none, and the first of the parameters of the flow and
    of their deviations, which a map has with tables of them. */

@@ -54,20 +54,17 @@ void inputs_reset(Estimator *e) {
     double *scalar = e->input + n;
     memset(e->input, 0, n * sizeof *e->input);
     memset(e->valid, 1, n);
-    scalar[DYNAMIC_PRESSURE] = e->flight.present ? e->map.not_known : e->map.dynamic_pressure;
-    scalar[DYNAMIC_PRESSURE_STD] = scalar[MACH_NUMBER] = scalar[ALTITUDE] = e->map.not_known;
+    memset(e->given, 0, n);
+    e->n_given = 0;
+    memset(scalar, 0, (estimator_inputs(e) - n) * sizeof *scalar);
+    scalar[DYNAMIC_PRESSURE] = e->flight.present ? 0.0 : e->map.dynamic_pressure;
     scalar[SENSOR_RANGE] = e->map.sensor_range;
     scalar[ALARM_SCALE] = 1.0;
     scalar[REFERENCE_AREA] = e->map.reference_area;
     scalar[REFERENCE_LENGTH] = e->map.reference_length;
     scalar[MOMENT_STATION] = e->map.moment_station;
-    scalar[MACH_NUMBER_STD] = scalar[STATIC_PRESSURE] = scalar[STATIC_PRESSURE_STD] = e->map.not_known;
-    memset(scalar + N_ALL_SCALARS, 0, number_of_zeros(e->sensors.n_strains) * sizeof *scalar);
-    for (size_t k = first_temperature(e); k < estimator_inputs(e); k++) {
-        e->input[k] = k == thrust_input(e) ? 0.0 : e->map.not_known;
-    }
-    if (has_filter(e)) {
-        e->input[filter_setting(e)] = 0.0;
+    for (size_t k = 0; k < e->parameters.count; k++) {
+        e->input[first_parameter(e) + k] = e->map.not_known;
     }
 }
 
@@ -112,19 +109,11 @@ int estimator_accepts(const Estimator *e, size_t index, double value, char text[
         return 1;
     }
     const size_t setting = index - e->map.n_gauges;
-    const double largest = setting == SENSOR_RANGE ? e->map.largest_sensor_range : e->map.largest_setting;
-    if (setting == MOMENT_STATION) {
-        if (fabs(value) <= largest) {
-            return 1;
-        }
-        snprintf(text, MODEL_TEXT_SIZE, "%s: %g found, must be between %g and %g", SETTING_NAMES[setting], value,
-                 -largest, largest);
-        return 0;
-    }
-    if (value > 0.0 && value <= largest) {
+    const double largest = e->map.largest_setting, smallest = setting == MOMENT_STATION ? -largest : e->map.smallest_setting;
+    if (value >= smallest && value <= largest) {
         return 1;
     }
-    snprintf(text, MODEL_TEXT_SIZE, "%s: %g found, must be positive and at most %g", SETTING_NAMES[setting], value,
+    snprintf(text, MODEL_TEXT_SIZE, "%s: %g found, must be between %g and %g", SETTING_NAMES[setting], value, smallest,
              largest);
     return 0;
 }

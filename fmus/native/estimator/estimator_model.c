@@ -9,7 +9,7 @@ void model_destroy(Model *model) {
     estimator_free(estimator_of(model));
 }
 
-Model *model_create(unsigned char *bytes, size_t length, char text[MODEL_TEXT_SIZE]) {
+static Model *create(unsigned char *bytes, size_t length, char text[MODEL_TEXT_SIZE]) {
     Estimator *e = estimator_create(bytes, length, text);
     if (e == NULL) {
         return NULL;
@@ -22,7 +22,7 @@ Model *model_create(unsigned char *bytes, size_t length, char text[MODEL_TEXT_SI
     return &e->base;
 }
 
-void model_reset(Model *model) {
+static void reset(Model *model) {
     estimator_reset(estimator_of(model));
     estimator_of(model)->reported_health = OK;
     memset(estimator_of(model)->settled, 0, sizeof estimator_of(model)->settled);
@@ -33,13 +33,13 @@ void model_set_time(Model *model, double time) {
 }
 
 /* Outputs are right at any time. */
-void model_end_initialization(Model *model) {
+static void end_initialization(Model *model) {
     (void)model;
 }
 
 /* Outputs are computed when they are read. They follow from inputs alone, those of the nonlinear estimator also from the
    flight state of the step before. */
-int model_step(Model *model, double start, double end, char text[MODEL_TEXT_SIZE]) {
+static int step(Model *model, double start, double end, char text[MODEL_TEXT_SIZE]) {
     (void)text;
     Estimator *e = estimator_of(model);
     model->time = end;
@@ -56,13 +56,13 @@ int model_step(Model *model, double start, double end, char text[MODEL_TEXT_SIZE
     return STATUS_OK;
 }
 
-void model_follow_event(Model *model) {
+static void follow_event(Model *model) {
     if (estimator_of(model)->tare.present) {
         estimator_follow_tare(estimator_of(model));
     }
 }
 
-void model_accept_step(Model *model) {
+static void accept_step(Model *model) {
     if (estimator_of(model)->tare.present) {
         estimator_take_readings(estimator_of(model));
     }
@@ -76,19 +76,29 @@ static void whole_numbers(Estimator *e, double whole[N_WHOLE]) {
     whole[TARE_WHOLE] = e->tare.present ? e->tare.flags.state : TARE_IDLE;
 }
 
-void model_settle(Model *model) {
+static void settle(Model *model) {
     whole_numbers(estimator_of(model), estimator_of(model)->settled);
 }
 
-int model_unsettled(Model *model) {
+static int unsettled(Model *model) {
     Estimator *e = estimator_of(model);
     double present[N_WHOLE];
     whole_numbers(e, present);
     return memcmp(present, e->settled, sizeof present) != 0;
 }
 
+/* Why no gauge is in use, where health is INVALID. */
+static const char *why_invalid(const Estimator *e) {
+    const double range = e->input[e->map.n_gauges + SENSOR_RANGE];
+    size_t usable = 0;
+    for (size_t i = 0; i < e->map.n_gauges; i++) {
+        usable += gauge_in_use(e, i, range);
+    }
+    return e->n_given == 0 ? "; no strain was set" : usable > 0 ? "; all strains are exactly 0" : "";
+}
+
 /* The end of a tare, or a change of health. */
-int model_event(Model *model, char text[MODEL_TEXT_SIZE]) {
+static int event(Model *model, char text[MODEL_TEXT_SIZE]) {
     static const char *const STATES[] = {
         "OK", "INCONSISTENT", "NO_COEFFICIENTS", "INVALID", "DEGRADED", "UNIDENTIFIED", "SUSPECT", "OUTSIDE",
     };
@@ -107,6 +117,9 @@ int model_event(Model *model, char text[MODEL_TEXT_SIZE]) {
              "health %s at %g s: %.0f gauges in use, chi-square %.4g (limit %.4g), suspect gauge %.0f", STATES[health],
              model->time, output[VALID_GAUGES], output[CHI_SQUARE], output[CHI_SQUARE_LIMIT], output[SUSPECT_GAUGE]);
     const size_t outside = health == OUTSIDE ? estimator_outside(e) : SIZE_MAX, used = strlen(text);
+    if (health == INVALID) {
+        snprintf(text + used, MODEL_TEXT_SIZE - used, "%s", why_invalid(e));
+    }
     if (outside != SIZE_MAX) {
         snprintf(text + used, MODEL_TEXT_SIZE - used, "; %s = %g is outside %g to %g",
                  e->parameters.names + outside * PARAMETER_NAME_SIZE, e->input[first_parameter(e) + outside],
@@ -121,7 +134,7 @@ static int wrong_type(size_t variable, char *text) {
     return 0;
 }
 
-int model_get_reals(Model *model, const Selection *which, double *value, char text[MODEL_TEXT_SIZE]) {
+static int get_reals(Model *model, const Selection *which, double *value, char text[MODEL_TEXT_SIZE]) {
     Estimator *e = estimator_of(model);
     const size_t count = which->count;
     if (which->listed == NULL && which->first < HEALTH_STATE && count <= HEALTH_STATE - which->first) {
@@ -156,7 +169,7 @@ int model_get_reals(Model *model, const Selection *which, double *value, char te
     return 1;
 }
 
-int model_get_integers(Model *model, const Selection *which, int *value, char text[MODEL_TEXT_SIZE]) {
+static int get_integers(Model *model, const Selection *which, int *value, char text[MODEL_TEXT_SIZE]) {
     Estimator *e = estimator_of(model);
     double present[N_WHOLE];
     const double *whole = model->mode == CONTINUOUS_TIME ? e->settled : present;
@@ -175,7 +188,7 @@ int model_get_integers(Model *model, const Selection *which, int *value, char te
     return 1;
 }
 
-int model_get_booleans(Model *model, const Selection *which, int *value, char text[MODEL_TEXT_SIZE]) {
+static int get_booleans(Model *model, const Selection *which, int *value, char text[MODEL_TEXT_SIZE]) {
     Estimator *e = estimator_of(model);
     for (size_t k = 0; k < which->count; k++) {
         const size_t variable = selected(which, k), gauge = variable - (N_OUTPUTS + e->map.n_gauges);
@@ -198,13 +211,15 @@ static int no_input(const char *type, size_t variable, char *text) {
     return 0;
 }
 
-int model_set_reals(Model *model, const Selection *which, const double *value, char text[MODEL_TEXT_SIZE]) {
+static int set_reals(Model *model, const Selection *which, const double *value, char text[MODEL_TEXT_SIZE]) {
     Estimator *e = estimator_of(model);
     const size_t n = e->map.n_gauges, count = which->count, gauge = which->first - N_OUTPUTS;
-    const size_t first = which->listed == NULL ? input_of(e, which->first) : SIZE_MAX, end = first_parameter(e);
+    const size_t first = which->listed == NULL ? input_of(e, which->first) : SIZE_MAX;
+    const size_t end = filter_setting(e) != SIZE_MAX ? filter_setting(e) : first_parameter(e); /* of what takes any value */
     estimator_before_change(e);
     if (which->listed == NULL && gauge < n && count <= n - gauge) {
         memcpy(e->input + gauge, value, count * sizeof *value);
+        estimator_note_given(e, gauge, gauge + count);
         return 1;
     }
     if (e->thermal.present && first >= first_temperature(e) && first < end && count <= end - first) {
@@ -224,17 +239,20 @@ int model_set_reals(Model *model, const Selection *which, const double *value, c
             e->noise_outdated = 1;
         }
         e->input[input] = value[k];
+        if (input < n) {
+            estimator_note_given(e, input, input + 1);
+        }
     }
     return 1;
 }
 
-int model_set_integers(Model *model, const Selection *which, const int *value, char text[MODEL_TEXT_SIZE]) {
+static int set_integers(Model *model, const Selection *which, const int *value, char text[MODEL_TEXT_SIZE]) {
     (void)model;
     (void)value;
     return which->count == 0 ? 1 : no_input("integer", selected(which, 0), text);
 }
 
-int model_set_booleans(Model *model, const Selection *which, const int *value, char text[MODEL_TEXT_SIZE]) {
+static int set_booleans(Model *model, const Selection *which, const int *value, char text[MODEL_TEXT_SIZE]) {
     Estimator *e = estimator_of(model);
     for (size_t k = 0; k < which->count; k++) {
         const size_t variable = selected(which, k), gauge = variable - (N_OUTPUTS + e->map.n_gauges);
@@ -296,4 +314,20 @@ const ModelFacts MODEL = {
     .foreign_state = "is that of an FMU with another map",
     .model_exchange = 1,
     .derivatives = &DERIVATIVES,
+    .create = create,
+    .reset = reset,
+    .end_initialization = end_initialization,
+    .step = step,
+    .follow_event = follow_event,
+    .accept_step = accept_step,
+    .settle = settle,
+    .unsettled = unsettled,
+    .event = event,
+    .get_reals = get_reals,
+    .get_integers = get_integers,
+    .get_booleans = get_booleans,
+    .set_reals = set_reals,
+    .set_integers = set_integers,
+    .set_booleans = set_booleans,
+    .check_state = estimator_check_state,
 };

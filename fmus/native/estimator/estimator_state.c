@@ -1,11 +1,13 @@
 /* The state of the estimator as bytes: inputs and settings, then the whole numbers of the last event, as float64; a
-   byte per gauge for valid; the tare; the filter of a linear map; the track of the nonlinear estimator. Masks and
+   byte per gauge for valid, and whether its reading was set; the tare; the filter of a linear map; the track of the nonlinear estimator. Masks and
    outputs follow from them. */
 
 #include <stdio.h>
 #include <string.h>
 
 #include "estimator_variables.h"
+
+enum { VALID_BIT = 1, GIVEN_BIT = 2 };
 
 static size_t input_size(const Estimator *e) {
     return sizeof(double) * (estimator_inputs(e) + N_WHOLE) + e->map.n_gauges;
@@ -50,7 +52,10 @@ void model_write_state(const Model *model, unsigned char *bytes) {
     memcpy(bytes, e->input, sizeof(double) * estimator_inputs(e));
     bytes += sizeof(double) * estimator_inputs(e);
     memcpy(bytes, e->settled, sizeof e->settled);
-    memcpy(bytes + sizeof e->settled, e->valid, e->map.n_gauges);
+    bytes += sizeof e->settled;
+    for (size_t i = 0; i < e->map.n_gauges; i++) {
+        bytes[i] = (unsigned char)(e->valid[i] * VALID_BIT + e->given[i] * GIVEN_BIT);
+    }
 }
 
 static int filter_fits(const Filter *filter, const unsigned char *bytes) {
@@ -62,7 +67,7 @@ static int filter_fits(const Filter *filter, const unsigned char *bytes) {
     return filter_track_fits(filter, &track, bytes + sizeof track);
 }
 
-int model_check_state(const Model *model, const unsigned char *bytes, char text[MODEL_TEXT_SIZE]) {
+int estimator_check_state(const Model *model, const unsigned char *bytes, char text[MODEL_TEXT_SIZE]) {
     const Estimator *e = estimator_of(model);
     for (size_t i = 0; i < estimator_inputs(e); i++) {
         double value;
@@ -82,7 +87,7 @@ int model_check_state(const Model *model, const unsigned char *bytes, char text[
         }
     }
     for (size_t i = 0; i < e->map.n_gauges; i++) {
-        if (bytes[sizeof(double) * (estimator_inputs(e) + N_WHOLE) + i] > 1) {
+        if (bytes[sizeof(double) * (estimator_inputs(e) + N_WHOLE) + i] > VALID_BIT + GIVEN_BIT) {
             snprintf(text, MODEL_TEXT_SIZE, "holds a gauge that is neither valid nor not");
             return 0;
         }
@@ -121,6 +126,12 @@ void model_read_state(Model *model, const unsigned char *bytes) {
     memcpy(e->input, bytes, sizeof(double) * estimator_inputs(e));
     bytes += sizeof(double) * estimator_inputs(e);
     memcpy(e->settled, bytes, sizeof e->settled);
-    memcpy(e->valid, bytes + sizeof e->settled, e->map.n_gauges);
+    bytes += sizeof e->settled;
+    e->n_given = 0;
+    for (size_t i = 0; i < e->map.n_gauges; i++) {
+        e->valid[i] = (bytes[i] & VALID_BIT) != 0;
+        e->given[i] = (bytes[i] & GIVEN_BIT) != 0;
+        e->n_given += e->given[i];
+    }
     e->outdated = e->noise_outdated = 1;
 }

@@ -35,6 +35,9 @@ size_t zero_in_use(const Estimator *e, size_t variable);
 /* Which parameter of the flow a variable states the score of; SIZE_MAX for any other. */
 size_t parameter_output(const Estimator *e, size_t variable);
 
+/* Of MODEL: whether bytes of a state may be read. */
+int estimator_check_state(const Model *model, const unsigned char *bytes, char text[MODEL_TEXT_SIZE]);
+
 /* Value reference of FMI 3.0 of the time, behind all arrays. */
 unsigned time_reference(const Estimator *e);
 

@@ -21,7 +21,7 @@ void set_unknown(double *output) {
 
 double known_input(const Estimator *e, size_t scalar) {
     const double value = e->input[e->map.n_gauges + scalar];
-    return value == e->map.not_known ? NAN : value;
+    return value > 0.0 ? value : NAN;
 }
 
 double moment_shift(const Estimator *e) {

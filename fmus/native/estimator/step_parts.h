@@ -12,7 +12,7 @@ void coefficient_scales(double pressure, double area, double length, double *sca
 void set_unknown_from(double *output, int first, int end);
 void set_unknown(double *output);
 
-/* An input of flow or navigation, NaN where it is not known. */
+/* An input of flow or navigation; NaN where it is not given: 0, which hosts fill in, or below, or NaN. */
 double known_input(const Estimator *e, size_t scalar);
 
 /* How much further aft the moment point is than that of the map [m]. */

@@ -2,6 +2,8 @@
 
 #include "fmi2.h"
 
+#include "../core/floating.h"
+
 /* The variables of a list; a run if they follow each other without a gap. */
 static Selection selection_of(const fmi2ValueReference vr[], size_t nvr) {
     unsigned gaps = 0;
@@ -69,12 +71,11 @@ fmi2Status fmi2SetString(fmi2Component c, const fmi2ValueReference vr[], size_t 
     return no_strings(c, "fmi2SetString", FMI2_SETTABLE, vr, nvr, value);
 }
 
-fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReference vUnknown_ref[], size_t nUnknown,
-                                        const fmi2ValueReference vKnown_ref[], size_t nKnown, const fmi2Real dvKnown[],
-                                        fmi2Real dvUnknown[]) {
+static fmi2Status directional_derivative(Instance *s, const fmi2ValueReference vUnknown_ref[], size_t nUnknown,
+                                         const fmi2ValueReference vKnown_ref[], size_t nKnown, const fmi2Real dvKnown[],
+                                         fmi2Real dvUnknown[]) {
     static const char NAME[] = "fmi2GetDirectionalDerivative";
     const int modes = INITIALIZATION | FMI2_RUNNING;
-    Instance *s = c;
     const Derivatives *derivatives = MODEL.derivatives;
     if (s == NULL || derivatives == NULL) {
         return (fmi2Status)instance_not_offered(s, NAME);
@@ -104,4 +105,14 @@ fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReferenc
         dvUnknown[i] = derivative[index];
     }
     return fmi2OK;
+}
+
+fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReference vUnknown_ref[], size_t nUnknown,
+                                        const fmi2ValueReference vKnown_ref[], size_t nKnown, const fmi2Real dvKnown[],
+                                        fmi2Real dvUnknown[]) {
+    const Floating host = floating_enter();
+    const fmi2Status status =
+        directional_derivative(c, vUnknown_ref, nUnknown, vKnown_ref, nKnown, dvKnown, dvUnknown);
+    floating_leave(&host);
+    return status;
 }

@@ -2,6 +2,8 @@
 
 #include "fmi3.h"
 
+#include "../core/floating.h"
+
 typedef size_t IndexOf(const Model *model, size_t variable);
 
 /* Number of elements of the variables listed; SIZE_MAX if one has no index. */
@@ -40,11 +42,10 @@ static int arguments_fit(Instance *s, const char *function, const fmi3ValueRefer
     return 1;
 }
 
-fmi3Status fmi3GetDirectionalDerivative(fmi3Instance instance, const fmi3ValueReference unknowns[], size_t nUnknowns,
-                                        const fmi3ValueReference knowns[], size_t nKnowns, const fmi3Float64 seed[],
-                                        size_t nSeed, fmi3Float64 sensitivity[], size_t nSensitivity) {
+static fmi3Status directional_derivative(Instance *s, const fmi3ValueReference unknowns[], size_t nUnknowns,
+                                         const fmi3ValueReference knowns[], size_t nKnowns, const fmi3Float64 seed[],
+                                         size_t nSeed, fmi3Float64 sensitivity[], size_t nSensitivity) {
     const Derivatives *derivatives = MODEL.derivatives;
-    Instance *s = instance;
     if (!arguments_fit(s, "fmi3GetDirectionalDerivative", unknowns, nUnknowns, nSensitivity, knowns, nKnowns, nSeed,
                        seed, sensitivity)) {
         return fmi3Error;
@@ -70,6 +71,16 @@ fmi3Status fmi3GetDirectionalDerivative(fmi3Instance instance, const fmi3ValueRe
     return fmi3OK;
 }
 
+fmi3Status fmi3GetDirectionalDerivative(fmi3Instance instance, const fmi3ValueReference unknowns[], size_t nUnknowns,
+                                        const fmi3ValueReference knowns[], size_t nKnowns, const fmi3Float64 seed[],
+                                        size_t nSeed, fmi3Float64 sensitivity[], size_t nSensitivity) {
+    const Floating host = floating_enter();
+    const fmi3Status status =
+        directional_derivative(instance, unknowns, nUnknowns, knowns, nKnowns, seed, nSeed, sensitivity, nSensitivity);
+    floating_leave(&host);
+    return status;
+}
+
 /* Sum of the derivatives of the unknowns, weighted with the seed. Where that is 0, a derivative that is not a number
    does not matter. */
 static double weighted(const Instance *s, const fmi3ValueReference unknowns[], size_t nUnknowns, const double *seed,
@@ -86,11 +97,10 @@ static double weighted(const Instance *s, const fmi3ValueReference unknowns[], s
 }
 
 /* One directional derivative for each element of the knowns: a few microseconds each. */
-fmi3Status fmi3GetAdjointDerivative(fmi3Instance instance, const fmi3ValueReference unknowns[], size_t nUnknowns,
-                                    const fmi3ValueReference knowns[], size_t nKnowns, const fmi3Float64 seed[],
-                                    size_t nSeed, fmi3Float64 sensitivity[], size_t nSensitivity) {
+static fmi3Status adjoint_derivative(Instance *s, const fmi3ValueReference unknowns[], size_t nUnknowns,
+                                     const fmi3ValueReference knowns[], size_t nKnowns, const fmi3Float64 seed[],
+                                     size_t nSeed, fmi3Float64 sensitivity[], size_t nSensitivity) {
     const Derivatives *derivatives = MODEL.derivatives;
-    Instance *s = instance;
     if (!arguments_fit(s, "fmi3GetAdjointDerivative", unknowns, nUnknowns, nSeed, knowns, nKnowns, nSensitivity, seed,
                        sensitivity)) {
         return fmi3Error;
@@ -108,4 +118,14 @@ fmi3Status fmi3GetAdjointDerivative(fmi3Instance instance, const fmi3ValueRefere
         }
     }
     return fmi3OK;
+}
+
+fmi3Status fmi3GetAdjointDerivative(fmi3Instance instance, const fmi3ValueReference unknowns[], size_t nUnknowns,
+                                    const fmi3ValueReference knowns[], size_t nKnowns, const fmi3Float64 seed[],
+                                    size_t nSeed, fmi3Float64 sensitivity[], size_t nSensitivity) {
+    const Floating host = floating_enter();
+    const fmi3Status status =
+        adjoint_derivative(instance, unknowns, nUnknowns, knowns, nKnowns, seed, nSeed, sensitivity, nSensitivity);
+    floating_leave(&host);
+    return status;
 }

@@ -10,10 +10,7 @@
 #define MAX_COUNT 65536.0
 #define ROUND_OFF 1e-9 /* fraction of the envelope that is no departure from it */
 
-/* Columns of the atmosphere's layers. */
-enum { BASE, TOP, GRADIENT, BASE_PRESSURE, BASE_TEMPERATURE, LAYER_SIZE };
-
-static const double GRAVITY = 9.80665, GAS_CONSTANT = 287.053, HEAT_CAPACITY_RATIO = 1.4;
+static const double GAS_CONSTANT = 287.053, HEAT_CAPACITY_RATIO = 1.4;
 
 static const double *take(const double **next, size_t count) {
     const double *array = *next;
@@ -29,7 +26,7 @@ static int countable(double value, double minimum) {
 static size_t number_of_doubles(const FlightModel *m) {
     const size_t cells = (m->n_mach - 1) * (m->n_incidence - 1) * N_POWERS;
     return N_SIZES + m->n_mach + m->n_incidence + 5 * m->n_gauges + cells * N_RADIAL
-         + cells * m->n_channel * m->n_harmonic * 2 + m->n_layers * LAYER_SIZE;
+         + cells * m->n_channel * m->n_harmonic * 2 + m->atmosphere.n_layers * LAYER_SIZE;
 }
 
 static int channels_exist(const FlightModel *m) {
@@ -56,7 +53,7 @@ size_t flight_model_take(FlightModel *m, const double *data, size_t count) {
     m->n_incidence = (size_t)data[2];
     m->n_channel = (size_t)data[3];
     m->n_harmonic = (size_t)data[4];
-    m->n_layers = (size_t)data[5];
+    m->atmosphere.n_layers = (size_t)data[5];
     m->vented = data[6] != 0.0;
     m->internal_pressure = data[7];
     m->base_area = data[8];
@@ -77,7 +74,7 @@ size_t flight_model_take(FlightModel *m, const double *data, size_t count) {
     m->apparent_strain = take(&next, m->n_gauges);
     m->coefficient_table = take(&next, table * N_RADIAL);
     m->strain_table = take(&next, table * m->n_channel * m->n_harmonic * 2);
-    m->layer = take(&next, m->n_layers * LAYER_SIZE);
+    m->atmosphere.layer = take(&next, m->atmosphere.n_layers * LAYER_SIZE);
     return channels_exist(m) ? number_of_doubles(m) : 0;
 }
 
@@ -99,25 +96,6 @@ static int find_cell(const double *knots, size_t n, double value, size_t *cell, 
     return 1;
 }
 
-/* US Standard Atmosphere 1976 [Pa], [K]; 0 outside its layers. */
-static int atmosphere(const FlightModel *m, double altitude, double *pressure, double *temperature) {
-    for (size_t k = 0; k < m->n_layers; k++) {
-        const double *layer = m->layer + k * LAYER_SIZE;
-        if (!(altitude >= layer[BASE] && altitude <= layer[TOP])) {
-            continue;
-        }
-        const double rise = altitude - layer[BASE], gradient = layer[GRADIENT];
-        *temperature = layer[BASE_TEMPERATURE] + gradient * rise;
-        const double exponent =
-            gradient == 0.0
-                ? -GRAVITY * rise / (GAS_CONSTANT * layer[BASE_TEMPERATURE])
-                : -GRAVITY / (GAS_CONSTANT * gradient) * logarithm(*temperature / layer[BASE_TEMPERATURE]);
-        *pressure = layer[BASE_PRESSURE] * exponential(exponent);
-        return 1;
-    }
-    return 0;
-}
-
 static void no_point(FlightPoint *point) {
     for (int k = 0; k < N_COEFFICIENTS; k++) {
         point->coefficient[k] = NAN;
@@ -133,7 +111,7 @@ int flight_point(const FlightModel *m, const FlightCondition *condition, FlightP
     sine_cosine(condition->sideslip_angle, &sine_b, &cosine_b);
     const double up = sine_a * cosine_b, starboard = -sine_b, cross = sqrt(up * up + starboard * starboard);
     const double incidence = angle_of(cross, cosine_a * cosine_b), mach = condition->mach_number;
-    if (!atmosphere(m, condition->altitude, &point->ambient_pressure, &temperature)
+    if (!atmosphere_at(&m->atmosphere, condition->altitude, &point->ambient_pressure, &temperature)
         || !find_cell(m->mach_knots, m->n_mach, mach, &i, &step_m)
         || !find_cell(m->incidence_knots, m->n_incidence, incidence, &j, &step_a)) {
         return 0;

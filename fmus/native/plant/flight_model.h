@@ -5,10 +5,12 @@
 
 #include <stddef.h>
 
+#include "../core/atmosphere.h"
+
 #define N_COEFFICIENTS 5 /* C_A, C_N, C_Y, M_P, M_Y */
 
 typedef struct {
-    size_t n_gauges, n_mach, n_incidence, n_channel, n_harmonic, n_layers;
+    size_t n_gauges, n_mach, n_incidence, n_channel, n_harmonic;
     int vented;                                          /* 1: the inside is at the ambient pressure */
     double internal_pressure, base_area;                 /* [Pa], [m2] */
     double reference_area, reference_length;             /* [m2], [m] */
@@ -18,7 +20,7 @@ typedef struct {
     const double *strain_of_internal_pressure;           /* (n_gauges) [1/Pa] */
     const double *apparent_strain;                       /* (n_gauges) [1] */
     const double *coefficient_table, *strain_table;      /* as in flight_model.py, row by row */
-    const double *layer;                                 /* (n_layers, LAYER_SIZE) of the atmosphere */
+    Atmosphere atmosphere;
 } FlightModel;
 
 typedef struct {

@@ -86,14 +86,14 @@ void model_destroy(Model *base) {
     free(model);
 }
 
-void model_reset(Model *base) {
+static void reset(Model *base) {
     SystemModel *model = (SystemModel *)base;
     memcpy(model->value, model->start, model->n_variables * sizeof *model->value);
     memset(model->state, 0, model->n_states * sizeof *model->state);
     model->outdated = 1;
 }
 
-Model *model_create(unsigned char *bytes, size_t length, char text[MODEL_TEXT_SIZE]) {
+static Model *create(unsigned char *bytes, size_t length, char text[MODEL_TEXT_SIZE]) {
     SystemModel *model = check_header(bytes, length, text) ? calloc(1, sizeof *model) : NULL;
     if (model == NULL) {
         free(bytes);
@@ -115,7 +115,7 @@ Model *model_create(unsigned char *bytes, size_t length, char text[MODEL_TEXT_SI
     model->value = model->memory;
     model->state = model->value + model->n_variables;
     model->work = model->state + model->n_states;
-    model_reset(&model->base);
+    reset(&model->base);
     return &model->base;
 }
 
@@ -140,44 +140,19 @@ void model_set_time(Model *base, double time) {
 }
 
 /* The last time that states begin from the start values. */
-void model_end_initialization(Model *base) {
+static void end_initialization(Model *base) {
     SystemModel *model = (SystemModel *)base;
     model->outdated = 1;
     system_update(model);
 }
 
-int model_step(Model *base, double start, double end, char text[MODEL_TEXT_SIZE]) {
+static int step(Model *base, double start, double end, char text[MODEL_TEXT_SIZE]) {
     SystemModel *model = (SystemModel *)base;
     system_update(model);
     base->time = start;
     const int status = model->behaviour->step(model, end, text);
     model->outdated = 1;
     return status;
-}
-
-/* For model exchange, which it does not serve. */
-void model_follow_event(Model *base) {
-    (void)base;
-}
-
-void model_accept_step(Model *base) {
-    (void)base;
-}
-
-void model_settle(Model *base) {
-    (void)base;
-}
-
-int model_unsettled(Model *base) {
-    (void)base;
-    return 0;
-}
-
-/* Nothing happens that the outputs do not show. */
-int model_event(Model *base, char text[MODEL_TEXT_SIZE]) {
-    (void)base;
-    (void)text;
-    return 0;
 }
 
 /* Variables. */
@@ -203,7 +178,7 @@ static int are(const SystemModel *model, const Selection *which, Type type, char
     return 1;
 }
 
-int model_get_reals(Model *base, const Selection *which, double *value, char text[MODEL_TEXT_SIZE]) {
+static int get_reals(Model *base, const Selection *which, double *value, char text[MODEL_TEXT_SIZE]) {
     SystemModel *model = (SystemModel *)base;
     if (!are(model, which, REAL, text)) {
         return 0;
@@ -227,11 +202,11 @@ static int get_whole(Model *base, const Selection *which, Type type, int *value,
     return 1;
 }
 
-int model_get_integers(Model *base, const Selection *which, int *value, char text[MODEL_TEXT_SIZE]) {
+static int get_integers(Model *base, const Selection *which, int *value, char text[MODEL_TEXT_SIZE]) {
     return get_whole(base, which, INTEGER, value, text);
 }
 
-int model_get_booleans(Model *base, const Selection *which, int *value, char text[MODEL_TEXT_SIZE]) {
+static int get_booleans(Model *base, const Selection *which, int *value, char text[MODEL_TEXT_SIZE]) {
     return get_whole(base, which, BOOLEAN, value, text);
 }
 
@@ -252,7 +227,7 @@ static int set(SystemModel *model, size_t variable, double value, char *text) {
     return 1;
 }
 
-int model_set_reals(Model *base, const Selection *which, const double *value, char text[MODEL_TEXT_SIZE]) {
+static int set_reals(Model *base, const Selection *which, const double *value, char text[MODEL_TEXT_SIZE]) {
     SystemModel *model = (SystemModel *)base;
     int good = are(model, which, REAL, text);
     for (size_t k = 0; k < which->count && good; k++) {
@@ -261,7 +236,7 @@ int model_set_reals(Model *base, const Selection *which, const double *value, ch
     return good;
 }
 
-int model_set_integers(Model *base, const Selection *which, const int *value, char text[MODEL_TEXT_SIZE]) {
+static int set_integers(Model *base, const Selection *which, const int *value, char text[MODEL_TEXT_SIZE]) {
     SystemModel *model = (SystemModel *)base;
     int good = are(model, which, INTEGER, text);
     for (size_t k = 0; k < which->count && good; k++) {
@@ -270,7 +245,7 @@ int model_set_integers(Model *base, const Selection *which, const int *value, ch
     return good;
 }
 
-int model_set_booleans(Model *base, const Selection *which, const int *value, char text[MODEL_TEXT_SIZE]) {
+static int set_booleans(Model *base, const Selection *which, const int *value, char text[MODEL_TEXT_SIZE]) {
     SystemModel *model = (SystemModel *)base;
     int good = are(model, which, BOOLEAN, text);
     for (size_t k = 0; k < which->count && good; k++) {
@@ -290,7 +265,7 @@ void model_write_state(const Model *base, unsigned char *bytes) {
     memcpy(bytes, ((const SystemModel *)base)->value, model_state_size(base));
 }
 
-int model_check_state(const Model *base, const unsigned char *bytes, char text[MODEL_TEXT_SIZE]) {
+static int check_state(const Model *base, const unsigned char *bytes, char text[MODEL_TEXT_SIZE]) {
     const SystemModel *model = (const SystemModel *)base;
     for (size_t i = 0; i < model->n_variables; i++) {
         double value;
@@ -313,4 +288,16 @@ const ModelFacts MODEL = {
     .resource = "model.bin",
     .content = "model",
     .foreign_state = "is that of another FMU, or of another version of it",
+    /* Nothing happens that the outputs do not show. */
+    .create = create,
+    .reset = reset,
+    .end_initialization = end_initialization,
+    .step = step,
+    .get_reals = get_reals,
+    .get_integers = get_integers,
+    .get_booleans = get_booleans,
+    .set_reals = set_reals,
+    .set_integers = set_integers,
+    .set_booleans = set_booleans,
+    .check_state = check_state,
 };

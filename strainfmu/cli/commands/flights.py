@@ -111,7 +111,8 @@ def plant(
         Path | None, typer.Option(metavar="FILE.csv", help="With --motion trajectory: the table to fly.")
     ] = None,
     mach_number: Annotated[
-        float | None, typer.Option(callback=within(1.01, 30.0), help="Start value; 6 if not given.")
+        float | None,
+        typer.Option(callback=within(1.01, 30.0), help="Start value; the middle of the model's if not given."),
     ] = None,
     altitude: Annotated[
         float | None,
@@ -134,6 +135,7 @@ def plant(
 
         strainfmu plant demo/flight_model.h5 --motion trajectory --trajectory manoeuvre.csv
     """
+    from strainfmu.cosim.models.flight_model import load_flight_model
     from strainfmu.errors import InputError
     from strainfmu.fmu.plant_export import export_native_plant
     from strainfmu.interface.plant_variables import FlightStart, Motion
@@ -150,9 +152,11 @@ def plant(
     named = [name for name, value in given.items() if value is not None]
     if named and motion == Motion.TRAJECTORY.name.lower():
         raise InputError(f"{named[0]}: not with --motion trajectory, whose table states it")
+    knots = load_flight_model(flight_model).mach_knots
+    middle = 0.5 * float(knots[0] + knots[-1])
     mach, km, incidence, slip = (
         default if value is None else value
-        for value, default in zip(given.values(), (6.0, 20.0, 0.0, 0.0), strict=True)
+        for value, default in zip(given.values(), (middle, 20.0, 0.0, 0.0), strict=True)
     )
     start = FlightStart(
         mach_number=mach, altitude=1e3 * km, angle_of_attack=radians(incidence), sideslip_angle=radians(slip)

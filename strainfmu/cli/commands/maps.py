@@ -122,16 +122,19 @@ def export(
     found = export_estimator(inverse_map, output, options)
     Console().print(f"{output}: written", highlight=False, markup=False, soft_wrap=True)
     if kind == "native" and found == "manifold":
-        note = "note: for co-simulation alone; --estimator linear has model exchange and derivatives"
+        note = "note: for co-simulation alone; --estimator linear has model exchange"
         Console().print(note, highlight=False, markup=False, soft_wrap=True)
     if found == "manifold" and has_section_loads_by_strain_alone(load_inverse_map(inverse_map)):
         note = "note: without section loads, which the map's tables lack: build it again, or --estimator linear"
         Console().print(note, highlight=False, markup=False, soft_wrap=True)
     if kind == "python":
-        from strainfmu.fmu.documentation.index_page import PYTHON_FOLDERS
+        from strainfmu.fmu.documentation.index_page import PYTHON_FOLDERS, PYTHON_HOSTS
 
-        note = f"note: {PYTHON_FOLDERS}. The native kind runs from any folder."
-        Console().print(note, highlight=False, markup=False, soft_wrap=True)
+        for note in (
+            f"{PYTHON_HOSTS}; the native kind runs in any",
+            f"{PYTHON_FOLDERS}; the native kind runs from any",
+        ):
+            Console().print(f"note: {note}.", highlight=False, markup=False, soft_wrap=True)
 
 
 def crosscheck(
@@ -230,10 +233,15 @@ def bench(
         int,
         typer.Option(callback=within(0, 64), help="With --bus: niced processes that compete for the processors."),
     ] = 0,
+    worst: Annotated[
+        bool, typer.Option("--worst", help="Time the dearest steps of the native FMUs instead, event by event.")
+    ] = False,
 ) -> None:
     """Time what runs in the loop: bare product, numpy estimator, FMUs through fmpy. Or the structure's growth.
 
     With the extra `rivals`, learning estimators of scikit-learn beside them.
+
+    Or measure the dearest steps of the native FMUs: gauges lost, a zero offset changed, an instance's first step.
 
     Or run the CAN bridge, with page and recorder, against a sender whose own lateness is measured and taken out,
     and python-can's own loop of receiving and counting after it: processor time, and what became of each cycle.
@@ -251,7 +259,12 @@ def bench(
         strainfmu bench --mesh my_vehicle.toml --snapshots results/snapshots.h5
 
         strainfmu bench demo --bus --rate 400 --burners 2
+
+        strainfmu bench demo --worst
     """
+    if worst:
+        _print_worst_steps(folder / "map.h5")
+        return
     if bus:
         from strainfmu.cli.bench_bus import bench_bus
 
@@ -286,6 +299,24 @@ def bench(
     for name, seconds in rows.items():
         table.add_row(name, f"{1e6 * seconds:.2f} us", f"{seconds / next(iter(rows.values())):.1f} x")
     Console().print(table)
+
+
+def _print_worst_steps(map_path: Path) -> None:
+    """Measure the dearest steps of the native FMUs of a map, and print them."""
+    from strainfmu.estimator.map.inverse_map import load_inverse_map
+    from strainfmu.fmu.checks.worst_step import EVENTS, REPEATS, processor_name, worst_steps
+
+    found, n = worst_steps(map_path), load_inverse_map(map_path).n_gauges
+    title = f"Steps of {n} gauges, {processor_name()}: median and largest of {REPEATS}, processor time in us"
+    table = Table(title=escape(title))
+    table.add_column("what happens in the step", justify="left")
+    for name in found:
+        table.add_column(name, justify="right")
+    for event in EVENTS:
+        costs = [one.get(event) for one in found.values()]
+        pairs = [() if one is None else (one.median, one.largest) for one in costs]
+        table.add_row(event, *(" to ".join(f"{float(f'{1e6 * cost:.3g}'):,g}" for cost in pair) for pair in pairs))
+    Console(width=max(Console().width, 150)).print(table)
 
 
 def _rival_costs(map_path: Path) -> dict[str, float]:

@@ -56,9 +56,9 @@ def tare(
 ) -> None:
     """Find the zeros of the gauges: mean of a window of a recording, with standard deviations.
 
-    Refused while loads are not known: dynamic pressure, readings that drift or move, values that are no zeros or
-    look like those of a flight. Own weight and ambient pressure are loads too: state them with --vehicle, or the
-    estimates count them with the other sign.
+    The window holds 64 samples or more. Refused while loads are not known: dynamic pressure, readings that drift
+    or move, values that are no zeros or look like those of a flight. Own weight and
+    ambient pressure are loads too: state them with --vehicle, or the estimates count them with the other sign.
 
     Examples:
 

@@ -25,7 +25,7 @@ from strainfmu.estimator.map.sensors import refuse_sensors
 from strainfmu.estimator.settings import default_settings
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 from strainfmu.interface.further_variables import further_load_outputs, further_outputs, section_stations
-from strainfmu.interface.input_names import FURTHER_FLOW
+from strainfmu.interface.input_names import FURTHER_FLOW, given_flow
 from strainfmu.interface.parameter_variables import (
     OUTSIDE_PREFIX,
     STD_PREFIX,
@@ -132,12 +132,12 @@ class MapStep:
         if self._temperatures and others:
             warm = np.array([others.get(name, nan) for name in self._temperatures])
         of_flow: dict[str, Any] = {"mach_number": mach_number, "altitude": altitude, "temperature": warm}
-        of_flow |= {name: others[name] for name in self._flow if name in others}
+        of_flow |= given_flow({name: others[name] for name in self._flow if name in others})
         names = [name.removeprefix(PARAMETER_PREFIX) for name in self._parameters]
         if names:
             of_flow["parameters"] = {name: others.get(PARAMETER_PREFIX + name, nan) for name in names}
         if self._stds:
-            of_flow["parameters_std"] = {name: others.get(STD_PREFIX + name, nan) for name in names}
+            of_flow["parameters_std"] = given_flow({name: others.get(STD_PREFIX + name, nan) for name in names})
         found = self._estimator.step(strain, dynamic_pressure, **of_flow)
         further = {ENVELOPE_SCORE: found.envelope_score}
         further |= {

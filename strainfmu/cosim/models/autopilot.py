@@ -244,7 +244,7 @@ def _inputs(start: FlightStart) -> list[Variable]:
 
 
 def _parameters(settings: AutopilotSettings) -> list[Variable]:
-    positive = 1e-300
+    positive = 1e-6  # FMI's minimum is a value that is allowed
     reals = (
         ("frequency", "Natural frequency of the angle of attack under control", "rad/s", None, positive, 1e6),
         ("damping_ratio", "Damping ratio of the angle of attack under control", "1", None, 0.0, 1e6),

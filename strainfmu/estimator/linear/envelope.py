@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
-from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, LAYERS, pressure_and_temperature
+from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, static_pressure_at
 from strainfmu.estimator.map.inverse_map import InverseMap
 
 MACH_TOLERANCE = 0.01
@@ -20,9 +20,6 @@ MACH_TOLERANCE = 0.01
 
 PRESSURE_TOLERANCE = 0.05
 """Relative difference of dynamic pressure and 0.7 M^2 p(h) that errors of navigation and weather explain."""
-
-ALTITUDE_STEP = 250.0
-"""Step [m] of the table of p(h); between its entries p is linear, which errs by 2e-4."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -68,15 +65,6 @@ def flight_ranges(inverse_map: InverseMap) -> FlightRanges:
     )
 
 
-def ambient_pressure_table() -> FloatArray:
-    """Return p(h) [Pa] every :data:`ALTITUDE_STEP` from 0 to the top of the atmosphere."""
-    count = int(LAYERS[-1][0] / ALTITUDE_STEP) + 1
-    return np.array([pressure_and_temperature(i * ALTITUDE_STEP)[0] for i in range(count)])
-
-
-_PRESSURE = ambient_pressure_table()
-
-
 def envelope_score(envelope: HalfSpaces, coefficients: FloatArray, covariance: FloatArray) -> FloatArray:
     """Return (k,) the largest (n'C - limit) / sigma of n'C over the half-spaces, 0 where C is inside all [1].
 
@@ -112,13 +100,3 @@ def outside_by_navigation(
         expected = 0.5 * HEAT_CAPACITY_RATIO * mach * mach * static_pressure_at(altitude)
         allowed = PRESSURE_TOLERANCE * expected + 3.0 * dynamic_pressure_std
         return np.asarray(outside | (np.abs(q - expected) > allowed))
-
-
-def static_pressure_at(altitude: FloatArray) -> FloatArray:
-    """Return p(h) [Pa] of the table (k,); NaN where h is not known or outside it."""
-    top = len(_PRESSURE) - 1
-    position = altitude / ALTITUDE_STEP
-    inside = (position >= 0.0) & (position <= top)
-    index = np.where(inside, np.minimum(np.floor(np.where(inside, position, 0.0)), top - 1), 0.0).astype(np.int64)
-    below, above = _PRESSURE[index], _PRESSURE[index + 1]
-    return np.where(inside, below + (position - index) * (above - below), np.nan)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
-from strainfmu.estimator.arguments import checked_mask, real_numbers, strain_of_one, strain_of_samples
+from strainfmu.estimator.arguments import checked_mask, real_numbers, silent, strain_of_one, strain_of_samples
 from strainfmu.estimator.estimates.load_estimate import (
     LoadEstimate,
     LoadEstimates,
@@ -22,7 +22,7 @@ from strainfmu.estimator.estimates.pressure_field import FieldInputs
 from strainfmu.estimator.further_loads import is_moment
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.linear.envelope import envelope_score, flight_ranges, half_spaces
-from strainfmu.estimator.linear.flow import Flow, flow_of, known_pressure
+from strainfmu.estimator.linear.flow import MIN_DYNAMIC_PRESSURE, Flow, flow_of, known_pressure
 from strainfmu.estimator.linear.flow import outside as outside_by_flow
 from strainfmu.estimator.linear.flow_parameters import flow_parameters, write_parameters
 from strainfmu.estimator.linear.isolation import suspects_by_gauge
@@ -72,7 +72,7 @@ class Estimator:
         self.zeros = zeros or no_zeros(inverse_map.n_strain_gauges)
         self._zero = zero_of_rows(inverse_map, self.zeros)
         self._without_zeros, inverse_map = inverse_map, with_zero_errors(inverse_map, self.zeros)
-        self.inverse_map = inverse_map
+        self.inverse_map, self._n_strain_gauges = inverse_map, inverse_map.n_strain_gauges
         self._parts = map_parts(inverse_map)
         self._scaled = ScaledLoads(inverse_map) if inverse_map.form == "dynamic_pressure" else None
         self.parameters = flow_parameters(inverse_map)
@@ -210,16 +210,27 @@ class Estimator:
         if temperature is None:
             return self._series(readings, valid, flow)
         known = self.sensor_sets.readings(temperature, len(readings))
-        used = np.abs(readings) <= self.largest_reading
-        used = used if valid is None else used & valid
+        used = self._used(readings, valid, flow.dynamic_pressure)
         strains = self.rows_of(readings)
         parts = []
         for rows, key in self.sensor_sets.groups(known):
             estimator, strain = self.sensor_sets.of_set(key, strains[rows], known[rows])
-            of_rows = Flow(*(one[rows] for one in flow))
+            of_rows = flow.rows(rows)
             parts.append((rows, estimator._series(self.readings_of(strain), used[rows], of_rows, is_checked=True)))
         found: LoadEstimates = scattered(parts, len(readings))
         return found
+
+    def _used(self, readings: FloatArray, valid: BoolArray | None, dynamic_pressure: FloatArray) -> BoolArray:
+        """Return (k, n_d) the gauges in use of k samples: in range, ``valid``, and not all exactly 0 in a flow.
+
+        ``dynamic_pressure`` (k,) [Pa] tells where there is one.
+        """
+        used: BoolArray = np.abs(readings) <= self.largest_reading  # false for NaN
+        if valid is not None:
+            used &= valid
+        flows = dynamic_pressure >= MIN_DYNAMIC_PRESSURE
+        used[silent(readings, used, self._n_strain_gauges) & flows] = False
+        return used
 
     def rows_of(self, readings: FloatArray) -> FloatArray:
         """Return rows of the map [m/m] for ``readings`` (n_d,) or (k, n_d): over their scale, less the zeros."""
@@ -255,10 +266,11 @@ class Estimator:
         for start in range(0, len(d), BLOCK):
             rows = slice(start, start + BLOCK)
             used = series.valid[rows]
-            largest = np.inf if is_checked else self.largest_reading
-            np.less_equal(np.abs(readings[rows]), largest, out=used)  # false for NaN
-            if valid is not None:
-                used &= valid[rows]
+            of_rows = None if valid is None else valid[rows]
+            if is_checked and of_rows is not None:
+                used[:] = of_rows
+            else:
+                used[:] = self._used(readings[rows], of_rows, flow.dynamic_pressure[rows])
             if used.all():
                 self._fill(series, slice(start, start + len(used)), self._masked.complete, d, flow)
                 continue
@@ -298,7 +310,7 @@ class Estimator:
         all_flow: Flow,
     ) -> None:
         """Compute the ``rows`` of ``series``, all with the gauges of ``masked``."""
-        flow = Flow(*(values[rows] for values in all_flow))
+        flow = all_flow.rows(rows)
         known, q_std = known_pressure(flow, self.inverse_map.dynamic_pressure_error)
         q = np.where(known, flow.dynamic_pressure, np.nan)
         # Products below need numbers; what is not known is taken out at the end.

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from strainfmu.arrays import BoolArray, FloatArray
-from strainfmu.estimator.arguments import per_sample
+from strainfmu.arrays import BoolArray, FloatArray, IntArray
+from strainfmu.estimator.arguments import given, per_sample
 from strainfmu.estimator.linear.envelope import FlightRanges, outside_by_navigation
 from strainfmu.estimator.linear.flow_parameters import PARAMETER_TOLERANCE, FlowParameters
 
@@ -29,11 +29,17 @@ class Flow(NamedTuple):
     altitude: FloatArray
     parameter_score: FloatArray
 
+    def rows(self, rows: slice | IntArray) -> Flow:
+        """Return the samples ``rows``."""
+        return Flow(*[values[rows] for values in self])
+
 
 def flow_of(
     values: tuple[ArrayLike, ...], known: FlowParameters, parameters: Mapping[str, ArrayLike] | None, samples: int
 ) -> Flow:
     """Return the flow of k samples: four ``values``, and ``parameters`` of those ``known`` to the map, by name.
+
+    q_inf, Mach number and altitude are NaN where they are not given: 0, below, or NaN.
 
     Raises
     ------
@@ -44,6 +50,7 @@ def flow_of(
     if parameters is not None:
         score = known.score(known.values(parameters, samples))
     pressure, std, mach, altitude = (per_sample(*one, samples) for one in zip(_NAMES, values, strict=True))
+    pressure, mach, altitude = given(np.array([pressure, mach, altitude]))
     return Flow(pressure, std, mach, altitude, score)
 
 

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.errors import InputError
-from strainfmu.estimator.arguments import checked_mask, per_sample, strain_of_one, strain_of_samples
+from strainfmu.estimator.arguments import checked_mask, given, per_sample, silent, strain_of_one, strain_of_samples
 from strainfmu.estimator.estimates.load_estimate import set_unknown
 from strainfmu.estimator.estimates.pressure_field import FieldInputs
 from strainfmu.estimator.health import HealthState
@@ -260,10 +260,12 @@ class ManifoldEstimator:
         used = np.abs(d) <= self.linear.largest_reading  # false for NaN
         if valid is not None:
             used &= checked_mask(valid, n, len(d) if np.ndim(strain) == 2 else None)
+        used[silent(d, used, self.inverse_map.n_strain_gauges)] = False
         of = {name: per_sample(name, value, len(d)) for name, value in flow.items()}
-        by_altitude = np.isnan(of["static_pressure"])
-        pressure = np.where(by_altitude, pressure_by_altitude(of["altitude"]), of["static_pressure"])
-        value = np.column_stack([of["mach_number"], pressure, of["dynamic_pressure"]])
+        mach, static, dynamic = (given(of[name]) for name in NAVIGATION)
+        by_altitude = np.isnan(static)
+        pressure = np.where(by_altitude, pressure_by_altitude(given(of["altitude"])), static)
+        value = np.column_stack([mach, pressure, dynamic])
         for name in (f"{name}_std" for name in NAVIGATION):
             if np.any(of[name] < 0.0):
                 raise InputError(f"{name}: expected numbers from 0 on, got {np.nanmin(of[name]):g}")

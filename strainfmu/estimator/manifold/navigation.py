@@ -8,9 +8,8 @@ from math import log
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
-from strainfmu.atmosphere import HEAT_CAPACITY_RATIO
+from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, static_pressure_at
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY
-from strainfmu.estimator.linear.envelope import static_pressure_at
 from strainfmu.estimator.linear.isolation import outlier_threshold
 from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, N_STATES, U, W
 from strainfmu.estimator.tables.manifold_map import ManifoldMap
@@ -68,7 +67,8 @@ class StateMeasurement:
 
 
 def pressure_by_altitude(altitude: FloatArray) -> FloatArray:
-    """Return p(h) [Pa] (k,); NaN where h is not known, 0, which no flight has, where it is outside the table."""
+    """Return p(h) [Pa] (k,); NaN where h is not known, 0, which no flight has, where it is above the
+    atmosphere."""
     found = static_pressure_at(altitude)
     return np.where(np.isnan(found) & ~np.isnan(altitude), 0.0, found)
 

@@ -118,8 +118,8 @@ class SensorSet:
 
 
 def known_sensors(thermal: ThermalMap, temperature: FloatArray) -> BoolArray:
-    """Return (k, n_t) which of ``temperature`` [K] are readings: finite and plausible."""
-    return np.asarray(np.abs(temperature - thermal.reference_temperature) <= LARGEST_RISE)
+    """Return (k, n_t) which of ``temperature`` [K] are readings: above 0 and plausible."""
+    return np.asarray((temperature > 0.0) & (np.abs(temperature - thermal.reference_temperature) <= LARGEST_RISE))
 
 
 def sensor_set(thermal: ThermalMap, known: BoolArray) -> SensorSet:

@@ -173,26 +173,23 @@ def host_costs(fmu: Path, unzipped: Path, inverse_map: InverseMap) -> dict[str, 
     StrainfmuError
         The host cannot be compiled, or fails.
     """
-    compiler = _compiler()
     libraries = sorted((unzipped / "binaries" / "linux64").glob("*.so"))
-    if compiler is None or not sys.platform.startswith("linux") or not libraries:
+    if not sys.platform.startswith("linux") or not libraries:
         return {}
-    fmpy = import_fmpy()
-    description = fmpy.read_model_description(str(fmu))
-    program = unzipped / "step_cost"
+    description = import_fmpy().read_model_description(str(fmu))
     with as_file(files("fmus").joinpath("bench", "step_cost.c")) as source:
-        headers = Path(fmpy.__file__).parent / "c-code"
-        command = [*compiler, "-O2", f"-I{headers}", str(source), "-o", str(program), "-ldl"]
-        _run(command)
+        program = compiled(source, unzipped / "step_cost")
+    if program is None:
+        return {}
     resources = (unzipped / "resources").as_uri()
     pressure, n = inverse_map.nominal_dynamic_pressure, inverse_map.n_gauges
-    strains = [repr(value) for part in _strain_parts(inverse_map) for value in part.tolist()]
+    strains = [repr(value) for part in strain_parts(inverse_map) for value in part.tolist()]
     names = {one.name: one.valueReference for one in description.modelVariables}
     thermal = inverse_map.thermal
     sensors = (0, 0.0) if thermal is None else (thermal.n_sensors, thermal.reference_temperature)
     numbers = (pressure, names["zero[1]"], *sensors, names.get(FILTER_TIME_CONSTANT, 0), REPEATS)
     values = [repr(number) for number in numbers]
-    times = _run([str(program), str(libraries[0]), description.guid, resources, *values, *strains])
+    times = run([str(program), str(libraries[0]), description.guid, resources, *values, *strains])
     found = np.array(times.split(), dtype=float).tolist()
     product, step, varied, faulty, warm, warm_varied, cold, filtered, instantiation = found
     more = f"with zeros and {sensors[0]} temperatures"
@@ -211,7 +208,7 @@ def host_costs(fmu: Path, unzipped: Path, inverse_map: InverseMap) -> dict[str, 
     return {name: cost for name, cost in costs.items() if np.isfinite(cost)}
 
 
-def _strain_parts(inverse_map: InverseMap) -> tuple[FloatArray, FloatArray]:
+def strain_parts(inverse_map: InverseMap) -> tuple[FloatArray, FloatArray]:
     """Return (n,) strains of the mean pressure: those that do not follow q_inf, and those that do."""
     nothing = np.zeros(inverse_map.n_gauges)
     if inverse_map.form == "absolute":
@@ -220,13 +217,30 @@ def _strain_parts(inverse_map: InverseMap) -> tuple[FloatArray, FloatArray]:
     return fixed, inverse_map.mean_strain - fixed
 
 
-def _compiler() -> list[str] | None:
-    """Return the command of a C compiler."""
-    found = next((path for path in map(shutil.which, ("cc", "gcc", "clang")) if path), None)
-    return [found] if found else None
+def compiled(source: Path, program: Path) -> Path | None:
+    """Return ``program``, made of a C file that calls an FMU's functions; None without a C compiler.
+
+    Raises
+    ------
+    StrainfmuError
+        The compiler reports an error.
+    """
+    compiler = next((path for path in map(shutil.which, ("cc", "gcc", "clang")) if path), None)
+    if compiler is None:
+        return None
+    headers = Path(import_fmpy().__file__).parent / "c-code"
+    run([compiler, "-O2", f"-I{headers}", str(source), "-o", str(program), "-ldl"])
+    return program
 
 
-def _run(command: list[str]) -> str:
+def run(command: list[str]) -> str:
+    """Return what a command writes.
+
+    Raises
+    ------
+    StrainfmuError
+        It fails, or takes longer than five minutes.
+    """
     done = subprocess.run(command, capture_output=True, text=True, timeout=300)
     if done.returncode:
         raise StrainfmuError(f"{Path(command[0]).name}: exit code {done.returncode}: {done.stderr.strip()[-200:]}")

@@ -17,6 +17,7 @@ from strainfmu.estimator.map.validity import ValidRange, valid_ranges
 from strainfmu.fmu.documentation.index_page import Section
 from strainfmu.fmu.documentation.run_panels import estimate_figure, fault_span
 from strainfmu.fmu.reference_run.run import TRUTH, ReferenceRun, is_usual
+from strainfmu.interface.input_names import NOT_KNOWN
 from strainfmu.interface.sensor_variables import THRUST, has_thrust, sensor_names
 from strainfmu.pages import table_html
 from strainfmu.version import __version__
@@ -29,13 +30,15 @@ _LIMITS = (
     "A gauge whose strain is not finite or beyond sensor_range, or whose valid is false, is left out, exactly as "
     "if the map had been built without it; sigma and alarm levels follow, and no output depends on its strain. "
     "The first step without a gauge costs more than those after it.",
+    "The start value of a strain is no reading: a gauge whose strain was never set is left out, and health.state "
+    "is INVALID while none is set. It is INVALID too where all strains are exactly 0 in a flow.",
     "Outputs belong to the inputs last set: right after initialization, after any set, after a step and without "
     "one. An importer that holds inputs over a step records at its end what belongs to its start: estimates then "
     "lag by one communication step. So does every connection of a master that steps all FMUs at once.",
-    "dynamic_pressure_std, mach_number and altitude need not be known: NaN, or their start value -1e9. "
-    "dynamic_pressure must be 1e-6 to 1e7 Pa. Where Mach number and altitude are known, it must agree with "
-    "0.7 M² p(h) of the US Standard Atmosphere 1976; if not, or if the flight or the estimated coefficients leave "
-    "what the map covers, health.state is OUTSIDE.",
+    "Flow and navigation are not given where they are 0 or below (or NaN): dynamic_pressure_std is the map's own "
+    "then, and mach_number and altitude need not be given. dynamic_pressure must be given, 1e-6 to 1e7 Pa. Where "
+    "Mach number and altitude are given, it must agree with 0.7 M² p(h) of the US Standard Atmosphere 1976; if "
+    "not, or if the flight or the estimated coefficients leave what the map covers, health.state is OUTSIDE.",
     "Loads are those of a quasi-static structure: vibration reads as load. The tunable parameters may be set at "
     "any time; a value outside min and max is refused.",
 )
@@ -44,16 +47,18 @@ _FLIGHT_LIMITS = (
     "sigma is one standard deviation: gauge noise, hardware, pressure off the tables, and the flight state "
     "that strain and navigation leave open. C_A is the fore-body's: base pressure is not measured by strain.",
     _LIMITS[1],
+    "The start value of a strain is no reading: a gauge whose strain was never set is left out, and health.state "
+    "is INVALID while none is set. It is INVALID too where all strains are exactly 0.",
     "Each step starts from the flight state of the step before, or from a search of the tables: in the first "
     "step, and every tenth while strain does not fit them. Outputs belong to the inputs last set; what is set "
     "after a step belongs to the next one, whether or not it has been taken.",
-    "dynamic_pressure, mach_number, altitude and static_pressure come from navigation. Each need not be "
-    "known: NaN, or its start value -1e9. The one that contradicts strain and the others is left out: then "
-    "its navigation_used is false, and health.state is DEGRADED.",
+    "dynamic_pressure, mach_number, altitude and static_pressure come from navigation. Each is not given where it "
+    "is 0 or below (or NaN); so is a standard deviation: the map's own counts then. The one that contradicts "
+    "strain and the others is left out: then its navigation_used is false, and health.state is DEGRADED.",
     "Where strain does not fit the tables, loads and coefficients are those of the linear map, if "
     "dynamic_pressure is known: health.linear_loads. Air data are not to be used then, nor where identified "
     "is false.",
-    _LIMITS[4],
+    _LIMITS[5],
 )
 
 _WEIGHTS = {
@@ -191,8 +196,9 @@ def _temperature(thermal: ThermalMap) -> list[str]:
     ]
     text = (
         "The wall's temperature strains the gauges: what the temperatures known tell of it is taken off, the rest "
-        f"is in sigma. A temperature that is NaN, -1e9 or 2000 K from {thermal.reference_temperature:g} K is not "
-        "known; the first step after a sensor comes or goes costs some milliseconds."
+        "is in sigma. A temperature that is 0 or below, NaN or 2000 K from "
+        f"{thermal.reference_temperature:g} K is not known; the first step after a sensor comes or goes costs "
+        "some milliseconds."
     )
     return [text, table_html(("No.", "Sensor", "Sigma [K]"), rows, caption="Sensors in the order of temperature")]
 
@@ -238,7 +244,7 @@ def _sensors(inverse_map: InverseMap, sensors: SensorRows) -> list[str]:
 
 _THRUST_TEXT = (
     f" The input {THRUST}, forward along the axis, is taken off what sensors read of it; where it is not known, "
-    "NaN or -1e9, those that it moves are left out."
+    f"NaN or {NOT_KNOWN:g}, those that it moves are left out."
 )
 
 

@@ -20,16 +20,24 @@ _STYLE = (
     "th{background:#eee}code,pre{background:#f4f4f4}"
 )
 
+PYTHON_HOSTS = (
+    "A host that holds no Python interpreter of its own, such as fmusim, the command line of OMSimulator or a C "
+    "program, cannot load it: its library has undefined symbols of Python, which only LD_PRELOAD of libpython3 "
+    "provides on Linux"
+)
+"""The first that a user of the kind python must know, without its full stop."""
+
 PYTHON_FOLDERS = (
     "The path of the folder that a host unzips it to may hold letters from A to Z, digits, blanks and . _ - ~ "
     "only: PythonFMU ends the process of the host where it holds others, such as an umlaut in the name of a user"
 )
-"""What a user of the kind python must know, without its full stop."""
+"""The second, without its full stop."""
 
 HOSTS = {
     "python": (
         "PythonFMU runs it: the host needs a 64-bit Python 3.11 or newer with numpy and h5py, on Linux or "
         "Windows; externalDependencies.txt lists the rest. strainfmu itself need not be installed.",
+        f"{PYTHON_HOSTS}.",
         f"{PYTHON_FOLDERS}.",
         "PythonFMU lets no slave refuse a value: what cannot be set is logged as an error and left as it was, "
         "while the call returns OK. It does not compare the guid, and offers no directional derivatives. The "

@@ -21,6 +21,14 @@ LIBRARIES = {
 FRONTS = {"2": "fmi2", "3": "fmi3"}
 """Folder below ``fmus/native`` of the front of each FMI version; a library holds both."""
 
+ARITHMETIC_FLAGS = (
+    # Without fused multiply-adds every platform computes the same bits.
+    "-ffp-contract=off",
+    # sqrt becomes one instruction, and nothing of libm is needed.
+    "-fno-math-errno",
+)
+"""What each compiler of the sources must be given; ``library.cmake`` gives it too."""
+
 
 def library_folders(library: str) -> tuple[str, ...]:
     """Return the folders that make ``library``, a key of :data:`LIBRARIES`."""
@@ -83,13 +91,15 @@ add_fmi_library({model_identifier}
 
 
 def build_description(model_identifier: str, source_files: Sequence[str]) -> bytes:
-    """Return ``sources/buildDescription.xml``.
+    """Return ``sources/buildDescription.xml``, with the options of gcc and clang that equal bits need.
 
     Source: FMI 3.0.2, section 2.6; FMI 2.0.4 and later allow the same file, beside ``SourceFiles`` (section 2.3).
     """
     root = Element("fmiBuildDescription", {"fmiVersion": "3.0"})
     configuration = SubElement(root, "BuildConfiguration", {"modelIdentifier": model_identifier})
-    files = SubElement(configuration, "SourceFileSet", {"language": "C99"})
+    options = " ".join(("-std=c99", "-O2", *ARITHMETIC_FLAGS))
+    built = {"language": "C99", "compiler": "clang", "compilerOptions": options}
+    files = SubElement(configuration, "SourceFileSet", built)
     for name in source_files:
         SubElement(files, "SourceFile", {"name": name})
     indent(root)

@@ -32,15 +32,13 @@ from dataclasses import replace
 import numpy as np
 
 from strainfmu.arrays import FloatArray
-from strainfmu.atmosphere import HEAT_CAPACITY_RATIO
+from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, layer_table
 from strainfmu.errors import InputError
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, chi_square_limit
 from strainfmu.estimator.linear.decomposition import Decomposition, decompose
 from strainfmu.estimator.linear.envelope import (
-    ALTITUDE_STEP,
     MACH_TOLERANCE,
     PRESSURE_TOLERANCE,
-    ambient_pressure_table,
     flight_ranges,
     half_spaces,
 )
@@ -53,7 +51,7 @@ from strainfmu.estimator.linear.masks import MIN_INFORMATION
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.map.proportional_errors import error_model
 from strainfmu.estimator.numerics.fixed_order import householder, product
-from strainfmu.estimator.settings import LARGEST_SENSOR_RANGE, LARGEST_SETTING, default_settings
+from strainfmu.estimator.settings import LARGEST_SETTING, SMALLEST_SETTING, default_settings
 from strainfmu.estimator.zeros.gauge_zeros import LARGEST_ZERO
 from strainfmu.estimator.zeros.tare import KnownStrain
 from strainfmu.fmu.resource.filter import filter_section
@@ -70,13 +68,13 @@ from strainfmu.interface.further_variables import has_further_outputs
 from strainfmu.interface.input_names import NOT_KNOWN
 
 MAGIC = b"SFMUMAP\0"
-FORMAT_VERSION = 3
+FORMAT_VERSION = 4
 CHECKED_FROM = 32
 """Position of the first byte that the checksum covers."""
 
 _BYTE_ORDER_MARK = 0x01020304
 _GUID_SIZE = 80
-_FORM, _N_FREE, _N_HALF_SPACES, _N_ALTITUDES, _HAS_ERRORS, _N_TERMS, _N_SECTIONS = range(7)
+_FORM, _N_FREE, _N_HALF_SPACES, _N_LAYERS, _HAS_ERRORS, _N_TERMS, _N_SECTIONS = range(7)
 """Places of the form, 0 or 1, and of the sizes; the last is zero."""
 
 
@@ -104,7 +102,7 @@ def native_resource(inverse_map: InverseMap, guid: str, known: KnownStrain | Non
     numbers = (*_arrays(inverse_map), *_envelope(inverse_map))
     sizes = [0] * 8
     sizes[_N_HALF_SPACES] = _rows(inverse_map.envelope_limit)
-    sizes[_N_ALTITUDES] = len(ambient_pressure_table())
+    sizes[_N_LAYERS] = len(layer_table())
     if inverse_map.form == "dynamic_pressure":
         parts = decompose(inverse_map)
         numbers += _scaled(inverse_map, parts)
@@ -169,7 +167,7 @@ def _scalars(inverse_map: InverseMap) -> FloatArray:
             MIN_INFORMATION,
             AMBIGUOUS_CORRELATION,
             MIN_DYNAMIC_PRESSURE,
-            LARGEST_SENSOR_RANGE,
+            SMALLEST_SETTING,
             LARGEST_SETTING,
             MAX_DYNAMIC_PRESSURE,
             inverse_map.dynamic_pressure_error,
@@ -179,7 +177,6 @@ def _scalars(inverse_map: InverseMap) -> FloatArray:
             *np.clip(bounds, -sys.float_info.max, sys.float_info.max),
             0.5 * HEAT_CAPACITY_RATIO,
             PRESSURE_TOLERANCE,
-            ALTITUDE_STEP,
             MIN_EXPECTED_RATIO,
             NOT_KNOWN,
             inverse_map.regularisation,
@@ -213,9 +210,9 @@ def _arrays(inverse_map: InverseMap) -> tuple[FloatArray, ...]:
 
 
 def _envelope(inverse_map: InverseMap) -> tuple[FloatArray, ...]:
-    """Return limits and directions of the half-spaces, and p(h)."""
-    envelope, pressure = half_spaces(inverse_map), ambient_pressure_table()
-    return (pressure,) if envelope is None else (pressure, envelope.limit, envelope.direction.T)
+    """Return the layers of the atmosphere, and limits and directions of the half-spaces."""
+    envelope, air = half_spaces(inverse_map), layer_table()
+    return (air,) if envelope is None else (air, envelope.limit, envelope.direction.T)
 
 
 def _scaled(inverse_map: InverseMap, parts: Decomposition) -> tuple[FloatArray, ...]:

@@ -15,7 +15,7 @@ from math import cos, inf, sin
 import numpy as np
 
 from strainfmu.arrays import FloatArray
-from strainfmu.atmosphere import LAYERS, pressure_and_temperature
+from strainfmu.atmosphere import layer_table
 from strainfmu.cosim.models.flight_model import FlightModel
 from strainfmu.cosim.models.gauge_noise import quantile_table
 from strainfmu.cosim.models.trajectory import Trajectory
@@ -72,7 +72,7 @@ def _flight_model_data(model: FlightModel) -> FloatArray:
     """Return the flight model as flight_model.c reads it."""
     n_mach, n_incidence = len(model.mach_knots), len(model.incidence_knots)
     n_channel, n_harmonic = model.strain_table.shape[4:6]
-    layers = _atmosphere_layers()
+    layers = layer_table()
     vented = model.internal_pressure is None
     sizes = [
         model.n_gauges,
@@ -101,14 +101,3 @@ def _flight_model_data(model: FlightModel) -> FloatArray:
         layers,
     )
     return np.concatenate([np.asarray(values, dtype=float).ravel() for values in (sizes, *arrays)])
-
-
-def _atmosphere_layers() -> FloatArray:
-    """Return (k, 5) rows: base [m], top [m], gradient [K/m], pressure [Pa] and temperature [K] at the base."""
-    bases = [base for base, _ in LAYERS]
-    return np.array(
-        [
-            (base, top, gradient, *pressure_and_temperature(base))
-            for (base, gradient), top in zip(LAYERS[:-1], bases[1:], strict=True)
-        ]
-    )

@@ -53,7 +53,7 @@ _FLOW_UNITS = {
 }
 """Units of a quantity, and the one that is meant without any."""
 
-_NOT_NEGATIVE = ("dynamic_pressure_std", "mach_number", *NAVIGATION_NAMES)
+_NOT_NEGATIVE = ("dynamic_pressure_std", *(name for name in NAVIGATION_NAMES if name.endswith(STD)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,8 @@ from collections.abc import Collection, Mapping
 import numpy as np
 
 from strainfmu.arrays import FloatArray
-from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, LAYERS, pressure_and_temperature
+from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, static_pressure_at
+from strainfmu.estimator.arguments import given
 from strainfmu.recorded.columns.column_names import STATIC_PRESSURE
 
 
@@ -22,10 +23,11 @@ def pressure_sources(held: Collection[str]) -> tuple[str, ...]:
 
 
 def computed_pressure(flow: Mapping[str, FloatArray]) -> FloatArray:
-    """Return (n,) q_inf [Pa] by the sources of ``flow`` [1, Pa, m]; NaN where one is not known."""
+    """Return (n,) q_inf [Pa] by the sources of ``flow`` [1, Pa, m]; NaN where one is not given, 0 at rest."""
     _, other = pressure_sources(flow)
-    static = flow[other] if other == STATIC_PRESSURE else _standard_pressure(flow[other])
-    return np.asarray(0.5 * HEAT_CAPACITY_RATIO * static * flow["mach_number"] ** 2)
+    mach, stated = flow["mach_number"], given(flow[other])
+    static = stated if other == STATIC_PRESSURE else static_pressure_at(stated)
+    return np.asarray(np.where(mach == 0.0, 0.0, 0.5 * HEAT_CAPACITY_RATIO * static * given(mach) ** 2))
 
 
 def flown_pressure(dynamic_pressure: FloatArray, flow: Mapping[str, FloatArray]) -> FloatArray:
@@ -33,13 +35,6 @@ def flown_pressure(dynamic_pressure: FloatArray, flow: Mapping[str, FloatArray])
     if not pressure_sources(flow):
         return dynamic_pressure
     return np.where(np.isnan(dynamic_pressure), computed_pressure(flow), dynamic_pressure)
-
-
-def _standard_pressure(altitude: FloatArray) -> FloatArray:
-    """Return (n,) p_inf [Pa] at geopotential altitudes (n,) [m]; NaN beyond the atmosphere."""
-    distinct, which = np.unique(altitude, return_inverse=True)
-    held = [pressure_and_temperature(h)[0] if 0.0 <= h <= LAYERS[-1][0] else np.nan for h in distinct]
-    return np.array(held)[which]
 
 
 def pressure_note(sources: tuple[str, ...]) -> str:

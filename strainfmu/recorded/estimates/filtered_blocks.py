@@ -17,6 +17,7 @@ from strainfmu.estimator.filter.kalman import Law
 from strainfmu.estimator.filter.linear_filter import LinearFilter, LinearStep
 from strainfmu.estimator.filter.settings import LARGEST, FilterSettings
 from strainfmu.estimator.filter.smoothing import smoothed
+from strainfmu.interface.input_names import given_flow
 from strainfmu.recorded.columns.columns import StrainBlock
 from strainfmu.recorded.columns.sensor_readings import rows_of_map
 from strainfmu.recorded.estimates.block_estimates import BlockEstimates, BlockEstimator
@@ -62,11 +63,11 @@ class FilteredFlight(FlightBlocks):
         """Return the steps of a block."""
         found, readings = [], self.rows_of(block)
         for row, seconds in enumerate(_time_steps(block, last)):
-            flow = {name: float(values[row]) for name, values in block.flow.items()}
+            flow = given_flow({name: float(values[row]) for name, values in block.flow.items()})
             flow["dynamic_pressure"] = float(block.dynamic_pressure[row])
             parameters = {name: values[row] for name, values in block.parameters.items()}
             warm = None if block.temperature is None else block.temperature[row]
-            std = {name: values[row] for name, values in block.parameters_std.items()}
+            std = given_flow({name: float(values[row]) for name, values in block.parameters_std.items()})
             step = self._filter.recorded(
                 seconds, readings[row], flow, temperature=warm, parameters=parameters, parameters_std=std
             )

@@ -20,6 +20,7 @@ from strainfmu.estimator.manifold.navigation import NAVIGATION
 from strainfmu.estimator.manifold.tracker import FlightTracker
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.settings import default_settings
+from strainfmu.interface.input_names import given_flow
 from strainfmu.interface.parameter_variables import OUTSIDE_PREFIX
 from strainfmu.interface.sensor_variables import reading_units
 from strainfmu.recorded.columns.column_names import FLOW_NAMES, NAVIGATION_NAMES
@@ -160,11 +161,11 @@ class FlightBlocks:
         return np.concatenate([air.value, air.std, air.is_identified, flags, of_map]).astype(float)
 
     def _step(self, block: StrainBlock, row: int, readings: FloatArray) -> FlightEstimate:
-        flow: dict[str, Any] = {name: float(values[row]) for name, values in block.flow.items()}
+        flow: dict[str, Any] = given_flow({name: float(values[row]) for name, values in block.flow.items()})
         warm = None if block.temperature is None else block.temperature[row]
         parameters = {name: values[row] for name, values in block.parameters.items()}
         pressure = float(block.dynamic_pressure[row])
-        std = {name: values[row] for name, values in block.parameters_std.items()}
+        std = given_flow({name: float(values[row]) for name, values in block.parameters_std.items()})
         return self._tracker.step(
             readings, pressure, temperature=warm, parameters=parameters, parameters_std=std, **flow
         )
@@ -180,7 +181,7 @@ class _FlowArguments(TypedDict, total=False):
 
 def flow_of(block: StrainBlock) -> _FlowArguments:
     """Return what ``block`` holds of the flow beside q_inf, as arguments of an estimator."""
-    return cast("_FlowArguments", dict(block.flow))
+    return cast("_FlowArguments", given_flow(block.flow))
 
 
 def _sensor_names(inverse_map: InverseMap) -> tuple[str, ...]:

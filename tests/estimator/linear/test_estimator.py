@@ -23,8 +23,9 @@ from strainfmu.estimator.linear.masked_map import CACHED_MASKS
 from strainfmu.estimator.linear.moment_point import moment_transfer
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.settings import (
-    LARGEST_SENSOR_RANGE,
+    LARGEST_SETTING,
     SENSOR_RANGE,
+    SMALLEST_SETTING,
     EstimatorSettings,
     default_settings,
 )
@@ -108,8 +109,8 @@ def test_range_of_the_sensors_is_the_users() -> None:
     assert Estimator(inverse_map).estimate(strain, Q).valid.all()
     narrow = Estimator(inverse_map, changed(inverse_map, sensor_range=1e-3)).estimate(strain, Q)
     np.testing.assert_array_equal(narrow.valid, ~missing(N_GAUGES, 3))
-    strain[3] = 1e100
-    wide = Estimator(inverse_map, changed(inverse_map, sensor_range=LARGEST_SENSOR_RANGE))
+    strain[3] = LARGEST_SETTING
+    wide = Estimator(inverse_map, changed(inverse_map, sensor_range=LARGEST_SETTING))
     assert wide.estimate(strain, Q).health is HealthState.INCONSISTENT
 
 
@@ -119,12 +120,14 @@ def changed(inverse_map: InverseMap, **settings: float) -> EstimatorSettings:
 
 
 @pytest.mark.parametrize("name", [entry.name for entry in fields(EstimatorSettings)])
-@pytest.mark.parametrize("wrong", [0.0, -1.0, np.nan, np.inf, -np.inf, 1e101])
+@pytest.mark.parametrize(
+    "wrong", [0.0, -1.0, np.nan, np.inf, -np.inf, 1.01 * LARGEST_SETTING, 0.99 * SMALLEST_SETTING]
+)
 def test_settings_that_cannot_be_are_refused(name: str, wrong: float) -> None:
     if name == "moment_station" and abs(wrong) <= 1.0:
         assert changed(random_map(), moment_station=wrong).moment_station == wrong
         return
-    with pytest.raises(InputError, match=rf"{name}: .* found, must be .*1e\+100"):
+    with pytest.raises(InputError, match=rf"{name}: .* found, must be between .* and 1e\+09"):
         changed(random_map(), **{name: wrong})
 
 
@@ -308,7 +311,7 @@ def test_a_lost_gauge_costs_once() -> None:
 def test_mask_handed_in_may_change_afterwards() -> None:
     estimator = Estimator(random_map())
     valid = ~missing(N_GAUGES, 2)
-    first = estimator.estimate(np.zeros(N_GAUGES), Q, valid=valid)
+    first = estimator.estimate(np.full(N_GAUGES, 1e-6), Q, valid=valid)
     valid[:] = True
     np.testing.assert_array_equal(first.valid, ~missing(N_GAUGES, 2))
     other = ~missing(N_GAUGES, 3)
@@ -370,7 +373,7 @@ def test_repeat_is_bit_identical_and_leaves_the_strain_alone() -> None:
 def test_what_is_handed_out_is_the_caller_s() -> None:
     """Whatever is done to one estimate, the next and the map stay as they were."""
     estimator = Estimator(random_map())
-    strain, kept = np.zeros(estimator.inverse_map.n_gauges), estimator.inverse_map.load_covariance.copy()
+    strain, kept = np.full(estimator.inverse_map.n_gauges, 1e-6), estimator.inverse_map.load_covariance.copy()
     first = estimator.estimate(strain, 9e4)
     before = first.loads_std.copy(), first.load_covariance.copy()
     for array in (first.loads_std, first.load_covariance, first.valid):

@@ -8,6 +8,7 @@ from flight_maps import ROWS, STATIONS, flight_map
 from scaled_maps import scaled_map
 
 from strainfmu.estimator.health import HealthState
+from strainfmu.estimator.manifold import solve
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.flight_health import LARGEST_REST, flight_health
 from strainfmu.estimator.manifold.gauss_newton import Linearised, Samples
@@ -16,6 +17,7 @@ from strainfmu.estimator.manifold.solve import solution, solve_cold
 from strainfmu.estimator.manifold.starts import search_table
 from strainfmu.estimator.manifold.tracker import RETURN_AFTER, SEARCH_EVERY, FlightTracker, Track
 from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, U, W, evaluate
+from strainfmu.estimator.tables.manifold_map import ManifoldMap
 
 pytestmark = pytest.mark.fast
 N_D = STATIONS * ROWS
@@ -144,3 +146,39 @@ def test_iterations_that_have_not_ended_degrade(estimator: ManifoldEstimator) ->
     )
     assert judged.health.tolist() == [HealthState.OK, HealthState.OK, HealthState.DEGRADED]
     assert np.max(found.rest) < 0.1
+
+
+@pytest.fixture
+def iterations(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Number of iterations of the flight state so far, one entry for each call."""
+    seen: list[int] = []
+    one_step = solve.stepped
+
+    def noted(manifold: ManifoldMap, at: Linearised, before: Linearised | None = None) -> np.ndarray:
+        seen.append(len(at.state))
+        return one_step(manifold, at, before)
+
+    monkeypatch.setattr(solve, "stepped", noted)
+    return seen
+
+
+def test_a_step_takes_so_many_iterations(estimator: ManifoldEstimator, iterations: list[int]) -> None:
+    """The numbers of docs/reference/step_time.md."""
+    (state,), (strain,) = flights(estimator, 1, 2)
+    q, mach, none = dynamic_pressure(state), float(state[MACH]), np.nan
+    misfit = strain + np.max(np.abs(strain)) * np.cos(np.arange(N_D))
+
+    def counts(tracker: FlightTracker, readings: np.ndarray, n: int, q: float, mach: float) -> list[int]:
+        found = []
+        for _ in range(n):
+            iterations.clear()
+            tracker.step(readings, q, mach_number=mach)
+            found.append(sum(iterations))
+        return found
+
+    tracker = FlightTracker(estimator)
+    assert counts(tracker, strain, 12, q, mach) == [32] + 11 * [2]
+    settled = tracker.track
+    assert counts(tracker, misfit, 12, q, mach) == [34] + 10 * [2] + [34]
+    assert counts(FlightTracker(estimator), strain, 12, none, none) == [32] + 10 * [2] + [26]
+    assert counts(FlightTracker(estimator, settled), misfit, 1, none, 1.5 * mach) == [124]

@@ -13,6 +13,8 @@ import pytest
 from fmpy.validation import validate_fmu
 from lxml import etree
 
+from strainfmu.fmu.native.sources import ARITHMETIC_FLAGS
+
 KINDS = ["native", "native_3", "scalars", "python", "plant"]
 SCHEMA = Path(fmpy.__file__).parent / "schema"
 LARGEST = 1500 * 1024
@@ -78,6 +80,18 @@ def test_libraries_are_named_after_the_model_and_lie_in_folders_of_their_version
 
 
 @pytest.mark.parametrize("kind", ["native", "native_3"])
+def test_both_ways_to_build_forbid_fused_multiply_adds(fmus: dict[str, Path], kind: str) -> None:
+    with zipfile.ZipFile(fmus[kind]) as archive:
+        root = etree.fromstring(archive.read("sources/buildDescription.xml"))
+        recipe = archive.read("sources/library.cmake").decode()
+    (files,) = root.iter("SourceFileSet")
+    options = files.get("compilerOptions", "").split()
+    assert files.get("compiler") == "clang"
+    assert set(ARITHMETIC_FLAGS) == {"-ffp-contract=off", "-fno-math-errno"} <= set(options)
+    assert all(flag in recipe for flag in ARITHMETIC_FLAGS)
+
+
+@pytest.mark.parametrize("kind", ["native", "native_3"])
 def test_sources_are_complete(fmus: dict[str, Path], kind: str, tmp_path: Path) -> None:
     """Every file to compile is listed, is there, and compiles with what lies beside it and the headers of FMI.
 
@@ -95,7 +109,9 @@ def test_sources_are_complete(fmus: dict[str, Path], kind: str, tmp_path: Path) 
     if compiler is None:
         pytest.skip("no C compiler here")
     headers = Path(fmpy.__file__).parent / "c-code"
-    flags = ["-std=c99", "-fsyntax-only", "-Werror=implicit-function-declaration", f"-I{headers}"]
+    (files,) = etree.parse(str(tmp_path / described[0])).getroot().iter("SourceFileSet")
+    options = files.get("compilerOptions").split()
+    flags = [*options, "-fsyntax-only", "-Werror=implicit-function-declaration", f"-I{headers}"]
     command = [compiler, *flags, *listed]
     done = subprocess.run(command, cwd=sources, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr

@@ -24,11 +24,10 @@ from strainfmu.estimator.settings import EstimatorSettings, default_settings
 from strainfmu.fmu.reference_run.run import N_ROWS
 from strainfmu.interface.estimator_variables import (
     FLOW_INPUTS,
-    NOT_KNOWN,
     PARAMETERS,
-    known_flow,
     output_values,
 )
+from strainfmu.interface.input_names import given_flow
 
 pytestmark = pytest.mark.fast
 
@@ -76,9 +75,9 @@ STEPS = st.tuples(
     st.lists(st.sampled_from([True, True, True, False]), min_size=N_GAUGES, max_size=N_GAUGES),
     st.tuples(
         st.sampled_from([9e4, 1e3, 1e7, 1.1e7, 0.0, -1.0, np.nan, np.inf]),
-        st.sampled_from([0.0, 0.0, 1e3, -1.0, np.nan, NOT_KNOWN]),
-        st.sampled_from([np.nan, NOT_KNOWN, 6.0, 4.0, -1.0]),
-        st.sampled_from([np.nan, NOT_KNOWN, 2e4, 1e5, -1.0]),
+        st.sampled_from([0.0, 1e-3, 1e3, -1.0, np.nan, np.inf]),
+        st.sampled_from([np.nan, 0.0, 6.0, 4.0, -1.0]),
+        st.sampled_from([np.nan, 0.0, 2e4, 1e5, -1.0]),
     ),
     st.tuples(
         st.sampled_from([0.05, 1e-4]),
@@ -95,7 +94,7 @@ STEPS = st.tuples(
 def test_native_and_python_kind_equal_the_estimator(hosts: Hosts, step: tuple) -> None:
     """1e-12 of each output, or of what it is the difference of; the Python kind runs the same code: equal bits."""
     strain, valid, flow, values = step
-    q, q_std, mach_number, altitude = known_flow(flow)
+    q, q_std, mach_number, altitude = given_flow(dict(zip(FLOW, flow, strict=True))).values()
     inverse_map = hosts.estimator.inverse_map
     chosen = replace(default_settings(inverse_map), **dict(zip(PARAMETERS, values, strict=True)))
     reference = hosts.estimator.with_settings(chosen).step(
@@ -203,11 +202,16 @@ def test_arrays_equal_the_scalars(hosts: Hosts, fmus: dict[str, Path], tmp_path:
 def test_model_exchange_gives_what_co_simulation_does(fmus: dict[str, Path], kind: str) -> None:
     """There is no state to integrate: at each point outputs belong to the inputs of that point."""
     name = "C_A" if kind == "native" else "coefficients"
+    strain = 1e-6 * np.arange(1.0, N_GAUGES + 1)
+    start = dict(zip(STRAINS, strain, strict=True)) if kind == "native" else {"strain": strain}
     results = [
-        fmpy.simulate_fmu(str(fmus[kind]), stop_time=0.2, output_interval=0.1, fmi_type=fmi_type)[name]
+        fmpy.simulate_fmu(
+            str(fmus[kind]), stop_time=0.2, output_interval=0.1, fmi_type=fmi_type, start_values=start
+        )[name]
         for fmi_type in ("CoSimulation", "ModelExchange")
     ]
     np.testing.assert_array_equal(*results)
+    assert np.isfinite(results).all()
 
 
 def test_the_reference_table_is_as_the_rules_want_it(fmus: dict[str, Path]) -> None:

@@ -57,7 +57,7 @@ def test_health_and_scores(paths: dict[str, Path], tmp_path: Path, kind: str) ->
         for values, state, scores in (
             ([4.0, 0.25, 2.0], HealthState.OK, [0.0, 0.0, 0.0]),
             ([6.0, 0.25, np.nan], HealthState.OUTSIDE, [0.25, 0.0, 0.0]),
-            ([np.nan, -0.25, -1e9], HealthState.OUTSIDE, [0.0, 0.5, 0.0]),
+            ([np.nan, -0.25, -9999.0], HealthState.OUTSIDE, [0.0, 0.5, 0.0]),
         ):
             host.set(inputs, values)
             assert host.health() == state

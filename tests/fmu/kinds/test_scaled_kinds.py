@@ -19,7 +19,7 @@ from strainfmu.estimator.linear.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap, save_inverse_map
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 from strainfmu.fmu.export import export_estimator
-from strainfmu.interface.estimator_variables import FLOW_INPUTS, NOT_KNOWN, known_flow, output_values
+from strainfmu.interface.estimator_variables import FLOW_INPUTS, output_values
 from strainfmu.interface.zero_variables import zero_names
 
 pytestmark = pytest.mark.fast
@@ -62,10 +62,11 @@ def test_both_kinds_give_what_numpy_does(kinds: Kinds) -> None:
         assert error is not None
         strain = ratio * (kinds.inverse_map.mean_strain + 0.5 * error @ random.normal(size=error.shape[1]))
         valid = random.uniform(size=N) > 0.1 * (k % 3)
-        flow = [q, *random.choice([NOT_KNOWN, np.nan], size=3)]
+        flow = [q, *random.choice([0.0, -1.0, np.nan], size=3)]
         if k % 4 == 0:
             flow[1:] = [0.02 * ratio * NOMINAL, float(random.choice([6.0, 8.0])), 2e4]
-        q_std, mach_number, altitude = known_flow(flow)[1:]
+        q_std, mach_number, altitude = flow[1:]
+        q_std = q_std if q_std > 0.0 else np.nan
         expected = estimator.step(strain, q, valid, q_std, mach_number=mach_number, altitude=altitude)
         values = dict(zip(outputs, output_values(expected), strict=True))
         seen.add(expected.health)
@@ -89,7 +90,7 @@ def test_both_kinds_take_zeros_off_as_numpy_does(kinds: Kinds) -> None:
         expected = output_values(estimator.with_zeros(zeros).step(strain + zeros.value, NOMINAL))
         for kind, host in kinds.hosts.items():
             host.set_booleans([f"valid[{i + 1}]" for i in range(N)], [True] * N)
-            host.set([*names, *FLOW_INPUTS], [*(strain + zeros.value), NOMINAL, *[NOT_KNOWN] * 3])
+            host.set([*names, *FLOW_INPUTS], [*(strain + zeros.value), NOMINAL, 0.0, 0.0, 0.0])
             host.set(zero_names(N), [*zeros.value, *zeros.std, zeros.common_std])
             found = host.get(list(host.references)[:20])
             np.testing.assert_allclose(found, expected[:20], rtol=0.0 if kind == "python" else 1e-11)
@@ -112,5 +113,8 @@ def test_loads_depend_on_the_dynamic_pressure(kinds: Kinds, kind: str) -> None:
 @pytest.mark.parametrize("kind", OPTIONS)
 def test_fmpy_finds_no_fault_and_simulates(kinds: Kinds, kind: str) -> None:
     assert validate_fmu(str(kinds.paths[kind])) == []
-    result = simulate_fmu(str(kinds.paths[kind]), stop_time=0.2, output_interval=0.1)
+    strain = kinds.inverse_map.mean_strain
+    scalars = {f"strain[{i}]": one for i, one in enumerate(strain, start=1)}
+    start = {"strain": strain} if kind == "native_3" else scalars
+    result = simulate_fmu(str(kinds.paths[kind]), stop_time=0.2, output_interval=0.1, start_values=start)
     assert np.isfinite(result["health.envelope_score"]).all()

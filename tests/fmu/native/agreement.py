@@ -93,12 +93,13 @@ def _navigation(random: np.random.Generator, k: int, pressure: float) -> tuple[f
 
 
 def estimated(estimator: Estimator, sample: Sample, **known: Any) -> LoadEstimate:
-    """The estimate of ``sample``; what else is ``known``, such as temperatures, as the estimator takes it."""
+    """The estimate of ``sample`` as an FMU takes it; what else is ``known``, such as temperatures, as it is."""
+    deviation = sample.dynamic_pressure_std
     return estimator.step(
         sample.strain,
         sample.dynamic_pressure,
         sample.valid,
-        sample.dynamic_pressure_std,
+        deviation if deviation > 0.0 else np.nan,
         mach_number=sample.mach_number,
         altitude=sample.altitude,
         **known,

@@ -34,11 +34,11 @@ static void put_u64(unsigned char *bytes, size_t position, uint64_t value) {
 }
 
 #define VALUES_AT (HEADER_SIZE + 4 * N_SIZES)
-#define N_SCALARS 28
+#define N_SCALARS 27
 
 /* Whether a scalar of the map must be positive. */
 static int is_positive(size_t scalar) {
-    static const unsigned char POSITIVE[] = {0, 1, 3, 4, 7, 12, 13, 23, 26, 27};
+    static const unsigned char POSITIVE[] = {0, 1, 3, 4, 7, 8, 12, 13, 25, 26};
     return memchr(POSITIVE, (int)scalar, sizeof POSITIVE) != NULL;
 }
 
@@ -48,10 +48,10 @@ static unsigned char *repaired_map(const uint8_t *data, size_t size, int finite,
     const size_t n = size > 0 ? 1 + data[0] % 7 : 1, states = size > 1 ? data[1] % 9 : 0;
     const size_t freedom = size > 2 ? 1 + data[2] % n : 1, bits = size > 3 ? data[3] : 0;
     const size_t prior = bits & 1u, scaled = bits >> 1 & 1u, errors = scaled & bits >> 2, half_spaces = bits >> 3 & 3u;
-    const size_t terms = errors ? bits >> 5 & 3u : 0, altitudes = 2 + (bits >> 7);
+    const size_t terms = errors ? bits >> 5 & 3u : 0, layers = 1 + (bits >> 7);
     const size_t triangle = n * (n + 1) / 2;
     size_t doubles = N_SCALARS + n + 5 + 5 * n + 25 + 4 * triangle + 5 * n + 25 + states * n + 5 * states + 3 * n + n * n;
-    doubles += altitudes + 6 * half_spaces + scaled * (n * n + n + 5 * n + 25 + 2 * n + 10 + n + 2 * n * n + 5 * n + 25);
+    doubles += LAYER_SIZE * layers + 6 * half_spaces + scaled * (n * n + n + 5 * n + 25 + 2 * n + 10 + n + 2 * n * n + 5 * n + 25);
     doubles += errors * (21 * n + 21 + 6 * terms * n);
     *length = VALUES_AT + 8 * doubles;
     unsigned char *bytes = calloc(1, *length);
@@ -66,7 +66,7 @@ static unsigned char *repaired_map(const uint8_t *data, size_t size, int finite,
         value = !isfinite(value) ? 1.0 : is_positive(i) ? fabs(value) + 1e-9 : value;
         memcpy(bytes + VALUES_AT + 8 * i, &value, 8);
     }
-    const size_t sizes[N_SIZES] = {scaled, scaled && !prior ? n - freedom : 0, half_spaces, altitudes, errors, terms};
+    const size_t sizes[N_SIZES] = {scaled, scaled && !prior ? n - freedom : 0, half_spaces, layers, errors, terms};
     for (size_t k = 0; k < N_SIZES; k++) {
         put_u32(bytes, HEADER_SIZE + 4 * k, (uint32_t)sizes[k]);
     }
@@ -109,13 +109,15 @@ static void use(Estimator *e) {
     for (unsigned step = 0; step < 10; step++) {
         for (size_t i = 0; i < e->map.n_gauges; i++) {
             e->input[i] = step == 3 && i == 1 ? NAN : 1e-4 * (double)((i * 7 + step) % 5);
+            e->given[i] = 1;
             e->valid[i] = step < 8 ? (unsigned char)((i + step) % 5 != 0) : step == 9;
         }
+        e->n_given = e->map.n_gauges;
         double *scalar = e->input + e->map.n_gauges;
         scalar[DYNAMIC_PRESSURE] = e->map.dynamic_pressure * (1.0 + 0.4 * step);
         scalar[DYNAMIC_PRESSURE_STD] = step % 3 ? NAN : 0.1 * e->map.dynamic_pressure;
         scalar[MACH_NUMBER] = step % 2 ? NAN : 6.0;
-        scalar[ALTITUDE] = step % 4 ? 0.3 * step * e->map.envelope.altitude_step : NAN;
+        scalar[ALTITUDE] = step % 4 ? 3e3 * step : NAN;
         if (e->flight.filter.present) { /* off, then on from the fifth step to the last but one */
             e->input[filter_setting(e)] = step < 4 || step == 9 ? 0.0 : 1.0;
         }

@@ -24,6 +24,9 @@
     DO(fmi2DoStep)                                                                                                     \
     DO(fmi2GetReal)                                                                                                    \
     DO(fmi2GetInteger)                                                                                                 \
+    DO(fmi2GetBoolean)                                                                                                 \
+    DO(fmi2GetDirectionalDerivative)                                                                                   \
+    DO(fmi2Reset)                                                                                                      \
     DO(fmi2SetReal)                                                                                                    \
     DO(fmi2SetBoolean)                                                                                                 \
     DO(fmi2GetFMUstate)                                                                                                \

@@ -114,6 +114,7 @@ int main(int argc, char **argv) {
         e->wide = run % 2 ? panels_wide() : 0;
         for (size_t s = 0; s < sizeof SCALES / sizeof *SCALES; s++) {
             estimator_reset(e);
+            estimator_note_given(e, 0, n);
             e->valid[n / 2] = run < 2;
             e->input[n + SENSOR_RANGE] = 1e100;
             e->input[n + ALARM_SCALE] = SCALES[s];

@@ -17,7 +17,7 @@ from sensor_maps import with_sensors
 from thermal_maps import with_temperature
 
 from strainfmu.fmu.native.build import library_file
-from strainfmu.interface.estimator_variables import NOT_KNOWN, estimator_interface
+from strainfmu.interface.estimator_variables import estimator_interface
 from strainfmu.interface.filter_variables import FILTER_TIME_CONSTANT
 from strainfmu.interface.input_names import FLOW_INPUTS
 
@@ -56,9 +56,9 @@ def inputs(flight: NativeCase, tmp_path_factory: pytest.TempPathFactory) -> Path
         bent = random.normal(size=N_D) * (1e-5 if number % 5 == 4 else 0.0)
         for sample in random_flight(flight.inverse_map, STEPS, seed=number):
             valid = random.random(N_D) > (0.2 if number % 3 == 1 else 0.0)
-            flow = [sample.flow.get(name, NOT_KNOWN) for name in FLOW_INPUTS]
+            flow = [sample.flow.get(name, 0.0) for name in FLOW_INPUTS]
             known = random.random(len(flow)) > (0.0, 0.0, 0.5, 1.0)[number % 4]
-            rows.append(np.concatenate([scale * (sample.strain + bent), valid, np.where(known, flow, NOT_KNOWN)]))
+            rows.append(np.concatenate([scale * (sample.strain + bent), valid, np.where(known, flow, 0.0)]))
     path = tmp_path_factory.mktemp("inputs") / "flight.bin"
     path.write_bytes(np.array(rows).astype("<f8").tobytes())
     return path

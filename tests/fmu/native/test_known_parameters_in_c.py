@@ -40,7 +40,7 @@ STATED: tuple[Known, ...] = (
     (0.4, np.nan),
     (2.5, 0.0),
     (NOT_KNOWN, 0.1),
-    (-1.1, NOT_KNOWN),
+    (-1.1, 0.0),
     (7.0, 0.5),  # out of its range, and used
     (13.0, 0.5),  # too far out
     (np.nan, 0.1),
@@ -129,7 +129,7 @@ class Pair:
             pressure[flight],
             mach_number=mach[flight],
             parameters={NAME: value},
-            parameters_std={NAME: std if std >= 0.0 else np.nan},
+            parameters_std={NAME: std if std > 0.0 else np.nan},
             temperature=temperature,
         )
         expected = dict(zip(self.names, output_values(found, with_further=True), strict=True))
@@ -187,7 +187,7 @@ def test_what_is_not_stated_changes_no_bit(pair: Pair, tmp_path: Path) -> None:
     assert manifold is not None
     without = Pair(replace(known_map(), manifold=replace(manifold, parameters=None)), tmp_path / "without")
     assert STD not in without.reference
-    for flight, known in ((0, (1.0, NOT_KNOWN)), (1, (1.0, np.nan)), (2, (-2.0, -0.5))):
+    for flight, known in ((0, (1.0, 0.0)), (1, (1.0, np.nan)), (2, (-2.0, -0.5))):
         pair.give(flight, known)
         without.fmu.set_strain(flights()[0][flight])
         without.set(dynamic_pressure=flights()[1][flight], mach_number=flights()[2][flight])
@@ -211,7 +211,7 @@ def test_state_and_reset(pair: Pair) -> None:
     assert pair.get(*REALS).tobytes() == held.tobytes()
     assert pair.fmu.call("Reset") == OK
     pair.fmu.start()
-    assert pair.get(STD, VALUE).tolist() == [NOT_KNOWN, NOT_KNOWN]
+    assert pair.get(STD, VALUE).tolist() == [0.0, NOT_KNOWN]
     status, moved = pair.fmu.deserialise(content)
     assert status == OK
     assert pair.fmu.call("SetFMUstate", moved) == OK

@@ -243,6 +243,7 @@ def test_without_the_filter_nothing_is_remembered(fmu: LinearFmu, inverse_map: I
 def test_no_derivatives_while_the_filter_is_on(fmu: LinearFmu, inverse_map: InverseMap) -> None:
     samples = linear_flight(inverse_map, 3, seed=4, poor=False)
     assert fmu.filter(1.0) == OK
+    fmu.give(samples[0])
     assert np.isfinite(fmu.derivative([0], [N_OUTPUTS], [1.0])).all()
     for k, sample in enumerate(samples):
         fmu.advance(sample, k * STEP, STEP)

@@ -16,7 +16,7 @@ from scaled_maps import scaled_map, whole_scaled_map
 from thermal_maps import with_temperature
 
 from strainfmu.fmu.native.build import library_file
-from strainfmu.interface.estimator_variables import NOT_KNOWN, estimator_interface
+from strainfmu.interface.estimator_variables import estimator_interface
 from strainfmu.interface.filter_variables import FILTER_TIME_CONSTANT
 
 pytest.importorskip("ziglang", reason="needs zig: pip install 'strainfmu[native]'")
@@ -45,7 +45,7 @@ def case(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
 def inputs(case: NativeCase, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A flight that jumps half way; gauges, samples and q_inf get lost."""
     flight = [*linear_flight(case.inverse_map, STEPS // 2, 2), *linear_flight(case.inverse_map, STEPS // 2, 99)]
-    navigation = [NOT_KNOWN, NOT_KNOWN]
+    navigation = [0.0, 0.0]
     rows = [np.concatenate([one.strain, one.valid, [one.pressure, one.deviation], navigation]) for one in flight]
     path = tmp_path_factory.mktemp("inputs") / "flight.bin"
     path.write_bytes(np.array(rows).astype("<f8").tobytes())

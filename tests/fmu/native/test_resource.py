@@ -80,7 +80,7 @@ def test_truncated_and_extended(small: NativeCase, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("position", "value", "text"),
     [
-        (8, 1, "has format version 1, must be 3: export the FMU again"),
+        (8, 1, "has format version 1, must be 4: export the FMU again"),
         (12, 0x04030201, "has another byte order than this machine"),
         (32, 0, "is for 0 gauges"),
         (32, 9, "which is wrong for 9 gauges and 3 states"),
@@ -94,7 +94,7 @@ def test_truncated_and_extended(small: NativeCase, tmp_path: Path) -> None:
         (132, 1, "is of form 0 with 1 free states"),
         (136, 70_000, "70000 half-spaces"),
         (136, 1, "which is wrong for 8 gauges"),
-        (140, 1, "1 altitudes"),
+        (140, 0, "0 layers of air"),
         (144, 1, "which cannot be"),
         (148, 1, "1 error terms"),
         (152, 1, "which is wrong for 8 gauges"),

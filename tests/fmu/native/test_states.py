@@ -60,6 +60,7 @@ def test_serialised_state_moves_to_another_instance(case: NativeCase) -> None:
 @pytest.mark.parametrize("position", [0, 7, 8, 12, 16, 20, 24, 28, 32, 39, 40, 100, -1])
 def test_altered_state(small: NativeCase, position: int) -> None:
     fmu = Fmu2(small.uri, small.n).start()
+    fmu.set_strain(small.inverse_map.mean_strain)
     content = bytearray(fmu.serialise(fmu.get_state()))
     content[position] ^= 0x40
     status, state = fmu.deserialise(bytes(content))

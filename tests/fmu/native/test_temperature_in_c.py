@@ -23,7 +23,6 @@ from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.map.temperature import ThermalMap
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros, no_zeros
 from strainfmu.fmu.resource.temperature import SECTION
-from strainfmu.interface.input_names import NOT_KNOWN
 
 pytestmark = pytest.mark.fast
 
@@ -58,10 +57,10 @@ def drawn_temperature(thermal: ThermalMap, k: int, random: np.random.Generator) 
     amplitude = thermal.prior_std * random.normal(size=len(thermal.prior_std))
     temperature = REFERENCE + thermal.sensor_operator @ amplitude + thermal.sensor_std * random.normal(size=N_T)
     if k % 5 == 1:
-        broken = [NOT_KNOWN, np.nan, np.inf, 1e5, REFERENCE + 2001.0]
+        broken = [0.0, -1.0, np.nan, np.inf, 1e5, REFERENCE + 2001.0]
         temperature[random.choice(N_T, 3, replace=False)] = random.choice(broken, 3)
     if k % 17 == 3:
-        temperature[:] = NOT_KNOWN
+        temperature[:] = 0.0
     return temperature
 
 
@@ -93,7 +92,7 @@ def test_as_numpy_while_sensors_and_zeros_change(hot: NativeCase) -> None:
         fmu.set_valid(moved.valid)
         assert fmu.set_scalars(0, *moved.flow) == OK
         reference.check(moved, fmu.outputs())
-    give_temperature(fmu, np.full(N_T, NOT_KNOWN), hot.n)
+    give_temperature(fmu, np.zeros(N_T), hot.n)
     assert fmu.set_reals(range(first_zero(hot.n), first_temperature(hot.n)), np.zeros(2 * hot.n + 1)) == OK
     for one in (fmu, plain):
         one.set_strain(sample.strain)
@@ -154,7 +153,7 @@ def test_state_brings_temperatures_back(hot: NativeCase) -> None:
     assert thermal is not None
     fmu = Fmu2(hot.uri, hot.n).start()
     cold = fmu.get_reals(range(first_temperature(hot.n), first_temperature(hot.n) + N_T))
-    assert cold.tolist() == [NOT_KNOWN] * N_T
+    assert cold.tolist() == [0.0] * N_T
     fmu.set_strain(hot.inverse_map.mean_strain)
     give_temperature(fmu, drawn_temperature(thermal, 1, random), hot.n)
     expected = fmu.outputs()
@@ -165,10 +164,7 @@ def test_state_brings_temperatures_back(hot: NativeCase) -> None:
     assert fmu.call("SetFMUstate", state) == OK
     assert fmu.outputs().tobytes() == expected.tobytes()
     assert fmu.call("Reset") == OK
-    assert (
-        fmu.get_reals(range(first_temperature(hot.n), first_temperature(hot.n) + N_T)).tolist()
-        == [NOT_KNOWN] * N_T
-    )
+    assert fmu.get_reals(range(first_temperature(hot.n), first_temperature(hot.n) + N_T)).tolist() == [0.0] * N_T
     fmu.call("FreeFMUstate", byref(state))
 
 
@@ -177,7 +173,7 @@ def test_derivatives_are_those_of_differences(hot: NativeCase) -> None:
     random, thermal, n = np.random.default_rng(7), hot.inverse_map.thermal, hot.n
     assert thermal is not None
     fmu, temperature = Fmu2(hot.uri, n).start(), drawn_temperature(thermal, 0, random)
-    temperature[2] = NOT_KNOWN
+    temperature[2] = 0.0
     strain = hot.inverse_map.mean_strain + hot.inverse_map.noise_std
     inputs = [*range(27, 27 + n), *range(first_temperature(n), first_temperature(n) + N_T)]
     at, direction = np.concatenate([strain, temperature]), np.concatenate([0.01 * strain, random.normal(size=N_T)])

@@ -55,6 +55,22 @@ def loaded_libraries() -> set[str]:
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="loads the FMU's library for Linux")
+def test_a_host_without_an_interpreter_cannot_load_it(
+    fmus: dict[str, Path], foreign_host: Path, tmp_path: Path
+) -> None:
+    """As the FMU's page says, and the export."""
+    fmpy.extract(str(fmus["python"]), str(tmp_path))
+    (library,) = (tmp_path / "binaries" / "linux64").glob("*.so")
+    command = [foreign_host, library, "guid", (tmp_path / "resources").as_uri()]
+    environment = {name: value for name, value in os.environ.items() if name != "LD_PRELOAD"}
+    finished = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    assert finished.returncode != 0
+    assert "undefined symbol" in finished.stderr
+    page = (tmp_path / "documentation" / "index.html").read_text(encoding="utf-8")
+    assert "A host that holds no Python interpreter of its own" in page
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="loads the FMU's library for Linux")
 @pytest.mark.parametrize("unload", [False, True])
 @pytest.mark.parametrize("kind", ["python", "plant"])
 def test_a_foreign_host_ends_well(

@@ -29,24 +29,15 @@ void half_space_arrays(const Envelope *envelope, HalfSpaces *spaces, double **do
 }
 
 double ambient_pressure(const Envelope *envelope, double altitude) {
-    const size_t top = envelope->n_altitudes - 1;
-    const double position = altitude / envelope->altitude_step;
-    if (!(position >= 0.0 && position <= (double)top)) {
-        return NAN;
-    }
-    const size_t whole = (size_t)position, index = whole < top ? whole : top - 1;
-    const double below = envelope->ambient_pressure[index], above = envelope->ambient_pressure[index + 1];
-    return below + (position - (double)index) * (above - below);
+    double pressure, temperature;
+    return atmosphere_at(&envelope->atmosphere, altitude, &pressure, &temperature) ? pressure : NAN;
 }
 
 double ambient_pressure_slope(const Envelope *envelope, double altitude) {
-    const size_t top = envelope->n_altitudes - 1;
-    const double position = altitude / envelope->altitude_step;
-    if (!(position >= 0.0 && position <= (double)top)) {
-        return 0.0;
-    }
-    const size_t whole = (size_t)position, index = whole < top ? whole : top - 1;
-    return (envelope->ambient_pressure[index + 1] - envelope->ambient_pressure[index]) / envelope->altitude_step;
+    double pressure, temperature;
+    return atmosphere_at(&envelope->atmosphere, altitude, &pressure, &temperature)
+             ? pressure_slope(pressure, temperature)
+             : 0.0;
 }
 
 /* Whether a value leaves a range; one that is not known does not. */
@@ -59,6 +50,9 @@ int outside_by_navigation(const Envelope *envelope, const Flow *flow) {
     if (leaves(envelope->dynamic_pressure, flow->pressure) || leaves(envelope->mach_number, mach)
         || leaves(envelope->altitude, flow->altitude)) {
         return 1;
+    }
+    if (isnan(mach) || isnan(flow->altitude)) {
+        return 0;
     }
     const double expected = envelope->half_gamma * mach * mach * ambient_pressure(envelope, flow->altitude);
     const double allowed = envelope->pressure_tolerance * expected + 3.0 * flow->deviation;

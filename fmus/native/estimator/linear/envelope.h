@@ -15,7 +15,7 @@ typedef struct {
     double mach_number, altitude; /* [1], [m]; NaN where not known */
 } Flow;
 
-/* p(h) [Pa]; NaN where h is not known or outside the table. */
+/* p(h) [Pa]; NaN where h is not known or outside the atmosphere. */
 double ambient_pressure(const Envelope *envelope, double altitude);
 
 /* Its derivative by the altitude [Pa/m]. */

@@ -123,10 +123,11 @@ void flight_reset(Flight *flight) {
 
 size_t flight_set_strain(Estimator *e) {
     const double range = e->input[e->map.n_gauges + SENSOR_RANGE];
+    const int silent = estimator_silent(e);
     Sample *sample = &e->flight.solver.sample;
     size_t count = 0;
     for (size_t g = 0; g < e->map.n_gauges; g++) {
-        sample->used[g] = gauge_in_use(e, g, range);
+        sample->used[g] = !silent && gauge_in_use(e, g, range);
         sample->strain[g] = sample->used[g] ? e->strain[g] : 0.0;
         count += sample->used[g];
     }
@@ -134,7 +135,7 @@ size_t flight_set_strain(Estimator *e) {
     return count;
 }
 
-/* p(h); NaN where the altitude is not known, 0, which no flight has, where it is outside the table. */
+/* p(h); NaN where the altitude is not known, 0, which no flight has, where it is above the atmosphere. */
 static double pressure_by_altitude(const Estimator *e) {
     const double altitude = known_input(e, ALTITUDE), found = ambient_pressure(&e->map.envelope, altitude);
     return isnan(found) && !isnan(altitude) ? 0.0 : found;
@@ -146,7 +147,7 @@ double flight_navigation_error(const Estimator *e, size_t quantity) {
     return by_altitude ? map->altitude_error : map->error[quantity];
 }
 
-/* Navigation of the inputs, each with a deviation; it counts as not known where that is negative, which none can be. */
+/* Navigation of the inputs, each with a deviation. */
 static void set_navigation(Estimator *e) {
     Flight *flight = &e->flight;
     double *value = flight->value, *std = flight->std;
@@ -161,7 +162,7 @@ static void set_navigation(Estimator *e) {
         const double own = flight_navigation_error(e, k) * (k == 0 ? 1.0 : value[k]);
         const double least = MIN_RELATIVE_STD * fabs(value[k]);
         std[k] = isnan(std[k]) ? own : std[k];
-        std[k] = std[k] < 0.0 ? INFINITY : std[k] > least ? std[k] : least;
+        std[k] = std[k] > least ? std[k] : least;
     }
 }
 

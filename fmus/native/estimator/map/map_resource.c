@@ -5,13 +5,13 @@
 #include <stdio.h>
 #include <string.h>
 
-#define N_SCALARS 28
+#define N_SCALARS 27
 #define MAX_COUNT 4096
 #define MAX_HALF_SPACES 65536
 #define VALUES_AT (HEADER_SIZE + 4 * N_SIZES)
 
 /* Places of the form, 0 or 1, and of the sizes that follow the header. */
-enum { FORM, N_FREE, N_HALF_SPACES, N_ALTITUDES, HAS_ERRORS, N_TERMS, N_SECTIONS };
+enum { FORM, N_FREE, N_HALF_SPACES, N_LAYERS, HAS_ERRORS, N_TERMS, N_SECTIONS };
 
 static const char MAGIC[8] = "SFMUMAP";
 
@@ -22,7 +22,7 @@ static uint32_t size_at(const unsigned char *bytes, int place) {
 static size_t number_of_doubles(const unsigned char *bytes) {
     const size_t n = u32_at(bytes, 32), states = u32_at(bytes, 36), loads = N_LOADS, triangle = n * (n + 1) / 2;
     size_t count = N_SCALARS + n + loads + loads * n + loads * loads + 4 * triangle + loads * n + loads * loads
-                 + states * n + states * loads + 3 * n + n * n + size_at(bytes, N_ALTITUDES)
+                 + states * n + states * loads + 3 * n + n * n + LAYER_SIZE * size_at(bytes, N_LAYERS)
                  + (1 + loads) * size_at(bytes, N_HALF_SPACES);
     if (size_at(bytes, FORM)) {
         count += n * n + n + loads * n + loads * loads + 2 * n + 2 * loads + n;
@@ -39,8 +39,8 @@ static int sensible_sizes(const unsigned char *bytes) {
     const uint32_t n_free = size_at(bytes, N_FREE);
     return scaled <= 1 && errors <= scaled && terms <= (errors ? MAX_COUNT : 0) && size_at(bytes, N_SECTIONS) <= N_SECTION_KINDS
         && size_at(bytes, 7) == 0 && n_free == (scaled && !known_prior ? n - freedom : 0)
-        && size_at(bytes, N_HALF_SPACES) <= MAX_HALF_SPACES && size_at(bytes, N_ALTITUDES) >= 2
-        && size_at(bytes, N_ALTITUDES) <= MAX_COUNT;
+        && size_at(bytes, N_HALF_SPACES) <= MAX_HALF_SPACES && size_at(bytes, N_LAYERS) >= 1
+        && size_at(bytes, N_LAYERS) <= MAX_COUNT;
 }
 
 static int check_sizes(const unsigned char *bytes, size_t length, char *text) {
@@ -56,9 +56,9 @@ static int check_sizes(const unsigned char *bytes, size_t length, char *text) {
         return 0;
     }
     if (!sensible_sizes(bytes)) {
-        snprintf(text, MODEL_TEXT_SIZE, "is of form %lu with %lu free states, %lu half-spaces, %lu altitudes, %lu error "
+        snprintf(text, MODEL_TEXT_SIZE, "is of form %lu with %lu free states, %lu half-spaces, %lu layers of air, %lu error "
                  "terms, which cannot be", (unsigned long)size_at(bytes, FORM), (unsigned long)size_at(bytes, N_FREE),
-                 (unsigned long)size_at(bytes, N_HALF_SPACES), (unsigned long)size_at(bytes, N_ALTITUDES),
+                 (unsigned long)size_at(bytes, N_HALF_SPACES), (unsigned long)size_at(bytes, N_LAYERS),
                  (unsigned long)size_at(bytes, N_TERMS));
         return 0;
     }
@@ -84,7 +84,8 @@ static int check_values(const Map *map, const double *values, size_t count, char
     }
     const int positive = map->reference_area > 0.0 && map->reference_length > 0.0 && map->sensor_range > 0.0
                       && map->dynamic_pressure > 0.0 && map->min_dynamic_pressure > 0.0
-                      && map->regularisation >= 0.0 && map->chi_square_scale > 0.0 && map->outlier_scale > 0.0 && map->envelope.altitude_step > 0.0;
+                      && map->regularisation >= 0.0 && map->chi_square_scale > 0.0 && map->outlier_scale > 0.0
+                      && map->smallest_setting > 0.0;
     if (!positive) {
         snprintf(text, MODEL_TEXT_SIZE, "holds a reference quantity that is not positive");
     }
@@ -111,11 +112,10 @@ static void take_limits(Map *map, const double *scalars) {
     }
     envelope->half_gamma = scalars[11];
     envelope->pressure_tolerance = scalars[12];
-    envelope->altitude_step = scalars[13];
-    map->form.min_expected_ratio = scalars[14];
-    map->not_known = scalars[15];
-    map->regularisation = scalars[16];
-    map->largest_zero = scalars[17];
+    map->form.min_expected_ratio = scalars[13];
+    map->not_known = scalars[14];
+    map->regularisation = scalars[15];
+    map->largest_zero = scalars[16];
 }
 
 static void take_form(Map *map, const double **next) {
@@ -152,7 +152,7 @@ static void take_arrays(Map *map, const double *next) {
     map->min_information = scalars[5];
     map->ambiguous_correlation = scalars[6];
     map->min_dynamic_pressure = scalars[7];
-    map->largest_sensor_range = scalars[8];
+    map->smallest_setting = scalars[8];
     map->largest_setting = scalars[9];
     map->mean_strain = take_doubles(&next, n);
     map->load_of_mean = take_doubles(&next, N_LOADS);
@@ -171,7 +171,7 @@ static void take_arrays(Map *map, const double *next) {
     map->outlier_threshold = take_doubles(&next, n);
     map->noise_covariance = take_doubles(&next, n * n);
     take_limits(map, scalars + 10);
-    map->envelope.ambient_pressure = take_doubles(&next, map->envelope.n_altitudes);
+    map->envelope.atmosphere.layer = take_doubles(&next, LAYER_SIZE * map->envelope.atmosphere.n_layers);
     map->envelope.limit = take_doubles(&next, map->envelope.n_half_spaces);
     map->envelope.direction = take_doubles(&next, N_LOADS * map->envelope.n_half_spaces);
     if (map->scaled) {
@@ -194,7 +194,7 @@ int map_parse(const unsigned char *bytes, size_t length, Map *map, char text[MOD
     map->form.has_errors = (int)size_at(bytes, HAS_ERRORS);
     map->form.n_terms = size_at(bytes, N_TERMS);
     map->envelope.n_half_spaces = size_at(bytes, N_HALF_SPACES);
-    map->envelope.n_altitudes = size_at(bytes, N_ALTITUDES);
+    map->envelope.atmosphere.n_layers = size_at(bytes, N_LAYERS);
     const double *values = (const double *)(const void *)(bytes + VALUES_AT);
     const size_t end = VALUES_AT + 8 * number_of_doubles(bytes);
     take_arrays(map, values);

@@ -7,9 +7,10 @@
 #ifndef MAP_RESOURCE_H
 #define MAP_RESOURCE_H
 
+#include "../../core/atmosphere.h"
 #include "sections.h"
 
-#define MAP_FORMAT_VERSION 3
+#define MAP_FORMAT_VERSION 4
 #define N_SIZES 8
 #define N_LOADS 5
 #define N_PAIRS 21 /* products c_a c_b, a <= b, of c = [1, the five coefficients] */
@@ -17,15 +18,14 @@
 /* Half-spaces of the coefficients n'C <= limit, and ranges of the flight state:
    strainfmu/estimator/linear/envelope.py. */
 typedef struct {
-    size_t n_half_spaces, n_altitudes;
+    size_t n_half_spaces;
     double score_limit; /* deviations beyond a half-space that count as outside */
     double dynamic_pressure[2], mach_number[2], altitude[2]; /* least and largest [Pa], [1], [m]; may be infinite */
     double half_gamma;         /* q = half_gamma M^2 p(h) */
     double pressure_tolerance; /* relative difference of the two that is no contradiction */
-    double altitude_step;      /* [m] of ambient_pressure */
-    const double *ambient_pressure; /* (n_altitudes) p(h) [Pa] from h = 0 on */
-    const double *limit;            /* (n_half_spaces) */
-    const double *direction;        /* (5, n_half_spaces) */
+    Atmosphere atmosphere;     /* p(h) */
+    const double *limit;       /* (n_half_spaces) */
+    const double *direction;   /* (5, n_half_spaces) */
 } Envelope;
 
 /* What form "dynamic_pressure" needs besides: strainfmu/estimator/linear/decomposition.py and
@@ -69,9 +69,9 @@ typedef struct {
     double min_dynamic_pressure, max_dynamic_pressure;       /* [Pa], beyond which there are no coefficients */
     double dynamic_pressure_error;                           /* relative, where no deviation is given [1] */
     double chi_square_scale, outlier_scale;                  /* factors on the limits of chi-square and of z^2 */
-    double largest_sensor_range, largest_setting;            /* bounds on what may be set */
+    double smallest_setting, largest_setting;                /* bounds on what may be set */
     double largest_zero;                                     /* the same for zeros and their deviations [1] */
-    double not_known; /* start value of flow and navigation that need not be known, which means what NaN does */
+    double not_known; /* start value of parameters of the flow, and a value of thrust, that means what NaN does */
     const double *mean_strain;       /* (n_gauges) m */
     const double *load_of_mean;      /* (5) [N, N m] */
     const double *load_gain;         /* (n_gauges, 5) G' of all gauges */

@@ -127,7 +127,7 @@ int thermal_read(Thermal *thermal, const double *temperature) {
     int changed = 0, moved = 0;
     for (size_t t = 0; t < map->n_sensors; t++) {
         const double above = temperature[t] - map->reference;
-        const unsigned char known = fabs(above) <= map->largest_rise; /* 0 for NaN */
+        const unsigned char known = temperature[t] > 0.0 && fabs(above) <= map->largest_rise; /* 0 for NaN */
         const double rise = known ? above : 0.0;
         changed |= known != thermal->known[t];
         moved |= rise != thermal->rise[t];

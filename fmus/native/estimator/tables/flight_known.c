@@ -152,7 +152,7 @@ int parameter_known(const Estimator *e, size_t which) {
         return 0;
     }
     const double value = e->input[first + which], std = e->input[first_parameter_std(e) + which];
-    return value != e->map.not_known && isfinite(value) && std >= 0.0 && isfinite(std)
+    return value != e->map.not_known && isfinite(value) && std > 0.0 && isfinite(std)
         && parameter_score(&e->parameters, which, value) <= known->map.largest_score;
 }
 

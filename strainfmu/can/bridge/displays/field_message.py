@@ -21,7 +21,7 @@ from strainfmu.estimator.manifold.tracker import FlightTracker
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map
 from strainfmu.estimator.tables.flight_field import FlightField
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
-from strainfmu.interface.input_names import FURTHER_FLOW
+from strainfmu.interface.input_names import FURTHER_FLOW, given_flow
 from strainfmu.interface.parameter_variables import PREFIX, STD_PREFIX
 from strainfmu.interface.temperature_variables import temperature_names
 
@@ -85,11 +85,12 @@ class FieldMessages:
 
     def _further(self, given: Mapping[str, float]) -> dict[str, Any]:
         """Return the arguments of a step for what is ``given`` beside q_inf, Mach number and altitude."""
-        found: dict[str, Any] = {name: given.get(name, np.nan) for name in FURTHER_FLOW}
+        found: dict[str, Any] = given_flow({name: given.get(name, np.nan) for name in FURTHER_FLOW})
         if self._temperatures:
             found["temperature"] = np.array([given.get(name, np.nan) for name in self._temperatures])
-        for argument, prefix in (("parameters", PREFIX), ("parameters_std", STD_PREFIX)):
-            found[argument] = {name: given.get(prefix + name, np.nan) for name in self._parameters}
+        found["parameters"] = {name: given.get(PREFIX + name, np.nan) for name in self._parameters}
+        stds = {name: given.get(STD_PREFIX + name, np.nan) for name in self._parameters}
+        found["parameters_std"] = given_flow(stds)
         return found
 
 

@@ -59,7 +59,7 @@ HEALTH_WORDS = {
     HealthState.OK: "residual as expected",
     HealthState.INCONSISTENT: "the strains fit no known pressure",
     HealthState.NO_COEFFICIENTS: "no usable dynamic pressure",
-    HealthState.INVALID: "no gauge gives a valid strain",
+    HealthState.INVALID: "no gauge gives a valid strain, or all read exactly zero",
     HealthState.DEGRADED: "gauges or navigation left out, sigma has grown",
     HealthState.UNIDENTIFIED: "too few gauges identify the state",
     HealthState.SUSPECT: "one gauge does not fit the others",

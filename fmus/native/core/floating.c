@@ -1,0 +1,49 @@
+#include "floating.h"
+
+#if defined(__SSE2__) || defined(_M_X64)
+
+#include <xmmintrin.h>
+
+#define DEFAULT_CONTROL 0x1F80u /* of MXCSR: all exceptions masked, none seen; nearest, subnormal numbers */
+
+Floating floating_enter(void) {
+    const Floating host = {_mm_getcsr(), 0};
+    _mm_setcsr(DEFAULT_CONTROL);
+    return host;
+}
+
+void floating_leave(const Floating *host) {
+    _mm_setcsr((unsigned)host->control);
+}
+
+#elif defined(__aarch64__) && defined(__GNUC__)
+
+static void set(uint64_t control, uint64_t status) {
+    __asm__ volatile("msr fpcr, %0\n\tmsr fpsr, %1" : : "r"(control), "r"(status) : "memory");
+}
+
+Floating floating_enter(void) {
+    Floating host;
+    __asm__ volatile("mrs %0, fpcr\n\tmrs %1, fpsr" : "=r"(host.control), "=r"(host.status) : : "memory");
+    set(0, host.status);
+    return host;
+}
+
+void floating_leave(const Floating *host) {
+    set(host->control, host->status);
+}
+
+#else
+
+Floating floating_enter(void) {
+    Floating host;
+    feholdexcept(&host);
+    fesetround(FE_TONEAREST);
+    return host;
+}
+
+void floating_leave(const Floating *host) {
+    fesetenv(host);
+}
+
+#endif

@@ -1,0 +1,12 @@
+/* Times that an importer gives [s]. */
+
+#ifndef TIME_SPAN_H
+#define TIME_SPAN_H
+
+/* Whether an experiment may start at a time, and end at `stop` if it has a stop. */
+int is_time_span(double start, int has_stop, double stop);
+
+/* Whether a step may be of a size; then *end is its end. */
+int step_ends(double start, double size, double *end);
+
+#endif

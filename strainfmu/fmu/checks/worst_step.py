@@ -1,0 +1,107 @@
+"""Processor time of the dearest steps of native FMUs, event by event, in a C host: what a deadline must hold."""
+
+from __future__ import annotations
+
+import platform
+import sys
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from importlib.resources import as_file, files
+from pathlib import Path
+from typing import Any
+
+from strainfmu.cosim.systems.instance import import_fmpy, safe_temporary_parent
+from strainfmu.errors import InputError
+from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map, save_inverse_map
+from strainfmu.estimator.map.sensors import refuse_sensors
+from strainfmu.fmu.checks.step_cost import compiled, run, strain_parts
+from strainfmu.fmu.export import ExportOptions, export_estimator
+from strainfmu.interface.filter_variables import FILTER_TIME_CONSTANT
+
+EVENTS = (
+    "nothing",
+    "one gauge lost, another one every time",
+    "a third of the gauges lost, others every time",
+    "the deviation of a zero offset changed",
+    "the first step of an instance",
+    "strain that fits no flight, and a wrong Mach number",
+    "no dynamic pressure, Mach number, static pressure or altitude given",
+    "first step, a third lost, deviation changed, no fit: all at once",
+)
+"""What happens in a step, by its number in ``fmus/bench/worst_step.c``."""
+
+REPEATS = 201
+"""Steps of each event."""
+
+
+@dataclass(frozen=True)
+class EventCost:
+    """Processor time of the steps with an event: median and largest [s]."""
+
+    median: float
+    largest: float
+
+
+def worst_steps(map_path: Path) -> dict[str, Mapping[str, EventCost]]:
+    """Return the costs by event, :data:`EVENTS`, of each estimator of the map, alone and with its filter.
+
+    Raises
+    ------
+    InputError
+        The map is missing or damaged, or there is no C compiler on this machine, or no Linux.
+    StrainfmuError
+        The host cannot be compiled, or fails.
+    """
+    inverse_map = load_inverse_map(map_path)
+    refuse_sensors(inverse_map.sensors, f"{map_path}: cost of a step")
+    maps = {"linear": replace(inverse_map, manifold=None)}
+    if inverse_map.manifold is not None:
+        maps["nonlinear"] = inverse_map
+    found: dict[str, Mapping[str, EventCost]] = {}
+    with tempfile.TemporaryDirectory(prefix="strainfmu_", dir=safe_temporary_parent()) as folder:
+        with as_file(files("fmus").joinpath("bench", "worst_step.c")) as host:
+            program = compiled(host, Path(folder) / "worst_step")
+        if program is None or not sys.platform.startswith("linux"):
+            raise InputError("worst steps: expected Linux and a C compiler (cc, gcc or clang), got none")
+        for name, one in maps.items():
+            fmu = Path(folder) / f"{name}.fmu"
+            save_inverse_map(one, fmu.with_suffix(".h5"))
+            export_estimator(fmu.with_suffix(".h5"), fmu, ExportOptions(platforms=("linux64",)))
+            import_fmpy().extract(str(fmu), str(fmu.with_suffix("")))
+            description = import_fmpy().read_model_description(str(fmu))
+            found[name] = _costs(program, one, fmu.with_suffix(""), description, filtered=False)
+            if any(variable.name == FILTER_TIME_CONSTANT for variable in description.modelVariables):
+                found[f"{name}, filter"] = _costs(program, one, fmu.with_suffix(""), description, filtered=True)
+    return found
+
+
+def _costs(
+    program: Path, inverse_map: InverseMap, fmu: Path, description: Any, *, filtered: bool
+) -> dict[str, EventCost]:
+    """Return the costs by event of an unzipped FMU, with its filter or without."""
+    library = next((fmu / "binaries" / "linux64").glob("*.so"))
+    names = {one.name: one.valueReference for one in description.modelVariables}
+    manifold = inverse_map.manifold
+    numbers = (
+        inverse_map.nominal_dynamic_pressure,
+        0.0 if manifold is None else float(manifold.mach_range.mean()),
+        names["zero_std[1]"],
+        names[FILTER_TIME_CONSTANT] if filtered else 0,
+        REPEATS,
+        *(value for part in strain_parts(inverse_map) for value in part.tolist()),
+    )
+    command = [str(program), str(library), description.guid, (fmu / "resources").as_uri()]
+    found = {}
+    for line in run([*command, *map(repr, numbers)]).splitlines():
+        number, median, largest = line.split()
+        found[EVENTS[int(number)]] = EventCost(float(median), float(largest))
+    return found
+
+
+def processor_name() -> str:
+    """Return the processor of this machine in words."""
+    path = Path("/proc/cpuinfo")
+    lines = path.read_text(encoding="utf-8", errors="replace").splitlines() if path.exists() else []
+    model = next((line.partition(":")[2].strip() for line in lines if line.startswith("model name")), "")
+    return model or platform.processor() or platform.machine()
