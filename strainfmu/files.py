@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import stat
 import tempfile
 from collections.abc import Callable, Mapping
 from os import PathLike
@@ -30,9 +31,12 @@ def read_bytes(path: Path) -> bytes:
     Raises
     ------
     InputError
-        It is missing or cannot be read.
+        It is missing, cannot be read, or is a device, which may have no end.
     """
     try:
+        mode = path.stat().st_mode
+        if stat.S_ISCHR(mode) or stat.S_ISBLK(mode):
+            raise InputError(f"{path}: expected a file, got a device")
         return path.read_bytes()
     except FileNotFoundError as error:
         raise InputError(f"{path}: no such file") from error

@@ -51,6 +51,7 @@ from builder.truth.revolution import flow_table as flow_table_file
 from builder.truth.revolution.flow_table import load_flow_table, save_flow_table
 from builder.truth.revolution.flows import independent_flows, truth_inputs
 from builder.truth.revolution.strain import TrueStructure
+from builder.vehicle.doubtful_entries import doubtful_entries
 from builder.vehicle.file import Vehicle, load_vehicle
 from builder.vehicle.map_needs import unused_entries, used_layouts
 from strainfmu.estimator.map import inverse_map as inverse_map_file
@@ -93,6 +94,9 @@ def make_map(pipeline: Pipeline) -> None:
     for line in unused_entries(pipeline.vehicle):
         pipeline.reporter.note(line)
     make_map_parts(pipeline)
+    conditions = load_snapshots(pipeline.path(SNAPSHOTS)).conditions()
+    for line in doubtful_entries(pipeline.vehicle, conditions):
+        pipeline.reporter.note(f"warning: {line}")
     _inverse_map(pipeline)
 
 

@@ -330,4 +330,4 @@ def load_vehicle(path: str | Path) -> Vehicle:
         vehicle._folder = path.parent  # sizes follow from files that the vehicle file names, too
         return [*missing_entries(vehicle), *size_faults(vehicle)]
 
-    return read_sections(path, Vehicle, faults_beside_file)
+    return read_sections(path, Vehicle, "vehicle file", faults_beside_file)

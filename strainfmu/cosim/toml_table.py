@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import inf, isfinite
 from pathlib import Path
 from typing import Any
 
+from strainfmu import text_files
 from strainfmu.errors import InputError
 
 
@@ -79,9 +79,4 @@ def read_toml(path: Path) -> Mapping[str, Any]:
     InputError
         The file is missing or no TOML.
     """
-    try:
-        return tomllib.loads(path.read_text("utf-8-sig"))
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file") from error
-    except (OSError, ValueError, RecursionError) as error:
-        raise InputError(f"{path}: no TOML file: {error}") from error
+    return text_files.read_toml(path)

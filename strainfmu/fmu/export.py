@@ -84,6 +84,7 @@ _PLANT_SOURCES = (
     "cosim/models/__init__.py",
     "cosim/models/flight_model.py",
     "cosim/models/trajectory.py",
+    "text_files.py",
 )
 
 _STEP_SIZE = 1e-2

@@ -77,7 +77,7 @@ def test_a_loop_that_does_not_hold_ends_with_1(files: SlenderFiles, tmp_path: Pa
         ('name = "slender vehicle"', 'feedback = "guess"', "feedback: 'guess' found, must be truth or estimate"),
         ('name = "slender vehicle"', "name = 3", "name: expected text, got 3"),
         ("[flight]", "flight = 3\n[other]", "flight: expected a table, got 3"),
-        ("[[command]]", "[command", "no TOML file"),
+        ("[[command]]", "[command", "not a TOML file"),
         ("[flight]", '[files]\nmap = "none.h5"\n[flight]', "none.h5: no such file"),
         (
             "[flight]",

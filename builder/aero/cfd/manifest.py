@@ -24,6 +24,7 @@ from builder.vehicle.toml.sections import Section
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.flight_condition import FlightCondition
+from strainfmu.text_files import shown_columns
 
 BODY_AXES = "aft starboard up"
 _DIRECTIONS = {
@@ -189,6 +190,12 @@ def load_manifest(path: Path, parameters: Sequence[str] = ()) -> Manifest:
         raw, lines = _from_csv(path, content)
     else:
         raise InputError(f"{path}: '{path.suffix}' found, a manifest must be .toml or .csv")
+    known = len(raw.keys() & ManifestEntries.model_fields.keys())
+    if known < len(raw) - known:
+        raise InputError(
+            f"{path}: not a manifest: expected entries such as quantity, length_unit and case, got "
+            f"{len(raw) - known} others"
+        )
     try:
         entries = ManifestEntries.model_validate(raw)
     except ValidationError as error:
@@ -273,6 +280,10 @@ def _from_csv(path: Path, content: bytes) -> tuple[dict[str, Any], list[int]]:
     rows = list(csv.reader(content.decode("utf-8-sig", "replace").splitlines(), skipinitialspace=True))
     start = next(number for number, row in enumerate(rows) if row)
     header = [name.strip() for name in rows[start]]
+    columns = (*_CASE_KEYS, *ManifestEntries.model_fields)
+    if not any(name in columns for name in header):
+        got = shown_columns(header, columns)
+        raise InputError(f"{path}: not a manifest: expected columns such as {', '.join(_CASE_KEYS)}, got {got}")
     common: dict[str, Any] = {}
     cases, lines = [], []
     for line, row in enumerate(rows[start + 1 :], start=start + 2):

@@ -6,9 +6,9 @@ the first of the files that share a mesh.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from functools import lru_cache
 from hashlib import sha256
+from typing import Generic, TypeVar
 
 import numpy as np
 from scipy import sparse
@@ -28,25 +28,24 @@ from builder.aero.mapping.report import (
 from builder.aero.surface.mesh import SurfaceMesh
 from strainfmu.arrays import FloatArray
 
+T = TypeVar("T", SurfaceMesh, SurfaceField)
+
 KEPT = 2
 """Meshes whose geometry is kept: a case on a mesh of its own among others does not drive theirs out."""
 
 
-@dataclass(frozen=True)
-class _Mesh:
-    """A surface that equals another one of the same nodes and triangles."""
+class _Known(Generic[T]):
+    """A mesh or a field that equals another one of the same digest, for what is kept."""
 
-    digest: str
-    mesh: SurfaceMesh = field(compare=False)
+    def __init__(self, digest: str, held: T) -> None:
+        self.digest = digest
+        self.held: T = held
 
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Known) and self.digest == other.digest
 
-@dataclass(frozen=True)
-class _Points:
-    """Points, with normals or without, that equal others of the same coordinates."""
-
-    digest: str
-    point: FloatArray = field(compare=False)
-    normal: FloatArray | None = field(compare=False)
+    def __hash__(self) -> int:
+        return hash(self.digest)
 
 
 def on_surface(field: SurfaceField, ratio: FloatArray, surface: SurfaceMesh) -> FloatArray:
@@ -57,37 +56,41 @@ def on_surface(field: SurfaceField, ratio: FloatArray, surface: SurfaceMesh) -> 
     InputError
         The field does not lie on the surface, or does not cover it.
     """
-    target = _Mesh(surface.digest(), surface)
+    target = _known(surface)
     if field.triangle is None:
         # Where one-sided points are carried on, the line may leave what the file holds.
         return np.clip(_cloud(_points(field), target) @ ratio, ratio.min(), ratio.max())
     found = SurfaceMesh(field.point, field.triangle)
-    source = _oriented(_Mesh(found.digest(), found), target)
+    source = _oriented(_known(found), target)
     if field.face is not None:
         source, ratio = reconstruct(source, field.face, ratio)
-    transfer, gap = _transfer(_Mesh(source.digest(), source), target)
+    transfer, gap = _transfer(_known(source), target)
     check_mapping(mapping_report(transfer, source, surface, ratio - 1.0, gap), MappingTolerances())
     return transfer.consistent(ratio)
 
 
-def _points(field: SurfaceField) -> _Points:
+def _known(mesh: SurfaceMesh) -> _Known[SurfaceMesh]:
+    return _Known(mesh.digest(), mesh)
+
+
+def _points(field: SurfaceField) -> _Known[SurfaceField]:
     digest = sha256(np.ascontiguousarray(field.point, dtype="<f8").tobytes())
     if field.normal is not None:
         digest.update(np.ascontiguousarray(field.normal, dtype="<f8").tobytes())
-    return _Points(digest.hexdigest(), field.point, field.normal)
+    return _Known(digest.hexdigest(), field)
 
 
 @lru_cache(maxsize=KEPT)
-def _cloud(source: _Points, target: _Mesh) -> sparse.csr_array:
-    return cloud_map(source.point, source.normal, target.mesh)
+def _cloud(source: _Known[SurfaceField], target: _Known[SurfaceMesh]) -> sparse.csr_array:
+    return cloud_map(source.held.point, source.held.normal, target.held)
 
 
 @lru_cache(maxsize=KEPT)
-def _oriented(source: _Mesh, target: _Mesh) -> SurfaceMesh:
-    return orient(source.mesh, target.mesh)
+def _oriented(source: _Known[SurfaceMesh], target: _Known[SurfaceMesh]) -> SurfaceMesh:
+    return orient(source.held, target.held)
 
 
 @lru_cache(maxsize=KEPT)
-def _transfer(source: _Mesh, target: _Mesh) -> tuple[PressureMap, SurfaceGap]:
-    transfer = pressure_map(source.mesh, target.mesh)
-    return transfer, surface_gap(transfer, source.mesh, target.mesh)
+def _transfer(source: _Known[SurfaceMesh], target: _Known[SurfaceMesh]) -> tuple[PressureMap, SurfaceGap]:
+    transfer = pressure_map(source.held, target.held)
+    return transfer, surface_gap(transfer, source.held, target.held)

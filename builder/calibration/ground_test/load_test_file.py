@@ -142,6 +142,6 @@ def load_test_file(path: str | Path) -> LoadTestFile:
         The file is missing or no TOML.
     """
     path = Path(path)
-    found = read_sections(path, LoadTestFile)
+    found = read_sections(path, LoadTestFile, "file of a ground test")
     found._path = path
     return found

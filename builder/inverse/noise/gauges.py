@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -12,6 +11,7 @@ from builder.inverse.noise.model import NoiseTerm, nuisance_modes
 from builder.vehicle.map.options import Noise
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
+from strainfmu.text_files import LARGEST, MIB, read_csv, shown_columns
 
 MICRO = 1e-6
 
@@ -46,13 +46,16 @@ def gauge_covariance(entry: Noise, n_gauges: int, median_strain: float, folder: 
     return (0.01 * entry.percent_of_median_strain * median_strain) ** 2 * np.eye(n_gauges)
 
 
+MATRIX = 256 * MIB
+"""Covariance of 2,000 gauges with all digits: 100 MiB."""
+
+
 def _covariance_of(path: Path, n_gauges: int) -> FloatArray:
     """Read a square CSV table of numbers and check that it is a covariance."""
     where = f"noise.covariance_file: {path}"
+    rows = [row for row in _rows(path, "noise.covariance_file", MATRIX) if not row[0].startswith("#")]
     try:
-        values = np.loadtxt(path, delimiter=",", ndmin=2)
-    except OSError as error:
-        raise InputError(f"{where}: cannot be read: {error.strerror or 'no such file'}") from error
+        values = np.array([[float(cell) for cell in row] for row in rows]).reshape(max(len(rows), 1), -1)
     except ValueError as error:
         raise InputError(f"{where}: not a table of numbers separated by commas") from error
     if values.shape != (n_gauges, n_gauges):
@@ -61,6 +64,13 @@ def _covariance_of(path: Path, n_gauges: int) -> FloatArray:
     if not (symmetric and np.linalg.eigvalsh(values)[0] > 0.0):
         raise InputError(f"{where}: no covariance: must be symmetric and positive definite")
     return values
+
+
+def _rows(path: Path, entry: str, largest: int) -> list[list[str]]:
+    try:
+        return [row for _, row in read_csv(path, largest)]
+    except InputError as error:
+        raise InputError(f"{entry}: {error}") from error
 
 
 def nuisance_terms(path: Path, gauge_names: Sequence[str]) -> list[NoiseTerm]:
@@ -76,16 +86,11 @@ def nuisance_terms(path: Path, gauge_names: Sequence[str]) -> list[NoiseTerm]:
         the gauge.
     """
     where = f"noise.nuisance_file: {path}"
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as stream:
-            header, *rows = [row for row in csv.reader(stream) if row] or [[]]
-    except OSError as error:
-        raise InputError(f"{where}: cannot be read: {error.strerror or 'no such file'}") from error
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"{where}: not a CSV file: {error}") from error
+    header, *rows = _rows(path, "noise.nuisance_file", LARGEST) or [[]]
     names = [name.strip() for name in header[1:]]
     if len(header) < 2 or header[0].strip() != "gauge" or "" in names or len(set(names)) < len(names):
-        raise InputError(f"{where}: columns {', '.join(header)} found, must be gauge and a name per mode")
+        got = shown_columns(header, ("gauge",))
+        raise InputError(f"{where}: expected the columns gauge and a name per mode, got {got}")
     found = dict(_nuisance_row(row, len(names), where) for row in rows)
     if len(found) < len(rows):
         raise InputError(f"{where}: a gauge is listed twice")

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from math import degrees
 from pathlib import Path
 
+from builder.vehicle.doubtful_entries import is_in_radians
 from builder.vehicle.file import Vehicle
 from strainfmu.cosim.models.trajectory import Trajectory
 from strainfmu.errors import FaultsError
@@ -51,13 +52,17 @@ def manoeuvre_warnings(
 ) -> list[str]:
     """Return, a line each, where a manoeuvre leaves what the map covers: there the sigmas may not hold.
 
+    The first line is a question where its angles look like radians.
+
     Parameters
     ----------
     conditions : those of the snapshots.
     of_revolution : whether the snapshots are of a body of revolution, whose flows hold at every roll angle.
     """
     flown = [FlightCondition.of_row(row) for row in trajectory.conditions.tolist()]
-    return [
+    largest, held = (degrees(max(one.total_incidence for one in some)) for some in (flown, conditions))
+    radians = f"warning: the manoeuvre flies {largest:.4g} deg at most, the map covers {held:.4g} deg: in radians?"
+    return [radians] * is_in_radians(largest, held) + [
         f"warning: the manoeuvre flies {name} {min(values):.4g} to {max(values):.4g}{unit}, the map covers "
         f"{min(covered):.4g} to {max(covered):.4g}{unit}: outside, sigmas may not hold"
         for name, unit, values, covered in _ranges(vehicle, flown, conditions, of_revolution)

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Sequence
 from pathlib import Path
 
 from strainfmu.errors import InputError
+from strainfmu.text_files import MIB, read_csv
+
+LARGEST_TABLE = 2048 * MIB
+"""An influence matrix of 100,000 nodes and 50 gauges has 200 MiB."""
 
 
 def csv_rows(path: Path) -> tuple[list[str], Sequence[tuple[int, list[str]]]]:
@@ -17,13 +20,7 @@ def csv_rows(path: Path) -> tuple[list[str], Sequence[tuple[int, list[str]]]]:
     InputError
         The file is missing or not a CSV file, or a row is not as long as the header.
     """
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as stream:
-            lines = [(n, [cell.strip() for cell in row]) for n, row in enumerate(csv.reader(stream), 1) if row]
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file") from error
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"{path}: not a CSV file: {error}") from error
+    lines = [(line, [cell.strip() for cell in row]) for line, row in read_csv(path, LARGEST_TABLE)]
     if not lines:
         return [], []
     (_, header), *rows = lines

@@ -23,6 +23,7 @@ from builder.structure.external.strain_table import (
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 from strainfmu.files import write_hdf5_atomically
+from strainfmu.text_files import shown_columns
 
 SCHEMA = "strainfmu.influence"
 SCHEMA_VERSION = 1
@@ -164,7 +165,7 @@ def _from_csv(path: Path, facets: Path, results: SubcaseStrains | None) -> Influ
     needed = (*PLACE_COLUMNS, FORCE_COLUMN)
     for name in needed:
         if name not in header:
-            raise InputError(f"{path}: expected a column '{name}', got {', '.join(header[:8]) or 'none'}")
+            raise InputError(f"{path}: expected a column '{name}', got {shown_columns(header, needed)}")
     place = {name: header.index(name) for name in needed}
     cells = strain_cells(path, header, needed, results)
     number: dict[str, int] = {}

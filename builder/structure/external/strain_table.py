@@ -14,6 +14,7 @@ import numpy as np
 from builder.structure.external.csv_rows import csv_rows
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
+from strainfmu.text_files import shown_columns
 from strainfmu.units import STRAIN_UNITS
 
 CONDITION_COLUMNS = ("mach_number", "angle_of_attack_deg", "sideslip_angle_deg", "altitude_km")
@@ -99,7 +100,8 @@ def strain_cells(
 
 def _needed(path: Path, header: Sequence[str], name: str) -> None:
     if name not in header:
-        raise InputError(f"{path}: expected a column '{name}', got {', '.join(header[:8]) or 'none'}")
+        got = shown_columns(header, (*FIRST_COLUMNS, SUBCASE_COLUMN))
+        raise InputError(f"{path}: expected a column '{name}', got {got}")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -13,10 +13,10 @@ import numpy as np
 
 from builder.aero.cfd.units import METRES
 from builder.structure.solid.gauges.displaced_gauges import displaced_on_surface
-from builder.structure.solid.gauges.free_gauges import free_gauges, surface_axes
+from builder.structure.solid.gauges.free_gauges import check_table, free_gauges, surface_axes
 from builder.structure.solid.gauges.gauge_rows import Gauges
 from builder.structure.solid.mesh.section_wall import section_wall
-from builder.structure.solid.mesh.solid_mesh import SolidMesh
+from builder.structure.solid.mesh.solid_mesh import INTERNAL, SolidMesh
 from builder.structure.solid.mesh.swept_mesh import RESOLUTIONS, SweptResolution
 from builder.structure.solid.mesh_choice import CAD_FORMATS, TETRAHEDRON_LENGTH, check_other
 from builder.structure.solid.operators.matter import Matter, PointMass
@@ -106,11 +106,18 @@ def free_case(
     StrainfmuError
         Gmsh or meshio is needed and not installed, or fails.
     """
+    for name in layouts:
+        check_table(vehicle, name)
     mesh, other, model, source = _meshes(vehicle, resolution or vehicle.structure.resolution)
     matter = _matter(vehicle)
     for one in (mesh, other):
         if one is not None:
             matter.check(one)
+    inside = vehicle.structure.internal_pressure_Pa
+    if INTERNAL not in mesh.surface and inside != "ambient":
+        raise InputError(
+            f"structure.internal_pressure_Pa: expected 'ambient' with a mesh without a cavity, got {inside:g}"
+        )
     gauges = {name: free_gauges(vehicle, name, mesh) for name in dict.fromkeys(layouts)}
     in_use = vehicle.gauges.layout
     if vehicle.noise.moves_gauges and in_use in gauges:
@@ -205,4 +212,4 @@ def _mesh_of_file(
         return step_mesh(path, element_length)
     from builder.structure.solid.mesh.mesh_import import read_mesh
 
-    return read_mesh(path, unit, length=body_length)
+    return read_mesh(path, unit, length=body_length, hollow=False)

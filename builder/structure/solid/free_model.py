@@ -11,7 +11,7 @@ from scipy.sparse import csr_array, vstack
 from builder.reporting import Progress, Reporter
 from builder.structure.mesh_check import MeshCheck
 from builder.structure.solid.checks.examination import examination
-from builder.structure.solid.checks.locking import WallElements, check_locking
+from builder.structure.solid.checks.locking import WallElements, check_locking, check_solid_elements
 from builder.structure.solid.checks.reference_loads import NO_REFERENCE, largest_amplitude, reference_pressures
 from builder.structure.solid.free_case import FreeCase
 from builder.structure.solid.gauges.gauge_rows import gauge_fields, gauge_rows
@@ -96,10 +96,16 @@ def _examined(case: FreeCase, reporter: Reporter) -> dict[str, Any]:
     """Check the mesh and describe it; the wall's bending is judged at the gauges."""
     mesh = case.mesh
     with reporter.stage("Mesh checks and report"):
-        check_mesh(mesh, case.length)
+        check_mesh(mesh, case.length, hollow=False)
         report = mesh_report(mesh, case.matter.known_densities(mesh.region_names))
 
     def locking() -> Mapping[int, float]:
+        if INTERNAL not in mesh.surface:
+            check_solid_elements(mesh.element_type, case.allow_locking)
+            reporter.note(
+                "mesh: a body without a cavity (no surface 'internal'): it has no wall whose bending locks"
+            )
+            return {}
         radius = case.gauge_radius
         size = facet_size_round_axis(mesh, INTERNAL, radius)
         layers = max(1, round(case.thickness / size))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -12,6 +11,7 @@ from pathlib import Path
 from builder.vehicle.toml.limits import ALTITUDE_KM, MACH_NUMBER, MAX_CONDITIONS, STREAM_ANGLE_DEG
 from strainfmu.errors import InputError
 from strainfmu.flight_condition import FlightCondition
+from strainfmu.text_files import read_csv, shown_columns
 
 CSV_COLUMNS = ("mach_number", "angle_of_attack_deg", "sideslip_angle_deg", "altitude_km")
 
@@ -56,25 +56,16 @@ def read_conditions(path: Path) -> list[FlightCondition]:
         The file is missing or no text, or a row is wrong or repeats one before; the message names line and
         column, what is allowed and what was found.
     """
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file; a set of conditions is P1, P2 or a CSV file") from error
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: cannot be read as CSV text") from error
-    reader = csv.reader(text.splitlines())
-    try:
-        header = tuple(cell.strip() for cell in next(reader, []))
-        if header != CSV_COLUMNS:
-            raise InputError(
-                f"{path}: line 1: expected header '{','.join(CSV_COLUMNS)}', got '{','.join(header)}'"
-            )
-        found: dict[FlightCondition, int] = {}
-        for row in reader:
-            if any(cell.strip() for cell in row):
-                _add_condition(path, reader.line_num, row, found)
-    except csv.Error as error:
-        raise InputError(f"{path}: line {reader.line_num}: no CSV: {error}") from error
+    if not path.exists():
+        raise InputError(f"{path}: no such file; a set of conditions is P1, P2 or a CSV file")
+    (_, header), *rows = read_csv(path) or [(1, [])]
+    if tuple(cell.strip() for cell in header) != CSV_COLUMNS:
+        got = shown_columns(header, CSV_COLUMNS)
+        raise InputError(f"{path}: line 1: expected header '{','.join(CSV_COLUMNS)}', got {got}")
+    found: dict[FlightCondition, int] = {}
+    for line, row in rows:
+        if any(cell.strip() for cell in row):
+            _add_condition(path, line, row, found)
     if not found:
         raise InputError(f"{path}: expected at least 1 condition, got none")
     return list(found)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
@@ -12,6 +11,7 @@ import numpy as np
 from builder.vehicle.toml.limits import MAX_GAUGES, Limits
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
+from strainfmu.text_files import read_csv, shown_columns
 
 CSV_COLUMNS = ("name", "x_m", "y_m", "z_m", "direction_x", "direction_y", "direction_z")
 
@@ -45,36 +45,30 @@ def read_layout(path: Path) -> GaugeLayout:
     InputError
         The file is missing, a column is missing or unknown, a value is not a number, or a name occurs twice.
     """
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as stream:
-            reader = csv.DictReader(stream)
-            header = tuple(reader.fieldnames or ())
-            if sorted(header) != sorted(CSV_COLUMNS):
-                raise InputError(f"{path}: columns {', '.join(header)} found, must be {', '.join(CSV_COLUMNS)}")
-            rows = list(reader)
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file") from error
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise InputError(f"{path}: cannot be read: {reason}") from error
+    (_, header), *rows = read_csv(path) or [(1, [])]
+    if sorted(header) != sorted(CSV_COLUMNS):
+        got = shown_columns(header, CSV_COLUMNS)
+        raise InputError(f"{path}: expected the columns {', '.join(CSV_COLUMNS)}, got {got}")
     if not rows:
         raise InputError(f"{path}: holds no gauges")
     if len(rows) > MAX_GAUGES:
         raise InputError(f"{path}: expected at most {MAX_GAUGES} gauges, got {len(rows)}")
-    values = np.empty((len(rows), 6))
-    for i, row in enumerate(rows):
-        if None in row:
-            raise InputError(f"{path}, line {i + 2}: more than {len(CSV_COLUMNS)} values found")
+    names, values = [], np.empty((len(rows), 6))
+    for i, (line, row) in enumerate(rows):
+        if len(row) != len(header):
+            raise InputError(f"{path}, line {line}: expected {len(header)} values, got {len(row)}")
+        cells = dict(zip(header, row, strict=True))
+        names.append(cells["name"])
         for k, column in enumerate(CSV_COLUMNS[1:]):
             limits = STATION if k < 3 else DIRECTION
-            values[i, k] = _number(row[column], limits, f"{path}, line {i + 2}, column {column}")
-    layout = GaugeLayout(tuple(row["name"] for row in rows), values[:, :3], values[:, 3:])
+            values[i, k] = _number(cells[column], limits, f"{path}, line {line}, column {column}")
+    layout = GaugeLayout(tuple(names), values[:, :3], values[:, 3:])
     return checked_layout(layout, str(path))
 
 
-def _number(text: str | None, limits: Limits, where: str) -> float:
+def _number(text: str, limits: Limits, where: str) -> float:
     try:
-        value = float(text or "")
+        value = float(text)
     except ValueError as error:
         raise InputError(f"{where}: '{text}' found, must be a number") from error
     if not isfinite(value):

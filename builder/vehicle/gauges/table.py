@@ -8,13 +8,13 @@ angle: 0 is axial, 90 is hoop.
 
 from __future__ import annotations
 
-import csv
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
 
 from builder.vehicle.toml.limits import MAX_GAUGES
 from strainfmu.errors import InputError
+from strainfmu.text_files import read_csv, shown_columns
 
 PLACES = (("x_m", "y_m", "z_m"), ("x_m", "roll_angle_deg"), ("node",), ("element",))
 DIRECTIONS = (("direction_x", "direction_y", "direction_z"), ("angle_deg",))
@@ -47,20 +47,14 @@ def read_gauge_table(path: Path) -> list[TableGauge]:
         The file is missing, the columns are not a place and a direction, a value is no number, or a name occurs
         twice; the message names file, line and column.
     """
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as stream:
-            rows = [row for row in csv.reader(stream) if row]
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file") from error
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from error
-    header = [name.strip() for name in rows[0]] if rows else []
+    (_, first), *rows = read_csv(path) or [(1, [])]
+    header = [name.strip() for name in first]
     place, direction = _columns(path, header)
-    if not 1 <= len(rows) - 1 <= MAX_GAUGES:
-        raise InputError(f"{path}: expected 1 .. {MAX_GAUGES} gauges, got {len(rows) - 1}")
+    if not 1 <= len(rows) <= MAX_GAUGES:
+        raise InputError(f"{path}: expected 1 .. {MAX_GAUGES} gauges, got {len(rows)}")
     found: dict[str, TableGauge] = {}
-    for number, row in enumerate(rows[1:], start=2):
-        where = f"{path}, line {number}"
+    for line, row in rows:
+        where = f"{path}, line {line}"
         if len(row) != len(header):
             raise InputError(f"{where}: expected {len(header)} values, got {len(row)}")
         entry = dict(zip(header, row, strict=True))
@@ -82,7 +76,8 @@ def _columns(path: Path, header: list[str]) -> tuple[tuple[str, ...], tuple[str,
             if sorted(header) == sorted(("name", *place, *direction)):
                 return place, direction
     places, directions = (" or ".join("+".join(one) for one in every) for every in (PLACES, DIRECTIONS))
-    raise InputError(f"{path}: expected the columns name, {places}, and {directions}, got {','.join(header)}")
+    got = shown_columns(header, {"name", *(name for one in (*PLACES, *DIRECTIONS) for name in one)})
+    raise InputError(f"{path}: expected the columns name, {places}, and {directions}, got {got}")
 
 
 def _number(text: str, where: str) -> float:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from itertools import pairwise
 from math import isfinite, radians
 from pathlib import Path
@@ -22,6 +21,7 @@ from builder.vehicle.shape.profile_curves import (
 )
 from builder.vehicle.toml.sections import FileName, HalfAngle, Section, Station
 from strainfmu.errors import InputError
+from strainfmu.text_files import read_csv, shown_columns
 
 SAME_RADIUS = 1e-9
 """Of the length of a table: how far its first point may lie off the end of the piece before it."""
@@ -199,24 +199,16 @@ def read_profile(path: Path) -> tuple[list[float], list[float]]:
     InputError
         The file is missing, a column is, or a value is no number; the message names file and line.
     """
-    try:
-        with path.open(encoding="utf-8-sig", newline="") as stream:
-            rows = list(csv.reader(stream))
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"{path}: not a CSV file: {error}") from error
-    header = [name.strip() for name in rows[0]] if rows else []
-    if header != ["x_m", "r_m"]:
-        raise InputError(f"{path}: expected the header x_m,r_m, got {','.join(header) or 'nothing'}")
+    (_, header), *rows = read_csv(path) or [(1, [])]
+    if [name.strip() for name in header] != ["x_m", "r_m"]:
+        got = shown_columns(header, ("x_m", "r_m"))
+        raise InputError(f"{path}: expected the columns x_m, r_m, got {got}")
     points = []
-    for number, row in enumerate(rows[1:], start=2):
-        if not row:
-            continue
+    for line, row in rows:
         try:
             x, r = (float(value) for value in row)
         except ValueError as error:
-            raise InputError(f"{path}: line {number}: expected two numbers, got {','.join(row)}") from error
+            raise InputError(f"{path}: line {line}: expected two numbers, got {','.join(row)}") from error
         points.append((x, r))
     return [x for x, _ in points], [r for _, r in points]
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,6 +14,7 @@ from scipy.interpolate import PchipInterpolator
 from builder.vehicle.shape.geometry import SMALLEST_SLOPE_BREAK
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
+from strainfmu.text_files import read_csv, shown_columns
 
 REQUIRED = ("x_m", "half_width_m", "half_height_m")
 OPTIONAL = {"exponent": 2.0, "centre_z_m": 0.0}
@@ -135,23 +135,17 @@ def read_sections(path: Path, interpolation: str = "linear") -> SectionedBody:
         The file is missing, a column or a number is wrong, stations do not increase from a tip at x = 0, or the
         axis leaves a section; the message names the line.
     """
-    try:
-        with path.open(encoding="utf-8-sig", newline="") as stream:
-            rows = [row for row in csv.reader(stream) if row]
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"{path}: not a CSV file: {error}") from error
-    header = [name.strip() for name in rows[0]] if rows else []
+    (_, first), *rows = read_csv(path) or [(1, [])]
+    header = [name.strip() for name in first]
     missing = [name for name in REQUIRED if name not in header]
     unknown = [name for name in header if name not in (*REQUIRED, *OPTIONAL)]
     if missing or unknown or len(set(header)) < len(header):
         raise InputError(
             f"{path}: expected the columns {', '.join(REQUIRED)} and perhaps {', '.join(OPTIONAL)}, got "
-            f"{','.join(header) or 'nothing'}"
+            f"{shown_columns(header, (*REQUIRED, *OPTIONAL))}"
         )
     values = []
-    for number, row in enumerate(rows[1:], start=2):
+    for number, row in rows:
         try:
             found = dict(zip(header, map(float, row), strict=True))
         except ValueError as error:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from typing import TypeVar
@@ -12,21 +11,27 @@ from pydantic import ValidationError
 from builder.vehicle.toml.faults import all_faults
 from builder.vehicle.toml.sections import Section
 from strainfmu.errors import FaultsError, InputError
+from strainfmu.text_files import read_toml
 
 _MOST_FAULTS = 40
 """Lines of faults that are shown."""
+SECTIONS_NAMED = 6
 
 AnySection = TypeVar("AnySection", bound=Section)
 
 
 def read_sections(
-    path: Path, model: type[AnySection], further_faults: Callable[[AnySection], list[str]] = lambda _: []
+    path: Path,
+    model: type[AnySection],
+    kind: str,
+    further_faults: Callable[[AnySection], list[str]] = lambda _: [],
 ) -> AnySection:
     """Read and check a file.
 
     Parameters
     ----------
     model : of the whole file.
+    kind : what the file is, for messages, such as ``"vehicle file"``.
     further_faults : returns faults of sizes that follow from entries that are right on their own.
 
     Raises
@@ -34,16 +39,15 @@ def read_sections(
     FaultsError
         Entries are unknown, missing or outside their limits: one line each.
     InputError
-        The file is missing or no TOML.
+        The file is missing or no TOML, or most of its entries are not of ``model``.
     """
-    try:
-        entries = tomllib.loads(path.read_text(encoding="utf-8-sig"))
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file") from error
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
-    except (ValueError, RecursionError) as error:  # of TOML, of UTF-8, of a number with thousands of digits
-        raise InputError(f"{path}: not a TOML file: {error}") from error
+    entries = read_toml(path)
+    known = len(entries.keys() & model.model_fields.keys())
+    if known < len(entries) - known:  # a file named by mistake: a list of its entries helps nobody
+        sections = ", ".join(list(model.model_fields)[:SECTIONS_NAMED])
+        raise InputError(
+            f"{path}: not a {kind}: expected entries such as {sections}, got {len(entries) - known} others"
+        )
     try:
         found = model.model_validate(entries)
         faults = further_faults(found)

@@ -32,8 +32,7 @@ def temperature_name(number: int) -> str:
 
 
 LARGEST_PARAMETER = 1e8
-"""Largest size of a further parameter, and of its deviation, in its own unit; the estimator has -1e9 for one that
-is not known."""
+"""Largest size of a further parameter, and of its deviation, in its own unit; one beyond it is not known."""
 
 _PARAMETER, _PARAMETER_STD = "parameter.", "parameter_std."
 

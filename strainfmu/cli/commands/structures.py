@@ -166,7 +166,7 @@ def _report(made: Structure, vehicle: Vehicle) -> Iterator[str]:
     yield f"{made.vehicle}, {made.model.replace('_', ' ')}"
     yield report_text([(str(what), value, str(unit)) for what, value, unit in made.settings["mesh_report"]])
     ratios = ", ".join(f"cos({m} phi) {100.0 * r:.2f} %" for m, r in made.settings["locking"].items())
-    yield f"bending of the wall kept (locking check): {ratios}"
+    yield f"bending of the wall kept (locking check): {ratios or 'none, a body without a cavity'}"
     used = made.statistics
     yield (
         f"solver {used['solver']}, licence {used['licence']}: relative residual {used['relative_residual']:.0e}, "

@@ -48,7 +48,7 @@ class _Faults:
 
     def raise_if_any(self) -> None:
         if self.lines:
-            raise FaultsError("\n".join(self.lines))
+            raise FaultsError("\n".join(dict.fromkeys(self.lines)))  # several checks may meet one fault
 
 
 def check_vehicle(path: Path, console: Console) -> None:
@@ -163,6 +163,7 @@ def _warnings(
     """Yield how long the manoeuvre is, where it leaves the snapshots, and why the demonstration would refuse."""
     from builder.pipeline.demonstration.manoeuvre import manoeuvre_warnings
     from builder.structure.fourier.model import refuse_beyond_fourier
+    from builder.vehicle.doubtful_entries import doubtful_entries
     from builder.vehicle.map_needs import unused_entries
 
     if trajectory is None:
@@ -170,6 +171,7 @@ def _warnings(
     else:
         yield f"manoeuvre: {trajectory.stop_time:.4g} s"
     yield from (f"warning: {line}" for line in unused_entries(vehicle))
+    yield from (f"warning: {line}" for line in doubtful_entries(vehicle, conditions))
     of_revolution = (
         vehicle.is_of_revolution
         and vehicle.aerodynamics.surface is None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isfinite
@@ -14,8 +13,11 @@ import numpy as np
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.flight_condition import FlightCondition
+from strainfmu.text_files import MIB, read_csv, shown_columns
 
 HEADER = ("time_s", "mach_number", "angle_of_attack_deg", "sideslip_angle_deg", "altitude_km")
+LARGEST_FILE = 64 * MIB
+"""Hours of a flight, recorded at 100 Hz."""
 # What cannot be meant; what a flight model holds is narrower.
 _RANGES = ((0.0, 1e8), (-100.0, 100.0), (-180.0, 180.0), (-180.0, 180.0), (-10.0, 1000.0))
 # From the user's units in the header to SI.
@@ -104,18 +106,13 @@ def load_trajectory(path: str | PathLike[str], parameters: Sequence[str] = ()) -
         The file is missing or no text, or a row is wrong; the message names row (1 = header) and column.
     """
     path = Path(path)
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as stream:
-            rows = list(csv.reader(stream))
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file") from error
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"{path}: cannot be read as CSV text") from error
-    found = tuple(cell.strip() for cell in rows[0]) if rows else ()
+    (_, first), *rows = read_csv(path, LARGEST_FILE) or [(1, [])]
     header = (*HEADER, *parameters)
-    if found != header:
-        raise InputError(f"{path}: row 1: expected the header '{','.join(header)}', got '{','.join(found)}'")
-    numbers = [_parse_row(path, header, number, row) for number, row in enumerate(rows[1:], start=2) if any(row)]
+    if tuple(cell.strip() for cell in first) != header:
+        got = shown_columns(first, header)
+        raise InputError(f"{path}: row 1: expected the header '{','.join(header)}', got {got}")
+    filled = [(number, row) for number, row in rows if any(row)]
+    numbers = [_parse_row(path, header, number, row) for number, row in filled]
     if len(numbers) < 2:
         raise InputError(f"{path}: expected at least 2 rows of values, got {len(numbers)}")
     table = np.array(numbers)
@@ -123,16 +120,11 @@ def load_trajectory(path: str | PathLike[str], parameters: Sequence[str] = ()) -
         raise InputError(f"{path}: row 2, column time_s: {table[0, 0]:g} found, must start at 0")
     for i in np.flatnonzero(np.diff(table[:, 0]) <= 0.0):
         raise InputError(
-            f"{path}: row {_row_number(rows, int(i) + 1)}, column time_s: {table[i + 1, 0]:g} found after "
+            f"{path}: row {filled[int(i) + 1][0]}, column time_s: {table[i + 1, 0]:g} found after "
             f"{table[i, 0]:g}, time must increase"
         )
     table[:, : len(HEADER)] *= _TO_SI
     return Trajectory(table[:, 0], table[:, 1:], shape_preserving_slopes(table[:, 0], table[:, 1:]))
-
-
-def _row_number(rows: list[list[str]], index: int) -> int:
-    """Return the file's row number of the ``index``-th row of values (blank rows do not count)."""
-    return [number for number, row in enumerate(rows[1:], start=2) if any(row)][index]
 
 
 def _parse_row(path: Path, header: tuple[str, ...], number: int, row: list[str]) -> list[float]:

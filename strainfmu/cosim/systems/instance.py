@@ -137,6 +137,7 @@ class Instance:
 
     def __init__(self, name: str, path: Path, description: Any, folder: Path) -> None:
         self.name, self.path, self.description = name, path, description
+        self._folder = f"{folder}{os.sep}"
         self._messages: list[str] = []
         self._dead = self._initialized = False
         self._fmi2 = import_fmpy().fmi2
@@ -150,12 +151,12 @@ class Instance:
             )
         except Exception as error:  # fmpy raises plain Exceptions, and stays in the FMU's folder
             os.chdir(working_directory)
-            raise StrainfmuError(f"{path}: cannot be loaded on this machine: {_one_line(error)}") from error
+            raise StrainfmuError(f"{path}: cannot be loaded on this machine: {self._said(error)}") from error
         try:
             self._fmu.instantiate(callbacks=self._callbacks(), loggingOn=True)
         except Exception as error:
             self._fmu.freeLibrary()
-            reason = self._messages[-1] if self._messages else _one_line(error)
+            reason = self._messages[-1] if self._messages else self._said(error)
             raise StrainfmuError(f"{path}: instance '{name}' cannot be instantiated: {reason}") from error
 
     def _callbacks(self) -> Any:
@@ -167,7 +168,7 @@ class Instance:
                 # What a careful FMU passes, so that no % in its text is taken for a format.
                 if message == b"%s" and first and _VARIADIC_AS_FIXED:
                     message = ctypes.string_at(first)
-                self._messages.append(_one_line(message.decode("utf-8", "replace")))
+                self._messages.append(self._said(message.decode("utf-8", "replace")))
                 del self._messages[:-5]
 
         self._log = _LOGGER(log)  # kept alive, as the struct holds its address alone
@@ -179,6 +180,10 @@ class Instance:
             fmi2.fmi2StepFinishedTYPE(0),
             None,
         )
+
+    def _said(self, text: object) -> str:
+        """Return text in one line, files of the FMU by their names in it, not in the folder that goes again."""
+        return _one_line(text).replace(self._folder, "")
 
     def _check(self, function: str, status: int, when: str = "") -> None:
         """Turn a bad status into an error that holds the FMU's own words."""

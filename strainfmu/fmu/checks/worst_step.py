@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from importlib.resources import as_file, files
 from pathlib import Path
+from typing import Any
 
 from strainfmu.cosim.systems.instance import import_fmpy, safe_temporary_parent
 from strainfmu.errors import InputError
@@ -26,7 +27,7 @@ EVENTS = (
     "the first step of an instance",
     "strain that fits no flight, and a wrong Mach number",
     "no dynamic pressure, Mach number, static pressure or altitude given",
-    "all at once: first step, third lost, deviation changed, strain that does not fit",
+    "first step, a third lost, deviation changed, no fit: all at once",
 )
 """What happens in a step, by its number in ``fmus/bench/worst_step.c``."""
 
@@ -59,30 +60,28 @@ def worst_steps(map_path: Path) -> dict[str, Mapping[str, EventCost]]:
         maps["nonlinear"] = inverse_map
     found: dict[str, Mapping[str, EventCost]] = {}
     with tempfile.TemporaryDirectory(prefix="strainfmu_", dir=safe_temporary_parent()) as folder:
+        with as_file(files("fmus").joinpath("bench", "worst_step.c")) as host:
+            program = compiled(host, Path(folder) / "worst_step")
+        if program is None or not sys.platform.startswith("linux"):
+            raise InputError("worst steps: expected Linux and a C compiler (cc, gcc or clang), got none")
         for name, one in maps.items():
-            for filtered in (False, True):
-                costs = _costs(one, Path(folder), name, filtered)
-                if costs:
-                    found[f"{name}, filter" if filtered else name] = costs
+            fmu = Path(folder) / f"{name}.fmu"
+            save_inverse_map(one, fmu.with_suffix(".h5"))
+            export_estimator(fmu.with_suffix(".h5"), fmu, ExportOptions(platforms=("linux64",)))
+            import_fmpy().extract(str(fmu), str(fmu.with_suffix("")))
+            description = import_fmpy().read_model_description(str(fmu))
+            found[name] = _costs(program, one, fmu.with_suffix(""), description, filtered=False)
+            if any(variable.name == FILTER_TIME_CONSTANT for variable in description.modelVariables):
+                found[f"{name}, filter"] = _costs(program, one, fmu.with_suffix(""), description, filtered=True)
     return found
 
 
-def _costs(inverse_map: InverseMap, folder: Path, name: str, filtered: bool) -> dict[str, EventCost]:
-    """Return the costs by event; none with the filter where the map has none."""
-    source, fmu = folder / f"{name}.h5", folder / f"{name}.fmu"
-    save_inverse_map(inverse_map, source)
-    export_estimator(source, fmu, ExportOptions(platforms=("linux64",)))
-    unzipped = fmu.with_suffix("")
-    import_fmpy().extract(str(fmu), str(unzipped))
-    libraries = sorted((unzipped / "binaries" / "linux64").glob("*.so"))
-    with as_file(files("fmus").joinpath("bench", "worst_step.c")) as host:
-        program = compiled(host, unzipped / "worst_step")
-    if program is None or not sys.platform.startswith("linux"):
-        raise InputError("worst steps: expected Linux and a C compiler (cc, gcc or clang), got none")
-    description = import_fmpy().read_model_description(str(fmu))
+def _costs(
+    program: Path, inverse_map: InverseMap, fmu: Path, description: Any, *, filtered: bool
+) -> dict[str, EventCost]:
+    """Return the costs by event of an unzipped FMU, with its filter or without."""
+    library = next((fmu / "binaries" / "linux64").glob("*.so"))
     names = {one.name: one.valueReference for one in description.modelVariables}
-    if filtered and FILTER_TIME_CONSTANT not in names:
-        return {}
     manifold = inverse_map.manifold
     numbers = (
         inverse_map.nominal_dynamic_pressure,
@@ -92,7 +91,7 @@ def _costs(inverse_map: InverseMap, folder: Path, name: str, filtered: bool) -> 
         REPEATS,
         *(value for part in strain_parts(inverse_map) for value in part.tolist()),
     )
-    command = [str(program), str(libraries[0]), description.guid, (unzipped / "resources").as_uri()]
+    command = [str(program), str(library), description.guid, (fmu / "resources").as_uri()]
     found = {}
     for line in run([*command, *map(repr, numbers)]).splitlines():
         number, median, largest = line.split()

@@ -41,7 +41,7 @@ def test_there_and_back(tmp_path: Path) -> None:
             "gauges.b: the map has no such gauge",
         ),
         ("zeros = 1\n[gauges]\na = {zero_um_per_m = 1, std_um_per_m = 1}", "zeros: unknown entry"),
-        ("a = ", "no TOML file"),
+        ("a = ", "not a TOML file"),
     ],
 )
 def test_what_is_wrong_is_named(tmp_path: Path, text: str, message: str) -> None:

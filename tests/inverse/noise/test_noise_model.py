@@ -276,11 +276,11 @@ def test_nuisance_file_is_a_term_per_column(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (None, "cannot be read: No such file"),
-        ("", "columns  found, must be gauge and a name per mode"),
-        ("G1, 1, 2\n", "columns G1,  1,  2 found, must be gauge and a name per mode"),
-        ("gauge\nG1\n", "columns gauge found, must be gauge and a name per mode"),
-        ("gauge, a, a\nG1, 1, 2\n", "columns gauge,  a,  a found"),
+        (None, "no such file"),
+        ("", "expected the columns gauge and a name per mode, got nothing"),
+        ("G1, 1, 2\n", "expected the columns gauge and a name per mode, got none of them"),
+        ("gauge\nG1\n", "expected the columns gauge and a name per mode, got gauge"),
+        ("gauge, a, a\nG1, 1, 2\n", "got gauge, a, a"),
         (NUISANCE.replace("G3, 0.5, 0", ""), "gauge 'G3' of the layout in use is missing"),
         (NUISANCE + "G4, 1, 1\n", "gauge 'G4' is not in the layout in use"),
         (NUISANCE + "G1, 1, 1\n", "a gauge is listed twice"),
@@ -299,7 +299,7 @@ def test_nuisance_files_that_do_not_fit_are_refused(text: str | None, message: s
 @pytest.mark.parametrize(
     ("entries", "message"),
     [
-        ({"nuisance_file": "none.csv"}, "noise.nuisance_file: .*none.csv: cannot be read"),
+        ({"nuisance_file": "none.csv"}, "noise.nuisance_file: .*none.csv: no such file"),
         ({"covariance_file": "none.csv", "percent_of_median_strain": None}, "noise.covariance_file: .*none.csv"),
         ({"std_of_gauges_um_per_m": [1.0], "percent_of_median_strain": None}, "1 values found, must be 54"),
     ],
@@ -360,7 +360,8 @@ def test_gauge_noise_one_number_one_per_gauge_or_a_file(
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (None, "cannot be read"),
+        (None, "no such file"),
+        ("", "1 x 0 found, must be 2 x 2"),
         ("1, a\n0, 1\n", "not a table of numbers"),
         ("1, 0, 0\n0, 1, 0\n", "2 x 3 found, must be 2 x 2"),
         ("1, 2\n2, 1\n", "no covariance: must be symmetric and positive definite"),

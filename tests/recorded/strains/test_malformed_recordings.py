@@ -35,7 +35,7 @@ def bridged(entries: str) -> tuple[str, str]:
 
 
 TEXTS: dict[str, tuple[tuple[str, str], str]] = {
-    "no TOML": ((CSV, "[[channel"), "{toml}: no TOML file: "),
+    "no TOML": ((CSV, "[[channel"), "{toml}: not a TOML file: "),
     "no channel": ((CSV, "[join]\nrule = 'linear'\n"), "{toml}: channel: expected at least one [[channel]]"),
     "unknown entry": (bridged("guage_factor = 2.0"), "{toml}: channel.1.guage_factor: unknown entry"),
     "unknown section": ((CSV, TOML + "[tare]\nx = 1\n"), "{toml}: tare: unknown entry"),

@@ -160,7 +160,7 @@ def test_record_tells_curves_apart() -> None:
             [{"kind": "table", "x_m": [0.0, 1.0, 1.5, 2.0], "r_m": [0.1, 0.1, 0.2, 0.2]}],
             "expected x 0, r 0 m first",
         ),
-        ([{"kind": "table", "file": "none.csv"}], "none.csv: cannot be read"),
+        ([{"kind": "table", "file": "none.csv"}], "none.csv: no such file"),
     ],
 )
 def test_wrong_pieces_are_one_line(entries: list[dict[str, Any]], message: str) -> None:

@@ -12,6 +12,7 @@ from builder.aero.cfd.formats.text_numbers import read_file
 from builder.aero.cfd.units import METRES
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
+from strainfmu.text_files import shown_columns
 
 _AXES = ("x", "y", "z")
 NORMALS = ("normal_x", "normal_y", "normal_z")
@@ -80,8 +81,15 @@ def _axis_column(path: Path, header: list[str], k: int, metres_per_unit: float) 
             return index
     raise InputError(
         f"{path}: no column '{_AXES[k]}' found ('{_AXES[k]}', '{_AXES[k]}_m', 'Points:{k}' ... allowed); there "
-        f"are: {', '.join(header)}"
+        f"are: {shown_columns(header, _known_columns())}"
     )
+
+
+def _known_columns() -> set[str]:
+    """Return the names by which a table of points is recognised."""
+    by_unit = {f"{axis}_{unit}" for axis in _AXES for unit in METRES}
+    by_number = {f"Points{sign}{k}" for sign in ":_" for k in range(3)}
+    return {*_AXES, *(axis.upper() for axis in _AXES), *by_unit, *by_number, *NORMALS}
 
 
 def _value_column(path: Path, header: list[str], column: str | None, axes: list[int]) -> str:

@@ -48,6 +48,7 @@ def numbers_of(path: Path, content: bytes, first_line: int = 1) -> FloatArray:
 
 
 def _refuse_first_bad_word(path: Path, content: bytes, first_line: int) -> None:
+    numbers_ahead = False  # without any, it is another file, of which nothing is shown
     for number, line in enumerate(content.splitlines(), start=first_line):
         for word in line.split():
             try:
@@ -55,6 +56,7 @@ def _refuse_first_bad_word(path: Path, content: bytes, first_line: int) -> None:
             except ValueError:
                 good = False
             if not good:
-                found = word.decode("ascii", "replace")[:40]
-                raise InputError(f"{path}: line {number}: {found!r} found, must be a finite number")
+                found = repr(word.decode("ascii", "replace")[:40]) if numbers_ahead else "other text"
+                raise InputError(f"{path}: line {number}: {found} found, must be a finite number")
+            numbers_ahead = True
     raise InputError(f"{path}: a number is not finite")

@@ -13,6 +13,7 @@ from builder.structure.external.csv_rows import csv_rows
 from builder.structure.external.strain_table import table_number
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
+from strainfmu.text_files import shown_columns
 
 NEEDED = ("column", "element")
 DIRECTION = ("direction_x", "direction_y", "direction_z")
@@ -60,7 +61,7 @@ def read_nastran_gauges(path: Path, directions: Mapping[str, FloatArray]) -> dic
     header, rows = csv_rows(path)
     for name in NEEDED:
         if name not in header:
-            raise InputError(f"{path}: expected a column '{name}', got {', '.join(header[:8]) or 'none'}")
+            raise InputError(f"{path}: expected a column '{name}', got {shown_columns(header, COLUMNS)}")
     for name in header:
         if name not in COLUMNS:
             raise InputError(f"{path}: expected columns {', '.join(COLUMNS)}, got '{name}'")

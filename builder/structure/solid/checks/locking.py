@@ -17,7 +17,7 @@ from scipy.sparse import csr_array
 from builder.structure.solid.elements.elements import Quadrature
 from builder.structure.solid.gauges.gauge_rows import gauge_rows, gauges_at
 from builder.structure.solid.mesh.ring_mesh import REGION, ring_mesh
-from builder.structure.solid.mesh.solid_mesh import EXTERNAL, SolidMesh
+from builder.structure.solid.mesh.solid_mesh import EXTERNAL, QUADRATIC, SolidMesh
 from builder.structure.solid.operators.stiffness import assemble_stiffness
 from builder.structure.solid.operators.supports import free_motions
 from builder.structure.solid.operators.surface_load import pressure_load, surface_points
@@ -183,3 +183,18 @@ def check_locking(
         )
     warnings.warn(text, LockingWarning, stacklevel=2)
     return ratios
+
+
+def check_solid_elements(element_type: str, allow_locking: bool = False) -> None:
+    """Refuse linear elements of a body without a wall, of which no closed form shows what they lose in bending.
+
+    Raises
+    ------
+    InputError
+        They are linear, and ``allow_locking`` is not given.
+    """
+    if element_type not in QUADRATIC and not allow_locking:
+        raise InputError(
+            f"locking: {element_type} of a body without a cavity bend too little; expected one of "
+            f"{', '.join(QUADRATIC)}"
+        )

@@ -87,6 +87,19 @@ class GaugeSurface:
         return self.foot(start + distance * ray)
 
 
+def check_table(vehicle: Vehicle, layout: str) -> None:
+    """Refuse a wrong file of gauges before meshes are read, which takes longer.
+
+    Raises
+    ------
+    InputError
+        As :func:`builder.vehicle.gauges.table.read_gauge_table`.
+    """
+    file = vehicle.gauges.layouts[layout].file
+    if file is not None:
+        read_gauge_table(vehicle.beside(file))
+
+
 def free_gauges(vehicle: Vehicle, layout: str, mesh: SolidMesh) -> Gauges:
     """Return a layout of the vehicle file on the surfaces of ``mesh``.
 
@@ -98,13 +111,14 @@ def free_gauges(vehicle: Vehicle, layout: str, mesh: SolidMesh) -> Gauges:
     entry = vehicle.gauges.layouts[layout]
     where = f"gauges.layouts.{layout}"
     if entry.rows is not None:
-        surfaces = {name: GaugeSurface(mesh, SURFACE[name]) for name in {row.surface for row in entry.rows}}
-        parts = [
-            _row(row, surfaces[row.surface], f"{where}.rows.{i}") for i, row in enumerate(entry.rows, start=1)
-        ]
+        wheres = [f"{where}.rows.{i}" for i in range(1, len(entry.rows) + 1)]
+        surfaces = {
+            row.surface: _surface_of(mesh, row.surface, at) for row, at in zip(entry.rows, wheres, strict=True)
+        }
+        parts = [_row(row, surfaces[row.surface], at) for row, at in zip(entry.rows, wheres, strict=True)]
         return joined_gauges(parts, where)
     assert entry.file is not None
-    surface = GaugeSurface(mesh, SURFACE[entry.surface or "inner"])
+    surface = _surface_of(mesh, entry.surface or "inner", where)
     table = read_gauge_table(vehicle.beside(entry.file))
     placed = [_table_gauge(one, surface, 1e-3 * entry.largest_distance_mm) for one in table]
     return Gauges(
@@ -114,6 +128,13 @@ def free_gauges(vehicle: Vehicle, layout: str, mesh: SolidMesh) -> Gauges:
         length=np.full(len(table), 1e-3 * (entry.length_mm or 0.0)),
         surface=(surface.name,) * len(table),
     )
+
+
+def _surface_of(mesh: SolidMesh, side: str, where: str) -> GaugeSurface:
+    """Return the surface on a side of the wall; a body without a cavity has the outer one alone."""
+    if side == "inner" and INTERNAL not in mesh.surface:
+        raise InputError(f"{where}.surface: expected 'outer' on a mesh without a cavity, got 'inner'")
+    return GaugeSurface(mesh, SURFACE[side])
 
 
 def surface_axes(mesh: SolidMesh, gauges: Gauges) -> tuple[FloatArray, FloatArray]:

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from builder.structure.solid.elements.element_faces import FACE_CORNERS, all_faces, face_keys
+from builder.structure.solid.elements.element_faces import (
+    FACE_CORNERS,
+    all_faces,
+    boundary_facets,
+    face_keys,
+)
 from builder.structure.solid.elements.element_quality import determinant_ratio
 from builder.structure.solid.mesh.solid_mesh import EXTERNAL, INTERNAL, SUPPORT, SolidMesh
 from strainfmu.arrays import FloatArray, IntArray
@@ -22,16 +25,14 @@ LENGTH_TOLERANCE = 0.02
 KNOWN_UNITS = {"mm": 1e-3, "cm": 1e-2, "inch": 0.0254, "foot": 0.3048}
 
 
-def check_mesh(
-    mesh: SolidMesh, length: float | None = None, surfaces: Sequence[str] = (EXTERNAL, INTERNAL, SUPPORT)
-) -> None:
+def check_mesh(mesh: SolidMesh, length: float | None = None, hollow: bool = True) -> None:
     """Refuse a mesh that would give wrong numbers, or none.
 
     Parameters
     ----------
     mesh : the mesh.
     length : length of the vehicle along x [m], if known: finds a wrong unit.
-    surfaces : names of the surfaces that must be there.
+    hollow : there must be a surface ``internal``. Otherwise a body without a cavity, such as a wing, passes too.
 
     Raises
     ------
@@ -41,8 +42,10 @@ def check_mesh(
     """
     if length is not None:
         refuse_wrong_scale(mesh, length)
-    for name in surfaces:
+    for name in (EXTERNAL, SUPPORT):
         mesh.named_surface(name)
+    if not len(mesh.surface.get(INTERNAL, ())):
+        refuse_unnamed_cavity(mesh, hollow)
     refuse_unused_nodes(mesh)
     refuse_doubled_nodes(mesh)
     refuse_separate_parts(mesh)
@@ -60,6 +63,25 @@ def refuse_wrong_scale(mesh: SolidMesh, length: float) -> None:
     guess = [unit for unit, metre in KNOWN_UNITS.items() if abs(ratio * metre - 1.0) < 5.0 * LENGTH_TOLERANCE]
     hint = f"; read it with the unit {guess[0]} ({KNOWN_UNITS[guess[0]]:g} m)" if guess else ""
     raise InputError(f"mesh: {found:.6g} m long in x, the vehicle {length:.6g} m{hint}")
+
+
+def refuse_unnamed_cavity(mesh: SolidMesh, hollow: bool) -> None:
+    """Refuse a mesh without a surface ``internal`` that needs it (``hollow``), or has faces without a name."""
+    found = ", ".join(sorted(mesh.surface))
+    if hollow:
+        raise InputError(
+            f"mesh: no surface '{INTERNAL}', found {found}: a profile has a wall round a cavity; a body without "
+            "one is given by shape.surface and structure.mesh"
+        )
+    face, _ = boundary_facets(mesh.element_type, mesh.element)
+    named = np.concatenate([match_facets(mesh.element_type, face, facet) for facet in mesh.surface.values()])
+    bare = np.delete(np.arange(len(face)), named[named >= 0])
+    if len(bare):
+        raise InputError(
+            f"mesh: no surface '{INTERNAL}', and {len(bare)} outer faces of elements are on none of {found}, the "
+            f"first at {_at(mesh.node[face[bare[0]]].mean(axis=0))}: name those of the cavity '{INTERNAL}'; of a "
+            "body without one every face is on a surface"
+        )
 
 
 def refuse_unused_nodes(mesh: SolidMesh) -> None:

@@ -54,6 +54,7 @@ def read_mesh(
     group_names: Mapping[int, str] | None = None,
     name_by_position: bool = False,
     length: float | None = None,
+    hollow: bool = True,
 ) -> SolidMesh:
     """Read and check a volume mesh in body axes (x aft from the nose, y starboard, z up).
 
@@ -67,7 +68,7 @@ def read_mesh(
     unit : length of the file's unit [m]: 0.001 for mm.
     group_names : names of group numbers (Gmsh physical tags, Nastran property numbers) that the file has none for.
     name_by_position : find the surfaces by :func:`surfaces_of_hollow_body` instead of by names.
-    length : length of the vehicle [m], if known: finds a wrong unit.
+    length, hollow : as in :func:`check_mesh`.
 
     Raises
     ------
@@ -101,7 +102,7 @@ def read_mesh(
             region_names=region_names,
             surface=surface,
         )
-        check_mesh(mesh, length)
+        check_mesh(mesh, length, hollow)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
     return mesh

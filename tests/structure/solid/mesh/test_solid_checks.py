@@ -7,14 +7,13 @@ import pytest
 
 from builder.structure.solid.elements.element_quality import determinant_ratio, scaled_jacobian, straighten_folded
 from builder.structure.solid.elements.elements import reference_nodes
-from builder.structure.solid.mesh.mesh_checks import check_mesh
+from builder.structure.solid.mesh.mesh_checks import check_mesh, refuse_doubled_nodes
 from builder.structure.solid.mesh.ring_mesh import FRONT, ring_mesh
 from builder.structure.solid.mesh.solid_mesh import (
     EXTERNAL,
     INTERNAL,
     NODES_PER_ELEMENT,
     NODES_PER_FACET,
-    SUPPORT,
     SolidMesh,
 )
 from strainfmu.errors import InputError
@@ -109,7 +108,6 @@ def test_missing_surface_is_named() -> None:
     surface = {name: facet for name, facet in mesh.surface.items() if name != INTERNAL}
     with pytest.raises(InputError, match="no surface 'internal', found"):
         check_mesh(replace(mesh, surface=surface))
-    check_mesh(replace(mesh, surface=surface), surfaces=(EXTERNAL, SUPPORT))
 
 
 def test_facet_inside_the_body_is_refused() -> None:
@@ -163,7 +161,7 @@ def test_doubled_nodes_are_named() -> None:
         mesh, node=node[used], element=element.reshape(mesh.element.shape), surface={FRONT: mesh.surface[FRONT]}
     )
     with pytest.raises(InputError, match=r"pairs of nodes at one point.*merge coincident nodes"):
-        check_mesh(slit, surfaces=(FRONT,))
+        refuse_doubled_nodes(slit)
 
 
 @pytest.mark.parametrize(
