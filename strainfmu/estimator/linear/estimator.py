@@ -228,8 +228,9 @@ class Estimator:
         used: BoolArray = np.abs(readings) <= self.largest_reading  # false for NaN
         if valid is not None:
             used &= valid
-        flows = dynamic_pressure >= MIN_DYNAMIC_PRESSURE
-        used[silent(readings, used, self._n_strain_gauges) & flows] = False
+        if not readings.all():
+            flows = dynamic_pressure >= MIN_DYNAMIC_PRESSURE
+            used[silent(readings, used, self._n_strain_gauges) & flows] = False
         return used
 
     def rows_of(self, readings: FloatArray) -> FloatArray:
