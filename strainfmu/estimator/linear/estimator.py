@@ -137,15 +137,15 @@ class Estimator:
         ----------
         strain : (n_d,) or (k, n_d) readings [m/m], those of further sensors in units of their own, in the order of
             ``inverse_map.gauge_names``.
-        dynamic_pressure : q_inf [Pa], one for all samples or (k,).
+        dynamic_pressure : q_inf [Pa], one for all samples or (k,); not given at 0 or below, or NaN.
         valid : (n_d,) or (k, n_d) of bool, false for gauges to leave out; None for none.
         dynamic_pressure_std : standard deviation of q_inf's error [Pa], one for all samples or (k,); NaN takes the
             map's ``dynamic_pressure_error``, a fraction of q_inf. It adds to the variances to first order.
         mach_number, altitude : Mach number [1] and geopotential altitude [m] by navigation, one for all samples or
-            (k,); NaN where not known. They decide on health alone: whether the flight is inside the envelope, and
-            whether q_inf agrees with 0.7 M^2 p(h).
-        temperature : (n_t,) or (k, n_t) readings of the map's temperature sensors [K], NaN where one gives none;
-            None for none. What the wall's temperature strains is taken off, as far as they tell.
+            (k,); not given at 0 or below, or NaN. They decide on health alone: whether the flight is inside the
+            envelope, and whether q_inf agrees with 0.7 M^2 p(h).
+        temperature : (n_t,) or (k, n_t) readings of the map's temperature sensors [K], 0 or NaN where
+            one gives none; None for none. What the wall's temperature strains is taken off, as far as they tell.
         parameters : further parameters of the flow by the names of the map, such as deflections of controls, one
             value for all samples or (k,), NaN where not known. They too decide on health alone.
 
@@ -228,8 +228,9 @@ class Estimator:
         used: BoolArray = np.abs(readings) <= self.largest_reading  # false for NaN
         if valid is not None:
             used &= valid
-        flows = dynamic_pressure >= MIN_DYNAMIC_PRESSURE
-        used[silent(readings, used, self._n_strain_gauges) & flows] = False
+        if not readings.all():
+            flows = dynamic_pressure >= MIN_DYNAMIC_PRESSURE
+            used[silent(readings, used, self._n_strain_gauges) & flows] = False
         return used
 
     def rows_of(self, readings: FloatArray) -> FloatArray:

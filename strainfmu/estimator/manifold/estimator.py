@@ -133,14 +133,14 @@ class ManifoldEstimator:
         strain : (n_d,) or (k, n_d) readings [m/m], those of further sensors in units of their own, in the order of
             ``inverse_map.gauge_names``.
         dynamic_pressure, mach_number, static_pressure : q_inf [Pa], M [1], p_inf [Pa] of navigation, one for all
-            samples or (k,); NaN where not known. Any of them, and all, may be unknown.
+            samples or (k,); not given at 0 or below, or NaN. Any of them, and all, may be.
         valid : (n_d,) or (k, n_d) of bool, false for gauges to leave out; None for none.
         dynamic_pressure_std, mach_number_std, static_pressure_std : their standard deviations; NaN takes those of
             the map.
         altitude : geopotential [m]; gives p_inf of the standard atmosphere where ``static_pressure`` is not known,
             from which the air of a day differs by the map's ``altitude_error``.
-        temperature : (n_t,) or (k, n_t) readings of the map's temperature sensors [K], NaN where one gives none;
-            None for none. What the wall's temperature strains is taken off, as far as they tell.
+        temperature : (n_t,) or (k, n_t) readings of the map's temperature sensors [K], 0 or NaN where
+            one gives none; None for none. What the wall's temperature strains is taken off, as far as they tell.
         parameters : further parameters of the flow by the names of the map, one for all samples or (k,), in the
             units of the vehicle file; out of their range health is ``OUTSIDE``.
         parameters_std : their standard deviations, with which they sharpen the estimate; of any that is left out

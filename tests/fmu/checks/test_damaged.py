@@ -7,8 +7,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 import fmpy
+import numpy as np
 import pytest
-from fmu_host import COEFFICIENTS, loaded
+from fmu_host import COEFFICIENTS, STRAINS, loaded
 
 from strainfmu.cosim.systems.instance import Instance, read_description, unzip
 from strainfmu.errors import StrainfmuError
@@ -66,7 +67,7 @@ def refused(fmu: Path, folder: Path, reason: str) -> None:
 
 def test_a_map_of_another_format_version_is_refused(fmus: dict[str, Path], tmp_path: Path) -> None:
     fmu = rewritten(fmus["native"], tmp_path / "a.fmu", "resources/map.bin", flipped(8))
-    refused(fmu, tmp_path, "format version 2, must be 4")
+    refused(fmu, tmp_path, "format version 5, must be 4")
 
 
 def test_a_description_that_is_not_the_maps_is_refused(fmus: dict[str, Path], tmp_path: Path) -> None:
@@ -96,4 +97,5 @@ def test_fmi_3_refuses_a_damaged_map_too(fmus: dict[str, Path], tmp_path: Path) 
 def test_the_native_kind_runs_from_any_folder(fmus: dict[str, Path], tmp_path: Path, folder: str) -> None:
     with loaded(fmus["native"], tmp_path / folder / folder) as host:
         host.initialize()
+        host.set(STRAINS, 1e-5 * np.arange(1.0, len(STRAINS) + 1.0))
         assert abs(host.get(COEFFICIENTS)).max() > 0.0
