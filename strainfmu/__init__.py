@@ -26,21 +26,28 @@ if TYPE_CHECKING:
     from strainfmu.estimator.health import HealthState
     from strainfmu.estimator.linear.estimator import Estimator
     from strainfmu.estimator.loading import load
+    from strainfmu.estimator.manifold.air_data import AirData
+    from strainfmu.estimator.manifold.estimator import ManifoldEstimator
+    from strainfmu.estimator.manifold.flight_estimate import FlightEstimate, FlightEstimates
     from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map, save_inverse_map
     from strainfmu.estimator.settings import EstimatorSettings
     from strainfmu.fmu.export import ExportOptions, export_estimator
     from strainfmu.recorded.run import estimate_file
 
 _MODULES = {
+    "AirData": "estimator.manifold.air_data",
     "Connection": "cosim.systems.system",
     "Estimator": "estimator.linear.estimator",
     "EstimatorSettings": "estimator.settings",
     "ExportOptions": "fmu.export",
+    "FlightEstimate": "estimator.manifold.flight_estimate",
+    "FlightEstimates": "estimator.manifold.flight_estimate",
     "HealthState": "estimator.health",
     "InputError": "errors",
     "InverseMap": "estimator.map.inverse_map",
     "LoadEstimate": "estimator.estimates.load_estimate",
     "LoadEstimates": "estimator.estimates.load_estimate",
+    "ManifoldEstimator": "estimator.manifold.estimator",
     "Recording": "cosim.systems.recording",
     "StrainfmuError": "errors",
     "System": "cosim.systems.system",
@@ -54,15 +61,19 @@ _MODULES = {
 """Module of each public name."""
 
 __all__ = [
+    "AirData",
     "Connection",
     "Estimator",
     "EstimatorSettings",
     "ExportOptions",
+    "FlightEstimate",
+    "FlightEstimates",
     "HealthState",
     "InputError",
     "InverseMap",
     "LoadEstimate",
     "LoadEstimates",
+    "ManifoldEstimator",
     "Recording",
     "StrainfmuError",
     "System",
