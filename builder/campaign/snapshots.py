@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -133,6 +133,20 @@ class Snapshots:
             return None
         n_roll = self.pressure.shape[1] // len(self.station)
         return SurfaceGrid(x=self.station, radius=self.radius, angle=self.meridian_angle, n_roll=n_roll)
+
+    def chosen(self, rows: NDArray[np.int64]) -> Snapshots:
+        """Return the snapshots ``rows``, each with a flow of its own."""
+        return replace(
+            self,
+            condition=self.condition[rows],
+            pressure=self.pressure[rows],
+            internal_pressure=self.internal_pressure[rows],
+            solved=np.ones(len(rows), dtype=bool),
+            flow=np.arange(len(rows)),
+            momentum_error=self.momentum_error[rows],
+            repairs=self.repairs[rows],
+            mass_error=None if self.mass_error is None else self.mass_error[rows],
+        )
 
     @property
     def reference_quantities(self) -> ReferenceQuantities:

@@ -24,7 +24,7 @@ from builder.pipeline.pipeline import FilesGiven, Pipeline
 from builder.pipeline.stages import check_before_long_work
 from builder.pipeline.used_files import SNAPSHOTS, STRUCTURE, open_pipeline
 from builder.reporting import Reporter
-from builder.truth.independent_model import refuse_without_independent_model
+from builder.truth.independent_model import other_physics, refuse_without_independent_model
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
 from strainfmu.files import write_bytes_atomically
 
@@ -79,6 +79,8 @@ def run_compare(
     check_before_long_work(pipeline.vehicle, conditions)
     make_map_parts(pipeline)
     vehicle = pipeline.flown or pipeline.vehicle
+    for line in other_physics(vehicle):
+        reporter.note(line)
     make_flows(pipeline, vehicle, effort)
     _scores(pipeline, vehicle, effort)
     entries = json.loads(pipeline.path(JSON).read_text(encoding="utf-8"))

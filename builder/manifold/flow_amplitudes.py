@@ -77,7 +77,7 @@ def flow_amplitudes(snapshots: Snapshots, max_harmonic: int = MAX_HARMONIC) -> F
                 )
             condition = conditions[first[key]]
             rings = (snapshots.pressure[first[key]] / condition.ambient_pressure).reshape(len(grid.x), -1)
-            amplitude[i, j] = _cosines(rings, grid.roll_angle - condition.leeward_roll_angle, n_m)
+            amplitude[i, j] = cosine_amplitudes(rings, grid.roll_angle - condition.leeward_roll_angle, n_m)
     flows = FlowAmplitudes(mach=mach, incidence=incidence, amplitude=amplitude)
     return flows.with_middle_mach() if len(mach) == 2 else flows
 
@@ -92,7 +92,7 @@ def with_middle_mach(mach: FloatArray, values: FloatArray) -> tuple[FloatArray, 
     return np.array([mach[0], middle, mach[1]]), np.stack([values[0], between, values[1]])
 
 
-def _cosines(rings: FloatArray, angle: FloatArray, n_m: int) -> FloatArray:
+def cosine_amplitudes(rings: FloatArray, angle: FloatArray, n_m: int) -> FloatArray:
     """Return (n_x, n_m) amplitudes of cos(m angle) in ``rings`` (n_x, n_roll), evenly spaced round the body."""
     weight = np.where(np.arange(n_m) == 0, 1.0, 2.0) / len(angle)
     return np.asarray(rings @ np.cos(np.outer(angle, np.arange(n_m))) * weight)

@@ -30,7 +30,7 @@ from builder.stress.score import Effort, Range, Score
 from builder.structure.fourier.model import place_layouts
 from builder.structure.gauge_placement import gauge_mesh
 from builder.structure.solid.case import structure_case
-from builder.truth.independent_model import refuse_without_independent_model
+from builder.truth.independent_model import other_physics, refuse_without_independent_model
 from builder.truth.revolution import flow_table as flow_table_file
 from builder.truth.revolution.flow_table import load_flow_table, save_flow_table
 from builder.vehicle.file import Vehicle, load_vehicle
@@ -110,6 +110,8 @@ def run_stress(
         check_fit(vehicle, inverse_map, map_path)
         pipeline = Pipeline(vehicle, Workspace(folder), reporter)
         pipeline.use(MAP, map_path, _content(map_path))
+    for line in other_physics(vehicle):
+        reporter.note(line)
     _flows(pipeline, vehicle, effort)
     _scores(pipeline, vehicle, inverse_map, effort)
     entries = json.loads(pipeline.path(JSON).read_text(encoding="utf-8"))

@@ -65,6 +65,13 @@ def flown_physics(vehicle: Vehicle, engine: str) -> FlownPhysics:
     return FlownPhysics(flies=vehicle.truth_engine() if vehicle.is_of_revolution else engine, of_map=engine)
 
 
+def other_physics(vehicle: Vehicle) -> list[str]:
+    """Return, in one line, that the independent model of ``vehicle`` has another physics than its engine, or
+    nothing."""
+    physics = flown_physics(vehicle, vehicle.aerodynamics.engine)
+    return [] if physics.is_that_of_map else [physics.sentence]
+
+
 def refuse_without_independent_model(vehicle: Vehicle) -> None:
     """Refuse a vehicle that has no independent model, before anything is solved.
 

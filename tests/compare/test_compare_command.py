@@ -23,7 +23,7 @@ PRODUCT = ("linear Case 1", "linear Case 2", "manifold", "Kalman filter, random 
 
 @pytest.fixture
 def few_knots(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(flights, "MACH_KNOTS", 3)
+    monkeypatch.setattr(flights, "MACH_KNOTS", 4)
     monkeypatch.setattr(flights, "INCIDENCE_KNOTS", 4)
 
 

@@ -3,12 +3,24 @@
 from __future__ import annotations
 
 import re
+from dataclasses import fields
 from functools import cache
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import pytest
 from snippets import ROOT, pages
+
+from builder.campaign import snapshots
+from builder.reports.build_report import page as build_page
+from builder.structure import structure_file
+from builder.truth.revolution import flow_table
+from strainfmu.cosim.models import flight_model
+from strainfmu.cosim.systems import recording
+from strainfmu.estimator.map import inverse_map
+from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.tables.manifold_map import ManifoldMap
 
 pytestmark = pytest.mark.fast
 
@@ -21,6 +33,10 @@ LINK = re.compile(r"\]\(([^)#:]+)(?:#[\w-]+)?\)")
 SCHEMAS = {"strainfmu.inverse_map", "strainfmu.snapshots", "strainfmu.structure", "strainfmu.recording"}
 SCHEMAS |= {"strainfmu.flight_model", "strainfmu.flow_table"}
 """Names of the files' schemas, which look like modules."""
+
+
+VERSIONED: tuple[Any, ...] = (snapshots, structure_file, flow_table, flight_model, recording, inverse_map)
+"""Modules of files with a version."""
 
 
 @cache
@@ -69,6 +85,22 @@ def test_modules_and_their_names_exist(page: Path) -> None:
 def test_files_named_alone_exist(page: Path) -> None:
     named = set(FILE.findall(page.read_text(encoding="utf-8")))
     assert not named - file_names()
+
+
+def test_versions_of_files_are_those_of_the_code() -> None:
+    """Every file that the page of files gives a version of, and the version of report.json."""
+    text = (ROOT / "docs" / "reference" / "files.md").read_text(encoding="utf-8")
+    stated = {schema: int(version) for schema, version in re.findall(r"`(strainfmu\.\w+)`, version (\d+)", text)}
+    assert stated == {one.SCHEMA: one.SCHEMA_VERSION for one in VERSIONED}
+    for page in ("reference/files.md", "explanation/reports.md"):
+        (version,) = re.findall(r"`schema_version` (\d+)", (ROOT / "docs" / page).read_text(encoding="utf-8"))
+        assert int(version) == build_page.SCHEMA_VERSION, page
+
+
+@pytest.mark.parametrize("record", [InverseMap, ManifoldMap], ids=lambda record: record.__name__)
+def test_every_data_set_of_a_map_is_on_the_page_of_files(record: type[Any]) -> None:
+    text = (ROOT / "docs" / "reference" / "files.md").read_text(encoding="utf-8")
+    assert [entry.name for entry in fields(record) if f"`{entry.name}`" not in text] == []
 
 
 def _exists(dotted: str) -> bool:

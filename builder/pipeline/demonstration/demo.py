@@ -25,9 +25,16 @@ from builder.pipeline.demonstration.as_built_demo import CALIBRATED, AsBuiltRun
 from builder.pipeline.demonstration.flight_score import FlightScore, score_flight
 from builder.pipeline.demonstration.flown_estimators import FlownEstimates, estimator_entry, flown_estimators
 from builder.pipeline.demonstration.free_demo import fly_free_shape
+from builder.pipeline.demonstration.held_out_score import held_out_score
 from builder.pipeline.demonstration.manoeuvre import manoeuvre_warnings
 from builder.pipeline.demonstration.pictures import make_pictures
-from builder.pipeline.map_files import make_independent_flows, make_map, true_structure_of
+from builder.pipeline.map_files import (
+    make_independent_flows,
+    make_map,
+    map_parts,
+    solid_structure_of,
+    true_structure_of,
+)
 from builder.pipeline.pipeline import FilesGiven, Pipeline
 from builder.pipeline.stages import check_before_long_work
 from builder.pipeline.used_files import FLOWS, MAP, SNAPSHOTS, open_pipeline
@@ -35,6 +42,7 @@ from builder.reporting import Reporter
 from builder.structure.fourier.model import refuse_beyond_fourier
 from builder.structure.gauge_checks import check_gauges
 from builder.truth.as_built import AsBuilt, drawn, exactly_built
+from builder.truth.independent_model import FlownPhysics, flown_physics
 from builder.truth.revolution.flight_tables import flight_model
 from builder.truth.revolution.flow_table import load_flow_table
 from builder.truth.revolution.flows import truth_knots
@@ -55,6 +63,9 @@ from strainfmu.fmu.native.package import shipped_libraries
 AS_BUILT_SEED = 1
 """Seed of the hardware errors of the vehicle that flies."""
 
+HELD_OUT_VERSION = 1
+"""Raised whenever the score on held-out conditions is another of the same files."""
+
 COMMUNICATION_STEP_SIZE = 0.01
 """Time between communication points of the demonstration flight [s]: 100 Hz."""
 
@@ -69,7 +80,10 @@ class DemoResult:
     folder : where the files are.
     files : names of the files, in the order of the stages, with what each holds.
     reused : files that were up to date.
+    physics : the flow model that flies, and that of the map.
     score : accuracy of the flown FMU.
+    held_out : of a map of imported results, the score on results that maps are made without, as in
+        ``summary.json``; empty for others.
     errors_in_sigma : names of the errors that the stated sigmas hold.
     estimators : of a map with tables over the flight state, the accuracy of each estimator on the flown strains,
         by name, as in ``summary.json``; empty for others.
@@ -81,7 +95,9 @@ class DemoResult:
     folder: Path
     files: dict[str, str]
     reused: tuple[str, ...]
+    physics: FlownPhysics
     score: FlightScore
+    held_out: dict[str, Any]
     errors_in_sigma: tuple[str, ...]
     estimators: dict[str, Any]
     states: dict[str, Any]
@@ -133,6 +149,8 @@ def run_demo(
     flown = load_trajectory(manoeuvre)
     for warning in manoeuvre_warnings(vehicle, flown, snapshots.conditions(), of_revolution):
         reporter.note(warning)
+    physics = flown_physics(vehicle, snapshots.engine)
+    reporter.note(physics.sentence)
     run = (
         None if ground_test is None else AsBuiltRun(pipeline=pipeline, vehicle_path=vehicle_path, seed=ground_test)
     )
@@ -146,16 +164,20 @@ def run_demo(
     _fmus(pipeline, MAP if run is None else CALIBRATED)
     recording = _flight(pipeline, {} if run is None else run.start_values())
     score = score_flight(recording)
-    _figures(pipeline, recording)
-    estimators = _estimators(pipeline, recording) if run is None else {}
+    held_out = _held_out(pipeline) if snapshots.engine == "table" else {}
+    _figures(pipeline, recording, physics)
+    estimators = _estimators(pipeline, recording, physics) if run is None else {}
     states = {} if run is None else run.score(recording)
-    _summary(pipeline, score, {"estimators": estimators, "as_built": states})
+    more = {"held_out": held_out, "physics": physics.record(), "estimators": estimators, "as_built": states}
+    _summary(pipeline, score, more)
     return DemoResult(
         vehicle=vehicle.name,
         folder=folder,
         files=pipeline.files,
         reused=tuple(pipeline.reused),
+        physics=physics,
         score=score,
+        held_out=held_out,
         errors_in_sigma=errors_in_sigma(load_inverse_map(pipeline.path(MAP if run is None else CALIBRATED))),
         estimators=estimators,
         states=states,
@@ -171,13 +193,16 @@ def _free_demo(pipeline: Pipeline, as_built: int | None) -> DemoResult:
     for warning in manoeuvre_warnings(vehicle, flown, snapshots.conditions(), False):
         pipeline.reporter.note(warning)
     score = score_flight(recording)
-    _summary(pipeline, score, {"estimators": {}})
+    physics = flown_physics(vehicle, vehicle.aerodynamics.engine)
+    _summary(pipeline, score, {"physics": physics.record()})
     return DemoResult(
         vehicle=vehicle.name,
         folder=pipeline.workspace.path("summary.json").parent,
         files=pipeline.files,
         reused=tuple(pipeline.reused),
+        physics=physics,
         score=score,
+        held_out={},
         errors_in_sigma=errors_in_sigma(load_inverse_map(pipeline.path(MAP))),
         estimators={},
         states={},
@@ -284,20 +309,54 @@ def _flight(pipeline: Pipeline, start_values: dict[str, float]) -> Recording:
     return recording
 
 
-def _figures(pipeline: Pipeline, recording: Recording) -> None:
+def _held_out(pipeline: Pipeline) -> dict[str, Any]:
+    """Return the score on results that maps are made without; empty where there are too few results."""
+
+    def make(path: Path) -> None:
+        vehicle = pipeline.vehicle
+        snapshots, structure = map_parts(pipeline)
+        found = held_out_score(vehicle, snapshots, structure, pipeline.reporter, solid_structure_of(pipeline))
+        write_bytes_atomically(path, json.dumps({} if found is None else found.record(), indent=1).encode())
+
+    inputs = {
+        "map": pipeline.made_from(MAP),
+        "snapshots": pipeline.made_from(SNAPSHOTS),
+        "version": HELD_OUT_VERSION,
+    }
+    pipeline.make("held_out.json", "accuracy on imported results that maps are made without", inputs, make)
+    entries: dict[str, Any] = json.loads(pipeline.path("held_out.json").read_text(encoding="utf-8"))
+    if not entries:
+        pipeline.reporter.note("no score on held-out conditions: there are too few imported results")
+    for line in entries.get("not_built", []):
+        pipeline.reporter.note(f"held-out conditions: no map without {line}")
+    return entries
+
+
+def _title(pipeline: Pipeline, physics: FlownPhysics) -> str:
+    """Return the title of figures of the flight."""
+    return pipeline.vehicle.name + ("" if physics.is_that_of_map else f" (flies {physics.model})")
+
+
+def _figures(pipeline: Pipeline, recording: Recording, physics: FlownPhysics) -> None:
     vehicle, settings = pipeline.vehicle, pipeline.vehicle.resolution.map
     surface = surface_grid(vehicle.body(), settings.surface_stations, settings.surface_roll_angles)
     snapshots = snapshots_on(load_snapshots(pipeline.path(SNAPSHOTS)), surface)
     inverse_map = load_inverse_map(pipeline.workspace.path("map.h5"))
     title = vehicle.name
+    of_flight = _title(pipeline, physics)
     of_pressure = {"snapshots": pipeline.made_from("snapshots.h5"), "title": title}
-    of_all = {**of_pressure, "map": pipeline.made_from("map.h5"), "flight": pipeline.made_from("flight.h5")}
+    of_all = {
+        **of_pressure,
+        "title": of_flight,
+        "map": pipeline.made_from("map.h5"),
+        "flight": pipeline.made_from("flight.h5"),
+    }
     drawings: list[tuple[str, str, dict[str, Any], Callable[[], figures.Figure]]] = [
         (
             "overview.png",
             "figure: load, gauges and estimate in one picture",
             of_all,
-            lambda: figures.overview(snapshots, surface, inverse_map, recording, title),
+            lambda: figures.overview(snapshots, surface, inverse_map, recording, of_flight),
         ),
         (
             "pressure_unrolled.png",
@@ -320,8 +379,8 @@ def _figures(pipeline: Pipeline, recording: Recording) -> None:
         (
             "coefficients.png",
             "figure: estimated against true coefficients, 3 sigma bands",
-            {"flight": pipeline.made_from("flight.h5"), "title": title},
-            lambda: figures.coefficients(recording, title),
+            {"flight": pipeline.made_from("flight.h5"), "title": of_flight},
+            lambda: figures.coefficients(recording, of_flight),
         ),
     ]
     with pipeline.reporter.stage("Figures") as progress:
@@ -331,7 +390,7 @@ def _figures(pipeline: Pipeline, recording: Recording) -> None:
         make_pictures(pipeline)
 
 
-def _estimators(pipeline: Pipeline, recording: Recording) -> dict[str, Any]:
+def _estimators(pipeline: Pipeline, recording: Recording, physics: FlownPhysics) -> dict[str, Any]:
     """Fly both estimators of a map with tables on the same strains; return their accuracy, empty for others."""
     inverse_map = load_inverse_map(pipeline.path(MAP))
     if inverse_map.manifold is None:
@@ -342,7 +401,7 @@ def _estimators(pipeline: Pipeline, recording: Recording) -> dict[str, Any]:
             flown = flown_estimators(inverse_map, recording, estimator="estimator")
         entries = {name: estimator_entry(one) for name, one in flown.items()}
         write_bytes_atomically(path, json.dumps(_without_nan(entries), indent=1, allow_nan=False).encode())
-        save(_errors_figure(recording, flown, pipeline.vehicle.name), path.with_suffix(".png"))
+        save(_errors_figure(recording, flown, _title(pipeline, physics)), path.with_suffix(".png"))
 
     inputs = {"map": pipeline.made_from(MAP), "flight": pipeline.made_from("flight.h5")}
     holds = "linear and nonlinear estimator on the same strains, as numbers (and as a figure, estimators.png)"
@@ -372,11 +431,7 @@ def _without_nan(value: Any) -> Any:
 
 def _summary(pipeline: Pipeline, score: FlightScore, more: dict[str, dict[str, Any]]) -> None:
     def make(path: Path) -> None:
-        values = {
-            key: dict(zip(score.names, value.tolist(), strict=True)) if isinstance(value, np.ndarray) else value
-            for key, value in asdict(score).items()
-        }
-        values |= {name: entry for name, entry in more.items() if entry}
+        values = {**score.record(), **{name: entry for name, entry in more.items() if entry}}
         write_bytes_atomically(path, json.dumps(_without_nan(values), indent=1, allow_nan=False).encode())
 
     inputs = {"flight": pipeline.made_from("flight.h5"), **more}

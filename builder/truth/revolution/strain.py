@@ -153,7 +153,17 @@ def true_flights(
     """
     mach = np.array([condition.mach_number for condition in conditions])
     incidence = np.array([condition.total_incidence for condition in conditions])
-    harmonic = harmonics_at(table, mach, incidence)
+    return flights_of_harmonics(vehicle, structure, harmonics_at(table, mach, incidence), conditions)
+
+
+def flights_of_harmonics(
+    vehicle: Vehicle, structure: TrueStructure, harmonic: FloatArray, conditions: list[FlightCondition]
+) -> TrueFlights:
+    """Return the flights of ``vehicle`` at ``conditions`` under known pressure.
+
+    ``harmonic`` (k, n_x, n_m) are amplitudes of cos(m phi) in p / p_inf, phi from the leeward meridian, at the
+    stations of the structure.
+    """
     ambient = np.array([condition.ambient_pressure for condition in conditions])
     inside = np.array([vehicle.internal_pressure(condition) for condition in conditions])
     states = (structure.nominal, structure.thin, structure.thick, structure.fore, structure.aft)

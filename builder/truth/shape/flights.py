@@ -156,15 +156,10 @@ def at_conditions(flows: Snapshots, conditions: Sequence[FlightCondition]) -> Sn
     before = np.array([one.ambient_pressure for one in flows.conditions()])
     ambient = np.array([one.ambient_pressure for one in known])
     return replace(
-        flows,
+        flows.chosen(rows),
         condition=np.array([one.as_row() for one in known]),
         pressure=flows.pressure[rows] * (ambient / before[rows])[:, None],
         internal_pressure=ambient,
-        solved=np.ones(len(rows), dtype=bool),
-        flow=np.arange(len(rows)),
-        momentum_error=flows.momentum_error[rows],
-        repairs=flows.repairs[rows],
-        mass_error=None if flows.mass_error is None else flows.mass_error[rows],
     )
 
 

@@ -164,26 +164,59 @@ def _show_states(console: Console, states: dict[str, Any]) -> None:
     )
 
 
-def _show_result(console: Console, result: DemoResult) -> None:
-    score = result.score
-    table = Table(title=escape(f"{result.vehicle}: the FMU's estimate against truth, independent finer model"))
+def _score_table(title: str, score: dict[str, Any]) -> Table:
+    """Return a table of a score, as files of results hold it."""
+    table = Table(title=escape(title))
     for heading in ("coefficient [1]", "rms error", "of its range", "mean sigma", "truth within 3 sigma"):
         table.add_column(escape(heading), justify="left" if heading.startswith("coefficient") else "right")
-    for i, name in enumerate(score.names):
+    for name, error in score["rms_error"].items():
+        of_range = score["rms_error_of_range"][name]
         table.add_row(
             name,
-            f"{score.rms_error[i]:.2e}",
-            f"{score.rms_error_of_range[i]:.2%}" if score.rms_error_of_range[i] >= 0.0 else "-",
-            f"{score.mean_sigma[i]:.2e}",
-            f"{100.0 * score.coverage[i]:.2f} %",
+            f"{error:.2e}",
+            "-" if of_range is None else f"{of_range:.2%}",
+            f"{score['mean_sigma'][name]:.2e}",
+            f"{100.0 * score['coverage'][name]:.2f} %",
         )
-    console.print(table)
+    return table
+
+
+def _health_line(score: dict[str, Any]) -> str:
+    """Return how often health is OK, and what it does not detect."""
+    silent = [f"{name} {part:.2%}" for name, part in score["undetected"].items() if part > 0.0]
+    return (
+        f"Health OK in {score['healthy']:.2%} of the samples; truth beyond 3 sigma with health OK: "
+        f"{', '.join(silent) or 'none'}."
+    )
+
+
+def _show_held_out(console: Console, score: dict[str, Any]) -> None:
+    """Show the score on results that maps are made without, ahead of a flight with another physics."""
+    console.print(_score_table("Held-out conditions of the imported results: estimate against truth", score))
+    console.print(
+        f"Maps made without {', '.join(score['left_out'])} in turn estimate what they are made without, "
+        f"{score['flows']} flows inside the range of Mach numbers. {_health_line(score)}",
+        highlight=False,
+        markup=False,
+        soft_wrap=True,
+    )
+
+
+def _show_result(console: Console, result: DemoResult) -> None:
+    if result.held_out:
+        _show_held_out(console, result.held_out)
+    score = result.score
+    console.print(
+        _score_table(f"{result.vehicle}: the FMU's estimate against truth, {result.physics.model}", score.record())
+    )
+    if not result.physics.is_that_of_map:
+        console.print(result.physics.sentence, highlight=False, markup=False, soft_wrap=True)
     console.print(
         f"Sigma holds: {', '.join(result.errors_in_sigma)}.", highlight=False, markup=False, soft_wrap=True
     )
     times = ", ".join(f"{name} {1e6 * value:.0f} us" for name, value in score.step_time.items())
     console.print(
-        f"Time per step (median, through fmpy): {times}. Health OK in {score.healthy:.2%} of the samples.",
+        f"Time per step (median, through fmpy): {times}. {_health_line(score.record())}",
         highlight=False,
         soft_wrap=True,
     )

@@ -163,6 +163,7 @@ def _warnings(
     """Yield how long the manoeuvre is, where it leaves the snapshots, and why the demonstration would refuse."""
     from builder.pipeline.demonstration.manoeuvre import manoeuvre_warnings
     from builder.structure.fourier.model import refuse_beyond_fourier
+    from builder.truth.independent_model import other_physics
     from builder.vehicle.doubtful_entries import doubtful_entries
     from builder.vehicle.map_needs import unused_entries
 
@@ -181,6 +182,7 @@ def _warnings(
         yield from manoeuvre_warnings(vehicle, trajectory, conditions, of_revolution)
     if not vehicle.is_of_revolution:
         return
+    yield from other_physics(vehicle)
     try:
         refuse_beyond_fourier(vehicle, [vehicle.gauges.layout])
     except InputError as error:

@@ -39,7 +39,7 @@ class AirData:
     Attributes
     ----------
     names : of the quantities.
-    value, std : (k, 7) in :data:`AIR_DATA_UNITS`.
+    value, std : (k, 7) or (7,) in :data:`AIR_DATA_UNITS`: rad, rad, rad, rad, 1, Pa, Pa.
     is_identified : (k, 7) whether strain and navigation say more of it than the ranges of the map do.
     """
 

@@ -19,7 +19,8 @@ class FlightEstimate(LoadEstimate):
 
     Attributes
     ----------
-    air_data : angles, Mach number, pressures.
+    air_data : angle of attack, sideslip, total incidence, aerodynamic roll angle, Mach number, p_inf and q_inf,
+        with standard deviations, see :class:`~strainfmu.estimator.manifold.air_data.AirData`.
     state, state_covariance : (4,), (4, 4) flight state (M, u, w, ln p_inf).
     navigation_residual : (3,) standardised difference of each of ``NAVIGATION`` from all else; 0 if not known.
     navigation_used : (3,) which of them were used: those that are known and not dropped as inconsistent; none

@@ -1,0 +1,237 @@
+"""Accuracy of a map of imported results on results that it was not made from: some are left out in turn.
+
+The solver of a table is not here: there is no flow between its conditions. So the map is made again without some
+of the flows, and estimates the loads of these. All else is as in the flights that alarm levels are set from: the
+independent structure, errors of hardware, gauges and navigation drawn.
+
+A table that is a grid of Mach numbers and total incidences loses one inner Mach number, or one incidence but the
+largest, at a time: tables over the flight state need a grid. Of any other table a fifth of the flows inside is
+left out at a time. What is left out is between flows of the map, never beyond them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import degrees
+from typing import Any
+
+import numpy as np
+
+from builder.aero.engines.registry import own_surface
+from builder.campaign.snapshot_transfer import snapshots_on
+from builder.campaign.snapshots import Snapshots
+from builder.inverse.problem import AnyStructure
+from builder.manifold.flow_amplitudes import cosine_amplitudes
+from builder.pipeline.demonstration.flight_score import FlightScore, score_of
+from builder.pipeline.stages import map_from
+from builder.reporting import Reporter, Silent
+from builder.structure.structure_file import Structure
+from builder.truth.flights import RevolvedFlights
+from builder.truth.held_out import wind_angles
+from builder.truth.levels.flown_vehicles import DrawnVehicles
+from builder.truth.levels.read_flights import ReadFlights, readings
+from builder.truth.revolution.strain import TrueStructure, flights_of_harmonics, true_structure
+from builder.vehicle.file import Vehicle
+from strainfmu.arrays import FloatArray, IntArray
+from strainfmu.errors import InputError
+from strainfmu.estimator.estimates.load_estimate import LoadEstimates
+from strainfmu.estimator.linear.estimator import Estimator
+from strainfmu.estimator.loading import estimator_of
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
+from strainfmu.flight_condition import FlightCondition
+
+SEED, VEHICLES, ROLLS = 3, 20, 4
+"""Of the draws; vehicles at each condition; aerodynamic roll angles of each flow, where a map takes it at all."""
+MOST_PARTS = 6
+FEWEST_KNOTS = 2
+"""Mach numbers, and incidences, that a map must keep."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LeftOut:
+    """Flows that a map is made without.
+
+    Attributes
+    ----------
+    name : what they have in common, in words.
+    rows : of the snapshots.
+    flown : those of them that are flown: of Mach numbers inside, where there are any. At an end of their range a
+        stated Mach number is outside as often as not, and so is health.
+    """
+
+    name: str
+    rows: IntArray
+    flown: IntArray
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class HeldOutScore:
+    """The score on flows that are left out, and what was left out.
+
+    Attributes
+    ----------
+    score : over all of them.
+    parts : names of the parts that were left out in turn.
+    flows : number of flows that were left out and flown.
+    not_built : parts without which no map could be made, with the reason.
+    """
+
+    score: FlightScore
+    parts: tuple[str, ...]
+    flows: int
+    not_built: tuple[str, ...]
+
+    def record(self) -> dict[str, Any]:
+        """Return it for a file of results."""
+        return {
+            **self.score.record(),
+            "left_out": list(self.parts),
+            "flows": self.flows,
+            "not_built": list(self.not_built),
+        }
+
+
+def left_out_parts(snapshots: Snapshots) -> list[LeftOut]:
+    """Return the parts of the flows of ``snapshots`` to leave out in turn; empty where there are too few flows."""
+    key = np.round([(one.mach_number, one.total_incidence) for one in snapshots.conditions()], 6)
+    mach, incidence = np.unique(key[:, 0]), np.unique(key[:, 1])
+    flows = np.unique(key, axis=0)
+    inner = [mach[1:-1], incidence[:-1]]
+    is_inside = np.isin(key[:, 0], inner[0]) if len(inner[0]) else np.ones(len(key), dtype=bool)
+
+    def part(name: str, rows: IntArray) -> LeftOut:
+        return LeftOut(name=name, rows=rows, flown=rows[is_inside[rows]])
+
+    if len(flows) < len(mach) * len(incidence):
+        inside = flows[(flows[:, 1] < incidence[-1]) & np.isin(flows[:, 0], inner[0])]
+        parts = [inside[first::5] for first in range(min(5, len(inside)))]
+        return [part(f"part {i} of {len(parts)}", _rows(key, one)) for i, one in enumerate(parts, start=1)]
+    named = [
+        [(f"M {one:g}", 0, one) for one in inner[0] if len(mach) > FEWEST_KNOTS],
+        [
+            (f"total incidence {degrees(one):.4g} deg", 1, one)
+            for one in inner[1]
+            if len(incidence) > FEWEST_KNOTS + 1
+        ],
+    ]
+    half = MOST_PARTS // 2
+    room = [max(half, MOST_PARTS - len(named[1])), max(half, MOST_PARTS - len(named[0]))]
+    chosen = [_spread(one, count) for one, count in zip(named, room, strict=True)]
+    return [part(name, np.flatnonzero(key[:, axis] == value)) for one in chosen for name, axis, value in one]
+
+
+def _rows(key: FloatArray, flows: FloatArray) -> IntArray:
+    """Return the rows of ``key`` (n, 2) that are among ``flows`` (k, 2)."""
+    return np.flatnonzero((key[:, None, :] == flows[None, :, :]).all(axis=2).any(axis=1))
+
+
+def _spread(values: list[Any], count: int) -> list[Any]:
+    """Return at most ``count`` of ``values``, evenly spread."""
+    if len(values) <= count:
+        return values
+    return [values[i] for i in np.unique(np.round(np.linspace(0, len(values) - 1, count)).astype(int))]
+
+
+def held_out_score(
+    vehicle: Vehicle,
+    snapshots: Snapshots,
+    structure: AnyStructure,
+    reporter: Reporter,
+    solid: Structure | None = None,
+) -> HeldOutScore | None:
+    """Return the score of maps of ``vehicle`` on flows of ``snapshots`` that they are made without.
+
+    ``structure`` is that of the map, ``solid`` the three-dimensional one behind it. None where there are too few
+    flows to leave some out, or no map can be made without them.
+    """
+    parts = left_out_parts(snapshots)
+    if not parts:
+        return None
+    on_grid = snapshots_on(snapshots, own_surface(vehicle, vehicle.resolution.map))
+    truth = _true_structure(vehicle)
+    errors, stds, truths, healthy = list[FloatArray](), list[FloatArray](), list[FloatArray](), list[FloatArray]()
+    built, not_built = list[LeftOut](), list[str]()
+    with reporter.stage("Held-out conditions: maps made without some results") as progress:
+        for number, part in enumerate(parts):
+            kept = np.setdiff1d(np.arange(len(snapshots.condition)), part.rows)
+            try:
+                made = map_from(vehicle, snapshots.chosen(kept), structure, Silent(), solid)
+            except InputError as error:
+                not_built.append(f"{part.name}: {error}")
+                continue
+            built.append(part)
+            random = np.random.default_rng([SEED, number])
+            flown = _flown(vehicle, on_grid.chosen(part.flown), truth, made, random)
+            found = _estimates(made, readings(made, vehicle.noise, flown, random, VEHICLES))
+            true = np.repeat(flown.flights.coefficients, VEHICLES, axis=0)
+            errors.append(found.coefficients - true)
+            stds.append(found.coefficients_std)
+            truths.append(true)
+            healthy.append(found.health == 0)
+            progress(number + 1, len(parts))
+    if not built:
+        return None
+    every = np.concatenate
+    score = score_of(COEFFICIENT_NAMES, every(errors), every(stds), every(truths), every(healthy))
+    conditions = [snapshots.conditions()[row] for part in built for row in part.flown.tolist()]
+    flows = {(round(one.mach_number, 6), round(one.total_incidence, 6)) for one in conditions}
+    return HeldOutScore(
+        score=score, parts=tuple(part.name for part in built), flows=len(flows), not_built=tuple(not_built)
+    )
+
+
+def _true_structure(vehicle: Vehicle) -> TrueStructure:
+    """Return the structure of the independent model with the pressure nodes of the map, where the results are."""
+    own, truth = vehicle.resolution.map, vehicle.resolution.truth
+    nodes = {
+        "surface_stations": own.surface_stations,
+        "surface_roll_angles": own.surface_roll_angles,
+        "harmonics": min(truth.harmonics, (own.surface_roll_angles - 1) // 2),
+    }
+    resolution = vehicle.resolution.model_copy(update={"truth": truth.model_copy(update=nodes)})
+    return true_structure(vehicle.model_copy(update={"resolution": resolution}))
+
+
+def _flown(
+    vehicle: Vehicle, snapshots: Snapshots, structure: TrueStructure, made: InverseMap, random: np.random.Generator
+) -> DrawnVehicles:
+    """Return vehicles in the flows of ``snapshots``: rolled where the map takes every flow at every roll angle."""
+    grid = snapshots.grid
+    assert grid is not None
+    n_m = structure.nominal.shape[2]
+    harmonic, conditions = list[FloatArray](), list[FlightCondition]()
+    for row, condition in enumerate(snapshots.conditions()):
+        ratio = snapshots.pressure[row].reshape(len(grid.x), -1) / condition.ambient_pressure
+        amplitude = cosine_amplitudes(ratio, grid.roll_angle - condition.leeward_roll_angle, n_m)
+        rolled = made.provenance["symmetry"] == "full"
+        for _ in range(ROLLS if rolled else 1):
+            harmonic.append(amplitude)
+            conditions.append(_rolled(condition, random) if rolled else condition)
+    flights = flights_of_harmonics(vehicle, structure, np.array(harmonic), conditions)
+    return DrawnVehicles(
+        noise=vehicle.noise,
+        flights=RevolvedFlights(structure=structure, flown=flights),
+        n_gauges=len(structure.names),
+    )
+
+
+def _rolled(condition: FlightCondition, random: np.random.Generator) -> FlightCondition:
+    """Return the flow of ``condition`` at an aerodynamic roll angle that is drawn."""
+    alpha, beta = wind_angles(condition.total_incidence, float(random.uniform(0.0, 2.0 * np.pi)))
+    return FlightCondition(condition.mach_number, alpha, beta, condition.altitude)
+
+
+def _estimates(made: InverseMap, read: ReadFlights) -> LoadEstimates:
+    """Return what the estimator of the map makes of the readings, with all navigation."""
+    estimator = estimator_of(made)
+    if isinstance(estimator, Estimator):
+        found = estimator.estimate(read.strain, read.dynamic_pressure, mach_number=read.mach_number)
+    else:
+        found = estimator.estimate(
+            read.strain,
+            read.dynamic_pressure,
+            mach_number=read.mach_number,
+            static_pressure=read.static_pressure,
+        )
+    assert isinstance(found, LoadEstimates)
+    return found
