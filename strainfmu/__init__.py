@@ -25,14 +25,7 @@ if TYPE_CHECKING:
     from strainfmu.estimator.estimate import Estimate
     from strainfmu.estimator.estimator import Estimator, load
     from strainfmu.estimator.health import HealthState
-<<<<<<< HEAD
-=======
-    from strainfmu.estimator.linear.estimator import Estimator
-    from strainfmu.estimator.loading import load
     from strainfmu.estimator.manifold.air_data import AirData
-    from strainfmu.estimator.manifold.estimator import ManifoldEstimator
-    from strainfmu.estimator.manifold.flight_estimate import FlightEstimate, FlightEstimates
->>>>>>> main
     from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map, save_inverse_map
     from strainfmu.estimator.settings import EstimatorSettings
     from strainfmu.fmu.export import ExportOptions, export_estimator
@@ -45,17 +38,9 @@ _MODULES = {
     "Estimator": "estimator.estimator",
     "EstimatorSettings": "estimator.settings",
     "ExportOptions": "fmu.export",
-    "FlightEstimate": "estimator.manifold.flight_estimate",
-    "FlightEstimates": "estimator.manifold.flight_estimate",
     "HealthState": "estimator.health",
     "InputError": "errors",
     "InverseMap": "estimator.map.inverse_map",
-<<<<<<< HEAD
-=======
-    "LoadEstimate": "estimator.estimates.load_estimate",
-    "LoadEstimates": "estimator.estimates.load_estimate",
-    "ManifoldEstimator": "estimator.manifold.estimator",
->>>>>>> main
     "Recording": "cosim.systems.recording",
     "StrainfmuError": "errors",
     "System": "cosim.systems.system",
@@ -75,17 +60,9 @@ __all__ = [
     "Estimator",
     "EstimatorSettings",
     "ExportOptions",
-    "FlightEstimate",
-    "FlightEstimates",
     "HealthState",
     "InputError",
     "InverseMap",
-<<<<<<< HEAD
-=======
-    "LoadEstimate",
-    "LoadEstimates",
-    "ManifoldEstimator",
->>>>>>> main
     "Recording",
     "StrainfmuError",
     "System",
