@@ -35,8 +35,8 @@ from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimates.load_estimate import LoadEstimates
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.linear.estimator import Estimator
-from strainfmu.estimator.loading import estimator_of
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
 from strainfmu.flight_condition import FlightCondition
 
@@ -223,7 +223,7 @@ def _rolled(condition: FlightCondition, random: np.random.Generator) -> FlightCo
 
 def _estimates(made: InverseMap, read: ReadFlights) -> LoadEstimates:
     """Return what the estimator of the map makes of the readings, with all navigation."""
-    estimator = estimator_of(made)
+    estimator = Estimator(made)
     if isinstance(estimator, Estimator):
         found = estimator.estimate(read.strain, read.dynamic_pressure, mach_number=read.mach_number)
     else:
