@@ -200,6 +200,13 @@ class Estimator:
             raise InputError("filter: the map's form is 'absolute', expected 'dynamic_pressure' or tables")
         core.set(constant.start, np.array([filter_time_constant]))
 
+    @cached_property
+    def linear(self) -> Estimator:
+        """The linear estimator of the same map; this one itself where the map has no tables."""
+        if not self.is_nonlinear:
+            return self
+        return Estimator(self.inverse_map.without_tables(), self.settings, self.zeros)
+
     # Other estimators of the same map, whose tracks go on from where the last sample left this one.
 
     def _other(self, **changed: Any) -> Estimator:

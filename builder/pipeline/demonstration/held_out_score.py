@@ -34,9 +34,8 @@ from builder.truth.revolution.strain import TrueStructure, flights_of_harmonics,
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
-from strainfmu.estimator.estimates.load_estimate import LoadEstimates
+from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
-from strainfmu.estimator.linear.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
 from strainfmu.flight_condition import FlightCondition
 
@@ -221,17 +220,11 @@ def _rolled(condition: FlightCondition, random: np.random.Generator) -> FlightCo
     return FlightCondition(condition.mach_number, alpha, beta, condition.altitude)
 
 
-def _estimates(made: InverseMap, read: ReadFlights) -> LoadEstimates:
+def _estimates(made: InverseMap, read: ReadFlights) -> Estimate:
     """Return what the estimator of the map makes of the readings, with all navigation."""
-    estimator = Estimator(made)
-    if isinstance(estimator, Estimator):
-        found = estimator.estimate(read.strain, read.dynamic_pressure, mach_number=read.mach_number)
-    else:
-        found = estimator.estimate(
-            read.strain,
-            read.dynamic_pressure,
-            mach_number=read.mach_number,
-            static_pressure=read.static_pressure,
-        )
-    assert isinstance(found, LoadEstimates)
-    return found
+    return Estimator(made).estimate(
+        read.strain,
+        read.dynamic_pressure,
+        mach_number=read.mach_number,
+        static_pressure=read.static_pressure,
+    )
