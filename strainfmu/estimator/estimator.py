@@ -194,11 +194,8 @@ class Estimator:
         given = [getattr(settings, name) for name in list(core.settings)[:5]]
         core.set(0, np.concatenate([given, zeros.value, zeros.std, [zeros.common_std]]))
         constant = core.settings["filter_time_constant"]
-        if constant.stop == constant.start and filter_time_constant == 0.0:
-            return
-        if constant.stop == constant.start:
-            raise InputError("filter: the map's form is 'absolute', expected 'dynamic_pressure' or tables")
-        core.set(constant.start, np.array([filter_time_constant]))
+        if constant.stop > constant.start:
+            core.set(constant.start, np.array([filter_time_constant]))
 
     @cached_property
     def linear(self) -> Estimator:
@@ -248,6 +245,9 @@ class Estimator:
         """
         if not (time_constant == 0.0 or SMALLEST <= time_constant <= LARGEST):
             raise InputError(f"time_constant: expected 0 or {SMALLEST:g} to {LARGEST:g} s, got {time_constant:g}")
+        place = self.core.settings["filter_time_constant"]
+        if time_constant > 0.0 and place.stop == place.start:
+            raise InputError("filter: expected a map of form 'dynamic_pressure' or with tables, got one without")
         return self._other(filter_time_constant=float(time_constant))
 
     # Samples.
