@@ -1,4 +1,4 @@
-"""Zip archives whose bytes depend on their content alone, as FMUs and SSP packages are."""
+"""Zip archives: bytes that depend on their content alone, as of FMUs and SSP packages; a limit on their size."""
 
 from __future__ import annotations
 
@@ -7,9 +7,34 @@ import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 
+from strainfmu.errors import InputError
 from strainfmu.files import write_bytes_atomically
 
 _ZIP_TIME = (1980, 1, 1, 0, 0, 0)  # the earliest a zip can hold, so that equal content gives equal bytes
+
+LARGEST_UNPACKED = 10**9
+"""Size of all entries of an archive [bytes] beyond which none is unpacked: a hundred times that of large FMUs."""
+
+
+def check_unpacked_size(path: Path) -> None:
+    """Check the size of what is in the archive ``path``, as its directory states it; readers stop there.
+
+    An archive that cannot be read is left to its reader.
+
+    Raises
+    ------
+    InputError
+        It is above :data:`LARGEST_UNPACKED`.
+    """
+    try:
+        with zipfile.ZipFile(path) as archive:
+            size = sum(entry.file_size for entry in archive.infolist())
+    except Exception:  # zipfile raises whatever its parsers do
+        return
+    if size > LARGEST_UNPACKED:
+        raise InputError(
+            f"{path}: expected at most {LARGEST_UNPACKED / 1e9:.1f} GB in the archive, got {size / 1e9:.1f} GB"
+        )
 
 
 def write_archive(path: Path, entries: Mapping[str, bytes]) -> None:

@@ -66,6 +66,7 @@ class EstimationSummary:
     missing_strains : number of strains without a value, by gauge.
     missing_pressure : number of samples without a dynamic pressure that have no coefficients.
     refused : number of steps that the FMU refused; their outputs are NaN.
+    results : number of samples that have coefficients.
     fields : number of pressure fields written.
     account : number of samples by state, and the gauges to blame.
     unused : columns of the data that were not read.
@@ -78,6 +79,7 @@ class EstimationSummary:
     missing_strains: Counter[str] = field(default_factory=Counter)
     missing_pressure: int = 0
     refused: int = 0
+    results: int = 0
     fields: int = 0
     account: HealthAccount = field(default_factory=HealthAccount)
     unused: tuple[str, ...] = ()
@@ -306,6 +308,7 @@ def _count(
     without = np.isnan(block.dynamic_pressure) & np.isnan(found.coefficients[:, 0])
     summary.missing_pressure += int(without.sum())
     summary.refused += int(np.isnan(found.health).sum())
+    summary.results += int(np.isfinite(found.coefficients).any(axis=1).sum())
     summary.samples += len(block.time)
     summary.first = float(np.fmin(summary.first, block.time[0]))
     summary.last = float(block.time[-1])

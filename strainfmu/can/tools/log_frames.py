@@ -119,9 +119,40 @@ def _reader(path: Path, raw: Any) -> Any:
     if kind == MF4:
         return _mf4_messages(path)
     if kind == ".blf":
-        return BLFReader(raw)
+        return _whole_objects(BLFReader)(raw)
     text = io.TextIOWrapper(raw, encoding="utf-8", errors="replace")
     return ASCReader(text) if kind == ".asc" else CanutilsLogReader(text)
+
+
+def _whole_objects(reader: Any) -> Any:
+    """Return the class ``reader`` of BLF, ended by an object that states a size below that of its own header.
+
+    python-can would read it again and again.
+    """
+    from can.io.blf import OBJ_HEADER_BASE_STRUCT, BLFParseError
+
+    class Reader(reader):
+        def _parse_data(self, data: bytes) -> Iterator[Any]:
+            end = _first_damaged(data, OBJ_HEADER_BASE_STRUCT)
+            yield from super()._parse_data(data if end is None else data[:end])
+            if end is not None:
+                raise BLFParseError(
+                    f"an object states a size below that of its header, {end} bytes into its container"
+                )
+
+    return Reader
+
+
+def _first_damaged(data: bytes, header: struct.Struct) -> int | None:
+    """Return where an object begins that is not as long as its ``header``, None if all that are whole are."""
+    place = data.find(b"LOBJ", 0, 8)
+    while 0 <= place <= len(data) - header.size:
+        size = header.unpack_from(data, place)[3]
+        if size < header.size:
+            return place
+        place += size
+        place = data.find(b"LOBJ", place, place + 8)
+    return None
 
 
 def _mf4_messages(path: Path) -> Iterator[Any]:

@@ -34,6 +34,9 @@ _OF_THE_MOMENT = ("E2E_CRC", "Age")
 _AHEAD = 64
 """Frames of a log that are read ahead: a sent frame is logged after it has been sent."""
 
+_LONGEST_GAP = 1000
+"""Cycles without any frame in a log beyond which their status results are left out, but for the first and last."""
+
 _UNMATCHED = 10_000
 """Maximum number of result frames kept without a counterpart: a log without sent frames has none."""
 
@@ -59,6 +62,11 @@ class ReplaySummary:
     compared: int = 0
     equal: int = 0
     notes: list[str] = field(default_factory=list)
+
+    @property
+    def results(self) -> int:
+        """Number of results that have coefficients."""
+        return sum(number for quality, number in self.qualities.items() if quality.has_coefficients)
 
 
 def replay_log(
@@ -112,22 +120,24 @@ def replay_log(
             comparison.replayed(result)
             on_result(result)
 
-    time = start
+    time, gaps = start, _Gaps(core)
     skips = dict(described.get("skips", ())) if described else {}
     unanswered = deque(described.get("unanswered", ()) if described else ())
     for frame, is_received in _ahead(chain([first], frames), core):
+        give(gaps.passed(time, frame.time, skips))
         time = frame.time
         if is_received:
             give(_received(core, acceptance, account=account, frame=frame, skips=skips, unanswered=unanswered))
         else:
             comparison.logged(frame)
-    end = described.get("end") if described else None
-    give(_advanced(core, time if end is None else end, skips))
+    end = time if described is None or described.get("end") is None else described["end"]
+    give(gaps.passed(time, end, skips))
+    give(_advanced(core, end, skips))
     core.finish(time)
     summary.duration = time - start
     summary.account = account.plus(core.account)
     summary.compared, summary.equal = comparison.compared, comparison.equal
-    summary.notes += _notes(log, source, state=state, described=described)
+    summary.notes += [*_notes(log, source, state=state, described=described), *gaps.notes(log, start)]
     return summary
 
 
@@ -149,6 +159,34 @@ def _advanced(core: BridgeCore, time: float, skips: dict[float, float]) -> list[
     while core.next_event <= time:
         results += core.advance(skips.get(core.next_event, core.next_event))
     return results
+
+
+class _Gaps:
+    """Times without any frame, sent or received: what a live bridge says then every cycle is said a few times."""
+
+    def __init__(self, core: BridgeCore) -> None:
+        self._core, self._begin = core, float("nan")
+        self._longest, self._number = 0.0, 0
+
+    def passed(self, begin: float, end: float, skips: dict[float, float]) -> list[CycleResult]:
+        """Return the results from ``begin`` to ``end`` [s], of successive frames, if it is a gap; else none."""
+        core, period = self._core, self._core.layout.cycle_time
+        if end - begin <= _LONGEST_GAP * period:
+            return []
+        self._number += 1
+        if end - begin > self._longest:
+            self._begin, self._longest = begin, end - begin
+        silence = core.settings.timeout + core.settings.invalid_after
+        return [*_advanced(core, begin + (silence + 1.0) * period, skips), *core.advance(end)]
+
+    def notes(self, log: Path, start: float) -> list[str]:
+        """Return a line on the gaps; ``start`` is that of the log [s]."""
+        if not self._number:
+            return []
+        return [
+            f"{log}: {self._number} gaps without a frame, the longest of {self._longest:.6g} s, "
+            f"{self._begin - start:.6g} s behind the start: results INVALID, written at its begin and end alone"
+        ]
 
 
 def _received(

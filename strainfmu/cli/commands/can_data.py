@@ -15,7 +15,7 @@ from strainfmu.cli.commands.bus_options import cycle_time_of, refuse_cycle_time
 from strainfmu.cli.commands.can_bus import KeyOption, ZerosOption, identifiers_of
 from strainfmu.cli.commands.can_send import stop_request
 from strainfmu.cli.commands.number_ranges import PRESSURE_PA, within
-from strainfmu.errors import InputError
+from strainfmu.errors import InputError, StrainfmuError
 
 if TYPE_CHECKING:
     from strainfmu.recorded.run import EstimationSummary
@@ -200,6 +200,9 @@ def estimate(
     console.print(f"{output}: written, {summary.samples} samples", highlight=False, markup=False, soft_wrap=True)
     if field is not None:
         console.print(f"{field}: written, {summary.fields} fields", highlight=False, markup=False, soft_wrap=True)
+    if not summary.results:
+        states = ", ".join(f"{name} {number}" for name, number in summary.health.most_common())
+        raise StrainfmuError(f"{data}: none of {summary.samples} samples has a result: {states or 'all refused'}")
 
 
 def _names(text: str | None) -> list[str]:
@@ -267,6 +270,7 @@ def _replay(
 
     from strainfmu.can.bridge.options import BridgeOptions
     from strainfmu.can.bridge.summary import health_rows
+    from strainfmu.can.cycle.frames.account import FrameClass
     from strainfmu.can.tools.log_estimates import estimate_log
 
     def options(recorded: BridgeOptions | None) -> BridgeOptions:
@@ -293,6 +297,12 @@ def _replay(
     for note in summary.notes:
         console.print(note, highlight=False, markup=False, soft_wrap=True)
     console.print(f"{output}: written", highlight=False, markup=False, soft_wrap=True)
+    if not summary.results:
+        used, received = summary.account.classes[FrameClass.USED], summary.account.received
+        raise StrainfmuError(
+            f"{log}: none of {sum(summary.qualities.values())} results has coefficients, {used} of {received} "
+            "frames are used: expected profile, identifiers, key or DBC file and mapping of the log"
+        )
 
 
 def monitor(

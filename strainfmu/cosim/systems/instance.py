@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from strainfmu.archive import check_unpacked_size
 from strainfmu.errors import InputError, StrainfmuError
 
 # PythonFMU ends the process where the path of the unzipped FMU holds anything else.
@@ -75,12 +76,13 @@ def read_description(path: str | PathLike[str]) -> Any:
     Raises
     ------
     InputError
-        The FMU is missing, damaged, or not of FMI 2.0 co-simulation.
+        The FMU is missing, damaged, larger than FMUs are, or not of FMI 2.0 co-simulation.
     """
     fmpy = import_fmpy()
     path = Path(path)
     if not path.is_file():
         raise InputError(f"{path}: no such FMU")
+    check_unpacked_size(path)
     try:
         description = fmpy.read_model_description(str(path), validate=False)
     except Exception as error:  # fmpy raises whatever its zip and XML readers do
@@ -96,10 +98,11 @@ def unzip(path: Path, folder: Path) -> None:
     Raises
     ------
     InputError
-        The FMU is damaged.
+        The FMU is damaged, or larger than FMUs are.
     StrainfmuError
         The operating system refused (disk full, ...).
     """
+    check_unpacked_size(path)
     try:
         import_fmpy().extract(str(path), unzipdir=str(folder))
     except OSError as error:

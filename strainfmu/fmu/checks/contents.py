@@ -7,6 +7,7 @@ import zipfile
 from pathlib import Path
 from typing import Any
 
+from strainfmu.archive import check_unpacked_size
 from strainfmu.cosim.systems.instance import import_fmpy
 from strainfmu.errors import InputError
 from strainfmu.fmu.fmu_file import CONTENTS
@@ -18,11 +19,12 @@ def read_fmu(path: Path) -> tuple[Any, dict[str, Any], dict[str, int]]:
     Raises
     ------
     InputError
-        The FMU is missing or damaged.
+        The FMU is missing, damaged or larger than FMUs are.
     """
     fmpy = import_fmpy()
     if not path.is_file():
         raise InputError(f"{path}: no such FMU")
+    check_unpacked_size(path)
     try:
         description = fmpy.read_model_description(str(path), validate=False)
         with zipfile.ZipFile(path) as archive:

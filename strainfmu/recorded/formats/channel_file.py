@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from strainfmu.arrays import FloatArray
-from strainfmu.errors import InputError
+from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.recorded.columns.column_names import TIME_NAMES
 from strainfmu.recorded.formats.name_match import plain_name
 
@@ -46,7 +46,7 @@ class ChannelFile:
         Raises
         ------
         InputError
-            They are no numbers.
+            They are no numbers, or cannot be read.
         """
         try:
             found = np.asarray(self.values(name))
@@ -55,6 +55,10 @@ class ChannelFile:
             found = np.asarray(found, dtype=float)
         except (TypeError, ValueError) as error:
             raise InputError(f"{self.path}: channel '{name}': values that are no numbers") from error
+        except StrainfmuError:
+            raise
+        except Exception as error:  # the libraries of the formats raise whatever their parsers do
+            raise InputError(f"{self.path}: channel '{name}': damaged, cannot be read") from error
         if found.ndim != 1:
             raise InputError(f"{self.path}: channel '{name}': expected one number a sample, got {found.shape}")
         return found

@@ -17,6 +17,7 @@ from strainfmu.recorded.columns.column_names import TIME_NAMES, split_heading
 from strainfmu.recorded.formats.channel_file import ChannelFile, dated, matrix_columns, seconds_of, unique_names
 from strainfmu.recorded.formats.csv_layout import ALL_UNITS, NUMBER, csv_layout
 from strainfmu.recorded.formats.csv_rows import RowReader, iso_time, time_notes
+from strainfmu.recorded.formats.hdf5_file import opened_hdf5, reading
 from strainfmu.recorded.formats.mdf_file import opened_mdf
 from strainfmu.recorded.formats.name_match import plain_name
 from strainfmu.recorded.formats.tdms_file import opened_tdms
@@ -136,11 +137,8 @@ def tdms_channels(path: Path, stated: Collection[str]) -> Iterator[ChannelFile]:
 @contextmanager
 def hdf5_channels(path: Path, stated: Collection[str], is_matlab: bool = False) -> Iterator[ChannelFile]:
     """Open an HDF5 file: arrays, columns of matrices 'name[1]' .., fields of tables; MATLAB's turned."""
-    try:
-        file = h5py.File(path, "r")
-    except OSError as error:
-        raise InputError(f"{path}: damaged, or not {'a MAT' if is_matlab else 'an HDF5'} file") from error
-    with file:
+    kind = "a MAT file" if is_matlab else "an HDF5 file"
+    with opened_hdf5(path, kind) as file:
         held: dict[str, Callable[[], Any]] = {}
         units: dict[str, str] = {}
 
@@ -160,7 +158,8 @@ def hdf5_channels(path: Path, stated: Collection[str], is_matlab: bool = False) 
                     if unit:
                         units[one] = unit
 
-        file.visititems(add)
+        with reading(path, kind):
+            file.visititems(add)
         yield ChannelFile(path=path, names=tuple(held), units=units, values=lambda name: held[name]())
 
 

@@ -23,6 +23,7 @@ from strainfmu.recorded.columns.columns import (
 )
 from strainfmu.recorded.columns.flight_pressure import pressure_sources
 from strainfmu.recorded.columns.temperature_columns import TemperatureColumn, kelvin
+from strainfmu.recorded.formats.hdf5_file import opened_hdf5, reading
 from strainfmu.recorded.strains.sample_blocks import BLOCK_ROWS, StrainFile, checked_block, column_file
 
 _SLASH = "%2F"
@@ -33,16 +34,14 @@ _TEMPERATURE = "temperature"
 @contextmanager
 def hdf5_strains(path: Path, wanted: Wanted) -> Iterator[StrainFile]:
     """Open an HDF5 file; the rest as :func:`~strainfmu.recorded.strains.strain_files.open_strains`."""
-    try:
-        file = h5py.File(path, "r")
-    except OSError as error:
-        raise InputError(f"{path}: damaged, or not an HDF5 file") from error
-    with file:
-        if "signals" in file:
-            columns, units = _recorded_columns(path, file)
-            yield column_file(path, columns, units=units, wanted=wanted)
-            return
-        yield _hdf5_arrays(path, file, wanted)
+    with opened_hdf5(path) as file:
+        with reading(path):
+            if "signals" in file:
+                columns, units = _recorded_columns(path, file)
+                opened = column_file(path, columns, units=units, wanted=wanted)
+            else:
+                opened = _hdf5_arrays(path, file, wanted)
+        yield opened
 
 
 def _recorded_columns(path: Path, file: h5py.File) -> tuple[dict[str, Any], dict[str, str | None]]:
@@ -156,12 +155,13 @@ def _hdf5_blocks(
     last, kept = -np.inf, [gauge for gauge, column in enumerate(plan.strain) if column is not None]
     for first in range(0, len(time), BLOCK_ROWS):
         rows = slice(first, min(first + BLOCK_ROWS, len(time)))
-        parts = [np.asarray(time[rows], dtype=float), np.asarray(strain[rows], dtype=float)[:, kept]]
-        for held in flow:
-            value = held[rows] if held.shape == time.shape else np.ravel(held[()])[0]
-            parts.append(np.broadcast_to(np.asarray(value, dtype=float), parts[0].shape))
-        if warm is not None:
-            parts.append(np.asarray(warm[rows], dtype=float))
+        with reading(plan.path):
+            parts = [np.asarray(time[rows], dtype=float), np.asarray(strain[rows], dtype=float)[:, kept]]
+            for held in flow:
+                value = held[rows] if held.shape == time.shape else np.ravel(held[()])[0]
+                parts.append(np.broadcast_to(np.asarray(value, dtype=float), parts[0].shape))
+            if warm is not None:
+                parts.append(np.asarray(warm[rows], dtype=float))
         block, last = checked_block(plan, np.column_stack(parts), first_row=first + 1, last=last)
         yield block, rows.stop
 

@@ -66,6 +66,8 @@ def column_file(
                 table = np.column_stack([np.asarray(columns[name][rows], dtype=float) for name in used])
             except (TypeError, ValueError) as error:
                 raise InputError(f"{path}: rows {first + 1} to {rows.stop}: values that are no numbers") from error
+            except Exception as error:  # the libraries of the formats raise whatever their parsers do
+                raise InputError(f"{path}: rows {first + 1} to {rows.stop}: damaged, cannot be read") from error
             block, last = checked_block(plan, table, first_row=first + 1, last=last)
             yield block, rows.stop
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 import tempfile
 import zipfile
@@ -12,9 +13,10 @@ import pytest
 from synthetic_vehicle import N_GAUGES, SyntheticFiles, synthetic_flight_model, write_trajectory
 
 import strainfmu.fmu.export
+from strainfmu.cosim.estimators.fmu_step import FmuStep
 from strainfmu.cosim.models.flight_model import evaluate, load_flight_model, save_flight_model
 from strainfmu.cosim.models.trajectory import HEADER, load_trajectory
-from strainfmu.cosim.systems.instance import safe_temporary_parent
+from strainfmu.cosim.systems.instance import read_description, safe_temporary_parent, unzip
 from strainfmu.cosim.systems.master import communication_points, matching_connections, simulate
 from strainfmu.cosim.systems.recording import Recording, load_recording, save_csv, save_hdf5
 from strainfmu.cosim.systems.system import Connection, System
@@ -22,6 +24,7 @@ from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.linear.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import load_inverse_map
+from strainfmu.fmu.checks.contents import read_fmu
 from strainfmu.interface.estimator_variables import COEFFICIENTS, LOADS
 
 pytestmark = pytest.mark.fast
@@ -202,6 +205,23 @@ def test_missing_and_damaged_fmus_are_refused(synthetic: SyntheticFiles, tmp_pat
     assert "instance 'x' cannot be instantiated: " in message(
         repacked(synthetic.plant, tmp_path / "data.fmu", h5=b"none")
     )
+
+
+def test_an_fmu_that_unpacks_to_gigabytes_is_not_unpacked(synthetic: SyntheticFiles, tmp_path: Path) -> None:
+    """An entry that states 3 GB, wherever an FMU is read; what is in it does not matter."""
+    path = tmp_path / "large.fmu"
+    path.write_bytes(synthetic.estimator_1.read_bytes())
+    with zipfile.ZipFile(path, "a") as archive:
+        archive.writestr("resources/large.bin", b"x")
+    content = bytearray(path.read_bytes())
+    size = content.rindex(b"PK\x01\x02", 0, content.rindex(b"resources/large.bin")) + 24  # in the directory
+    content[size : size + 4] = (3_000_000_000).to_bytes(4, "little")
+    path.write_bytes(content)
+    line = re.escape(f"{path}: expected at most 1.0 GB in the archive, got 3.0 GB")
+    for read in (FmuStep, read_fmu, read_description, lambda fmu: unzip(fmu, tmp_path / "x")):
+        with pytest.raises(InputError, match=line):
+            read(path)
+    assert not (tmp_path / "x").exists()
 
 
 def test_an_fmu_that_fails_says_why(

@@ -1,0 +1,98 @@
+"""HDF5 files of anybody, opened after a look that a damaged one cannot turn into a hang or a crash.
+
+HDF5 reads some damaged heaps for ever, and crashes on others. So everything but the numbers is read once in a
+child process, which may take a few seconds and no more; on systems that do not fork the file is opened without it.
+"""
+
+from __future__ import annotations
+
+import os
+import select
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NoReturn
+
+import h5py
+
+from strainfmu.errors import InputError, StrainfmuError
+
+PATIENCE = 8.0
+"""How long the structure of a file may take to be read [s]."""
+
+_LARGEST_TEXT = 1_000_000
+"""Entries of a data set of texts beyond which they are not looked at."""
+
+
+@contextmanager
+def opened_hdf5(path: Path, kind: str = "an HDF5 file") -> Iterator[h5py.File]:
+    """Open an HDF5 file for reading, which is to be done within :func:`reading`.
+
+    Raises
+    ------
+    InputError
+        It is damaged, or not ``kind``.
+    """
+    with reading(path, kind):
+        if not _is_readable(path):
+            raise InputError(f"{path}: damaged, or not {kind}")
+        file = h5py.File(path, "r")
+    with file:
+        yield file
+
+
+@contextmanager
+def reading(path: Path, kind: str = "an HDF5 file") -> Iterator[None]:
+    """Turn every error but those of this package into one line; for what does nothing but read.
+
+    Raises
+    ------
+    InputError
+        The file is damaged, or not ``kind``.
+    """
+    try:
+        yield
+    except StrainfmuError:
+        raise
+    except Exception as error:  # h5py raises what its own and HDF5's parsers do
+        raise InputError(f"{path}: damaged, or not {kind}") from error
+
+
+def _is_readable(path: Path) -> bool:
+    """Return whether the structure of a file can be read, by a child process that does so."""
+    if not hasattr(os, "fork"):
+        return True
+    ended, end = os.pipe()
+    child = os.fork()
+    if child == 0:
+        _leave_after_reading(path)
+    os.close(end)
+    try:
+        in_time, _, _ = select.select([ended], [], [], PATIENCE)
+        if not in_time:
+            os.kill(child, signal.SIGKILL)
+    finally:
+        os.close(ended)
+        _, status = os.waitpid(child, 0)
+    return status == 0
+
+
+def _leave_after_reading(path: Path) -> NoReturn:
+    """Read all of a file but its numbers, and end this process with exit code 0, or 1 if that fails."""
+    code = 1
+    try:
+        with h5py.File(path, "r") as file:
+            _read(file)
+            file.visititems(lambda _, item: _read(item))
+        code = 0
+    finally:
+        os._exit(code)
+
+
+def _read(item: Any) -> None:
+    """Read the attributes of an item, and its values if they are texts."""
+    for name in item.attrs:
+        item.attrs[name]
+    if isinstance(item, h5py.Dataset) and item.dtype.kind not in "fiub" and item.size <= _LARGEST_TEXT:
+        item[()]

@@ -1,0 +1,120 @@
+"""Logs that are damaged, foreign, or have long gaps: each ends soon, in one line, with few rows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import can
+import numpy as np
+import pytest
+from bus_run import CYCLE, flight
+from can_case import OWN
+from mutations import ends_in_one_line, mutated
+from recorded_case import NAMES, read_csv
+from synthetic_vehicle import SyntheticFiles
+
+from strainfmu.can.tools.fault_injection import FaultySender
+from strainfmu.can.wire.frame import to_message
+from strainfmu.can.wire.profiles import Identifiers, profile_layout
+
+Run = Callable[..., tuple[int, str, str]]
+
+START = 1_700_000_000.0
+
+
+def write_log(
+    path: Path, n_cycles: int = 40, gaps: dict[int, float] | None = None, identifier: int = 0x300
+) -> Path:
+    """Write a flight as fd64 in an uncompressed BLF; ahead of the cycles in ``gaps`` these seconds are missing."""
+    layout = profile_layout("fd64", NAMES, cycle_time=CYCLE, identifiers=Identifiers(identifier))
+    sender, late = FaultySender(layout, [], OWN), 0.0
+    with can.BLFWriter(str(path), compression_level=0) as log:
+        for k, sample in enumerate(flight(n_cycles)):
+            late += (gaps or {}).get(k, 0.0)
+            for frame in sender.cycle(k, k * CYCLE, sample.strain, sample.dynamic_pressure):
+                message = to_message(frame)
+                message.timestamp = START + frame.time + late
+                log.on_message_received(message)
+    return path
+
+
+def replayed(run: Run, log: Path, fmu: Path) -> tuple[int, str, dict[str, np.ndarray]]:
+    """Return exit code, all that is printed, and the columns of the estimates of a log."""
+    out = log.with_suffix(".csv")
+    code, printed, errors = run("replay", log, fmu, "-o", out, "--profile", "fd64", "--cycle-time", 1e3 * CYCLE)
+    return code, printed + errors, read_csv(out)
+
+
+def test_an_hour_without_frames_is_a_few_rows(synthetic: SyntheticFiles, tmp_path: Path, run: Run) -> None:
+    """The bridge would say every cycle that nothing came: 360,000 times. Its first and last words are enough."""
+    log = write_log(tmp_path / "run.blf", 80, gaps={40: 3600.0})
+    code, printed, found = replayed(run, log, synthetic.map_1)
+    assert code == 0
+    time, usable = found["time [s]"], np.isfinite(found["C_N [1]"])
+    assert 100 < len(time) < 160
+    assert time[-1] - time[0] == pytest.approx(3600.0 + 80 * CYCLE, abs=3 * CYCLE)
+    assert usable[:39].sum() > 30
+    assert usable[-20:].all()
+    assert not usable[45:-40].any()
+    assert f"{log}: 1 gaps without a frame, the longest of 3600.01 s, 0.39" in printed
+
+
+def test_a_shorter_silence_is_answered_every_cycle(synthetic: SyntheticFiles, tmp_path: Path, run: Run) -> None:
+    """As by a live bridge, which a replay repeats bit by bit."""
+    log = write_log(tmp_path / "run.blf", 80, gaps={40: 500 * CYCLE})
+    code, printed, found = replayed(run, log, synthetic.map_1)
+    assert code == 0
+    assert 570 < len(found["time [s]"]) < 590
+    assert "gaps" not in printed
+
+
+def test_a_foreign_log_ends_with_exit_code_1(synthetic: SyntheticFiles, tmp_path: Path, run: Run) -> None:
+    log = write_log(tmp_path / "run.blf", 30, identifier=0x500)
+    for command in ("estimate", "replay"):
+        arguments = (synthetic.map_1, log) if command == "estimate" else (log, synthetic.map_1)
+        code, _, errors = run(command, *arguments, "-o", tmp_path / "o.csv")
+        assert code == 1
+        assert errors.startswith(f"strainfmu: {log}: none of ")
+        assert "results has coefficients, 0 of " in errors
+        assert errors.count("\n") == 1
+
+
+def test_an_object_without_a_size_ends_the_log(synthetic: SyntheticFiles, tmp_path: Path, run: Run) -> None:
+    """Of an unknown version besides: python-can would read it for ever."""
+    log = write_log(tmp_path / "run.blf", 40)
+    content = bytearray(log.read_bytes())
+    place = content.index(b"LOBJ", len(content) // 2)
+    content[place + 6 : place + 12] = b"\x07\x00\x00\x00\x00\x00"  # header version, size of the object
+    log.write_bytes(content)
+    assert ends_in_one_line(run, "replay", log, synthetic.map_1, "-o", tmp_path / "o.csv") == 0
+    assert np.isfinite(read_csv(tmp_path / "o.csv")["C_N [1]"]).sum() > 10
+
+
+HUNG = (7, 9, 13, 23, 29, 60, 62, 75, 76, 84, 91, 92)
+"""Seeds of damages by which a log was replayed for hours: most are in the time of a frame."""
+
+
+@pytest.mark.parametrize("seed", HUNG)
+def test_a_damaged_log_ends_soon(seed: int, synthetic: SyntheticFiles, tmp_path: Path, run: Run) -> None:
+    check_damaged(seed, synthetic, tmp_path, run)
+
+
+@pytest.mark.slow
+def test_damaged_logs_end_soon(synthetic: SyntheticFiles, tmp_path: Path, run: Run) -> None:
+    for seed in range(400):
+        check_damaged(seed, synthetic, tmp_path, run)
+
+
+def check_damaged(seed: int, synthetic: SyntheticFiles, folder: Path, run: Run) -> None:
+    """Replay a log with the damages of ``seed``: one line at most, rows of its cycles and some of silence."""
+    log = write_log(folder / "run.blf", 40)
+    log.write_bytes(mutated(log.read_bytes(), seed))
+    out = folder / "o.csv"
+    out.unlink(missing_ok=True)
+    code = ends_in_one_line(
+        run, "replay", log, synthetic.map_1, "-o", out, "--profile", "fd64", "--cycle-time", 1e3 * CYCLE
+    )
+    assert out.exists() == (code < 2)
+    if out.exists():
+        assert len(out.read_text().splitlines()) < 3000
