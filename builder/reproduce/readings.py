@@ -99,5 +99,9 @@ def with_all_gauges(vehicle: Vehicle, span: tuple[float, float] | None = None) -
     between = [row for row in layouts["configuration_45"].rows or [] if row.roll_angle_deg % 90.0]
     entry = {ALL: GaugeLayoutEntry(rows=rows + between)}
     return vehicle.model_copy(
-        update={"gauges": vehicle.gauges.model_copy(update={"layouts": entry, "layout": ALL})}
+        update={
+            "gauges": vehicle.gauges.model_copy(update={"layouts": entry, "layout": ALL}),
+            # The noise of the readings is the protocol's own: the layout of the file's is not among these.
+            "noise": vehicle.noise.model_copy(update={"of_layout": None}),
+        }
     )

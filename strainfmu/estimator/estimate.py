@@ -339,7 +339,7 @@ class Estimate(NamedLoads):
         """
         if self.is_series:
             raise TypeError("pressure: of one sample, estimate[i].pressure()")
-        return self._estimator.pressure_of(self)
+        return self._estimator.pressure_of(self, with_std)
 
     def to_dataframe(self) -> DataFrame:
         """Return one row a sample: coefficients, loads, their standard deviations and health. Needs pandas."""
@@ -349,16 +349,9 @@ class Estimate(NamedLoads):
         return dataframe_of(cast(Any, self), names[np.atleast_1d(self.health)])
 
     def __repr__(self) -> str:
-        if self.is_series:
-            states, counts = np.unique(self.health, return_counts=True)
-            text = ", ".join(f"{n} {HealthState(int(s)).name}" for s, n in zip(states, counts, strict=True))
-            return f"<Estimate of {len(self)} samples: {text}>"
-        names = ("C_A", "C_N", "C_Y", "M_P", "M_Y")
-        values = ", ".join(
-            f"{name} {value:.4g} +- {std:.2g}"
-            for name, value, std in zip(names, self.coefficients, self.coefficients_std, strict=True)
-        )
-        return f"<Estimate {self.health.name}: {values} (1 sigma)>"
+        from strainfmu.estimator.estimates.estimate_text import estimate_text, estimates_text
+
+        return estimates_text(cast(Any, self)) if self.is_series else estimate_text(cast(Any, self))
 
     def _repr_html_(self) -> str:
         from strainfmu.estimator.estimates.estimate_html import estimate_html, estimates_html

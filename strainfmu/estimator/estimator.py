@@ -118,8 +118,9 @@ class Estimator:
     >>> import strainfmu
     >>> estimator = strainfmu.load("demo/map.h5")
     >>> strain = estimator.inverse_map.mean_strain  # a measurement
-    >>> result = estimator.estimate(strain, dynamic_pressure=95.8e3)
-    >>> result.C_N, result.sigma.C_N, result.health.name
+    >>> result = estimator.estimate(strain, dynamic_pressure=138e3)
+    >>> print(f"{result.C_A:.3f} +- {3 * result.sigma.C_A:.3f}, {result.health.name}")
+    0.015 +- 0.004, OK
     """
 
     def __init__(
@@ -309,7 +310,7 @@ class Estimator:
         )
         more = (temperature, thrust, parameters, parameters_std)
         if (strain.ndim if type(strain) is np.ndarray else np.ndim(strain)) != 2:
-            return self._one(strain, valid, air, more, self.core, Series.EACH, 0.0)
+            return self._one(strain, valid, air, more, core=self.core, how=Series.EACH)
         samples = self._samples(strain, valid, air, more)
         if start is not None:
             samples = replace(samples, start=_checked_start(start, len(samples.inputs)))
@@ -359,7 +360,7 @@ class Estimator:
         more = (temperature, thrust, parameters, parameters_std)
         core = self._tracks or self._new_track()
         if (strain.ndim if type(strain) is np.ndarray else np.ndim(strain)) != 2:
-            return self._one(strain, valid, air, more, core, Series.TRACK, self._time(time))
+            return self._one(strain, valid, air, more, core=core, how=Series.TRACK, time=self._time(time))
         samples = self._samples(strain, valid, air, more)
         inputs = samples.filled(slice(None))
         times = None if self.filter_time_constant == 0.0 else self._times(time, len(inputs))
@@ -410,9 +411,10 @@ class Estimator:
         valid: ArrayLike | None,
         air: tuple[Any, ...],
         more: tuple[Any, ...],
+        *,
         core: Core | NumpyCore,
         how: Series,
-        time: float,
+        time: float = 0.0,
     ) -> Estimate:
         """Return the estimate of one sample."""
         with_fit = self.is_nonlinear or (how is Series.TRACK and self.filter_time_constant > 0.0)

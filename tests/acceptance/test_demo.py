@@ -146,7 +146,8 @@ def test_fmus_are_valid_and_run_alone(ic3x_demo: Path, tmp_path: Path, name: str
         assert finished.returncode == 0, finished.stdout + finished.stderr
     with output.open(newline="") as stream:
         rows = list(csv.DictReader(stream))
-    assert all(np.isfinite(float(row["C_N"])) for row in rows)
+    # Alone nothing sets the strains of the estimator: it has no loads, and says so.
+    assert all(np.isfinite(float(row["C_N"])) == (name == "plant.fmu") for row in rows)
 
 
 @pytest.mark.parametrize("demo", ["ic3x_demo", "ogive_demo"])

@@ -168,7 +168,7 @@ def test_navigation_that_is_left_out_is_said_at_the_end(tmp_path: Path, filtered
 @pytest.mark.parametrize("kind", ["map", "fmu"])
 @pytest.mark.parametrize(
     ("column", "value"),
-    [("mach_number", 0.0), ("static_pressure [Pa]", 0.0), ("dynamic_pressure [Pa]", -1.0), ("mach_number", 4.0)],
+    [("mach_number", 4.0), ("static_pressure [Pa]", 9900.0)],
 )
 def test_navigation_that_cannot_be_used_is_named(tmp_path: Path, kind: str, column: str, value: float) -> None:
     """All gauges are there: they are not what is missing."""

@@ -19,18 +19,16 @@ def estimate_text(estimate: LoadEstimate) -> str:
     used = f"{int(np.sum(estimate.valid))} of {len(estimate.valid)} gauges"
     limit = f"chi-square {estimate.chi_square:.4g}, limit {estimate.chi_square_limit:.4g}"
     first = f"{type(estimate).__name__}: health {estimate.health.name}, {limit}, {used}; value +- sigma:"
-    lines = [
-        f"  {name} {_value(load, load_std, unit)}, {symbol} {_value(coefficient, coefficient_std, '')}"
-        for name, load, load_std, unit, symbol, coefficient, coefficient_std in zip(
-            LOAD_NAMES,
-            estimate.loads,
-            estimate.loads_std,
-            LOAD_UNITS,
-            COEFFICIENT_NAMES,
-            estimate.coefficients,
-            estimate.coefficients_std,
-            strict=True,
+    loads, coefficients = (
+        [_value(*one) for one in zip(values, std, units, strict=True)]
+        for values, std, units in (
+            (estimate.loads, estimate.loads_std, LOAD_UNITS),
+            (estimate.coefficients, estimate.coefficients_std, [""] * len(COEFFICIENT_NAMES)),
         )
+    )
+    lines = [
+        f"  {name} {load}, {symbol} {coefficient}"
+        for name, load, symbol, coefficient in zip(LOAD_NAMES, loads, COEFFICIENT_NAMES, coefficients, strict=True)
     ]
     return "\n".join([first, *lines])
 

@@ -44,16 +44,6 @@ class Estimator:
 
     A gauge is left out of a step if its strain is not finite or beyond the sensor range, or if the caller excludes
     it. The matrices without it are computed in the first step that lacks it, and kept.
-
-    Example
-    -------
-    >>> import strainfmu
-    >>> inverse_map = strainfmu.load_inverse_map("demo/map.h5")
-    >>> estimator = strainfmu.Estimator(inverse_map)  # strainfmu.load takes tables where there are some
-    >>> strain = inverse_map.mean_strain  # in place of a measurement
-    >>> result = estimator.estimate(strain, dynamic_pressure=138e3)
-    >>> print(f"{result.C_A:.3f} +- {3 * result.sigma.C_A:.3f}, {result.health.name}")
-    0.021 +- 0.020, OK
     """
 
     def __init__(
