@@ -27,7 +27,7 @@ hypothesis.settings.load_profile("strainfmu")
 pytest_plugins = ["coarse_vehicle", "as_built_case"]
 
 TESTS = Path(__file__).parent
-TOGETHER = ("inverse", "reports")
+TOGETHER = ("golden", "inverse", "reports")
 """Folders whose files share results in memory that cost more than the tests: each runs in one process."""
 
 FIRST = (
@@ -38,6 +38,7 @@ FIRST = (
     "reports",
     "campaign/test_resume.py",
     "campaign/test_dask_workers.py",
+    "golden",
     "structure/test_structure_command.py",
     "structure/test_solid_model_maps.py",
     "campaign/test_reuse.py",

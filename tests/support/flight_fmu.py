@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from ctypes import c_int, c_size_t
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
-from flight_maps import MACH, ROWS, STATIONS, flight_map
+from flight_maps import MACH, N_D
+from flight_maps import whole_map as whole_map
 from raw_fmu import N_OUTPUTS, N_SCALARS, OK, Fmu2
-from scaled_maps import scaled_map
 
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimate
@@ -18,7 +18,6 @@ from strainfmu.estimator.tables.flight_tables import evaluate
 from strainfmu.interface.estimator_variables import output_values
 from strainfmu.interface.input_names import FLOW_INPUTS, NAVIGATION_INPUTS
 
-N_D = STATIONS * ROWS
 FIRST = N_OUTPUTS + 2 * N_D + N_SCALARS
 """Value reference of the first variable that other maps do not have."""
 
@@ -35,22 +34,6 @@ GROUPS = (
     *(slice(*ends) for ends in ((27, 31), (31, 32), (32, 33), (33, 34), (34, 38), (38, 39), (39, 40), (40, 41))),
 )
 """Outputs of one unit, compared relative to the largest."""
-
-
-def whole_map() -> InverseMap:
-    """A map for both estimators, with errors of every kind about its tables."""
-    random = np.random.default_rng(2)
-    manifold = flight_map(discrepancy=1e-2, hardware=True)
-    scale = float(np.median(np.abs(manifold.response[:, :, :N_D])))
-    manifold = replace(
-        manifold,
-        gauge_error_product=1e-6 * scale**2 * random.random((21, N_D)),
-        common_error=1e-3 * scale * random.standard_normal((2, 6, N_D)),
-        discrepancy_shapes=1e-6 * random.standard_normal((N_D, 3)),
-        shape_scale=0.8,
-        gauge_covariance=manifold.gauge_covariance + 1e-14 * np.ones((N_D, N_D)),
-    )
-    return replace(scaled_map(2, 1, N_D), manifold=manifold)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,13 +5,16 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from scaled_maps import scaled_map
 
 from builder.manifold.discrepancy import tested_shapes
 from builder.manifold.tables import spline_coefficients
 from strainfmu.arrays import FloatArray
+from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.tables.manifold_map import ManifoldMap
 
 STATIONS, ROWS = 4, 12
+N_D = STATIONS * ROWS
 NOISE_STD = 2e-7
 MACH = np.array([5.0, 5.5, 6.0, 6.5, 7.0])
 INCIDENCE = np.radians([2.0, 4.0, 6.0, 8.0, 10.0])
@@ -95,3 +98,19 @@ def flight_map(discrepancy: float = 0.0, hardware: bool = False) -> ManifoldMap:
         dynamic_pressure_error=0.01,
     )
     return replace(found, discrepancy_shapes=tested_shapes(found))
+
+
+def whole_map() -> InverseMap:
+    """A map for both estimators, with errors of every kind about its tables."""
+    random = np.random.default_rng(2)
+    manifold = flight_map(discrepancy=1e-2, hardware=True)
+    scale = float(np.median(np.abs(manifold.response[:, :, :N_D])))
+    manifold = replace(
+        manifold,
+        gauge_error_product=1e-6 * scale**2 * random.random((21, N_D)),
+        common_error=1e-3 * scale * random.standard_normal((2, 6, N_D)),
+        discrepancy_shapes=1e-6 * random.standard_normal((N_D, 3)),
+        shape_scale=0.8,
+        gauge_covariance=manifold.gauge_covariance + 1e-14 * np.ones((N_D, N_D)),
+    )
+    return replace(scaled_map(2, 1, N_D), manifold=manifold)

@@ -48,3 +48,21 @@ def with_parameter_tables(inverse_map: InverseMap, size: float = 0.02) -> Invers
         error=error,
     )
     return replace(held, manifold=replace(manifold, parameters=tables))
+
+
+def with_errors_of_parameters(inverse_map: InverseMap) -> InverseMap:
+    """Return a map of :func:`with_parameter_tables` whose errors, where no parameter is known, are those that its
+    tables of parameters have then."""
+    manifold = inverse_map.manifold
+    assert manifold is not None
+    tables = manifold.parameters
+    assert tables is not None
+    error = np.hstack([tables.error, *tables.spread_error])
+    n_d = inverse_map.n_gauges
+    further = manifold.further
+    if further is not None:
+        of_further = error[n_d + 5 :]
+        covariance, variance = of_further @ error[:n_d].T, np.sum(of_further**2, axis=1)
+        further = replace(further, strain_covariance=covariance, variance=variance)
+    changed = {"error_strain": error[:n_d], "error_load": error[n_d : n_d + 5], "further": further}
+    return replace(inverse_map, manifold=replace(manifold, **changed))

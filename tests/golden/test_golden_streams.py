@@ -1,0 +1,177 @@
+"""Every carrier of the estimator gives what the golden files hold: ``kinds.py`` says what that is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from comparison import NEAR_THRESHOLD, differences
+from estimator_carrier import by_estimator, estimator_for
+from fmu_carriers import Fmi2Host, Fmi3Host, by_fmu, python_host
+from inputs import Results, recorded
+from kinds import KINDS, STREAMS, map_of_kind, tolerance_of
+
+from strainfmu.estimator.estimator import Estimator
+from strainfmu.estimator.health import HealthState
+from strainfmu.estimator.map.inverse_map import save_inverse_map
+from strainfmu.fmu.export import ExportOptions, export_estimator
+
+CASES = [(kind, title, mode) for kind in KINDS for title in STREAMS[kind] for mode in STREAMS[kind][title].modes]
+BY_FMU, BEGUN_AGAIN = 120, 30
+"""First samples of a stream that FMUs are given, and of those with memory that begin again for each."""
+
+BY_PYTHON = {
+    ("absolute_case_1", "zeros", "each"): 12,
+    ("scaled_case_2", "flight", "filter"): 12,
+    ("sensors", "flight", "filter"): 8,
+}
+"""Samples of the Python FMU, whose steps are slow."""
+
+SHOWN: dict[tuple[str, str, str], Callable[[Results], bool]] = {
+    ("revolution", "air_data_dropped", "track"): lambda r: all(
+        not r["air_data_used"][first : first + 14].all(axis=1).any() and health(r, "DEGRADED", first, first + 14)
+        for first in (10, 34, 58)
+    ),
+    ("revolution", "air_data_doubted", "track"): lambda r: bool(
+        np.sum(~r["air_data_used"].all(axis=1) & (r["health"] == HealthState.OK)) > 10
+    ),
+    ("revolution", "air_data_named", "filter"): lambda r: (
+        not r["air_data_used"][12:30, 0].any() and bool(r["air_data_used"][34:, 0].any())
+    ),
+    ("revolution", "air_data_named_for_good", "filter"): lambda r: not r["air_data_used"][12:, 0].any(),
+    ("revolution", "return_after_misfit", "track"): lambda r: returns(r, first=6, last=20),
+    ("revolution", "return_after_misfit", "filter"): lambda r: returns(r, first=6, last=20),
+    ("revolution", "jumps_and_spikes", "track"): lambda r: returns(r, first=54, last=55),
+    ("revolution", "one_sensor_off", "track"): lambda r: {6, 18, 31} == suspected(r, "SUSPECT"),
+    ("revolution", "pressure_off_the_tables", "track"): lambda r: bool(
+        np.any((r["fits"] == 0) & (r["chi_square"] < r["chi_square_limit"]))
+    ),
+    ("revolution", "widening", "filter"): lambda r: bool(r["loads_std"][-1, 0] > 1.5 * r["loads_std"][90, 0]),
+    ("revolution", "restart", "filter"): lambda r: bool(
+        r["fits"].all() and np.any(r["loads_std"][20] > 1.2 * r["loads_std"][19])
+    ),
+    ("revolution", "each_without_air_data", "each"): lambda r: bool(
+        np.ptp(np.log(r["air_data_std"][:, 4])) > np.log(10.0)
+    ),
+    ("revolution", "coasting", "filter"): lambda r: (
+        health(r, "DEGRADED", 8, 18) and not np.isnan(r["loads"][8:18]).any() and health(r, "INVALID", 48, 52)
+    ),
+    ("few_gauges", "one_gauge_off", "each"): lambda r: len(suspected(r, "SUSPECT")) > 3,
+    ("twin_gauges", "one_gauge_off", "each"): lambda r: bool(
+        np.any((r["suspects"] == 2) & (r["health"] == HealthState.SUSPECT))
+    ),
+    ("scaled_case_1", "restart", "filter"): lambda r: (
+        health(r, "INCONSISTENT", 36, 44)
+        and bool(np.any(np.abs(r["loads_std"][25] / r["loads_std"][24] - 1.0) > 0.05))
+    ),
+}
+"""What a faulty flight is for: whether results show it."""
+
+
+def health(results: Results, state: str, first: int, last: int) -> bool:
+    """Return whether health of samples from ``first`` up to ``last`` is ``state``."""
+    return bool(np.all(results["health"][first:last] == HealthState[state]))
+
+
+def returns(results: Results, first: int, last: int) -> bool:
+    """Return whether loads are linear from ``first`` to four samples after ``last``, and not from the fifth on."""
+    linear = results["is_linear"] != 0
+    inconsistent = health(results, "INCONSISTENT", first, last) and health(results, "DEGRADED", last, last + 4)
+    return bool(inconsistent and linear[first : last + 4].all() and not linear[[first - 1, last + 4]].any())
+
+
+def suspected(results: Results, state: str) -> set[int]:
+    """Return the numbers of suspects of samples whose health is ``state``."""
+    return set(results["suspect_gauge"][results["health"] == HealthState[state]].tolist())
+
+
+of_cases = pytest.mark.parametrize(("kind", "title", "mode"), CASES)
+
+
+def assert_as_recorded(kind: str, mode: str, expected: Results, found: Results) -> None:
+    """Assert that ``found`` is ``expected`` to the tolerance, but for samples near a threshold."""
+    near = expected[NEAR_THRESHOLD] != 0
+    off = []
+    for field, values in differences(expected, found).items():
+        for row in np.flatnonzero(values > tolerance_of(kind, mode)):
+            if not near[row]:
+                off.append(f"{field}[{row}] {values[row]:.1e}")
+    assert not off, f"{len(off)} differences [standard deviations]: {', '.join(off[:20])}"
+
+
+@cache
+def estimator_of_kind(kind: str) -> Estimator:
+    """Return the estimator of a kind, without zero offsets and with the settings of its map."""
+    return Estimator(map_of_kind(kind))
+
+
+@pytest.fixture(scope="module")
+def resources(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
+    """Return a function that returns the folder of native resources of a kind: the map of its estimator."""
+
+    def write(kind: str) -> Path:
+        folder = tmp_path_factory.mktemp("golden")
+        (folder / "map.bin").write_bytes(estimator_of_kind(kind).core.resource)
+        return folder
+
+    return cache(write)
+
+
+@pytest.mark.fast
+def test_files_hold_all_streams() -> None:
+    for kind in KINDS:
+        held = {title: set(one.results) for title, one in recorded(kind).items()}
+        assert held == {title: set(stream.modes) for title, stream in STREAMS[kind].items()}, kind
+
+
+@pytest.mark.fast
+@pytest.mark.parametrize("stream", SHOWN, ids="/".join)
+def test_faults_have_their_effect(stream: tuple[str, str, str]) -> None:
+    """What the estimator does about a fault is in the file, also after it was recorded again."""
+    kind, title, mode = stream
+    results = recorded(kind)[title].results[mode]
+    assert SHOWN[stream](results), results["health"]
+
+
+@pytest.mark.parametrize("kind", [name for name, one in KINDS.items() if not one.is_nonlinear])
+def test_linear_maps_have_no_memory(kind: str) -> None:
+    one = recorded(kind)["flight"]
+    found = by_estimator(estimator_of_kind(kind), one.inputs, "track", 0.0)
+    assert_as_recorded(kind, "each", one.results["each"], found)
+
+
+@of_cases
+def test_estimator(kind: str, title: str, mode: str) -> None:
+    one = recorded(kind)[title]
+    estimator = estimator_for(estimator_of_kind(kind), one.inputs)
+    found = by_estimator(estimator, one.inputs, mode, STREAMS[kind][title].seconds)
+    assert_as_recorded(kind, mode, one.results[mode], found)
+
+
+@pytest.mark.parametrize("host", [Fmi2Host, Fmi3Host])
+@of_cases
+def test_fmu(
+    kind: str, title: str, mode: str, host: type[Fmi2Host] | type[Fmi3Host], resources: Callable[[str], Path]
+) -> None:
+    one, inverse_map = recorded(kind)[title], map_of_kind(kind)
+    given = BEGUN_AGAIN if KINDS[kind].is_nonlinear and mode == "each" else BY_FMU
+    fmu = host(inverse_map, resources(kind))
+    found = by_fmu(fmu, inverse_map, one.inputs.rows(slice(given)), mode, STREAMS[kind][title].seconds)
+    fmu.fmu.free()
+    assert {"loads", "loads_std", "coefficients", "chi_square", "health", "suspect_gauge"} <= found.keys()
+    assert_as_recorded(kind, mode, one.results[mode], found)
+
+
+@pytest.mark.parametrize(("kind", "title", "mode"), BY_PYTHON)
+def test_python_fmu(kind: str, title: str, mode: str, tmp_path: Path) -> None:
+    one, inverse_map = recorded(kind)[title], map_of_kind(kind)
+    save_inverse_map(inverse_map, tmp_path / "map.h5")
+    export_estimator(tmp_path / "map.h5", tmp_path / "python.fmu", ExportOptions(kind="python"))
+    fmu = python_host(inverse_map, tmp_path / "python.fmu", tmp_path / "unzipped")
+    inputs = one.inputs.rows(slice(BY_PYTHON[kind, title, mode]))
+    found = by_fmu(fmu, inverse_map, inputs, mode, STREAMS[kind][title].seconds)
+    fmu.fmu.free()
+    assert_as_recorded(kind, mode, one.results[mode], found)
