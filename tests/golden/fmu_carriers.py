@@ -15,6 +15,7 @@ from estimator_carrier import in_part
 from inputs import Inputs, Results
 from raw_fmu import OK, Fmu2, Fmu3, this_platform
 
+from strainfmu.estimator.estimator import EXACT
 from strainfmu.estimator.further_loads import SECTION_LOADS
 from strainfmu.estimator.linear.flow_parameters import flow_parameters
 from strainfmu.estimator.manifold.air_data import AIR_DATA_NAMES
@@ -238,4 +239,8 @@ def _inputs(places: Places, inverse_map: InverseMap, inputs: Inputs) -> np.ndarr
             column |= {f"{prefix}{name}": one for name, one in zip(names, values.T, strict=True)}
     unknown = np.full(len(inputs), np.nan)
     real = [places.inputs[place] for place in places.typed(places.inputs, "Real")]
-    return np.column_stack([column.get(name, unknown) for name in real])
+    given = [column.get(name, unknown) for name in real]
+    # In a stream a standard deviation of 0 is exact; to an FMU it is one that is not given.
+    is_std = [name.endswith("_std") or name.startswith(STD_PREFIX) for name in real]
+    exact = [np.where(one & (values == 0.0), EXACT, values) for one, values in zip(is_std, given, strict=True)]
+    return np.column_stack(exact)
