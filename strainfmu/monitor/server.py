@@ -5,9 +5,11 @@ from __future__ import annotations
 import ipaddress
 import re
 import socket
+import sys
 import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib.resources import files
@@ -19,6 +21,9 @@ from strainfmu.monitor.state import MonitorState, Seen
 
 PUSH_PERIOD = 0.1
 """Time between two events to a page [s]; an eye sees no faster changes."""
+
+REQUEST_TIME = 5.0
+"""Time [s] in which a connection has to send its whole request, and in which it has to take an answer or event."""
 
 _HEARTBEAT = 1.0
 _HOST = re.compile(r"(\[[^\[\]]*\]|[^:\[\]]*)(?::\d*)?")
@@ -142,16 +147,48 @@ class _Server(ThreadingHTTPServer):
     def __init__(self, address: tuple[str, int], handler: type[BaseHTTPRequestHandler]) -> None:
         family, _, _, _, target = socket.getaddrinfo(*address, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)[0]
         self.address_family = family
+        self._unheard: dict[Any, float] = {}
         super().__init__((str(target[0]), int(target[1])), handler)
         self.is_local = is_loopback(str(self.server_address[0]))
+
+    def process_request(self, request: Any, client_address: Any) -> None:
+        """Begin a connection, whose request is to come in time."""
+        self._unheard[request] = time.monotonic()
+        super().process_request(request, client_address)
+
+    def heard(self, request: Any) -> None:
+        """Note that the request of a connection is complete."""
+        self._unheard.pop(request, None)
+
+    def service_actions(self) -> None:
+        """End connections whose request takes too long, byte by byte or not; called several times a second."""
+        super().service_actions()
+        now = time.monotonic()
+        for request, since in list(self._unheard.items()):
+            if now - since > REQUEST_TIME:
+                self.heard(request)
+                with suppress(OSError):  # ended by itself
+                    request.shutdown(socket.SHUT_RDWR)
+
+    def shutdown_request(self, request: Any) -> None:
+        """End a connection."""
+        self.heard(request)
+        super().shutdown_request(request)
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Say nothing of a connection that its other end has aborted or left."""
+        if not isinstance(sys.exception(), OSError):
+            super().handle_error(request, client_address)
 
 
 class _Handler(BaseHTTPRequestHandler):
     """Answers / and /page with the page, /events with the stream, /state with one snapshot."""
 
     server: _Server
+    timeout = REQUEST_TIME
 
     def do_GET(self) -> None:
+        self.server.heard(self.connection)
         # A foreign page whose host name points to this host must not read its measurements.
         host = _HOST.fullmatch(self.headers.get("Host", ""))
         if self.server.is_local and (host is None or not is_loopback(host[1].strip("[]"))):
