@@ -22,7 +22,7 @@ DOUBTFUL_NOISE_UM_PER_M = 50.0
 def doubtful_entries(vehicle: Vehicle, conditions: Sequence[FlightCondition]) -> Iterator[str]:
     """Yield a line for every entry that is probably in another unit than its name says.
 
-    ``conditions`` are those of the snapshots, which a manifest may hold in place of the vehicle file.
+    ``conditions`` are the snapshots', from a manifest where the vehicle file names one.
     """
     yield from _small_angles(conditions)
     largest = max(degrees(one.total_incidence) for one in conditions)
@@ -41,13 +41,13 @@ def doubtful_entries(vehicle: Vehicle, conditions: Sequence[FlightCondition]) ->
         if max(values) > DOUBTFUL_NOISE_UM_PER_M:
             low, high = USUAL_NOISE_UM_PER_M
             yield (
-                f"noise.{name}: {max(values):g} um/m found, gauges have {low:g} to {high:g} um/m: is it that of a "
-                "reading, and in um/m?"
+                f"noise.{name}: {max(values):g} um/m found, gauges have {low:g} to {high:g} um/m: is it the noise "
+                "of one reading, in um/m?"
             )
 
 
 def is_in_radians(flown_deg: float, held_deg: float) -> bool:
-    """Return whether angles of ``flown_deg`` at most are probably radians, beside snapshots up to ``held_deg``."""
+    """Return whether angles of ``flown_deg`` at most are probably radians, given snapshots up to ``held_deg``."""
     return 0.0 < FEWEST_TIMES * flown_deg < held_deg and degrees(flown_deg) <= 1.2 * held_deg
 
 

@@ -57,7 +57,7 @@ def test_shipped_vehicles_raise_no_question(path: Path) -> None:
         ),
         (
             [("percent_of_median_strain = 1.0", "std_um_per_m = 500.0"), ("of_layout = ", "# ")],
-            "noise.std_um_per_m: 500 um/m found, gauges have 0.1 to 10 um/m: is it that of a reading, and in "
+            "noise.std_um_per_m: 500 um/m found, gauges have 0.1 to 10 um/m: is it the noise of one reading, in "
             "um/m?",
         ),
     ],
