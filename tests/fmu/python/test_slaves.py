@@ -23,6 +23,9 @@ from strainfmu.estimator.map.inverse_map import load_inverse_map
 from strainfmu.estimator.settings import default_settings
 from strainfmu.interface.estimator_variables import PARAMETERS
 
+READ = 1e-6 * np.arange(1.0, N_GAUGES + 1.0)
+"""Strains of an estimator that reads; before, it has none."""
+
 
 @pytest.fixture(params=["native", "python"])
 def estimator(request: pytest.FixtureRequest, fmus: dict[str, Path], tmp_path: Path) -> Iterator[Host]:
@@ -39,12 +42,13 @@ def plant(synthetic: SyntheticFiles, tmp_path: Path) -> Iterator[Host]:
 def test_outputs_are_right_at_the_start_and_after_any_set(synthetic: SyntheticFiles, estimator: Host) -> None:
     inverse_map = load_inverse_map(synthetic.map_1)
     reference = Estimator(inverse_map)
+    estimator.set(STRAINS, READ)
     estimator.initialize()
-    at_rest = reference.estimate(np.zeros(N_GAUGES), inverse_map.nominal_dynamic_pressure)
-    np.testing.assert_allclose(estimator.get(COEFFICIENTS), at_rest.coefficients, rtol=1e-12)
-    strain = np.zeros(N_GAUGES)
-    strain[2] = 1e-6
-    estimator.set(["strain[3]"], [1e-6])
+    first = reference.estimate(READ, inverse_map.nominal_dynamic_pressure)
+    np.testing.assert_allclose(estimator.get(COEFFICIENTS), first.coefficients, rtol=1e-12)
+    strain = READ.copy()
+    strain[2] = -1e-6
+    estimator.set(["strain[3]"], [-1e-6])
     expected = reference.estimate(strain, inverse_map.nominal_dynamic_pressure)
     np.testing.assert_allclose(estimator.get(COEFFICIENTS), expected.coefficients, rtol=1e-12)
     np.testing.assert_array_equal(estimator.get(STRAINS), strain)
@@ -53,6 +57,7 @@ def test_outputs_are_right_at_the_start_and_after_any_set(synthetic: SyntheticFi
 def test_inputs_that_are_not_finite_are_a_state_of_health(estimator: Host) -> None:
     """A gauge less leaves the numbers, no gauge none; a bad dynamic pressure or deviation only the loads."""
     estimator.initialize()
+    estimator.set(STRAINS, READ)
     for bad in (np.nan, np.inf, 1.0):
         estimator.set(["strain[2]"], [bad])
         estimator.fmu.doStep(0.0, 0.1)
@@ -61,10 +66,10 @@ def test_inputs_that_are_not_finite_are_a_state_of_health(estimator: Host) -> No
     estimator.set(STRAINS, [np.nan] * N_GAUGES)
     assert estimator.health() == HealthState.INVALID
     assert np.all(np.isnan(estimator.get([*COEFFICIENTS, *LOADS, "health.chi_square"])))
-    estimator.set(STRAINS, [0.0] * N_GAUGES)
+    estimator.set(STRAINS, READ)
     for name, usual, wrong in (
         ("dynamic_pressure", 1e5, (0.0, -1.0, np.nan)),
-        ("dynamic_pressure_std", 0.0, (-1.0,)),
+        ("dynamic_pressure_std", 0.0, (np.inf,)),
     ):
         for bad in wrong:
             estimator.set([name], [bad])
@@ -73,10 +78,15 @@ def test_inputs_that_are_not_finite_are_a_state_of_health(estimator: Host) -> No
             assert np.all(np.isfinite(estimator.get(LOADS)))
         estimator.set([name], [usual])
         assert estimator.health() != HealthState.NO_COEFFICIENTS
+    usual_std = estimator.get(["sigma.C_N"])
+    for not_given in (-1.0, np.nan):
+        estimator.set(["dynamic_pressure_std"], [not_given])
+        np.testing.assert_array_equal(estimator.get(["sigma.C_N"]), usual_std)
 
 
 def test_strain_of_a_masked_gauge_is_without_effect(estimator: Host) -> None:
     estimator.initialize()
+    estimator.set(STRAINS, READ)
     estimator.set_booleans([VALID[3]], [False])
     before = estimator.get([*COEFFICIENTS, *LOADS, "health.chi_square"])
     for garbage in (1e-3, np.nan, 1e308):
@@ -91,12 +101,13 @@ def test_strain_of_a_masked_gauge_is_without_effect(estimator: Host) -> None:
 def test_parameters_are_tunable_and_refuse_what_cannot_be(synthetic: SyntheticFiles, estimator: Host) -> None:
     inverse_map = load_inverse_map(synthetic.map_1)
     estimator.initialize()
+    estimator.set(STRAINS, READ)
     estimator.fmu.doStep(0.0, 0.1)
     settings = replace(default_settings(inverse_map), reference_area=0.4, reference_length=1.5, moment_station=0.3)
     for name in PARAMETERS:
         estimator.set([name], [getattr(settings, name)])
     q = inverse_map.nominal_dynamic_pressure
-    expected = Estimator(inverse_map, settings).estimate(np.zeros(N_GAUGES), q)
+    expected = Estimator(inverse_map, settings).estimate(READ, q)
     np.testing.assert_allclose(estimator.get(COEFFICIENTS), expected.coefficients, rtol=1e-12)
     np.testing.assert_allclose(estimator.get(LOADS), expected.loads, rtol=1e-12)
     for name in PARAMETERS:
@@ -108,10 +119,13 @@ def test_parameters_are_tunable_and_refuse_what_cannot_be(synthetic: SyntheticFi
 @pytest.mark.parametrize("kind", ["python", "plant"])
 def test_misuse_does_not_end_the_fmu(kind: str, fmus: dict[str, Path], tmp_path: Path) -> None:
     with loaded(fmus[kind], tmp_path / "unzipped") as host:
-        _misuse(host)
+        _misuse(host, can_be_set=kind != "plant")
 
 
-def _misuse(host: Host) -> None:
+def _misuse(host: Host, can_be_set: bool) -> None:
+    readings = READ if can_be_set else ()
+    strains = STRAINS[: len(readings)]
+    host.set(strains, readings)
     before_initialization = host.get(COEFFICIENTS)
     assert np.all(np.isfinite(before_initialization))
     host.fmu.setReal([0, 9999], [5.0, 5.0])
@@ -122,6 +136,7 @@ def _misuse(host: Host) -> None:
     host.initialize()
     np.testing.assert_array_equal(host.get(COEFFICIENTS), before_initialization)
     host.fmu.reset()
+    host.set(strains, readings)
     host.initialize()
     np.testing.assert_array_equal(host.get(COEFFICIENTS), before_initialization)
 
@@ -135,6 +150,8 @@ def test_a_state_can_be_kept_and_put_back(kind: str, fmus: dict[str, Path], tmp_
 def _keep_and_put_back(host: Host, can_be_set: bool) -> None:
     names = [*COEFFICIENTS, *STRAINS]
     host.initialize()
+    if can_be_set:
+        host.set(STRAINS, READ)
     host.fmu.doStep(0.0, 0.1)
     state = host.fmu.serializeFMUstate(host.fmu.getFMUstate())
     host.fmu.doStep(0.1, 0.1)
@@ -226,7 +243,11 @@ def test_parameters_of_the_plant_are_fixed_after_initialization(plant: Host) -> 
 @pytest.mark.parametrize("kind", ["native", "python"])
 def test_the_estimator_simulates_alone(synthetic: SyntheticFiles, fmus: dict[str, Path], kind: str) -> None:
     """Row 0 has the first strain; the last, of a gauge lost on the way, is that of the map without it."""
-    signals = np.array([(0.0, 1e-6), (1.0, np.nan)], dtype=[("time", float), ("strain[1]", float)])
+    signals = np.zeros(2, dtype=[("time", float), *((name, float) for name in STRAINS)])
+    signals["time"] = 0.0, 1.0
+    for name, value in zip(STRAINS, READ, strict=True):
+        signals[name] = value
+    signals["strain[1]"][1] = np.nan
     result = fmpy.simulate_fmu(
         str(fmus[kind]),
         stop_time=1.0,
@@ -235,7 +256,7 @@ def test_the_estimator_simulates_alone(synthetic: SyntheticFiles, fmus: dict[str
         output=["C_A", "health.state", "health.valid_gauges"],
     )
     inverse_map = load_inverse_map(synthetic.map_1)
-    strain = np.eye(N_GAUGES)[0] * 1e-6
+    strain = READ.copy()
     estimator, q = Estimator(inverse_map), inverse_map.nominal_dynamic_pressure
     assert result["C_A"][0] == pytest.approx(estimator.estimate(strain, q).coefficients[0], rel=1e-12)
     strain[0] = np.nan
