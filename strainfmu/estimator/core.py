@@ -26,7 +26,7 @@ import numpy as np
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import InputError, StrainfmuError
 
-VERSION = 1
+VERSION = 2
 """``SL_VERSION`` of the library that this file calls."""
 
 LIBRARIES_OF_FMU = "native"

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Protocol, cast
 
 import numpy as np
 
-from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.estimator.estimates.load_estimate import NamedLoads, Sigma
 from strainfmu.estimator.estimates.pressure_field import PressureField
 from strainfmu.estimator.further_loads import SECTION_LOADS, SectionLoads
@@ -98,13 +98,18 @@ class Estimate(NamedLoads):
             raise TypeError("the estimate of one sample has no length")
         return len(self._record)
 
-    def __getitem__(self, sample: int) -> Estimate:
-        """Return the estimate of one sample of k."""
+    def __getitem__(self, sample: int | slice | IntArray) -> Estimate:
+        """Return the estimate of one sample of k, or of some of them."""
         if not self.is_series:
             raise TypeError("the estimate of one sample has no parts")
         mask = self._mask if self._mask is None or self._mask.ndim == 1 else self._mask[sample]
-        make = None if self._make_fit is None else lambda *_: self._fit_record[sample]
-        return Estimate(self._record[sample], self._estimator, self._inputs[sample], mask, make)
+        record, make = self._record[sample], self._make_fit
+        if make is not None and (record.ndim == 1 or "_fit_record" in self.__dict__):
+
+            def make(*_: object) -> FloatArray:
+                return self._fit_record[sample]
+
+        return Estimate(record, self._estimator, self._inputs[sample], mask, make)
 
     def __iter__(self) -> Iterator[Estimate]:
         return (self[sample] for sample in range(len(self)))
@@ -209,13 +214,19 @@ class Estimate(NamedLoads):
     @property
     def degrees_of_freedom(self) -> Any:
         """Degrees of freedom of chi-square; 0 where nothing checks the estimate."""
-        found = self._fit("degrees_of_freedom")[..., 0].astype(np.int64)
-        return found if self.is_series else int(found)
+        found = self._one("degrees_of_freedom")
+        return found.astype(np.int64) if self.is_series else int(found)
 
     @property
     def envelope_score(self) -> Any:
         """Standard deviations by which the estimate leaves the envelope of the map; 0 inside, NaN if not known."""
         return self._one("envelope_score")
+
+    @property
+    def valid_gauges(self) -> Any:
+        """Number of sensors that were used."""
+        found = self._one("valid_gauges")
+        return found.astype(np.int64) if self.is_series else int(found)
 
     @property
     def valid(self) -> BoolArray:

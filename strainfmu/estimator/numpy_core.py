@@ -65,14 +65,14 @@ class NumpyCore:
         more = ("further_loads", "further_loads_std", "further_coefficients", "further_coefficients_std")
         self.outputs = _layout(
             dict.fromkeys(vectors, 5)
-            | dict.fromkeys((*of_health, "envelope_score"), 1)
+            | dict.fromkeys((*of_health, "envelope_score", "degrees_of_freedom"), 1)
             | dict.fromkeys(("air_data", "air_data_std", "is_identified", "air_data_used", "is_linear"), 0)
             | dict.fromkeys(more, m)
             | {"parameter_score": n_p}
         )
         self.n_inputs, self.n_outputs = _size(self.inputs), _size(self.outputs)
         self.fit = _layout(
-            {"load_covariance": 25, "coefficient_covariance": 25, "degrees_of_freedom": 1, "fits": 1}
+            {"load_covariance": 25, "coefficient_covariance": 25, "fits": 1}
             | {"state": 4, "state_covariance": 16, "air_data_residual": 3, "discrepancy_chi_square": 1}
             | {"residual_limit": 1, "standardised_residual": n, "valid": n, "is_suspect": n},
             self.n_outputs,
@@ -173,7 +173,6 @@ class NumpyCore:
         return {
             "load_covariance": found.load_covariance.reshape(k, -1),
             "coefficient_covariance": found.coefficient_covariance.reshape(k, -1),
-            "degrees_of_freedom": found.degrees_of_freedom.astype(float),
             "fits": (found.chi_square <= found.chi_square_limit).astype(float),
             "standardised_residual": found.standardised_residual,
             "valid": found.valid.astype(float),

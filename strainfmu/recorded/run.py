@@ -292,9 +292,10 @@ def _write(
     ]
     if found.further is not None:
         columns += [*found.further.T]
-    if residuals and found.residual is not None:
-        columns += [found.residual_limit, *found.residual.T]
-    names = [";".join(estimator.row_names[i] for i in one) for one in found.suspects]
+    if residuals and found.make_residual is not None:
+        residual, limit = found.make_residual()
+        columns += [limit, *residual.T]
+    names = [";".join([estimator.row_names[i] for i in one]) if one else "" for one in found.suspects]
     writer.write(np.column_stack(columns), {SUSPECTS_COLUMN: names, FAULTS_COLUMN: block.faults})
 
 

@@ -167,15 +167,17 @@ class ColumnPlan:
         self._check_finite(table, first_row)
         n_d, read = len(self.strain), [gauge for gauge, column in enumerate(self.strain) if column is not None]
         time = table[:, 0] * self.time_factor
-        strain = np.full((len(table), n_d), np.nan)
-        strain[:, read] = table[:, 1 : 1 + len(read)] * self.strain_factor[read]
+        strain = table[:, 1 : 1 + len(read)] * self.strain_factor[read]
+        if len(read) < n_d:
+            strain, of_read = np.full((len(table), n_d), np.nan), strain
+            strain[:, read] = of_read
         behind = table[:, 1 + len(read) :]
         flow = {name: behind[:, i] * factor for i, (name, (_, factor)) in enumerate(self.flow.items())}
         self._check_time(time, first_row)
         self._check_signs(flow, first_row)
-        large = np.flatnonzero((np.abs(strain) > LARGEST_STRAIN) & np.isfinite(strain))
-        if len(large) and self._is_other_unit(strain):
-            row, gauge = divmod(int(large[0]), n_d)
+        large = np.abs(strain) > LARGEST_STRAIN  # none is infinite
+        if large.any() and self._is_other_unit(strain):
+            row, gauge = divmod(int(np.argmax(large)), n_d)
             raise InputError(
                 f"{self.path}: column '{self.names[self.strain[gauge] or 0]}', row {first_row + row}: "
                 f"expected at most {LARGEST_STRAIN:g} m/m, got {strain[row, gauge]:g}; {self._unit_hint(strain)}"
@@ -223,9 +225,9 @@ class ColumnPlan:
 
     def _check_finite(self, table: FloatArray, first_row: int) -> None:
         """Refuse infinity: NaN stands for "no value" in a file, an overflow does not."""
-        infinite = np.argwhere(np.isinf(table))
-        if len(infinite):
-            row, column = (int(one) for one in infinite[0])
+        infinite = np.isinf(table)
+        if infinite.any():
+            row, column = (int(one) for one in np.argwhere(infinite)[0])
             raise InputError(
                 f"{self.path}: column '{self.names[self.columns[column]]}', row {first_row + row}: "
                 f"expected a finite number or NaN, got {table[row, column]:g}"

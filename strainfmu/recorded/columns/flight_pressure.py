@@ -32,9 +32,10 @@ def computed_pressure(flow: Mapping[str, FloatArray]) -> FloatArray:
 
 def flown_pressure(dynamic_pressure: FloatArray, flow: Mapping[str, FloatArray]) -> FloatArray:
     """Return (n,) ``dynamic_pressure`` [Pa], where it is not known by the Mach number; NaN where neither is."""
-    if not pressure_sources(flow):
+    unknown = np.isnan(dynamic_pressure)
+    if not pressure_sources(flow) or not unknown.any():
         return dynamic_pressure
-    return np.where(np.isnan(dynamic_pressure), computed_pressure(flow), dynamic_pressure)
+    return np.where(unknown, computed_pressure(flow), dynamic_pressure)
 
 
 def pressure_note(sources: tuple[str, ...]) -> str:

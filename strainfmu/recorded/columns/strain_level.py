@@ -78,11 +78,23 @@ def likely_units(ratio: float, factor: float) -> tuple[str, ...]:
 
 def level_of(strain: FloatArray) -> FloatArray:
     """Return (n_d,) the level of each gauge in ``strain`` (n, n_d) [m/m], NaN where it has no value."""
-    level = np.full(strain.shape[1], np.nan)
-    some = np.isfinite(strain).any(axis=0)
-    if some.any():
-        level[some] = np.nanquantile(np.abs(strain[:, some]), _QUANTILE, axis=0)
-    return level
+    return _raised_level(np.full(strain.shape[1], np.nan), strain)
+
+
+def _raised_level(level: FloatArray, strain: FloatArray) -> FloatArray:
+    """Return (n_d,) the larger of ``level`` and the level in ``strain`` (n, n_d) [m/m], NaN where both are none.
+
+    The level in a block is made for those gauges alone of which enough strains are above ``level``.
+    """
+    size, found = np.abs(strain), level.copy()
+    known = np.isfinite(size)
+    count = known.sum(axis=0)
+    above = np.count_nonzero(~(size <= level) & known, axis=0)
+    some = np.flatnonzero((count > 0) & (above + 1 > (1.0 - _QUANTILE) * count))
+    if len(some):
+        quantile = np.quantile if count.min() == len(size) else np.nanquantile
+        found[some] = np.fmax(level[some], quantile(size[:, some], _QUANTILE, axis=0))
+    return found
 
 
 class LevelCheck:
@@ -116,7 +128,7 @@ class LevelCheck:
         InputError
             The level is far above that of the map.
         """
-        self._level = np.fmax(self._level, level_of(strain))
+        self._level = _raised_level(self._level, strain)
         with np.errstate(invalid="ignore"):
             self._pressure = float(np.fmax(self._pressure, np.fmax.reduce(dynamic_pressure)))
         if self._refuses and self._above() > TOO_HIGH:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
 
-from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.linear.flow_parameters import PARAMETER_TOLERANCE
 from strainfmu.estimator.manifold.navigation import NAVIGATION
@@ -33,10 +33,11 @@ class BlockEstimates:
     gauges_used : (n,).
     valid : (n, n_d) gauges that gave a usable strain.
     suspects : n tuples of gauges, by index; of an ambiguous group an FMU names the first alone.
+    worst : (n,) gauge with the largest |z| in samples whose health is not OK; -1 where that is not known.
     suspect_count : (n,) number of gauges under suspicion.
     envelope_score : (n,) standard deviations by which the coefficients leave the envelope of the map, 0 inside.
-    residual : (n, n_d) z of each gauge [1], None of an FMU.
-    residual_limit : (n,) alarm level of the largest |z|, NaN of an FMU.
+    make_residual : returns (n, n_d) z of each gauge [1], and (n,) the alarm level of the largest |z|; None of an
+        FMU.
     estimates : n estimates by a map, for their pressure; None of an FMU.
     outside : (n,) whether a further parameter of the flow leaves its range, by its name.
     further : (n, n_f) columns that this kind of estimator has beside, see ``BlockEstimator.further_columns``.
@@ -50,11 +51,11 @@ class BlockEstimates:
     health: FloatArray
     gauges_used: FloatArray
     valid: BoolArray
-    suspects: Sequence[tuple[int, ...]] | np.ndarray
+    suspects: Sequence[tuple[int, ...]]
     suspect_count: FloatArray
     envelope_score: FloatArray
-    residual: FloatArray | None
-    residual_limit: FloatArray
+    worst: IntArray
+    make_residual: Callable[[], tuple[FloatArray, FloatArray]] | None = None
     outside: Mapping[str, BoolArray] = field(default_factory=dict)
     further: FloatArray | None = None
     estimates: Estimate | None = None

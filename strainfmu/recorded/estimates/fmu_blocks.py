@@ -111,8 +111,7 @@ class FmuBlocks:
             suspects=[(int(one) - 1,) if one >= 1 else () for one in suspect],
             suspect_count=count,
             envelope_score=score,
-            residual=None,
-            residual_limit=np.full(n, np.nan),
+            worst=np.full(n, -1),
             outside=outside_ranges(self.parameter_names, further[:, self._scores]),
             further=further,
         )

@@ -90,6 +90,5 @@ class HealthAccount:
 
 def _misfits(found: BlockEstimates, row: int) -> tuple[int, ...]:
     """Return the gauges that do not fit in a sample, by index; none if nothing tells."""
-    if found.suspects[row] or found.residual is None:
-        return found.suspects[row]
-    return (int(np.argmax(np.abs(found.residual[row]))),)
+    worst = int(found.worst[row])
+    return found.suspects[row] or ((worst,) if worst >= 0 else ())

@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from strainfmu.arrays import FloatArray
+from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.further_loads import further_names, is_moment
+from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.linear.flow_parameters import flow_parameters
 from strainfmu.estimator.manifold.air_data import AIR_DATA_NAMES, AIR_DATA_UNITS
 from strainfmu.estimator.manifold.flight_health import outside_score
@@ -64,7 +65,7 @@ class MapBlocks:
     def estimate(self, block: StrainBlock, last: float) -> BlockEstimates:
         found = self.estimates(block)
         of_air_data = _air_data_values(found) if self.estimator.is_nonlinear else np.zeros((len(found), 0))
-        used, suspects = found.valid, found.suspects
+        valid, suspects, worst = self._questioned(found)
         return BlockEstimates(
             coefficients=found.coefficients,
             coefficients_std=found.coefficients_std,
@@ -72,17 +73,34 @@ class MapBlocks:
             chi_square_limit=found.chi_square_limit,
             degrees_of_freedom=found.degrees_of_freedom.astype(float),
             health=found.health.astype(float),
-            gauges_used=used.sum(axis=1).astype(float),
-            valid=used,
+            gauges_used=found.valid_gauges.astype(float),
+            valid=valid,
             suspects=suspects,
             suspect_count=found.suspect_count.astype(float),
             envelope_score=found.envelope_score,
-            residual=found.standardised_residual,
-            residual_limit=found.residual_limit,
+            worst=worst,
+            make_residual=lambda: (found.standardised_residual, found.residual_limit),
             outside=outside_ranges(self.parameter_names, found.parameter_score),
             further=np.hstack([of_air_data, further_values(found, self.has_loads)]),
             estimates=found,
         )
+
+    def _questioned(self, found: Estimate) -> tuple[BoolArray, list[tuple[int, ...]], IntArray]:
+        """Return valid gauges (n, n_d), n tuples of suspects, and worst gauges (n,) of a block.
+
+        They are made of the samples alone whose health is not OK, with which they take twice the time.
+        """
+        rows = np.flatnonzero(found.health != HealthState.OK)
+        valid = np.ones((len(found), len(self.row_names)), dtype=bool)
+        suspects: list[tuple[int, ...]] = [()] * len(found)
+        worst = np.full(len(found), -1)
+        if len(rows):
+            part = found[rows]
+            valid[rows] = part.valid
+            for row, of_row in zip(rows.tolist(), part.suspects, strict=True):
+                suspects[row] = of_row
+            worst[rows] = np.argmax(np.abs(part.standardised_residual), axis=1)
+        return valid, suspects, worst
 
     def estimates(self, block: StrainBlock) -> Estimate:
         """Return the estimates of a block."""

@@ -35,6 +35,9 @@ ESTIMATE_COLUMNS = (
 
 _SLASH = "%2F"
 
+_CHUNK_ROWS, _HELD_ROWS = 4096, 16384
+"""Rows of a chunk in HDF5, and rows that are written at once: each call costs as much as thousands of rows."""
+
 
 class EstimateWriter(ABC):
     """Writes blocks of rows to a file: columns of numbers, then columns of text.
@@ -121,6 +124,8 @@ class _Hdf5Writer(EstimateWriter):
         for item, (_, unit) in zip(self._sets, columns, strict=True):
             item.attrs["unit"] = unit
         self._texts = [self._data_set(name, h5py.string_dtype()) for name in text_columns]
+        self._held: list[tuple[FloatArray, list[Sequence[str]]]] = []
+        self._written = 0
 
     def describe(self, attributes: Mapping[str, float]) -> None:
         self._file.attrs.update(attributes)
@@ -128,16 +133,30 @@ class _Hdf5Writer(EstimateWriter):
     def _data_set(self, name: str, kind: object) -> h5py.Dataset:
         # A slash, which names of gauges may hold, would begin a group.
         return self._file.create_dataset(
-            name.replace("/", _SLASH), (0,), maxshape=(None,), dtype=kind, chunks=(4096,)
+            name.replace("/", _SLASH), (0,), maxshape=(None,), dtype=kind, chunks=(_CHUNK_ROWS,)
         )
 
     def _append(self, rows: FloatArray, texts: list[Sequence[str]]) -> None:
-        for item, values in zip((*self._sets, *self._texts), (*rows.T, *texts), strict=True):
-            item.resize((self.rows,))
-            item[self.rows - len(rows) :] = values
+        self._held.append((rows, texts))
+        if self.rows - self._written >= _HELD_ROWS:
+            self._flush()
+
+    def _flush(self) -> None:
+        """Write the rows that are held; a text that was never written reads as an empty one."""
+        if self._held:
+            columns = np.ascontiguousarray(np.concatenate([rows for rows, _ in self._held]).T)
+            texts = [
+                [text for _, held in self._held for text in held[column]] for column in range(len(self._texts))
+            ]
+            for item, values in zip((*self._sets, *self._texts), (*columns, *texts), strict=True):
+                item.resize((self.rows,))
+                if not isinstance(values, list) or any(values):
+                    item[self._written :] = values
+            self._held, self._written = [], self.rows
         self._guarded.raise_error()
 
     def finish(self) -> None:
+        self._flush()
         self._file.close()
         self._guarded.sync()
 

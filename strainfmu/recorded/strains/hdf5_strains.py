@@ -153,10 +153,12 @@ def _hdf5_blocks(
     plan: ColumnPlan, time: Any, strain: Any, flow: list[Any], warm: Any
 ) -> Iterator[tuple[StrainBlock, int]]:
     last, kept = -np.inf, [gauge for gauge, column in enumerate(plan.strain) if column is not None]
+    has_all = len(kept) == len(plan.strain)
     for first in range(0, len(time), BLOCK_ROWS):
         rows = slice(first, min(first + BLOCK_ROWS, len(time)))
         with reading(plan.path):
-            parts = [np.asarray(time[rows], dtype=float), np.asarray(strain[rows], dtype=float)[:, kept]]
+            readings = np.asarray(strain[rows], dtype=float)
+            parts = [np.asarray(time[rows], dtype=float), readings if has_all else readings[:, kept]]
             for held in flow:
                 value = held[rows] if held.shape == time.shape else np.ravel(held[()])[0]
                 parts.append(np.broadcast_to(np.asarray(value, dtype=float), parts[0].shape))

@@ -12,8 +12,14 @@ def repeated(strain: FloatArray, last: FloatArray) -> BoolArray:
 
     They are equal to the last bit, or no values both.
     """
-    before = np.vstack([last, strain[:-1]])
-    return np.asarray((strain == before) | (np.isnan(strain) & np.isnan(before)))
+    same = np.empty(strain.shape, dtype=bool)
+    np.equal(strain[1:], strain[:-1], out=same[1:])
+    np.equal(strain[0], last, out=same[0])
+    without = np.isnan(strain)
+    if without.any():
+        same[1:] |= without[1:] & without[:-1]
+        same[0] |= without[0] & np.isnan(last)
+    return same
 
 
 class RunLengths:
@@ -21,6 +27,11 @@ class RunLengths:
 
     def __init__(self, n: int) -> None:
         self._carried = np.zeros(n, dtype=np.int64)
+
+    def skip(self, same: BoolArray) -> None:
+        """Go on behind a block of which no lengths are asked; ``same`` (k, n) as of :meth:`take`."""
+        since = np.argmin(same[::-1], axis=0)
+        self._carried = np.where(same.all(axis=0), self._carried + len(same), since)
 
     def take(self, same: BoolArray, following: BoolArray) -> IntArray:
         """Return (k, n) how many repetitions there are in the run to which each row of a block belongs.

@@ -137,22 +137,29 @@ class StrainFaults:
     def _checked(self, block: StrainBlock, same: BoolArray, following: BoolArray) -> StrainBlock:
         """Return ``block`` with its faults; ``same`` of its rows, and of those ``following``, as of RunLengths."""
         strain, known = block.strain, np.isfinite(block.strain)
-        missing = (~known).sum(axis=0).tolist()
+        missing = (len(known) - known.sum(axis=0)).tolist()
         self.missing.update({name: k for name, k in zip(self._names, missing, strict=True) if k})
         self._resolution = min(self._resolution, common_step(strain[:_SAMPLED][known[:_SAMPLED]]))
         has_values, longest = known.any(axis=1), self._longest()
-        zero = has_values & _all((strain == 0.0) | ~known) & ~(block.dynamic_pressure <= 0.0)
+        zero = has_values & _is_zero(strain) & ~(block.dynamic_pressure <= 0.0)
         row_same = _all(same) & has_values
         runs = self._of_rows.take(row_same[:, None], _all(following)[:, None])[:, 0]
         if self._is_first:  # nothing shows that the first row of the file is new
             row_same[0], self._is_first = True, False
         held = row_same & ~zero & (runs >= _longest_of_all(longest[known.any(axis=0)]))
-        railed = self._is_railed(block, self._of_gauges.take(_alone(same), _alone(following)), longest)
+        bearable = self._bearable(block)
+        alone = _alone(same)
+        if self._is_bearable(strain, bearable):
+            self._of_gauges.skip(alone)
+            return self._marked(block, held=held, zero=zero, railed=np.zeros(same.shape, dtype=bool))
+        railed = self._is_railed(strain, bearable, self._of_gauges.take(alone, _alone(following)), longest)
         return self._marked(block, held=held, zero=zero, railed=railed & ~(zero | held)[:, None])
 
     def _marked(self, block: StrainBlock, *, held: BoolArray, zero: BoolArray, railed: BoolArray) -> StrainBlock:
         """Return ``block`` without strains of rows (n,) and of gauges (n, n_d) with a fault; count them."""
         time, strain = block.time, block.strain
+        if not (held.any() or zero.any() or railed.any()):
+            return replace(block, faults=("",) * len(time))
         self._held.add(time, held)
         self._zeros.add(time, zero)
         for gauge in np.flatnonzero(railed.any(axis=0)).tolist():
@@ -171,22 +178,43 @@ class StrainFaults:
         ratio = np.where(noise > 0.0, np.minimum(noise / step, LARGEST_RATIO), _UNKNOWN_NOISE)
         return np.array([longest_repetition(one, exp(-1.0)) for one in ratio.tolist()])
 
-    def _is_railed(self, block: StrainBlock, runs: IntArray, longest: FloatArray) -> BoolArray:
-        """Return (n, n_d) which readings are beyond what a gauge bears, or any flow of the map gives.
-
-        The latter: far beyond it, or beyond it and without change. Where most gauges are beyond, another flow or
-        unit it is, and their median takes the place of the map's strains.
-        """
-        reference, strain = self._reference, block.strain
+    def _bearable(self, block: StrainBlock) -> FloatArray:
+        """Return (n,) the largest |strain| of any flow of the map at the dynamic pressure of each row [m/m]."""
+        reference = self._reference
         nominal = flown_pressure(block.dynamic_pressure, block.flow) / reference.dynamic_pressure
         over = np.clip(np.where(np.isfinite(nominal), nominal, _LARGEST_OVER), 1.0, _LARGEST_OVER)
-        level = np.abs(strain - self._zero) / ((float(reference.strain_range.max()) or inf) * over[:, None])
+        return np.asarray((float(reference.strain_range.max()) or inf) * over)
+
+    def _is_bearable(self, strain: FloatArray, bearable: FloatArray) -> bool:
+        """Return whether no reading (n, n_d) is beyond what a gauge bears, or beyond ``bearable`` (n,) [m/m]."""
+        largest = np.fmax.reduce(np.abs(strain - self._zero), axis=1)
+        in_range = np.fmax.reduce(strain, axis=None) <= self._reference.sensor_range
+        in_range &= np.fmin.reduce(strain, axis=None) >= -self._reference.sensor_range
+        return bool(in_range and not np.any(largest > bearable))
+
+    def _is_railed(
+        self, strain: FloatArray, bearable: FloatArray, runs: IntArray, longest: FloatArray
+    ) -> BoolArray:
+        """Return (n, n_d) which readings are beyond what a gauge bears, or any flow of the map gives.
+
+        The latter: far beyond ``bearable`` (n,) [m/m], or beyond it and without change. Where most gauges are
+        beyond, another flow or unit it is, and their median takes the place of the map's strains.
+        """
+        level = np.abs(strain - self._zero) / bearable[:, None]
         has_values = np.asarray(np.isfinite(strain).any(axis=1))
         usual = np.nanmedian(np.where(has_values[:, None], level, 0.0), axis=1)
         level /= np.maximum(usual, 1.0)[:, None]
         stands_still = runs >= np.maximum(SHORTEST_RAILED, -log(_RARE) * longest)
         beyond = (level > TOO_HIGH) | ((level > 1.0) & stands_still)
-        return np.asarray(beyond | (np.abs(strain) > reference.sensor_range))
+        return np.asarray(beyond | (np.abs(strain) > self._reference.sensor_range))
+
+
+def _is_zero(strain: FloatArray) -> BoolArray:
+    """Return (n,) whether all readings (n, n_d) of a row are 0 or none."""
+    found = ~(np.abs(strain[:, 0]) > 0.0)
+    rows = np.flatnonzero(found)
+    found[rows] = ~np.any(np.abs(strain[rows]) > 0.0, axis=1)
+    return found
 
 
 def _alone(same: BoolArray) -> BoolArray:

@@ -164,7 +164,6 @@ static void write_flight_fit(Estimator *e, double *fit, double *z) {
     } else {
         flight_covariances(e, fit);
     }
-    fit[DEGREES_OF_FREEDOM] = e->flight.degrees_of_freedom;
     fit[FITS] = (double)e->flight.fits;
     memcpy(fit + FLIGHT_STATE, found->state, sizeof found->state);
     memcpy(fit + FLIGHT_STATE_COVARIANCE, found->widened_covariance, sizeof found->widened_covariance);
@@ -179,11 +178,8 @@ static void write_linear_fit(Estimator *e, double *fit, double *z) {
     if (!m->identified) {
         return;
     }
-    const int lost = (int)(e->map.n_gauges - m->n_used);
-    fit[DEGREES_OF_FREEDOM] = (double)(e->map.degrees_of_freedom > lost ? e->map.degrees_of_freedom - lost : 0);
     fit[FITS] = (double)(e->output[CHI_SQUARE] <= e->output[CHI_SQUARE_LIMIT]);
     if (e->map.scaled && !e->flow.known) {
-        fit[DEGREES_OF_FREEDOM] = 0.0;
         return;
     }
     const double ratio = e->map.scaled ? e->scaled.step.expected_ratio : 1.0;
@@ -194,13 +190,25 @@ static void write_linear_fit(Estimator *e, double *fit, double *z) {
     add_filtered(e, fit);
 }
 
+double degrees_of_freedom(const Estimator *e) {
+    const MaskedMap *m = e->masked;
+    if (e->flight.present) {
+        return isnan(e->output[LOADS]) ? 0.0 : e->flight.degrees_of_freedom;
+    }
+    if (!m->identified || (e->map.scaled && !e->flow.known)) {
+        return 0.0;
+    }
+    const int lost = (int)(e->map.n_gauges - m->n_used);
+    return (double)(e->map.degrees_of_freedom > lost ? e->map.degrees_of_freedom - lost : 0);
+}
+
 void write_fit(Estimator *e, double *fit) {
     const size_t n = e->map.n_gauges;
     double *z = fit + OF_GAUGES;
     for (size_t k = 0; k < OF_GAUGES + n; k++) {
         fit[k] = NAN;
     }
-    fit[DEGREES_OF_FREEDOM] = fit[FITS] = 0.0;
+    fit[FITS] = 0.0;
     if (e->flight.present) {
         write_flight_fit(e, fit, z);
     } else {

@@ -11,8 +11,7 @@
 enum {
     LOAD_COVARIANCE = 0,                                              /* (5, 5) about the moment point of the settings */
     COEFFICIENT_COVARIANCE = LOAD_COVARIANCE + N_LOADS * N_LOADS,     /* (5, 5) [1] */
-    DEGREES_OF_FREEDOM = COEFFICIENT_COVARIANCE + N_LOADS * N_LOADS,  /* of chi-square */
-    FITS,                                                             /* whether strain and air data fit the map */
+    FITS = COEFFICIENT_COVARIANCE + N_LOADS * N_LOADS,                /* whether strain and air data fit the map */
     FLIGHT_STATE,                                                     /* (4) M, u, w, ln p; NaN for linear maps, */
     FLIGHT_STATE_COVARIANCE = FLIGHT_STATE + N_STATES,                /* (4, 4) as the next */
     AIR_DATA_RESIDUAL = FLIGHT_STATE_COVARIANCE + N_STATES * N_STATES, /* (3) standardised: M, p, q */
@@ -24,6 +23,9 @@ enum {
 static inline size_t fit_size(const Estimator *e) {
     return OF_GAUGES + 3 * e->map.n_gauges;
 }
+
+/* Degrees of freedom of the chi-square of the outputs; 0 where nothing checks the estimate. */
+double degrees_of_freedom(const Estimator *e);
 
 /* Write the fit of the outputs, which must be those of the present inputs. */
 void write_fit(Estimator *e, double *fit);

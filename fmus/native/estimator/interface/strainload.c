@@ -96,6 +96,7 @@ static void describe_outputs(StrainLoad *handle) {
     add_field(record, "suspect_gauge", 1);
     add_field(record, "suspects", 1);
     add_field(record, "envelope_score", 1);
+    add_field(record, "degrees_of_freedom", 1);
     add_field(record, "air_data", n_flight * N_AIR_DATA);
     add_field(record, "air_data_std", n_flight * N_AIR_DATA);
     add_field(record, "is_identified", n_flight * N_AIR_DATA);
@@ -113,7 +114,6 @@ static void describe_fit(StrainLoad *handle) {
     Record *record = &handle->record[SL_FIT];
     add_field(record, "load_covariance", N_LOADS * N_LOADS);
     add_field(record, "coefficient_covariance", N_LOADS * N_LOADS);
-    add_field(record, "degrees_of_freedom", 1);
     add_field(record, "fits", 1);
     add_field(record, "state", N_STATES);
     add_field(record, "state_covariance", N_STATES * N_STATES);
@@ -261,6 +261,7 @@ static void write_result(StrainLoad *handle, double *output, double *fit) {
     Estimator *e = handle->estimator;
     memcpy(output, estimator_outputs(e), N_OUTPUTS * sizeof *output);
     output += N_OUTPUTS;
+    *output++ = degrees_of_freedom(e);
     if (e->flight.present) {
         memcpy(output, e->flight.real, sizeof e->flight.real);
         write_flags(e->flight.flag, N_FLIGHT_FLAGS, output + N_FLIGHT_REALS);

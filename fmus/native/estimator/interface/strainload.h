@@ -26,7 +26,7 @@
 #endif
 
 /* Changes when a function or the meaning of a field does. */
-#define SL_VERSION 1
+#define SL_VERSION 2
 
 #define SL_TEXT_SIZE 256
 #define SL_NAME_SIZE 64
