@@ -37,7 +37,8 @@ class RandomWalkCandidate:
     def __init__(self, inverse_map: InverseMap) -> None:
         """Prepare ``inverse_map``, of Case 2 and form "dynamic_pressure"."""
         self.inverse_map = inverse_map
-        self._gauges, self._error_strain, self._error_load = inverse_map.scaled_parts
+        self._gauges = inverse_map.gauge_covariance
+        self._error_strain, self._error_load = inverse_map.error_strain, inverse_map.error_load
         zero, none = np.zeros(inverse_map.n_gauges), np.zeros(5)
         self._fixed_strain = zero if inverse_map.fixed_strain is None else inverse_map.fixed_strain
         self._fixed_load = none if inverse_map.fixed_load is None else inverse_map.fixed_load

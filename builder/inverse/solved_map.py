@@ -10,7 +10,6 @@ import numpy as np
 from builder.aero.surface.mesh import SurfaceMesh, mesh_of
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.envelope.bounds import coefficient_half_spaces, flight_ranges
-from builder.inverse.loads.covariance import load_covariance_by_terms
 from builder.inverse.loads.further import further_loads
 from builder.inverse.modes.ensemble import Ensemble
 from builder.inverse.noise.hardware_errors import error_model
@@ -46,24 +45,15 @@ def inverse_map_of(
         **_rows(gauges, problem.sensors),
         noise_std=np.linalg.norm(problem.noise[0].strain, axis=1),
         state_operator=solved.state_operator,
-        noise_covariance=solved.noise_covariance,
         regularisation=solved.regularisation,
-        strain_gain=solved.strain_gain,
-        state_offset=solved.state_offset,
         load_per_state=load_per_state,
         load_of_mean=loads @ (solution.mean - ensemble.fixed_pressure),
-        load_covariance=load_covariance_by_terms(
-            solved, load_per_state, solution.noise, solution.noise.strain_load_covariance
-        ),
         mean_strain=solved.mean_strain,
-        residual_whitening=solved.residual_whitening,
-        residual_degrees_of_freedom=solved.residual_degrees_of_freedom,
         strain_range=np.abs(ensemble.responses(z_p) + problem.offset).max(axis=0),
         coefficient_range=np.column_stack([coefficients.min(axis=0), coefficients.max(axis=0)]),
         reference_area=reference.area,
         reference_length=reference.length,
         nominal_dynamic_pressure=ensemble.nominal_dynamic_pressure,
-        strain_load_covariance=solution.noise.strain_load_covariance,
         provenance=_provenance(vehicle, snapshots, structure, problem, solution),
         dynamic_pressure_error=0.01 * vehicle.noise.dynamic_pressure_percent,
         envelope_direction=half_spaces.direction,
@@ -72,11 +62,9 @@ def inverse_map_of(
         mach_number_range=ranges.mach_number,
         altitude_range=ranges.altitude,
         thermal=with_isothermal(problem.thermal, solution.noise.terms),
-        **(
-            _scaled_parts(problem, solution, coefficients)
-            if problem.entry.form == "dynamic_pressure"
-            else {"further": further_loads(problem, solution, None)}
-        ),
+        form=problem.entry.form,
+        **_errors(problem, solution),
+        **(_parts_that_follow(problem, coefficients) if problem.entry.form == "dynamic_pressure" else {}),
         **(_field(problem, solution, mesh_of(structure.surface)) if problem.entry.keep_field else {}),
     )
 
@@ -94,19 +82,26 @@ def _rows(gauges: GaugeLayout, sensors: SensorSet | None) -> dict[str, Any]:
     }
 
 
-def _scaled_parts(problem: Problem, solution: Solution, coefficients: FloatArray) -> dict[str, Any]:
-    """Return the fields of a map in form "dynamic_pressure" that one in form "absolute" does not have."""
+def _errors(problem: Problem, solution: Solution) -> dict[str, Any]:
+    """Return the fields of a map on its errors, and its further loads, which share their columns.
+
+    In form "absolute" nothing follows the dynamic pressure; terms without a load then need no columns either.
+    """
     scaling = [term for term in solution.noise.terms if term.scales]
     fixed = [term.strain @ term.strain.T for term in solution.noise.terms if not term.scales]
     m = 0 if problem.further_operator is None else len(problem.further_operator)
     strain, load = _compressed(scaling, len(problem.strain_operator), m)
-    parts: dict[str, Any] = {
-        "form": "dynamic_pressure",
+    return {
         "gauge_covariance": np.sum(fixed, axis=0),
         "error_strain": strain,
         "error_load": load[:5],
         "further": further_loads(problem, solution, load[5:]),
     }
+
+
+def _parts_that_follow(problem: Problem, coefficients: FloatArray) -> dict[str, Any]:
+    """Return the fields of a map in form "dynamic_pressure" that one in form "absolute" does not have."""
+    parts = dict[str, Any]()
     inside = problem.ensemble.fixed_pressure
     if inside != 0.0:
         parts["fixed_strain"] = -inside * problem.strain_operator.sum(axis=1)

@@ -31,8 +31,6 @@ UNITS = {
     "section_station": "m",
     "load_per_state": "N/state, N.m/state",
     "load_of_mean": "N, N.m",
-    "variance": "(N, N.m)^2",
-    "strain_load_covariance": "(m/m) (N, N.m)",
     "error_load": "N, N.m",
     "fixed_load": "N, N.m",
 }
@@ -47,19 +45,15 @@ class FurtherLoads:
     section_station : (n_s,) x of the sections [m], rising.
     load_per_state : (m, n_q) [N/state, N m/state].
     load_of_mean : (m,) loads of the mean pressure [N, N m].
-    variance : (m,) of the error of the estimated loads [(N, N m)^2]; 0 of one that is known, as the rolling moment
-        of a body of revolution.
-    strain_load_covariance : (n_d, m) covariance of strain error and load that no state holds, or None.
-    error_load : (m, k) loads of the columns of ``error_strain`` that no state holds; None in form "absolute".
+    error_load : (m, k) loads of the columns of ``error_strain`` [N, N m]; zero, as the loads per state, of a load
+        that is known, as the rolling moment of a body of revolution.
     fixed_load : (m,) loads that do not follow q_inf, or None.
     """
 
     section_station: FloatArray
     load_per_state: FloatArray
     load_of_mean: FloatArray
-    variance: FloatArray
-    strain_load_covariance: FloatArray | None = None
-    error_load: FloatArray | None = None
+    error_load: FloatArray
     fixed_load: FloatArray | None = None
 
     def __post_init__(self) -> None:
@@ -70,10 +64,8 @@ class FurtherLoads:
                 f"further loads: {self.load_per_state.shape[:1]} rows for {len(self.section_station)} sections, "
                 f"must be {1 + len(SECTION_LOADS) * len(self.section_station)}"
             )
-        if not np.all(self.variance >= 0.0):
-            raise InputError("further loads: variance must be at least 0")
 
-    def check(self, n_gauges: int, n_states: int, n_errors: int | None) -> None:
+    def check(self, n_states: int, n_errors: int) -> None:
         """Check shapes against those of the map, and that every number is finite.
 
         Raises
@@ -85,9 +77,7 @@ class FurtherLoads:
         expected: dict[str, tuple[int, ...]] = {
             "load_per_state": (m, n_states),
             "load_of_mean": (m,),
-            "variance": (m,),
-            "strain_load_covariance": (n_gauges, m),
-            "error_load": (m, n_errors or 0),
+            "error_load": (m, n_errors),
             "fixed_load": (m,),
         }
         for name, shape in expected.items():
@@ -96,8 +86,6 @@ class FurtherLoads:
                 continue
             if value.shape != shape or not np.all(np.isfinite(value)):
                 raise InputError(f"further loads: {name} has shape {value.shape}, must be {shape} finite numbers")
-        if (self.error_load is None) != (n_errors is None):
-            raise InputError("further loads: error_load must be there in form 'dynamic_pressure', and there alone")
 
 
 def further_names(section_station: FloatArray) -> tuple[str, ...]:

@@ -35,6 +35,10 @@ class HealthState(IntEnum):
     navigation contradicts the dynamic pressure: the stated deviations need not hold."""
 
 
+_MOST_STEPS, _SMALLEST_STEP = 50, 1e-14
+"""Of Newton's method: their number, and the last one relative to the value."""
+
+
 def chi_square_survival(value: float, degrees_of_freedom: int) -> float:
     """Return the probability that a chi-square variable exceeds ``value``.
 
@@ -52,14 +56,18 @@ def chi_square_survival(value: float, degrees_of_freedom: int) -> float:
 
 
 def chi_square_limit(degrees_of_freedom: int, false_alarm_probability: float = FALSE_ALARM_PROBABILITY) -> float:
-    """Return the value that a chi-square variable exceeds with ``false_alarm_probability``, by bisection."""
-    low, high = 0.0, float(degrees_of_freedom)
-    while chi_square_survival(high, degrees_of_freedom) > false_alarm_probability:
-        high *= 2.0
-    while high - low > 1e-12 * high:
-        middle = 0.5 * (low + high)
-        if chi_square_survival(middle, degrees_of_freedom) > false_alarm_probability:
-            low = middle
-        else:
-            high = middle
-    return high
+    """Return the value that a chi-square variable exceeds with ``false_alarm_probability``.
+
+    By Newton's method for the logarithm of the probability, which is concave: no step passes the value by much.
+    """
+    half_freedom, wanted = 0.5 * degrees_of_freedom, log(false_alarm_probability)
+    value = float(degrees_of_freedom)
+    for _ in range(_MOST_STEPS):
+        survival = chi_square_survival(value, degrees_of_freedom)
+        log_density = (half_freedom - 1.0) * log(0.5 * value) - 0.5 * value - lgamma(half_freedom)
+        slope = 0.5 * exp(log_density) / survival
+        step = (log(survival) - wanted) / slope
+        value += step
+        if abs(step) <= _SMALLEST_STEP * value:
+            break
+    return value

@@ -50,7 +50,7 @@ class NumpyCore:
         n_t = 0 if inverse_map.thermal is None else inverse_map.thermal.n_sensors
         has_thrust = inverse_map.sensors is not None and bool(inverse_map.sensors.follows_thrust.any())
         further = inverse_map.further if has_further_outputs(inverse_map) else None
-        m = 0 if further is None else len(further.variance)
+        m = 0 if further is None else len(further.load_of_mean)
         n_p = len(flow_parameters(inverse_map).names)
         self.n_rows = n
         self.inputs = _layout(

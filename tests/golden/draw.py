@@ -115,7 +115,7 @@ def linear_rows(m: InverseMap, random: Random, ratio: np.ndarray, state: np.ndar
         return np.asarray(
             m.mean_strain + state @ columns.T + random.standard_normal((len(ratio), m.n_gauges)) @ root.T
         )
-    own = m.scaled_parts[0] if m.thermal is None else m.thermal.isothermal_covariance
+    own = m.gauge_covariance if m.thermal is None else m.thermal.isothermal_covariance
     fixed = np.zeros(m.n_gauges) if m.fixed_strain is None else m.fixed_strain
     noise = random.standard_normal((len(ratio), m.n_gauges)) @ np.linalg.cholesky(own).T
     return np.asarray(fixed + ratio[:, None] * (m.mean_strain - fixed + state @ columns.T) + noise)
@@ -130,7 +130,7 @@ def columns_of(m: InverseMap) -> np.ndarray:
     states = m.state_operator * (
         np.minimum(0.3 * size, 1.0) if m.form == "absolute" or m.case == 2 else 0.3 * size
     )
-    return states if m.form == "absolute" else np.hstack([states, m.scaled_parts[1]])
+    return states if m.form == "absolute" else np.hstack([states, m.error_strain])
 
 
 def linear_samples(m: InverseMap, seed: int, n: int) -> Inputs:

@@ -196,7 +196,7 @@ def one_gauge_off(m: InverseMap, seed: int) -> Inputs:
 def linear_restart(m: InverseMap, seed: int) -> Inputs:
     """States that jump twice, strain of no known pressure for 8 samples, and q_inf that is lost for 8."""
     random, steps = np.random.default_rng(seed), 80
-    n = m.state_operator.shape[1] + m.scaled_parts[1].shape[1]
+    n = m.state_operator.shape[1] + m.error_strain.shape[1]
     state = np.repeat(random.standard_normal((3, n)), [25, 25, 30], axis=0)
     ratio = np.ones(steps)
     rows = linear_rows(m, random, ratio, state)

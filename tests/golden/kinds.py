@@ -136,7 +136,7 @@ def _with_twins() -> InverseMap:
 
 def _warm(inverse_map: InverseMap) -> InverseMap:
     """``inverse_map`` with 6 modes and 4 sensors, thermal strain of the size of its gauges' noise."""
-    noise = float(np.sqrt(np.median(np.diag(inverse_map.scaled_parts[0]))))
+    noise = float(np.sqrt(np.median(np.diag(inverse_map.gauge_covariance))))
     strain = 0.1 * noise * np.random.default_rng(3).normal(size=(inverse_map.n_gauges, 6))
     return with_temperature(inverse_map, mode_strain=strain, apparent_strain=noise * np.array([2e-2, -1e-4]))
 

@@ -130,7 +130,7 @@ def test_nonlinear_estimator(tmp_path: Path) -> None:
     plain = whole_map()
     manifold = plain.manifold
     assert manifold is not None
-    same = replace(plain, manifold=replace(manifold, gauge_covariance=plain.scaled_parts[0]))
+    same = replace(plain, manifold=replace(manifold, gauge_covariance=plain.gauge_covariance))
     held = with_temperature(same)
     save_inverse_map(held, tmp_path / "map.h5")
     flight, (_, temperature) = random_flight(held, K, seed=5), drawn(N_D)

@@ -16,7 +16,6 @@ from builder.campaign.vehicle_campaign import vehicle_campaign
 from builder.inverse.cases.case_1 import least_squares_map
 from builder.inverse.cases.case_2 import gaussian_map
 from builder.inverse.cases.state_map import StateMap
-from builder.inverse.loads.covariance import load_covariance_by_terms
 from builder.inverse.noise.model import NoiseModel
 from builder.inverse.problem import inverse_problem
 from builder.inverse.solution import Problem, Solution, solve
@@ -112,8 +111,9 @@ def solved_on_same_modes(case: ReportCase, kept: list[int]) -> Solution:
 def map_of_some(case: ReportCase, problem: Problem, solution: Solution, kept: list[int]) -> InverseMap:
     """Return the map of ``kept`` gauges from its own problem and solution."""
     whole, solved = case.inverse_map, solution.solved
-    per_state = problem.load_operator @ solution.field_modes
-    outside = solution.noise.strain_load_covariance
+    strain = np.hstack([term.strain for term in solution.noise.terms[1:]])
+    loads = [np.zeros((5, t.strain.shape[1])) if t.load is None else t.load for t in solution.noise.terms[1:]]
+    own = solution.noise.terms[0].strain
     return replace(
         whole,
         gauge_names=tuple(whole.gauge_names[i] for i in kept),
@@ -122,21 +122,14 @@ def map_of_some(case: ReportCase, problem: Problem, solution: Solution, kept: li
         noise_std=whole.noise_std[kept],
         strain_range=whole.strain_range[kept],
         state_operator=solved.state_operator,
-        noise_covariance=solved.noise_covariance,
-        strain_gain=solved.strain_gain,
-        state_offset=solved.state_offset,
-        load_per_state=per_state,
-        load_covariance=load_covariance_by_terms(solved, per_state, solution.noise, outside),
+        gauge_covariance=own @ own.T,
+        error_strain=strain,
+        error_load=np.hstack(loads),
+        load_per_state=problem.load_operator @ solution.field_modes,
         mean_strain=solved.mean_strain,
-        residual_whitening=solved.residual_whitening,
-        residual_degrees_of_freedom=solved.residual_degrees_of_freedom,
-        strain_load_covariance=outside,
         form="absolute",
         fixed_strain=None,
         fixed_load=None,
-        gauge_covariance=None,
-        error_strain=None,
-        error_load=None,
         gauge_error_product=None,
         common_error=None,
         mean_product=None,

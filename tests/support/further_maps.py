@@ -27,14 +27,11 @@ def with_further(inverse_map: InverseMap, combination: np.ndarray = COMBINATION)
     def of(rows: np.ndarray | None) -> np.ndarray | None:
         return None if rows is None else combination @ rows
 
-    x = inverse_map.strain_load_covariance
     further = FurtherLoads(
         section_station=STATION,
         load_per_state=combination @ inverse_map.load_per_state,
         load_of_mean=combination @ inverse_map.load_of_mean,
-        variance=np.diag(combination @ inverse_map.load_covariance @ combination.T).copy(),
-        strain_load_covariance=None if x is None else x @ combination.T,
-        error_load=of(inverse_map.error_load),
+        error_load=combination @ inverse_map.error_load,
         fixed_load=of(inverse_map.fixed_load),
     )
     return replace(inverse_map, further=further)
@@ -42,14 +39,16 @@ def with_further(inverse_map: InverseMap, combination: np.ndarray = COMBINATION)
 
 def with_own_further(held: InverseMap) -> InverseMap:
     """Loads that are no combination of the five."""
-    random, (_, errors, loads) = np.random.default_rng(8), held.scaled_parts
+    random, errors, loads = np.random.default_rng(8), held.error_strain, held.error_load
     size = float(np.abs(held.load_of_mean).max())
     states = float(np.abs(held.load_per_state).max())
+    per_state = states * random.standard_normal((M, held.n_states))
+    of_mean = size * random.standard_normal(M)
+    random.uniform(size=M)  # not used: the golden streams are of the numbers that follow
     further = FurtherLoads(
         section_station=STATIONS,
-        load_per_state=states * random.standard_normal((M, held.state_operator.shape[1])),
-        load_of_mean=size * random.standard_normal(M),
-        variance=(10.0 * states * random.uniform(1.0, 2.0, M)) ** 2,
+        load_per_state=per_state,
+        load_of_mean=of_mean,
         error_load=float(np.abs(loads).max()) * random.standard_normal((M, errors.shape[1])),
         fixed_load=0.01 * size * random.standard_normal(M),
     )

@@ -29,7 +29,7 @@ class LinearSample:
 def linear_flight(inverse_map: InverseMap, steps: int, seed: int, poor: bool = True) -> list[LinearSample]:
     """States that wander slowly, q_inf that changes, noise; ``poor`` loses gauges, whole samples and q_inf."""
     random, samples = np.random.default_rng(seed), []
-    own, errors, _ = inverse_map.scaled_parts
+    own, errors = inverse_map.gauge_covariance, inverse_map.error_strain
     columns, n = np.hstack([inverse_map.state_operator, errors]), inverse_map.n_gauges
     root = np.linalg.cholesky(own)
     fixed = np.zeros(n) if inverse_map.fixed_strain is None else inverse_map.fixed_strain

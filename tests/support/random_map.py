@@ -47,6 +47,12 @@ class GaussianModel:
             strain_load_covariance=self.strain_load_covariance[keep],
         )
 
+    def columns(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """(n_d, n_d) covariance of errors without load, (n_d, 5) strain and (5, 5) load of errors with load."""
+        load = cholesky(self.load_noise_covariance, lower=True)
+        strain = solve_triangular(load, self.strain_load_covariance.T, lower=True).T
+        return self.noise_covariance - strain @ strain.T, strain, load
+
     def gain(self) -> np.ndarray:
         """(n_q, n_d) T, from the normal equations of states scaled to unit sensitivity."""
         weight = cho_solve((cholesky(self.noise_covariance, lower=True), True), np.eye(len(self.m)))
@@ -125,8 +131,8 @@ def random_model(
 
 def map_of(model: GaussianModel, name: str = "vehicle") -> InverseMap:
     """The finished map of ``model``."""
-    n_gauges, n_states = model.a.shape
-    gain = model.gain()
+    n_gauges = len(model.a)
+    own, error_strain, error_load = model.columns()
     return InverseMap(
         vehicle=name,
         case=2 if model.gamma > 0.0 else 1,
@@ -135,23 +141,19 @@ def map_of(model: GaussianModel, name: str = "vehicle") -> InverseMap:
         gauge_direction=np.tile([1.0, 0.0, 0.0], (n_gauges, 1)),
         noise_std=np.sqrt(np.diag(model.noise_covariance)),
         state_operator=model.a,
-        noise_covariance=model.noise_covariance,
+        gauge_covariance=own,
+        error_strain=error_strain,
+        error_load=error_load,
         regularisation=model.gamma,
-        strain_gain=gain,
-        state_offset=-gain @ model.m,
         load_per_state=model.load_per_state,
         load_of_mean=model.load_of_mean,
-        load_covariance=model.load_covariance(),
         mean_strain=model.m,
-        residual_whitening=model.whitening(),
-        residual_degrees_of_freedom=n_gauges if model.gamma > 0.0 else n_gauges - n_states,
         strain_range=np.full(n_gauges, 1e-4),
         coefficient_range=np.tile([-1.0, 1.0], (5, 1)),
         reference_area=0.2,
         reference_length=0.5,
         nominal_dynamic_pressure=1.2e5,
         provenance={"layout": "test", "mach_number": [5.0, 7.0]},
-        strain_load_covariance=model.strain_load_covariance,
     )
 
 

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 
 from strainfmu.cosim.models.flight_model import FlightModel, save_flight_model
-from strainfmu.estimator.map.innovation import estimate_gain, innovation_whitening
 from strainfmu.estimator.map.inverse_map import InverseMap, save_inverse_map
 from strainfmu.fmu.export import export_estimator, export_plant
 
@@ -28,10 +27,8 @@ def synthetic_inverse_map(seed: int = 1, n_gauges: int = N_GAUGES) -> InverseMap
     root = random.normal(size=(5, 5))
     noise = np.full(n_gauges, 1e-7)
     state_operator = 1e-9 * random.normal(size=(n_gauges, 3))
-    gain = estimate_gain(state_operator, np.diag(noise**2), 0.0)
     mean_strain = random.normal(size=n_gauges) * 1e-6
     load_per_state = random.normal(size=(5, 3))
-    of_noise = load_per_state @ gain * noise
     return InverseMap(
         vehicle=f"synthetic vehicle {seed} <&>",
         case=1,
@@ -42,16 +39,13 @@ def synthetic_inverse_map(seed: int = 1, n_gauges: int = N_GAUGES) -> InverseMap
         gauge_direction=np.tile([1.0, 0.0, 0.0], (n_gauges, 1)),
         noise_std=noise,
         state_operator=state_operator,
-        noise_covariance=np.diag(noise**2),
+        gauge_covariance=np.diag(noise**2),
+        error_strain=np.zeros((n_gauges, 5)),
+        error_load=root,
         regularisation=0.0,
-        strain_gain=gain,
-        state_offset=-gain @ mean_strain,
         load_per_state=load_per_state,
         load_of_mean=random.normal(size=5) * 1e3,
-        load_covariance=of_noise @ of_noise.T + root @ root.T,
         mean_strain=mean_strain,
-        residual_whitening=innovation_whitening(state_operator, np.diag(noise**2), 0.0),
-        residual_degrees_of_freedom=n_gauges - 3,
         strain_range=np.append(np.full(n_gauges - 1, 1e-4), 0.0),
         coefficient_range=np.array([[0.1, 0.2], [-1.0, 1.0], [-1.0, 1.0], [-0.5, 0.5], [0.0, 0.0]]),
         reference_area=0.2,

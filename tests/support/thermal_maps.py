@@ -35,7 +35,7 @@ def thermal_part(isothermal: np.ndarray, k: int = 6, n_t: int = 4, seed: int = 1
 
 def with_temperature(inverse_map: InverseMap, **changes: Any) -> InverseMap:
     """``inverse_map`` with modes, whose prior joins its gauges' covariance."""
-    thermal = thermal_part(inverse_map.scaled_parts[0], **changes)
+    thermal = thermal_part(inverse_map.gauge_covariance, **changes)
     modes = thermal.linear_strain * thermal.prior_std
     own = thermal.isothermal_covariance + modes @ modes.T
     return replace(with_gauge_covariance(inverse_map, own), thermal=thermal)

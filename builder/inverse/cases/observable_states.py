@@ -19,7 +19,7 @@ def on_observable_states(inverse_map: InverseMap) -> InverseMap:
     With L^-1 A = U S V^T the new states are V_d^T q, amplitudes of the data-informed modes F v_k by falling
     eigenvalue (paper, eq. eigproblem). No gauge observes the other states, whichever gauges are lost: their
     estimate is the prior's mean, 0. So loads, fields and residuals do not change. What the other states add to the
-    covariance of the loads is part of ``load_covariance`` and of ``error_load``, and no gain changes it. With 243
+    covariance of the loads is part of ``error_load``, and no gain changes it. With 243
     snapshots a field of 60,000 nodes takes 13 MB instead of 58.
     """
     n_gauges, n_states = inverse_map.state_operator.shape
@@ -28,14 +28,10 @@ def on_observable_states(inverse_map: InverseMap) -> InverseMap:
     right = whitened_spectrum(inverse_map.state_operator, inverse_map.noise_covariance).right
     observable = right[:, :n_gauges]
     field = inverse_map.field_modes
-    gain = observable.T @ inverse_map.strain_gain
     return replace(
         inverse_map,
         **_with_hidden_loads(inverse_map, observable, right[:, n_gauges:]),
         state_operator=inverse_map.state_operator @ observable,
-        strain_gain=gain,
-        # From the gain itself: of a state that no gauge observes both are round-off, and must agree even so.
-        state_offset=-gain @ inverse_map.mean_strain,
         load_per_state=inverse_map.load_per_state @ observable,
         field_std=_with_hidden(inverse_map, observable),
         field_modes=None if field is None else field @ observable.astype(np.float32),
@@ -45,14 +41,12 @@ def on_observable_states(inverse_map: InverseMap) -> InverseMap:
 def _with_hidden_loads(inverse_map: InverseMap, observable: FloatArray, hidden: FloatArray) -> dict[str, Any]:
     """Return the fields of ``inverse_map`` that hold loads of errors, with those of the ``hidden`` states besides.
 
-    In form "dynamic_pressure" the covariance of the loads is made from the columns of the errors, so that states
-    without strain, whose loads count, become columns without strain.
+    The covariance of the loads is made from the columns of the errors, so that states without strain, whose loads
+    count, become columns without strain.
     """
-    further, load = inverse_map.further, inverse_map.error_load
+    further = inverse_map.further
     if further is not None:
         further = replace(further, load_per_state=further.load_per_state @ observable)
-    if load is None or inverse_map.error_strain is None:
-        return {"further": further}
     of_hidden = [inverse_map.load_per_state @ hidden]
     if inverse_map.further is not None:
         of_hidden.append(inverse_map.further.load_per_state @ hidden)
@@ -60,13 +54,13 @@ def _with_hidden_loads(inverse_map: InverseMap, observable: FloatArray, hidden: 
     size = np.linalg.norm(joint, axis=1, keepdims=True)
     size[size == 0.0] = 1.0
     columns = size * np.asarray(np.linalg.qr((joint / size).T, mode="r")).T
-    if further is not None and further.error_load is not None:
+    if further is not None:
         further = replace(further, error_load=np.hstack([further.error_load, columns[5:]]))
     no_strain = np.zeros((inverse_map.n_gauges, columns.shape[1]))
     return {
         "further": further,
         "error_strain": np.hstack([inverse_map.error_strain, no_strain]),
-        "error_load": np.hstack([load, columns[:5]]),
+        "error_load": np.hstack([inverse_map.error_load, columns[:5]]),
     }
 
 

@@ -94,7 +94,7 @@ STRAINS_OF_GAUGES = "The maximum strain of each gauge over the snapshots is in t
 def _opening(report: BuildReport) -> tuple[Block, ...]:
     one, used, screen = report.inverse_map, report.in_use, first_screen(report)
     modes = "POD modes, by least squares" if one.case == 1 else "states under a Gaussian prior"
-    of_linear = f"Case {one.case}, {len(one.state_offset)} {modes}"
+    of_linear = f"Case {one.case}, {one.n_states} {modes}"
     both = f"nonlinear, and the linear map ({of_linear}) where strain does not fit the tables"
     return (
         Paragraph(report.origin.sentence),

@@ -117,7 +117,7 @@ def _summary(loaded: InverseMap, title: str, content_hash: str) -> Table:
     table.add_row("content hash", content_hash)
     table.add_row("estimator", "linear" if loaded.manifold is None else "nonlinear, beside it the linear one")
     table.add_row("case of the linear map", CASE_NAMES[loaded.case])
-    table.add_row("gauges, states", f"{loaded.n_gauges}, {len(loaded.state_offset)}")
+    table.add_row("gauges, states", f"{loaded.n_gauges}, {loaded.n_states}")
     if loaded.case == 2:
         rule = str(loaded.provenance.get("gamma_rule", "unknown")).replace("_", " ")
         table.add_row("gamma, found by", f"{loaded.regularisation:.6g}, {escape(rule)}")

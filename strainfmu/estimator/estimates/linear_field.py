@@ -78,7 +78,7 @@ def linear_pressure(inputs: FieldInputs | None, valid: BoolArray, with_std: bool
 
 def _states(held: InverseMap, strain: FloatArray, ratio: float, valid: BoolArray) -> _States:
     if held.form == "dynamic_pressure":
-        own, error, _ = held.scaled_parts
+        own, error = held.gauge_covariance, held.error_strain
         fixed = np.zeros(held.n_gauges) if held.fixed_strain is None else held.fixed_strain
         data = (strain - fixed) / ratio + fixed - held.mean_strain
         whole = own / ratio**2 + error @ error.T

@@ -82,7 +82,7 @@ def linear_model(inverse_map: InverseMap, settings: FilterSettings) -> LinearMod
     InputError
         The map is in form "absolute".
     """
-    _, errors, load_of_errors = inverse_map.scaled_parts
+    errors, load_of_errors = inverse_map.error_strain, inverse_map.error_load
     noise, common, lasting = white_and_lasting(isothermal_covariance(inverse_map), inverse_map.noise_std)
     warm = not_warm(inverse_map.thermal)
     n_modes = len(warm.amplitude)

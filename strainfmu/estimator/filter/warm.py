@@ -70,7 +70,7 @@ def warm_sample(sets: SensorSets[Any], temperature: ArrayLike) -> tuple[WarmSamp
 def isothermal_covariance(inverse_map: InverseMap) -> FloatArray:
     """Return (n_d, n_d) what gauges err that does not scale, without the modes [(m/m)^2]."""
     thermal = inverse_map.thermal
-    return inverse_map.scaled_parts[0] if thermal is None else thermal.isothermal_covariance
+    return inverse_map.gauge_covariance if thermal is None else thermal.isothermal_covariance
 
 
 def mode_columns(inverse_map: InverseMap) -> FloatArray:

@@ -55,14 +55,14 @@ class Decomposition:
 
 def decompose(inverse_map: InverseMap) -> Decomposition:
     """Return the decomposition of ``inverse_map``, in the same bits on every machine."""
-    own, errors, load_of_errors = inverse_map.scaled_parts
+    own, errors, load_of_errors = inverse_map.gauge_covariance, inverse_map.error_strain, inverse_map.error_load
     whitening, states, load_of_states = (
         inverse_cholesky(own),
         inverse_map.state_operator,
         inverse_map.load_per_state,
     )
     further = inverse_map.further
-    if further is not None and further.error_load is not None:
+    if further is not None:
         load_of_states = np.vstack([load_of_states, further.load_per_state])
         load_of_errors = np.vstack([load_of_errors, further.error_load])
     n_free = states.shape[1] if inverse_map.case == 1 else 0

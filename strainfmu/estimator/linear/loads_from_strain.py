@@ -96,7 +96,7 @@ class ScaledLoads:
         self._load_of_mean = inverse_map.load_of_mean - self._fixed_load
         fixed, mean = _further_of_mean(inverse_map)
         self._fixed_further, self._further_of_mean = fixed, mean - fixed
-        self._min_precision = MIN_INFORMATION / np.diag(inverse_map.scaled_parts[0])
+        self._min_precision = MIN_INFORMATION / np.diag(inverse_map.gauge_covariance)
         self._errors = error_model(inverse_map)
         self._levels: OrderedDict[tuple[bytes, float], FloatArray] = OrderedDict()
 

@@ -16,9 +16,20 @@ import numpy as np
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.map.further_errors import FurtherErrors, further_errors
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.map.load_errors import LoadErrorModel, load_error_model, load_gain
+from strainfmu.estimator.map.load_errors import (
+    LoadErrorModel,
+    load_error_covariance,
+    load_error_model,
+    load_gain,
+)
 from strainfmu.estimator.numerics.algebra import FIXED_ORDER
-from strainfmu.estimator.numerics.fixed_order import apply_orthogonal, householder, inverse_cholesky, product
+from strainfmu.estimator.numerics.fixed_order import (
+    apply_orthogonal,
+    householder,
+    inverse_cholesky,
+    product,
+    solve_lower,
+)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -29,49 +40,71 @@ class MapParts:
     ----------
     inverse_map : the map.
     load_gain : (5, n_d) G of all gauges [N, N m].
+    load_covariance : (5, 5) of the loads with all gauges [(N, N m)^2].
     error_model : terms of the covariance of loads.
     further : gain of all gauges for the further loads, and the terms of their variance.
     noise_whitening : (n_d, n_d) L^-1 [1/(m/m)].
     gain_whitening : (n_d, n_d) W, upper triangular, of the gamma that the estimate is made with [1/(m/m)].
+    residual_whitening : (n_d, n_d) W of gamma = 1 in Case 2, 0 in Case 1: that of the residual.
     """
 
     inverse_map: InverseMap
     load_gain: FloatArray
+    load_covariance: FloatArray
     error_model: LoadErrorModel
     further: FurtherErrors
     noise_whitening: FloatArray
     gain_whitening: FloatArray
+    residual_whitening: FloatArray
 
 
 def map_parts(inverse_map: InverseMap) -> MapParts:
     """Return the parts of ``inverse_map``."""
     whitening = inverse_cholesky(inverse_map.noise_covariance)
+    states, of_loads = inverse_map.state_operator, inverse_map.load_per_state
+    strain_gain = _strain_gain(states, whitening, inverse_map.regularisation)
     gain = load_gain(
-        load_per_state=inverse_map.load_per_state,
-        strain_gain=inverse_map.strain_gain,
-        state_operator=inverse_map.state_operator,
+        load_per_state=of_loads,
+        strain_gain=strain_gain,
+        state_operator=states,
         noise_whitening=whitening,
         strain_load_covariance=inverse_map.strain_load_covariance,
         algebra=FIXED_ORDER,
     )
     error_model = load_error_model(
-        load_covariance=inverse_map.load_covariance,
-        state_operator=inverse_map.state_operator,
-        noise_covariance=inverse_map.noise_covariance,
-        load_per_state=inverse_map.load_per_state,
-        load_gain=gain,
-        strain_load_covariance=inverse_map.strain_load_covariance,
+        gauge_covariance=inverse_map.gauge_covariance,
+        error_strain=inverse_map.error_strain,
+        error_load=inverse_map.error_load,
+        state_operator=states,
+        load_per_state=of_loads,
         known_prior=inverse_map.case == 2,
         algebra=FIXED_ORDER,
     )
     return MapParts(
         inverse_map=inverse_map,
         load_gain=gain,
+        load_covariance=load_error_covariance(error_model, gain, FIXED_ORDER),
         error_model=error_model,
-        further=further_errors(inverse_map, error_model.noise_root, whitening),
+        further=further_errors(inverse_map, strain_gain, whitening),
         noise_whitening=whitening,
-        gain_whitening=_gain_whitening(inverse_map.state_operator, whitening, inverse_map.regularisation),
+        gain_whitening=_gain_whitening(states, whitening, inverse_map.regularisation),
+        residual_whitening=_gain_whitening(states, whitening, float(inverse_map.case == 2)),
     )
+
+
+def _strain_gain(state_operator: FloatArray, noise_whitening: FloatArray, regularisation: float) -> FloatArray:
+    """Return (n_q, n_d) T as :func:`~strainfmu.estimator.map.innovation.estimate_gain` does."""
+    n, n_states = state_operator.shape
+    whitened = product(noise_whitening, state_operator)
+    stacked = np.vstack([whitened, sqrt(regularisation) * np.eye(n_states)])
+    size = np.max(np.abs(stacked), axis=0)
+    size = np.where(size > 0.0, size, 1.0)
+    right = np.vstack([noise_whitening, np.zeros((n_states, n))])
+    triangle, _ = householder(np.hstack([stacked / size, right]), n_states)
+    # R x = Q' L^-1, the upper triangle turned into a lower one.
+    upper, of_strain = triangle[:n_states, :n_states], triangle[:n_states, n_states:]
+    turned = solve_lower(upper[::-1, ::-1].copy(), of_strain[::-1].copy())
+    return np.asarray(turned[::-1] / size[:, None])
 
 
 def _gain_whitening(state_operator: FloatArray, noise_whitening: FloatArray, regularisation: float) -> FloatArray:

@@ -78,7 +78,7 @@ class MaskedMaps:
 def complete_map(parts: MapParts) -> MaskedMap:
     """Return the matrices for all gauges."""
     everything = np.ones(parts.inverse_map.n_gauges, dtype=bool)
-    return _ready(parts, everything, parts.load_gain, parts.inverse_map.load_covariance.copy())
+    return _ready(parts, everything, parts.load_gain, parts.load_covariance.copy())
 
 
 def masked_map(parts: MapParts, valid: BoolArray) -> MaskedMap | None:
@@ -98,7 +98,7 @@ def masked_map(parts: MapParts, valid: BoolArray) -> MaskedMap | None:
 
 def _ready(parts: MapParts, valid: BoolArray, load_gain: FloatArray, load_covariance: FloatArray) -> MaskedMap:
     """Add the statistics of health to the gain for the gauges ``valid``."""
-    whitening = masked_whitening(parts.inverse_map.residual_whitening, ~valid)
+    whitening = masked_whitening(parts.residual_whitening, ~valid)
     freedom = parts.inverse_map.residual_degrees_of_freedom - int(np.sum(~valid))
     precision = whitening.T @ whitening
     further = masked_gain(parts.further.gain, parts.gain_whitening, ~valid)

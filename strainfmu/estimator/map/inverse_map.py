@@ -4,13 +4,15 @@ Model: d = m + A q + e with cov(e) = Gamma; m is the strain of the mean pressure
 POD modes V, q free [Pa]. Case 2: A = Z F with the factor F of the prior covariance, q standard normal [1]. The
 estimate q = T d + k, k = -T m, minimises |L^-1 (d - m - A q)|^2 + gamma |q|^2, L L' = Gamma (Pham et al., eq.
 segmented-ls-solution). The loads are f = M q + f_mean and what the residual reveals of load outside the states
-(:mod:`strainfmu.estimator.map.load_errors`). T and the residual whitening W follow from A, Gamma and
-gamma, and so does the estimate without any of the gauges; the file holds both, and a map in which they disagree is
-refused.
+(:mod:`strainfmu.estimator.map.load_errors`).
+
+Errors are columns: e = e_g + N y and the load outside the states g = N_f y, with cov(e_g) = Gamma_g and y standard
+normal; so Gamma = Gamma_g + N N'. A column may have strain and no load, load and no strain, or both, as that of a
+truncated mode. The file holds primary quantities alone; what follows from them (Gamma, T, the residual whitening,
+the covariance of the loads) is computed where it is read.
 
 Form "absolute" is the paper's: the model holds as it stands. In form "dynamic_pressure" it holds at the nominal
-dynamic pressure; at s times that, d = d_0 + s (m - d_0 + A q + e_m) + e_g and f = f_0 + s (..), where Gamma =
-Gamma_g + N N' is split into the gauges' own covariance Gamma_g, which does not scale, and errors e_m that do
+dynamic pressure; at s times that, d = d_0 + s (m - d_0 + A q + N y) + e_g and f = f_0 + s (..)
 (:mod:`strainfmu.estimator.linear.decomposition`).
 """
 
@@ -26,22 +28,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from strainfmu.arrays import FloatArray
-from strainfmu.errors import InputError
 from strainfmu.estimator.further_loads import UNITS as FURTHER_UNITS
 from strainfmu.estimator.further_loads import FurtherLoads
-from strainfmu.estimator.map.innovation import inverse_cholesky
+from strainfmu.estimator.map.innovation import estimate_gain, innovation_whitening, inverse_cholesky
 from strainfmu.estimator.map.inverse_map_checks import check_inverse_map
-from strainfmu.estimator.map.load_errors import load_gain
+from strainfmu.estimator.map.load_errors import load_error_covariance, load_error_model, load_gain
 from strainfmu.estimator.map.sensors import UNITS as SENSOR_UNITS
 from strainfmu.estimator.map.sensors import SensorRows
 from strainfmu.estimator.map.temperature import UNITS as THERMAL_UNITS
 from strainfmu.estimator.map.temperature import ThermalMap
+from strainfmu.estimator.numerics.fixed_order import product
 from strainfmu.estimator.tables.manifold_map import UNITS as MANIFOLD_UNITS
 from strainfmu.estimator.tables.manifold_map import ManifoldMap
 from strainfmu.records import inner_record, load_record, save_record
 
 SCHEMA = "strainfmu.inverse_map"
-SCHEMA_VERSION = 8
+SCHEMA_VERSION = 9
 
 LOAD_NAMES = ("axial_force", "normal_force", "side_force", "pitching_moment", "yawing_moment")
 LOAD_UNITS = ("N", "N", "N", "N m", "N m")
@@ -66,33 +68,24 @@ class InverseMap:
     gauge_direction : (n_d, 3) unit vectors of the measured strain.
     noise_std : (n_d,) standard deviation sigma of each gauge's noise [m/m].
     state_operator : (n_d, n_q) A [(m/m)/state]; the unit of a state is Pa in Case 1, 1 in Case 2.
-    noise_covariance : (n_d, n_d) Gamma [1]: gauge noise and all that is marginalised, as truncated modes.
+    gauge_covariance : (n_d, n_d) Gamma_g [(m/m)^2], of the errors that have no columns; they do not follow q_inf.
+    error_strain, error_load : (n_d, k) N [m/m] and (5, k) N_f [N, N m], strain and load of each error per standard
+        deviation, at the nominal dynamic pressure.
     regularisation : gamma [1], 0 in Case 1, positive in Case 2.
-    strain_gain : (n_q, n_d) T = (A' Gamma^-1 A + gamma I)^-1 A' Gamma^-1 [state/(m/m)].
-    state_offset : (n_q,) k = -T m [state].
     load_per_state : (5, n_q) M, G C_map V or G C_map F [N/state, N m/state].
     load_of_mean : (5,) f_mean, loads of the mean pressure [N, N m].
-    load_covariance : (5, 5) covariance of the error of the estimated loads [(N, N m)^2].
     mean_strain : (n_d,) m, strain of the mean pressure [m/m].
-    residual_whitening : (n_d, n_d) W [1/(m/m)]; chi-square of strain d is |W (d - m)|^2. W' W is the precision of
-        d - m under the model, (A A' + Gamma)^-1 in Case 2 whatever gamma, its limit for a free state in Case 1.
-    residual_degrees_of_freedom : expected value of that chi-square.
     strain_range : (n_d,) largest |strain| over the snapshots [m/m].
     coefficient_range : (5, 2) smallest and largest coefficient over the snapshots.
     reference_area : S [m2].
     reference_length : L [m].
     nominal_dynamic_pressure : mean q_inf of the snapshots [Pa].
     provenance : what the map was built from: settings, versions, hashes, the flight envelope.
-    strain_load_covariance : (n_d, 5) covariance of e with the load that no state holds, as of truncated modes
-        [m/m (N, N m)]; None where there is none.
     field_mean, field_modes : (n_p,) [Pa] and (n_p, n_q) [Pa/state], p = field_mean + field_modes q, or None.
     field_std : (n_p,) standard deviation of the pressure that no state holds, as of truncated modes [Pa], or None.
     field_is_net : whether that field is p - p_inf; None without a field.
     point, triangle : (n_p, 3) [m] and (n_t, 3), the surface of that field, or None.
     form : one of :data:`FORMS`.
-    gauge_covariance : (n_d, n_d) Gamma_g [1], None in form "absolute".
-    error_strain, error_load : (n_d, k) N [m/m] and (5, k) the loads of its columns that no state holds [N, N m],
-        per standard deviation at the nominal dynamic pressure; None in form "absolute".
     fixed_strain, fixed_load : (n_d,) d_0 [m/m] and (5,) f_0 [N, N m], which do not follow q_inf, as those of an
         internal pressure that is not the ambient one; part of ``mean_strain`` and ``load_of_mean``. None for none.
     gauge_error_product : (21, n_d), common_error : (n_t, 6, n_d), mean_product : (21,), see
@@ -119,23 +112,19 @@ class InverseMap:
     gauge_direction: FloatArray
     noise_std: FloatArray
     state_operator: FloatArray
-    noise_covariance: FloatArray
+    gauge_covariance: FloatArray
+    error_strain: FloatArray
+    error_load: FloatArray
     regularisation: float
-    strain_gain: FloatArray
-    state_offset: FloatArray
     load_per_state: FloatArray
     load_of_mean: FloatArray
-    load_covariance: FloatArray
     mean_strain: FloatArray
-    residual_whitening: FloatArray
-    residual_degrees_of_freedom: int
     strain_range: FloatArray
     coefficient_range: FloatArray
     reference_area: float
     reference_length: float
     nominal_dynamic_pressure: float
     provenance: dict[str, Any] = field(default_factory=dict)
-    strain_load_covariance: FloatArray | None = None
     field_mean: NDArray[np.float32] | None = None
     field_modes: NDArray[np.float32] | None = None
     field_std: NDArray[np.float32] | None = None
@@ -143,9 +132,6 @@ class InverseMap:
     point: NDArray[np.float32] | None = None
     triangle: NDArray[np.int32] | None = None
     form: str = "absolute"
-    gauge_covariance: FloatArray | None = None
-    error_strain: FloatArray | None = None
-    error_load: FloatArray | None = None
     fixed_strain: FloatArray | None = None
     fixed_load: FloatArray | None = None
     gauge_error_product: FloatArray | None = None
@@ -188,18 +174,66 @@ class InverseMap:
         return self.n_gauges if self.sensors is None else self.sensors.n_strain_gauges
 
     @property
-    def scaled_parts(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Gamma_g, N and the loads of N.
+    def n_states(self) -> int:
+        """Number of pressure states n_q."""
+        return self.state_operator.shape[1]
 
-        Raises
-        ------
-        InputError
-            The map is in form "absolute", which has none.
+    @property
+    def follows_pressure(self) -> bool:
+        """Whether strain, loads and errors but the gauges' own follow the dynamic pressure."""
+        return self.form == "dynamic_pressure"
+
+    # What follows from the fields.
+
+    @cached_property
+    def noise_covariance(self) -> FloatArray:
+        """(n_d, n_d) Gamma = Gamma_g + N N' [(m/m)^2], of the strain that no state holds.
+
+        In the same bits on every machine, as everything that FMUs hold.
         """
-        own, error, load = self.gauge_covariance, self.error_strain, self.error_load
-        if own is None or error is None or load is None:
-            raise InputError("inverse map: form 'absolute' found, expected 'dynamic_pressure'")
-        return own, error, load
+        return self.gauge_covariance + product(self.error_strain, self.error_strain.T)
+
+    @cached_property
+    def strain_load_covariance(self) -> FloatArray:
+        """(n_d, 5) X = N N_f' [(m/m) (N, N m)], of strain and load that no state holds."""
+        return product(self.error_strain, self.error_load.T)
+
+    @cached_property
+    def strain_gain(self) -> FloatArray:
+        """(n_q, n_d) T = (A' Gamma^-1 A + gamma I)^-1 A' Gamma^-1 [state/(m/m)]."""
+        return estimate_gain(self.state_operator, self.noise_covariance, self.regularisation)
+
+    @cached_property
+    def state_offset(self) -> FloatArray:
+        """(n_q,) k = -T m [state]."""
+        return -self.strain_gain @ self.mean_strain
+
+    @cached_property
+    def residual_whitening(self) -> FloatArray:
+        """(n_d, n_d) W [1/(m/m)]; chi-square of strain d is |W (d - m)|^2.
+
+        W' W is the precision of d - m under the model, (A A' + Gamma)^-1 in Case 2 whatever gamma, its limit for a
+        free state in Case 1.
+        """
+        return innovation_whitening(self.state_operator, self.noise_covariance, float(self.case == 2))
+
+    @property
+    def residual_degrees_of_freedom(self) -> int:
+        """Expected value of that chi-square."""
+        return self.n_gauges - (self.n_states if self.case == 1 else 0)
+
+    @cached_property
+    def load_covariance(self) -> FloatArray:
+        """(5, 5) covariance of the error of the estimated loads [(N, N m)^2]."""
+        model = load_error_model(
+            gauge_covariance=self.gauge_covariance,
+            error_strain=self.error_strain,
+            error_load=self.error_load,
+            state_operator=self.state_operator,
+            load_per_state=self.load_per_state,
+            known_prior=self.case == 2,
+        )
+        return load_error_covariance(model, self.load_gain)
 
     @cached_property
     def load_gain(self) -> FloatArray:
@@ -221,20 +255,14 @@ def _units(case: int) -> dict[str, str]:
         "gauge_direction": "1",
         "noise_std": "m/m",
         "state_operator": f"(m/m)/{state}",
-        "noise_covariance": "(m/m)^2",
-        "strain_gain": f"{state}/(m/m)",
-        "state_offset": state,
         "load_per_state": f"N/{state}, N.m/{state}",
         "load_of_mean": "N, N.m",
-        "load_covariance": "(N, N.m)^2",
         "mean_strain": "m/m",
-        "residual_whitening": "1/(m/m)",
         "strain_range": "m/m",
         "coefficient_range": "1",
         "reference_area": "m2",
         "reference_length": "m",
         "nominal_dynamic_pressure": "Pa",
-        "strain_load_covariance": "(m/m) (N, N.m)",
         "gauge_covariance": "(m/m)^2",
         "error_strain": "m/m",
         "error_load": "N, N.m",

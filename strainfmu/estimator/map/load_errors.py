@@ -1,7 +1,8 @@
 """The gain from strain to loads, and the covariance of what any gain gives, in sums of positive terms.
 
 Loads f = f_mean + M q + g, strains d = m + A q + e: g is load that no state holds, as that of truncated modes, and
-may be correlated with their strain in e, X = cov(e, g). What the states leave of the strain, d - m - A q, so
+may be correlated with their strain in e, X = cov(e, g): with independent columns y, e = e_g + N y and g = N_f y.
+What the states leave of the strain, d - m - A q, so
 depends on g: its best linear estimate is X' Gamma^-1 (d - m - A q), so that with q = T (d - m)
 
     f = f_mean + G (d - m),   G = (M - X' Gamma^-1 A) T + X' Gamma^-1.
@@ -12,21 +13,18 @@ remainder of covariance S,
     cov = (G L - X' L'^-1) (G L - X' L'^-1)' + S + (M - G A) (M - G A)',   Gamma = L L',
 
 the Joseph form (Bucy & Joseph 1968; Bar-Shalom, Li & Kirubarajan, section 5.2.3): right for gains that are not
-optimal, without cancellation. In Case 1 the estimate is unbiased, G A = M, and the last term is none.
+optimal, without cancellation. With B = X' Gamma^-1 the remainder is S = (N_f - B N) (N_f - B N)' + B Gamma_g B'.
+In Case 1 the estimate is unbiased, G A = M, and the last term is none.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from strainfmu.arrays import FloatArray
-from strainfmu.errors import InputError
 from strainfmu.estimator.numerics.algebra import LAPACK, Algebra
-
-_ROUND_OFF = 1e-6
-"""Fraction of a stated covariance by which it may lie below the sum of its own terms."""
 
 
 def load_gain(
@@ -72,15 +70,15 @@ def residual_load_gain(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LoadErrorModel:
-    """The terms of the covariance of the loads, whatever the gain.
+    """The terms of the covariance of m loads, whatever the gain.
 
     Attributes
     ----------
     noise_root : (n_d, n_d) L, L L' = Gamma [m/m].
-    regression : (5, n_d) X' L'^-1 [N, N m]: the load of g known from whitened e.
-    remainder : (5, 5) S [(N, N m)^2], positive semi-definite.
+    regression : (m, n_d) X' L'^-1 [N, N m]: the load of g known from whitened e.
+    remainder : (m, m) S [(N, N m)^2], positive semi-definite.
     state_operator : (n_d, n_q) A [(m/m)/state].
-    load_per_state : (5, n_q) M [N/state, N m/state].
+    load_per_state : (m, n_q) M [N/state, N m/state].
     known_prior : whether q is standard normal (Case 2) or free (Case 1).
     """
 
@@ -92,49 +90,44 @@ class LoadErrorModel:
     known_prior: bool
 
 
-def load_error_covariance(model: LoadErrorModel, load_gain: FloatArray) -> FloatArray:
-    """Return (5, 5) covariance [(N, N m)^2] of the error of loads estimated with ``load_gain`` G (5, n_d)."""
-    return model.remainder + _of_gain(model, load_gain, LAPACK)
+def load_error_covariance(model: LoadErrorModel, load_gain: FloatArray, algebra: Algebra = LAPACK) -> FloatArray:
+    """Return (m, m) covariance [(N, N m)^2] of the error of m loads estimated with ``load_gain`` G (m, n_d)."""
+    return model.remainder + _of_gain(model, load_gain, algebra)
 
 
 def load_error_model(
     *,
-    load_covariance: FloatArray,
+    gauge_covariance: FloatArray,
+    error_strain: FloatArray,
+    error_load: FloatArray,
     state_operator: FloatArray,
-    noise_covariance: FloatArray,
     load_per_state: FloatArray,
-    load_gain: FloatArray,
-    strain_load_covariance: FloatArray | None,
     known_prior: bool,
     algebra: Algebra = LAPACK,
 ) -> LoadErrorModel:
-    """Return the model whose covariance is ``load_covariance`` (5, 5) for ``load_gain`` G (5, n_d).
+    """Return the terms of the covariance of m loads.
 
-    ``strain_load_covariance`` is X (n_d, 5), None where there is none; the other arguments are as in
-    :class:`LoadErrorModel`.
-
-    Raises
-    ------
-    InputError
-        ``load_covariance`` is less than gauge noise and prior alone make it.
+    Parameters
+    ----------
+    gauge_covariance, error_strain, error_load : (n_d, n_d) Gamma_g, (n_d, k) N, (m, k) N_f.
+    state_operator, load_per_state, known_prior : as of :class:`LoadErrorModel`.
+    algebra : what the matrices are made with.
     """
-    noise_root = algebra.cholesky(noise_covariance)
-    x = np.zeros((len(noise_root), 5)) if strain_load_covariance is None else strain_load_covariance
-    model = LoadErrorModel(
-        noise_root=noise_root,
-        regression=algebra.solve_lower(noise_root, x).T,
-        remainder=np.zeros((5, 5)),
+    product = algebra.product
+    root = algebra.cholesky(gauge_covariance + product(error_strain, error_strain.T))
+    regression = algebra.solve_lower(root, product(error_strain, error_load.T)).T
+    # B = X' Gamma^-1 by L' B' = (X' L'^-1)', the triangle L' turned into a lower one.
+    turned = algebra.solve_lower(root[::-1, ::-1].T.copy(), regression[:, ::-1].T.copy())
+    by_strain = turned[::-1].T.copy()
+    of_columns = error_load - product(by_strain, error_strain)
+    return LoadErrorModel(
+        noise_root=root,
+        regression=regression,
+        remainder=product(of_columns, of_columns.T) + product(product(by_strain, gauge_covariance), by_strain.T),
         state_operator=state_operator,
         load_per_state=load_per_state,
         known_prior=known_prior,
     )
-    size = np.sqrt(np.diag(load_covariance))
-    rest = (load_covariance - _of_gain(model, load_gain, algebra)) / np.outer(size, size)
-    values, vectors = algebra.eigen(rest)
-    if not values.min() >= -_ROUND_OFF:
-        raise InputError("load_covariance is less than noise_covariance and the prior alone make it")
-    root = size[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
-    return replace(model, remainder=algebra.product(root, root.T))
 
 
 def _of_gain(model: LoadErrorModel, load_gain: FloatArray, algebra: Algebra) -> FloatArray:

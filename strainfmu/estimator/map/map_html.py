@@ -28,7 +28,7 @@ def map_html(inverse_map: InverseMap) -> str:
     rows = [
         ("method", f"Case {inverse_map.case}, {_METHODS[inverse_map.case]}"),
         ("gauges", f"{inverse_map.n_gauges}"),
-        ("pressure states", f"{len(inverse_map.state_offset)}"),
+        ("pressure states", f"{inverse_map.n_states}"),
         *((one.quantity, one.text) for one in valid_ranges(inverse_map)),
         (
             f"sigma at {q:.4g} Pa",

@@ -90,7 +90,7 @@ def native_resource(inverse_map: InverseMap, guid: str, known: KnownStrain | Non
     checked = struct.pack(
         f"<4I{_GUID_SIZE}s",
         inverse_map.n_gauges,
-        len(inverse_map.state_offset),
+        inverse_map.n_states,
         inverse_map.residual_degrees_of_freedom,
         inverse_map.case == 2,
         text,
@@ -189,8 +189,8 @@ def _arrays(inverse_map: InverseMap) -> tuple[FloatArray, ...]:
         inverse_map.mean_strain,
         inverse_map.load_of_mean,
         parts.load_gain.T,
-        inverse_map.load_covariance,
-        _packed_columns(householder(inverse_map.residual_whitening)[0]),
+        parts.load_covariance,
+        _packed_columns(parts.residual_whitening),
         _packed_columns(parts.gain_whitening),
         _packed_columns(parts.noise_whitening.T),
         _packed_columns(model.noise_root.T),
@@ -225,8 +225,8 @@ def _scaled(inverse_map: InverseMap, parts: Decomposition) -> tuple[FloatArray, 
         inverse_map.mean_strain - fixed_strain,
         fixed_load,
         inverse_map.load_of_mean - fixed_load,
-        MIN_INFORMATION / np.diag(inverse_map.scaled_parts[0]),
-        inverse_map.scaled_parts[0],
+        MIN_INFORMATION / np.diag(inverse_map.gauge_covariance),
+        inverse_map.gauge_covariance,
         *_of_five(*_spread(inverse_map)),
         *(() if errors is None else (errors.of_gauge, errors.mean_product, errors.common)),
     )
@@ -238,9 +238,9 @@ def _spread(inverse_map: InverseMap) -> tuple[FloatArray, FloatArray, FloatArray
     They stand for errors that scale, and in Case 2 for the states: covariances of strain and loads are the same.
     Loads are the five, then the further ones.
     """
-    _, strain, load = inverse_map.scaled_parts
+    strain, load = inverse_map.error_strain, inverse_map.error_load
     of_states, further = inverse_map.load_per_state, inverse_map.further
-    if further is not None and further.error_load is not None:
+    if further is not None:
         load, of_states = np.vstack([load, further.error_load]), np.vstack([of_states, further.load_per_state])
     if inverse_map.case == 2:
         strain, load = np.hstack([inverse_map.state_operator, strain]), np.hstack([of_states, load])

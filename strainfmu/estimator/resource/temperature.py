@@ -19,7 +19,7 @@ SECTION = b"THERMAL\0"
 
 def thermal_section(inverse_map: InverseMap, thermal: ThermalMap) -> bytes:
     """Return the section of the modes ``thermal`` of ``inverse_map``."""
-    _, error, _ = inverse_map.scaled_parts
+    error = inverse_map.error_strain
     scalars = np.array(
         [thermal.reference_temperature, LARGEST_RISE, thermal.gauge_factor_slope, thermal.modulus_slope]
     )

@@ -63,7 +63,6 @@ def flight_of_states(inverse_map: InverseMap, path: FlightPath) -> ReferenceFlig
     f_0 = np.zeros(len(COEFFICIENT_NAMES)) if f_0 is None else f_0
     strain = d_0 + ratio * (inverse_map.mean_strain - d_0 + states @ inverse_map.state_operator.T)
     loads = f_0 + ratio * (inverse_map.load_of_mean - f_0 + states @ inverse_map.load_per_state.T)
-    own = inverse_map.gauge_covariance
     load_per_coefficient = path.dynamic_pressure[:, None] * map_references(inverse_map)
     return ReferenceFlight(
         strain=strain,
@@ -71,18 +70,9 @@ def flight_of_states(inverse_map: InverseMap, path: FlightPath) -> ReferenceFlig
         load_per_coefficient=load_per_coefficient,
         covariance=error_covariance(inverse_map, loads / load_per_coefficient, ratio[:, 0]),
         residual_precision=inverse_map.residual_whitening.T @ inverse_map.residual_whitening,
-        noise_std=white_noise(inverse_map.noise_std, inverse_map.noise_covariance if own is None else own),
-        load_strain_covariance=ratio[:, :, None] ** 2 * _load_strain_covariance(inverse_map),
+        noise_std=white_noise(inverse_map.noise_std, inverse_map.gauge_covariance),
+        load_strain_covariance=ratio[:, :, None] ** 2 * inverse_map.strain_load_covariance.T,
     )
-
-
-def _load_strain_covariance(inverse_map: InverseMap) -> FloatArray:
-    """Return (5, n_d) of loads that no state holds with their strain, at the nominal dynamic pressure."""
-    if inverse_map.form == "dynamic_pressure":
-        _, error, load = inverse_map.scaled_parts
-        return np.asarray(load @ error.T)
-    stated = inverse_map.strain_load_covariance
-    return np.zeros((len(COEFFICIENT_NAMES), inverse_map.n_gauges)) if stated is None else stated.T
 
 
 def error_covariance(inverse_map: InverseMap, coefficients: FloatArray, ratio: FloatArray) -> FloatArray:
@@ -94,7 +84,7 @@ def error_covariance(inverse_map: InverseMap, coefficients: FloatArray, ratio: F
     covariance = np.repeat(inverse_map.noise_covariance[None], len(coefficients), axis=0)
     if inverse_map.form != "dynamic_pressure":
         return covariance
-    _, error, _ = inverse_map.scaled_parts
+    error = inverse_map.error_strain
     square = (ratio * ratio)[:, None, None]
     covariance += (square - 1.0) * (error @ error.T)
     errors = error_model(inverse_map)

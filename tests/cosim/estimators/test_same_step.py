@@ -49,7 +49,7 @@ def linear_map() -> InverseMap:
 def nonlinear_map() -> InverseMap:
     held = whole_map()
     assert held.manifold is not None
-    held = replace(held, manifold=replace(held.manifold, gauge_covariance=held.scaled_parts[0]))
+    held = replace(held, manifold=replace(held.manifold, gauge_covariance=held.gauge_covariance))
     return with_parameter_tables(with_further_tables(with_temperature(held)))
 
 

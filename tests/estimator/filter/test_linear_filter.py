@@ -22,7 +22,7 @@ DT = 0.01
 def series(inverse_map: InverseMap, k: int, seed: int, time_constant: float) -> tuple[np.ndarray, np.ndarray]:
     """Return strains (k, n_d) and loads (k, 5) of the map's own model at its nominal dynamic pressure."""
     rng = np.random.default_rng(seed)
-    own, errors, load_of_errors = inverse_map.scaled_parts
+    own, errors, load_of_errors = inverse_map.gauge_covariance, inverse_map.error_strain, inverse_map.error_load
     strain = np.hstack([inverse_map.state_operator, errors])
     load = np.hstack([inverse_map.load_per_state, load_of_errors])
     decay = np.exp(-DT / time_constant)
@@ -36,7 +36,7 @@ def series(inverse_map: InverseMap, k: int, seed: int, time_constant: float) -> 
 def fitted(case: int, seed: int) -> InverseMap:
     """Return a map whose noise is that of its gauges."""
     found = scaled_map(case, seed)
-    own = found.scaled_parts[0]
+    own = found.gauge_covariance
     return replace(found, noise_std=np.sqrt(np.diagonal(own)))
 
 

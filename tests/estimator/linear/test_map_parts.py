@@ -64,14 +64,14 @@ def test_parts_are_those_of_lapack(name: str) -> None:
     assert_close(found.load_gain, inverse_map.load_gain)
     assert_close(found.noise_whitening, inverse_cholesky(covariance))
     model = load_error_model(
-        load_covariance=inverse_map.load_covariance,
+        gauge_covariance=inverse_map.gauge_covariance,
+        error_strain=inverse_map.error_strain,
+        error_load=inverse_map.error_load,
         state_operator=a,
-        noise_covariance=covariance,
         load_per_state=inverse_map.load_per_state,
-        load_gain=inverse_map.load_gain,
-        strain_load_covariance=inverse_map.strain_load_covariance,
         known_prior=inverse_map.case == 2,
     )
+    assert_close(found.load_covariance, inverse_map.load_covariance)
     assert_close(found.error_model.noise_root, model.noise_root)
     assert_close(found.error_model.regression, model.regression)
     size = np.sqrt(np.diag(inverse_map.load_covariance))
@@ -81,6 +81,8 @@ def test_parts_are_those_of_lapack(name: str) -> None:
     std = np.outer(inverse_map.noise_std, inverse_map.noise_std)
     whitening = innovation_whitening(a, covariance, inverse_map.regularisation)
     assert_close(found.gain_whitening.T @ found.gain_whitening * std, whitening.T @ whitening * std)
+    whitening = inverse_map.residual_whitening
+    assert_close(found.residual_whitening.T @ found.residual_whitening * std, whitening.T @ whitening * std)
 
 
 def assert_close(found: np.ndarray, wanted: np.ndarray) -> None:
@@ -91,7 +93,8 @@ def digest(inverse_map: InverseMap) -> str:
     """Hash of every bit of the parts."""
     parts = map_parts(inverse_map)
     model = parts.error_model
-    arrays = (parts.load_gain, parts.noise_whitening, parts.gain_whitening, model.regression, model.remainder)
+    of_all = (parts.load_gain, parts.load_covariance, parts.noise_whitening, parts.gain_whitening)
+    arrays = (*of_all, parts.residual_whitening, model.regression, model.remainder)
     return hashlib.sha256(b"".join(array.tobytes() for array in arrays)).hexdigest()
 
 

@@ -84,9 +84,6 @@ def test_errors_drawn_at_the_current_strain_have_the_stated_covariance(level: fl
     q = level * NOMINAL
     scale = NOMINAL * free.reference_area * np.array([1.0, 1.0, 1.0, *2 * [free.reference_length]])
     c = np.concatenate([[1.0], (free.load_of_mean + free.load_per_state @ states) / scale])
-    assert free.gauge_covariance is not None
-    assert free.error_strain is not None
-    assert free.error_load is not None
     error = (random.standard_normal((n, 2, N)) * (c @ own)).sum(axis=1)
     error += random.standard_normal((n, 2)) @ (c @ common)
     others = random.standard_normal((n, N + 5))  # what does not follow the current strain

@@ -33,7 +33,7 @@ def warm_map(**changes: object) -> InverseMap:
 def test_sensors_and_gauges_together_by_the_book(known: tuple[int, ...]) -> None:
     """One Gaussian of states, errors and mode amplitudes, conditioned on strains and sensors at once."""
     held = warm_map(**LINEAR)
-    thermal, (_, error, load) = held.thermal, held.scaled_parts
+    thermal, error, load = held.thermal, held.error_strain, held.error_load
     assert thermal is not None
     random, q = np.random.default_rng(3), 1.7 * NOMINAL
     s, rows = q / NOMINAL, list(known)
@@ -95,7 +95,7 @@ def test_samples_of_several_sets_of_sensors_are_those_of_each() -> None:
 def flights() -> InverseMap:
     """Tables and linear map with one covariance of the gauges."""
     plain = scaled_map(2, 1, 48)
-    manifold = replace(flight_map(discrepancy=1e-2), gauge_covariance=plain.scaled_parts[0])
+    manifold = replace(flight_map(discrepancy=1e-2), gauge_covariance=plain.gauge_covariance)
     return with_temperature(replace(plain, manifold=manifold), k=3)
 
 

@@ -57,7 +57,7 @@ def test_scaled_map_is_that_of_the_larger_noise(case: int) -> None:
     zeros = zeros_of(18)
     # The last two columns of errors that do not scale, at two pressures: only gauge noise of that size has them.
     ours = Estimator(plain).with_zeros(zeros)
-    own, error, load = plain.scaled_parts
+    own, error, load = plain.gauge_covariance, plain.error_strain, plain.error_load
     for q in (0.3 * NOMINAL, NOMINAL, 4.0 * NOMINAL):
         s = q / NOMINAL
         a, n = s * plain.state_operator, s * error

@@ -39,7 +39,7 @@ def of_both() -> dict[str, InverseMap]:
     held = whole_map()
     manifold = held.manifold
     assert manifold is not None
-    same = replace(held, manifold=replace(manifold, gauge_covariance=held.scaled_parts[0]))
+    same = replace(held, manifold=replace(manifold, gauge_covariance=held.gauge_covariance))
     return {
         "linear": with_temperature(whole_scaled_map(1, seed=3, n=N, n_states=3)),
         "flight": with_temperature(same),

@@ -220,7 +220,7 @@ def test_section_loads(inverse_map: InverseMap, tmp_path: Path, case: str) -> No
 
 
 def test_along_temperatures(inverse_map: InverseMap, tmp_path: Path) -> None:
-    noise = float(np.sqrt(np.median(np.diag(inverse_map.scaled_parts[0]))))
+    noise = float(np.sqrt(np.median(np.diag(inverse_map.gauge_covariance))))
     strain = 0.1 * noise * np.random.default_rng(3).normal(size=(N_D, 6))
     sheet = noise * np.array([2e-2, -1e-4])
     held = with_temperature(inverse_map, mode_strain=strain, apparent_strain=sheet)

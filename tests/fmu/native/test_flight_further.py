@@ -41,8 +41,8 @@ def inverse_map() -> InverseMap:
     """Tables and linear map of one covariance of the gauges, with temperature modes."""
     one = with_further_tables(whole_map())
     assert one.manifold is not None
-    one = replace(one, manifold=replace(one.manifold, gauge_covariance=one.scaled_parts[0]))
-    noise = float(np.sqrt(np.median(np.diag(one.scaled_parts[0]))))
+    one = replace(one, manifold=replace(one.manifold, gauge_covariance=one.gauge_covariance))
+    noise = float(np.sqrt(np.median(np.diag(one.gauge_covariance))))
     strain = 0.1 * noise * np.random.default_rng(3).normal(size=(N_D, 5))
     sheet = noise * np.array([2e-2, -1e-4])
     return with_temperature(one, k=5, n_t=N_T, mode_strain=strain, apparent_strain=sheet)
@@ -94,7 +94,7 @@ def test_settings_and_unknown_navigation(fmu: FlightFmu, inverse_map: InverseMap
 
 def test_zeros_and_temperatures(fmu: FlightFmu, inverse_map: InverseMap) -> None:
     random, pair = np.random.default_rng(2), Pair(fmu, inverse_map)
-    noise = float(np.sqrt(inverse_map.scaled_parts[0][0, 0]))
+    noise = float(np.sqrt(inverse_map.gauge_covariance[0, 0]))
     for k, one in enumerate(random_flight(inverse_map, 12, seed=33)):
         if k % 5 == 4:
             std = noise * random.uniform(0.0, 2.0, N_D)

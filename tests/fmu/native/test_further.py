@@ -45,7 +45,7 @@ def test_as_numpy_while_gauges_zeros_and_temperatures_change(six: NativeCase) ->
         Estimator(six.inverse_map),
         six.n,
     )
-    zeros, noise, used = no_zeros(n), float(np.sqrt(six.inverse_map.scaled_parts[0][0, 0])), 0
+    zeros, noise, used = no_zeros(n), float(np.sqrt(six.inverse_map.gauge_covariance[0, 0])), 0
     references = range(first_further(n), first_further(n) + N_OUT)
     for k, sample in enumerate(random_samples(six.inverse_map, 40, seed=5)):
         if k % 20 == 10:

@@ -31,7 +31,7 @@ N_T = 8
 
 def warm(inverse_map: InverseMap) -> InverseMap:
     """``inverse_map`` with 12 modes and eight sensors, thermal strain of the size of its gauges' noise."""
-    noise = float(np.sqrt(np.median(np.diag(inverse_map.scaled_parts[0]))))
+    noise = float(np.sqrt(np.median(np.diag(inverse_map.gauge_covariance))))
     random, n = np.random.default_rng(3), inverse_map.n_gauges
     sheet = noise * np.array([2e-2, -1e-4])
     strain = 0.1 * noise * random.normal(size=(n, 12))
@@ -122,7 +122,7 @@ def warm_flights() -> InverseMap:
     held = whole_map()
     manifold = held.manifold
     assert manifold is not None
-    return warm(replace(held, manifold=replace(manifold, gauge_covariance=held.scaled_parts[0])))
+    return warm(replace(held, manifold=replace(manifold, gauge_covariance=held.gauge_covariance)))
 
 
 def warmly_tracked(tracker: FlightTracker, sample: FlightSample, temperature: np.ndarray) -> FlightEstimate:
