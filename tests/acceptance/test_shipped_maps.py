@@ -42,8 +42,9 @@ from builder.truth.revolution.strain import (
 from builder.vehicle.conditions.flight_conditions import ConditionSet
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
 from strainfmu.cosim.models.trajectory import load_trajectory
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.linear.estimator import Estimator
+from strainfmu.estimator.linear.estimator import Estimator as LinearEstimator
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
 from strainfmu.flight_condition import FlightCondition
 
@@ -245,7 +246,7 @@ def test_ten_sigma_on_any_gauge_are_found_and_blamed_on_it(
 ) -> None:
     """20,000 draws of the map's own model, 10 sigma of noise on a random gauge: found 99 %, isolated 95 %."""
     inverse_map = published(vehicle, structure, ic3x_demo, {"case": case})
-    masked = Estimator(inverse_map).masked_map(np.ones(inverse_map.n_gauges, dtype=bool))
+    masked = LinearEstimator(inverse_map).masked_map(np.ones(inverse_map.n_gauges, dtype=bool))
     assert masked is not None
     random, n = np.random.default_rng(1), 20_000
     deviation = random.normal(size=(n, inverse_map.n_gauges)) @ np.linalg.cholesky(inverse_map.noise_covariance).T
