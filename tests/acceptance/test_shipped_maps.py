@@ -36,7 +36,6 @@ from builder.truth.revolution.strain import (
     one_flight,
     true_flights,
     true_strain,
-    true_structure,
     without_faint_harmonics,
 )
 from builder.vehicle.conditions.flight_conditions import ConditionSet
@@ -71,9 +70,9 @@ def held_out(n: int) -> list[FlightCondition]:
 
 
 @pytest.fixture(scope="module")
-def truth(vehicle: Vehicle, ic3x_demo: Path) -> tuple[TrueStructure, FlowTable]:
+def truth(ic3x_truth: TrueStructure, ic3x_demo: Path) -> tuple[TrueStructure, FlowTable]:
     """The model that did not build the map."""
-    return true_structure(vehicle), load_flow_table(ic3x_demo / "independent_flows.h5")
+    return ic3x_truth, load_flow_table(ic3x_demo / "independent_flows.h5")
 
 
 def shipped(vehicle: Vehicle, structure: StructuralModel, demo: Path, case: int) -> InverseMap:
