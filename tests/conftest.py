@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import os
+import pickle
 import subprocess
 import sys
 from collections.abc import Callable
 from math import radians
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import hypothesis
 import pytest
@@ -16,6 +18,9 @@ from once import once
 from synthetic_vehicle import SyntheticFiles, make_synthetic_files, synthetic_files
 
 from strainfmu.cli.main import main
+
+if TYPE_CHECKING:
+    from builder.truth.revolution.strain import TrueStructure
 
 # Tests run in as many processes as there are processors; threads of BLAS on top would fight for them.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -42,6 +47,13 @@ FIRST = (
     "structure/test_structure_command.py",
     "structure/test_solid_model_maps.py",
     "campaign/test_reuse.py",
+    "docs/test_snippets.py",
+    "truth/test_honest_map.py",
+    "pipeline/test_used_files.py",
+    "fmu/native/test_build_from_sources.py",
+    "pipeline/test_building_interface.py",
+    "acceptance/test_shipped_maps.py",
+    "fmu/test_export.py",
     "acceptance/test_bad_input.py",
     "can/tools/test_demo_bus.py",
     "can/tools/test_two_processes.py",
@@ -121,6 +133,22 @@ def compiled_solver(tmp_path_factory: pytest.TempPathFactory) -> None:
 def ic3x_demo(tmp_path_factory: pytest.TempPathFactory, compiled_solver: None) -> Path:
     """Return the folder of a finished demonstration of the shipped vehicle."""
     return once(tmp_path_factory, "ic3x", _demo) / "demo"
+
+
+@pytest.fixture(scope="session")
+def ic3x_truth(tmp_path_factory: pytest.TempPathFactory) -> TrueStructure:
+    """Return the structure of the shipped vehicle's independent model."""
+
+    def solve(folder: Path) -> None:
+        from builder.truth.revolution.strain import true_structure
+        from builder.vehicle.file import IC3X, load_vehicle
+
+        (folder / "structure.pickle").write_bytes(pickle.dumps(true_structure(load_vehicle(IC3X))))
+
+    found: TrueStructure = pickle.loads(
+        (once(tmp_path_factory, "ic3x_truth", solve) / "structure.pickle").read_bytes()
+    )
+    return found
 
 
 @pytest.fixture(scope="session")

@@ -22,6 +22,7 @@ NAMES = (
 @pytest.mark.usefixtures("compiled_solver")
 def test_benchmark_runs(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "path", [*sys.path, str(ROOT)])
+    monkeypatch.setattr("strainfmu.fmu.checks.step_cost.REPEATS", 3)
     module, kind = name.split(".")
     benchmark = getattr(__import__(f"benchmarks.{module}", fromlist=[kind]), kind)()
     cached = [benchmark.setup_cache()] if hasattr(benchmark, "setup_cache") else []

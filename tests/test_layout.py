@@ -26,10 +26,14 @@ POSITIONAL_ONLY = {"CFUNCTYPE", "_series", "add_row"}
 """Functions of other packages that take many arguments by position alone (ctypes, rich)."""
 
 
-@cache
 def sources(*folders: str) -> list[tuple[Path, ast.Module]]:
     """Return the Python files of the folders, by their paths in the project, parsed."""
-    paths = (path for folder in folders for path in sorted((ROOT / folder).rglob("*.py")))
+    return [file for folder in folders for file in sources_of(folder)]
+
+
+@cache
+def sources_of(folder: str) -> list[tuple[Path, ast.Module]]:
+    paths = sorted((ROOT / folder).rglob("*.py"))
     return [(path.relative_to(ROOT), ast.parse(path.read_text(encoding="utf-8"))) for path in paths]
 
 

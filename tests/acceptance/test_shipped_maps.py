@@ -36,14 +36,14 @@ from builder.truth.revolution.strain import (
     one_flight,
     true_flights,
     true_strain,
-    true_structure,
     without_faint_harmonics,
 )
 from builder.vehicle.conditions.flight_conditions import ConditionSet
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
 from strainfmu.cosim.models.trajectory import load_trajectory
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.linear.estimator import Estimator
+from strainfmu.estimator.linear.estimator import Estimator as LinearEstimator
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
 from strainfmu.flight_condition import FlightCondition
 
@@ -70,9 +70,9 @@ def held_out(n: int) -> list[FlightCondition]:
 
 
 @pytest.fixture(scope="module")
-def truth(vehicle: Vehicle, ic3x_demo: Path) -> tuple[TrueStructure, FlowTable]:
+def truth(ic3x_truth: TrueStructure, ic3x_demo: Path) -> tuple[TrueStructure, FlowTable]:
     """The model that did not build the map."""
-    return true_structure(vehicle), load_flow_table(ic3x_demo / "independent_flows.h5")
+    return ic3x_truth, load_flow_table(ic3x_demo / "independent_flows.h5")
 
 
 def shipped(vehicle: Vehicle, structure: StructuralModel, demo: Path, case: int) -> InverseMap:
@@ -245,7 +245,7 @@ def test_ten_sigma_on_any_gauge_are_found_and_blamed_on_it(
 ) -> None:
     """20,000 draws of the map's own model, 10 sigma of noise on a random gauge: found 99 %, isolated 95 %."""
     inverse_map = published(vehicle, structure, ic3x_demo, {"case": case})
-    masked = Estimator(inverse_map).masked_map(np.ones(inverse_map.n_gauges, dtype=bool))
+    masked = LinearEstimator(inverse_map).masked_map(np.ones(inverse_map.n_gauges, dtype=bool))
     assert masked is not None
     random, n = np.random.default_rng(1), 20_000
     deviation = random.normal(size=(n, inverse_map.n_gauges)) @ np.linalg.cholesky(inverse_map.noise_covariance).T

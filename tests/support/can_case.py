@@ -81,6 +81,7 @@ class Projection:
 
     def __init__(self, n_gauges: int) -> None:
         self.weights = np.random.default_rng(5).uniform(0.5, 1.5, size=(4, n_gauges))
+        self._gain = 1e6 * self.weights
         self.health = HealthState.OK
         self.noise_std: np.ndarray | None = np.full(n_gauges, NOISE)
 
@@ -90,7 +91,10 @@ class Projection:
         return StepResult(self.outputs(strain, dynamic_pressure), np.ones(5), int(health), 1.0)
 
     def outputs(self, strain: np.ndarray, dynamic_pressure: float) -> np.ndarray:
-        return np.append(1e6 * self.weights @ np.nan_to_num(strain), dynamic_pressure)
+        found = np.empty(5)
+        found[:4] = self._gain @ (strain if np.isfinite(strain).all() else np.nan_to_num(strain))
+        found[4] = dynamic_pressure
+        return found
 
 
 @dataclass

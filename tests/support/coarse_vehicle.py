@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from math import radians
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from inverse_case import Case, snapshots_at
+from once import once
 
 from builder.aero.engine import Flow, FlowKey
 from builder.aero.engines.euler import EulerEngine
 from builder.aero.euler.planes.marching_grid import marching_grid_of
 from builder.aero.loads.operator import load_operator
 from builder.campaign.scheduling import Scheduling, solve_flows
-from builder.campaign.snapshots import Snapshots
+from builder.campaign.snapshots import Snapshots, load_snapshots, save_snapshots
 from builder.inverse.cases.prior import LowRankPrior, prior_of_snapshots
 from builder.inverse.modes.pod import proper_orthogonal_decomposition
 from builder.inverse.problem import gauge_noise_covariance
@@ -67,10 +69,19 @@ def structure(vehicle: Vehicle) -> StructuralModel:
 
 
 @pytest.fixture(scope="session")
-def snapshots(vehicle: Vehicle, structure: StructuralModel, compiled_solver: None) -> Snapshots:
+def snapshots(
+    vehicle: Vehicle,
+    structure: StructuralModel,
+    compiled_solver: None,
+    tmp_path_factory: pytest.TempPathFactory,
+) -> Snapshots:
     """The 90 conditions of the vehicle file."""
-    engine = EulerEngine(vehicle.body(), marching_grid_of(COARSE), structure.surface)
-    return snapshots_at(engine, vehicle, vehicle.flight_conditions())
+
+    def solve(folder: Path) -> None:
+        engine = EulerEngine(vehicle.body(), marching_grid_of(COARSE), structure.surface)
+        save_snapshots(snapshots_at(engine, vehicle, vehicle.flight_conditions()), folder / "snapshots.h5")
+
+    return load_snapshots(once(tmp_path_factory, "coarse_snapshots", solve) / "snapshots.h5")
 
 
 @pytest.fixture(scope="session")

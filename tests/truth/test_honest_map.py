@@ -21,7 +21,7 @@ from builder.truth.as_built import drawn, exactly_built
 from builder.truth.held_out import held_out_conditions
 from builder.truth.levels.read_flights import gauge_noise
 from builder.truth.revolution.flow_table import FlowTable, load_flow_table
-from builder.truth.revolution.strain import TrueStructure, true_flights, true_strain, true_structure
+from builder.truth.revolution.strain import TrueStructure, true_flights, true_strain
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.estimator.estimator import Estimator
@@ -46,8 +46,8 @@ def flows(ic3x_demo: Path) -> FlowTable:
 
 
 @pytest.fixture(scope="module")
-def whole(shipped: Vehicle) -> TrueStructure:
-    return true_structure(shipped)
+def whole(ic3x_truth: TrueStructure) -> TrueStructure:
+    return ic3x_truth
 
 
 @pytest.fixture(scope="module")

@@ -122,5 +122,6 @@ def test_an_importer_builds_the_library(
         fmpy.extract(str(native_fmus[kind]), str(folder))
     shutil.rmtree(unpacked / "binaries")
     monkeypatch.setenv("PATH", str(Path(cmake).parent), prepend=":")
-    build_platform_binary(str(unpacked), cmake_options=OPTIONS.get(kind))
+    # Optimised it is built by CMake alone, above; here it is what the importer passes on that counts.
+    build_platform_binary(str(unpacked), cmake_options={"CMAKE_C_FLAGS_RELEASE": "-O0"})
     assert outputs(unpacked, kind) == outputs(original, kind)
