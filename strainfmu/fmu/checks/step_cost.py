@@ -30,9 +30,6 @@ KINDS = {
 }
 
 SCALED_FIELDS = (
-    "gauge_covariance",
-    "error_strain",
-    "error_load",
     "gauge_error_product",
     "common_error",
     "mean_product",
