@@ -11,6 +11,8 @@ from functools import cached_property
 from math import isfinite, nan
 from os import PathLike
 from pathlib import Path
+from struct import Struct
+from struct import error as StructError
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -46,9 +48,10 @@ AIR_DATA_INPUTS = (
 )
 """Inputs of a sample behind its readings, in their order in a record."""
 
+_AIR = Struct(f"{len(AIR_DATA_INPUTS)}d")
+"""Them as the bytes of a record."""
+
 _NO_THRUST = 0.0
-_NOTHING_MORE = (None, _NO_THRUST, None, None)
-"""Temperature, thrust, parameters and their deviations of a sample without any."""
 
 _STDS = tuple(name for name in AIR_DATA_INPUTS if name.endswith("_std"))
 
@@ -171,8 +174,11 @@ class Estimator:
         self._tracks: Core | NumpyCore | None = None
         self._others: list[Core | NumpyCore] = []
         n, inputs = inverse_map.n_gauges, self.core.inputs
-        self._n, self._shape, self._first_air = n, (n,), inputs["dynamic_pressure"].start
+        first_air = inputs["dynamic_pressure"].start
+        self._n, self._shape, self._air_offset = n, (n,), first_air * _AIR.size // len(AIR_DATA_INPUTS)
         self._std_places = [inputs[name].start for name in _STDS]
+        self._more = slice(first_air + len(AIR_DATA_INPUTS), self.core.n_inputs)
+        self._has_more = self._more.start < self._more.stop
         self._temperature, self._thrust = inputs["temperature"], inputs["thrust"]
         self._parameter = inputs["parameter"]
 
@@ -419,38 +425,36 @@ class Estimator:
         """Return the estimate of one sample."""
         with_fit = self.is_nonlinear or (how is Series.TRACK and self.filter_time_constant > 0.0)
         mask = None if valid is None else checked_mask(valid, self._n)
-        is_plain = (
-            type(strain) is np.ndarray
-            and strain.shape == self._shape
-            and strain.dtype.kind == "f"
-            and all(one is none for one, none in zip(more, _NOTHING_MORE, strict=True))
-            and all(type(value) is float for value in air)
-        )
+        temperature, thrust, parameters, stds = more
+        is_plain = temperature is None and thrust is _NO_THRUST and parameters is None and stds is None
         with self._lock:
-            if is_plain:
-                core.sample[: self._n] = strain
-                self._write_air(core, air)
-            else:
+            if not (is_plain and self._write_plain(core, strain, air)):
                 core.sample[:] = self._samples(strain, None, air, more).filled(slice(None))[0]
             record, inputs = core.step(time, how, with_fit, mask)
-        if with_fit:
-            return Estimate(record, self, inputs, mask)
-        return Estimate(record, self, inputs, mask, self._fit_of_one)
+        return Estimate(record, self, inputs, mask, None if with_fit else self._fit_of_one)
 
-    def _write_air(self, core: Core | NumpyCore, air: tuple[float, ...]) -> None:
-        """Write the numbers ``air`` of one sample to the record of ``core``; nothing else is known of it."""
-        items, place = core.sample_items, self._first_air
-        if air[1] < 0.0 or air[4] < 0.0 or air[6] < 0.0:
+    def _write_plain(self, core: Core | NumpyCore, strain: ArrayLike, air: tuple[Any, ...]) -> bool:
+        """Write readings and ``air`` of one sample, of which nothing else is known, to the record of ``core``.
+
+        Return whether it is done: the way of many samples takes, or refuses, what is no array of floats and
+        numbers.
+        """
+        if type(strain) is not np.ndarray or strain.shape != self._shape or strain.dtype.kind != "f":
+            return False
+        try:
+            _AIR.pack_into(core.sample, self._air_offset, *air)
+        except StructError:
+            return False
+        core.sample[: self._n] = strain
+        _, pressure_std, _, _, mach_std, _, static_std = air
+        if pressure_std <= 0.0 or mach_std <= 0.0 or static_std <= 0.0:
             self._refuse_negative(dict(zip(AIR_DATA_INPUTS, air, strict=True)))
-        for value in air:
-            items[place] = value
-            place += 1
-        for at in self._std_places:
-            if items[at] == 0.0:
-                items[at] = EXACT
-        if place < core.n_inputs:
-            core.sample[place:] = nan
+            stds = core.sample[self._std_places]
+            core.sample[self._std_places] = _exact(stds)
+        if self._has_more:
+            core.sample[self._more] = nan
             core.sample[self._thrust] = 0.0
+        return True
 
     def _refuse_negative(self, air: Mapping[str, Any]) -> None:
         for name in _STDS:

@@ -79,7 +79,6 @@ class NumpyCore:
         )
         self.n_fit = _size(self.fit) - self.n_outputs
         self.sample = np.full(self.n_inputs, np.nan)
-        self.sample_items = self.sample
         self._values = np.zeros(_size(self.settings))
         self._estimator = Estimator(inverse_map)
         settings = self._estimator.settings
