@@ -442,7 +442,7 @@ class Estimator:
         if type(strain) is not np.ndarray or strain.shape != self._shape or strain.dtype.kind != "f":
             return False
         try:
-            _AIR.pack_into(core.sample, self._air_offset, *air)
+            _AIR.pack_into(core.sample, self._air_offset, *air)  # type: ignore[arg-type]  # an array is a buffer
         except StructError:
             return False
         core.sample[: self._n] = strain
