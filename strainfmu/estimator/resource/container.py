@@ -1,9 +1,9 @@
 """A container of named arrays, the format of ``map.bin``.
 
-Little endian. A header of 32 bytes as every resource of a native FMU has it: magic, format version, byte order mark,
-length of the file, CRC-32 of all that follows, a zero. Then the number of arrays and 12 zeros; an entry of 80 bytes
-for each array by ascending names: name, kind, rank, four lengths, position; then the arrays, row by row, each from a
-multiple of 16 bytes on. ``fmus/native/estimator/map/container.h`` reads it.
+Little endian. A header of 32 bytes, as every resource of a native FMU has it: magic, format version, byte order
+mark, length of the file, CRC-32 of all that follows, a zero. Then the number of arrays and 12 zeros. Then an entry
+of 80 bytes for each array, by ascending names: name, kind, rank, four lengths, position. Then the arrays, row by
+row, each from a multiple of 16 bytes on. ``fmus/native/estimator/map/container.h`` reads it.
 """
 
 from __future__ import annotations
@@ -69,7 +69,9 @@ def unpack(content: bytes) -> dict[str, np.ndarray]:
         The content is no container of this version, or it is damaged.
     """
     if len(content) < CHECKED_FROM + _TABLE.size or content != sealed(content):
-        raise InputError("map.bin: expected a map of format version " f"{FORMAT_VERSION}, found another file or a damaged one")
+        raise InputError(
+            f"map.bin: expected a map of format version {FORMAT_VERSION}, found another file or a damaged one"
+        )
     found = dict[str, np.ndarray]()
     (count,) = _TABLE.unpack_from(content, CHECKED_FROM)
     for k in range(count):

@@ -1,13 +1,14 @@
 """The inverse map as the compiled estimator reads it: ``map.bin``, arrays by name (:mod:`.container`).
 
-A name is PART.VALUE. Every map has the parts "linear", "settings", "envelope" and "tare"; "scaled" and "scaled_errors" are
-those of form "dynamic_pressure"; "linear_filter", "thermal", "further" (rolling moment and section loads), "parameters"
-and "sensors" are there if the map has them. :mod:`.nonlinear_arrays` has the parts of a nonlinear map. A module of
-``fmus/native/estimator`` reads each part by the names. A bound that the map does not state is the largest finite number.
+A name is PART.VALUE. Every map has the parts "linear", "settings", "envelope" and "tare". A map in form
+"dynamic_pressure" adds "scaled" and "scaled_errors". A map that has them adds "linear_filter", "thermal",
+"further" (rolling moment and section loads), "parameters" and "sensors". :mod:`.nonlinear_arrays` has the parts of
+a nonlinear map. A module of ``fmus/native/estimator`` reads each part by its names. A bound that the map does not
+state is the largest finite number.
 
 Every value has the same bits on every machine (:mod:`strainfmu.estimator.numerics.fixed_order`). Of the whitening
-matrices the file holds the triangle R of a QR decomposition: all that is computed from W is the same for W and Q' W,
-and a triangle takes half the time and half the room.
+matrices the file holds the triangle R of a QR decomposition: all that is computed from W is the same for W and
+Q' W, and a triangle takes half the time and half the room.
 """
 
 from __future__ import annotations
@@ -101,7 +102,9 @@ def map_arrays(inverse_map: InverseMap, known: KnownStrain | None = None) -> dic
         parts["parameters"] = _parameters(parameters)
     if inverse_map.sensors is not None:
         parts["sensors"] = _sensors(inverse_map.sensors)
-    return {f"{part}.{name}": np.asarray(value) for part, values in parts.items() for name, value in values.items()}
+    return {
+        f"{part}.{name}": np.asarray(value) for part, values in parts.items() for name, value in values.items()
+    }
 
 
 def _linear(inverse_map: InverseMap) -> Values:
@@ -247,7 +250,7 @@ def _spread(inverse_map: InverseMap) -> tuple[FloatArray, FloatArray, FloatArray
 def _further(
     further: FurtherLoads, parts: Decomposition, spread_load: FloatArray, spread_unseen: FloatArray
 ) -> Values:
-    """Return what rolling moment and section loads need, after ``spread_load`` (n_d, m), ``spread_unseen`` (m,)."""
+    """Return what rolling moment and section loads need, with ``spread_load`` (n_d, m), ``spread_unseen`` (m,)."""
     fixed = np.zeros(len(further.load_of_mean)) if further.fixed_load is None else further.fixed_load
     return {
         "is_moment": is_moment(len(further.section_station)).astype(float),

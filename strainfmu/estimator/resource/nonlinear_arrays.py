@@ -44,7 +44,12 @@ def nonlinear_parts(inverse_map: InverseMap) -> dict[str, Values]:
     if not has_further_outputs(inverse_map):
         manifold = replace(manifold, further=None)
     parts: dict[str, Values] = {
-        "flight": {**_tables(inverse_map, manifold), **_ranges(manifold), **_solver(manifold), **_errors(manifold)},
+        "flight": {
+            **_tables(inverse_map, manifold),
+            **_ranges(manifold),
+            **_solver(manifold),
+            **_errors(manifold),
+        },
         "filter": _filter(inverse_map, manifold),
     }
     if manifold.further is not None:

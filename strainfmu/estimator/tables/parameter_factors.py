@@ -1,4 +1,4 @@
-"""Tables of further parameters of the flow as the compiled estimator has them: sums of few tables, and products of errors."""
+"""Tables of flow parameters as the compiled estimator has them: sums of few tables, and products of errors."""
 
 from __future__ import annotations
 
@@ -48,7 +48,10 @@ def factors(slope: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def error_products(tables: ParameterTables, n_d: int, n_further: int) -> FloatArray:
-    """Return (k, size) products of errors: of what no parameter makes, pairs of one parameter's powers, each spread."""
+    """Return (k, size) products of errors.
+
+    They are of what no parameter makes, of pairs of one parameter's powers, and of each spread.
+    """
     found, powers = [_product(tables.error, tables.error, n_d, n_further)], powers_of(tables)
     for own in powers:
         for first, a in enumerate(own):

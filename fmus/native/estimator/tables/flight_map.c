@@ -19,21 +19,29 @@ static Name named(const char *part, const char *name) {
     return found;
 }
 
-/* Whether rows ascend without a gap and channels exist. */
-static int sensible_terms(const TableMap *tables) {
+/* Whether rows ascend without a gap. */
+static int rows_ascend(const TableMap *tables) {
     double last = -1.0;
     int good = 1;
     for (size_t t = 0; t < tables->n_terms; t++) {
-        const double row = tables->row[t], channel = tables->channel[t];
-        good = good && (row == last || row == last + 1.0) && row >= 0.0 && channel >= 0.0
-            && channel < (double)tables->n_channels && channel == (double)(size_t)channel;
+        const double row = tables->row[t];
+        good = good && (row == last || row == last + 1.0) && row >= 0.0;
         last = row;
     }
     return good && last == (double)(tables->n_rows - 1);
 }
 
+static int channels_exist(const TableMap *tables) {
+    int good = 1;
+    for (size_t t = 0; t < tables->n_terms; t++) {
+        const double channel = tables->channel[t];
+        good = good && channel >= 0.0 && channel < (double)tables->n_channels && channel == (double)(size_t)channel;
+    }
+    return good;
+}
+
 int tables_parse(MapFile *file, const char *part, size_t n_rows, TableMap *tables) {
-    const Name table = named(part, "table"), row = named(part, "row");
+    const Name table = named(part, "table"), row = named(part, "row"), channel = named(part, "channel");
     tables->n_rows = n_rows;
     tables->n_channels = map_length(file, table.text, 2, 1, 2 * n_rows);
     tables->n_harmonics = map_length(file, table.text, 3, 1, MAX_KNOTS);
@@ -41,11 +49,12 @@ int tables_parse(MapFile *file, const char *part, size_t n_rows, TableMap *table
     const size_t terms = tables->n_terms, harmonics = tables->n_harmonics;
     tables->table = map_doubles(file, table.text, tables->n_mach + 2, tables->n_incidence + 2, tables->n_channels, harmonics);
     tables->row = map_doubles(file, row.text, terms);
-    tables->channel = map_doubles(file, named(part, "channel").text, terms);
+    tables->channel = map_doubles(file, channel.text, terms);
     tables->cosine = map_doubles(file, named(part, "cosine").text, terms, harmonics);
     tables->sine = map_doubles(file, named(part, "sine").text, terms, harmonics);
     tables->fixed = map_doubles(file, named(part, "fixed_response").text, n_rows);
-    return file->good && map_require(file, sensible_terms(tables), row.text, "ascending rows, and channels of the table");
+    return file->good && map_require(file, rows_ascend(tables), row.text, "rows that ascend without a gap")
+        && map_require(file, channels_exist(tables), channel.text, "channels of the table");
 }
 
 static const double *take_knots(MapFile *file, const char *name, size_t *count) {
