@@ -288,8 +288,10 @@ def _linear_filter(inverse_map: InverseMap) -> Values:
 def _thermal(inverse_map: InverseMap, thermal: ThermalMap) -> Values:
     """Return temperature modes, and the covariance of the errors that scale."""
     _, error, _ = inverse_map.scaled_parts
-    names = ("reference_temperature", "gauge_factor_slope", "modulus_slope", "prior_std", "sensor_std")
-    names += ("sensor_operator", "apparent_strain", "mode_strain", "gauge_operator", "isothermal_covariance")
+    names = (
+        *("reference_temperature", "gauge_factor_slope", "modulus_slope", "prior_std", "sensor_std"),
+        *("sensor_operator", "apparent_strain", "mode_strain", "gauge_operator", "isothermal_covariance"),
+    )
     own = {name: getattr(thermal, name) for name in names}
     return {**own, "largest_rise": LARGEST_RISE, "scaled_covariance": product(error, error.T)}
 

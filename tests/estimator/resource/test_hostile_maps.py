@@ -28,9 +28,11 @@ FREE_LENGTH = {
     "filter.shared",
     "flight.common_error",
     "flight.shapes",
+    "flight.table",
+    "flight_loads.table",
     "thermal.apparent_strain",
 }
-"""Arrays of which a map may have more or fewer rows, whatever the others are."""
+"""Arrays of which a map may have more or fewer rows or channels, whatever the others are."""
 
 VALUES = (0.0, -1.0, np.nan, np.inf, 1e300, -1e300, 5e-324, 1e9)
 

@@ -199,7 +199,8 @@ static unsigned char *repaired_map(const uint8_t *data, size_t size, int finite,
             const size_t values = put_entry(entry, &sizes, array, position);
             const size_t each = array->values == 'i' ? 4 : array->values == 'x' ? 1 : 8;
             if (array->values == 'i') {
-                put_u32(bytes, position, (uint32_t)(strcmp(array->name, "linear.known_prior") == 0 ? sizes.prior : sizes.freedom));
+                const int is_prior = strcmp(array->name, "linear.known_prior") == 0;
+                put_u32(bytes, position, (uint32_t)(is_prior ? sizes.prior : sizes.freedom));
             } else if (array->values != 'x') {
                 put_values(bytes + position, values, array->values, finite, &data, &left);
             }

@@ -3,7 +3,6 @@
 #include "linear_filter.h"
 
 #include <math.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -81,7 +80,8 @@ int linear_filter_create(MapFile *file, size_t n_gauges, int wide, LinearFilter 
         return file->good;
     }
     if (!linear_filter_map_parse(file, n_gauges, map)
-        || !map_require(file, map->n_modes == thermal->map.n_modes, "linear_filter.n_modes", "that of the temperature modes")) {
+        || !map_require(file, map->n_modes == thermal->map.n_modes, "linear_filter.n_modes",
+                        "that of the temperature modes")) {
         return 0;
     }
     filter->thermal = thermal;

@@ -20,5 +20,6 @@ int linear_filter_map_parse(MapFile *file, size_t n_gauges, LinearFilterMap *map
     map->rest = map_doubles(file, "linear_filter.rest", map->n_rest, n);
     map->noise = map_positives(file, "linear_filter.noise", n);
     map->rest_cross = map_doubles(file, "linear_filter.rest_cross", N_LOADS, n);
-    return map_require(file, map->largest_time > map->smallest_time, "linear_filter.largest_time", "a number above the smallest time");
+    return map_require(file, map->largest_time > map->smallest_time, "linear_filter.largest_time",
+                       "a number above the smallest time");
 }

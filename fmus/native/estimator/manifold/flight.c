@@ -1,7 +1,6 @@
 #include "flight.h"
 
 #include <math.h>
-#include <stdio.h>
 #include <stdlib.h>
 
 #include "../../core/elementary.h"
@@ -30,7 +29,8 @@ static int parse(Estimator *e, MapFile *file) {
         return 0;
     }
     if (known->present) {
-        map_require(file, known->map.n_parameters == e->parameters.count, "parameter_tables.mean", "the parameters of the map");
+        map_require(file, known->map.n_parameters == e->parameters.count, "parameter_tables.mean",
+                    "the parameters of the map");
     }
     if (filter->present) {
         map_require(file, filter->map.n_further == n_loads, "filter.further_load", "the section loads of the map");

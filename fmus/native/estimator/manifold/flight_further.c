@@ -9,7 +9,8 @@
 int flight_further_parse(MapFile *file, const FlightMap *flight, size_t n_gauges, size_t n_loads, FlightFurtherMap *map) {
     map->tables = flight->tables; /* for the knots */
     tables_parse(file, "flight_loads", n_loads, &map->tables);
-    map_require(file, map->tables.n_harmonics == flight->tables.n_harmonics, "flight_loads.table", "the harmonics of the strains");
+    map_require(file, map->tables.n_harmonics == flight->tables.n_harmonics, "flight_loads.table",
+                "the harmonics of the strains");
     map->strain_covariance = map_doubles(file, "flight_loads.strain_covariance", n_loads, n_gauges);
     map->variance = map_doubles(file, "flight_loads.variance", n_loads);
     return file->good;

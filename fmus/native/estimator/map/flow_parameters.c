@@ -14,7 +14,8 @@ int flow_parameters_parse(MapFile *file, FlowParameters *parameters) {
     parameters->span = map_positives(file, "parameters.span", count);
     parameters->names = map_texts(file, "parameters.names", count, PARAMETER_NAME_SIZE);
     for (size_t i = 0; file->good && i < count; i++) {
-        map_require(file, parameters->maximum[i] >= parameters->minimum[i], "parameters.maximum", "no number below the minimum");
+        map_require(file, parameters->maximum[i] >= parameters->minimum[i], "parameters.maximum",
+                    "no number below the minimum");
     }
     parameters->count = count;
     return file->good;

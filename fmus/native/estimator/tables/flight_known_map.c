@@ -46,14 +46,19 @@ int known_map_parse(MapFile *file, const FlightMap *flight, size_t n_gauges, siz
     map->parameter = map_doubles(file, "parameter_tables.parameter", map->n_powers);
     map->power = map_doubles(file, "parameter_tables.power", map->n_powers);
     map->offset = map_doubles(file, "parameter_tables.offset", map->n_powers);
-    map->basis = map_doubles(file, "parameter_tables.basis", map->n_basis, tables->n_incidence + 2, tables->n_harmonics, 2);
-    map->row_weight = map_doubles(file, "parameter_tables.row_weight", tables->n_mach + 2, map->n_powers, map->n_rows, map->n_basis);
+    map->basis = map_doubles(file, "parameter_tables.basis", map->n_basis, tables->n_incidence + 2, tables->n_harmonics,
+                             2);
+    map->row_weight = map_doubles(file, "parameter_tables.row_weight", tables->n_mach + 2, map->n_powers, map->n_rows,
+                                  map->n_basis);
     for (size_t p = 0; file->good && p < map->n_parameters; p++) {
         map_require(file, map->spread[p] >= 0.0, "parameter_tables.spread", "no number below zero");
     }
-    if (!file->good || !map_require(file, sensible_powers(map), "parameter_tables.parameter", "parameters of the map, ascending, and powers to 3")) {
+    if (!file->good
+        || !map_require(file, sensible_powers(map), "parameter_tables.parameter",
+                        "parameters of the map, ascending, and powers to 3")) {
         return 0;
     }
-    map->product = map_doubles(file, "parameter_tables.product", number_of_products(map), known_product_size(map, n_gauges));
+    map->product = map_doubles(file, "parameter_tables.product", number_of_products(map),
+                               known_product_size(map, n_gauges));
     return file->good;
 }

@@ -47,7 +47,8 @@ int tables_parse(MapFile *file, const char *part, size_t n_rows, TableMap *table
     tables->n_harmonics = map_length(file, table.text, 3, 1, MAX_KNOTS);
     tables->n_terms = map_length(file, row.text, 0, n_rows, 2 * n_rows);
     const size_t terms = tables->n_terms, harmonics = tables->n_harmonics;
-    tables->table = map_doubles(file, table.text, tables->n_mach + 2, tables->n_incidence + 2, tables->n_channels, harmonics);
+    tables->table = map_doubles(file, table.text, tables->n_mach + 2, tables->n_incidence + 2, tables->n_channels,
+                                harmonics);
     tables->row = map_doubles(file, row.text, terms);
     tables->channel = map_doubles(file, channel.text, terms);
     tables->cosine = map_doubles(file, named(part, "cosine").text, terms, harmonics);
