@@ -8,6 +8,7 @@ row, each from a multiple of 16 bytes on. ``fmus/native/estimator/map/container.
 
 from __future__ import annotations
 
+import re
 import struct
 import zlib
 from collections.abc import Mapping
@@ -25,6 +26,7 @@ CHECKED_FROM = 32
 NAME_SIZE = 48
 """Bytes of a name, with its final zero."""
 
+_NAME = re.compile(rf"[a-z0-9_.]{{1,{NAME_SIZE - 1}}}")
 _HEADER = struct.Struct("<8s2IQ2I")
 _TABLE = struct.Struct("<I12x")
 _ENTRY = struct.Struct(f"<{NAME_SIZE}s6IQ")
@@ -39,10 +41,18 @@ Values = Mapping[str, Any]
 
 
 def pack(arrays: Values) -> bytes:
-    """Return the container of ``arrays``, whose names are of ``a-z``, ``0-9``, ``_`` and ``.``."""
+    """Return the container of ``arrays``.
+
+    Raises
+    ------
+    ValueError
+        A name is empty, longer than 47 bytes, or has other signs than ``a-z``, ``0-9``, ``_`` and ``.``.
+    """
     entries, contents = list[bytes](), list[bytes]()
     position = CHECKED_FROM + _TABLE.size + len(arrays) * _ENTRY.size
     for name in sorted(arrays):
+        if not _NAME.fullmatch(name):
+            raise ValueError(f"name of an array: '{name}' found, must match {_NAME.pattern}")
         array = np.asarray(arrays[name])
         kind = _KIND_OF[array.dtype.kind]
         content = array.astype(_KINDS[kind]).tobytes()
@@ -70,7 +80,8 @@ def unpack(content: bytes) -> dict[str, np.ndarray]:
     """
     if len(content) < CHECKED_FROM + _TABLE.size or content != sealed(content):
         raise InputError(
-            f"map.bin: expected a map of format version {FORMAT_VERSION}, found another file or a damaged one"
+            f"map.bin: expected format version {FORMAT_VERSION}, found another version or a damaged file:"
+            " export the FMU again"
         )
     found = dict[str, np.ndarray]()
     (count,) = _TABLE.unpack_from(content, CHECKED_FROM)

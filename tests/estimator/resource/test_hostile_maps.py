@@ -14,6 +14,7 @@ from further_maps import with_further_tables
 from sensor_maps import with_sensors
 from thermal_maps import with_temperature
 
+from strainfmu.errors import InputError
 from strainfmu.estimator.core import library
 from strainfmu.estimator.resource.container import pack, sealed, unpack
 
@@ -165,3 +166,17 @@ def test_values_of_others_do_no_harm(arrays: Mapping[str, np.ndarray]) -> None:
         if other.dtype.kind == "f" and other.size > 0:
             other.reshape(-1)[random.integers(other.size)] = random.choice(VALUES)
             said(changed(arrays, {names[one]: other}))
+
+
+@pytest.mark.parametrize("name", ["", "x" * 48, "linear.Mean", "linear mean", "linear.mean\n"])
+def test_names_that_no_array_has(name: str) -> None:
+    with pytest.raises(ValueError, match="name of an array"):
+        pack({name: 1.0})
+
+
+@pytest.mark.parametrize("place", [0, 8, 24, 60, -1])
+def test_the_reader_refuses_damage(content: bytes, place: int) -> None:
+    damaged = bytearray(content)
+    damaged[place] ^= 1
+    with pytest.raises(InputError, match="export the FMU again"):
+        unpack(bytes(damaged))
