@@ -1,48 +1,59 @@
-"""Resources of a native FMU changed after they were written, with check sums put right."""
+"""Resources of a native FMU whose arrays were changed after they were written, with the checksum put right."""
 
 from __future__ import annotations
 
-import zlib
+from collections.abc import Callable, Mapping
+from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 from raw_fmu import GUID, Fmu2
 
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.resource.map_file import CHECKED_FROM, native_resource
-
-HEAD = 24
-"""Bytes of a section ahead of its content: name, length, check sum."""
+from strainfmu.estimator.resource.container import pack, unpack
+from strainfmu.estimator.resource.map_file import native_resource
 
 
-def written(content: bytearray, folder: Path) -> str:
-    """Write ``content`` with the check sum of the whole file put right; the URI of the folder of resources."""
-    content[CHECKED_FROM - 8 : CHECKED_FROM - 4] = zlib.crc32(content[CHECKED_FROM:]).to_bytes(4, "little")
+@lru_cache(maxsize=8)
+def arrays_of(inverse_map: InverseMap) -> Mapping[str, np.ndarray]:
+    """The arrays of ``map.bin`` by name."""
+    return unpack(native_resource(inverse_map, GUID))
+
+
+def changed(arrays: Mapping[str, np.ndarray], changes: Mapping[str, Any]) -> bytes:
+    """``map.bin`` of ``arrays`` with ``changes``: an array, a function of the old one, or None for none."""
+    after = dict(arrays)
+    for name, change in changes.items():
+        value = change(after[name].copy()) if callable(change) else change
+        if value is None:
+            del after[name]
+        else:
+            after[name] = value
+    return pack(after)
+
+
+def put(place: Any, value: float) -> Callable[[np.ndarray], np.ndarray]:
+    """A change of the value at ``place`` of an array."""
+
+    def change(array: np.ndarray) -> np.ndarray:
+        array[place] = value
+        return array
+
+    return change
+
+
+def written(content: bytes, folder: Path) -> str:
+    """Write ``content`` as ``map.bin``; the URI of the folder of resources."""
     resources = folder / "resources"
     resources.mkdir(exist_ok=True)
-    (resources / "map.bin").write_bytes(bytes(content))
+    (resources / "map.bin").write_bytes(content)
     return resources.as_uri()
 
 
-def with_value(inverse_map: InverseMap, folder: Path, section: bytes, at: int, value: bytes) -> str:
-    """As :func:`written`, with ``value`` from byte ``at`` of a section on, its check sum put right too.
-
-    Negative ``at`` count from the section's end.
-    """
-    content = bytearray(native_resource(inverse_map, GUID))
-    start = content.rindex(section)
-    length = int.from_bytes(content[start + 8 : start + 16], "little")
-    end = start + HEAD + length
-    first = (start if at >= 0 else end) + at
-    content[first : first + len(value)] = value
-    content[start + 16 : start + 20] = zlib.crc32(content[start + HEAD : end]).to_bytes(4, "little")
-    return written(content, folder)
-
-
-def with_flipped_bit(inverse_map: InverseMap, folder: Path, section: bytes, at: int) -> str:
-    """As :func:`written`, with a bit of byte ``at`` of a section flipped: its check sum is wrong."""
-    content = bytearray(native_resource(inverse_map, GUID))
-    content[content.rindex(section) + at] ^= 0x01
-    return written(content, folder)
+def with_arrays(inverse_map: InverseMap, folder: Path, changes: Mapping[str, Any]) -> str:
+    """As :func:`written`, of a map with :func:`changed` arrays."""
+    return written(changed(arrays_of(inverse_map), changes), folder)
 
 
 def refusal(fmu: Fmu2) -> str:

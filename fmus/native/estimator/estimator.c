@@ -59,7 +59,43 @@ static int allocate(Estimator *e) {
     return 1;
 }
 
+/* Whether the parts of a map go together: modes, section loads and the filter of a linear map scale with q_inf, tables of
+   loads are those of the map's section loads, and filter and tables of parameters are about other tables. */
+static int check_parts(MapFile *file, int scaled) {
+    const int flight = map_has(file, "flight"), further = map_has(file, "further");
+    const int has_form = scaled || !(map_has(file, "thermal") || further);
+    const int of_loads = map_has(file, "flight_loads") == (flight && further);
+    const int of_tables = flight || !(map_has(file, "filter") || map_has(file, "parameter_tables"));
+    const int of_linear = !map_has(file, "linear_filter") || (!flight && scaled);
+    if (file->good && !(has_form && of_loads && of_tables && of_linear)) {
+        snprintf(file->text, MODEL_TEXT_SIZE, "holds parts that do not go together");
+        file->good = 0;
+    }
+    return file->good;
+}
+
+/* Read all parts, and allocate. */
+static int create(Estimator *e, MapFile *file) {
+    const Map *map = &e->map;
+    const size_t n_levels = CACHED_MASKS * CACHED_LEVELS;
+    if (!map_parse(file, &e->map) || !check_parts(file, map->scaled)
+        || !thermal_create(file, map->n_gauges, e->wide, &e->thermal) || !flow_parameters_parse(file, &e->parameters)
+        || !sensor_rows_parse(file, map->n_gauges, &e->sensors)
+        || !further_create(file, map->n_gauges, map->n_states, n_levels, &e->further)) {
+        return 0;
+    }
+    if (!allocate(e)) {
+        return map_no_memory(file);
+    }
+    if (map->scaled) {
+        scaled_prepare(e);
+    }
+    return flight_create(e, file) && linear_filter_create(file, map->n_gauges, e->wide, &e->linear_filter, &e->thermal)
+        && tare_create(file, e->sensors.n_strains, map->largest_zero, &e->tare) && map_close(file);
+}
+
 Estimator *estimator_create(unsigned char *bytes, size_t length, char text[MODEL_TEXT_SIZE]) {
+    MapFile file;
     Estimator *e = calloc(1, sizeof *e);
     if (e == NULL) {
         snprintf(text, MODEL_TEXT_SIZE, "needs more memory than there is");
@@ -67,47 +103,8 @@ Estimator *estimator_create(unsigned char *bytes, size_t length, char text[MODEL
         return NULL;
     }
     e->bytes = bytes;
-    if (!map_parse(bytes, length, &e->map, text)) {
-        estimator_free(e);
-        return NULL;
-    }
     e->wide = panels_wide();
-    if (!thermal_create(&e->map.section[THERMAL_SECTION], e->map.n_gauges, e->wide, &e->thermal, text)) {
-        estimator_free(e);
-        return NULL;
-    }
-    if (!flow_parameters_parse(&e->map.section[PARAMETER_SECTION], &e->parameters, text)
-        || !sensor_rows_parse(&e->map.section[SENSOR_SECTION], e->map.n_gauges, &e->sensors, text)) {
-        estimator_free(e);
-        return NULL;
-    }
-    const size_t n_levels = CACHED_MASKS * CACHED_LEVELS;
-    const Section *section = e->map.section;
-    const int needs_form = section[THERMAL_SECTION].content != NULL || section[FURTHER_SECTION].content != NULL;
-    const int two_kinds = section[FURTHER_SECTION].content != NULL && section[FLIGHT_SECTION].content != NULL;
-    if ((needs_form && !e->map.scaled) || (section[FLIGHT_LOADS_SECTION].content != NULL) != two_kinds
-        || (section[FILTER_SECTION].content != NULL && section[FLIGHT_SECTION].content == NULL)
-        || (section[KNOWN_SECTION].content != NULL && section[FLIGHT_SECTION].content == NULL)
-        || (section[LINEAR_FILTER_SECTION].content != NULL && (section[FLIGHT_SECTION].content != NULL || !e->map.scaled))) {
-        snprintf(text, MODEL_TEXT_SIZE, "holds sections that do not go together");
-        estimator_free(e);
-        return NULL;
-    }
-    if (!further_create(section + FURTHER_SECTION, e->map.n_gauges, e->map.n_states, n_levels, &e->further, text)) {
-        estimator_free(e);
-        return NULL;
-    }
-    if (!allocate(e)) {
-        snprintf(text, MODEL_TEXT_SIZE, "needs more memory than there is");
-        estimator_free(e);
-        return NULL;
-    }
-    if (e->map.scaled) {
-        scaled_prepare(e);
-    }
-    if (!flight_create(e, text)
-        || !linear_filter_create(&section[LINEAR_FILTER_SECTION], e->map.n_gauges, e->wide, &e->linear_filter, &e->thermal, text)
-        || !tare_create(&section[TARE_SECTION], e->sensors.n_strains, e->map.largest_zero, &e->tare, text)) {
+    if (!map_open(&file, bytes, length, text) || !create(e, &file)) {
         estimator_free(e);
         return NULL;
     }

@@ -24,13 +24,8 @@ size_t thrust_input(const Estimator *e) {
     return e->sensors.has_thrust ? behind_temperatures(e) : SIZE_MAX;
 }
 
-static int has_filter(const Estimator *e) {
-    const Section *section = e->map.section;
-    return section[FILTER_SECTION].content != NULL || section[LINEAR_FILTER_SECTION].content != NULL;
-}
-
 size_t first_parameter(const Estimator *e) {
-    return behind_temperatures(e) + (e->sensors.has_thrust ? 1 : 0) + (has_filter(e) ? 1 : 0);
+    return behind_temperatures(e) + (e->sensors.has_thrust ? 1 : 0) + (e->map.has_filter ? 1 : 0);
 }
 
 size_t first_parameter_std(const Estimator *e) {
@@ -38,11 +33,11 @@ size_t first_parameter_std(const Estimator *e) {
 }
 
 size_t filter_setting(const Estimator *e) {
-    return has_filter(e) ? first_parameter(e) - 1 : SIZE_MAX;
+    return e->map.has_filter ? first_parameter(e) - 1 : SIZE_MAX;
 }
 
 size_t estimator_inputs(const Estimator *e) {
-    return first_parameter_std(e) + (e->map.section[KNOWN_SECTION].content != NULL ? e->parameters.count : 0);
+    return first_parameter_std(e) + (e->map.has_known ? e->parameters.count : 0);
 }
 
 size_t estimator_outside(const Estimator *e) {

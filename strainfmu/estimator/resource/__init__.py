@@ -1,1 +1,1 @@
-"""``map.bin``, an inverse map as the compiled estimator reads it."""
+"""``map.bin``, an inverse map as the compiled estimator reads it: a container of named arrays."""

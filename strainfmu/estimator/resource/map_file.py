@@ -1,30 +1,19 @@
-"""The inverse map as the native FMU reads it: ``resources/map.bin``.
+"""The inverse map as the compiled estimator reads it: ``map.bin``, arrays by name (:mod:`.container`).
 
-Little endian. A header of 128 bytes: magic, format version, byte order mark, length of the file, CRC-32 of all
-that follows the first 32 bytes, a zero; numbers of gauges n and of states, degrees of freedom, whether the prior
-is known; the guid, ended by a zero. Then eight 32-bit integers: the form, and sizes of what not every map has.
-Then float64 values: the scalars, and the arrays in the order of :func:`_arrays`, :func:`_envelope` and
-:func:`_scaled`.
+A name is PART.VALUE. Every map has the parts "linear", "settings", "envelope" and "tare". A map in form
+"dynamic_pressure" adds "scaled" and "scaled_errors". A map that has them adds "linear_filter", "thermal",
+"further" (rolling moment and section loads), "parameters" and "sensors". :mod:`.nonlinear_arrays` has the parts of
+a nonlinear map. A module of ``fmus/native/estimator`` reads each part by its names. A bound that the map does not
+state is the largest finite number.
 
-Sections follow (:mod:`~strainfmu.estimator.resource.sections`), each written by the file of its name in this
-folder: the tables of the nonlinear estimator (``flight``) and its filter (``filter``), the filter of a linear map
-(``linear_filter``), temperature modes (``temperature``), loads beside the five (``further_loads``), limits of a
-tare (``tare``), further parameters of the flow (``parameters``) and the tables over them (``parameter_tables``),
-further sensors (``sensors``). A bound that the map does not state is the largest finite number.
-``fmus/native/estimator/map/map_resource.h`` describes the same file to the C code.
-
-Every value is that of :class:`~strainfmu.estimator.linear.estimator.Estimator`, in the same bits on every machine
-(:mod:`strainfmu.estimator.numerics.fixed_order`). Of the whitening matrices the
-file holds the triangle R of a QR decomposition: all that is computed from W is the same for W and Q' W, and a
-triangle takes half the time and half the room.
+Every value has the same bits on every machine (:mod:`strainfmu.estimator.numerics.fixed_order`). Of the whitening
+matrices the file holds the triangle R of a QR decomposition: all that is computed from W is the same for W and
+Q' W, and a triangle takes half the time and half the room.
 """
 
 from __future__ import annotations
 
-import struct
 import sys
-import zlib
-from dataclasses import replace
 
 import numpy as np
 
@@ -32,46 +21,48 @@ from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, layer_table
 from strainfmu.errors import InputError
 from strainfmu.estimator.arguments import NOT_KNOWN
+from strainfmu.estimator.filter.linear_model import linear_model
+from strainfmu.estimator.filter.settings import LARGEST, SLOW, SMALLEST, FilterSettings
+from strainfmu.estimator.further_loads import FurtherLoads, is_moment
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, chi_square_limit
 from strainfmu.estimator.linear.decomposition import Decomposition, decompose
-from strainfmu.estimator.linear.envelope import (
-    MACH_TOLERANCE,
-    PRESSURE_TOLERANCE,
-    flight_ranges,
-    half_spaces,
-)
+from strainfmu.estimator.linear.envelope import MACH_TOLERANCE, PRESSURE_TOLERANCE, flight_ranges, half_spaces
 from strainfmu.estimator.linear.flow import MAX_DYNAMIC_PRESSURE, MIN_DYNAMIC_PRESSURE
-from strainfmu.estimator.linear.flow_parameters import flow_parameters
+from strainfmu.estimator.linear.flow_parameters import (
+    LARGEST_SCORE,
+    PARAMETER_TOLERANCE,
+    FlowParameters,
+    flow_parameters,
+)
 from strainfmu.estimator.linear.isolation import AMBIGUOUS_CORRELATION, outlier_threshold
 from strainfmu.estimator.linear.loads_from_strain import MIN_EXPECTED_RATIO
-from strainfmu.estimator.linear.map_parts import MapParts, map_parts
+from strainfmu.estimator.linear.map_parts import map_parts
 from strainfmu.estimator.linear.masks import MIN_INFORMATION
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.map.offers import has_filter, has_further_outputs
 from strainfmu.estimator.map.proportional_errors import error_model
+from strainfmu.estimator.map.sensors import SensorRows
+from strainfmu.estimator.map.temperature import LARGEST_RISE, ThermalMap
 from strainfmu.estimator.numerics.fixed_order import householder, product
-from strainfmu.estimator.resource.filter import filter_section
-from strainfmu.estimator.resource.flight import flight_loads_section, flight_section
-from strainfmu.estimator.resource.further_loads import further_section
-from strainfmu.estimator.resource.linear_filter import linear_filter_section
-from strainfmu.estimator.resource.parameter_tables import parameter_tables_section
-from strainfmu.estimator.resource.parameters import parameter_section
-from strainfmu.estimator.resource.sensors import sensor_section
-from strainfmu.estimator.resource.tare import tare_section
-from strainfmu.estimator.resource.temperature import thermal_section
+from strainfmu.estimator.resource.container import Values, pack, texts
+from strainfmu.estimator.resource.nonlinear_arrays import nonlinear_parts
 from strainfmu.estimator.settings import LARGEST_SETTING, SMALLEST_SETTING, default_settings
 from strainfmu.estimator.zeros.gauge_zeros import LARGEST_ZERO
-from strainfmu.estimator.zeros.tare import KnownStrain
+from strainfmu.estimator.zeros.reading_window import LEAST_PART
+from strainfmu.estimator.zeros.tare import (
+    LEAST_SAMPLES,
+    LIKE_LOAD,
+    LOUD,
+    MOVED,
+    OWN_FACTOR,
+    KnownStrain,
+    TareLimits,
+)
+from strainfmu.estimator.zeros.tare_verdict import LEAST_GAUGES
 
-MAGIC = b"SFMUMAP\0"
-FORMAT_VERSION = 4
-CHECKED_FROM = 32
-"""Position of the first byte that the checksum covers."""
-
-_BYTE_ORDER_MARK = 0x01020304
-_GUID_SIZE = 80
-_FORM, _N_FREE, _N_HALF_SPACES, _N_LAYERS, _HAS_ERRORS, _N_TERMS, _N_SECTIONS = range(7)
-"""Places of the form, 0 or 1, and of the sizes; the last is zero."""
+GUID_SIZE = 80
+PARAMETER_NAME_SIZE = 48
+"""Bytes of the guid, of the name of a parameter; with a final zero."""
 
 
 def native_resource(inverse_map: InverseMap, guid: str, known: KnownStrain | None = None) -> bytes:
@@ -82,154 +73,158 @@ def native_resource(inverse_map: InverseMap, guid: str, known: KnownStrain | Non
     Raises
     ------
     InputError
-        ``guid`` is longer than 79 bytes.
+        ``guid`` is longer than 79 bytes, or the name of a parameter longer than 47.
     """
-    text = guid.encode()
-    if len(text) >= _GUID_SIZE or b"\0" in text:
-        raise InputError(f"guid: '{guid}' found, must be shorter than {_GUID_SIZE} bytes")
-    checked = struct.pack(
-        f"<4I{_GUID_SIZE}s",
-        inverse_map.n_gauges,
-        inverse_map.n_states,
-        inverse_map.residual_degrees_of_freedom,
-        inverse_map.case == 2,
-        text,
-    )
-    numbers = (*_arrays(inverse_map), *_envelope(inverse_map))
-    sizes = [0] * 8
-    sizes[_N_HALF_SPACES] = _rows(inverse_map.envelope_limit)
-    sizes[_N_LAYERS] = len(layer_table())
+    try:
+        text = texts([guid], GUID_SIZE)
+    except ValueError as error:
+        raise InputError(f"guid: {error}") from error
+    return pack({"guid": text, **map_arrays(inverse_map, known)})
+
+
+def map_arrays(inverse_map: InverseMap, known: KnownStrain | None = None) -> dict[str, np.ndarray]:
+    """Return the arrays of ``map.bin`` by name, but for the guid."""
+    parts: dict[str, Values] = {
+        "linear": _linear(inverse_map),
+        "settings": _settings(inverse_map),
+        "envelope": _envelope(inverse_map),
+        "tare": _tare(inverse_map, known or KnownStrain(value=np.zeros(inverse_map.n_strain_gauges))),
+        **nonlinear_parts(inverse_map),
+    }
     if inverse_map.form == "dynamic_pressure":
-        parts = decompose(inverse_map)
-        numbers += _scaled(inverse_map, parts)
-        sizes[_FORM], sizes[_N_FREE] = 1, parts.n_free
-        sizes[_HAS_ERRORS] = inverse_map.common_error is not None
-        sizes[_N_TERMS] = _rows(inverse_map.common_error)
-    sections = [tare_section(inverse_map, known), *_sections(inverse_map)]
-    sizes[_N_SECTIONS] = len(sections)
-    checked += struct.pack("<8I", *sizes)
-    checked += b"".join(array.astype("<f8").tobytes() for array in (_scalars(inverse_map), *numbers))
-    checked += b"".join(sections)
-    header = MAGIC + struct.pack(
-        "<2IQ2I", FORMAT_VERSION, _BYTE_ORDER_MARK, CHECKED_FROM + len(checked), zlib.crc32(checked), 0
-    )
-    return header + checked
-
-
-def _sections(inverse_map: InverseMap) -> list[bytes]:
-    """Return what not every map has."""
-    sections = list[bytes]()
-    if inverse_map.manifold is not None:
-        sections.append(flight_section(inverse_map, inverse_map.manifold))
-        if has_filter(inverse_map):
-            stated = has_further_outputs(inverse_map)
-            tables = inverse_map.manifold if stated else replace(inverse_map.manifold, further=None)
-            sections.append(filter_section(inverse_map, tables))
-    elif has_filter(inverse_map):
-        sections.append(linear_filter_section(inverse_map))
+        parts |= _scaled_parts(inverse_map, decompose(inverse_map))
+    if inverse_map.manifold is None and has_filter(inverse_map):
+        parts["linear_filter"] = _linear_filter(inverse_map)
     if inverse_map.thermal is not None:
-        sections.append(thermal_section(inverse_map, inverse_map.thermal))
-    if has_further_outputs(inverse_map) and inverse_map.further is not None:
-        if inverse_map.manifold is not None and inverse_map.manifold.further is not None:
-            sections.append(flight_loads_section(inverse_map.manifold.further))
-        _, load, unseen = _spread(inverse_map)
-        parts = decompose(inverse_map)
-        sections.append(further_section(inverse_map.further, parts, load[:, 5:], np.diag(unseen)[5:]))
-    known = flow_parameters(inverse_map)
-    if known.names:
-        sections.append(parameter_section(known))
-    manifold = inverse_map.manifold
-    if manifold is not None and manifold.parameters is not None:
-        further = manifold.further if has_further_outputs(inverse_map) else None
-        n_further = 0 if further is None else len(further.variance)
-        sections.append(parameter_tables_section(manifold, manifold.parameters, n_further))
+        parts["thermal"] = _thermal(inverse_map, inverse_map.thermal)
+    parameters = flow_parameters(inverse_map)
+    if parameters.names:
+        parts["parameters"] = _parameters(parameters)
     if inverse_map.sensors is not None:
-        sections.append(sensor_section(inverse_map.sensors))
-    return sections
+        parts["sensors"] = _sensors(inverse_map.sensors)
+    return {
+        f"{part}.{name}": np.asarray(value) for part, values in parts.items() for name, value in values.items()
+    }
 
 
-def _scalars(inverse_map: InverseMap) -> FloatArray:
-    """Return start values, and the constants that Python alone states."""
-    settings, ranges = default_settings(inverse_map), flight_ranges(inverse_map)
-    mach_number = ranges.mach_number * np.array([1.0 - MACH_TOLERANCE, 1.0 + MACH_TOLERANCE])
-    bounds = np.concatenate([ranges.dynamic_pressure, mach_number, ranges.altitude])
-    return np.array(
-        [
-            settings.reference_area,
-            settings.reference_length,
-            settings.moment_station,
-            settings.sensor_range,
-            inverse_map.nominal_dynamic_pressure,
-            MIN_INFORMATION,
-            AMBIGUOUS_CORRELATION,
-            MIN_DYNAMIC_PRESSURE,
-            SMALLEST_SETTING,
-            LARGEST_SETTING,
-            MAX_DYNAMIC_PRESSURE,
-            inverse_map.dynamic_pressure_error,
-            inverse_map.chi_square_scale,
-            inverse_map.outlier_scale,
-            inverse_map.envelope_score_limit,
-            *np.clip(bounds, -sys.float_info.max, sys.float_info.max),
-            0.5 * HEAT_CAPACITY_RATIO,
-            PRESSURE_TOLERANCE,
-            MIN_EXPECTED_RATIO,
-            NOT_KNOWN,
-            inverse_map.regularisation,
-            LARGEST_ZERO,
-        ]
-    )
-
-
-def _arrays(inverse_map: InverseMap) -> tuple[FloatArray, ...]:
-    """Return the arrays of the C structure ``Map``, in its order."""
+def _linear(inverse_map: InverseMap) -> Values:
+    """Return what every map has; triangles by columns, without the zeros."""
     parts, counts = map_parts(inverse_map), range(1, inverse_map.n_gauges + 1)
     model = parts.error_model
-    return (
-        inverse_map.mean_strain,
-        inverse_map.load_of_mean,
-        parts.load_gain.T,
-        parts.load_covariance,
-        _packed_columns(parts.residual_whitening),
-        _packed_columns(parts.gain_whitening),
-        _packed_columns(parts.noise_whitening.T),
-        _packed_columns(model.noise_root.T),
-        model.regression,
-        model.remainder,
-        model.state_operator.T,
-        model.load_per_state.T,
-        _min_precision(parts),
-        np.array([chi_square_limit(freedom) for freedom in counts]),
-        np.array([outlier_threshold(n, FALSE_ALARM_PROBABILITY) for n in counts]),
-        inverse_map.noise_covariance,
-    )
+    return {
+        "degrees_of_freedom": inverse_map.residual_degrees_of_freedom,
+        "known_prior": inverse_map.case == 2,
+        "mean_strain": inverse_map.mean_strain,
+        "load_of_mean": inverse_map.load_of_mean,
+        "load_gain": parts.load_gain.T,
+        "load_covariance": parts.load_covariance,
+        "residual_triangle": _packed_columns(parts.residual_whitening),
+        "gain_triangle": _packed_columns(parts.gain_whitening),
+        "noise_whitening": _packed_columns(parts.noise_whitening.T),
+        "noise_root": _packed_columns(model.noise_root.T),
+        "regression": model.regression,
+        "remainder": model.remainder,
+        "state_operator": model.state_operator.T,
+        "load_per_state": model.load_per_state.T,
+        # The precision of a gauge below which it is round-off: no other gauge checks it.
+        "min_precision": MIN_INFORMATION * np.sum(parts.noise_whitening**2, axis=0),
+        "chi_square_limit": [chi_square_limit(freedom) for freedom in counts],
+        "outlier_threshold": [outlier_threshold(n, FALSE_ALARM_PROBABILITY) for n in counts],
+        "noise_covariance": inverse_map.noise_covariance,
+        "regularisation": inverse_map.regularisation,
+        "min_information": MIN_INFORMATION,
+        "ambiguous_correlation": AMBIGUOUS_CORRELATION,
+        "min_dynamic_pressure": MIN_DYNAMIC_PRESSURE,
+        "max_dynamic_pressure": MAX_DYNAMIC_PRESSURE,
+        "dynamic_pressure_error": inverse_map.dynamic_pressure_error,
+        "chi_square_scale": inverse_map.chi_square_scale,
+        "outlier_scale": inverse_map.outlier_scale,
+    }
 
 
-def _envelope(inverse_map: InverseMap) -> tuple[FloatArray, ...]:
-    """Return the layers of the atmosphere, and limits and directions of the half-spaces."""
-    envelope, air = half_spaces(inverse_map), layer_table()
-    return (air,) if envelope is None else (air, envelope.limit, envelope.direction.T)
+def _settings(inverse_map: InverseMap) -> Values:
+    """Return start values, and the bounds of settings."""
+    settings = default_settings(inverse_map)
+    return {
+        "reference_area": settings.reference_area,
+        "reference_length": settings.reference_length,
+        "moment_station": settings.moment_station,
+        "sensor_range": settings.sensor_range,
+        "dynamic_pressure": inverse_map.nominal_dynamic_pressure,
+        "smallest": SMALLEST_SETTING,
+        "largest": LARGEST_SETTING,
+        "largest_zero": LARGEST_ZERO,
+        "not_known": NOT_KNOWN,
+    }
 
 
-def _scaled(inverse_map: InverseMap, parts: Decomposition) -> tuple[FloatArray, ...]:
+def _envelope(inverse_map: InverseMap) -> Values:
+    """Return ranges of the flight, layers of the atmosphere, limits and directions of the half-spaces."""
+    ranges, envelope, largest = flight_ranges(inverse_map), half_spaces(inverse_map), sys.float_info.max
+    mach_number = ranges.mach_number * np.array([1.0 - MACH_TOLERANCE, 1.0 + MACH_TOLERANCE])
+    return {
+        "score_limit": inverse_map.envelope_score_limit,
+        "dynamic_pressure": np.clip(ranges.dynamic_pressure, -largest, largest),
+        "mach_number": np.clip(mach_number, -largest, largest),
+        "altitude": np.clip(ranges.altitude, -largest, largest),
+        "half_gamma": 0.5 * HEAT_CAPACITY_RATIO,
+        "pressure_tolerance": PRESSURE_TOLERANCE,
+        "layers": layer_table(),
+        "limit": np.zeros(0) if envelope is None else envelope.limit,
+        "direction": np.zeros((5, 0)) if envelope is None else envelope.direction.T,
+    }
+
+
+def _tare(inverse_map: InverseMap, known: KnownStrain) -> Values:
+    """Return limits, the noise of each strain gauge, and the strain of the loads that act meanwhile."""
+    limits = TareLimits()
+    return {
+        "dynamic_pressure": limits.dynamic_pressure,
+        "zero": limits.zero,
+        "drift": limits.drift,
+        "least_samples": float(LEAST_SAMPLES),
+        "least_part": LEAST_PART,
+        "least_gauges": LEAST_GAUGES,
+        "own_factor": OWN_FACTOR,
+        "moved": MOVED,
+        "loud": LOUD,
+        "like_load": LIKE_LOAD,
+        "noise_std": inverse_map.noise_std[: inverse_map.n_strain_gauges],
+        "known_strain": known.value,
+        "known_std": known.std,
+    }
+
+
+def _scaled_parts(inverse_map: InverseMap, parts: Decomposition) -> dict[str, Values]:
     """Return what form "dynamic_pressure" needs besides, whose weights follow q_inf."""
     fixed_strain = np.zeros(inverse_map.n_gauges) if inverse_map.fixed_strain is None else inverse_map.fixed_strain
     fixed_load = np.zeros(5) if inverse_map.fixed_load is None else inverse_map.fixed_load
+    spread, spread_load, spread_unseen = _spread(inverse_map)
+    found: dict[str, Values] = {
+        "scaled": {
+            "whitening": parts.whitening.T,
+            "singular_values": parts.singular_values,
+            "load_per_direction": parts.load_per_direction[:5].T,
+            "unseen": parts.unseen[:5, :5],
+            "fixed_strain": fixed_strain,
+            "mean_strain": inverse_map.mean_strain - fixed_strain,
+            "fixed_load": fixed_load,
+            "load_of_mean": inverse_map.load_of_mean - fixed_load,
+            "min_precision": MIN_INFORMATION / np.diag(inverse_map.gauge_covariance),
+            "min_expected_ratio": MIN_EXPECTED_RATIO,
+            "gauge_covariance": inverse_map.gauge_covariance,
+            "spread": spread,
+            "spread_load": spread_load[:, :5],
+            "spread_unseen": spread_unseen[:5, :5],
+        }
+    }
     errors = error_model(inverse_map)
-    return (
-        parts.whitening.T,
-        parts.singular_values,
-        parts.load_per_direction[:5].T,
-        parts.unseen[:5, :5],
-        fixed_strain,
-        inverse_map.mean_strain - fixed_strain,
-        fixed_load,
-        inverse_map.load_of_mean - fixed_load,
-        MIN_INFORMATION / np.diag(inverse_map.gauge_covariance),
-        inverse_map.gauge_covariance,
-        *_of_five(*_spread(inverse_map)),
-        *(() if errors is None else (errors.of_gauge, errors.mean_product, errors.common)),
-    )
+    if errors is not None:
+        found["scaled_errors"] = vars(errors)
+    if has_further_outputs(inverse_map) and inverse_map.further is not None:
+        of_further = (spread_load[:, 5:], np.diag(spread_unseen)[5:])
+        found["further"] = _further(inverse_map.further, parts, *of_further)
+    return found
 
 
 def _spread(inverse_map: InverseMap) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -252,18 +247,74 @@ def _spread(inverse_map: InverseMap) -> tuple[FloatArray, FloatArray, FloatArray
     return triangle[:n, :n].T, triangle[:n, n:], product(rest.T.copy(), rest)
 
 
-def _of_five(strain: FloatArray, load: FloatArray, unseen: FloatArray) -> tuple[FloatArray, ...]:
-    """Return what :func:`_spread` does, of the five loads alone."""
-    return strain, load[:, :5], unseen[:5, :5]
+def _further(
+    further: FurtherLoads, parts: Decomposition, spread_load: FloatArray, spread_unseen: FloatArray
+) -> Values:
+    """Return what rolling moment and section loads need, with ``spread_load`` (n_d, m), ``spread_unseen`` (m,)."""
+    fixed = np.zeros(len(further.load_of_mean)) if further.fixed_load is None else further.fixed_load
+    return {
+        "is_moment": is_moment(len(further.section_station)).astype(float),
+        "load_per_direction": parts.load_per_direction[5:].T,
+        "unseen": np.diag(parts.unseen)[5:],
+        "fixed_load": fixed,
+        "load_of_mean": further.load_of_mean - fixed,
+        "load_per_state": further.load_per_state.T,
+        "spread_load": spread_load,
+        "spread_unseen": spread_unseen,
+    }
 
 
-def _rows(array: FloatArray | None) -> int:
-    return 0 if array is None else len(array)
+def _linear_filter(inverse_map: InverseMap) -> Values:
+    """Return the filter of a linear map in form "dynamic_pressure"."""
+    model = linear_model(inverse_map, FilterSettings(time_constant=1.0))
+    n_d, n = model.n_gauges, len(model.std)
+    common = model.slow | (np.arange(n) >= n - model.n_modes)
+    return {
+        "slow": SLOW,
+        "smallest_time": SMALLEST,
+        "largest_time": LARGEST,
+        "n_modes": model.n_modes,
+        "std": model.std,
+        "scaled": model.scaled[:n_d, ~common].T,
+        "load": model.scaled[n_d:, ~common].T,
+        "common": model.common[:, common].T,
+        "own": model.own.T,
+        "rest": model.rest.T,
+        "noise": model.noise,
+        "rest_cross": model.seen.rest_cross,
+    }
 
 
-def _min_precision(parts: MapParts) -> FloatArray:
-    """Return (n_d,) the precision of a gauge [1/(m/m)^2] below which it is round-off: no other gauge checks it."""
-    return np.asarray(MIN_INFORMATION * np.sum(parts.noise_whitening**2, axis=0))
+def _thermal(inverse_map: InverseMap, thermal: ThermalMap) -> Values:
+    """Return temperature modes, and the covariance of the errors that scale."""
+    error = inverse_map.error_strain
+    names = (
+        *("reference_temperature", "gauge_factor_slope", "modulus_slope", "prior_std", "sensor_std"),
+        *("sensor_operator", "apparent_strain", "mode_strain", "gauge_operator", "isothermal_covariance"),
+    )
+    own = {name: getattr(thermal, name) for name in names}
+    return {**own, "largest_rise": LARGEST_RISE, "scaled_covariance": product(error, error.T)}
+
+
+def _parameters(known: FlowParameters) -> Values:
+    """Return ranges and names of the parameters of the flow that are known to a map."""
+    try:
+        names = texts(list(known.names), PARAMETER_NAME_SIZE)
+    except ValueError as error:
+        raise InputError(f"parameters: {error}") from error
+    return {
+        "tolerance": PARAMETER_TOLERANCE,
+        "largest_score": LARGEST_SCORE,
+        "minimum": known.minimum,
+        "maximum": known.maximum,
+        "span": known.span,
+        "names": names,
+    }
+
+
+def _sensors(rows: SensorRows) -> Values:
+    """Return the rows behind the strain gauges."""
+    return {name: getattr(rows, name)[rows.n_strain_gauges :] for name in ("scale", "largest", "thrust_response")}
 
 
 def _packed_columns(upper: FloatArray) -> FloatArray:

@@ -33,53 +33,193 @@ static void put_u64(unsigned char *bytes, size_t position, uint64_t value) {
     memcpy(bytes + position, &value, sizeof value);
 }
 
-#define VALUES_AT (HEADER_SIZE + 4 * N_SIZES)
-#define N_SCALARS 27
+/* Arrays of a small map by ascending names. Lengths: n gauges, s states, t values of a triangle, h half-spaces, l layers,
+   e error terms, p pairs, figures themselves. Parts: always, s in form "dynamic_pressure", e with errors that follow strain.
+   Values: any, + above zero, i whole numbers, x bytes. */
+typedef struct {
+    const char *name, *lengths;
+    char part, values;
+} Array;
 
-/* Whether a scalar of the map must be positive. */
-static int is_positive(size_t scalar) {
-    static const unsigned char POSITIVE[] = {0, 1, 3, 4, 7, 8, 12, 13, 25, 26};
-    return memchr(POSITIVE, (int)scalar, sizeof POSITIVE) != NULL;
+static const Array ARRAYS[] = {
+    {"envelope.altitude", "2", 0, 0},
+    {"envelope.direction", "5h", 0, 0},
+    {"envelope.dynamic_pressure", "2", 0, 0},
+    {"envelope.half_gamma", "", 0, 0},
+    {"envelope.layers", "l5", 0, 0},
+    {"envelope.limit", "h", 0, 0},
+    {"envelope.mach_number", "2", 0, 0},
+    {"envelope.pressure_tolerance", "", 0, 0},
+    {"envelope.score_limit", "", 0, 0},
+    {"guid", "15", 0, 'x'},
+    {"linear.ambiguous_correlation", "", 0, 0},
+    {"linear.chi_square_limit", "n", 0, 0},
+    {"linear.chi_square_scale", "", 0, '+'},
+    {"linear.degrees_of_freedom", "", 0, 'i'},
+    {"linear.dynamic_pressure_error", "", 0, 0},
+    {"linear.gain_triangle", "t", 0, 0},
+    {"linear.known_prior", "", 0, 'i'},
+    {"linear.load_covariance", "55", 0, 0},
+    {"linear.load_gain", "n5", 0, 0},
+    {"linear.load_of_mean", "5", 0, 0},
+    {"linear.load_per_state", "s5", 0, 0},
+    {"linear.max_dynamic_pressure", "", 0, 0},
+    {"linear.mean_strain", "n", 0, 0},
+    {"linear.min_dynamic_pressure", "", 0, '+'},
+    {"linear.min_information", "", 0, 0},
+    {"linear.min_precision", "n", 0, 0},
+    {"linear.noise_covariance", "nn", 0, 0},
+    {"linear.noise_root", "t", 0, 0},
+    {"linear.noise_whitening", "t", 0, 0},
+    {"linear.outlier_scale", "", 0, '+'},
+    {"linear.outlier_threshold", "n", 0, 0},
+    {"linear.regression", "5n", 0, 0},
+    {"linear.regularisation", "", 0, '+'},
+    {"linear.remainder", "55", 0, 0},
+    {"linear.residual_triangle", "t", 0, 0},
+    {"linear.state_operator", "sn", 0, 0},
+    {"scaled.fixed_load", "5", 's', 0},
+    {"scaled.fixed_strain", "n", 's', 0},
+    {"scaled.gauge_covariance", "nn", 's', 0},
+    {"scaled.load_of_mean", "5", 's', 0},
+    {"scaled.load_per_direction", "n5", 's', 0},
+    {"scaled.mean_strain", "n", 's', 0},
+    {"scaled.min_expected_ratio", "", 's', 0},
+    {"scaled.min_precision", "n", 's', 0},
+    {"scaled.singular_values", "n", 's', 0},
+    {"scaled.spread", "nn", 's', 0},
+    {"scaled.spread_load", "n5", 's', 0},
+    {"scaled.spread_unseen", "55", 's', 0},
+    {"scaled.unseen", "55", 's', 0},
+    {"scaled.whitening", "nn", 's', 0},
+    {"scaled_errors.common", "e6n", 'e', 0},
+    {"scaled_errors.mean_product", "p", 'e', 0},
+    {"scaled_errors.of_gauge", "pn", 'e', 0},
+    {"settings.dynamic_pressure", "", 0, '+'},
+    {"settings.largest", "", 0, 0},
+    {"settings.largest_zero", "", 0, '+'},
+    {"settings.moment_station", "", 0, 0},
+    {"settings.not_known", "", 0, 0},
+    {"settings.reference_area", "", 0, '+'},
+    {"settings.reference_length", "", 0, '+'},
+    {"settings.sensor_range", "", 0, '+'},
+    {"settings.smallest", "", 0, '+'},
+};
+
+#define N_ARRAYS (sizeof ARRAYS / sizeof *ARRAYS)
+#define TABLE_AT 48
+#define ENTRY_SIZE 80
+
+typedef struct {
+    size_t n, states, freedom, prior, scaled, errors, half_spaces, terms, layers;
+} Sizes;
+
+static size_t length_of(const Sizes *sizes, char letter) {
+    switch (letter) {
+    case 'n': return sizes->n;
+    case 's': return sizes->states;
+    case 't': return sizes->n * (sizes->n + 1) / 2;
+    case 'h': return sizes->half_spaces;
+    case 'l': return sizes->layers;
+    case 'e': return sizes->terms;
+    case 'p': return N_PAIRS;
+    default: return (size_t)(letter - '0');
+    }
+}
+
+static int has_array(const Sizes *sizes, const Array *array) {
+    return array->part == 0 || (array->part == 's' ? sizes->scaled : sizes->errors);
+}
+
+/* Put header and checksum right. */
+static void seal(unsigned char *bytes, size_t length) {
+    memcpy(bytes, "SFMUMAP", 8);
+    put_u32(bytes, 8, MAP_FORMAT_VERSION);
+    put_u32(bytes, 12, 0x01020304u);
+    put_u64(bytes, 16, length);
+    put_u32(bytes, 24, crc32(bytes + 32, length - 32));
+}
+
+/* An entry of the table, whose values begin at a position; returns the number of values. */
+static size_t put_entry(unsigned char *entry, const Sizes *sizes, const Array *array, size_t position) {
+    size_t count = 1, rank = strlen(array->lengths);
+    memcpy(entry, array->name, strlen(array->name));
+    put_u32(entry, 48, array->values == 'i' ? 1 : array->values == 'x' ? 2 : 0);
+    put_u32(entry, 52, (uint32_t)rank);
+    for (size_t axis = 0; axis < rank; axis++) {
+        const size_t length = length_of(sizes, array->lengths[axis]);
+        put_u32(entry, 56 + 4 * axis, (uint32_t)length);
+        count *= length;
+    }
+    put_u64(entry, 72, position);
+    return count;
+}
+
+/* Values of an array from data; what is not finite becomes 1, or stays. */
+static void put_values(unsigned char *values, size_t count, char kind, int finite, const uint8_t **data, size_t *left) {
+    for (size_t i = 0; i < count; i++) {
+        double value = 0.0;
+        const size_t size = *left < sizeof value ? *left : sizeof value;
+        memcpy(&value, *data, size);
+        *data += size;
+        *left -= size;
+        if (finite) {
+            value = !isfinite(value) ? 1.0 : kind == '+' ? fabs(value) + 1e-9 : value;
+        }
+        memcpy(values + 8 * i, &value, sizeof value);
+    }
 }
 
 /* A whole map.bin from whatever there is: sizes made small, length fitted, header and checksum right. Values that are
    not finite become 1, or stay. */
 static unsigned char *repaired_map(const uint8_t *data, size_t size, int finite, size_t *length) {
-    const size_t n = size > 0 ? 1 + data[0] % 7 : 1, states = size > 1 ? data[1] % 9 : 0;
-    const size_t freedom = size > 2 ? 1 + data[2] % n : 1, bits = size > 3 ? data[3] : 0;
-    const size_t prior = bits & 1u, scaled = bits >> 1 & 1u, errors = scaled & bits >> 2, half_spaces = bits >> 3 & 3u;
-    const size_t terms = errors ? bits >> 5 & 3u : 0, layers = 1 + (bits >> 7);
-    const size_t triangle = n * (n + 1) / 2;
-    size_t doubles = N_SCALARS + n + 5 + 5 * n + 25 + 4 * triangle + 5 * n + 25 + states * n + 5 * states + 3 * n + n * n;
-    doubles += LAYER_SIZE * layers + 6 * half_spaces + scaled * (n * n + n + 5 * n + 25 + 2 * n + 10 + n + 2 * n * n + 5 * n + 25);
-    doubles += errors * (21 * n + 21 + 6 * terms * n);
-    *length = VALUES_AT + 8 * doubles;
-    unsigned char *bytes = calloc(1, *length);
+    const size_t bits = size > 3 ? data[3] : 0, scaled = bits >> 1 & 1u, errors = scaled & bits >> 2;
+    Sizes sizes = {.n = size > 0 ? 1 + data[0] % 7 : 1, .states = size > 1 ? data[1] % 9 : 0, .prior = bits & 1u};
+    sizes.freedom = size > 2 ? 1 + data[2] % sizes.n : 1;
+    sizes.scaled = scaled;
+    sizes.errors = errors;
+    sizes.half_spaces = bits >> 3 & 3u;
+    sizes.terms = errors ? bits >> 5 & 3u : 0;
+    sizes.layers = 1 + (bits >> 7);
+    size_t count = 0, left = size > 4 ? size - 4 : 0;
+    for (size_t k = 0; k < N_ARRAYS; k++) {
+        count += (size_t)has_array(&sizes, &ARRAYS[k]);
+    }
+    size_t position = TABLE_AT + count * ENTRY_SIZE;
+    unsigned char *bytes = calloc(1, position + N_ARRAYS * (8 * N_PAIRS * 8 + 8 * 3 * 6 * 8));
     if (bytes == NULL) {
         return NULL;
     }
-    const size_t rest = size > 4 ? size - 4 : 0, room = *length - VALUES_AT;
-    memcpy(bytes + VALUES_AT, data + size - rest, rest < room ? rest : room);
-    for (size_t i = 0; finite && i < doubles; i++) {
-        double value;
-        memcpy(&value, bytes + VALUES_AT + 8 * i, 8);
-        value = !isfinite(value) ? 1.0 : is_positive(i) ? fabs(value) + 1e-9 : value;
-        memcpy(bytes + VALUES_AT + 8 * i, &value, 8);
+    put_u32(bytes, 32, (uint32_t)count);
+    unsigned char *entry = bytes + TABLE_AT;
+    data += size - left;
+    for (size_t k = 0; k < N_ARRAYS; k++) {
+        const Array *array = &ARRAYS[k];
+        if (has_array(&sizes, array)) {
+            const size_t values = put_entry(entry, &sizes, array, position);
+            const size_t each = array->values == 'i' ? 4 : array->values == 'x' ? 1 : 8;
+            if (array->values == 'i') {
+                const int is_prior = strcmp(array->name, "linear.known_prior") == 0;
+                put_u32(bytes, position, (uint32_t)(is_prior ? sizes.prior : sizes.freedom));
+            } else if (array->values != 'x') {
+                put_values(bytes + position, values, array->values, finite, &data, &left);
+            }
+            position += (values * each + 15) / 16 * 16;
+            entry += ENTRY_SIZE;
+        }
     }
-    const size_t sizes[N_SIZES] = {scaled, scaled && !prior ? n - freedom : 0, half_spaces, layers, errors, terms};
-    for (size_t k = 0; k < N_SIZES; k++) {
-        put_u32(bytes, HEADER_SIZE + 4 * k, (uint32_t)sizes[k]);
-    }
-    memcpy(bytes, "SFMUMAP", 8);
-    put_u32(bytes, 8, MAP_FORMAT_VERSION);
-    put_u32(bytes, 12, 0x01020304u);
-    put_u64(bytes, 16, *length);
-    put_u32(bytes, 32, (uint32_t)n);
-    put_u32(bytes, 36, (uint32_t)states);
-    put_u32(bytes, 40, (uint32_t)freedom);
-    put_u32(bytes, 44, (uint32_t)prior);
-    put_u32(bytes, 24, crc32(bytes + 32, *length - 32));
+    *length = position;
+    seal(bytes, position);
     return bytes;
+}
+
+/* Set a number of a map. */
+static void put_number(unsigned char *bytes, const char *name, double value) {
+    unsigned char *entry = bytes + TABLE_AT;
+    while (strcmp((const char *)entry, name) != 0) {
+        entry += ENTRY_SIZE;
+    }
+    memcpy(bytes + u32_at(entry, 72), &value, sizeof value);
 }
 
 /* Suspects must be there exactly where some z is above the threshold, whatever the result of the screen in float. */
@@ -179,10 +319,10 @@ static Instance *small_instance(void) {
     if (bytes == NULL || instance == NULL) {
         abort();
     }
-    double bound = 1e100;
-    memcpy(bytes + VALUES_AT + 64, &bound, 8);
-    memcpy(bytes + VALUES_AT + 72, &bound, 8);
-    put_u32(bytes, 24, crc32(bytes + 32, length - 32));
+    const double bound = 1e100;
+    put_number(bytes, "settings.smallest", bound);
+    put_number(bytes, "settings.largest", bound);
+    seal(bytes, length);
     instance->model = model_create(bytes, length, text);
     if (instance->model == NULL) {
         abort();

@@ -5,10 +5,11 @@ from __future__ import annotations
 import zlib
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from damaged_resource import HEAD, refusal, with_value
+from damaged_resource import put, refusal, with_arrays
 from flight_fmu import (
     FILTER,
     N_D,
@@ -28,7 +29,6 @@ from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimate
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.resource.filter import SECTION
 
 pytestmark = pytest.mark.fast
 STEP = 0.01
@@ -246,19 +246,19 @@ def test_time_constants_that_cannot_be(fmu: FlightFmu, value: float) -> None:
 
 
 @pytest.mark.parametrize(
-    ("at", "value", "expected"),
+    ("name", "change", "expected"),
     [
-        (0, np.uint32(63), "sizes cannot be"),
-        (12, np.uint32(2), "sizes cannot be"),
-        (16, np.uint32(999), "sizes cannot be"),
-        (32, np.float64(0.0), "value that cannot be"),
-        (32 + 6 * 8, np.float64(1.5), "value that cannot be"),
-        (-8, np.float64(np.nan), "value that cannot be"),
+        ("seen_load", lambda old: old[:-1], "expected "),
+        ("own", lambda old: np.ones((2, N_D)), "expected 0 to 1 values along axis 0, found 2"),
+        ("further_variance", lambda old: np.ones(999), "expected "),
+        ("rate", put(0, 0.0), "expected numbers above zero, found 0"),
+        ("white_navigation", np.float64(1.5), "expected a number from "),
+        ("noise", put((1, 1), 0.0), "expected numbers above zero, found 0"),
+        ("rest_load", put((-1, -1), np.nan), "holds a value that is not finite (number 24)"),
     ],
 )
-def test_a_section_that_cannot_be(
-    inverse_map: InverseMap, tmp_path: Path, at: int, value: np.generic, expected: str
+def test_what_cannot_be_is_refused(
+    inverse_map: InverseMap, tmp_path: Path, name: str, change: Any, expected: str
 ) -> None:
-    place = HEAD + at if at >= 0 else at
-    location = with_value(inverse_map, tmp_path, SECTION, place, value.tobytes())
-    assert expected in refusal(FlightFmu(location, N_D))
+    location = with_arrays(inverse_map, tmp_path, {f"filter.{name}": change})
+    assert f"'filter.{name}': {expected}" in refusal(FlightFmu(location, N_D))

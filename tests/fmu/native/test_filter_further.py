@@ -7,18 +7,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from damaged_resource import refusal, with_arrays
 from flight_fmu import FILTER, N_D, FlightFmu, FlightSample, check, random_flight, whole_map
 from further_maps import STATIONS, check_further, with_further_tables
-from raw_fmu import OK, write_resource
+from raw_fmu import OK
 
 from strainfmu.estimator.filter.flight_filter import FlightFilter
 from strainfmu.estimator.filter.settings import FilterSettings
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimate
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.resource import map_file
-from strainfmu.estimator.resource.filter import filter_section
-from strainfmu.estimator.tables.manifold_map import ManifoldMap
 from strainfmu.interface.estimator_variables import output_values
 
 pytestmark = pytest.mark.fast
@@ -96,13 +94,7 @@ def test_settings_and_state(fmu: FlightFmu, inverse_map: InverseMap) -> None:
     np.testing.assert_allclose(fmu.get_reals(OUTPUTS[2:]), loads[2:], rtol=1e-12)
 
 
-def test_a_filter_of_other_sections_is_refused(
-    inverse_map: InverseMap, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def without(inverse_map: InverseMap, manifold: ManifoldMap) -> bytes:
-        return filter_section(inverse_map, replace(manifold, further=None))
-
-    monkeypatch.setattr(map_file, "filter_section", without)
-    fmu = FlightFmu(write_resource(inverse_map, tmp_path).as_uri(), N_D)
-    assert fmu.instance.value is None
-    assert fmu.messages[-1][2].endswith("holds a filter of other section loads")
+def test_a_filter_of_other_sections_is_refused(inverse_map: InverseMap, tmp_path: Path) -> None:
+    fewer = {f"filter.further_{name}": lambda old: old[:0] for name in ("load", "cross", "variance")}
+    fmu = FlightFmu(with_arrays(inverse_map, tmp_path, fewer), N_D)
+    assert refusal(fmu).endswith("'filter.further_load': expected the section loads of the map")

@@ -5,13 +5,14 @@ from __future__ import annotations
 from ctypes import c_double
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from damaged_resource import refusal, with_value, written
+from damaged_resource import arrays_of, put, refusal, with_arrays
 from flight_fmu import FIRST, N_D, FlightFmu, FlightSample, check, random_flight, whole_map
 from further_maps import STATIONS, check_further, with_further_tables
-from raw_fmu import GUID, OK, Fmu3
+from raw_fmu import OK, Fmu3
 from thermal_maps import REFERENCE, with_temperature
 
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
@@ -19,8 +20,7 @@ from strainfmu.estimator.manifold.flight_estimate import FlightEstimate
 from strainfmu.estimator.manifold.tracker import FlightTracker
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.map.offers import has_further_outputs
-from strainfmu.estimator.resource.flight import LOADS_SECTION, SECTION
-from strainfmu.estimator.resource.map_file import native_resource
+from strainfmu.estimator.resource.map_file import map_arrays
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 from strainfmu.interface.estimator_variables import output_values
 from strainfmu.interface.further_variables import has_section_loads_by_strain_alone
@@ -148,32 +148,28 @@ def test_tables_without_loads_state_none(inverse_map: InverseMap) -> None:
     assert not has_further_outputs(older)
     assert has_section_loads_by_strain_alone(older)
     assert not has_section_loads_by_strain_alone(inverse_map)
-    assert LOADS_SECTION not in native_resource(older, GUID)
+    assert not any(name.startswith("flight_loads.") for name in map_arrays(older))
 
 
 @pytest.mark.parametrize(
-    ("at", "value", "text"),
+    ("name", "change", "text"),
     [
-        (24, b"\x05", "loads whose sizes"),
-        (24 + 4, b"\xff\xff\xff\xff", "loads whose sizes"),
-        (24 + 32 + 6, b"\xf8\x7f", "loads with a value"),
-        (0, b"FURTHER\0", "section that is not known"),
+        ("variance", lambda old: old[1:], "expected "),
+        ("table", lambda old: old[..., :-1], "expected "),
+        ("row", put(0, 1.0), "expected rows that ascend without a gap"),
+        ("variance", put(0, np.nan), "holds a value that is not finite (number 0)"),
     ],
 )
 def test_what_cannot_be_is_refused(
-    inverse_map: InverseMap, tmp_path: Path, at: int, value: bytes, text: str
+    inverse_map: InverseMap, tmp_path: Path, name: str, change: Any, text: str
 ) -> None:
-    location = with_value(inverse_map, tmp_path, LOADS_SECTION, at, value)
-    assert text in refusal(FlightFmu(location, N_D))
+    location = with_arrays(inverse_map, tmp_path, {f"flight_loads.{name}": change})
+    said = refusal(FlightFmu(location, N_D))
+    assert "'flight_loads." in said
+    assert text in said
 
 
 def test_tables_of_loads_go_with_those_of_strain(inverse_map: InverseMap, tmp_path: Path) -> None:
-    content = bytearray(native_resource(inverse_map, GUID))
-    start, end = content.rindex(LOADS_SECTION), content.rindex(b"FURTHER\0")
-    del content[start:end]
-    place = content.index(GUID.encode()) + 80 + 4 * 6  # number of sections
-    content[place] -= 1
-    content[16:24] = len(content).to_bytes(8, "little")
-    assert SECTION in content
-    said = refusal(FlightFmu(written(content, tmp_path), N_D))
-    assert "sections that do not go together" in said
+    without = {name: None for name in arrays_of(inverse_map) if name.startswith("flight_loads.")}
+    said = refusal(FlightFmu(with_arrays(inverse_map, tmp_path, without), N_D))
+    assert "parts that do not go together" in said

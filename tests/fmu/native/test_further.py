@@ -5,11 +5,12 @@ from __future__ import annotations
 from ctypes import c_double
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from agreement import estimated, random_samples
-from damaged_resource import refusal, with_value
+from damaged_resource import put, refusal, with_arrays
 from further_maps import STATIONS, check_further, with_own_further
 from native_case import NativeCase
 from raw_fmu import N_OUTPUTS, OK, Fmu2, Fmu3, first_zero, write_resource
@@ -17,7 +18,6 @@ from scaled_maps import whole_scaled_map
 from thermal_maps import REFERENCE, with_temperature
 
 from strainfmu.estimator.linear.estimator import Estimator
-from strainfmu.estimator.resource.further_loads import SECTION
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros, no_zeros
 from strainfmu.interface.further_variables import further_outputs
 
@@ -132,10 +132,13 @@ def test_arrays_of_fmi_3(six: NativeCase) -> None:
 
 
 @pytest.mark.parametrize(
-    ("at", "value", "text"), [(24, b"\x05\0", "number"), (24 + 32 + 6, b"\xf8\x7f", "a value")]
+    ("name", "change", "text"),
+    [
+        ("is_moment", lambda old: old[:5], "expected one for the body, and six for each section"),
+        ("unseen", lambda old: old[1:], "expected "),
+        ("unseen", put(0, np.nan), "holds a value that is not finite (number 0)"),
+    ],
 )
-def test_what_cannot_be_is_refused(six: NativeCase, tmp_path: Path, at: int, value: bytes, text: str) -> None:
-    location = with_value(six.inverse_map, tmp_path, SECTION, at, value)
-    said = refusal(Fmu2(location, six.n))
-    assert "holds further loads" in said
-    assert text in said
+def test_what_cannot_be_is_refused(six: NativeCase, tmp_path: Path, name: str, change: Any, text: str) -> None:
+    location = with_arrays(six.inverse_map, tmp_path, {f"further.{name}": change})
+    assert f"'further.{name}': {text}" in refusal(Fmu2(location, six.n))

@@ -6,10 +6,11 @@ from ctypes import c_double
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from damaged_resource import refusal, with_value
+from damaged_resource import put, refusal, with_arrays
 from deflected_shape import NAME, deflected, known_map
 from raw_fmu import OK, Fmu2, Fmu3, write_resource
 from shape_case import flown, grid_conditions, shape_structure
@@ -21,7 +22,6 @@ from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimate
 from strainfmu.estimator.manifold.tracker import FlightTracker
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.resource.parameter_tables import SECTION
 from strainfmu.interface.estimator_variables import estimator_arrays, estimator_interface, output_values
 from strainfmu.interface.filter_variables import FILTER_TIME_CONSTANT
 from strainfmu.interface.fmi_variables import value_references
@@ -310,25 +310,31 @@ def test_scalars_of_fmi_3(pair: Pair, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("at", "value", "text"),
+    ("name", "change", "text"),
     [
-        (24, b"\0", "sizes cannot be"),  # parameters
-        (24 + 8, b"\0", "sizes cannot be"),  # tables of the basis
-        (24 + 12, b"\0", "sizes cannot be"),  # further loads
-        (24 + 32, b"\0\0\0\0\0\0\xf8\x7f", "a value that cannot be"),  # the largest score
-        (24 + 32 + 24 + 24, np.float64(4.0).tobytes(), "a value that cannot be"),  # a power
-        (24 + 32 + 24, np.float64(1.0).tobytes(), "sizes cannot be"),  # its parameter, which there is not
-        (-8, b"\0\0\0\0\0\0\xf0\x7f", "a value that cannot be"),  # the last of the products
+        ("mean", lambda old: old[:0], "expected 1 to 64 values along axis 0, found 0"),
+        ("basis", lambda old: old[:, :-1], "expected "),
+        ("row_weight", lambda old: old[:, :, :-1], "expected "),
+        ("largest_score", np.float64(-1.0), "expected a number from 0 to "),
+        ("spread", put(0, -1.0), "expected no number below zero"),
+        ("power", put(0, 4.0), "expected parameters of the map, ascending, and powers to 3"),
+        ("parameter", put(0, 9.0), "expected parameters of the map, ascending, and powers to 3"),
+        ("product", lambda old: old[:-1], "expected "),
+        ("product", put((-1, -1), np.inf), "holds a value that is not finite"),
     ],
 )
-def test_what_cannot_be_is_refused(tmp_path: Path, at: int, value: bytes, text: str) -> None:
-    location = with_value(known_map(), tmp_path, SECTION, at, value)
-    assert text in refusal(Fmu2(location, known_map().n_gauges))
+def test_what_cannot_be_is_refused(tmp_path: Path, name: str, change: Any, text: str) -> None:
+    location = with_arrays(known_map(), tmp_path, {f"parameter_tables.{name}": change})
+    said = refusal(Fmu2(location, known_map().n_gauges))
+    assert "'parameter_tables." in said
+    assert text in said
 
 
-def test_a_section_of_other_parameters_is_refused(tmp_path: Path) -> None:
-    """The section of ranges is of one more than the tables."""
+def test_tables_of_other_parameters_are_refused(tmp_path: Path) -> None:
+    """The ranges are of one more than the tables."""
     more = {**known_map().provenance["parameters"], "flap_deg": [0.0, 1.0]}
     held = replace(known_map(), provenance={**known_map().provenance, "parameters": more})
     resources = write_resource(held, tmp_path)
-    assert "tables of other parameters" in refusal(Fmu2(resources.as_uri(), held.n_gauges))
+    assert "'parameter_tables.mean': expected the parameters of the map" in refusal(
+        Fmu2(resources.as_uri(), held.n_gauges)
+    )

@@ -7,10 +7,11 @@ from collections.abc import Iterator
 from ctypes import byref, c_bool, c_double
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from damaged_resource import HEAD, refusal, with_value
+from damaged_resource import put, refusal, with_arrays
 from linear_fmu import LinearFmu, LinearReference, LinearSample, differences, largest, linear_flight
 from raw_fmu import ERROR, N_OUTPUTS, OK, Fmu3, first_zero, write_resource
 from scaled_maps import scaled_map, whole_scaled_map
@@ -21,7 +22,6 @@ from strainfmu.estimator.estimates.load_estimate import LoadEstimate
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.linear.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.resource.linear_filter import LINEAR_SECTION
 from strainfmu.interface.estimator_variables import estimator_interface
 from strainfmu.interface.filter_variables import FILTER_TIME_CONSTANT
 
@@ -299,19 +299,19 @@ def test_time_constants_that_cannot_be(fmu: LinearFmu, value: float) -> None:
 
 
 @pytest.mark.parametrize(
-    ("at", "value", "expected"),
+    ("name", "change", "expected"),
     [
-        (0, np.uint32(0), "sizes cannot be"),
-        (0, np.uint32(5000), "sizes cannot be"),
-        (12, np.uint32(1), "sizes cannot be"),
-        (32, np.float64(0.0), "value that cannot be"),
-        (32 + 3 * 8, np.float64(-1.0), "value that cannot be"),
-        (-8, np.float64(np.nan), "value that cannot be"),
+        ("scaled", lambda old: old[:0], "expected 1 to 4096 values along axis 0, found 0"),
+        ("load", lambda old: old[:-1], "expected "),
+        ("n_modes", np.int32(5000), "expected a whole number from 0 to "),
+        ("slow", np.float64(0.0), "expected numbers above zero, found 0"),
+        ("largest_time", np.float64(1e-12), "expected a number above the smallest time"),
+        ("std", put(0, -1.0), "expected numbers above zero, found -1"),
+        ("rest_cross", put((-1, -1), np.nan), "holds a value that is not finite"),
     ],
 )
-def test_a_section_that_cannot_be(
-    inverse_map: InverseMap, tmp_path: Path, at: int, value: np.generic, expected: str
+def test_what_cannot_be_is_refused(
+    inverse_map: InverseMap, tmp_path: Path, name: str, change: Any, expected: str
 ) -> None:
-    place = HEAD + at if at >= 0 else at
-    fmu = LinearFmu(with_value(inverse_map, tmp_path, LINEAR_SECTION, place, value.tobytes()), N)
-    assert expected in refusal(fmu)
+    fmu = LinearFmu(with_arrays(inverse_map, tmp_path, {f"linear_filter.{name}": change}), N)
+    assert f"'linear_filter.{name}': {expected}" in refusal(fmu)

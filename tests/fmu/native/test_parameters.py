@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from ctypes import byref, c_double
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from agreement import estimated, random_samples
-from damaged_resource import refusal, with_value
+from damaged_resource import put, refusal, with_arrays
 from further_maps import STATIONS, with_own_further
 from native_case import NativeCase
 from parameter_maps import PARAMETERS, with_parameters
@@ -21,7 +22,6 @@ from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.linear.estimator import Estimator
 from strainfmu.estimator.linear.flow_parameters import flow_parameters
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.resource.parameters import SECTION
 from strainfmu.interface.input_names import NOT_KNOWN
 
 pytestmark = pytest.mark.fast
@@ -136,19 +136,17 @@ def test_scalars_of_fmi_3(case: NativeCase) -> None:
 
 
 @pytest.mark.parametrize(
-    ("at", "value", "text"),
+    ("name", "change", "text"),
     [
-        (24, b"\x05\0", "whose number cannot be"),
-        (24 + 32 + 6, b"\xf8\x7f", "a value that cannot be"),
-        (24 + 32 + 16 + 48, b"\0" * 8, "a value that cannot be"),  # the width of a range
-        (24 + 32 + 16 + 72, b"x" * 48, "a value that cannot be"),  # a name without an end
+        ("maximum", lambda old: old[:-1], "expected 3 numbers, found 2 numbers"),
+        ("maximum", put(1, -1e9), "expected no number below the minimum"),
+        ("span", put(1, 0.0), "expected numbers above zero, found 0"),
+        ("names", lambda old: np.where(old == 0, ord("x"), old), "expected texts with an end"),
     ],
 )
-def test_what_cannot_be_is_refused(case: NativeCase, tmp_path: Path, at: int, value: bytes, text: str) -> None:
-    location = with_value(case.inverse_map, tmp_path, SECTION, at, value)
-    said = refusal(Fmu2(location, case.n))
-    assert "holds parameters of the flow" in said
-    assert text in said
+def test_what_cannot_be_is_refused(case: NativeCase, tmp_path: Path, name: str, change: Any, text: str) -> None:
+    location = with_arrays(case.inverse_map, tmp_path, {f"parameters.{name}": change})
+    assert f"'parameters.{name}': {text}" in refusal(Fmu2(location, case.n))
 
 
 def test_derivatives_of_scores_and_of_zeros_in_use(case: NativeCase) -> None:

@@ -5,11 +5,12 @@ from __future__ import annotations
 from ctypes import byref, c_bool, c_double, c_int, c_size_t
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from agreement import Reference, Sample, random_samples
-from damaged_resource import refusal, with_value
+from damaged_resource import put, refusal, with_arrays
 from native_case import NativeCase
 from random_map import map_of, random_model
 from raw_fmu import N_OUTPUTS, OK, Fmu2, Fmu3, first_zero, of_filter, write_resource
@@ -20,7 +21,6 @@ from thermal_maps import with_temperature
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.map.sensors import SensorRows
-from strainfmu.estimator.resource.sensors import SECTION
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 from strainfmu.estimator.zeros.tare_edge import EdgeTare, TareState
 from strainfmu.interface.input_names import NOT_KNOWN
@@ -257,17 +257,15 @@ def test_fmi_3_has_each_sensor_as_a_scalar(case: NativeCase) -> None:
 
 
 @pytest.mark.parametrize(
-    ("at", "value", "text"),
+    ("name", "change", "text"),
     [
-        (24, b"\0", "whose number cannot be"),
-        (24, b"\x7f", "whose number cannot be"),
-        (24 + 32 + 6, b"\xf8\x7f", "a value that cannot be"),
-        (24 + 32, b"\0" * 8, "a value that cannot be"),  # a scale
-        (24 + 32 + 8 * N_S, b"\0" * 8, "a value that cannot be"),  # a range
+        ("scale", lambda old: np.ones(999), "expected 0 to "),
+        ("largest", lambda old: old[1:], "expected "),
+        ("thrust_response", put(0, np.nan), "holds a value that is not finite (number 0)"),
+        ("scale", put(0, 0.0), "expected numbers above zero, found 0"),
+        ("largest", put(1, 0.0), "expected numbers above zero, found 0"),
     ],
 )
-def test_what_cannot_be_is_refused(case: NativeCase, tmp_path: Path, at: int, value: bytes, text: str) -> None:
-    location = with_value(case.inverse_map, tmp_path, SECTION, at, value)
-    said = refusal(Fmu2(location, case.n))
-    assert "holds sensors" in said
-    assert text in said
+def test_what_cannot_be_is_refused(case: NativeCase, tmp_path: Path, name: str, change: Any, text: str) -> None:
+    location = with_arrays(case.inverse_map, tmp_path, {f"sensors.{name}": change})
+    assert f"'sensors.{name}': {text}" in refusal(Fmu2(location, case.n))

@@ -5,11 +5,12 @@ from __future__ import annotations
 from ctypes import byref, c_double
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from agreement import Reference, random_samples
-from damaged_resource import HEAD, refusal, with_flipped_bit, with_value
+from damaged_resource import put, refusal, with_arrays
 from flight_fmu import FILTER, N_D, FlightFmu, FlightSample, check, random_flight, tracked, whole_map
 from native_case import NativeCase
 from raw_fmu import OK, REAL_OUTPUTS, Fmu2, Fmu3, first_zero, write_resource
@@ -21,7 +22,6 @@ from strainfmu.estimator.manifold.flight_estimate import FlightEstimate
 from strainfmu.estimator.manifold.tracker import FlightTracker
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.map.temperature import ThermalMap
-from strainfmu.estimator.resource.temperature import SECTION
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros, no_zeros
 
 pytestmark = pytest.mark.fast
@@ -190,27 +190,15 @@ def test_derivatives_are_those_of_differences(hot: NativeCase) -> None:
 
 
 @pytest.mark.parametrize(
-    ("at", "text"),
+    ("name", "change", "text"),
     [
-        (0, "holds a section that is not known"),
-        (8, "length or checksum of a section is wrong"),
-        (16, "length or checksum of a section is wrong"),
-        (900, "length or checksum of a section is wrong"),
+        ("prior_std", lambda old: old[:0], "expected 1 to 4096 values along axis 0, found 0"),
+        ("prior_std", put(0, 0.0), "expected numbers above zero, found 0"),
+        ("sensor_operator", lambda old: old[:-1], "expected "),
+        ("mode_strain", put((0, 0), np.nan), "holds a value that is not finite (number 0)"),
+        ("isothermal_covariance", put((0, 0), -1.0), "expected numbers above zero, found -1"),
     ],
 )
-def test_damaged_section(hot: NativeCase, tmp_path: Path, at: int, text: str) -> None:
-    location = with_flipped_bit(hot.inverse_map, tmp_path, SECTION, at)
-    assert text in refusal(Fmu2(location, hot.n))
-
-
-@pytest.mark.parametrize(
-    ("at", "value", "text"),
-    [(0, b"\xff\xff\x00\x00", "sizes cannot be"), (32 + 16, b"\0" * 6 + b"\xf8\x7f", "a value")],
-)
-def test_sizes_and_values_that_cannot_be(
-    hot: NativeCase, tmp_path: Path, at: int, value: bytes, text: str
-) -> None:
-    location = with_value(hot.inverse_map, tmp_path, SECTION, HEAD + at, value)
-    said = refusal(Fmu2(location, hot.n))
-    assert "holds temperature modes" in said
-    assert text in said
+def test_what_cannot_be_is_refused(hot: NativeCase, tmp_path: Path, name: str, change: Any, text: str) -> None:
+    location = with_arrays(hot.inverse_map, tmp_path, {f"thermal.{name}": change})
+    assert f"'thermal.{name}': {text}" in refusal(Fmu2(location, hot.n))

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from damaged_resource import HEAD, refusal, with_value
+from damaged_resource import refusal, with_arrays
 from flight_fmu import N_D, FlightFmu, FlightSample, check, whole_map
 from further_maps import STATIONS, check_further, with_further_tables
 from raw_fmu import N_OUTPUTS, OK, Fmu2, Fmu3, write_resource
@@ -22,7 +22,6 @@ from strainfmu.estimator.filter.settings import FilterSettings
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.resource.filter import SECTION
 from strainfmu.interface.estimator_variables import estimator_arrays, estimator_interface, output_values
 from strainfmu.interface.filter_variables import FILTER_TIME_CONSTANT
 from strainfmu.interface.input_names import FLOW_INPUTS, NAVIGATION_INPUTS
@@ -209,7 +208,10 @@ def test_state_holds_what_was_known_of_the_temperature(fmu: FlightFmu, held: Inv
     other.free()
 
 
-@pytest.mark.parametrize(("modes", "expected"), [(5, "other temperature modes"), (99, "sizes cannot be")])
+@pytest.mark.parametrize(
+    ("modes", "expected"),
+    [(5, "expected that of the temperature modes"), (99, "expected a whole number from 0 to ")],
+)
 def test_a_filter_of_other_modes(held: InverseMap, tmp_path: Path, modes: int, expected: str) -> None:
-    location = with_value(held, tmp_path, SECTION, HEAD + 20, np.uint32(modes).tobytes())
+    location = with_arrays(held, tmp_path, {"filter.n_modes": np.int32(modes)})
     assert expected in refusal(FlightFmu(location, N_D))

@@ -1,5 +1,4 @@
-/* The filter over time in resources/map.bin: the content of a section, eight 32-bit sizes, then float64 values.
-   strainfmu/estimator/resource/filter.py writes it. */
+/* The filter over time of a nonlinear map, part "filter" of resources/map.bin. */
 
 #ifndef FILTER_MAP_H
 #define FILTER_MAP_H
@@ -38,7 +37,7 @@ typedef struct {
     const double *further_variance; /* (n_further) and of the loads */
 } FilterMap;
 
-/* Read the section. 1; 0 with a text that states what is wrong. */
-int filter_map_parse(const Section *section, size_t n_gauges, FilterMap *map, char text[MODEL_TEXT_SIZE]);
+/* Read the part. 1; 0 with a text that states what is wrong. */
+int filter_map_parse(MapFile *file, size_t n_gauges, FilterMap *map);
 
 #endif

@@ -3,7 +3,6 @@
 #include "linear_filter.h"
 
 #include <math.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -75,17 +74,14 @@ static void set_covariance(const LinearFilter *filter, size_t count, const doubl
     }
 }
 
-int linear_filter_create(const Section *section, size_t n_gauges, int wide, LinearFilter *filter,
-                         const Thermal *thermal, char text[MODEL_TEXT_SIZE]) {
+int linear_filter_create(MapFile *file, size_t n_gauges, int wide, LinearFilter *filter, const Thermal *thermal) {
     LinearFilterMap *map = &filter->map;
-    if (section->content == NULL) {
-        return 1;
+    if (!map_has(file, "linear_filter")) {
+        return file->good;
     }
-    if (!linear_filter_map_parse(section, n_gauges, map, text)) {
-        return 0;
-    }
-    if (map->n_modes != (thermal->present ? thermal->map.n_modes : 0)) {
-        snprintf(text, MODEL_TEXT_SIZE, "holds a filter of other temperature modes");
+    if (!linear_filter_map_parse(file, n_gauges, map)
+        || !map_require(file, map->n_modes == thermal->map.n_modes, "linear_filter.n_modes",
+                        "that of the temperature modes")) {
         return 0;
     }
     filter->thermal = thermal;
@@ -99,8 +95,7 @@ int linear_filter_create(const Section *section, size_t n_gauges, int wide, Line
     const size_t count = number_of_doubles(filter);
     filter->memory = calloc(1, ALIGNMENT + count * sizeof(double) + n_gauges);
     if (filter->memory == NULL) {
-        snprintf(text, MODEL_TEXT_SIZE, "needs more memory than there is");
-        return 0;
+        return map_no_memory(file);
     }
     unsigned char *start = filter->memory;
     double *doubles = (double *)(void *)(start + (ALIGNMENT - (uintptr_t)start % ALIGNMENT));

@@ -65,9 +65,8 @@ typedef struct {
     double *joseph;            /* (2, order, order) */
 } LinearFilter;
 
-/* Read the section, if there is one, and allocate. 1; 0 after a message. */
-int linear_filter_create(const Section *section, size_t n_gauges, int wide, LinearFilter *filter,
-                         const Thermal *thermal, char text[MODEL_TEXT_SIZE]);
+/* Read the part, if there is one, and allocate. 1; 0 after a message. */
+int linear_filter_create(MapFile *file, size_t n_gauges, int wide, LinearFilter *filter, const Thermal *thermal);
 void linear_filter_free(LinearFilter *filter);
 
 /* Forget all samples. */

@@ -1,63 +1,25 @@
 #include "linear_filter_map.h"
 
-#include <math.h>
-#include <stdio.h>
-
-#define N_FILTER_SIZES 8
-#define N_FILTER_SCALARS 3
 #define LARGEST_NUMBER 4096
 
-enum { N_SCALED, N_COMMON, N_OWN, N_REST, N_MODES, N_NUMBERS };
-
-static size_t number_of_doubles(const LinearFilterMap *map, size_t n) {
-    const size_t loads = N_LOADS, states = map->n_scaled + map->n_common;
-    return N_FILTER_SCALARS + states + map->n_scaled * (n + loads) + (map->n_common + map->n_own + map->n_rest) * n + n
-         + loads * n;
-}
-
-static int sensible_values(const LinearFilterMap *map, const double *values, size_t count, size_t n) {
-    int good = 1;
-    for (size_t i = 0; i < count; i++) {
-        good = good && isfinite(values[i]);
-    }
-    for (size_t k = 0; k < map->n_scaled + map->n_common; k++) {
-        good = good && map->std[k] > 0.0;
-    }
-    for (size_t g = 0; g < n; g++) {
-        good = good && map->noise[g] > 0.0;
-    }
-    return good && map->slow > 0.0 && map->smallest_time > 0.0 && map->largest_time > map->smallest_time;
-}
-
-int linear_filter_map_parse(const Section *section, size_t n_gauges, LinearFilterMap *map, char text[MODEL_TEXT_SIZE]) {
-    const unsigned char *content = section->content;
-    size_t *const size[N_NUMBERS] = {&map->n_scaled, &map->n_common, &map->n_own, &map->n_rest, &map->n_modes};
-    int good = section->length >= 4 * N_FILTER_SIZES;
-    for (size_t k = 0; good && k < N_NUMBERS; k++) {
-        *size[k] = u32_at(content, 4 * k);
-        good = *size[k] <= LARGEST_NUMBER;
-    }
-    good = good && map->n_scaled > 0 && map->n_modes <= map->n_common
-        && section->length == 4 * N_FILTER_SIZES + 8 * number_of_doubles(map, n_gauges);
-    if (!good) {
-        snprintf(text, MODEL_TEXT_SIZE, "holds a filter whose sizes cannot be");
-        return 0;
-    }
-    const double *values = (const double *)(const void *)(content + 4 * N_FILTER_SIZES), *next = values;
-    map->slow = *take_doubles(&next, 1);
-    map->smallest_time = *take_doubles(&next, 1);
-    map->largest_time = *take_doubles(&next, 1);
-    map->std = take_doubles(&next, map->n_scaled + map->n_common);
-    map->scaled = take_doubles(&next, map->n_scaled * n_gauges);
-    map->load = take_doubles(&next, map->n_scaled * N_LOADS);
-    map->common = take_doubles(&next, map->n_common * n_gauges);
-    map->own = take_doubles(&next, map->n_own * n_gauges);
-    map->rest = take_doubles(&next, map->n_rest * n_gauges);
-    map->noise = take_doubles(&next, n_gauges);
-    map->rest_cross = take_doubles(&next, N_LOADS * n_gauges);
-    if (!sensible_values(map, values, number_of_doubles(map, n_gauges), n_gauges)) {
-        snprintf(text, MODEL_TEXT_SIZE, "holds a filter with a value that cannot be");
-        return 0;
-    }
-    return 1;
+int linear_filter_map_parse(MapFile *file, size_t n_gauges, LinearFilterMap *map) {
+    const size_t n = n_gauges;
+    map->n_scaled = map_length(file, "linear_filter.scaled", 0, 1, LARGEST_NUMBER);
+    map->n_common = map_length(file, "linear_filter.common", 0, 0, LARGEST_NUMBER);
+    map->n_own = map_length(file, "linear_filter.own", 0, 0, LARGEST_NUMBER);
+    map->n_rest = map_length(file, "linear_filter.rest", 0, 0, LARGEST_NUMBER);
+    map->n_modes = map_count(file, "linear_filter.n_modes", 0, map->n_common);
+    map->slow = map_positive(file, "linear_filter.slow");
+    map->smallest_time = map_positive(file, "linear_filter.smallest_time");
+    map->largest_time = map_positive(file, "linear_filter.largest_time");
+    map->std = map_positives(file, "linear_filter.std", map->n_scaled + map->n_common);
+    map->scaled = map_doubles(file, "linear_filter.scaled", map->n_scaled, n);
+    map->load = map_doubles(file, "linear_filter.load", map->n_scaled, N_LOADS);
+    map->common = map_doubles(file, "linear_filter.common", map->n_common, n);
+    map->own = map_doubles(file, "linear_filter.own", map->n_own, n);
+    map->rest = map_doubles(file, "linear_filter.rest", map->n_rest, n);
+    map->noise = map_positives(file, "linear_filter.noise", n);
+    map->rest_cross = map_doubles(file, "linear_filter.rest_cross", N_LOADS, n);
+    return map_require(file, map->largest_time > map->smallest_time, "linear_filter.largest_time",
+                       "a number above the smallest time");
 }

@@ -1,5 +1,4 @@
-/* The filter over time of a linear map in resources/map.bin: the content of a section, eight 32-bit sizes, then float64
-   values. strainfmu/estimator/resource/linear_filter.py writes it. */
+/* The filter over time of a linear map, part "linear_filter" of resources/map.bin. */
 
 #ifndef LINEAR_FILTER_MAP_H
 #define LINEAR_FILTER_MAP_H
@@ -25,7 +24,7 @@ typedef struct {
     const double *rest_cross; /* (5, n_gauges) covariance of loads with strain of the directions not estimated */
 } LinearFilterMap;
 
-/* Read the section. 1; 0 with a text that states what is wrong. */
-int linear_filter_map_parse(const Section *section, size_t n_gauges, LinearFilterMap *map, char text[MODEL_TEXT_SIZE]);
+/* Read the part. 1; 0 with a text that states what is wrong. */
+int linear_filter_map_parse(MapFile *file, size_t n_gauges, LinearFilterMap *map);
 
 #endif

@@ -1,60 +1,40 @@
 #include "further_loads.h"
 
 #include <math.h>
-#include <stdio.h>
 #include <stdlib.h>
 
 #include "../estimator.h"
 #include "../numerics/triangles.h"
 #include "error_levels.h"
 
-#define N_FURTHER_SIZES 8
 #define MAX_LOADS 4096
 
-static size_t number_of_doubles(size_t m, size_t n, size_t states) {
-    return 5 * m + 2 * n * m + states * m;
+static int parse(MapFile *file, size_t n, size_t states, FurtherMap *map) {
+    const size_t m = map->n_loads = map_length(file, "further.is_moment", 0, 1, MAX_LOADS);
+    map_require(file, m % SECTION_LOADS == 1, "further.is_moment", "one for the body, and six for each section");
+    map->is_moment = map_doubles(file, "further.is_moment", m);
+    map->load = map_doubles(file, "further.load_per_direction", n, m);
+    map->unseen = map_doubles(file, "further.unseen", m);
+    map->fixed = map_doubles(file, "further.fixed_load", m);
+    map->of_mean = map_doubles(file, "further.load_of_mean", m);
+    map->load_per_state = map_doubles(file, "further.load_per_state", states, m);
+    map->spread_load = map_doubles(file, "further.spread_load", n, m);
+    map->spread_unseen = map_doubles(file, "further.spread_unseen", m);
+    return file->good;
 }
 
-static int parse(const Section *section, size_t n, size_t states, FurtherMap *map, char *text) {
-    const size_t values_at = 4 * N_FURTHER_SIZES;
-    const size_t m = section->length >= values_at ? u32_at(section->content, 0) : 0;
-    if (m < 1 || m > MAX_LOADS || (m - 1) % SECTION_LOADS != 0 || section->length != values_at + 8 * number_of_doubles(m, n, states)) {
-        snprintf(text, MODEL_TEXT_SIZE, "holds further loads whose number cannot be");
-        return 0;
+int further_create(MapFile *file, size_t n_gauges, size_t n_states, size_t n_levels, Further *further) {
+    if (!map_has(file, "further")) {
+        return file->good;
     }
-    const double *values = (const double *)(const void *)(section->content + values_at), *next = values;
-    map->n_loads = m;
-    map->is_moment = take_doubles(&next, m);
-    map->load = take_doubles(&next, n * m);
-    map->unseen = take_doubles(&next, m);
-    map->fixed = take_doubles(&next, m);
-    map->of_mean = take_doubles(&next, m);
-    map->load_per_state = take_doubles(&next, states * m);
-    map->spread_load = take_doubles(&next, n * m);
-    map->spread_unseen = take_doubles(&next, m);
-    for (size_t i = 0; i < number_of_doubles(m, n, states); i++) {
-        if (!isfinite(values[i])) {
-            snprintf(text, MODEL_TEXT_SIZE, "holds further loads with a value that cannot be");
-            return 0;
-        }
-    }
-    return 1;
-}
-
-int further_create(const Section *section, size_t n_gauges, size_t n_states, size_t n_levels, Further *further,
-                   char text[MODEL_TEXT_SIZE]) {
-    if (section->content == NULL) {
-        return 1;
-    }
-    if (!parse(section, n_gauges, n_states, &further->map, text)) {
+    if (!parse(file, n_gauges, n_states, &further->map)) {
         return 0;
     }
     const size_t m = further->map.n_loads, pairs = N_PAIRS * m;
     const size_t count = 2 * n_gauges * m + m + n_levels * pairs + 2 * m * n_gauges + pairs + n_gauges + N_FURTHER * m;
     further->memory = calloc(count, sizeof(double));
     if (further->memory == NULL) {
-        snprintf(text, MODEL_TEXT_SIZE, "needs more memory than there is");
-        return 0;
+        return map_no_memory(file);
     }
     further->own_load = further->memory;
     further->own_unseen = further->own_load + n_gauges * m;

@@ -1,8 +1,7 @@
 /* Linear outputs of a map in form "dynamic_pressure" beside the five loads: rolling moment, and loads of sections.
 
    The C counterpart of what strainfmu/estimator has of further loads (further_loads.py has their order);
-   strainfmu/estimator/resource/further_loads.py writes the section of resources/map.bin. They are computed when they are
-   read. */
+   they are part "further" of resources/map.bin, and computed when they are read. */
 
 #ifndef FURTHER_LOADS_H
 #define FURTHER_LOADS_H
@@ -45,9 +44,8 @@ typedef struct {
 
 struct Estimator;
 
-/* Read the section, if there is one, and allocate. 1; 0 after a message. */
-int further_create(const Section *section, size_t n_gauges, size_t n_states, size_t n_levels, Further *further,
-                   char text[MODEL_TEXT_SIZE]);
+/* Read the part, if there is one, and allocate. 1; 0 after a message. */
+int further_create(MapFile *file, size_t n_gauges, size_t n_states, size_t n_levels, Further *further);
 void further_free(Further *further);
 
 /* Of the linear estimator: load j, its variance and derivative by q_inf; what lost gauges add to the variance; products of

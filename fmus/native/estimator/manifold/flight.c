@@ -1,7 +1,6 @@
 #include "flight.h"
 
 #include <math.h>
-#include <stdio.h>
 #include <stdlib.h>
 
 #include "../../core/elementary.h"
@@ -14,43 +13,31 @@
 /* How good a solution is: strain does not fit, navigation is dropped with an alarm, neither. */
 enum { FITS_NOT, ALARMS, FITS };
 
-/* Read the sections. */
-static int parse(Estimator *e, char *text) {
+/* Read the parts. */
+static int parse(Estimator *e, MapFile *file) {
     Flight *flight = &e->flight;
     const size_t n = e->map.n_gauges, n_loads = e->further.map.n_loads;
-    const Section *section = e->map.section, *loads = section + FLIGHT_LOADS_SECTION;
-    const Section *of_known = section + KNOWN_SECTION, *of_filter = section + FILTER_SECTION;
+    FlightFurtherMap *loads = &flight->further.map;
     Known *known = &flight->known;
     Filter *filter = &flight->filter;
-    if (!flight_map_parse(section + FLIGHT_SECTION, n, &flight->map, text)) {
+    known->present = e->map.has_known;
+    filter->present = e->map.has_filter;
+    if (!flight_map_parse(file, n, &flight->map)
+        || (map_has(file, "flight_loads") && !flight_further_parse(file, &flight->map, n, n_loads, loads))
+        || (known->present && !known_map_parse(file, &flight->map, n, loads->tables.n_rows, &known->map))
+        || (filter->present && !filter_map_parse(file, n, &filter->map))) {
         return 0;
     }
-    if (loads->content != NULL && !flight_further_parse(loads, &flight->map, n, n_loads, &flight->further.map, text)) {
-        return 0;
+    if (known->present) {
+        map_require(file, known->map.n_parameters == e->parameters.count, "parameter_tables.mean",
+                    "the parameters of the map");
     }
-    const size_t n_rows = flight->further.map.tables.n_rows;
-    if (of_known->content != NULL && !known_map_parse(of_known, &flight->map, n, n_rows, &known->map, text)) {
-        return 0;
+    if (filter->present) {
+        map_require(file, filter->map.n_further == n_loads, "filter.further_load", "the section loads of the map");
+        map_require(file, filter->map.n_modes == e->thermal.map.n_modes, "filter.n_modes", "that of the temperature modes");
     }
-    if (known->map.n_parameters != (of_known->content != NULL ? e->parameters.count : 0)) {
-        snprintf(text, MODEL_TEXT_SIZE, "holds tables of other parameters of the flow");
-        return 0;
-    }
-    if (of_filter->content != NULL && !filter_map_parse(of_filter, n, &filter->map, text)) {
-        return 0;
-    }
-    if (of_filter->content != NULL && filter->map.n_further != n_loads) {
-        snprintf(text, MODEL_TEXT_SIZE, "holds a filter of other section loads");
-        return 0;
-    }
-    if (of_filter->content != NULL && filter->map.n_modes != (e->thermal.present ? e->thermal.map.n_modes : 0)) {
-        snprintf(text, MODEL_TEXT_SIZE, "holds a filter of other temperature modes");
-        return 0;
-    }
-    known->present = of_known->content != NULL;
-    known_lay_out(&flight->map.tables, &flight->further.map.tables, known);
-    filter->present = of_filter->content != NULL;
-    return 1;
+    known_lay_out(&flight->map.tables, &loads->tables, known);
+    return file->good;
 }
 
 /* One block for all arrays. */
@@ -90,17 +77,16 @@ static int allocate(Estimator *e) {
     return 1;
 }
 
-int flight_create(Estimator *e, char text[MODEL_TEXT_SIZE]) {
+int flight_create(Estimator *e, MapFile *file) {
     Flight *flight = &e->flight;
-    if (e->map.section[FLIGHT_SECTION].content == NULL) {
-        return 1;
+    if (!map_has(file, "flight")) {
+        return file->good;
     }
-    if (!parse(e, text)) {
+    if (!parse(e, file)) {
         return 0;
     }
     if (!allocate(e)) {
-        snprintf(text, MODEL_TEXT_SIZE, "needs more memory than there is");
-        return 0;
+        return map_no_memory(file);
     }
     for (size_t k = 0; k < N_STATES; k++) {
         flight->prior_std[k] = 1.0 / sqrt(flight->map.prior_precision[k]);

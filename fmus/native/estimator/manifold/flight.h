@@ -57,8 +57,8 @@ struct Estimator;
 size_t further_tangents_doubles(const TableMap *widest, size_t n_gauges);
 void further_tangents_arrays(Flight *flight, const FlightTables *widest, size_t n_gauges, double **doubles);
 
-/* Read the section of the tables, and allocate. 1; 0 after a message. */
-int flight_create(struct Estimator *e, char text[MODEL_TEXT_SIZE]);
+/* Read the parts of the tables, if there are any, and allocate. 1; 0 after a message. */
+int flight_create(struct Estimator *e, MapFile *file);
 void flight_free(Flight *flight);
 void flight_reset(Flight *flight);
 

@@ -1,45 +1,19 @@
 #include "flight_further.h"
 
 #include <math.h>
-#include <stdio.h>
 
 #include "../estimator.h"
 #include "../numerics/cholesky.h"
 #include "flight_ambiguity.h"
 
-#define N_FURTHER_SIZES 8
-
-static size_t number_of_doubles(const FlightFurtherMap *map, size_t n) {
-    const size_t m = map->tables.n_rows;
-    return table_doubles(&map->tables) + m * n + m;
-}
-
-int flight_further_parse(const Section *section, const FlightMap *flight, size_t n_gauges, size_t n_loads,
-                         FlightFurtherMap *map, char text[MODEL_TEXT_SIZE]) {
-    const size_t values_at = 4 * N_FURTHER_SIZES;
-    const int has_sizes = section->length >= values_at;
-    map->tables = flight->tables;
-    map->tables.n_rows = n_loads;
-    map->tables.n_channels = has_sizes ? u32_at(section->content, 4) : 0;
-    map->tables.n_terms = has_sizes ? u32_at(section->content, 8) : 0;
-    if (!has_sizes || u32_at(section->content, 0) != n_loads || !sensible_table_sizes(&map->tables)
-        || section->length != values_at + 8 * number_of_doubles(map, n_gauges)) {
-        snprintf(text, MODEL_TEXT_SIZE, "holds tables of further loads whose sizes cannot be");
-        return 0;
-    }
-    const double *values = (const double *)(const void *)(section->content + values_at), *next = values;
-    take_tables(&map->tables, &next);
-    map->strain_covariance = take_doubles(&next, map->tables.n_rows * n_gauges);
-    map->variance = take_doubles(&next, map->tables.n_rows);
-    int good = 1;
-    for (size_t i = 0; i < number_of_doubles(map, n_gauges); i++) {
-        good = good && isfinite(values[i]);
-    }
-    if (!good || !sensible_terms(&map->tables)) {
-        snprintf(text, MODEL_TEXT_SIZE, "holds tables of further loads with a value that cannot be");
-        return 0;
-    }
-    return 1;
+int flight_further_parse(MapFile *file, const FlightMap *flight, size_t n_gauges, size_t n_loads, FlightFurtherMap *map) {
+    map->tables = flight->tables; /* for the knots */
+    tables_parse(file, "flight_loads", n_loads, &map->tables);
+    map_require(file, map->tables.n_harmonics == flight->tables.n_harmonics, "flight_loads.table",
+                "the harmonics of the strains");
+    map->strain_covariance = map_doubles(file, "flight_loads.strain_covariance", n_loads, n_gauges);
+    map->variance = map_doubles(file, "flight_loads.variance", n_loads);
+    return file->good;
 }
 
 size_t flight_further_doubles(const FlightFurtherMap *map, size_t n_gauges) {

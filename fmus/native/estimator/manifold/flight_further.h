@@ -1,7 +1,7 @@
 /* Further loads over the flight state: rolling moment and loads of sections by the nonlinear estimator.
 
-   The C counterpart of strainfmu/estimator/manifold/further_estimate.py and tables/further_tables.py. The section of
-   resources/map.bin is written by strainfmu/estimator/resource/flight.py. Of strain off the tables they are those of
+   The C counterpart of strainfmu/estimator/manifold/further_estimate.py and tables/further_tables.py. They are part
+   "flight_loads" of resources/map.bin. Of strain off the tables they are those of
    further_loads.h. */
 
 #ifndef FLIGHT_FURTHER_H
@@ -24,9 +24,8 @@ typedef struct {
 
 struct Estimator;
 
-/* Read the section of n_loads loads beside the tables of `flight`. Return 1, or 0 with a text. */
-int flight_further_parse(const Section *section, const FlightMap *flight, size_t n_gauges, size_t n_loads,
-                         FlightFurtherMap *map, char text[MODEL_TEXT_SIZE]);
+/* Read the part of n_loads loads beside the tables of `flight`. 1; 0 with a text. */
+int flight_further_parse(MapFile *file, const FlightMap *flight, size_t n_gauges, size_t n_loads, FlightFurtherMap *map);
 
 /* Number of doubles that the arrays take, and handing them out, filled in. */
 size_t flight_further_doubles(const FlightFurtherMap *map, size_t n_gauges);

@@ -1,12 +1,12 @@
 /* Further parameters of the flow: their ranges, which the estimate does not use, and health does.
 
-   The C counterpart of strainfmu/estimator/linear/flow_parameters.py; strainfmu/estimator/resource/parameters.py writes the
-   section of resources/map.bin. */
+   The C counterpart of strainfmu/estimator/linear/flow_parameters.py; they are part
+   "parameters" of resources/map.bin. */
 
 #ifndef FLOW_PARAMETERS_H
 #define FLOW_PARAMETERS_H
 
-#include "sections.h"
+#include "container.h"
 
 #define PARAMETER_NAME_SIZE 48 /* bytes of a name in the file, with its final zero */
 
@@ -18,8 +18,8 @@ typedef struct {
     const char *names;                      /* (count, PARAMETER_NAME_SIZE) */
 } FlowParameters;
 
-/* Read the section, if there is one. 1; 0 after a message. */
-int flow_parameters_parse(const Section *section, FlowParameters *parameters, char text[MODEL_TEXT_SIZE]);
+/* Read the part, if there is one. 1; 0 after a message. */
+int flow_parameters_parse(MapFile *file, FlowParameters *parameters);
 
 /* Part of its range by which parameter `which` leaves it at a value, 0 inside and for NaN. */
 double parameter_score(const FlowParameters *parameters, size_t which, double value);

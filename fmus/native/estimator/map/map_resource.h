@@ -1,17 +1,13 @@
-/* The inverse map of an FMU: resources/map.bin, read and checked.
-
-   The file is little endian: a header of HEADER_SIZE bytes, N_SIZES 32-bit integers, then float64 arrays in the order
-   of Map; then sections of what not every map has. Arrays are each row by row unless they are described otherwise.
-   strainfmu/estimator/resource/map_file.py writes it, docs/explanation/native.md describes it. */
+/* The inverse map of an FMU as the linear estimator has it, of the arrays of resources/map.bin: parts "linear", "settings",
+   "envelope", "scaled", "scaled_errors". strainfmu/estimator/resource/map_file.py names them, docs/explanation/native.md
+   describes them. */
 
 #ifndef MAP_RESOURCE_H
 #define MAP_RESOURCE_H
 
 #include "../../core/atmosphere.h"
-#include "sections.h"
+#include "container.h"
 
-#define MAP_FORMAT_VERSION 4
-#define N_SIZES 8
 #define N_LOADS 5
 #define N_PAIRS 21 /* products c_a c_b, a <= b, of c = [1, the five coefficients] */
 
@@ -92,11 +88,10 @@ typedef struct {
     Envelope envelope;
     int scaled; /* whether the form is "dynamic_pressure"; if not, it is "absolute" and what follows is not set */
     ScaledForm form;
-    Section section[N_SECTION_KINDS]; /* of the tables over the flight state, of temperature modes, of further loads, of a tare */
+    int has_filter, has_known; /* whether there are a filter, and tables over further parameters of the flow */
 } Map;
 
-/* Read the header and arrays of bytes [length], which must be aligned as double and outlive map. Return 1, or 0 with
-   a text that states what is wrong. */
-int map_parse(const unsigned char *bytes, size_t length, Map *map, char text[MODEL_TEXT_SIZE]);
+/* Read a file that map_open has checked; the arrays of what not every map has stay for others. 1; 0 with a text. */
+int map_parse(MapFile *file, Map *map);
 
 #endif

@@ -1,17 +1,17 @@
 /* Sensors that are no strain gauges: the rows of a map behind those of the gauges, whose readings have units and ranges
    of their own.
 
-   The C counterpart of strainfmu/estimator/map/sensors.py; strainfmu/estimator/resource/sensors.py writes the section of
+   The C counterpart of strainfmu/estimator/map/sensors.py; it is part "sensors" of
    resources/map.bin. */
 
 #ifndef SENSOR_ROWS_H
 #define SENSOR_ROWS_H
 
-#include "sections.h"
+#include "container.h"
 
 /* Arrays are those of the rows behind the strain gauges, and point into the bytes of the file. */
 typedef struct {
-    size_t n_strains;      /* strain gauges: all rows of a map without the section */
+    size_t n_strains;      /* strain gauges: all rows of a map without the part */
     size_t count;          /* other rows */
     int has_thrust;        /* whether thrust moves a reading */
     const double *scale;   /* (count) reading per row [unit/(m/m)] */
@@ -19,8 +19,8 @@ typedef struct {
     const double *thrust_response; /* (count) [unit/N] */
 } SensorRows;
 
-/* Read the section of a map of n_gauges rows, if there is one. 1; 0 after a message. */
-int sensor_rows_parse(const Section *section, size_t n_gauges, SensorRows *rows, char text[MODEL_TEXT_SIZE]);
+/* Read the part of a map of n_gauges rows, if there is one. 1; 0 after a message. */
+int sensor_rows_parse(MapFile *file, size_t n_gauges, SensorRows *rows);
 
 /* What a sensor reads [unit], less what thrust [N] makes of it. */
 static inline double without_thrust(const SensorRows *rows, size_t which, double reading, double thrust) {

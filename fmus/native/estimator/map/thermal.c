@@ -1,7 +1,6 @@
 #include "thermal.h"
 
 #include <math.h>
-#include <stdio.h>
 #include <stdlib.h>
 
 #include "../numerics/dense.h"
@@ -9,68 +8,26 @@
 #include "../numerics/triangles.h"
 #include "../numerics/wide.h"
 
-#define N_THERMAL_SIZES 8
-#define N_THERMAL_SCALARS 4
 #define MAX_COUNT 4096
 #define ALIGNMENT 64
 
-enum { N_MODES, N_SENSORS, N_POWERS };
-
-static size_t number_of_doubles(const ThermalMap *map, size_t n) {
-    return N_THERMAL_SCALARS + map->n_modes + map->n_sensors + map->n_sensors * map->n_modes + map->n_powers
-         + 2 * n * map->n_modes + 2 * n * n;
-}
-
-static void take_arrays(ThermalMap *map, const double *next, size_t n) {
-    map->reference = *take_doubles(&next, 1);
-    map->largest_rise = *take_doubles(&next, 1);
-    map->gauge_factor_slope = *take_doubles(&next, 1);
-    map->modulus_slope = *take_doubles(&next, 1);
-    map->prior_std = take_doubles(&next, map->n_modes);
-    map->sensor_std = take_doubles(&next, map->n_sensors);
-    map->sensor_operator = take_doubles(&next, map->n_sensors * map->n_modes);
-    map->apparent_strain = take_doubles(&next, map->n_powers);
-    map->mode_strain = take_doubles(&next, n * map->n_modes);
-    map->gauge_operator = take_doubles(&next, n * map->n_modes);
-    map->isothermal = take_doubles(&next, n * n);
-    map->scaled = take_doubles(&next, n * n);
-}
-
-static int sensible_values(const ThermalMap *map, const double *values, size_t n) {
-    int good = map->largest_rise > 0.0;
-    for (size_t i = 0; i < number_of_doubles(map, n); i++) {
-        good = good && isfinite(values[i]);
-    }
-    for (size_t i = 0; i < map->n_modes + map->n_sensors; i++) { /* one array follows the other */
-        good = good && map->prior_std[i] > 0.0;
-    }
-    for (size_t i = 0; i < n; i++) {
-        good = good && map->isothermal[i * n + i] > 0.0;
-    }
-    return good;
-}
-
-static int parse(const Section *section, size_t n, ThermalMap *map, char *text) {
-    const size_t values_at = 4 * N_THERMAL_SIZES;
-    int good = section->length >= values_at;
-    if (good) {
-        map->n_modes = u32_at(section->content, 4 * N_MODES);
-        map->n_sensors = u32_at(section->content, 4 * N_SENSORS);
-        map->n_powers = u32_at(section->content, 4 * N_POWERS);
-        good = map->n_modes >= 1 && map->n_modes <= MAX_COUNT && map->n_sensors <= MAX_COUNT
-            && map->n_powers <= MAX_COUNT && section->length == values_at + 8 * number_of_doubles(map, n);
-    }
-    if (!good) {
-        snprintf(text, MODEL_TEXT_SIZE, "holds temperature modes whose sizes cannot be");
-        return 0;
-    }
-    const double *values = (const double *)(const void *)(section->content + values_at);
-    take_arrays(map, values, n);
-    if (!sensible_values(map, values, n)) {
-        snprintf(text, MODEL_TEXT_SIZE, "holds temperature modes with a value that cannot be");
-        return 0;
-    }
-    return 1;
+static int parse(MapFile *file, size_t n, ThermalMap *map) {
+    map->n_modes = map_length(file, "thermal.prior_std", 0, 1, MAX_COUNT);
+    map->n_sensors = map_length(file, "thermal.sensor_std", 0, 0, MAX_COUNT);
+    map->n_powers = map_length(file, "thermal.apparent_strain", 0, 0, MAX_COUNT);
+    map->reference = map_number(file, "thermal.reference_temperature");
+    map->largest_rise = map_positive(file, "thermal.largest_rise");
+    map->gauge_factor_slope = map_number(file, "thermal.gauge_factor_slope");
+    map->modulus_slope = map_number(file, "thermal.modulus_slope");
+    map->prior_std = map_positives(file, "thermal.prior_std", map->n_modes);
+    map->sensor_std = map_positives(file, "thermal.sensor_std", map->n_sensors);
+    map->sensor_operator = map_doubles(file, "thermal.sensor_operator", map->n_sensors, map->n_modes);
+    map->apparent_strain = map_doubles(file, "thermal.apparent_strain", map->n_powers);
+    map->mode_strain = map_doubles(file, "thermal.mode_strain", n, map->n_modes);
+    map->gauge_operator = map_doubles(file, "thermal.gauge_operator", n, map->n_modes);
+    map->isothermal = map_covariance(file, "thermal.isothermal_covariance", n);
+    map->scaled = map_doubles(file, "thermal.scaled_covariance", n, n);
+    return file->good;
 }
 
 /* Scratch of thermal_renew: C diag(s) / std of the known sensors, the root of what is left of the amplitudes, that of
@@ -81,12 +38,12 @@ static size_t scratch_doubles(const ThermalMap *map, size_t n) {
          + dense_columns(map->n_sensors) + ROWS;
 }
 
-int thermal_create(const Section *section, size_t n_gauges, int wide, Thermal *thermal, char text[MODEL_TEXT_SIZE]) {
+int thermal_create(MapFile *file, size_t n_gauges, int wide, Thermal *thermal) {
     ThermalMap *map = &thermal->map;
-    if (section->content == NULL) {
-        return 1;
+    if (!map_has(file, "thermal")) {
+        return file->good;
     }
-    if (!parse(section, n_gauges, map, text)) {
+    if (!parse(file, n_gauges, map)) {
         return 0;
     }
     const size_t rows = dense_rows(2 * n_gauges), columns = dense_columns(map->n_sensors), square = n_gauges * n_gauges;
@@ -95,8 +52,7 @@ int thermal_create(const Section *section, size_t n_gauges, int wide, Thermal *t
                        + scratch_doubles(map, n_gauges);
     thermal->memory = calloc(1, ALIGNMENT + count * sizeof(double) + map->n_sensors);
     if (thermal->memory == NULL) {
-        snprintf(text, MODEL_TEXT_SIZE, "needs more memory than there is");
-        return 0;
+        return map_no_memory(file);
     }
     unsigned char *start = thermal->memory;
     thermal->gain = (double *)(void *)(start + (ALIGNMENT - (uintptr_t)start % ALIGNMENT));

@@ -1,12 +1,12 @@
 /* Temperature at run time: what the wall's temperature strains, taken off the readings as far as sensors tell.
 
-   The C counterpart of strainfmu/estimator/map/temperature.py, which has the formulas;
-   strainfmu/estimator/resource/temperature.py writes the section of resources/map.bin. */
+   The C counterpart of strainfmu/estimator/map/temperature.py, which has the formulas; it is part "thermal"
+   of resources/map.bin. */
 
 #ifndef THERMAL_H
 #define THERMAL_H
 
-#include "sections.h"
+#include "container.h"
 
 /* Modes of n_gauges gauges; arrays point into the bytes of the file. */
 typedef struct {
@@ -44,8 +44,8 @@ typedef struct {
     double *scratch;
 } Thermal;
 
-/* Read the section, if there is one, and allocate. 1; 0 after a message. */
-int thermal_create(const Section *section, size_t n_gauges, int wide, Thermal *thermal, char text[MODEL_TEXT_SIZE]);
+/* Read the part, if there is one, and allocate. 1; 0 after a message. */
+int thermal_create(MapFile *file, size_t n_gauges, int wide, Thermal *thermal);
 void thermal_free(Thermal *thermal);
 
 /* Take the readings of the sensors [K]. Whether others are known than before: then thermal_renew comes next. */

@@ -1,14 +1,10 @@
 #include "flight_known_map.h"
 
-#include <math.h>
-#include <stdio.h>
+#include <float.h>
 
-#define N_KNOWN_SIZES 8
 #define MAX_PARAMETERS 64
 #define MAX_BASIS 65536
 #define MAX_POWER 3
-
-enum { N_PARAMETERS, N_POWERS, N_BASIS, N_FURTHER_ROWS };
 
 size_t known_product_size(const KnownMap *map, size_t n) {
     const size_t loads = N_LOADS, m = map->n_further;
@@ -26,39 +22,9 @@ static size_t number_of_products(const KnownMap *map) {
     return count;
 }
 
-static size_t basis_doubles(const KnownMap *map, const TableMap *tables) {
-    return map->n_basis * (tables->n_incidence + 2) * tables->n_harmonics * 2;
-}
-
-static size_t weight_doubles(const KnownMap *map, const TableMap *tables) {
-    return (tables->n_mach + 2) * map->n_powers * map->n_rows * map->n_basis;
-}
-
-/* But for the products. */
-static size_t leading_doubles(const KnownMap *map, const TableMap *tables) {
-    return 1 + 2 * map->n_parameters + 3 * map->n_powers + basis_doubles(map, tables) + weight_doubles(map, tables);
-}
-
-static void take_values(KnownMap *map, const TableMap *tables, const double **next) {
-    map->largest_score = *take_doubles(next, 1);
-    map->mean = take_doubles(next, map->n_parameters);
-    map->spread = take_doubles(next, map->n_parameters);
-    map->parameter = take_doubles(next, map->n_powers);
-    map->power = take_doubles(next, map->n_powers);
-    map->offset = take_doubles(next, map->n_powers);
-    map->basis = take_doubles(next, basis_doubles(map, tables));
-    map->row_weight = take_doubles(next, weight_doubles(map, tables));
-    map->product = *next;
-}
-
-static int sensible_values(const KnownMap *map, const double *values, size_t count) {
-    int good = map->largest_score >= 0.0;
-    for (size_t i = 0; i < count; i++) {
-        good = good && isfinite(values[i]);
-    }
-    for (size_t p = 0; p < map->n_parameters; p++) {
-        good = good && map->spread[p] >= 0.0;
-    }
+/* Of each power, by ascending parameters, its parameter and exponent. */
+static int sensible_powers(const KnownMap *map) {
+    int good = 1;
     for (size_t j = 0; j < map->n_powers; j++) {
         const double parameter = map->parameter[j], power = map->power[j];
         good = good && parameter >= (j > 0 ? map->parameter[j - 1] : 0.0) && parameter < (double)map->n_parameters
@@ -67,40 +33,32 @@ static int sensible_values(const KnownMap *map, const double *values, size_t cou
     return good;
 }
 
-/* The sizes; 0 where they cannot be. */
-static int take_sizes(const Section *section, const TableMap *tables, size_t n_further, KnownMap *map) {
-    if (section->length < 4 * N_KNOWN_SIZES) {
-        return 0;
-    }
-    map->n_parameters = u32_at(section->content, 4 * N_PARAMETERS);
-    map->n_powers = u32_at(section->content, 4 * N_POWERS);
-    map->n_basis = u32_at(section->content, 4 * N_BASIS);
+int known_map_parse(MapFile *file, const FlightMap *flight, size_t n_gauges, size_t n_further, KnownMap *map) {
+    const TableMap *tables = &flight->tables;
+    map->n_parameters = map_length(file, "parameter_tables.mean", 0, 1, MAX_PARAMETERS);
+    map->n_powers = map_length(file, "parameter_tables.power", 0, 0, MAX_POWER * map->n_parameters);
+    map->n_basis = map_length(file, "parameter_tables.basis", 0, 0, MAX_BASIS);
     map->n_further = n_further;
     map->n_rows = tables->n_rows + n_further;
-    return map->n_parameters >= 1 && map->n_parameters <= MAX_PARAMETERS
-        && map->n_powers <= MAX_POWER * map->n_parameters && map->n_basis <= MAX_BASIS
-        && u32_at(section->content, 4 * N_FURTHER_ROWS) == n_further;
-}
-
-int known_map_parse(const Section *section, const FlightMap *flight, size_t n_gauges, size_t n_further, KnownMap *map,
-                    char text[MODEL_TEXT_SIZE]) {
-    const size_t values_at = 4 * N_KNOWN_SIZES;
-    const TableMap *tables = &flight->tables;
-    int good = take_sizes(section, tables, n_further, map);
-    if (good && section->length >= values_at + 8 * leading_doubles(map, tables)) {
-        const double *values = (const double *)(const void *)(section->content + values_at), *next = values;
-        take_values(map, tables, &next);
-        const size_t count = leading_doubles(map, tables) + number_of_products(map) * known_product_size(map, n_gauges);
-        good = section->length == values_at + 8 * count;
-        if (good && !sensible_values(map, values, count)) {
-            snprintf(text, MODEL_TEXT_SIZE, "holds tables of known parameters with a value that cannot be");
-            return 0;
-        }
-    } else {
-        good = 0;
+    map->largest_score = map_between(file, "parameter_tables.largest_score", 0.0, DBL_MAX);
+    map->mean = map_doubles(file, "parameter_tables.mean", map->n_parameters);
+    map->spread = map_doubles(file, "parameter_tables.spread", map->n_parameters);
+    map->parameter = map_doubles(file, "parameter_tables.parameter", map->n_powers);
+    map->power = map_doubles(file, "parameter_tables.power", map->n_powers);
+    map->offset = map_doubles(file, "parameter_tables.offset", map->n_powers);
+    map->basis = map_doubles(file, "parameter_tables.basis", map->n_basis, tables->n_incidence + 2, tables->n_harmonics,
+                             2);
+    map->row_weight = map_doubles(file, "parameter_tables.row_weight", tables->n_mach + 2, map->n_powers, map->n_rows,
+                                  map->n_basis);
+    for (size_t p = 0; file->good && p < map->n_parameters; p++) {
+        map_require(file, map->spread[p] >= 0.0, "parameter_tables.spread", "no number below zero");
     }
-    if (!good) {
-        snprintf(text, MODEL_TEXT_SIZE, "holds tables of known parameters whose sizes cannot be");
+    if (!file->good
+        || !map_require(file, sensible_powers(map), "parameter_tables.parameter",
+                        "parameters of the map, ascending, and powers to 3")) {
+        return 0;
     }
-    return good;
+    map->product = map_doubles(file, "parameter_tables.product", number_of_products(map),
+                               known_product_size(map, n_gauges));
+    return file->good;
 }

@@ -1,5 +1,5 @@
-/* The section of resources/map.bin of further parameters of the flow: what each changes of strain and loads over the
-   flight state, and errors. strainfmu/estimator/resource/parameter_tables.py writes it. */
+/* Part "parameter_tables" of resources/map.bin: what each further parameter of the flow changes of strain and loads over
+   the flight state, and errors. strainfmu/estimator/tables/parameter_factors.py has the formulas. */
 
 #ifndef FLIGHT_KNOWN_MAP_H
 #define FLIGHT_KNOWN_MAP_H
@@ -21,9 +21,8 @@ typedef struct {
                                     spread of each */
 } KnownMap;
 
-/* Read the section beside the tables of strain. Return 1, or 0 with a text. */
-int known_map_parse(const Section *section, const FlightMap *flight, size_t n_gauges, size_t n_further, KnownMap *map,
-                    char text[MODEL_TEXT_SIZE]);
+/* Read the part beside the tables of strain. 1; 0 with a text. */
+int known_map_parse(MapFile *file, const FlightMap *flight, size_t n_gauges, size_t n_further, KnownMap *map);
 
 /* Products of strain, of loads with strain, of loads, of further loads with strain; variances of further loads. */
 size_t known_product_size(const KnownMap *map, size_t n_gauges);

@@ -1,10 +1,10 @@
-/* The tables over the flight state in resources/map.bin: the content of a section, eight 32-bit sizes of which the last
-   is zero, then float64 values. strainfmu/estimator/resource/flight.py writes it and has the formulas. */
+/* The tables over the flight state, part "flight" of resources/map.bin. strainfmu/estimator/tables/channel_tables.py has
+   the formulas. */
 
 #ifndef FLIGHT_MAP_H
 #define FLIGHT_MAP_H
 
-#include "../map/sections.h"
+#include "../map/container.h"
 
 #define N_STATES 4     /* of the flight state: M [1], u, w [rad], ln(p_inf / Pa) */
 #define N_NAVIGATION 3 /* M [1], p_inf [Pa], q_inf [Pa] */
@@ -61,14 +61,10 @@ typedef struct {
     const double *chi_square_limit;                     /* (n_gauges + 4) by degrees of freedom from 0 on */
 } FlightMap;
 
-/* Of tables whose sizes and knots are known: whether the numbers of channels and terms can be; the number of their
-   values without the knots; taking these; whether rows ascend without a gap and channels exist. */
-int sensible_table_sizes(const TableMap *tables);
-size_t table_doubles(const TableMap *tables);
-void take_tables(TableMap *tables, const double **next);
-int sensible_terms(const TableMap *tables);
+/* Read tables of n_rows rows of a part, whose knots are known. 1; 0 with a text. */
+int tables_parse(MapFile *file, const char *part, size_t n_rows, TableMap *tables);
 
-/* Read the section for n_gauges gauges. Return 1, or 0 with a text that states what is wrong. */
-int flight_map_parse(const Section *section, size_t n_gauges, FlightMap *map, char text[MODEL_TEXT_SIZE]);
+/* Read the part for n_gauges gauges. 1; 0 with a text that states what is wrong. */
+int flight_map_parse(MapFile *file, size_t n_gauges, FlightMap *map);
 
 #endif

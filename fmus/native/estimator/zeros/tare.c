@@ -1,5 +1,6 @@
 #include "tare.h"
 
+#include <float.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -7,53 +8,43 @@
 
 #include "tare_judge.h"
 
-#define N_LIMITS 10
-
-static int parse(const Section *section, size_t n, TareLimits *limits, char *text) {
-    const double *next = (const double *)(const void *)section->content;
-    int good = section->length == (N_LIMITS + 3 * n) * sizeof *next;
-    for (size_t k = 0; good && k < N_LIMITS + 3 * n; k++) {
-        const int is_noise = k >= N_LIMITS && k < N_LIMITS + n;
-        const int is_known = k >= N_LIMITS + n && k < N_LIMITS + 2 * n;
-        good = isfinite(next[k]) && (is_known || next[k] >= 0.0) && (!is_noise || next[k] > 0.0);
-    }
-    if (!good) {
-        snprintf(text, MODEL_TEXT_SIZE, "holds limits of a tare that cannot be");
-        return 0;
-    }
-    limits->dynamic_pressure = *take_doubles(&next, 1);
-    limits->zero = *take_doubles(&next, 1);
-    limits->drift = *take_doubles(&next, 1);
-    limits->least_samples = *take_doubles(&next, 1);
-    limits->least_part = *take_doubles(&next, 1);
-    limits->least_gauges = *take_doubles(&next, 1);
-    limits->own_factor = *take_doubles(&next, 1);
-    limits->moved = *take_doubles(&next, 1);
-    limits->loud = *take_doubles(&next, 1);
-    limits->like_load = *take_doubles(&next, 1);
-    limits->noise_std = take_doubles(&next, n);
-    limits->known = take_doubles(&next, n);
-    limits->known_std = take_doubles(&next, n);
-    if (limits->least_samples < 4.0 * LEAST_STRETCHES) {
-        snprintf(text, MODEL_TEXT_SIZE, "holds a tare of fewer samples than there can be");
-        return 0;
-    }
-    return 1;
+/* A limit: no number below zero. */
+static double take_limit(MapFile *file, const char *name, double least) {
+    return map_between(file, name, least, DBL_MAX);
 }
 
-int tare_create(const Section *section, size_t n_gauges, double largest_zero, Tare *tare, char text[MODEL_TEXT_SIZE]) {
-    const size_t n = n_gauges, zeros = 2 * n + 1, stretches = MAX_STRETCHES * n;
-    if (section->content == NULL) {
-        return 1;
+static int parse(MapFile *file, size_t n, TareLimits *limits) {
+    limits->dynamic_pressure = take_limit(file, "tare.dynamic_pressure", 0.0);
+    limits->zero = take_limit(file, "tare.zero", 0.0);
+    limits->drift = take_limit(file, "tare.drift", 0.0);
+    limits->least_samples = take_limit(file, "tare.least_samples", 4.0 * LEAST_STRETCHES);
+    limits->least_part = take_limit(file, "tare.least_part", 0.0);
+    limits->least_gauges = take_limit(file, "tare.least_gauges", 0.0);
+    limits->own_factor = take_limit(file, "tare.own_factor", 0.0);
+    limits->moved = take_limit(file, "tare.moved", 0.0);
+    limits->loud = take_limit(file, "tare.loud", 0.0);
+    limits->like_load = take_limit(file, "tare.like_load", 0.0);
+    limits->noise_std = map_positives(file, "tare.noise_std", n);
+    limits->known = map_doubles(file, "tare.known_strain", n);
+    limits->known_std = map_doubles(file, "tare.known_std", n);
+    for (size_t i = 0; file->good && i < n; i++) {
+        map_require(file, limits->known_std[i] >= 0.0, "tare.known_std", "no number below zero");
     }
-    if (!parse(section, n, &tare->limits, text)) {
+    return file->good;
+}
+
+int tare_create(MapFile *file, size_t n_gauges, double largest_zero, Tare *tare) {
+    const size_t n = n_gauges, zeros = 2 * n + 1, stretches = MAX_STRETCHES * n;
+    if (!map_has(file, "tare")) {
+        return file->good;
+    }
+    if (!parse(file, n, &tare->limits)) {
         return 0;
     }
     const size_t count = zeros + window_doubles(n) + 2 * n + stretches + n + judge_doubles(n);
     tare->memory = calloc(1, count * sizeof(double) + n);
     if (tare->memory == NULL) {
-        snprintf(text, MODEL_TEXT_SIZE, "needs more memory than there is");
-        return 0;
+        return map_no_memory(file);
     }
     tare->zero = tare->memory;
     window_arrays(&tare->window, n, tare->zero + zeros);

@@ -1,17 +1,17 @@
 /* A tare by the edges of the input `tare`: while it is true readings are averaged, then judged, and become the zeros.
 
-   The C counterpart of strainfmu/estimator/zeros/tare_edge.py, and of tare.py, which has the formulas;
-   strainfmu/estimator/resource/tare.py writes the section of resources/map.bin. */
+   The C counterpart of strainfmu/estimator/zeros/tare_edge.py, and of tare.py, which has the formulas; it
+   is part "tare" of resources/map.bin. */
 
 #ifndef TARE_H
 #define TARE_H
 
-#include "../map/sections.h"
+#include "../map/container.h"
 #include "tare_window.h"
 
 enum { TARE_IDLE, TARE_AVERAGING, TARE_DONE, TARE_REFUSED };
 
-/* Of the section; the arrays point into the bytes of the file. */
+/* Of the map; the arrays point into the bytes of the file. */
 typedef struct {
     double dynamic_pressure, zero, drift; /* largest [Pa], [1], and rise over the window [1] */
     double least_samples, least_part, least_gauges, own_factor, moved, loud, like_load;
@@ -26,7 +26,7 @@ typedef struct {
 } TareFlags;
 
 typedef struct {
-    int present; /* whether the map has the section; if not, nothing else is set */
+    int present; /* whether the map has the part; if not, nothing else is set */
     size_t n_gauges;
     double largest_zero; /* [1] */
     TareLimits limits;
@@ -41,8 +41,8 @@ typedef struct {
     char text[MODEL_TEXT_SIZE];
 } Tare;
 
-/* Read the section, if there is one, and allocate. 1; 0 after a message. */
-int tare_create(const Section *section, size_t n_gauges, double largest_zero, Tare *tare, char text[MODEL_TEXT_SIZE]);
+/* Read the part, if there is one, and allocate. 1; 0 after a message. */
+int tare_create(MapFile *file, size_t n_gauges, double largest_zero, Tare *tare);
 void tare_free(Tare *tare);
 void tare_reset(Tare *tare);
 

@@ -1,44 +1,15 @@
-"""Tables of further parameters of the flow as the native FMU reads them: a section of ``resources/map.bin``.
-
-The content of the section is eight 32-bit sizes, of which the last is zero, and float64 values in the order of
-:func:`parameter_tables_section`. ``fmus/native/estimator/tables/flight_known.h`` describes them to the C code.
-"""
+"""Tables of flow parameters as the compiled estimator has them: sums of few tables, and products of errors."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.manifold.estimator import LARGEST_USED_SCORE
 from strainfmu.estimator.numerics.fixed_order import product
-from strainfmu.estimator.resource.sections import section, sized_numbers
-from strainfmu.estimator.tables.manifold_map import ManifoldMap
 from strainfmu.estimator.tables.parameter_tables import ParameterTables
-
-SECTION = b"KNOWN\0\0\0"
-
 
 ROUND_OFF = 1e-13
 """Rest of a table, in parts of its row's largest value, that counts as none."""
-
-
-def parameter_tables_section(manifold: ManifoldMap, tables: ParameterTables, n_further: int) -> bytes:
-    """Return the section of the parameters' ``tables``, with those of ``n_further`` further loads, all or none."""
-    powers, n = tables.powers, manifold.response.shape[2] + n_further
-    basis, weight = factors(tables.slope[:, :, :, :n])
-    numbers = (
-        np.array([LARGEST_USED_SCORE]),
-        powers.mean,
-        powers.spread,
-        np.asarray(powers.parameter, dtype=float),
-        np.asarray(powers.power, dtype=float),
-        powers.offset,
-        basis,
-        weight,
-        *_products(tables, manifold.tables.n_gauges, n_further),
-    )
-    sizes = (len(powers.mean), len(powers.power), len(basis), n_further)
-    return section(SECTION, sized_numbers(sizes, numbers))
 
 
 def factors(slope: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -76,8 +47,11 @@ def factors(slope: FloatArray) -> tuple[FloatArray, FloatArray]:
     return found, of_rows
 
 
-def _products(tables: ParameterTables, n_d: int, n_further: int) -> list[FloatArray]:
-    """Return products of errors: of what no parameter makes, pairs of one parameter's powers, each spread."""
+def error_products(tables: ParameterTables, n_d: int, n_further: int) -> FloatArray:
+    """Return (k, size) products of errors.
+
+    They are of what no parameter makes, of pairs of one parameter's powers, and of each spread.
+    """
     found, powers = [_product(tables.error, tables.error, n_d, n_further)], powers_of(tables)
     for own in powers:
         for first, a in enumerate(own):
@@ -86,7 +60,7 @@ def _products(tables: ParameterTables, n_d: int, n_further: int) -> list[FloatAr
                 if a != b:
                     both = both + _product(tables.unit_error[b], tables.unit_error[a], n_d, n_further)
                 found.append(both)
-    return [*found, *(_product(one, one, n_d, n_further) for one in tables.spread_error)]
+    return np.array([*found, *(_product(one, one, n_d, n_further) for one in tables.spread_error)])
 
 
 def powers_of(tables: ParameterTables) -> list[list[int]]:

@@ -1,0 +1,302 @@
+#include "container.h"
+
+#include <math.h>
+#include <stdarg.h>
+#include <stdio.h>
+
+#define COUNT_AT 32
+#define TABLE_AT 48
+#define NAME_SIZE 48
+#define MOST_AXES 4
+#define ENTRY_SIZE 80
+#define ALIGNMENT 16
+
+enum { DOUBLES, INTEGERS, TEXTS, N_KINDS };
+enum { KIND_AT = NAME_SIZE, RANK_AT = 52, SHAPE_AT = 56, POSITION_AT = 72 }; /* in an entry */
+
+static const char MAGIC[8] = "SFMUMAP";
+static const size_t SIZE_OF[N_KINDS] = {8, 4, 1};
+
+static int refuse(MapFile *file, const char *format, ...) {
+    if (file->good) {
+        va_list arguments;
+        va_start(arguments, format);
+        vsnprintf(file->text, MODEL_TEXT_SIZE, format, arguments);
+        va_end(arguments);
+    }
+    file->good = 0;
+    return 0;
+}
+
+static const unsigned char *entry_of(const MapFile *file, size_t k) {
+    return file->bytes + TABLE_AT + k * ENTRY_SIZE;
+}
+
+static const char *name_of(const MapFile *file, size_t k) {
+    return (const char *)entry_of(file, k);
+}
+
+static size_t length_along(const unsigned char *entry, size_t axis) {
+    return u32_at(entry, SHAPE_AT + 4 * axis);
+}
+
+static const unsigned char *content_of(const MapFile *file, const unsigned char *entry) {
+    uint64_t position;
+    memcpy(&position, entry + POSITION_AT, sizeof position);
+    return file->bytes + position;
+}
+
+/* Number of values of a checked entry. */
+static size_t values_of(const unsigned char *entry) {
+    size_t count = 1;
+    for (size_t axis = 0; axis < u32_at(entry, RANK_AT); axis++) {
+        count *= length_along(entry, axis);
+    }
+    return count;
+}
+
+/* Whether a name can be: letters, figures, and behind the one before it. */
+static int check_name(MapFile *file, size_t k) {
+    static const char SIGNS[] = "abcdefghijklmnopqrstuvwxyz0123456789_.";
+    const char *name = name_of(file, k);
+    const char *end = memchr(name, '\0', NAME_SIZE);
+    if (end == NULL || end == name || strspn(name, SIGNS) != (size_t)(end - name)) {
+        return refuse(file, "holds a name that cannot be (array %lu)", (unsigned long)k);
+    }
+    if (k > 0 && strcmp(name_of(file, k - 1), name) >= 0) {
+        return refuse(file, "'%s': stands twice or out of order", name);
+    }
+    return 1;
+}
+
+static int check_finite(MapFile *file, const char *name, const double *value, size_t count) {
+    for (size_t i = 0; i < count; i++) {
+        if (!isfinite(value[i])) {
+            return refuse(file, "'%s': holds a value that is not finite (number %lu)", name, (unsigned long)i);
+        }
+    }
+    return 1;
+}
+
+/* Check an entry whose array is to begin at *next, and move that to its end. */
+static int check_entry(MapFile *file, size_t k, size_t length, size_t *next) {
+    if (!check_name(file, k)) {
+        return 0;
+    }
+    const unsigned char *entry = entry_of(file, k);
+    const size_t kind = u32_at(entry, KIND_AT), rank = u32_at(entry, RANK_AT), room = length - *next;
+    int good = kind < N_KINDS && rank <= MOST_AXES;
+    size_t count = 1;
+    for (size_t axis = 0; good && axis < MOST_AXES; axis++) {
+        const size_t along = length_along(entry, axis);
+        good = axis < rank ? along == 0 || count <= length / along : along == 0;
+        count *= axis < rank ? along : 1;
+    }
+    uint64_t position;
+    memcpy(&position, entry + POSITION_AT, sizeof position);
+    if (!good || position != *next || count > room / SIZE_OF[kind]) {
+        return refuse(file, "'%s': kind, lengths or position cannot be", name_of(file, k));
+    }
+    const size_t size = count * SIZE_OF[kind], padded = size + (ALIGNMENT - size % ALIGNMENT) % ALIGNMENT;
+    if (padded > room) {
+        return refuse(file, "'%s': ends behind the file", name_of(file, k));
+    }
+    *next += padded;
+    return kind != DOUBLES
+        || check_finite(file, name_of(file, k), (const double *)(const void *)content_of(file, entry), count);
+}
+
+int map_open(MapFile *file, const unsigned char *bytes, size_t length, char text[MODEL_TEXT_SIZE]) {
+    memset(file, 0, sizeof *file);
+    file->bytes = bytes;
+    file->text = text;
+    file->good = resource_check(bytes, length, MAGIC, MAP_FORMAT_VERSION, "map", text);
+    if (!file->good) {
+        return 0;
+    }
+    const size_t count = u32_at(bytes, COUNT_AT);
+    if (count > MOST_ARRAYS || length < TABLE_AT + count * ENTRY_SIZE) {
+        return refuse(file, "has a table of %lu arrays, which cannot be", (unsigned long)count);
+    }
+    file->count = count;
+    size_t next = TABLE_AT + count * ENTRY_SIZE;
+    for (size_t k = 0; k < count; k++) {
+        if (!check_entry(file, k, length, &next)) {
+            return 0;
+        }
+    }
+    return next == length ? 1 : refuse(file, "holds bytes that no array has");
+}
+
+/* The first array whose name is not less than this one. */
+static size_t place_of(const MapFile *file, const char *name) {
+    size_t low = 0, high = file->count;
+    while (low < high) {
+        const size_t middle = low + (high - low) / 2;
+        if (strcmp(name_of(file, middle), name) < 0) {
+            low = middle + 1;
+        } else {
+            high = middle;
+        }
+    }
+    return low;
+}
+
+int map_has(const MapFile *file, const char *part) {
+    char prefix[NAME_SIZE];
+    const int size = snprintf(prefix, sizeof prefix, "%s.", part);
+    const size_t k = place_of(file, prefix);
+    return k < file->count && strncmp(name_of(file, k), prefix, (size_t)size) == 0;
+}
+
+/* The entry of an array that must be there; NULL if something is wrong. */
+static const unsigned char *find(MapFile *file, const char *name) {
+    const size_t k = place_of(file, name);
+    if (k == file->count || strcmp(name_of(file, k), name) != 0) {
+        refuse(file, "'%s': is missing", name);
+    }
+    if (!file->good) {
+        return NULL;
+    }
+    file->is_taken[k] = 1;
+    return entry_of(file, k);
+}
+
+/* Kind and shape in words. */
+static void describe(char *out, size_t size, size_t kind, const size_t *shape, size_t rank) {
+    static const char *const WORDS[N_KINDS] = {"number", "whole number", "byte"};
+    size_t used = 0;
+    for (size_t axis = 0; axis < rank && used < size; axis++) {
+        used += (size_t)snprintf(out + used, size - used, axis > 0 ? " x %lu" : "%lu", (unsigned long)shape[axis]);
+    }
+    if (used < size) {
+        snprintf(out + used, size - used, rank > 0 ? " %ss" : "one %s", WORDS[kind]);
+    }
+}
+
+/* The content of an array of a kind and shape; NULL if something is wrong. */
+static const void *take(MapFile *file, const char *name, size_t kind, const size_t *shape, size_t rank) {
+    const unsigned char *entry = find(file, name);
+    if (entry == NULL) {
+        return NULL;
+    }
+    const size_t found_kind = u32_at(entry, KIND_AT), found_rank = u32_at(entry, RANK_AT);
+    size_t found_shape[MOST_AXES];
+    int same = found_kind == kind && found_rank == rank;
+    for (size_t axis = 0; axis < found_rank; axis++) {
+        found_shape[axis] = length_along(entry, axis);
+        same = same && found_shape[axis] == shape[axis];
+    }
+    if (!same) {
+        char expected[80], found[80];
+        describe(expected, sizeof expected, kind, shape, rank);
+        describe(found, sizeof found, found_kind, found_shape, found_rank);
+        refuse(file, "'%s': expected %s, found %s", name, expected, found);
+        return NULL;
+    }
+    return content_of(file, entry);
+}
+
+size_t map_length(MapFile *file, const char *name, size_t axis, size_t least, size_t most) {
+    const unsigned char *entry = find(file, name);
+    if (entry == NULL) {
+        return 0;
+    }
+    const size_t found = axis < u32_at(entry, RANK_AT) ? length_along(entry, axis) : 0;
+    if (found < least || found > most) {
+        refuse(file, "'%s': expected %lu to %lu values along axis %lu, found %lu", name, (unsigned long)least,
+               (unsigned long)most, (unsigned long)axis, (unsigned long)found);
+        return 0;
+    }
+    return found;
+}
+
+double map_number(MapFile *file, const char *name) {
+    const double *value = take(file, name, DOUBLES, NULL, 0);
+    return value != NULL ? *value : 0.0;
+}
+
+double map_positive(MapFile *file, const char *name) {
+    const double *value = map_positives_of(file, name, NULL, 0);
+    return value != NULL ? *value : 0.0;
+}
+
+double map_between(MapFile *file, const char *name, double low, double high) {
+    const double value = map_number(file, name);
+    if (file->good && !(value >= low && value <= high)) {
+        refuse(file, "'%s': expected a number from %g to %g, found %g", name, low, high, value);
+    }
+    return value;
+}
+
+size_t map_count(MapFile *file, const char *name, size_t least, size_t most) {
+    int32_t value = 0;
+    const void *content = take(file, name, INTEGERS, NULL, 0);
+    if (content == NULL) {
+        return 0;
+    }
+    memcpy(&value, content, sizeof value);
+    if (value < 0 || (size_t)value < least || (size_t)value > most) {
+        refuse(file, "'%s': expected a whole number from %lu to %lu, found %ld", name, (unsigned long)least,
+               (unsigned long)most, (long)value);
+        return 0;
+    }
+    return (size_t)value;
+}
+
+const double *map_doubles_of(MapFile *file, const char *name, const size_t *shape, size_t rank) {
+    return take(file, name, DOUBLES, shape, rank);
+}
+
+/* Require values, `step` apart, above zero. */
+static const double *check_positive(MapFile *file, const char *name, const double *value, size_t count, size_t step) {
+    for (size_t i = 0; value != NULL && i < count; i++) {
+        if (!(value[i * step] > 0.0)) {
+            refuse(file, "'%s': expected numbers above zero, found %g (number %lu)", name, value[i * step],
+                   (unsigned long)(i * step));
+            return NULL;
+        }
+    }
+    return value;
+}
+
+const double *map_positives_of(MapFile *file, const char *name, const size_t *shape, size_t rank) {
+    const double *value = take(file, name, DOUBLES, shape, rank);
+    return check_positive(file, name, value, value != NULL ? values_of(entry_of(file, place_of(file, name))) : 0, 1);
+}
+
+const double *map_covariance(MapFile *file, const char *name, size_t n) {
+    return check_positive(file, name, map_doubles(file, name, n, n), n, n + 1);
+}
+
+void map_copy(MapFile *file, const char *name, size_t count, double *values) {
+    const double *found = map_doubles(file, name, count);
+    if (found != NULL) {
+        memcpy(values, found, count * sizeof *values);
+    }
+}
+
+const char *map_texts(MapFile *file, const char *name, size_t rows, size_t width) {
+    const char *text = take(file, name, TEXTS, (const size_t[]){rows, width}, 2);
+    for (size_t row = 0; text != NULL && row < rows; row++) {
+        map_require(file, memchr(text + row * width, '\0', width) != NULL, name, "texts with an end");
+    }
+    return text;
+}
+
+int map_require(MapFile *file, int condition, const char *name, const char *expected) {
+    return condition ? file->good : refuse(file, "'%s': expected %s", name, expected);
+}
+
+int map_no_memory(MapFile *file) {
+    return refuse(file, "needs more memory than there is");
+}
+
+int map_close(MapFile *file) {
+    for (size_t k = 0; k < file->count; k++) {
+        if (!file->is_taken[k]) {
+            return refuse(file, "'%s': is no array of this map", name_of(file, k));
+        }
+    }
+    return file->good;
+}

@@ -1,0 +1,210 @@
+"""The arrays of ``map.bin`` that a nonlinear map adds: its tables, section loads, flow parameters, filter."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import log
+
+import numpy as np
+
+from strainfmu.atmosphere import HEAT_CAPACITY_RATIO
+from strainfmu.estimator.filter.consistency import BAND, LARGEST, NARROW, WIDEN, WINDOW
+from strainfmu.estimator.filter.flight_model import flight_model
+from strainfmu.estimator.filter.flight_track import LONGEST_STEP, OF_AGE
+from strainfmu.estimator.filter.named_navigation import FITS, NAMED_AFTER
+from strainfmu.estimator.filter.settings import LARGEST as LARGEST_TIME
+from strainfmu.estimator.filter.settings import RATE_TIME, SLOPE_TIME, SLOW, FilterSettings
+from strainfmu.estimator.filter.settings import SMALLEST as SMALLEST_TIME
+from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, chi_square_limit
+from strainfmu.estimator.linear.isolation import outlier_threshold
+from strainfmu.estimator.manifold.air_data import MIN_GAIN, MIN_INCIDENCE_SCORE
+from strainfmu.estimator.manifold.estimator import LARGEST_USED_SCORE
+from strainfmu.estimator.manifold.flight_health import RANGE_TOLERANCE, outside_score, shape_limit
+from strainfmu.estimator.manifold.gauss_newton import LARGEST_STEP
+from strainfmu.estimator.manifold.navigation import FALSE_ALARMS, NAVIGATION, NAVIGATION_ALARM, prior
+from strainfmu.estimator.manifold.solve import COLD_ITERATIONS, START_ITERATIONS, WARM_ITERATIONS
+from strainfmu.estimator.manifold.tracker import RETURN_AFTER, SEARCH_EVERY
+from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.map.offers import has_further_outputs
+from strainfmu.estimator.numerics.fixed_order import product
+from strainfmu.estimator.resource.container import Values
+from strainfmu.estimator.tables.channel_tables import channel_tables
+from strainfmu.estimator.tables.flight_tables import MIN_INCIDENCE
+from strainfmu.estimator.tables.further_tables import FurtherTables
+from strainfmu.estimator.tables.manifold_map import ManifoldMap
+from strainfmu.estimator.tables.parameter_factors import error_products, factors
+from strainfmu.estimator.tables.parameter_tables import ParameterTables
+
+
+def nonlinear_parts(inverse_map: InverseMap) -> dict[str, Values]:
+    """Return the parts of the tables of ``inverse_map`` by name; none of a linear map."""
+    manifold = inverse_map.manifold
+    if manifold is None:
+        return {}
+    if not has_further_outputs(inverse_map):
+        manifold = replace(manifold, further=None)
+    parts: dict[str, Values] = {
+        "flight": {
+            **_tables(inverse_map, manifold),
+            **_ranges(manifold),
+            **_solver(manifold),
+            **_errors(manifold),
+        },
+        "filter": _filter(inverse_map, manifold),
+    }
+    if manifold.further is not None:
+        parts["flight_loads"] = _section_loads(manifold.further)
+    if manifold.parameters is not None:
+        parts["parameter_tables"] = _parameter_tables(manifold, manifold.parameters)
+    return parts
+
+
+def _tables(inverse_map: InverseMap, manifold: ManifoldMap) -> Values:
+    """Return the tables of strain and loads on their knots."""
+    return {
+        "reference_area": manifold.reference_area,
+        "reference_length": manifold.reference_length,
+        "min_incidence": MIN_INCIDENCE,
+        "mach_knots": manifold.mach_knots,
+        "incidence_knots": manifold.incidence_knots,
+        **vars(channel_tables(manifold.response, np.arctan2(*inverse_map.gauge_position[:, 1:].T))),
+        "fixed_response": manifold.fixed_response,
+    }
+
+
+def _ranges(manifold: ManifoldMap) -> Values:
+    """Return where the tables hold, and what is known of the flight state without strain."""
+    mean, precision = prior(manifold)
+    low, high = manifold.pressure_range.tolist()
+    return {
+        "mach_range": manifold.mach_range,
+        "pressure_range": [low, high],
+        "log_pressure_range": [log(low), log(high)],
+        "middle_log_pressure": np.log(manifold.pressure_range).mean(),
+        "incidence_limit": manifold.incidence_limit,
+        "has_crossflow_range": manifold.crossflow_range is not None,
+        "crossflow_middle": manifold.crossflow.middle,
+        "crossflow_half": manifold.crossflow.half,
+        "outside_score": outside_score(manifold),
+        "range_tolerance": RANGE_TOLERANCE,
+        "navigation_error": [
+            manifold.mach_number_error,
+            manifold.static_pressure_error,
+            manifold.dynamic_pressure_error,
+        ],
+        "altitude_error": manifold.altitude_error,
+        "prior_mean": mean,
+        "prior_precision": precision,
+        "navigation_limit": [outlier_threshold(1, rate) for rate in FALSE_ALARMS],
+        "navigation_alarm": NAVIGATION_ALARM,
+        "half_gamma": 0.5 * HEAT_CAPACITY_RATIO,
+        "log_half_gamma": log(0.5 * HEAT_CAPACITY_RATIO),
+    }
+
+
+def _solver(manifold: ManifoldMap) -> Values:
+    """Return what the iterations and the health of their solution need."""
+    n = manifold.tables.n_gauges
+    return {
+        "largest_step": LARGEST_STEP,
+        "min_gain": MIN_GAIN,
+        "min_incidence_score": MIN_INCIDENCE_SCORE,
+        "search_every": SEARCH_EVERY,
+        "return_after": RETURN_AFTER,
+        "start_iterations": START_ITERATIONS,
+        "cold_iterations": COLD_ITERATIONS,
+        "warm_iterations": WARM_ITERATIONS,
+        "chi_square_scale": manifold.chi_square_scale,
+        "outlier_scale": manifold.outlier_scale,
+        "shape_limit": shape_limit(manifold, 1.0),
+        "outlier_threshold": outlier_threshold(n, FALSE_ALARM_PROBABILITY),
+        "chi_square_limit": [chi_square_limit(max(freedom, 1)) for freedom in range(n + len(NAVIGATION) + 1)],
+    }
+
+
+def _errors(manifold: ManifoldMap) -> Values:
+    """Return the errors of strain and loads, the latter two per p_inf^2."""
+    strain, load = manifold.error_strain, manifold.error_load
+    return {
+        "gain_std": manifold.gain_std,
+        "common_gain": manifold.common_gain,
+        "gauge_covariance": manifold.gauge_covariance,
+        "scaled_covariance": product(strain, strain.T),
+        "load_strain_covariance": product(load, strain.T),
+        "load_covariance": product(load, load.T),
+        "gauge_error_product": manifold.gauge_error_product,
+        "common_error": manifold.common_error,
+        "shapes": manifold.shapes.T,
+    }
+
+
+def _section_loads(further: FurtherTables) -> Values:
+    """Return tables of rolling moment and section loads over the flight state, and errors per p_inf^2."""
+    return {
+        **vars(channel_tables(further.response, np.zeros(0))),
+        "fixed_response": further.fixed_response,
+        "strain_covariance": further.strain_covariance,
+        "variance": further.variance,
+    }
+
+
+def _parameter_tables(manifold: ManifoldMap, tables: ParameterTables) -> Values:
+    """Return what flow parameters change of strain, loads and the section loads of ``manifold``, and errors."""
+    n_further = 0 if manifold.further is None else len(manifold.further.variance)
+    powers, n = tables.powers, manifold.response.shape[2] + n_further
+    basis, weight = factors(tables.slope[:, :, :, :n])
+    return {
+        "largest_score": LARGEST_USED_SCORE,
+        "mean": powers.mean,
+        "spread": powers.spread,
+        "parameter": np.asarray(powers.parameter, dtype=float),
+        "power": np.asarray(powers.power, dtype=float),
+        "offset": powers.offset,
+        "basis": basis,
+        "row_weight": weight,
+        "product": error_products(tables, manifold.tables.n_gauges, n_further),
+    }
+
+
+def _filter(inverse_map: InverseMap, manifold: ManifoldMap) -> Values:
+    """Return the filter over time of ``manifold``, the tables of ``inverse_map``."""
+    settings = FilterSettings(time_constant=1.0)
+    model = flight_model(inverse_map, manifold, settings)
+    seen, errors, n = model.seen, model.further, len(model.own)
+    n_seen = seen.strain.shape[1]
+    return {
+        "rate": [
+            settings.mach_number_rate,
+            settings.angle_rate,
+            settings.angle_rate,
+            settings.log_pressure_rate,
+        ],
+        "rate_time": RATE_TIME,
+        "slow": SLOW,
+        "white_navigation": settings.white_navigation,
+        "window": float(WINDOW),
+        "band": BAND,
+        "widen": WIDEN,
+        "narrow": NARROW,
+        "largest_widening": LARGEST,
+        "smallest_time": SMALLEST_TIME,
+        "largest_time": LARGEST_TIME,
+        "named_after": float(NAMED_AFTER),
+        "fits": FITS,
+        "slope_time": SLOPE_TIME,
+        "of_age": OF_AGE,
+        "longest_step": LONGEST_STEP,
+        "n_modes": len(model.modes.amplitude),
+        "seen_strain": seen.strain.T,
+        "seen_load": seen.load.T,
+        "rest_strain": seen.rest_strain,
+        "rest_load": seen.rest_load,
+        "rest_cross": seen.rest_cross,
+        "noise": model.noise,
+        "shared": model.common.T,
+        "of_gauge": np.moveaxis(model.of_gauge, 0, 2),
+        "own": model.own[None] if model.own.any() else np.zeros((0, n)),
+        "further_load": np.zeros((0, n_seen)) if errors is None else errors.load,
+        "further_cross": np.zeros((0, n)) if errors is None else errors.rest_cross,
+        "further_variance": np.zeros(0) if errors is None else errors.rest_variance,
+    }
