@@ -9,11 +9,11 @@
 
 #include "step_parts.h"
 
-#define STEP 0.05         /* of the natural size of a direction */
-#define FRACTION 0.01     /* natural size of what has no noise: that of its value */
+#define STEP 0.002         /* of the natural size of a direction */
+#define FRACTION 0.1      /* natural size of what has no noise: that of its value */
 #define MOST_STEPS 40
-#define ENDED 1e-12       /* deviations of the flight state that a step moves it by, where the iterations end; */
-#define NEARLY_ENDED 1e-8 /* or no longer come nearer to it, for rounding */
+#define ENDED 1e-10       /* deviations of the flight state that a step moves it by, where the iterations end; */
+#define NEARLY_ENDED 1e-9 /* or no longer come nearer to it, for rounding */
 #define N_POINTS 4
 
 static const double POINT[N_POINTS] = {1.0, -1.0, 2.0, -2.0}, WEIGHT[N_POINTS] = {8.0, -8.0, -1.0, 1.0};
@@ -25,7 +25,8 @@ size_t estimator_derivatives(const Estimator *e) {
 
 /* The deviation of a row's noise, in the unit of its reading. */
 static double noise_of(const Estimator *e, size_t row) {
-    const double strain = sqrt(e->map.noise_covariance[row * (e->map.n_gauges + 1)]);
+    const double *covariance = e->flight.present ? e->flight.map.gauge_covariance : e->map.noise_covariance;
+    const double strain = sqrt(covariance[row * (e->map.n_gauges + 1)]);
     return row < e->sensors.n_strains ? strain : strain * e->sensors.scale[row - e->sensors.n_strains];
 }
 
