@@ -24,8 +24,8 @@ from strainfmu.version import __version__
 
 _DERIVATIVES = (
     "Directional derivatives, of the native kind, are those of values: coefficients, loads, air data, by what a "
-    "host sets. They belong to the estimate that steps with the same inputs end at. Standard deviations, chi-square "
-    "and health have none."
+    "host sets. They belong to the estimate that steps with the same inputs end at. Sigmas, chi-square and health "
+    "have none."
 )
 
 _LIMITS = (
