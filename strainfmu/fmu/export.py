@@ -49,6 +49,8 @@ from strainfmu.fmu.reference_run.run import (
     signal_table,
 )
 from strainfmu.interface.estimator_variables import estimator_arrays, estimator_interface
+from strainfmu.interface.fmi_variables import Variable, value_references
+from strainfmu.interface.listed_variables import most_important_first, without_zeros
 from strainfmu.interface.plant_variables import plant_interface
 from strainfmu.interface.sensor_variables import sensor_names
 from strainfmu.version import __version__
@@ -105,6 +107,8 @@ class ExportOptions:
     model_name : name of the model that tools show.
     estimator : "linear" for the linear estimator of a map that holds tables of the nonlinear one too; None for
         that which the map was built for.
+    zero_inputs : whether an FMU of scalars lists zeros of the gauges, their deviations, and those that a tare has
+        taken; one of arrays always does.
     tare_known : file, in the form of zeros, of the strain of the loads that act while the FMU takes a tare, as own
         weight; None for none.
     """
@@ -115,6 +119,7 @@ class ExportOptions:
     platforms: Sequence[str] | None = None
     model_name: str = "StrainLoadEstimator"
     estimator: Literal["linear"] | None = None
+    zero_inputs: bool = False
     tare_known: Path | None = None
 
     def __post_init__(self) -> None:
@@ -167,6 +172,12 @@ def export_estimator(
     return "linear" if inverse_map.manifold is None else "manifold"
 
 
+def _listed(scalars: Sequence[Variable], inverse_map: InverseMap, options: ExportOptions) -> tuple[Variable, ...]:
+    """Return the scalar variables that the description of the FMU lists."""
+    n = inverse_map.n_strain_gauges
+    return most_important_first(scalars if options.zero_inputs else without_zeros(scalars, n))
+
+
 def _known_strain(options: ExportOptions, inverse_map: InverseMap) -> KnownStrain | None:
     if options.tare_known is None:
         return None
@@ -186,13 +197,14 @@ def _native_estimator(
     version = options.fmi_version
     libraries = chosen_libraries("estimator", options.platforms, version)
     sources = native_sources("estimator", version)
-    interface, known = estimator_interface(inverse_map), _known_strain(options, inverse_map)
-    arrays = estimator_arrays(interface)
+    scalars, known = estimator_interface(inverse_map), _known_strain(options, inverse_map)
+    arrays = estimator_arrays(scalars)
+    of_arrays = version == "3" and not options.scalars
     digest = f"{content_hash}{sources_digest(sources)}".encode() + _known_bytes(known)
     description = FmuDescription(
         model_name=options.model_name,
         description=_described(inverse_map),
-        interface=interface if version == "2" or options.scalars else arrays,
+        interface=most_important_first(arrays) if of_arrays else _listed(scalars, inverse_map, options),
         content_hash=hashlib.sha256(digest).hexdigest(),
         stop_time=_STOP_TIME,
         step_size=_STEP_SIZE,
@@ -201,6 +213,7 @@ def _native_estimator(
         source_files=compiled_files(sources),
         model_exchange=native_package.MODEL_EXCHANGE[version] if inverse_map.manifold is None else None,
         n_arrays=len(arrays) if options.scalars else None,
+        numbers=value_references(arrays if of_arrays else scalars),
     )
     resource_files = {"map.bin": native_resource(inverse_map, description.guid, known)}
     return {
@@ -216,7 +229,7 @@ def _native_estimator(
 def _python_estimator(
     map_path: Path, inverse_map: InverseMap, content_hash: str, options: ExportOptions
 ) -> dict[str, bytes]:
-    code = slave_code("estimator_slave", _ESTIMATOR_SOURCES)
+    code, scalars = slave_code("estimator_slave", _ESTIMATOR_SOURCES), estimator_interface(inverse_map)
     known = _known_bytes(_known_strain(options, inverse_map))
     libraries = {
         f"{LIBRARIES_OF_FMU}/{native_package.FOLDERS[platform]}/estimator{suffix}": content
@@ -227,11 +240,12 @@ def _python_estimator(
     description = FmuDescription(
         model_name=options.model_name,
         description=_described(inverse_map),
-        interface=estimator_interface(inverse_map),
+        interface=_listed(scalars, inverse_map, options),
         content_hash=hashlib.sha256(made_of).hexdigest(),
         stop_time=_STOP_TIME,
         step_size=_STEP_SIZE,
         capabilities=python_package.CAPABILITIES,
+        numbers=value_references(scalars),
     )
     return {
         **python_entries(description, code, payload),

@@ -11,11 +11,15 @@ import pytest
 from recorded_case import NAMES, samples, write_csv
 from synthetic_vehicle import N_GAUGES, SyntheticFiles, synthetic_inverse_map
 
+from strainfmu.can.bridge.options import BridgeOptions
+from strainfmu.can.bridge.setup import make_bridge
 from strainfmu.cosim.estimators.zeros_file import write_zeros
+from strainfmu.errors import InputError
 from strainfmu.estimator.estimates.load_estimate import LoadEstimates
 from strainfmu.estimator.linear.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
+from strainfmu.fmu.export import ExportOptions, export_estimator
 
 pytestmark = pytest.mark.fast
 
@@ -46,6 +50,20 @@ def test_map_and_fmu_take_them_off(synthetic: SyntheticFiles, tmp_path: Path, ru
             sigma = np.column_stack([file[f"sigma.{name}"][()] for name in COEFFICIENT_NAMES])
         np.testing.assert_allclose(found, expected.coefficients, rtol=1e-8, atol=1e-10)
         np.testing.assert_allclose(sigma, expected.coefficients_std, rtol=1e-6)
+
+
+def test_an_fmu_without_zero_inputs_is_refused(synthetic: SyntheticFiles, tmp_path: Path, run: Run) -> None:
+    fmu, zeros = tmp_path / "plain.fmu", tmp_path / "zeros.toml"
+    export_estimator(synthetic.map_1, fmu, ExportOptions(platforms=["linux64"]))
+    known = GaugeZeros(value=np.zeros(N_GAUGES), std=np.zeros(N_GAUGES))
+    write_zeros(zeros, synthetic_inverse_map(1).gauge_names, known, {})
+    data = write_csv(tmp_path / "d.csv", ["time", *NAMES, "dynamic_pressure"], *samples(4))
+    code, _, error = run("estimate", fmu, data, "-o", tmp_path / "o.h5", "--zeros", zeros)
+    assert code == 2
+    assert error.strip().endswith("plain.fmu: FMU without zero inputs: export it with --zero-inputs")
+    options = BridgeOptions(interface="virtual", channel="plain", tare=synthetic.map_1)
+    with pytest.raises(InputError, match="FMU without zero inputs"), make_bridge(fmu, options):
+        pass
 
 
 def test_a_file_of_other_gauges_is_refused(synthetic: SyntheticFiles, tmp_path: Path, run: Run) -> None:

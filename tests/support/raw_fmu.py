@@ -23,6 +23,9 @@ GUID = "{8c4e810f-3df3-4a00-8276-176fa3c9f000}"
 OK, WARNING, DISCARD, ERROR = 0, 1, 2, 3
 N_OUTPUTS = 27
 REAL_OUTPUTS = [*range(20), 21, 22, 26]
+VALUES = [*range(5), *range(10, 15)]
+"""Coefficients, then loads: what has derivatives."""
+
 WHOLE_OUTPUTS = [20, 23, 24, 25]
 N_SCALARS, SETTINGS = 9, 4
 """Flow and navigation, then the settings, of which the first has that number."""

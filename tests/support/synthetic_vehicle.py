@@ -9,7 +9,7 @@ import numpy as np
 
 from strainfmu.cosim.models.flight_model import FlightModel, save_flight_model
 from strainfmu.estimator.map.inverse_map import InverseMap, save_inverse_map
-from strainfmu.fmu.export import export_estimator, export_plant
+from strainfmu.fmu.export import ExportOptions, export_estimator, export_plant
 
 N_GAUGES = 6
 TRAJECTORY = """time_s,mach_number,angle_of_attack_deg,sideslip_angle_deg,altitude_km
@@ -115,7 +115,7 @@ def make_synthetic_files(folder: Path) -> SyntheticFiles:
     save_inverse_map(synthetic_inverse_map(1), files.map_1)
     save_inverse_map(synthetic_inverse_map(2), files.map_2)
     save_flight_model(synthetic_flight_model(), files.flight_model)
-    export_estimator(files.map_1, files.estimator_1)
-    export_estimator(files.map_2, files.estimator_2)
+    export_estimator(files.map_1, files.estimator_1, ExportOptions(zero_inputs=True))
+    export_estimator(files.map_2, files.estimator_2, ExportOptions(zero_inputs=True))
     export_plant(files.flight_model, files.trajectory, files.plant)
     return files

@@ -23,7 +23,3 @@ int atmosphere_at(const Atmosphere *atmosphere, double altitude, double *pressur
     }
     return 0;
 }
-
-double pressure_slope(double pressure, double temperature) {
-    return -GRAVITY * pressure / (GAS_CONSTANT * temperature);
-}

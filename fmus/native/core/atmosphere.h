@@ -16,7 +16,4 @@ typedef struct {
 /* Pressure [Pa] and temperature [K] at an altitude [m]. 1; 0 outside the layers, and for NaN. */
 int atmosphere_at(const Atmosphere *atmosphere, double altitude, double *pressure, double *temperature);
 
-/* The derivative of the pressure by the altitude [Pa/m] where pressure and temperature are these; it has no jumps. */
-double pressure_slope(double pressure, double temperature);
-
 #endif

@@ -20,6 +20,7 @@
 #define STATUS_ERROR 3
 
 #define WRONG_TYPE "value reference %lu is no variable of that type"
+#define NO_DERIVATIVE "%s: derivatives are those of values (loads, coefficients, air data) by real inputs and parameters, "
 
 typedef enum { REAL, INTEGER, BOOLEAN, ENUMERATION, NO_VARIABLE } Type;
 
@@ -57,7 +58,7 @@ static inline size_t selected(const Selection *selection, size_t k) {
     return selection->listed != NULL ? selection->listed[k] : selection->first + k;
 }
 
-/* Exact partial derivatives of real outputs by real inputs and parameters. */
+/* Partial derivatives of some real outputs, values, by real inputs and parameters. */
 typedef struct {
     /* Index of a variable among the inputs, or among the outputs; SIZE_MAX for any other variable. */
     size_t (*input_index)(const Model *model, size_t variable);

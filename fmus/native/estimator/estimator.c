@@ -19,8 +19,8 @@ static int allocate(Estimator *e) {
     const size_t n = map->n_gauges;
     const size_t n_inputs = estimator_inputs(e);
     const size_t n_doubles = CACHED_MASKS * masked_map_doubles(map) + workspace_doubles(map) + 2 * n_inputs + 2 * n
-                           + added_noise_doubles(map) + n + 1 + estimator_derivatives(e)
-                           + 3 * panel_length(n) + half_space_doubles(&map->envelope)
+                           + added_noise_doubles(map) + n + 1 + n_inputs + 3 * estimator_derivatives(e)
+                           + 2 * panel_length(n) + half_space_doubles(&map->envelope)
                            + (map->scaled ? scaled_doubles(map) : 0);
     const size_t n_indices = CACHED_MASKS * masked_map_indices(map) + n + (map->scaled ? scaled_indices(map) : 0);
     const size_t n_bytes = n_doubles * sizeof(double) + n_indices * sizeof(size_t) + n * sizeof(float);
@@ -48,11 +48,11 @@ static int allocate(Estimator *e) {
     e->residual = e->input + n_inputs;
     e->z = e->residual + n;
     e->whitened = e->z + panel_length(n);
-    e->d_whitened = e->whitened + panel_length(n);
-    e->direction = e->d_whitened + panel_length(n);
+    e->direction = e->whitened + panel_length(n);
     e->strain = e->direction + n_inputs;
     e->noise_std = e->strain + n;
     e->derivative = e->noise_std + n + 1;
+    e->derivative_work = e->derivative + estimator_derivatives(e);
     e->valid = flags + CACHED_MASKS * n;
     e->mask = e->valid + n;
     e->given = e->mask + n;
@@ -394,7 +394,7 @@ const double *estimator_outputs(Estimator *e) {
             }
         }
         e->outdated = 0;
-        e->further.outdated = e->flight.tangents.outdated = 1;
+        e->further.outdated = 1;
     }
     return e->output;
 }

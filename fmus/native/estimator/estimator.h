@@ -38,7 +38,7 @@ enum {
     N_OUTPUTS = 27
 };
 
-/* Outputs that have derivatives: those, then air data and their deviations. */
+/* Numbers of derivatives: those outputs, then air data, then further loads. Deviations among them are never read. */
 #define N_DERIVATIVES (N_OUTPUTS + N_FLIGHT_REALS)
 
 /* Number of outputs that are whole numbers: the health state, VALID_GAUGES to SUSPECTS, and the state of the tare. */
@@ -89,7 +89,6 @@ typedef struct Estimator {
     double output[N_OUTPUTS];
     HalfSpaces half_spaces;
     Flow flow;            /* of the inputs since output was computed */
-    size_t worst;         /* the half-space of the envelope score; SIZE_MAX for none */
     int outdated; /* whether an input has changed since output was computed */
     int wide;     /* panels_wide() */
     SensorRows sensors;   /* behind the strain gauges */
@@ -106,7 +105,7 @@ typedef struct Estimator {
     Workspace work;
     unsigned char *mask; /* (n_gauges) gauges in use in this step */
     double *residual;
-    double *z, *whitened, *d_whitened; /* (panel_length(n_gauges)) */
+    double *z, *whitened;              /* (panel_length(n_gauges)) */
     float *narrow;                     /* (n_gauges) whitened */
     Scaled scaled;                     /* the rest of a map in form "dynamic_pressure"; not set for others */
     Levels levels[CACHED_MASKS];
@@ -114,6 +113,7 @@ typedef struct Estimator {
     Flight flight;                     /* of the nonlinear estimator, if the map has tables */
     double *direction;                 /* as input, of derivatives, for estimator_model.c, */
     double *derivative;                /* (estimator_derivatives) which keeps those of the outputs along it, */
+    double *derivative_work;           /* (estimator_inputs) and twice (estimator_derivatives) scratch, */
     int reported_health;               /* the last health that was reported, */
     double settled[N_WHOLE];           /* and the whole numbers of the last event in model exchange */
 } Estimator;
@@ -183,17 +183,12 @@ int estimator_linear_loads(Estimator *estimator, double dynamic_pressure, double
 /* The N_OUTPUTS outputs for the present inputs; of maps with tables also those in estimator->flight. */
 const double *estimator_outputs(Estimator *estimator);
 
-/* Derivative of all outputs along d_input (estimator_inputs), then of the air data and their deviations, then of all of
-   estimator->further; exact, for the
-   gauges in use; NaN where the output is. Whole numbers get 0, deviations of zeros have none. d_input is scratch. 1; 0,
-   after a message, where the nonlinear estimator has none. */
-int estimator_derivative(Estimator *estimator, double *d_input, double *d_output, char text[MODEL_TEXT_SIZE]);
+/* Derivatives of the estimate along a direction of the inputs (estimator_inputs), which is scratch: N_OUTPUTS, air data,
+   all of estimator->further; those of loads, coefficients and air data are good, NaN where the output is. The estimator is
+   left as it was. 1; 0, after a message, where it has none. */
+int estimator_derivative(Estimator *estimator, double *direction, double *derivative, char text[MODEL_TEXT_SIZE]);
 
-/* Number of these outputs. */
+/* Number of these derivatives. */
 size_t estimator_derivatives(const Estimator *estimator);
-
-/* Their places of a zero in use, value or deviation, and of the score of a parameter of the flow. */
-size_t zero_derivative(const Estimator *estimator, size_t zero);
-size_t score_derivative(const Estimator *estimator, size_t parameter);
 
 #endif

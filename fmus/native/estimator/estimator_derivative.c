@@ -1,94 +1,165 @@
+/* Derivatives of loads, coefficients and air data: differences of fourth order of the estimates that the iterations end at.
+
+   The nonlinear estimator takes steps with the same inputs until they no longer move the flight state; with a filter it is
+   the one step, from what the steps before left. Searches and waiting for the tables are held as they are. */
+
 #include <math.h>
 #include <stdio.h>
+#include <string.h>
 
-#include "linear/absolute_form.h"
-#include "linear/scaled_form.h"
-#include "manifold/flight_derivative.h"
 #include "step_parts.h"
 
-/* Changes of the strains that the map sees, in place of those of the readings. */
-static void derive_strain(Estimator *e, double *d_input) {
-    const SensorRows *rows = &e->sensors;
-    const double *d_zero = d_input + e->map.n_gauges + N_ALL_SCALARS;
-    const int of_input = zeros_in_use(e) == e->input + e->map.n_gauges + N_ALL_SCALARS; /* not of a tare */
-    const double d_thrust = rows->has_thrust ? d_input[thrust_input(e)] : 0.0;
-    for (size_t i = 0; i < rows->n_strains; i++) {
-        d_input[i] -= of_input ? d_zero[i] : 0.0;
-    }
-    for (size_t k = 0; k < rows->count; k++) {
-        double *d_reading = d_input + rows->n_strains + k;
-        *d_reading = without_thrust(rows, k, *d_reading, d_thrust) / rows->scale[k];
-    }
-    if (e->thermal.present) {
-        estimator_set_strain(e);
-        thermal_derive(&e->thermal, e->strain, d_input + first_temperature(e), d_input);
-        thermal_correct(&e->thermal, e->strain);
-    }
-}
+#define STEP 0.002         /* of the natural size of a direction */
+#define FRACTION 0.1      /* natural size of what has no noise: that of its value */
+#define MOST_STEPS 40
+#define ENDED 1e-10       /* deviations of the flight state that a step moves it by, where the iterations end; */
+#define NEARLY_ENDED 1e-9 /* or no longer come nearer to it, for rounding */
+#define N_POINTS 4
 
-/* Those of further loads end here; zeros in use and scores of parameters follow. */
-static size_t first_simple(const Estimator *e) {
+static const double POINT[N_POINTS] = {1.0, -1.0, 2.0, -2.0}, WEIGHT[N_POINTS] = {8.0, -8.0, -1.0, 1.0};
+static const double PI = 3.1415926535897931;
+
+size_t estimator_derivatives(const Estimator *e) {
     return N_DERIVATIVES + N_FURTHER * e->further.map.n_loads;
 }
 
-static size_t number_in_use(const Estimator *e) {
-    return 2 * e->sensors.n_strains + 1;
+/* The deviation of a row's noise, in the unit of its reading. */
+static double noise_of(const Estimator *e, size_t row) {
+    const double *covariance = e->flight.present ? e->flight.map.gauge_covariance : e->map.noise_covariance;
+    const double strain = sqrt(covariance[row * (e->map.n_gauges + 1)]);
+    return row < e->sensors.n_strains ? strain : strain * e->sensors.scale[row - e->sensors.n_strains];
 }
 
-size_t estimator_derivatives(const Estimator *e) {
-    return first_simple(e) + number_in_use(e) + e->parameters.count;
-}
-
-size_t zero_derivative(const Estimator *e, size_t zero) {
-    return first_simple(e) + zero;
-}
-
-size_t score_derivative(const Estimator *e, size_t parameter) {
-    return first_simple(e) + number_in_use(e) + parameter;
-}
-
-/* Of outputs that follow from one input each. */
-static void derive_simple(const Estimator *e, const double *d_input, double *d_output) {
-    const size_t first = e->map.n_gauges + N_ALL_SCALARS;
-    const FlowParameters *parameters = &e->parameters;
-    if (zeros_in_use(e) == e->input + first) {
-        memcpy(d_output + zero_derivative(e, 0), d_input + first, number_in_use(e) * sizeof *d_output);
+/* Thrust that moves a sensor by its noise. */
+static double thrust_size(const Estimator *e) {
+    double size = INFINITY;
+    for (size_t k = 0; k < e->sensors.count; k++) {
+        const double own = noise_of(e, e->sensors.n_strains + k) / fabs(e->sensors.thrust_response[k]);
+        size = own < size ? own : size;
     }
-    for (size_t k = 0; k < parameters->count; k++) {
-        const double given = e->input[first_parameter(e) + k], d_given = d_input[first_parameter(e) + k];
-        const int moves = given != e->map.not_known && parameter_score(parameters, k, given) < parameters->largest_score;
-        const double sign = given < parameters->minimum[k] ? -1.0 : given > parameters->maximum[k] ? 1.0 : 0.0;
-        d_output[score_derivative(e, k)] = moves ? sign * (d_given / parameters->span[k]) : 0.0;
-    }
+    return size;
 }
 
-int estimator_derivative(Estimator *e, double *d_input, double *d_output, char text[MODEL_TEXT_SIZE]) {
+/* The change of an input that moves the estimate by about its noise; 0 for one that is not known, and stays so. */
+static double natural_size(const Estimator *e, size_t input) {
+    const size_t n = e->map.n_gauges, zero = input - (n + N_ALL_SCALARS), temperatures = first_temperature(e);
+    const double value = e->input[input], positive = value > 0.0 ? FRACTION * value : 0.0;
+    if (input < n) {
+        return noise_of(e, input);
+    }
+    if (input == n + MOMENT_STATION) {
+        return FRACTION * e->map.reference_length;
+    }
+    if (input >= n + N_ALL_SCALARS && input < temperatures) {
+        return zero < e->sensors.n_strains ? noise_of(e, zero) : 0.0;
+    }
+    if (input == thrust_input(e)) {
+        return value == e->map.not_known ? 0.0 : thrust_size(e);
+    }
+    if (input >= first_parameter(e) && input < first_parameter_std(e)) {
+        return value == e->map.not_known ? 0.0 : FRACTION * e->parameters.span[input - first_parameter(e)];
+    }
+    return input >= temperatures && input < first_parameter(e) ? (value > 0.0 ? 1.0 : 0.0) : positive;
+}
+
+/* The length of a step along the direction, in it; what stays is taken out of the direction. 0 if nothing moves. */
+static double step_along(const Estimator *e, double *direction) {
+    double square = 0.0;
+    for (size_t i = 0; i < estimator_inputs(e); i++) {
+        const double size = natural_size(e, i), relative = direction[i] / size;
+        direction[i] = size > 0.0 && isfinite(size) ? direction[i] : 0.0;
+        square += direction[i] != 0.0 ? relative * relative : 0.0;
+    }
+    return square > 0.0 ? STEP / sqrt(square) : 0.0;
+}
+
+/* The outputs where steps with the present inputs end; whether they do. */
+static int settle(Estimator *e, const Track *from) {
+    Flight *flight = &e->flight;
+    double last = INFINITY, moved = INFINITY;
+    e->outdated = 1;
     estimator_outputs(e);
-    if (linear_filters(e) && e->linear_filter.base.has_law != 0.0) {
-        snprintf(text, MODEL_TEXT_SIZE, "no derivatives: the filter over time is on");
-        return 0;
-    }
-    memset(d_output, 0, estimator_derivatives(e) * sizeof *d_output);
-    derive_simple(e, d_input, d_output);
-    derive_strain(e, d_input);
-    if (e->flight.present) {
-        return flight_derivative(e, d_input, d_output, text);
-    }
-    if (e->further.present && !(e->masked->identified && e->flow.known)) {
-        for (size_t k = N_DERIVATIVES; k < first_simple(e); k++) {
-            d_output[k] = NAN;
-        }
-    }
-    if (!e->masked->identified) {
-        set_unknown(d_output);
+    if (!flight->present || flight_filters(e)) {
         return 1;
     }
-    if (!e->map.scaled) {
-        absolute_derivative(e, d_input, d_output);
-    } else if (e->flow.known) {
-        scaled_derivative(e, d_input, d_output);
-    } else {
-        set_unknown(d_output);
+    for (int step = 0; step < MOST_STEPS && !(moved <= ENDED || (moved <= NEARLY_ENDED && moved > 0.5 * last)); step++) {
+        flight->base = flight->next;
+        flight->base.since_search = 0.0;
+        flight->base.to_return = from->to_return;
+        e->outdated = 1;
+        estimator_outputs(e);
+        last = moved;
+        moved = 0.0;
+        for (size_t k = 0; k < N_STATES; k++) {
+            const double deviation = sqrt(flight->solver.solution.state_covariance[k * (N_STATES + 1)]);
+            const double own = fabs(flight->next.state[k] - flight->base.state[k]) / deviation;
+            moved = own > moved ? own : moved;
+        }
     }
-    return 1;
+    return moved <= NEARLY_ENDED;
+}
+
+/* The present outputs, numbered as derivatives. */
+static void copy_outputs(Estimator *e, double *value) {
+    memcpy(value, e->output, sizeof e->output);
+    memcpy(value + N_OUTPUTS, e->flight.real, sizeof e->flight.real);
+    if (e->further.present) {
+        further_update(e);
+        memcpy(value + N_DERIVATIVES, e->further.value[0], N_FURTHER * e->further.map.n_loads * sizeof *value);
+    }
+}
+
+/* Add the outputs at a point, less those in the middle. */
+static void add_point(Estimator *e, double weight, const double *middle, double *value, double *sum) {
+    copy_outputs(e, value);
+    for (size_t k = 0; k < estimator_derivatives(e); k++) {
+        double apart = value[k] - middle[k];
+        if (k == N_OUTPUTS + WIND_ROLL_ANGLE && fabs(apart) > PI) {
+            apart -= apart > 0.0 ? 2.0 * PI : -2.0 * PI;
+        }
+        sum[k] += weight * apart;
+    }
+}
+
+int estimator_derivative(Estimator *e, double *direction, double *derivative, char text[MODEL_TEXT_SIZE]) {
+    const size_t n_inputs = estimator_inputs(e), count = estimator_derivatives(e);
+    double *input = e->derivative_work, *middle = input + n_inputs, *value = middle + count;
+    estimator_outputs(e);
+    copy_outputs(e, middle);
+    const unsigned char *decisions = e->flight.flag + NAVIGATION_USED;
+    unsigned char decided[N_FLIGHT_FLAGS - NAVIGATION_USED];
+    int settled = 1, same = 1;
+    const int known = e->output[VALID_GAUGES] > 0.0 || (e->flight.present && flight_filters(e));
+    const Track base = e->flight.base;
+    Track from = e->flight.next;
+    from.since_search = 0.0;
+    from.to_return = base.to_return;
+    const double step = known ? step_along(e, direction) : 0.0;
+    memcpy(input, e->input, n_inputs * sizeof *input);
+    for (size_t k = 0; k < count; k++) {
+        derivative[k] = isnan(middle[k]) || !known ? NAN : 0.0;
+    }
+    for (size_t p = 0; p < N_POINTS && step > 0.0 && settled && same; p++) {
+        for (size_t i = 0; i < n_inputs; i++) {
+            e->input[i] = direction[i] != 0.0 ? input[i] + POINT[p] * step * direction[i] : input[i];
+        }
+        if (e->flight.present && !flight_filters(e)) {
+            e->flight.base = from;
+        }
+        settled = settle(e, &from);
+        if (p == 0) {
+            memcpy(decided, decisions, sizeof decided);
+        }
+        same = e->output[VALID_GAUGES] == middle[VALID_GAUGES] && memcmp(decided, decisions, sizeof decided) == 0;
+        add_point(e, WEIGHT[p] / (12.0 * step), middle, value, derivative);
+    }
+    memcpy(e->input, input, n_inputs * sizeof *input);
+    e->flight.base = base;
+    e->outdated = 1;
+    if (!settled || !same) {
+        snprintf(text, MODEL_TEXT_SIZE, "no derivatives: %s",
+                 settled ? "gauges in use, navigation in use or the tables' loads change right beside the inputs"
+                         : "the iterations do not end: the flight state lies beyond the tables");
+    }
+    return settled && same;
 }

@@ -269,7 +269,7 @@ static int set_booleans(Model *model, const Selection *which, const int *value, 
     return 1;
 }
 
-/* Derivatives, which the deviations of zeros and the time constant of the filter do not have. */
+/* Derivatives: of loads, coefficients and air data; the deviations of zeros and the time constant of the filter have none. */
 
 static size_t input_index(const Model *model, size_t variable) {
     const Estimator *e = estimator_of(model);
@@ -278,17 +278,20 @@ static size_t input_index(const Model *model, size_t variable) {
     return none ? SIZE_MAX : input;
 }
 
+/* Place of a variable among the further loads; SIZE_MAX for any other. */
+static size_t further_place(const Estimator *e, size_t variable) {
+    const double *further = further_real(e, variable);
+    return further == NULL ? SIZE_MAX : (size_t)(further - e->further.value[0]);
+}
+
 static size_t output_index(const Model *model, size_t variable) {
     const Estimator *e = estimator_of(model);
-    const size_t air_data = flight_real(e, variable), zero = zero_in_use(e, variable);
-    const size_t score = parameter_output(e, variable);
-    const double *further = further_real(e, variable);
-    return is_real_output(variable) ? variable
-         : further != NULL          ? N_DERIVATIVES + (size_t)(further - e->further.value[0])
-         : air_data != SIZE_MAX     ? N_OUTPUTS + air_data
-         : zero != SIZE_MAX         ? zero_derivative(e, zero)
-         : score != SIZE_MAX        ? score_derivative(e, score)
-                                    : SIZE_MAX;
+    const size_t air_data = flight_real(e, variable), place = further_place(e, variable);
+    const size_t kind = place == SIZE_MAX ? N_FURTHER : place / e->further.map.n_loads;
+    return variable < COEFFICIENTS_STD || (variable >= LOADS && variable < LOADS_STD) ? variable
+         : kind == FURTHER_LOADS || kind == FURTHER_COEFFICIENTS                     ? N_DERIVATIVES + place
+         : air_data < N_AIR_DATA                                                     ? N_OUTPUTS + air_data
+                                                                                     : SIZE_MAX;
 }
 
 static double *clear_direction(Model *model) {

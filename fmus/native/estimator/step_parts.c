@@ -28,11 +28,6 @@ double moment_shift(const Estimator *e) {
     return e->input[e->map.n_gauges + MOMENT_STATION] - e->map.moment_station;
 }
 
-double derive_deviation(const Estimator *e, const double *d_scalar) {
-    const int own = isnan(known_input(e, DYNAMIC_PRESSURE_STD));
-    return own ? e->map.dynamic_pressure_error * d_scalar[DYNAMIC_PRESSURE] : d_scalar[DYNAMIC_PRESSURE_STD];
-}
-
 /* Deviations of the coefficients by the error of the dynamic pressure. */
 static void of_pressure(const Flow *flow, const double *scale, const double *coefficients, const double *per_pressure,
                         double *deviation) {
@@ -57,7 +52,6 @@ void map_coefficients(const Estimator *e, const LoadStatistics *found, double *c
 }
 
 void set_envelope_score(Estimator *e, const LoadStatistics *found) {
-    e->worst = SIZE_MAX;
     if (e->map.envelope.n_half_spaces == 0) {
         e->output[ENVELOPE_SCORE] = 0.0;
         return;
@@ -65,35 +59,5 @@ void set_envelope_score(Estimator *e, const LoadStatistics *found) {
     double coefficients[N_LOADS], covariance[N_LOADS * N_LOADS];
     map_coefficients(e, found, coefficients, covariance);
     e->output[ENVELOPE_SCORE] = envelope_score(&e->map.envelope, &e->half_spaces, e->wide, coefficients,
-                                               covariance, &e->worst);
-}
-
-double derive_envelope_score(const Estimator *e, const LoadStatistics *found, const LoadStatistics *change,
-                             double d_pressure, double d_deviation) {
-    if (e->worst == SIZE_MAX) {
-        return 0.0;
-    }
-    const Flow *flow = &e->flow;
-    const double growth = d_pressure / flow->pressure;
-    double coefficients[N_LOADS], covariance[N_LOADS * N_LOADS], scale[N_LOADS], deviation[N_LOADS];
-    double d_coefficients[N_LOADS], d_covariance[N_LOADS * N_LOADS], d_of_pressure[N_LOADS];
-    map_coefficients(e, found, coefficients, covariance);
-    coefficient_scales(flow->pressure, e->map.reference_area, e->map.reference_length, scale);
-    of_pressure(flow, scale, coefficients, found->per_pressure, deviation);
-    for (size_t i = 0; i < N_LOADS; i++) {
-        d_coefficients[i] = scale[i] * change->loads[i] - growth * coefficients[i];
-        const double slope = scale[i] * found->per_pressure[i] - coefficients[i] / flow->pressure;
-        const double d_slope = scale[i] * (change->per_pressure[i] - growth * found->per_pressure[i])
-                             - (d_coefficients[i] - growth * coefficients[i]) / flow->pressure;
-        d_of_pressure[i] = d_slope * flow->deviation + slope * d_deviation;
-    }
-    for (size_t i = 0; i < N_LOADS; i++) {
-        for (size_t j = 0; j < N_LOADS; j++) {
-            const size_t k = i * N_LOADS + j;
-            d_covariance[k] = scale[i] * scale[j] * (change->covariance[k] - 2.0 * growth * found->covariance[k])
-                            + d_of_pressure[i] * deviation[j] + deviation[i] * d_of_pressure[j];
-        }
-    }
-    return envelope_score_derivative(&e->map.envelope, e->worst, e->output[ENVELOPE_SCORE], covariance,
-                                     d_coefficients, d_covariance);
+                                               covariance);
 }

@@ -44,11 +44,4 @@ void map_coefficients(const Estimator *e, const LoadStatistics *found, double *c
 /* The output ENVELOPE_SCORE, where the dynamic pressure is known. */
 void set_envelope_score(Estimator *e, const LoadStatistics *found);
 
-/* Its derivative along a change of loads, covariance, derivative by q_inf, q_inf and its deviation. */
-double derive_envelope_score(const Estimator *e, const LoadStatistics *found, const LoadStatistics *change,
-                             double d_pressure, double d_deviation);
-
-/* The deviation of the dynamic pressure where that and the input of the deviation change so. */
-double derive_deviation(const Estimator *e, const double *d_scalar);
-
 #endif

@@ -71,6 +71,10 @@ fmi2Status fmi2SetString(fmi2Component c, const fmi2ValueReference vr[], size_t 
     return no_strings(c, "fmi2SetString", FMI2_SETTABLE, vr, nvr, value);
 }
 
+static fmi2Status no_derivative(const Instance *s, const char *function, fmi2ValueReference reference) {
+    return (fmi2Status)instance_error(s, NO_DERIVATIVE "value reference %lu found", function, (unsigned long)reference);
+}
+
 static fmi2Status directional_derivative(Instance *s, const fmi2ValueReference vUnknown_ref[], size_t nUnknown,
                                          const fmi2ValueReference vKnown_ref[], size_t nKnown, const fmi2Real dvKnown[],
                                          fmi2Real dvUnknown[]) {
@@ -88,7 +92,7 @@ static fmi2Status directional_derivative(Instance *s, const fmi2ValueReference v
     for (size_t i = 0; i < nKnown; i++) {
         const size_t index = derivatives->input_index(s->model, vKnown_ref[i]);
         if (index == SIZE_MAX) {
-            return (fmi2Status)instance_error(s, "%s: " WRONG_TYPE, NAME, (unsigned long)vKnown_ref[i]);
+            return no_derivative(s, NAME, vKnown_ref[i]);
         }
         direction[index] += dvKnown[i];
     }
@@ -100,7 +104,7 @@ static fmi2Status directional_derivative(Instance *s, const fmi2ValueReference v
     for (size_t i = 0; i < nUnknown; i++) {
         const size_t index = derivatives->output_index(s->model, vUnknown_ref[i]);
         if (index == SIZE_MAX) {
-            return (fmi2Status)instance_error(s, "%s: " WRONG_TYPE, NAME, (unsigned long)vUnknown_ref[i]);
+            return no_derivative(s, NAME, vUnknown_ref[i]);
         }
         dvUnknown[i] = derivative[index];
     }

@@ -35,8 +35,7 @@ static int arguments_fit(Instance *s, const char *function, const fmi3ValueRefer
     }
     if (elements(s, unknowns, nUnknowns, derivatives->output_index) != nOfUnknowns
         || elements(s, knowns, nKnowns, derivatives->input_index) != nOfKnowns) {
-        instance_error(s, "%s: derivatives are those of real outputs by real inputs and parameters, as many values as "
-                          "these have elements", function);
+        instance_error(s, NO_DERIVATIVE "as many values as these have elements", function);
         return 0;
     }
     return 1;
@@ -96,7 +95,7 @@ static double weighted(const Instance *s, const fmi3ValueReference unknowns[], s
     return sum;
 }
 
-/* One directional derivative for each element of the knowns: a few microseconds each. */
+/* One directional derivative for each element of the knowns. */
 static fmi3Status adjoint_derivative(Instance *s, const fmi3ValueReference unknowns[], size_t nUnknowns,
                                      const fmi3ValueReference knowns[], size_t nKnowns, const fmi3Float64 seed[],
                                      size_t nSeed, fmi3Float64 sensitivity[], size_t nSensitivity) {

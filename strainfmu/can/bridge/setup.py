@@ -212,6 +212,9 @@ def _taring(
     set_zeros = getattr(step, "set_zeros", None)
     if set_zeros is None:
         raise InputError("--tare: expected an estimator that takes zeros of its gauges")
+    require_zero_inputs = getattr(step, "require_zero_inputs", None)  # of an FMU
+    if require_zero_inputs is not None:
+        require_zero_inputs()
     from strainfmu.estimator.map.inverse_map import load_inverse_map
 
     held = load_inverse_map(options.tare)

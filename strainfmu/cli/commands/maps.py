@@ -84,6 +84,10 @@ def export(
         Literal["linear"] | None,
         typer.Option(help="linear: the linear estimator of a map that holds the nonlinear one too."),
     ] = None,
+    zero_inputs: Annotated[
+        bool,
+        typer.Option("--zero-inputs", help="FMI 2 and --scalars: zero[i] and zero_std[i] as inputs of the FMU."),
+    ] = False,
     tare_known: Annotated[
         Path | None,
         typer.Option(metavar="TOML", help="Strain of own weight and air during a tare, of 'tare --known-output'."),
@@ -103,7 +107,7 @@ def export(
 
         strainfmu export results/map.h5 -o estimator.fmu --estimator linear
 
-        strainfmu export results/map.h5 -o estimator.fmu --tare-known known.toml
+        strainfmu export results/map.h5 -o estimator.fmu --zero-inputs --tare-known known.toml
     """
     from strainfmu.estimator.map.inverse_map import load_inverse_map
     from strainfmu.fmu.export import ExportOptions, export_estimator
@@ -117,6 +121,7 @@ def export(
         scalars=scalars,
         platforms=chosen,
         estimator=estimator,
+        zero_inputs=zero_inputs,
         tare_known=tare_known,
     )
     found = export_estimator(inverse_map, output, options)

@@ -202,18 +202,22 @@ class FmuStep:
         Raises
         ------
         InputError
-            The FMU has no parameters for zeros.
+            The FMU has no inputs for zeros.
         StrainfmuError
             It refuses them.
         """
+        self.require_zero_inputs()
         by_name = {variable.name: variable for variable in self._description.modelVariables}
         names = zero_names(self.n_gauges)
-        missing = next((name for name in names if name not in by_name), None)
-        if missing is not None:
-            raise InputError(f"{self.path}: no parameter '{missing}' found: export the FMU again to give it zeros")
         values = np.concatenate([zeros.value, zeros.std, [zeros.common_std]])
         self._zeros = [by_name[name] for name in names], values
         self._give_zeros()
+
+    def require_zero_inputs(self) -> None:
+        """Raise InputError where the FMU has no inputs for zeros."""
+        listed = {variable.name for variable in self._description.modelVariables}
+        if not listed.issuperset(zero_names(self.n_gauges)):
+            raise InputError(f"{self.path}: FMU without zero inputs: export it with --zero-inputs")
 
     def _give_zeros(self) -> None:
         variables, values = self._zeros

@@ -21,7 +21,9 @@ from strainfmu.errors import StrainfmuError
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap, load_inverse_map, save_inverse_map
 from strainfmu.estimator.map.sensors import refuse_sensors
 from strainfmu.fmu.export import ExportOptions, export_estimator
+from strainfmu.interface.estimator_variables import estimator_interface
 from strainfmu.interface.filter_variables import FILTER_TIME_CONSTANT
+from strainfmu.interface.fmi_variables import value_references
 
 KINDS = {
     "native FMI 2.0": ExportOptions(),
@@ -181,7 +183,7 @@ def host_costs(fmu: Path, unzipped: Path, inverse_map: InverseMap) -> dict[str, 
     resources = (unzipped / "resources").as_uri()
     pressure, n = inverse_map.nominal_dynamic_pressure, inverse_map.n_gauges
     strains = [repr(value) for part in strain_parts(inverse_map) for value in part.tolist()]
-    names = {one.name: one.valueReference for one in description.modelVariables}
+    names = value_references(estimator_interface(inverse_map))
     thermal = inverse_map.thermal
     sensors = (0, 0.0) if thermal is None else (thermal.n_sensors, thermal.reference_temperature)
     numbers = (pressure, names["zero[1]"], *sensors, names.get(FILTER_TIME_CONSTANT, 0), REPEATS)

@@ -17,7 +17,9 @@ from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map, sa
 from strainfmu.estimator.map.sensors import refuse_sensors
 from strainfmu.fmu.checks.step_cost import compiled, run, strain_parts
 from strainfmu.fmu.export import ExportOptions, export_estimator
+from strainfmu.interface.estimator_variables import estimator_interface
 from strainfmu.interface.filter_variables import FILTER_TIME_CONSTANT
+from strainfmu.interface.fmi_variables import value_references
 
 EVENTS = (
     "nothing",
@@ -81,7 +83,7 @@ def _costs(
 ) -> dict[str, EventCost]:
     """Return the costs by event of an unzipped FMU, with its filter or without."""
     library = next((fmu / "binaries" / "linux64").glob("*.so"))
-    names = {one.name: one.valueReference for one in description.modelVariables}
+    names = value_references(estimator_interface(inverse_map))
     manifold = inverse_map.manifold
     numbers = (
         inverse_map.nominal_dynamic_pressure,

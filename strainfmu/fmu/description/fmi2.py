@@ -38,8 +38,8 @@ def model_description(fmu: FmuDescription) -> Element:
         SubElement(categories, "Category", {"name": name, "description": text})
     SubElement(root, "DefaultExperiment", default_experiment(fmu))
     variables = SubElement(root, "ModelVariables")
-    for value_reference, variable in enumerate(fmu.interface):
-        variables.append(_scalar_variable(value_reference, variable))
+    for variable in fmu.interface:
+        variables.append(_scalar_variable(fmu.references[variable.name], variable))
     root.append(_model_structure(fmu.interface))
     return root
 
@@ -123,7 +123,7 @@ def _scalar_variable(value_reference: int, variable: Variable) -> Element:
 
 def _model_structure(interface: Sequence[Variable]) -> Element:
     """Return ModelStructure: what each output depends on, while stepping and at the start (2.2.8)."""
-    # Indices count from 1 there, unlike value references.
+    # Places in the list, from 1 on, unlike value references.
     index = {variable.name: k for k, variable in enumerate(interface, start=1)}
     structure = Element("ModelStructure")
     outputs = SubElement(structure, "Outputs")

@@ -59,8 +59,8 @@ def _references(fmu: FmuDescription) -> dict[str, int]:
 
     Time has the one behind all arrays, whichever are listed.
     """
-    first, n_arrays = (0, len(fmu.interface)) if fmu.n_arrays is None else (FIRST_SCALAR, fmu.n_arrays)
-    return {**{one.name: k for k, one in enumerate(fmu.interface, start=first)}, TIME.name: n_arrays}
+    first, n_arrays = (0, len(fmu.references)) if fmu.n_arrays is None else (FIRST_SCALAR, fmu.n_arrays)
+    return {**{name: first + number for name, number in fmu.references.items()}, TIME.name: n_arrays}
 
 
 def model_description_3_bytes(fmu: FmuDescription) -> bytes:

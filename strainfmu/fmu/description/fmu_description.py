@@ -11,7 +11,7 @@ from dataclasses import astuple, dataclass, field
 from datetime import UTC, datetime
 
 from strainfmu.errors import InputError
-from strainfmu.interface.fmi_variables import Variable
+from strainfmu.interface.fmi_variables import Variable, value_references
 from strainfmu.version import __version__
 
 _NAMESPACE = uuid.uuid5(uuid.NAMESPACE_DNS, "strainfmu")
@@ -42,7 +42,7 @@ class FmuDescription:
     ----------
     model_name : free text, shown by tools.
     description : one sentence on what it computes.
-    interface : the variables; their index is their value reference, but for scalars of FMI 3.0.
+    interface : the variables that are listed, in their order.
     content_hash : hash of everything inside that decides the results.
     stop_time : end of the default experiment [s].
     step_size : communication step size of the default experiment [s].
@@ -51,6 +51,8 @@ class FmuDescription:
     source_files : names inside ``sources/`` of the files to compile, none for a Python FMU.
     model_exchange : attributes of the ModelExchange element; None for an FMU without it.
     n_arrays : number of arrays that an interface of scalars stands for in FMI 3.0; None for one of the arrays.
+    numbers : number of each variable by name, its value reference but for scalars of FMI 3.0; None for its index
+        in ``interface``.
     """
 
     model_name: str
@@ -64,11 +66,17 @@ class FmuDescription:
     source_files: Sequence[str] = ()
     model_exchange: Mapping[str, str] | None = None
     n_arrays: int | None = None
+    numbers: Mapping[str, int] | None = None
 
     @property
     def model_identifier(self) -> str:
         """The model name turned into a C name, as file names of binaries must be (section 2.2.1)."""
         return model_identifier(self.model_name)
+
+    @property
+    def references(self) -> Mapping[str, int]:
+        """The number of each variable by name."""
+        return value_references(self.interface) if self.numbers is None else self.numbers
 
     @property
     def guid(self) -> str:

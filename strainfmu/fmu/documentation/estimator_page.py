@@ -22,6 +22,12 @@ from strainfmu.interface.sensor_variables import THRUST, has_thrust, sensor_name
 from strainfmu.pages import table_html
 from strainfmu.version import __version__
 
+_DERIVATIVES = (
+    "Directional derivatives, of the native kind, are those of values: coefficients, loads, air data, by what a "
+    "host sets. They belong to the estimate that steps with the same inputs end at. Sigmas, chi-square and health "
+    "have none."
+)
+
 _LIMITS = (
     "sigma is one standard deviation: gauge noise and what the map's model leaves out, for conditions like those "
     "above, and the error of the dynamic pressure that dynamic_pressure_std states. C_A is the fore-body's: "
@@ -41,6 +47,7 @@ _LIMITS = (
     "not, or if the flight or the estimated coefficients leave what the map covers, health.state is OUTSIDE.",
     "Loads are those of a quasi-static structure: vibration reads as load. The tunable parameters may be set at "
     "any time; a value outside min and max is refused.",
+    _DERIVATIVES,
 )
 
 _FLIGHT_LIMITS = (
@@ -59,6 +66,7 @@ _FLIGHT_LIMITS = (
     "dynamic_pressure is known: health.linear_loads. Air data are not to be used then, nor where identified "
     "is false.",
     _LIMITS[5],
+    _DERIVATIVES,
 )
 
 _WEIGHTS = {

@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 from fmpy import read_model_description
+from fmpy.validation import validate_fmu
 from synthetic_vehicle import N_GAUGES, SyntheticFiles, synthetic_flight_model, synthetic_inverse_map
 
 from strainfmu.errors import InputError
@@ -17,6 +18,7 @@ from strainfmu.estimator.zeros.tare_edge import TareState
 from strainfmu.fmu.description.fmi2 import model_description
 from strainfmu.fmu.description.fmi3 import FIRST_SCALAR, model_description_3
 from strainfmu.fmu.description.fmu_description import FmuDescription, generation_time, model_identifier
+from strainfmu.fmu.export import ExportOptions, export_estimator
 from strainfmu.fmu.reference_run.run import array_elements
 from strainfmu.interface.enumerations import ENUMERATIONS, HEALTH_ITEMS, TARE_ITEMS
 from strainfmu.interface.estimator_variables import (
@@ -25,8 +27,10 @@ from strainfmu.interface.estimator_variables import (
     estimator_arrays,
     estimator_interface,
 )
-from strainfmu.interface.fmi_variables import UNITS, Variable
+from strainfmu.interface.fmi_variables import UNITS, Variable, value_references
+from strainfmu.interface.listed_variables import most_important_first
 from strainfmu.interface.plant_variables import plant_interface
+from strainfmu.interface.tare_variables import zero_in_use_names
 from strainfmu.interface.zero_variables import zero_names
 
 pytestmark = pytest.mark.fast
@@ -108,15 +112,16 @@ def test_arrays_of_fmi_3_hold_the_scalars_of_fmi_2(fmus: dict[str, Path]) -> Non
     scalars, arrays = variables(fmus["native"]), variables(fmus["native_3"])
     expected = [
         ("coefficients", 5),
-        ("sigma.coefficients", 5),
         ("force", 3),
         ("moment", 2),
-        ("sigma.force", 3),
-        ("sigma.moment", 2),
         *((name, None) for name in scalars if name.startswith("health.")),
         ("strain", N_GAUGES),
+        *((name, None) for name in FLOW_INPUTS),
+        ("sigma.coefficients", 5),
+        ("sigma.force", 3),
+        ("sigma.moment", 2),
         ("valid", N_GAUGES),
-        *((name, None) for name in (*FLOW_INPUTS, *PARAMETERS)),
+        *((name, None) for name in PARAMETERS),
         ("zero", N_GAUGES),
         ("zero_std", N_GAUGES),
         ("zero_common_std", None),
@@ -129,10 +134,10 @@ def test_arrays_of_fmi_3_hold_the_scalars_of_fmi_2(fmus: dict[str, Path]) -> Non
     ]
     found = [(name, int(v.dimensions[0].start) if v.dimensions else None) for name, v in arrays.items()]
     assert found == expected
-    assert [v.valueReference for v in arrays.values()] == list(range(len(arrays)))
-    in_order = [
-        name for v in estimator_arrays(estimator_interface(synthetic_inverse_map())) for name in array_of(v)
-    ]
+    interface = estimator_interface(synthetic_inverse_map())
+    numbered = {**value_references(estimator_arrays(interface)), "time": len(arrays) - 1}
+    assert {name: v.valueReference for name, v in arrays.items()} == numbered
+    in_order = [name for v in most_important_first(estimator_arrays(interface)) for name in array_of(v)]
     assert in_order == list(scalars)
     for name in ("dynamic_pressure", *PARAMETERS):
         assert (arrays[name].unit, arrays[name].start) == (scalars[name].unit, scalars[name].start)
@@ -148,10 +153,8 @@ def test_scalars_of_fmi_3_are_the_variables_of_fmi_2(fmus: dict[str, Path]) -> N
     """Names, values and units, in their order; time comes last, with the value reference behind all arrays."""
     second, third, arrays = (variables(fmus[kind]) for kind in ("native", "scalars", "native_3"))
     assert list(third) == [*second, "time"]
-    assert [v.valueReference for v in third.values()] == [
-        *range(FIRST_SCALAR, FIRST_SCALAR + len(second)),
-        arrays["time"].valueReference,
-    ]
+    numbers = [FIRST_SCALAR + v.valueReference for v in second.values()]
+    assert [v.valueReference for v in third.values()] == [*numbers, arrays["time"].valueReference]
     types = {"Real": "Float64", "Integer": "Int32"}
     for name, one in second.items():
         other = third[name]
@@ -167,6 +170,28 @@ def test_scalars_of_fmi_3_are_the_variables_of_fmi_2(fmus: dict[str, Path]) -> N
         for kind in ("native", "scalars")
     }
     assert known["native"] == known["scalars"]
+
+
+@pytest.mark.parametrize("options", [ExportOptions(), ExportOptions(fmi_version="3", scalars=True)])
+def test_scalars_without_zeros_keep_their_value_references(
+    fmus: dict[str, Path], synthetic: SyntheticFiles, tmp_path: Path, options: ExportOptions
+) -> None:
+    path = tmp_path / "plain.fmu"
+    export_estimator(synthetic.map_1, path, options)
+    assert not validate_fmu(str(path))
+    plain, whole = variables(path), variables(fmus["native" if options.fmi_version == "2" else "scalars"])
+    hidden = {*zero_names(N_GAUGES), *zero_in_use_names(N_GAUGES)}
+    assert list(plain) == [name for name in whole if name not in hidden]
+    assert whole.keys() - plain.keys() == hidden
+    for name, one in plain.items():
+        assert one.valueReference == whole[name].valueReference
+    first = {u.variable.name: {v.name for v in u.dependencies} for u in initial_unknowns(path)}
+    of_whole = {u.variable.name: {v.name for v in u.dependencies} for u in initial_unknowns(fmus["native"])}
+    assert first == {name: names - hidden for name, names in of_whole.items() if name not in hidden}
+
+
+def initial_unknowns(path: Path) -> Any:
+    return read_model_description(str(path)).initialUnknowns
 
 
 def array_of(variable: Variable) -> tuple[str, ...]:

@@ -13,7 +13,6 @@ from fmu_host import OPTIONS, exported_kinds, loaded
 from sensor_maps import ROWS, with_sensors
 
 from strainfmu.estimator.filter.switched import SwitchedFilter, TimedTrack
-from strainfmu.estimator.manifold.derivative import estimate_derivative
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.fmu.checks.crosscheck import write_crosscheck
@@ -96,29 +95,28 @@ def test_kinds_give_what_numpy_does(paths: dict[str, Path], tmp_path: Path, kind
 
 
 def test_derivatives_by_sensors_and_thrust(paths: dict[str, Path], tmp_path: Path) -> None:
-    """Those of numpy over the scale of a sensor; by thrust the sum over the sensors that it moves."""
+    """Differences of outputs once steps have ended; by thrust the sum over the sensors that it moves."""
     held = held_map()
-    sensors = held.sensors
+    sensors, sample = held.sensors, random_flight(held, 1, seed=4)[0]
     assert sensors is not None
-    estimator, sample = ManifoldEstimator(held), random_flight(held, 1, seed=4)[0]
-    flow = {f"{name}{end}": np.nan for name in sample.flow for end in ("", "_std")}
-    flow |= sample.flow | {"altitude": np.nan}
-    inputs = estimator.checked_inputs(sample.strain * sensors.scale, None, flow)
-    expected = estimate_derivative(estimator, inputs).coefficients[:, :N_D] / sensors.scale
-    names = ["C_A", "C_N", "C_Y", "M_P", "M_Y"]
+    names, readings = ["C_A", "C_N", "C_Y", "M_P", "M_Y"], reading_names(held)
     with loaded(paths["native"], tmp_path / "x") as host:
         host.initialize()
-        host.set([*reading_names(held), *sample.flow], [*(sample.strain * sensors.scale), *sample.flow.values()])
-        for k in range(40):
-            host.fmu.doStep(k * STEP, STEP)
-        unknown = [host.references[name] for name in names]
-        found = np.array(
-            [
-                host.fmu.getDirectionalDerivative(unknown, [host.references[name]], [1.0])
-                for name in (*reading_names(held), "thrust")
-            ]
-        ).T
-    size = np.abs(expected * sensors.scale).max(axis=1, keepdims=True)
-    np.testing.assert_allclose((found[:, :N_D] - expected) * sensors.scale / size, 0.0, atol=1e-7)
-    by_thrust = -expected @ sensors.thrust_response
-    np.testing.assert_allclose(found[:, N_D], by_thrust, rtol=1e-5)
+
+        def ended(change: np.ndarray) -> np.ndarray:
+            host.set([*readings, *sample.flow], [*(sample.strain * sensors.scale + change), *sample.flow.values()])
+            for k in range(40):
+                host.fmu.doStep(k * STEP, STEP)
+            return np.array(host.get(names))
+
+        def derivative(known: list[str], direction: np.ndarray) -> np.ndarray:
+            references = [[host.references[name] for name in one] for one in (names, known)]
+            return np.array(host.fmu.getDirectionalDerivative(*references, direction.tolist()))
+
+        ended(np.zeros(N_D))
+        along = 1e-7 * sensors.scale * np.random.default_rng(2).normal(size=N_D)
+        found, by_thrust = derivative(readings, along), derivative(["thrust"], np.ones(1))
+        of_sensors = -derivative(readings, sensors.thrust_response)
+        expected = (ended(0.02 * along) - ended(-0.02 * along)) / 0.04
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-5 * np.abs(expected).max())
+    np.testing.assert_allclose(by_thrust, of_sensors, rtol=0.0, atol=1e-6 * np.abs(of_sensors).max())

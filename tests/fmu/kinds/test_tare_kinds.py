@@ -87,6 +87,24 @@ def test_every_kind_takes_the_zeros_of_the_window(hosts: list[Host], synthetic: 
 
 
 @pytest.mark.parametrize("kind", ["native", "python"])
+def test_without_zero_inputs_too(kind: str, synthetic: SyntheticFiles, tmp_path: Path) -> None:
+    """The zeros change inside; the state says so."""
+    held, strain = load_inverse_map(synthetic.map_1), readings()
+    expected = tare(held, strain, np.zeros(N)).zeros
+    export_estimator(synthetic.map_1, tmp_path / "plain.fmu", replace(OPTIONS[kind], zero_inputs=False))
+    with loaded(tmp_path / "plain.fmu", tmp_path / "x") as host:
+        assert not {*IN_USE, *zero_names(N_GAUGES)} & host.references.keys()
+        host.initialize()
+        window(host, strain, 0.0)
+        host.fmu.doStep(0.0, 0.1)
+        assert state(host) == TareState.DONE
+        reading = held.mean_strain + expected.value
+        host.set([*STRAINS, "dynamic_pressure"], [*reading, 9e4])
+        known = Estimator(held).with_zeros(expected).estimate(reading, 9e4)
+        np.testing.assert_allclose(host.get(COEFFICIENTS), known.coefficients, rtol=1e-10)
+
+
+@pytest.mark.parametrize("kind", ["native", "python"])
 def test_known_loads_are_taken_off(kind: str, synthetic: SyntheticFiles, tmp_path: Path) -> None:
     """Exported with the strain of own weight: zeros of numpy with the same, its deviation in theirs."""
     held, random = load_inverse_map(synthetic.map_1), np.random.default_rng(5)

@@ -7,7 +7,7 @@ import ctypes
 import numpy as np
 import pytest
 from native_case import NativeCase
-from raw_fmu import ERROR, N_OUTPUTS, N_SCALARS, OK, REAL_OUTPUTS, SETTINGS, Fmu2, Fmu3
+from raw_fmu import ERROR, N_OUTPUTS, N_SCALARS, OK, SETTINGS, VALUES, Fmu2, Fmu3
 
 from strainfmu.estimator.linear.decomposition import decompose
 from strainfmu.estimator.linear.pressure_weights import gain_and_precision
@@ -40,7 +40,7 @@ def prepare(case: NativeCase, mask: bool, deviation: float) -> Fmu2:
 @pytest.mark.parametrize("deviation", [0.0, 4e3])
 @pytest.mark.parametrize("mask", [False, True])
 def test_against_central_differences(case: NativeCase, mask: bool, deviation: float) -> None:
-    fmu, random, unknown = prepare(case, mask, deviation), np.random.default_rng(6), REAL_OUTPUTS
+    fmu, random, unknown = prepare(case, mask, deviation), np.random.default_rng(6), VALUES
     references = knowns(case)
     centre = fmu.get_reals(references)
     size = np.concatenate([case.inverse_map.noise_std, [1e4, deviation, 1.0, 1e3, 0.0, 1.0, 0.2, 0.5, 1.0]])
@@ -55,15 +55,7 @@ def test_against_central_differences(case: NativeCase, mask: bool, deviation: fl
         difference = (sides[0] - sides[1]) / 2e-5
         # Truncation is 1e-10 of the third derivative; round-off 1e-15 / 1e-5 of the terms.
         scale = np.abs(sides[0]) + np.abs(difference)
-        for group in (
-            slice(0, 5),
-            slice(5, 10),
-            slice(10, 13),
-            slice(13, 15),
-            slice(15, 20),
-            slice(20, 22),
-            slice(22, 23),
-        ):
+        for group in (slice(0, 5), slice(5, 8), slice(8, 10)):
             assert np.all(np.abs(exact - difference)[group] <= 1e-7 * np.linalg.norm(scale[group])), group
     fmu.free()
 
@@ -78,27 +70,31 @@ def test_gain_is_that_of_numpy(case: NativeCase) -> None:
     for gauge in range(case.n):
         column = fmu.derivative(range(10, 15), [N_OUTPUTS + gauge], [1.0])
         expected = gain[:, gauge]
-        assert np.linalg.norm(column - expected) <= 1e-12 * np.linalg.norm(expected)
+        assert np.linalg.norm(column - expected) <= 1e-9 * np.linalg.norm(expected)
     fmu.free()
 
 
 def test_where_there_is_no_estimate(small: NativeCase) -> None:
     fmu = prepare(small, mask=False, deviation=0.0)
     fmu.set_scalars(0, 0.0)
-    derivative = fmu.derivative(REAL_OUTPUTS, [N_OUTPUTS], [1.0])
-    assert np.isnan(derivative[:10]).all()
-    assert np.isfinite(derivative[10:22]).all()
+    derivative = fmu.derivative(VALUES, [N_OUTPUTS], [1.0])
+    assert np.isnan(derivative[:5]).all()
+    assert np.isfinite(derivative[5:]).all()
     fmu.set_valid(np.zeros(small.n, dtype=bool))
-    assert np.isnan(fmu.derivative(REAL_OUTPUTS, [N_OUTPUTS], [1.0])).all()
+    assert np.isnan(fmu.derivative(VALUES, [N_OUTPUTS], [1.0])).all()
     fmu.free()
 
 
 def test_variables_without_derivative(small: NativeCase) -> None:
     fmu = Fmu2(small.uri, small.n).start()
-    for unknown, known in ((20, N_OUTPUTS), (N_OUTPUTS, N_OUTPUTS), (0, 0), (0, N_OUTPUTS + small.n), (999, 0)):
+    for unknown, known in (
+        *((k, N_OUTPUTS) for k in (5, 15, 20, 21, 26, N_OUTPUTS, 999)),
+        (0, 0),
+        (0, N_OUTPUTS + small.n),
+    ):
         with pytest.raises(AssertionError):
             fmu.derivative([unknown], [known], [1.0])
-        assert "GetDirectionalDerivative" in fmu.messages[-1][2]
+        assert "GetDirectionalDerivative: derivatives are those of values" in fmu.messages[-1][2]
     fmu.free()
 
 
@@ -111,19 +107,26 @@ def test_fmi_3_directional_and_adjoint(case: NativeCase) -> None:
     references = [third.STRAIN, *third.SCALARS]
     assert third.set("Float64", ctypes.c_double, references, values) == OK
     assert third.set("Boolean", ctypes.c_bool, [third.VALID], valid) == OK
-    floats, random = list(third.FLOATS), np.random.default_rng(7)
-    direction, weight = random.normal(size=len(values)), random.normal(size=23)
-    status, forward = third.differentiate("Directional", floats, references, direction, 23)
+    floats, random = [0, 2, 3], np.random.default_rng(7)
+    direction, weight = random.normal(size=len(values)), random.normal(size=10)
+    status, forward = third.differentiate("Directional", floats, references, direction, 10)
     assert status == OK
-    assert forward.tobytes() == second.derivative(REAL_OUTPUTS, knowns(case), direction).tobytes()
+    assert forward.tobytes() == second.derivative(VALUES, knowns(case), direction).tobytes()
     status, backward = third.differentiate("Adjoint", floats, references, weight, len(values))
     assert status == OK
-    # <weight, J direction> = <J' weight, direction>; sums of 60 x 23 terms.
+    # <weight, J direction> = <J' weight, direction>; sums of 60 x 10 terms, each a difference.
     terms = np.abs(backward * direction).sum()
-    assert abs(weight @ forward - backward @ direction) <= 1e-12 * terms
-    for wrong in (([6], references), ([13], references), (floats, [14]), (floats, [0]), (floats, [24])):
-        assert third.differentiate("Directional", *wrong, direction, 23)[0] == ERROR
+    assert abs(weight @ forward - backward @ direction) <= 1e-6 * terms
+    for wrong in (
+        ([1], references),
+        ([6], references),
+        ([13], references),
+        (floats, [14]),
+        (floats, [0]),
+        (floats, [24]),
+    ):
+        assert third.differentiate("Directional", *wrong, direction, 10)[0] == ERROR
         assert third.differentiate("Adjoint", *wrong, weight, len(values))[0] == ERROR
-    assert third.differentiate("Directional", floats, references, direction[:-1], 23)[0] == ERROR
+    assert third.differentiate("Directional", floats, references, direction[:-1], 10)[0] == ERROR
     second.free()
     third.free()

@@ -91,7 +91,8 @@ def test_derivatives_against_differences(six: NativeCase, deviation: float, lost
         *range(first_zero(n), first_zero(n) + n),
     ]
     known += sensors
-    outputs = range(first_further(n), first_further(n) + N_OUT)
+    first = first_further(n)
+    outputs = [first, first + 2, *range(first + 4, first + 4 + 6 * len(STATIONS))]
     scales = [1e4, deviation, 1.0, 1e3, 0.0, 1.0, 0.2, 0.5, 1.0]
     size = np.concatenate([six.inverse_map.noise_std, scales, six.inverse_map.noise_std, np.ones(3)])
     centre = fmu.get_reals(known)
@@ -105,13 +106,7 @@ def test_derivatives_against_differences(six: NativeCase, deviation: float, lost
         difference = (sides[0] - sides[1]) / 2e-5
         scale = np.abs(sides[0]) + np.abs(difference)
         k = 3 * len(STATIONS)
-        for group in (
-            slice(0, 1),
-            slice(1, 2),
-            slice(2, 3),
-            slice(3, 4),
-            *(slice(4 + i * k, 4 + i * k + k) for i in range(4)),
-        ):
+        for group in (slice(0, 1), slice(1, 2), slice(2, 2 + k), slice(2 + k, 2 + 2 * k)):
             assert np.all(np.abs(exact - difference)[group] <= 1e-7 * np.linalg.norm(scale[group])), group
     assert fmu.set_scalars(0, 0.0) == OK
     assert np.isnan(fmu.derivative(outputs, known, size)).all()

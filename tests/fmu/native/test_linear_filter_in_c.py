@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from damaged_resource import put, refusal, with_arrays
 from linear_fmu import LinearFmu, LinearReference, LinearSample, differences, largest, linear_flight
-from raw_fmu import ERROR, N_OUTPUTS, OK, Fmu3, first_zero, write_resource
+from raw_fmu import ERROR, N_OUTPUTS, OK, VALUES, Fmu3, first_zero, write_resource
 from scaled_maps import scaled_map, whole_scaled_map
 from sensor_maps import with_sensors
 from thermal_maps import REFERENCE, with_temperature
@@ -240,17 +240,26 @@ def test_without_the_filter_nothing_is_remembered(fmu: LinearFmu, inverse_map: I
     assert filtered[10:15].tobytes() != without[10:15].tobytes()
 
 
-def test_no_derivatives_while_the_filter_is_on(fmu: LinearFmu, inverse_map: InverseMap) -> None:
+def test_derivatives_with_the_filter_on_are_those_of_the_step(fmu: LinearFmu, inverse_map: InverseMap) -> None:
+    """What the steps before left is held."""
     samples = linear_flight(inverse_map, 3, seed=4, poor=False)
     assert fmu.filter(1.0) == OK
-    fmu.give(samples[0])
-    assert np.isfinite(fmu.derivative([0], [N_OUTPUTS], [1.0])).all()
     for k, sample in enumerate(samples):
         fmu.advance(sample, k * STEP, STEP)
-    with pytest.raises(AssertionError, match="no derivatives: the filter over time is on"):
-        fmu.derivative([0], [N_OUTPUTS], [1.0])
-    assert fmu.filter(0.0) == OK
-    assert np.isfinite(fmu.derivative([0], [N_OUTPUTS], [1.0])).all()
+    state, strains = fmu.get_state(), range(N_OUTPUTS, N_OUTPUTS + N)
+    fmu.give(samples[0])
+    held, bits = fmu.serialise(fmu.get_state()), fmu.outputs().tobytes()
+    direction = inverse_map.noise_std * np.random.default_rng(3).normal(size=N)
+    found, sides = fmu.derivative(VALUES, strains, direction), []
+    assert fmu.serialise(fmu.get_state()) == held
+    assert fmu.outputs().tobytes() == bits
+    for sign in (1.0, -1.0):
+        assert fmu.call("SetFMUstate", state) == OK
+        fmu.give(replace(samples[0], strain=samples[0].strain + sign * direction))
+        sides.append(fmu.get_reals(VALUES))
+    for group in (slice(0, 5), slice(5, 8), slice(8, 10)):
+        expected = 0.5 * (sides[0] - sides[1])[group]
+        np.testing.assert_allclose(found[group], expected, rtol=0.0, atol=1e-6 * np.abs(expected).max())
 
 
 def test_model_exchange_filters_nothing(inverse_map: InverseMap, location: str) -> None:

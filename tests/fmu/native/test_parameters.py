@@ -20,7 +20,6 @@ from thermal_maps import with_temperature
 
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.linear.estimator import Estimator
-from strainfmu.estimator.linear.flow_parameters import flow_parameters
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.interface.input_names import NOT_KNOWN
 
@@ -147,27 +146,3 @@ def test_scalars_of_fmi_3(case: NativeCase) -> None:
 def test_what_cannot_be_is_refused(case: NativeCase, tmp_path: Path, name: str, change: Any, text: str) -> None:
     location = with_arrays(case.inverse_map, tmp_path, {f"parameters.{name}": change})
     assert f"'parameters.{name}': {text}" in refusal(Fmu2(location, case.n))
-
-
-def test_derivatives_of_scores_and_of_zeros_in_use(case: NativeCase) -> None:
-    """Real outputs like the others: a host that asks for all of them at once gets them."""
-    fmu, known = Fmu2(case.uri, case.n).start(), flow_parameters(case.inverse_map)
-    n, zero = case.n, first_zero(case.n)
-    fmu.set_strain(case.inverse_map.mean_strain)
-    assert fmu.set_scalars(0, NOMINAL) == OK
-    in_use = first(case) - (2 * n + 1)
-    unknowns = [0, 5, *range(in_use, in_use + 2 * n + 1), *range(first(case) + N_P, first(case) + 2 * N_P)]
-    knowns = [N_OUTPUTS, *range(zero, zero + n), *range(first(case), first(case) + N_P)]
-    of_parameters = np.array([0.5, -0.25, 2.0])
-    along = np.concatenate([[1e-6], 1e-6 * np.arange(n), of_parameters])
-    low, high = known.minimum, known.maximum
-    for side, values in ((0.0, 0.5 * (low + high)), (-1.0, low - 0.1), (1.0, high + 0.1)):
-        assert give(fmu, case, values) == OK
-        found = fmu.derivative(unknowns, knowns, along)
-        assert np.isfinite(found).all()
-        np.testing.assert_array_equal(found[2 : 2 + n], 1e-6 * np.arange(n))
-        np.testing.assert_array_equal(found[2 + n : 3 + 2 * n], 0.0)
-        np.testing.assert_allclose(found[3 + 2 * n :], side * of_parameters / known.span, rtol=1e-12)
-    assert give(fmu, case, [NOT_KNOWN, 1e300, np.nan]) == OK
-    np.testing.assert_array_equal(fmu.derivative(unknowns, knowns, along)[3 + 2 * n :], 0.0)
-    fmu.free()

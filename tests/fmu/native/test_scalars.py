@@ -10,7 +10,18 @@ import numpy as np
 import pytest
 from flight_fmu import N_D, random_flight, whole_map
 from native_case import NativeCase
-from raw_fmu import ERROR, N_OUTPUTS, OK, REAL_OUTPUTS, WHOLE_OUTPUTS, Fmu2, Fmu3, first_zero, write_resource
+from raw_fmu import (
+    ERROR,
+    N_OUTPUTS,
+    OK,
+    REAL_OUTPUTS,
+    VALUES,
+    WHOLE_OUTPUTS,
+    Fmu2,
+    Fmu3,
+    first_zero,
+    write_resource,
+)
 
 from strainfmu.fmu.description.fmi3 import FIRST_SCALAR
 from strainfmu.interface.estimator_variables import estimator_arrays, estimator_interface
@@ -72,11 +83,11 @@ def test_derivatives_by_scalars_are_those_by_arrays(pair: tuple[Fmu2, Fmu3], sma
     assert third.set("Float64", c_double, [Fmu3.STRAIN], 1e-6 * seed) == OK
     inputs = scalars(range(N_OUTPUTS, N_OUTPUTS + n))
     for kind, unknowns, knowns, values, size in (
-        ("Directional", scalars(range(10)), inputs, seed, 10),
-        ("Adjoint", scalars(range(10)), inputs, seed[:1].repeat(10), n),
+        ("Directional", scalars(VALUES), inputs, seed, 10),
+        ("Adjoint", scalars(VALUES), inputs, seed[:1].repeat(10), n),
     ):
         status, found = third.differentiate(kind, unknowns, knowns, values, size)
-        expected = third.differentiate(kind, [0, 1], [Fmu3.STRAIN], values, size)
+        expected = third.differentiate(kind, [0, 2, 3], [Fmu3.STRAIN], values, size)
         assert status == expected[0] == OK, third.messages
         np.testing.assert_array_equal(found, expected[1])
 

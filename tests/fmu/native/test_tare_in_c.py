@@ -13,7 +13,7 @@ import pytest
 from agreement import Reference, random_samples, strain_at
 from flight_fmu import FIRST, N_D, FlightFmu, random_flight, whole_map
 from native_case import NativeCase
-from raw_fmu import ERROR, OK, REAL_OUTPUTS, Fmu2, Fmu3, first_zero, of_filter, write_resource
+from raw_fmu import ERROR, OK, VALUES, Fmu2, Fmu3, first_zero, of_filter, write_resource
 
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.zeros.tare_edge import EdgeTare, TareState
@@ -194,10 +194,10 @@ def test_derivatives_by_zeros_are_those_of_zeros_in_use(small: NativeCase) -> No
     zeros, direction = range(first_zero(small.n), first_zero(small.n) + small.n), np.ones(small.n)
     one.fmu.set_strain(one.held.mean_strain)
     assert one.fmu.set_scalars(0, 1e5) == OK
-    assert one.fmu.derivative(REAL_OUTPUTS, zeros, direction).any()
+    assert one.fmu.derivative(VALUES, zeros, direction).any()
     one.take(readings(one.held, 100))
     assert one.fmu.set_scalars(0, 1e5) == OK
-    assert not one.fmu.derivative(REAL_OUTPUTS, zeros, direction).any()
+    assert not one.fmu.derivative(VALUES, zeros, direction).any()
 
 
 def test_a_state_within_a_window_goes_on(small: NativeCase) -> None:

@@ -13,7 +13,7 @@ from agreement import Reference, random_samples
 from damaged_resource import put, refusal, with_arrays
 from flight_fmu import FILTER, N_D, FlightFmu, FlightSample, check, random_flight, tracked, whole_map
 from native_case import NativeCase
-from raw_fmu import OK, REAL_OUTPUTS, Fmu2, Fmu3, first_zero, write_resource
+from raw_fmu import OK, VALUES, Fmu2, Fmu3, first_zero, write_resource
 from scaled_maps import whole_scaled_map
 from thermal_maps import REFERENCE, with_temperature
 
@@ -179,12 +179,12 @@ def test_derivatives_are_those_of_differences(hot: NativeCase) -> None:
     at, direction = np.concatenate([strain, temperature]), np.concatenate([0.01 * strain, random.normal(size=N_T)])
     direction[n + 2] = 5.0  # of the sensor that is off
     assert fmu.set_reals(inputs, at) == OK
-    ours = fmu.derivative(REAL_OUTPUTS, inputs, direction)
+    ours = fmu.derivative(VALUES, inputs, direction)
     step = np.where(np.arange(n + N_T) == n + 2, 0.0, 1e-3 * direction)
     ends = []
     for sign in (1.0, -1.0):
         assert fmu.set_reals(inputs, at + sign * step) == OK
-        ends.append(fmu.get_reals(REAL_OUTPUTS))
+        ends.append(fmu.get_reals(VALUES))
     size = np.abs(ends[0]) + np.abs(ends[1])
     np.testing.assert_allclose((ends[0] - ends[1]) / 2e-3, ours, rtol=1e-5, atol=1e-8 * size.max())
 

@@ -10,7 +10,7 @@ import pytest
 from agreement import Reference, random_samples
 from flight_fmu import FIRST, N_D, FlightFmu, check, random_flight, tracked, whole_map
 from native_case import NativeCase
-from raw_fmu import ERROR, N_OUTPUTS, OK, REAL_OUTPUTS, Fmu2, Fmu3, first_zero, write_resource
+from raw_fmu import ERROR, N_OUTPUTS, OK, VALUES, Fmu2, Fmu3, first_zero, write_resource
 
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.tracker import FlightTracker
@@ -125,5 +125,8 @@ def test_derivative_by_a_zero_is_that_of_less_strain(case: NativeCase) -> None:
     fmu.set_strain(case.inverse_map.mean_strain + case.inverse_map.noise_std)
     zeros, strains = range(first_zero(case.n), first_zero(case.n) + case.n), range(N_OUTPUTS, N_OUTPUTS + case.n)
     direction = np.random.default_rng(7).normal(size=case.n)
-    ours = fmu.derivative(REAL_OUTPUTS, zeros, direction)
-    assert ours.tobytes() == fmu.derivative(REAL_OUTPUTS, strains, -direction).tobytes()
+    ours, of_strain = fmu.derivative(VALUES, zeros, direction), fmu.derivative(VALUES, strains, -direction)
+    for group in (slice(0, 5), slice(5, 10)):
+        np.testing.assert_allclose(
+            ours[group], of_strain[group], rtol=0.0, atol=1e-7 * np.abs(of_strain[group]).max()
+        )

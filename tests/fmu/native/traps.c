@@ -20,6 +20,7 @@
 #include "loaded_library.h"
 
 #define TRAPPED (FE_INVALID | FE_DIVBYZERO | FE_OVERFLOW)
+#define N_COEFFICIENTS 5 /* the first outputs, which have derivatives */
 #define FLUSHED 0x8040 /* of MXCSR: results to zero, operands as zero */
 
 enum { REALS, KNOWNS, FLAGS, OUTPUTS, WHOLE, OUTPUT_FLAGS, N_LISTS, STEPS = N_LISTS, N_SIZES };
@@ -112,7 +113,7 @@ static void step(fmi2Component c, size_t k, const double *row, double *out, fmi2
     check(fmi2GetBoolean(c, list[OUTPUT_FLAGS], size[OUTPUT_FLAGS], whole) == fmi2OK, "fmi2GetBoolean");
     memset(out, 0, size[OUTPUTS] * sizeof *out); /* of the derivatives, where they are refused */
     if (k % 5 == 0) {
-        fmi2GetDirectionalDerivative(c, list[OUTPUTS], size[OUTPUTS], list[KNOWNS], size[KNOWNS], row, out);
+        fmi2GetDirectionalDerivative(c, list[OUTPUTS], N_COEFFICIENTS, list[KNOWNS], size[KNOWNS], row, out);
     }
     fwrite(out, sizeof *out, size[OUTPUTS], stdout);
 }

@@ -8,7 +8,4 @@
 /* Set all outputs but the number of gauges and the health, where the gauges in use identify the state. */
 void absolute_update(Estimator *e);
 
-/* Add the derivatives of the outputs along d_input to d_output, which is zero. */
-void absolute_derivative(Estimator *e, const double *d_input, double *d_output);
-
 #endif

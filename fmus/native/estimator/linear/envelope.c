@@ -33,13 +33,6 @@ double ambient_pressure(const Envelope *envelope, double altitude) {
     return atmosphere_at(&envelope->atmosphere, altitude, &pressure, &temperature) ? pressure : NAN;
 }
 
-double ambient_pressure_slope(const Envelope *envelope, double altitude) {
-    double pressure, temperature;
-    return atmosphere_at(&envelope->atmosphere, altitude, &pressure, &temperature)
-             ? pressure_slope(pressure, temperature)
-             : 0.0;
-}
-
 /* Whether a value leaves a range; one that is not known does not. */
 static int leaves(const double *range, double value) {
     return value < range[0] || value > range[1];
@@ -84,19 +77,6 @@ AVX2 static int beyond_avx2(const Envelope *envelope, const double *coefficients
 }
 #endif
 
-/* n'K n of half-space j for a symmetric K (5, 5). */
-static double form_of(const Envelope *envelope, size_t j, const double *matrix) {
-    double sum = 0.0;
-    for (size_t i = 0; i < N_LOADS; i++) {
-        double row = 0.0;
-        for (size_t k = 0; k < N_LOADS; k++) {
-            row += matrix[i * N_LOADS + k] * envelope->direction[k * envelope->n_half_spaces + j];
-        }
-        sum += row * envelope->direction[i * envelope->n_half_spaces + j];
-    }
-    return sum;
-}
-
 /* Squares of (n'C - limit) / sigma in place of the variances, 0 for half-spaces that C does not leave. */
 EVERYWHERE void square_scores(const Envelope *envelope, const double *coefficients, double *restrict variance) {
     for (size_t j = 0; j < envelope->n_half_spaces; j++) {
@@ -112,8 +92,7 @@ AVX2 static void square_scores_avx2(const Envelope *envelope, const double *coef
 #endif
 
 double envelope_score(const Envelope *envelope, const HalfSpaces *spaces, int wide, const double *coefficients,
-                      const double *covariance, size_t *worst) {
-    *worst = SIZE_MAX;
+                      const double *covariance) {
     if (!CHOSEN(wide, beyond)(envelope, coefficients)) {
         return 0.0;
     }
@@ -128,23 +107,7 @@ double envelope_score(const Envelope *envelope, const HalfSpaces *spaces, int wi
     CHOSEN(wide, square_scores)(envelope, coefficients, spaces->variance);
     double largest = 0.0;
     for (size_t j = 0; j < envelope->n_half_spaces; j++) {
-        if (spaces->variance[j] > largest) {
-            largest = spaces->variance[j];
-            *worst = j;
-        }
+        largest = spaces->variance[j] > largest ? spaces->variance[j] : largest;
     }
     return sqrt(largest);
-}
-
-double envelope_score_derivative(const Envelope *envelope, size_t worst, double score, const double *covariance,
-                                 const double *d_coefficients, const double *d_covariance) {
-    if (worst == SIZE_MAX) {
-        return 0.0;
-    }
-    double change = 0.0;
-    for (size_t i = 0; i < N_LOADS; i++) {
-        change += envelope->direction[i * envelope->n_half_spaces + worst] * d_coefficients[i];
-    }
-    const double variance = form_of(envelope, worst, covariance);
-    return change / sqrt(variance) - 0.5 * score * form_of(envelope, worst, d_covariance) / variance;
 }

@@ -18,8 +18,6 @@ typedef struct {
 /* p(h) [Pa]; NaN where h is not known or outside the atmosphere. */
 double ambient_pressure(const Envelope *envelope, double altitude);
 
-/* Its derivative by the altitude [Pa/m]. */
-double ambient_pressure_slope(const Envelope *envelope, double altitude);
 
 /* Whether dynamic pressure, Mach number or altitude leave their ranges or contradict each other. */
 int outside_by_navigation(const Envelope *envelope, const Flow *flow);
@@ -35,12 +33,8 @@ size_t half_space_doubles(const Envelope *envelope);
 void half_space_arrays(const Envelope *envelope, HalfSpaces *spaces, double **doubles);
 
 /* The largest (n'C - limit) / sigma over the half-spaces, 0 where C is inside all. Coefficients (5) and their covariance
-   (5, 5) are those at the references of the map. *worst is the half-space, SIZE_MAX for none. wide as for panels.h. */
+   (5, 5) are those at the references of the map. wide as for panels.h. */
 double envelope_score(const Envelope *envelope, const HalfSpaces *spaces, int wide, const double *coefficients,
-                      const double *covariance, size_t *worst);
-
-/* Its derivative, where coefficients and covariance change by these. */
-double envelope_score_derivative(const Envelope *envelope, size_t worst, double score, const double *covariance,
-                                 const double *d_coefficients, const double *d_covariance);
+                      const double *covariance);
 
 #endif

@@ -57,7 +57,7 @@ void further_free(Further *further) {
 }
 
 /* From those kept if they are there. */
-const double *further_level_products(Estimator *e, const Level *level) {
+static const double *further_level_products(Estimator *e, const Level *level) {
     Further *further = &e->further;
     Level *first = e->levels[e->masked - e->cache].level, *found = first + (level - first);
     const size_t number = (size_t)(e->masked - e->cache) * CACHED_LEVELS + (size_t)(level - first);
@@ -69,7 +69,7 @@ const double *further_level_products(Estimator *e, const Level *level) {
     return products;
 }
 
-double further_growth(Estimator *e, size_t load) {
+static double further_growth(Estimator *e, size_t load) {
     const ScaledStep *step = &e->scaled.step;
     const size_t n = e->map.n_gauges, m = e->further.map.n_loads;
     double *more = e->further.scratch + N_PAIRS * m;

@@ -51,8 +51,6 @@ void further_free(Further *further);
 /* Of the linear estimator: load j, its variance and derivative by q_inf; what lost gauges add to the variance; products of
    errors in proportion to strain at a level (21, n_loads). */
 void further_load(struct Estimator *e, size_t j, double *value, double *variance, double *per_pressure);
-double further_growth(struct Estimator *e, size_t j);
-const double *further_level_products(struct Estimator *e, const Level *level);
 
 /* The outputs for the present inputs: of the nonlinear estimator by its tables, where strain fits these. */
 void further_update(struct Estimator *e);

@@ -14,7 +14,7 @@
 static const unsigned char ENTRY[15][2] = {{0, 0}, {0, 1}, {0, 2}, {0, 3}, {0, 4}, {1, 1}, {1, 2}, {1, 3},
                                            {1, 4}, {2, 2}, {2, 3}, {2, 4}, {3, 3}, {3, 4}, {4, 4}};
 
-void set_symmetric(const double *entries, double *matrix) {
+static void set_symmetric(const double *entries, double *matrix) {
     for (size_t k = 0; k < 15; k++) {
         matrix[ENTRY[k][0] * N_LOADS + ENTRY[k][1]] = matrix[ENTRY[k][1] * N_LOADS + ENTRY[k][0]] = entries[k];
     }
@@ -251,7 +251,6 @@ EVERYWHERE void add_errors(Estimator *e, ScaledStep *step, const Level *low, con
     const double s = step->ratio;
     const int freedom = e->map.degrees_of_freedom - (int)step->n_lost;
     step->expected_ratio = 1.0;
-    step->held = 0;
     if (!e->map.form.has_errors) {
         return;
     }
@@ -278,8 +277,7 @@ EVERYWHERE void add_errors(Estimator *e, ScaledStep *step, const Level *low, con
     if (freedom > 0) {
         const double least = e->map.form.min_expected_ratio;
         step->expected_ratio = 1.0 + s * s * excess[15] / (double)freedom;
-        step->held = !(step->expected_ratio > least);
-        step->expected_ratio = step->held ? least : step->expected_ratio;
+        step->expected_ratio = step->expected_ratio > least ? step->expected_ratio : least;
     }
 }
 
@@ -326,8 +324,7 @@ EVERYWHERE void update(Estimator *e) {
     const Level *low = error_level(e, below, NULL), *high = error_level(e, above, low);
     step->levels[0] = low;
     step->levels[1] = high;
-    step->distance = above - below;
-    step->part = (step->ratio - below) / step->distance;
+    step->part = (step->ratio - below) / (above - below);
     add_errors(e, step, low, high);
     const double limits = e->input[n + ALARM_SCALE] * step->expected_ratio;
     e->output[CHI_SQUARE] = step->chi_square;

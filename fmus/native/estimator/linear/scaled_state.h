@@ -1,5 +1,5 @@
 /* What an estimator of a map in form "dynamic_pressure" holds: tables made once, levels of the pressure ratio, and the
-   numbers of the last step, from which its derivatives follow.
+   numbers of the last step.
 
    Directions are those of strainfmu/estimator/linear/decomposition.py, there are as many as gauges. */
 
@@ -48,11 +48,9 @@ typedef struct {
     double *head;                      /* (2 n_gauges) of householder_columns */
     double *growth;                    /* (5, n_lost) B, then X: what the lost gauges add to the covariance is X X' */
     double chi_square, expected_ratio; /* [1] */
-    int held;                          /* whether expected_ratio is at its least value */
     double loads[N_LOADS], per_pressure[N_LOADS], covariance[N_LOADS * N_LOADS]; /* about the map's moment point */
     double product[N_PAIRS + 3];       /* c_a c_b less its mean, and zeros for dense.h */
     double low[N_VALUES], high[N_VALUES], part; /* of the levels, and where the ratio is between them */
-    double distance;                   /* of the levels */
     const Level *levels[2];
 } ScaledStep;
 

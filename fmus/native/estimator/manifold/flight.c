@@ -48,14 +48,10 @@ static int allocate(Estimator *e) {
     FlightFurther *further = &flight->further;
     Known *known = &flight->known;
     Filter *filter = &flight->filter;
-    const int made = known->present; /* those have as many channels as there can be */
-    const TableMap *widest = made ? &known->tables.map : &flight->map.tables;
-    const TableMap *widest_loads = made ? &known->further.map : &further->map.tables;
     solver->map = &flight->map;
     solver->n = in_lanes(n);
     const size_t count = flight_solver_doubles(&flight->map, n) + flight_further_doubles(&further->map, n)
                        + (known->present ? known_doubles(known, n) : 0)
-                       + tangents_doubles(&flight->map, widest, n) + further_tangents_doubles(widest_loads, n)
                        + (filter->present ? filter_doubles(filter, solver, &e->thermal) : 0);
     flight->memory = calloc(1, ALIGNMENT + count * sizeof(double) + n);
     if (flight->memory == NULL) {
@@ -69,8 +65,6 @@ static int allocate(Estimator *e) {
     if (known->present) {
         known_arrays(e, &doubles);
     }
-    tangents_arrays(solver, made ? &known->own.tables : &solver->tables, &flight->tangents, &doubles);
-    further_tangents_arrays(flight, made ? &known->own.further : &further->tables, n, &doubles);
     if (filter->present) {
         filter_arrays(filter, &doubles);
     }

@@ -8,7 +8,6 @@
 #include "../filter/filter.h"
 #include "../tables/flight_known.h"
 #include "flight_further.h"
-#include "flight_tangent.h"
 
 #define N_AIR_DATA 7
 #define N_FLIGHT_REALS (2 * N_AIR_DATA) /* outputs: air data, then their deviations */
@@ -36,8 +35,6 @@ typedef struct {
     FlightSolver solver;
     FlightFurther further;
     Known known; /* parameters of the flow, of a map with tables of them */
-    Tangents tangents; /* of the solution, for derivatives, */
-    FurtherTangents further_tangents; /* and of rolling moment and section loads */
     Filter filter; /* over time, if the map has one */
     void *memory;
     Track base; /* that the outputs follow from */
@@ -52,10 +49,6 @@ typedef struct {
 } Flight;
 
 struct Estimator;
-
-/* Number of doubles of flight->further_tangents, and handing them out, for the tables with the most channels. */
-size_t further_tangents_doubles(const TableMap *widest, size_t n_gauges);
-void further_tangents_arrays(Flight *flight, const FlightTables *widest, size_t n_gauges, double **doubles);
 
 /* Read the parts of the tables, if there are any, and allocate. 1; 0 after a message. */
 int flight_create(struct Estimator *e, MapFile *file);

@@ -213,17 +213,6 @@ void thermal_add_left(const Thermal *thermal, size_t mode, double part, double *
     }
 }
 
-/* What the data sheet says of a rise, and its slope. */
-static double apparent(const ThermalMap *map, double rise, double *slope) {
-    double sum = 0.0;
-    *slope = 0.0;
-    for (size_t power = map->n_powers; power-- > 0;) {
-        *slope = *slope * rise + (sum + map->apparent_strain[power]);
-        sum = (sum + map->apparent_strain[power]) * rise;
-    }
-    return sum;
-}
-
 /* Factors and offsets of all gauges for their rise and strain. */
 EVERYWHERE void set_factors(size_t n, size_t n_powers, const double *restrict powers, double gauge_factor, double modulus,
                             const double *restrict strain, const double *restrict rise, double *restrict factor,
@@ -296,29 +285,5 @@ void thermal_correct_about(Thermal *thermal, const double *amplitude, const doub
             of_errors += (map->mode_strain[i * k + a] + first * map->gauge_operator[i * k + a]) * errors[a];
         }
         strain[i] = strain[i] * thermal->factor[i] - thermal->offset[i] + of_errors;
-    }
-}
-
-void thermal_derive(Thermal *thermal, const double *strain, const double *d_temperature, double *d_strain) {
-    const ThermalMap *map = &thermal->map;
-    const size_t n = thermal->n_gauges, n_t = map->n_sensors;
-    double *d_rise = thermal->scratch, *d_gauge = d_rise + dense_columns(n_t);
-    if (!thermal->some) {
-        return;
-    }
-    follow(thermal);
-    memset(d_rise, 0, dense_columns(n_t) * sizeof *d_rise);
-    for (size_t t = 0; t < n_t; t++) {
-        d_rise[t] = thermal->known[t] ? d_temperature[t] : 0.0;
-    }
-    dense_times(thermal->wide, 2 * n, n_t, thermal->gain, d_rise, d_gauge);
-    for (size_t i = 0; i < n; i++) {
-        const double rise = thermal->of_gauge[n + i], d = d_gauge[n + i];
-        double slope;
-        const double off = thermal->of_gauge[i] + apparent(map, rise, &slope);
-        const double sensitivity = 1.0 + map->gauge_factor_slope * rise, stiffness = 1.0 + map->modulus_slope * rise;
-        const double d_factor = (map->modulus_slope - map->gauge_factor_slope) * d / (sensitivity * sensitivity);
-        const double d_offset = (d_gauge[i] + slope * d) * stiffness + off * map->modulus_slope * d;
-        d_strain[i] = d_strain[i] * thermal->factor[i] + strain[i] * d_factor - d_offset;
     }
 }

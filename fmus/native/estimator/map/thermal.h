@@ -68,7 +68,4 @@ void thermal_correct(Thermal *thermal, double *strain);
    of the latter. */
 void thermal_correct_about(Thermal *thermal, const double *amplitude, const double *errors, double *strain);
 
-/* The same for changes of strains less zeros (n_gauges), and of temperatures (n_sensors), at those strains. */
-void thermal_derive(Thermal *thermal, const double *strain, const double *d_temperature, double *d_strain);
-
 #endif

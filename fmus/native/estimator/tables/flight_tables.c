@@ -95,28 +95,6 @@ Basis flight_basis(const double *knots, size_t n, double x) {
     return found;
 }
 
-void basis_curvature(const double *knots, size_t n, double x, const Basis *basis, double curvature[N_LOCAL]) {
-    const size_t span = basis->first + DEGREE;
-    const double left = padded(knots, n, span), right = padded(knots, n, span + 1);
-    const double linear[2] = {(right - x) / (right - left), (x - left) / (right - left)};
-    double slope[DEGREE] = {0.0};
-    memset(curvature, 0, N_LOCAL * sizeof *curvature);
-    if (x < knots[0] || x > knots[n - 1]) {
-        return;
-    }
-    for (size_t j = 0; j < 2; j++) {
-        const double part = 2.0 * linear[j] / (padded(knots, n, span + 1 + j) - padded(knots, n, span - 1 + j));
-        slope[j] -= part;
-        slope[j + 1] += part;
-    }
-    for (size_t j = 0; j < DEGREE; j++) {
-        const double part =
-            DEGREE * slope[j] / (padded(knots, n, span + 1 + j) - padded(knots, n, span - DEGREE + 1 + j));
-        curvature[j] -= part;
-        curvature[j + 1] += part;
-    }
-}
-
 EVERYWHERE void make_cell(const CellParts *parts, size_t width, size_t cell, double *restrict made) {
     memcpy(made, parts->part + cell * width, width * sizeof *made);
     for (size_t j = 0; j < parts->n_weights; j++) {

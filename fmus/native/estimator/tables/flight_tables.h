@@ -41,9 +41,6 @@ typedef struct {
 /* The basis at x; beyond the outer knots splines go on along their tangent. */
 Basis flight_basis(const double *knots, size_t n, double x);
 
-/* The second derivatives of that basis. */
-void basis_curvature(const double *knots, size_t n, double x, const Basis *basis, double curvature[N_LOCAL]);
-
 /* Response at a flight state, of the same tables always. */
 typedef struct {
     int known;                  /* whether there is one yet */
