@@ -1,0 +1,216 @@
+"""A linear map as a model of the update, and the loads of samples by it.
+
+Form "dynamic_pressure" is :eq:`eq:scaled-model` as it stands: the scale s is q_inf over the nominal one, states
+are free (Case 1) or columns (Case 2), errors that grow with the pressure are columns. In form "absolute" s is 1 and e
+holds all errors, Gamma; load that no state holds is correlated with it. Its gain is that of a prior of covariance
+1 / gamma (:eq:`eq:ls-solution`), its truth that of 1: they differ.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.estimator.further_loads import is_moment
+from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.reference.update import Model, condition, joseph, prepare
+
+LOADS = 5
+LEAST_EXPECTED = 0.1
+"""Smallest expected chi-square over its degrees of freedom: the linear model of the errors could give less."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LinearEstimate:
+    """Estimates of k samples; outputs are the five loads, rolling moment and section loads behind them.
+
+    Attributes
+    ----------
+    loads : (k, m) [N, N m], and their ``covariance`` (k, m, m), of which the variances alone hold behind the five.
+    coefficients, coefficient_covariance : the same over q_inf S, moments over q_inf S L [1].
+    chi_square : (k,), its ``degrees_of_freedom`` (k,), and the ``expected_ratio`` (k,) of the two.
+    standardised : (k, n_d) leave-one-out residuals z.
+    """
+
+    loads: FloatArray
+    covariance: FloatArray
+    coefficients: FloatArray
+    coefficient_covariance: FloatArray
+    chi_square: FloatArray
+    degrees_of_freedom: FloatArray
+    expected_ratio: FloatArray
+    standardised: FloatArray
+
+
+def references(inverse_map: InverseMap) -> FloatArray:
+    """Return (m,) S of forces and S L of moments [m2, m3]."""
+    length = inverse_map.reference_length
+    moments = [False, False, False, True, True]
+    if inverse_map.further is not None:
+        moments += is_moment(len(inverse_map.further.section_station)).tolist()
+    return inverse_map.reference_area * np.where(moments, length, 1.0)
+
+
+def models(inverse_map: InverseMap) -> tuple[Model, Model]:
+    """Return the model that the gain of ``inverse_map`` is made for, and the truth."""
+    if inverse_map.form == "dynamic_pressure":
+        model = _scaled_model(inverse_map)
+        return model, model
+    return _absolute_models(inverse_map)
+
+
+def estimate(
+    inverse_map: InverseMap,
+    rows: FloatArray,
+    used: BoolArray,
+    dynamic_pressure: FloatArray,
+    pressure_std: FloatArray,
+    noise: FloatArray | None = None,
+) -> LinearEstimate:
+    """Return the estimates of k samples with the same rows in use.
+
+    Parameters
+    ----------
+    rows : (k, n_d) of the map, strain of gauges [m/m].
+    used : (n_d,) which of them count.
+    dynamic_pressure, pressure_std : (k,) q_inf and its standard deviation [Pa].
+    noise : (n_d, n_d) covariance of what does not scale, as of :func:`~.readings.row_noise`; None for the map's.
+    """
+    for_gain, truth = models(inverse_map)
+    if noise is not None:
+        for_gain, truth = replace(for_gain, noise=noise), replace(truth, noise=noise)
+    is_scaled, nominal = inverse_map.form == "dynamic_pressure", inverse_map.nominal_dynamic_pressure
+    s = dynamic_pressure / nominal if is_scaled else np.ones(len(rows))
+    found = condition(prepare(for_gain, used), rows, s)
+    residual = condition(prepare(truth, used), rows, s)
+
+    scale = 1.0 / (dynamic_pressure[:, None] * references(inverse_map))
+    loads, coefficients = found.mean, scale * found.mean
+    added = (s * s)[:, None, None] * excess_covariance(inverse_map, coefficients[:, :LOADS])
+    covariance = joseph(truth, found.gain, s, added)
+    # At fixed weights the loads follow q_inf by the mean alone.
+    slope = (truth.output_mean - found.gain @ truth.mean) / nominal if is_scaled else np.zeros(loads.shape)
+    of_pressure = slope * pressure_std[:, None]
+    of_both = scale * of_pressure - coefficients * (pressure_std / dynamic_pressure)[:, None]
+    freedom = inverse_map.residual_degrees_of_freedom - int(np.sum(~used))
+    expected = 1.0 + np.einsum("kij,kji->k", residual.precision, added) / max(freedom, 1)
+    return LinearEstimate(
+        loads=loads,
+        covariance=covariance + _outer(of_pressure),
+        coefficients=coefficients,
+        coefficient_covariance=scale[:, :, None] * covariance * scale[:, None] + _outer(of_both),
+        chi_square=residual.chi_square,
+        degrees_of_freedom=np.full(len(rows), freedom),
+        expected_ratio=np.maximum(expected, LEAST_EXPECTED),
+        standardised=residual.standardised,
+    )
+
+
+def excess_covariance(inverse_map: InverseMap, coefficients: FloatArray) -> FloatArray:
+    """Return (k, n_d, n_d) what errors in proportion to strain add to the covariance of rows at s = 1.
+
+    :eq:`eq:proportional`: those at ``coefficients`` C (k, 5) less their mean over the snapshots, which the weights
+    hold.
+    """
+    of_gauge, common, mean = inverse_map.gauge_error_product, inverse_map.common_error, inverse_map.mean_product
+    n = inverse_map.n_gauges
+    if of_gauge is None or common is None or mean is None:
+        return np.zeros((len(coefficients), n, n))
+    c = np.hstack([np.ones((len(coefficients), 1)), coefficients])
+    products = c[:, :, None] * c[:, None, :]
+    first, second = np.triu_indices(6)
+    at_mean = np.zeros((6, 6))
+    at_mean[first, second] = at_mean[second, first] = mean
+    own = (products - at_mean)[:, first, second] @ of_gauge  # of_gauge counts pairs a < b twice
+    shared = np.einsum("kab,tai,tbj->kij", products - at_mean, common, common, optimize=True)
+    return np.asarray(shared + own[:, :, None] * np.eye(n))
+
+
+def _scaled_model(inverse_map: InverseMap) -> Model:
+    own, errors, load_of_errors = inverse_map.scaled_parts
+    states, load_of_states = inverse_map.state_operator, inverse_map.load_per_state
+    fixed_load, mean_load = _or_zero(inverse_map.fixed_load, LOADS), inverse_map.load_of_mean
+    further = inverse_map.further
+    if further is not None and further.error_load is not None:
+        load_of_states = np.vstack([load_of_states, further.load_per_state])
+        load_of_errors = np.vstack([load_of_errors, further.error_load])
+        fixed_load = np.append(fixed_load, _or_zero(further.fixed_load, len(further.variance)))
+        mean_load = np.append(mean_load, further.load_of_mean)
+    n, m = len(states), len(mean_load)
+    fixed = _or_zero(inverse_map.fixed_strain, n)
+    is_free = inverse_map.case == 1
+    return Model(
+        fixed=fixed,
+        mean=inverse_map.mean_strain - fixed,
+        free=states if is_free else np.zeros((n, 0)),
+        columns=errors if is_free else np.hstack([states, errors]),
+        noise=own,
+        output_fixed=fixed_load,
+        output_mean=mean_load - fixed_load,
+        output_free=load_of_states if is_free else np.zeros((m, 0)),
+        output_columns=load_of_errors if is_free else np.hstack([load_of_states, load_of_errors]),
+        cross=np.zeros((n, m)),
+        output_noise=np.zeros((m, m)),
+    )
+
+
+def _absolute_models(inverse_map: InverseMap) -> tuple[Model, Model]:
+    """Return the model of the gain, whose states have the prior covariance 1 / gamma, and the truth."""
+    states, load_of_states = inverse_map.state_operator, inverse_map.load_per_state
+    mean_load, n, further = inverse_map.load_of_mean, len(states), inverse_map.further
+    cross = (
+        np.zeros((n, LOADS)) if inverse_map.strain_load_covariance is None else inverse_map.strain_load_covariance
+    )
+    if further is not None:
+        own = further.strain_load_covariance
+        cross = np.hstack([cross, np.zeros((n, len(further.variance))) if own is None else own])
+        load_of_states = np.vstack([load_of_states, further.load_per_state])
+        mean_load = np.append(mean_load, further.load_of_mean)
+    m, no_columns, is_free = len(mean_load), np.zeros((n, 0)), inverse_map.case == 1
+    truth = Model(
+        fixed=np.zeros(n),
+        mean=inverse_map.mean_strain,
+        free=states if is_free else no_columns,
+        columns=no_columns if is_free else states,
+        noise=inverse_map.noise_covariance,
+        output_fixed=np.zeros(m),
+        output_mean=mean_load,
+        output_free=load_of_states if is_free else np.zeros((m, 0)),
+        output_columns=np.zeros((m, 0)) if is_free else load_of_states,
+        cross=cross,
+        output_noise=cross.T @ np.linalg.solve(inverse_map.noise_covariance, cross),
+    )
+    prior_std = 1.0 if is_free else 1.0 / np.sqrt(inverse_map.regularisation)
+    for_gain = replace(truth, columns=prior_std * truth.columns, output_columns=prior_std * truth.output_columns)
+    left = _load_left(inverse_map, truth, for_gain)
+    return tuple(replace(one, output_noise=one.output_noise + left) for one in (for_gain, truth))
+
+
+def _load_left(inverse_map: InverseMap, truth: Model, for_gain: Model) -> FloatArray:
+    """Return (m, m) covariance of load that neither states nor strain show.
+
+    It is what the covariance that the map states for all its rows has beyond the terms that depend on the gain.
+    """
+    one = np.ones(1)
+    gain = condition(prepare(for_gain, np.ones(inverse_map.n_gauges, dtype=bool)), truth.mean[None], one).gain
+    of_gain = joseph(truth, gain, one)[0]
+    left = np.zeros(of_gain.shape)
+    size = np.sqrt(np.diag(inverse_map.load_covariance))
+    rest = (inverse_map.load_covariance - of_gain[:LOADS, :LOADS]) / np.outer(size, size)
+    values, vectors = np.linalg.eigh(rest)
+    root = size[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
+    left[:LOADS, :LOADS] = root @ root.T
+    if inverse_map.further is not None:
+        variance = inverse_map.further.variance - np.diag(of_gain)[LOADS:]
+        left[LOADS:, LOADS:] = np.diag(np.maximum(variance, 0.0))
+    return left
+
+
+def _or_zero(values: FloatArray | None, n: int) -> FloatArray:
+    return np.zeros(n) if values is None else values
+
+
+def _outer(values: FloatArray) -> FloatArray:
+    return values[:, :, None] * values[:, None, :]
