@@ -1,9 +1,9 @@
 """A linear map as a model of the update, and the loads of samples by it.
 
 Form "dynamic_pressure" is :eq:`eq:scaled-model` as it stands: the scale s is q_inf over the nominal one, states
-are free (Case 1) or columns (Case 2), errors that grow with the pressure are columns. In form "absolute" s is 1 and e
-holds all errors, Gamma; load that no state holds is correlated with it. Its gain is that of a prior of covariance
-1 / gamma (:eq:`eq:ls-solution`), its truth that of 1: they differ.
+are free (Case 1) or columns (Case 2), errors that grow with the pressure are columns. In form "absolute" s is 1
+and e holds all errors, Gamma; load that no state holds is correlated with it. Its gain is that of a prior of
+covariance 1 / gamma (:eq:`eq:ls-solution`), its truth that of 1: they differ.
 """
 
 from __future__ import annotations

@@ -1,0 +1,355 @@
+"""The flight state by strain and air data, and the loads there: Gauss-Newton iterations of the update.
+
+Rows are the strains, then M, ln p_inf and ln q_inf of air data, then the ranges of the map as a weak prior of the
+state. At a state x_0 the model is linear: x - x_0 is free, strain errs by S(x_0), outputs are the state and the
+loads; pressure off the tables is noise of strain and loads together. Its posterior is the next state, and at the
+end the estimate.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import log
+from statistics import NormalDist
+
+import numpy as np
+
+from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, static_pressure_at
+from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.reference.linear import references
+from strainfmu.estimator.reference.tables import LOG_PRESSURE, MACH, MIN_INCIDENCE, U, W, Tables, evaluate
+from strainfmu.estimator.reference.update import Model, Posterior, condition, prepare
+
+N_STATES, N_AIR = 4, 3
+LEAST_RELATIVE_STD = 1e-3
+"""Smallest standard deviation of air data over their value."""
+
+LARGEST_STEP = np.array([0.5, 0.05, 0.05, 1.0])
+"""Largest change of M [1], u, w [rad] and ln p_inf in one iteration."""
+
+SMALLEST_PART = 0.25
+"""Smallest part of a Gauss-Newton step that is taken."""
+
+CONVERGED, LARGEST_NUMBER = 1e-10, 60
+"""Step in its standard deviations at which iterations end, and their largest number."""
+
+INCIDENCES, MACHS, ROLLS, EACH = 6, 3, 16, 4
+"""Grid of the search, of which the best of each incidence is a start; iterations of each start."""
+
+DROPPED = np.array([-NormalDist().inv_cdf(0.5 * rate) for rate in (1e-2, 1e-2, 1e-6)])
+"""|z| of M, p_inf and q_inf from which they are dropped."""
+
+ALARM, DISCERNED = -NormalDist().inv_cdf(0.5 * 1e-4 / N_AIR), 16.0
+"""|z| of the dropped one up to which any other is doubted, and difference of z squared up to which one is."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class AirInputs:
+    """M [1], p_inf [Pa] and q_inf [Pa] as far as they are known, ``value`` and ``std`` (3,), NaN for unknown."""
+
+    value: FloatArray
+    std: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Sample:
+    """Strains ``rows`` (n_d,) [m/m], which of them are ``used`` (n_d,), and what is known of ``air``."""
+
+    rows: FloatArray
+    used: BoolArray
+    air: AirInputs
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class NonlinearEstimate:
+    """Estimate of one sample; outputs as in :class:`~strainfmu.estimator.reference.linear.LinearEstimate`.
+
+    Attributes
+    ----------
+    state, state_covariance : (4,) and (4, 4).
+    loads, covariance, coefficients, coefficient_covariance : (m,) and (m, m).
+    chi_square : of strain and air data.
+    standardised : (n_d,) leave-one-out residuals z, and (3,) ``air_standardised`` of M, p_inf and q_inf.
+    air_used : (3,) which air data count.
+    air, air_std : (7,) angle of attack, sideslip, total incidence, aerodynamic roll angle [rad], M, p_inf, q_inf.
+    deviance : -2 ln likelihood, less a constant.
+    step : of another iteration, in its standard deviations.
+    """
+
+    state: FloatArray
+    state_covariance: FloatArray
+    loads: FloatArray
+    covariance: FloatArray
+    coefficients: FloatArray
+    coefficient_covariance: FloatArray
+    chi_square: float
+    standardised: FloatArray
+    air_standardised: FloatArray
+    air_used: BoolArray
+    air: FloatArray
+    air_std: FloatArray
+    deviance: float
+    step: float
+
+
+def air_inputs(inverse_map: InverseMap, value: FloatArray, std: FloatArray, altitude: float = np.nan) -> AirInputs:
+    """Return M, p_inf and q_inf with the standard deviations of the map where ``std`` (3,) is NaN.
+
+    A p_inf that is not known is that of the standard atmosphere at ``altitude`` [m], with a deviation of its own.
+    """
+    manifold = inverse_map.manifold
+    assert manifold is not None
+    value, by_altitude = np.array(value), bool(np.isnan(value[1]))
+    if by_altitude:
+        value[1] = static_pressure_at(np.array([altitude]))[0]
+    relative = manifold.altitude_error if by_altitude else manifold.static_pressure_error
+    own = [manifold.mach_number_error, relative * value[1], manifold.dynamic_pressure_error * value[2]]
+    found = np.maximum(np.where(np.isnan(std), own, std), LEAST_RELATIVE_STD * np.abs(value))
+    known = np.isfinite(value) & (value > 0.0) & np.isfinite(found) & (found > 0.0)
+    return AirInputs(value=np.where(known, value, np.nan), std=np.where(known, found, np.nan))
+
+
+class NonlinearReference:
+    """A nonlinear map; ``tables`` and ``noise`` are those of a sample, see ``with_known_parameters``, ``row_noise``."""
+
+    def __init__(self, inverse_map: InverseMap, tables: Tables, noise: FloatArray) -> None:
+        assert inverse_map.manifold is not None
+        self.manifold, self.tables, self.noise = inverse_map.manifold, tables, noise
+        self.references = references(inverse_map)[: len(tables.output_variance)]
+        self.n_d = len(noise)
+        low, high = np.log(self.manifold.pressure_range)
+        middle, half = self.manifold.crossflow
+        mach = self.manifold.mach_range
+        self.prior_mean = np.array([np.mean(mach), *np.broadcast_to(middle, 2), 0.5 * (low + high)])
+        self.prior_std = np.array([max(0.5 * np.ptp(mach), 0.1), *np.broadcast_to(half, 2), 0.5 * (high - low)])
+
+    # The model about a state.
+
+    def strain_covariance(self, state: FloatArray) -> FloatArray:
+        """Return S (n_d, n_d) at ``state``: noise, pressure off the tables, errors in proportion to strain."""
+        m, n_d = self.manifold, self.n_d
+        value, _ = evaluate(self.tables, state)
+        pressure, strain = np.exp(state[LOG_PRESSURE]), value[:n_d]
+        c = np.append(1.0, value[n_d : n_d + 5] / (pressure * self.references[:5]))
+        first, second = np.triu_indices(6)
+        of_gauge = np.maximum((c[first] * c[second]) @ m.gauge_error_product, 0.0)
+        columns = [pressure * self.tables.error_strain, pressure * np.einsum("a,tan->nt", c, m.common_error)]
+        root = np.hstack([*columns, (m.common_gain * strain)[:, None]])
+        return self.noise + root @ root.T + np.diag(pressure**2 * of_gauge + (m.gain_std * strain) ** 2)
+
+    def model(self, state: FloatArray, air: AirInputs, covariance: FloatArray) -> Model:
+        """Return the model about ``state``, whose strain errs by ``covariance``; outputs: state, then loads."""
+        n_d, (value, jacobian), pressure = self.n_d, evaluate(self.tables, state), np.exp(state[LOG_PRESSURE])
+        m, n = len(value) - n_d, n_d + N_AIR + N_STATES
+        of_air, by_state = air_rows(state)
+        variance = np.where(np.isnan(air.std), 1.0, air.std / np.append(1.0, air.value[1:])) ** 2
+        noise = np.diag(np.concatenate([np.zeros(n_d), variance, self.prior_std**2]))
+        noise[:n_d, :n_d] = covariance
+        cross, output_noise = np.zeros((n, N_STATES + m)), np.zeros((N_STATES + m, N_STATES + m))
+        cross[:n_d, N_STATES:] = pressure**2 * self.tables.cross
+        output_noise[N_STATES:, N_STATES:] = pressure**2 * self.tables.output_variance
+        return Model(
+            fixed=np.concatenate([value[:n_d], of_air, state]),
+            mean=np.zeros(n),
+            free=np.vstack([jacobian[:n_d], by_state, np.eye(N_STATES)]),
+            columns=np.zeros((n, 0)),
+            noise=noise,
+            output_fixed=np.concatenate([state, value[n_d:]]),
+            output_mean=np.zeros(N_STATES + m),
+            output_free=np.vstack([np.eye(N_STATES), jacobian[n_d:]]),
+            output_columns=np.zeros((N_STATES + m, 0)),
+            cross=cross,
+            output_noise=output_noise,
+        )
+
+    def posterior(self, state: FloatArray, sample: Sample, covariance: FloatArray | None = None) -> Posterior:
+        """Return the posterior of ``sample`` about ``state``; ``covariance`` None for that of the state."""
+        own = self.strain_covariance(state) if covariance is None else covariance
+        value = sample.air.value
+        rows = np.concatenate([sample.rows, value[:1], np.log(value[1:]), self.prior_mean])
+        used = np.concatenate([sample.used, np.isfinite(value), np.ones(N_STATES, dtype=bool)])
+        return condition(prepare(self.model(state, sample.air, own), used), rows[None], np.ones(1))
+
+    # Iterations.
+
+    def next_state(
+        self, state: FloatArray, found: Posterior, before: tuple[FloatArray, FloatArray] | None
+    ) -> FloatArray:
+        """Return the next state: a step to the posterior, limited, and shortened by what the last one did.
+
+        ``before`` are state and full step before. Where strain curves away from the residual whole steps are too
+        long (Barzilai and Borwein 1988, the shorter step in the metric of the Hessian).
+        """
+        step = found.mean[0, :N_STATES] - state
+        if before is not None:
+            shrunk = before[1] - step
+            turned = np.linalg.solve(found.covariance[0, :N_STATES, :N_STATES], shrunk)
+            along, size = (state - before[0]) @ turned, shrunk @ turned
+            if 0.0 < along < size:
+                step = step * max(along / size, SMALLEST_PART)
+        return self.in_reach(state + step / max(np.max(np.abs(step) / LARGEST_STEP), 1.0))
+
+    def in_reach(self, state: FloatArray) -> FloatArray:
+        """Return ``state`` not farther beyond the tables than their tangents are good for."""
+        m, out = self.manifold, state.copy()
+        out[MACH] = np.clip(state[MACH], 0.7 * m.mach_range[0], 1.3 * m.mach_range[1])
+        out[U : W + 1] *= min(1.0, 1.5 * m.incidence_limit / max(np.hypot(state[U], state[W]), 1e-12))
+        low, high = np.log(m.pressure_range)
+        out[LOG_PRESSURE] = np.clip(state[LOG_PRESSURE], low - 1.0, high + 1.0)
+        return out
+
+    def iterated(self, state: FloatArray, sample: Sample, number: int, renewed: int = 1) -> FloatArray:
+        """Return the state after ``number`` iterations, S renewed in every one of ``renewed``, or converged."""
+        before, covariance = None, None
+        for iteration in range(number):
+            if iteration % renewed == 0:
+                covariance = self.strain_covariance(state)
+            found = self.posterior(state, sample, covariance)
+            step = found.mean[0, :N_STATES] - state
+            last, state = state, self.next_state(state, found, before)
+            before = last, step
+            if _size(step, found) < CONVERGED:
+                break
+        return state
+
+    # Estimates.
+
+    def estimate(self, sample: Sample, start: FloatArray | None = None) -> NonlinearEstimate:
+        """Return the estimate of ``sample`` from ``start`` (4,), by a search of the tables for None.
+
+        The one quantity of air data that fits worst is dropped where it does not fit, and the sample solved again.
+        """
+        found = self.solved(sample, start)
+        excess = np.abs(found.air_standardised) / DROPPED
+        worst = int(np.argmax(excess))
+        if excess[worst] <= 1.0:
+            return found
+        return self.solved(_without(sample, found.air_standardised, worst), start)
+
+    def solved(self, sample: Sample, start: FloatArray | None = None) -> NonlinearEstimate:
+        """Return the estimate of ``sample`` with all its air data."""
+        if start is None:
+            ends = [self.iterated(one, sample, EACH, renewed=EACH // 2) for one in self.starts(sample)]
+            start = min(ends, key=lambda one: self.concluded(one, sample).deviance)
+        return self.concluded(self.iterated(start, sample, LARGEST_NUMBER), sample)
+
+    def starts(self, sample: Sample) -> FloatArray:
+        """Return (INCIDENCES, 4) the best state of the grid at each incidence, p_inf by strain and air data."""
+        middle, half = self.manifold.crossflow
+        size = np.asarray(half)[:, None] * (np.arange(INCIDENCES) + 0.5) / INCIDENCES
+        low, high = self.manifold.mach_range
+        at = np.array([low, *(middle + size[:, INCIDENCES // 2] * [1.0, 0.0]), self.prior_mean[LOG_PRESSURE]])
+        weight = np.where(sample.used, 1.0 / np.sqrt(np.diag(self.strain_covariance(at))), 0.0)
+        data = weight * np.where(sample.used, sample.rows - self.tables.fixed[: self.n_d], 0.0)
+        best = []
+        for of_u, of_w in size.T:
+            found = []
+            for mach in np.linspace(low, high, MACHS):
+                for roll in 2.0 * np.pi * np.arange(ROLLS) / ROLLS:
+                    state = np.array([mach, middle[0] + of_u * np.cos(roll), middle[1] + of_w * np.sin(roll), 0.0])
+                    found.append(self._joined(state, weight, data, sample.air))
+            best.append(min(found, key=lambda one: one[0])[1])
+        return np.array(best)
+
+    def _joined(
+        self, state: FloatArray, weight: FloatArray, data: FloatArray, air: AirInputs
+    ) -> tuple[float, FloatArray]:
+        """Return cost and state of the grid's ``state``, its ln p_inf joined of strain, air data and prior."""
+        unit = weight * (evaluate(self.tables, state)[0] - self.tables.fixed)[: self.n_d]
+        size = unit @ unit
+        pressure = np.clip(unit @ data / max(size, 1e-300), 10.0, 5e5)
+        of_air, _ = air_rows(state)
+        known = np.isfinite(air.value)
+        relative = air.std / np.append(1.0, air.value[1:])
+        precision = np.append(np.where(known, relative, np.inf), self.prior_std[[MACH, LOG_PRESSURE]]) ** -2
+        value = np.where(known, np.append(air.value[0], np.log(air.value[1:])), 0.0)
+        apart = np.append(value - of_air, self.prior_mean[[MACH, LOG_PRESSURE]] - state[[MACH, LOG_PRESSURE]])
+        of_pressure = np.array([False, True, True, False, True])
+        information, target, w = size * pressure**2, apart[of_pressure], precision[of_pressure]
+        log_pressure = (information * log(pressure) + w @ target) / (information + w.sum())
+        apart[of_pressure] -= log_pressure
+        p = np.exp(log_pressure)
+        cost = p * p * size - 2.0 * p * (unit @ data) + precision @ apart**2
+        return float(cost), np.append(state[:LOG_PRESSURE], log_pressure)
+
+    def concluded(self, state: FloatArray, sample: Sample) -> NonlinearEstimate:
+        """Return the estimate at the solved ``state``."""
+        covariance = self.strain_covariance(state)
+        found, n_d = self.posterior(state, sample, covariance), self.n_d
+        of_state, whole = found.covariance[0, :N_STATES, :N_STATES], found.covariance[0]
+        mach, pressure = state[MACH], np.exp(state[LOG_PRESSURE])
+        dynamic = 0.5 * HEAT_CAPACITY_RATIO * mach**2 * pressure
+        loads, scale = found.mean[0, N_STATES:], 1.0 / (dynamic * self.references)
+        # A coefficient loses the error of ln q_inf, which goes with the errors of the loads.
+        by_log = np.array([2.0 / mach, 0.0, 0.0, 1.0])
+        turn = np.hstack([-np.outer(scale * loads, by_log), np.diag(scale)])
+        of_log = float(np.sqrt(by_log @ of_state @ by_log))
+        used = sample.used
+        air, air_std = air_data(state, of_state)
+        return NonlinearEstimate(
+            state=state,
+            state_covariance=of_state,
+            loads=loads,
+            covariance=whole[N_STATES:, N_STATES:],
+            coefficients=scale * loads,
+            coefficient_covariance=(lognormal_std(of_log) / of_log) ** 2 * (turn @ whole @ turn.T),
+            chi_square=float(found.chi_square[0]),
+            standardised=found.standardised[0, :n_d],
+            air_standardised=found.standardised[0, n_d : n_d + N_AIR],
+            air_used=np.isfinite(sample.air.value),
+            air=air,
+            air_std=air_std,
+            deviance=float(found.chi_square[0] + np.linalg.slogdet(covariance[np.ix_(used, used)])[1]),
+            step=_size(found.mean[0, :N_STATES] - state, found),
+        )
+
+
+def air_rows(state: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return (3,) M, ln p_inf and ln q_inf at ``state``, and their derivatives (3, 4)."""
+    mach, log_pressure = state[MACH], state[LOG_PRESSURE]
+    value = [mach, log_pressure, log(0.5 * HEAT_CAPACITY_RATIO) + 2.0 * log(mach) + log_pressure]
+    return np.array(value), np.array([[1.0, 0, 0, 0], [0, 0, 0, 1.0], [2.0 / mach, 0, 0, 1.0]])
+
+
+def air_data(state: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return (7,) air data at ``state`` and their standard deviations, see :class:`NonlinearEstimate`."""
+    step = 1e-30  # of a complex argument: derivatives to the last digit
+    jacobian = np.stack([_air_data(state + 1j * step * one).imag / step for one in np.eye(N_STATES)], axis=1)
+    value = _air_data(state.astype(complex)).real
+    std = np.sqrt(np.einsum("ix,xy,iy->i", jacobian, covariance, jacobian))
+    std[5:] = value[5:] * lognormal_std(std[5:] / value[5:])
+    std[3] = min(std[3], np.pi / np.sqrt(3.0))  # of a roll angle that may be any
+    return value, std
+
+
+def _air_data(state: FloatArray) -> FloatArray:
+    mach, u, w, log_pressure = state
+    a, pressure = np.sqrt(u * u + w * w + MIN_INCIDENCE**2), np.exp(log_pressure)
+    across = np.sin(a) / a  # the wind blows along (cos a, across w, across u): aft, to starboard, up
+    roll = np.arctan2(w.real, u.real) + 1j * (u.real * w.imag - w.real * u.imag) / (a.real * a.real)
+    angles = [np.arctan(across * u / np.cos(a)), -np.arcsin(across * w), a, roll]
+    return np.array([*angles, mach, pressure, 0.5 * HEAT_CAPACITY_RATIO * mach**2 * pressure])
+
+
+def lognormal_std(of_log: FloatArray | float) -> FloatArray:
+    """Return the relative deviation of a lognormal value three times which reach as far as three ``of_log``."""
+    return np.asarray(np.expm1(3.0 * of_log) / 3.0)
+
+
+def _without(sample: Sample, z: FloatArray, dropped: int) -> Sample:
+    """Return ``sample`` without the air data ``dropped``; others that may be the wrong ones are doubted.
+
+    Such ones count with deviations larger by |z| of the dropped one, and one more for the noise in it.
+    """
+    size = abs(z[dropped])
+    doubted = (size <= ALARM) | (size**2 - z**2 < DISCERNED)
+    std = sample.air.std * np.where(doubted, size + 1.0, 1.0)
+    gone = np.arange(N_AIR) == dropped
+    air = AirInputs(value=np.where(gone, np.nan, sample.air.value), std=np.where(gone, np.nan, std))
+    return Sample(rows=sample.rows, used=sample.used, air=air)
+
+
+def _size(step: FloatArray, found: Posterior) -> float:
+    """Return ``step`` (4,) in standard deviations of the posterior."""
+    return float(np.sqrt(step @ np.linalg.solve(found.covariance[0, :N_STATES, :N_STATES], step)))
