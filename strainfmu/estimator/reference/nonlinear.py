@@ -9,6 +9,7 @@ end the estimate.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from math import log
 from statistics import NormalDist
 
@@ -18,7 +19,7 @@ from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, static_pressure_at
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.reference.linear import references
-from strainfmu.estimator.reference.tables import LOG_PRESSURE, MACH, MIN_INCIDENCE, U, W, Tables, evaluate
+from strainfmu.estimator.reference.tables import LOG_PRESSURE, MACH, MIN_INCIDENCE, Tables, U, W, evaluate
 from strainfmu.estimator.reference.update import Model, Posterior, condition, prepare
 
 N_STATES, N_AIR = 4, 3
@@ -71,7 +72,7 @@ class NonlinearEstimate:
     loads, covariance, coefficients, coefficient_covariance : (m,) and (m, m).
     chi_square : of strain and air data.
     standardised : (n_d,) leave-one-out residuals z, and (3,) ``air_standardised`` of M, p_inf and q_inf.
-    air_used : (3,) which air data count.
+    air_inputs : air data as they count, without dropped ones, doubted ones with larger standard deviations.
     air, air_std : (7,) angle of attack, sideslip, total incidence, aerodynamic roll angle [rad], M, p_inf, q_inf.
     deviance : -2 ln likelihood, less a constant.
     step : of another iteration, in its standard deviations.
@@ -86,7 +87,7 @@ class NonlinearEstimate:
     chi_square: float
     standardised: FloatArray
     air_standardised: FloatArray
-    air_used: BoolArray
+    air_inputs: AirInputs
     air: FloatArray
     air_std: FloatArray
     deviance: float
@@ -111,9 +112,14 @@ def air_inputs(inverse_map: InverseMap, value: FloatArray, std: FloatArray, alti
 
 
 class NonlinearReference:
-    """A nonlinear map; ``tables`` and ``noise`` are those of a sample, see ``with_known_parameters``, ``row_noise``."""
+    """A nonlinear map with the tables and the noise of a sample.
+
+    See :func:`~strainfmu.estimator.reference.tables.with_known_parameters` and
+    :func:`~strainfmu.estimator.reference.readings.row_noise`.
+    """
 
     def __init__(self, inverse_map: InverseMap, tables: Tables, noise: FloatArray) -> None:
+        """Prepare the map; ``noise`` (n_d, n_d) is the covariance of what does not scale [(m/m)^2]."""
         assert inverse_map.manifold is not None
         self.manifold, self.tables, self.noise = inverse_map.manifold, tables, noise
         self.references = references(inverse_map)[: len(tables.output_variance)]
@@ -234,44 +240,57 @@ class NonlinearReference:
             start = min(ends, key=lambda one: self.concluded(one, sample).deviance)
         return self.concluded(self.iterated(start, sample, LARGEST_NUMBER), sample)
 
+    @cached_property
+    def grid(self) -> tuple[FloatArray, FloatArray]:
+        """States (INCIDENCES, n, 4) of the search at p_inf = 1 Pa, their strain (INCIDENCES, n, n_d) per p_inf."""
+        middle, half = (np.broadcast_to(one, 2) for one in self.manifold.crossflow)
+        roll = 2.0 * np.pi * np.arange(ROLLS) / ROLLS
+        part = (np.arange(INCIDENCES)[:, None, None] + 0.5) / INCIDENCES
+        states = np.zeros((INCIDENCES, MACHS, ROLLS, N_STATES))
+        states[..., MACH] = np.linspace(*self.manifold.mach_range, MACHS)[:, None]
+        states[..., U] = middle[0] + part * half[0] * np.cos(roll)
+        states[..., W] = middle[1] + part * half[1] * np.sin(roll)
+        states = states.reshape(INCIDENCES, -1, N_STATES)
+        fixed = self.tables.fixed[: self.n_d]
+        unit = [[evaluate(self.tables, one)[0][: self.n_d] - fixed for one in of_one] for of_one in states]
+        return states, np.array(unit)
+
     def starts(self, sample: Sample) -> FloatArray:
         """Return (INCIDENCES, 4) the best state of the grid at each incidence, p_inf by strain and air data."""
-        middle, half = self.manifold.crossflow
-        size = np.asarray(half)[:, None] * (np.arange(INCIDENCES) + 0.5) / INCIDENCES
-        low, high = self.manifold.mach_range
-        at = np.array([low, *(middle + size[:, INCIDENCES // 2] * [1.0, 0.0]), self.prior_mean[LOG_PRESSURE]])
+        states, unit = self.grid
+        at = np.append(states[INCIDENCES // 2, 0, :LOG_PRESSURE], self.prior_mean[LOG_PRESSURE])
         weight = np.where(sample.used, 1.0 / np.sqrt(np.diag(self.strain_covariance(at))), 0.0)
         data = weight * np.where(sample.used, sample.rows - self.tables.fixed[: self.n_d], 0.0)
         best = []
-        for of_u, of_w in size.T:
-            found = []
-            for mach in np.linspace(low, high, MACHS):
-                for roll in 2.0 * np.pi * np.arange(ROLLS) / ROLLS:
-                    state = np.array([mach, middle[0] + of_u * np.cos(roll), middle[1] + of_w * np.sin(roll), 0.0])
-                    found.append(self._joined(state, weight, data, sample.air))
-            best.append(min(found, key=lambda one: one[0])[1])
+        for state, strain in zip(states, unit, strict=True):
+            cost, log_pressure = self._joined(state[:, MACH], strain * weight, data, sample.air)
+            one = np.argmin(cost)
+            best.append(np.append(state[one, :LOG_PRESSURE], log_pressure[one]))
         return np.array(best)
 
     def _joined(
-        self, state: FloatArray, weight: FloatArray, data: FloatArray, air: AirInputs
-    ) -> tuple[float, FloatArray]:
-        """Return cost and state of the grid's ``state``, its ln p_inf joined of strain, air data and prior."""
-        unit = weight * (evaluate(self.tables, state)[0] - self.tables.fixed)[: self.n_d]
-        size = unit @ unit
-        pressure = np.clip(unit @ data / max(size, 1e-300), 10.0, 5e5)
-        of_air, _ = air_rows(state)
-        known = np.isfinite(air.value)
-        relative = air.std / np.append(1.0, air.value[1:])
-        precision = np.append(np.where(known, relative, np.inf), self.prior_std[[MACH, LOG_PRESSURE]]) ** -2
+        self, mach: FloatArray, unit: FloatArray, data: FloatArray, air: AirInputs
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the cost (k,) of states of the grid, and their ln p_inf (k,) by strain, air data and prior.
+
+        ``mach`` (k,), and ``unit`` (k, n_d) whitened strain per p_inf; ``data`` (n_d,) is that of the sample.
+        """
+        size, along = np.sum(unit**2, axis=1), unit @ data
+        log_pressure = np.log(np.clip(along / np.maximum(size, 1e-300), 10.0, 5e5))
+        known, zero = np.isfinite(air.value), np.zeros(len(mach))
+        relative = np.where(known, air.std / np.append(1.0, air.value[1:]), np.inf)
+        precision = np.append(relative, self.prior_std[[MACH, LOG_PRESSURE]]) ** -2
         value = np.where(known, np.append(air.value[0], np.log(air.value[1:])), 0.0)
-        apart = np.append(value - of_air, self.prior_mean[[MACH, LOG_PRESSURE]] - state[[MACH, LOG_PRESSURE]])
-        of_pressure = np.array([False, True, True, False, True])
-        information, target, w = size * pressure**2, apart[of_pressure], precision[of_pressure]
-        log_pressure = (information * log(pressure) + w @ target) / (information + w.sum())
-        apart[of_pressure] -= log_pressure
-        p = np.exp(log_pressure)
-        cost = p * p * size - 2.0 * p * (unit @ data) + precision @ apart**2
-        return float(cost), np.append(state[:LOG_PRESSURE], log_pressure)
+        value = np.append(value, self.prior_mean[[MACH, LOG_PRESSURE]])
+        of_dynamic = log(0.5 * HEAT_CAPACITY_RATIO) + 2.0 * np.log(mach)
+        apart = value - np.stack([mach, zero, of_dynamic, mach, zero], axis=1)
+        of_pressure = [1, 2, 4]
+        information, weight = size * np.exp(2.0 * log_pressure), precision[of_pressure]
+        joined = information * log_pressure + apart[:, of_pressure] @ weight
+        joined /= information + weight.sum()
+        apart[:, of_pressure] -= joined[:, None]
+        pressure = np.exp(joined)
+        return pressure**2 * size - 2.0 * pressure * along + apart**2 @ precision, joined
 
     def concluded(self, state: FloatArray, sample: Sample) -> NonlinearEstimate:
         """Return the estimate at the solved ``state``."""
@@ -297,7 +316,7 @@ class NonlinearReference:
             chi_square=float(found.chi_square[0]),
             standardised=found.standardised[0, :n_d],
             air_standardised=found.standardised[0, n_d : n_d + N_AIR],
-            air_used=np.isfinite(sample.air.value),
+            air_inputs=sample.air,
             air=air,
             air_std=air_std,
             deviance=float(found.chi_square[0] + np.linalg.slogdet(covariance[np.ix_(used, used)])[1]),

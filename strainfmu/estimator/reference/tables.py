@@ -82,7 +82,7 @@ def evaluate(tables: Tables, state: FloatArray) -> tuple[FloatArray, FloatArray]
     second, of_a, by_a = basis(tables.incidence_knots, a)
     cell = tables.spline[first : first + 4, second : second + 4]
     c, c_by_mach, c_by_a = (
-        np.einsum("i,j,ijnm->nm", one, other, cell, optimize=True)
+        np.tensordot(np.outer(one, other), cell, 2)
         for one, other in ((of_mach, of_a), (by_mach, of_a), (of_mach, by_a))
     )
     power, slope = h**order, order * h ** np.maximum(order - 1, 0)
@@ -119,8 +119,8 @@ def basis(knots: FloatArray, x: float) -> tuple[int, FloatArray, FloatArray]:
 def with_known_parameters(inverse_map: InverseMap, tables: Tables, value: FloatArray, std: FloatArray) -> Tables:
     """Return ``tables`` where flow parameters are known: ``value`` and ``std`` (n_p,), NaN of one that is not.
 
-    A row changes by p_inf sum_j (z^j - offset_j) s_j, z the parameter less its mean over its spread. A stated value
-    and the spread over the snapshots are joined, both normal; the errors are those that the join leaves.
+    A row changes by p_inf sum_j (z^j - offset_j) s_j, z the parameter less its mean over its spread. A stated
+    value and the spread over the snapshots are joined, both normal; the errors are those that the join leaves.
     """
     assert inverse_map.manifold is not None
     held = inverse_map.manifold.parameters
@@ -140,7 +140,10 @@ def with_known_parameters(inverse_map: InverseMap, tables: Tables, value: FloatA
     columns = [held.error]
     for parameter, part in enumerate(weight):
         own = powers.parameter == parameter
-        columns += [np.tensordot(by_one[own], held.unit_error[own], 1), (1.0 - part) * held.spread_error[parameter]]
+        columns += [
+            np.tensordot(by_one[own], held.unit_error[own], 1),
+            (1.0 - part) * held.spread_error[parameter],
+        ]
     error, n_d = np.hstack(columns), len(tables.error_strain)
     strain, load = error[:n_d], error[n_d : n_d + LOADS]
     return replace(
