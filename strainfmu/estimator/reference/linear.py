@@ -185,7 +185,8 @@ def _absolute_models(inverse_map: InverseMap) -> tuple[Model, Model]:
     prior_std = 1.0 if is_free else 1.0 / np.sqrt(inverse_map.regularisation)
     for_gain = replace(truth, columns=prior_std * truth.columns, output_columns=prior_std * truth.output_columns)
     left = _load_left(inverse_map, truth, for_gain)
-    return tuple(replace(one, output_noise=one.output_noise + left) for one in (for_gain, truth))
+    noise = truth.output_noise + left
+    return replace(for_gain, output_noise=noise), replace(truth, output_noise=noise)
 
 
 def _load_left(inverse_map: InverseMap, truth: Model, for_gain: Model) -> FloatArray:

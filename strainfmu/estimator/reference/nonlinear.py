@@ -231,7 +231,7 @@ class NonlinearReference:
         worst = int(np.argmax(excess))
         if excess[worst] <= 1.0:
             return found
-        return self.solved(_without(sample, found.air_standardised, worst), start)
+        return self.solved(without(sample, found.air_standardised, worst), start)
 
     def solved(self, sample: Sample, start: FloatArray | None = None) -> NonlinearEstimate:
         """Return the estimate of ``sample`` with all its air data."""
@@ -356,7 +356,7 @@ def lognormal_std(of_log: FloatArray | float) -> FloatArray:
     return np.asarray(np.expm1(3.0 * of_log) / 3.0)
 
 
-def _without(sample: Sample, z: FloatArray, dropped: int) -> Sample:
+def without(sample: Sample, z: FloatArray, dropped: int) -> Sample:
     """Return ``sample`` without the air data ``dropped``; others that may be the wrong ones are doubted.
 
     Such ones count with deviations larger by |z| of the dropped one, and one more for the noise in it.
