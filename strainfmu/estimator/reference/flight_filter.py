@@ -111,7 +111,7 @@ class FlightFilterReference:
             self.slopes, self.age = None, 0.0
         else:
             before = predicted(self.law, self._transition(time_step), self.prior, self._kept(time_step))
-            self.slopes = self._slopes(time_step, before)
+            self.slopes = self._slopes(time_step, before) if sample.used.any() else None
             self.age += time_step
             found = self._dropped(before, sample, self.state, ITERATIONS, self.slopes)
         if not sample.used.any():
@@ -143,8 +143,8 @@ class FlightFilterReference:
     def _slopes(self, time_step: float, before: Law) -> FloatArray | None:
         """Return the flight state of slopes, None where each iteration takes its own.
 
-        It knows nothing of the sample that it weighs: it follows the estimate, and moves as predicted as far as the
-        rates are noticed.
+        It knows nothing of the sample that it weighs: it follows the estimate, and moves as predicted as far as
+        the rates are noticed.
         """
         time_constant = min(SLOPE_TIME, self.time_constant, OF_AGE * self.age)
         if self.law is None or time_step >= LONGEST * time_constant:
@@ -206,7 +206,7 @@ class FlightFilterReference:
         )
 
     def _errors(self, state: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return columns (n_d, n) of the states of errors at ``state``, considered ones (n_d, k), and the noise."""
+        """Return columns (n_d, n) of the states of errors at ``state``, considered ones (n_d, k), and noise."""
         m, (value, _) = self.manifold, evaluate(self.tables, state)
         n_d, pressure = self.static.n_d, np.exp(state[LOG_PRESSURE])
         strain = value[:n_d]

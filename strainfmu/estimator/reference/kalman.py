@@ -1,7 +1,8 @@
 """The update over time: states with memory, and errors that last but are never estimated (Schmidt).
 
 A law has states s of mean and covariance P, and the cross covariance C of their errors with considered errors
-g ~ N(0, I). A sample reads z = H s + G g + e. It is a model of the update without free states: with L L' = P - C C'
+g ~ N(0, I). A sample reads z = H s + G g + e. It is a model of the update without free states: with
+L L' = P - C C'
 
     s = mean + C g + L v,   so that rows have the columns [H C + G, H L] of [g, v], and outputs s have [C, L].
 
