@@ -13,29 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
-from strainfmu.atmosphere import HEAT_CAPACITY_RATIO
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.reference.kalman import (
-    NAVIGATION_TIME,
-    Law,
-    Rows,
-    measured,
-    predicted,
-    seen_errors,
-    white_and_lasting,
-)
-from strainfmu.estimator.reference.nonlinear import (
-    DROPPED,
-    LARGEST_STEP,
-    N_AIR,
-    N_STATES,
-    NonlinearReference,
-    Sample,
-    air_rows,
-    lognormal_std,
-    without,
-)
-from strainfmu.estimator.reference.tables import LOG_PRESSURE, MACH, evaluate, tables_of
+from strainfmu.estimator.reference import kalman, nonlinear
+from strainfmu.estimator.reference.kalman import Law, Rows, measured
+from strainfmu.estimator.reference.nonlinear import N_AIR, N_STATES, FlightLoads, Sample, air_rows
+from strainfmu.estimator.reference.tables import LOG_PRESSURE, evaluate, tables_of
 
 RATES = slice(N_STATES, 2 * N_STATES)
 AIR_ERRORS = slice(2 * N_STATES, 2 * N_STATES + N_AIR)
@@ -56,15 +38,10 @@ ITERATIONS = 2
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class FilteredSample:
-    """What the filter makes of a sample; loads and coefficients as in
-    :class:`~strainfmu.estimator.reference.nonlinear.NonlinearEstimate`, ``law`` that after the sample."""
+class FilteredSample(FlightLoads):
+    """What the filter makes of a sample: ``law`` after it, and what it says of gauges and air data."""
 
     law: Law
-    loads: FloatArray
-    covariance: FloatArray
-    coefficients: FloatArray
-    coefficient_covariance: FloatArray
     chi_square: float
     standardised: FloatArray
     air_standardised: FloatArray
@@ -80,8 +57,8 @@ class FlightFilterReference:
         assert manifold is not None
         self.manifold, self.time_constant = manifold, time_constant
         self.tables = tables_of(inverse_map)
-        self.static = NonlinearReference(inverse_map, self.tables, manifold.gauge_covariance)
-        white, self.common, lasting = white_and_lasting(manifold.gauge_covariance, inverse_map.noise_std)
+        self.static = nonlinear.NonlinearReference(inverse_map, self.tables, manifold.gauge_covariance)
+        white, self.common, lasting = kalman.white_and_lasting(manifold.gauge_covariance, inverse_map.noise_std)
         diagonal = np.diag(lasting)
         # What is left beside a diagonal that dominates is a covariance (Gershgorin).
         self.own = np.sqrt(np.maximum(2.0 * diagonal - np.sum(np.abs(lasting), axis=1), 0.0))
@@ -89,7 +66,7 @@ class FlightFilterReference:
         middle = float(np.exp(np.log(manifold.pressure_range).mean()))
         std = np.sqrt(white + diagonal)
         tables = self.tables
-        self.seen = seen_errors(tables.error_strain, tables.cross, tables.output_variance, middle, std)
+        self.seen = kalman.seen_errors(tables.error_strain, tables.cross, tables.output_variance, middle, std)
         self.of_gauge = _gauge_terms(manifold.gauge_error_product)
 
         n_d, r = self.seen.strain.shape
@@ -101,7 +78,8 @@ class FlightFilterReference:
         none = np.zeros((n, n_d * (2 + self.of_gauge.shape[1])))
         self.prior = Law(mean=mean, covariance=np.diag(std**2), cross=none)
         self.law: Law | None = None
-        self.state, self.slopes, self.age = mean[:N_STATES], None, 0.0
+        self.slopes: FloatArray | None = None
+        self.state, self.age = mean[:N_STATES], 0.0
 
     def step(self, time_step: float, sample: Sample) -> FilteredSample:
         """Return what the filter makes of ``sample``, ``time_step`` [s] after the last one."""
@@ -110,7 +88,7 @@ class FlightFilterReference:
             found = self._dropped(self.prior, sample, start, 0, None)
             self.slopes, self.age = None, 0.0
         else:
-            before = predicted(self.law, self._transition(time_step), self.prior, self._kept(time_step))
+            before = kalman.predicted(self.law, self._transition(time_step), self.prior, self._kept(time_step))
             self.slopes = self._slopes(time_step, before) if sample.used.any() else None
             self.age += time_step
             found = self._dropped(before, sample, self.state, ITERATIONS, self.slopes)
@@ -132,7 +110,7 @@ class FlightFilterReference:
         decay = np.exp(-turn)
         matrix = np.eye(len(std)) * self._kept(time_step)
         matrix[AIR_ERRORS, AIR_ERRORS] = np.eye(N_AIR) * np.exp(
-            -time_step / (NAVIGATION_TIME * self.time_constant)
+            -time_step / (kalman.NAVIGATION_TIME * self.time_constant)
         )
         matrix[:N_STATES, :N_STATES] = np.diag(decay * (1.0 + turn))
         matrix[:N_STATES, RATES] = np.diag(decay * time_step)
@@ -162,11 +140,11 @@ class FlightFilterReference:
     ) -> FilteredSample:
         """Return the estimate of ``sample``, a second time without air data that do not fit."""
         found = self._filtered(law, sample, sample, start, iterations, slopes)
-        excess = np.abs(found.air_standardised) / DROPPED
+        excess = np.abs(found.air_standardised) / nonlinear.DROPPED
         worst = int(np.argmax(excess))
         if excess[worst] <= 1.0:
             return found
-        doubted = without(sample, found.air_standardised, worst)
+        doubted = nonlinear.without(sample, found.air_standardised, worst)
         return self._filtered(law, sample, doubted, start, ITERATIONS, slopes)
 
     def _filtered(
@@ -186,7 +164,7 @@ class FlightFilterReference:
         for _ in range(iterations):
             after, _ = measured(law, self._rows(law, sample, doubted, errors, state, slopes))
             step = after.mean[:N_STATES] - state
-            state = self.static.in_reach(state + step / max(np.max(np.abs(step) / LARGEST_STEP), 1.0))
+            state = self.static.in_reach(state + step / max(np.max(np.abs(step) / nonlinear.LARGEST_STEP), 1.0))
         rows = self._rows(law, sample, doubted, errors, state, slopes)
         after, found = measured(law, rows)
         # The other states where the flight state is the iterations' last.
@@ -197,8 +175,10 @@ class FlightFilterReference:
         n_used, known = int(sample.used.sum()), np.isfinite(doubted.air.value)
         z, of_air = np.zeros(len(sample.rows)), np.zeros(N_AIR)
         z[sample.used], of_air[known] = np.split(found.standardised[0], [n_used])
+        law = Law(mean=mean, covariance=after.covariance, cross=after.cross)
         return FilteredSample(
-            **self._loads(Law(mean=mean, covariance=after.covariance, cross=after.cross), sample, errors),
+            **vars(self._loads(law, sample, errors)),
+            law=law,
             chi_square=float(found.chi_square[0] + distance),
             standardised=z,
             air_standardised=of_air,
@@ -255,37 +235,24 @@ class FlightFilterReference:
         of_gauges[:n_used] = considered[used]
         return Rows(innovation=innovation - jacobian @ about, by_state=jacobian, considered=of_gauges, noise=whole)
 
-    def _loads(
-        self, law: Law, sample: Sample, errors: tuple[FloatArray, FloatArray, FloatArray]
-    ) -> dict[str, FloatArray | Law]:
+    def _loads(self, law: Law, sample: Sample, errors: tuple[FloatArray, FloatArray, FloatArray]) -> FlightLoads:
         """Return loads and coefficients by ``law``: of the tables, of the errors seen, and of the residual."""
         (columns, considered, noise), n_d, used = errors, self.static.n_d, sample.used
         state, of_errors = law.mean[:N_STATES], np.append(np.zeros(N_STATES), law.mean[N_STATES:])
-        (value, jacobian), pressure, mach = evaluate(self.tables, state), np.exp(state[LOG_PRESSURE]), state[MACH]
+        (value, jacobian), pressure = evaluate(self.tables, state), np.exp(state[LOG_PRESSURE])
         strain = columns.copy()
         strain[:, :N_STATES] = jacobian[:n_d]
         load = np.zeros((len(value) - n_d, len(law.mean)))
         load[:, :N_STATES], load[:, SEEN : self.hardware] = jacobian[n_d:], pressure * self.seen.load
         residual = (sample.rows - value[:n_d] - strain @ of_errors)[used]
         cross = pressure**2 * self.seen.rest_cross[used]
-        whole = (considered @ considered.T + noise)[np.ix_(used, used)]
-        of_residual = np.linalg.solve(whole, cross).T
+        of_residual = np.linalg.solve((considered @ considered.T + noise)[np.ix_(used, used)], cross).T
         loads = value[n_d:] + load @ of_errors + of_residual @ residual
         by_state = load - of_residual @ strain[used]
-        remaining = pressure**2 * self.seen.rest_load - of_residual @ cross
-        scale = 1.0 / (0.5 * HEAT_CAPACITY_RATIO * mach**2 * pressure * self.static.references)
-        by_log = np.zeros(len(law.mean))
-        by_log[MACH], by_log[LOG_PRESSURE] = 2.0 / mach, 1.0
-        of_log = float(np.sqrt(by_log @ law.covariance @ by_log))
-        of_coefficients = scale[:, None] * by_state - np.outer(scale * loads, by_log)
-        spread = of_coefficients @ law.covariance @ of_coefficients.T + scale[:, None] * remaining * scale
-        return {
-            "law": law,
-            "loads": loads,
-            "covariance": by_state @ law.covariance @ by_state.T + remaining,
-            "coefficients": scale * loads,
-            "coefficient_covariance": (lognormal_std(of_log) / of_log) ** 2 * spread,
-        }
+        whole = np.vstack([np.eye(N_STATES, len(law.mean)), by_state])
+        joint = whole @ law.covariance @ whole.T
+        joint[N_STATES:, N_STATES:] += pressure**2 * self.seen.rest_load - of_residual @ cross
+        return nonlinear.flight_loads(state, loads, joint, self.static.references)
 
 
 def _gauge_terms(product: FloatArray) -> FloatArray:

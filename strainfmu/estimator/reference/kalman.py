@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.reference.update import Model, Posterior, condition, prepare
+from strainfmu.estimator.reference.update import Posterior, condition, model_of, prepare
 
 NAVIGATION_TIME = 100.0
 """Time constant of errors of air data, and of errors in common of linear maps, over the others' [1]."""
@@ -69,18 +69,13 @@ def measured(law: Law, rows: Rows) -> tuple[Law, Posterior]:
     size = np.sqrt(np.diag(law.covariance))
     value, vector = np.linalg.eigh((law.covariance - law.cross @ law.cross.T) / np.outer(size, size))
     root = size[:, None] * vector * np.sqrt(np.maximum(value, 0.0))
-    model = Model(
-        fixed=np.zeros(m),
-        mean=np.zeros(m),
-        free=np.zeros((m, 0)),
+    model = model_of(
+        m,
+        n,
         columns=np.hstack([rows.by_state @ law.cross + rows.considered, rows.by_state @ root]),
         noise=rows.noise,
         output_fixed=law.mean,
-        output_mean=np.zeros(n),
-        output_free=np.zeros((n, 0)),
         output_columns=np.hstack([law.cross, root]),
-        cross=np.zeros((m, n)),
-        output_noise=np.zeros((n, n)),
     )
     found = condition(prepare(model, np.ones(m, dtype=bool)), rows.innovation[None], np.ones(1))
     gain = found.gain[0]

@@ -1,9 +1,9 @@
 """A linear map as a model of the update, and the loads of samples by it.
 
-Form "dynamic_pressure" is :eq:`eq:scaled-model` as it stands: the scale s is q_inf over the nominal one, states
+Form "dynamic_pressure" is ``eq:scaled-model`` as it stands: the scale s is q_inf over the nominal one, states
 are free (Case 1) or columns (Case 2), errors that grow with the pressure are columns. In form "absolute" s is 1
 and e holds all errors, Gamma; load that no state holds is correlated with it. Its gain is that of a prior of
-covariance 1 / gamma (:eq:`eq:ls-solution`), its truth that of 1: they differ.
+covariance 1 / gamma (``eq:ls-solution``), its truth that of 1: they differ.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.estimator.further_loads import is_moment
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.reference.update import Model, condition, joseph, prepare
+from strainfmu.estimator.reference.update import Model, condition, joseph, model_of, prepare
 
 LOADS = 5
 LEAST_EXPECTED = 0.1
@@ -111,7 +111,7 @@ def estimate(
 def excess_covariance(inverse_map: InverseMap, coefficients: FloatArray) -> FloatArray:
     """Return (k, n_d, n_d) what errors in proportion to strain add to the covariance of rows at s = 1.
 
-    :eq:`eq:proportional`: those at ``coefficients`` C (k, 5) less their mean over the snapshots, which the weights
+    ``eq:proportional``: those at ``coefficients`` C (k, 5) less their mean over the snapshots, which the weights
     hold.
     """
     of_gauge, common, mean = inverse_map.gauge_error_product, inverse_map.common_error, inverse_map.mean_product
@@ -129,64 +129,55 @@ def excess_covariance(inverse_map: InverseMap, coefficients: FloatArray) -> Floa
 
 
 def _scaled_model(inverse_map: InverseMap) -> Model:
-    own, errors, load_of_errors = inverse_map.scaled_parts
+    (own, errors, load_of_errors), further = inverse_map.scaled_parts, inverse_map.further
     states, load_of_states = inverse_map.state_operator, inverse_map.load_per_state
     fixed_load, mean_load = _or_zero(inverse_map.fixed_load, LOADS), inverse_map.load_of_mean
-    further = inverse_map.further
     if further is not None and further.error_load is not None:
         load_of_states = np.vstack([load_of_states, further.load_per_state])
         load_of_errors = np.vstack([load_of_errors, further.error_load])
         fixed_load = np.append(fixed_load, _or_zero(further.fixed_load, len(further.variance)))
         mean_load = np.append(mean_load, further.load_of_mean)
-    n, m = len(states), len(mean_load)
-    fixed = _or_zero(inverse_map.fixed_strain, n)
-    is_free = inverse_map.case == 1
-    return Model(
-        fixed=fixed,
-        mean=inverse_map.mean_strain - fixed,
-        free=states if is_free else np.zeros((n, 0)),
-        columns=errors if is_free else np.hstack([states, errors]),
-        noise=own,
-        output_fixed=fixed_load,
-        output_mean=mean_load - fixed_load,
-        output_free=load_of_states if is_free else np.zeros((m, 0)),
-        output_columns=load_of_errors if is_free else np.hstack([load_of_states, load_of_errors]),
-        cross=np.zeros((n, m)),
-        output_noise=np.zeros((m, m)),
-    )
+    fixed = _or_zero(inverse_map.fixed_strain, len(states))
+    common = {
+        "fixed": fixed,
+        "mean": inverse_map.mean_strain - fixed,
+        "noise": own,
+        "output_fixed": fixed_load,
+        "output_mean": mean_load - fixed_load,
+    }
+    if inverse_map.case == 1:
+        common |= {"free": states, "output_free": load_of_states}
+    else:
+        errors, load_of_errors = np.hstack([states, errors]), np.hstack([load_of_states, load_of_errors])
+    return model_of(len(states), len(mean_load), **common, columns=errors, output_columns=load_of_errors)
 
 
 def _absolute_models(inverse_map: InverseMap) -> tuple[Model, Model]:
     """Return the model of the gain, whose states have the prior covariance 1 / gamma, and the truth."""
     states, load_of_states = inverse_map.state_operator, inverse_map.load_per_state
     mean_load, n, further = inverse_map.load_of_mean, len(states), inverse_map.further
-    cross = (
-        np.zeros((n, LOADS)) if inverse_map.strain_load_covariance is None else inverse_map.strain_load_covariance
-    )
+    cross = inverse_map.strain_load_covariance
+    cross = np.zeros((n, LOADS)) if cross is None else cross
     if further is not None:
         own = further.strain_load_covariance
         cross = np.hstack([cross, np.zeros((n, len(further.variance))) if own is None else own])
         load_of_states = np.vstack([load_of_states, further.load_per_state])
         mean_load = np.append(mean_load, further.load_of_mean)
-    m, no_columns, is_free = len(mean_load), np.zeros((n, 0)), inverse_map.case == 1
-    truth = Model(
-        fixed=np.zeros(n),
+    is_free, noise = inverse_map.case == 1, inverse_map.noise_covariance
+    truth = model_of(
+        n,
+        len(mean_load),
         mean=inverse_map.mean_strain,
-        free=states if is_free else no_columns,
-        columns=no_columns if is_free else states,
-        noise=inverse_map.noise_covariance,
-        output_fixed=np.zeros(m),
+        noise=noise,
         output_mean=mean_load,
-        output_free=load_of_states if is_free else np.zeros((m, 0)),
-        output_columns=np.zeros((m, 0)) if is_free else load_of_states,
         cross=cross,
-        output_noise=cross.T @ np.linalg.solve(inverse_map.noise_covariance, cross),
+        output_noise=cross.T @ np.linalg.solve(noise, cross),
+        **{"free" if is_free else "columns": states, f"output_{'free' if is_free else 'columns'}": load_of_states},
     )
-    prior_std = 1.0 if is_free else 1.0 / np.sqrt(inverse_map.regularisation)
-    for_gain = replace(truth, columns=prior_std * truth.columns, output_columns=prior_std * truth.output_columns)
-    left = _load_left(inverse_map, truth, for_gain)
-    noise = truth.output_noise + left
-    return replace(for_gain, output_noise=noise), replace(truth, output_noise=noise)
+    std = 1.0 if is_free else 1.0 / np.sqrt(inverse_map.regularisation)
+    for_gain = replace(truth, columns=std * truth.columns, output_columns=std * truth.output_columns)
+    output_noise = truth.output_noise + _load_left(inverse_map, truth, for_gain)
+    return replace(for_gain, output_noise=output_noise), replace(truth, output_noise=output_noise)
 
 
 def _load_left(inverse_map: InverseMap, truth: Model, for_gain: Model) -> FloatArray:

@@ -44,7 +44,8 @@ class LinearFilterReference:
     def __init__(self, inverse_map: InverseMap, time_constant: float) -> None:
         """Begin with the prior of the map; ``time_constant`` T [s]."""
         own, errors, load_of_errors = inverse_map.scaled_parts
-        self.map, self.time_constant, self.law = inverse_map, time_constant, None
+        self.map, self.time_constant = inverse_map, time_constant
+        self.law: Law | None = None
         self.noise, common, lasting = white_and_lasting(own, inverse_map.noise_std)
         cross, variance = errors @ load_of_errors.T, load_of_errors @ load_of_errors.T
         self.seen = seen_errors(errors, cross, variance, 1.0, np.sqrt(self.noise + np.diag(lasting)))
@@ -78,14 +79,15 @@ class LinearFilterReference:
             return None
         ratio = dynamic_pressure / self.map.nominal_dynamic_pressure
         alone, found = measured(self.prior, self._rows(self.prior, rows, used, ratio))
-        chi_square, before = float(found.chi_square[0]), self.law
-        self.law = alone
-        if before is not None:
-            self.law, found = measured(before, self._rows(before, rows, used, ratio))
-            chi_square = float(found.chi_square[0])
-        of_memory, of_alone = (self._loads(one, rows, used, ratio) for one in (self.law, alone))
+        after = alone
+        if self.law is not None:
+            after, found = measured(self.law, self._rows(self.law, rows, used, ratio))
+        self.law = after
+        of_memory, of_alone = (self._loads(one, rows, used, ratio) for one in (after, alone))
         return Change(
-            loads=of_memory[0] - of_alone[0], covariance=of_memory[1] - of_alone[1], chi_square=chi_square
+            loads=of_memory[0] - of_alone[0],
+            covariance=of_memory[1] - of_alone[1],
+            chi_square=float(found.chi_square[0]),
         )
 
     def _rows(self, law: Law, rows: FloatArray, used: BoolArray, ratio: float) -> Rows:

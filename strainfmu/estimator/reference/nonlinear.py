@@ -20,7 +20,7 @@ from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, static_pressure_at
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.reference.linear import references
 from strainfmu.estimator.reference.tables import LOG_PRESSURE, MACH, MIN_INCIDENCE, Tables, U, W, evaluate
-from strainfmu.estimator.reference.update import Model, Posterior, condition, prepare
+from strainfmu.estimator.reference.update import Model, Posterior, condition, model_of, prepare
 
 N_STATES, N_AIR = 4, 3
 LEAST_RELATIVE_STD = 1e-3
@@ -63,20 +63,8 @@ class Sample:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class NonlinearEstimate:
-    """Estimate of one sample; outputs as in :class:`~strainfmu.estimator.reference.linear.LinearEstimate`.
-
-    Attributes
-    ----------
-    state, state_covariance : (4,) and (4, 4).
-    loads, covariance, coefficients, coefficient_covariance : (m,) and (m, m).
-    chi_square : of strain and air data.
-    standardised : (n_d,) leave-one-out residuals z, and (3,) ``air_standardised`` of M, p_inf and q_inf.
-    air_inputs : air data as they count, without dropped ones, doubted ones with larger standard deviations.
-    air, air_std : (7,) angle of attack, sideslip, total incidence, aerodynamic roll angle [rad], M, p_inf, q_inf.
-    deviance : -2 ln likelihood, less a constant.
-    step : of another iteration, in its standard deviations.
-    """
+class FlightLoads:
+    """Flight ``state`` (4,), ``loads`` and ``coefficients`` (m,), and their covariances."""
 
     state: FloatArray
     state_covariance: FloatArray
@@ -84,6 +72,18 @@ class NonlinearEstimate:
     covariance: FloatArray
     coefficients: FloatArray
     coefficient_covariance: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class NonlinearEstimate(FlightLoads):
+    """Estimate of one sample.
+
+    Leave-one-out residuals are ``standardised`` (n_d,) and ``air_standardised`` (3,); ``air_inputs`` are the air
+    data as they count, without dropped ones, doubted ones with larger standard deviations; ``air`` and ``air_std``
+    (7,) are angle of attack, sideslip, total incidence, aerodynamic roll angle [rad], M, p_inf and q_inf. The
+    ``deviance`` is -2 ln likelihood less a constant, ``step`` that of another iteration in standard deviations.
+    """
+
     chi_square: float
     standardised: FloatArray
     air_standardised: FloatArray
@@ -155,16 +155,14 @@ class NonlinearReference:
         cross, output_noise = np.zeros((n, N_STATES + m)), np.zeros((N_STATES + m, N_STATES + m))
         cross[:n_d, N_STATES:] = pressure**2 * self.tables.cross
         output_noise[N_STATES:, N_STATES:] = pressure**2 * self.tables.output_variance
-        return Model(
+        return model_of(
+            n,
+            N_STATES + m,
             fixed=np.concatenate([value[:n_d], of_air, state]),
-            mean=np.zeros(n),
             free=np.vstack([jacobian[:n_d], by_state, np.eye(N_STATES)]),
-            columns=np.zeros((n, 0)),
             noise=noise,
             output_fixed=np.concatenate([state, value[n_d:]]),
-            output_mean=np.zeros(N_STATES + m),
             output_free=np.vstack([np.eye(N_STATES), jacobian[n_d:]]),
-            output_columns=np.zeros((N_STATES + m, 0)),
             cross=cross,
             output_noise=output_noise,
         )
@@ -193,7 +191,7 @@ class NonlinearReference:
             turned = np.linalg.solve(found.covariance[0, :N_STATES, :N_STATES], shrunk)
             along, size = (state - before[0]) @ turned, shrunk @ turned
             if 0.0 < along < size:
-                step = step * max(along / size, SMALLEST_PART)
+                step = step * max(float(along / size), SMALLEST_PART)
         return self.in_reach(state + step / max(np.max(np.abs(step) / LARGEST_STEP), 1.0))
 
     def in_reach(self, state: FloatArray) -> FloatArray:
@@ -246,11 +244,11 @@ class NonlinearReference:
         middle, half = (np.broadcast_to(one, 2) for one in self.manifold.crossflow)
         roll = 2.0 * np.pi * np.arange(ROLLS) / ROLLS
         part = (np.arange(INCIDENCES)[:, None, None] + 0.5) / INCIDENCES
-        states = np.zeros((INCIDENCES, MACHS, ROLLS, N_STATES))
-        states[..., MACH] = np.linspace(*self.manifold.mach_range, MACHS)[:, None]
-        states[..., U] = middle[0] + part * half[0] * np.cos(roll)
-        states[..., W] = middle[1] + part * half[1] * np.sin(roll)
-        states = states.reshape(INCIDENCES, -1, N_STATES)
+        low, high = self.manifold.mach_range
+        mach = np.linspace(low, high, MACHS)[:, None]
+        of_u, of_w = middle[0] + part * half[0] * np.cos(roll), middle[1] + part * half[1] * np.sin(roll)
+        each = np.broadcast_arrays(mach, of_u, of_w, 0.0)
+        states = np.stack(each, axis=-1).reshape(INCIDENCES, -1, N_STATES)
         fixed = self.tables.fixed[: self.n_d]
         unit = [[evaluate(self.tables, one)[0][: self.n_d] - fixed for one in of_one] for of_one in states]
         return states, np.array(unit)
@@ -294,25 +292,12 @@ class NonlinearReference:
 
     def concluded(self, state: FloatArray, sample: Sample) -> NonlinearEstimate:
         """Return the estimate at the solved ``state``."""
-        covariance = self.strain_covariance(state)
-        found, n_d = self.posterior(state, sample, covariance), self.n_d
-        of_state, whole = found.covariance[0, :N_STATES, :N_STATES], found.covariance[0]
-        mach, pressure = state[MACH], np.exp(state[LOG_PRESSURE])
-        dynamic = 0.5 * HEAT_CAPACITY_RATIO * mach**2 * pressure
-        loads, scale = found.mean[0, N_STATES:], 1.0 / (dynamic * self.references)
-        # A coefficient loses the error of ln q_inf, which goes with the errors of the loads.
-        by_log = np.array([2.0 / mach, 0.0, 0.0, 1.0])
-        turn = np.hstack([-np.outer(scale * loads, by_log), np.diag(scale)])
-        of_log = float(np.sqrt(by_log @ of_state @ by_log))
-        used = sample.used
-        air, air_std = air_data(state, of_state)
+        covariance, used, n_d = self.strain_covariance(state), sample.used, self.n_d
+        found = self.posterior(state, sample, covariance)
+        whole = found.covariance[0]
+        air, air_std = air_data(state, whole[:N_STATES, :N_STATES])
         return NonlinearEstimate(
-            state=state,
-            state_covariance=of_state,
-            loads=loads,
-            covariance=whole[N_STATES:, N_STATES:],
-            coefficients=scale * loads,
-            coefficient_covariance=(lognormal_std(of_log) / of_log) ** 2 * (turn @ whole @ turn.T),
+            **vars(flight_loads(state, found.mean[0, N_STATES:], whole, self.references)),
             chi_square=float(found.chi_square[0]),
             standardised=found.standardised[0, :n_d],
             air_standardised=found.standardised[0, n_d : n_d + N_AIR],
@@ -322,6 +307,26 @@ class NonlinearReference:
             deviance=float(found.chi_square[0] + np.linalg.slogdet(covariance[np.ix_(used, used)])[1]),
             step=_size(found.mean[0, :N_STATES] - state, found),
         )
+
+
+def flight_loads(state: FloatArray, loads: FloatArray, joint: FloatArray, references: FloatArray) -> FlightLoads:
+    """Return ``loads`` (m,) at ``state``, with their ``joint`` covariance (4 + m, 4 + m), and the coefficients.
+
+    Of these the error of ln q_inf, which goes with the errors of the loads, is a part.
+    """
+    mach = state[MACH]
+    scale = 1.0 / (0.5 * HEAT_CAPACITY_RATIO * mach**2 * np.exp(state[LOG_PRESSURE]) * references)
+    by_log, of_state = np.array([2.0 / mach, 0.0, 0.0, 1.0]), joint[:N_STATES, :N_STATES]
+    turn = np.hstack([-np.outer(scale * loads, by_log), np.diag(scale)])
+    of_log = float(np.sqrt(by_log @ of_state @ by_log))
+    return FlightLoads(
+        state=state,
+        state_covariance=of_state,
+        loads=loads,
+        covariance=joint[N_STATES:, N_STATES:],
+        coefficients=scale * loads,
+        coefficient_covariance=(lognormal_std(of_log) / of_log) ** 2 * (turn @ joint @ turn.T),
+    )
 
 
 def air_rows(state: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -14,7 +14,7 @@ import numpy as np
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.map.temperature import LARGEST_RISE, ThermalMap
-from strainfmu.estimator.reference.update import Model, condition, prepare
+from strainfmu.estimator.reference.update import condition, model_of, prepare
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -106,18 +106,13 @@ def known_sensors(thermal: ThermalMap, temperature: FloatArray) -> BoolArray:
 def amplitudes(thermal: ThermalMap, temperature: FloatArray, known: BoolArray) -> Amplitudes:
     """Return the temperature modes by the sensors ``known`` (n_t,), which read ``temperature`` (k, n_t) [K]."""
     n_t, n = thermal.sensor_operator.shape
-    model = Model(
+    model = model_of(
+        n_t,
+        n,
         fixed=np.full(n_t, thermal.reference_temperature),
-        mean=np.zeros(n_t),
-        free=np.zeros((n_t, 0)),
         columns=thermal.sensor_operator * thermal.prior_std,
         noise=np.diag(thermal.sensor_std**2),
-        output_fixed=np.zeros(n),
-        output_mean=np.zeros(n),
-        output_free=np.zeros((n, 0)),
         output_columns=np.diag(thermal.prior_std),
-        cross=np.zeros((n_t, n)),
-        output_noise=np.zeros((n, n)),
     )
     found = condition(prepare(model, known), temperature, np.ones(len(temperature)))
     return Amplitudes(mean=found.mean, covariance=found.covariance[0])

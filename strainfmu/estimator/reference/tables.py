@@ -88,12 +88,7 @@ def evaluate(tables: Tables, state: FloatArray) -> tuple[FloatArray, FloatArray]
     power, slope = h**order, order * h ** np.maximum(order - 1, 0)
     value, along_a = (c @ power).real, (c_by_a @ power).real
     by_u, by_w = ((c @ slope) * (one / a - x * h / a**2) for one, x in ((1.0, u), (1j, w)))
-    jacobian = [
-        (c_by_mach @ power).real,
-        along_a * u / a + by_u.real,
-        along_a * w / a + by_w.real,
-        value,
-    ]
+    jacobian = [(c_by_mach @ power).real, along_a * u / a + by_u.real, along_a * w / a + by_w.real, value]
     return pressure * value + tables.fixed, pressure * np.stack(jacobian, axis=1)
 
 

@@ -1,6 +1,6 @@
 """The update: what rows that are read say of outputs, in a linear model with Gaussian errors.
 
-With a scale s (the pressure ratio of :eq:`eq:scaled-model`, or 1)
+With a scale s (the pressure ratio of ``eq:scaled-model``, or 1)
 
     y = y_fixed + s (y_mean + X x + N u) + e,   x free,  u ~ N(0, I),  e ~ N(0, R),
     f = f_fixed + s (f_mean + F x + M u) + g,   cov(e, g) = C,  cov g = V.
@@ -50,6 +50,20 @@ class Model:
     output_columns: FloatArray
     cross: FloatArray
     output_noise: FloatArray
+
+
+def model_of(n: int, m: int, **parts: FloatArray) -> Model:
+    """Return the model of n rows and m outputs with ``parts`` by name; others are 0, and have no columns."""
+    shapes: dict[str, tuple[int, ...]] = {
+        **dict.fromkeys(("fixed", "mean"), (n,)),
+        **dict.fromkeys(("output_fixed", "output_mean"), (m,)),
+        **dict.fromkeys(("free", "columns"), (n, 0)),
+        **dict.fromkeys(("output_free", "output_columns"), (m, 0)),
+        "noise": (n, n),
+        "cross": (n, m),
+        "output_noise": (m, m),
+    }
+    return Model(**({name: np.zeros(shape) for name, shape in shapes.items()} | parts))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -105,7 +119,7 @@ def prepare(model: Model, used: BoolArray) -> Prepared:
     """Return ``model`` decomposed for the rows ``used`` (n,).
 
     R = L L'. A QR decomposition of L^-1 X takes the free states out, a singular value decomposition of what is
-    left of L^-1 N gives :eq:`eq:scaled-decomposition`.
+    left of L^-1 N gives ``eq:scaled-decomposition``.
 
     Raises
     ------
@@ -149,7 +163,7 @@ def prepare(model: Model, used: BoolArray) -> Prepared:
 def condition(prepared: Prepared, rows: FloatArray, scale: FloatArray) -> Posterior:
     """Return the posterior of the samples ``rows`` (k, n), each at its ``scale`` s (k,).
 
-    With u = 1 / (1 + s^2 S^2) and w the whitened residual: :eq:`eq:scaled-loads`, :eq:`eq:scaled-chi-square`, and
+    With u = 1 / (1 + s^2 S^2) and w the whitened residual: ``eq:scaled-loads``, ``eq:scaled-chi-square``, and
     the terms of g, whose noise B u w is what the residual reveals of it.
     """
     model, n_x, s = prepared.model, prepared.n_free, scale[:, None]
