@@ -7,7 +7,8 @@ rows, columns and outputs are:
 ``linear``                    a linear map, in both forms; errors at the current strain
 ``readings``                  zero offsets, auxiliary sensors, temperature: readings become rows
 ``tables``                    strain and loads over the flight state, and flow parameters
-``nonlinear``                 the flight state by Gauss-Newton iterations; air data
+``air``                       air data: what is known of them, and what a flight state says of them
+``nonlinear``                 the flight state by Gauss-Newton iterations, and the loads there
 ``kalman``                    the update over time, with errors that are never estimated
 ``linear_filter``             the filter of linear maps
 ``flight_filter``             the filter of the flight state

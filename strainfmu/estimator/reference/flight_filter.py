@@ -8,16 +8,17 @@ estimator, and the stationary law is its prior.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.reference import kalman, nonlinear
+from strainfmu.estimator.reference.air import DROPPED, N_AIR, air_rows, without
 from strainfmu.estimator.reference.kalman import Law, Rows, measured
-from strainfmu.estimator.reference.nonlinear import N_AIR, N_STATES, FlightLoads, Sample, air_rows
-from strainfmu.estimator.reference.tables import LOG_PRESSURE, evaluate, tables_of
+from strainfmu.estimator.reference.nonlinear import FlightLoads, Sample
+from strainfmu.estimator.reference.tables import LOG_PRESSURE, N_STATES, evaluate, tables_of
 
 RATES = slice(N_STATES, 2 * N_STATES)
 AIR_ERRORS = slice(2 * N_STATES, 2 * N_STATES + N_AIR)
@@ -76,7 +77,7 @@ class FlightFilterReference:
         mean[:N_STATES], std[:N_STATES] = self.static.prior_mean, self.static.prior_std
         std[RATES] = RATE_STD * (1.0 + RATE_TIME / time_constant)
         none = np.zeros((n, n_d * (2 + self.of_gauge.shape[1])))
-        self.prior = Law(mean=mean, covariance=np.diag(std**2), cross=none)
+        self.prior = Law(mean, np.diag(std**2), none)
         self.law: Law | None = None
         self.slopes: FloatArray | None = None
         self.state, self.age = mean[:N_STATES], 0.0
@@ -140,11 +141,11 @@ class FlightFilterReference:
     ) -> FilteredSample:
         """Return the estimate of ``sample``, a second time without air data that do not fit."""
         found = self._filtered(law, sample, sample, start, iterations, slopes)
-        excess = np.abs(found.air_standardised) / nonlinear.DROPPED
+        excess = np.abs(found.air_standardised) / DROPPED
         worst = int(np.argmax(excess))
         if excess[worst] <= 1.0:
             return found
-        doubted = nonlinear.without(sample, found.air_standardised, worst)
+        doubted = replace(sample, air=without(sample.air, found.air_standardised, worst))
         return self._filtered(law, sample, doubted, start, ITERATIONS, slopes)
 
     def _filtered(
@@ -175,7 +176,7 @@ class FlightFilterReference:
         n_used, known = int(sample.used.sum()), np.isfinite(doubted.air.value)
         z, of_air = np.zeros(len(sample.rows)), np.zeros(N_AIR)
         z[sample.used], of_air[known] = np.split(found.standardised[0], [n_used])
-        law = Law(mean=mean, covariance=after.covariance, cross=after.cross)
+        law = Law(mean, after.covariance, after.cross)
         return FilteredSample(
             **vars(self._loads(law, sample, errors)),
             law=law,
@@ -219,11 +220,11 @@ class FlightFilterReference:
         by_state = columns.copy()
         by_state[:, :N_STATES] = evaluate(self.tables, sloped)[1][:n_d]
         known, air = np.isfinite(doubted.air.value), sample.air
-        std = air.std / np.append(1.0, air.value[1:])
+        std = air.log_std
         of_air = np.zeros((N_AIR, columns.shape[1]))
         of_air[:, :N_STATES] = air_rows(sloped)[1] / std[:, None]
         of_air[:, AIR_ERRORS] = np.sqrt(1.0 - WHITE) * np.eye(N_AIR)
-        apart = (np.append(air.value[0], np.log(air.value[1:])) - air_rows(at)[0]) / std
+        apart = (air.log_value - air_rows(at)[0]) / std
         jacobian = np.vstack([by_state[used], of_air[known]])
         about = law.mean.copy()
         about[:N_STATES] -= at
@@ -233,7 +234,7 @@ class FlightFilterReference:
         whole[:n_used, :n_used] = noise[np.ix_(used, used)]
         of_gauges = np.zeros((n, considered.shape[1]))
         of_gauges[:n_used] = considered[used]
-        return Rows(innovation=innovation - jacobian @ about, by_state=jacobian, considered=of_gauges, noise=whole)
+        return Rows(innovation - jacobian @ about, jacobian, of_gauges, whole)
 
     def _loads(self, law: Law, sample: Sample, errors: tuple[FloatArray, FloatArray, FloatArray]) -> FlightLoads:
         """Return loads and coefficients by ``law``: of the tables, of the errors seen, and of the residual."""

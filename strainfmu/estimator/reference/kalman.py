@@ -12,7 +12,7 @@ Source: Jazwinski, Stochastic Processes and Filtering Theory, section 8.4.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -30,8 +30,7 @@ COMMON_SIZE, COMMON_FRACTION = 1.0, 0.3
 """Variance over that of the noise, and part of the sum of all, from which an error is one in common."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Law:
+class Law(NamedTuple):
     """Law of n states: ``mean`` (n,), ``covariance`` P (n, n), ``cross`` C (n, k) with the considered errors."""
 
     mean: FloatArray
@@ -39,8 +38,7 @@ class Law:
     cross: FloatArray
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Rows:
+class Rows(NamedTuple):
     """Rows of a sample: ``innovation`` (m,) z - H mean, H (m, n), G (m, k), and ``noise`` (m, m) cov e."""
 
     innovation: FloatArray
@@ -56,11 +54,8 @@ def predicted(law: Law, matrix: FloatArray, stationary: Law, kept: float) -> Law
     correlation ``kept`` with themselves.
     """
     forgotten = stationary.covariance - matrix @ stationary.covariance @ matrix.T
-    return Law(
-        mean=stationary.mean + matrix @ (law.mean - stationary.mean),
-        covariance=matrix @ law.covariance @ matrix.T + forgotten,
-        cross=kept * matrix @ law.cross,
-    )
+    mean = stationary.mean + matrix @ (law.mean - stationary.mean)
+    return Law(mean, matrix @ law.covariance @ matrix.T + forgotten, kept * matrix @ law.cross)
 
 
 def measured(law: Law, rows: Rows) -> tuple[Law, Posterior]:
@@ -69,28 +64,17 @@ def measured(law: Law, rows: Rows) -> tuple[Law, Posterior]:
     size = np.sqrt(np.diag(law.covariance))
     value, vector = np.linalg.eigh((law.covariance - law.cross @ law.cross.T) / np.outer(size, size))
     root = size[:, None] * vector * np.sqrt(np.maximum(value, 0.0))
-    model = model_of(
-        m,
-        n,
-        columns=np.hstack([rows.by_state @ law.cross + rows.considered, rows.by_state @ root]),
-        noise=rows.noise,
-        output_fixed=law.mean,
-        output_columns=np.hstack([law.cross, root]),
-    )
+    of_errors = rows.by_state @ law.cross + rows.considered
+    columns, of_states = np.hstack([of_errors, rows.by_state @ root]), np.hstack([law.cross, root])
+    model = model_of(m, n, columns=columns, noise=rows.noise, output_fixed=law.mean, output_columns=of_states)
     found = condition(prepare(model, np.ones(m, dtype=bool)), rows.innovation[None], np.ones(1))
-    gain = found.gain[0]
-    cross = law.cross - gain @ (rows.by_state @ law.cross + rows.considered)
-    return Law(mean=found.mean[0], covariance=found.covariance[0], cross=cross), found
+    return Law(found.mean[0], found.covariance[0], law.cross - found.gain[0] @ of_errors), found
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class SeenErrors:
-    """Errors of pressure, in directions that gauges see and the rest.
+class SeenErrors(NamedTuple):
+    """Errors of pressure: ``strain`` (n_d, r) and ``load`` (m, r) of the directions that gauges see.
 
-    Attributes
-    ----------
-    strain, load : (n_d, r) and (m, r) of each direction, per standard deviation.
-    rest_strain, rest_cross, rest_load : (n_d, n_d), (n_d, m) and (m, m) covariances of the rest.
+    Of the rest: the covariances ``rest_strain`` (n_d, n_d), ``rest_cross`` (n_d, m) and ``rest_load`` (m, m).
     """
 
     strain: FloatArray
@@ -110,16 +94,9 @@ def seen_errors(
     """
     left, singular, turn = np.linalg.svd(size * strain / std[:, None])
     r = min(LARGEST_SEEN, int(np.sum(singular > SMALLEST_SEEN)))
-    rest = strain @ turn[r:].T
-    seen = strain @ turn[:r].T
+    rest, seen = strain @ turn[r:].T, strain @ turn[:r].T
     load = cross.T @ (left[:, :r] / std[:, None]) * size / singular[:r]
-    return SeenErrors(
-        strain=seen,
-        load=load,
-        rest_strain=rest @ rest.T,
-        rest_cross=cross - seen @ load.T,
-        rest_load=variance - load @ load.T,
-    )
+    return SeenErrors(seen, load, rest @ rest.T, cross - seen @ load.T, variance - load @ load.T)
 
 
 def white_and_lasting(covariance: FloatArray, std: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -8,7 +8,8 @@ covariance 1 / gamma (``eq:ls-solution``), its truth that of 1: they differ.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,16 +23,12 @@ LEAST_EXPECTED = 0.1
 """Smallest expected chi-square over its degrees of freedom: the linear model of the errors could give less."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class LinearEstimate:
-    """Estimates of k samples; outputs are the five loads, rolling moment and section loads behind them.
+class LinearEstimate(NamedTuple):
+    """Estimates of k samples; outputs are the five loads, behind them rolling moment and section loads.
 
-    Attributes
-    ----------
-    loads : (k, m) [N, N m], and their ``covariance`` (k, m, m), of which the variances alone hold behind the five.
-    coefficients, coefficient_covariance : the same over q_inf S, moments over q_inf S L [1].
-    chi_square : (k,), its ``degrees_of_freedom`` (k,), and the ``expected_ratio`` (k,) of the two.
-    standardised : (k, n_d) leave-one-out residuals z.
+    ``loads`` (k, m) [N, N m] and ``coefficients``, over q_inf S, moments over q_inf S L, have covariances
+    (k, m, m), of which behind the five the variances alone hold. ``chi_square``, ``degrees_of_freedom`` and
+    ``expected_ratio`` of the two are (k,), leave-one-out residuals ``standardised`` (k, n_d).
     """
 
     loads: FloatArray
@@ -96,16 +93,10 @@ def estimate(
     of_both = scale * of_pressure - coefficients * (pressure_std / dynamic_pressure)[:, None]
     freedom = inverse_map.residual_degrees_of_freedom - int(np.sum(~used))
     expected = 1.0 + np.einsum("kij,kji->k", residual.precision, added) / max(freedom, 1)
-    return LinearEstimate(
-        loads=loads,
-        covariance=covariance + _outer(of_pressure),
-        coefficients=coefficients,
-        coefficient_covariance=scale[:, :, None] * covariance * scale[:, None] + _outer(of_both),
-        chi_square=residual.chi_square,
-        degrees_of_freedom=np.full(len(rows), freedom),
-        expected_ratio=np.maximum(expected, LEAST_EXPECTED),
-        standardised=residual.standardised,
-    )
+    of_coefficients = scale[:, :, None] * covariance * scale[:, None] + _outer(of_both)
+    of_fit = residual.chi_square, np.full(len(rows), freedom), np.maximum(expected, LEAST_EXPECTED)
+    covariance = covariance + _outer(of_pressure)
+    return LinearEstimate(loads, covariance, coefficients, of_coefficients, *of_fit, residual.standardised)
 
 
 def excess_covariance(inverse_map: InverseMap, coefficients: FloatArray) -> FloatArray:
@@ -138,18 +129,13 @@ def _scaled_model(inverse_map: InverseMap) -> Model:
         fixed_load = np.append(fixed_load, _or_zero(further.fixed_load, len(further.variance)))
         mean_load = np.append(mean_load, further.load_of_mean)
     fixed = _or_zero(inverse_map.fixed_strain, len(states))
-    common = {
-        "fixed": fixed,
-        "mean": inverse_map.mean_strain - fixed,
-        "noise": own,
-        "output_fixed": fixed_load,
-        "output_mean": mean_load - fixed_load,
-    }
+    parts = {"fixed": fixed, "mean": inverse_map.mean_strain - fixed, "noise": own}
+    parts |= {"output_fixed": fixed_load, "output_mean": mean_load - fixed_load}
     if inverse_map.case == 1:
-        common |= {"free": states, "output_free": load_of_states}
+        parts |= {"free": states, "output_free": load_of_states}
     else:
         errors, load_of_errors = np.hstack([states, errors]), np.hstack([load_of_states, load_of_errors])
-    return model_of(len(states), len(mean_load), **common, columns=errors, output_columns=load_of_errors)
+    return model_of(len(states), len(mean_load), **parts, columns=errors, output_columns=load_of_errors)
 
 
 def _absolute_models(inverse_map: InverseMap) -> tuple[Model, Model]:
@@ -164,16 +150,10 @@ def _absolute_models(inverse_map: InverseMap) -> tuple[Model, Model]:
         load_of_states = np.vstack([load_of_states, further.load_per_state])
         mean_load = np.append(mean_load, further.load_of_mean)
     is_free, noise = inverse_map.case == 1, inverse_map.noise_covariance
-    truth = model_of(
-        n,
-        len(mean_load),
-        mean=inverse_map.mean_strain,
-        noise=noise,
-        output_mean=mean_load,
-        cross=cross,
-        output_noise=cross.T @ np.linalg.solve(noise, cross),
-        **{"free" if is_free else "columns": states, f"output_{'free' if is_free else 'columns'}": load_of_states},
-    )
+    parts = {"mean": inverse_map.mean_strain, "output_mean": mean_load, "noise": noise, "cross": cross}
+    kind = "free" if is_free else "columns"
+    parts |= {kind: states, f"output_{kind}": load_of_states}
+    truth = model_of(n, len(mean_load), **parts, output_noise=cross.T @ np.linalg.solve(noise, cross))
     std = 1.0 if is_free else 1.0 / np.sqrt(inverse_map.regularisation)
     for_gain = replace(truth, columns=std * truth.columns, output_columns=std * truth.output_columns)
     output_noise = truth.output_noise + _load_left(inverse_map, truth, for_gain)

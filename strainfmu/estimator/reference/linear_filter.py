@@ -8,29 +8,21 @@ Memory changes the estimate of the sample by the loads of the law less those of 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.reference.kalman import (
-    NAVIGATION_TIME,
-    Law,
-    Rows,
-    measured,
-    predicted,
-    seen_errors,
-    white_and_lasting,
-)
+from strainfmu.estimator.reference import kalman
+from strainfmu.estimator.reference.kalman import Law, Rows, measured, predicted
 
 LOADS = 5
 ROUND_OFF = 1e-9
 """Variance of an error over that of the noise below which it is round-off."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Change:
+class Change(NamedTuple):
     """What memory changes: ``loads`` (5,), ``covariance`` (5, 5), and the ``chi_square`` of the innovation."""
 
     loads: FloatArray
@@ -46,9 +38,9 @@ class LinearFilterReference:
         own, errors, load_of_errors = inverse_map.scaled_parts
         self.map, self.time_constant = inverse_map, time_constant
         self.law: Law | None = None
-        self.noise, common, lasting = white_and_lasting(own, inverse_map.noise_std)
+        self.noise, common, lasting = kalman.white_and_lasting(own, inverse_map.noise_std)
         cross, variance = errors @ load_of_errors.T, load_of_errors @ load_of_errors.T
-        self.seen = seen_errors(errors, cross, variance, 1.0, np.sqrt(self.noise + np.diag(lasting)))
+        self.seen = kalman.seen_errors(errors, cross, variance, 1.0, np.sqrt(self.noise + np.diag(lasting)))
         states, n_d = inverse_map.state_operator, inverse_map.n_gauges
         self.scaled_strain = np.hstack([states, self.seen.strain, np.zeros(common.shape)])
         self.scaled_load = np.hstack(
@@ -60,10 +52,10 @@ class LinearFilterReference:
         if inverse_map.case == 1:
             largest = np.max(np.abs(states) / inverse_map.strain_range[:, None], axis=0)
             std[: states.shape[1]] = 1.0 / largest
-        self.time_constants = np.where(np.arange(n) < n_scaled, 1.0, NAVIGATION_TIME) * time_constant
+        self.time_constants = np.where(np.arange(n) < n_scaled, 1.0, kalman.NAVIGATION_TIME) * time_constant
         self.lasting, self.rest = (_root(one, self.noise) for one in (lasting, self.seen.rest_strain))
         none = np.zeros((n, self.lasting.shape[1] + self.rest.shape[1]))
-        self.prior = Law(mean=np.zeros(n), covariance=np.diag(std**2), cross=none)
+        self.prior = Law(np.zeros(n), np.diag(std**2), none)
         self.fixed = np.zeros(n_d) if inverse_map.fixed_strain is None else inverse_map.fixed_strain
 
     def step(self, time_step: float, rows: FloatArray, used: BoolArray, dynamic_pressure: float) -> Change | None:
@@ -84,21 +76,13 @@ class LinearFilterReference:
             after, found = measured(self.law, self._rows(self.law, rows, used, ratio))
         self.law = after
         of_memory, of_alone = (self._loads(one, rows, used, ratio) for one in (after, alone))
-        return Change(
-            loads=of_memory[0] - of_alone[0],
-            covariance=of_memory[1] - of_alone[1],
-            chi_square=float(found.chi_square[0]),
-        )
+        return Change(of_memory[0] - of_alone[0], of_memory[1] - of_alone[1], float(found.chi_square[0]))
 
     def _rows(self, law: Law, rows: FloatArray, used: BoolArray, ratio: float) -> Rows:
         by_state = ratio * self.scaled_strain + self.common
         expected = self.fixed + ratio * (self.map.mean_strain - self.fixed) + by_state @ law.mean
-        return Rows(
-            innovation=(rows - expected)[used],
-            by_state=by_state[used],
-            considered=np.hstack([self.lasting, ratio * self.rest])[used],
-            noise=np.diag(self.noise[used]),
-        )
+        considered = np.hstack([self.lasting, ratio * self.rest])
+        return Rows((rows - expected)[used], by_state[used], considered[used], np.diag(self.noise[used]))
 
     def _loads(self, law: Law, rows: FloatArray, used: BoolArray, ratio: float) -> tuple[FloatArray, FloatArray]:
         """Return loads and covariance by ``law``, but for what is the same of every law."""

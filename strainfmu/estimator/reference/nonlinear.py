@@ -8,23 +8,19 @@ end the estimate.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import log
-from statistics import NormalDist
 
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
-from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, static_pressure_at
+from strainfmu.atmosphere import HEAT_CAPACITY_RATIO
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.reference.air import DROPPED, N_AIR, AirInputs, air_data, air_rows, lognormal_std, without
 from strainfmu.estimator.reference.linear import references
-from strainfmu.estimator.reference.tables import LOG_PRESSURE, MACH, MIN_INCIDENCE, Tables, U, W, evaluate
+from strainfmu.estimator.reference.tables import LOG_PRESSURE, MACH, N_STATES, Tables, U, W, evaluate
 from strainfmu.estimator.reference.update import Model, Posterior, condition, model_of, prepare
-
-N_STATES, N_AIR = 4, 3
-LEAST_RELATIVE_STD = 1e-3
-"""Smallest standard deviation of air data over their value."""
 
 LARGEST_STEP = np.array([0.5, 0.05, 0.05, 1.0])
 """Largest change of M [1], u, w [rad] and ln p_inf in one iteration."""
@@ -37,20 +33,6 @@ CONVERGED, LARGEST_NUMBER = 1e-10, 60
 
 INCIDENCES, MACHS, ROLLS, EACH = 6, 3, 16, 4
 """Grid of the search, of which the best of each incidence is a start; iterations of each start."""
-
-DROPPED = np.array([-NormalDist().inv_cdf(0.5 * rate) for rate in (1e-2, 1e-2, 1e-6)])
-"""|z| of M, p_inf and q_inf from which they are dropped."""
-
-ALARM, DISCERNED = -NormalDist().inv_cdf(0.5 * 1e-4 / N_AIR), 16.0
-"""|z| of the dropped one up to which any other is doubted, and difference of z squared up to which one is."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class AirInputs:
-    """M [1], p_inf [Pa] and q_inf [Pa] as far as they are known, ``value`` and ``std`` (3,), NaN for unknown."""
-
-    value: FloatArray
-    std: FloatArray
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -94,23 +76,6 @@ class NonlinearEstimate(FlightLoads):
     step: float
 
 
-def air_inputs(inverse_map: InverseMap, value: FloatArray, std: FloatArray, altitude: float = np.nan) -> AirInputs:
-    """Return M, p_inf and q_inf with the standard deviations of the map where ``std`` (3,) is NaN.
-
-    A p_inf that is not known is that of the standard atmosphere at ``altitude`` [m], with a deviation of its own.
-    """
-    manifold = inverse_map.manifold
-    assert manifold is not None
-    value, by_altitude = np.array(value), bool(np.isnan(value[1]))
-    if by_altitude:
-        value[1] = static_pressure_at(np.array([altitude]))[0]
-    relative = manifold.altitude_error if by_altitude else manifold.static_pressure_error
-    own = [manifold.mach_number_error, relative * value[1], manifold.dynamic_pressure_error * value[2]]
-    found = np.maximum(np.where(np.isnan(std), own, std), LEAST_RELATIVE_STD * np.abs(value))
-    known = np.isfinite(value) & (value > 0.0) & np.isfinite(found) & (found > 0.0)
-    return AirInputs(value=np.where(known, value, np.nan), std=np.where(known, found, np.nan))
-
-
 class NonlinearReference:
     """A nonlinear map with the tables and the noise of a sample.
 
@@ -149,7 +114,7 @@ class NonlinearReference:
         n_d, (value, jacobian), pressure = self.n_d, evaluate(self.tables, state), np.exp(state[LOG_PRESSURE])
         m, n = len(value) - n_d, n_d + N_AIR + N_STATES
         of_air, by_state = air_rows(state)
-        variance = np.where(np.isnan(air.std), 1.0, air.std / np.append(1.0, air.value[1:])) ** 2
+        variance = np.where(np.isnan(air.std), 1.0, air.log_std) ** 2
         noise = np.diag(np.concatenate([np.zeros(n_d), variance, self.prior_std**2]))
         noise[:n_d, :n_d] = covariance
         cross, output_noise = np.zeros((n, N_STATES + m)), np.zeros((N_STATES + m, N_STATES + m))
@@ -167,13 +132,11 @@ class NonlinearReference:
             output_noise=output_noise,
         )
 
-    def posterior(self, state: FloatArray, sample: Sample, covariance: FloatArray | None = None) -> Posterior:
-        """Return the posterior of ``sample`` about ``state``; ``covariance`` None for that of the state."""
-        own = self.strain_covariance(state) if covariance is None else covariance
-        value = sample.air.value
-        rows = np.concatenate([sample.rows, value[:1], np.log(value[1:]), self.prior_mean])
-        used = np.concatenate([sample.used, np.isfinite(value), np.ones(N_STATES, dtype=bool)])
-        return condition(prepare(self.model(state, sample.air, own), used), rows[None], np.ones(1))
+    def posterior(self, state: FloatArray, sample: Sample, covariance: FloatArray) -> Posterior:
+        """Return the posterior of ``sample`` about ``state``, whose strain errs by ``covariance``."""
+        rows = np.concatenate([sample.rows, sample.air.log_value, self.prior_mean])
+        used = np.concatenate([sample.used, np.isfinite(sample.air.value), np.ones(N_STATES, dtype=bool)])
+        return condition(prepare(self.model(state, sample.air, covariance), used), rows[None], np.ones(1))
 
     # Iterations.
 
@@ -205,9 +168,9 @@ class NonlinearReference:
 
     def iterated(self, state: FloatArray, sample: Sample, number: int, renewed: int = 1) -> FloatArray:
         """Return the state after ``number`` iterations, S renewed in every one of ``renewed``, or converged."""
-        before, covariance = None, None
+        before, covariance = None, self.strain_covariance(state)
         for iteration in range(number):
-            if iteration % renewed == 0:
+            if iteration > 0 and iteration % renewed == 0:
                 covariance = self.strain_covariance(state)
             found = self.posterior(state, sample, covariance)
             step = found.mean[0, :N_STATES] - state
@@ -229,7 +192,7 @@ class NonlinearReference:
         worst = int(np.argmax(excess))
         if excess[worst] <= 1.0:
             return found
-        return self.solved(without(sample, found.air_standardised, worst), start)
+        return self.solved(replace(sample, air=without(sample.air, found.air_standardised, worst)), start)
 
     def solved(self, sample: Sample, start: FloatArray | None = None) -> NonlinearEstimate:
         """Return the estimate of ``sample`` with all its air data."""
@@ -275,11 +238,9 @@ class NonlinearReference:
         """
         size, along = np.sum(unit**2, axis=1), unit @ data
         log_pressure = np.log(np.clip(along / np.maximum(size, 1e-300), 10.0, 5e5))
-        known, zero = np.isfinite(air.value), np.zeros(len(mach))
-        relative = np.where(known, air.std / np.append(1.0, air.value[1:]), np.inf)
-        precision = np.append(relative, self.prior_std[[MACH, LOG_PRESSURE]]) ** -2
-        value = np.where(known, np.append(air.value[0], np.log(air.value[1:])), 0.0)
-        value = np.append(value, self.prior_mean[[MACH, LOG_PRESSURE]])
+        known, zero, both = np.isfinite(air.value), np.zeros(len(mach)), [MACH, LOG_PRESSURE]
+        precision = np.append(np.where(known, air.log_std, np.inf), self.prior_std[both]) ** -2
+        value = np.append(np.where(known, air.log_value, 0.0), self.prior_mean[both])
         of_dynamic = log(0.5 * HEAT_CAPACITY_RATIO) + 2.0 * np.log(mach)
         apart = value - np.stack([mach, zero, of_dynamic, mach, zero], axis=1)
         of_pressure = [1, 2, 4]
@@ -327,51 +288,6 @@ def flight_loads(state: FloatArray, loads: FloatArray, joint: FloatArray, refere
         coefficients=scale * loads,
         coefficient_covariance=(lognormal_std(of_log) / of_log) ** 2 * (turn @ joint @ turn.T),
     )
-
-
-def air_rows(state: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return (3,) M, ln p_inf and ln q_inf at ``state``, and their derivatives (3, 4)."""
-    mach, log_pressure = state[MACH], state[LOG_PRESSURE]
-    value = [mach, log_pressure, log(0.5 * HEAT_CAPACITY_RATIO) + 2.0 * log(mach) + log_pressure]
-    return np.array(value), np.array([[1.0, 0, 0, 0], [0, 0, 0, 1.0], [2.0 / mach, 0, 0, 1.0]])
-
-
-def air_data(state: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return (7,) air data at ``state`` and their standard deviations, see :class:`NonlinearEstimate`."""
-    step = 1e-30  # of a complex argument: derivatives to the last digit
-    jacobian = np.stack([_air_data(state + 1j * step * one).imag / step for one in np.eye(N_STATES)], axis=1)
-    value = _air_data(state.astype(complex)).real
-    std = np.sqrt(np.einsum("ix,xy,iy->i", jacobian, covariance, jacobian))
-    std[5:] = value[5:] * lognormal_std(std[5:] / value[5:])
-    std[3] = min(std[3], np.pi / np.sqrt(3.0))  # of a roll angle that may be any
-    return value, std
-
-
-def _air_data(state: FloatArray) -> FloatArray:
-    mach, u, w, log_pressure = state
-    a, pressure = np.sqrt(u * u + w * w + MIN_INCIDENCE**2), np.exp(log_pressure)
-    across = np.sin(a) / a  # the wind blows along (cos a, across w, across u): aft, to starboard, up
-    roll = np.arctan2(w.real, u.real) + 1j * (u.real * w.imag - w.real * u.imag) / (a.real * a.real)
-    angles = [np.arctan(across * u / np.cos(a)), -np.arcsin(across * w), a, roll]
-    return np.array([*angles, mach, pressure, 0.5 * HEAT_CAPACITY_RATIO * mach**2 * pressure])
-
-
-def lognormal_std(of_log: FloatArray | float) -> FloatArray:
-    """Return the relative deviation of a lognormal value three times which reach as far as three ``of_log``."""
-    return np.asarray(np.expm1(3.0 * of_log) / 3.0)
-
-
-def without(sample: Sample, z: FloatArray, dropped: int) -> Sample:
-    """Return ``sample`` without the air data ``dropped``; others that may be the wrong ones are doubted.
-
-    Such ones count with deviations larger by |z| of the dropped one, and one more for the noise in it.
-    """
-    size = abs(z[dropped])
-    doubted = (size <= ALARM) | (size**2 - z**2 < DISCERNED)
-    std = sample.air.std * np.where(doubted, size + 1.0, 1.0)
-    gone = np.arange(N_AIR) == dropped
-    air = AirInputs(value=np.where(gone, np.nan, sample.air.value), std=np.where(gone, np.nan, std))
-    return Sample(rows=sample.rows, used=sample.used, air=air)
 
 
 def _size(step: FloatArray, found: Posterior) -> float:

@@ -13,7 +13,7 @@ import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.map.temperature import LARGEST_RISE, ThermalMap
+from strainfmu.estimator.map.temperature import ThermalMap
 from strainfmu.estimator.reference.update import condition, model_of, prepare
 
 
@@ -32,20 +32,6 @@ class Amplitudes:
 
     mean: FloatArray
     covariance: FloatArray
-
-
-def in_use(
-    inverse_map: InverseMap, readings: FloatArray, valid: BoolArray, sensor_range: float, thrust: FloatArray
-) -> BoolArray:
-    """Return (k, n_d) which ``readings`` (k, n_d) count: ``valid``, finite and in range.
-
-    ``sensor_range`` is the largest strain [m/m]; the map has the ranges of auxiliary sensors.
-    """
-    sensors, largest = inverse_map.sensors, np.full(inverse_map.n_gauges, sensor_range)
-    found = without_thrust(inverse_map, readings, thrust)
-    if sensors is not None:
-        largest = np.where(sensors.is_strain, sensor_range, sensors.largest)
-    return np.asarray(valid & (np.abs(found) <= largest))
 
 
 def without_thrust(inverse_map: InverseMap, readings: FloatArray, thrust: FloatArray) -> FloatArray:
@@ -96,11 +82,6 @@ def row_noise(
     added = np.zeros_like(covariance)
     added[:n, :n] = np.diag(zeros.std**2) + zeros.common_std**2
     return covariance + added
-
-
-def known_sensors(thermal: ThermalMap, temperature: FloatArray) -> BoolArray:
-    """Return which of ``temperature`` (k, n_t) [K] are readings."""
-    return np.asarray((temperature > 0.0) & (np.abs(temperature - thermal.reference_temperature) <= LARGEST_RISE))
 
 
 def amplitudes(thermal: ThermalMap, temperature: FloatArray, known: BoolArray) -> Amplitudes:

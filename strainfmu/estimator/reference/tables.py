@@ -17,7 +17,8 @@ import numpy as np
 from strainfmu.arrays import ComplexArray, FloatArray
 from strainfmu.estimator.map.inverse_map import InverseMap
 
-MACH, U, W, LOG_PRESSURE = range(4)
+N_STATES = 4
+MACH, U, W, LOG_PRESSURE = range(N_STATES)
 LOADS = 5
 MIN_INCIDENCE = 1e-7
 """Rounds the cone a = |(u, w)| off at its tip [rad]."""

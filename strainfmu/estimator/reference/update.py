@@ -13,6 +13,7 @@ makes of a model that it was not made for.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,18 +26,10 @@ CHECKED = 1e-10
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Model:
-    """A model of n rows and m outputs, symbols as above.
+    """A model of n rows and m outputs; fields are those above, and have one row of each row or output.
 
-    Attributes
-    ----------
-    fixed, mean : (n,) y_fixed and y_mean.
-    free : (n, n_x) X, columns without a prior.
-    columns : (n, k) N, columns per standard deviation.
-    noise : (n, n) R.
-    output_fixed, output_mean : (m,) f_fixed and f_mean.
-    output_free, output_columns : (m, n_x) F and (m, k) M.
-    cross : (n, m) C.
-    output_noise : (m, m) V.
+    ``fixed``, ``mean``, ``free``, ``columns`` and ``noise`` are y_fixed, y_mean, X, N and R; with ``output_``
+    before them f_fixed, f_mean, F, M and V; ``cross`` (n, m) is C.
     """
 
     fixed: FloatArray
@@ -48,39 +41,25 @@ class Model:
     output_mean: FloatArray
     output_free: FloatArray
     output_columns: FloatArray
-    cross: FloatArray
     output_noise: FloatArray
+    cross: FloatArray
 
 
 def model_of(n: int, m: int, **parts: FloatArray) -> Model:
     """Return the model of n rows and m outputs with ``parts`` by name; others are 0, and have no columns."""
-    shapes: dict[str, tuple[int, ...]] = {
-        **dict.fromkeys(("fixed", "mean"), (n,)),
-        **dict.fromkeys(("output_fixed", "output_mean"), (m,)),
-        **dict.fromkeys(("free", "columns"), (n, 0)),
-        **dict.fromkeys(("output_free", "output_columns"), (m, 0)),
-        "noise": (n, n),
-        "cross": (n, m),
-        "output_noise": (m, m),
-    }
-    return Model(**({name: np.zeros(shape) for name, shape in shapes.items()} | parts))
+    widths = {"mean": (), "fixed": (), "free": (0,), "columns": (0,)}
+    zero = {name: np.zeros((n, *width)) for name, width in (widths | {"noise": (n,), "cross": (m,)}).items()}
+    zero |= {f"output_{name}": np.zeros((m, *width)) for name, width in (widths | {"noise": (m,)}).items()}
+    return Model(**(zero | parts))
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Prepared:
-    """A model turned to directions in which its rows are independent; the first n_x of them hold the free states.
+class Prepared(NamedTuple):
+    """A ``model`` turned to n_w directions in which its rows are independent; the first ``n_free`` hold x.
 
-    Attributes
-    ----------
-    model : the model.
-    whitening : (n_w, n) directions of the n_w rows in use, of unit noise; 0 for rows that are not in use.
-    singular : (n_w,) S, signal over noise of each direction at s = 1; 0 for free states.
-    n_free : n_x.
-    of_free : (m, n_x) outputs per whitened free direction, H.
-    of_columns : (m, n_w) outputs per amplitude of the other directions, G; 0 for free ones.
-    of_noise : (m, n_w) outputs that go with the noise of each direction, B.
-    unseen : (m, m) covariance of outputs in directions of u that no row shows.
-    remainder : (m, m) V - B B'.
+    ``whitening`` (n_w, n) has the directions, of unit noise, 0 for rows that are not in use; ``singular`` (n_w,)
+    is the signal over noise of each at s = 1. Outputs per direction are ``of_free`` (m, n_x), H, by free states,
+    ``of_columns`` (m, n_w), G, by u, and ``of_noise`` (m, n_w), B, by what goes with noise. ``unseen`` (m, m) is
+    the covariance of outputs by what no row shows of u, ``remainder`` (m, m) is V - B B'.
     """
 
     model: Model
@@ -94,17 +73,11 @@ class Prepared:
     remainder: FloatArray
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Posterior:
-    """What k samples say.
+class Posterior(NamedTuple):
+    """Outputs of k samples: ``mean`` (k, m), ``covariance`` (k, m, m), ``gain`` (k, m, n).
 
-    Attributes
-    ----------
-    mean : (k, m) outputs, and their ``covariance`` (k, m, m).
-    gain : (k, m, n) outputs per row; 0 for rows that are not in use.
-    precision : (k, n, n) P of the rows, blind to free states; 0 for rows that are not in use.
-    chi_square : (k,).
-    standardised : (k, n) leave-one-out residuals z; 0 for rows that no other checks.
+    Of the rows: ``precision`` P (k, n, n), blind to free states, ``chi_square`` (k,), leave-one-out residuals
+    ``standardised`` (k, n). All are 0 for rows that are not in use, residuals also for those that no other checks.
     """
 
     mean: FloatArray
@@ -147,17 +120,9 @@ def prepare(model: Model, used: BoolArray) -> Prepared:
     of_noise = cross.T @ turned.T
     whitening = np.zeros((n_w, len(used)))
     whitening[:, used] = turned @ inverse
-    return Prepared(
-        model=model,
-        whitening=whitening,
-        singular=np.concatenate([np.zeros(n_x), singular, np.zeros(n_w - n_x - n_seen)]),
-        n_free=n_x,
-        of_free=of_free,
-        of_columns=of_columns,
-        of_noise=of_noise,
-        unseen=amplitudes[:, n_seen:] @ amplitudes[:, n_seen:].T,
-        remainder=model.output_noise - of_noise @ of_noise.T,
-    )
+    singular = np.concatenate([np.zeros(n_x), singular, np.zeros(n_w - n_x - n_seen)])
+    unseen, remainder = _square(amplitudes[:, n_seen:]), model.output_noise - _square(of_noise)
+    return Prepared(model, whitening, singular, n_x, of_free, of_columns, of_noise, unseen, remainder)
 
 
 def condition(prepared: Prepared, rows: FloatArray, scale: FloatArray) -> Posterior:
@@ -177,21 +142,15 @@ def condition(prepared: Prepared, rows: FloatArray, scale: FloatArray) -> Poster
     per_direction[:, :, :n_x] = prepared.of_free
     left = s[:, :, None] * np.sqrt(u)[:, None] * (prepared.of_columns - prepared.singular * prepared.of_noise)
     left[:, :, :n_x] = prepared.of_free - prepared.of_noise[:, :n_x]
-    covariance = left @ np.swapaxes(left, 1, 2) + (s * s)[:, :, None] * prepared.unseen + prepared.remainder
+    covariance = _square(left) + (s * s)[:, :, None] * prepared.unseen + prepared.remainder
 
-    weighted = u[:, :, None] * prepared.whitening
-    precision = prepared.whitening.T @ weighted
-    variance = np.diagonal(precision, axis1=1, axis2=2)
+    precision = prepared.whitening.T @ (u[:, :, None] * prepared.whitening)
+    variance, slope = np.diagonal(precision, axis1=1, axis2=2), (w * u) @ prepared.whitening
     checked = variance > CHECKED / np.diag(model.noise)
-    slope = (w * u) @ prepared.whitening
-    return Posterior(
-        mean=model.output_fixed + s * model.output_mean + (per_direction @ w[:, :, None])[:, :, 0],
-        covariance=covariance,
-        gain=per_direction @ prepared.whitening,
-        precision=precision,
-        chi_square=np.sum(u * w * w, axis=1),
-        standardised=np.where(checked, slope / np.sqrt(np.where(checked, variance, 1.0)), 0.0),
-    )
+    z = np.where(checked, slope / np.sqrt(np.where(checked, variance, 1.0)), 0.0)
+    mean = model.output_fixed + s * model.output_mean + (per_direction @ w[:, :, None])[:, :, 0]
+    gain, chi_square = per_direction @ prepared.whitening, np.sum(u * w * w, axis=1)
+    return Posterior(mean, covariance, gain, precision, chi_square, z)
 
 
 def joseph(truth: Model, gain: FloatArray, scale: FloatArray, added: FloatArray | None = None) -> FloatArray:
@@ -210,4 +169,4 @@ def joseph(truth: Model, gain: FloatArray, scale: FloatArray, added: FloatArray 
 
 
 def _square(factor: FloatArray) -> FloatArray:
-    return factor @ np.swapaxes(factor, 1, 2)
+    return factor @ np.swapaxes(factor, -1, -2)

@@ -15,20 +15,33 @@ from thermal_maps import with_temperature
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.map.temperature import LARGEST_RISE, ThermalMap
 from strainfmu.estimator.reference import linear
-from strainfmu.estimator.reference.readings import (
-    Zeros,
-    amplitudes,
-    in_use,
-    known_sensors,
-    row_noise,
-    rows_of,
-)
+from strainfmu.estimator.reference.readings import Zeros, amplitudes, row_noise, rows_of, without_thrust
 from strainfmu.estimator.settings import default_settings
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 
 MASKS = 5
 """Sets of sensors in use that samples of a kind have, at most, beside those of broken ones."""
+
+
+def in_use(
+    inverse_map: InverseMap, readings: np.ndarray, valid: np.ndarray, sensor_range: float, thrust: np.ndarray
+) -> np.ndarray:
+    """Return (k, n_d) which ``readings`` (k, n_d) count: ``valid``, finite and in range.
+
+    ``sensor_range`` is the largest strain [m/m]; the map has the ranges of auxiliary sensors.
+    """
+    sensors, largest = inverse_map.sensors, np.full(inverse_map.n_gauges, sensor_range)
+    found = without_thrust(inverse_map, readings, thrust)
+    if sensors is not None:
+        largest = np.where(sensors.is_strain, sensor_range, sensors.largest)
+    return np.asarray(valid & (np.abs(found) <= largest))
+
+
+def known_sensors(thermal: ThermalMap, temperature: np.ndarray) -> np.ndarray:
+    """Return which of ``temperature`` (k, n_t) [K] are readings."""
+    return np.asarray((temperature > 0.0) & (np.abs(temperature - thermal.reference_temperature) <= LARGEST_RISE))
 
 
 def absolute(gamma: float) -> InverseMap:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from flight_maps import whole_map
 from further_maps import with_further_tables
+from linear_kinds import in_use, known_sensors
 from parameter_maps import with_errors_of_parameters, with_parameter_tables
 from sensor_maps import with_sensors
 from shape_case import shape_map
@@ -16,15 +17,9 @@ from thermal_maps import with_temperature
 
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.reference.nonlinear import AirInputs, NonlinearReference, Sample, air_inputs
-from strainfmu.estimator.reference.readings import (
-    Zeros,
-    amplitudes,
-    in_use,
-    known_sensors,
-    row_noise,
-    rows_of,
-)
+from strainfmu.estimator.reference.air import AirInputs, air_inputs
+from strainfmu.estimator.reference.nonlinear import NonlinearReference, Sample
+from strainfmu.estimator.reference.readings import Zeros, amplitudes, row_noise, rows_of
 from strainfmu.estimator.reference.tables import evaluate, tables_of, with_known_parameters
 from strainfmu.estimator.settings import default_settings
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros

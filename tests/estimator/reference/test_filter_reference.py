@@ -16,9 +16,10 @@ import numpy as np
 import pytest
 
 from strainfmu.estimator.estimator import Estimator
+from strainfmu.estimator.reference.air import air_inputs
 from strainfmu.estimator.reference.flight_filter import FlightFilterReference
 from strainfmu.estimator.reference.linear_filter import LinearFilterReference
-from strainfmu.estimator.reference.nonlinear import Sample, air_inputs
+from strainfmu.estimator.reference.nonlinear import Sample
 
 DATA = Path(__file__).parents[2] / "golden" / "data"
 TOLERANCE = 1e-6
