@@ -68,12 +68,9 @@ def estimate(
 ) -> LinearEstimate:
     """Return the estimates of k samples with the same rows in use.
 
-    Parameters
-    ----------
-    rows : (k, n_d) of the map, strain of gauges [m/m].
-    used : (n_d,) which of them count.
-    dynamic_pressure, pressure_std : (k,) q_inf and its standard deviation [Pa].
-    noise : (n_d, n_d) covariance of what does not scale, as of :func:`~.readings.row_noise`; None for the map's.
+    ``rows`` (k, n_d) are those of the map [m/m], of which the ``used`` (n_d,) count, ``dynamic_pressure`` and
+    ``pressure_std`` (k,) q_inf and its standard deviation [Pa]. The covariance of what does not scale is ``noise``
+    (n_d, n_d), as of :func:`~strainfmu.estimator.reference.readings.row_noise`, None for the map's.
     """
     for_gain, truth = models(inverse_map)
     if noise is not None:

@@ -28,15 +28,10 @@ MIN_INCIDENCE = 1e-7
 class Tables:
     """Tables of n_d + m rows, and the errors of pressure about them, per p_inf.
 
-    Attributes
-    ----------
-    mach_knots, incidence_knots : (n_M,) [1] and (n_a,) [rad].
-    spline : (n_M + 2, n_a + 2, n_d + m, n_m) coefficients of c_m per p_inf.
-    fixed : (n_d + m,) y_fixed.
-    error_strain : (n_d, k) columns of pressure off the tables per standard deviation [1/Pa].
-    error_load : (5, k) the five loads that go with them [m2, m3].
-    cross : (n_d, m) covariance of strain and output of all those errors, per p_inf^2.
-    output_variance : (m, m) covariance of the outputs, per p_inf^2; behind the five loads variances alone.
+    ``mach_knots`` (n_M,) and ``incidence_knots`` (n_a,) [rad] are those of ``spline`` (n_M + 2, n_a + 2, n_d + m,
+    n_m), coefficients of c_m; ``fixed`` (n_d + m,) is y_fixed. Pressure off the tables has the strain columns
+    ``error_strain`` (n_d, k) per standard deviation, covariances ``cross`` (n_d, m) with the outputs and
+    ``output_variance`` (m, m) of them, behind the five loads variances alone.
     """
 
     mach_knots: FloatArray
@@ -44,7 +39,6 @@ class Tables:
     spline: ComplexArray
     fixed: FloatArray
     error_strain: FloatArray
-    error_load: FloatArray
     cross: FloatArray
     output_variance: FloatArray
 
@@ -68,7 +62,6 @@ def tables_of(inverse_map: InverseMap) -> Tables:
         spline=response[..., 0] - 1j * response[..., 1],
         fixed=fixed,
         error_strain=manifold.error_strain,
-        error_load=manifold.error_load,
         cross=cross,
         output_variance=variance,
     )
@@ -146,7 +139,6 @@ def with_known_parameters(inverse_map: InverseMap, tables: Tables, value: FloatA
         tables,
         spline=tables.spline + change[..., 0] - 1j * change[..., 1],
         error_strain=strain,
-        error_load=load,
         cross=strain @ error[n_d:].T,
         output_variance=_with_further(load @ load.T, np.sum(error[n_d + LOADS :] ** 2, axis=1)),
     )
