@@ -1,0 +1,18 @@
+"""The mathematics of the estimator, written to be read: slow, short, and independent of the compiled core.
+
+Everything is one Gaussian update, :mod:`~strainfmu.estimator.reference.update`. The other modules say what its
+rows, columns and outputs are:
+
+============================  =====================================================================
+``linear``                    a linear map, in both forms; errors at the current strain
+``readings``                  zero offsets, auxiliary sensors, temperature: readings become rows
+``tables``                    strain and loads over the flight state, and flow parameters
+``air``                       air data: what is known of them, and what a flight state says of them
+``nonlinear``                 the flight state by Gauss-Newton iterations, and the loads there
+``kalman``                    the update over time, with errors that are never estimated
+``linear_filter``             the filter of linear maps
+``flight_filter``             the filter of the flight state
+============================  =====================================================================
+
+It has no alarms and no state machines. Nothing else in the package imports it; tests compare the core with it.
+"""

@@ -1,0 +1,101 @@
+"""Air data: what is known of the flight state beside strain, and what an estimate of it says of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import log
+from statistics import NormalDist
+
+import numpy as np
+
+from strainfmu.arrays import FloatArray
+from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, static_pressure_at
+from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.reference.tables import LOG_PRESSURE, MACH, MIN_INCIDENCE, N_STATES
+
+N_AIR, LEAST_RELATIVE_STD = 3, 1e-3
+"""Number of air data, and their smallest standard deviation over the value."""
+
+DROPPED = np.array([-NormalDist().inv_cdf(0.5 * rate) for rate in (1e-2, 1e-2, 1e-6)])
+"""|z| of M, p_inf and q_inf from which they are dropped."""
+
+ALARM, DISCERNED = -NormalDist().inv_cdf(0.5 * 1e-4 / N_AIR), 16.0
+"""|z| of the dropped one up to which any other is doubted, and difference of z squared up to which one is."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class AirInputs:
+    """M [1], p_inf [Pa] and q_inf [Pa] as far as they are known, ``value`` and ``std`` (3,), NaN for unknown."""
+
+    value: FloatArray
+    std: FloatArray
+
+    @property
+    def log_std(self) -> FloatArray:
+        """(3,) standard deviations of M, ln p_inf and ln q_inf."""
+        return self.std / np.append(1.0, self.value[1:])
+
+    @property
+    def log_value(self) -> FloatArray:
+        """(3,) M, ln p_inf and ln q_inf."""
+        return np.append(self.value[0], np.log(self.value[1:]))
+
+
+def air_inputs(inverse_map: InverseMap, value: FloatArray, std: FloatArray, altitude: float = np.nan) -> AirInputs:
+    """Return M, p_inf and q_inf with the standard deviations of the map where ``std`` (3,) is NaN.
+
+    A p_inf that is not known is that of the standard atmosphere at ``altitude`` [m], with a deviation of its own.
+    """
+    manifold = inverse_map.manifold
+    assert manifold is not None
+    value, by_altitude = np.array(value), bool(np.isnan(value[1]))
+    if by_altitude:
+        value[1] = static_pressure_at(np.array([altitude]))[0]
+    relative = manifold.altitude_error if by_altitude else manifold.static_pressure_error
+    own = [manifold.mach_number_error, relative * value[1], manifold.dynamic_pressure_error * value[2]]
+    found = np.maximum(np.where(np.isnan(std), own, std), LEAST_RELATIVE_STD * np.abs(value))
+    known = np.isfinite(value) & (value > 0.0) & np.isfinite(found) & (found > 0.0)
+    return AirInputs(value=np.where(known, value, np.nan), std=np.where(known, found, np.nan))
+
+
+def without(air: AirInputs, z: FloatArray, dropped: int) -> AirInputs:
+    """Return ``air`` without the one ``dropped``, of residuals ``z`` (3,); others that may be wrong are doubted.
+
+    These count with deviations larger by |z| of the dropped one, and one more for the noise in it.
+    """
+    size, gone = abs(z[dropped]), np.arange(N_AIR) == dropped
+    doubted = (size <= ALARM) | (size**2 - z**2 < DISCERNED)
+    std = air.std * np.where(doubted, size + 1.0, 1.0)
+    return AirInputs(value=np.where(gone, np.nan, air.value), std=np.where(gone, np.nan, std))
+
+
+def air_rows(state: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return (3,) M, ln p_inf and ln q_inf at ``state``, and their derivatives (3, 4)."""
+    mach, log_pressure = state[MACH], state[LOG_PRESSURE]
+    value = [mach, log_pressure, log(0.5 * HEAT_CAPACITY_RATIO) + 2.0 * log(mach) + log_pressure]
+    return np.array(value), np.array([[1.0, 0, 0, 0], [0, 0, 0, 1.0], [2.0 / mach, 0, 0, 1.0]])
+
+
+def air_data(state: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return (7,) air data at ``state`` and their standard deviations, see :class:`NonlinearEstimate`."""
+    step = 1e-30  # of a complex argument: derivatives to the last digit
+    jacobian = np.stack([_air_data(state + 1j * step * one).imag / step for one in np.eye(N_STATES)], axis=1)
+    value = _air_data(state.astype(complex)).real
+    std = np.sqrt(np.einsum("ix,xy,iy->i", jacobian, covariance, jacobian))
+    std[5:] = value[5:] * lognormal_std(std[5:] / value[5:])
+    std[3] = min(std[3], np.pi / np.sqrt(3.0))  # of a roll angle that may be any
+    return value, std
+
+
+def _air_data(state: FloatArray) -> FloatArray:
+    mach, u, w, log_pressure = state
+    a, pressure = np.sqrt(u * u + w * w + MIN_INCIDENCE**2), np.exp(log_pressure)
+    across = np.sin(a) / a  # the wind blows along (cos a, across w, across u): aft, to starboard, up
+    roll = np.arctan2(w.real, u.real) + 1j * (u.real * w.imag - w.real * u.imag) / (a.real * a.real)
+    angles = [np.arctan(across * u / np.cos(a)), -np.arcsin(across * w), a, roll]
+    return np.array([*angles, mach, pressure, 0.5 * HEAT_CAPACITY_RATIO * mach**2 * pressure])
+
+
+def lognormal_std(of_log: FloatArray | float) -> FloatArray:
+    """Return the relative deviation of a lognormal value three times which reach as far as three ``of_log``."""
+    return np.asarray(np.expm1(3.0 * of_log) / 3.0)

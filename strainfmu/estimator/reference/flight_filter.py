@@ -1,0 +1,265 @@
+"""The filter of the flight state.
+
+States are s = (x, dx/dt, b, c, e): flight state, its rates, errors of air data, pressure off the tables in the
+directions that gauges see, hardware errors that gauges have in common. Errors of each gauge alone, its gain, those
+in proportion to the loads and what else lasts, are considered. Their covariances together are S of the static
+estimator, and the stationary law is its prior.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.reference import kalman, nonlinear
+from strainfmu.estimator.reference.air import DROPPED, N_AIR, air_rows, without
+from strainfmu.estimator.reference.kalman import Law, Rows, measured
+from strainfmu.estimator.reference.nonlinear import FlightLoads, Sample
+from strainfmu.estimator.reference.tables import LOG_PRESSURE, N_STATES, evaluate, tables_of
+
+RATES = slice(N_STATES, 2 * N_STATES)
+AIR_ERRORS = slice(2 * N_STATES, 2 * N_STATES + N_AIR)
+SEEN = AIR_ERRORS.stop
+"""Places of dx/dt and b, and of the first state of c."""
+
+RATE_STD, RATE_TIME = np.array([0.2, 0.1, 0.1, 0.1]), 0.05
+"""Standard deviations of dx/dt [1/s], and the time constant [s] at which they count twice."""
+
+WHITE = 0.2
+"""Part of the variance of air data that is independent from sample to sample."""
+
+SLOPE_TIME, OF_AGE, LONGEST, NOTICED = 0.2, 0.25, 0.7, 3.0
+"""Time constant [s] by which the state of slopes follows the estimate, at most that part of the filter's age; step
+over it from which each iteration takes its own slopes; deviations of a rate at which half of its motion counts."""
+
+ITERATIONS = 2
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FilteredSample(FlightLoads):
+    """What the filter makes of a sample: ``law`` after it, and what it says of gauges and air data."""
+
+    law: Law
+    chi_square: float
+    standardised: FloatArray
+    air_standardised: FloatArray
+    air_used: BoolArray
+
+
+class FlightFilterReference:
+    """A nonlinear map fed with one sample after another; it never begins again, and names nothing."""
+
+    def __init__(self, inverse_map: InverseMap, time_constant: float) -> None:
+        """Begin with the prior of the map; ``time_constant`` T [s]."""
+        manifold = inverse_map.manifold
+        assert manifold is not None
+        self.manifold, self.time_constant = manifold, time_constant
+        self.tables = tables_of(inverse_map)
+        self.static = nonlinear.NonlinearReference(inverse_map, self.tables, manifold.gauge_covariance)
+        white, self.common, lasting = kalman.white_and_lasting(manifold.gauge_covariance, inverse_map.noise_std)
+        diagonal = np.diag(lasting)
+        # What is left beside a diagonal that dominates is a covariance (Gershgorin).
+        self.own = np.sqrt(np.maximum(2.0 * diagonal - np.sum(np.abs(lasting), axis=1), 0.0))
+        self.noise = np.diag(white - self.own**2) + lasting
+        middle = float(np.exp(np.log(manifold.pressure_range).mean()))
+        std = np.sqrt(white + diagonal)
+        tables = self.tables
+        self.seen = kalman.seen_errors(tables.error_strain, tables.cross, tables.output_variance, middle, std)
+        self.of_gauge = _gauge_terms(manifold.gauge_error_product)
+
+        n_d, r = self.seen.strain.shape
+        self.hardware = SEEN + r
+        n = self.hardware + 1 + len(manifold.common_error) + self.common.shape[1]
+        mean, std = np.zeros(n), np.ones(n)
+        mean[:N_STATES], std[:N_STATES] = self.static.prior_mean, self.static.prior_std
+        std[RATES] = RATE_STD * (1.0 + RATE_TIME / time_constant)
+        none = np.zeros((n, n_d * (2 + self.of_gauge.shape[1])))
+        self.prior = Law(mean, np.diag(std**2), none)
+        self.law: Law | None = None
+        self.slopes: FloatArray | None = None
+        self.state, self.age = mean[:N_STATES], 0.0
+
+    def step(self, time_step: float, sample: Sample) -> FilteredSample:
+        """Return what the filter makes of ``sample``, ``time_step`` [s] after the last one."""
+        if self.law is None:
+            start = self.static.solved(sample).state
+            found = self._dropped(self.prior, sample, start, 0, None)
+            self.slopes, self.age = None, 0.0
+        else:
+            before = kalman.predicted(self.law, self._transition(time_step), self.prior, self._kept(time_step))
+            self.slopes = self._slopes(time_step, before) if sample.used.any() else None
+            self.age += time_step
+            found = self._dropped(before, sample, self.state, ITERATIONS, self.slopes)
+        if not sample.used.any():
+            self.slopes, self.age = None, 0.0
+        self.law, self.state = found.law, found.law.mean[:N_STATES]
+        return found
+
+    # The law over time.
+
+    def _kept(self, time_step: float) -> float:
+        return float(np.exp(-time_step / self.time_constant))
+
+    def _transition(self, time_step: float) -> FloatArray:
+        """Return F (n, n): x and its rates are a Matern 3/2 process, all else decays."""
+        std = np.sqrt(np.diag(self.prior.covariance))
+        rate = std[RATES] / std[:N_STATES]
+        turn = rate * time_step
+        decay = np.exp(-turn)
+        matrix = np.eye(len(std)) * self._kept(time_step)
+        matrix[AIR_ERRORS, AIR_ERRORS] = np.eye(N_AIR) * np.exp(
+            -time_step / (kalman.NAVIGATION_TIME * self.time_constant)
+        )
+        matrix[:N_STATES, :N_STATES] = np.diag(decay * (1.0 + turn))
+        matrix[:N_STATES, RATES] = np.diag(decay * time_step)
+        matrix[RATES, :N_STATES] = np.diag(-decay * rate * turn)
+        matrix[RATES, RATES] = np.diag(decay * (1.0 - turn))
+        return matrix
+
+    def _slopes(self, time_step: float, before: Law) -> FloatArray | None:
+        """Return the flight state of slopes, None where each iteration takes its own.
+
+        It knows nothing of the sample that it weighs: it follows the estimate, and moves as predicted as far as
+        the rates are noticed.
+        """
+        time_constant = min(SLOPE_TIME, self.time_constant, OF_AGE * self.age)
+        if self.law is None or time_step >= LONGEST * time_constant:
+            return None
+        square = self.law.mean[RATES] ** 2
+        noticed = square / (square + NOTICED**2 * np.diag(self.law.covariance)[RATES])
+        moved = noticed * (before.mean[:N_STATES] - self.law.mean[:N_STATES])
+        last = self.state if self.slopes is None else self.slopes
+        return self.state + moved + np.exp(-time_step / time_constant) * (last - self.state)
+
+    # A sample.
+
+    def _dropped(
+        self, law: Law, sample: Sample, start: FloatArray, iterations: int, slopes: FloatArray | None
+    ) -> FilteredSample:
+        """Return the estimate of ``sample``, a second time without air data that do not fit."""
+        found = self._filtered(law, sample, sample, start, iterations, slopes)
+        excess = np.abs(found.air_standardised) / DROPPED
+        worst = int(np.argmax(excess))
+        if excess[worst] <= 1.0:
+            return found
+        doubted = replace(sample, air=without(sample.air, found.air_standardised, worst))
+        return self._filtered(law, sample, doubted, start, ITERATIONS, slopes)
+
+    def _filtered(
+        self,
+        law: Law,
+        sample: Sample,
+        doubted: Sample,
+        start: FloatArray,
+        iterations: int,
+        slopes: FloatArray | None,
+    ) -> FilteredSample:
+        """Return the estimate from the predicted ``law`` by iterations from ``start``, whose errors count.
+
+        Air data that ``doubted`` has not are left out; of others its larger variances count in this sample alone.
+        """
+        errors, state = self._errors(start), start
+        for _ in range(iterations):
+            after, _ = measured(law, self._rows(law, sample, doubted, errors, state, slopes))
+            step = after.mean[:N_STATES] - state
+            state = self.static.in_reach(state + step / max(np.max(np.abs(step) / nonlinear.LARGEST_STEP), 1.0))
+        rows = self._rows(law, sample, doubted, errors, state, slopes)
+        after, found = measured(law, rows)
+        # The other states where the flight state is the iterations' last.
+        weight = np.linalg.solve(after.covariance[:N_STATES, :N_STATES], state - after.mean[:N_STATES])
+        mean = after.mean + after.covariance[:, :N_STATES] @ weight
+        mean[:N_STATES] = state
+        distance = (state - after.mean[:N_STATES]) @ weight
+        n_used, known = int(sample.used.sum()), np.isfinite(doubted.air.value)
+        z, of_air = np.zeros(len(sample.rows)), np.zeros(N_AIR)
+        z[sample.used], of_air[known] = np.split(found.standardised[0], [n_used])
+        law = Law(mean, after.covariance, after.cross)
+        return FilteredSample(
+            **vars(self._loads(law, sample, errors)),
+            law=law,
+            chi_square=float(found.chi_square[0] + distance),
+            standardised=z,
+            air_standardised=of_air,
+            air_used=known,
+        )
+
+    def _errors(self, state: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return columns (n_d, n) of the states of errors at ``state``, considered ones (n_d, k), and noise."""
+        m, (value, _) = self.manifold, evaluate(self.tables, state)
+        n_d, pressure = self.static.n_d, np.exp(state[LOG_PRESSURE])
+        strain = value[:n_d]
+        c = np.append(1.0, value[n_d : n_d + 5] / (pressure * self.static.references[:5]))
+        columns = np.zeros((n_d, len(self.prior.mean)))
+        columns[:, SEEN:] = np.hstack(
+            [
+                pressure * self.seen.strain,
+                (m.common_gain * strain)[:, None],
+                pressure * np.einsum("a,tan->nt", c, m.common_error),
+                self.common,
+            ]
+        )
+        of_gauge = np.column_stack([m.gain_std * strain, self.own, pressure * (self.of_gauge @ c)])
+        considered = (np.eye(n_d)[:, :, None] * of_gauge[:, None, :]).reshape(n_d, -1)
+        return columns, considered, self.noise + pressure**2 * self.seen.rest_strain
+
+    def _rows(
+        self,
+        law: Law,
+        sample: Sample,
+        doubted: Sample,
+        errors: tuple[FloatArray, FloatArray, FloatArray],
+        at: FloatArray,
+        slopes: FloatArray | None,
+    ) -> Rows:
+        """Return the rows of ``sample`` about ``at``: strain, then air data over their standard deviations."""
+        (columns, considered, noise), n_d, used = errors, self.static.n_d, sample.used
+        sloped = at if slopes is None else slopes
+        by_state = columns.copy()
+        by_state[:, :N_STATES] = evaluate(self.tables, sloped)[1][:n_d]
+        known, air = np.isfinite(doubted.air.value), sample.air
+        std = air.log_std
+        of_air = np.zeros((N_AIR, columns.shape[1]))
+        of_air[:, :N_STATES] = air_rows(sloped)[1] / std[:, None]
+        of_air[:, AIR_ERRORS] = np.sqrt(1.0 - WHITE) * np.eye(N_AIR)
+        apart = (air.log_value - air_rows(at)[0]) / std
+        jacobian = np.vstack([by_state[used], of_air[known]])
+        about = law.mean.copy()
+        about[:N_STATES] -= at
+        innovation = np.append((sample.rows - evaluate(self.tables, at)[0][:n_d])[used], apart[known])
+        n, n_used = len(innovation), int(used.sum())
+        whole = np.diag(np.append(np.zeros(n_used), WHITE - 1.0 + (doubted.air.std / air.std)[known] ** 2))
+        whole[:n_used, :n_used] = noise[np.ix_(used, used)]
+        of_gauges = np.zeros((n, considered.shape[1]))
+        of_gauges[:n_used] = considered[used]
+        return Rows(innovation - jacobian @ about, jacobian, of_gauges, whole)
+
+    def _loads(self, law: Law, sample: Sample, errors: tuple[FloatArray, FloatArray, FloatArray]) -> FlightLoads:
+        """Return loads and coefficients by ``law``: of the tables, of the errors seen, and of the residual."""
+        (columns, considered, noise), n_d, used = errors, self.static.n_d, sample.used
+        state, of_errors = law.mean[:N_STATES], np.append(np.zeros(N_STATES), law.mean[N_STATES:])
+        (value, jacobian), pressure = evaluate(self.tables, state), np.exp(state[LOG_PRESSURE])
+        strain = columns.copy()
+        strain[:, :N_STATES] = jacobian[:n_d]
+        load = np.zeros((len(value) - n_d, len(law.mean)))
+        load[:, :N_STATES], load[:, SEEN : self.hardware] = jacobian[n_d:], pressure * self.seen.load
+        residual = (sample.rows - value[:n_d] - strain @ of_errors)[used]
+        cross = pressure**2 * self.seen.rest_cross[used]
+        of_residual = np.linalg.solve((considered @ considered.T + noise)[np.ix_(used, used)], cross).T
+        loads = value[n_d:] + load @ of_errors + of_residual @ residual
+        by_state = load - of_residual @ strain[used]
+        whole = np.vstack([np.eye(N_STATES, len(law.mean)), by_state])
+        joint = whole @ law.covariance @ whole.T
+        joint[N_STATES:, N_STATES:] += pressure**2 * self.seen.rest_load - of_residual @ cross
+        return nonlinear.flight_loads(state, loads, joint, self.static.references)
+
+
+def _gauge_terms(product: FloatArray) -> FloatArray:
+    """Return (n_d, 6, 6) errors D of each gauge per c, whose squares D' D add up to ``product`` (21, n_d)."""
+    first, second = np.triu_indices(6)
+    whole = np.zeros((product.shape[1], 6, 6))
+    whole[:, first, second] = whole[:, second, first] = np.where(first == second, 1.0, 0.5) * product.T
+    value, vector = np.linalg.eigh(whole)
+    return np.asarray(np.swapaxes(vector, 1, 2) * np.sqrt(np.maximum(value, 0.0))[:, :, None])

@@ -1,0 +1,185 @@
+"""A linear map as a model of the update, and the loads of samples by it.
+
+Form "dynamic_pressure" is ``eq:scaled-model`` as it stands: the scale s is q_inf over the nominal one, states
+are free (Case 1) or columns (Case 2), errors that grow with the pressure are columns. In form "absolute" s is 1
+and e holds all errors, Gamma; load that no state holds is correlated with it. Its gain is that of a prior of
+covariance 1 / gamma (``eq:ls-solution``), its truth that of 1: they differ.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.estimator.further_loads import is_moment
+from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.reference.update import Model, condition, joseph, model_of, prepare
+
+LOADS = 5
+LEAST_EXPECTED = 0.1
+"""Smallest expected chi-square over its degrees of freedom: the linear model of the errors could give less."""
+
+
+class LinearEstimate(NamedTuple):
+    """Estimates of k samples; outputs are the five loads, behind them rolling moment and section loads.
+
+    ``loads`` (k, m) [N, N m] and ``coefficients``, over q_inf S, moments over q_inf S L, have covariances
+    (k, m, m), of which behind the five the variances alone hold. ``chi_square``, ``degrees_of_freedom`` and
+    ``expected_ratio`` of the two are (k,), leave-one-out residuals ``standardised`` (k, n_d).
+    """
+
+    loads: FloatArray
+    covariance: FloatArray
+    coefficients: FloatArray
+    coefficient_covariance: FloatArray
+    chi_square: FloatArray
+    degrees_of_freedom: FloatArray
+    expected_ratio: FloatArray
+    standardised: FloatArray
+
+
+def references(inverse_map: InverseMap) -> FloatArray:
+    """Return (m,) S of forces and S L of moments [m2, m3]."""
+    length = inverse_map.reference_length
+    moments = [False, False, False, True, True]
+    if inverse_map.further is not None:
+        moments += is_moment(len(inverse_map.further.section_station)).tolist()
+    return inverse_map.reference_area * np.where(moments, length, 1.0)
+
+
+def models(inverse_map: InverseMap) -> tuple[Model, Model]:
+    """Return the model that the gain of ``inverse_map`` is made for, and the truth."""
+    if inverse_map.form == "dynamic_pressure":
+        model = _scaled_model(inverse_map)
+        return model, model
+    return _absolute_models(inverse_map)
+
+
+def estimate(
+    inverse_map: InverseMap,
+    rows: FloatArray,
+    used: BoolArray,
+    dynamic_pressure: FloatArray,
+    pressure_std: FloatArray,
+    noise: FloatArray | None = None,
+) -> LinearEstimate:
+    """Return the estimates of k samples with the same rows in use.
+
+    ``rows`` (k, n_d) are those of the map [m/m], of which the ``used`` (n_d,) count, ``dynamic_pressure`` and
+    ``pressure_std`` (k,) q_inf and its standard deviation [Pa]. The covariance of what does not scale is ``noise``
+    (n_d, n_d), as of :func:`~strainfmu.estimator.reference.readings.row_noise`, None for the map's.
+    """
+    for_gain, truth = models(inverse_map)
+    if noise is not None:
+        for_gain, truth = replace(for_gain, noise=noise), replace(truth, noise=noise)
+    is_scaled, nominal = inverse_map.form == "dynamic_pressure", inverse_map.nominal_dynamic_pressure
+    s = dynamic_pressure / nominal if is_scaled else np.ones(len(rows))
+    found = condition(prepare(for_gain, used), rows, s)
+    residual = condition(prepare(truth, used), rows, s)
+
+    scale = 1.0 / (dynamic_pressure[:, None] * references(inverse_map))
+    loads, coefficients = found.mean, scale * found.mean
+    added = (s * s)[:, None, None] * excess_covariance(inverse_map, coefficients[:, :LOADS])
+    covariance = joseph(truth, found.gain, s, added)
+    # At fixed weights the loads follow q_inf by the mean alone.
+    slope = (truth.output_mean - found.gain @ truth.mean) / nominal if is_scaled else np.zeros(loads.shape)
+    of_pressure = slope * pressure_std[:, None]
+    of_both = scale * of_pressure - coefficients * (pressure_std / dynamic_pressure)[:, None]
+    freedom = inverse_map.residual_degrees_of_freedom - int(np.sum(~used))
+    expected = 1.0 + np.einsum("kij,kji->k", residual.precision, added) / max(freedom, 1)
+    of_coefficients = scale[:, :, None] * covariance * scale[:, None] + _outer(of_both)
+    of_fit = residual.chi_square, np.full(len(rows), freedom), np.maximum(expected, LEAST_EXPECTED)
+    covariance = covariance + _outer(of_pressure)
+    return LinearEstimate(loads, covariance, coefficients, of_coefficients, *of_fit, residual.standardised)
+
+
+def excess_covariance(inverse_map: InverseMap, coefficients: FloatArray) -> FloatArray:
+    """Return (k, n_d, n_d) what errors in proportion to strain add to the covariance of rows at s = 1.
+
+    ``eq:proportional``: those at ``coefficients`` C (k, 5) less their mean over the snapshots, which the weights
+    hold.
+    """
+    of_gauge, common, mean = inverse_map.gauge_error_product, inverse_map.common_error, inverse_map.mean_product
+    n = inverse_map.n_gauges
+    if of_gauge is None or common is None or mean is None:
+        return np.zeros((len(coefficients), n, n))
+    c = np.hstack([np.ones((len(coefficients), 1)), coefficients])
+    products = c[:, :, None] * c[:, None, :]
+    first, second = np.triu_indices(6)
+    at_mean = np.zeros((6, 6))
+    at_mean[first, second] = at_mean[second, first] = mean
+    own = (products - at_mean)[:, first, second] @ of_gauge  # of_gauge counts pairs a < b twice
+    shared = np.einsum("kab,tai,tbj->kij", products - at_mean, common, common, optimize=True)
+    return np.asarray(shared + own[:, :, None] * np.eye(n))
+
+
+def _scaled_model(inverse_map: InverseMap) -> Model:
+    (own, errors, load_of_errors), further = inverse_map.scaled_parts, inverse_map.further
+    states, load_of_states = inverse_map.state_operator, inverse_map.load_per_state
+    fixed_load, mean_load = _or_zero(inverse_map.fixed_load, LOADS), inverse_map.load_of_mean
+    if further is not None and further.error_load is not None:
+        load_of_states = np.vstack([load_of_states, further.load_per_state])
+        load_of_errors = np.vstack([load_of_errors, further.error_load])
+        fixed_load = np.append(fixed_load, _or_zero(further.fixed_load, len(further.variance)))
+        mean_load = np.append(mean_load, further.load_of_mean)
+    fixed = _or_zero(inverse_map.fixed_strain, len(states))
+    parts = {"fixed": fixed, "mean": inverse_map.mean_strain - fixed, "noise": own}
+    parts |= {"output_fixed": fixed_load, "output_mean": mean_load - fixed_load}
+    if inverse_map.case == 1:
+        parts |= {"free": states, "output_free": load_of_states}
+    else:
+        errors, load_of_errors = np.hstack([states, errors]), np.hstack([load_of_states, load_of_errors])
+    return model_of(len(states), len(mean_load), **parts, columns=errors, output_columns=load_of_errors)
+
+
+def _absolute_models(inverse_map: InverseMap) -> tuple[Model, Model]:
+    """Return the model of the gain, whose states have the prior covariance 1 / gamma, and the truth."""
+    states, load_of_states = inverse_map.state_operator, inverse_map.load_per_state
+    mean_load, n, further = inverse_map.load_of_mean, len(states), inverse_map.further
+    cross = inverse_map.strain_load_covariance
+    cross = np.zeros((n, LOADS)) if cross is None else cross
+    if further is not None:
+        own = further.strain_load_covariance
+        cross = np.hstack([cross, np.zeros((n, len(further.variance))) if own is None else own])
+        load_of_states = np.vstack([load_of_states, further.load_per_state])
+        mean_load = np.append(mean_load, further.load_of_mean)
+    is_free, noise = inverse_map.case == 1, inverse_map.noise_covariance
+    parts = {"mean": inverse_map.mean_strain, "output_mean": mean_load, "noise": noise, "cross": cross}
+    kind = "free" if is_free else "columns"
+    parts |= {kind: states, f"output_{kind}": load_of_states}
+    truth = model_of(n, len(mean_load), **parts, output_noise=cross.T @ np.linalg.solve(noise, cross))
+    std = 1.0 if is_free else 1.0 / np.sqrt(inverse_map.regularisation)
+    for_gain = replace(truth, columns=std * truth.columns, output_columns=std * truth.output_columns)
+    output_noise = truth.output_noise + _load_left(inverse_map, truth, for_gain)
+    return replace(for_gain, output_noise=output_noise), replace(truth, output_noise=output_noise)
+
+
+def _load_left(inverse_map: InverseMap, truth: Model, for_gain: Model) -> FloatArray:
+    """Return (m, m) covariance of load that neither states nor strain show.
+
+    It is what the covariance that the map states for all its rows has beyond the terms that depend on the gain.
+    """
+    one = np.ones(1)
+    gain = condition(prepare(for_gain, np.ones(inverse_map.n_gauges, dtype=bool)), truth.mean[None], one).gain
+    of_gain = joseph(truth, gain, one)[0]
+    left = np.zeros(of_gain.shape)
+    size = np.sqrt(np.diag(inverse_map.load_covariance))
+    rest = (inverse_map.load_covariance - of_gain[:LOADS, :LOADS]) / np.outer(size, size)
+    values, vectors = np.linalg.eigh(rest)
+    root = size[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
+    left[:LOADS, :LOADS] = root @ root.T
+    if inverse_map.further is not None:
+        variance = inverse_map.further.variance - np.diag(of_gain)[LOADS:]
+        left[LOADS:, LOADS:] = np.diag(np.maximum(variance, 0.0))
+    return left
+
+
+def _or_zero(values: FloatArray | None, n: int) -> FloatArray:
+    return np.zeros(n) if values is None else values
+
+
+def _outer(values: FloatArray) -> FloatArray:
+    return values[:, :, None] * values[:, None, :]

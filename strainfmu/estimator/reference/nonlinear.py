@@ -1,0 +1,295 @@
+"""The flight state by strain and air data, and the loads there: Gauss-Newton iterations of the update.
+
+Rows are the strains, then M, ln p_inf and ln q_inf of air data, then the ranges of the map as a weak prior of the
+state. At a state x_0 the model is linear: x - x_0 is free, strain errs by S(x_0), outputs are the state and the
+loads; pressure off the tables is noise of strain and loads together. Its posterior is the next state, and at the
+end the estimate.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from math import log
+
+import numpy as np
+
+from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.atmosphere import HEAT_CAPACITY_RATIO
+from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.reference.air import DROPPED, N_AIR, AirInputs, air_data, air_rows, lognormal_std, without
+from strainfmu.estimator.reference.linear import references
+from strainfmu.estimator.reference.tables import LOG_PRESSURE, MACH, N_STATES, Tables, U, W, evaluate
+from strainfmu.estimator.reference.update import Model, Posterior, condition, model_of, prepare
+
+LARGEST_STEP = np.array([0.5, 0.05, 0.05, 1.0])
+"""Largest change of M [1], u, w [rad] and ln p_inf in one iteration."""
+
+SMALLEST_PART = 0.25
+"""Smallest part of a Gauss-Newton step that is taken."""
+
+CONVERGED, LARGEST_NUMBER = 1e-10, 60
+"""Step in its standard deviations at which iterations end, and their largest number."""
+
+INCIDENCES, MACHS, ROLLS, EACH = 6, 3, 16, 4
+"""Grid of the search, of which the best of each incidence is a start; iterations of each start."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Sample:
+    """Strains ``rows`` (n_d,) [m/m], which of them are ``used`` (n_d,), and what is known of ``air``."""
+
+    rows: FloatArray
+    used: BoolArray
+    air: AirInputs
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FlightLoads:
+    """Flight ``state`` (4,), ``loads`` and ``coefficients`` (m,), and their covariances."""
+
+    state: FloatArray
+    state_covariance: FloatArray
+    loads: FloatArray
+    covariance: FloatArray
+    coefficients: FloatArray
+    coefficient_covariance: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class NonlinearEstimate(FlightLoads):
+    """Estimate of one sample.
+
+    Leave-one-out residuals are ``standardised`` (n_d,) and ``air_standardised`` (3,); ``air_inputs`` are the air
+    data as they count, without dropped ones, doubted ones with larger standard deviations; ``air`` and ``air_std``
+    (7,) are angle of attack, sideslip, total incidence, aerodynamic roll angle [rad], M, p_inf and q_inf. The
+    ``deviance`` is -2 ln likelihood less a constant, ``step`` that of another iteration in standard deviations.
+    """
+
+    chi_square: float
+    standardised: FloatArray
+    air_standardised: FloatArray
+    air_inputs: AirInputs
+    air: FloatArray
+    air_std: FloatArray
+    deviance: float
+    step: float
+
+
+class NonlinearReference:
+    """A nonlinear map with the tables and the noise of a sample.
+
+    See :func:`~strainfmu.estimator.reference.tables.with_known_parameters` and
+    :func:`~strainfmu.estimator.reference.readings.row_noise`.
+    """
+
+    def __init__(self, inverse_map: InverseMap, tables: Tables, noise: FloatArray) -> None:
+        """Prepare the map; ``noise`` (n_d, n_d) is the covariance of what does not scale [(m/m)^2]."""
+        assert inverse_map.manifold is not None
+        self.manifold, self.tables, self.noise = inverse_map.manifold, tables, noise
+        self.references = references(inverse_map)[: len(tables.output_variance)]
+        self.n_d = len(noise)
+        low, high = np.log(self.manifold.pressure_range)
+        middle, half = self.manifold.crossflow
+        mach = self.manifold.mach_range
+        self.prior_mean = np.array([np.mean(mach), *np.broadcast_to(middle, 2), 0.5 * (low + high)])
+        self.prior_std = np.array([max(0.5 * np.ptp(mach), 0.1), *np.broadcast_to(half, 2), 0.5 * (high - low)])
+
+    # The model about a state.
+
+    def strain_covariance(self, state: FloatArray) -> FloatArray:
+        """Return S (n_d, n_d) at ``state``: noise, pressure off the tables, errors in proportion to strain."""
+        m, n_d = self.manifold, self.n_d
+        value, _ = evaluate(self.tables, state)
+        pressure, strain = np.exp(state[LOG_PRESSURE]), value[:n_d]
+        c = np.append(1.0, value[n_d : n_d + 5] / (pressure * self.references[:5]))
+        first, second = np.triu_indices(6)
+        of_gauge = np.maximum((c[first] * c[second]) @ m.gauge_error_product, 0.0)
+        columns = [pressure * self.tables.error_strain, pressure * np.einsum("a,tan->nt", c, m.common_error)]
+        root = np.hstack([*columns, (m.common_gain * strain)[:, None]])
+        return self.noise + root @ root.T + np.diag(pressure**2 * of_gauge + (m.gain_std * strain) ** 2)
+
+    def model(self, state: FloatArray, air: AirInputs, covariance: FloatArray) -> Model:
+        """Return the model about ``state``, whose strain errs by ``covariance``; outputs: state, then loads."""
+        n_d, (value, jacobian), pressure = self.n_d, evaluate(self.tables, state), np.exp(state[LOG_PRESSURE])
+        m, n = len(value) - n_d, n_d + N_AIR + N_STATES
+        of_air, by_state = air_rows(state)
+        variance = np.where(np.isnan(air.std), 1.0, air.log_std) ** 2
+        noise = np.diag(np.concatenate([np.zeros(n_d), variance, self.prior_std**2]))
+        noise[:n_d, :n_d] = covariance
+        cross, output_noise = np.zeros((n, N_STATES + m)), np.zeros((N_STATES + m, N_STATES + m))
+        cross[:n_d, N_STATES:] = pressure**2 * self.tables.cross
+        output_noise[N_STATES:, N_STATES:] = pressure**2 * self.tables.output_variance
+        return model_of(
+            n,
+            N_STATES + m,
+            fixed=np.concatenate([value[:n_d], of_air, state]),
+            free=np.vstack([jacobian[:n_d], by_state, np.eye(N_STATES)]),
+            noise=noise,
+            output_fixed=np.concatenate([state, value[n_d:]]),
+            output_free=np.vstack([np.eye(N_STATES), jacobian[n_d:]]),
+            cross=cross,
+            output_noise=output_noise,
+        )
+
+    def posterior(self, state: FloatArray, sample: Sample, covariance: FloatArray) -> Posterior:
+        """Return the posterior of ``sample`` about ``state``, whose strain errs by ``covariance``."""
+        rows = np.concatenate([sample.rows, sample.air.log_value, self.prior_mean])
+        used = np.concatenate([sample.used, np.isfinite(sample.air.value), np.ones(N_STATES, dtype=bool)])
+        return condition(prepare(self.model(state, sample.air, covariance), used), rows[None], np.ones(1))
+
+    # Iterations.
+
+    def next_state(
+        self, state: FloatArray, found: Posterior, before: tuple[FloatArray, FloatArray] | None
+    ) -> FloatArray:
+        """Return the next state: a step to the posterior, limited, and shortened by what the last one did.
+
+        ``before`` are state and full step before. Where strain curves away from the residual whole steps are too
+        long (Barzilai and Borwein 1988, the shorter step in the metric of the Hessian).
+        """
+        step = found.mean[0, :N_STATES] - state
+        if before is not None:
+            shrunk = before[1] - step
+            turned = np.linalg.solve(found.covariance[0, :N_STATES, :N_STATES], shrunk)
+            along, size = (state - before[0]) @ turned, shrunk @ turned
+            if 0.0 < along < size:
+                step = step * max(float(along / size), SMALLEST_PART)
+        return self.in_reach(state + step / max(np.max(np.abs(step) / LARGEST_STEP), 1.0))
+
+    def in_reach(self, state: FloatArray) -> FloatArray:
+        """Return ``state`` not farther beyond the tables than their tangents are good for."""
+        m, out = self.manifold, state.copy()
+        out[MACH] = np.clip(state[MACH], 0.7 * m.mach_range[0], 1.3 * m.mach_range[1])
+        out[U : W + 1] *= min(1.0, 1.5 * m.incidence_limit / max(np.hypot(state[U], state[W]), 1e-12))
+        low, high = np.log(m.pressure_range)
+        out[LOG_PRESSURE] = np.clip(state[LOG_PRESSURE], low - 1.0, high + 1.0)
+        return out
+
+    def iterated(self, state: FloatArray, sample: Sample, number: int, renewed: int = 1) -> FloatArray:
+        """Return the state after ``number`` iterations, S renewed in every one of ``renewed``, or converged."""
+        before, covariance = None, self.strain_covariance(state)
+        for iteration in range(number):
+            if iteration > 0 and iteration % renewed == 0:
+                covariance = self.strain_covariance(state)
+            found = self.posterior(state, sample, covariance)
+            step = found.mean[0, :N_STATES] - state
+            last, state = state, self.next_state(state, found, before)
+            before = last, step
+            if _size(step, found) < CONVERGED:
+                break
+        return state
+
+    # Estimates.
+
+    def estimate(self, sample: Sample, start: FloatArray | None = None) -> NonlinearEstimate:
+        """Return the estimate of ``sample`` from ``start`` (4,), by a search of the tables for None.
+
+        The one quantity of air data that fits worst is dropped where it does not fit, and the sample solved again.
+        """
+        found = self.solved(sample, start)
+        excess = np.abs(found.air_standardised) / DROPPED
+        worst = int(np.argmax(excess))
+        if excess[worst] <= 1.0:
+            return found
+        return self.solved(replace(sample, air=without(sample.air, found.air_standardised, worst)), start)
+
+    def solved(self, sample: Sample, start: FloatArray | None = None) -> NonlinearEstimate:
+        """Return the estimate of ``sample`` with all its air data."""
+        if start is None:
+            ends = [self.iterated(one, sample, EACH, renewed=EACH // 2) for one in self.starts(sample)]
+            start = min(ends, key=lambda one: self.concluded(one, sample).deviance)
+        return self.concluded(self.iterated(start, sample, LARGEST_NUMBER), sample)
+
+    @cached_property
+    def grid(self) -> tuple[FloatArray, FloatArray]:
+        """States (INCIDENCES, n, 4) of the search at p_inf = 1 Pa, their strain (INCIDENCES, n, n_d) per p_inf."""
+        middle, half = (np.broadcast_to(one, 2) for one in self.manifold.crossflow)
+        roll = 2.0 * np.pi * np.arange(ROLLS) / ROLLS
+        part = (np.arange(INCIDENCES)[:, None, None] + 0.5) / INCIDENCES
+        low, high = self.manifold.mach_range
+        mach = np.linspace(low, high, MACHS)[:, None]
+        of_u, of_w = middle[0] + part * half[0] * np.cos(roll), middle[1] + part * half[1] * np.sin(roll)
+        each = np.broadcast_arrays(mach, of_u, of_w, 0.0)
+        states = np.stack(each, axis=-1).reshape(INCIDENCES, -1, N_STATES)
+        fixed = self.tables.fixed[: self.n_d]
+        unit = [[evaluate(self.tables, one)[0][: self.n_d] - fixed for one in of_one] for of_one in states]
+        return states, np.array(unit)
+
+    def starts(self, sample: Sample) -> FloatArray:
+        """Return (INCIDENCES, 4) the best state of the grid at each incidence, p_inf by strain and air data."""
+        states, unit = self.grid
+        at = np.append(states[INCIDENCES // 2, 0, :LOG_PRESSURE], self.prior_mean[LOG_PRESSURE])
+        weight = np.where(sample.used, 1.0 / np.sqrt(np.diag(self.strain_covariance(at))), 0.0)
+        data = weight * np.where(sample.used, sample.rows - self.tables.fixed[: self.n_d], 0.0)
+        best = []
+        for state, strain in zip(states, unit, strict=True):
+            cost, log_pressure = self._joined(state[:, MACH], strain * weight, data, sample.air)
+            one = np.argmin(cost)
+            best.append(np.append(state[one, :LOG_PRESSURE], log_pressure[one]))
+        return np.array(best)
+
+    def _joined(
+        self, mach: FloatArray, unit: FloatArray, data: FloatArray, air: AirInputs
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the cost (k,) of states of the grid, and their ln p_inf (k,) by strain, air data and prior.
+
+        ``mach`` (k,), and ``unit`` (k, n_d) whitened strain per p_inf; ``data`` (n_d,) is that of the sample.
+        """
+        size, along = np.sum(unit**2, axis=1), unit @ data
+        log_pressure = np.log(np.clip(along / np.maximum(size, 1e-300), 10.0, 5e5))
+        known, zero, both = np.isfinite(air.value), np.zeros(len(mach)), [MACH, LOG_PRESSURE]
+        precision = np.append(np.where(known, air.log_std, np.inf), self.prior_std[both]) ** -2
+        value = np.append(np.where(known, air.log_value, 0.0), self.prior_mean[both])
+        of_dynamic = log(0.5 * HEAT_CAPACITY_RATIO) + 2.0 * np.log(mach)
+        apart = value - np.stack([mach, zero, of_dynamic, mach, zero], axis=1)
+        of_pressure = [1, 2, 4]
+        information, weight = size * np.exp(2.0 * log_pressure), precision[of_pressure]
+        joined = information * log_pressure + apart[:, of_pressure] @ weight
+        joined /= information + weight.sum()
+        apart[:, of_pressure] -= joined[:, None]
+        pressure = np.exp(joined)
+        return pressure**2 * size - 2.0 * pressure * along + apart**2 @ precision, joined
+
+    def concluded(self, state: FloatArray, sample: Sample) -> NonlinearEstimate:
+        """Return the estimate at the solved ``state``."""
+        covariance, used, n_d = self.strain_covariance(state), sample.used, self.n_d
+        found = self.posterior(state, sample, covariance)
+        whole = found.covariance[0]
+        air, air_std = air_data(state, whole[:N_STATES, :N_STATES])
+        return NonlinearEstimate(
+            **vars(flight_loads(state, found.mean[0, N_STATES:], whole, self.references)),
+            chi_square=float(found.chi_square[0]),
+            standardised=found.standardised[0, :n_d],
+            air_standardised=found.standardised[0, n_d : n_d + N_AIR],
+            air_inputs=sample.air,
+            air=air,
+            air_std=air_std,
+            deviance=float(found.chi_square[0] + np.linalg.slogdet(covariance[np.ix_(used, used)])[1]),
+            step=_size(found.mean[0, :N_STATES] - state, found),
+        )
+
+
+def flight_loads(state: FloatArray, loads: FloatArray, joint: FloatArray, references: FloatArray) -> FlightLoads:
+    """Return ``loads`` (m,) at ``state``, with their ``joint`` covariance (4 + m, 4 + m), and the coefficients.
+
+    Of these the error of ln q_inf, which goes with the errors of the loads, is a part.
+    """
+    mach = state[MACH]
+    scale = 1.0 / (0.5 * HEAT_CAPACITY_RATIO * mach**2 * np.exp(state[LOG_PRESSURE]) * references)
+    by_log, of_state = np.array([2.0 / mach, 0.0, 0.0, 1.0]), joint[:N_STATES, :N_STATES]
+    turn = np.hstack([-np.outer(scale * loads, by_log), np.diag(scale)])
+    of_log = float(np.sqrt(by_log @ of_state @ by_log))
+    return FlightLoads(
+        state=state,
+        state_covariance=of_state,
+        loads=loads,
+        covariance=joint[N_STATES:, N_STATES:],
+        coefficients=scale * loads,
+        coefficient_covariance=(lognormal_std(of_log) / of_log) ** 2 * (turn @ joint @ turn.T),
+    )
+
+
+def _size(step: FloatArray, found: Posterior) -> float:
+    """Return ``step`` (4,) in standard deviations of the posterior."""
+    return float(np.sqrt(step @ np.linalg.solve(found.covariance[0, :N_STATES, :N_STATES], step)))
