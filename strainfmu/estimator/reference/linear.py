@@ -1,9 +1,8 @@
 """A linear map as a model of the update, and the loads of samples by it.
 
 Form "dynamic_pressure" is ``eq:scaled-model`` as it stands: the scale s is q_inf over the nominal one, states
-are free (Case 1) or columns (Case 2), errors that grow with the pressure are columns. In form "absolute" s is 1
-and e holds all errors, Gamma; load that no state holds is correlated with it. Its gain is that of a prior of
-covariance 1 / gamma (``eq:ls-solution``), its truth that of 1: they differ.
+are free (Case 1) or columns (Case 2), and so are errors that grow with the pressure. In form "absolute" s is 1; its
+gain is that of a prior of covariance 1 / gamma (``eq:ls-solution``), its truth that of 1, and they may differ.
 """
 
 from __future__ import annotations
@@ -51,11 +50,16 @@ def references(inverse_map: InverseMap) -> FloatArray:
 
 
 def models(inverse_map: InverseMap) -> tuple[Model, Model]:
-    """Return the model that the gain of ``inverse_map`` is made for, and the truth."""
-    if inverse_map.form == "dynamic_pressure":
-        model = _scaled_model(inverse_map)
-        return model, model
-    return _absolute_models(inverse_map)
+    """Return the model that the gain of ``inverse_map`` is made for, and the truth.
+
+    The states of the first have the prior covariance 1 / gamma, those of the second 1.
+    """
+    truth = _model(inverse_map)
+    if inverse_map.case == 1 or inverse_map.regularisation == 1.0:
+        return truth, truth
+    std = np.ones(truth.columns.shape[1])
+    std[: inverse_map.n_states] = 1.0 / np.sqrt(inverse_map.regularisation)
+    return replace(truth, columns=std * truth.columns, output_columns=std * truth.output_columns), truth
 
 
 def estimate(
@@ -116,65 +120,23 @@ def excess_covariance(inverse_map: InverseMap, coefficients: FloatArray) -> Floa
     return np.asarray(shared + own[:, :, None] * np.eye(n))
 
 
-def _scaled_model(inverse_map: InverseMap) -> Model:
-    (own, errors, load_of_errors), further = inverse_map.scaled_parts, inverse_map.further
+def _model(inverse_map: InverseMap) -> Model:
+    errors, load_of_errors, further = inverse_map.error_strain, inverse_map.error_load, inverse_map.further
     states, load_of_states = inverse_map.state_operator, inverse_map.load_per_state
     fixed_load, mean_load = _or_zero(inverse_map.fixed_load, LOADS), inverse_map.load_of_mean
-    if further is not None and further.error_load is not None:
+    if further is not None:
         load_of_states = np.vstack([load_of_states, further.load_per_state])
         load_of_errors = np.vstack([load_of_errors, further.error_load])
-        fixed_load = np.append(fixed_load, _or_zero(further.fixed_load, len(further.variance)))
+        fixed_load = np.append(fixed_load, _or_zero(further.fixed_load, len(further.load_of_mean)))
         mean_load = np.append(mean_load, further.load_of_mean)
     fixed = _or_zero(inverse_map.fixed_strain, len(states))
-    parts = {"fixed": fixed, "mean": inverse_map.mean_strain - fixed, "noise": own}
+    parts = {"fixed": fixed, "mean": inverse_map.mean_strain - fixed, "noise": inverse_map.gauge_covariance}
     parts |= {"output_fixed": fixed_load, "output_mean": mean_load - fixed_load}
     if inverse_map.case == 1:
         parts |= {"free": states, "output_free": load_of_states}
     else:
         errors, load_of_errors = np.hstack([states, errors]), np.hstack([load_of_states, load_of_errors])
     return model_of(len(states), len(mean_load), **parts, columns=errors, output_columns=load_of_errors)
-
-
-def _absolute_models(inverse_map: InverseMap) -> tuple[Model, Model]:
-    """Return the model of the gain, whose states have the prior covariance 1 / gamma, and the truth."""
-    states, load_of_states = inverse_map.state_operator, inverse_map.load_per_state
-    mean_load, n, further = inverse_map.load_of_mean, len(states), inverse_map.further
-    cross = inverse_map.strain_load_covariance
-    cross = np.zeros((n, LOADS)) if cross is None else cross
-    if further is not None:
-        own = further.strain_load_covariance
-        cross = np.hstack([cross, np.zeros((n, len(further.variance))) if own is None else own])
-        load_of_states = np.vstack([load_of_states, further.load_per_state])
-        mean_load = np.append(mean_load, further.load_of_mean)
-    is_free, noise = inverse_map.case == 1, inverse_map.noise_covariance
-    parts = {"mean": inverse_map.mean_strain, "output_mean": mean_load, "noise": noise, "cross": cross}
-    kind = "free" if is_free else "columns"
-    parts |= {kind: states, f"output_{kind}": load_of_states}
-    truth = model_of(n, len(mean_load), **parts, output_noise=cross.T @ np.linalg.solve(noise, cross))
-    std = 1.0 if is_free else 1.0 / np.sqrt(inverse_map.regularisation)
-    for_gain = replace(truth, columns=std * truth.columns, output_columns=std * truth.output_columns)
-    output_noise = truth.output_noise + _load_left(inverse_map, truth, for_gain)
-    return replace(for_gain, output_noise=output_noise), replace(truth, output_noise=output_noise)
-
-
-def _load_left(inverse_map: InverseMap, truth: Model, for_gain: Model) -> FloatArray:
-    """Return (m, m) covariance of load that neither states nor strain show.
-
-    It is what the covariance that the map states for all its rows has beyond the terms that depend on the gain.
-    """
-    one = np.ones(1)
-    gain = condition(prepare(for_gain, np.ones(inverse_map.n_gauges, dtype=bool)), truth.mean[None], one).gain
-    of_gain = joseph(truth, gain, one)[0]
-    left = np.zeros(of_gain.shape)
-    size = np.sqrt(np.diag(inverse_map.load_covariance))
-    rest = (inverse_map.load_covariance - of_gain[:LOADS, :LOADS]) / np.outer(size, size)
-    values, vectors = np.linalg.eigh(rest)
-    root = size[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
-    left[:LOADS, :LOADS] = root @ root.T
-    if inverse_map.further is not None:
-        variance = inverse_map.further.variance - np.diag(of_gain)[LOADS:]
-        left[LOADS:, LOADS:] = np.diag(np.maximum(variance, 0.0))
-    return left
 
 
 def _or_zero(values: FloatArray | None, n: int) -> FloatArray:

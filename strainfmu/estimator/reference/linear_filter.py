@@ -35,10 +35,10 @@ class LinearFilterReference:
 
     def __init__(self, inverse_map: InverseMap, time_constant: float) -> None:
         """Begin with the prior of the map; ``time_constant`` T [s]."""
-        own, errors, load_of_errors = inverse_map.scaled_parts
+        errors, load_of_errors = inverse_map.error_strain, inverse_map.error_load
         self.map, self.time_constant = inverse_map, time_constant
         self.law: Law | None = None
-        self.noise, common, lasting = kalman.white_and_lasting(own, inverse_map.noise_std)
+        self.noise, common, lasting = kalman.white_and_lasting(inverse_map.gauge_covariance, inverse_map.noise_std)
         cross, variance = errors @ load_of_errors.T, load_of_errors @ load_of_errors.T
         self.seen = kalman.seen_errors(errors, cross, variance, 1.0, np.sqrt(self.noise + np.diag(lasting)))
         states, n_d = inverse_map.state_operator, inverse_map.n_gauges

@@ -51,7 +51,7 @@ def absolute(gamma: float) -> InverseMap:
 
 def warm(inverse_map: InverseMap) -> InverseMap:
     """Return ``inverse_map`` with temperature modes of the size of its gauges' noise."""
-    noise = float(np.sqrt(np.median(np.diag(inverse_map.scaled_parts[0]))))
+    noise = float(np.sqrt(np.median(np.diag(inverse_map.gauge_covariance))))
     strain = 0.1 * noise * np.random.default_rng(3).normal(size=(inverse_map.n_gauges, 6))
     return with_temperature(inverse_map, mode_strain=strain, apparent_strain=noise * np.array([2e-2, -1e-4]))
 
