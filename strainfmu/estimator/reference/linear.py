@@ -1,7 +1,7 @@
 """A linear map as a model of the update, and the loads of samples by it.
 
 Form "dynamic_pressure" is ``eq:scaled-model`` as it stands: the scale s is q_inf over the nominal one, states
-are free (Case 1) or columns (Case 2), and so are errors that grow with the pressure. In form "absolute" s is 1; its
+are free (Case 1) or columns (Case 2), as are errors that grow with the pressure. In form "absolute" s is 1; its
 gain is that of a prior of covariance 1 / gamma (``eq:ls-solution``), its truth that of 1, and they may differ.
 """
 
