@@ -1,23 +1,32 @@
 """The linear estimator in numpy behind the interface of :class:`~strainfmu.estimator.core.Core`.
 
-For machines without a library of the compiled estimator and without a compiler. It has no filter, and no tables.
+For machines without a library of the compiled estimator and without a compiler. The reference estimates; here are
+settings, and the rules of health. It has no filter and no tables, and names the worst gauge alone as a suspect.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 
-from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.errors import InputError
+from strainfmu.estimator.arguments import given, silent
 from strainfmu.estimator.core import Layout, NoCoreError, Series
-from strainfmu.estimator.estimates.load_estimate import LoadEstimates
-from strainfmu.estimator.linear.estimator import Estimator
-from strainfmu.estimator.linear.flow_parameters import flow_parameters
+from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, HealthState, chi_square_limit
+from strainfmu.estimator.linear.envelope import envelope_score, flight_ranges, half_spaces, outside_by_navigation
+from strainfmu.estimator.linear.flow import MAX_DYNAMIC_PRESSURE, MIN_DYNAMIC_PRESSURE
+from strainfmu.estimator.linear.flow_parameters import PARAMETER_TOLERANCE, flow_parameters
+from strainfmu.estimator.linear.isolation import outlier_threshold
+from strainfmu.estimator.linear.masks import MIN_INFORMATION
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.map.offers import has_further_outputs
-from strainfmu.estimator.settings import EstimatorSettings
+from strainfmu.estimator.reference.linear import LOADS, LinearEstimate, estimate, references
+from strainfmu.estimator.reference.readings import Zeros, amplitudes, row_noise, rows_of, without_thrust
+from strainfmu.estimator.settings import EstimatorSettings, default_settings
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 
 _AIR_DATA = (
@@ -30,6 +39,17 @@ _AIR_DATA = (
     "static_pressure_std",
 )
 _SETTINGS = ("sensor_range", "alarm_scale", "reference_area", "reference_length", "moment_station")
+
+
+class _Flow(NamedTuple):
+    """Dynamic pressure and its deviation [Pa], whether they give coefficients, whether the flow is outside of the
+    map (k,) each, and the part of its range by which each parameter leaves it (k, n_p)."""
+
+    pressure: FloatArray
+    std: FloatArray
+    known: BoolArray
+    is_outside: BoolArray
+    score: FloatArray
 
 
 class NumpyCore:
@@ -80,8 +100,7 @@ class NumpyCore:
         self.n_fit = _size(self.fit) - self.n_outputs
         self.sample = np.full(self.n_inputs, np.nan)
         self._values = np.zeros(_size(self.settings))
-        self._estimator = Estimator(inverse_map)
-        settings = self._estimator.settings
+        settings = default_settings(inverse_map)
         self._values[: len(_SETTINGS)] = [getattr(settings, name) for name in _SETTINGS]
 
     def copy(self) -> NumpyCore:
@@ -95,10 +114,8 @@ class NumpyCore:
         held = self._values.copy()
         held[first : first + len(values)] = values
         zero, std, common = (held[self.settings[name]] for name in ("zero", "zero_std", "zero_common_std"))
-        settings = EstimatorSettings(**{name: float(held[self.settings[name].start]) for name in _SETTINGS})
-        self._estimator = Estimator(
-            self._map, settings, GaugeZeros(value=zero, std=std, common_std=float(common[0]))
-        )
+        EstimatorSettings(**{name: float(held[self.settings[name].start]) for name in _SETTINGS})
+        GaugeZeros(value=zero, std=std, common_std=float(common[0]))
         self._values = held
 
     def get(self, first: int, count: int) -> FloatArray:
@@ -124,71 +141,183 @@ class NumpyCore:
         out: FloatArray | None = None,
     ) -> FloatArray:
         """Return the records (k, n) of k samples; arguments as of the compiled core."""
-        found = self._estimates(inputs, mask)
+        layout = {**self.outputs, **self.fit} if with_fit else self.outputs
         record = np.full((len(inputs), self.n_outputs + (self.n_fit if with_fit else 0)), np.nan)
-        suspects = [one[0] + 1 if one else 0 for one in found.suspects]
-        of_outputs = {
-            name: getattr(found, name)
-            for name in self.outputs
-            if hasattr(found, name) and self.outputs[name].stop > self.outputs[name].start
-        } | {
-            "valid_gauges": found.valid.sum(axis=1),
-            "suspect_gauge": np.array(suspects),
-            "suspects": np.array([len(one) for one in found.suspects]),
-        }
-        _write(record, self.outputs, of_outputs)
-        if with_fit:
-            _write(record, self.fit, self._fit(found))
+        for name, values in self._estimates(inputs, mask).items():
+            if name in layout:
+                record[:, layout[name]] = values.reshape(len(record), -1)
         if out is None:
             return record
         out[:] = record
         return out
 
-    def _estimates(self, inputs: FloatArray, mask: BoolArray | None) -> LoadEstimates:
+    def _setting(self, name: str) -> FloatArray:
+        return self._values[self.settings[name]]
+
+    def _estimates(self, inputs: FloatArray, mask: BoolArray | None) -> dict[str, FloatArray]:
+        """Return the fields of the samples ``inputs`` by name."""
+        held, k, n = self._map, len(inputs), self.n_rows
         of = {name: inputs[:, place] for name, place in self.inputs.items()}
-        strain, sensors = inputs[:, : self.n_rows], self._map.sensors
-        if sensors is not None and of["thrust"].shape[1]:
-            strain = sensors.without_thrust(strain, of["thrust"][:, 0])
-        names = flow_parameters(self._map).names
-        found = self._estimator.estimate(
-            strain,
-            of["dynamic_pressure"][:, 0],
-            mask,
-            of["dynamic_pressure_std"][:, 0],
-            mach_number=of["mach_number"][:, 0],
-            altitude=of["altitude"][:, 0],
-            temperature=of["temperature"] if of["temperature"].shape[1] else None,
-            parameters=dict(zip(names, of["parameter"].T, strict=True)) if names else None,
+        readings = inputs[:, :n]
+        if of["thrust"].shape[1]:
+            readings = without_thrust(held, readings, of["thrust"][:, 0])
+        flow = self._flow(of)
+        used = self._used(readings, mask, flow)
+        found = self._nothing(k, used)
+        zeros = Zeros(
+            value=self._setting("zero"),
+            std=self._setting("zero_std"),
+            common_std=float(self._setting("zero_common_std")[0]),
         )
-        assert isinstance(found, LoadEstimates)
+        theta = given(of["temperature"])
+        key = np.hstack([used, np.isfinite(theta)])
+        for one in np.unique(key, axis=0):
+            at = np.flatnonzero((key == one).all(axis=1))
+            known, amplitude, left = one[n:], None, None
+            if known.any() and held.thermal is not None:
+                warm = amplitudes(held.thermal, theta[at], known)
+                amplitude, left = warm.mean, warm.covariance
+            rows = rows_of(held, readings[at], np.zeros(len(at)), zeros, amplitude)
+            noise = row_noise(held, held.gauge_covariance, zeros, left)
+            self._fill(found, at, rows, one[:n], noise=noise, flow=flow)
         return found
 
-    def _fit(self, found: LoadEstimates) -> dict[str, FloatArray]:
-        """Return the fit of ``found`` by name."""
-        k, n = found.valid.shape
-        is_suspect = np.zeros((k, n))
-        for row, one in enumerate(found.suspects):
-            is_suspect[row, list(one)] = 1.0
-        return {
-            "load_covariance": found.load_covariance.reshape(k, -1),
-            "coefficient_covariance": found.coefficient_covariance.reshape(k, -1),
-            "fits": (found.chi_square <= found.chi_square_limit).astype(float),
-            "standardised_residual": found.standardised_residual,
-            "valid": found.valid.astype(float),
-            "is_suspect": is_suspect,
-            "residual_limit": self._residual_limit(found),
-        }
+    def _flow(self, of: Mapping[str, FloatArray]) -> _Flow:
+        """Return what is given of the flow."""
+        q, mach, altitude = (given(of[name][:, 0]) for name in ("dynamic_pressure", "mach_number", "altitude"))
+        std = of["dynamic_pressure_std"][:, 0]
+        usable = (q >= MIN_DYNAMIC_PRESSURE) & (q <= MAX_DYNAMIC_PRESSURE)
+        std = np.where(np.isnan(std), self._map.dynamic_pressure_error * np.where(usable, q, 0.0), std)
+        known = usable & (std >= 0.0) & (std < np.inf)
+        std = np.where(known, std, 0.0)
+        is_outside = outside_by_navigation(
+            flight_ranges(self._map),
+            dynamic_pressure=q,
+            dynamic_pressure_std=std,
+            mach_number=mach,
+            altitude=altitude,
+        )
+        parameters = flow_parameters(self._map)
+        score = parameters.score(of["parameter"]) if parameters.names else np.zeros((len(q), 0))
+        is_outside |= np.any(score > PARAMETER_TOLERANCE, axis=1)
+        return _Flow(q, std, known, is_outside, score)
 
-    def _residual_limit(self, found: LoadEstimates) -> FloatArray:
-        """Return (k,) the detection threshold of the largest |z|, which moves with that of chi-square."""
-        masks, which = np.unique(found.valid, axis=0, return_inverse=True)
-        maps = [self._estimator.masked_map(mask) for mask in masks]
-        threshold = np.array([np.nan if one is None else one.outlier_threshold for one in maps])
-        nominal = np.array([np.nan if one is None else one.chi_square_limit for one in maps])
-        of_sample = np.ravel(which)
-        with np.errstate(invalid="ignore"):
-            moved = found.chi_square_limit / (self._map.chi_square_scale * nominal[of_sample])
-        return np.asarray(threshold[of_sample] * np.sqrt(self._map.outlier_scale * moved))
+    def _used(self, readings: FloatArray, mask: BoolArray | None, flow: _Flow) -> BoolArray:
+        """Return (k, n_d) the sensors in use: in range, in ``mask``, and not all exactly 0 in a flow."""
+        sensors, strain = self._map.sensors, float(self._setting("sensor_range")[0])
+        largest = strain if sensors is None else np.where(sensors.is_strain, strain, sensors.largest)
+        used: BoolArray = np.abs(readings) <= largest  # false for NaN
+        if mask is not None:
+            used &= mask
+        flows = flow.pressure >= MIN_DYNAMIC_PRESSURE
+        used[silent(readings, used, self._map.n_strain_gauges) & flows] = False
+        return used
+
+    def _nothing(self, k: int, used: BoolArray) -> dict[str, FloatArray]:
+        """Return the fields of samples without an estimate."""
+        whole = {**self.outputs, **self.fit}
+        found = {name: np.full((k, place.stop - place.start), np.nan) for name, place in whole.items()}
+        for name in ("suspect_gauge", "suspects", "degrees_of_freedom", "fits", "is_suspect"):
+            found[name][:] = 0.0
+        found["valid"][:], found["valid_gauges"][:, 0] = used, used.sum(axis=1)
+        found["health"][:, 0] = np.where(used.any(axis=1), HealthState.UNIDENTIFIED, HealthState.INVALID)
+        return found
+
+    def _fill(
+        self,
+        found: dict[str, FloatArray],
+        at: IntArray,
+        rows: FloatArray,
+        used: BoolArray,
+        *,
+        noise: FloatArray,
+        flow: _Flow,
+    ) -> None:
+        """Fill in the samples ``at``, whose ``rows`` have the same sensors in use."""
+        held = self._map
+        found["parameter_score"][at] = flow.score[at]
+        if not used.any() or not _identifies(held, noise, used):
+            return
+        known, q_std = flow.known[at], flow.std[at]
+        q = np.where(known, flow.pressure[at], held.nominal_dynamic_pressure)
+        of_map = estimate(held, rows, used, q, q_std, noise)
+        scale = float(self._setting("alarm_scale")[0]) * of_map.expected_ratio
+        freedom = int(of_map.degrees_of_freedom[0])
+        limit = held.chi_square_scale * scale * (chi_square_limit(freedom) if freedom > 0 else np.inf)
+        level = outlier_threshold(int(used.sum()), FALSE_ALARM_PROBABILITY)
+        threshold = level * np.sqrt(held.outlier_scale * scale)
+        z, chi_square = of_map.standardised, of_map.chi_square
+        worst = np.argmax(np.abs(z), axis=1)
+        suspicious = np.abs(z[np.arange(len(z)), worst]) > threshold
+        spaces, five = half_spaces(held), slice(0, LOADS)
+        score = np.zeros(len(q))
+        if spaces is not None:
+            covariance = of_map.coefficient_covariance[:, five, five]
+            score = envelope_score(spaces, of_map.coefficients[:, five], covariance)
+        health = np.full(len(q), HealthState.OK if used.all() else HealthState.DEGRADED)
+        # The later takes the place of the earlier.
+        health[score > held.envelope_score_limit] = HealthState.OUTSIDE
+        health[suspicious] = HealthState.SUSPECT
+        health[chi_square > limit] = HealthState.INCONSISTENT
+        health[flow.is_outside[at]] = HealthState.OUTSIDE
+        health[~known] = HealthState.NO_COEFFICIENTS
+        found["health"][at, 0] = health
+
+        needs_pressure = held.follows_pressure
+        there = known if needs_pressure else np.ones(len(q), dtype=bool)
+        here, loads = at[there], self._loads(of_map)
+        for name, values in loads.items():
+            of_coefficients = "coefficient" in name
+            which = known if of_coefficients else there
+            found[name][at[which]] = values[which].reshape(int(which.sum()), -1)
+        found["envelope_score"][at[known], 0] = score[known]
+        of_fit: dict[str, np.ndarray] = {
+            "chi_square": chi_square,
+            "chi_square_limit": limit,
+            "residual_limit": threshold,
+            "fits": chi_square <= limit,
+            "suspects": suspicious,
+            "suspect_gauge": np.where(suspicious, worst + 1, 0),
+            "degrees_of_freedom": of_map.degrees_of_freedom,
+        }
+        for name, numbers in of_fit.items():
+            found[name][here, 0] = numbers[there]
+        found["standardised_residual"][here] = z[there]
+        found["is_suspect"][here, worst[there]] = suspicious[there]
+
+    def _loads(self, of_map: LinearEstimate) -> dict[str, FloatArray]:
+        """Return loads and coefficients about the moment point and for the references of the settings."""
+        of_setting = {name: float(self._setting(name)[0]) for name in _SETTINGS}
+        m = of_map.loads.shape[1]
+        transfer = np.eye(m)
+        shift = of_setting["moment_station"] - default_settings(self._map).moment_station
+        transfer[3, 1] = transfer[4, 2] = shift
+        own = references(self._map)
+        is_long = own != self._map.reference_area
+        area, length = of_setting["reference_area"], of_setting["reference_length"]
+        # Coefficients of the map's references are turned as loads are, then scaled to other references.
+        scale = own / (area * np.where(is_long, length, 1.0))
+        turned = scale[:, None] * (transfer * own / own[:, None])
+        loads, covariance = of_map.loads @ transfer.T, transfer @ of_map.covariance @ transfer.T
+        coefficients = of_map.coefficients @ turned.T
+        of_coefficients = turned @ of_map.coefficient_covariance @ turned.T
+        std, of_std = (np.sqrt(np.diagonal(one, axis1=1, axis2=2)) for one in (covariance, of_coefficients))
+        five, rest = slice(0, LOADS), slice(LOADS, m)
+        found = {
+            "loads": loads[:, five],
+            "loads_std": std[:, five],
+            "coefficients": coefficients[:, five],
+            "coefficients_std": of_std[:, five],
+            "load_covariance": covariance[:, five, five],
+            "coefficient_covariance": of_coefficients[:, five, five],
+        }
+        if self.outputs["further_loads"].stop > self.outputs["further_loads"].start:
+            found["further_loads"], found["further_loads_std"] = loads[:, rest], std[:, rest]
+            found["further_coefficients"], found["further_coefficients_std"] = (
+                coefficients[:, rest],
+                of_std[:, rest],
+            )
+        return found
 
     def restart(self) -> None:
         """Nothing is remembered."""
@@ -215,6 +344,20 @@ def _size(layout: Layout) -> int:
     return max(place.stop for place in layout.values())
 
 
-def _write(record: FloatArray, layout: Layout, fields: dict[str, FloatArray]) -> None:
-    for name, values in fields.items():
-        record[:, layout[name]] = values.reshape(len(record), -1)
+def _identifies(inverse_map: InverseMap, noise: FloatArray, used: BoolArray) -> bool:
+    """Return whether the sensors ``used`` (n_d,) leave every free state some of its information.
+
+    The smallest part of the information of all sensors that is left, over the combinations of states.
+    """
+    if inverse_map.case == 2:
+        return True
+    covariance = noise + inverse_map.error_strain @ inverse_map.error_strain.T
+    states = inverse_map.state_operator / np.abs(inverse_map.state_operator).max(axis=0)
+    if used.sum() < states.shape[1]:
+        return False
+    every, some = (
+        states[rows].T @ np.linalg.solve(covariance[np.ix_(rows, rows)], states[rows])
+        for rows in (np.ones(len(used), dtype=bool), used)
+    )
+    root = np.linalg.inv(np.linalg.cholesky(every))
+    return bool(np.linalg.eigvalsh(root @ some @ root.T)[0] >= MIN_INFORMATION)
