@@ -24,6 +24,7 @@ from strainfmu.estimator.linear.isolation import outlier_threshold
 from strainfmu.estimator.linear.masks import MIN_INFORMATION
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.map.offers import has_further_outputs
+from strainfmu.estimator.map.temperature import known_sensors
 from strainfmu.estimator.reference.linear import LOADS, LinearEstimate, estimate, references
 from strainfmu.estimator.reference.readings import Zeros, amplitudes, row_noise, rows_of, without_thrust
 from strainfmu.estimator.settings import EstimatorSettings, default_settings
@@ -169,14 +170,17 @@ class NumpyCore:
             std=self._setting("zero_std"),
             common_std=float(self._setting("zero_common_std")[0]),
         )
-        theta = given(of["temperature"])
-        key = np.hstack([used, np.isfinite(theta)])
+        theta = of["temperature"]
+        warm_known = (
+            np.zeros(theta.shape, dtype=bool) if held.thermal is None else known_sensors(held.thermal, theta)
+        )
+        key = np.hstack([used, warm_known])
         for one in np.unique(key, axis=0):
             at = np.flatnonzero((key == one).all(axis=1))
             known, amplitude, left = one[n:], None, None
             if known.any() and held.thermal is not None:
-                warm = amplitudes(held.thermal, theta[at], known)
-                amplitude, left = warm.mean, warm.covariance
+                of_sensors = amplitudes(held.thermal, theta[at], known)
+                amplitude, left = of_sensors.mean, of_sensors.covariance
             rows = rows_of(held, readings[at], np.zeros(len(at)), zeros, amplitude)
             noise = row_noise(held, held.gauge_covariance, zeros, left)
             self._fill(found, at, rows, one[:n], noise=noise, flow=flow)
@@ -269,7 +273,7 @@ class NumpyCore:
         for name, values in loads.items():
             of_coefficients = "coefficient" in name
             which = known if of_coefficients else there
-            found[name][at[which]] = values[which].reshape(int(which.sum()), -1)
+            found[name][at[which]] = values.reshape(len(at), -1)[which]
         found["envelope_score"][at[known], 0] = score[known]
         of_fit: dict[str, np.ndarray] = {
             "chi_square": chi_square,
