@@ -122,7 +122,8 @@ def prepare(model: Model, used: BoolArray) -> Prepared:
     whitening[:, used] = turned @ inverse
     singular = np.concatenate([np.zeros(n_x), singular, np.zeros(n_w - n_x - n_seen)])
     unseen, remainder = _square(amplitudes[:, n_seen:]), model.output_noise - _square(of_noise)
-    return Prepared(model, whitening, singular, n_x, of_free, of_columns, of_noise, unseen, remainder)
+    outputs = {"of_free": of_free, "of_columns": of_columns, "of_noise": of_noise, "unseen": unseen}
+    return Prepared(model, whitening, singular, n_x, **outputs, remainder=remainder)
 
 
 def condition(prepared: Prepared, rows: FloatArray, scale: FloatArray) -> Posterior:
