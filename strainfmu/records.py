@@ -110,16 +110,31 @@ def _read_field(group: h5py.Group, entry: Field[Any]) -> Any:
 def _read(group: h5py.Group, name: str, annotation: str) -> Any:
     """Return one field; ``annotation`` is its type as written in the class."""
     short = annotation == "str" or (annotation.startswith("dict") and name in group.attrs)
-    held: Any = group.attrs if short else group
-    if name not in held:
+    value = group.attrs.get(name) if short else _values(group, name)
+    if value is None:
         if "None" in annotation:
             return None
         raise KeyError(f"entry '{name}' is missing")
     if annotation == "str":
-        return str(held[name])
+        return str(value)
     if annotation.startswith("dict"):
-        return json.loads(held[name] if short else held[name][()])
-    value = held[name][()]
+        return json.loads(str(value) if short else value.item())
     if annotation.startswith("tuple"):
         return tuple(item.decode() for item in value)
     return value.item() if np.ndim(value) == 0 else value
+
+
+def _values(group: h5py.Group, name: str) -> np.ndarray | None:
+    """Return the content of a data set, None if there is none of the name.
+
+    By the calls below ``group[name][()]``, which takes ten times as long: a map has some fifty data sets.
+    """
+    if name not in group:
+        return None
+    item = h5py.h5o.open(group.id, name.encode())
+    if not isinstance(item, h5py.h5d.DatasetID):
+        raise KeyError(f"entry '{name}' is no data set")
+    value = np.empty(item.shape, dtype=item.dtype)
+    if value.size:
+        item.read(h5py.h5s.ALL, h5py.h5s.ALL, value)
+    return value

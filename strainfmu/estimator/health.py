@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from enum import IntEnum
+from functools import cache
 from math import erfc, exp, lgamma, log, sqrt
 
 FALSE_ALARM_PROBABILITY = 1e-4
@@ -55,6 +56,7 @@ def chi_square_survival(value: float, degrees_of_freedom: int) -> float:
     return min(total, 1.0)
 
 
+@cache
 def chi_square_limit(degrees_of_freedom: int, false_alarm_probability: float = FALSE_ALARM_PROBABILITY) -> float:
     """Return the value that a chi-square variable exceeds with ``false_alarm_probability``.
 

@@ -87,6 +87,10 @@ static int create(Estimator *e, MapFile *file) {
     if (!allocate(e)) {
         return map_no_memory(file);
     }
+    if (!added_noise_apply(&e->noise, &e->map, &e->cache[0], &e->work)) {
+        map_require(file, 0, "linear.gauge_covariance", "a covariance");
+        return 0;
+    }
     if (map->scaled) {
         scaled_prepare(e);
     }

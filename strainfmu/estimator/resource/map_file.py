@@ -6,9 +6,8 @@ A name is PART.VALUE. Every map has the parts "linear", "settings", "envelope" a
 a nonlinear map. A module of ``fmus/native/estimator`` reads each part by its names. A bound that the map does not
 state is the largest finite number.
 
-Every value has the same bits on every machine (:mod:`strainfmu.estimator.numerics.fixed_order`). Of the whitening
-matrices the file holds the triangle R of a QR decomposition: all that is computed from W is the same for W and
-Q' W, and a triangle takes half the time and half the room.
+Every value has the same bits on every machine (:mod:`strainfmu.estimator.numerics.fixed_order`). Gains, whitening
+and directions of the linear estimator follow from them: the compiled estimator computes these as it opens a map.
 """
 
 from __future__ import annotations
@@ -25,7 +24,6 @@ from strainfmu.estimator.filter.linear_model import linear_model
 from strainfmu.estimator.filter.settings import LARGEST, SLOW, SMALLEST, FilterSettings
 from strainfmu.estimator.further_loads import FurtherLoads, is_moment
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, chi_square_limit
-from strainfmu.estimator.linear.decomposition import Decomposition, decompose
 from strainfmu.estimator.linear.envelope import MACH_TOLERANCE, PRESSURE_TOLERANCE, flight_ranges, half_spaces
 from strainfmu.estimator.linear.flow import MAX_DYNAMIC_PRESSURE, MIN_DYNAMIC_PRESSURE
 from strainfmu.estimator.linear.flow_parameters import (
@@ -36,7 +34,6 @@ from strainfmu.estimator.linear.flow_parameters import (
 )
 from strainfmu.estimator.linear.isolation import AMBIGUOUS_CORRELATION, outlier_threshold
 from strainfmu.estimator.linear.loads_from_strain import MIN_EXPECTED_RATIO
-from strainfmu.estimator.linear.map_parts import map_parts
 from strainfmu.estimator.linear.masks import MIN_INFORMATION
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.map.offers import has_filter, has_further_outputs
@@ -92,7 +89,7 @@ def map_arrays(inverse_map: InverseMap, known: KnownStrain | None = None) -> dic
         **nonlinear_parts(inverse_map),
     }
     if inverse_map.form == "dynamic_pressure":
-        parts |= _scaled_parts(inverse_map, decompose(inverse_map))
+        parts |= _scaled_parts(inverse_map)
     if inverse_map.manifold is None and has_filter(inverse_map):
         parts["linear_filter"] = _linear_filter(inverse_map)
     if inverse_map.thermal is not None:
@@ -108,26 +105,18 @@ def map_arrays(inverse_map: InverseMap, known: KnownStrain | None = None) -> dic
 
 
 def _linear(inverse_map: InverseMap) -> Values:
-    """Return what every map has; triangles by columns, without the zeros."""
-    parts, counts = map_parts(inverse_map), range(1, inverse_map.n_gauges + 1)
-    model = parts.error_model
+    """Return what every map has."""
+    counts = range(1, inverse_map.n_gauges + 1)
     return {
         "degrees_of_freedom": inverse_map.residual_degrees_of_freedom,
         "known_prior": inverse_map.case == 2,
         "mean_strain": inverse_map.mean_strain,
         "load_of_mean": inverse_map.load_of_mean,
-        "load_gain": parts.load_gain.T,
-        "load_covariance": parts.load_covariance,
-        "residual_triangle": _packed_columns(parts.residual_whitening),
-        "gain_triangle": _packed_columns(parts.gain_whitening),
-        "noise_whitening": _packed_columns(parts.noise_whitening.T),
-        "noise_root": _packed_columns(model.noise_root.T),
-        "regression": model.regression,
-        "remainder": model.remainder,
-        "state_operator": model.state_operator.T,
-        "load_per_state": model.load_per_state.T,
-        # The precision of a gauge below which it is round-off: no other gauge checks it.
-        "min_precision": MIN_INFORMATION * np.sum(parts.noise_whitening**2, axis=0),
+        "state_operator": inverse_map.state_operator.T,
+        "load_per_state": inverse_map.load_per_state.T,
+        "gauge_covariance": inverse_map.gauge_covariance,
+        "error_strain": inverse_map.error_strain.T,
+        "error_load": inverse_map.error_load.T,
         "chi_square_limit": [chi_square_limit(freedom) for freedom in counts],
         "outlier_threshold": [outlier_threshold(n, FALSE_ALARM_PROBABILITY) for n in counts],
         "noise_covariance": inverse_map.noise_covariance,
@@ -195,24 +184,18 @@ def _tare(inverse_map: InverseMap, known: KnownStrain) -> Values:
     }
 
 
-def _scaled_parts(inverse_map: InverseMap, parts: Decomposition) -> dict[str, Values]:
+def _scaled_parts(inverse_map: InverseMap) -> dict[str, Values]:
     """Return what form "dynamic_pressure" needs besides, whose weights follow q_inf."""
     fixed_strain = np.zeros(inverse_map.n_gauges) if inverse_map.fixed_strain is None else inverse_map.fixed_strain
     fixed_load = np.zeros(5) if inverse_map.fixed_load is None else inverse_map.fixed_load
     spread, spread_load, spread_unseen = _spread(inverse_map)
     found: dict[str, Values] = {
         "scaled": {
-            "whitening": parts.whitening.T,
-            "singular_values": parts.singular_values,
-            "load_per_direction": parts.load_per_direction[:5].T,
-            "unseen": parts.unseen[:5, :5],
             "fixed_strain": fixed_strain,
             "mean_strain": inverse_map.mean_strain - fixed_strain,
             "fixed_load": fixed_load,
             "load_of_mean": inverse_map.load_of_mean - fixed_load,
-            "min_precision": MIN_INFORMATION / np.diag(inverse_map.gauge_covariance),
             "min_expected_ratio": MIN_EXPECTED_RATIO,
-            "gauge_covariance": inverse_map.gauge_covariance,
             "spread": spread,
             "spread_load": spread_load[:, :5],
             "spread_unseen": spread_unseen[:5, :5],
@@ -222,8 +205,7 @@ def _scaled_parts(inverse_map: InverseMap, parts: Decomposition) -> dict[str, Va
     if errors is not None:
         found["scaled_errors"] = vars(errors)
     if has_further_outputs(inverse_map) and inverse_map.further is not None:
-        of_further = (spread_load[:, 5:], np.diag(spread_unseen)[5:])
-        found["further"] = _further(inverse_map.further, parts, *of_further)
+        found["further"] = _further(inverse_map.further, spread_load[:, 5:], np.diag(spread_unseen)[5:])
     return found
 
 
@@ -247,15 +229,11 @@ def _spread(inverse_map: InverseMap) -> tuple[FloatArray, FloatArray, FloatArray
     return triangle[:n, :n].T, triangle[:n, n:], product(rest.T.copy(), rest)
 
 
-def _further(
-    further: FurtherLoads, parts: Decomposition, spread_load: FloatArray, spread_unseen: FloatArray
-) -> Values:
+def _further(further: FurtherLoads, spread_load: FloatArray, spread_unseen: FloatArray) -> Values:
     """Return what rolling moment and section loads need, with ``spread_load`` (n_d, m), ``spread_unseen`` (m,)."""
     fixed = np.zeros(len(further.load_of_mean)) if further.fixed_load is None else further.fixed_load
     return {
         "is_moment": is_moment(len(further.section_station)).astype(float),
-        "load_per_direction": parts.load_per_direction[5:].T,
-        "unseen": np.diag(parts.unseen)[5:],
         "fixed_load": fixed,
         "load_of_mean": further.load_of_mean - fixed,
         "load_per_state": further.load_per_state.T,
@@ -315,8 +293,3 @@ def _parameters(known: FlowParameters) -> Values:
 def _sensors(rows: SensorRows) -> Values:
     """Return the rows behind the strain gauges."""
     return {name: getattr(rows, name)[rows.n_strain_gauges :] for name in ("scale", "largest", "thrust_response")}
-
-
-def _packed_columns(upper: FloatArray) -> FloatArray:
-    """Return the columns of an upper triangle (n, n), one after another without the zeros."""
-    return np.concatenate([upper[: j + 1, j] for j in range(len(upper))])

@@ -11,6 +11,7 @@ across its meridian, and E is the same all around a station.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from math import atan2, cos, sin
 
 import numpy as np
@@ -78,22 +79,27 @@ def _own_angle(of_cosine: FloatArray, of_sine: FloatArray, position: float) -> _
     """
     a, b = of_cosine[:, :, 1:2], of_sine[:, :, 1:2]
     of_first = 0.5 * atan2(2.0 * float(np.sum(a * b)), float(np.sum(a * a - b * b)))
-    harmonics = range(of_cosine.shape[2])
-    phases = [
-        (np.array([cos(m * phi) for m in harmonics]), np.array([sin(m * phi) for m in harmonics]))
-        for phi in (position, of_first, 0.0)
-    ]
+    phases = [_phase(phi, of_cosine.shape[2]) for phi in (position, of_first, 0.0)]
     odd = [float(np.max(np.abs(of_cosine * s - of_sine * c))) for c, s in phases]
     smallest = min(odd)
     largest = float(max(np.max(np.abs(of_cosine)), np.max(np.abs(of_sine))))
     return next(one for one, size in zip(phases, odd, strict=True) if size <= smallest + ROUND_OFF * largest)
 
 
+@lru_cache(maxsize=256)
+def _phase(phi: float, n_harmonics: int) -> _Phase:
+    """Return cos m phi and sin m phi (n_m,); gauges share their roll angles."""
+    harmonics = range(n_harmonics)
+    return np.array([cos(m * phi) for m in harmonics]), np.array([sin(m * phi) for m in harmonics])
+
+
 def _channel_of(found: list[FloatArray], value: FloatArray) -> int:
     """Return the number of the channel of ``found`` that is ``value``, which joins them if none is."""
-    limit = ROUND_OFF * float(np.max(np.abs(value)))
+    size = np.abs(value)
+    limit, largest = ROUND_OFF * float(np.max(size)), int(np.argmax(size))
     for number, one in enumerate(found):
-        if np.max(np.abs(one - value)) <= limit:
+        # Most others differ where this one is largest.
+        if abs(one.flat[largest] - value.flat[largest]) <= limit and np.max(np.abs(one - value)) <= limit:
             return number
     found.append(value)
     return len(found) - 1

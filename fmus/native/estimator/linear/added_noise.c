@@ -18,7 +18,7 @@ size_t added_noise_doubles(const Map *map) {
     const size_t n = map->n_gauges, triangle = n * (n + 1) / 2, loads = N_LOADS;
     const size_t of_form = map->scaled ? n * n + 2 * n + loads * n + loads * loads : 0;
     return n * n + 4 * triangle + 2 * loads * n + 2 * loads * loads + n + of_form + large_doubles(map)
-         + 2 * (map->n_states + n) + 3 * n * n + loads * (n + map->n_states);
+         + 2 * (map->n_states + n) + 3 * n * n + n + loads * (n + map->n_states);
 }
 
 static double *taken(double **doubles, size_t count) {
@@ -29,7 +29,7 @@ static double *taken(double **doubles, size_t count) {
 
 void added_noise_arrays(const Map *map, AddedNoise *noise, double **doubles) {
     const size_t n = map->n_gauges, triangle = n * (n + 1) / 2;
-    noise->original = *map;
+    noise->file = *map;
     noise->added = taken(doubles, n * n);
     noise->residual_triangle = taken(doubles, triangle);
     noise->gain_triangle = taken(doubles, triangle);
@@ -52,27 +52,62 @@ void added_noise_arrays(const Map *map, AddedNoise *noise, double **doubles) {
     for (size_t k = 0; k < 3; k++) {
         noise->square[k] = taken(doubles, n * n);
     }
-    noise->rows = taken(doubles, N_LOADS * (n + map->n_states));
+    noise->rows = taken(doubles, n + N_LOADS * (n + map->n_states));
 }
 
-/* L'^-1 X for the loads that no state holds, X = L (regression of the file)', and S + X' Gamma^-1 X - X' Gamma'^-1 X. */
-static void set_remainder(AddedNoise *noise) {
-    const Map *file = &noise->original;
-    const size_t n = file->n_gauges;
-    double *cross = noise->rows;
+/* B = X' Gamma^-1 (5, n_gauges), loads that no state holds per strain that none holds. */
+static void set_by_strain(const AddedNoise *noise, double *by_strain) {
+    const size_t n = noise->file.n_gauges;
     for (size_t i = 0; i < N_LOADS; i++) {
         for (size_t j = 0; j < n; j++) {
-            cross[i * n + j] = dot(j + 1, file->noise_root + triangle_column(j), file->regression + i * n);
-        }
-        for (size_t j = 0; j < n; j++) {
-            noise->regression[i * n + j] = dot(j + 1, noise->noise_whitening + triangle_column(j), cross + i * n);
+            double sum = 0.0;
+            for (size_t k = j; k < n; k++) {
+                sum += noise->regression[i * n + k] * noise->noise_whitening[triangle_column(k) + j];
+            }
+            by_strain[i * n + j] = sum;
         }
     }
+}
+
+/* The covariance of the gauges' own errors in entry k. */
+static double own_covariance(const AddedNoise *noise, size_t k) {
+    return (noise->own != NULL ? noise->own : noise->file.gauge_covariance)[k] + noise->added[k];
+}
+
+/* L'^-1 X with X = N N_f', and S = (N_f - B N) (N_f - B N)' + B Gamma_g B' with B = X' Gamma^-1: the loads that no state
+   holds, and what strain does not show of them. */
+static void set_remainder(AddedNoise *noise) {
+    const Map *file = &noise->file;
+    const size_t n = file->n_gauges;
+    double *cross = noise->rows, *by_strain = noise->rows + n;
+    memset(noise->remainder, 0, N_LOADS * N_LOADS * sizeof *noise->remainder);
     for (size_t i = 0; i < N_LOADS; i++) {
-        for (size_t j = 0; j < N_LOADS; j++) {
-            noise->remainder[i * N_LOADS + j] =
-                file->remainder[i * N_LOADS + j] + dot(n, file->regression + i * n, file->regression + j * n)
-                - dot(n, noise->regression + i * n, noise->regression + j * n);
+        memset(cross, 0, n * sizeof *cross);
+        for (size_t k = 0; k < file->n_errors; k++) {
+            for (size_t j = 0; j < n; j++) {
+                cross[j] += file->error_strain[k * n + j] * file->error_load[k * N_LOADS + i];
+            }
+        }
+        for (size_t j = 0; j < n; j++) {
+            noise->regression[i * n + j] = dot(j + 1, noise->noise_whitening + triangle_column(j), cross);
+        }
+    }
+    set_by_strain(noise, by_strain);
+    for (size_t k = 0; k < file->n_errors; k++) {
+        double left[N_LOADS];
+        for (size_t i = 0; i < N_LOADS; i++) {
+            left[i] = file->error_load[k * N_LOADS + i] - dot(n, by_strain + i * n, file->error_strain + k * n);
+        }
+        for (size_t i = 0; i < N_LOADS * N_LOADS; i++) {
+            noise->remainder[i] += left[i / N_LOADS] * left[i % N_LOADS];
+        }
+    }
+    for (size_t j = 0; j < n; j++) {
+        for (size_t k = 0; k < n; k++) {
+            const double own = own_covariance(noise, j * n + k);
+            for (size_t i = 0; i < N_LOADS * N_LOADS; i++) {
+                noise->remainder[i] += by_strain[(i / N_LOADS) * n + j] * own * by_strain[(i % N_LOADS) * n + k];
+            }
         }
     }
 }
@@ -80,7 +115,7 @@ static void set_remainder(AddedNoise *noise) {
 /* Householder's reflections of [sqrt(gamma) I; L^-1 A] on [0; L^-1]: then the upper rows of the latter are Q_1' of it
    and the lower ones its complement, W, of which square[0] takes the R. */
 static void set_complement(AddedNoise *noise, double regularisation, double *triangle) {
-    const Map *file = &noise->original;
+    const Map *file = &noise->file;
     const size_t n = file->n_gauges, states = file->n_states, order = n + states;
     double *a = noise->large;
     memset(a, 0, order * order * sizeof *a);
@@ -108,17 +143,11 @@ static void set_complement(AddedNoise *noise, double regularisation, double *tri
 
 /* G = (M - X' Gamma^-1 A) T + X' Gamma^-1, T = R^-1 Q_1' [0; L^-1] from what set_complement has left. */
 static void set_load_gain(AddedNoise *noise) {
-    const Map *file = &noise->original;
+    const Map *file = &noise->file;
     const size_t n = file->n_gauges, states = file->n_states, order = n + states;
     double *of_residual = noise->rows, *of_states = noise->rows + N_LOADS * n;
+    set_by_strain(noise, of_residual);
     for (size_t i = 0; i < N_LOADS; i++) {
-        for (size_t j = 0; j < n; j++) {
-            double sum = 0.0;
-            for (size_t k = j; k < n; k++) {
-                sum += noise->regression[i * n + k] * noise->noise_whitening[triangle_column(k) + j];
-            }
-            of_residual[i * n + j] = sum;
-        }
         for (size_t c = 0; c < states; c++) {
             of_states[i * states + c] =
                 file->load_per_state[N_LOADS * c + i] - dot(n, of_residual + i * n, file->state_operator + c * n);
@@ -135,7 +164,7 @@ static void set_load_gain(AddedNoise *noise) {
 
 /* Matrices at the nominal dynamic pressure, which are all of form "absolute". */
 static int set_matrices(AddedNoise *noise) {
-    const Map *file = &noise->original;
+    const Map *file = &noise->file;
     const size_t n = file->n_gauges;
     const double of_residual = file->known_prior ? 1.0 : 0.0;
     const double *without = noise->whole != NULL ? noise->whole : file->noise_covariance;
@@ -171,43 +200,40 @@ static void set_load_covariance(AddedNoise *noise, const Map *map, MaskedMap *ma
     memcpy(noise->load_covariance, masked->load_covariance, sizeof masked->load_covariance);
 }
 
-int added_noise_apply(AddedNoise *noise, Map *map, MaskedMap *masked, Workspace *work) {
-    const size_t n = noise->original.n_gauges;
-    int some = noise->own != NULL;
-    *map = noise->original;
-    if (noise->further != NULL) {
-        noise->further->load = noise->further->map.load;
-        noise->further->unseen = noise->further->map.unseen;
-    }
-    for (size_t k = 0; k < n * n; k++) {
-        some |= noise->added[k] != 0.0;
-    }
-    if (!some) {
-        return 1;
-    }
-    if (!set_matrices(noise) || (map->scaled && !set_pressure_directions(noise))) {
-        return 0;
-    }
+/* Let map have the matrices. */
+static void hand_out(const AddedNoise *noise, Map *map) {
     map->residual_triangle = noise->residual_triangle;
     map->gain_triangle = noise->gain_triangle;
     map->noise_whitening = noise->noise_whitening;
     map->noise_root = noise->noise_root;
     map->load_gain = noise->load_gain;
+    map->load_covariance = noise->load_covariance;
     map->regression = noise->regression;
     map->remainder = noise->remainder;
     map->min_precision = noise->min_precision;
-    if (map->scaled) {
-        map->form.whitening = noise->whitening;
-        map->form.singular = noise->singular;
-        map->form.load = noise->load;
-        map->form.unseen = noise->unseen;
-        map->form.min_precision = noise->form_min_precision;
-        if (noise->further != NULL) {
-            noise->further->load = noise->further->own_load;
-            noise->further->unseen = noise->further->own_unseen;
-        }
+    map->form.whitening = noise->whitening;
+    map->form.singular = noise->singular;
+    map->form.load = noise->load;
+    map->form.unseen = noise->unseen;
+    map->form.min_precision = noise->form_min_precision;
+}
+
+static int apply(AddedNoise *noise, Map *map, MaskedMap *masked, Workspace *work) {
+    if (!set_matrices(noise) || (map->scaled && !set_pressure_directions(noise))) {
+        return 0;
     }
+    hand_out(noise, map);
     set_load_covariance(noise, map, masked, work);
-    map->load_covariance = noise->load_covariance;
     return 1;
+}
+
+int added_noise_apply(AddedNoise *noise, Map *map, MaskedMap *masked, Workspace *work) {
+    const size_t n = noise->file.n_gauges;
+    if (apply(noise, map, masked, work)) {
+        return 1;
+    }
+    noise->own = noise->whole = NULL;
+    memset(noise->added, 0, n * n * sizeof *noise->added);
+    apply(noise, map, masked, work);
+    return 0;
 }

@@ -1,5 +1,6 @@
-/* A map whose gauges err otherwise than the file says, in ways that do not scale with the dynamic pressure: errors of
-   their zeros, and what temperature sensors leave of thermal strain. Gains, whitening and covariances follow.
+/* What follows from the covariance of the gauges: gains, whitening and covariances of a map. Beside what the file says,
+   gauges have errors that do not scale with the dynamic pressure: those of their zeros, and what temperature sensors leave
+   of thermal strain.
 
    The C counterpart of strainfmu/estimator/map/added_noise.py, and of linear/decomposition.py for form "dynamic_pressure". */
 
@@ -9,9 +10,9 @@
 #include "further_loads.h"
 #include "masked_map.h"
 
-/* What takes the place of the arrays of the file. */
+/* The arrays of Map and ScaledForm that follow from others. */
 typedef struct {
-    Map original;    /* as the file has it */
+    Map file;        /* with the arrays of the file alone */
     double *added;   /* (n_gauges, n_gauges) covariance of the further errors [1] */
     const double *own, *whole; /* (n_gauges, n_gauges) covariance of the gauges in place of the file's, and with the
                                   errors that scale; NULL for those of the file */
@@ -22,15 +23,16 @@ typedef struct {
     double *large;   /* scratch: see added_noise.c */
     double *head;
     double *square[3]; /* (n_gauges, n_gauges) each */
-    double *rows;      /* (5, n_gauges + n_states) */
+    double *rows;      /* (5, n_gauges + n_states), and n_gauges */
 } AddedNoise;
 
 /* Number of doubles that its arrays take, and handing them out for the map of a file. */
 size_t added_noise_doubles(const Map *map);
 void added_noise_arrays(const Map *map, AddedNoise *noise, double **doubles);
 
-/* Let map be that of the file with the errors noise->own, if set, and noise->added besides; `masked` and `work` are
-   scratch. With neither it is that of the file to the bit. 0, and map is that of the file, if the sum is no covariance. */
+/* Let map have the matrices for the errors noise->own, in place of the file's if set, and noise->added besides; `masked` and
+   `work` are scratch. 0 if the sum is no covariance: map is that of the file then, which is one where this has returned 1
+   with neither. */
 int added_noise_apply(AddedNoise *noise, Map *map, MaskedMap *masked, Workspace *work);
 
 #endif

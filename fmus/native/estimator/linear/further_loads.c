@@ -13,8 +13,6 @@ static int parse(MapFile *file, size_t n, size_t states, FurtherMap *map) {
     const size_t m = map->n_loads = map_length(file, "further.is_moment", 0, 1, MAX_LOADS);
     map_require(file, m % SECTION_LOADS == 1, "further.is_moment", "one for the body, and six for each section");
     map->is_moment = map_doubles(file, "further.is_moment", m);
-    map->load = map_doubles(file, "further.load_per_direction", n, m);
-    map->unseen = map_doubles(file, "further.unseen", m);
     map->fixed = map_doubles(file, "further.fixed_load", m);
     map->of_mean = map_doubles(file, "further.load_of_mean", m);
     map->load_per_state = map_doubles(file, "further.load_per_state", states, m);
@@ -36,9 +34,9 @@ int further_create(MapFile *file, size_t n_gauges, size_t n_states, size_t n_lev
     if (further->memory == NULL) {
         return map_no_memory(file);
     }
-    further->own_load = further->memory;
-    further->own_unseen = further->own_load + n_gauges * m;
-    further->products = further->own_unseen + m;
+    further->load = further->memory;
+    further->unseen = further->load + n_gauges * m;
+    further->products = further->unseen + m;
     further->gain = further->products + n_levels * pairs;
     further->rows = further->gain + n_gauges * m;
     further->scratch = further->rows + 2 * m * n_gauges;
@@ -46,8 +44,6 @@ int further_create(MapFile *file, size_t n_gauges, size_t n_states, size_t n_lev
     for (int k = 1; k < N_FURTHER; k++) {
         further->value[k] = further->value[k - 1] + m;
     }
-    further->load = further->map.load;
-    further->unseen = further->map.unseen;
     further->present = further->outdated = 1;
     return 1;
 }

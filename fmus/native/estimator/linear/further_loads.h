@@ -8,15 +8,13 @@
 
 #include "scaled_state.h"
 
-/* Loads of the directions; the arrays point into the bytes of the file. */
+/* Loads of states and errors; the arrays point into the bytes of the file. */
 typedef struct {
     size_t n_loads;
     const double *is_moment;      /* (n_loads) 0 or 1 */
-    const double *load;           /* (n_gauges, n_loads) loads of each direction, as ScaledForm has them */
-    const double *unseen;         /* (n_loads) diagonal of R */
     const double *fixed;          /* (n_loads) */
     const double *of_mean;        /* (n_loads) less the fixed ones */
-    const double *load_per_state; /* (n_states, n_loads); this and the next two for added_noise.h */
+    const double *load_per_state; /* (n_states, n_loads) */
     const double *spread_load;    /* (n_gauges, n_loads) */
     const double *spread_unseen;  /* (n_loads) */
 } FurtherMap;
@@ -31,9 +29,8 @@ typedef struct {
     int present;         /* whether the map has such loads; if not, nothing else is set */
     FurtherMap map;      /* as the file has it */
     void *memory;
-    const double *load, *unseen; /* for the gauges' errors of now: the file's, or the next two */
-    double *own_load;    /* (n_gauges, n_loads) */
-    double *own_unseen;  /* (n_loads) */
+    double *load;        /* (n_gauges, n_loads) loads of each direction, as ScaledForm has them, by added_noise.h */
+    double *unseen;      /* (n_loads) diagonal of R, the same */
     double *products;    /* (masks, levels, 21, n_loads) of errors in proportion to strain */
     double *gain;        /* (n_gauges, n_loads) scratch of these */
     double *rows;        /* (2 n_loads, n_gauges) scratch of added_noise.h */

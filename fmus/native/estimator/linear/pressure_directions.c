@@ -29,7 +29,7 @@ static void whiten(size_t n, const double *inverse, const double *x, size_t stri
 
 /* Reflect the free states away: `whole` has their triangle and, in its other columns, what is left. */
 static void eliminate_free(AddedNoise *noise, const double *inverse, double *whole) {
-    const Map *file = &noise->original;
+    const Map *file = &noise->file;
     const size_t n = file->n_gauges, n_free = file->form.n_free;
     for (size_t c = 0; c < n_free; c++) {
         whiten(n, inverse, file->state_operator + c * n, 1, whole + c * n);
@@ -123,7 +123,7 @@ static size_t next_row(size_t count, double *square) {
 /* Directions, falling by size, of the turned rows; their loads, and the load that no strain shows. */
 static void set_directions(AddedNoise *noise, const double *rows, const LoadRows *five, const LoadRows *further,
                            double *square) {
-    const Map *file = &noise->original;
+    const Map *file = &noise->file;
     const size_t n = file->n_gauges, n_free = file->form.n_free, count = n - n_free;
     for (size_t k = 0; k < count; k++) {
         square[k] = dot(n, rows + k * 2 * n, rows + k * 2 * n);
@@ -142,7 +142,7 @@ static void set_directions(AddedNoise *noise, const double *rows, const LoadRows
     }
     for (size_t i = 0; i < further->count; i++) {
         const double *left = further->of_spread + i * n;
-        noise->further->own_unseen[i] = noise->further->map.spread_unseen[i] + dot(n, left, left);
+        noise->further->unseen[i] = noise->further->map.spread_unseen[i] + dot(n, left, left);
     }
     for (size_t i = 0; i < N_LOADS; i++) {
         for (size_t j = 0; j < N_LOADS; j++) {
@@ -153,11 +153,11 @@ static void set_directions(AddedNoise *noise, const double *rows, const LoadRows
 }
 
 int set_pressure_directions(AddedNoise *noise) {
-    const Map *file = &noise->original;
+    const Map *file = &noise->file;
     const size_t n = file->n_gauges, n_free = file->form.n_free, triangle = n * (n + 1) / 2;
     double *whole = noise->large, *rows = whole + n * (n_free + 2 * n), *root = rows + 2 * n * n;
     double *inverse = root + triangle, *of_free = inverse + triangle, *of_spread = of_free + N_LOADS * n;
-    const double *own = noise->own != NULL ? noise->own : file->form.gauge_covariance;
+    const double *own = noise->own != NULL ? noise->own : file->gauge_covariance;
     for (size_t k = 0; k < n * n; k++) {
         noise->square[0][k] = own[k] + noise->added[k];
     }
@@ -174,7 +174,7 @@ int set_pressure_directions(AddedNoise *noise) {
     if (noise->further != NULL) {
         const FurtherMap *map = &noise->further->map;
         further = (LoadRows){map->n_loads, map->load_per_state, map->spread_load, noise->further->rows,
-                             noise->further->rows + map->n_loads * n, noise->further->own_load};
+                             noise->further->rows + map->n_loads * n, noise->further->load};
         split_loads(file, whole, &further);
     }
     for (size_t a = 0; a < n_free; a++) {

@@ -1,4 +1,4 @@
-/* The directions of a map in form "dynamic_pressure" that serve every dynamic pressure, for gauges with further errors.
+/* The directions of a map in form "dynamic_pressure" that serve every dynamic pressure, for the errors of its gauges.
 
    The C counterpart of strainfmu/estimator/linear/decomposition.py, where the formulas are. */
 
@@ -10,7 +10,7 @@
 /* Number of doubles of noise->large that it needs. */
 size_t pressure_directions_doubles(const Map *map);
 
-/* Set what takes the place of the arrays of ScaledForm. 0 if the covariance of the gauges is none. */
+/* Set the arrays of ScaledForm that follow from others. 0 if the covariance of the gauges is none. */
 int set_pressure_directions(AddedNoise *noise);
 
 #endif

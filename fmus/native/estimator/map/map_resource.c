@@ -31,16 +31,10 @@ static void take_envelope(MapFile *file, Envelope *envelope) {
 
 static void take_form(MapFile *file, size_t n, ScaledForm *form) {
     form->min_expected_ratio = map_number(file, "scaled.min_expected_ratio");
-    form->whitening = map_doubles(file, "scaled.whitening", n, n);
-    form->singular = map_doubles(file, "scaled.singular_values", n);
-    form->load = map_doubles(file, "scaled.load_per_direction", n, N_LOADS);
-    form->unseen = map_doubles(file, "scaled.unseen", N_LOADS, N_LOADS);
     form->fixed_strain = map_doubles(file, "scaled.fixed_strain", n);
     form->mean_strain = map_doubles(file, "scaled.mean_strain", n);
     form->fixed_load = map_doubles(file, "scaled.fixed_load", N_LOADS);
     form->load_of_mean = map_doubles(file, "scaled.load_of_mean", N_LOADS);
-    form->min_precision = map_doubles(file, "scaled.min_precision", n);
-    form->gauge_covariance = map_doubles(file, "scaled.gauge_covariance", n, n);
     form->spread = map_doubles(file, "scaled.spread", n, n);
     form->spread_load = map_doubles(file, "scaled.spread_load", n, N_LOADS);
     form->spread_unseen = map_doubles(file, "scaled.spread_unseen", N_LOADS, N_LOADS);
@@ -66,20 +60,15 @@ static void take_settings(MapFile *file, Map *map) {
 }
 
 static void take_arrays(MapFile *file, Map *map) {
-    const size_t n = map->n_gauges, states = map->n_states, triangle = n * (n + 1) / 2;
+    const size_t n = map->n_gauges, states = map->n_states;
     map->mean_strain = map_doubles(file, "linear.mean_strain", n);
     map->load_of_mean = map_doubles(file, "linear.load_of_mean", N_LOADS);
-    map->load_gain = map_doubles(file, "linear.load_gain", n, N_LOADS);
-    map->load_covariance = map_doubles(file, "linear.load_covariance", N_LOADS, N_LOADS);
-    map->residual_triangle = map_doubles(file, "linear.residual_triangle", triangle);
-    map->gain_triangle = map_doubles(file, "linear.gain_triangle", triangle);
-    map->noise_whitening = map_doubles(file, "linear.noise_whitening", triangle);
-    map->noise_root = map_doubles(file, "linear.noise_root", triangle);
-    map->regression = map_doubles(file, "linear.regression", N_LOADS, n);
-    map->remainder = map_doubles(file, "linear.remainder", N_LOADS, N_LOADS);
     map->state_operator = map_doubles(file, "linear.state_operator", states, n);
     map->load_per_state = map_doubles(file, "linear.load_per_state", states, N_LOADS);
-    map->min_precision = map_doubles(file, "linear.min_precision", n);
+    map->n_errors = map_length(file, "linear.error_strain", 0, 0, MAX_COUNT);
+    map->gauge_covariance = map_doubles(file, "linear.gauge_covariance", n, n);
+    map->error_strain = map_doubles(file, "linear.error_strain", map->n_errors, n);
+    map->error_load = map_doubles(file, "linear.error_load", map->n_errors, N_LOADS);
     map->chi_square_limit = map_doubles(file, "linear.chi_square_limit", n);
     map->outlier_threshold = map_doubles(file, "linear.outlier_threshold", n);
     map->noise_covariance = map_doubles(file, "linear.noise_covariance", n, n);

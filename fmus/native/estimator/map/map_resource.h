@@ -31,16 +31,15 @@ typedef struct {
     size_t n_terms;             /* errors that all gauges have in common */
     int has_errors;             /* whether errors follow the current strain */
     double min_expected_ratio;  /* least expected chi-square over its degrees of freedom */
-    const double *whitening;    /* (n_gauges, n_gauges) V', a row for each gauge */
+    const double *whitening;    /* (n_gauges, n_gauges) V', a row for each gauge; this and the next four by added_noise.h */
     const double *singular;     /* (n_gauges) S */
     const double *load;         /* (n_gauges, 5) loads of each direction */
     const double *unseen;       /* (5, 5) R */
+    const double *min_precision; /* (n_gauges) P_ii that is round-off */
     const double *fixed_strain; /* (n_gauges) d_0 */
     const double *mean_strain;  /* (n_gauges) m - d_0, at the nominal dynamic pressure */
     const double *fixed_load;   /* (5) f_0 */
     const double *load_of_mean; /* (5) f_mean - f_0 */
-    const double *min_precision; /* (n_gauges) P_ii that is round-off */
-    const double *gauge_covariance; /* (n_gauges, n_gauges) Gamma_g; this and the next three for added_noise.h */
     const double *spread;        /* (n_gauges, n_gauges) N of what has a prior, N N' the sum over its columns */
     const double *spread_load;   /* (n_gauges, 5) loads of its columns, */
     const double *spread_unseen; /* (5, 5) and what those columns do not hold */
@@ -49,7 +48,8 @@ typedef struct {
     const double *common;        /* (n_terms, 6, n_gauges) E */
 } ScaledForm;
 
-/* An inverse map for n_gauges gauges and n_states pressure states; arrays point into the file's bytes.
+/* An inverse map for n_gauges gauges and n_states pressure states; arrays point into the file's bytes, those that follow
+   from others into memory that added_noise.h fills.
    Triangles are packed as triangles.h describes; each stands for the matrix of which it is the R of a QR
    decomposition: all that is computed from the two is the same. */
 typedef struct {
@@ -70,7 +70,7 @@ typedef struct {
     double not_known; /* start value of parameters of the flow, and a value of thrust, that means what NaN does */
     const double *mean_strain;       /* (n_gauges) m */
     const double *load_of_mean;      /* (5) [N, N m] */
-    const double *load_gain;         /* (n_gauges, 5) G' of all gauges */
+    const double *load_gain;         /* (n_gauges, 5) G' of all gauges; this and the next eight by added_noise.h */
     const double *load_covariance;   /* (5, 5) of all gauges */
     const double *residual_triangle; /* of W */
     const double *gain_triangle;     /* of the W that the gain is made with */
@@ -78,12 +78,16 @@ typedef struct {
     const double *noise_root;        /* L by rows of its lower triangle */
     const double *regression;        /* (5, n_gauges) X' L'^-1 */
     const double *remainder;         /* (5, 5) S */
+    const double *min_precision;     /* (n_gauges) P_ii that is round-off */
     const double *state_operator;    /* (n_states, n_gauges) A' */
     const double *load_per_state;    /* (n_states, 5) M' */
-    const double *min_precision;   /* (n_gauges) P_ii that is round-off */
+    size_t n_errors;
+    const double *gauge_covariance;  /* (n_gauges, n_gauges) Gamma_g */
+    const double *error_strain;      /* (n_errors, n_gauges) N' */
+    const double *error_load;        /* (n_errors, 5) N_f' */
     const double *chi_square_limit;  /* (n_gauges) by degrees of freedom 1 .. n_gauges */
     const double *outlier_threshold; /* (n_gauges) by number of gauges 1 .. n_gauges */
-    const double *noise_covariance;  /* (n_gauges, n_gauges) Gamma, for added_noise.h */
+    const double *noise_covariance;  /* (n_gauges, n_gauges) Gamma */
     double regularisation;           /* gamma */
     Envelope envelope;
     int scaled; /* whether the form is "dynamic_pressure"; if not, it is "absolute" and what follows is not set */
