@@ -63,7 +63,9 @@ def section_stations_in(path: Path) -> tuple[float, ...] | None:
 
 
 def outputs_of(path: Path) -> tuple[tuple[str, str], ...]:
-    """Return name and unit, "1" of a number without one, of every output of the FMU at ``path``, by value reference.
+    """Return name and unit, "1" of a number without one, of every output of the FMU at ``path``.
+
+    They are in the order of their value references, as a map has them.
 
     Raises
     ------
