@@ -78,6 +78,7 @@ def loaded(path: Path, folder: Path) -> Iterator[Host]:
         instanceName="x",
     )
     fmu.instantiate()
-    yield Host(fmu, {v.name: v.valueReference for v in description.modelVariables})
+    in_order = sorted(description.modelVariables, key=lambda one: one.valueReference)
+    yield Host(fmu, {v.name: v.valueReference for v in in_order})
     fmu.terminate()
     fmu.freeInstance()

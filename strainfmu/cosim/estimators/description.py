@@ -63,14 +63,17 @@ def section_stations_in(path: Path) -> tuple[float, ...] | None:
 
 
 def outputs_of(path: Path) -> tuple[tuple[str, str], ...]:
-    """Return name and unit, "1" of a number without one, of every output of the FMU at ``path``, in its order.
+    """Return name and unit, "1" of a number without one, of every output of the FMU at ``path``.
+
+    They are in the order of their value references, as a map has them.
 
     Raises
     ------
     InputError
         The FMU is missing or damaged.
     """
-    found = (one for one in read_description(path).modelVariables if one.causality == "output")
+    in_order = sorted(read_description(path).modelVariables, key=lambda one: int(one.valueReference))
+    found = (one for one in in_order if one.causality == "output")
     return tuple((one.name, one.unit or "1") for one in found if one.type in _NUMBER)
 
 
