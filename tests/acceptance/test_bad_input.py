@@ -161,12 +161,12 @@ def test_damaged_and_older_maps(ogive_demo: Path, tmp_path: Path, run: Run) -> N
     refused(run("inspect", path), "map.h5", "not an HDF5 file")
     path.write_bytes(original)
     with h5py.File(path, "r+") as file:
-        file["strain_gain"][0, 0] *= 1.0 + 1e-9
+        file["state_operator"][0, 0] *= 1.0 + 1e-9
     refused(run("export", path, "-o", fmu), "damaged or altered")
     refused(run("inspect", path), "damaged or altered")
-    assert b"strainfmu.inverse_map 8 " in original
-    path.write_bytes(original.replace(b"strainfmu.inverse_map 8 ", b"strainfmu.inverse_map 7 ", 1))
-    refused(run("export", path, "-o", fmu), "expected schema version 8, got 7")
+    assert b"strainfmu.inverse_map 9 " in original
+    path.write_bytes(original.replace(b"strainfmu.inverse_map 9 ", b"strainfmu.inverse_map 8 ", 1))
+    refused(run("export", path, "-o", fmu), "expected schema version 9, got 8")
     refused(run("export", ogive_demo / "snapshots.h5", "-o", fmu), "strainfmu.snapshots")
     assert not fmu.exists()
 

@@ -25,7 +25,7 @@ size_t estimator_derivatives(const Estimator *e) {
 
 /* The deviation of a row's noise, in the unit of its reading. */
 static double noise_of(const Estimator *e, size_t row) {
-    const double *covariance = e->flight.present ? e->flight.map.gauge_covariance : e->map.noise_covariance;
+    const double *covariance = e->flight.present ? e->flight.map.gauge_covariance : e->map.gauge_covariance;
     const double strain = sqrt(covariance[row * (e->map.n_gauges + 1)]);
     return row < e->sensors.n_strains ? strain : strain * e->sensors.scale[row - e->sensors.n_strains];
 }

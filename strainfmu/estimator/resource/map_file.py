@@ -119,7 +119,6 @@ def _linear(inverse_map: InverseMap) -> Values:
         "error_load": inverse_map.error_load.T,
         "chi_square_limit": [chi_square_limit(freedom) for freedom in counts],
         "outlier_threshold": [outlier_threshold(n, FALSE_ALARM_PROBABILITY) for n in counts],
-        "noise_covariance": inverse_map.noise_covariance,
         "regularisation": inverse_map.regularisation,
         "min_information": MIN_INFORMATION,
         "ambiguous_correlation": AMBIGUOUS_CORRELATION,

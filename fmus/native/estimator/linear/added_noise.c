@@ -167,9 +167,14 @@ static int set_matrices(AddedNoise *noise) {
     const Map *file = &noise->file;
     const size_t n = file->n_gauges;
     const double of_residual = file->known_prior ? 1.0 : 0.0;
-    const double *without = noise->whole != NULL ? noise->whole : file->noise_covariance;
     for (size_t k = 0; k < n * n; k++) {
-        noise->square[0][k] = without[k] + noise->added[k];
+        noise->square[0][k] = noise->whole != NULL ? noise->whole[k] + noise->added[k] : own_covariance(noise, k);
+    }
+    for (size_t c = 0; noise->whole == NULL && c < file->n_errors; c++) {
+        const double *column = file->error_strain + c * n;
+        for (size_t k = 0; k < n * n; k++) {
+            noise->square[0][k] += column[k / n] * column[k % n];
+        }
     }
     if (!lower_root(n, noise->square[0], noise->noise_root, noise->noise_whitening)) {
         return 0;

@@ -71,7 +71,6 @@ static void take_arrays(MapFile *file, Map *map) {
     map->error_load = map_doubles(file, "linear.error_load", map->n_errors, N_LOADS);
     map->chi_square_limit = map_doubles(file, "linear.chi_square_limit", n);
     map->outlier_threshold = map_doubles(file, "linear.outlier_threshold", n);
-    map->noise_covariance = map_doubles(file, "linear.noise_covariance", n, n);
     map->regularisation = map_between(file, "linear.regularisation", 0.0, DBL_MAX);
     map->min_information = map_number(file, "linear.min_information");
     map->ambiguous_correlation = map_number(file, "linear.ambiguous_correlation");

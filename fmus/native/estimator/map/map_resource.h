@@ -87,7 +87,6 @@ typedef struct {
     const double *error_load;        /* (n_errors, 5) N_f' */
     const double *chi_square_limit;  /* (n_gauges) by degrees of freedom 1 .. n_gauges */
     const double *outlier_threshold; /* (n_gauges) by number of gauges 1 .. n_gauges */
-    const double *noise_covariance;  /* (n_gauges, n_gauges) Gamma */
     double regularisation;           /* gamma */
     Envelope envelope;
     int scaled; /* whether the form is "dynamic_pressure"; if not, it is "absolute" and what follows is not set */
