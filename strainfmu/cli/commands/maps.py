@@ -86,7 +86,7 @@ def export(
     ] = None,
     zero_inputs: Annotated[
         bool,
-        typer.Option("--zero-inputs", help="FMI 2 and --scalars: zero[i] and zero_std[i] as inputs of the FMU."),
+        typer.Option("--zero-inputs", help="FMI 2 and --scalars: inputs for the zeros of the gauges."),
     ] = False,
     tare_known: Annotated[
         Path | None,
