@@ -213,7 +213,7 @@ class FlightSmoother(_Records):
         if used.any() and not (core.fits and core.health not in UNFILTERED[:2]):
             return self._lost(law or own, core, transition, law is not None)
         if not used.any():
-            return self._coasted(law, own, sample, transition)
+            return self._coasted(law, own, sample, core, transition)
         begins, after, explained = self._explained(law, own, sample, core, slopes)
         self.left_out = np.isfinite(air.value) & ~core.air_data_used
         self._keep(after, None if begins else slopes, 0.0 if begins else reference.age + seconds)
@@ -250,14 +250,22 @@ class FlightSmoother(_Records):
         self.window = self.window.noted(float(core.chi_square), self._expected(core))
         return Step(before=law, after=law, transition=transition, continues=continues)
 
-    def _coasted(self, law: Law | None, own: Law, sample: Sample, transition: FloatArray) -> Step:
-        """Return the step of a sample without gauges: the prediction, with the air data that it has."""
+    def _coasted(self, law: Law | None, own: Law, sample: Sample, core: _Core, transition: FloatArray) -> Step:
+        """Return the step of a sample without gauges: the prediction, with the air data that it has.
+
+        The core does not state which it used: all, or those that it did not leave out before.
+        """
         if law is None:
             return Step(before=own, after=own, transition=transition, continues=False)
-        sample = replace(sample, air=_only(sample.air, ~self.left_out))
-        after = self.reference.dropped(law, sample, self.reference.state, ITERATIONS, None)
-        self._keep(after, None, 0.0)
-        return Step(before=law, after=after.law, transition=transition, continues=True, of_loads=sample)
+        ways = [sample]
+        if self.left_out.any():
+            ways.append(replace(sample, air=_only(sample.air, ~self.left_out)))
+        start = self.reference.state
+        found = [self.reference.dropped(law, one, start, ITERATIONS, None) for one in ways]
+        number = int(np.argmin([_apart(one, core) for one in found]))
+        self._keep(found[number], None, 0.0)
+        after = found[number].law
+        return Step(before=law, after=after, transition=transition, continues=True, of_loads=ways[number])
 
     def _explained(
         self, law: Law | None, own: Law, sample: Sample, core: _Core, slopes: FloatArray | None
