@@ -20,7 +20,6 @@ from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.further_loads import is_moment
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.map.temperature import known_sensors
 from strainfmu.estimator.reference.air import AirInputs, air_data, air_inputs, without
 from strainfmu.estimator.reference.flight_filter import ITERATIONS, FilteredSample, FlightFilterReference
@@ -39,7 +38,7 @@ AGREES = 1e-4
 """Difference of the flight state, and relative one of its deviations, up to which an explanation agrees [1]."""
 
 WINDOW, BAND, WIDEN, NARROW, WIDEST = 100, 2.576, 1.05, 0.995, 1e4
-"""The core's window of normalised innovations, its band, and factors on the variance of pressure off the tables."""
+"""The core's window of normalised innovations, its band, and factors on the variance off the tables."""
 
 LARGEST_USED_SCORE = 1.0
 """Part of its range by which a known flow parameter may leave it and still be used."""
@@ -49,7 +48,7 @@ UNFILTERED = (HealthState.INVALID, HealthState.UNIDENTIFIED, HealthState.NO_COEF
 
 
 class Warm(NamedTuple):
-    """Temperature modes: the sensors ``known`` (n_t,), amplitudes (k,) by them, and the covariance of their errors."""
+    """Temperature modes: sensors ``known`` (n_t,), amplitudes (k,) by them, and the covariance of their errors."""
 
     known: BoolArray
     amplitude: FloatArray
@@ -77,7 +76,7 @@ class Step:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Smoothed:
-    """Smoothed estimates of k samples, the fields of :class:`~strainfmu.estimator.estimate.Estimate` that change."""
+    """Smoothed estimates of k samples: fields of :class:`~strainfmu.estimator.estimate.Estimate` that change."""
 
     loads: FloatArray
     loads_std: FloatArray
@@ -143,7 +142,7 @@ class _Records:
         return Warm(known, found.mean[0], found.covariance)
 
     def carried(self, law: Law, warm: Warm) -> Law:
-        """Return ``law`` of the last sample for the sensors that read now: the amplitudes stay, their errors move."""
+        """Return ``law`` of the last sample for the sensors that read now: amplitudes stay, their errors move."""
         last, self.warm = self.warm, warm
         if np.array_equal(last.known, warm.known):
             return law
@@ -152,7 +151,7 @@ class _Records:
         return law._replace(mean=mean)
 
     def rows(self, record: FloatArray, used: BoolArray, warm: Warm, errors: FloatArray) -> FloatArray:
-        """Return rows (n_d,) at the amplitudes of ``warm`` and their ``errors`` (k,), about which they are linear."""
+        """Return rows (n_d,) at the amplitudes of ``warm`` and their ``errors`` (k,), linear about these."""
         n, thrust = self.map.n_gauges, np.array([self.value(record, "thrust")])
         readings, amplitude = np.where(used, record[:n], 0.0)[None], (warm.amplitude + errors)[None]
         if self.map.thermal is None:
@@ -270,7 +269,7 @@ class FlightSmoother(_Records):
     def _explained(
         self, law: Law | None, own: Law, sample: Sample, core: _Core, slopes: FloatArray | None
     ) -> tuple[bool, FilteredSample, Sample]:
-        """Return whether the filter begins again at ``sample``, what it makes of it, and the sample as it was used."""
+        """Return whether the filter begins again, what it makes of ``sample``, and that as it was used."""
         best, nearest = None, np.inf
         for begins in (True,) if law is None else (False, True):
             before = own if begins or law is None else law
@@ -331,7 +330,7 @@ _OF_CORE = (
 
 
 class _Core(NamedTuple):
-    """What the core made of one sample: fields of :class:`~strainfmu.estimator.estimate.Estimate`, ``std`` (4,)."""
+    """The core's estimate of one sample, and ``std`` (4,) of its state."""
 
     valid: BoolArray
     fits: bool
@@ -387,7 +386,9 @@ def _as_used(sample: Sample, core: _Core) -> Iterator[tuple[Sample, Sample]]:
 def _apart(found: FilteredSample, core: _Core) -> float:
     """Return how far ``found`` is from the core's flight state and its deviations."""
     std, known = np.sqrt(np.diag(found.law.covariance)[:N_STATES]), core.std
-    return float(max(np.abs((found.law.mean[:N_STATES] - core.state) / known).max(), np.abs(std / known - 1).max()))
+    return float(
+        max(np.abs((found.law.mean[:N_STATES] - core.state) / known).max(), np.abs(std / known - 1).max())
+    )
 
 
 def _std(turn: FloatArray, covariance: FloatArray) -> FloatArray:
@@ -423,7 +424,8 @@ class LinearSmoother(_Records):
         static = self.estimator.estimate(record[:, : self.map.n_gauges], valid=valid, **air, **more)
         seconds = time_steps(time, last).tolist()
         return [
-            self._step(seconds[k], record[k], valid[k], static[k], found.loads[k]).lean() for k in range(len(found))
+            self._step(seconds[k], record[k], valid[k], static[k], found.loads[k]).lean()
+            for k in range(len(found))
         ]
 
     def _step(

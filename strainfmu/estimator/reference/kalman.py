@@ -115,9 +115,9 @@ def white_and_lasting(covariance: FloatArray, std: FloatArray) -> tuple[FloatArr
 
 
 def without_modes(inverse_map: InverseMap, covariance: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return ``covariance`` (n_d, n_d) of gauges without temperature modes, what gauges read of each, and the prior.
+    """Return ``covariance`` (n_d, n_d) of gauges without temperature modes, what they read of each, and the prior.
 
-    The second is (n_d, k), the covariance of the k amplitudes (k, k); k is 0 of a map without modes.
+    The second is (n_d, k), the prior covariance of the k amplitudes (k, k); k is 0 of a map without modes.
     """
     thermal = inverse_map.thermal
     if thermal is None:
@@ -126,7 +126,7 @@ def without_modes(inverse_map: InverseMap, covariance: FloatArray) -> tuple[Floa
 
 
 def with_modes(law: Law, covariance: FloatArray) -> Law:
-    """Return a copy of the stationary ``law`` with ``covariance`` (k, k) of its last states, the temperature modes."""
+    """Return the stationary ``law`` with ``covariance`` (k, k) of its last states, the temperature modes."""
     first, whole = len(law.mean) - len(covariance), law.covariance.copy()
     whole[first:, first:] = covariance
     return law._replace(covariance=whole)
