@@ -29,6 +29,7 @@ from strainfmu.estimator.reference.nonlinear import Sample
 from strainfmu.estimator.reference.readings import Zeros, amplitudes, rows_of
 from strainfmu.estimator.reference.tables import N_STATES
 from strainfmu.estimator.settings import default_settings
+from strainfmu.estimator.surface_pressure import LARGEST_USED_SCORE
 
 LOADS = 5
 FIRST_STEP, LONGEST_STEP = 1.0, 1e6
@@ -39,9 +40,6 @@ AGREES = 1e-4
 
 WINDOW, BAND, WIDEN, NARROW, WIDEST = 100, 2.576, 1.05, 0.995, 1e4
 """The core's window of normalised innovations, its band, and factors on the variance off the tables."""
-
-LARGEST_USED_SCORE = 1.0
-"""Part of its range by which a known flow parameter may leave it and still be used."""
 
 UNFILTERED = (HealthState.INVALID, HealthState.UNIDENTIFIED, HealthState.NO_COEFFICIENTS)
 """States of a linear estimate in which nothing was measured."""
