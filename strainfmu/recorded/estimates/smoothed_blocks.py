@@ -76,9 +76,9 @@ def with_filter(source: Path, static: BlockEstimator, time_constant: float | Non
         return static
     if not isinstance(static, MapBlocks):
         raise InputError(f"{source}: --filter: expected an inverse map, got an FMU")
-    if smooth and time_constant > 0.0:
-        return SmoothedBlocks(static, time_constant)
-    return MapBlocks(static.estimator.filter(time_constant))
+    if time_constant == 0.0:
+        raise InputError("time_constant: expected the time constant of the filter [s], got 0")
+    return SmoothedBlocks(static, time_constant) if smooth else MapBlocks(static.estimator.filter(time_constant))
 
 
 def filter_attributes(estimator: BlockEstimator) -> dict[str, float]:
