@@ -550,7 +550,8 @@ class Estimator:
             return np.zeros((*shape, 1 + 6 * len(self.section_station)))
         pressure, std = (record[:, layout[one].start] for one in ("dynamic_pressure", "dynamic_pressure_std"))
         known, solved = (
-            np.isfinite(np.atleast_2d(one)).all(axis=1) for one in (estimate.coefficients, estimate.loads)
+            np.asarray(np.isfinite(np.atleast_2d(one)).all(axis=1))
+            for one in (estimate.coefficients, estimate.loads)
         )
         found = further_loads(
             self.inverse_map,

@@ -413,13 +413,13 @@ class LinearSmoother(_Records):
     def steps(self, found: Estimate, time: FloatArray, last: float) -> list[Step]:
         """Return the steps of the samples ``found``; arguments as of :meth:`FlightSmoother.steps`."""
         record, valid = found.sample, found.valid
-        air = {name: record[:, self.layout[name].start] for name in ("dynamic_pressure", "dynamic_pressure_std")}
-        more: dict[str, Any] = {}
+        names = ("dynamic_pressure", "dynamic_pressure_std")
+        more: dict[str, Any] = {name: record[:, self.layout[name].start] for name in names}
         if self.map.thermal is not None:
             more["temperature"] = record[:, self.layout["temperature"]]
         if self.layout["thrust"].stop > self.layout["thrust"].start:
             more["thrust"] = record[:, self.layout["thrust"].start]
-        static = self.estimator.estimate(record[:, : self.map.n_gauges], valid=valid, **air, **more)
+        static = self.estimator.estimate(record[:, : self.map.n_gauges], valid=valid, **more)
         seconds = time_steps(time, last).tolist()
         return [
             self._step(seconds[k], record[k], valid[k], static[k], found.loads[k]).lean()

@@ -195,7 +195,7 @@ def flight_pressure(
     whitened = np.linalg.solve(factor, np.column_stack([residual, jacobian]))
     pressure = float(np.exp(state[LOG_PRESSURE]))
     if not with_std:
-        weights = np.linalg.solve(factor.T, whitened[:, 0])
+        weights = np.asarray(np.linalg.solve(factor.T, whitened[:, 0]), dtype=float)
         correction = pressure * pressure * _corrected(field, used, weights)
         return replace(unknown_field(field.n_nodes, is_net=False), pressure=table.value + correction)
     gain = pressure * pressure * _turned(field, factor, used)
