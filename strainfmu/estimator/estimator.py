@@ -20,14 +20,13 @@ from numpy.typing import ArrayLike
 
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import InputError
+from strainfmu.estimator.absolute_sections import further_loads
 from strainfmu.estimator.arguments import checked_mask, per_sample, strain_of_samples
 from strainfmu.estimator.core import Core, NoCoreError, Series
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimates.pressure_field import PressureField
 from strainfmu.estimator.filter.settings import LARGEST, SMALLEST
-from strainfmu.estimator.linear.estimator import Estimator as LinearEstimator
 from strainfmu.estimator.linear.flow_parameters import flow_parameters
-from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map
 from strainfmu.estimator.resource.map_file import native_resource
 from strainfmu.estimator.settings import EstimatorSettings, default_settings
@@ -541,45 +540,52 @@ class Estimator:
         with self._lock:
             return self._each(_Samples(strain=None, columns=(), mask=mask, inputs=inputs), with_fit=True)
 
-    # What is made of estimates off the deadline, in numpy.
-
-    @cached_property
-    def field_estimator(self) -> LinearEstimator | ManifoldEstimator:
-        """The numpy estimator that the pressure on the surface is computed with."""
-        kind = ManifoldEstimator if self.is_nonlinear else LinearEstimator
-        return kind(self.inverse_map, self.settings, self.zeros)
+    # What is made of estimates off the deadline.
 
     def further_of(self, estimate: Estimate, name: str) -> FloatArray:
-        """Return rolling moment and section loads of a map whose core has none: in numpy of form "absolute", zero
-        of others."""
-        record, layout, n = np.atleast_2d(estimate.sample), self.core.inputs, self._n
-        shape = estimate.loads.shape[:-1]
-        numpy_estimator = self.field_estimator
-        if self.inverse_map.further is None or not isinstance(numpy_estimator, LinearEstimator):
+        """Return rolling moment and section loads of a map whose core has none: zero but in form "absolute"."""
+        record, layout, place = np.atleast_2d(estimate.sample), self.core.inputs, self._thrust
+        shape, settings = estimate.loads.shape[:-1], self.settings
+        if self.inverse_map.further is None or self.is_nonlinear:
             return np.zeros((*shape, 1 + 6 * len(self.section_station)))
         pressure, std = (record[:, layout[one].start] for one in ("dynamic_pressure", "dynamic_pressure_std"))
-        valid = np.atleast_2d(estimate.valid)
-        found: FloatArray = getattr(numpy_estimator.estimate(record[:, :n], pressure, valid, std), name)
-        return found.reshape(*shape, -1)
+        known, solved = (
+            np.asarray(np.isfinite(np.atleast_2d(one)).all(axis=1))
+            for one in (estimate.coefficients, estimate.loads)
+        )
+        found = further_loads(
+            self.inverse_map,
+            self.zeros,
+            np.where(known, pressure, np.nan),
+            std,
+            readings=record[:, : self._n],
+            thrust=record[:, place.start] if place.stop > place.start else np.zeros(len(record)),
+            valid=np.atleast_2d(estimate.valid) & solved[:, None],
+            area=settings.reference_area,
+            length=settings.reference_length,
+        )
+        return found[name].reshape(*shape, -1)
 
     def pressure_of(self, estimate: Estimate, with_std: bool = True) -> PressureField:
         """Return the pressure on the surface of one ``estimate``: :meth:`Estimate.pressure`."""
-        record, layout, names = estimate.sample, self.core.inputs, self.parameters.names
-        stds = record[layout["parameter_std"]].tolist() if "parameter_std" in layout else []
+        record, layout = estimate.sample, self.core.inputs
+        unknown = np.full(len(self.parameters.names), np.nan)
         sample = SurfaceSample(
             strain=record[: self._n],
             air={name: float(record[layout[name].start]) for name in AIR_DATA},
             temperature=record[self._temperature],
-            thrust=float(record[self._thrust.start]) if self._thrust.stop > self._thrust.start else None,
-            parameters=dict(zip(names, record[self._parameter].tolist(), strict=True)),
-            parameters_std=dict(zip(names, stds, strict=bool(stds))),
+            thrust=float(record[self._thrust.start]) if self._thrust.stop > self._thrust.start else 0.0,
+            parameter=record[self._parameter],
+            parameter_std=record[layout["parameter_std"]] if "parameter_std" in layout else unknown,
+            parameter_score=estimate.parameter_score,
             valid=estimate.valid,
             state=estimate.state,
             state_covariance=estimate.state_covariance,
             navigation_used=estimate.air_data_used,
             is_linear=bool(estimate.is_linear),
+            has_coefficients=bool(np.isfinite(estimate.coefficients).all()),
         )
-        return surface_pressure(self.field_estimator, sample, with_std)
+        return surface_pressure(self.inverse_map, self.zeros, sample, with_std)
 
 
 def _checked_start(start: ArrayLike, samples: int) -> FloatArray:

@@ -1,4 +1,7 @@
-"""The pressure on the surface that belongs to an estimate of the compiled core, in numpy, off the deadline."""
+"""The pressure on the surface that belongs to an estimate of the compiled core, off the deadline.
+
+The core's flight state and its covariance count, and so do the sensors and air data that it used.
+"""
 
 from __future__ import annotations
 
@@ -8,10 +11,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.estimator.estimates.flight_pressure import pressure_of
+from strainfmu.estimator.estimates.linear_field import linear_pressure
 from strainfmu.estimator.estimates.pressure_field import FieldInputs, PressureField
-from strainfmu.estimator.linear.estimator import Estimator as LinearEstimator
-from strainfmu.estimator.manifold.estimator import ManifoldEstimator
-from strainfmu.estimator.manifold.field_estimate import pressure_of
+from strainfmu.estimator.map.added_noise import with_gauge_covariance
+from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.map.temperature import known_sensors, sensor_set
+from strainfmu.estimator.reference.air import air_inputs
+from strainfmu.estimator.reference.readings import Zeros, rows_of
+from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros, with_zero_errors
 
 AIR_DATA = (
     "dynamic_pressure",
@@ -23,6 +31,9 @@ AIR_DATA = (
     "altitude",
 )
 
+LARGEST_USED_SCORE = 1.0
+"""Part of its range by which a flow parameter may leave it and still be used."""
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SurfaceSample:
@@ -33,30 +44,34 @@ class SurfaceSample:
     strain : (n_d,) readings.
     air : :data:`AIR_DATA` by name, NaN where not known.
     temperature : (n_t,) of the temperature sensors [K], NaN where one gives none.
-    thrust : [N]; None of a map without sensors that respond to it.
-    parameters, parameters_std : flow parameters and their standard deviations by name, NaN where not known.
+    thrust : [N]; 0 of a map without sensors that respond to it.
+    parameter, parameter_std, parameter_score : (n_p,) flow parameters, their standard deviations, NaN where not
+        known, and the part of its range by which each leaves it.
     valid : (n_d,) sensors that were used.
     state, state_covariance : (4,), (4, 4) flight state; NaN of linear maps.
     navigation_used : (3,) air-data inputs that were used.
     is_linear : whether the loads come from the linear map.
+    has_coefficients : whether q_inf gave coefficients.
     """
 
     strain: FloatArray
     air: Mapping[str, float]
     temperature: FloatArray
-    thrust: float | None
-    parameters: Mapping[str, float]
-    parameters_std: Mapping[str, float]
+    thrust: float
+    parameter: FloatArray
+    parameter_std: FloatArray
+    parameter_score: FloatArray
     valid: BoolArray
     state: FloatArray
     state_covariance: FloatArray
     navigation_used: BoolArray
     is_linear: bool
+    has_coefficients: bool
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class _Solved:
-    """What :func:`~strainfmu.estimator.manifold.field_estimate.pressure_of` reads."""
+    """What :func:`~strainfmu.estimator.estimates.flight_pressure.pressure_of` reads."""
 
     field_inputs: FieldInputs | None
     valid: BoolArray
@@ -67,7 +82,7 @@ class _Solved:
 
 
 def surface_pressure(
-    estimator: LinearEstimator | ManifoldEstimator, sample: SurfaceSample, with_std: bool
+    inverse_map: InverseMap, zeros: GaugeZeros, sample: SurfaceSample, with_std: bool
 ) -> PressureField:
     """Return pressure and standard deviation at every node of the map's surface.
 
@@ -78,22 +93,33 @@ def surface_pressure(
     InputError
         The map holds no pressure field.
     """
-    strain, sensors = sample.strain, estimator.inverse_map.sensors
-    if sensors is not None and sample.thrust is not None:
-        strain = sensors.without_thrust(strain, sample.thrust)
-    temperature = sample.temperature if np.isfinite(sample.temperature).any() else None
-    if isinstance(estimator, LinearEstimator):
-        pressure, std = sample.air["dynamic_pressure"], sample.air["dynamic_pressure_std"]
-        return estimator.step(strain, pressure, sample.valid, std, temperature=temperature).pressure(with_std)
-    inputs = estimator.checked_inputs(
-        strain, sample.valid, sample.air, sample.parameters, sample.parameters_std or None
+    held, strain = _at_temperature(inverse_map, zeros, sample)
+    names = ("mach_number", "static_pressure", "dynamic_pressure")
+    value, std = (np.array([sample.air[name + end] for name in names]) for end in ("", "_std"))
+    known = np.isfinite(sample.parameter) & (sample.parameter_score <= LARGEST_USED_SCORE)
+    known &= np.isfinite(sample.parameter_std)
+    if held.manifold is None:
+        q_std = std[2] if np.isfinite(std[2]) else held.dynamic_pressure_error * value[2]
+        q = value[2] if sample.has_coefficients else np.nan
+        q_std, p, p_std = q_std if sample.has_coefficients else 0.0, np.nan, np.nan
+    else:
+        air = air_inputs(held, value, std, sample.air["altitude"])
+        (_, p, q), (_, p_std, q_std) = air.value, air.std
+    inputs = FieldInputs(
+        inverse_map=held,
+        strain=strain,
+        dynamic_pressure=np.asarray(q),
+        dynamic_pressure_std=np.asarray(q_std),
+        static_pressure=np.asarray(p),
+        static_pressure_std=np.asarray(p_std),
+        parameter_value=np.where(known, sample.parameter, np.nan),
+        parameter_std=np.where(known, sample.parameter_std, np.nan),
     )
-    if temperature is not None:
-        ((_, estimator, inputs),) = estimator.groups(inputs, temperature)
-    field_inputs = estimator.field_inputs(inputs)
+    if held.manifold is None:
+        return linear_pressure(inputs, sample.valid, with_std)
     return pressure_of(
         _Solved(
-            field_inputs=None if field_inputs is None else field_inputs.of_sample(0),
+            field_inputs=inputs,
             valid=sample.valid,
             state=sample.state,
             state_covariance=sample.state_covariance,
@@ -102,3 +128,19 @@ def surface_pressure(
         ),
         with_std,
     )
+
+
+def _at_temperature(
+    inverse_map: InverseMap, zeros: GaugeZeros, sample: SurfaceSample
+) -> tuple[InverseMap, FloatArray]:
+    """Return the map with the noise of the sample, and its rows (n_d,) at the reference temperature [m/m]."""
+    thermal, amplitude, held = inverse_map.thermal, None, inverse_map
+    if thermal is not None and np.isfinite(sample.temperature).any():
+        known = known_sensors(thermal, sample.temperature[None])[0]
+        sensors = sensor_set(thermal, known)
+        rise = np.where(known, sample.temperature - thermal.reference_temperature, 0.0)
+        amplitude = (sensors.amplitude_gain @ rise)[None]
+        held = with_gauge_covariance(inverse_map, sensors.gauge_covariance)
+    of_zeros = Zeros(value=zeros.value, std=zeros.std, common_std=zeros.common_std)
+    rows = rows_of(inverse_map, sample.strain[None], np.array([sample.thrust]), of_zeros, amplitude)[0]
+    return with_zero_errors(held, zeros), rows

@@ -18,8 +18,8 @@ from builder.truth.revolution.flow_table import FlowTable, harmonics_at
 from builder.truth.revolution.strain import TrueStructure, true_flights, true_strain
 from builder.vehicle.file import Vehicle
 from strainfmu.errors import InputError
+from strainfmu.estimator.estimates.flight_pressure import table_pressure
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
-from strainfmu.estimator.manifold.field_estimate import table_pressure
 from strainfmu.estimator.manifold.tracker import FlightTracker
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map, save_inverse_map
 from strainfmu.estimator.tables.flight_field import FlightField

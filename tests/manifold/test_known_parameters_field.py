@@ -11,11 +11,11 @@ from shape_case import flown, grid_conditions, shape_structure
 
 from builder.campaign.snapshots import Snapshots
 from strainfmu.errors import InputError
+from strainfmu.estimator.estimates.flight_pressure import table_pressure
 from strainfmu.estimator.estimates.pressure_field import PressureField
 from strainfmu.estimator.filter.flight_filter import FlightFilter
 from strainfmu.estimator.filter.settings import FilterSettings
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
-from strainfmu.estimator.manifold.field_estimate import table_pressure
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimates
 from strainfmu.estimator.map.inverse_map import load_inverse_map, save_inverse_map
 from strainfmu.estimator.tables.manifold_map import ManifoldMap

@@ -29,9 +29,9 @@ from builder.manifold.condition_tables import condition_tables
 from builder.manifold.discrepancy import process_on_surface, process_size
 from builder.manifold.state_tables import state_tables
 from strainfmu.errors import InputError
+from strainfmu.estimator.estimates.flight_pressure import table_pressure
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
-from strainfmu.estimator.manifold.field_estimate import table_pressure
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimates
 from strainfmu.estimator.manifold.flight_health import outside_score
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map, save_inverse_map

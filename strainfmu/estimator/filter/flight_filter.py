@@ -14,13 +14,12 @@ from strainfmu.errors import InputError
 from strainfmu.estimator.filter.consistency import Consistency, noted
 from strainfmu.estimator.filter.flight_model import (
     FlightModel,
-    error_columns,
     flight_model,
     sample_rows,
     transition,
     with_tables,
 )
-from strainfmu.estimator.filter.flight_step import FilteredSample, filtered_sample, flight_solution
+from strainfmu.estimator.filter.flight_step import FilteredSample, filtered_sample
 from strainfmu.estimator.filter.flight_track import FilteredStep, FilterTrack
 from strainfmu.estimator.filter.kalman import Law, Transition, predicted, stationary_law
 from strainfmu.estimator.filter.named_navigation import NamedNavigation
@@ -34,7 +33,6 @@ from strainfmu.estimator.manifold.inputs import EstimatorInputs
 from strainfmu.estimator.manifold.navigation import NAVIGATION, inconsistent_navigation, state_measurement
 from strainfmu.estimator.manifold.solve import WARM_ITERATIONS
 from strainfmu.estimator.manifold.tracker import RETURN_AFTER, SEARCH_EVERY
-from strainfmu.estimator.tables.flight_tables import N_STATES
 from strainfmu.estimator.tables.parameter_tables import without_known
 
 _FLOW = (*NAVIGATION, *(f"{name}_std" for name in NAVIGATION), "altitude")
@@ -193,31 +191,6 @@ class FlightFilter:
             if _fits(estimate):
                 return self._kept(inputs, solved, before=law, step=step, estimate=estimate)
         return self._begun(inputs, samples, law=law, step=step)
-
-    def smoothed(self, step: FilteredStep, law: Law) -> FlightEstimates:
-        """Return the estimate of ``step`` by the smoothed ``law`` of its states.
-
-        Health, chi-square and residuals stay those of the filter, and so does a step whose loads are not the
-        filter's.
-        """
-        estimate = step.estimate
-        if not step.measured or estimate.is_linear[0] or np.isnan(estimate.loads[0]).any():
-            return estimate
-        known, model = self._at_parameters(step.estimator, step.inputs)
-        solution = flight_solution(
-            model,
-            law,
-            sample_rows(step.sample),
-            columns=error_columns(model, law.mean[:N_STATES]),
-            quality=(
-                float(estimate.chi_square[0]),
-                estimate.standardised_residual[0],
-                estimate.navigation_residual[0],
-            ),
-        )
-        found = known.concluded(step.inputs, step.sample, solution, predicted=True)
-        kept = {name: getattr(estimate, name) for name in ("health", "suspects", "envelope_score")}
-        return replace(found, **kept)
 
     def _at_parameters(
         self, estimator: ManifoldEstimator, inputs: EstimatorInputs

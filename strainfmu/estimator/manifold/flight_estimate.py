@@ -52,7 +52,7 @@ class FlightEstimate(LoadEstimate):
         InputError
             The map holds no pressure field.
         """
-        from strainfmu.estimator.manifold.field_estimate import pressure_of
+        from strainfmu.estimator.estimates.flight_pressure import pressure_of
 
         return pressure_of(self, with_std)
 

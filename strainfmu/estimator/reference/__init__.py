@@ -12,7 +12,9 @@ rows, columns and outputs are:
 ``kalman``                    the update over time, with errors that are never estimated
 ``linear_filter``             the filter of linear maps
 ``flight_filter``             the filter of the flight state
+``smoothing``                 laws of a filter with what later samples say of them
 ============================  =====================================================================
 
-It has no alarms and no state machines. Nothing else in the package imports it; tests compare the core with it.
+It has no alarms and no state machines. Tests compare the core with it; of the package, only what runs off the
+deadline imports it.
 """

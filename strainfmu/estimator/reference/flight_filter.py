@@ -1,9 +1,9 @@
 """The filter of the flight state.
 
-States are s = (x, dx/dt, b, c, e): flight state, its rates, errors of air data, pressure off the tables in the
-directions that gauges see, hardware errors that gauges have in common. Errors of each gauge alone, its gain, those
-in proportion to the loads and what else lasts, are considered. Their covariances together are S of the static
-estimator, and the stationary law is its prior.
+States are s = (x, dx/dt, b, c, e, da): flight state, its rates, errors of air data, pressure off the tables in the
+directions that gauges see, hardware errors that gauges have in common, errors of the amplitudes of temperature
+modes. Errors of each gauge alone, its gain, those in proportion to the loads and what else lasts, are considered.
+Their covariances together are S of the static estimator, and the stationary law is its prior.
 """
 
 from __future__ import annotations
@@ -59,7 +59,9 @@ class FlightFilterReference:
         self.manifold, self.time_constant = manifold, time_constant
         self.tables = tables_of(inverse_map)
         self.static = nonlinear.NonlinearReference(inverse_map, self.tables, manifold.gauge_covariance)
-        white, self.common, lasting = kalman.white_and_lasting(manifold.gauge_covariance, inverse_map.noise_std)
+        covariance, modes, prior_of_modes = kalman.without_modes(inverse_map, manifold.gauge_covariance)
+        white, common, lasting = kalman.white_and_lasting(covariance, inverse_map.noise_std)
+        self.common = np.hstack([common, modes])
         diagonal = np.diag(lasting)
         # What is left beside a diagonal that dominates is a covariance (Gershgorin).
         self.own = np.sqrt(np.maximum(2.0 * diagonal - np.sum(np.abs(lasting), axis=1), 0.0))
@@ -77,7 +79,7 @@ class FlightFilterReference:
         mean[:N_STATES], std[:N_STATES] = self.static.prior_mean, self.static.prior_std
         std[RATES] = RATE_STD * (1.0 + RATE_TIME / time_constant)
         none = np.zeros((n, n_d * (2 + self.of_gauge.shape[1])))
-        self.prior = Law(mean, np.diag(std**2), none)
+        self.prior = kalman.with_modes(Law(mean, np.diag(std**2), none), prior_of_modes)
         self.law: Law | None = None
         self.slopes: FloatArray | None = None
         self.state, self.age = mean[:N_STATES], 0.0
@@ -86,13 +88,13 @@ class FlightFilterReference:
         """Return what the filter makes of ``sample``, ``time_step`` [s] after the last one."""
         if self.law is None:
             start = self.static.solved(sample).state
-            found = self._dropped(self.prior, sample, start, 0, None)
+            found = self.dropped(self.prior, sample, start, 0, None)
             self.slopes, self.age = None, 0.0
         else:
-            before = kalman.predicted(self.law, self._transition(time_step), self.prior, self._kept(time_step))
-            self.slopes = self._slopes(time_step, before) if sample.used.any() else None
+            before = self.predicted(time_step, self.prior)
+            self.slopes = self.slopes_after(time_step, before) if sample.used.any() else None
             self.age += time_step
-            found = self._dropped(before, sample, self.state, ITERATIONS, self.slopes)
+            found = self.dropped(before, sample, self.state, ITERATIONS, self.slopes)
         if not sample.used.any():
             self.slopes, self.age = None, 0.0
         self.law, self.state = found.law, found.law.mean[:N_STATES]
@@ -100,16 +102,25 @@ class FlightFilterReference:
 
     # The law over time.
 
-    def _kept(self, time_step: float) -> float:
-        return float(np.exp(-time_step / self.time_constant))
+    def predicted(self, time_step: float, stationary: Law) -> Law:
+        """Return the law ``time_step`` [s] after the last sample; ``stationary`` is that of no sample."""
+        assert self.law is not None
+        kept = float(np.exp(-time_step / self.time_constant))
+        return kalman.predicted(self.law, self.transition(time_step), stationary, kept)
 
-    def _transition(self, time_step: float) -> FloatArray:
+    def widened(self, factor: float, of_modes: FloatArray) -> Law:
+        """Return the prior with ``factor`` on the variance of c, and ``of_modes`` (k, k) the covariance of da."""
+        found = kalman.with_modes(self.prior, of_modes)
+        found.covariance[SEEN : self.hardware, SEEN : self.hardware] *= factor
+        return found
+
+    def transition(self, time_step: float) -> FloatArray:
         """Return F (n, n): x and its rates are a Matern 3/2 process, all else decays."""
         std = np.sqrt(np.diag(self.prior.covariance))
         rate = std[RATES] / std[:N_STATES]
         turn = rate * time_step
         decay = np.exp(-turn)
-        matrix = np.eye(len(std)) * self._kept(time_step)
+        matrix = np.eye(len(std)) * float(np.exp(-time_step / self.time_constant))
         matrix[AIR_ERRORS, AIR_ERRORS] = np.eye(N_AIR) * np.exp(
             -time_step / (kalman.NAVIGATION_TIME * self.time_constant)
         )
@@ -119,7 +130,7 @@ class FlightFilterReference:
         matrix[RATES, RATES] = np.diag(decay * (1.0 - turn))
         return matrix
 
-    def _slopes(self, time_step: float, before: Law) -> FloatArray | None:
+    def slopes_after(self, time_step: float, before: Law) -> FloatArray | None:
         """Return the flight state of slopes, None where each iteration takes its own.
 
         It knows nothing of the sample that it weighs: it follows the estimate, and moves as predicted as far as
@@ -136,19 +147,19 @@ class FlightFilterReference:
 
     # A sample.
 
-    def _dropped(
+    def dropped(
         self, law: Law, sample: Sample, start: FloatArray, iterations: int, slopes: FloatArray | None
     ) -> FilteredSample:
         """Return the estimate of ``sample``, a second time without air data that do not fit."""
-        found = self._filtered(law, sample, sample, start, iterations, slopes)
+        found = self.filtered(law, sample, sample, start, iterations, slopes)
         excess = np.abs(found.air_standardised) / DROPPED
         worst = int(np.argmax(excess))
         if excess[worst] <= 1.0:
             return found
         doubted = replace(sample, air=without(sample.air, found.air_standardised, worst))
-        return self._filtered(law, sample, doubted, start, ITERATIONS, slopes)
+        return self.filtered(law, sample, doubted, start, ITERATIONS, slopes)
 
-    def _filtered(
+    def filtered(
         self,
         law: Law,
         sample: Sample,
@@ -178,7 +189,7 @@ class FlightFilterReference:
         z[sample.used], of_air[known] = np.split(found.standardised[0], [n_used])
         law = Law(mean, after.covariance, after.cross)
         return FilteredSample(
-            **vars(self._loads(law, sample, errors)),
+            **vars(self.loads(law, sample, errors)),
             law=law,
             chi_square=float(found.chi_square[0] + distance),
             standardised=z,
@@ -236,9 +247,15 @@ class FlightFilterReference:
         of_gauges[:n_used] = considered[used]
         return Rows(innovation - jacobian @ about, jacobian, of_gauges, whole)
 
-    def _loads(self, law: Law, sample: Sample, errors: tuple[FloatArray, FloatArray, FloatArray]) -> FlightLoads:
-        """Return loads and coefficients by ``law``: of the tables, of the errors seen, and of the residual."""
-        (columns, considered, noise), n_d, used = errors, self.static.n_d, sample.used
+    def loads(
+        self, law: Law, sample: Sample, errors: tuple[FloatArray, FloatArray, FloatArray] | None = None
+    ) -> FlightLoads:
+        """Return loads and coefficients by ``law``: of the tables, of the errors seen, and of the residual.
+
+        ``errors`` are those at the flight state of the law for None.
+        """
+        columns, considered, noise = errors or self._errors(law.mean[:N_STATES])
+        n_d, used = self.static.n_d, sample.used
         state, of_errors = law.mean[:N_STATES], np.append(np.zeros(N_STATES), law.mean[N_STATES:])
         (value, jacobian), pressure = evaluate(self.tables, state), np.exp(state[LOG_PRESSURE])
         strain = columns.copy()

@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from strainfmu.arrays import FloatArray
+from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.reference.update import Posterior, condition, model_of, prepare
 
 NAVIGATION_TIME = 100.0
@@ -111,3 +112,21 @@ def white_and_lasting(covariance: FloatArray, std: FloatArray) -> tuple[FloatArr
     common = value > max(COMMON_SIZE, COMMON_FRACTION * float(value.sum()))
     columns = std[:, None] * vector * np.sqrt(value)
     return white * std**2, columns[:, common], columns[:, ~common] @ columns[:, ~common].T
+
+
+def without_modes(inverse_map: InverseMap, covariance: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return ``covariance`` (n_d, n_d) of gauges without temperature modes, what they read of each, and the prior.
+
+    The second is (n_d, k), the prior covariance of the k amplitudes (k, k); k is 0 of a map without modes.
+    """
+    thermal = inverse_map.thermal
+    if thermal is None:
+        return covariance, np.zeros((len(covariance), 0)), np.zeros((0, 0))
+    return thermal.isothermal_covariance, thermal.linear_strain, np.diag(thermal.prior_std**2)
+
+
+def with_modes(law: Law, covariance: FloatArray) -> Law:
+    """Return the stationary ``law`` with ``covariance`` (k, k) of its last states, the temperature modes."""
+    first, whole = len(law.mean) - len(covariance), law.covariance.copy()
+    whole[first:, first:] = covariance
+    return law._replace(covariance=whole)

@@ -1,9 +1,10 @@
 """The filter of a linear map in form "dynamic_pressure".
 
-States are the pressure states q, errors that grow with q_inf in the directions that gauges see, and errors that
-gauges have in common. q decays with the time constant T to the prior of the map; in Case 1, which has none, to the
-amplitude at which each state alone reaches the largest strains of the snapshots. Other errors are considered.
-Memory changes the estimate of the sample by the loads of the law less those of a law of the sample alone.
+States are the pressure states q, errors that grow with q_inf in the directions that gauges see, errors that gauges
+have in common, and errors of the amplitudes of temperature modes. q decays with the time constant T to the prior
+of the map; in Case 1, which has none, to the amplitude at which each state alone reaches the largest strains of
+the snapshots. Other errors are considered. Memory changes the estimate of the sample by the loads of the law less
+those of a law of the sample alone.
 """
 
 from __future__ import annotations
@@ -38,7 +39,9 @@ class LinearFilterReference:
         errors, load_of_errors = inverse_map.error_strain, inverse_map.error_load
         self.map, self.time_constant = inverse_map, time_constant
         self.law: Law | None = None
-        self.noise, common, lasting = kalman.white_and_lasting(inverse_map.gauge_covariance, inverse_map.noise_std)
+        covariance, modes, prior_of_modes = kalman.without_modes(inverse_map, inverse_map.gauge_covariance)
+        self.noise, common, lasting = kalman.white_and_lasting(covariance, inverse_map.noise_std)
+        common = np.hstack([common, modes])
         cross, variance = errors @ load_of_errors.T, load_of_errors @ load_of_errors.T
         self.seen = kalman.seen_errors(errors, cross, variance, 1.0, np.sqrt(self.noise + np.diag(lasting)))
         states, n_d = inverse_map.state_operator, inverse_map.n_gauges
@@ -52,10 +55,11 @@ class LinearFilterReference:
         if inverse_map.case == 1:
             largest = np.max(np.abs(states) / inverse_map.strain_range[:, None], axis=0)
             std[: states.shape[1]] = 1.0 / largest
-        self.time_constants = np.where(np.arange(n) < n_scaled, 1.0, kalman.NAVIGATION_TIME) * time_constant
+        lasts = (np.arange(n) >= n_scaled) & (np.arange(n) < n - modes.shape[1])
+        self.time_constants = np.where(lasts, kalman.NAVIGATION_TIME, 1.0) * time_constant
         self.lasting, self.rest = (_root(one, self.noise) for one in (lasting, self.seen.rest_strain))
         none = np.zeros((n, self.lasting.shape[1] + self.rest.shape[1]))
-        self.prior = Law(np.zeros(n), np.diag(std**2), none)
+        self.prior = kalman.with_modes(Law(np.zeros(n), np.diag(std**2), none), prior_of_modes)
         self.fixed = np.zeros(n_d) if inverse_map.fixed_strain is None else inverse_map.fixed_strain
 
     def step(self, time_step: float, rows: FloatArray, used: BoolArray, dynamic_pressure: float) -> Change | None:
@@ -64,29 +68,37 @@ class LinearFilterReference:
         Nothing is without a gauge in use or a dynamic pressure; the first sample has no memory, and no change.
         """
         if self.law is not None:
-            decay = np.exp(-time_step / self.time_constants)
-            kept = float(np.exp(-time_step / self.time_constant))
-            self.law = predicted(self.law, np.diag(decay), self.prior, kept)
+            self.law = self.predicted(self.law, time_step, self.prior)
         if not used.any() or not dynamic_pressure > 0.0:
             return None
         ratio = dynamic_pressure / self.map.nominal_dynamic_pressure
-        alone, found = measured(self.prior, self._rows(self.prior, rows, used, ratio))
+        alone, found = measured(self.prior, self.rows(self.prior, rows, used, ratio))
         after = alone
         if self.law is not None:
-            after, found = measured(self.law, self._rows(self.law, rows, used, ratio))
+            after, found = measured(self.law, self.rows(self.law, rows, used, ratio))
         self.law = after
-        of_memory, of_alone = (self._loads(one, rows, used, ratio) for one in (after, alone))
+        of_memory, of_alone = (self.loads(one, rows, used, ratio) for one in (after, alone))
         return Change(of_memory[0] - of_alone[0], of_memory[1] - of_alone[1], float(found.chi_square[0]))
 
-    def _rows(self, law: Law, rows: FloatArray, used: BoolArray, ratio: float) -> Rows:
+    def transition(self, time_step: float) -> FloatArray:
+        """Return F (n, n) over ``time_step`` [s]: all states decay."""
+        return np.diag(np.exp(-time_step / self.time_constants))
+
+    def predicted(self, law: Law, time_step: float, stationary: Law) -> Law:
+        """Return ``law`` after ``time_step`` [s]; ``stationary`` is that of no sample."""
+        kept = float(np.exp(-time_step / self.time_constant))
+        return predicted(law, self.transition(time_step), stationary, kept)
+
+    def rows(self, law: Law, rows: FloatArray, used: BoolArray, ratio: float) -> Rows:
+        """Return the rows in use of ``rows`` (n_d,) at ``ratio`` of q_inf to nominal, about ``law``."""
         by_state = ratio * self.scaled_strain + self.common
         expected = self.fixed + ratio * (self.map.mean_strain - self.fixed) + by_state @ law.mean
         considered = np.hstack([self.lasting, ratio * self.rest])
         return Rows((rows - expected)[used], by_state[used], considered[used], np.diag(self.noise[used]))
 
-    def _loads(self, law: Law, rows: FloatArray, used: BoolArray, ratio: float) -> tuple[FloatArray, FloatArray]:
+    def loads(self, law: Law, rows: FloatArray, used: BoolArray, ratio: float) -> tuple[FloatArray, FloatArray]:
         """Return loads and covariance by ``law``, but for what is the same of every law."""
-        read = self._rows(law, rows, used, ratio)
+        read = self.rows(law, rows, used, ratio)
         cross = ratio**2 * self.seen.rest_cross[used]
         of_residual = np.linalg.solve(read.considered @ read.considered.T + read.noise, cross).T
         by_state = ratio * self.scaled_load

@@ -110,18 +110,20 @@ def prepare(model: Model, used: BoolArray) -> Prepared:
     scale = np.abs(free).max(axis=0, initial=1e-300)
     q, t = np.linalg.qr(free / scale, mode="complete")
     of_free = np.linalg.solve(t[:n_x].T, (model.output_free / scale).T).T
-    left, singular, right = np.linalg.svd(q[:, n_x:].T @ columns)
+    turned_columns = q[:, n_x:].T @ columns
+    left, singular, right = np.linalg.svd(turned_columns, full_matrices=len(turned_columns) > columns.shape[1])
     turned = np.hstack([q[:, :n_x], q[:, n_x:] @ left]).T
 
-    amplitudes = (model.output_columns - of_free @ (turned[:n_x] @ columns)) @ right.T
+    amplitudes = model.output_columns - of_free @ (turned[:n_x] @ columns)
     n_seen = len(singular)
     of_columns = np.zeros((len(amplitudes), n_w))
-    of_columns[:, n_x : n_x + n_seen] = amplitudes[:, :n_seen]
+    of_columns[:, n_x : n_x + n_seen] = amplitudes @ right[:n_seen].T
+    rest = amplitudes - amplitudes @ right.T @ right
     of_noise = cross.T @ turned.T
     whitening = np.zeros((n_w, len(used)))
     whitening[:, used] = turned @ inverse
     singular = np.concatenate([np.zeros(n_x), singular, np.zeros(n_w - n_x - n_seen)])
-    unseen, remainder = _square(amplitudes[:, n_seen:]), model.output_noise - _square(of_noise)
+    unseen, remainder = _square(rest), model.output_noise - _square(of_noise)
     outputs = {"of_free": of_free, "of_columns": of_columns, "of_noise": of_noise, "unseen": unseen}
     return Prepared(model, whitening, singular, n_x, **outputs, remainder=remainder)
 

@@ -63,8 +63,11 @@ class MapBlocks:
         self.reference = _level_reference(inverse_map)
 
     def estimate(self, block: StrainBlock, last: float) -> BlockEstimates:
-        found = self.estimates(block)
-        of_air_data = _air_data_values(found) if self.estimator.is_nonlinear else np.zeros((len(found), 0))
+        return self.block_estimates(self.estimates(block))
+
+    def block_estimates(self, found: Estimate) -> BlockEstimates:
+        """Return the estimates ``found`` of a block as such."""
+        of_air_data = air_data_values(found) if self.estimator.is_nonlinear else np.zeros((len(found), 0))
         valid, suspects, worst = self._questioned(found)
         return BlockEstimates(
             coefficients=found.coefficients,
@@ -133,7 +136,7 @@ def _further_columns(inverse_map: InverseMap, has_loads: bool) -> tuple[tuple[st
     return (*named, *scores, *((f"sigma.{name}", unit) for name, unit in named))
 
 
-def _air_data_values(found: Estimate) -> FloatArray:
+def air_data_values(found: Any) -> FloatArray:
     """Return the values (n, n_c) of :data:`AIR_DATA_COLUMNS`."""
     air = found.air_data
     flags = [air.is_identified, found.air_data_used, found.is_linear[:, None]]

@@ -11,7 +11,6 @@ from further_maps import COMBINATION, with_further, with_further_tables
 
 from strainfmu.estimator.filter.flight_filter import FlightFilter
 from strainfmu.estimator.filter.settings import FilterSettings
-from strainfmu.estimator.filter.smoothing import smoothed
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimate
 from strainfmu.estimator.manifold.tracker import FlightTracker
@@ -93,13 +92,3 @@ def test_they_change_nothing_else_and_get_smaller_deviations() -> None:
     alone = steps(FlightTracker(ManifoldEstimator(held)), samples)[-1]
     # But for the rolling moment, which is known.
     assert np.all((one.further_loads_std < alone.further_loads_std)[1:])
-
-
-def test_smoothed() -> None:
-    held = combined_map()
-    flight = FlightFilter(ManifoldEstimator(held), FilterSettings(time_constant=1.0))
-    recorded = [flight.recorded(DT, one.strain, one.flow) for one in random_flight(held, 10, seed=8)]
-    for step, law in zip(recorded, smoothed(recorded), strict=True):
-        found = flight.smoothed(step, law)[0]
-        expected = COMBINATION @ found.loads
-        np.testing.assert_allclose(found.further_loads, expected, rtol=0.0, atol=1e-11 * np.abs(expected).max())

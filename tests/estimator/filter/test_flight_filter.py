@@ -10,7 +10,6 @@ from scaled_maps import scaled_map
 from strainfmu.errors import InputError
 from strainfmu.estimator.filter.flight_filter import FlightFilter
 from strainfmu.estimator.filter.settings import FilterSettings
-from strainfmu.estimator.filter.smoothing import smoothed
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.manifold import solve
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
@@ -207,29 +206,6 @@ def test_strain_off_the_tables_gets_the_linear_map_and_returns_later(estimator: 
     seen = [flight.step(DT, exact(STATE)[:N_D] + noise(rng), dynamic_pressure=130e3) for _ in range(RETURN_AFTER)]
     assert [one.is_linear for one in seen] == [True] * (RETURN_AFTER - 1) + [False]
     assert np.all(np.abs(seen[-1].loads - exact(STATE)[N_D:]) < 4.0 * seen[-1].loads_std)
-
-
-@pytest.mark.parametrize("seed", [0, 1, 2])
-def test_smoothing_is_not_worse_than_filtering(estimator: ManifoldEstimator, seed: int) -> None:
-    """With navigation: where p_inf is hardly known, deviations follow its estimate from sample to sample."""
-    flight = FlightFilter(estimator, FilterSettings(time_constant=1.0))
-    rng = np.random.default_rng(seed)
-    steps, states = [], []
-    for i in range(60):
-        state = STATE + np.array([0.0, 0.02 * np.sin(3.0 * DT * i), 0.01 * DT * i, 0.0])
-        strain = exact(state)[:N_D] + noise(rng)
-        steps.append(flight.recorded(DT, strain, navigation(state)))
-        states.append(state)
-    true = np.array([exact(state)[N_D:] for state in states])
-    filtered = [step.estimate[0] for step in steps]
-    found = [flight.smoothed(step, law)[0] for step, law in zip(steps, smoothed(steps), strict=True)]
-    error = {name: np.array([one.loads for one in of]) - true for name, of in (("f", filtered), ("s", found))}
-    std = {name: np.array([one.loads_std for one in of]) for name, of in (("f", filtered), ("s", found))}
-    scale = std["f"].mean(axis=0)
-    assert np.mean((error["s"] / scale) ** 2) < np.mean((error["f"] / scale) ** 2)
-    assert np.all(std["s"] < 1.01 * std["f"])
-    assert np.mean(np.abs(error["s"]) < 3.0 * std["s"]) > 0.98
-    assert found[-1].loads == pytest.approx(filtered[-1].loads, rel=1e-6)
 
 
 @pytest.mark.parametrize("value", [0.0, -0.01, np.nan])

@@ -14,13 +14,23 @@ import numpy as np
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.estimator.estimates.linear_field import linear_pressure, no_field
 from strainfmu.estimator.estimates.pressure_field import FieldInputs, PressureField, unknown_field
-from strainfmu.estimator.manifold.gauss_newton import strain_factor
-from strainfmu.estimator.manifold.load_solution import lognormal_std
-from strainfmu.estimator.numerics.spline import local_basis
+from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.reference.air import lognormal_std
+from strainfmu.estimator.reference.nonlinear import NonlinearReference
+from strainfmu.estimator.reference.tables import (
+    LOG_PRESSURE,
+    MACH,
+    MIN_INCIDENCE,
+    Tables,
+    U,
+    W,
+    basis,
+    evaluate,
+    tables_of,
+    with_known_parameters,
+)
 from strainfmu.estimator.tables.flight_field import FlightField
-from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, MIN_INCIDENCE, U, W, evaluate
 from strainfmu.estimator.tables.manifold_map import ManifoldMap
-from strainfmu.estimator.tables.parameter_tables import with_known
 from strainfmu.estimator.tables.shape_field import ShapeField, field_with_known
 
 MIN_LEFT = 0.05
@@ -54,9 +64,10 @@ def pressure_of(estimate: Solved, with_std: bool = True) -> PressureField:
     if not np.any(estimate.valid):
         return unknown_field(field.n_nodes, is_net=False)
     if not estimate.is_linear:
-        manifold, field = _at_parameters(manifold, field, inputs)
+        tables, field = _at_parameters(inputs, field)
         return flight_pressure(
-            manifold,
+            inputs.inverse_map,
+            tables,
             field,
             state=estimate.state,
             state_covariance=estimate.state_covariance,
@@ -75,15 +86,17 @@ def pressure_of(estimate: Solved, with_std: bool = True) -> PressureField:
 
 
 def _at_parameters(
-    manifold: ManifoldMap, field: FlightField | ShapeField, inputs: FieldInputs
-) -> tuple[ManifoldMap, FlightField | ShapeField]:
+    inputs: FieldInputs, field: FlightField | ShapeField
+) -> tuple[Tables, FlightField | ShapeField]:
     """Return tables and field for what ``inputs`` of one sample know of further parameters of the flow."""
-    value, std, tables = inputs.parameter_value, inputs.parameter_std, manifold.parameters
-    if tables is None or not isinstance(field, ShapeField) or field.parameters is None:
-        return manifold, field
+    value, std, manifold = inputs.parameter_value, inputs.parameter_std, inputs.inverse_map.manifold
+    tables, held = tables_of(inputs.inverse_map), None if manifold is None else manifold.parameters
+    if held is None or not isinstance(field, ShapeField) or field.parameters is None:
+        return tables, field
     if not np.isfinite(std).any():
-        return manifold, field
-    return with_known(manifold, value, std), field_with_known(field, tables.powers, value, std)
+        return tables, field
+    known = with_known_parameters(inputs.inverse_map, tables, value, std)
+    return known, field_with_known(field, held.powers, value, std)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -108,8 +121,17 @@ def table_pressure(manifold: ManifoldMap, field: FlightField | ShapeField, state
 
 
 def _of_shape(manifold: ManifoldMap, field: ShapeField, state: FloatArray) -> TablePressure:
-    amplitude = evaluate(field.tables(manifold.tables), state[None])
-    value, jacobian = (field.modes @ one[0] for one in amplitude)
+    n_q = field.modes.shape[1]
+    tables = Tables(
+        mach_knots=manifold.mach_knots,
+        incidence_knots=manifold.incidence_knots,
+        spline=field.amplitude[..., 0] - 1j * field.amplitude[..., 1],
+        fixed=np.zeros(n_q),
+        error_strain=np.zeros((0, 0)),
+        cross=np.zeros((0, n_q)),
+        output_variance=np.zeros((n_q, n_q)),
+    )
+    value, jacobian = (field.modes @ one for one in evaluate(tables, state))
     pressure = float(np.exp(state[LOG_PRESSURE]))
     jacobian[:, LOG_PRESSURE] += pressure
     return TablePressure(value=value + pressure, jacobian=jacobian)
@@ -118,15 +140,10 @@ def _of_shape(manifold: ManifoldMap, field: ShapeField, state: FloatArray) -> Ta
 def _of_rings(manifold: ManifoldMap, field: FlightField, state: FloatArray) -> TablePressure:
     u, w = float(state[U]), float(state[W])
     incidence = float(np.sqrt(u * u + w * w + MIN_INCIDENCE**2))
-    of_mach = local_basis(manifold.mach_knots, state[MACH : MACH + 1])
-    of_incidence = local_basis(manifold.incidence_knots, np.array([incidence]))
-    i, j = int(of_mach.cell[0]), int(of_incidence.cell[0])
+    i, of_mach, by_mach_knots = basis(manifold.mach_knots, float(state[MACH]))
+    j, of_incidence, by_incidence_knots = basis(manifold.incidence_knots, incidence)
     local = field.amplitude[i : i + 4, j : j + 4].astype(float)
-    pairs = (
-        (of_mach.value[0], of_incidence.value[0]),
-        (of_mach.derivative[0], of_incidence.value[0]),
-        (of_mach.value[0], of_incidence.derivative[0]),
-    )
+    pairs = ((of_mach, of_incidence), (by_mach_knots, of_incidence), (of_mach, by_incidence_knots))
     amplitude, by_mach, by_incidence = (np.einsum("a,b,abxm->xm", a, b, local, optimize=True) for a, b in pairs)
     m = np.arange(local.shape[3])
     angle = np.outer(m, field.roll_angle - np.arctan2(w, u))
@@ -148,7 +165,8 @@ def _of_rings(manifold: ManifoldMap, field: FlightField, state: FloatArray) -> T
 
 
 def flight_pressure(
-    manifold: ManifoldMap,
+    inverse_map: InverseMap,
+    tables: Tables,
     field: FlightField | ShapeField,
     *,
     state: FloatArray,
@@ -161,20 +179,23 @@ def flight_pressure(
 
     Parameters
     ----------
+    inverse_map, tables, field : the map with the noise of the sample, tables and field with what is known of it.
     state, state_covariance : (4,), (4, 4) of the estimate.
     strain, used : (n_d,) strain [m/m], and the gauges that the state follows from.
     with_std : false leaves the standard deviation NaN.
     """
-    n_d = manifold.tables.n_gauges
-    table = table_pressure(manifold, field, state)
-    response = evaluate(manifold.tables, state[None])
-    factor = strain_factor(manifold, state[None], used[None])[0]
-    residual = np.where(used, strain - response.value[0, :n_d], 0.0)
-    jacobian = np.where(used[:, None], response.jacobian[0, :n_d], 0.0)
+    manifold = inverse_map.manifold
+    assert manifold is not None
+    table, (value, by_state_of_rows) = table_pressure(manifold, field, state), evaluate(tables, state)
+    n_d = len(strain)
+    covariance = NonlinearReference(inverse_map, tables, manifold.gauge_covariance).strain_covariance(state)
+    factor = np.linalg.cholesky(np.where(used[:, None] & used, covariance, np.eye(n_d)))
+    residual = np.where(used, strain - value[:n_d], 0.0)
+    jacobian = np.where(used[:, None], by_state_of_rows[:n_d], 0.0)
     whitened = np.linalg.solve(factor, np.column_stack([residual, jacobian]))
     pressure = float(np.exp(state[LOG_PRESSURE]))
     if not with_std:
-        weights = np.linalg.solve(factor.T, whitened[:, 0])
+        weights = np.asarray(np.linalg.solve(factor.T, whitened[:, 0]), dtype=float)
         correction = pressure * pressure * _corrected(field, used, weights)
         return replace(unknown_field(field.n_nodes, is_net=False), pressure=table.value + correction)
     gain = pressure * pressure * _turned(field, factor, used)
