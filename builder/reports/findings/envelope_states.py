@@ -8,12 +8,12 @@ import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO
+from strainfmu.estimator.air_data import NAVIGATION as QUANTITIES
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimates
-from strainfmu.estimator.manifold.flight_health import RANGE_TOLERANCE
 from strainfmu.estimator.manifold.gauss_newton import linearise_anew
 from strainfmu.estimator.manifold.inputs import EstimatorInputs
-from strainfmu.estimator.manifold.navigation import NAVIGATION as QUANTITIES
+from strainfmu.estimator.policies import RANGE_TOLERANCE
 from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, U, W, evaluate
 from strainfmu.estimator.tables.manifold_map import ManifoldMap
 

@@ -10,7 +10,7 @@ import numpy as np
 from builder.reports.findings.envelope_states import NAVIGATION, envelope, estimated_at
 from builder.reports.page.tables import Column, Table, make_table
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.manifold.air_data import AIR_DATA_NAMES
+from strainfmu.estimator.air_data import AIR_DATA_NAMES
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
 

@@ -14,16 +14,18 @@ from itertools import combinations
 import numpy as np
 
 from strainfmu.arrays import FloatArray, IntArray
-from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY
-from strainfmu.estimator.linear.detectability import (
+from strainfmu.estimator.alarm_limits import (
+    ambiguous_groups,
+    correlations,
     detectable_noncentrality,
     minimal_detectable_bias,
     minimal_isolable_bias,
+    outlier_threshold,
 )
-from strainfmu.estimator.linear.isolation import ambiguous_groups, correlations, outlier_threshold
+from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY
 from strainfmu.estimator.linear.map_parts import map_parts
-from strainfmu.estimator.linear.masks import MIN_INFORMATION
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.policies import MIN_INFORMATION
 
 MISS_PROBABILITY = 0.01
 """Probability that a bias of the stated detectable or isolable size is missed."""
