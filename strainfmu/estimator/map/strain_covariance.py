@@ -31,4 +31,6 @@ def strain_covariance(
 def strain_covariance_at(manifold: ManifoldMap, state: FloatArray) -> FloatArray:
     """Return S (k, n_d, n_d) [(m/m)^2] at the flight states ``state`` (k, 4)."""
     value, n = evaluate(manifold.tables, state).value, manifold.tables.n_gauges
-    return strain_covariance(manifold, np.exp(state[:, LOG_PRESSURE]), value[:, :n], value[:, n:])
+    return strain_covariance(
+        manifold, pressure=np.exp(state[:, LOG_PRESSURE]), strain=value[:, :n], loads=value[:, n:]
+    )

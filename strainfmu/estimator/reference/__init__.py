@@ -14,5 +14,6 @@ rows, columns and outputs are:
 ``flight_filter``             the filter of the flight state
 ============================  =====================================================================
 
-It has no alarms and no state machines. Nothing else in the package imports it; tests compare the core with it.
+It has no alarms and no state machines. Tests compare the core with it; reports take gains and sources of variance
+from it, which the core does not give.
 """
