@@ -54,14 +54,16 @@ def in_use(nonlinear_map: InverseMap) -> InUse:
 
 @pytest.mark.fast
 def test_the_sources_add_up_to_the_stated_variance(nonlinear_map: InverseMap) -> None:
-    """At every flight state and for every coefficient, 1e-9: the reference's sources, the core's deviations.
+    """At every flight state and for every coefficient, 1e-9; every kind of error has a part.
 
-    Every kind of error has a part.
+    The core states these variances to 2e-3: its estimates end a little nearer to the middle of the ranges.
     """
     state = envelope(nonlinear_map.manifold, 3, 3).flown
     found = estimated_at(Estimator(nonlinear_map), state, ALL)
-    parts = source_variances(nonlinear_map, state, found.state)
-    np.testing.assert_allclose(sum(parts.values()), found.coefficients_std**2, rtol=1e-9)
+    parts, covariance = source_variances(nonlinear_map, state)
+    variance = np.diagonal(covariance, axis1=1, axis2=2)
+    np.testing.assert_allclose(sum(parts.values()), variance, rtol=1e-9)
+    np.testing.assert_allclose(variance, found.coefficients_std**2, rtol=2e-3)
     assert all(np.max(part / found.coefficients_std**2) > 1e-6 for part in parts.values())
     assert set(HARDWARE) < set(parts)
 
@@ -72,11 +74,11 @@ def test_a_source_is_what_its_errors_do(nonlinear_map: InverseMap) -> None:
     small = replace(nonlinear_map.manifold, common_gain_std=1e-5)
     maps = [replace(nonlinear_map, manifold=replace(small, common_gain_std=std)) for std in (1e-5, 2e-5)]
     state = envelope(small, 2, 2).flown
-    found, other = (estimated_at(Estimator(one), state, ALL) for one in maps)
-    part = source_variances(maps[0], state, found.state)["gain of all gauges"]
-    change = other.coefficients_std**2 - found.coefficients_std**2
+    (parts, found), (_, other) = (source_variances(one, state) for one in maps)
+    part = parts["gain of all gauges"]
+    change = np.diagonal(other - found, axis1=1, axis2=2)
     assert np.max(part) > 0.0
-    np.testing.assert_allclose(change, 3.0 * part, rtol=1e-3, atol=1e-9 * np.max(found.coefficients_std**2))
+    np.testing.assert_allclose(change, 3.0 * part, rtol=1e-3, atol=1e-9 * np.max(found))
 
 
 def test_the_nonlinear_estimator_of_a_map_with_tables(nonlinear_map: InverseMap, in_use: InUse) -> None:
@@ -84,8 +86,9 @@ def test_the_nonlinear_estimator_of_a_map_with_tables(nonlinear_map: InverseMap,
     assert in_use.is_nonlinear
     estimator, manifold = Estimator(nonlinear_map), nonlinear_map.manifold
     found = estimated_at(estimator, envelope(manifold).flown, ALL)
-    np.testing.assert_allclose(in_use.coefficients.std, np.sqrt(np.mean(found.coefficients_std**2, axis=0)))
-    np.testing.assert_allclose(in_use.largest_std, found.coefficients_std.max(axis=0))
+    rms = np.sqrt(np.mean(found.coefficients_std**2, axis=0))
+    np.testing.assert_allclose(in_use.coefficients.std, rms, rtol=1e-3)
+    np.testing.assert_allclose(in_use.largest_std, found.coefficients_std.max(axis=0), rtol=1e-3)
     np.testing.assert_allclose(in_use.coefficients.variance.sum(axis=0), in_use.coefficients.std**2, rtol=1e-9)
     assert in_use.growth.shape == (N_D, 5)
     assert np.all(in_use.growth >= 1.0 - 1e-9)
@@ -98,7 +101,7 @@ def test_the_nonlinear_estimator_of_a_map_with_tables(nonlinear_map: InverseMap,
         for valid in (None, np.arange(N_D) != lost)
     )
     rms = np.sqrt(np.mean(without.coefficients_std**2, axis=0) / np.mean(whole.coefficients_std**2, axis=0))
-    np.testing.assert_allclose(in_use.growth[lost], rms, rtol=1e-6)
+    np.testing.assert_allclose(in_use.growth[lost], rms, rtol=1e-4)
     assert in_use.pressure_removed is None
 
 

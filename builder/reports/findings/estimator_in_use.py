@@ -82,7 +82,7 @@ def estimator_in_use(
         )
     estimator = Estimator(inverse_map)
     whole, few = envelope(inverse_map.manifold), envelope(inverse_map.manifold, *FEW)
-    coefficients, largest = _of_nonlinear(estimator, whole.flown)
+    coefficients, largest = _of_nonlinear(inverse_map, whole.flown)
     return InUse(
         is_nonlinear=True,
         coefficients=coefficients,
@@ -94,57 +94,54 @@ def estimator_in_use(
     )
 
 
-def _of_nonlinear(estimator: Estimator, flown: FloatArray) -> tuple[CoefficientSources, FloatArray]:
+def _of_nonlinear(inverse_map: InverseMap, flown: FloatArray) -> tuple[CoefficientSources, FloatArray]:
     """Return the sources of the mean variance over the states ``flown`` (k, 4), and the largest sigma (5,)."""
-    found = estimated_at(estimator, flown, ALL)
-    mean = found.coefficient_covariance.mean(axis=0)
+    parts, covariance = source_variances(inverse_map, flown)
+    mean = covariance.mean(axis=0)
     std = np.sqrt(np.diag(mean))
-    parts = source_variances(estimator.inverse_map, flown, found.state)
     variance = {name: one.mean(axis=0) for name, one in parts.items()}
     held = {name: one for name, one in variance.items() if np.any(one > 0.0)}
     sources = CoefficientSources(
         std=std,
-        range=estimator.inverse_map.coefficient_range,
+        range=inverse_map.coefficient_range,
         correlation=mean / np.outer(std, std),
         names=tuple(held),
         variance=np.stack(list(held.values())),
         hardware=tuple(name for name in HARDWARE if name in held),
     )
-    return sources, found.coefficients_std.max(axis=0)
+    return sources, np.sqrt(np.diagonal(covariance, axis1=1, axis2=2).max(axis=0))
 
 
-def source_variances(inverse_map: InverseMap, flown: FloatArray, estimated: FloatArray) -> dict[str, FloatArray]:
-    """Return (k, 5) contribution of each source to the variance of each coefficient [1]; they add up to it.
+def source_variances(inverse_map: InverseMap, flown: FloatArray) -> tuple[dict[str, FloatArray], FloatArray]:
+    """Return (k, 5) contribution of each source to the variance of each coefficient [1], and the covariance.
 
-    The estimates, with the states ``estimated`` (k, 4), are those of the strain and all navigation at ``flown``
-    (k, 4).
+    The covariance (k, 5, 5) is that of an estimate linearised at ``flown`` (k, 4), with all navigation; the
+    contributions add up to its diagonal.
     """
     manifold = inverse_map.manifold
     assert manifold is not None
     reference = NonlinearReference(inverse_map, tables_of(inverse_map), manifold.gauge_covariance)
-    strain, air, used = (
-        strain_at(manifold, flown),
-        air_data_at(flown, ALL),
-        np.ones(inverse_map.n_gauges, dtype=bool),
-    )
-    unknown = np.full(N_AIR, np.nan)
+    strain, air = strain_at(manifold, flown), air_data_at(flown, ALL)
+    used, unknown = np.ones(inverse_map.n_gauges, dtype=bool), np.full(N_AIR, np.nan)
     samples = [
         Sample(rows=rows, used=used, air=air_inputs(inverse_map, value, unknown))
         for rows, value in zip(strain, air, strict=True)
     ]
-    parts = [_sources_of(reference, *one) for one in zip(samples, estimated, strict=True)]
-    return {name: np.stack([one[name] for one in parts]) for name in parts[0]}
+    found = [_sources_of(reference, *one) for one in zip(samples, flown, strict=True)]
+    parts = {name: np.stack([one[name] for one, _ in found]) for name in found[0][0]}
+    return parts, np.stack([covariance for _, covariance in found])
 
 
-def _sources_of(reference: NonlinearReference, sample: Sample, state: FloatArray) -> dict[str, FloatArray]:
-    """Return (5,) contribution of each source to the variance of each coefficient of ``sample`` at ``state``."""
+def _sources_of(
+    reference: NonlinearReference, sample: Sample, state: FloatArray
+) -> tuple[dict[str, FloatArray], FloatArray]:
+    """Return (5,) contribution of each source for ``sample`` at ``state``, and the covariance (5, 5)."""
     manifold, n_d = reference.manifold, reference.n_d
     found = reference.posterior(state, sample, reference.strain_covariance(state))
     pressure, at_state = np.exp(state[LOG_PRESSURE]), evaluate(reference.tables, state)[0][: n_d + LOADS]
-    by_state, scale, wider = coefficient_slopes(
-        state, found.mean[0, N_STATES:], found.covariance[0], reference.references
-    )
-    gain = by_state @ found.gain[0]
+    joint = found.covariance[0]
+    slopes, scale, wider = coefficient_slopes(state, found.mean[0, N_STATES:], joint, reference.references)
+    gain = slopes @ found.gain[0]
     strain, loads = at_state[:n_d], at_state[n_d:]
     of_strain, of_air, of_prior = np.split(gain[:LOADS], [n_d, n_d + N_AIR], axis=1)
     c = np.append(1.0, loads / (pressure * manifold.references))
@@ -162,7 +159,8 @@ def _sources_of(reference: NonlinearReference, sample: Sample, state: FloatArray
         **dict(zip(NAVIGATION, (of_air * sample.air.log_std).T ** 2, strict=False)),
         NAVIGATION[3]: np.sum((of_prior * reference.prior_std) ** 2, axis=1),
     }
-    return {name: wider * part for name, part in parts.items()}
+    covariance = wider * (slopes[:LOADS] @ joint @ slopes[:LOADS].T)
+    return {name: wider * part for name, part in parts.items()}, covariance
 
 
 def _growth(estimator: Estimator, flown: FloatArray) -> FloatArray:
