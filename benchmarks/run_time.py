@@ -1,4 +1,4 @@
-"""One step of the estimator: numpy, native FMU in a C host, and a cycle of the bus around it."""
+"""One step of the estimator: from Python, native FMU in a C host, and a cycle of the bus around it."""
 
 from __future__ import annotations
 
@@ -16,8 +16,9 @@ from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.tools.fault_injection import FaultySender
 from strainfmu.can.wire.profiles import Identifiers, profile_layout
 from strainfmu.cosim.estimators.source import open_step
-from strainfmu.estimator.linear.estimator import Estimator
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import save_inverse_map
+from strainfmu.estimator.reference.linear import estimate as estimate_by_reference
 from strainfmu.fmu.checks.step_cost import host_costs
 from strainfmu.fmu.export import export_estimator
 
@@ -26,26 +27,37 @@ LOST = 3
 CYCLE_TIME = 0.01
 
 
-class NumpyStep:
-    """``Estimator.step`` with all gauges and without three; ``estimate`` of 10,000 samples in one call."""
+class PythonStep:
+    """``Estimator.track`` with all gauges and without three; 10,000 samples at once; 1,000 by the reference."""
 
     def setup(self) -> None:
         inverse_map = synthetic_inverse_map(n_gauges=N_GAUGES)
-        self.estimator = Estimator(inverse_map)
+        self.inverse_map, self.estimator = inverse_map, Estimator(inverse_map)
         self.strain, self.pressure = inverse_map.mean_strain, inverse_map.nominal_dynamic_pressure
-        self.samples = np.tile(self.strain, (10_000, 1))
+        self.samples, self.used = np.tile(self.strain, (10_000, 1)), np.ones(N_GAUGES, dtype=bool)
+        self.pressures = np.full(1_000, self.pressure)
         self.broken = self.strain.copy()
         self.broken[:LOST] = np.nan
-        self.estimator.step(self.broken, self.pressure)  # prepares the later steps without these gauges
+        self.estimator.track(self.broken, self.pressure)  # prepares the later steps without these gauges
 
     def time_all_gauges(self) -> None:
-        self.estimator.step(self.strain, self.pressure)
+        self.estimator.track(self.strain, self.pressure)
 
     def time_gauges_lost(self) -> None:
-        self.estimator.step(self.broken, self.pressure)
+        self.estimator.track(self.broken, self.pressure)
 
     def time_10000_samples(self) -> None:
         self.estimator.estimate(self.samples, self.pressure)
+
+    def time_1000_samples_of_the_reference(self) -> None:
+        std = self.inverse_map.dynamic_pressure_error * self.pressures
+        estimate_by_reference(
+            self.inverse_map,
+            rows=self.samples[:1_000],
+            used=self.used,
+            dynamic_pressure=self.pressures,
+            pressure_std=std,
+        )
 
 
 class NativeStep:

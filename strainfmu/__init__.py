@@ -22,10 +22,10 @@ if TYPE_CHECKING:
     from strainfmu.cosim.systems.recording import Recording
     from strainfmu.cosim.systems.system import Connection, System
     from strainfmu.errors import InputError, StrainfmuError
+    from strainfmu.estimator.air_data import AirData
     from strainfmu.estimator.estimate import Estimate
     from strainfmu.estimator.estimator import Estimator, load
     from strainfmu.estimator.health import HealthState
-    from strainfmu.estimator.manifold.air_data import AirData
     from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map, save_inverse_map
     from strainfmu.estimator.settings import EstimatorSettings
     from strainfmu.fmu.export import ExportOptions, export_estimator

@@ -14,7 +14,7 @@ NAMES = (
     "building.Structure",
     "run_time.BusCycles",
     "run_time.NativeStep",
-    "run_time.NumpyStep",
+    "run_time.PythonStep",
 )
 
 

@@ -12,9 +12,9 @@ import numpy as np
 from builder.compare.field import estimated_fields
 from builder.compare.flights import Readings, one_condition
 from strainfmu.arrays import FloatArray
+from strainfmu.estimator.air_data import AIR_DATA_NAMES
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
-from strainfmu.estimator.manifold.air_data import AIR_DATA_NAMES
 from strainfmu.estimator.map.inverse_map import InverseMap
 
 GIVEN, PRESSURE_ALONE, NO_DYNAMIC_PRESSURE = "given", "q_inf only", "M and p_inf only"

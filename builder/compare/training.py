@@ -11,7 +11,7 @@ import numpy as np
 
 from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, pressure_and_temperature
-from strainfmu.estimator.manifold.air_data import air_data
+from strainfmu.estimator.air_data import air_data_of_state
 from strainfmu.estimator.map.proportional_errors import PAIRS
 from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, U, W, evaluate
 from strainfmu.estimator.tables.manifold_map import ManifoldMap
@@ -64,7 +64,7 @@ def training_flights(
     )
     mach = state[:, MACH]
     dynamic = 0.5 * HEAT_CAPACITY_RATIO * mach**2 * pressure
-    angles = air_data(state, np.zeros((count, 4, 4)), np.ones(4)).value[:, :2]
+    angles = air_data_of_state(state)[0][:, :2]
     return TrainingFlights(
         strain=strain,
         dynamic_pressure=dynamic * (1.0 + manifold.dynamic_pressure_error * random.standard_normal(count)),
@@ -82,7 +82,7 @@ def with_drawn_errors(
 ) -> tuple[FloatArray, FloatArray]:
     """Return ``strain`` (k, n_d) and ``loads`` (k, 5) of the tables at ``pressure`` (k,) with all errors drawn.
 
-    Strain then has the covariance of :func:`~strainfmu.estimator.manifold.error_covariance.strain_covariance`.
+    Strain then has the covariance of :func:`~strainfmu.estimator.map.strain_covariance.strain_covariance`.
     """
     k, n_d = strain.shape
     p = pressure[:, None]

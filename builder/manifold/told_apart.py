@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from strainfmu.errors import InputError
-from strainfmu.estimator.manifold.gauss_newton import strain_factor
+from strainfmu.estimator.map.strain_covariance import strain_covariance_at
 from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, N_STATES, U, W, evaluate
 from strainfmu.estimator.tables.manifold_map import ManifoldMap
 
@@ -55,11 +55,11 @@ def winds_read_alike(manifold: ManifoldMap) -> tuple[float, float] | None:
         centre + 0.5 * size * wave
         for centre, size, wave in zip(middle, half, (np.cos(roll), np.sin(roll)), strict=True)
     )
-    response, used = evaluate(manifold.tables, state), np.ones((1, n_d), dtype=bool)
+    response = evaluate(manifold.tables, state)
+    factors = np.linalg.cholesky(strain_covariance_at(manifold, state))
     far = np.abs(np.angle(np.exp(1j * (roll[:, None] - roll)))) >= APART
     worst, pair = 0.0, None
-    for i in range(ROLLS):
-        factor = strain_factor(manifold, state[i : i + 1], used)[0]
+    for i, factor in enumerate(factors):
         strain = np.linalg.solve(factor, (response.value[:, :n_d] - response.value[i, :n_d]).T)
         slope = np.linalg.solve(factor, response.jacobian[i, :n_d])
         distance, linear = np.sum(strain**2, axis=0), np.sum((slope @ (state - state[i]).T) ** 2, axis=0)

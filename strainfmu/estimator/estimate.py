@@ -9,18 +9,18 @@ from typing import TYPE_CHECKING, Any, Protocol, cast
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
+from strainfmu.estimator.air_data import AIR_DATA_NAMES, AirData
 from strainfmu.estimator.estimates.load_estimate import NamedLoads, Sigma
 from strainfmu.estimator.estimates.pressure_field import PressureField
 from strainfmu.estimator.further_loads import SECTION_LOADS, SectionLoads
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.linear.flow_parameters import PARAMETER_TOLERANCE
-from strainfmu.estimator.manifold.air_data import AIR_DATA_NAMES, AirData
+from strainfmu.estimator.map.flow_parameters import PARAMETER_TOLERANCE
 
 if TYPE_CHECKING:
     from pandas import DataFrame
 
     from strainfmu.estimator.core import Core
-    from strainfmu.estimator.linear.flow_parameters import FlowParameters
+    from strainfmu.estimator.map.flow_parameters import FlowParameters
     from strainfmu.estimator.numpy_core import NumpyCore
 
 

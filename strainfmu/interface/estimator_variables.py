@@ -12,7 +12,6 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, cast
 
 from strainfmu.estimator.estimate import Estimate
-from strainfmu.estimator.manifold.flight_estimate import FlightEstimate
 from strainfmu.estimator.settings import LARGEST_SETTING, default_settings, setting_minimum
 from strainfmu.interface.enumerations import HEALTH_TYPE
 from strainfmu.interface.filter_variables import with_filter_parameter
@@ -77,10 +76,8 @@ def output_values(estimate: Estimate | LoadEstimate, with_further: bool = False)
     ``with_further`` for maps that have loads beside the five as outputs
     (:func:`~strainfmu.interface.further_variables.has_further_outputs`).
     """
-    has_tables = isinstance(estimate, FlightEstimate) or (
-        isinstance(estimate, Estimate) and len(estimate.air_data_used) > 0
-    )
-    of_flight = flight_outputs(cast("Estimate | FlightEstimate", estimate)) if has_tables else ()
+    has_tables = len(getattr(estimate, "air_data_used", ())) > 0
+    of_flight = flight_outputs(cast("Estimate", estimate)) if has_tables else ()
     further = further_outputs(estimate) if with_further else ()
     return [*_linear_outputs(estimate), *of_flight, *further, *estimate.parameter_score.tolist()]
 

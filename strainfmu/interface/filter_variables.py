@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from strainfmu.estimator.filter.settings import LARGEST, SMALLEST
 from strainfmu.estimator.map.offers import has_filter
+from strainfmu.estimator.policies import LARGEST_TIME as LARGEST
+from strainfmu.estimator.policies import SMALLEST_TIME as SMALLEST
 from strainfmu.interface.fmi_variables import Variable
 
 if TYPE_CHECKING:

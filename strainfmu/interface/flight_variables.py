@@ -8,15 +8,14 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from strainfmu.estimator.air_data import AIR_DATA_NAMES, AIR_DATA_UNITS, NAVIGATION
+from strainfmu.estimator.alarm_limits import outside_score
 from strainfmu.estimator.estimate import Estimate
-from strainfmu.estimator.manifold.air_data import AIR_DATA_NAMES, AIR_DATA_UNITS, MIN_GAIN
-from strainfmu.estimator.manifold.flight_health import outside_score
-from strainfmu.estimator.manifold.navigation import NAVIGATION
+from strainfmu.estimator.policies import MIN_GAIN
 from strainfmu.interface.fmi_variables import Variable, deviation_of
 from strainfmu.interface.input_names import FLOW_INPUTS, NAVIGATION_INPUTS, NOT_GIVEN, PARAMETERS
 
 if TYPE_CHECKING:
-    from strainfmu.estimator.manifold.flight_estimate import FlightEstimate
     from strainfmu.estimator.tables.manifold_map import ManifoldMap
 
 _AIR_DATA_TEXT = (
@@ -28,7 +27,7 @@ _AIR_DATA_TEXT = (
     "Static pressure",
     "Dynamic pressure",
 )
-"""Descriptions of :data:`~strainfmu.estimator.manifold.air_data.AIR_DATA_NAMES`."""
+"""Descriptions of :data:`~strainfmu.estimator.air_data.AIR_DATA_NAMES`."""
 
 
 def flight_interface(
@@ -43,11 +42,10 @@ def flight_interface(
     return tuple(_of_flight_state(one, manifold, gauges) for one in variables)
 
 
-def flight_outputs(estimate: Estimate | FlightEstimate) -> list[float]:
+def flight_outputs(estimate: Estimate) -> list[float]:
     """Return the outputs that :func:`flight_interface` adds, in its order."""
     air = estimate.air_data
-    used = estimate.air_data_used if isinstance(estimate, Estimate) else estimate.navigation_used
-    flags = [*air.is_identified.tolist(), *used.tolist(), estimate.is_linear]
+    flags = [*air.is_identified.tolist(), *estimate.air_data_used.tolist(), estimate.is_linear]
     return [*air.value.tolist(), *air.std.tolist(), *map(float, flags)]
 
 

@@ -12,7 +12,7 @@ from strainfmu.arrays import FloatArray
 from strainfmu.estimator.arguments import NOT_KNOWN as NOT_KNOWN
 
 FLOW_INPUTS = ("dynamic_pressure", "dynamic_pressure_std", "mach_number", "altitude")
-"""Flow and navigation, the further arguments of :meth:`strainfmu.estimator.linear.estimator.Estimator.step`."""
+"""Flow and navigation, the further arguments of :meth:`strainfmu.estimator.estimator.Estimator.step`."""
 
 NOT_GIVEN = "0 or below (or NaN)"
 """What :data:`FLOW_INPUTS`, :data:`NAVIGATION_INPUTS` and temperatures are where they are not given, in words.

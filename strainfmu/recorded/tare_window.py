@@ -10,7 +10,7 @@ import numpy as np
 
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-from strainfmu.estimator.linear.flow_parameters import flow_parameters
+from strainfmu.estimator.map.flow_parameters import flow_parameters
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.zeros.tare import KnownStrain, Tare, TareLimits, tare
 from strainfmu.interface.sensor_variables import reading_units

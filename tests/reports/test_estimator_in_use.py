@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -15,25 +16,21 @@ from field_maps import field_map
 from flight_maps import ROWS, STATIONS, flight_map
 from page_checks import assert_self_contained
 from scaled_maps import scaled_map
+from sensor_maps import with_sensors
+from thermal_maps import with_temperature
 
 from builder.reports.build_report.first_screen import first_screen
 from builder.reports.build_report.page import report_page, write_numbers
 from builder.reports.build_report.report import BuildReport
 from builder.reports.build_report.tables import report_tables
-from builder.reports.findings.envelope_states import ALL, envelope, estimated_at, inputs_at
-from builder.reports.findings.estimator_in_use import (
-    FEW,
-    HARDWARE,
-    InUse,
-    estimator_in_use,
-    linearised_at,
-    source_variances,
-)
+from builder.reports.findings.envelope_states import ALL, envelope, estimated_at, strain_at
+from builder.reports.findings.estimator_in_use import FEW, HARDWARE, InUse, estimator_in_use, source_variances
 from builder.reports.findings.flight_accuracy import flight_accuracy
 from builder.reports.page.html import page_html
-from strainfmu.estimator.manifold.estimator import ManifoldEstimator
-from strainfmu.estimator.manifold.gauss_newton import linearise_anew
+from strainfmu.atmosphere import HEAT_CAPACITY_RATIO
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH
 
 N_D = STATIONS * ROWS
 
@@ -59,15 +56,25 @@ def in_use(nonlinear_map: InverseMap) -> InUse:
 
 
 @pytest.mark.fast
-def test_the_sources_add_up_to_the_stated_variance(nonlinear_map: InverseMap) -> None:
-    """At every flight state and for every coefficient, 1e-9; every kind of error has a part."""
-    estimator = ManifoldEstimator(nonlinear_map)
-    state = envelope(estimator.manifold, 3, 3).flown
-    found, parts = (
-        estimated_at(estimator, state, ALL),
-        source_variances(estimator.manifold, linearised_at(estimator, state)),
-    )
-    np.testing.assert_allclose(sum(parts.values()), found.coefficients_std**2, rtol=1e-9)
+@pytest.mark.parametrize(
+    "made", [lambda one: one, with_sensors, with_temperature], ids=["gauges", "sensors", "thermal"]
+)
+def test_the_sources_add_up_to_the_stated_variance(
+    nonlinear_map: InverseMap, made: Callable[[InverseMap], InverseMap]
+) -> None:
+    """At every flight state and for every coefficient, 1e-9; every kind of error has a part.
+
+    The core states these variances to 5e-3: its estimates end a little nearer to the middle of the ranges. Of
+    auxiliary sensors it takes readings, in their units.
+    """
+    inverse_map = made(nonlinear_map)
+    state = envelope(inverse_map.manifold, 3, 3).flown
+    found = estimated_at(Estimator(inverse_map), state, ALL)
+    parts, covariance = source_variances(inverse_map, state)
+    variance = np.diagonal(covariance, axis1=1, axis2=2)
+    np.testing.assert_allclose(sum(parts.values()), variance, rtol=1e-9)
+    np.testing.assert_allclose(variance, found.coefficients_std**2, rtol=5e-3)
+    assert not found.is_linear.any()
     assert all(np.max(part / found.coefficients_std**2) > 1e-6 for part in parts.values())
     assert set(HARDWARE) < set(parts)
 
@@ -76,40 +83,36 @@ def test_the_sources_add_up_to_the_stated_variance(nonlinear_map: InverseMap) ->
 def test_a_source_is_what_its_errors_do(nonlinear_map: InverseMap) -> None:
     """Twice the error of the common gain adds three times its part, where it hardly changes the weights."""
     small = replace(nonlinear_map.manifold, common_gain_std=1e-5)
-    estimators = [
-        ManifoldEstimator(replace(nonlinear_map, manifold=replace(small, common_gain_std=std)))
-        for std in (1e-5, 2e-5)
-    ]
+    maps = [replace(nonlinear_map, manifold=replace(small, common_gain_std=std)) for std in (1e-5, 2e-5)]
     state = envelope(small, 2, 2).flown
-    found, other = (estimated_at(one, state, ALL) for one in estimators)
-    part = source_variances(estimators[0].manifold, linearised_at(estimators[0], state))["gain of all gauges"]
-    change = other.coefficients_std**2 - found.coefficients_std**2
+    (parts, found), (_, other) = (source_variances(one, state) for one in maps)
+    part = parts["gain of all gauges"]
+    change = np.diagonal(other - found, axis1=1, axis2=2)
     assert np.max(part) > 0.0
-    np.testing.assert_allclose(change, 3.0 * part, rtol=1e-3, atol=1e-9 * np.max(found.coefficients_std**2))
+    np.testing.assert_allclose(change, 3.0 * part, rtol=1e-3, atol=1e-9 * np.max(found))
 
 
 def test_the_nonlinear_estimator_of_a_map_with_tables(nonlinear_map: InverseMap, in_use: InUse) -> None:
     """Its rms sigma is that of estimates over the envelope, the cost of a gauge that of estimates without it."""
     assert in_use.is_nonlinear
-    estimator = ManifoldEstimator(nonlinear_map)
-    found = estimated_at(estimator, envelope(estimator.manifold).flown, ALL)
-    np.testing.assert_allclose(in_use.coefficients.std, np.sqrt(np.mean(found.coefficients_std**2, axis=0)))
-    np.testing.assert_allclose(in_use.largest_std, found.coefficients_std.max(axis=0))
+    estimator, manifold = Estimator(nonlinear_map), nonlinear_map.manifold
+    found = estimated_at(estimator, envelope(manifold).flown, ALL)
+    rms = np.sqrt(np.mean(found.coefficients_std**2, axis=0))
+    np.testing.assert_allclose(in_use.coefficients.std, rms, rtol=1e-3)
+    np.testing.assert_allclose(in_use.largest_std, found.coefficients_std.max(axis=0), rtol=1e-3)
     np.testing.assert_allclose(in_use.coefficients.variance.sum(axis=0), in_use.coefficients.std**2, rtol=1e-9)
     assert in_use.growth.shape == (N_D, 5)
     assert np.all(in_use.growth >= 1.0 - 1e-9)
     assert in_use.growth.max() > 1.001
-    few, lost = envelope(estimator.manifold, *FEW).flown, int(np.argmax(in_use.growth[:, 1]))
-    inputs = inputs_at(estimator, few, ALL)
-    used = np.broadcast_to(np.arange(N_D) != lost, inputs.used.shape)
-    without = estimator.estimated(
-        replace(inputs, used=used), lambda samples, rows: linearise_anew(estimator.manifold, few[rows], samples)
+    few, lost = envelope(manifold, *FEW).flown, int(np.argmax(in_use.growth[:, 1]))
+    mach, pressure = few[:, MACH], np.exp(few[:, LOG_PRESSURE])
+    air = {"dynamic_pressure": 0.5 * HEAT_CAPACITY_RATIO * mach**2 * pressure, "mach_number": mach}
+    whole, without = (
+        estimator.estimate(strain_at(manifold, few), valid=valid, static_pressure=pressure, **air)
+        for valid in (None, np.arange(N_D) != lost)
     )
-    rms = np.sqrt(
-        np.mean(without.coefficients_std**2, axis=0)
-        / np.mean(estimated_at(estimator, few, ALL).coefficients_std ** 2, axis=0)
-    )
-    np.testing.assert_allclose(in_use.growth[lost], rms, rtol=1e-6)
+    rms = np.sqrt(np.mean(without.coefficients_std**2, axis=0) / np.mean(whole.coefficients_std**2, axis=0))
+    np.testing.assert_allclose(in_use.growth[lost], rms, rtol=1e-4)
     assert in_use.pressure_removed is None
 
 

@@ -9,12 +9,11 @@ from scaled_maps import scaled_map
 
 from builder.figures.map.flight_accuracy import AccuracyMap, accuracy_maps, hover_accuracy_maps
 from builder.reports.build_report.sections import flight_accuracy as accuracy_section
-from builder.reports.findings.envelope_states import INCIDENCES, MACHS, NAVIGATION, ROLLS
+from builder.reports.findings.envelope_states import ALL, INCIDENCES, MACHS, NAVIGATION, ROLLS
 from builder.reports.findings.flight_accuracy import FlightAccuracy, flight_accuracy, flight_accuracy_table
 from builder.reports.page.html import Page, page_html
-from strainfmu.estimator.manifold.air_data import AIR_DATA_NAMES
-from strainfmu.estimator.manifold.estimator import ManifoldEstimator
-from strainfmu.estimator.manifold.flight_estimate import FlightEstimates
+from strainfmu.estimator.air_data import AIR_DATA_NAMES
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap
 
 pytestmark = pytest.mark.fast
@@ -38,29 +37,31 @@ def test_a_map_without_tables_has_none(whole_map: InverseMap) -> None:
 
 
 def test_navigation_never_makes_a_deviation_larger(accuracy: FlightAccuracy) -> None:
+    """To 1e-3: with less navigation the estimate ends nearer to the middle of the ranges, at other deviations."""
     given, alone = accuracy.coefficient_std
-    assert np.all(given <= alone * (1.0 + 1e-9))
+    assert np.all(given <= alone * (1.0 + 1e-3))
     assert np.max(alone / given) > 1.5
     given, alone = accuracy.air_data_std
-    assert np.all(given <= alone * (1.0 + 1e-9))
+    assert np.all(given <= alone * (1.0 + 1e-3))
 
 
-def test_deviations_are_those_of_estimates_there(whole_map: InverseMap, accuracy: FlightAccuracy) -> None:
+@pytest.mark.parametrize("known", NAVIGATION)
+def test_deviations_are_those_of_estimates_there(
+    whole_map: InverseMap, accuracy: FlightAccuracy, known: str
+) -> None:
     """A search of the tables, from the strain of the closed form that they were made of."""
-    i, m = 7, 4
+    i, m, n = 7, 4, NAVIGATION.index(known)
     mach, incidence = float(accuracy.mach_number[m]), float(accuracy.total_incidence[i])
     roll, pressure = 2.0 * np.pi * np.arange(ROLLS) / ROLLS, accuracy.static_pressure
     strain = [
         exact_response(mach, incidence * np.cos(one), incidence * np.sin(one), pressure)[:N_D] for one in roll
     ]
-    found = ManifoldEstimator(whole_map).estimate(
-        np.array(strain), 0.7 * mach**2 * pressure, mach_number=mach, static_pressure=pressure
-    )
-    assert isinstance(found, FlightEstimates)
+    air = {"mach_number": mach, "static_pressure": pressure} if known == ALL else {}
+    found = Estimator(whole_map).estimate(np.array(strain), 0.7 * mach**2 * pressure, **air)
     rms = np.sqrt(np.mean(found.coefficients_std**2, axis=0))
-    np.testing.assert_allclose(accuracy.coefficient_std[0, i, m], rms, rtol=0.02)
+    np.testing.assert_allclose(accuracy.coefficient_std[n, i, m], rms, rtol=0.02)
     rms = np.sqrt(np.mean(found.air_data.std**2, axis=0))
-    np.testing.assert_allclose(accuracy.air_data_std[0, i, m], rms, rtol=0.02)
+    np.testing.assert_allclose(accuracy.air_data_std[n, i, m], rms, rtol=0.02)
 
 
 def test_the_roll_angle_is_not_identified_near_zero_incidence(accuracy: FlightAccuracy) -> None:

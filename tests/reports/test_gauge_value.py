@@ -15,7 +15,7 @@ from builder.reports.findings.coefficient_sources import coefficient_sources
 from builder.reports.findings.gauge_value import gauge_value, loss_growth
 from builder.structure.fourier.model import StructuralModel
 from builder.vehicle.file import Vehicle
-from strainfmu.estimator.linear.estimator import Estimator
+from strainfmu.estimator.estimator import Estimator
 
 pytestmark = pytest.mark.fast
 

@@ -11,7 +11,7 @@ from builder.inverse.modes.ensemble import Ensemble
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import dynamic_pressure
-from strainfmu.estimator.linear.envelope import FlightRanges, HalfSpaces
+from strainfmu.estimator.map.envelope import FlightRanges, HalfSpaces
 
 ROLL_ANGLES = 24
 """Roll angles of the directions for a rolled ensemble; 1 / cos(pi / 24) lets 0.9 % of the incidence through."""

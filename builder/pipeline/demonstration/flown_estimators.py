@@ -9,9 +9,9 @@ import numpy as np
 
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.cosim.systems.recording import Recording
+from strainfmu.estimator.air_data import AIR_DATA_NAMES
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.manifold.air_data import AIR_DATA_NAMES
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
 from strainfmu.interface.fmi_variables import strain_names
 

@@ -8,12 +8,9 @@ import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO
-from strainfmu.estimator.manifold.estimator import ManifoldEstimator
-from strainfmu.estimator.manifold.flight_estimate import FlightEstimates
-from strainfmu.estimator.manifold.flight_health import RANGE_TOLERANCE
-from strainfmu.estimator.manifold.gauss_newton import linearise_anew
-from strainfmu.estimator.manifold.inputs import EstimatorInputs
-from strainfmu.estimator.manifold.navigation import NAVIGATION as QUANTITIES
+from strainfmu.estimator.estimate import Estimate
+from strainfmu.estimator.estimator import Estimator
+from strainfmu.estimator.policies import RANGE_TOLERANCE
 from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, U, W, evaluate
 from strainfmu.estimator.tables.manifold_map import ManifoldMap
 
@@ -79,21 +76,37 @@ def envelope(manifold: ManifoldMap, machs: int = MACHS, incidences: int = INCIDE
     )
 
 
-def inputs_at(estimator: ManifoldEstimator, state: FloatArray, navigation: str) -> EstimatorInputs:
-    """Return the strain of the tables at ``state`` (k, 4), and what ``navigation`` gives there."""
-    manifold, pressure = estimator.manifold, np.exp(state[:, LOG_PRESSURE])
-    known = dict.fromkeys((*QUANTITIES, "altitude", *(f"{name}_std" for name in QUANTITIES)), np.full(1, np.nan))
-    known["dynamic_pressure"] = 0.5 * HEAT_CAPACITY_RATIO * state[:, MACH] ** 2 * pressure
-    if navigation == ALL:
-        known.update(mach_number=state[:, MACH], static_pressure=pressure)
-    strain = evaluate(manifold.tables, state).value[:, : estimator.inverse_map.n_gauges]
-    flow = {name: np.broadcast_to(value, len(state)) for name, value in known.items()}
-    return estimator.checked_inputs(strain, None, flow)
+def strain_at(manifold: ManifoldMap, state: FloatArray) -> FloatArray:
+    """Return the strain (k, n_d) of the tables at ``state`` (k, 4)."""
+    return np.asarray(evaluate(manifold.tables, state).value[:, : manifold.tables.n_gauges])
 
 
-def estimated_at(estimator: ManifoldEstimator, state: FloatArray, navigation: str) -> FlightEstimates:
-    """Return the estimates for :func:`inputs_at`, linearised at ``state`` (k, 4)."""
-    inputs = inputs_at(estimator, state, navigation)
-    return estimator.estimated(
-        inputs, lambda samples, rows: linearise_anew(estimator.manifold, state[rows], samples)
+def air_data_at(state: FloatArray, navigation: str) -> FloatArray:
+    """Return (k, 3) M, p_inf and q_inf at ``state`` (k, 4), NaN of those that ``navigation`` does not give."""
+    mach, pressure = state[:, MACH], np.exp(state[:, LOG_PRESSURE])
+    found = np.column_stack([mach, pressure, 0.5 * HEAT_CAPACITY_RATIO * mach**2 * pressure])
+    if navigation == PRESSURE_ALONE:
+        found[:, :2] = np.nan
+    return found
+
+
+def estimated_at(
+    estimator: Estimator, state: FloatArray, navigation: str, valid: BoolArray | None = None
+) -> Estimate:
+    """Return the estimates of the strain of the tables at ``state`` (k, 4), from which they start.
+
+    ``valid`` (n_d,) is false for gauges to leave out; None for none.
+    """
+    manifold = estimator.inverse_map.manifold
+    assert manifold is not None
+    rows = estimator.inverse_map.sensors
+    strain = strain_at(manifold, state)
+    mach, static, dynamic = air_data_at(state, navigation).T
+    return estimator.estimate(
+        strain if rows is None else strain * rows.scale,
+        dynamic,
+        valid,
+        mach_number=mach,
+        static_pressure=static,
+        start=state,
     )

@@ -2,10 +2,8 @@
 
 The linear map of such a map stands in only where strain does not fit the tables, so that its sigmas are not those
 that a user meets. The error of a coefficient of the nonlinear estimator is linear in the errors of strain, load
-and navigation at a flight state: with A the derivative of the coefficients by the state less what the residual
-says of them, E the covariance of the state and K = Gamma_Ld S^-1, strain has the gain G = A E J' S^-1 + K and
-navigation A E H' W. So the variance is a sum over the sources
-(:mod:`strainfmu.estimator.manifold.load_solution` has the same sum in closed form).
+and navigation at a flight state, with a gain of each (:mod:`strainfmu.estimator.reference.nonlinear`). So its
+variance is a sum over the sources.
 """
 
 from __future__ import annotations
@@ -15,18 +13,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from builder.reports.findings.coefficient_sources import CoefficientSources
-from builder.reports.findings.envelope_states import ALL, envelope, estimated_at, inputs_at
+from builder.reports.findings.envelope_states import ALL, air_data_at, envelope, estimated_at, strain_at
 from builder.reports.findings.gauge_value import GaugeValue
 from builder.reports.findings.prior_observability import PriorObservability
-from strainfmu.arrays import FloatArray
-from strainfmu.estimator.manifold.estimator import ManifoldEstimator, blocks
-from strainfmu.estimator.manifold.gauss_newton import Linearised, Samples, linearise_anew
-from strainfmu.estimator.manifold.load_solution import LoadSolution, load_solution
-from strainfmu.estimator.manifold.navigation import state_measurement
+from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.map.proportional_errors import PAIRS
-from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, evaluate
-from strainfmu.estimator.tables.manifold_map import ManifoldMap
+from strainfmu.estimator.reference.air import N_AIR, air_inputs
+from strainfmu.estimator.reference.nonlinear import NonlinearReference, Sample, coefficient_slopes
+from strainfmu.estimator.reference.tables import LOADS, LOG_PRESSURE, N_STATES, evaluate, tables_of
 
 NOISE, OFF_TABLES = "gauge noise and apparent strain", "pressure off the tables"
 HARDWARE = (
@@ -85,9 +80,9 @@ def estimator_in_use(
             pressure_removed=observed.removed,
             where=f"at q_inf = {1e-3 * inverse_map.nominal_dynamic_pressure:.5g} kPa",
         )
-    estimator = ManifoldEstimator(inverse_map)
-    whole, few = envelope(estimator.manifold), envelope(estimator.manifold, *FEW)
-    coefficients, largest = _of_nonlinear(estimator, whole.flown)
+    estimator = Estimator(inverse_map)
+    whole, few = envelope(inverse_map.manifold), envelope(inverse_map.manifold, *FEW)
+    coefficients, largest = _of_nonlinear(inverse_map, whole.flown)
     return InUse(
         is_nonlinear=True,
         coefficients=coefficients,
@@ -99,106 +94,93 @@ def estimator_in_use(
     )
 
 
-def _of_nonlinear(estimator: ManifoldEstimator, flown: FloatArray) -> tuple[CoefficientSources, FloatArray]:
+def _of_nonlinear(inverse_map: InverseMap, flown: FloatArray) -> tuple[CoefficientSources, FloatArray]:
     """Return the sources of the mean variance over the states ``flown`` (k, 4), and the largest sigma (5,)."""
-    parts, covariance = list[dict[str, FloatArray]](), list[FloatArray]()
-    for rows in blocks(len(flown)):
-        at = linearised_at(estimator, flown[rows])
-        parts.append(source_variances(estimator.manifold, at))
-        covariance.append(_solved(estimator.manifold, at).coefficient_covariance)
-    every = np.concatenate(covariance)
-    mean = every.mean(axis=0)
+    parts, covariance = source_variances(inverse_map, flown)
+    mean = covariance.mean(axis=0)
     std = np.sqrt(np.diag(mean))
-    variance = {name: np.mean(np.concatenate([one[name] for one in parts]), axis=0) for name in parts[0]}
+    variance = {name: one.mean(axis=0) for name, one in parts.items()}
     held = {name: one for name, one in variance.items() if np.any(one > 0.0)}
     sources = CoefficientSources(
         std=std,
-        range=estimator.inverse_map.coefficient_range,
+        range=inverse_map.coefficient_range,
         correlation=mean / np.outer(std, std),
         names=tuple(held),
         variance=np.stack(list(held.values())),
         hardware=tuple(name for name in HARDWARE if name in held),
     )
-    return sources, np.sqrt(np.diagonal(every, axis1=1, axis2=2).max(axis=0))
+    return sources, np.sqrt(np.diagonal(covariance, axis1=1, axis2=2).max(axis=0))
 
 
-def linearised_at(estimator: ManifoldEstimator, state: FloatArray, lost: int | None = None) -> Linearised:
-    """Return the problem of the strain of the tables at ``state`` (k, 4), with all navigation, and without the
-    gauge ``lost``."""
-    inputs = inputs_at(estimator, state, ALL)
-    used = np.ones(inputs.strain.shape, dtype=bool)
-    if lost is not None:
-        used[:, lost] = False
-    measured = state_measurement(estimator.manifold, inputs.navigation)
-    samples = Samples(strain=np.where(used, inputs.strain, 0.0), used=used, measured=measured)
-    return linearise_anew(estimator.manifold, state, samples)
+def source_variances(inverse_map: InverseMap, flown: FloatArray) -> tuple[dict[str, FloatArray], FloatArray]:
+    """Return (k, 5) contribution of each source to the variance of each coefficient [1], and the covariance.
 
-
-def _solved(manifold: ManifoldMap, at: Linearised, lost: int | None = None) -> LoadSolution:
-    used = np.ones(at.residual.shape, dtype=bool)
-    if lost is not None:
-        used[:, lost] = False
-    return load_solution(manifold, at, used, np.asarray(np.linalg.inv(at.hessian)))
-
-
-def source_variances(manifold: ManifoldMap, at: Linearised) -> dict[str, FloatArray]:
-    """Return (k, 5) contribution of each source to the variance of each coefficient [1]; they add up to it.
-
-    ``at`` is :func:`linearised_at`, with all gauges.
+    The covariance (k, 5, 5) is that of an estimate linearised at ``flown`` (k, 4), with all navigation; the
+    contributions add up to its diagonal.
     """
-    pressure = np.exp(at.state[:, LOG_PRESSURE])
-    strain = evaluate(manifold.tables, at.state).value[:, : manifold.tables.n_gauges]
-    solved = _solved(manifold, at)
-    scale = 1.0 / (solved.errors.dynamic_pressure[:, None] * manifold.references)
-    turned = np.swapaxes(np.linalg.solve(at.factor, np.swapaxes(_cross(manifold, pressure), 1, 2)), 1, 2)
-    by_state = scale[:, :, None] * (at.load_jacobian - turned @ at.whitened_jacobian)
-    by_state -= solved.coefficients[:, :, None] * solved.errors.of_pressure[:, None, :]
-    of_state = by_state @ solved.errors.covariance
-    # G L, then G: strain enters whitened.
-    of_whitened = of_state @ np.swapaxes(at.whitened_jacobian, 1, 2) + scale[:, :, None] * turned
-    gain = np.swapaxes(np.linalg.solve(np.swapaxes(at.factor, 1, 2), np.swapaxes(of_whitened, 1, 2)), 1, 2)
-    c = np.hstack([np.ones((len(pressure), 1)), at.loads / (pressure[:, None] * manifold.references)])
-    first, second = np.array(PAIRS).T
-    of_gauge = np.maximum((c[:, first] * c[:, second]) @ manifold.gauge_error_product, 0.0)
-    common = np.einsum("ka,tan->knt", c, manifold.common_error)
-    off_tables = gain @ manifold.error_strain - scale[:, :, None] * manifold.error_load
-    of_navigation = (of_state @ np.swapaxes(at.measurement_jacobian, 1, 2)) ** 2 * at.precision[:, None, :]
-    square = (pressure**2)[:, None]
+    manifold = inverse_map.manifold
+    assert manifold is not None
+    reference = NonlinearReference(inverse_map, tables_of(inverse_map), manifold.gauge_covariance)
+    strain, air = strain_at(manifold, flown), air_data_at(flown, ALL)
+    used, unknown = np.ones(inverse_map.n_gauges, dtype=bool), np.full(N_AIR, np.nan)
+    samples = [
+        Sample(rows=rows, used=used, air=air_inputs(inverse_map, value, unknown))
+        for rows, value in zip(strain, air, strict=True)
+    ]
+    found = [_sources_of(reference, *one) for one in zip(samples, flown, strict=True)]
+    parts = {name: np.stack([one[name] for one, _ in found]) for name in found[0][0]}
+    return parts, np.stack([covariance for _, covariance in found])
+
+
+def _sources_of(
+    reference: NonlinearReference, sample: Sample, state: FloatArray
+) -> tuple[dict[str, FloatArray], FloatArray]:
+    """Return (5,) contribution of each source for ``sample`` at ``state``, and the covariance (5, 5)."""
+    manifold, n_d = reference.manifold, reference.n_d
+    found = reference.posterior(state, sample, reference.strain_covariance(state))
+    pressure, at_state = np.exp(state[LOG_PRESSURE]), evaluate(reference.tables, state)[0][: n_d + LOADS]
+    joint = found.covariance[0]
+    slopes, scale, wider = coefficient_slopes(state, found.mean[0, N_STATES:], joint, reference.references)
+    gain = slopes @ found.gain[0]
+    strain, loads = at_state[:n_d], at_state[n_d:]
+    of_strain, of_air, of_prior = np.split(gain[:LOADS], [n_d, n_d + N_AIR], axis=1)
+    c = np.append(1.0, loads / (pressure * manifold.references))
+    first, second = np.triu_indices(len(c))
+    of_gauge = np.maximum((c[first] * c[second]) @ manifold.gauge_error_product, 0.0)
+    common = np.einsum("a,tan->nt", c, manifold.common_error)
+    off_tables = of_strain @ manifold.error_strain - scale[:LOADS, None] * manifold.error_load
     parts = {
-        NOISE: np.einsum("kin,nm,kim->ki", gain, manifold.gauge_covariance, gain, optimize=True),
-        OFF_TABLES: square * np.sum(off_tables**2, axis=2),
-        HARDWARE[0]: np.sum((gain * (manifold.gain_std * strain)[:, None, :]) ** 2, axis=2),
-        HARDWARE[1]: square * np.sum(gain**2 * of_gauge[:, None, :], axis=2),
-        HARDWARE[2]: np.sum(gain * (manifold.common_gain * strain)[:, None, :], axis=2) ** 2,
-        HARDWARE[3]: square * np.sum((gain @ common) ** 2, axis=2),
-        **{name: of_navigation[:, :, i] for i, name in enumerate(NAVIGATION[:3])},
-        NAVIGATION[3]: of_navigation[:, :, 3:].sum(axis=2),
+        NOISE: np.einsum("in,nm,im->i", of_strain, manifold.gauge_covariance, of_strain, optimize=True),
+        OFF_TABLES: pressure**2 * np.sum(off_tables**2, axis=1),
+        HARDWARE[0]: np.sum((of_strain * manifold.gain_std * strain) ** 2, axis=1),
+        HARDWARE[1]: pressure**2 * of_strain**2 @ of_gauge,
+        HARDWARE[2]: (of_strain @ (manifold.common_gain * strain)) ** 2,
+        HARDWARE[3]: pressure**2 * np.sum((of_strain @ common) ** 2, axis=1),
+        **dict(zip(NAVIGATION, (of_air * sample.air.log_std).T ** 2, strict=False)),
+        NAVIGATION[3]: np.sum((of_prior * reference.prior_std) ** 2, axis=1),
     }
-    return {name: solved.errors.wider * part for name, part in parts.items()}
+    covariance = wider * (slopes[:LOADS] @ joint @ slopes[:LOADS].T)
+    return {name: wider * part for name, part in parts.items()}, covariance
 
 
-def _cross(manifold: ManifoldMap, pressure: FloatArray) -> FloatArray:
-    """Return (k, 5, n_d) covariance of loads with strain of the errors that scale [N, N m]."""
-    return (pressure**2)[:, None, None] * manifold.load_strain_covariance
-
-
-def _growth(estimator: ManifoldEstimator, flown: FloatArray) -> FloatArray:
+def _growth(estimator: Estimator, flown: FloatArray) -> FloatArray:
     """Return (n_d, 5) rms sigma of each coefficient at ``flown`` (k, 4) without a gauge over sigma with all."""
+    n = estimator.inverse_map.n_gauges
 
-    def variance(lost: int | None) -> FloatArray:
-        solved = _solved(estimator.manifold, linearised_at(estimator, flown, lost), lost)
-        return np.asarray(np.diag(solved.coefficient_covariance.mean(axis=0)))
+    def variance(valid: BoolArray | None) -> FloatArray:
+        return np.asarray(np.mean(estimated_at(estimator, flown, ALL, valid).coefficients_std ** 2, axis=0))
 
     with_all = variance(None)
-    return np.sqrt([variance(lost) / with_all for lost in range(estimator.inverse_map.n_gauges)])
+    return np.sqrt([variance(np.arange(n) != lost) / with_all for lost in range(n)])
 
 
 def _pressure_removed(
-    estimator: ManifoldEstimator, flown: FloatArray, node_area: FloatArray, observed: PriorObservability
+    estimator: Estimator, flown: FloatArray, node_area: FloatArray, observed: PriorObservability
 ) -> float | None:
     """Return 1 - variance of the error at ``flown`` (k, 4) / variance over the snapshots, area-weighted; None
     without a field."""
-    if estimator.manifold.surface_field is None:
+    manifold = estimator.inverse_map.manifold
+    if manifold is None or manifold.surface_field is None:
         return None
     found = estimated_at(estimator, flown, ALL)
     scale = estimator.inverse_map.nominal_dynamic_pressure / found.air_data.value[:, -1]

@@ -10,8 +10,8 @@ import numpy as np
 from builder.reports.findings.envelope_states import NAVIGATION, envelope, estimated_at
 from builder.reports.page.tables import Column, Table, make_table
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.manifold.air_data import AIR_DATA_NAMES
-from strainfmu.estimator.manifold.estimator import ManifoldEstimator
+from strainfmu.estimator.air_data import AIR_DATA_NAMES
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
 
 
@@ -49,8 +49,7 @@ def flight_accuracy(inverse_map: InverseMap) -> FlightAccuracy | None:
     """Return the deviations over the envelope of the map; None for a map without tables."""
     if inverse_map.manifold is None:
         return None
-    estimator = ManifoldEstimator(inverse_map)
-    over = envelope(estimator.manifold)
+    estimator, over = Estimator(inverse_map), envelope(inverse_map.manifold)
     flown = [estimated_at(estimator, over.flown, navigation) for navigation in NAVIGATION]
     return FlightAccuracy(
         mach_number=over.mach_number,

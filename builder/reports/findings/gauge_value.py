@@ -1,29 +1,34 @@
 """Value of each gauge: the cost of its loss, the bias that stays undetected, and its effect on the loads.
 
-With P the precision of d - m and R the gauges lost, the gain without them is G - K P_R, K = G_R P_RR^-1
-(:mod:`strainfmu.estimator.linear.masks`). The factor E = [G L - X' L'^-1, G A - M] of the loads' error is linear
-in G. So with Q = P [L, A] it becomes E - K Q_R, and the variances of all sets of one size follow from three small
-products.
+With P the precision of d - m and R the gauges lost, the gain without them is G - K P_R, K = G_R P_RR^-1. With L
+the root of the gauges' covariance and N, M strain and loads of what has a prior
+(:mod:`strainfmu.estimator.reference.linear`), the factor E = [G L, G N - M] of the loads' error is linear in G. So
+with Q = P [L, N] it becomes E - K Q_R, and the variances of all sets of one size follow from three small products.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 
 from strainfmu.arrays import FloatArray, IntArray
-from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY
-from strainfmu.estimator.linear.detectability import (
+from strainfmu.estimator.alarm_limits import (
+    ambiguous_groups,
+    correlations,
     detectable_noncentrality,
     minimal_detectable_bias,
     minimal_isolable_bias,
+    outlier_threshold,
 )
-from strainfmu.estimator.linear.isolation import ambiguous_groups, correlations, outlier_threshold
-from strainfmu.estimator.linear.map_parts import map_parts
-from strainfmu.estimator.linear.masks import MIN_INFORMATION
+from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY
+from strainfmu.estimator.map.innovation import inverse_cholesky
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.policies import MIN_INFORMATION
+from strainfmu.estimator.reference.linear import LOADS, models
+from strainfmu.estimator.reference.update import condition, prepare
 
 MISS_PROBABILITY = 0.01
 """Probability that a bias of the stated detectable or isolable size is missed."""
@@ -57,12 +62,41 @@ class GaugeValue:
     pair_growth: FloatArray
 
 
+class _Gains(NamedTuple):
+    """What the loads of a map follow from, at its nominal dynamic pressure.
+
+    Attributes
+    ----------
+    gain : (5, n_d) G.
+    precision : (n_d, n_d) P of the gamma that the estimate is made with.
+    error, change : E and Q.
+    variance : (5,) of the loads.
+    """
+
+    gain: FloatArray
+    precision: FloatArray
+    error: FloatArray
+    change: FloatArray
+    variance: FloatArray
+
+
+def _gains(inverse_map: InverseMap) -> _Gains:
+    n, one = inverse_map.n_gauges, np.ones(1)
+    for_gain, truth = models(inverse_map)
+    found = condition(prepare(for_gain, np.ones(n, dtype=bool)), inverse_map.mean_strain[None], one)
+    gain, precision = found.gain[0, :LOADS], found.precision[0]
+    root = np.linalg.cholesky(truth.noise)
+    error = np.hstack([gain @ root, gain @ truth.columns - truth.output_columns[:LOADS]])
+    change = precision @ np.hstack([root, truth.columns])
+    return _Gains(gain, precision, error, change, np.sum(error**2, axis=1))
+
+
 def gauge_value(inverse_map: InverseMap) -> GaugeValue:
     """Return the value of each gauge of ``inverse_map``, at the estimator's probability of false alarms."""
-    parts, n = map_parts(inverse_map), inverse_map.n_gauges
+    gains, n = _gains(inverse_map), inverse_map.n_gauges
     whitening = inverse_map.residual_whitening
     precision = whitening.T @ whitening
-    information = np.sum(parts.noise_whitening**2, axis=0)
+    information = np.sum(inverse_cholesky(inverse_map.noise_covariance) ** 2, axis=0)
     minimum = MIN_INFORMATION * information
     # The precision of a gauge that no other checks is round-off.
     precision_checked = np.where(np.eye(n, dtype=bool) & (precision <= minimum), 0.0, precision)
@@ -70,18 +104,16 @@ def gauge_value(inverse_map: InverseMap) -> GaugeValue:
     per_gauge = detectable_noncentrality(1, FALSE_ALARM_PROBABILITY / n, MISS_PROBABILITY)
     detectable = minimal_detectable_bias(precision_checked, per_gauge)
     threshold = outlier_threshold(n, FALSE_ALARM_PROBABILITY)
-    std = np.sqrt(np.diag(inverse_map.load_covariance))
     pairs = np.array(list(combinations(range(n), 2)), dtype=np.int64).reshape(-1, 2)
-    of_gain = np.sum(parts.gain_whitening**2, axis=0)
     return GaugeValue(
-        leverage=np.clip(1.0 - of_gain / information, 0.0, 1.0),
-        growth=loss_growth(inverse_map, np.arange(n)[:, None]),
+        leverage=np.clip(1.0 - np.diag(gains.precision) / information, 0.0, 1.0),
+        growth=_growth(inverse_map, gains, np.arange(n)[:, None]),
         detectable_bias=detectable,
         isolable_bias=minimal_isolable_bias(precision_checked, correlation, threshold, MISS_PROBABILITY),
-        undetected_effect=np.abs(parts.load_gain.T) * detectable[:, None] / std,
+        undetected_effect=np.abs(gains.gain.T) * detectable[:, None] / np.sqrt(gains.variance),
         groups=ambiguous_groups(correlation),
         pairs=pairs,
-        pair_growth=loss_growth(inverse_map, pairs),
+        pair_growth=_growth(inverse_map, gains, pairs),
     )
 
 
@@ -90,19 +122,17 @@ def loss_growth(inverse_map: InverseMap, lost: IntArray) -> FloatArray:
 
     Infinite where the gauges left do not identify the state (Case 1) or none is left.
     """
-    parts = map_parts(inverse_map)
-    model, gain, variance = parts.error_model, parts.load_gain, np.diag(inverse_map.load_covariance)
-    precision = parts.gain_whitening.T @ parts.gain_whitening
-    weight = parts.noise_whitening.T @ parts.noise_whitening
-    error, change = gain @ model.noise_root - model.regression, precision @ model.noise_root
-    if model.known_prior:
-        of_states = gain @ model.state_operator - model.load_per_state
-        error = np.hstack([error, of_states])
-        change = np.hstack([change, precision @ model.state_operator])
+    return _growth(inverse_map, _gains(inverse_map), lost)
+
+
+def _growth(inverse_map: InverseMap, gains: _Gains, lost: IntArray) -> FloatArray:
+    gain, precision, error, change, variance = gains
+    whitening = inverse_cholesky(inverse_map.noise_covariance)
+    weight = whitening.T @ whitening
     cross, square = error @ change.T, change @ change.T
     block = lost[:, :, None], lost[:, None, :]
     fraction = np.linalg.eigvals(np.linalg.solve(weight[block], precision[block])).real.min(axis=1)
-    identified = (fraction >= MIN_INFORMATION) | model.known_prior
+    identified = (fraction >= MIN_INFORMATION) | (inverse_map.case == 2)
     identified &= lost.shape[1] < inverse_map.n_gauges
     growth = np.full((len(lost), 5), np.inf)
     sets = lost[identified]

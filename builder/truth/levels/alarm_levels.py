@@ -14,9 +14,9 @@ import numpy as np
 from builder.truth.levels.read_flights import ReadFlights
 from builder.truth.levels.tail_quantile import tail_quantile
 from strainfmu.arrays import FloatArray
+from strainfmu.estimator.alarm_limits import outlier_threshold
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, chi_square_limit
-from strainfmu.estimator.linear.isolation import outlier_threshold
 from strainfmu.estimator.map.inverse_map import InverseMap
 
 LARGEST_SCALE = 3.0

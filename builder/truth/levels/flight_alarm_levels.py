@@ -13,9 +13,9 @@ import numpy as np
 from builder.truth.levels.alarm_levels import LARGEST_SCALE, alarm_scales
 from builder.truth.levels.read_flights import ReadFlights
 from strainfmu.arrays import FloatArray, IntArray
+from strainfmu.estimator.alarm_limits import gauge_threshold, shape_limit
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY
-from strainfmu.estimator.manifold.flight_health import gauge_threshold, shape_limit
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.flight_condition import FlightCondition
 

@@ -242,7 +242,7 @@ def bench(
         bool, typer.Option("--worst", help="Time the dearest steps of the native FMUs instead, event by event.")
     ] = False,
 ) -> None:
-    """Time what runs in the loop: bare product, numpy estimator, FMUs through fmpy. Or the structure's growth.
+    """Time what runs in the loop: bare product, Python estimator, FMUs through fmpy. Or the structure's growth.
 
     With the extra `rivals`, learning estimators of scikit-learn beside them.
 

@@ -15,9 +15,8 @@ from rich.table import Table
 from strainfmu.arrays import FloatArray
 from strainfmu.cli.inspection.provenance import provenance_rows
 from strainfmu.cli.inspection.temperature import temperature_sensors, temperature_table
+from strainfmu.estimator.alarm_limits import detectable_noncentrality, minimal_detectable_bias
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY
-from strainfmu.estimator.linear.detectability import detectable_noncentrality, minimal_detectable_bias
-from strainfmu.estimator.linear.masks import MIN_INFORMATION
 from strainfmu.estimator.map.innovation import inverse_cholesky
 from strainfmu.estimator.map.inverse_map import (
     COEFFICIENT_NAMES,
@@ -30,6 +29,7 @@ from strainfmu.estimator.map.inverse_map import (
 )
 from strainfmu.estimator.map.sensors import shown_units
 from strainfmu.estimator.map.validity import valid_ranges
+from strainfmu.estimator.policies import MIN_INFORMATION
 from strainfmu.estimator.tables.manifold_map import ManifoldMap
 from strainfmu.files import content_hash_of
 

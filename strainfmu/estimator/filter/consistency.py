@@ -5,14 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from math import sqrt
 
-WINDOW = 100
-"""Steps that the mean of the normalised innovations holds: its weights fall by 1 / WINDOW a step."""
-
-BAND = 2.576
-"""Standard deviations of the 99 % band of the mean."""
-
-WIDEN, NARROW, LARGEST = 1.05, 0.995, 1e4
-"""Factors on the variance of the discrepancy per step above the band and below it, and the largest of all."""
+from strainfmu.estimator.policies import BAND as BAND
+from strainfmu.estimator.policies import LARGEST_WIDENING as LARGEST
+from strainfmu.estimator.policies import NARROW as NARROW
+from strainfmu.estimator.policies import WIDEN as WIDEN
+from strainfmu.estimator.policies import WINDOW as WINDOW
 
 
 @dataclass(frozen=True, kw_only=True)

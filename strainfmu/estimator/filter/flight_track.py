@@ -15,14 +15,9 @@ from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimates
 from strainfmu.estimator.manifold.gauss_newton import Samples
 from strainfmu.estimator.manifold.inputs import EstimatorInputs
+from strainfmu.estimator.policies import LONGEST_STEP as LONGEST_STEP
+from strainfmu.estimator.policies import OF_AGE as OF_AGE
 from strainfmu.estimator.tables.flight_tables import N_STATES
-
-OF_AGE = 0.25
-"""Time constant of the flight state of slopes over the time since the filter began, at most [1]."""
-
-LONGEST_STEP = 0.7
-"""Time step over that time constant from which each iteration takes its own slopes."""
-
 
 NOTICED = 3.0
 """Deviations of a rate at which half of the motion that it predicts moves the flight state of slopes.

@@ -15,7 +15,6 @@ import numpy as np
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.filter.flight_model import ERRORS_OF_NAVIGATION
 from strainfmu.estimator.filter.kalman import Law
-from strainfmu.estimator.linear.isolation import outlier_threshold
 from strainfmu.estimator.manifold.gauss_newton import Samples
 from strainfmu.estimator.manifold.navigation import (
     NAVIGATION,
@@ -23,14 +22,9 @@ from strainfmu.estimator.manifold.navigation import (
     StateMeasurement,
     predicted,
 )
+from strainfmu.estimator.policies import FITS as FITS
+from strainfmu.estimator.policies import NAMED_AFTER as NAMED_AFTER
 from strainfmu.estimator.tables.flight_tables import N_STATES
-
-NAMED_AFTER = 4
-"""Steps in a row that a quantity must be an alarm to the same side: readings that scatter more than stated name
-nothing."""
-
-FITS = outlier_threshold(1, 1e-2)
-"""Distance from its prediction, in deviations, up to which a quantity that is named fits."""
 
 _N = len(NAVIGATION)
 

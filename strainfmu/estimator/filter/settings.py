@@ -6,23 +6,11 @@ from dataclasses import dataclass, fields
 from math import isfinite
 
 from strainfmu.errors import InputError
-
-SLOW = 100.0
-"""Time constant of navigation errors, and of errors in common of a linear map, over that of the others [1]."""
-
-RATE_TIME = 0.05
-"""Time constant [s] at which the rates count twice. Below it they grow in inverse proportion: a filter without
-memory has none of the flight state either."""
-
-SLOPE_TIME = 0.2
-"""Time constant [s] by which the flight state whose slopes count follows the estimated one; at most T.
-
-Slopes at an estimate follow the noise of its sample: what they then say of a direction that is hardly seen is
-always off to one side, and adds up from step to step.
-"""
-
-SMALLEST, LARGEST = 1e-9, 1e6
-"""Range of the settings, in the unit of each; the latter also the longest time step [s]."""
+from strainfmu.estimator.policies import LARGEST_TIME as LARGEST
+from strainfmu.estimator.policies import RATE_TIME as RATE_TIME
+from strainfmu.estimator.policies import SLOPE_TIME as SLOPE_TIME
+from strainfmu.estimator.policies import SLOW as SLOW
+from strainfmu.estimator.policies import SMALLEST_TIME as SMALLEST
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,68 +1,14 @@
-"""The envelope of a map: half-spaces of the coefficients and ranges of the flight state that its snapshots cover.
-
-A half-space is a direction n with the largest n'C over the snapshots. An estimate is outside if n'C exceeds it by
-more than its own uncertainty explains, in standard deviations of n'C. Dynamic pressure, Mach number and altitude
-have ranges of their own; where all three are known they must agree, q = 0.7 M^2 p(h).
-"""
+"""Whether an estimate is inside the envelope of its map, and how far it is outside."""
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, static_pressure_at
-from strainfmu.estimator.map.inverse_map import InverseMap
-
-MACH_TOLERANCE = 0.01
-"""Relative error of a Mach number from navigation that the range allows."""
-
-PRESSURE_TOLERANCE = 0.05
-"""Relative difference of dynamic pressure and 0.7 M^2 p(h) that errors of navigation and weather explain."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class HalfSpaces:
-    """The coefficients that the snapshots of a map cover: n'C <= limit for every direction n.
-
-    Attributes
-    ----------
-    direction : (m, 5) n, over the coefficients at the references of the map [1].
-    limit : (m,) largest n'C over the snapshots [1].
-    """
-
-    direction: FloatArray
-    limit: FloatArray
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class FlightRanges:
-    """Least and largest dynamic pressure [Pa], Mach number [1] and geopotential altitude [m] of a map, (2,)
-    each."""
-
-    dynamic_pressure: FloatArray
-    mach_number: FloatArray
-    altitude: FloatArray
-
-
-def half_spaces(inverse_map: InverseMap) -> HalfSpaces | None:
-    """Return the half-spaces of ``inverse_map``, None where it states none."""
-    direction, limit = inverse_map.envelope_direction, inverse_map.envelope_limit
-    return None if direction is None or limit is None else HalfSpaces(direction=direction, limit=limit)
-
-
-def flight_ranges(inverse_map: InverseMap) -> FlightRanges:
-    """Return the ranges of ``inverse_map``, without bounds where it states none."""
-
-    def bounds(stated: FloatArray | None) -> FloatArray:
-        return np.array([-np.inf, np.inf]) if stated is None else stated
-
-    return FlightRanges(
-        dynamic_pressure=bounds(inverse_map.dynamic_pressure_range),
-        mach_number=bounds(inverse_map.mach_number_range),
-        altitude=bounds(inverse_map.altitude_range),
-    )
+from strainfmu.estimator.map.envelope import MACH_TOLERANCE, PRESSURE_TOLERANCE, FlightRanges, HalfSpaces
+from strainfmu.estimator.map.envelope import flight_ranges as flight_ranges
+from strainfmu.estimator.map.envelope import half_spaces as half_spaces
 
 
 def envelope_score(envelope: HalfSpaces, coefficients: FloatArray, covariance: FloatArray) -> FloatArray:

@@ -10,11 +10,9 @@ from numpy.typing import ArrayLike
 
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.estimator.arguments import given, per_sample
-from strainfmu.estimator.linear.envelope import FlightRanges, outside_by_navigation
-from strainfmu.estimator.linear.flow_parameters import PARAMETER_TOLERANCE, FlowParameters
-
-MIN_DYNAMIC_PRESSURE, MAX_DYNAMIC_PRESSURE = 1e-6, 1e7
-"""q_inf [Pa] below which there is no flow, and above which no vehicle flies (M 10 at sea level: 7.1e6)."""
+from strainfmu.estimator.linear.envelope import outside_by_navigation
+from strainfmu.estimator.map.envelope import MAX_DYNAMIC_PRESSURE, MIN_DYNAMIC_PRESSURE, FlightRanges
+from strainfmu.estimator.map.flow_parameters import PARAMETER_TOLERANCE, FlowParameters
 
 _NAMES = ("dynamic_pressure", "dynamic_pressure_std", "mach_number", "altitude")
 

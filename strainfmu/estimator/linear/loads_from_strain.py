@@ -28,12 +28,10 @@ from strainfmu.estimator.map.proportional_errors import (
     level_products,
     symmetric,
 )
+from strainfmu.estimator.policies import MIN_EXPECTED_RATIO as MIN_EXPECTED_RATIO
 
 CACHED_LEVELS = 512
 """Levels of the errors in proportion to strain that are kept, over all sets of gauges."""
-
-MIN_EXPECTED_RATIO = 0.1
-"""Least expected chi-square over its degrees of freedom: the linear model of the errors could give less."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

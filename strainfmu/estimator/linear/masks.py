@@ -12,10 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
-
-MIN_INFORMATION = 1e-10
-"""Fraction of the information on some state below which the rest of the gauges does not identify it: its standard
-deviation has grown by 1e5, and round-off, squared, is near 1e-24."""
+from strainfmu.estimator.policies import MIN_INFORMATION as MIN_INFORMATION
 
 
 def information_left(whitening: FloatArray, noise_whitening: FloatArray, missing: BoolArray) -> float:

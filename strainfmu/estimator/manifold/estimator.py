@@ -39,6 +39,7 @@ from strainfmu.estimator.manifold.solve import FlightSolution, solution, solve_a
 from strainfmu.estimator.manifold.starts import search_table
 from strainfmu.estimator.map.at_temperature import SensorSets, scattered
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.policies import LARGEST_USED_SCORE as LARGEST_USED_SCORE
 from strainfmu.estimator.settings import EstimatorSettings
 from strainfmu.estimator.tables.parameter_tables import with_known
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros, no_zeros, with_zero_errors, zero_of_rows
@@ -48,12 +49,6 @@ Solve = Callable[[Samples, IntArray], Linearised]
 
 BLOCK = 64
 """Samples that are computed together: their covariances are to stay in the processor's cache."""
-
-LARGEST_USED_SCORE = 1.0
-"""Part of its range by which a further parameter of the flow may leave it and still be used.
-
-It is ``OUTSIDE`` much earlier; cubes of what is far off are no numbers.
-"""
 
 
 def blocks(samples: int) -> list[slice]:

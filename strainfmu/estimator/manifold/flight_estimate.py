@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.estimator.air_data import AirData
 from strainfmu.estimator.estimates.load_estimate import LoadEstimate, LoadEstimates
 from strainfmu.estimator.estimates.pressure_field import FieldInputs, PressureField
-from strainfmu.estimator.manifold.air_data import AirData
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -20,7 +20,7 @@ class FlightEstimate(LoadEstimate):
     Attributes
     ----------
     air_data : angle of attack, sideslip, total incidence, aerodynamic roll angle, Mach number, p_inf and q_inf,
-        with standard deviations, see :class:`~strainfmu.estimator.manifold.air_data.AirData`.
+        with standard deviations, see :class:`~strainfmu.estimator.air_data.AirData`.
     state, state_covariance : (4,), (4, 4) flight state (M, u, w, ln p_inf).
     navigation_residual : (3,) standardised difference of each of ``NAVIGATION`` from all else; 0 if not known.
     navigation_used : (3,) which of them were used: those that are known and not dropped as inconsistent; none
@@ -39,6 +39,11 @@ class FlightEstimate(LoadEstimate):
     shape_residual: FloatArray
     fits: bool
     is_linear: bool
+
+    @property
+    def air_data_used(self) -> BoolArray:
+        """(3,) :attr:`navigation_used`, by the name of :class:`~strainfmu.estimator.estimate.Estimate`."""
+        return self.navigation_used
 
     def pressure(self, with_std: bool = True) -> PressureField:
         """Return absolute pressure and standard deviation at every node of the map's surface, off the deadline.

@@ -8,26 +8,20 @@ from functools import cache
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
-from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, HealthState, chi_square_limit
-from strainfmu.estimator.linear.isolation import outlier_threshold
-from strainfmu.estimator.manifold.navigation import NAVIGATION, NAVIGATION_ALARM, Navigation
+from strainfmu.estimator.air_data import NAVIGATION
+from strainfmu.estimator.alarm_limits import gauge_threshold as gauge_threshold
+from strainfmu.estimator.alarm_limits import outside_score as outside_score
+from strainfmu.estimator.alarm_limits import shape_limit as shape_limit
+from strainfmu.estimator.health import HealthState, chi_square_limit
+from strainfmu.estimator.manifold.navigation import Navigation
 from strainfmu.estimator.manifold.solve import FlightSolution
+from strainfmu.estimator.policies import NAVIGATION_ALARM
+from strainfmu.estimator.policies import RANGE_TOLERANCE as RANGE_TOLERANCE
 from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, U, W
 from strainfmu.estimator.tables.manifold_map import ManifoldMap
 
-OUTSIDE_SCORE, OUTSIDE_SCORE_OF_SHAPES = 3.0, 2.0
-"""Standard deviations by which the flight state leaves the ranges of the map from which it is outside.
-
-The second holds where angle of attack and sideslip have ranges of their own: these are a few degrees wide, few
-deviations of the angles. At the very end of a range it takes 1 good flight in 44 for one outside, if errors are as
-large as stated.
-"""
-
 LARGEST_REST = 1.0
 """Deviations of the flight state that the next iteration may move it by; above, the estimate is degraded."""
-
-RANGE_TOLERANCE = 0.01
-"""Relative excess of a range that does not count."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -99,31 +93,15 @@ def _limits(largest: int) -> tuple[float, ...]:
     return tuple(chi_square_limit(max(one, 1)) for one in range(largest + 1))
 
 
-def gauge_threshold(manifold: ManifoldMap, alarm_scale: float) -> float:
-    """Return the alarm level of the largest leave-one-out residual |z|."""
-    nominal = outlier_threshold(manifold.tables.n_gauges, FALSE_ALARM_PROBABILITY)
-    return float(nominal * np.sqrt(manifold.outlier_scale * alarm_scale))
-
-
-def shape_limit(manifold: ManifoldMap, alarm_scale: float) -> float:
-    """Return the alarm level of the chi-square of the shapes of pressure off the tables."""
-    return alarm_scale * manifold.shape_scale * chi_square_limit(max(manifold.shapes.shape[1], 1))
-
-
 def navigation_alarms(navigation: Navigation, used: BoolArray, residual: FloatArray) -> BoolArray:
     """Return (k,) whether a quantity of navigation has a value that is not used, and no correct one.
 
-    Correct ones are dropped at the rates :data:`~strainfmu.estimator.manifold.navigation.FALSE_ALARMS`, and the
+    Correct ones are dropped at the rates :data:`~strainfmu.estimator.policies.FALSE_ALARMS`, and the
     loads are right as well. Health alarms at the rate of its other tests.
     """
     size = np.abs(residual)
     may_be_correct = (size > 0.0) & (size <= NAVIGATION_ALARM)
     return np.any(~np.isnan(navigation.value) & ~used & ~may_be_correct, axis=1)
-
-
-def outside_score(manifold: ManifoldMap) -> float:
-    """Return the range score from which a flight is outside."""
-    return OUTSIDE_SCORE if manifold.crossflow_range is None else OUTSIDE_SCORE_OF_SHAPES
 
 
 def range_score(manifold: ManifoldMap, found: FlightSolution) -> FloatArray:

@@ -15,11 +15,9 @@ from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.estimator.manifold.error_covariance import strain_covariance
 from strainfmu.estimator.manifold.navigation import StateMeasurement, doubted_precision, predicted
 from strainfmu.estimator.numerics.triangular import forward_substituted
+from strainfmu.estimator.policies import LARGEST_STEP as LARGEST_STEP
 from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, Response, U, evaluate
 from strainfmu.estimator.tables.manifold_map import ManifoldMap
-
-LARGEST_STEP = np.array([0.5, 0.05, 0.05, 1.0])
-"""Largest change of M [1], u, w [rad] and ln p_inf in one iteration."""
 
 SMALLEST_PART = 0.25
 """Least part of a Gauss-Newton step that is taken."""

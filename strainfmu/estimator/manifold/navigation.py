@@ -9,25 +9,16 @@ import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, static_pressure_at
-from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY
+from strainfmu.estimator.air_data import NAVIGATION as NAVIGATION
 from strainfmu.estimator.linear.isolation import outlier_threshold
+from strainfmu.estimator.policies import FALSE_ALARMS as FALSE_ALARMS
+from strainfmu.estimator.policies import NAVIGATION_ALARM as NAVIGATION_ALARM
 from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, N_STATES, U, W
 from strainfmu.estimator.tables.manifold_map import ManifoldMap
-
-NAVIGATION = ("mach_number", "static_pressure", "dynamic_pressure")
-"""Quantities of navigation, in this order."""
 
 LEAST_RELATIVE_STD = 1e-3
 """Least standard deviation of a quantity of navigation over its value. A smaller one would say no more of the
 loads, and the iterations would have to end that near to the value of navigation."""
-
-FALSE_ALARMS = (1e-2, 1e-2, 1e-6)
-"""Rates at which correct values of them are named inconsistent. M and p_inf: at a lower rate 5 sigma would pass.
-q_inf: without it coefficients are those of the estimated flight state."""
-
-
-NAVIGATION_ALARM = outlier_threshold(len(NAVIGATION), FALSE_ALARM_PROBABILITY)
-"""Standardised residual from which navigation that is dropped is an alarm, at the rate of health's other tests."""
 
 DISCERNED = 16.0
 """Difference of two sums of squares from which the quantity that leaves the larger one is not the wrong one."""

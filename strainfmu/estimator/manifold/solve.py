@@ -24,12 +24,11 @@ from strainfmu.estimator.manifold.gauss_newton import (
 from strainfmu.estimator.manifold.load_solution import load_solution
 from strainfmu.estimator.manifold.starts import STARTS, SearchTable, starts
 from strainfmu.estimator.numerics.triangular import forward_substituted
+from strainfmu.estimator.policies import COLD_ITERATIONS as COLD_ITERATIONS
+from strainfmu.estimator.policies import START_ITERATIONS as START_ITERATIONS
+from strainfmu.estimator.policies import WARM_ITERATIONS as WARM_ITERATIONS
 from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE
 from strainfmu.estimator.tables.manifold_map import ManifoldMap
-
-START_ITERATIONS, COLD_ITERATIONS, WARM_ITERATIONS = 4, 8, 2
-"""Iterations of every state of the search, of the best of them from there, and from the last step's state."""
-
 
 BETTER = 9.0
 """-2 ln likelihood by which a state of a search must fit better than that of the last step to count."""

@@ -18,12 +18,8 @@ from strainfmu.estimator.manifold.flight_health import navigation_alarms
 from strainfmu.estimator.manifold.gauss_newton import Linearised, Samples
 from strainfmu.estimator.manifold.inputs import EstimatorInputs
 from strainfmu.estimator.manifold.solve import solve_warm
-
-SEARCH_EVERY = 10
-"""Steps from one search of the tables, for what else fits, to the next."""
-
-RETURN_AFTER = 5
-"""Steps in a row that must fit the tables before their loads follow those of the linear map again."""
+from strainfmu.estimator.policies import RETURN_AFTER as RETURN_AFTER
+from strainfmu.estimator.policies import SEARCH_EVERY as SEARCH_EVERY
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

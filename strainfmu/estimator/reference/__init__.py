@@ -16,5 +16,5 @@ rows, columns and outputs are:
 ============================  =====================================================================
 
 It has no alarms and no state machines. Tests compare the core with it; of the package, only what runs off the
-deadline imports it.
+deadline imports it: reports take gains and sources of variance from it, which the core does not give.
 """

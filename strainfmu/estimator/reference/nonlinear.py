@@ -275,19 +275,31 @@ def flight_loads(state: FloatArray, loads: FloatArray, joint: FloatArray, refere
 
     Of these the error of ln q_inf, which goes with the errors of the loads, is a part.
     """
-    mach = state[MACH]
-    scale = 1.0 / (0.5 * HEAT_CAPACITY_RATIO * mach**2 * np.exp(state[LOG_PRESSURE]) * references)
-    by_log, of_state = np.array([2.0 / mach, 0.0, 0.0, 1.0]), joint[:N_STATES, :N_STATES]
-    turn = np.hstack([-np.outer(scale * loads, by_log), np.diag(scale)])
-    of_log = float(np.sqrt(by_log @ of_state @ by_log))
+    turn, scale, wider = coefficient_slopes(state, loads, joint, references)
     return FlightLoads(
         state=state,
-        state_covariance=of_state,
+        state_covariance=joint[:N_STATES, :N_STATES],
         loads=loads,
         covariance=joint[N_STATES:, N_STATES:],
         coefficients=scale * loads,
-        coefficient_covariance=(lognormal_std(of_log) / of_log) ** 2 * (turn @ joint @ turn.T),
+        coefficient_covariance=wider * (turn @ joint @ turn.T),
     )
+
+
+def coefficient_slopes(
+    state: FloatArray, loads: FloatArray, joint: FloatArray, references: FloatArray
+) -> tuple[FloatArray, FloatArray, float]:
+    """Return how errors of state and loads, with the ``joint`` covariance, turn into errors of coefficients.
+
+    That is their derivatives (m, 4 + m) by state and loads, their scale (m,) per load, and a factor on their
+    covariance: the error of ln q_inf is normal, that of q_inf is not.
+    """
+    mach = state[MACH]
+    scale = 1.0 / (0.5 * HEAT_CAPACITY_RATIO * mach**2 * np.exp(state[LOG_PRESSURE]) * references)
+    by_log = np.array([2.0 / mach, 0.0, 0.0, 1.0])
+    of_log = float(np.sqrt(by_log @ joint[:N_STATES, :N_STATES] @ by_log))
+    slopes = np.hstack([-np.outer(scale * loads, by_log), np.diag(scale)])
+    return slopes, scale, float(lognormal_std(of_log) / of_log) ** 2
 
 
 def _size(step: FloatArray, found: Posterior) -> float:

@@ -19,28 +19,35 @@ import numpy as np
 from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, layer_table
 from strainfmu.errors import InputError
+from strainfmu.estimator.alarm_limits import AMBIGUOUS_CORRELATION, outlier_threshold
 from strainfmu.estimator.arguments import NOT_KNOWN
 from strainfmu.estimator.filter.linear_model import linear_model
-from strainfmu.estimator.filter.settings import LARGEST, SLOW, SMALLEST, FilterSettings
+from strainfmu.estimator.filter.settings import FilterSettings
 from strainfmu.estimator.further_loads import FurtherLoads, is_moment
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, chi_square_limit
-from strainfmu.estimator.linear.envelope import MACH_TOLERANCE, PRESSURE_TOLERANCE, flight_ranges, half_spaces
-from strainfmu.estimator.linear.flow import MAX_DYNAMIC_PRESSURE, MIN_DYNAMIC_PRESSURE
-from strainfmu.estimator.linear.flow_parameters import (
+from strainfmu.estimator.map.envelope import (
+    MACH_TOLERANCE,
+    MAX_DYNAMIC_PRESSURE,
+    MIN_DYNAMIC_PRESSURE,
+    PRESSURE_TOLERANCE,
+    flight_ranges,
+    half_spaces,
+)
+from strainfmu.estimator.map.flow_parameters import (
     LARGEST_SCORE,
     PARAMETER_TOLERANCE,
     FlowParameters,
     flow_parameters,
 )
-from strainfmu.estimator.linear.isolation import AMBIGUOUS_CORRELATION, outlier_threshold
-from strainfmu.estimator.linear.loads_from_strain import MIN_EXPECTED_RATIO
-from strainfmu.estimator.linear.masks import MIN_INFORMATION
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.map.offers import has_filter, has_further_outputs
 from strainfmu.estimator.map.proportional_errors import error_model
 from strainfmu.estimator.map.sensors import SensorRows
 from strainfmu.estimator.map.temperature import LARGEST_RISE, ThermalMap
 from strainfmu.estimator.numerics.fixed_order import householder, product
+from strainfmu.estimator.policies import LARGEST_TIME as LARGEST
+from strainfmu.estimator.policies import MIN_EXPECTED_RATIO, MIN_INFORMATION, SLOW
+from strainfmu.estimator.policies import SMALLEST_TIME as SMALLEST
 from strainfmu.estimator.resource.container import Values, pack, texts
 from strainfmu.estimator.resource.nonlinear_arrays import nonlinear_parts
 from strainfmu.estimator.settings import LARGEST_SETTING, SMALLEST_SETTING, default_settings

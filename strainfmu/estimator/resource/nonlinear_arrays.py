@@ -8,25 +8,43 @@ from math import log
 import numpy as np
 
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO
-from strainfmu.estimator.filter.consistency import BAND, LARGEST, NARROW, WIDEN, WINDOW
+from strainfmu.estimator.air_data import NAVIGATION
+from strainfmu.estimator.alarm_limits import outlier_threshold, outside_score, shape_limit
 from strainfmu.estimator.filter.flight_model import flight_model
-from strainfmu.estimator.filter.flight_track import LONGEST_STEP, OF_AGE
-from strainfmu.estimator.filter.named_navigation import FITS, NAMED_AFTER
-from strainfmu.estimator.filter.settings import LARGEST as LARGEST_TIME
-from strainfmu.estimator.filter.settings import RATE_TIME, SLOPE_TIME, SLOW, FilterSettings
-from strainfmu.estimator.filter.settings import SMALLEST as SMALLEST_TIME
+from strainfmu.estimator.filter.settings import FilterSettings
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, chi_square_limit
-from strainfmu.estimator.linear.isolation import outlier_threshold
-from strainfmu.estimator.manifold.air_data import MIN_GAIN, MIN_INCIDENCE_SCORE
-from strainfmu.estimator.manifold.estimator import LARGEST_USED_SCORE
-from strainfmu.estimator.manifold.flight_health import RANGE_TOLERANCE, outside_score, shape_limit
-from strainfmu.estimator.manifold.gauss_newton import LARGEST_STEP
-from strainfmu.estimator.manifold.navigation import FALSE_ALARMS, NAVIGATION, NAVIGATION_ALARM, prior
-from strainfmu.estimator.manifold.solve import COLD_ITERATIONS, START_ITERATIONS, WARM_ITERATIONS
-from strainfmu.estimator.manifold.tracker import RETURN_AFTER, SEARCH_EVERY
+from strainfmu.estimator.manifold.navigation import prior
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.map.offers import has_further_outputs
 from strainfmu.estimator.numerics.fixed_order import product
+from strainfmu.estimator.policies import (
+    BAND,
+    COLD_ITERATIONS,
+    FALSE_ALARMS,
+    FITS,
+    LARGEST_STEP,
+    LARGEST_TIME,
+    LARGEST_USED_SCORE,
+    LARGEST_WIDENING,
+    LONGEST_STEP,
+    MIN_GAIN,
+    MIN_INCIDENCE_SCORE,
+    NAMED_AFTER,
+    NARROW,
+    NAVIGATION_ALARM,
+    OF_AGE,
+    RANGE_TOLERANCE,
+    RATE_TIME,
+    RETURN_AFTER,
+    SEARCH_EVERY,
+    SLOPE_TIME,
+    SLOW,
+    SMALLEST_TIME,
+    START_ITERATIONS,
+    WARM_ITERATIONS,
+    WIDEN,
+    WINDOW,
+)
 from strainfmu.estimator.resource.container import Values
 from strainfmu.estimator.tables.channel_tables import channel_tables
 from strainfmu.estimator.tables.flight_tables import MIN_INCIDENCE
@@ -186,7 +204,7 @@ def _filter(inverse_map: InverseMap, manifold: ManifoldMap) -> Values:
         "band": BAND,
         "widen": WIDEN,
         "narrow": NARROW,
-        "largest_widening": LARGEST,
+        "largest_widening": LARGEST_WIDENING,
         "smallest_time": SMALLEST_TIME,
         "largest_time": LARGEST_TIME,
         "named_after": float(NAMED_AFTER),

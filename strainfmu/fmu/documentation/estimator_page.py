@@ -9,11 +9,11 @@ import numpy as np
 
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.manifold.tracker import RETURN_AFTER
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
 from strainfmu.estimator.map.sensors import SensorRows
 from strainfmu.estimator.map.temperature import ThermalMap
 from strainfmu.estimator.map.validity import ValidRange, valid_ranges
+from strainfmu.estimator.policies import RETURN_AFTER
 from strainfmu.fmu.documentation.index_page import Section
 from strainfmu.fmu.documentation.run_panels import estimate_figure, fault_span
 from strainfmu.fmu.reference_run.run import TRUTH, ReferenceRun, is_usual

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.manifold.air_data import AIR_DATA_NAMES, air_data_of_state
-from strainfmu.estimator.manifold.error_covariance import strain_covariance
+from strainfmu.estimator.air_data import AIR_DATA_NAMES, air_data_of_state
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.map.strain_covariance import strain_covariance
 from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, N_STATES, U, W, evaluate
 from strainfmu.estimator.tables.manifold_map import ManifoldMap
 from strainfmu.fmu.reference_run.flight_path import FlightPath, flight_path

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, LAYERS, pressure_and_temperature
-from strainfmu.estimator.linear.envelope import flight_ranges
+from strainfmu.estimator.map.envelope import flight_ranges
 from strainfmu.estimator.map.inverse_map import InverseMap
 
 _DEPTH, _GAIN = 150.0, 0.05

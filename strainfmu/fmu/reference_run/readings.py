@@ -8,8 +8,8 @@ import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.linear.flow_parameters import flow_parameters
 from strainfmu.estimator.map.added_noise import with_gauge_covariance
+from strainfmu.estimator.map.flow_parameters import flow_parameters
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.map.temperature import sensor_set
 from strainfmu.estimator.tables.parameter_tables import with_known

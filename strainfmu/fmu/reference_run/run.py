@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.linear.flow_parameters import flow_parameters
-from strainfmu.estimator.manifold.tracker import RETURN_AFTER
+from strainfmu.estimator.map.flow_parameters import flow_parameters
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.map.offers import has_further_outputs
+from strainfmu.estimator.policies import RETURN_AFTER
 from strainfmu.estimator.zeros.tare_edge import TareState
 from strainfmu.fmu.reference_run.flight_path import rounded
 from strainfmu.fmu.reference_run.readings import FAULT_STATES, Fault, Readings, reference_readings

@@ -9,9 +9,9 @@ from typing import Protocol
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
+from strainfmu.estimator.air_data import NAVIGATION
 from strainfmu.estimator.estimate import Estimate
-from strainfmu.estimator.linear.flow_parameters import PARAMETER_TOLERANCE
-from strainfmu.estimator.manifold.navigation import NAVIGATION
+from strainfmu.estimator.map.flow_parameters import PARAMETER_TOLERANCE
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.recorded.columns.column_names import STATIC_PRESSURE
 from strainfmu.recorded.columns.columns import StrainBlock

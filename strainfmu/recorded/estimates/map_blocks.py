@@ -8,14 +8,13 @@ from typing import Any
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
+from strainfmu.estimator.air_data import AIR_DATA_NAMES, AIR_DATA_UNITS, NAVIGATION
+from strainfmu.estimator.alarm_limits import outside_score
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.further_loads import further_names, is_moment
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.linear.flow_parameters import flow_parameters
-from strainfmu.estimator.manifold.air_data import AIR_DATA_NAMES, AIR_DATA_UNITS
-from strainfmu.estimator.manifold.flight_health import outside_score
-from strainfmu.estimator.manifold.navigation import NAVIGATION
+from strainfmu.estimator.map.flow_parameters import flow_parameters
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.settings import default_settings
 from strainfmu.interface.input_names import given_flow

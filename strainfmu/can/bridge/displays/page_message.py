@@ -23,7 +23,7 @@ from strainfmu.can.cycle.gauges.verdicts import gauge_reasons
 from strainfmu.can.cycle.states.quality import Cause
 from strainfmu.cosim.estimators.step import ENVELOPE_SCORE, health_name
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.linear.flow_parameters import PARAMETER_TOLERANCE
+from strainfmu.estimator.map.flow_parameters import PARAMETER_TOLERANCE
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 from strainfmu.fmu.fmu_file import CONTENTS
 from strainfmu.interface.estimator_variables import LOADS

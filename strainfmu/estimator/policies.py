@@ -1,0 +1,107 @@
+"""Policies of the estimator: constants of iterations, alarms and filter that ``map.bin`` hands to the core."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from strainfmu.estimator.air_data import NAVIGATION
+from strainfmu.estimator.alarm_limits import outlier_threshold
+from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY
+
+# Gauges that are lost.
+
+MIN_INFORMATION = 1e-10
+"""Fraction of the information on some state below which the rest of the gauges does not identify it: its standard
+deviation has grown by 1e5, and round-off, squared, is near 1e-24."""
+
+MIN_EXPECTED_RATIO = 0.1
+"""Smallest expected chi-square over its degrees of freedom: the linear model of the errors could give less."""
+
+# Iterations of the flight state.
+
+LARGEST_STEP = np.array([0.5, 0.05, 0.05, 1.0])
+"""Largest change of M [1], u, w [rad] and ln p_inf in one iteration."""
+
+START_ITERATIONS, COLD_ITERATIONS, WARM_ITERATIONS = 4, 8, 2
+"""Iterations of every state of the search, of the best of them from there, and from the last step's state."""
+
+# Steps along time.
+
+SEARCH_EVERY = 10
+"""Steps from one search of the tables, for what else fits, to the next."""
+
+RETURN_AFTER = 5
+"""Steps in a row that must fit the tables before their loads follow those of the linear map again."""
+
+# Air data that do not fit.
+
+FALSE_ALARMS = (1e-2, 1e-2, 1e-6)
+"""Rates at which correct values of :data:`~strainfmu.estimator.air_data.NAVIGATION` are left out. M and p_inf: at
+a lower rate 5 sigma would pass. q_inf: without it coefficients are those of the estimated flight state."""
+
+NAVIGATION_ALARM = outlier_threshold(len(NAVIGATION), FALSE_ALARM_PROBABILITY)
+"""Standardised residual from which navigation that is dropped is an alarm, at the rate of health's other tests."""
+
+# Ranges of the map, and what counts as identified.
+
+RANGE_TOLERANCE = 0.01
+"""Relative excess of a range that does not count."""
+
+MIN_GAIN = 0.5
+"""Part of the prior's standard deviation above which strain and navigation have not identified a quantity."""
+
+MIN_INCIDENCE_SCORE = 3.0
+"""Standard deviations of the total incidence above zero from which the wind has a roll angle."""
+
+LARGEST_USED_SCORE = 1.0
+"""Part of its range by which a further parameter of the flow may leave it and still be used.
+
+It is ``OUTSIDE`` much earlier; cubes of what is far off are no numbers.
+"""
+
+# The filter: how long errors last.
+
+SLOW = 100.0
+"""Time constant of navigation errors, and of errors in common of a linear map, over that of the others [1]."""
+
+RATE_TIME = 0.05
+"""Time constant [s] at which the rates count twice. Below it they grow in inverse proportion: a filter without
+memory has none of the flight state either."""
+
+SLOPE_TIME = 0.2
+"""Time constant [s] by which the flight state whose slopes count follows the estimated one; at most T.
+
+Slopes at an estimate follow the noise of its sample: what they then say of a direction that is hardly seen is
+always off to one side, and adds up from step to step.
+"""
+
+SMALLEST_TIME, LARGEST_TIME = 1e-9, 1e6
+"""Range of the settings, in the unit of each; the latter also the longest time step [s]."""
+
+# The filter: slopes.
+
+OF_AGE = 0.25
+"""Time constant of the flight state of slopes over the time since the filter began, at most [1]."""
+
+LONGEST_STEP = 0.7
+"""Time step over that time constant from which each iteration takes its own slopes."""
+
+# The filter: its consistency over a window.
+
+WINDOW = 100
+"""Steps that the mean of the normalised innovations holds: its weights fall by 1 / WINDOW a step."""
+
+BAND = 2.576
+"""Standard deviations of the 99 % band of the mean."""
+
+WIDEN, NARROW, LARGEST_WIDENING = 1.05, 0.995, 1e4
+"""Factors on the variance of the discrepancy per step above the band and below it, and the largest of all."""
+
+# The filter: air data that are named.
+
+NAMED_AFTER = 4
+"""Steps in a row that a quantity must be an alarm to the same side: readings that scatter more than stated name
+nothing."""
+
+FITS = outlier_threshold(1, 1e-2)
+"""Distance from its prediction, in deviations, up to which a quantity that is named fits."""
