@@ -21,7 +21,7 @@ from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.reference.air import N_AIR, air_inputs
 from strainfmu.estimator.reference.nonlinear import NonlinearReference, Sample, coefficient_slopes
-from strainfmu.estimator.reference.tables import LOADS, LOG_PRESSURE, N_STATES, evaluate, tables_of
+from strainfmu.estimator.reference.tables import LOADS, LOG_PRESSURE, evaluate, tables_of
 
 NOISE, OFF_TABLES = "gauge noise and apparent strain", "pressure off the tables"
 HARDWARE = (
@@ -138,11 +138,11 @@ def _sources_of(
     """Return (5,) contribution of each source for ``sample`` at ``state``, and the covariance (5, 5)."""
     manifold, n_d = reference.manifold, reference.n_d
     found = reference.posterior(state, sample, reference.strain_covariance(state))
-    pressure, at_state = np.exp(state[LOG_PRESSURE]), evaluate(reference.tables, state)[0][: n_d + LOADS]
+    pressure, at_state = np.exp(state[LOG_PRESSURE]), evaluate(reference.tables, state)[0]
     joint = found.covariance[0]
-    slopes, scale, wider = coefficient_slopes(state, found.mean[0, N_STATES:], joint, reference.references)
+    slopes, scale, wider = coefficient_slopes(state, at_state[n_d:], joint, reference.references)
     gain = slopes @ found.gain[0]
-    strain, loads = at_state[:n_d], at_state[n_d:]
+    strain, loads = at_state[:n_d], at_state[n_d : n_d + LOADS]
     of_strain, of_air, of_prior = np.split(gain[:LOADS], [n_d, n_d + N_AIR], axis=1)
     c = np.append(1.0, loads / (pressure * manifold.references))
     first, second = np.triu_indices(len(c))
