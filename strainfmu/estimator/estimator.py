@@ -25,9 +25,9 @@ from strainfmu.estimator.arguments import checked_mask, per_sample, strain_of_sa
 from strainfmu.estimator.core import Core, NoCoreError, Series
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimates.pressure_field import PressureField
-from strainfmu.estimator.filter.settings import LARGEST, SMALLEST
-from strainfmu.estimator.linear.flow_parameters import flow_parameters
+from strainfmu.estimator.map.flow_parameters import flow_parameters
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map
+from strainfmu.estimator.policies import LARGEST_TIME, SMALLEST_TIME
 from strainfmu.estimator.resource.map_file import native_resource
 from strainfmu.estimator.settings import EstimatorSettings, default_settings
 from strainfmu.estimator.surface_pressure import AIR_DATA, SurfaceSample, surface_pressure
@@ -249,8 +249,9 @@ class Estimator:
         InputError
             The time constant is not in its range, or the map has no filter.
         """
-        if not (time_constant == 0.0 or SMALLEST <= time_constant <= LARGEST):
-            raise InputError(f"time_constant: expected 0 or {SMALLEST:g} to {LARGEST:g} s, got {time_constant:g}")
+        if not (time_constant == 0.0 or SMALLEST_TIME <= time_constant <= LARGEST_TIME):
+            allowed = f"0 or {SMALLEST_TIME:g} to {LARGEST_TIME:g} s"
+            raise InputError(f"time_constant: expected {allowed}, got {time_constant:g}")
         place = self.core.settings["filter_time_constant"]
         if time_constant > 0.0 and place.stop == place.start:
             raise InputError("filter: expected a map of form 'dynamic_pressure' or with tables, got one without")

@@ -14,17 +14,22 @@ import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.errors import InputError
+from strainfmu.estimator.alarm_limits import outlier_threshold
 from strainfmu.estimator.arguments import given, silent
 from strainfmu.estimator.core import Layout, NoCoreError, Series
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, HealthState, chi_square_limit
-from strainfmu.estimator.linear.envelope import envelope_score, flight_ranges, half_spaces, outside_by_navigation
-from strainfmu.estimator.linear.flow import MAX_DYNAMIC_PRESSURE, MIN_DYNAMIC_PRESSURE
-from strainfmu.estimator.linear.flow_parameters import PARAMETER_TOLERANCE, flow_parameters
-from strainfmu.estimator.linear.isolation import outlier_threshold
-from strainfmu.estimator.linear.masks import MIN_INFORMATION
+from strainfmu.estimator.linear.envelope import envelope_score, outside_by_navigation
+from strainfmu.estimator.map.envelope import (
+    MAX_DYNAMIC_PRESSURE,
+    MIN_DYNAMIC_PRESSURE,
+    flight_ranges,
+    half_spaces,
+)
+from strainfmu.estimator.map.flow_parameters import PARAMETER_TOLERANCE, flow_parameters
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.map.offers import has_further_outputs
 from strainfmu.estimator.map.temperature import known_sensors
+from strainfmu.estimator.policies import MIN_INFORMATION
 from strainfmu.estimator.reference.linear import LOADS, LinearEstimate, estimate, references
 from strainfmu.estimator.reference.readings import Zeros, amplitudes, row_noise, rows_of, without_thrust
 from strainfmu.estimator.settings import EstimatorSettings, default_settings
