@@ -103,11 +103,15 @@ static void set_remainder(AddedNoise *noise) {
         }
     }
     for (size_t j = 0; j < n; j++) {
+        double of_own[N_LOADS] = {0.0};
         for (size_t k = 0; k < n; k++) {
             const double own = own_covariance(noise, j * n + k);
-            for (size_t i = 0; i < N_LOADS * N_LOADS; i++) {
-                noise->remainder[i] += by_strain[(i / N_LOADS) * n + j] * own * by_strain[(i % N_LOADS) * n + k];
+            for (size_t i = 0; i < N_LOADS; i++) {
+                of_own[i] += own * by_strain[i * n + k];
             }
+        }
+        for (size_t i = 0; i < N_LOADS * N_LOADS; i++) {
+            noise->remainder[i] += by_strain[(i / N_LOADS) * n + j] * of_own[i % N_LOADS];
         }
     }
 }
@@ -172,8 +176,11 @@ static int set_matrices(AddedNoise *noise) {
     }
     for (size_t c = 0; noise->whole == NULL && c < file->n_errors; c++) {
         const double *column = file->error_strain + c * n;
-        for (size_t k = 0; k < n * n; k++) {
-            noise->square[0][k] += column[k / n] * column[k % n];
+        for (size_t i = 0; i < n; i++) {
+            double *restrict row = noise->square[0] + i * n;
+            for (size_t j = 0; j < n; j++) {
+                row[j] += column[i] * column[j];
+            }
         }
     }
     if (!lower_root(n, noise->square[0], noise->noise_root, noise->noise_whitening)) {
