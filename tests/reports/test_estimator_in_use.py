@@ -143,7 +143,7 @@ def test_page_and_numbers_state_the_nonlinear_sigma(
 ) -> None:
     """In the first screen, with the linear map's sections named so; its own sentences are left out."""
     if report.gamma is not None:
-        pytest.skip("a page of one case suffices")
+        pytest.skip("the first screen is made alike for both cases, and takes seconds to make")
     range_of = replace(in_use.coefficients, range=report.coefficients.range)
     growth = np.ones((report.inverse_map.n_gauges, 5))
     growth[3, 1] = 1.25

@@ -12,7 +12,7 @@ from strainfmu.estimator.further_loads import FurtherLoads
 def further_loads(problem: Problem, solution: Solution, error_load: FloatArray) -> FurtherLoads | None:
     """Return the further loads of a solved ``problem``; None where it has none.
 
-    ``error_load`` (m, k) are those of the columns of the map's ``error_strain``.
+    ``error_load`` (m, k) holds the loads of the columns of the map's ``error_strain`` [N, N m].
     """
     operator = problem.further_operator
     if operator is None:

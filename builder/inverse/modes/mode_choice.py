@@ -79,7 +79,7 @@ class ModeChoice:
 def mode_choice_lines(provenance: Mapping[str, Any]) -> list[str]:
     """Return, a sentence each, how many modes of a map are states, and which modes are not and why.
 
-    ``provenance`` is that of the map. The list is empty where every mode that was tried is a state, and for maps
+    ``provenance`` comes from the map. The list is empty where every mode that was tried is a state, and for maps
     of Case 2, whose states all modes of the prior are.
     """
     choice = provenance.get("mode_choice")
