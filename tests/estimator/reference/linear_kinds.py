@@ -74,6 +74,7 @@ KINDS = {
     "absolute_gamma_1e-6": Kind(make=lambda: absolute(1e-6)),
     "absolute_sensors": Kind(make=lambda: with_sensors(map_of(random_model(n_gauges=27, n_states=4)))),
     "absolute_zeros": Kind(make=lambda: absolute(1e-3), has_zeros=True),
+    "absolute_temperature": Kind(make=lambda: warm(absolute(1e-3))),
     "temperature": Kind(make=lambda: warm(whole_scaled_map(2, seed=4, n=20, n_states=25))),
     "sensors_temperature_zeros": Kind(
         make=lambda: with_sensors(warm(whole_scaled_map(1, seed=5, n=24, n_states=3))), has_zeros=True
