@@ -22,7 +22,7 @@ from synthetic_vehicle import N_GAUGES, SyntheticFiles, write_trajectory
 from strainfmu.cli.main import main
 from strainfmu.cosim.models.trajectory import HEADER
 from strainfmu.errors import InputError, StrainfmuError
-from strainfmu.estimator.linear.estimator import Estimator
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import load_inverse_map, save_inverse_map
 from strainfmu.fmu.export import ExportOptions, export_estimator, export_plant
 from strainfmu.fmu.native.build import library_file

@@ -9,7 +9,7 @@ from deflected_shape import NAME, known_map
 from shape_case import N_D
 
 from strainfmu.errors import InputError
-from strainfmu.estimator.manifold.estimator import ManifoldEstimator
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import save_inverse_map
 from strainfmu.estimator.tables.flight_tables import evaluate
 from strainfmu.estimator.tables.parameter_tables import with_known
@@ -54,7 +54,7 @@ def test_a_column_of_deviations_sharpens(source: str, tmp_path: Path) -> None:
     alone = estimated(tmp_path, {NAME: 1.0}, source)
     found = estimated(tmp_path, {NAME: 1.0, f"{NAME}_std": 0.05}, source)
     assert np.all(found[1] < 0.7 * alone[1])
-    one = ManifoldEstimator(known_map()).step(
+    one = Estimator(known_map()).step(
         readings(), Q, mach_number=6.5, parameters={NAME: 1.0}, parameters_std={NAME: 0.05}
     )
     np.testing.assert_allclose(found[:, -1], [one.M_R, one.further_coefficients_std[0]], rtol=1e-4)

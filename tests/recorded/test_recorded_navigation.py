@@ -12,7 +12,7 @@ from flight_fmu import whole_map
 from flight_maps import exact_response
 
 from strainfmu.errors import InputError
-from strainfmu.estimator.manifold.estimator import ManifoldEstimator
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import save_inverse_map
 from strainfmu.fmu.export import ExportOptions, export_estimator
 from strainfmu.recorded.run import EstimationSummary, estimate_file
@@ -60,7 +60,7 @@ def estimated(
 
 def expected(**flow: float) -> np.ndarray:
     """Return coefficients and deviations (10,) of the estimator itself."""
-    one = ManifoldEstimator(whole_map()).step(STRAIN, **flow)
+    one = Estimator(whole_map()).step(STRAIN, **flow)
     return np.concatenate([one.coefficients, one.coefficients_std])
 
 

@@ -17,8 +17,8 @@ from synthetic_vehicle import N_GAUGES, SyntheticFiles
 
 from strainfmu.cosim.models.flight_model import evaluate, load_flight_model
 from strainfmu.cosim.models.trajectory import load_trajectory
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.linear.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import load_inverse_map
 from strainfmu.estimator.settings import default_settings
 from strainfmu.interface.estimator_variables import PARAMETERS

@@ -29,7 +29,7 @@ from strainfmu.can.wire.strain_encoder import StrainEncoder
 from strainfmu.cosim.estimators.source import open_step
 from strainfmu.cosim.estimators.step import StepResult
 from strainfmu.errors import InputError
-from strainfmu.estimator.linear.estimator import Estimator
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap, save_inverse_map
 from strainfmu.fmu.export import ExportOptions, export_estimator
 
