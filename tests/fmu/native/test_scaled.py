@@ -47,14 +47,14 @@ def test_results_do_not_depend_on_what_was_before(scaled: NativeCase) -> None:
     fmu.free()
 
 
-def test_suspects_at_the_threshold(scaled: NativeCase) -> None:
+def test_suspects_at_the_threshold(case: NativeCase) -> None:
     # The screen in float decides as z in double does: a suspect is named from the bias on at which z is its limit.
-    fmu, estimator, found = Fmu2(scaled.uri, scaled.n).start(), Estimator(scaled.inverse_map), 0
+    fmu, estimator, found = Fmu2(case.uri, case.n).start(), Estimator(case.inverse_map), 0
     for pressure, lost in ((0.4 * NOMINAL, ()), (1.3 * NOMINAL, (1,)), (3.0 * NOMINAL, (0, 2))):
-        sample = fitting(scaled, pressure)
+        sample = fitting(case, pressure)
         sample.valid[list(lost)] = False
         for gauge in range(3, 9, 2):
-            unit = np.arange(scaled.n) == gauge
+            unit = np.arange(case.n) == gauge
 
             def excess(bias: float, sample: Sample = sample, unit: np.ndarray = unit) -> float:
                 one = estimated(estimator, replace(sample, strain=sample.strain + bias * unit))
