@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scaled_maps import NOMINAL, scaled_map
 
-from strainfmu.estimator.linear.estimator import Estimator
+from strainfmu.estimator.estimator import Estimator
+from strainfmu.estimator.health import chi_square_limit
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.map.proportional_errors import (
     PAIRS,
@@ -99,7 +100,8 @@ def test_errors_drawn_at_the_current_strain_have_the_stated_covariance(level: fl
     assert squared.mean() == pytest.approx(5.0, rel=0.05)
     assert np.mean(np.abs(deviation) < 3.0 * found.loads_std) == pytest.approx(0.9973, abs=2e-3)
     # The expected chi-square, in units of its degrees of freedom, is the scale of the limit.
-    scale_of_limit = found.chi_square_limit / Estimator(free).chi_square_limit
+    limit = free.chi_square_scale * chi_square_limit(found.degrees_of_freedom[0])
+    scale_of_limit = found.chi_square_limit / limit
     ratio = found.chi_square / (found.degrees_of_freedom * scale_of_limit)
     assert ratio.mean() == pytest.approx(1.0, rel=0.05)
 

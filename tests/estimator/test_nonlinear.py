@@ -11,14 +11,11 @@ from scaled_maps import scaled_map
 import strainfmu
 from builder.manifold.discrepancy import TESTED
 from strainfmu.errors import InputError
+from strainfmu.estimator.air_data import AIR_DATA_NAMES
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState, chi_square_limit
-from strainfmu.estimator.manifold.air_data import AIR_DATA_NAMES
-from strainfmu.estimator.manifold.estimator import ManifoldEstimator
-from strainfmu.estimator.manifold.flight_estimate import FlightEstimate, FlightEstimates
-from strainfmu.estimator.manifold.navigation import LEAST_RELATIVE_STD
-from strainfmu.estimator.manifold.solve import independent_sizes
-from strainfmu.estimator.manifold.tracker import RETURN_AFTER, FlightTracker
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map, save_inverse_map
+from strainfmu.estimator.policies import RETURN_AFTER
 from strainfmu.flight_condition import FlightCondition
 
 pytestmark = pytest.mark.fast
@@ -48,16 +45,16 @@ def navigation(condition: FlightCondition) -> dict[str, float]:
 def test_a_jump_of_the_pressure_keeps_the_deviations() -> None:
     """The weights of a step belong to the pressure of the step before."""
     off_tables = replace(whole_map(), manifold=flight_map(discrepancy=3e-2))
-    tracker = FlightTracker(ManifoldEstimator(off_tables))
-    before = tracker.step(strain_at(CONDITION), **navigation(CONDITION))
+    estimator = Estimator(off_tables)
+    before = estimator.track(strain_at(CONDITION), **navigation(CONDITION))
     lower = replace(CONDITION, altitude=CONDITION.altitude - 1000.0)
-    after = tracker.step(strain_at(lower), **navigation(lower))
+    after = estimator.track(strain_at(lower), **navigation(lower))
     assert after.loads_std == pytest.approx(before.loads_std, rel=0.02)
 
 
 def test_the_air_of_a_day_differs_from_the_standard_atmosphere() -> None:
     """By 7 % where the map says no other, as over latitudes and seasons; a stated deviation counts for both."""
-    estimator, strain = ManifoldEstimator(whole_map()), strain_at(CONDITION)
+    estimator, strain = Estimator(whole_map()), strain_at(CONDITION)
     mach, altitude = CONDITION.mach_number, CONDITION.altitude
     pressure = CONDITION.ambient_pressure
     by_altitude = estimator.estimate(strain, mach_number=mach, altitude=altitude)
@@ -78,14 +75,6 @@ def test_the_air_of_a_day_differs_from_the_standard_atmosphere() -> None:
     np.testing.assert_array_equal(stated.loads_std, measured.loads_std)
 
 
-def test_a_stated_deviation_leaves_digits_to_the_test_of_navigation() -> None:
-    """The test is a difference of two variances."""
-    exact = dict.fromkeys(("dynamic_pressure_std", "mach_number_std", "static_pressure_std"), 0.0)
-    flow = navigation(CONDITION) | {"altitude": np.nan} | exact
-    inputs = ManifoldEstimator(whole_map()).checked_inputs(strain_at(CONDITION), None, flow)
-    assert inputs.navigation.std / inputs.navigation.value == pytest.approx(LEAST_RELATIVE_STD)
-
-
 def test_an_exact_dynamic_pressure_alone_is_believed() -> None:
     """Where strain hardly tells Mach number from pressure, the iterations end near the minimum, not at it."""
     random = np.random.default_rng(1)
@@ -95,19 +84,19 @@ def test_an_exact_dynamic_pressure_alone_is_believed() -> None:
             (5.2, -0.08, -0.08, 18e3), (7.8, 0.08, 0.08, 26e3), (150, 4)
         ).tolist()
     ]
-    found = ManifoldEstimator(whole_map()).estimate(
+    found = Estimator(whole_map()).estimate(
         np.array([strain_at(one, seed) for seed, one in enumerate(flights)]),
         [one.dynamic_pressure for one in flights],
         dynamic_pressure_std=0.0,
     )
-    residual = found.navigation_residual[:, 2]
+    residual = found.air_data_residual[:, 2]
     assert np.max(np.abs(residual)) < 4.5
     assert np.sqrt(np.mean(residual**2)) < 1.1
-    assert found.navigation_used[:, 2].all()
+    assert found.air_data_used[:, 2].all()
 
 
 def test_air_data_are_those_of_the_condition() -> None:
-    found = ManifoldEstimator(whole_map()).estimate(strain_at(CONDITION), **navigation(CONDITION))
+    found = Estimator(whole_map()).estimate(strain_at(CONDITION), **navigation(CONDITION))
     true = dict(
         zip(
             AIR_DATA_NAMES,
@@ -132,19 +121,17 @@ def test_air_data_are_those_of_the_condition() -> None:
 
 def test_one_sample_is_a_row_of_several() -> None:
     """One estimate for strain of one axis, as of the linear estimator; steps on their own are the same."""
-    estimator, flow = ManifoldEstimator(whole_map()), navigation(CONDITION)
+    estimator, flow = Estimator(whole_map()), navigation(CONDITION)
     strain = np.array([strain_at(CONDITION, seed) for seed in range(3)])
     several = estimator.estimate(strain, **flow)
-    assert isinstance(several, FlightEstimates)
     assert len(several) == 3
     for row in range(3):
         one, step = estimator.estimate(strain[row], **flow), estimator.step(strain[row], **flow)
-        assert isinstance(one, FlightEstimate)
         assert one.health is several[row].health
         np.testing.assert_allclose(one.loads, several[row].loads, rtol=1e-9)
         np.testing.assert_allclose(one.air_data.value, several.air_data.value[row], rtol=1e-9)
         assert np.array_equal(one.loads, step.loads)
-    assert isinstance(estimator.estimate(strain[:1], **flow), FlightEstimates)
+    assert estimator.estimate(strain[:1], **flow).is_series
 
 
 def test_loading_a_map_with_tables_gives_the_nonlinear_estimator(tmp_path: Path) -> None:
@@ -159,7 +146,7 @@ def test_loading_a_map_with_tables_gives_the_nonlinear_estimator(tmp_path: Path)
 
 
 def test_strain_off_the_tables_gets_the_loads_of_the_linear_map() -> None:
-    estimator = ManifoldEstimator(whole_map())
+    estimator = Estimator(whole_map())
     strain = strain_at(CONDITION) + 2e-5 * np.cos(np.arange(N_D))
     found = estimator.estimate(strain, **navigation(CONDITION))
     linear = estimator.linear.estimate(strain, CONDITION.dynamic_pressure)
@@ -172,7 +159,7 @@ def test_strain_off_the_tables_gets_the_loads_of_the_linear_map() -> None:
 
 
 def test_without_gauges_nothing_is_known() -> None:
-    found = ManifoldEstimator(whole_map()).estimate(np.full(N_D, np.nan), **navigation(CONDITION))
+    found = Estimator(whole_map()).estimate(np.full(N_D, np.nan), **navigation(CONDITION))
     assert found.health is HealthState.INVALID
     assert np.all(np.isnan(found.loads))
     assert np.all(np.isnan(found.air_data.value))
@@ -180,15 +167,15 @@ def test_without_gauges_nothing_is_known() -> None:
 
 def test_a_flight_beyond_the_tables_is_outside() -> None:
     beyond = replace(CONDITION, angle_of_attack=np.radians(12.5))
-    found = ManifoldEstimator(whole_map()).estimate(strain_at(beyond), **navigation(beyond))
+    found = Estimator(whole_map()).estimate(strain_at(beyond), **navigation(beyond))
     assert found.health is HealthState.OUTSIDE
     fast = replace(CONDITION, mach_number=8.4)
-    found = ManifoldEstimator(whole_map()).estimate(strain_at(fast), **navigation(fast))
+    found = Estimator(whole_map()).estimate(strain_at(fast), **navigation(fast))
     assert found.health is HealthState.OUTSIDE
 
 
 def test_a_lost_gauge_degrades_and_a_wrong_one_is_suspect() -> None:
-    estimator, strain = ManifoldEstimator(whole_map()), strain_at(CONDITION)
+    estimator, strain = Estimator(whole_map()), strain_at(CONDITION)
     valid = np.ones(N_D, dtype=bool)
     valid[4] = False
     assert estimator.estimate(strain, valid=valid, **navigation(CONDITION)).health is HealthState.DEGRADED
@@ -200,66 +187,60 @@ def test_a_lost_gauge_degrades_and_a_wrong_one_is_suspect() -> None:
 
 
 def test_a_result_is_shown_in_a_few_lines() -> None:
-    estimator, strain = ManifoldEstimator(whole_map()), strain_at(CONDITION)
+    estimator, strain = Estimator(whole_map()), strain_at(CONDITION)
     one = estimator.estimate(strain, **navigation(CONDITION))
-    assert repr(one).startswith("FlightEstimate: health OK, chi-square")
+    assert repr(one).startswith("Estimate: health OK, chi-square")
     assert len(repr(one).splitlines()) <= 8
     assert f"C_A {one.C_A:.5g} +- {one.sigma.C_A:.2g}" in repr(one)
     many = repr(estimator.estimate(np.tile(strain, (3, 1)), **navigation(CONDITION)))
-    assert many.startswith("FlightEstimates of 3 samples: health 3 OK")
+    assert many.startswith("Estimate of 3 samples: health 3 OK")
     assert len(many.splitlines()) <= 8
 
 
 def test_bad_arguments_are_named() -> None:
-    estimator = ManifoldEstimator(whole_map())
+    estimator = Estimator(whole_map())
     with pytest.raises(InputError, match=rf"strain: expected {N_D} values, got \(3,\)"):
         estimator.estimate(np.zeros(3))
     with pytest.raises(InputError, match=rf"strain: expected \(k, {N_D}\) values, got \(2, 3\)"):
         estimator.estimate(np.zeros((2, 3)))
-    with pytest.raises(InputError, match=rf"strain: expected {N_D} values, got \(2, {N_D}\)"):
-        FlightTracker(estimator).step(np.zeros((2, N_D)))
     with pytest.raises(InputError, match="dynamic_pressure: expected a number, got None"):
         estimator.estimate(np.zeros(N_D), None)
     with pytest.raises(InputError, match="strain: expected real numbers, got complex128"):
         estimator.estimate(np.zeros(N_D) + 1e-6j)
     with pytest.raises(InputError, match="strain: expected real numbers, got complex128"):
-        FlightTracker(estimator).step(np.zeros(N_D) + 1e-6j)
+        estimator.track(np.zeros(N_D) + 1e-6j)
     with pytest.raises(InputError, match="mach_number: expected a number, got shape"):
         estimator.estimate(np.zeros(N_D), mach_number=[1.0, 2.0])
-    with pytest.raises(InputError, match="estimator 'linear' found, expected 'manifold'"):
-        ManifoldEstimator(replace(whole_map(), manifold=None))
 
 
 def test_steps_follow_the_search_and_keep_lock() -> None:
-    estimator = ManifoldEstimator(whole_map())
-    tracker = FlightTracker(estimator)
-    for step in range(40):
-        condition = replace(CONDITION, angle_of_attack=np.radians(5.0 * np.sin(0.1 * step)))
-        strain = strain_at(condition, step)
-        found = tracker.step(strain, **navigation(condition))
-        alone = estimator.estimate(strain, **navigation(condition))
-        assert np.all(np.abs(found.loads - alone.loads) < 0.2 * alone.loads_std)
+    estimator, k = Estimator(whole_map()), 40
+    flown = [replace(CONDITION, angle_of_attack=np.radians(5.0 * np.sin(0.1 * step))) for step in range(k)]
+    strain = np.array([strain_at(one, step) for step, one in enumerate(flown)])
+    flow = {name: np.array([navigation(one)[name] for one in flown]) for name in navigation(CONDITION)}
+    found, alone = estimator.track(strain, **flow), estimator.estimate(strain, **flow)
+    assert np.all(np.abs(found.loads - alone.loads) < 0.2 * alone.loads_std)
 
 
 def test_after_strain_off_the_tables_the_loads_come_back_late() -> None:
-    estimator = ManifoldEstimator(whole_map())
-    tracker = FlightTracker(estimator)
-    off = 2e-5 * np.cos(np.arange(N_D))
-    tracker.step(strain_at(CONDITION), **navigation(CONDITION))
-    assert tracker.step(strain_at(CONDITION) + off, **navigation(CONDITION)).is_linear
-    late = [tracker.step(strain_at(CONDITION, i), **navigation(CONDITION)) for i in range(RETURN_AFTER + 3)]
-    assert all(one.is_linear and one.health is not HealthState.OK for one in late[: RETURN_AFTER - 1])
-    assert not late[-1].is_linear
-    assert late[-1].health is HealthState.OK
+    k = RETURN_AFTER + 3
+    strain = np.array([strain_at(CONDITION, seed) for seed in (1, 1, *range(k))])
+    strain[1] += 2e-5 * np.cos(np.arange(N_D))
+    found = Estimator(whole_map()).track(strain, **navigation(CONDITION))
+    late = slice(1, 1 + RETURN_AFTER)
+    assert np.all(found.is_linear[late])
+    assert np.all(found.health[late] != HealthState.OK)
+    assert not found.is_linear[-1]
+    assert found.health[-1] == HealthState.OK
 
 
 def test_navigation_that_may_be_correct_is_dropped_without_an_alarm() -> None:
-    estimator, strain = ManifoldEstimator(whole_map()), strain_at(CONDITION)
+    estimator, strain = Estimator(whole_map()), strain_at(CONDITION)
     flow, states = navigation(CONDITION), {}
     of_all = estimator.estimate(strain, **flow)
     for sigmas in (0.0, 4.5, 12.0):
         found = estimator.estimate(strain, **flow | {"mach_number": CONDITION.mach_number + 0.05 * sigmas})
-        states[sigmas] = (bool(found.navigation_used[0]), found.health)
+        states[sigmas] = (bool(found.air_data_used[0]), found.health)
         assert np.all(np.abs(found.coefficients - of_all.coefficients) < found.coefficients_std)
     assert states == {
         0.0: (True, HealthState.OK),
@@ -269,12 +250,12 @@ def test_navigation_that_may_be_correct_is_dropped_without_an_alarm() -> None:
 
 
 def test_samples_with_wrong_navigation_leave_the_others_as_they_are() -> None:
-    estimator = ManifoldEstimator(whole_map())
+    estimator = Estimator(whole_map())
     strain = np.array([strain_at(CONDITION, seed) for seed in range(5)])
     mach = CONDITION.mach_number + 0.05 * np.array([0.0, 12.0, 0.0, 4.5, 0.0])
     flow = navigation(CONDITION)
     together = estimator.estimate(strain, **flow | {"mach_number": mach})
-    assert together.navigation_used[:, 0].tolist() == [True, False, True, False, True]
+    assert together.air_data_used[:, 0].tolist() == [True, False, True, False, True]
     for row in range(5):
         alone = estimator.estimate(strain[row], **flow | {"mach_number": mach[row]})
         np.testing.assert_allclose(together.coefficients[row], alone.coefficients, rtol=1e-9)
@@ -287,15 +268,15 @@ def test_a_shape_of_pressure_off_the_tables_is_seen_where_chi_square_is_not() ->
     assert whole.manifold is not None
     shapes = whole.manifold.shapes
     assert 1 <= shapes.shape[1] <= TESTED
-    estimator, strain = ManifoldEstimator(whole), strain_at(CONDITION)
+    estimator, strain = Estimator(whole), strain_at(CONDITION)
     largest = 0.0
     for size in np.linspace(0.0, 40.0, 41):
         found = estimator.estimate(strain + size * shapes[:, -1], **navigation(CONDITION))
         if not found.fits:
             break
-        largest = float(np.sum(found.shape_residual**2))
+        largest = found.discrepancy_chi_square
     limit = chi_square_limit(shapes.shape[1])
-    assert largest < limit < np.sum(found.shape_residual**2)
+    assert largest < limit < found.discrepancy_chi_square
     assert found.chi_square < found.chi_square_limit
     assert found.health is HealthState.INCONSISTENT
     assert found.is_linear
@@ -305,11 +286,11 @@ def test_the_shape_of_one_gauge_is_its_leave_one_out_residual() -> None:
     whole = whole_map()
     assert whole.manifold is not None
     unit = replace(whole.manifold, discrepancy_shapes=1e-6 * np.eye(N_D)[:, [3]])
-    estimator, strain = ManifoldEstimator(replace(whole, manifold=unit)), strain_at(CONDITION)
+    estimator, strain = Estimator(replace(whole, manifold=unit)), strain_at(CONDITION)
     found = estimator.estimate(strain, **navigation(CONDITION))
-    np.testing.assert_allclose(found.shape_residual, found.standardised_residual[[3]], rtol=1e-9)
+    assert found.discrepancy_chi_square == pytest.approx(found.standardised_residual[3] ** 2, rel=1e-9)
     found = estimator.estimate(strain, valid=np.arange(N_D) != 3, **navigation(CONDITION))
-    assert found.shape_residual[0] == 0.0
+    assert found.discrepancy_chi_square == 0.0
 
 
 def test_shapes_are_tested_together_in_whatever_order_and_a_repeated_one_counts_once() -> None:
@@ -320,26 +301,16 @@ def test_shapes_are_tested_together_in_whatever_order_and_a_repeated_one_counts_
 
     def square(columns: list[int]) -> float:
         chosen = replace(whole, manifold=replace(whole.manifold, discrepancy_shapes=shapes[:, columns]))
-        found = ManifoldEstimator(chosen).estimate(strain, **navigation(CONDITION))
-        return float(np.sum(found.shape_residual**2))
+        return float(Estimator(chosen).estimate(strain, **navigation(CONDITION)).discrepancy_chi_square)
 
     assert square([2, 0, 1]) == pytest.approx(square([0, 1, 2]), rel=1e-9)
     assert square([0, 1, 1, 2, 0]) == pytest.approx(square([0, 1, 2]), rel=1e-9)
     assert square([0, 1]) < square([0, 1, 2])
 
 
-def test_sizes_of_shapes_are_independent_of_each_other() -> None:
-    random = np.random.default_rng(2)
-    root = random.standard_normal((4, 3, 5))
-    product, variance = random.standard_normal((4, 3)), root @ np.swapaxes(root, 1, 2)
-    sizes = independent_sizes(product, variance, variance)
-    expected = np.einsum("ks,kst,kt->k", product, np.linalg.inv(variance), product)
-    np.testing.assert_allclose(np.sum(sizes**2, axis=1), expected, rtol=1e-10)
-
-
 @pytest.mark.parametrize("name", ["mach_number_std", "static_pressure_std", "dynamic_pressure_std"])
 def test_a_negative_deviation_of_navigation_is_refused(name: str) -> None:
-    estimator = ManifoldEstimator(whole_map())
+    estimator = Estimator(whole_map())
     with pytest.raises(InputError, match=rf"{name}: expected numbers from 0 on, got -0.1"):
         estimator.estimate(strain_at(CONDITION), **navigation(CONDITION) | {name: -0.1})
 
@@ -347,7 +318,7 @@ def test_a_negative_deviation_of_navigation_is_refused(name: str) -> None:
 @pytest.mark.parametrize("name", ["static_pressure", "dynamic_pressure"])
 def test_a_pressure_beyond_numbers_is_no_error_of_the_others(name: str) -> None:
     """One such sample of navigation, at any gauges lost, stops no series; the others are as without it."""
-    estimator, random = ManifoldEstimator(whole_map()), np.random.default_rng(0)
+    estimator, random = Estimator(whole_map()), np.random.default_rng(0)
     strain = np.array([strain_at(CONDITION, seed) for seed in range(12)])
     valid = random.random(strain.shape) < 0.7
     given = {"static_pressure": CONDITION.ambient_pressure, **navigation(CONDITION)}
@@ -355,40 +326,34 @@ def test_a_pressure_beyond_numbers_is_no_error_of_the_others(name: str) -> None:
     expected = estimator.estimate(strain, valid=valid, **flow)
     flow[name][::2] = 1e308
     found = estimator.estimate(strain, valid=valid, **flow)
-    assert isinstance(found, FlightEstimates)
-    assert isinstance(expected, FlightEstimates)
     np.testing.assert_allclose(found.coefficients[1::2], expected.coefficients[1::2], rtol=1e-9)
     assert not np.any(found.health[::2] == HealthState.OK)
 
 
 def test_doubt_about_navigation_covers_an_error_of_the_quantity_that_is_kept() -> None:
     """q_inf wrong by ten deviations looks like a wrong Mach number: three sigma hold the coefficients."""
-    estimator = ManifoldEstimator(whole_map())
-    flow, dropped, silent = navigation(CONDITION), 0, 0
+    estimator = Estimator(whole_map())
+    flow = navigation(CONDITION)
     flow["dynamic_pressure"] *= 1.1
     scale = CONDITION.dynamic_pressure * AREA * np.array([1.0, 1.0, 1.0, LENGTH, LENGTH])
     u, w = (CONDITION.total_incidence * f(CONDITION.leeward_roll_angle) for f in (np.cos, np.sin))
     true = exact_response(CONDITION.mach_number, u, w, CONDITION.ambient_pressure)[N_D:] / scale
-    for seed in range(20):
-        found = estimator.estimate(strain_at(CONDITION, seed), **flow)
-        wrong = np.any(np.abs(found.coefficients - true) > 3.0 * found.coefficients_std)
-        dropped += not np.all(found.navigation_used)
-        silent += bool(wrong) and found.health is HealthState.OK
-    assert dropped == 20
-    assert silent <= 1
+    found = estimator.estimate(np.array([strain_at(CONDITION, seed) for seed in range(20)]), **flow)
+    wrong = np.any(np.abs(found.coefficients - true) > 3.0 * found.coefficients_std, axis=1)
+    assert not np.any(found.air_data_used.all(axis=1))
+    assert np.sum(wrong & (found.health == HealthState.OK)) <= 1
 
 
 @pytest.mark.parametrize("factor", [0.8, 1.25])
 def test_a_wrong_dynamic_pressure_leaves_the_coefficients_within_three_sigma(factor: float) -> None:
     """Far beyond the alarm level, too: M, p_inf and q_inf have one relation, which does not tell the wrong one."""
-    estimator = ManifoldEstimator(whole_map())
+    estimator = Estimator(whole_map())
     flow = navigation(CONDITION)
     flow["dynamic_pressure"] *= factor
     strain = np.array([strain_at(CONDITION, seed) for seed in range(20)])
     found = estimator.estimate(strain, **flow)
-    assert isinstance(found, FlightEstimates)
     u, w = (CONDITION.total_incidence * f(CONDITION.leeward_roll_angle) for f in (np.cos, np.sin))
     loads = exact_response(CONDITION.mach_number, u, w, CONDITION.ambient_pressure)[N_D:]
     true = loads / (CONDITION.dynamic_pressure * AREA * np.array([1.0, 1.0, 1.0, LENGTH, LENGTH]))
-    assert np.all(~found.navigation_used.all(axis=1))
+    assert np.all(~found.air_data_used.all(axis=1))
     assert np.all(np.abs(found.coefficients - true) < 3.0 * found.coefficients_std)

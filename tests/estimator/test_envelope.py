@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
-from scaled_maps import scaled_map
+from scaled_maps import NOMINAL, scaled_map
 
 from strainfmu.atmosphere import dynamic_pressure
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.linear.envelope import (
-    FlightRanges,
-    HalfSpaces,
-    envelope_score,
-    outside_by_navigation,
-)
-from strainfmu.estimator.linear.estimator import Estimator
+from strainfmu.estimator.map.envelope import FlightRanges
 from strainfmu.estimator.map.inverse_map import InverseMap
 
 pytestmark = pytest.mark.fast
@@ -27,34 +21,48 @@ RANGES = FlightRanges(
     mach_number=np.array([5.0, 7.0]),
     altitude=np.array([15e3, 30e3]),
 )
+NORMAL_FORCE = np.eye(5)[[1]]
+
+
+def enclosed(**changes: Any) -> InverseMap:
+    """Return a map whose envelope is a C_N of at most 0.3, far from its mean."""
+    fields: dict[str, Any] = {
+        "envelope_direction": NORMAL_FORCE,
+        "envelope_limit": np.array([0.3]),
+        "dynamic_pressure_range": RANGES.dynamic_pressure,
+        "mach_number_range": RANGES.mach_number,
+        "altitude_range": RANGES.altitude,
+    }
+    return scaled_map(1, seed=3, **(fields | changes))
+
+
+WIDE = Estimator(enclosed(envelope_limit=np.array([1e6])))
+"""An estimator whose ranges of navigation alone are left."""
 
 
 def outside(q: float, std: float = 0.0, mach: float = np.nan, altitude: float = np.nan) -> bool:
-    found = outside_by_navigation(
-        RANGES,
-        dynamic_pressure=np.array([q]),
-        dynamic_pressure_std=np.array([std]),
-        mach_number=np.array([mach]),
-        altitude=np.array([altitude]),
-    )
-    return bool(found[0])
+    strain = q / NOMINAL * WIDE.inverse_map.mean_strain
+    found = WIDE.step(strain, q, dynamic_pressure_std=std, mach_number=mach, altitude=altitude)
+    assert found.health in (HealthState.OK, HealthState.OUTSIDE)
+    return found.health is HealthState.OUTSIDE
 
 
 def test_the_score_is_the_largest_distance_in_its_own_sigma() -> None:
-    """By the book over every half-space, for 200 coefficients with covariances of their own; 0 inside."""
+    """By the book over 40 half-spaces, for 200 coefficients with covariances of their own; 0 inside."""
     random = np.random.default_rng(1)
+    plain, q = enclosed(), random.uniform(0.5, 1.5, 200) * NOMINAL
+    states = random.standard_normal((200, plain.state_operator.shape[1])) * random.uniform(0.1, 1.5, (200, 1))
+    strain = (q / NOMINAL)[:, None] * (plain.mean_strain + states @ plain.state_operator.T)
     direction = random.standard_normal((40, 5))
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
-    envelope = HalfSpaces(direction=direction, limit=random.uniform(0.8, 1.2, 40))
-    c = random.standard_normal((200, 5)) * random.uniform(0.1, 1.5, (200, 1))
-    root = 0.1 * random.standard_normal((200, 5, 5))
-    covariance = root @ root.transpose(0, 2, 1)
-    found = envelope_score(envelope, c, covariance)
+    limit = np.quantile(Estimator(plain).estimate(strain, q).coefficients @ direction.T, 0.95, axis=0)
+    estimator = Estimator(enclosed(envelope_direction=direction, envelope_limit=limit))
+    found = estimator.estimate(strain, q, dynamic_pressure_std=random.uniform(0.0, 0.02, 200) * q)
     for k in range(200):
-        sigma = np.sqrt(np.einsum("mi,ij,mj->m", direction, covariance[k], direction))
-        expected = max(0.0, float(np.max((direction @ c[k] - envelope.limit) / sigma)))
-        assert found[k] == pytest.approx(expected, rel=1e-9)
-    assert 0 < np.count_nonzero(found) < 200
+        sigma = np.sqrt(np.einsum("mi,ij,mj->m", direction, found.coefficient_covariance[k], direction))
+        expected = max(0.0, float(np.max((direction @ found.coefficients[k] - limit) / sigma)))
+        assert found.envelope_score[k] == pytest.approx(expected, rel=1e-9)
+    assert 0 < np.count_nonzero(found.envelope_score) < 200
 
 
 @pytest.mark.parametrize("mach", [np.nan, 6.0])
@@ -96,7 +104,8 @@ def test_dynamic_pressure_must_agree_with_mach_number_and_altitude() -> None:
 
 def test_the_pressure_at_an_altitude_is_that_of_the_closed_form() -> None:
     """q of 0.95 and 1.05 times 0.7 M^2 p(h), 1e-12 to both sides, at 200 altitudes."""
-    ranges = replace(RANGES, dynamic_pressure=np.array([0.0, np.inf]), altitude=np.array([0.0, 80e3]))
+    ranges = {"dynamic_pressure_range": np.array([1.0, 1e7]), "altitude_range": np.array([0.0, 80e3])}
+    estimator = Estimator(enclosed(envelope_limit=np.array([1e6]), **ranges))
     altitude = np.random.default_rng(2).uniform(0.0, 70e3, 200)
     q = np.array([dynamic_pressure(6.0, one) for one in altitude])
     least = 1e-12
@@ -106,28 +115,9 @@ def test_the_pressure_at_an_altitude_is_that_of_the_closed_form() -> None:
         (0.95 + least, False),
         (0.95 - least, True),
     ):
-        found = outside_by_navigation(
-            ranges,
-            dynamic_pressure=factor * q,
-            dynamic_pressure_std=np.zeros(200),
-            mach_number=np.full(200, 6.0),
-            altitude=altitude,
-        )
-        assert np.all(found == expected)
-
-
-def enclosed(**changes: Any) -> InverseMap:
-    """Return a map whose envelope is a C_N of at most 0.3, far from its mean."""
-    direction = np.zeros((1, 5))
-    direction[0, 1] = 1.0
-    fields: dict[str, Any] = {
-        "envelope_direction": direction,
-        "envelope_limit": np.array([0.3]),
-        "dynamic_pressure_range": RANGES.dynamic_pressure,
-        "mach_number_range": RANGES.mach_number,
-        "altitude_range": RANGES.altitude,
-    }
-    return scaled_map(1, seed=3, **(fields | changes))
+        strain = (factor * q / NOMINAL)[:, None] * estimator.inverse_map.mean_strain
+        found = estimator.estimate(strain, factor * q, None, 0.0, mach_number=6.0, altitude=altitude)
+        assert np.all((found.health == HealthState.OUTSIDE) == expected)
 
 
 def strain_of_normal_force(inverse_map: InverseMap, coefficient: float, q: float) -> np.ndarray:

@@ -10,8 +10,8 @@ import pytest
 from scaled_maps import scaled_map
 
 from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.linear.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap
 
 pytestmark = pytest.mark.fast
@@ -61,7 +61,7 @@ def test_any_pressure_and_any_gauges_lost_agree_with_the_book(
     used[list(lost)] = False
     rng = np.random.default_rng(7)
     strain = ratio * inverse_map.mean_strain + 5e-6 * rng.standard_normal(inverse_map.n_gauges)
-    estimate = Estimator(inverse_map).step(strain, q, used, 0.0)
+    estimate = Estimator(inverse_map).estimate(strain, q, used, 0.0)
     loads, covariance, chi_square, z = reference(inverse_map, strain, q, used)
     sigma = np.sqrt(np.diag(covariance))
     np.testing.assert_allclose(estimate.loads / sigma, loads / sigma, rtol=0.0, atol=1e-8)

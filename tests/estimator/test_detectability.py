@@ -8,14 +8,15 @@ from random_map import GaussianModel, random_model
 from scipy.stats import binom, ncx2, norm
 
 from strainfmu.errors import InputError
-from strainfmu.estimator.health import chi_square_limit
-from strainfmu.estimator.linear.detectability import (
+from strainfmu.estimator.alarm_limits import (
+    correlations,
     detectable_noncentrality,
     minimal_detectable_bias,
     minimal_isolable_bias,
     noncentral_survival,
+    outlier_threshold,
 )
-from strainfmu.estimator.linear.isolation import correlations, outlier_threshold
+from strainfmu.estimator.health import chi_square_limit
 
 pytestmark = pytest.mark.fast
 
