@@ -7,7 +7,6 @@ from math import log
 
 import numpy as np
 
-from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO
 from strainfmu.estimator.air_data import NAVIGATION
 from strainfmu.estimator.alarm_limits import outlier_threshold, outside_score, shape_limit
@@ -50,7 +49,7 @@ from strainfmu.estimator.policies import (
 from strainfmu.estimator.resource.container import Values
 from strainfmu.estimator.resource.filter_law import flight_law
 from strainfmu.estimator.tables.channel_tables import channel_tables
-from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, MIN_INCIDENCE, N_STATES, U, W
+from strainfmu.estimator.tables.flight_tables import MIN_INCIDENCE
 from strainfmu.estimator.tables.further_tables import FurtherTables
 from strainfmu.estimator.tables.manifold_map import ManifoldMap
 from strainfmu.estimator.tables.parameter_factors import error_products, factors
@@ -95,7 +94,7 @@ def _tables(inverse_map: InverseMap, manifold: ManifoldMap) -> Values:
 
 def _ranges(manifold: ManifoldMap) -> Values:
     """Return where the tables hold, and what is known of the flight state without strain."""
-    mean, precision = _prior(manifold)
+    prior = manifold.state_prior
     low, high = manifold.pressure_range.tolist()
     return {
         "mach_range": manifold.mach_range,
@@ -114,26 +113,13 @@ def _ranges(manifold: ManifoldMap) -> Values:
             manifold.dynamic_pressure_error,
         ],
         "altitude_error": manifold.altitude_error,
-        "prior_mean": mean,
-        "prior_precision": precision,
+        "prior_mean": prior.mean,
+        "prior_precision": 1.0 / prior.std**2,
         "navigation_limit": [outlier_threshold(1, rate) for rate in FALSE_ALARMS],
         "navigation_alarm": NAVIGATION_ALARM,
         "half_gamma": 0.5 * HEAT_CAPACITY_RATIO,
         "log_half_gamma": log(0.5 * HEAT_CAPACITY_RATIO),
     }
-
-
-def _prior(manifold: ManifoldMap) -> tuple[FloatArray, FloatArray]:
-    """Return mean (4,) and precision (4,) of the flight state where nothing is known: the ranges of the map.
-
-    The standard deviation is half the range; that of u and w of a body of revolution is the largest incidence.
-    """
-    low, high = np.log(manifold.pressure_range)
-    mean, std = np.empty(N_STATES), np.empty(N_STATES)
-    mean[MACH], std[MACH] = manifold.mach_range.mean(), max(0.5 * np.ptp(manifold.mach_range), 0.1)
-    mean[U : W + 1], std[U : W + 1] = manifold.crossflow
-    mean[LOG_PRESSURE], std[LOG_PRESSURE] = 0.5 * (low + high), 0.5 * (high - low)
-    return mean, 1.0 / std**2
 
 
 def _solver(manifold: ManifoldMap) -> Values:
