@@ -158,12 +158,6 @@ def strain_at_reference(
     return _without_wall(thermal, strain, rise @ sensors.temperature_gain.T, rise @ sensors.strain_gain.T)
 
 
-def strain_at_amplitude(thermal: ThermalMap, amplitude: FloatArray, strain: FloatArray) -> FloatArray:
-    """Return what gauges would read at the reference temperature (k, n_d) [m/m], of ``strain`` (k, n_d) less zeros
-    while the modes have ``amplitude`` (n_k,) [K]."""
-    return _without_wall(thermal, strain, thermal.gauge_operator @ amplitude, thermal.mode_strain @ amplitude)
-
-
 def _without_wall(
     thermal: ThermalMap, strain: FloatArray, of_gauge: FloatArray, of_modes: FloatArray
 ) -> FloatArray:

@@ -66,14 +66,6 @@ def householder(matrix: FloatArray, columns: int | None = None) -> tuple[FloatAr
     return r, reflectors
 
 
-def apply_orthogonal(reflectors: list[FloatArray], matrix: FloatArray) -> FloatArray:
-    """Return Q ``matrix`` for the reflectors of :func:`householder`."""
-    out = matrix.copy()
-    for v in reversed(reflectors):
-        _reflect(v, out)
-    return out
-
-
 def _reflect(v: FloatArray, matrix: FloatArray) -> None:
     """Turn ``matrix`` into H ``matrix``, whose last len(v) rows change; H = I for v = 0."""
     square = _ordered_sum(v * v)
