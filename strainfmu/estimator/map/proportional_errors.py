@@ -14,7 +14,6 @@ with the pressure ratio s: their products are computed at fixed levels and are l
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import sqrt
 
 import numpy as np
 
@@ -25,15 +24,6 @@ PAIRS = tuple((a, b) for a in range(6) for b in range(a, 6))
 """The 21 products c_a c_b of c = [1, C_A, C_N, C_Y, M_P, M_Y], a <= b."""
 
 _FIRST, _SECOND = np.array(PAIRS).T
-
-ROWS, COLUMNS = (np.array(index) for index in np.triu_indices(5))
-"""The 15 entries of a symmetric (5, 5) covariance, row by row."""
-
-N_VALUES = 16
-"""Values of a level per pair: 15 of the covariance of loads, and the expected chi-square."""
-
-_ROOT = sqrt(0.5)
-"""Level of the pressure ratio between two powers of 2."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -65,10 +55,3 @@ def excess_products(errors: ErrorModel, coefficients: FloatArray) -> FloatArray:
     c = np.ones((len(coefficients), 6))
     c[:, 1:] = coefficients
     return c[:, _FIRST] * c[:, _SECOND] - errors.mean_product
-
-
-def symmetric(entries: FloatArray) -> FloatArray:
-    """Return (k, 5, 5) from its 15 ``entries`` (k, 15)."""
-    whole = np.empty((len(entries), 5, 5))
-    whole[:, ROWS, COLUMNS] = whole[:, COLUMNS, ROWS] = entries
-    return whole
