@@ -105,7 +105,7 @@ def load_error_model(
     gauge_covariance, error_strain, error_load : (n_d, n_d) Gamma_g, (n_d, k) N, (m, k) N_f.
     state_operator, load_per_state, known_prior : as of :class:`LoadErrorModel`.
     """
-    root = np.linalg.cholesky(gauge_covariance + error_strain @ error_strain.T)
+    root = np.asarray(np.linalg.cholesky(gauge_covariance + error_strain @ error_strain.T))
     regression = np.linalg.solve(root, error_strain @ error_load.T).T
     # B = X' Gamma^-1 by L' B' = (X' L'^-1)', the triangle L' turned into a lower one.
     turned = np.linalg.solve(root[::-1, ::-1].T.copy(), regression[:, ::-1].T.copy())
