@@ -106,7 +106,7 @@ def load_error_model(
     state_operator, load_per_state, known_prior : as of :class:`LoadErrorModel`.
     """
     root = np.asarray(np.linalg.cholesky(gauge_covariance + error_strain @ error_strain.T))
-    regression = np.linalg.solve(root, error_strain @ error_load.T).T
+    regression = np.asarray(np.linalg.solve(root, error_strain @ error_load.T).T)
     # B = X' Gamma^-1 by L' B' = (X' L'^-1)', the triangle L' turned into a lower one.
     turned = np.linalg.solve(root[::-1, ::-1].T.copy(), regression[:, ::-1].T.copy())
     by_strain = turned[::-1].T.copy()
