@@ -14,7 +14,8 @@ from thermal_maps import REFERENCE, thermal_part, with_temperature
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map, save_inverse_map
-from strainfmu.estimator.map.temperature import sensor_set, strain_at_reference
+from strainfmu.estimator.map.temperature import sensor_set
+from strainfmu.estimator.reference.readings import rows_of
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 
 pytestmark = pytest.mark.fast
@@ -65,7 +66,9 @@ def test_readings_are_brought_back_to_the_reference() -> None:
     reading = (1.0 - 1e-4 * rise) * (strain / (1.0 - 4.5e-4 * rise) + thermal.mode_strain @ amplitude + of_sheet)
     sensors = sensor_set(thermal, np.ones(3, dtype=bool))
     temperature = REFERENCE + thermal.sensor_operator @ amplitude
-    found = strain_at_reference(thermal, sensors, reading[None], temperature[None])[0]
+    of_sensors = sensors.amplitude_gain @ (temperature - thermal.reference_temperature)
+    held = replace(scaled_map(2, 1, 9), thermal=thermal)
+    found = rows_of(held, reading[None], np.zeros(1), amplitude=of_sensors[None])[0]
     np.testing.assert_allclose(found, strain, atol=1e-12)
     np.testing.assert_allclose(sensors.gauge_covariance, 1e-14 * np.eye(9), atol=1e-20)
 

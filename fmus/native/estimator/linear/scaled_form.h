@@ -1,6 +1,6 @@
 /* The step of a map in form "dynamic_pressure": weights follow the dynamic pressure, errors the current strain.
 
-   The C counterpart of strainfmu/estimator/linear/pressure_weights.py and loads_from_strain.py, where the formulas are. */
+   docs/explanation/dynamic_pressure.md has the formulas, strainfmu/estimator/reference/linear.py the equations. */
 
 #ifndef SCALED_FORM_H
 #define SCALED_FORM_H

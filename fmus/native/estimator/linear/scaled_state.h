@@ -1,7 +1,7 @@
 /* What an estimator of a map in form "dynamic_pressure" holds: tables made once, levels of the pressure ratio, and the
    numbers of the last step.
 
-   Directions are those of strainfmu/estimator/linear/decomposition.py, there are as many as gauges. */
+   Directions are those of docs/explanation/dynamic_pressure.md, there are as many as gauges. */
 
 #ifndef SCALED_STATE_H
 #define SCALED_STATE_H
