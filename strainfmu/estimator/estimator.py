@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.absolute_sections import further_loads
-from strainfmu.estimator.arguments import checked_mask, per_sample, strain_of_samples
+from strainfmu.estimator.arguments import checked_mask, is_series, per_sample, real_numbers, strain_of_samples
 from strainfmu.estimator.core import Core, NoCoreError, Series
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimates.pressure_field import PressureField
@@ -315,7 +315,7 @@ class Estimator:
             static_pressure_std,
         )
         more = (temperature, thrust, parameters, parameters_std)
-        if (strain.ndim if type(strain) is np.ndarray else np.ndim(strain)) != 2:
+        if not is_series(strain):
             return self._one(strain, valid, air, more, core=self.core, how=Series.EACH)
         samples = self._samples(strain, valid, air, more)
         if start is not None:
@@ -365,7 +365,7 @@ class Estimator:
         )
         more = (temperature, thrust, parameters, parameters_std)
         core = self._tracks or self._new_track()
-        if (strain.ndim if type(strain) is np.ndarray else np.ndim(strain)) != 2:
+        if not is_series(strain):
             return self._one(strain, valid, air, more, core=core, how=Series.TRACK, time=self._time(time))
         samples = self._samples(strain, valid, air, more)
         inputs = samples.filled(slice(None))
@@ -483,7 +483,7 @@ class Estimator:
         ]
         mask = None
         if valid is not None:
-            one = checked_mask(valid, self._n, k if np.ndim(strain) == 2 else None)
+            one = checked_mask(valid, self._n, k if is_series(strain) else None)
             mask = np.broadcast_to(one, (k, self._n))
         return _Samples(
             strain=d,
@@ -502,7 +502,7 @@ class Estimator:
         thermal = self.inverse_map.thermal
         if thermal is None:
             raise InputError("temperature: expected none, the map was built without [temperature]")
-        values, n_t = np.asarray(temperature, dtype=float), thermal.n_sensors
+        values, n_t = real_numbers("temperature", temperature), thermal.n_sensors
         if values.shape not in ((n_t,), (samples, n_t)):
             raise InputError(f"temperature: expected ({n_t},) or ({samples}, {n_t}) values, got {values.shape}")
         return values
@@ -544,11 +544,16 @@ class Estimator:
     # What is made of estimates off the deadline.
 
     def further_of(self, estimate: Estimate, name: str) -> FloatArray:
-        """Return rolling moment and section loads of a map whose core has none: zero but in form "absolute"."""
+        """Return rolling moment and section loads of a map whose core has none.
+
+        They are zero where the five loads are known, but for maps of form "absolute" with further loads.
+        """
         record, layout, place = np.atleast_2d(estimate.sample), self.core.inputs, self._thrust
         shape, settings = estimate.loads.shape[:-1], self.settings
         if self.inverse_map.further is None or self.is_nonlinear:
-            return np.zeros((*shape, 1 + 6 * len(self.section_station)))
+            five = estimate.coefficients if "coefficients" in name else estimate.loads
+            known = np.isfinite(five).all(axis=-1, keepdims=True)
+            return np.where(known, np.zeros((*shape, 1 + 6 * len(self.section_station))), nan)
         pressure, std = (record[:, layout[one].start] for one in ("dynamic_pressure", "dynamic_pressure_std"))
         known, solved = (
             np.asarray(np.isfinite(np.atleast_2d(one)).all(axis=1))

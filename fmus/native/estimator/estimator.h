@@ -1,6 +1,6 @@
 /* The estimator: strains and dynamic pressure in; loads, coefficients and health out.
 
-   The C counterpart of strainfmu/estimator/linear/estimator.py. Outputs are computed when they are read and kept until an
+   Equations: strainfmu/estimator/reference/linear.py. Outputs are computed when they are read and kept until an
    input or a setting changes. Nothing is allocated after estimator_create, and instances share nothing. */
 
 #ifndef ESTIMATOR_H

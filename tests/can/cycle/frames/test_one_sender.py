@@ -96,9 +96,9 @@ def creep(bench: Bench, growth: float, duration: float, rate: float = 0.0) -> li
     return found
 
 
-@pytest.mark.parametrize("profile", ["fd64", "classic-le"])
-def test_a_creeping_delay_of_190_ppm_does_not_stay_valid(profile: str) -> None:
-    found = creep(Bench(profile, cycle_time=0.1), 190e-6, 600.0)
+def test_a_creeping_delay_of_190_ppm_does_not_stay_valid() -> None:
+    """Of classic frames; test_guards.py has those of CAN FD."""
+    found = creep(Bench("classic-le", cycle_time=0.1), 190e-6, 600.0)
     hidden = [true - result.age for true, result in found if result.quality is Quality.VALID]
     assert len(hidden) > 500
     assert max(hidden) < 10.5e-3
@@ -282,8 +282,9 @@ def test_an_uncertainty_beyond_its_limit_is_not_valid() -> None:
     assert results[-1].causes == Cause.HIDDEN_DELAY
 
 
-@pytest.mark.parametrize("rate", [-90e-6, 0.0, 90e-6])
-@pytest.mark.parametrize("growth", [0.0, 90e-6, 300e-6])
+@pytest.mark.parametrize(
+    ("growth", "rate"), [(0.0, -90e-6), (0.0, 90e-6), (90e-6, -90e-6), (300e-6, 0.0), (300e-6, 90e-6)]
+)
 def test_no_valid_result_is_older_than_stated_whatever_the_clock(growth: float, rate: float) -> None:
     found = creep(Bench(cycle_time=0.5), growth, 600.0, rate)
     beyond = [
