@@ -48,15 +48,15 @@ class Rows(NamedTuple):
     noise: FloatArray
 
 
-def predicted(law: Law, matrix: FloatArray, stationary: Law, kept: float) -> Law:
+def predicted(law: Law, matrix: FloatArray, stationary: Law, kept: FloatArray) -> Law:
     """Return ``law`` after a step of a stationary process of transition ``matrix`` F.
 
     P- = F P F' + P_inf - F P_inf F' about the mean of the ``stationary`` law; considered errors keep the
-    correlation ``kept`` with themselves.
+    correlations ``kept`` (k,) with themselves.
     """
     forgotten = stationary.covariance - matrix @ stationary.covariance @ matrix.T
     mean = stationary.mean + matrix @ (law.mean - stationary.mean)
-    return Law(mean, matrix @ law.covariance @ matrix.T + forgotten, kept * matrix @ law.cross)
+    return Law(mean, matrix @ law.covariance @ matrix.T + forgotten, matrix @ law.cross * kept)
 
 
 def measured(law: Law, rows: Rows) -> tuple[Law, Posterior]:

@@ -12,6 +12,7 @@
 #include "../numerics/cholesky.h"
 #include "../numerics/products.h"
 #include "filter_map.h"
+#include "zero_errors.h"
 
 #define FIRST_NAVIGATION N_STATES /* states b, then c */
 #define FIRST_SEEN (N_STATES + N_NAVIGATION)
@@ -22,6 +23,8 @@ typedef struct {
     double *mean;       /* (order) */
     double *covariance; /* (n, order) */
     double *cross;      /* (n, n_considered) by term and gauge */
+    double *of_zeros;   /* (n, zeros.columns) that with the errors of zeros, where such are in use */
+    double *zero;       /* (zero_errors_noted) of which zeros those are */
     double *amplitude;  /* (map.n_modes) of temperature by the sensors of the sample [K] */
     double *known;      /* (n_sensors) which those were, 0 or 1 */
 } Law;
@@ -53,7 +56,8 @@ typedef struct {
     size_t n, order;        /* states; n in lanes */
     size_t n_read, first_e; /* states that a sample reads, and the first of e */
     size_t gauges, rows;    /* n_gauges in lanes; those and navigation in lanes */
-    size_t n_terms, n_considered; /* of a gauge; of all */
+    size_t n_terms, n_considered; /* of a gauge; of all; errors of zeros are apart */
+    ZeroErrors zeros;
     double time_constant;         /* [s] */
     double rate[N_STATES];        /* standard deviations of the rates for it */
     FilterTrack base, next;       /* that the outputs follow from, and that they leave, */
@@ -101,15 +105,16 @@ typedef struct {
     double *further_by_state; /* (2, order) of filter_further.c */
 } Filter;
 
-/* Fill in the sizes, and how many doubles it takes; handing them out. */
-size_t filter_doubles(Filter *filter, FlightSolver *solver, const Thermal *thermal);
+/* Fill in the sizes, and how many doubles it takes; handing them out. The first n_strains gauges have zeros. */
+size_t filter_doubles(Filter *filter, FlightSolver *solver, const Thermal *thermal, size_t n_strains);
 void filter_arrays(Filter *filter, double **doubles);
 
 /* Forget all steps. */
 void filter_reset(Filter *filter);
 
-/* Number of doubles of a law. */
+/* Number of doubles of a law; writing filter->law, without what it says of zeros where none has a deviation. */
 size_t law_doubles(const Filter *filter);
+void filter_write_law(const Filter *filter, unsigned char *bytes);
 
 /* Set the time constant [s]; the law of which nothing has been measured follows, in filter->stationary. */
 void filter_set_time_constant(Filter *filter, double time_constant);

@@ -138,6 +138,10 @@ static void set_white(Filter *filter) {
         }
     }
     leave_out_white(filter);
+    if (filter->zeros.in_use) {
+        zero_errors_read(&filter->zeros, solver->sample.used);
+        zero_errors_add(&filter->zeros, white, rows);
+    }
     for (size_t i = n; i < rows; i++) {
         white[i * rows + i] = 1.0;
     }

@@ -52,7 +52,7 @@ static int allocate(Estimator *e) {
     solver->n = in_lanes(n);
     const size_t count = flight_solver_doubles(&flight->map, n) + flight_further_doubles(&further->map, n)
                        + (known->present ? known_doubles(known, n) : 0)
-                       + (filter->present ? filter_doubles(filter, solver, &e->thermal) : 0);
+                       + (filter->present ? filter_doubles(filter, solver, &e->thermal, e->sensors.n_strains) : 0);
     flight->memory = calloc(1, ALIGNMENT + count * sizeof(double) + n);
     if (flight->memory == NULL) {
         return 0;
