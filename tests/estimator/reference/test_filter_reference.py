@@ -16,14 +16,20 @@ import numpy as np
 import pytest
 
 from strainfmu.estimator.estimator import Estimator
+from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.reference.air import air_inputs
 from strainfmu.estimator.reference.flight_filter import FlightFilterReference
 from strainfmu.estimator.reference.linear_filter import LinearFilterReference
 from strainfmu.estimator.reference.nonlinear import Sample
+from strainfmu.estimator.reference.readings import Zeros, rows_of
+from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 
 DATA = Path(__file__).parents[2] / "golden" / "data"
-TOLERANCE = 1e-6
-"""Largest difference [standard deviations], of standard deviations relative."""
+TOLERANCE, OF_LINEAR = 1e-6, 1e-9
+"""Largest difference [standard deviations], of standard deviations relative; of linear maps."""
+
+ZEROS = {"no_zeros": (0.0, 0.0), "own": (10.0, 0.0), "common": (0.0, 20.0), "both": (1.0, 1.0)}
+"""Deviations of zeros, and the one in common, over the noise."""
 
 
 def flight(file: str, samples: slice) -> dict[str, np.ndarray]:
@@ -45,23 +51,39 @@ def compared(core: Any, k: int, loads: np.ndarray, covariance: np.ndarray) -> fl
     return float(max(np.abs(apart).max(), np.abs(of_both).max()))
 
 
+def zeros_of(inverse_map: InverseMap, own: float, common: float) -> Zeros:
+    """Return random zeros whose deviations are about ``own`` times the noise, and ``common`` times that in common."""
+    random, noise = np.random.default_rng(4), inverse_map.noise_std[: inverse_map.n_strain_gauges]
+    std = own * noise * random.uniform(0.5, 1.5, len(noise))
+    return Zeros(value=noise * random.standard_normal(len(noise)), std=std, common_std=common * noise.min())
+
+
+def with_zeros(inverse_map: InverseMap, zeros: Zeros | None) -> Estimator:
+    """Return the core of ``inverse_map`` with ``zeros``."""
+    if zeros is None:
+        return Estimator(inverse_map)
+    return Estimator(inverse_map, zeros=GaugeZeros(**vars(zeros)))
+
+
+@pytest.mark.parametrize("deviations", ZEROS)
 @pytest.mark.parametrize("seconds", [0.5, 5.0])
 @pytest.mark.parametrize(("kind", "file"), [("case_1", "scaled_case_1"), ("case_2", "scaled_case_2")])
 @pytest.mark.parametrize("samples", [slice(0, 80), slice(81, 120)])
-def test_linear_filter_agrees(kind: str, file: str, samples: slice, seconds: float) -> None:
+def test_linear_filter_agrees(kind: str, file: str, samples: slice, seconds: float, deviations: str) -> None:
     inverse_map, given = linear_kinds.KINDS[kind].make(), flight(file, samples)
+    zeros = zeros_of(inverse_map, *ZEROS[deviations])
     strain, q, time = given["strain"], given["dynamic_pressure"], given["time"]
-    estimator = Estimator(inverse_map)
+    estimator, rows = with_zeros(inverse_map, zeros), rows_of(inverse_map, strain, np.zeros(len(strain)), zeros)
     each = estimator.estimate(strain, q, given["valid"], given["dynamic_pressure_std"])
     core = estimator.filter(seconds).track(strain, q, given["valid"], given["dynamic_pressure_std"], time=time)
-    reference, apart = LinearFilterReference(inverse_map, seconds), []
+    reference, apart = LinearFilterReference(inverse_map, seconds, zeros), []
     for k, step in enumerate(np.diff(time, prepend=time[0])):
-        change = reference.step(float(step), np.where(each.valid[k], strain[k], 0.0), each.valid[k], q[k])
+        change = reference.step(float(step), np.where(each.valid[k], rows[k], 0.0), each.valid[k], q[k])
         if change is not None:
             covariance = each.load_covariance[k] + change.covariance
             apart.append(compared(core, k, each.loads[k] + change.loads, covariance))
     assert len(apart) >= 0.85 * len(strain)
-    assert max(apart) < TOLERANCE
+    assert max(apart) < OF_LINEAR
 
 
 PARTS = [
@@ -78,19 +100,34 @@ def test_flight_filter_agrees(kind: str, samples: slice, seconds: float) -> None
     check_flight(kind, samples, seconds)
 
 
+@pytest.mark.parametrize(
+    ("kind", "samples", "deviations"),
+    [("surface", slice(81, 100), "own"), ("surface", slice(40, 60), "both"), ("sections", slice(60, 80), "common")],
+)
+def test_flight_filter_agrees_with_zeros(kind: str, samples: slice, deviations: str) -> None:
+    check_flight(kind, samples, 5.0, deviations)
+
+
 @pytest.mark.slow
+@pytest.mark.parametrize("deviations", [None, *ZEROS])
 @pytest.mark.parametrize(("kind", "samples", "seconds"), PARTS)
-def test_flight_filter_agrees_everywhere(kind: str, samples: slice, seconds: float) -> None:
-    check_flight(kind, samples, seconds)
+def test_flight_filter_agrees_everywhere(
+    kind: str, samples: slice, seconds: float, deviations: str | None
+) -> None:
+    if (kind, samples, deviations) == ("sections", slice(40, 60), "own"):
+        pytest.skip("the core begins again in this part: with such deviations two flight states fit")
+    check_flight(kind, samples, seconds, deviations)
 
 
-def check_flight(kind: str, samples: slice, seconds: float) -> None:
-    """Assert that core and reference agree in ``samples`` of the flight of ``kind``."""
+def check_flight(kind: str, samples: slice, seconds: float, deviations: str | None = None) -> None:
+    """Assert that core and reference agree in ``samples`` of the flight of ``kind``, with zeros or without."""
     inverse_map, given = nonlinear_kinds.KINDS[kind].make(), flight(kind, samples)
+    zeros = None if deviations is None else zeros_of(inverse_map, *ZEROS[deviations])
     strain, time = given["strain"], given["time"]
     air = {name: given[name] for name in nonlinear_kinds.AIR}
-    core = Estimator(inverse_map).filter(seconds).track(strain, valid=given["valid"], time=time, **air)
-    reference, apart = FlightFilterReference(inverse_map, seconds), []
+    core = with_zeros(inverse_map, zeros).filter(seconds).track(strain, valid=given["valid"], time=time, **air)
+    strain = rows_of(inverse_map, strain, np.zeros(len(strain)), zeros)
+    reference, apart = FlightFilterReference(inverse_map, seconds, zeros), []
     for k, step in enumerate(np.diff(time, prepend=time[0])):
         value = air_inputs(inverse_map, np.array([one[k] for one in air.values()]), np.full(3, np.nan))
         used = core.valid[k]
