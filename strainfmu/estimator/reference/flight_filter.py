@@ -3,7 +3,9 @@
 States are s = (x, dx/dt, b, c, e, da): flight state, its rates, errors of air data, pressure off the tables in the
 directions that gauges see, hardware errors that gauges have in common, errors of the amplitudes of temperature
 modes. Errors of each gauge alone, its gain, those in proportion to the loads and what else lasts, are considered,
-and so are those of zeros, which stay as they are. Their covariances together are S of the static estimator, and the stationary law is its prior.
+and so are those of zeros, which stay as they are. Their covariances together are S of the static estimator, and
+the stationary law is its prior. What is known of flow parameters changes tables and errors of pressure: states c
+are amplitudes along the same directions.
 """
 
 from __future__ import annotations
@@ -19,7 +21,13 @@ from strainfmu.estimator.reference.air import DROPPED, N_AIR, air_rows, without
 from strainfmu.estimator.reference.kalman import Law, Rows, measured
 from strainfmu.estimator.reference.nonlinear import FlightLoads, Sample
 from strainfmu.estimator.reference.readings import Zeros, row_noise, zero_columns
-from strainfmu.estimator.reference.tables import LOG_PRESSURE, N_STATES, evaluate, tables_of
+from strainfmu.estimator.reference.tables import (
+    LOG_PRESSURE,
+    N_STATES,
+    evaluate,
+    tables_of,
+    with_known_parameters,
+)
 
 RATES = slice(N_STATES, 2 * N_STATES)
 AIR_ERRORS = slice(2 * N_STATES, 2 * N_STATES + N_AIR)
@@ -57,8 +65,8 @@ class FlightFilterReference:
         """Begin with the prior of the map; ``time_constant`` T [s], ``zeros`` that are taken off the rows."""
         manifold = inverse_map.manifold
         assert manifold is not None
-        self.manifold, self.time_constant = manifold, time_constant
-        self.tables = tables_of(inverse_map)
+        self.map, self.manifold, self.time_constant = inverse_map, manifold, time_constant
+        self.tables = self.plain = tables_of(inverse_map)
         whole = row_noise(inverse_map, manifold.gauge_covariance, zeros)
         self.static = nonlinear.NonlinearReference(inverse_map, self.tables, whole)
         covariance, modes, prior_of_modes = kalman.without_modes(inverse_map, manifold.gauge_covariance)
@@ -69,9 +77,10 @@ class FlightFilterReference:
         self.own = np.sqrt(np.maximum(2.0 * diagonal - np.sum(np.abs(lasting), axis=1), 0.0))
         self.noise = np.diag(white - self.own**2) + lasting
         middle = float(np.exp(np.log(manifold.pressure_range).mean()))
-        std = np.sqrt(white + diagonal)
-        tables = self.tables
-        self.seen = kalman.seen_errors(tables.error_strain, tables.cross, tables.output_variance, middle, std)
+        self.beside = np.sqrt(white + diagonal)
+        errors = self.plain.error_strain, self.plain.cross, self.plain.output_variance
+        self.seen = self.of_map = kalman.seen_errors(*errors, middle, self.beside)
+        self.known_std = np.zeros(0)
         self.of_gauge = _gauge_terms(manifold.gauge_error_product)
 
         n_d, r = self.seen.strain.shape
@@ -104,6 +113,21 @@ class FlightFilterReference:
             self.slopes, self.age = None, 0.0
         self.law, self.state = found.law, found.law.mean[:N_STATES]
         return found
+
+    def know(self, value: FloatArray, std: FloatArray) -> None:
+        """Take what is known of flow parameters from the next sample on: (n_p,), NaN of one that is not.
+
+        It begins again where other parameters are known, or to other deviations.
+        """
+        std = np.where(np.isfinite(value), std, np.nan)
+        self.tables, self.seen = with_known_parameters(self.map, self.plain, value, std), self.of_map
+        if self.tables is not self.plain:
+            errors = self.tables.error_strain, self.tables.cross, self.tables.output_variance
+            self.seen = kalman.seen_left(self.of_map, *errors, self.beside)
+        self.static = nonlinear.NonlinearReference(self.map, self.tables, self.static.noise)
+        if len(self.known_std) and not np.array_equal(std, self.known_std, equal_nan=True):
+            self.law = None
+        self.known_std = std
 
     # The law over time.
 

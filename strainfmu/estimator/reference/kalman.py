@@ -100,6 +100,23 @@ def seen_errors(
     return SeenErrors(seen, load, rest @ rest.T, cross - seen @ load.T, variance - load @ load.T)
 
 
+def seen_left(
+    seen: SeenErrors, strain: FloatArray, cross: FloatArray, variance: FloatArray, std: FloatArray
+) -> SeenErrors:
+    """Split the errors ``strain`` (n_d, k), which are those of ``seen`` but for what has become known of them.
+
+    Amplitudes a along the strain S of ``seen`` are what they were, (S' W S)^-1 S' W of strain with W = std^-2;
+    their covariance is no longer 1. States of unit variance are L^-1 a with cov a = L L'. Others as in
+    :func:`seen_errors`.
+    """
+    white = (seen.strain / std[:, None] ** 2).T
+    along = np.linalg.solve(white @ seen.strain, white)
+    root = np.linalg.cholesky(along @ strain @ strain.T @ along.T)
+    of_states = np.linalg.solve(root, along)
+    own, load = strain @ (strain.T @ of_states.T), cross.T @ of_states.T
+    return SeenErrors(own, load, strain @ strain.T - own @ own.T, cross - own @ load.T, variance - load @ load.T)
+
+
 def white_and_lasting(covariance: FloatArray, std: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Split ``covariance`` (n_d, n_d) of gauges whose noise has ``std`` (n_d,).
 

@@ -3,8 +3,8 @@
 States are the pressure states q, errors that grow with q_inf in the directions that gauges see, errors that gauges
 have in common, and errors of the amplitudes of temperature modes. q decays with the time constant T to the prior
 of the map; in Case 1, which has none, to the amplitude at which each state alone reaches the largest strains of
-the snapshots. Other errors are considered, and so are those of zeros, which stay as they are. Memory changes the estimate of the sample by the loads of the law less
-those of a law of the sample alone.
+the snapshots. Other errors are considered, and so are those of zeros, which stay as they are. Memory changes the
+estimate of the sample by the loads of the law less those of a law of the sample alone.
 """
 
 from __future__ import annotations

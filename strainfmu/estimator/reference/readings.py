@@ -65,7 +65,10 @@ def rows_of(
 
 
 def zero_columns(inverse_map: InverseMap, zeros: Zeros | None) -> FloatArray:
-    """Return columns (n_d, n_s + 1) of the errors of ``zeros``: of each strain gauge alone, and of all; none of None."""
+    """Return columns (n_d, n_s + 1) of the errors of ``zeros``, of each strain gauge alone, then of all together.
+
+    There are none of None.
+    """
     if zeros is None:
         return np.zeros((inverse_map.n_gauges, 0))
     n = len(zeros.value)

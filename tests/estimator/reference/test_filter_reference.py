@@ -7,6 +7,7 @@ those are filtered, each from its first sample.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,7 @@ from strainfmu.estimator.reference.flight_filter import FlightFilterReference
 from strainfmu.estimator.reference.linear_filter import LinearFilterReference
 from strainfmu.estimator.reference.nonlinear import Sample
 from strainfmu.estimator.reference.readings import Zeros, rows_of
+from strainfmu.estimator.reference.tables import evaluate, tables_of, with_known_parameters
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 
 DATA = Path(__file__).parents[2] / "golden" / "data"
@@ -52,7 +54,7 @@ def compared(core: Any, k: int, loads: np.ndarray, covariance: np.ndarray) -> fl
 
 
 def zeros_of(inverse_map: InverseMap, own: float, common: float) -> Zeros:
-    """Return random zeros whose deviations are about ``own`` times the noise, and ``common`` times that in common."""
+    """Return random zeros of deviations of about ``own`` times the noise, and ``common`` times in common."""
     random, noise = np.random.default_rng(4), inverse_map.noise_std[: inverse_map.n_strain_gauges]
     std = own * noise * random.uniform(0.5, 1.5, len(noise))
     return Zeros(value=noise * random.standard_normal(len(noise)), std=std, common_std=common * noise.min())
@@ -60,9 +62,12 @@ def zeros_of(inverse_map: InverseMap, own: float, common: float) -> Zeros:
 
 def with_zeros(inverse_map: InverseMap, zeros: Zeros | None) -> Estimator:
     """Return the core of ``inverse_map`` with ``zeros``."""
-    if zeros is None:
-        return Estimator(inverse_map)
-    return Estimator(inverse_map, zeros=GaugeZeros(**vars(zeros)))
+    return Estimator(inverse_map, zeros=None if zeros is None else GaugeZeros(**vars(zeros)))
+
+
+def read(inverse_map: InverseMap, strain: np.ndarray, zeros: Zeros | None) -> np.ndarray:
+    """Return what gauges with ``zeros`` read of ``strain`` (k, n_d)."""
+    return strain - rows_of(inverse_map, np.zeros_like(strain), np.zeros(len(strain)), zeros)
 
 
 @pytest.mark.parametrize("deviations", ZEROS)
@@ -73,7 +78,7 @@ def test_linear_filter_agrees(kind: str, file: str, samples: slice, seconds: flo
     inverse_map, given = linear_kinds.KINDS[kind].make(), flight(file, samples)
     zeros = zeros_of(inverse_map, *ZEROS[deviations])
     strain, q, time = given["strain"], given["dynamic_pressure"], given["time"]
-    estimator, rows = with_zeros(inverse_map, zeros), rows_of(inverse_map, strain, np.zeros(len(strain)), zeros)
+    estimator, rows, strain = with_zeros(inverse_map, zeros), strain, read(inverse_map, strain, zeros)
     each = estimator.estimate(strain, q, given["valid"], given["dynamic_pressure_std"])
     core = estimator.filter(seconds).track(strain, q, given["valid"], given["dynamic_pressure_std"], time=time)
     reference, apart = LinearFilterReference(inverse_map, seconds, zeros), []
@@ -102,7 +107,7 @@ def test_flight_filter_agrees(kind: str, samples: slice, seconds: float) -> None
 
 @pytest.mark.parametrize(
     ("kind", "samples", "deviations"),
-    [("surface", slice(81, 100), "own"), ("surface", slice(40, 60), "both"), ("sections", slice(60, 80), "common")],
+    [("surface", slice(81, 96), "own"), ("surface", slice(40, 55), "both"), ("sections", slice(60, 75), "common")],
 )
 def test_flight_filter_agrees_with_zeros(kind: str, samples: slice, deviations: str) -> None:
     check_flight(kind, samples, 5.0, deviations)
@@ -114,9 +119,76 @@ def test_flight_filter_agrees_with_zeros(kind: str, samples: slice, deviations: 
 def test_flight_filter_agrees_everywhere(
     kind: str, samples: slice, seconds: float, deviations: str | None
 ) -> None:
-    if (kind, samples, deviations) == ("sections", slice(40, 60), "own"):
-        pytest.skip("the core begins again in this part: with such deviations two flight states fit")
     check_flight(kind, samples, seconds, deviations)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Deflected:
+    """A flight of a map with tables of flow parameters: ``samples`` for the core, and what is stated (k, n_p)."""
+
+    samples: dict[str, Any]
+    value: np.ndarray
+    std: np.ndarray
+
+    def track(self, estimator: Estimator, part: slice = slice(None)) -> Any:
+        """Return what ``estimator`` makes of a part of it."""
+        names = estimator.parameters.names
+        known = {"parameters": self.value, "parameters_std": self.std}
+        of_each = {name: dict(zip(names, values[part].T, strict=True)) for name, values in known.items()}
+        return estimator.track(**{name: values[part] for name, values in self.samples.items()}, **of_each)
+
+
+def deflected_flight(inverse_map: InverseMap, n: int, seed: int) -> Deflected:
+    """Return ``n`` samples in which flight state and flow parameters move, with errors of all parts of the map."""
+    random, manifold, plain = np.random.default_rng(seed), inverse_map.manifold, tables_of(inverse_map)
+    assert manifold is not None
+    assert manifold.parameters is not None
+    powers, time = manifold.parameters.powers, 0.02 * np.arange(n)
+    n_p, (middle, half) = len(powers.mean), (np.broadcast_to(one, 2) for one in manifold.crossflow)
+    true = powers.mean + 0.5 * powers.spread * np.sin(2.0 * time[:, None] + random.uniform(0.0, 6.0, n_p))
+    std = 0.02 * np.maximum(powers.spread, 1.0)
+    phase = random.uniform(-1.0, 1.0, 3)
+    log_pressure = np.log(manifold.pressure_range).mean() + 0.2 * np.sin(time)
+    mach = manifold.mach_range.mean() + 0.2 * np.ptp(manifold.mach_range) * np.sin(time + phase[0])
+    state = np.column_stack([mach, middle + 0.5 * half * np.sin(2.0 * time[:, None] + phase[1:]), log_pressure])
+    own, rows = np.linalg.cholesky(manifold.gauge_covariance), np.empty((n, inverse_map.n_gauges))
+    for k, at in enumerate(state):
+        tables = with_known_parameters(inverse_map, plain, true[k], np.full(n_p, 1e-9))
+        error = 0.03 * tables.error_strain @ random.standard_normal(tables.error_strain.shape[1])
+        rows[k] = evaluate(tables, at)[0][: len(error)] + np.exp(at[3]) * error
+        rows[k] += own @ random.standard_normal(len(error))
+    air = np.column_stack([mach, np.exp(log_pressure), 0.7 * mach**2 * np.exp(log_pressure)])
+    air = air * (1.0 + 0.003 * random.standard_normal(3))
+    samples = {"strain": rows, "valid": random.random(rows.shape) > 0.05, "time": time}
+    return Deflected(
+        samples=samples | dict(zip(nonlinear_kinds.AIR, air.T, strict=True)),
+        value=true + std * random.standard_normal(n_p),
+        std=np.repeat(std[None], n, axis=0),
+    )
+
+
+@pytest.mark.parametrize(("seed", "seconds", "changes"), [(0, 5.0, False), (1, 0.5, False), (2, 5.0, True)])
+def test_flight_filter_agrees_with_known_parameters(seed: int, seconds: float, changes: bool) -> None:
+    """A value moves in every sample; deviations become others, and one parameter after the other is lost."""
+    inverse_map = nonlinear_kinds.KINDS["parameters"].make()
+    given = deflected_flight(inverse_map, 24, seed)
+    if changes:
+        given.std[6:] *= 2.0
+        given.std[12:, 0] = np.nan
+        given.value[18:] = np.nan
+    core = given.track(Estimator(inverse_map).filter(seconds))
+    reference, apart = FlightFilterReference(inverse_map, seconds), []
+    samples, time = given.samples, given.samples["time"]
+    air = np.column_stack([samples[name] for name in nonlinear_kinds.AIR])
+    for k, step in enumerate(np.diff(time, prepend=time[0])):
+        used, value = core.valid[k], air_inputs(inverse_map, air[k], np.full(3, np.nan))
+        reference.know(given.value[k], given.std[k])
+        rows = np.where(used, samples["strain"][k], 0.0)
+        found = reference.step(float(step), Sample(rows=rows, used=used, air=value))
+        further = (core.further_loads[k] - found.loads[5:])[1:] / np.sqrt(np.diag(found.covariance)[6:])
+        apart += [compared(core, k, found.loads, found.covariance), np.abs(further).max()]
+        apart.append(abs(core.chi_square[k] / found.chi_square - 1.0))
+    assert max(apart) < TOLERANCE
 
 
 def check_flight(kind: str, samples: slice, seconds: float, deviations: str | None = None) -> None:
@@ -124,9 +196,8 @@ def check_flight(kind: str, samples: slice, seconds: float, deviations: str | No
     inverse_map, given = nonlinear_kinds.KINDS[kind].make(), flight(kind, samples)
     zeros = None if deviations is None else zeros_of(inverse_map, *ZEROS[deviations])
     strain, time = given["strain"], given["time"]
-    air = {name: given[name] for name in nonlinear_kinds.AIR}
-    core = with_zeros(inverse_map, zeros).filter(seconds).track(strain, valid=given["valid"], time=time, **air)
-    strain = rows_of(inverse_map, strain, np.zeros(len(strain)), zeros)
+    air, readings = {name: given[name] for name in nonlinear_kinds.AIR}, read(inverse_map, strain, zeros)
+    core = with_zeros(inverse_map, zeros).filter(seconds).track(readings, valid=given["valid"], time=time, **air)
     reference, apart = FlightFilterReference(inverse_map, seconds, zeros), []
     for k, step in enumerate(np.diff(time, prepend=time[0])):
         value = air_inputs(inverse_map, np.array([one[k] for one in air.values()]), np.full(3, np.nan))

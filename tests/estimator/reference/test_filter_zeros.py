@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import linear_kinds
 import nonlinear_kinds
 import numpy as np
 import pytest
-from test_filter_reference import flight, zeros_of
+from test_filter_reference import flight, read, with_zeros, zeros_of
 
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
-from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros, no_zeros
+from strainfmu.estimator.zeros.gauge_zeros import no_zeros
 
 KINDS = {"linear": ("case_2", "scaled_case_2"), "nonlinear": ("surface", "surface")}
 SECONDS = 5.0
@@ -25,9 +26,9 @@ def case(kind: str) -> tuple[Estimator, dict[str, Any]]:
     inverse_map, given = kinds.KINDS[name].make(), flight(file, slice(20))
     names = ("dynamic_pressure", "dynamic_pressure_std") if kind == "linear" else nonlinear_kinds.AIR
     zeros = zeros_of(inverse_map, own=1.0, common=2.0)
-    offsets = GaugeZeros(value=zeros.value, std=zeros.std, common_std=zeros.common_std)
-    samples = {name: given[name] for name in ("strain", "valid", "time", *names)}
-    return Estimator(inverse_map, zeros=offsets).filter(SECONDS), samples
+    samples = {name: given[name] for name in ("valid", "time", *names)}
+    samples["strain"] = read(inverse_map, given["strain"], zeros)
+    return with_zeros(inverse_map, zeros).filter(SECONDS), samples
 
 
 def track(estimator: Estimator, samples: dict[str, Any], part: slice) -> Estimate:
@@ -56,8 +57,7 @@ def test_other_zeros_begin_again(kind: str, change: str) -> None:
     if change == "none":
         other = no_zeros(len(zeros.value))
     else:
-        changed = {name: getattr(zeros, name) * (1.1 if name == change else 1.0) for name in vars(zeros)}
-        other = GaugeZeros(**changed)
+        other = replace(zeros, **{change: 1.1 * getattr(zeros, change)})
     track(estimator, samples, slice(8))
     after = estimator.with_zeros(other)
     after.memory = estimator.memory
@@ -85,10 +85,10 @@ def test_exactly_known_zeros_leave_no_trace(kind: str) -> None:
 def test_an_error_in_common_is_not_averaged() -> None:
     """What all gauges read too much stays an error, however long the flight is, and the filter expects it."""
     estimator, samples = case("nonlinear")
-    zeros = no_zeros(len(estimator.zeros.value))
+    zeros = replace(estimator.zeros, std=0.0 * estimator.zeros.std, common_std=0.0)
     common = 30.0 * estimator.zeros.std.max()
     wrong = samples | {"strain": samples["strain"] + common}
-    offsets = GaugeZeros(value=zeros.value, std=zeros.std, common_std=common)
+    offsets = replace(zeros, common_std=common)
     plain, aware = (track(estimator.with_zeros(one), wrong, slice(20)) for one in (zeros, offsets))
     right = track(estimator.with_zeros(zeros), samples, slice(20))
     apart, expected = (np.abs((one.loads - right.loads) / one.loads_std).max() for one in (plain, aware))

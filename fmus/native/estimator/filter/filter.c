@@ -20,7 +20,7 @@ static size_t larger(size_t a, size_t b) {
 size_t law_doubles(const Filter *filter) {
     const size_t columns = filter->order + filter->n_considered + filter->zeros.columns;
     return filter->order + filter->n * columns + zero_errors_noted(&filter->zeros) + in_lanes(filter->map.n_modes)
-         + in_lanes(filter->n_sensors);
+         + in_lanes(filter->n_sensors) + in_lanes(filter->n_parameters);
 }
 
 void filter_write_law(const Filter *filter, unsigned char *bytes) {
@@ -54,7 +54,8 @@ size_t filter_doubles(Filter *filter, FlightSolver *solver, const Thermal *therm
     filter->n_terms = (size_t)flight->has_gain_error + filter->map.n_own + filter->map.n_terms;
     filter->n_considered = filter->n_terms * filter->gauges;
     zero_errors_lay_out(n_strains, filter->gauges, &filter->zeros);
-    return 4 * law_doubles(filter) + zero_errors_doubles(&filter->zeros) + response_doubles(&flight->tables) + sample_doubles(filter);
+    return 4 * law_doubles(filter) + zero_errors_doubles(&filter->zeros) + response_doubles(&flight->tables) + sample_doubles(filter)
+         + filter_known_doubles(filter);
 }
 
 static void law_arrays(const Filter *filter, Law *law, double **doubles) {
@@ -63,6 +64,7 @@ static void law_arrays(const Filter *filter, Law *law, double **doubles) {
     law->cross = taken(doubles, filter->n * filter->n_considered);
     law->of_zeros = taken(doubles, filter->n * filter->zeros.columns);
     law->zero = taken(doubles, zero_errors_noted(&filter->zeros));
+    law->stated = taken(doubles, in_lanes(filter->n_parameters));
     law->amplitude = taken(doubles, in_lanes(filter->map.n_modes));
     law->known = taken(doubles, in_lanes(filter->n_sensors));
 }
@@ -112,6 +114,7 @@ void filter_arrays(Filter *filter, double **doubles) {
     filter->further_by_state = taken(doubles, 2 * order);
     widen(filter, filter->map.noise, filter->noise);
     widen(filter, filter->map.rest_strain, filter->rest);
+    filter_known_arrays(filter, doubles);
 }
 
 void filter_reset(Filter *filter) {
@@ -256,6 +259,7 @@ void filter_predict(Filter *filter, double time_step) {
     add_forgotten(filter, motion, filter->base.widening, out->covariance);
     symmetrise(filter->n, order, out->covariance);
     zero_errors_note(&filter->zeros, out->zero);
+    filter_note_known(filter, out);
     if (filter->zeros.in_use) {
         filter_move_rows(filter, filter->zeros.columns, 1.0, filter->law.of_zeros, out->of_zeros);
     }

@@ -25,9 +25,19 @@ typedef struct {
     double *cross;      /* (n, n_considered) by term and gauge */
     double *of_zeros;   /* (n, zeros.columns) that with the errors of zeros, where such are in use */
     double *zero;       /* (zero_errors_noted) of which zeros those are */
+    double *stated;     /* (in_lanes(n_parameters)) deviations of flow parameters that are known, 0 of others */
     double *amplitude;  /* (map.n_modes) of temperature by the sensors of the sample [K] */
     double *known;      /* (n_sensors) which those were, 0 or 1 */
 } Law;
+
+/* Errors of pressure: arrays as in FilterMap, but for rest (rows, rows) of rest_strain. And such as follow what is known. */
+typedef struct {
+    const double *strain, *load, *rest, *rest_load, *rest_cross, *further_load, *further_cross, *further_variance;
+} SeenErrors;
+
+typedef struct {
+    double *strain, *load, *rest, *rest_load, *rest_cross, *further_load, *further_cross, *further_variance;
+} LeftErrors;
 
 /* A step of a stationary process: of the flight state and its rates by pairs, of the others a factor. */
 typedef struct {
@@ -68,6 +78,13 @@ typedef struct {
     Response slope_response;      /* and the tables there */
     Motion motion;             /* from the law to the predicted one */
     double *noise, *rest;      /* (rows, rows) of the map */
+    SeenErrors errors, of_map; /* of the sample; where no flow parameter is known, */
+    LeftErrors left;           /* and where one is, of the products of a round */
+    size_t n_parameters;       /* of which tables hold what they change */
+    double round, *stated;
+    double *along, *amplitude;      /* (n_seen, gauges) amplitudes per strain, and scratch, */
+    double *amplitude_root;         /* (n_seen, n_seen), */
+    double *further_by_seen;        /* (n_seen, n_further) of filter_known.c */
     /* Scratch: a sample. The flight state is x = mean + L xi, of a standard normal xi. Given it, what else is read has a
        covariance that no iteration changes; other states have what x does not tell of them. */
     double given[N_NAVIGATION]; /* precision of navigation, before any of it is left out */
@@ -178,8 +195,17 @@ void filter_solution(Filter *filter);
 /* What the gauges in use read beside all states of a law, (rows) in filter->product. */
 double *filter_left(Filter *filter, const Law *law);
 
-/* The outputs in estimator->further for the law of the last update. */
+/* Errors of pressure for what is known of flow parameters: arrays beside those of the map, for n_parameters that are set;
+   those of the sample, in filter->errors. Then whether a law is of a sample for which the same was known as well; noting
+   it. filter_known.c */
 struct Estimator;
+size_t filter_known_doubles(const Filter *filter);
+void filter_known_arrays(Filter *filter, double **doubles);
+void filter_follow_known(struct Estimator *e);
+int filter_knows_as(const Filter *filter, const Law *law);
+void filter_note_known(const Filter *filter, Law *law);
+
+/* The outputs in estimator->further for the law of the last update. */
 void filter_further_update(struct Estimator *e);
 
 /* One more normalised innovation, of so many degrees of freedom. */

@@ -126,6 +126,7 @@ void filter_update_cross(Filter *filter, const Law *law, Law *after) {
     const double *before = is_predicted(filter, law) ? filter->law.cross : NULL;
     WIDEST(filter->solver->wide, update)(filter, before, after->cross);
     zero_errors_note(&filter->zeros, after->zero);
+    filter_note_known(filter, after);
     if (filter->zeros.in_use) {
         const size_t n = filter->n, columns = filter->zeros.columns;
         memcpy(after->of_zeros, law->of_zeros, n * columns * sizeof *after->of_zeros);

@@ -9,7 +9,7 @@
 #define NOTICED 3.0 /* deviations of a rate at which half of the motion counts: flight_track.py */
 
 int flight_filters(const Estimator *e) {
-    return e->flight.filter.present && e->input[filter_setting(e)] > 0.0 && !any_parameter_known(e);
+    return e->flight.filter.present && e->input[filter_setting(e)] > 0.0;
 }
 
 /* What was doubted counts with its deviation, and errs more. */
@@ -184,7 +184,9 @@ void flight_filter_update(Estimator *e, size_t used) {
     Flight *flight = &e->flight;
     Filter *filter = &flight->filter;
     zero_errors_take(&filter->zeros, zeros_in_use(e));
-    const int has_law = filter->base.has_law != 0.0 && zero_errors_same(&filter->zeros, filter->law.zero);
+    filter_follow_known(e);
+    const int same = zero_errors_same(&filter->zeros, filter->law.zero) && filter_knows_as(filter, &filter->law);
+    const int has_law = filter->base.has_law != 0.0 && same;
     const double apart = filter->base.now - filter->base.time, longest = filter->map.largest_time;
     const double elapsed = apart > 0.0 ? (apart < longest ? apart : longest) : 0.0;
     const double *slopes = NULL;
