@@ -16,13 +16,11 @@ from raw_fmu import OK, Fmu2, Fmu3, write_resource
 from shape_case import flown, grid_conditions, shape_structure
 from thermal_maps import REFERENCE, with_temperature
 
-from strainfmu.estimator.filter.switched import SwitchedFilter, TimedTrack
 from strainfmu.estimator.manifold.estimator import ManifoldEstimator
 from strainfmu.estimator.manifold.flight_estimate import FlightEstimate
 from strainfmu.estimator.manifold.tracker import FlightTracker
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.interface.estimator_variables import estimator_arrays, estimator_interface, output_values
-from strainfmu.interface.filter_variables import FILTER_TIME_CONSTANT
 from strainfmu.interface.fmi_variables import value_references
 from strainfmu.interface.input_names import FLOW_INPUTS, NAVIGATION_INPUTS, NOT_KNOWN
 
@@ -243,30 +241,6 @@ def ended(pair: Pair) -> Pair:
     for _ in range(40):
         assert pair.fmu.step() == OK
     return pair
-
-
-@pytest.mark.parametrize("with_temperatures", [False, True])
-def test_the_filter_rests_while_a_deviation_is_stated(tmp_path: Path, with_temperatures: bool) -> None:
-    """Each sample on its own then, as numpy has it; the filter begins again behind it."""
-    pair = Pair(warm_map() if with_temperatures else known_map(), tmp_path)
-    strain, pressure, mach, deflection = flights()
-    estimator = pair.tracker.estimator
-    switched, track = SwitchedFilter(estimator, 0.5), TimedTrack()
-    pair.set_all({FILTER_TIME_CONSTANT: 0.5})
-    readings = [REFERENCE + 4.0, REFERENCE - 1.0] if with_temperatures else []
-    pair.set_all({f"temperature[{i + 1}]": one for i, one in enumerate(readings)})
-    names = ("C_A", "C_N", "M_R", "sigma.C_N", "sigma.M_R", "health.chi_square")
-    for k, std in enumerate((np.nan, np.nan, 0.1, 0.1, np.nan, np.nan)):
-        pair.give(0, (deflection[0], std))
-        assert pair.fmu.step(0.01 * k) == OK
-        inputs = estimator.checked_inputs(
-            strain[0], None, flow_of(mach[0], pressure[0]), {NAME: deflection[0]}, {NAME: std}
-        )
-        assert switched.filters(inputs) == np.isnan(std)
-        found, track = switched.step(inputs, track, 0.01 * k, np.array(readings) if readings else None)
-        assert (track.track.law is None) == np.isfinite(std)
-        expected = dict(zip(pair.names, output_values(found, with_further=True), strict=True))
-        np.testing.assert_allclose(pair.get(*names), [expected[name] for name in names], rtol=1e-7)
 
 
 def test_scalars_of_fmi_3(pair: Pair, tmp_path: Path) -> None:
