@@ -191,7 +191,9 @@ class Range:
         for k, one in enumerate(strain):
             estimator.restart()
             read = one + wrong + gauge_noise(self.inverse_map, random, (how.steps, n))
-            of_one = {name: float(np.broadcast_to(value, len(strain))[k]) for name, value in navigation.items()}
+            of_one: dict[str, Any] = {
+                name: float(np.broadcast_to(value, len(strain))[k]) for name, value in navigation.items()
+            }
             last.append(estimator.track(read, time=time, **of_one)[-1])
         coefficients, deviations = ([getattr(one, name) for one in last] for name in COEFFICIENTS)
         return np.array(coefficients), np.array(deviations), np.array([int(one.health) for one in last])
