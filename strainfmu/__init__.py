@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from strainfmu.recorded.run import estimate_file
 
 _MODULES = {
-    "AirData": "estimator.manifold.air_data",
+    "AirData": "estimator.air_data",
     "Connection": "cosim.systems.system",
     "Estimate": "estimator.estimate",
     "Estimator": "estimator.estimator",

@@ -129,9 +129,10 @@ def _values(group: h5py.Group, name: str) -> np.ndarray | None:
 
     By the calls below ``group[name][()]``, which takes ten times as long: a map has some fifty data sets.
     """
-    if name not in group:
+    try:
+        item = h5py.h5o.open(group.id, name.encode())
+    except KeyError:
         return None
-    item = h5py.h5o.open(group.id, name.encode())
     if not isinstance(item, h5py.h5d.DatasetID):
         raise KeyError(f"entry '{name}' is no data set")
     value = np.empty(item.shape, dtype=item.dtype)

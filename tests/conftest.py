@@ -3,6 +3,11 @@
 from __future__ import annotations
 
 import os
+
+# Tests run in as many processes as there are processors; threads of BLAS on top would fight for them.
+# The setting acts on a numpy that is imported later.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 import pickle
 import subprocess
 import sys
@@ -21,9 +26,6 @@ from strainfmu.cli.main import main
 
 if TYPE_CHECKING:
     from builder.truth.revolution.strain import TrueStructure
-
-# Tests run in as many processes as there are processors; threads of BLAS on top would fight for them.
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 # An example may be the first call of a compiled function, and other processes may use the machine.
 hypothesis.settings.register_profile("strainfmu", deadline=None)

@@ -34,6 +34,17 @@ def real_numbers(name: str, values: ArrayLike) -> FloatArray:
     raise InputError(f"{name}: expected real numbers, got {found.dtype}")
 
 
+def is_series(strain: ArrayLike) -> bool:
+    """Return whether ``strain`` has two axes, those of samples and of sensors.
+
+    Raises
+    ------
+    InputError
+        It is complex, no numbers, or rows of unequal length.
+    """
+    return (strain if type(strain) is np.ndarray else real_numbers("strain", strain)).ndim == 2
+
+
 def strain_of_one(strain: ArrayLike, n_gauges: int) -> FloatArray:
     """Return ``strain`` (n_d,) of one sample [m/m].
 
@@ -65,14 +76,14 @@ def strain_of_samples(strain: ArrayLike, n_gauges: int) -> FloatArray:
 
 
 def checked_mask(valid: ArrayLike, n_gauges: int, samples: int | None = None) -> BoolArray:
-    """Return ``valid`` as an array: (n_d,), or for a number of ``samples`` also (k, n_d).
+    """Return a copy of ``valid`` as an array: (n_d,), or for a number of ``samples`` also (k, n_d).
 
     Raises
     ------
     InputError
         It has another shape, or is not of bool.
     """
-    mask = np.asarray(valid)
+    mask = np.array(valid)
     shapes = [(n_gauges,)] if samples is None else [(n_gauges,), (samples, n_gauges)]
     if mask.shape not in shapes or mask.dtype != np.bool_:
         expected = " or ".join(str(shape) for shape in shapes)

@@ -108,21 +108,26 @@ class Core:
         self._time = ctypes.c_double(0.0)
         self._mask = np.ones(self.n_rows, dtype=np.uint8)
         self._series = self._library.sl_series
-        # Without declared types of arguments, which cost half a microsecond; they are made here once.
+        # Without declared types of arguments, which cost half a microsecond; they are converted here once.
         self._one_sample = self._library["sl_series"]
         self._one_sample.restype = None
-        pointer = ctypes.c_void_p
+        pointer = ctypes.c_void_p.from_param
         handle, at_time = pointer(self._handle), pointer(ctypes.addressof(self._time))
         at_sample, at_mask, at_result = (
             pointer(one.ctypes.data) for one in (self.sample, self._mask, self._result)
         )
-        count, none = ctypes.c_size_t(1), pointer(None)
-        self._arguments = [
-            (handle, how, with_fit, count, at_time, at_sample, mask, none, at_result)
+        count, none = ctypes.c_size_t.from_param(1), ctypes.c_void_p(None)
+        # By mask or none, fit or none, and how the sample follows the one before.
+        self._arguments = tuple(
+            tuple(
+                tuple(
+                    (handle, int(how), with_fit, count, at_time, at_sample, mask, none, at_result)
+                    for how in Series
+                )
+                for with_fit in (0, 1)
+            )
             for mask in (none, at_mask)
-            for with_fit in (0, 1)
-            for how in (0, 1)
-        ]
+        )
 
     def __del__(self) -> None:
         handle = getattr(self, "_handle", None)
@@ -171,7 +176,7 @@ class Core:
         self._time.value = time
         if mask is not None:
             self._mask[:] = mask
-        self._one_sample(*self._arguments[how + 2 * with_fit + 4 * (mask is not None)])
+        self._one_sample(*self._arguments[mask is not None][with_fit][how])
         return (self._result if with_fit else self._short_result).copy(), self.sample.copy()
 
     def series(

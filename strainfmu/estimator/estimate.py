@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Protocol, cast
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -357,14 +357,14 @@ class Estimate(NamedLoads):
         from strainfmu.estimator.estimates.estimate_table import dataframe_of
 
         names = np.array([state.name for state in HealthState])
-        return dataframe_of(cast(Any, self), names[np.atleast_1d(self.health)])
+        return dataframe_of(self, names[np.atleast_1d(self.health)])
 
     def __repr__(self) -> str:
         from strainfmu.estimator.estimates.estimate_text import estimate_text, estimates_text
 
-        return estimates_text(cast(Any, self)) if self.is_series else estimate_text(cast(Any, self))
+        return estimates_text(self) if self.is_series else estimate_text(self)
 
     def _repr_html_(self) -> str:
         from strainfmu.estimator.estimates.estimate_html import estimate_html, estimates_html
 
-        return estimates_html(cast(Any, self)) if self.is_series else estimate_html(cast(Any, self))
+        return estimates_html(self) if self.is_series else estimate_html(self)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.absolute_sections import further_loads
-from strainfmu.estimator.arguments import checked_mask, per_sample, strain_of_samples
+from strainfmu.estimator.arguments import checked_mask, is_series, per_sample, real_numbers, strain_of_samples
 from strainfmu.estimator.core import Core, NoCoreError, Series
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimates.pressure_field import PressureField
@@ -47,10 +47,10 @@ AIR_DATA_INPUTS = (
 )
 """Inputs of a sample behind its readings, in their order in a record."""
 
-_AIR = Struct(f"{len(AIR_DATA_INPUTS)}d")
-"""Them as the bytes of a record."""
-
 _NO_THRUST = 0.0
+
+# Members of an Enum by name: through its class each use takes as long as a call.
+_EACH, _TRACK = Series.EACH, Series.TRACK
 
 _STDS = tuple(name for name in AIR_DATA_INPUTS if name.endswith("_std"))
 
@@ -174,12 +174,16 @@ class Estimator:
         self._others: list[Core | NumpyCore] = []
         n, inputs = inverse_map.n_gauges, self.core.inputs
         first_air = inputs["dynamic_pressure"].start
-        self._n, self._shape, self._air_offset = n, (n,), first_air * _AIR.size // len(AIR_DATA_INPUTS)
+        self._n, self._shape = n, (n,)
         self._std_places = [inputs[name].start for name in _STDS]
-        self._more = slice(first_air + len(AIR_DATA_INPUTS), self.core.n_inputs)
-        self._has_more = self._more.start < self._more.stop
         self._temperature, self._thrust = inputs["temperature"], inputs["thrust"]
         self._parameter = inputs["parameter"]
+        # What lies behind the readings of a record: air data, and what is not known of a plain sample.
+        more = np.full(self.core.n_inputs, nan)
+        more[self._thrust] = _NO_THRUST
+        self._no_more = tuple(more[first_air + len(AIR_DATA_INPUTS) :].tolist())
+        self._pack_behind: Callable[..., None] = Struct(f"{self.core.n_inputs - first_air}d").pack_into
+        self._behind_offset = first_air * self.core.sample.itemsize
 
     def _new_core(self, resource: bytes) -> Core | NumpyCore:
         """Return the compiled core of the map or, of a linear map on a machine that has none, numpy's."""
@@ -315,8 +319,8 @@ class Estimator:
             static_pressure_std,
         )
         more = (temperature, thrust, parameters, parameters_std)
-        if (strain.ndim if type(strain) is np.ndarray else np.ndim(strain)) != 2:
-            return self._one(strain, valid, air, more, core=self.core, how=Series.EACH)
+        if not is_series(strain):
+            return self._one(strain, valid, air, more, core=self.core, how=_EACH)
         samples = self._samples(strain, valid, air, more)
         if start is not None:
             samples = replace(samples, start=_checked_start(start, len(samples.inputs)))
@@ -365,8 +369,9 @@ class Estimator:
         )
         more = (temperature, thrust, parameters, parameters_std)
         core = self._tracks or self._new_track()
-        if (strain.ndim if type(strain) is np.ndarray else np.ndim(strain)) != 2:
-            return self._one(strain, valid, air, more, core=core, how=Series.TRACK, time=self._time(time))
+        if not is_series(strain):
+            at = 0.0 if self.filter_time_constant == 0.0 else self._time(time)
+            return self._one(strain, valid, air, more, core=core, how=_TRACK, time=at)
         samples = self._samples(strain, valid, air, more)
         inputs = samples.filled(slice(None))
         times = None if self.filter_time_constant == 0.0 else self._times(time, len(inputs))
@@ -399,8 +404,6 @@ class Estimator:
         return core
 
     def _time(self, time: ArrayLike) -> float:
-        if self.filter_time_constant == 0.0:
-            return 0.0
         if type(time) is float and isfinite(time):
             return time
         return float(self._times(time, 1)[0])
@@ -423,7 +426,7 @@ class Estimator:
         time: float = 0.0,
     ) -> Estimate:
         """Return the estimate of one sample."""
-        with_fit = self.is_nonlinear or (how is Series.TRACK and self.filter_time_constant > 0.0)
+        with_fit = self.is_nonlinear or (how is _TRACK and self.filter_time_constant > 0.0)
         mask = None if valid is None else checked_mask(valid, self._n)
         temperature, thrust, parameters, stds = more
         is_plain = temperature is None and thrust is _NO_THRUST and parameters is None and stds is None
@@ -442,7 +445,7 @@ class Estimator:
         if type(strain) is not np.ndarray or strain.shape != self._shape or strain.dtype.kind != "f":
             return False
         try:
-            _AIR.pack_into(core.sample, self._air_offset, *air)  # type: ignore[arg-type]  # an array is a buffer
+            self._pack_behind(core.sample, self._behind_offset, *air, *self._no_more)
         except StructError:
             return False
         core.sample[: self._n] = strain
@@ -451,9 +454,6 @@ class Estimator:
             self._refuse_negative(dict(zip(AIR_DATA_INPUTS, air, strict=True)))
             stds = core.sample[self._std_places]
             core.sample[self._std_places] = _exact(stds)
-        if self._has_more:
-            core.sample[self._more] = nan
-            core.sample[self._thrust] = 0.0
         return True
 
     def _refuse_negative(self, air: Mapping[str, Any]) -> None:
@@ -483,7 +483,7 @@ class Estimator:
         ]
         mask = None
         if valid is not None:
-            one = checked_mask(valid, self._n, k if np.ndim(strain) == 2 else None)
+            one = checked_mask(valid, self._n, k if is_series(strain) else None)
             mask = np.broadcast_to(one, (k, self._n))
         return _Samples(
             strain=d,
@@ -502,7 +502,7 @@ class Estimator:
         thermal = self.inverse_map.thermal
         if thermal is None:
             raise InputError("temperature: expected none, the map was built without [temperature]")
-        values, n_t = np.asarray(temperature, dtype=float), thermal.n_sensors
+        values, n_t = real_numbers("temperature", temperature), thermal.n_sensors
         if values.shape not in ((n_t,), (samples, n_t)):
             raise InputError(f"temperature: expected ({n_t},) or ({samples}, {n_t}) values, got {values.shape}")
         return values
@@ -544,11 +544,16 @@ class Estimator:
     # What is made of estimates off the deadline.
 
     def further_of(self, estimate: Estimate, name: str) -> FloatArray:
-        """Return rolling moment and section loads of a map whose core has none: zero but in form "absolute"."""
+        """Return rolling moment and section loads of a map whose core has none.
+
+        They are zero where the five loads are known, but for maps of form "absolute" with further loads.
+        """
         record, layout, place = np.atleast_2d(estimate.sample), self.core.inputs, self._thrust
         shape, settings = estimate.loads.shape[:-1], self.settings
         if self.inverse_map.further is None or self.is_nonlinear:
-            return np.zeros((*shape, 1 + 6 * len(self.section_station)))
+            five = estimate.coefficients if "coefficients" in name else estimate.loads
+            known = np.isfinite(five).all(axis=-1, keepdims=True)
+            return np.where(known, np.zeros((*shape, 1 + 6 * len(self.section_station))), nan)
         pressure, std = (record[:, layout[one].start] for one in ("dynamic_pressure", "dynamic_pressure_std"))
         known, solved = (
             np.asarray(np.isfinite(np.atleast_2d(one)).all(axis=1))

@@ -18,12 +18,13 @@ from strainfmu.estimator.alarm_limits import outlier_threshold
 from strainfmu.estimator.arguments import given, silent
 from strainfmu.estimator.core import Layout, NoCoreError, Series
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, HealthState, chi_square_limit
-from strainfmu.estimator.linear.envelope import envelope_score, outside_by_navigation
 from strainfmu.estimator.map.envelope import (
     MAX_DYNAMIC_PRESSURE,
     MIN_DYNAMIC_PRESSURE,
+    envelope_score,
     flight_ranges,
     half_spaces,
+    outside_by_navigation,
 )
 from strainfmu.estimator.map.flow_parameters import PARAMETER_TOLERANCE, flow_parameters
 from strainfmu.estimator.map.inverse_map import InverseMap

@@ -64,6 +64,14 @@ It is ``OUTSIDE`` much earlier; cubes of what is far off are no numbers.
 SLOW = 100.0
 """Time constant of navigation errors, and of errors in common of a linear map, over that of the others [1]."""
 
+MACH_NUMBER_RATE, ANGLE_RATE, LOG_PRESSURE_RATE = 0.2, 0.1, 0.1
+"""Standard deviations of dM/dt [1/s], of du/dt and dw/dt, components of the total incidence [rad/s], and of
+d(ln p_inf)/dt [1/s]: 60 m/s^2 at 20 km, 6 deg/s, a climb of 640 m/s."""
+
+WHITE_NAVIGATION = 0.2
+"""Fraction of the variance of air data that is independent from sample to sample. The rest lasts :data:`SLOW` time
+constants. Air data that are filtered themselves have nearly none."""
+
 RATE_TIME = 0.05
 """Time constant [s] at which the rates count twice. Below it they grow in inverse proportion: a filter without
 memory has none of the flight state either."""

@@ -70,9 +70,7 @@ _COMMON_SOURCES = (
     "fmu/python/__init__.py",
     "fmu/python/wrapper_exit.py",
 )
-_ESTIMATOR_ROOMS = (
-    *("estimates", "filter", "linear", "manifold", "map", "numerics", "reference", "resource", "tables", "zeros"),
-)
+_ESTIMATOR_ROOMS = ("estimates", "map", "numerics", "reference", "resource", "tables", "zeros")
 _ESTIMATOR_SOURCES = (
     *_COMMON_SOURCES,
     "estimator/",

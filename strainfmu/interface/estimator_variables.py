@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.settings import LARGEST_SETTING, default_settings, setting_minimum
@@ -30,7 +30,6 @@ from strainfmu.interface.temperature_variables import TEMPERATURE_ARRAYS, with_t
 from strainfmu.interface.zero_variables import ZERO_ARRAYS, with_zero_parameters
 
 if TYPE_CHECKING:
-    from strainfmu.estimator.estimates.load_estimate import LoadEstimate
     from strainfmu.estimator.map.inverse_map import InverseMap
 
 LOADS = {
@@ -70,19 +69,18 @@ def estimator_interface(inverse_map: InverseMap) -> tuple[Variable, ...]:
     return with_parameter_inputs(whole, inverse_map)
 
 
-def output_values(estimate: Estimate | LoadEstimate, with_further: bool = False) -> list[float]:
+def output_values(estimate: Estimate, with_further: bool = False) -> list[float]:
     """Return the outputs of ``estimate`` in the order of their value references; the state of the tare is none.
 
     ``with_further`` for maps that have loads beside the five as outputs
     (:func:`~strainfmu.interface.further_variables.has_further_outputs`).
     """
-    has_tables = len(getattr(estimate, "air_data_used", ())) > 0
-    of_flight = flight_outputs(cast("Estimate", estimate)) if has_tables else ()
+    of_flight = flight_outputs(estimate) if len(estimate.air_data_used) > 0 else ()
     further = further_outputs(estimate) if with_further else ()
     return [*_linear_outputs(estimate), *of_flight, *further, *estimate.parameter_score.tolist()]
 
 
-def _linear_outputs(estimate: Estimate | LoadEstimate) -> list[float]:
+def _linear_outputs(estimate: Estimate) -> list[float]:
     return [
         *estimate.coefficients.tolist(),
         *estimate.coefficients_std.tolist(),

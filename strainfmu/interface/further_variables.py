@@ -14,7 +14,6 @@ from strainfmu.interface.fmi_variables import Variable, deviation_of
 
 if TYPE_CHECKING:
     from strainfmu.estimator.estimate import Estimate
-    from strainfmu.estimator.estimates.load_estimate import LoadEstimate
     from strainfmu.estimator.map.inverse_map import InverseMap
 
 FURTHER_ARRAYS = {
@@ -81,7 +80,7 @@ def further_load_outputs(n_sections: int) -> dict[str, str]:
     }
 
 
-def further_outputs(estimate: Estimate | LoadEstimate) -> list[float]:
+def further_outputs(estimate: Estimate) -> list[float]:
     """Return the outputs that :func:`with_further_outputs` adds, in its order."""
     body = (
         estimate.further_coefficients[0],

@@ -19,7 +19,7 @@ from builder.truth.shape.flight_path import flown_path, flows_along
 from builder.truth.shape.structure import flying_structure
 from builder.vehicle.file import VEHICLES, load_vehicle
 from strainfmu.cosim.models.trajectory import load_trajectory
-from strainfmu.estimator.linear.estimator import Estimator
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import load_inverse_map
 
 pytestmark = pytest.mark.slow

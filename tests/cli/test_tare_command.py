@@ -13,7 +13,7 @@ from recorded_case import NAMES, samples, write_csv
 from synthetic_vehicle import N_GAUGES, SyntheticFiles, synthetic_inverse_map
 
 from strainfmu.cosim.estimators.zeros_file import load_known_strain, load_zeros
-from strainfmu.estimator.linear.estimator import Estimator
+from strainfmu.estimator.estimator import Estimator
 
 pytestmark = pytest.mark.fast
 

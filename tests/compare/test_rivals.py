@@ -11,7 +11,7 @@ from builder.compare.candidate import GIVEN, PRESSURE_ALONE
 from builder.compare.flights import Readings
 from builder.compare.rivals import LEVEL, RIVALS, RivalCandidate, conformal_half_width
 from builder.compare.training import TrainingFlights, training_flights, with_drawn_errors
-from strainfmu.estimator.manifold.error_covariance import strain_covariance
+from strainfmu.estimator.map.strain_covariance import strain_covariance
 from strainfmu.estimator.tables.flight_tables import evaluate
 
 ALTITUDES = (15e3, 25e3)

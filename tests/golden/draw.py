@@ -9,7 +9,7 @@ import numpy as np
 from inputs import Inputs
 
 from strainfmu.atmosphere import pressure_and_temperature
-from strainfmu.estimator.linear.flow_parameters import flow_parameters
+from strainfmu.estimator.map.flow_parameters import flow_parameters
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.tables.flight_tables import evaluate
 from strainfmu.estimator.tables.manifold_map import ManifoldMap

@@ -15,10 +15,10 @@ from estimator_carrier import in_part
 from inputs import Inputs, Results
 from raw_fmu import OK, Fmu2, Fmu3, this_platform
 
+from strainfmu.estimator.air_data import AIR_DATA_NAMES
 from strainfmu.estimator.estimator import EXACT
 from strainfmu.estimator.further_loads import SECTION_LOADS
-from strainfmu.estimator.linear.flow_parameters import flow_parameters
-from strainfmu.estimator.manifold.air_data import AIR_DATA_NAMES
+from strainfmu.estimator.map.flow_parameters import flow_parameters
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.settings import default_settings
 from strainfmu.interface.estimator_variables import LOADS, estimator_arrays, estimator_interface

@@ -14,18 +14,17 @@ of the packages. A new factory for a kind has to give the same map, to about 13 
     python tests/golden/record.py                  record all files again, with the inputs that they hold
     python tests/golden/record.py scaled_case_1    one kind, or several
     python tests/golden/record.py --draw           with inputs drawn again; new streams are drawn without it, too
-    python tests/golden/record.py --without-numpy  without the numpy estimator, which takes most of the time
     python tests/golden/record.py --check          record nothing; print how far results are from the files
 
-Recording prints, for each kind and field, the largest difference from the numpy estimator, what the last digits
-of the map do, and what changed since the file before. Record again after a change of the core that is meant to
-change results, read what is printed, and commit the files with the change. Random samples of every kind include
-strain of zero, as of a dead bus; flights jump, and lose sensors, air data and whole samples.
+Recording prints, for each kind and field, what the last digits of the map do, and what changed since the file
+before. After a change of the core that is meant to change results: record again, read what is printed, run
+``pytest -m "slow or not slow" tests/estimator/reference``, which compares the core with the reference on random
+samples of every kind and over flights of these files, and commit the files with the change. Random samples of
+every kind include strain of zero, as of a dead bus; flights jump, and lose sensors, air data and whole samples.
 
 :data:`KINDS` and :data:`STREAMS` are the tables. ``inputs.py`` reads and writes the files, ``comparison.py``
 states how far two results are apart, ``estimator_carrier.py`` and ``fmu_carriers.py`` run a stream. ``draw.py``,
-``draw_faults.py``, ``last_digits.py`` and ``numpy_reference.py`` serve recording alone; without numpy's estimator,
-drop the last one and what imports it in ``record.py``.
+``draw_faults.py`` and ``last_digits.py`` serve recording alone.
 
 Another machine, whose linear algebra rounds a map differently, finds the same results. Of random samples those are
 left out which a change of the map by 1e-13 moves by more than a fifth of the tolerance, and those of which one by

@@ -19,7 +19,6 @@ from estimator_carrier import by_estimator, estimator_for
 from inputs import Inputs, Recorded, Results, recorded, rounded, write
 from kinds import KINDS, STREAMS, Stream, map_of_kind, tolerance_of
 from last_digits import perturbed
-from numpy_reference import by_numpy, without_gauges
 
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
@@ -93,10 +92,10 @@ def near_threshold(kind: str, inputs: Inputs, mode: str, seconds: float, expecte
     return near
 
 
-def record(name: str, again: bool, with_numpy: bool) -> bool:
-    """Record the file of the kind ``name``; return whether numpy agrees, and no sample hangs by a digit."""
+def record(name: str, again: bool) -> bool:
+    """Record the file of the kind ``name``; return whether no sample hangs by a digit."""
     before, made, good = recorded(name), dict[str, Recorded](), True
-    apart, changed, moved = Apart(), Apart(), Apart()
+    changed, moved = Apart(), Apart()
     print(f"\n{name}", flush=True)
     for title, stream in STREAMS[name].items():
         is_drawn = again or title not in before
@@ -114,16 +113,10 @@ def record(name: str, again: bool, with_numpy: bool) -> bool:
                 print(f"    near a threshold: {', '.join(map(str, np.flatnonzero(near)))}")
             if not is_drawn and mode in before[title].results:
                 _note(changed, differences(before[title].results[mode], found), where)
-            if with_numpy:
-                theirs = without_gauges(by_numpy(map_of_kind(name), *of_stream[1:]), found)
-                by_hand = differences(found, {one: theirs[one] for one in found})
-                _note(apart, by_hand, where)
-                good &= _report("numpy", by_hand, tolerance_of(name, mode))
             results[mode] = found | {NEAR_THRESHOLD: near.astype(np.int16)}
         made[title] = Recorded(inputs=inputs, results=results)
     write(name, made)
     recorded.cache_clear()
-    _print("from numpy", apart)
     _print(f"by {KINDS[name].digits:g} of the map", moved)
     _print("from the file before", {one: value for one, value in changed.items() if value[0] > 0.0})
     return good
@@ -184,15 +177,11 @@ def main(arguments: Iterable[str] | None = None) -> int:
     parser.add_argument("kinds", nargs="*", metavar="KIND", help=f"of {', '.join(KINDS)}; all by default")
     parser.add_argument("--draw", action="store_true", help="draw the inputs again, too")
     parser.add_argument("--check", action="store_true", help="record nothing, compare with the files")
-    parser.add_argument("--without-numpy", action="store_true", help="do not compare with the numpy estimator")
     given = parser.parse_args(arguments)
     unknown = set(given.kinds) - KINDS.keys()
     if unknown:
         parser.error(f"KIND: expected {', '.join(KINDS)}, got {', '.join(sorted(unknown))}")
-    good = [
-        check(name) if given.check else record(name, given.draw, not given.without_numpy)
-        for name in given.kinds or KINDS
-    ]
+    good = [check(name) if given.check else record(name, given.draw) for name in given.kinds or KINDS]
     return 0 if all(good) else 1
 
 

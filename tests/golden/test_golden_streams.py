@@ -177,3 +177,14 @@ def test_python_fmu(kind: str, title: str, mode: str, tmp_path: Path) -> None:
     found = by_fmu(fmu, inverse_map, inputs, mode, STREAMS[kind][title].seconds)
     fmu.fmu.free()
     assert_as_recorded(kind, mode, one.results[mode], found)
+
+
+@pytest.mark.parametrize("kind", ["scaled_sensors", "sensors"])
+def test_a_plain_sample_keeps_nothing_of_the_one_before(kind: str) -> None:
+    estimator = Estimator(map_of_kind(kind))
+    strain, temperature = estimator.inverse_map.mean_strain, estimator.core.inputs["temperature"]
+    estimator.estimate(strain, 1e5, temperature=[350.0] * (temperature.stop - temperature.start), thrust=2e3)
+    found, of_many = estimator.estimate(strain, 1e5).sample, estimator.estimate(strain[None], 1e5).sample[0]
+    np.testing.assert_array_equal(found, of_many)
+    assert np.isnan(found[temperature]).all()
+    assert found[estimator.core.inputs["thrust"]] == 0.0

@@ -12,7 +12,7 @@ from builder.inverse.build import build_inverse_map
 from builder.structure.fourier.model import StructuralModel
 from builder.vehicle.file import Vehicle
 from strainfmu.errors import InputError
-from strainfmu.estimator.linear.estimator import Estimator
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap
 
 
@@ -67,11 +67,11 @@ def test_no_number_depends_on_a_lost_gauge(inverse_map: InverseMap) -> None:
     for value in (0.0, 1e-3, np.nan):
         strain = inverse_map.mean_strain.copy()
         strain[5] = value
-        fields.append(estimator.step(strain, q, valid).pressure())
+        fields.append(estimator.estimate(strain, q, valid).pressure())
     for one in fields[1:]:
         np.testing.assert_array_equal(one.pressure, fields[0].pressure)
         np.testing.assert_array_equal(one.std, fields[0].std)
-    nothing = estimator.step(strain, q, np.zeros(inverse_map.n_gauges, dtype=bool)).pressure()
+    nothing = estimator.estimate(strain, q, np.zeros(inverse_map.n_gauges, dtype=bool)).pressure()
     assert np.all(np.isnan(nothing.pressure))
     assert np.all(np.isnan(nothing.std))
 

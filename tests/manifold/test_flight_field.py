@@ -10,6 +10,7 @@ from flight_maps import flight_map
 from builder.aero.loads.operator import load_operator
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
+from builder.inverse.problem import inverse_problem
 from builder.manifold.build import with_manifold
 from builder.structure.fourier.model import StructuralModel
 from builder.truth.as_built import exactly_built
@@ -19,8 +20,7 @@ from builder.truth.revolution.strain import TrueStructure, true_flights, true_st
 from builder.vehicle.file import Vehicle
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimates.flight_pressure import table_pressure
-from strainfmu.estimator.manifold.estimator import ManifoldEstimator
-from strainfmu.estimator.manifold.tracker import FlightTracker
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map, save_inverse_map
 from strainfmu.estimator.tables.flight_field import FlightField
 
@@ -41,7 +41,9 @@ def exact_vehicle(vehicle: Vehicle, **entry: object) -> Vehicle:
 @pytest.fixture(scope="module")
 def inverse_map(vehicle: Vehicle, structure: StructuralModel, snapshots: Snapshots) -> InverseMap:
     entry = exact_vehicle(vehicle)
-    return with_manifold(build_inverse_map(entry, snapshots, structure), entry, snapshots, structure)
+    problem = inverse_problem(entry, snapshots, structure)
+    linear = build_inverse_map(entry, snapshots, structure, problem=problem)
+    return with_manifold(linear, entry, snapshots, structure, problem=problem)
 
 
 @pytest.fixture(scope="module")
@@ -93,7 +95,7 @@ def test_loads_of_the_field_are_those_of_the_estimate(
     wanted = manifold.load_strain_covariance
     assert np.all(np.abs(covariance - wanted) < 0.02 * np.abs(wanted).max(axis=1, keepdims=True))
     strain = 1.1 * inverse_map.mean_strain + 5.0 * inverse_map.noise_std * np.cos(np.arange(54.0))
-    found = ManifoldEstimator(inverse_map).estimate(strain, mach_number=6.0, altitude=20e3)
+    found = Estimator(inverse_map).estimate(strain, mach_number=6.0, altitude=20e3)
     net = found.pressure().pressure - found.air_data.value[5]
     assert not found.is_linear
     assert np.all(np.abs(loads @ net - found.loads) < 0.2 * found.loads_std + 1e-3 * np.abs(found.loads))
@@ -108,7 +110,7 @@ def test_sigma_covers_the_independent_model(
     strain = true_strain(true_model, flights, exactly_built(n))
     strain = strain + inverse_map.noise_std * random.standard_normal(strain.shape)
     mach = np.array([condition.mach_number for condition in conditions])
-    found = ManifoldEstimator(inverse_map).estimate(
+    found = Estimator(inverse_map).estimate(
         strain,
         flights.dynamic_pressure,
         mach_number=mach + 0.05 * random.standard_normal(12),
@@ -117,7 +119,7 @@ def test_sigma_covers_the_independent_model(
     harmonic = harmonics_at(table, mach, np.array([one.total_incidence for one in conditions]))
     order = np.arange(harmonic.shape[2])
     inside, errors, of_linear = [], [], []
-    linear = ManifoldEstimator(inverse_map).linear.estimate(strain, flights.dynamic_pressure)
+    linear = Estimator(inverse_map).linear.estimate(strain, flights.dynamic_pressure)
     for row, condition in enumerate(conditions):
         waves = np.cos(np.outer(order, field.roll_angle - condition.leeward_roll_angle))
         ambient = flights.ambient_pressure[row]
@@ -138,11 +140,12 @@ def test_sigma_covers_the_independent_model(
 def test_strain_off_the_tables_gets_the_linear_field(inverse_map: InverseMap) -> None:
     q, n = inverse_map.nominal_dynamic_pressure, inverse_map.n_gauges
     strain = inverse_map.mean_strain + 2e-4 * np.random.default_rng(0).standard_normal(n)
-    estimator = ManifoldEstimator(inverse_map)
-    found = FlightTracker(estimator).step(strain, q, static_pressure=5474.9, mach_number=6.0)
+    estimator = Estimator(inverse_map)
+    found = estimator.track(strain, q, static_pressure=5474.9, mach_number=6.0)
     assert found.is_linear
-    linear = estimator.linear.step(strain, q, dynamic_pressure_std=found.field_inputs.dynamic_pressure_std)
-    ambient = 5474.9 if found.navigation_used[1] else np.exp(found.state[3])
+    assert inverse_map.manifold is not None
+    linear = estimator.linear.step(strain, q, dynamic_pressure_std=inverse_map.manifold.dynamic_pressure_error * q)
+    ambient = 5474.9 if found.air_data_used[1] else np.exp(found.state[3])
     np.testing.assert_allclose(found.pressure().pressure, linear.pressure().pressure + ambient)
     assert np.all(found.pressure().std > linear.pressure().std)
 
@@ -151,13 +154,13 @@ def test_the_file_holds_the_field(inverse_map: InverseMap, tmp_path: Path) -> No
     save_inverse_map(inverse_map, tmp_path / "map.h5")
     loaded = load_inverse_map(tmp_path / "map.h5")
     strain = inverse_map.mean_strain
-    one, other = (ManifoldEstimator(held).estimate(strain).pressure() for held in (inverse_map, loaded))
+    one, other = (Estimator(held).estimate(strain).pressure() for held in (inverse_map, loaded))
     np.testing.assert_array_equal(one.pressure, other.pressure)
     np.testing.assert_array_equal(one.std, other.std)
 
 
 def test_a_sample_without_gauges_has_no_pressure(inverse_map: InverseMap) -> None:
-    found = ManifoldEstimator(inverse_map).estimate(np.full((2, inverse_map.n_gauges), np.nan), 1e5)
+    found = Estimator(inverse_map).estimate(np.full((2, inverse_map.n_gauges), np.nan), 1e5)
     assert np.all(np.isnan(found[0].pressure().pressure))
     assert np.all(np.isnan(found[1].pressure().std))
 
@@ -166,7 +169,7 @@ def test_a_map_without_the_field_refuses(inverse_map: InverseMap) -> None:
     assert inverse_map.manifold is not None
     bare = replace(inverse_map, manifold=replace(inverse_map.manifold, pressure_field=None))
     with pytest.raises(InputError, match="holds no pressure field, expected one built with keep_field = true"):
-        ManifoldEstimator(bare).estimate(bare.mean_strain).pressure()
+        Estimator(bare).estimate(bare.mean_strain).pressure()
 
 
 @pytest.mark.fast

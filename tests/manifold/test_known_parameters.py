@@ -11,10 +11,9 @@ from shape_case import N_D, flown, grid_conditions, shape_structure, shape_vehic
 from builder.aero.loads.sections import six_loads
 from builder.campaign.snapshots import Snapshots
 from strainfmu.errors import InputError
+from strainfmu.estimator.estimate import Estimate
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.manifold.estimator import ManifoldEstimator
-from strainfmu.estimator.manifold.flight_estimate import FlightEstimates
-from strainfmu.estimator.manifold.tracker import FlightTracker
 from strainfmu.estimator.map.inverse_map import load_inverse_map, save_inverse_map
 from strainfmu.estimator.tables.flight_tables import evaluate
 from strainfmu.estimator.tables.parameter_tables import with_known
@@ -31,18 +30,16 @@ def flights() -> tuple[Snapshots, np.ndarray]:
     return snapshots, strain + known_map().noise_std * random.standard_normal(strain.shape)
 
 
-def estimated(**known: object) -> FlightEstimates:
+def estimated(**known: object) -> Estimate:
     snapshots, strain = flights()
     q, mach = (
         np.array([getattr(one, name) for one in snapshots.conditions()])
         for name in ("dynamic_pressure", "mach_number")
     )
-    found = ManifoldEstimator(known_map()).estimate(strain, q, mach_number=mach, **known)  # type: ignore[arg-type]  # kinds by name
-    assert isinstance(found, FlightEstimates)
-    return found
+    return Estimator(known_map()).estimate(strain, q, mach_number=mach, **known)  # type: ignore[arg-type]  # kinds by name
 
 
-def stated(std: float) -> FlightEstimates:
+def stated(std: float) -> Estimate:
     deflection = flights()[0].condition[:, -1]
     return estimated(parameters={NAME: deflection}, parameters_std={NAME: std})
 
@@ -96,10 +93,10 @@ def test_a_value_without_deviation_and_one_of_a_boundless_one_change_nothing() -
 def test_step_by_step_a_known_deflection_gives_the_same(tmp_path: Path) -> None:
     save_inverse_map(known_map(), tmp_path / "map.h5")
     snapshots, strain = flights()
-    whole, tracker = stated(0.05), FlightTracker(ManifoldEstimator(load_inverse_map(tmp_path / "map.h5")))
+    whole, tracker = stated(0.05), Estimator(load_inverse_map(tmp_path / "map.h5"))
     condition = snapshots.conditions()[0]
     for _ in range(3):
-        found = tracker.step(
+        found = tracker.track(
             strain[0],
             condition.dynamic_pressure,
             mach_number=condition.mach_number,

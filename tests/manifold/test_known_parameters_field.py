@@ -11,12 +11,10 @@ from shape_case import flown, grid_conditions, shape_structure
 
 from builder.campaign.snapshots import Snapshots
 from strainfmu.errors import InputError
+from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimates.flight_pressure import table_pressure
 from strainfmu.estimator.estimates.pressure_field import PressureField
-from strainfmu.estimator.filter.flight_filter import FlightFilter
-from strainfmu.estimator.filter.settings import FilterSettings
-from strainfmu.estimator.manifold.estimator import ManifoldEstimator
-from strainfmu.estimator.manifold.flight_estimate import FlightEstimates
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import load_inverse_map, save_inverse_map
 from strainfmu.estimator.tables.manifold_map import ManifoldMap
 from strainfmu.estimator.tables.shape_field import ShapeField, field_with_known
@@ -44,14 +42,12 @@ def flights() -> tuple[Snapshots, np.ndarray, dict[str, np.ndarray]]:
     return snapshots, strain + known_map(keep_field=True).noise_std * random.standard_normal(strain.shape), flow
 
 
-def estimated(**known: object) -> FlightEstimates:
+def estimated(**known: object) -> Estimate:
     _, strain, flow = flights()
-    found = ManifoldEstimator(known_map(keep_field=True)).estimate(strain, **flow, **known)  # type: ignore[arg-type]  # kinds by name
-    assert isinstance(found, FlightEstimates)
-    return found
+    return Estimator(known_map(keep_field=True)).estimate(strain, **flow, **known)  # type: ignore[arg-type]  # kinds by name
 
 
-def fields(found: FlightEstimates) -> list[PressureField]:
+def fields(found: Estimate) -> list[PressureField]:
     return [found[row].pressure() for row in range(len(found))]
 
 
@@ -99,18 +95,15 @@ def test_a_filtered_sample_and_one_of_a_file_hold_it_too(tmp_path: Path) -> None
     save_inverse_map(known_map(keep_field=True), tmp_path / "map.h5")
     (_, strain, flow), whole = flights(), estimated(parameters={NAME: deflection()}, parameters_std={NAME: STD})
     expected = whole[3].pressure()
-    found = FlightFilter(
-        ManifoldEstimator(load_inverse_map(tmp_path / "map.h5")), FilterSettings(time_constant=1e-9)
-    )
-    for _ in range(4):
-        one = found.step(
-            0.01,
-            strain[3],
-            float(flow["dynamic_pressure"][3]),
-            mach_number=float(flow["mach_number"][3]),
-            parameters={NAME: deflection()[3]},
-            parameters_std={NAME: STD},
-        )
+    found = Estimator(load_inverse_map(tmp_path / "map.h5")).filter(1e-9)
+    one = found.track(
+        np.tile(strain[3], (4, 1)),
+        flow["dynamic_pressure"][3],
+        mach_number=flow["mach_number"][3],
+        parameters={NAME: deflection()[3]},
+        parameters_std={NAME: STD},
+        time=np.arange(4.0),
+    )[-1]
     np.testing.assert_allclose(one.pressure().pressure, expected.pressure, rtol=1e-4)
     np.testing.assert_allclose(one.pressure().std, expected.std, rtol=1e-3)
     np.testing.assert_allclose(one.pressure(with_std=False).pressure, one.pressure().pressure, rtol=1e-9)

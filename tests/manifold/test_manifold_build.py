@@ -8,6 +8,8 @@ import pytest
 from builder.aero.loads.operator import load_operator
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map, snapshot_coefficients
+from builder.inverse.problem import inverse_problem
+from builder.inverse.solution import Problem
 from builder.manifold.build import with_manifold
 from builder.manifold.discrepancy import gaussian_process_shapes
 from builder.manifold.flow_amplitudes import flow_amplitudes
@@ -16,7 +18,7 @@ from builder.manifold.tables import spline_coefficients, spline_rows
 from builder.structure.fourier.model import StructuralModel
 from builder.vehicle.file import Vehicle
 from strainfmu.errors import InputError
-from strainfmu.estimator.manifold.estimator import ManifoldEstimator
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.numerics.spline import basis
 
@@ -26,11 +28,19 @@ def with_entry(vehicle: Vehicle, **entry: object) -> Vehicle:
 
 
 @pytest.fixture(scope="module")
+def problem(vehicle: Vehicle, structure: StructuralModel, snapshots: Snapshots) -> Problem:
+    """With all errors of the hardware."""
+    return inverse_problem(with_entry(vehicle), snapshots, structure)
+
+
+@pytest.fixture(scope="module")
 def inverse_map(vehicle: Vehicle, structure: StructuralModel, snapshots: Snapshots) -> InverseMap:
     exact = vehicle.model_copy(update={"noise": vehicle.noise.without_hardware_errors()})
     small = dict.fromkeys(("discrepancy_of_prior_percent", "discrepancy_of_overpressure_percent"), 1.0)
     entry = with_entry(exact, discrepancy_percent=0.5, **small)
-    return with_manifold(build_inverse_map(entry, snapshots, structure), entry, snapshots, structure)
+    exactly = inverse_problem(entry, snapshots, structure)
+    linear = build_inverse_map(entry, snapshots, structure, problem=exactly)
+    return with_manifold(linear, entry, snapshots, structure, problem=exactly)
 
 
 def test_flights_between_the_snapshots_are_found(
@@ -43,7 +53,7 @@ def test_flights_between_the_snapshots_are_found(
     strain = strain + inverse_map.noise_std * random.standard_normal(strain.shape)
     q = np.array([condition.dynamic_pressure for condition in conditions])
     mach = np.array([condition.mach_number for condition in conditions])
-    estimator = ManifoldEstimator(inverse_map)
+    estimator = Estimator(inverse_map)
     found = estimator.estimate(
         strain,
         q,
@@ -64,13 +74,12 @@ def test_flights_between_the_snapshots_are_found(
 
 
 def test_hardware_errors_and_discrepancy_widen_sigma(
-    vehicle: Vehicle, structure: StructuralModel, snapshots: Snapshots, inverse_map: InverseMap
+    vehicle: Vehicle, structure: StructuralModel, snapshots: Snapshots, inverse_map: InverseMap, problem: Problem
 ) -> None:
-    entry = with_entry(vehicle)
-    wide = with_manifold(inverse_map, entry, snapshots, structure)
+    wide = with_manifold(inverse_map, with_entry(vehicle), snapshots, structure, problem=problem)
     strain = inverse_map.mean_strain
     q = inverse_map.nominal_dynamic_pressure
-    narrow, other = (ManifoldEstimator(one).estimate(strain, q, mach_number=6.0) for one in (inverse_map, wide))
+    narrow, other = (Estimator(one).estimate(strain, q, mach_number=6.0) for one in (inverse_map, wide))
     assert np.all(other.coefficients_std > 2.0 * narrow.coefficients_std)
 
 
@@ -110,16 +119,16 @@ def test_without_a_flow_along_the_axis_the_mean_goes_on_to_there(degrees: list[f
 
 
 def test_flows_that_do_not_suffice_are_named(
-    vehicle: Vehicle, structure: StructuralModel, snapshots: Snapshots, inverse_map: InverseMap
+    vehicle: Vehicle, structure: StructuralModel, snapshots: Snapshots, inverse_map: InverseMap, problem: Problem
 ) -> None:
     mach = np.array([condition.mach_number for condition in snapshots.conditions()])
     one = mach == 5.0
     few = rows_of(snapshots, one)
     with pytest.raises(InputError, match="needs 2 Mach numbers and 4 total incidences above 0 at least, got 1"):
-        with_manifold(inverse_map, with_entry(vehicle), few, structure)
+        with_manifold(inverse_map, with_entry(vehicle), few, structure, problem=problem)
     torn = rows_of(snapshots, np.arange(len(mach)) != int(np.flatnonzero(one)[-1]))
     with pytest.raises(InputError, match="no flow at Mach number 5 and total incidence"):
-        with_manifold(inverse_map, with_entry(vehicle), torn, structure)
+        with_manifold(inverse_map, with_entry(vehicle), torn, structure, problem=problem)
 
 
 def test_between_two_mach_numbers_pressure_is_linear_per_dynamic_pressure(

@@ -21,14 +21,9 @@ from builder.structure.fourier.model import StructuralModel
 from builder.vehicle.file import Vehicle
 from builder.vehicle.gauges.sensor_entries import Sensors
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.filter.flight_filter import FlightFilter
-from strainfmu.estimator.filter.flight_model import error_columns, flight_model
-from strainfmu.estimator.filter.settings import FilterSettings
+from strainfmu.estimator.estimate import Estimate
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.manifold.error_covariance import strain_covariance
-from strainfmu.estimator.manifold.estimator import ManifoldEstimator
-from strainfmu.estimator.manifold.flight_estimate import FlightEstimates
-from strainfmu.estimator.manifold.tracker import FlightTracker
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map, save_inverse_map
 from strainfmu.estimator.tables.flight_tables import evaluate
 from strainfmu.fmu.export import ExportOptions, export_estimator
@@ -112,9 +107,9 @@ def flights(vehicle: Vehicle, inverse_map: InverseMap, problem: Problem, held_ou
     return Flights(rows * scale, q, mach, p, loads / (q[:, None] * size), pressure)
 
 
-def estimated(inverse_map: InverseMap, flown: Flights, *without: str) -> FlightEstimates:
+def estimated(inverse_map: InverseMap, flown: Flights, *without: str) -> Estimate:
     """Return the estimates, sensors whose name begins with one of ``without`` left out."""
-    found = ManifoldEstimator(inverse_map).estimate(
+    found = Estimator(inverse_map).estimate(
         flown.readings,
         flown.dynamic_pressure,
         np.array([not name.startswith(without) for name in inverse_map.gauge_names]),
@@ -122,7 +117,6 @@ def estimated(inverse_map: InverseMap, flown: Flights, *without: str) -> FlightE
         mach_number=flown.mach_number,
         static_pressure=flown.static_pressure,
     )
-    assert isinstance(found, FlightEstimates)
     return found
 
 
@@ -233,7 +227,7 @@ def test_broken_sensors_are_named_and_ranges_are_their_own(
 ) -> None:
     inverse_map, problem = equipped
     flown = flights(with_sensors(vehicle, EVERY_KIND), inverse_map, problem, held_out, 1)
-    exact = ManifoldEstimator(inverse_map)
+    exact = Estimator(inverse_map)
     at = {
         "dynamic_pressure": flown.dynamic_pressure,
         "mach_number": flown.mach_number,
@@ -254,41 +248,26 @@ def test_broken_sensors_are_named_and_ranges_are_their_own(
     assert len(zeros.value) == inverse_map.n_strain_gauges
 
 
-def test_filter_splits_the_covariance_of_every_row(equipped: tuple[InverseMap, Problem]) -> None:
-    """Noise, what lasts in each row and what rows have in common add up to S of the static estimator."""
-    inverse_map, _ = equipped
-    manifold = inverse_map.manifold
-    assert manifold is not None
-    state = np.array([6.1, 0.06, -0.03, np.log(5e3)])
-    columns = error_columns(flight_model(inverse_map, manifold, FilterSettings(time_constant=0.5)), state)
-    found = columns.strain @ columns.strain.T + columns.considered @ columns.considered.T + columns.noise
-    value, n_d = evaluate(manifold.tables, state[None]).value, inverse_map.n_gauges
-    expected = strain_covariance(manifold, np.array([5e3]), value[:, :n_d], value[:, n_d:])[0]
-    size = np.sqrt(np.diagonal(expected))
-    np.testing.assert_allclose((found - expected) / size / size[:, None], 0.0, atol=1e-9)
-
-
 def test_filter_takes_sensors(vehicle: Vehicle, held_out: Snapshots, equipped: tuple[InverseMap, Problem]) -> None:
     """One flight ten times, noise new each time: forces get sharper; moments, which noise hardly moves, stay."""
     inverse_map, problem = equipped
     flown = flights(with_sensors(vehicle, EVERY_KIND), inverse_map, problem, held_out, 1)
-    random, static = np.random.default_rng(8), ManifoldEstimator(inverse_map)
+    random, static = np.random.default_rng(8), Estimator(inverse_map)
     assert inverse_map.sensors is not None
     noise = inverse_map.noise_std * inverse_map.sensors.scale
-    held, found = FlightFilter(static, FilterSettings(time_constant=0.5)), []
+    readings = flown.readings[0] + noise * random.standard_normal((10, inverse_map.n_gauges))
     q, mach, p = (float(one[0]) for one in flown[1:4])
-    for _ in range(10):
-        readings = flown.readings[0] + noise * random.standard_normal(inverse_map.n_gauges)
-        found.append(held.step(0.01, readings, q, mach_number=mach, static_pressure=p))
-    last = static.step(readings, q, mach_number=mach, static_pressure=p)
-    ratio = found[-1].coefficients_std / last.coefficients_std
+    flow = {"mach_number": mach, "static_pressure": p}
+    found = static.filter(0.5).track(readings, q, time=0.01 * np.arange(10), **flow)[-1]
+    last = static.step(readings[-1], q, **flow)
+    ratio = found.coefficients_std / last.coefficients_std
     assert np.all(ratio[:3] < 0.97)
     assert np.all(ratio < 1.02)
-    apart = (found[-1].coefficients - flown.coefficients[0]) / last.coefficients_std
+    apart = (found.coefficients - flown.coefficients[0]) / last.coefficients_std
     assert np.all(np.abs(apart) < 4.0)
 
 
-def test_map_is_kept_in_a_file_and_its_fmu_gives_what_numpy_does(
+def test_map_is_kept_in_a_file_and_its_fmu_gives_the_same(
     tmp_path: Path, vehicle: Vehicle, held_out: Snapshots, equipped: tuple[InverseMap, Problem]
 ) -> None:
     """Flights of the vehicle, one sensor of each kind lost in turn, with thrust."""
@@ -302,7 +281,7 @@ def test_map_is_kept_in_a_file_and_its_fmu_gives_what_numpy_does(
     assert export_estimator(tmp_path / "map.h5", tmp_path / "e.fmu", options) == "manifold"
     lost = ["none", "port_90deg", "imu_axial", "imu_pitch", "cell_axial", "tip_up", "fibre_90deg_1"]
     flown = flights(with_sensors(vehicle, EVERY_KIND), inverse_map, problem, held_out, len(lost))
-    sensors, thrust, tracker = inverse_map.sensors, 250.0, FlightTracker(ManifoldEstimator(inverse_map))
+    sensors, thrust, tracker = inverse_map.sensors, 250.0, Estimator(inverse_map)
     assert sensors is not None
     names = ["C_A", "C_N", "C_Y", "M_P", "M_Y"]
     with loaded(tmp_path / "e.fmu", tmp_path / "x") as host:
@@ -315,7 +294,7 @@ def test_map_is_kept_in_a_file_and_its_fmu_gives_what_numpy_does(
                 "mach_number": float(flown.mach_number[k]),
                 "static_pressure": float(flown.static_pressure[k]),
             }
-            one = tracker.step(sensors.without_thrust(readings, thrust), **flow)
+            one = tracker.track(sensors.without_thrust(readings, thrust), **flow)
             assert one.valid.sum() == inverse_map.n_gauges - (k > 0)
             host.set([*reading_names(inverse_map), *flow, "thrust"], [*readings, *flow.values(), thrust])
             host.fmu.doStep(0.01 * k, 0.01)

@@ -29,13 +29,14 @@ from builder.manifold.condition_tables import condition_tables
 from builder.manifold.discrepancy import process_on_surface, process_size
 from builder.manifold.state_tables import state_tables
 from strainfmu.errors import InputError
+from strainfmu.estimator.alarm_limits import outside_score
+from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimates.flight_pressure import table_pressure
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.manifold.estimator import ManifoldEstimator
-from strainfmu.estimator.manifold.flight_estimate import FlightEstimates
-from strainfmu.estimator.manifold.flight_health import outside_score
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map, save_inverse_map
 from strainfmu.estimator.tables.flight_tables import FlightTables, evaluate
+from strainfmu.estimator.tables.manifold_map import ManifoldMap
 from strainfmu.flight_condition import FlightCondition
 
 RANDOM = np.random.default_rng(8)
@@ -75,6 +76,11 @@ def state_of(condition: FlightCondition) -> np.ndarray:
     return np.array([condition.mach_number, incidence * np.cos(roll), incidence * np.sin(roll), log_pressure])
 
 
+def tables_of(estimator: Estimator) -> ManifoldMap:
+    assert estimator.inverse_map.manifold is not None
+    return estimator.inverse_map.manifold
+
+
 def test_tables_pass_through_the_snapshots_and_err_between_as_stated() -> None:
     manifold = inverse_map().manifold
     assert manifold is not None
@@ -107,7 +113,7 @@ def test_flights_between_the_snapshots_are_found() -> None:
     true = snapshot_coefficients(shape_vehicle(), snapshots, _loads(snapshots))
     q = np.array([one.dynamic_pressure for one in conditions])
     mach = np.array([one.mach_number for one in conditions]) + 0.05 * random.standard_normal(len(q))
-    estimator = ManifoldEstimator(inverse_map())
+    estimator = Estimator(inverse_map())
     found = estimator.estimate(strain, q, dynamic_pressure_std=0.0, mach_number=mach, altitude=ALTITUDE)
     linear = estimator.linear.estimate(strain, q, None, 0.0)
     error = found.coefficients - true
@@ -133,7 +139,7 @@ def test_the_level_of_the_pressure_is_that_of_the_tables() -> None:
     vehicle = vehicle.model_copy(update={"noise": noisy})
     structure = shape_structure(grid_snapshots().surface)
     made = build_inverse_map(vehicle, grid_snapshots(), structure)
-    estimator = ManifoldEstimator(with_manifold(made, vehicle, grid_snapshots(), structure))
+    estimator = Estimator(with_manifold(made, vehicle, grid_snapshots(), structure))
     for level in (-0.2, -0.1, 0.0, 0.1, 0.2):
         flow = replace(
             snapshots,
@@ -164,9 +170,9 @@ def _loads(snapshots: Snapshots) -> np.ndarray:
 
 
 def test_mirrored_strain_has_the_mirrored_answer() -> None:
-    estimator, conditions = ManifoldEstimator(inverse_map()), between(8)
+    estimator, conditions = Estimator(inverse_map()), between(8)
     state = np.array([state_of(one) for one in conditions])
-    strain = evaluate(estimator.manifold.tables, state).value[:, :N_D]
+    strain = evaluate(tables_of(estimator).tables, state).value[:, :N_D]
     strain = strain + 5e-8 * np.random.default_rng(3).standard_normal(strain.shape)
     q = np.array([one.dynamic_pressure for one in conditions])
     one, other = (estimator.estimate(each, q, mach_number=6.5) for each in (strain, strain[:, MIRRORED]))
@@ -182,12 +188,12 @@ def test_mirrored_strain_has_the_mirrored_answer() -> None:
 
 def test_a_lost_gauge_is_that_of_tables_without_it() -> None:
     kept = np.delete(np.arange(N_D), [3, 17])
-    without = ManifoldEstimator(shape_map(kept.tolist()))
+    without = Estimator(shape_map(kept.tolist()))
     snapshots = held_out()
     strain = readings(snapshots)[:6]
     q = np.array([one.dynamic_pressure for one in snapshots.conditions()])[:6]
     valid = np.isin(np.arange(N_D), kept)
-    masked = ManifoldEstimator(inverse_map()).estimate(strain, q, valid, mach_number=6.5)
+    masked = Estimator(inverse_map()).estimate(strain, q, valid, mach_number=6.5)
     rebuilt = without.estimate(strain[:, kept], q, mach_number=6.5)
     np.testing.assert_allclose(masked.coefficients, rebuilt.coefficients, rtol=1e-6, atol=1e-9)
     np.testing.assert_allclose(masked.coefficients_std, rebuilt.coefficients_std, rtol=1e-6)
@@ -217,12 +223,12 @@ def test_strain_linear_in_the_angles_has_linear_tables() -> None:
 def test_the_pressure_between_the_snapshots_is_found(tmp_path: Path) -> None:
     """On a file's map, with and without one gauge; the deviation of a node holds its error."""
     save_inverse_map(shape_map(keep_field=True), tmp_path / "map.h5")
-    estimator, snapshots = ManifoldEstimator(load_inverse_map(tmp_path / "map.h5")), held_out()
+    estimator, snapshots = Estimator(load_inverse_map(tmp_path / "map.h5")), held_out()
     random, off, size = np.random.default_rng(4), [], []
     for row, condition in enumerate(snapshots.conditions()[:10]):
         strain = readings(snapshots)[row] + inverse_map().noise_std * random.standard_normal(N_D)
         flow = {"mach_number": condition.mach_number, "altitude": ALTITUDE}
-        found = estimator.step(strain, condition.dynamic_pressure, np.arange(N_D) != row, **flow)
+        found = estimator.estimate(strain, condition.dynamic_pressure, np.arange(N_D) != row, **flow)
         field = found.pressure()
         np.testing.assert_allclose(found.pressure(with_std=False).pressure, field.pressure, rtol=1e-9)
         off.append(np.abs(field.pressure - snapshots.pressure[row]) / field.std)
@@ -252,7 +258,7 @@ def test_a_sideslip_beyond_the_snapshots_is_outside() -> None:
     assert manifold is not None
     assert beyond.total_incidence < manifold.incidence_limit
     strain = evaluate(manifold.tables, state_of(beyond)[None]).value[0, :N_D]
-    found = ManifoldEstimator(inverse_map()).estimate(strain, beyond.dynamic_pressure, mach_number=6.5)
+    found = Estimator(inverse_map()).estimate(strain, beyond.dynamic_pressure, mach_number=6.5)
     assert found.health == HealthState.OUTSIDE
 
 
@@ -329,12 +335,13 @@ def test_the_process_has_unit_variance_and_tells_the_sides_of_a_fin_apart() -> N
 
 def test_two_deviations_beyond_a_range_are_outside() -> None:
     """Ranges of both angles are few deviations wide; with others it takes three."""
-    estimator = ManifoldEstimator(inverse_map())
-    assert outside_score(estimator.manifold) < outside_score(flight_map())
+    estimator, tables = Estimator(inverse_map()), inverse_map().manifold
+    assert tables is not None
+    assert outside_score(tables) < outside_score(flight_map())
 
-    def at(sideslip: float) -> FlightEstimates:
+    def at(sideslip: float) -> Estimate:
         one = FlightCondition(6.5, 0.0, sideslip, ALTITUDE)
-        strain = evaluate(estimator.manifold.tables, state_of(one)[None]).value[:, :N_D]
+        strain = evaluate(tables_of(estimator).tables, state_of(one)[None]).value[:, :N_D]
         return estimator.estimate(strain, one.dynamic_pressure, mach_number=6.5, altitude=ALTITUDE)
 
     end, health = 1.01 * radians(2.0), []

@@ -25,7 +25,7 @@ from strainfmu.can.cycle.states.bus_state import BusState
 from strainfmu.can.cycle.states.quality import Cause, Quality
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimates.unrolled_surface import outermost_places
-from strainfmu.estimator.manifold.estimator import ManifoldEstimator
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import save_inverse_map
 from strainfmu.estimator.tables.flight_tables import evaluate
 from strainfmu.estimator.tables.parameter_tables import with_known
@@ -86,7 +86,7 @@ def test_any_shape_is_unrolled() -> None:
     found = FieldMessages(held).message(replace(sample, mach_number=6.5, altitude=math.nan), 5.0)
     field = found["field"]
     assert len(json.dumps(found)) < 60_000
-    true = ManifoldEstimator(held).step(strain, q, mach_number=6.5).pressure().pressure
+    true = Estimator(held).step(strain, q, mach_number=6.5).pressure().pressure
     x, roll = np.array(field["x"]), np.radians(field["roll_angle"])
     seen = outermost_places(held.point, held.triangle, x[10:], roll)
     pressure = np.array(field["pressure_Pa"]).reshape(60, 36)
@@ -109,9 +109,7 @@ def test_a_known_deflection_is_in_the_pressure() -> None:
     for std in (0.05, math.nan):
         given = {f"parameter.{NAME}": 3.0, f"parameter_std.{NAME}": std}
         found = FieldMessages(held).message(replace(sample, further_inputs=given), 5.0)["field"]["pressure_Pa"]
-        own = ManifoldEstimator(held).step(
-            strain, q, mach_number=6.5, parameters={NAME: 3.0}, parameters_std={NAME: std}
-        )
+        own = Estimator(held).step(strain, q, mach_number=6.5, parameters={NAME: 3.0}, parameters_std={NAME: std})
         expected = places.of(own.pressure(with_std=False).pressure).ravel()
         np.testing.assert_allclose(found, expected, rtol=1e-3, atol=1.0)  # whole pascals
     blind = FieldMessages(held).message(sample, 5.0)["field"]["pressure_Pa"]
@@ -129,7 +127,7 @@ def test_navigation_of_a_mapping_is_in_the_pressure() -> None:
         )
         for one in (given, {})
     )
-    own = ManifoldEstimator(field_map()).step(
+    own = Estimator(field_map()).step(
         sample.strain, sample.dynamic_pressure, mach_number=6.4, altitude=20e3, **given
     )
     np.testing.assert_allclose(found, own.pressure(with_std=False).pressure, rtol=0.0, atol=1.0)
@@ -145,7 +143,7 @@ def test_temperatures_are_in_the_pressure() -> None:
         np.array(FieldMessages(held).message(replace(sample, further_inputs=one), 5.0)["field"]["pressure_Pa"])
         for one in (given, {})
     )
-    own = ManifoldEstimator(held).step(
+    own = Estimator(held).step(
         sample.strain, sample.dynamic_pressure, mach_number=6.0, altitude=20e3, temperature=readings
     )
     np.testing.assert_allclose(found, own.pressure(with_std=False).pressure, rtol=2e-3)

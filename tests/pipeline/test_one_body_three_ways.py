@@ -17,7 +17,7 @@ from builder.structure.solid.mesh.swept_mesh import SweptResolution, full_mesh, 
 from builder.structure.structure_file import Structure
 from builder.structure.wall import Material, Wall
 from builder.vehicle.shape.geometry import chain_segments, surface_grid
-from strainfmu.estimator.linear.estimator import Estimator
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap
 
 pytestmark = pytest.mark.slow

@@ -12,7 +12,7 @@ from recorded_case import NAMES, read_csv, samples, write_csv
 from synthetic_vehicle import N_GAUGES, SyntheticFiles, synthetic_inverse_map
 
 from strainfmu.errors import InputError
-from strainfmu.estimator.linear.estimator import Estimator
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 from strainfmu.recorded.columns.column_names import Wanted
 from strainfmu.recorded.columns.columns import plan_columns

@@ -12,9 +12,9 @@ from flight_fmu import whole_map
 from flight_maps import exact_response
 
 from strainfmu.errors import InputError
-from strainfmu.estimator.manifold.estimator import ManifoldEstimator
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import save_inverse_map
-from strainfmu.fmu.export import ExportOptions, export_estimator
+from strainfmu.fmu.export import export_estimator
 from strainfmu.recorded.run import EstimationSummary, estimate_file
 
 pytestmark = pytest.mark.fast
@@ -22,6 +22,14 @@ MACH, STATIC, STATE = 6.0, 5500.0, (6.0, 0.03, 0.01)
 N_D = whole_map().n_gauges
 STRAIN = exact_response(*STATE, STATIC)[:N_D]
 Writer = Callable[[Path, dict[str, float]], Path]
+
+
+@pytest.fixture(scope="module")
+def fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("fmu")
+    save_inverse_map(whole_map(), folder / "map.h5")
+    export_estimator(folder / "map.h5", folder / "estimator.fmu")
+    return folder / "estimator.fmu"
 
 
 def written(folder: Path, columns: dict[str, float]) -> Path:
@@ -60,7 +68,7 @@ def estimated(
 
 def expected(**flow: float) -> np.ndarray:
     """Return coefficients and deviations (10,) of the estimator itself."""
-    one = ManifoldEstimator(whole_map()).step(STRAIN, **flow)
+    one = Estimator(whole_map()).step(STRAIN, **flow)
     return np.concatenate([one.coefficients, one.coefficients_std])
 
 
@@ -123,12 +131,8 @@ def test_a_recording_without_a_pressure_is_estimated_where_that_is_stated(
     assert found.missing_pressure == 0
 
 
-def test_an_fmu_estimates_without_a_pressure(tmp_path: Path) -> None:
-    save_inverse_map(whole_map(), tmp_path / "map.h5")
-    export_estimator(
-        tmp_path / "map.h5", source := tmp_path / "estimator.fmu", ExportOptions(platforms=["linux64"])
-    )
-    table, _ = estimated(tmp_path, {}, source, dynamic_pressure=float("nan"))
+def test_an_fmu_estimates_without_a_pressure(tmp_path: Path, fmu: Path) -> None:
+    table, _ = estimated(tmp_path, {}, fmu, dynamic_pressure=float("nan"))
     np.testing.assert_allclose(numbers(table), expected(), rtol=1e-4, atol=1e-9)
 
 
@@ -140,12 +144,9 @@ def test_all_three_at_once_and_a_filter(tmp_path: Path) -> None:
     np.testing.assert_allclose(numbers(filtered), expected(**flow), rtol=1e-3, atol=1e-6)
 
 
-def test_an_fmu_takes_the_same(tmp_path: Path) -> None:
-    source = tmp_path / "estimator.fmu"
-    save_inverse_map(whole_map(), tmp_path / "map.h5")
-    export_estimator(tmp_path / "map.h5", source)
+def test_an_fmu_takes_the_same(tmp_path: Path, fmu: Path) -> None:
     flow = {"mach_number": MACH, "mach_number_std": 0.2, "static_pressure": STATIC}
-    table, _ = estimated(tmp_path, flow, source)
+    table, _ = estimated(tmp_path, flow, fmu)
     np.testing.assert_allclose(numbers(table), expected(**flow), rtol=1e-4, atol=1e-9)
 
 
@@ -170,17 +171,13 @@ def test_navigation_that_is_left_out_is_said_at_the_end(tmp_path: Path, filtered
     ("column", "value"),
     [("mach_number", 4.0), ("static_pressure [Pa]", 9900.0)],
 )
-def test_navigation_that_cannot_be_used_is_named(tmp_path: Path, kind: str, column: str, value: float) -> None:
+def test_navigation_that_cannot_be_used_is_named(
+    tmp_path: Path, fmu: Path, kind: str, column: str, value: float
+) -> None:
     """All gauges are there: they are not what is missing."""
     q = 0.7 * STATIC * MACH**2
     columns = {"mach_number": MACH, "static_pressure [Pa]": STATIC, "dynamic_pressure [Pa]": q} | {column: value}
-    source = None
-    if kind == "fmu":
-        save_inverse_map(whole_map(), tmp_path / "map.h5")
-        export_estimator(
-            tmp_path / "map.h5", source := tmp_path / "estimator.fmu", ExportOptions(platforms=["linux64"])
-        )
-    table, found = estimated(tmp_path, columns, source)
+    table, found = estimated(tmp_path, columns, fmu if kind == "fmu" else None)
     assert not table[f"navigation_used.{column.partition(' ')[0]} [1]"].any()
     (said,) = found.account.lines()
     assert said.startswith("DEGRADED: 3 of 3 samples (100 %): gauges are missing or navigation is left out, ")

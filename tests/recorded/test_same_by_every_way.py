@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -18,13 +19,9 @@ from scaled_maps import NOMINAL, scaled_map
 from sensor_maps import ROWS, with_sensors
 from thermal_maps import REFERENCE, with_temperature
 
-from strainfmu.estimator.filter.linear_filter import LinearFilter
-from strainfmu.estimator.filter.settings import FilterSettings
-from strainfmu.estimator.linear.estimator import Estimator
-from strainfmu.estimator.linear.flow_parameters import flow_parameters
-from strainfmu.estimator.manifold.estimator import ManifoldEstimator
-from strainfmu.estimator.manifold.flight_estimate import FlightEstimate
-from strainfmu.estimator.manifold.tracker import FlightTracker
+from strainfmu.estimator.estimate import Estimate
+from strainfmu.estimator.estimator import Estimator
+from strainfmu.estimator.map.flow_parameters import flow_parameters
 from strainfmu.estimator.map.inverse_map import (
     COEFFICIENT_NAMES,
     InverseMap,
@@ -102,22 +99,20 @@ def recording(held: InverseMap) -> dict[str, np.ndarray]:
     }
 
 
-def by_python(held: InverseMap, data: Mapping[str, np.ndarray], k: int, step: FlightTracker | Estimator) -> object:
+def by_python(estimator: Estimator, data: Mapping[str, np.ndarray], k: int) -> Estimate:
     """Return the estimate of sample ``k`` with all that an estimator takes by name."""
-    n, is_flight = held.n_strain_gauges, isinstance(step, FlightTracker)
+    n, is_flight = estimator.inverse_map.n_strain_gauges, estimator.is_nonlinear
     strain = np.array([data[f"strain[{i + 1}]"][k] for i in range(n)])
     strain[np.abs(strain) > 0.1] = np.nan
     rows = np.concatenate([strain, [data[identifier(name)][k] for name in ROWS]])
-    assert held.sensors is not None
     flow = ["dynamic_pressure_std", "mach_number", "altitude"]
     flow += ["mach_number_std", "static_pressure", "static_pressure_std"] if is_flight else []
-    given: dict[str, object] = {name: data[name][k] for name in flow}
+    given: dict[str, Any] = {name: data[name][k] for name in flow}
     given["parameters"] = {name: data[name][k] for name in PARAMETERS}
     if is_flight:
         given["parameters_std"] = {name: data[f"{name}_std"][k] for name in ("fin_deg", "power")}
     given["temperature"] = [data[f"temperature[{i + 1}]"][k] for i in range(4)]
-    readings = held.sensors.without_thrust(rows, data["thrust"][k])
-    return step.step(readings, data["dynamic_pressure"][k], **given)  # type: ignore[arg-type]  # kinds by name
+    return estimator.track(rows, data["dynamic_pressure"][k], thrust=data["thrust"][k], **given)
 
 
 def estimates(path: Path) -> dict[str, np.ndarray]:
@@ -153,15 +148,15 @@ def test_fmus(case: tuple[Path, InverseMap], tmp_path: Path, kind: str) -> None:
 def test_python(case: tuple[Path, InverseMap]) -> None:
     folder, held = case
     data, found = recording(held), estimates(folder / "by_map.h5")
-    step = Estimator(held) if held.manifold is None else FlightTracker(ManifoldEstimator(held))
+    estimator = Estimator(held)
     for k in range(K):
-        one = by_python(held, data, k, step)
-        assert one.health == found["health.state"][k]  # type: ignore[attr-defined]
+        one = by_python(estimator, data, k)
+        assert one.health == found["health.state"][k]
         values = np.array([found[name][k] for name in COEFFICIENT_NAMES])
-        np.testing.assert_allclose(values, one.coefficients, rtol=1e-7, atol=1e-12)  # type: ignore[attr-defined]
-        if isinstance(one, FlightEstimate):
+        np.testing.assert_allclose(values, one.coefficients, rtol=1e-7, atol=1e-12)
+        if estimator.is_nonlinear:
             used = [found[f"navigation_used.{name}"][k] for name in ("mach_number", "static_pressure")]
-            assert used == one.navigation_used[:2].tolist()
+            assert used == one.air_data_used[:2].tolist()
             assert k != BLANK or not any(used)
 
 
@@ -181,9 +176,10 @@ def test_a_map_on_file_keeps_the_order_of_its_parameters(case: tuple[Path, Inver
 
 def test_linear_filter_takes_parameters() -> None:
     held = with_parameters(scaled_map(2, seed=4))
-    found = LinearFilter(Estimator(held), FilterSettings(time_constant=1.0))
+    found, m = Estimator(held).filter(1.0), held.mean_strain
     health = [
-        found.step(0.1, held.mean_strain, NOMINAL, parameters={"fin_deg": value}).health for value in (0.0, 9.0)
+        found.track(m, NOMINAL, time=0.1 * k, parameters={"fin_deg": value}).health
+        for k, value in enumerate((0.0, 9.0))
     ]
     assert [one.name for one in health] == ["OK", "OUTSIDE"]
 

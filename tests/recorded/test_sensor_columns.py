@@ -14,12 +14,8 @@ from scaled_maps import NOMINAL, scaled_map
 from sensor_maps import LARGEST, ROWS, with_sensors
 
 from strainfmu.errors import InputError
-from strainfmu.estimator.estimates.load_estimate import LoadEstimates
-from strainfmu.estimator.filter.flight_filter import FlightFilter
-from strainfmu.estimator.filter.settings import FilterSettings
-from strainfmu.estimator.linear.estimator import Estimator
-from strainfmu.estimator.manifold.estimator import ManifoldEstimator
-from strainfmu.estimator.manifold.tracker import FlightTracker
+from strainfmu.estimator.estimate import Estimate
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap, save_inverse_map
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 from strainfmu.fmu.export import ExportOptions, export_estimator
@@ -68,14 +64,12 @@ def drawn() -> tuple[np.ndarray, np.ndarray]:
     return rows, rows * held.sensors.scale + THRUST[:, None] * held.sensors.thrust_response
 
 
-def expected_of(rows: np.ndarray) -> LoadEstimates:
+def expected_of(rows: np.ndarray) -> Estimate:
     valid = np.isfinite(rows) & (np.abs(rows) <= LARGEST)
-    found = Estimator(plain_map()).estimate(rows, NOMINAL, valid)
-    assert isinstance(found, LoadEstimates)
-    return found
+    return Estimator(plain_map()).estimate(rows, NOMINAL, valid)
 
 
-def check(output: Path, expected: LoadEstimates, rtol: float = 1e-8) -> None:
+def check(output: Path, expected: Estimate, rtol: float = 1e-8) -> None:
     found = read_csv(output)
     for k, name in enumerate(COEFFICIENT_NAMES):
         np.testing.assert_allclose(found[f"{name} [1]"], expected.coefficients[:, k], rtol=rtol)
@@ -96,8 +90,9 @@ def written(path: Path, readings: np.ndarray, lost: str | None = None, prefix: s
     return write_csv(path, [*headings, "thrust [kN]"], *columns, 1e-3 * THRUST)
 
 
-@pytest.mark.parametrize("source", ["map.h5", "e.fmu", "python.fmu"])
-@pytest.mark.parametrize("prefix", ["", "sensor."])
+@pytest.mark.parametrize(
+    ("source", "prefix"), [("map.h5", ""), ("map.h5", "sensor."), ("e.fmu", "sensor."), ("python.fmu", "")]
+)
 def test_columns_in_units_of_their_own(folder: Path, tmp_path: Path, source: str, prefix: str) -> None:
     rows, readings = drawn()
     data = written(tmp_path / "d.csv", readings, prefix=prefix)
@@ -111,8 +106,7 @@ OWN_NAME = "displacement_0.2m_45deg"
 """Name of a sensor in the map that no identifier can be."""
 
 
-@pytest.mark.parametrize("source", ["map.h5", "e.fmu"])
-@pytest.mark.parametrize("prefix", ["", "sensor.", "plant.sensor."])
+@pytest.mark.parametrize(("source", "prefix"), [("map.h5", ""), ("map.h5", "plant.sensor."), ("e.fmu", "sensor.")])
 def test_a_sensor_by_its_own_name(folder: Path, tmp_path: Path, source: str, prefix: str) -> None:
     rows, readings = drawn()
     data = written(tmp_path / "d.csv", readings)
@@ -131,8 +125,7 @@ def test_both_names_of_a_sensor_are_one_too_many(folder: Path, tmp_path: Path) -
         estimate_file(folder / "map.h5", data, tmp_path / "o.csv", NOMINAL)
 
 
-@pytest.mark.parametrize("source", ["map.h5", "e.fmu"])
-@pytest.mark.parametrize("lost", COLUMNS)
+@pytest.mark.parametrize(("source", "lost"), [*(("map.h5", name) for name in COLUMNS), ("e.fmu", COLUMNS[0])])
 def test_a_sensor_without_a_column_is_left_out(folder: Path, tmp_path: Path, source: str, lost: str) -> None:
     rows, readings = drawn()
     rows[:, N - N_S + COLUMNS.index(lost)] = np.nan
@@ -177,7 +170,7 @@ def test_filter_takes_them_as_rows(folder: Path, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("filtered", [False, True])
 def test_nonlinear_estimator_takes_them(tmp_path: Path, filtered: bool) -> None:
-    """Recorded in units of their own, with thrust: the estimates of numpy step by step."""
+    """Recorded in units of their own, with thrust: the estimates of Python step by step."""
     held = with_sensors(whole_map())
     save_inverse_map(held, tmp_path / "map.h5")
     assert held.sensors is not None
@@ -197,15 +190,10 @@ def test_nonlinear_estimator_takes_them(tmp_path: Path, filtered: bool) -> None:
         columns.append(np.array([one.flow[name] for one in flown]))
     data = write_csv(tmp_path / "d.csv", [*headings, "thrust [N]"], *columns, THRUST)
     estimate_file(tmp_path / "map.h5", data, tmp_path / "o.csv", time_constant=0.5 if filtered else None)
-    estimator, given = ManifoldEstimator(held), held.sensors.without_thrust(readings, THRUST)
-    tracker, memory = FlightTracker(estimator), FlightFilter(estimator, FilterSettings(time_constant=0.5))
-    found = read_csv(tmp_path / "o.csv")
-    for k, (one, row) in enumerate(zip(flown, given, strict=True)):
-        q, mach = one.flow["dynamic_pressure"], one.flow["mach_number"]
-        if filtered:
-            expected = memory.step(1.0 if k == 0 else 1e-3, row, q, mach_number=mach)
-        else:
-            expected = tracker.step(row, q, mach_number=mach)
+    estimator, found = Estimator(held).filter(0.5 if filtered else 0.0), read_csv(tmp_path / "o.csv")
+    for k, (one, row) in enumerate(zip(flown, readings, strict=True)):
+        known = {name: one.flow[name] for name in ("mach_number", "dynamic_pressure")}
+        expected = estimator.track(row, time=1e-3 * k, thrust=THRUST[k], **known)
         for i, name in enumerate(COEFFICIENT_NAMES):
             size = expected.coefficients_std[i]
             assert found[f"{name} [1]"][k] == pytest.approx(expected.coefficients[i], abs=1e-6 * size)

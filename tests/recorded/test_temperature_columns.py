@@ -14,13 +14,8 @@ from scaled_maps import NOMINAL, scaled_map
 from thermal_maps import REFERENCE, with_temperature
 
 from strainfmu.errors import InputError
-from strainfmu.estimator.estimates.load_estimate import LoadEstimates
-from strainfmu.estimator.filter.flight_filter import FlightFilter
-from strainfmu.estimator.filter.linear_filter import LinearFilter
-from strainfmu.estimator.filter.settings import FilterSettings
-from strainfmu.estimator.linear.estimator import Estimator
-from strainfmu.estimator.manifold.estimator import ManifoldEstimator
-from strainfmu.estimator.manifold.tracker import FlightTracker
+from strainfmu.estimator.estimate import Estimate
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap, save_inverse_map
 from strainfmu.fmu.export import ExportOptions, export_estimator
 from strainfmu.recorded.run import EstimationSummary, estimate_file
@@ -50,13 +45,11 @@ def drawn(n: int) -> tuple[np.ndarray, np.ndarray]:
     return 1e-5 * random.normal(size=(K, n)), temperature
 
 
-def expected_of(held: InverseMap, strain: np.ndarray, temperature: np.ndarray | None) -> LoadEstimates:
-    found = Estimator(held).estimate(strain, NOMINAL, temperature=temperature)
-    assert isinstance(found, LoadEstimates)
-    return found
+def expected_of(held: InverseMap, strain: np.ndarray, temperature: np.ndarray | None) -> Estimate:
+    return Estimator(held).estimate(strain, NOMINAL, temperature=temperature)
 
 
-def check(source: Path, data: Path, expected: LoadEstimates, rtol: float = 1e-9) -> EstimationSummary:
+def check(source: Path, data: Path, expected: Estimate, rtol: float = 1e-9) -> EstimationSummary:
     output = data.with_name("o.csv")
     summary = estimate_file(source, data, output, NOMINAL)
     found = read_csv(output)
@@ -139,8 +132,8 @@ def test_nonlinear_estimator(tmp_path: Path) -> None:
     headings = ["time", *held.gauge_names, "dynamic_pressure", *(f"temperature[{i + 1}]" for i in range(N_T))]
     data = write_csv(tmp_path / "d.csv", headings, 1e-3 * np.arange(K), strain, pressure, temperature)
     estimate_file(tmp_path / "map.h5", data, tmp_path / "o.csv")
-    tracker = FlightTracker(ManifoldEstimator(held))
-    expected = [tracker.step(s, q, temperature=t) for s, q, t in zip(strain, pressure, temperature, strict=True)]
+    tracker = Estimator(held)
+    expected = [tracker.track(s, q, temperature=t) for s, q, t in zip(strain, pressure, temperature, strict=True)]
     np.testing.assert_allclose(
         read_csv(tmp_path / "o.csv")["sigma.C_N [1]"], [one.coefficients_std[1] for one in expected], rtol=1e-7
     )
@@ -153,10 +146,9 @@ def test_filtered(held: InverseMap, source: Path, tmp_path: Path) -> None:
     data = write_csv(tmp_path / "d.csv", headings, 1e-3 * np.arange(K), held.mean_strain + strain, temperature)
     summary = estimate_file(source, data, tmp_path / "o.csv", NOMINAL, time_constant=1.0)
     assert not any("temperature" in note for note in summary.notes)
-    linear = LinearFilter(Estimator(held), FilterSettings(time_constant=1.0))
-    steps = zip(held.mean_strain + strain, temperature, strict=True)
-    found = [linear.step(1e-3, row, NOMINAL, temperature=warm) for row, warm in steps]
-    np.testing.assert_allclose(read_csv(tmp_path / "o.csv")["C_N [1]"], [one.C_N for one in found], rtol=1e-7)
+    time, linear = 1e-3 * np.arange(K), Estimator(held).filter(1.0)
+    found = linear.track(held.mean_strain + strain, NOMINAL, time=time, temperature=temperature)
+    np.testing.assert_allclose(read_csv(tmp_path / "o.csv")["C_N [1]"], found.C_N, rtol=1e-7)
     tables = with_temperature(whole_map())
     save_inverse_map(tables, tmp_path / "tables.h5")
     flight = random_flight(tables, K, seed=5)
@@ -165,10 +157,8 @@ def test_filtered(held: InverseMap, source: Path, tmp_path: Path) -> None:
     headings = ["time", *tables.gauge_names, "dynamic_pressure", *headings[-N_T:]]
     data = write_csv(tmp_path / "t.csv", headings, 1e-3 * np.arange(K), rows, pressure, temperature)
     estimate_file(tmp_path / "tables.h5", data, tmp_path / "o.csv", time_constant=1.0)
-    nonlinear = FlightFilter(ManifoldEstimator(tables), FilterSettings(time_constant=1.0))
-    of_sample = zip(rows, pressure, temperature, strict=True)
-    states = [nonlinear.step(1e-3, row, q, temperature=warm) for row, q, warm in of_sample]
-    np.testing.assert_allclose(read_csv(tmp_path / "o.csv")["C_N [1]"], [one.C_N for one in states], rtol=1e-7)
+    found = Estimator(tables).filter(1.0).track(rows, pressure, time=time, temperature=temperature)
+    np.testing.assert_allclose(read_csv(tmp_path / "o.csv")["C_N [1]"], found.C_N, rtol=1e-7)
 
 
 def test_what_is_wrong_is_named(held: InverseMap, source: Path, tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""The native library with a map that has tables over the flight state, and the tracker that it repeats."""
+"""The native library with a map that has tables over the flight state, and random flights of such a map."""
 
 from __future__ import annotations
 
@@ -10,12 +10,8 @@ from flight_maps import MACH, N_D
 from flight_maps import whole_map as whole_map
 from raw_fmu import N_OUTPUTS, N_SCALARS, OK, Fmu2
 
-from strainfmu.estimator.manifold.estimator import ManifoldEstimator
-from strainfmu.estimator.manifold.flight_estimate import FlightEstimate
-from strainfmu.estimator.manifold.tracker import FlightTracker
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.tables.flight_tables import evaluate
-from strainfmu.interface.estimator_variables import output_values
 from strainfmu.interface.input_names import FLOW_INPUTS, NAVIGATION_INPUTS
 
 FIRST = N_OUTPUTS + 2 * N_D + N_SCALARS
@@ -24,16 +20,6 @@ FIRST = N_OUTPUTS + 2 * N_D + N_SCALARS
 N_INPUTS, N_REALS, N_FLAGS = 3, 14, 11
 FILTER = FIRST + N_INPUTS + N_REALS + N_FLAGS + 2 * N_D + 1
 """Value reference of the filter's time constant, behind the zeros; temperatures stand before it."""
-
-FLAGS = [20, 23, 24, 25, *range(N_OUTPUTS + N_REALS, N_OUTPUTS + N_REALS + N_FLAGS)]
-"""Whole numbers and Booleans among all outputs."""
-
-GROUPS = (
-    *(slice(*ends) for ends in ((0, 3), (3, 5), (5, 8), (8, 10), (10, 13), (13, 15), (15, 18), (18, 20))),
-    *(slice(k, k + 1) for k in (21, 22, 26)),
-    *(slice(*ends) for ends in ((27, 31), (31, 32), (32, 33), (33, 34), (34, 38), (38, 39), (39, 40), (40, 41))),
-)
-"""Outputs of one unit, compared relative to the largest."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,28 +95,3 @@ class FlightFmu(Fmu2):
         values = (c_int * N_FLAGS)()
         assert self.call("GetBoolean", self.references(flags), c_size_t(N_FLAGS), values) == OK, self.messages
         return np.concatenate([self.outputs(), self.get_reals(reals), values[:]])
-
-
-def tracked(tracker: FlightTracker, sample: FlightSample) -> FlightEstimate:
-    """The same step by numpy."""
-    flow = dict(sample.flow)
-    q = flow.pop("dynamic_pressure", np.nan)
-    return tracker.step(sample.strain, q, sample.valid, **flow)
-
-
-def check(native: np.ndarray, estimate: FlightEstimate, tolerance: float = 1e-9) -> None:
-    """Assert that ``native`` outputs are those of numpy."""
-    expected = np.array(output_values(estimate))
-    assert native[FLAGS].tolist() == expected[FLAGS].tolist()
-    for group in GROUPS:
-        ours, theirs = native[group], expected[group]
-        assert np.isnan(ours).tolist() == np.isnan(theirs).tolist()
-        known = ~np.isnan(theirs)
-        size = np.max(np.abs(theirs[known]), initial=0.0)
-        difference = np.max(np.abs(ours - theirs)[known], initial=0.0)
-        assert difference <= tolerance * size, (group, ours, theirs)
-
-
-def fresh_tracker(inverse_map: InverseMap) -> FlightTracker:
-    """A tracker that has made no step."""
-    return FlightTracker(ManifoldEstimator(inverse_map))

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from raw_fmu import GROUPS, OK, WHOLE_OUTPUTS, Fmu2, first_zero, outputs_of
+from raw_fmu import OK, Fmu2, first_zero
 from scaled_maps import NOMINAL
 
-from strainfmu.estimator.estimates.load_estimate import LoadEstimate
-from strainfmu.estimator.filter.switched_linear import SwitchedLinearFilter, TimedLaw
-from strainfmu.estimator.linear.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap
 
 
@@ -74,39 +70,3 @@ class LinearFmu(Fmu2):
         self.give(sample)
         assert self.step(time, size) == OK, self.messages
         return self.outputs()
-
-
-class LinearReference:
-    """The same by numpy."""
-
-    def __init__(self, estimator: Estimator, time_constant: float) -> None:
-        self.estimator, self.last = estimator, TimedLaw()
-        self.switched = SwitchedLinearFilter(estimator, time_constant)
-
-    def advance(self, sample: LinearSample, time: float) -> tuple[LoadEstimate, LoadEstimate]:
-        """The estimate of the sample at ``time`` [s], and that of it alone."""
-        warm = sample.temperature
-        inputs = (sample.strain, sample.pressure, sample.valid, sample.deviation)
-        static = self.estimator.step(*inputs, temperature=warm)
-        found, self.last = self.switched.step(static, sample.strain, sample.pressure, self.last, time, warm)
-        return found, static
-
-
-def differences(native: np.ndarray, estimate: LoadEstimate) -> dict[str, float]:
-    """Largest difference by group of outputs, relative to the largest of the group; whole numbers are equal."""
-    expected = outputs_of(estimate)
-    assert native[WHOLE_OUTPUTS].tolist() == expected[WHOLE_OUTPUTS].tolist()
-    found = {}
-    for name, group in GROUPS.items():
-        ours, theirs = native[group], expected[group]
-        assert np.isnan(ours).tolist() == np.isnan(theirs).tolist(), name
-        known = np.isfinite(theirs)
-        size = np.max(np.abs(theirs[known]), initial=1e-300)
-        found[name] = float(np.max(np.abs(ours - theirs)[known], initial=0.0) / size)
-    return found
-
-
-def largest(found: Iterable[dict[str, float]]) -> dict[str, float]:
-    """The largest of each group."""
-    every = list(found)
-    return {name: max(one[name] for one in every) for name in every[0]}

@@ -12,12 +12,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from strainfmu.estimator.linear.estimator import LoadEstimate
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.map.offers import has_filter
 from strainfmu.estimator.resource.map_file import native_resource
 from strainfmu.fmu.native.build import library_file
-from strainfmu.interface.estimator_variables import output_values
 
 GUID = "{8c4e810f-3df3-4a00-8276-176fa3c9f000}"
 OK, WARNING, DISCARD, ERROR = 0, 1, 2, 3
@@ -41,22 +39,6 @@ def of_filter(inverse_map: InverseMap) -> int:
     return int(has_filter(inverse_map))
 
 
-GROUPS = {
-    "force coefficients": slice(0, 3),
-    "moment coefficients": slice(3, 5),
-    "sigma of force coefficients": slice(5, 8),
-    "sigma of moment coefficients": slice(8, 10),
-    "forces": slice(10, 13),
-    "moments": slice(13, 15),
-    "sigma of forces": slice(15, 18),
-    "sigma of moments": slice(18, 20),
-    "chi-square": slice(21, 22),
-    "chi-square limit": slice(22, 23),
-    "envelope score": slice(26, 27),
-}
-"""Outputs of one unit, compared relative to the largest: a small one among them is a difference of large terms."""
-
-
 def this_platform() -> str:
     """The library that this machine runs."""
     if platform.system() == "Windows":
@@ -78,11 +60,6 @@ def write_resource(inverse_map: InverseMap, folder: Path, guid: str = GUID) -> P
     resources.mkdir(parents=True, exist_ok=True)
     (resources / "map.bin").write_bytes(native_resource(inverse_map, guid))
     return resources
-
-
-def outputs_of(estimate: LoadEstimate) -> np.ndarray:
-    """(27,) outputs of the numpy estimator by value reference."""
-    return np.array(output_values(estimate))
 
 
 _LOGGER_2 = ctypes.CFUNCTYPE(None, c_void_p, c_char_p, c_int, c_char_p, c_char_p, c_char_p)

@@ -15,7 +15,6 @@ from builder.structure.loads.temperature import TemperatureField, temperature_mo
 from builder.vehicle.file import Vehicle
 from builder.vehicle.structure.temperature import Temperature
 from strainfmu.arrays import FloatArray
-from strainfmu.errors import InputError
 from strainfmu.estimator.map.temperature import ThermalMap
 
 NAME = "temperature"
@@ -52,13 +51,11 @@ def thermal_map(vehicle: Vehicle, structure: FourierStructure | None = None) -> 
     Raises
     ------
     InputError
-        The Fourier model cannot do the vehicle, or the map has not the form that follows q_inf.
+        The Fourier model cannot do the vehicle.
     """
     entry = vehicle.temperature
     if entry is None:
         return None
-    if vehicle.map.form != "dynamic_pressure":
-        raise InputError(f"temperature: expected map.form 'dynamic_pressure', got '{vehicle.map.form}'")
     if structure is None:
         structure = thermal_structure(vehicle, entry)
     modes = thermal_modes(entry, vehicle.body().length)

@@ -21,7 +21,7 @@ static int allocate(Estimator *e) {
     const size_t n_doubles = CACHED_MASKS * masked_map_doubles(map) + workspace_doubles(map) + 2 * n_inputs + 2 * n
                            + added_noise_doubles(map) + n + 1 + n_inputs + 3 * estimator_derivatives(e)
                            + 2 * panel_length(n) + half_space_doubles(&map->envelope)
-                           + (map->scaled ? scaled_doubles(map) : 0);
+                           + (map->scaled ? scaled_doubles(map, e->further.present ? e->further.map.n_loads : 0) : 0);
     const size_t n_indices = CACHED_MASKS * masked_map_indices(map) + n + (map->scaled ? scaled_indices(map) : 0);
     const size_t n_bytes = n_doubles * sizeof(double) + n_indices * sizeof(size_t) + n * sizeof(float);
     e->memory = calloc(1, ALIGNMENT + n_bytes + (CACHED_MASKS + 3) * n);
@@ -59,11 +59,11 @@ static int allocate(Estimator *e) {
     return 1;
 }
 
-/* Whether the parts of a map go together: modes, section loads and the filter of a linear map scale with q_inf, tables of
-   loads are those of the map's section loads, and filter and tables of parameters are about other tables. */
+/* Whether the parts of a map go together: section loads and the filter of a linear map scale with q_inf, tables of loads are
+   those of the map's section loads, and filter and tables of parameters are about other tables. */
 static int check_parts(MapFile *file, int scaled) {
     const int flight = map_has(file, "flight"), further = map_has(file, "further");
-    const int has_form = scaled || !(map_has(file, "thermal") || further);
+    const int has_form = scaled || !further;
     const int of_loads = map_has(file, "flight_loads") == (flight && further);
     const int of_tables = flight || !(map_has(file, "filter") || map_has(file, "parameter_tables"));
     const int of_linear = !map_has(file, "linear_filter") || (!flight && scaled);
@@ -77,11 +77,10 @@ static int check_parts(MapFile *file, int scaled) {
 /* Read all parts, and allocate. */
 static int create(Estimator *e, MapFile *file) {
     const Map *map = &e->map;
-    const size_t n_levels = CACHED_MASKS * CACHED_LEVELS;
     if (!map_parse(file, &e->map) || !check_parts(file, map->scaled)
         || !thermal_create(file, map->n_gauges, e->wide, &e->thermal) || !flow_parameters_parse(file, &e->parameters)
         || !sensor_rows_parse(file, map->n_gauges, &e->sensors)
-        || !further_create(file, map->n_gauges, map->n_states, n_levels, &e->further)) {
+        || !further_create(file, map->n_gauges, map->n_states, &e->further)) {
         return 0;
     }
     if (!allocate(e)) {
@@ -226,9 +225,6 @@ static MaskedMap *masked_map(Estimator *e) {
     e->last_use[oldest] = e->uses;
     memcpy(e->cache[oldest].mask, e->mask, n);
     masked_map_prepare(&e->map, &e->cache[oldest], &e->work);
-    if (e->map.scaled) {
-        scaled_forget(e, oldest);
-    }
     return &e->cache[oldest];
 }
 

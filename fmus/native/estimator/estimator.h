@@ -1,6 +1,6 @@
 /* The estimator: strains and dynamic pressure in; loads, coefficients and health out.
 
-   The C counterpart of strainfmu/estimator/linear/estimator.py. Outputs are computed when they are read and kept until an
+   Equations: strainfmu/estimator/reference/linear.py. Outputs are computed when they are read and kept until an
    input or a setting changes. Nothing is allocated after estimator_create, and instances share nothing. */
 
 #ifndef ESTIMATOR_H
@@ -108,7 +108,6 @@ typedef struct Estimator {
     double *z, *whitened;              /* (panel_length(n_gauges)) */
     float *narrow;                     /* (n_gauges) whitened */
     Scaled scaled;                     /* the rest of a map in form "dynamic_pressure"; not set for others */
-    Levels levels[CACHED_MASKS];
     LinearFilter linear_filter;        /* over time, of a map without tables that has one */
     Flight flight;                     /* of the nonlinear estimator, if the map has tables */
     double *direction;                 /* as input, of derivatives, for estimator_model.c, */

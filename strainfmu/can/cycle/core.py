@@ -92,13 +92,17 @@ class BridgeCore:
         is_due = time >= self._next_status or (deadline is not None and time >= deadline)
         results = self.advance(time) if is_due else []
         if not is_answered or self._skipping:
-            self._remember(frame.time, is_answered)
+            self._remember(time, is_answered)
         self.account.received += 1
         refused = self._acceptance.refused(frame)
         if refused is None:
-            taken = self._take(frame, is_answered)
-            return results + taken if results else taken
-        self.account.refuse(refused, frame.key, frame.time)
+            arrival = self._reception.take(frame)
+            if type(arrival) is Arrival and arrival.slot in self._cycle_slots:
+                taken = self._offer(arrival, time, is_answered)
+                return results + taken if results else taken
+            self._hold(arrival, time)
+            return results
+        self.account.refuse(refused, frame.key, time)
         if refused is FrameClass.ERROR_FRAME:
             self.bus_state = state_after(self.bus_state, frame)
             if self.bus_state is not BusState.ERROR_ACTIVE:
@@ -106,7 +110,7 @@ class BridgeCore:
         elif refused is FrameClass.SHED:
             self.note(Cause.OVERLOAD)
         elif refused is FrameClass.SECOND_BRIDGE:
-            self._other_bridge = frame.time
+            self._other_bridge = time
         return results
 
     def advance(self, now: float) -> list[CycleResult]:
@@ -172,30 +176,23 @@ class BridgeCore:
 
     # --- one frame --------------------------------------------------------------------------------------------
 
-    def _take(self, frame: Frame, is_answered: bool) -> list[CycleResult]:
-        """Check a frame of the input; put it into its cycle, or hold its flow or navigation."""
-        arrival = self._reception.take(frame)
+    def _hold(self, arrival: Arrival | FrameClass, time: float) -> None:
+        """Hold what a frame that is in no cycle says, such as flow or navigation; settle it, or a refused one."""
         if isinstance(arrival, FrameClass):
-            self.account.settle(arrival, frame.time)
-            if arrival is FrameClass.NOT_AUTHENTIC or arrival is FrameClass.NOT_FRESH:
+            kind = arrival
+            if kind is FrameClass.NOT_AUTHENTIC or kind is FrameClass.NOT_FRESH:
                 self.note(Cause.NOT_AUTHENTIC)
-            return []
-        slot = arrival.slot
-        if slot in self._cycle_slots:
-            return self._offer(arrival, is_answered)
-        if slot in self._held_slots:
+        elif arrival.slot in self._held_slots:
             kind = self._judge.take_held(arrival)
-        elif slot == self._command_slot:
+        elif arrival.slot == self._command_slot:
             kind = self._judge.take_command(arrival)
         else:
             kind = self._judge.take_flow(arrival)
-        self.account.settle(kind, frame.time)
-        return []
+        self.account.settle(kind, time)
 
-    def _offer(self, arrival: Arrival, is_answered: bool) -> list[CycleResult]:
+    def _offer(self, arrival: Arrival, time: float, is_answered: bool) -> list[CycleResult]:
         """Put a frame into its cycle; return the results of the cycles that it ends."""
         verdict, closed = self._assembler.offer(arrival)
-        time = arrival.frame.time
         if verdict is not _ACCEPTED:
             if verdict is Verdict.LATE or verdict is Verdict.REPEATED:
                 self.account.settle(FrameClass.LATE if verdict is Verdict.LATE else FrameClass.REPEATED, time)

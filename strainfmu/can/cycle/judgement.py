@@ -145,23 +145,21 @@ class CycleJudge:
         if reception.has_second_sender(now):
             causes |= Cause.SECOND_SENDER
         # Strains whose CRC fits are checked even while they are not trusted yet.
-        readable = trailer.refused is None or trailer.refused in _READABLE
-        n_strain = reception.n_strain
-        strains = list(arrivals.values()) if readable else []
+        strains = list(arrivals.values()) if trailer.refused in _READABLE else []
         if self._trailer is not None:
-            strains = [arrival for arrival in strains if arrival.slot < n_strain]
+            strains = [arrival for arrival in strains if arrival.slot < reception.n_strain]
         decoded = self._decoder.decode(strains, trailer.status)
         plausible = self._plausible(decoded, cycle, whole)
         if self._gauges.all_zero and self._is_dead(decoded, now):
             plausible = self._gauges.refuse_zeros(decoded.present)
-        age, uncertainty, of_time = self._age(cycle, now, decoded=decoded, trailer=trailer)
+        age, uncertainty, of_time = self._age(cycle, now, decoded, trailer)
         trusted = reception.trusted_gauges(arrivals)
         if trailer.cause or of_time:
             causes |= trailer.cause | of_time
         if decoded.status:
             causes |= Cause.SENDER_STATUS
         all_trusted = trusted is reception.every_gauge or _is_full(trusted)
-        all_plausible = _is_full(plausible)
+        all_plausible = plausible is self._gauges.every_gauge or _is_full(plausible)
         if not all_trusted and (decoded.present & ~trusted).any():
             causes |= Cause.NOT_TRUSTED
         if not all_plausible and (decoded.present & ~plausible).any():
@@ -203,12 +201,7 @@ class CycleJudge:
         present, now = decoded.present, cycle.first_time
         if whole is None or self._held is None:
             return self._gauges.update(
-                decoded.strain,
-                decoded.raw,
-                present=present,
-                refused=decoded.refused,
-                now=now,
-                is_clean=decoded.is_clean,
+                decoded.strain, decoded.raw, present, decoded.refused, now, decoded.is_clean
             )
         checked = self._gauges.update(
             np.where(whole.fresh, decoded.strain, np.nan),
@@ -237,7 +230,7 @@ class CycleJudge:
         """Return the age of the strains at ``now`` [s], its uncertainty [s], and the causes if it is in doubt."""
         age, uncertainty, causes = now - cycle.first_time, np.nan, _NOTHING
         limit = self._max_age
-        readable = trailer.refused is None or trailer.refused in _READABLE
+        readable = trailer.refused in _READABLE
         is_new = self._seen.add(self._strain_data(cycle)) if readable else False
         named = cycle.first if self._trailer is None else self._named(cycle)
         ticks = named.sample_time if readable else None
@@ -252,7 +245,7 @@ class CycleJudge:
                 causes |= Cause.HIDDEN_DELAY
             if not reading.jumped or reading.restarted:
                 self._last_sample = cycle.first_time, self._clock.seconds(ticks)
-            self._prove(cycle, self._clock, reading=reading, ticks=ticks, is_new=is_new)
+            self._prove(cycle, self._clock, reading, ticks, is_new)
         elif self._clock is None and self._proof is not None and readable:
             self._proof.take_untimed(cycle.first_time, is_new)
         if self._proof is not None and not self._proof.is_proven:
@@ -302,8 +295,9 @@ class CycleJudge:
 
     def _strain_data(self, cycle: Cycle) -> list[bytes]:
         """Return what identifies the strains of a cycle: each protected frame, or all that a trailer covers."""
-        data = [arrival.frame.data for _, arrival in sorted(cycle.arrivals.items())]
-        return data if self._trailer is None else [b"".join(data)]
+        if self._trailer is None:
+            return [arrival.frame.data for arrival in cycle.arrivals.values()]
+        return [b"".join([arrival.frame.data for _, arrival in sorted(cycle.arrivals.items())])]
 
     def _named(self, cycle: Cycle) -> Arrival:
         """Return the frame whose sample time and counter identify a cycle."""
@@ -341,7 +335,7 @@ class CycleJudge:
         strain = decoded.strain if verdicts is None or _is_full(valid) else np.where(valid, decoded.strain, np.nan)
         step = None
         if verdicts is None or np.count_nonzero(valid):
-            step, quality, causes = self._step(strain, flow, now=now, causes=causes)
+            step, quality, causes = self._step(strain, flow, now, causes)
         elif causes & (Cause.OLD | Cause.FROZEN):
             quality = Quality.STALE
         else:

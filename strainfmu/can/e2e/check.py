@@ -58,9 +58,9 @@ class ReceptionCheck:
 
     def check(self, data: bytes, covered: bytes = b"") -> E2EStatus:
         """Return the status of ``data`` (with ``covered``, bytes of other frames under the same CRC)."""
-        if self.conflicts or self.alternates:
-            self.conflicts = self.alternates = False
-        if not self._fits(data, covered):
+        self.conflicts = self.alternates = False
+        fits = self._fits  # a function, not a method: called as one it is looked up twice
+        if not fits(data, covered):
             return E2EStatus.ERROR
         counter, modulus = data[self._byte] & self._bits, self._modulus
         if counter >= modulus:
@@ -71,7 +71,8 @@ class ReceptionCheck:
             self.conflicts = self._content is not None and self._content != (data, covered)
             return E2EStatus.REPEATED
         before, self._before, self.counter = self._before, last, counter
-        content, self._content_before, self._content = self._content_before, self._content, (data, covered)
+        content, self._content_before = self._content_before, self._content
+        self._content = data, covered
         if delta == 1:
             return _OK
         if delta <= self._max_delta:

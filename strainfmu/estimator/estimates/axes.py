@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.estimates.load_estimate import LoadEstimate, LoadEstimates
+from strainfmu.estimator.estimates.load_estimate import ShownEstimate
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +40,7 @@ class TurnedCoefficients:
 
 
 def in_wind_axes(
-    estimate: LoadEstimate | LoadEstimates,
+    estimate: ShownEstimate,
     angle_of_attack: ArrayLike,
     sideslip_angle: ArrayLike,
     angle_std: ArrayLike = 0.0,
@@ -58,7 +58,7 @@ def in_wind_axes(
 
 
 def in_stability_axes(
-    estimate: LoadEstimate | LoadEstimates, angle_of_attack: ArrayLike, angle_std: ArrayLike = 0.0
+    estimate: ShownEstimate, angle_of_attack: ArrayLike, angle_std: ArrayLike = 0.0
 ) -> TurnedCoefficients:
     """Return C_D, C_S and C_L of ``estimate`` in stability axes; arguments as of :func:`in_wind_axes`."""
     a, std = np.asarray(angle_of_attack, dtype=float), np.asarray(angle_std, dtype=float)
@@ -66,7 +66,7 @@ def in_stability_axes(
 
 
 def _turned(
-    estimate: LoadEstimate | LoadEstimates, turn: FloatArray, errors: list[tuple[FloatArray, FloatArray]]
+    estimate: ShownEstimate, turn: FloatArray, errors: list[tuple[FloatArray, FloatArray]]
 ) -> TurnedCoefficients:
     """Return the coefficients by ``turn`` (.., 3, 3); ``errors``: its slopes by angles, and the angles' std."""
     order = np.array([0, 2, 1])

@@ -11,10 +11,10 @@ from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, LOAD_NAMES, L
 from strainfmu.estimator.notebook import html_table
 
 if TYPE_CHECKING:
-    from strainfmu.estimator.estimates.load_estimate import LoadEstimate, LoadEstimates
+    from strainfmu.estimator.estimates.load_estimate import ShownEstimate
 
 
-def estimate_html(estimate: LoadEstimate) -> str:
+def estimate_html(estimate: ShownEstimate) -> str:
     """Return coefficients and loads with 3 sigma, and the health."""
     rows = [
         (name, f"{value:.5g}", f"{3.0 * std:.2g}", "1")
@@ -33,7 +33,7 @@ def estimate_html(estimate: LoadEstimate) -> str:
     )
 
 
-def estimates_html(estimates: LoadEstimates) -> str:
+def estimates_html(estimates: ShownEstimate) -> str:
     """Return range and median of 3 sigma of each coefficient over the samples, and how many are of each health."""
     rows = []
     for name, values, std in zip(

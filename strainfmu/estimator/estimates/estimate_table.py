@@ -13,10 +13,10 @@ from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, LOAD_NAMES
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-    from strainfmu.estimator.estimates.load_estimate import LoadEstimate, LoadEstimates
+    from strainfmu.estimator.estimates.load_estimate import ShownEstimate
 
 
-def dataframe_of(estimate: LoadEstimate | LoadEstimates, health: Any) -> DataFrame:
+def dataframe_of(estimate: ShownEstimate, health: Any) -> DataFrame:
     """Return a row a sample; ``health`` names its state. Needs pandas."""
     from pandas import DataFrame
 

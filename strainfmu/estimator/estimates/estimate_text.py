@@ -11,10 +11,10 @@ from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, LOAD_NAMES, LOAD_UNITS
 
 if TYPE_CHECKING:
-    from strainfmu.estimator.estimates.load_estimate import LoadEstimate, LoadEstimates
+    from strainfmu.estimator.estimates.load_estimate import ShownEstimate
 
 
-def estimate_text(estimate: LoadEstimate) -> str:
+def estimate_text(estimate: ShownEstimate) -> str:
     """Return kind and health of an estimate, then each load with its coefficient, both with sigma."""
     used = f"{int(np.sum(estimate.valid))} of {len(estimate.valid)} gauges"
     limit = f"chi-square {estimate.chi_square:.4g}, limit {estimate.chi_square_limit:.4g}"
@@ -33,7 +33,7 @@ def estimate_text(estimate: LoadEstimate) -> str:
     return "\n".join([first, *lines])
 
 
-def estimates_text(estimates: LoadEstimates) -> str:
+def estimates_text(estimates: ShownEstimate) -> str:
     """Return kind, number and health of estimates, then the range and the median sigma of each load."""
     count = len(estimates)
     samples = f"{count} sample{'' if count == 1 else 's'}"
@@ -48,7 +48,7 @@ def estimates_text(estimates: LoadEstimates) -> str:
     return "\n".join([f"{type(estimates).__name__} of {samples}{health}", *lines])
 
 
-def health_counts(estimates: LoadEstimates) -> str:
+def health_counts(estimates: ShownEstimate) -> str:
     """Return how many samples are of each state of health, as text."""
     counts = zip(*np.unique(estimates.health, return_counts=True), strict=True)
     return ", ".join(f"{count} {HealthState(int(state)).name}" for state, count in counts)

@@ -15,21 +15,13 @@ from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.estimator.estimates.linear_field import linear_pressure, no_field
 from strainfmu.estimator.estimates.pressure_field import FieldInputs, PressureField, unknown_field
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.numerics.spline import local_basis
 from strainfmu.estimator.reference.air import lognormal_std
 from strainfmu.estimator.reference.nonlinear import NonlinearReference
-from strainfmu.estimator.reference.tables import (
-    LOG_PRESSURE,
-    MACH,
-    MIN_INCIDENCE,
-    Tables,
-    U,
-    W,
-    basis,
-    evaluate,
-    tables_of,
-    with_known_parameters,
-)
+from strainfmu.estimator.reference.tables import Tables, evaluate, tables_of, with_known_parameters
+from strainfmu.estimator.tables import flight_tables
 from strainfmu.estimator.tables.flight_field import FlightField
+from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, MIN_INCIDENCE, FlightTables, U, W
 from strainfmu.estimator.tables.manifold_map import ManifoldMap
 from strainfmu.estimator.tables.shape_field import ShapeField, field_with_known
 
@@ -38,7 +30,7 @@ MIN_LEFT = 0.05
 
 
 class Solved(Protocol):
-    """What the pressure of one sample follows from: fields of :class:`FlightEstimate`."""
+    """What the pressure of one sample follows from: fields of an estimate."""
 
     @property
     def field_inputs(self) -> FieldInputs | None: ...
@@ -55,7 +47,13 @@ class Solved(Protocol):
 
 
 def pressure_of(estimate: Solved, with_std: bool = True) -> PressureField:
-    """Return the absolute pressure of ``estimate``; errors as :meth:`FlightEstimate.pressure`."""
+    """Return the absolute pressure of ``estimate``.
+
+    Raises
+    ------
+    InputError
+        The map holds no pressure field.
+    """
     inputs = estimate.field_inputs
     manifold = None if inputs is None else inputs.inverse_map.manifold
     field = None if manifold is None else manifold.surface_field
@@ -121,17 +119,13 @@ def table_pressure(manifold: ManifoldMap, field: FlightField | ShapeField, state
 
 
 def _of_shape(manifold: ManifoldMap, field: ShapeField, state: FloatArray) -> TablePressure:
-    n_q = field.modes.shape[1]
-    tables = Tables(
+    tables = FlightTables(
         mach_knots=manifold.mach_knots,
         incidence_knots=manifold.incidence_knots,
-        spline=field.amplitude[..., 0] - 1j * field.amplitude[..., 1],
-        fixed=np.zeros(n_q),
-        error_strain=np.zeros((0, 0)),
-        cross=np.zeros((0, n_q)),
-        output_variance=np.zeros((n_q, n_q)),
+        response=field.amplitude,
+        fixed_response=np.zeros(field.modes.shape[1]),
     )
-    value, jacobian = (field.modes @ one for one in evaluate(tables, state))
+    value, jacobian = (field.modes @ one[0] for one in flight_tables.evaluate(tables, state[None]))
     pressure = float(np.exp(state[LOG_PRESSURE]))
     jacobian[:, LOG_PRESSURE] += pressure
     return TablePressure(value=value + pressure, jacobian=jacobian)
@@ -140,8 +134,10 @@ def _of_shape(manifold: ManifoldMap, field: ShapeField, state: FloatArray) -> Ta
 def _of_rings(manifold: ManifoldMap, field: FlightField, state: FloatArray) -> TablePressure:
     u, w = float(state[U]), float(state[W])
     incidence = float(np.sqrt(u * u + w * w + MIN_INCIDENCE**2))
-    i, of_mach, by_mach_knots = basis(manifold.mach_knots, float(state[MACH]))
-    j, of_incidence, by_incidence_knots = basis(manifold.incidence_knots, incidence)
+    at_mach = local_basis(manifold.mach_knots, state[MACH : MACH + 1])
+    at_incidence = local_basis(manifold.incidence_knots, np.array([incidence]))
+    (i,), (of_mach,), (by_mach_knots,) = at_mach
+    (j,), (of_incidence,), (by_incidence_knots,) = at_incidence
     local = field.amplitude[i : i + 4, j : j + 4].astype(float)
     pairs = ((of_mach, of_incidence), (by_mach_knots, of_incidence), (of_mach, by_incidence_knots))
     amplitude, by_mach, by_incidence = (np.einsum("a,b,abxm->xm", a, b, local, optimize=True) for a, b in pairs)

@@ -13,7 +13,7 @@ the covariance of the loads) is computed where it is read.
 
 Form "absolute" is the paper's: the model holds as it stands. In form "dynamic_pressure" it holds at the nominal
 dynamic pressure; at s times that, d = d_0 + s (m - d_0 + A q + N y) + e_g and f = f_0 + s (..)
-(:mod:`strainfmu.estimator.linear.decomposition`).
+(:mod:`strainfmu.estimator.reference.linear`).
 """
 
 from __future__ import annotations

@@ -47,10 +47,9 @@ def _check_parts(inverse_map: InverseMap) -> None:
         raise InputError(f"inverse map: sensors of {len(sensors.kind)} rows, must be {n_d}")
     if inverse_map.further is not None:
         inverse_map.further.check(inverse_map.n_states, inverse_map.error_strain.shape[1])
-    if thermal is not None and (not inverse_map.follows_pressure or len(thermal.mode_strain) != n_d):
+    if thermal is not None and len(thermal.mode_strain) != n_d:
         raise InputError(
-            "inverse map: thermal: expected modes of the map's gauges in form 'dynamic_pressure', got "
-            f"{len(thermal.mode_strain)} gauges in form '{inverse_map.form}'"
+            f"inverse map: thermal: temperature modes of {len(thermal.mode_strain)} gauges, must be of {n_d}"
         )
     if manifold is not None and manifold.tables.n_gauges != n_d:
         raise InputError(f"inverse map: tables of {manifold.tables.n_gauges} gauges, must be of {n_d}")

@@ -24,7 +24,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.numerics.algebra import LAPACK, Algebra
 
 
 def load_gain(
@@ -34,7 +33,6 @@ def load_gain(
     state_operator: FloatArray,
     noise_whitening: FloatArray,
     strain_load_covariance: FloatArray | None,
-    algebra: Algebra = LAPACK,
 ) -> FloatArray:
     """Return (5, n_d) G, loads per strain [N, N m]; M T where no load is outside the states.
 
@@ -47,25 +45,21 @@ def load_gain(
     state_operator : (n_d, n_q) A [(m/m)/state].
     noise_whitening : (n_d, n_d) L^-1 of Gamma = L L' [1/(m/m)].
     strain_load_covariance : (n_d, 5) X, or None.
-    algebra : what the matrices are multiplied with.
     """
-    product = algebra.product
     if strain_load_covariance is None:
-        return product(load_per_state, strain_gain)
-    of_residual = residual_load_gain(noise_whitening, strain_load_covariance, algebra)
-    of_states = load_per_state - product(of_residual, state_operator)
-    return np.asarray(product(of_states, strain_gain) + of_residual)
+        return np.asarray(load_per_state @ strain_gain)
+    of_residual = residual_load_gain(noise_whitening, strain_load_covariance)
+    of_states = load_per_state - of_residual @ state_operator
+    return np.asarray(of_states @ strain_gain + of_residual)
 
 
-def residual_load_gain(
-    noise_whitening: FloatArray, strain_load_covariance: FloatArray, algebra: Algebra = LAPACK
-) -> FloatArray:
+def residual_load_gain(noise_whitening: FloatArray, strain_load_covariance: FloatArray) -> FloatArray:
     """Return (5, n_d) X' Gamma^-1 [N, N m]: load outside the states per strain outside the states.
 
     ``noise_whitening`` is L^-1 (n_d, n_d) of Gamma = L L' [1/(m/m)], ``strain_load_covariance`` X (n_d, 5).
     """
-    whitened = algebra.product(noise_whitening, strain_load_covariance)
-    return algebra.product(whitened.T, noise_whitening)
+    whitened = noise_whitening @ strain_load_covariance
+    return np.asarray(whitened.T @ noise_whitening)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -90,9 +84,9 @@ class LoadErrorModel:
     known_prior: bool
 
 
-def load_error_covariance(model: LoadErrorModel, load_gain: FloatArray, algebra: Algebra = LAPACK) -> FloatArray:
+def load_error_covariance(model: LoadErrorModel, load_gain: FloatArray) -> FloatArray:
     """Return (m, m) covariance [(N, N m)^2] of the error of m loads estimated with ``load_gain`` G (m, n_d)."""
-    return model.remainder + _of_gain(model, load_gain, algebra)
+    return model.remainder + _of_gain(model, load_gain)
 
 
 def load_error_model(
@@ -103,7 +97,6 @@ def load_error_model(
     state_operator: FloatArray,
     load_per_state: FloatArray,
     known_prior: bool,
-    algebra: Algebra = LAPACK,
 ) -> LoadErrorModel:
     """Return the terms of the covariance of m loads.
 
@@ -111,31 +104,28 @@ def load_error_model(
     ----------
     gauge_covariance, error_strain, error_load : (n_d, n_d) Gamma_g, (n_d, k) N, (m, k) N_f.
     state_operator, load_per_state, known_prior : as of :class:`LoadErrorModel`.
-    algebra : what the matrices are made with.
     """
-    product = algebra.product
-    root = algebra.cholesky(gauge_covariance + product(error_strain, error_strain.T))
-    regression = algebra.solve_lower(root, product(error_strain, error_load.T)).T
+    root = np.asarray(np.linalg.cholesky(gauge_covariance + error_strain @ error_strain.T))
+    regression = np.asarray(np.linalg.solve(root, error_strain @ error_load.T).T)
     # B = X' Gamma^-1 by L' B' = (X' L'^-1)', the triangle L' turned into a lower one.
-    turned = algebra.solve_lower(root[::-1, ::-1].T.copy(), regression[:, ::-1].T.copy())
+    turned = np.linalg.solve(root[::-1, ::-1].T.copy(), regression[:, ::-1].T.copy())
     by_strain = turned[::-1].T.copy()
-    of_columns = error_load - product(by_strain, error_strain)
+    of_columns = error_load - by_strain @ error_strain
     return LoadErrorModel(
         noise_root=root,
         regression=regression,
-        remainder=product(of_columns, of_columns.T) + product(product(by_strain, gauge_covariance), by_strain.T),
+        remainder=of_columns @ of_columns.T + by_strain @ gauge_covariance @ by_strain.T,
         state_operator=state_operator,
         load_per_state=load_per_state,
         known_prior=known_prior,
     )
 
 
-def _of_gain(model: LoadErrorModel, load_gain: FloatArray, algebra: Algebra) -> FloatArray:
+def _of_gain(model: LoadErrorModel, load_gain: FloatArray) -> FloatArray:
     """Return the two terms that depend on the gain."""
-    product = algebra.product
-    of_noise = product(load_gain, model.noise_root) - model.regression
-    covariance = product(of_noise, of_noise.T)
+    of_noise = load_gain @ model.noise_root - model.regression
+    covariance = of_noise @ of_noise.T
     if model.known_prior:
-        of_prior = model.load_per_state - product(load_gain, model.state_operator)
-        covariance = covariance + product(of_prior, of_prior.T)
+        of_prior = model.load_per_state - load_gain @ model.state_operator
+        covariance = covariance + of_prior @ of_prior.T
     return np.asarray(covariance)

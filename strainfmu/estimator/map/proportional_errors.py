@@ -14,7 +14,6 @@ with the pressure ratio s: their products are computed at fixed levels and are l
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import sqrt
 
 import numpy as np
 
@@ -25,15 +24,6 @@ PAIRS = tuple((a, b) for a in range(6) for b in range(a, 6))
 """The 21 products c_a c_b of c = [1, C_A, C_N, C_Y, M_P, M_Y], a <= b."""
 
 _FIRST, _SECOND = np.array(PAIRS).T
-
-ROWS, COLUMNS = (np.array(index) for index in np.triu_indices(5))
-"""The 15 entries of a symmetric (5, 5) covariance, row by row."""
-
-N_VALUES = 16
-"""Values of a level per pair: 15 of the covariance of loads, and the expected chi-square."""
-
-_ROOT = sqrt(0.5)
-"""Level of the pressure ratio between two powers of 2."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -60,51 +50,8 @@ def error_model(inverse_map: InverseMap) -> ErrorModel | None:
     return ErrorModel(of_gauge=of_gauge, common=common, mean_product=mean)
 
 
-def enclosing_levels(pressure_ratio: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the levels (k,) below and above ``pressure_ratio`` (k,) > 0: powers of 2, and those times
-    sqrt(1/2)."""
-    mantissa, exponent = np.frexp(pressure_ratio)
-    unit = np.ldexp(1.0, exponent)
-    upper = mantissa >= _ROOT
-    return unit * np.where(upper, _ROOT, 0.5), unit * np.where(upper, 1.0, _ROOT)
-
-
-def level_products(errors: ErrorModel, gain: FloatArray, precision: FloatArray) -> FloatArray:
-    """Return (21, 16) G H_ab G' [(N, N m)^2] and trace of P H_ab [1] for G (5, n_d) and P (n_d, n_d) of a
-    level."""
-    values = np.empty((len(PAIRS), N_VALUES))
-    values[:, :15] = errors.of_gauge @ (gain[ROWS] * gain[COLUMNS]).T
-    values[:, 15] = errors.of_gauge @ np.diag(precision)
-    of_common = errors.common @ gain.T
-    weighted = errors.common @ precision
-    for row, (a, b) in enumerate(PAIRS):
-        twice = 1.0 if a == b else 2.0
-        first, second = of_common[:, a], of_common[:, b]
-        square = 0.5 * twice * (first[:, ROWS] * second[:, COLUMNS] + second[:, ROWS] * first[:, COLUMNS])
-        values[row, :15] += square.sum(axis=0)
-        values[row, 15] += twice * float(np.sum(weighted[:, a] * errors.common[:, b]))
-    return values
-
-
-def further_level_products(errors: ErrorModel, gain: FloatArray) -> FloatArray:
-    """Return (21, m) diagonal of G H_ab G' [(N, N m)^2] for the gain G (m, n_d) of further loads of a level."""
-    values = errors.of_gauge @ (gain * gain).T
-    of_common = errors.common @ gain.T
-    for row, (a, b) in enumerate(PAIRS):
-        twice = 1.0 if a == b else 2.0
-        values[row] += twice * np.sum(of_common[:, a] * of_common[:, b], axis=0)
-    return np.asarray(values)
-
-
 def excess_products(errors: ErrorModel, coefficients: FloatArray) -> FloatArray:
     """Return (k, 21) c_a c_b less its mean over the snapshots, for ``coefficients`` (k, 5)."""
     c = np.ones((len(coefficients), 6))
     c[:, 1:] = coefficients
     return c[:, _FIRST] * c[:, _SECOND] - errors.mean_product
-
-
-def symmetric(entries: FloatArray) -> FloatArray:
-    """Return (k, 5, 5) from its 15 ``entries`` (k, 15)."""
-    whole = np.empty((len(entries), 5, 5))
-    whole[:, ROWS, COLUMNS] = whole[:, COLUMNS, ROWS] = entries
-    return whole

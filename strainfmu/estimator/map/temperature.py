@@ -97,21 +97,17 @@ UNITS = {
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SensorSet:
-    """What a set of known sensors tells.
+    """What a set of known sensors determines.
 
     Attributes
     ----------
     known : (n_t,) which they are.
-    strain_gain : (n_d, n_t) thermal strain of the gauges per reading's rise [1/K]; 0 for unknown sensors.
-    temperature_gain : (n_d, n_t) temperature of the gauges per reading's rise [1].
     gauge_covariance : (n_d, n_d) of the gauges: isothermal, and what the sensors leave of the modes [(m/m)^2].
-    amplitude_gain : (k, n_t) amplitudes per reading's rise [1].
+    amplitude_gain : (k, n_t) amplitudes per reading's rise [1]; 0 for unknown sensors.
     amplitude_covariance : (k, k) P [K^2].
     """
 
     known: BoolArray
-    strain_gain: FloatArray
-    temperature_gain: FloatArray
     gauge_covariance: FloatArray
     amplitude_gain: FloatArray
     amplitude_covariance: FloatArray
@@ -123,7 +119,7 @@ def known_sensors(thermal: ThermalMap, temperature: FloatArray) -> BoolArray:
 
 
 def sensor_set(thermal: ThermalMap, known: BoolArray) -> SensorSet:
-    """Return what the sensors ``known`` (n_t,) tell.
+    """Return what the sensors ``known`` (n_t,) determine.
 
     By the deviations of whitened amplitudes: with A = R^-1/2 C diag(s), P = diag(s) (I + A' A)^-1 diag(s).
     """
@@ -136,42 +132,7 @@ def sensor_set(thermal: ThermalMap, known: BoolArray) -> SensorSet:
     strain = thermal.linear_strain @ left
     return SensorSet(
         known=known,
-        strain_gain=thermal.mode_strain @ gain,
-        temperature_gain=thermal.gauge_operator @ gain,
         gauge_covariance=thermal.isothermal_covariance + strain @ strain.T,
         amplitude_gain=gain,
         amplitude_covariance=left @ left.T,
-    )
-
-
-def strain_at_reference(
-    thermal: ThermalMap, sensors: SensorSet, strain: FloatArray, temperature: FloatArray
-) -> FloatArray:
-    """Return what gauges would read at the reference temperature (k, n_d) [m/m].
-
-    Parameters
-    ----------
-    strain : (k, n_d) readings less zeros [m/m].
-    temperature : (k, n_t) of the sensors [K]; those that are not of the set are not read.
-    """
-    rise = np.where(sensors.known, temperature - thermal.reference_temperature, 0.0)
-    return _without_wall(thermal, strain, rise @ sensors.temperature_gain.T, rise @ sensors.strain_gain.T)
-
-
-def strain_at_amplitude(thermal: ThermalMap, amplitude: FloatArray, strain: FloatArray) -> FloatArray:
-    """Return what gauges would read at the reference temperature (k, n_d) [m/m], of ``strain`` (k, n_d) less zeros
-    while the modes have ``amplitude`` (n_k,) [K]."""
-    return _without_wall(thermal, strain, thermal.gauge_operator @ amplitude, thermal.mode_strain @ amplitude)
-
-
-def _without_wall(
-    thermal: ThermalMap, strain: FloatArray, of_gauge: FloatArray, of_modes: FloatArray
-) -> FloatArray:
-    """Solve for the strain by load: gauges are ``of_gauge`` warmer [K], the wall strains them by ``of_modes``."""
-    apparent = np.zeros_like(of_gauge)
-    for coefficient in thermal.apparent_strain[::-1]:
-        apparent = (apparent + coefficient) * of_gauge
-    return np.asarray(
-        (strain / (1.0 + thermal.gauge_factor_slope * of_gauge) - (of_modes + apparent))
-        * (1.0 + thermal.modulus_slope * of_gauge)
     )

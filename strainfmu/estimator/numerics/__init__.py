@@ -1,1 +1,1 @@
-"""Matrix algebra and splines of the estimators, in the same bits on every processor where they must be."""
+"""Matrix algebra in the same bits on every processor, splines, and quantised readings."""

@@ -89,11 +89,7 @@ class NonlinearReference:
         self.manifold, self.tables, self.noise = inverse_map.manifold, tables, noise
         self.references = references(inverse_map)[: len(tables.output_variance)]
         self.n_d = len(noise)
-        low, high = np.log(self.manifold.pressure_range)
-        middle, half = self.manifold.crossflow
-        mach = self.manifold.mach_range
-        self.prior_mean = np.array([np.mean(mach), *np.broadcast_to(middle, 2), 0.5 * (low + high)])
-        self.prior_std = np.array([max(0.5 * np.ptp(mach), 0.1), *np.broadcast_to(half, 2), 0.5 * (high - low)])
+        self.prior_mean, self.prior_std = self.manifold.state_prior
 
     # The model about a state.
 

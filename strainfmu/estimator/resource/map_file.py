@@ -21,8 +21,6 @@ from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, layer_table
 from strainfmu.errors import InputError
 from strainfmu.estimator.alarm_limits import AMBIGUOUS_CORRELATION, outlier_threshold
 from strainfmu.estimator.arguments import NOT_KNOWN
-from strainfmu.estimator.filter.linear_model import linear_model
-from strainfmu.estimator.filter.settings import FilterSettings
 from strainfmu.estimator.further_loads import FurtherLoads, is_moment
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, chi_square_limit
 from strainfmu.estimator.map.envelope import (
@@ -49,6 +47,7 @@ from strainfmu.estimator.policies import LARGEST_TIME as LARGEST
 from strainfmu.estimator.policies import MIN_EXPECTED_RATIO, MIN_INFORMATION, SLOW
 from strainfmu.estimator.policies import SMALLEST_TIME as SMALLEST
 from strainfmu.estimator.resource.container import Values, pack, texts
+from strainfmu.estimator.resource.filter_law import linear_law
 from strainfmu.estimator.resource.nonlinear_arrays import nonlinear_parts
 from strainfmu.estimator.settings import LARGEST_SETTING, SMALLEST_SETTING, default_settings
 from strainfmu.estimator.zeros.gauge_zeros import LARGEST_ZERO
@@ -250,22 +249,21 @@ def _further(further: FurtherLoads, spread_load: FloatArray, spread_unseen: Floa
 
 def _linear_filter(inverse_map: InverseMap) -> Values:
     """Return the filter of a linear map in form "dynamic_pressure"."""
-    model = linear_model(inverse_map, FilterSettings(time_constant=1.0))
-    n_d, n = model.n_gauges, len(model.std)
-    common = model.slow | (np.arange(n) >= n - model.n_modes)
+    law = linear_law(inverse_map)
+    scales, n_modes = law.scales, law.n_modes
     return {
         "slow": SLOW,
         "smallest_time": SMALLEST,
         "largest_time": LARGEST,
-        "n_modes": model.n_modes,
-        "std": model.std,
-        "scaled": model.scaled[:n_d, ~common].T,
-        "load": model.scaled[n_d:, ~common].T,
-        "common": model.common[:, common].T,
-        "own": model.own.T,
-        "rest": model.rest.T,
-        "noise": model.noise,
-        "rest_cross": model.seen.rest_cross,
+        "n_modes": n_modes,
+        "std": law.std,
+        "scaled": law.strain[:, scales].T,
+        "load": law.load[:, scales].T,
+        "common": law.strain[:, ~scales].T,
+        "own": law.own.T,
+        "rest": law.rest.T,
+        "noise": law.noise,
+        "rest_cross": law.seen.rest_cross,
     }
 
 

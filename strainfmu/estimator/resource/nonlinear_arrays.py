@@ -10,14 +10,12 @@ import numpy as np
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO
 from strainfmu.estimator.air_data import NAVIGATION
 from strainfmu.estimator.alarm_limits import outlier_threshold, outside_score, shape_limit
-from strainfmu.estimator.filter.flight_model import flight_model
-from strainfmu.estimator.filter.settings import FilterSettings
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, chi_square_limit
-from strainfmu.estimator.manifold.navigation import prior
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.map.offers import has_further_outputs
 from strainfmu.estimator.numerics.fixed_order import product
 from strainfmu.estimator.policies import (
+    ANGLE_RATE,
     BAND,
     COLD_ITERATIONS,
     FALSE_ALARMS,
@@ -26,7 +24,9 @@ from strainfmu.estimator.policies import (
     LARGEST_TIME,
     LARGEST_USED_SCORE,
     LARGEST_WIDENING,
+    LOG_PRESSURE_RATE,
     LONGEST_STEP,
+    MACH_NUMBER_RATE,
     MIN_GAIN,
     MIN_INCIDENCE_SCORE,
     NAMED_AFTER,
@@ -42,10 +42,12 @@ from strainfmu.estimator.policies import (
     SMALLEST_TIME,
     START_ITERATIONS,
     WARM_ITERATIONS,
+    WHITE_NAVIGATION,
     WIDEN,
     WINDOW,
 )
 from strainfmu.estimator.resource.container import Values
+from strainfmu.estimator.resource.filter_law import flight_law
 from strainfmu.estimator.tables.channel_tables import channel_tables
 from strainfmu.estimator.tables.flight_tables import MIN_INCIDENCE
 from strainfmu.estimator.tables.further_tables import FurtherTables
@@ -92,7 +94,7 @@ def _tables(inverse_map: InverseMap, manifold: ManifoldMap) -> Values:
 
 def _ranges(manifold: ManifoldMap) -> Values:
     """Return where the tables hold, and what is known of the flight state without strain."""
-    mean, precision = prior(manifold)
+    prior = manifold.state_prior
     low, high = manifold.pressure_range.tolist()
     return {
         "mach_range": manifold.mach_range,
@@ -111,8 +113,8 @@ def _ranges(manifold: ManifoldMap) -> Values:
             manifold.dynamic_pressure_error,
         ],
         "altitude_error": manifold.altitude_error,
-        "prior_mean": mean,
-        "prior_precision": precision,
+        "prior_mean": prior.mean,
+        "prior_precision": 1.0 / prior.std**2,
         "navigation_limit": [outlier_threshold(1, rate) for rate in FALSE_ALARMS],
         "navigation_alarm": NAVIGATION_ALARM,
         "half_gamma": 0.5 * HEAT_CAPACITY_RATIO,
@@ -186,20 +188,14 @@ def _parameter_tables(manifold: ManifoldMap, tables: ParameterTables) -> Values:
 
 def _filter(inverse_map: InverseMap, manifold: ManifoldMap) -> Values:
     """Return the filter over time of ``manifold``, the tables of ``inverse_map``."""
-    settings = FilterSettings(time_constant=1.0)
-    model = flight_model(inverse_map, manifold, settings)
-    seen, errors, n = model.seen, model.further, len(model.own)
+    law = flight_law(inverse_map, manifold)
+    seen, errors, n = law.seen, law.further, len(law.own)
     n_seen = seen.strain.shape[1]
     return {
-        "rate": [
-            settings.mach_number_rate,
-            settings.angle_rate,
-            settings.angle_rate,
-            settings.log_pressure_rate,
-        ],
+        "rate": [MACH_NUMBER_RATE, ANGLE_RATE, ANGLE_RATE, LOG_PRESSURE_RATE],
         "rate_time": RATE_TIME,
         "slow": SLOW,
-        "white_navigation": settings.white_navigation,
+        "white_navigation": WHITE_NAVIGATION,
         "window": float(WINDOW),
         "band": BAND,
         "widen": WIDEN,
@@ -212,16 +208,16 @@ def _filter(inverse_map: InverseMap, manifold: ManifoldMap) -> Values:
         "slope_time": SLOPE_TIME,
         "of_age": OF_AGE,
         "longest_step": LONGEST_STEP,
-        "n_modes": len(model.modes.amplitude),
+        "n_modes": law.n_modes,
         "seen_strain": seen.strain.T,
         "seen_load": seen.load.T,
         "rest_strain": seen.rest_strain,
         "rest_load": seen.rest_load,
         "rest_cross": seen.rest_cross,
-        "noise": model.noise,
-        "shared": model.common.T,
-        "of_gauge": np.moveaxis(model.of_gauge, 0, 2),
-        "own": model.own[None] if model.own.any() else np.zeros((0, n)),
+        "noise": law.noise,
+        "shared": law.common.T,
+        "of_gauge": np.moveaxis(law.of_gauge, 0, 2),
+        "own": law.own[None] if law.own.any() else np.zeros((0, n)),
         "further_load": np.zeros((0, n_seen)) if errors is None else errors.load,
         "further_cross": np.zeros((0, n)) if errors is None else errors.rest_cross,
         "further_variance": np.zeros(0) if errors is None else errors.rest_variance,

@@ -47,10 +47,10 @@ def channel_tables(response: FloatArray, roll_angle: FloatArray) -> ChannelTable
     """
     found: list[FloatArray] = []
     terms: list[tuple[int, int, FloatArray, FloatArray]] = []
-    for row in range(response.shape[2]):
-        of_cosine, of_sine = response[:, :, row, :, 0], response[:, :, row, :, 1]
-        largest = float(np.max(np.abs(response[:, :, row])))
-        phase = _own_angle(of_cosine, of_sine, float(roll_angle[row]) if row < len(roll_angle) else 0.0)
+    for row, (of_cosine, of_sine) in enumerate(np.ascontiguousarray(np.moveaxis(response, (2, 4), (0, 1)))):
+        largest = float(max(np.max(np.abs(of_cosine)), np.max(np.abs(of_sine))))
+        position = float(roll_angle[row]) if row < len(roll_angle) else 0.0
+        phase = _own_angle(of_cosine, of_sine, position, ROUND_OFF * largest)
         for first, second, value in _parts(of_cosine, of_sine, phase):
             if np.max(np.abs(value)) > ROUND_OFF * largest or (first is phase[0] and largest == 0.0):
                 terms.append((row, _channel_of(found, value), first, second))
@@ -72,18 +72,25 @@ def _parts(of_cosine: FloatArray, of_sine: FloatArray, phase: _Phase) -> list[tu
     return [(c, s, of_cosine * c + of_sine * s), (s, -c, of_cosine * s - of_sine * c)]
 
 
-def _own_angle(of_cosine: FloatArray, of_sine: FloatArray, position: float) -> _Phase:
+def _own_angle(of_cosine: FloatArray, of_sine: FloatArray, position: float, round_off: float) -> _Phase:
     """Return cos m phi and sin m phi (n_m,) of the angle about which the table is even, if there is one.
 
-    The angle is ``position``, that of the first harmonic, or 0, whichever leaves the smallest odd part.
+    The angle is ``position``, that of the first harmonic, or 0, whichever leaves the smallest odd part; odd parts
+    that differ by no more than ``round_off`` are the same.
     """
+
+    def odd_part(phase: _Phase) -> float:
+        return float(np.max(np.abs(of_cosine * phase[1] - of_sine * phase[0])))
+
+    phases = [_phase(position, of_cosine.shape[2])]
+    odd = [odd_part(phases[0])]
+    if odd[0] <= round_off:
+        return phases[0]
     a, b = of_cosine[:, :, 1:2], of_sine[:, :, 1:2]
     of_first = 0.5 * atan2(2.0 * float(np.sum(a * b)), float(np.sum(a * a - b * b)))
-    phases = [_phase(phi, of_cosine.shape[2]) for phi in (position, of_first, 0.0)]
-    odd = [float(np.max(np.abs(of_cosine * s - of_sine * c))) for c, s in phases]
-    smallest = min(odd)
-    largest = float(max(np.max(np.abs(of_cosine)), np.max(np.abs(of_sine))))
-    return next(one for one, size in zip(phases, odd, strict=True) if size <= smallest + ROUND_OFF * largest)
+    phases += [_phase(phi, of_cosine.shape[2]) for phi in (of_first, 0.0)]
+    odd += [odd_part(phase) for phase in phases[1:]]
+    return next(one for one, size in zip(phases, odd, strict=True) if size <= min(odd) + round_off)
 
 
 @lru_cache(maxsize=256)

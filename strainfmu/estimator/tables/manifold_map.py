@@ -13,7 +13,7 @@ from strainfmu.atmosphere import DEVIATION_OF_AIR
 from strainfmu.errors import InputError
 from strainfmu.estimator.tables.flight_field import UNITS as FIELD_UNITS
 from strainfmu.estimator.tables.flight_field import FlightField
-from strainfmu.estimator.tables.flight_tables import FlightTables
+from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, N_STATES, FlightTables, U, W
 from strainfmu.estimator.tables.further_tables import UNITS as FURTHER_UNITS
 from strainfmu.estimator.tables.further_tables import FurtherTables
 from strainfmu.estimator.tables.parameter_tables import UNITS as PARAMETER_UNITS
@@ -28,6 +28,13 @@ class Crossflow(NamedTuple):
 
     middle: FloatArray
     half: FloatArray
+
+
+class StatePrior(NamedTuple):
+    """Mean and standard deviation (4,) of the flight state where nothing is known."""
+
+    mean: FloatArray
+    std: FloatArray
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -188,6 +195,19 @@ class ManifoldMap:
             return Crossflow(np.zeros(2), np.full(2, self.incidence_limit))
         low, high = self.crossflow_range.T
         return Crossflow(0.5 * (low + high), 0.5 * (high - low))
+
+    @cached_property
+    def state_prior(self) -> StatePrior:
+        """The flight state where nothing is known: the middle of each range, and half of it.
+
+        The standard deviation of u and w of a body of revolution is the largest incidence.
+        """
+        low, high = np.log(self.pressure_range)
+        mean, std = np.empty(N_STATES), np.empty(N_STATES)
+        mean[MACH], std[MACH] = self.mach_range.mean(), max(0.5 * np.ptp(self.mach_range), 0.1)
+        mean[U : W + 1], std[U : W + 1] = self.crossflow
+        mean[LOG_PRESSURE], std[LOG_PRESSURE] = 0.5 * (low + high), 0.5 * (high - low)
+        return StatePrior(mean, std)
 
     @cached_property
     def shapes(self) -> FloatArray:

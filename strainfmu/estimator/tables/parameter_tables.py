@@ -162,14 +162,6 @@ def with_known(manifold: ManifoldMap, value: FloatArray, std: FloatArray) -> Man
     return _changed(manifold, np.tensordot(tables.slope, known.shift, axes=(2, 0)), np.hstack(errors))
 
 
-def without_known(manifold: ManifoldMap) -> ManifoldMap:
-    """Return ``manifold`` with its errors by the columns of :func:`with_known`, and no parameter known."""
-    if manifold.parameters is None:
-        return manifold
-    unknown = np.full(len(manifold.parameters.powers.mean), np.nan)
-    return with_known(manifold, unknown, unknown)
-
-
 def _changed(manifold: ManifoldMap, change: FloatArray, errors: FloatArray) -> ManifoldMap:
     """Return ``manifold`` with ``change`` (n_M + 2, n_a + 2, n, n_m, 2) added to its tables, and ``errors``
     (n, k) per p_inf in place of its own."""

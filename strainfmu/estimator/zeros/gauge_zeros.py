@@ -77,8 +77,3 @@ def with_zero_errors(inverse_map: InverseMap, zeros: GaugeZeros) -> InverseMap:
     if len(zeros.value) != n:
         raise InputError(f"zeros: expected {n} values, got {len(zeros.value)}")
     return with_added_noise(inverse_map, np.pad(zeros.covariance, (0, inverse_map.n_gauges - n)))
-
-
-def zero_of_rows(inverse_map: InverseMap, zeros: GaugeZeros) -> FloatArray:
-    """Return (n_d,) what ``zeros`` take off the rows of ``inverse_map`` [m/m], 0 of further sensors."""
-    return np.pad(zeros.value, (0, inverse_map.n_gauges - inverse_map.n_strain_gauges))

@@ -13,7 +13,7 @@ from strainfmu.can.cycle.states.quality import Cause, Quality
 from strainfmu.can.e2e.authentication import Authentication, Authenticity
 from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.tools.fault_injection import FaultySender
-from strainfmu.can.tools.faults import Fault, FaultKind
+from strainfmu.can.tools.faults import NEED_A_KEY, Fault, FaultKind
 from strainfmu.can.wire.authenticator import AuthenticationKey, Secured, authenticated, freshness_of
 from strainfmu.can.wire.frame import Frame
 from strainfmu.errors import InputError
@@ -128,8 +128,16 @@ def test_a_recording_cannot_take_the_place_of_a_silent_sender() -> None:
     assert not any(result.quality.has_coefficients for result in after)
 
 
-@pytest.mark.parametrize("kind", FaultKind)
-def test_every_fault_by_itself_with_authenticated_frames(kind: FaultKind) -> None:
+OF_FRAMES = (
+    *sorted(NEED_A_KEY, key=lambda kind: kind.value),
+    *(FaultKind.CORRUPTION, FaultKind.REPETITION, FaultKind.SEQUENCE, FaultKind.RECORDING, FaultKind.LOSS),
+    *(FaultKind.RESTART, FaultKind.CLOCK_JUMP, FaultKind.CONFLICT),
+)
+"""Faults that act on what is authenticated; test_campaign.py has all without a key, and at random with one."""
+
+
+@pytest.mark.parametrize("kind", OF_FRAMES)
+def test_faults_by_themselves_with_authenticated_frames(kind: FaultKind) -> None:
     gap = BridgeSettings().recovery_cycles + 3
     faults = [Fault(kind=kind, start=20, cycles=1, seed=3), Fault(kind=kind, start=22 + gap, cycles=30, seed=8)]
     run = run_campaign(layout_of("fd64-sec"), faults, 52 + 2 * gap)

@@ -21,7 +21,7 @@ from strainfmu.can.cycle.states.quality import Cause, Quality
 from strainfmu.can.wire.profiles import Identifiers
 from strainfmu.can.wire.signal_plan import SignalPlan
 from strainfmu.cosim.estimators.description import gauge_names_of
-from strainfmu.estimator.linear.estimator import Estimator
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap, save_inverse_map
 from strainfmu.fmu.export import export_estimator
 

@@ -13,8 +13,8 @@ from strainfmu.cosim.estimators.description import gauge_names_of
 from strainfmu.cosim.estimators.fmu_step import FmuStep
 from strainfmu.cosim.estimators.step import StepRefused
 from strainfmu.errors import InputError, StrainfmuError
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.linear.estimator import Estimator
 
 pytestmark = pytest.mark.fast
 

@@ -17,8 +17,7 @@ from thermal_maps import REFERENCE, with_temperature
 from strainfmu.cosim.estimators.fmu_step import FmuStep
 from strainfmu.cosim.estimators.source import MapStep, open_step
 from strainfmu.cosim.estimators.step import StepResult, further_inputs
-from strainfmu.estimator.linear.estimator import Estimator
-from strainfmu.estimator.manifold.estimator import ManifoldEstimator
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap, save_inverse_map
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 from strainfmu.fmu.export import ExportOptions, export_estimator
@@ -92,7 +91,7 @@ def test_map_and_fmus(tmp_path: Path, kind: str) -> None:
 def test_a_gauge_is_in_range_by_its_reading(tmp_path: Path) -> None:
     """Less its zero it is not; off the tables the linear loads hold it all the same, by map and by FMU."""
     held, strain = whole_map(), exact_response(6.0, 0.03, 0.01, 5500.0)[:48]
-    largest, zero = ManifoldEstimator(held).settings.sensor_range, np.zeros(48)
+    largest, zero = Estimator(held).settings.sensor_range, np.zeros(48)
     zero[3], strain[3] = -0.009, largest - 0.004
     zeros, pressure = GaugeZeros(value=zero, std=np.zeros(48)), 0.7 * 5500.0 * 36.0
     expected = Estimator(held, zeros=zeros).step(strain, pressure)

@@ -21,8 +21,8 @@ from strainfmu.cosim.systems.master import communication_points, matching_connec
 from strainfmu.cosim.systems.recording import Recording, load_recording, save_csv, save_hdf5
 from strainfmu.cosim.systems.system import Connection, System
 from strainfmu.errors import InputError, StrainfmuError
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.linear.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import load_inverse_map
 from strainfmu.fmu.checks.contents import read_fmu
 from strainfmu.interface.estimator_variables import COEFFICIENTS, LOADS

@@ -74,6 +74,7 @@ KINDS = {
     "absolute_gamma_1e-6": Kind(make=lambda: absolute(1e-6)),
     "absolute_sensors": Kind(make=lambda: with_sensors(map_of(random_model(n_gauges=27, n_states=4)))),
     "absolute_zeros": Kind(make=lambda: absolute(1e-3), has_zeros=True),
+    "absolute_temperature": Kind(make=lambda: warm(absolute(1e-3))),
     "temperature": Kind(make=lambda: warm(whole_scaled_map(2, seed=4, n=20, n_states=25))),
     "sensors_temperature_zeros": Kind(
         make=lambda: with_sensors(warm(whole_scaled_map(1, seed=5, n=24, n_states=3))), has_zeros=True
@@ -106,13 +107,9 @@ class Samples:
 
 
 def drawn(inverse_map: InverseMap, kind: Kind, n: int, seed: int) -> Samples:
-    """Return ``n`` samples of the map's own law; sensors are masked, broken, out of range or far off.
-
-    Half of the pressures are levels of the core's products of errors at the current strain, powers of sqrt(2).
-    """
+    """Return ``n`` samples of the map's own law; sensors are masked, broken, out of range or far off."""
     random, m = np.random.default_rng(seed), inverse_map
-    ratio = 2.0 ** (0.5 * random.integers(-4, 5, n))
-    ratio = np.where(random.random(n) < 0.5, ratio, random.uniform(0.3, 3.0, n))
+    ratio = 2.0 ** random.uniform(-2.0, 2.0, n)
     _, truth = linear.models(m)
     free = 0.3 * np.sqrt(np.mean(truth.mean**2)) / np.sqrt(np.mean(truth.free**2, axis=0))
     columns = np.hstack([free * truth.free, truth.columns])

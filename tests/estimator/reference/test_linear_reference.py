@@ -11,9 +11,6 @@ from strainfmu.estimator.health import chi_square_limit
 TOLERANCE = 1e-9
 """Largest difference [standard deviations], of standard deviations relative."""
 
-BETWEEN_LEVELS = 1e-2
-"""The same of standard deviations where the core interpolates errors at the current strain between levels of q."""
-
 UNIDENTIFIED = 0.3
 """Largest fraction of samples whose sensors in use do not identify the states of Case 1."""
 
@@ -23,16 +20,13 @@ def agreement(name: str, n: int, seed: int) -> dict[str, float]:
     inverse_map = KINDS[name].make()
     samples = drawn(inverse_map, KINDS[name], n, seed)
     core, apart, compared = by_core(inverse_map, samples), {}, 0
-    ratio = samples.pressure / inverse_map.nominal_dynamic_pressure
-    halves = 2.0 * np.log2(ratio)
-    is_level = (np.abs(halves - np.round(halves)) < 1e-9) | (inverse_map.gauge_error_product is None)
 
     def note(quantity: str, difference: np.ndarray) -> None:
         apart[quantity] = max(apart.get(quantity, 0.0), float(np.abs(difference).max(initial=0.0)))
 
     for places, found in by_reference(inverse_map, samples):
         known = np.isfinite(core.loads[places]).all(axis=1)
-        at, level = places[known], is_level[places[known]]
+        at = places[known]
         compared += len(at)
         loads, coefficients = core.loads[at], core.coefficients[at]
         std, coefficients_std = core.loads_std[at], core.coefficients_std[at]
@@ -44,18 +38,16 @@ def agreement(name: str, n: int, seed: int) -> dict[str, float]:
         note("loads", (loads - found.loads[known]) / expected)
         of_coefficients = np.sqrt(np.diagonal(found.coefficient_covariance, axis1=1, axis2=2))[known]
         note("coefficients", (coefficients - found.coefficients[known]) / of_coefficients)
-        for where, rows in (("", level), (" between levels", ~level)):
-            note(f"std{where}", (std / expected - 1.0)[rows])
-            note(f"coefficients_std{where}", (coefficients_std / of_coefficients - 1.0)[rows])
-            whole = (core.load_covariance[at] - found.covariance[known][:, :5, :5])[rows]
-            size = expected[rows, :5]
-            note(f"covariance{where}", whole / (size[:, :, None] * size[:, None, :]))
-            freedom = found.degrees_of_freedom[known]
-            assert np.array_equal(core.degrees_of_freedom[at], freedom)
-            if freedom.size and freedom[0] > 0:
-                limit = inverse_map.chi_square_scale * chi_square_limit(int(freedom[0]))
-                ratios = core.chi_square_limit[at] / (limit * found.expected_ratio[known])
-                note(f"expected chi-square{where}", (ratios - 1.0)[rows])
+        note("std", std / expected - 1.0)
+        note("coefficients_std", coefficients_std / of_coefficients - 1.0)
+        size = expected[:, :5]
+        whole = core.load_covariance[at] - found.covariance[known][:, :5, :5]
+        note("covariance", whole / (size[:, :, None] * size[:, None, :]))
+        freedom = found.degrees_of_freedom[known]
+        assert np.array_equal(core.degrees_of_freedom[at], freedom)
+        if freedom.size and freedom[0] > 0:
+            limit = inverse_map.chi_square_scale * chi_square_limit(int(freedom[0]))
+            note("expected chi-square", core.chi_square_limit[at] / (limit * found.expected_ratio[known]) - 1.0)
         chi_square = found.chi_square[known]
         note("chi-square", (core.chi_square[at] - chi_square) / np.maximum(chi_square, 1.0))
         z = found.standardised[known]
@@ -65,16 +57,9 @@ def agreement(name: str, n: int, seed: int) -> dict[str, float]:
 
 
 def check(apart: dict[str, float]) -> None:
-    """Assert that every difference is within its tolerance; the expected chi-square is that at levels alone."""
+    """Assert that every difference is within its tolerance."""
     assert {"loads", "std", "z", "chi-square", "expected chi-square"} <= apart.keys()
-    off = {}
-    for quantity, difference in apart.items():
-        if quantity == "expected chi-square between levels":
-            continue
-        limit = BETWEEN_LEVELS if quantity.endswith("between levels") else TOLERANCE
-        if difference > limit:
-            off[quantity] = difference
-    assert not off
+    assert not {quantity: difference for quantity, difference in apart.items() if difference > TOLERANCE}
 
 
 @pytest.mark.fast

@@ -105,6 +105,8 @@ def test_sources_are_complete(fmus: dict[str, Path], kind: str, tmp_path: Path) 
         # FMI 2.0 lists them once for each of its interfaces, too.
         listed = sorted({element.get("name") for tag in ("File", "SourceFile") for element in root.iter(tag)})
         assert listed == sorted(path.relative_to(sources).as_posix() for path in sources.rglob("*.c"))
+    if kind == "native":  # which CMake builds in every run
+        return
     compiler = next((c for c in ("cc", "gcc", "clang") if _runs(c)), None)
     if compiler is None:
         pytest.skip("no C compiler here")

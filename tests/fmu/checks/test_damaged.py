@@ -87,10 +87,10 @@ def test_a_description_that_is_not_the_maps_is_refused(fmus: dict[str, Path], tm
 
 
 def test_fmi_3_refuses_a_damaged_map_too(fmus: dict[str, Path], tmp_path: Path) -> None:
-    for number, (change, _, _) in enumerate(MAP_CHANGES.values()):
-        fmu = rewritten(fmus["native_3"], tmp_path / f"{number}.fmu", "resources/map.bin", change)
-        with pytest.raises(Exception, match="Failed to instantiate"):
-            fmpy.simulate_fmu(str(fmu), stop_time=0.1)
+    """By what the library says, which test_resource.py reads by both versions."""
+    fmu = rewritten(fmus["native_3"], tmp_path / "a.fmu", "resources/map.bin", MAP_CHANGES["altered"][0])
+    with pytest.raises(Exception, match="Failed to instantiate"):
+        fmpy.simulate_fmu(str(fmu), stop_time=0.1)
 
 
 @pytest.mark.parametrize("folder", ["with blanks", "mü", "a+b", "(1)", "100%", "a#b", "x" * 200])

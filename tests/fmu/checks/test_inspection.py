@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 import zipfile
+from collections.abc import Callable
 from pathlib import Path
 
 import fmpy
@@ -35,11 +34,7 @@ FOREIGN = """<?xml version="1.0" encoding="UTF-8"?>
 """
 
 
-def run(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
-    """Run ``strainfmu`` as a user does."""
-    program = "from strainfmu.cli.main import main; main()"
-    command = [sys.executable, "-c", program, *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=120)
+Run = Callable[..., tuple[int, str, str]]
 
 
 @pytest.mark.parametrize(
@@ -63,36 +58,35 @@ def run(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
     ],
 )
 def test_an_estimator_is_shown(
-    synthetic: SyntheticFiles, fmus: dict[str, Path], kind: str, words: list[str]
+    run: Run, synthetic: SyntheticFiles, fmus: dict[str, Path], kind: str, words: list[str]
 ) -> None:
-    done = run("inspect", fmus[kind])
-    assert done.returncode == 0
+    code, printed, _ = run("inspect", fmus[kind])
+    assert code == 0
     shared = [content_hash_of(synthetic.map_1, SCHEMA, SCHEMA_VERSION), "dynamic_pressure_std", "95.8e3"]
     description = fmpy.read_model_description(str(fmus[kind]))
     shared[-1] = description.guid or description.instantiationToken
     for word in (*words, *shared, "synthetic vehicle 1 <&>", "tunable parameter", "documentation/index.html"):
-        assert word in done.stdout
+        assert word in printed
 
 
-def test_a_foreign_fmu_is_shown(tmp_path: Path) -> None:
+def test_a_foreign_fmu_is_shown(run: Run, tmp_path: Path) -> None:
     path = tmp_path / "foreign.fmu"
     with zipfile.ZipFile(path, "w") as archive:
         archive.writestr("modelDescription.xml", FOREIGN)
-    done = run("inspect", path)
-    assert done.returncode == 0
+    code, printed, _ = run("inspect", path)
+    assert code == 0
     for word in ("Foreign [x]", "2.0, model exchange", "another tool", "a[1]", "2.5", "none: sources only"):
-        assert word in done.stdout
+        assert word in printed
 
 
 @pytest.mark.parametrize("content", [b"", b"no zip", None])
-def test_what_is_no_fmu_is_refused_in_one_line(tmp_path: Path, content: bytes | None) -> None:
+def test_what_is_no_fmu_is_refused_in_one_line(run: Run, tmp_path: Path, content: bytes | None) -> None:
     path = tmp_path / "a.fmu"
     if content is not None:
         path.write_bytes(content)
-    done = run("inspect", path)
-    assert done.returncode == 2
-    assert done.stderr.count("\n") == 1
-    assert "no such FMU" in done.stderr if content is None else "damaged, or not an FMU" in done.stderr
+    code, _, error = run("inspect", path)
+    assert (code, error.count("\n")) == (2, 1)
+    assert ("no such FMU" if content is None else "damaged, or not an FMU") in error
 
 
 RESOURCES = {"native": "resources/map.bin", "native_3": "resources/map.bin", "python": "resources/map.h5"}
@@ -110,14 +104,14 @@ def altered(source: Path, target: Path, name: str) -> Path:
 
 
 @pytest.mark.parametrize("kind", RESOURCES)
-def test_a_wrong_check_sum_of_a_map_is_told(fmus: dict[str, Path], tmp_path: Path, kind: str) -> None:
+def test_a_wrong_check_sum_of_a_map_is_told(run: Run, fmus: dict[str, Path], tmp_path: Path, kind: str) -> None:
     """What the FMU states is shown all the same."""
     path = altered(fmus[kind], tmp_path / "a.fmu", RESOURCES[kind])
-    done = run("inspect", path)
-    assert done.returncode == 2
+    code, printed, error = run("inspect", path)
+    assert code == 2
     line = f"strainfmu: {path}: {RESOURCES[kind]}: damaged or altered, its check sum is wrong\n"
-    assert done.stderr == line
-    assert "synthetic vehicle 1" in done.stdout
+    assert error == line
+    assert "synthetic vehicle 1" in printed
     assert damaged_entries(fmus[kind]) == []
 
 
@@ -137,7 +131,7 @@ def test_a_wrong_check_sum_of_the_archive_is_told(fmus: dict[str, Path], tmp_pat
     assert damaged_entries(fmus["plant"]) == []
 
 
-@pytest.mark.parametrize("kind", RESOURCES)
+@pytest.mark.parametrize("kind", ["native", "python"])
 def test_crosscheck_tells_what_the_fmu_says(fmus: dict[str, Path], tmp_path: Path, kind: str) -> None:
     path = altered(fmus[kind], tmp_path / "a.fmu", RESOURCES[kind])
     result = next(one for one in write_crosscheck(path, tmp_path / "out") if one.importer.startswith("FMPy"))
@@ -156,7 +150,7 @@ def test_the_last_words_of_an_fmu_are_told() -> None:
     assert failure_message("", "") == "no message"
 
 
-@pytest.mark.parametrize("kind", ["native", "native_3", "python"])
+@pytest.mark.parametrize("kind", ["native", "native_3"])
 def test_a_crosscheck_folder_is_complete(fmus: dict[str, Path], tmp_path: Path, kind: str) -> None:
     results = write_crosscheck(fmus[kind], tmp_path)
     name = "StrainLoadEstimator"
@@ -199,14 +193,14 @@ def test_an_fmu_without_a_reference_run_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("contents", ["[1, 2]", '{"validity": 3}', "null"])
-def test_entries_of_another_make_are_refused_in_one_line(tmp_path: Path, contents: str) -> None:
+def test_entries_of_another_make_are_refused_in_one_line(run: Run, tmp_path: Path, contents: str) -> None:
     path = tmp_path / "foreign.fmu"
     with zipfile.ZipFile(path, "w") as archive:
         archive.writestr("modelDescription.xml", FOREIGN)
         archive.writestr("extra/strainfmu/contents.json", contents)
-    done = run("inspect", path)
-    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
-    assert "extra/strainfmu/contents.json: damaged" in done.stderr
+    code, _, error = run("inspect", path)
+    assert (code, error.count("\n")) == (2, 1)
+    assert "extra/strainfmu/contents.json: damaged" in error
 
 
 @pytest.mark.parametrize(

@@ -40,18 +40,15 @@ def test_every_kind_is_stepped(synthetic: SyntheticFiles) -> None:
     assert not host or f"C host: bare product 5 x {N_GAUGES}" in host
 
 
-def test_form_absolute_stands_beside_the_other(tmp_path: Path) -> None:
-    """In one run, so that their ratio does not depend on what else the machine does."""
-    save_inverse_map(whole_scaled_map(1, seed=1, n=9, n_states=3), tmp_path / "map.h5")
+def test_form_absolute_and_temperature_stand_beside_the_other(tmp_path: Path) -> None:
+    """In one run, so that their ratio does not depend on what else the machine does.
+
+    Form "absolute" knows no temperature: beside it stands the map without.
+    """
+    whole = with_temperature(whole_scaled_map(1, seed=1, n=9, n_states=3))
+    save_inverse_map(whole, tmp_path / "map.h5")
     host = [name for name in step_costs(tmp_path / "map.h5", lambda _: 1.0) if "C host" in name]
     varied = [name for name in host if "q_inf another" in name]
     assert len(varied) in (0, 2)
     assert not varied or varied[1] == f"{varied[0]}, form absolute"
-
-
-def test_a_map_with_temperature_sensors(tmp_path: Path) -> None:
-    """Form "absolute" knows no temperature: beside it stands the map without."""
-    whole = with_temperature(whole_scaled_map(1, seed=1, n=9, n_states=3))
-    save_inverse_map(whole, tmp_path / "map.h5")
-    host = [name for name in step_costs(tmp_path / "map.h5", lambda _: 1.0) if "C host" in name]
     assert not host or any("temperature" in name for name in host)

@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from flight_fmu import whole_map
-from fmu_host import OPTIONS, SCALARS, exported_kinds
-from further_maps import with_further_tables
-from parameter_maps import with_parameter_tables
+from fmu_host import OPTIONS
 from published_run import FOLDER, check_published_run, published_run
-from sensor_maps import with_sensors
-from thermal_maps import with_temperature
 
 from strainfmu.fmu.checks.importers import read_table, run_fmpy
-from strainfmu.fmu.export import export_estimator
 from strainfmu.interface.fmi_variables import COEFFICIENTS
 
 KINDS = (*OPTIONS, "scalars")
@@ -24,13 +19,9 @@ pytestmark = pytest.mark.fast
 
 
 @pytest.fixture(scope="module")
-def flights(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+def flights(whole_fmus: Callable[[str], dict[str, Path]]) -> dict[str, Path]:
     """FMUs of a map that has all that a map can have."""
-    held = with_temperature(with_sensors(with_parameter_tables(with_further_tables(whole_map()))))
-    folder = tmp_path_factory.mktemp("published")
-    paths = exported_kinds(held, folder) | {"scalars": folder / "scalars.fmu"}
-    export_estimator(folder / "map.h5", paths["scalars"], SCALARS)
-    return paths
+    return whole_fmus("flight")
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -15,8 +15,8 @@ from random_map import random_map
 from raw_fmu import Fmu2, write_resource
 from synthetic_vehicle import N_GAUGES, SyntheticFiles
 
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.linear.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import load_inverse_map
 
 pytestmark = pytest.mark.fast
@@ -76,7 +76,7 @@ def test_strains_set_to_zero_in_a_flow_are_invalid(hosts: list[Host]) -> None:
 
 
 def test_gauges_that_were_not_set_are_left_out(hosts: list[Host], synthetic: SyntheticFiles) -> None:
-    """As numpy does without them; each one that is set joins."""
+    """As Python does without them; each one that is set joins."""
     held = load_inverse_map(synthetic.map_1)
     estimator, strain = Estimator(held), held.mean_strain + 1e-6
     for host in hosts:

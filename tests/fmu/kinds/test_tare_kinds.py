@@ -14,7 +14,7 @@ from fmu_host import COEFFICIENTS, OPTIONS, STRAINS, Host, loaded
 from synthetic_vehicle import N_GAUGES, SyntheticFiles
 
 from strainfmu.cosim.estimators.zeros_file import write_zeros
-from strainfmu.estimator.linear.estimator import Estimator
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import load_inverse_map
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 from strainfmu.estimator.zeros.tare import KnownStrain, tare
@@ -106,7 +106,7 @@ def test_without_zero_inputs_too(kind: str, synthetic: SyntheticFiles, tmp_path:
 
 @pytest.mark.parametrize("kind", ["native", "python"])
 def test_known_loads_are_taken_off(kind: str, synthetic: SyntheticFiles, tmp_path: Path) -> None:
-    """Exported with the strain of own weight: zeros of numpy with the same, its deviation in theirs."""
+    """Exported with the strain of own weight: zeros of a tare with the same, its deviation in theirs."""
     held, random = load_inverse_map(synthetic.map_1), np.random.default_rng(5)
     known = KnownStrain(value=3e-5 * random.normal(size=N_GAUGES), own_std=np.full(N_GAUGES, 2e-7))
     stated = GaugeZeros(value=known.value, std=known.std, common_std=0.0)

@@ -1,4 +1,4 @@
-"""What native and numpy are compared with, and on which inputs."""
+"""Inputs of FMUs of linear maps, and the numbers of the estimator in Python, which runs the same core."""
 
 from __future__ import annotations
 
@@ -7,18 +7,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from raw_fmu import GROUPS, N_OUTPUTS, WHOLE_OUTPUTS, outputs_of
+from flight_fmu import FlightSample
 
 from strainfmu.atmosphere import pressure_and_temperature
-from strainfmu.estimator.estimates.load_estimate import LoadEstimate
-from strainfmu.estimator.linear.estimator import Estimator
-from strainfmu.estimator.linear.masks import information_left
+from strainfmu.estimator.estimate import Estimate
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.settings import EstimatorSettings, default_settings
-
-TOLERANCE = 1e-12
-"""Relative to the largest of a group of outputs of one unit. Sums of 54 terms in another order differ by 1e-15 of
-the largest term, and terms are up to 100 times their sum."""
+from strainfmu.interface.estimator_variables import output_values
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,82 +87,26 @@ def _navigation(random: np.random.Generator, k: int, pressure: float) -> tuple[f
     return float(expected * random.uniform(0.95, 1.05)), altitude
 
 
-def estimated(estimator: Estimator, sample: Sample, **known: Any) -> LoadEstimate:
+def estimated(estimator: Estimator, sample: Sample, **known: Any) -> Estimate:
     """The estimate of ``sample`` as an FMU takes it; what else is ``known``, such as temperatures, as it is."""
     deviation = sample.dynamic_pressure_std
     return estimator.step(
         sample.strain,
         sample.dynamic_pressure,
-        sample.valid,
-        deviation if deviation > 0.0 else np.nan,
+        valid=sample.valid,
+        dynamic_pressure_std=deviation if deviation > 0.0 else np.nan,
         mach_number=sample.mach_number,
         altitude=sample.altitude,
         **known,
     )
 
 
-class Reference:
-    """The numpy estimator, and how far native may be from it."""
+def tracked(estimator: Estimator, sample: FlightSample, time: float = 0.0, **known: Any) -> Estimate:
+    """The estimate of a sample of a flight from what the last one left; ``time`` [s] is that of a filter."""
+    warm = {} if sample.temperature is None else {"temperature": sample.temperature}
+    return estimator.track(sample.strain, valid=sample.valid, time=time, **sample.flow, **warm, **known)
 
-    temperature: np.ndarray | None = None
-    """(n_t,) readings of the temperature sensors [K] that it takes with every sample."""
 
-    def __init__(self, inverse_map: InverseMap) -> None:
-        self.estimator = Estimator(inverse_map)
-        self.settings = default_settings(inverse_map)
-        self._growth: dict[bytes, float] = {}
-
-    def set(self, settings: EstimatorSettings) -> None:
-        """Take other settings."""
-        self.settings = settings
-        self.estimator = self.estimator.with_settings(settings)
-
-    def outputs(self, sample: Sample) -> np.ndarray:
-        """(27,) outputs by value reference."""
-        return outputs_of(estimated(self.estimator, sample, temperature=self.temperature))
-
-    def growth(self, sample: Sample) -> float:
-        """Largest growth of any state's deviation by the gauges missing: digits that both programs lose alike."""
-        missing = ~(sample.valid & (np.abs(sample.strain) <= self.settings.sensor_range))
-        if missing.all():
-            return 1.0
-        key = missing.tobytes()
-        if key not in self._growth:
-            parts = self.estimator._parts
-            fraction = information_left(parts.gain_whitening, parts.noise_whitening, missing)
-            self._growth[key] = 1.0 / np.sqrt(max(fraction, 1e-12))
-        return self._growth[key]
-
-    def cancelled(self, sample: Sample, chi_square: float) -> float:
-        """What chi-square is the remainder of, per 100 of its round-off; at least 1, that of no degree of freedom.
-
-        Each of its roots is a sum of 54 terms as large as the strains in sigmas, in an order of its own: 1e-14 of
-        them is lost, twice the root in the square.
-        """
-        inverse_map = self.estimator.inverse_map
-        sigmas = (sample.strain - strain_at(inverse_map, sample.dynamic_pressure)) / inverse_map.noise_std
-        used = sample.valid & (np.abs(sample.strain) <= self.settings.sensor_range)
-        return 1.0 + 1e-2 * 2.0 * np.sqrt(chi_square) * float(np.linalg.norm(sigmas[used]))
-
-    def check(self, sample: Sample, native: np.ndarray) -> None:
-        """Assert that ``native`` (27,) is what numpy gives: whole numbers and states of health exactly.
-
-        The tolerance rises only where the gauges left hold less than 1e-4 of the information on a state.
-        """
-        expected = self.outputs(sample)
-        assert native.shape == (N_OUTPUTS,)
-        assert native[WHOLE_OUTPUTS].tolist() == expected[WHOLE_OUTPUTS].tolist()
-        tolerance = TOLERANCE * max(1.0, 1e-2 * self.growth(sample))
-        for name, group in GROUPS.items():
-            ours, theirs = native[group], expected[group]
-            if not np.isfinite(theirs).all():
-                assert np.array_equal(ours, theirs, equal_nan=True), name
-                continue
-            scale = np.abs(theirs).max()
-            if name == "chi-square":
-                scale += self.cancelled(sample, theirs.max())
-            if name.startswith("moment"):  # a moved moment is the difference of a moment and a force times its arm
-                scale += np.abs(expected[GROUPS[name.replace("moment", "force")]]).max()
-            if name == "envelope score":  # the difference of coefficients and limits, in deviations
-                scale += np.max(np.abs(expected[:5])) / np.min(expected[5:10])
-            assert np.abs(ours - theirs).max() <= tolerance * scale, (name, ours, theirs)
+def assert_same(outputs: np.ndarray, estimate: Estimate) -> None:
+    """Assert that the first ``outputs`` of an FMU, by value reference, are those of ``estimate`` to the bit."""
+    np.testing.assert_array_equal(outputs, output_values(estimate)[: len(outputs)])

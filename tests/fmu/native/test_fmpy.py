@@ -7,17 +7,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from agreement import Reference, random_samples
+from agreement import assert_same, estimated, random_samples
 from fmpy.fmi2 import FMU2Slave
 from fmpy.fmi3 import FMU3Slave
 from native_case import NativeCase
 from raw_fmu import GUID, N_OUTPUTS, REAL_OUTPUTS, WHOLE_OUTPUTS, this_platform
 
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.fmu.native.build import PLATFORMS, library_file
 
 pytestmark = pytest.mark.fast
 
 NAME = "Estimator"
+NAMES = ("few gauges", "scaled, case 2")
 FMI3_FOLDERS = {"linux64": "x86_64-linux", "win64": "x86_64-windows", "darwin64": "x86_64-darwin"}
 
 
@@ -32,16 +34,17 @@ def unzipped(case: NativeCase, folder: Path) -> Path:
     return folder
 
 
-@pytest.mark.parametrize("folder", ["plain", "Jürgen + (1)"])
-def test_fmi_2(case: NativeCase, tmp_path: Path, folder: str) -> None:
-    where, n = unzipped(case, tmp_path / folder), case.n
+@pytest.mark.parametrize("name", NAMES)
+def test_fmi_2(cases: dict[str, NativeCase], tmp_path: Path, name: str) -> None:
+    case = cases[name]
+    where, n = unzipped(case, tmp_path / "Jürgen + (1)"), case.n
     fmu = FMU2Slave(guid=GUID, unzipDirectory=str(where), modelIdentifier=NAME, instanceName="one")
     fmu.instantiate()
     fmu.setupExperiment(startTime=0.0)
     fmu.enterInitializationMode()
     fmu.exitInitializationMode()
-    reference = Reference(case.inverse_map)
-    for k, sample in enumerate(random_samples(case.inverse_map, 50, seed=5)):
+    estimator = Estimator(case.inverse_map)
+    for k, sample in enumerate(random_samples(case.inverse_map, 30, seed=5)):
         fmu.setReal(list(range(N_OUTPUTS, N_OUTPUTS + n)), sample.strain.tolist())
         fmu.setBoolean(list(range(N_OUTPUTS + n, N_OUTPUTS + 2 * n)), sample.valid.tolist())
         fmu.setReal([N_OUTPUTS + 2 * n + k for k in range(4)], list(sample.flow))
@@ -49,7 +52,7 @@ def test_fmi_2(case: NativeCase, tmp_path: Path, folder: str) -> None:
         outputs = np.empty(N_OUTPUTS)
         outputs[REAL_OUTPUTS] = fmu.getReal(REAL_OUTPUTS)
         outputs[WHOLE_OUTPUTS] = fmu.getInteger(WHOLE_OUTPUTS)
-        reference.check(sample, outputs)
+        assert_same(outputs, estimated(estimator, sample))
     state = fmu.getFMUstate()
     content = fmu.serializeFMUstate(state)
     fmu.setFMUstate(fmu.deSerializeFMUstate(content))
@@ -60,14 +63,16 @@ def test_fmi_2(case: NativeCase, tmp_path: Path, folder: str) -> None:
     fmu.freeInstance()
 
 
-def test_fmi_3(case: NativeCase, tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", NAMES)
+def test_fmi_3(cases: dict[str, NativeCase], tmp_path: Path, name: str) -> None:
+    case = cases[name]
     where = unzipped(case, tmp_path / "three")
     fmu = FMU3Slave(guid=GUID, unzipDirectory=str(where), modelIdentifier=NAME, instanceName="one")
     fmu.instantiate()
     fmu.enterInitializationMode(startTime=0.0)
     fmu.exitInitializationMode()
-    reference = Reference(case.inverse_map)
-    for k, sample in enumerate(random_samples(case.inverse_map, 50, seed=6)):
+    estimator = Estimator(case.inverse_map)
+    for k, sample in enumerate(random_samples(case.inverse_map, 30, seed=6)):
         fmu.setFloat64([13, 15, 16, 17, 18], [*sample.strain, *sample.flow])
         fmu.setBoolean([14], sample.valid.tolist())
         fmu.doStep(currentCommunicationPoint=0.01 * k, communicationStepSize=0.01)
@@ -75,7 +80,7 @@ def test_fmi_3(case: NativeCase, tmp_path: Path) -> None:
         outputs[REAL_OUTPUTS] = fmu.getFloat64([0, 1, 2, 3, 4, 5, 7, 8, 12], nValues=23)
         outputs[20:21] = fmu.getInt64([6])
         outputs[23:26] = fmu.getInt32([9, 10, 11])
-        reference.check(sample, outputs)
+        assert_same(outputs, estimated(estimator, sample))
     state = fmu.getFMUState()
     assert fmu.serializeFMUState(state) == fmu.serializeFMUState(state)
     fmu.freeFMUState(state)

@@ -1,4 +1,4 @@
-"""Rolling moment and section loads of the native library: the numbers of numpy, whatever else changes."""
+"""Rolling moment and section loads of the native library: those of Python, whatever else changes."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 from agreement import estimated, random_samples
 from damaged_resource import put, refusal, with_arrays
-from further_maps import STATIONS, check_further, with_own_further
+from further_maps import STATIONS, with_own_further
 from native_case import NativeCase
 from raw_fmu import N_OUTPUTS, OK, Fmu2, Fmu3, first_zero, write_resource
 from scaled_maps import whole_scaled_map
 from thermal_maps import REFERENCE, with_temperature
 
-from strainfmu.estimator.linear.estimator import Estimator
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros, no_zeros
 from strainfmu.interface.further_variables import further_outputs
 
@@ -38,7 +38,7 @@ def first_further(n: int) -> int:
     return first_zero(n) + 2 * n + 1 + 3 + 1
 
 
-def test_as_numpy_while_gauges_zeros_and_temperatures_change(six: NativeCase) -> None:
+def test_as_in_python_while_gauges_zeros_and_temperatures_change(six: NativeCase) -> None:
     random, fmu, estimator, n = (
         np.random.default_rng(1),
         Fmu2(six.uri, six.n).start(),
@@ -47,8 +47,8 @@ def test_as_numpy_while_gauges_zeros_and_temperatures_change(six: NativeCase) ->
     )
     zeros, noise, used = no_zeros(n), float(np.sqrt(six.inverse_map.gauge_covariance[0, 0])), 0
     references = range(first_further(n), first_further(n) + N_OUT)
-    for k, sample in enumerate(random_samples(six.inverse_map, 40, seed=5)):
-        if k % 20 == 10:
+    for k, sample in enumerate(random_samples(six.inverse_map, 24, seed=5)):
+        if k % 10 == 5:
             zeros = GaugeZeros(
                 value=1e-4 * random.normal(size=n), std=noise * random.uniform(0.0, 2.0, n), common_std=noise
             )
@@ -56,7 +56,7 @@ def test_as_numpy_while_gauges_zeros_and_temperatures_change(six: NativeCase) ->
             values = [*zeros.value, *zeros.std, zeros.common_std]
             assert fmu.set_reals(range(first_zero(n), first_zero(n) + 2 * n + 1), values) == OK
         temperature = REFERENCE + 20.0 * random.normal(size=3)
-        if k < 15:
+        if k < 8:
             temperature[:] = np.nan
         assert fmu.set_reals(range(first_zero(n) + 2 * n + 1, first_further(n) - 1), temperature) == OK
         reading = sample.strain + zeros.value
@@ -64,10 +64,10 @@ def test_as_numpy_while_gauges_zeros_and_temperatures_change(six: NativeCase) ->
         fmu.set_valid(sample.valid)
         assert fmu.set_scalars(0, *sample.flow) == OK
         read = replace(sample, strain=reading)
-        expected = estimated(estimator, read, temperature=None if k < 15 else temperature)
-        check_further(fmu.get_reals(references), np.array(further_outputs(expected)))
+        expected = estimated(estimator, read, temperature=None if k < 8 else temperature)
+        np.testing.assert_array_equal(fmu.get_reals(references), further_outputs(expected))
         used += np.isfinite(expected.further_loads[0])
-    assert used > 20
+    assert used > 10
 
 
 @pytest.mark.parametrize("deviation", [0.0, 4e3])

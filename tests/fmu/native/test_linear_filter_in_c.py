@@ -1,9 +1,9 @@
-"""The filter of a linear map in the native library: equal to numpy over flights, its state, what turns it off."""
+"""The filter of a linear map in the native library: the numbers of Python, its state, what turns it off."""
 
 from __future__ import annotations
 
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from ctypes import byref, c_bool, c_double
 from dataclasses import replace
 from pathlib import Path
@@ -11,26 +11,25 @@ from typing import Any
 
 import numpy as np
 import pytest
+from agreement import assert_same
 from damaged_resource import put, refusal, with_arrays
-from linear_fmu import LinearFmu, LinearReference, LinearSample, differences, largest, linear_flight
+from linear_fmu import LinearFmu, LinearSample, linear_flight
 from raw_fmu import ERROR, N_OUTPUTS, OK, VALUES, Fmu3, first_zero, write_resource
 from scaled_maps import scaled_map, whole_scaled_map
 from sensor_maps import with_sensors
 from thermal_maps import REFERENCE, with_temperature
 
-from strainfmu.estimator.estimates.load_estimate import LoadEstimate
-from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.linear.estimator import Estimator
+from strainfmu.estimator.estimate import Estimate
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.interface.estimator_variables import estimator_interface
 from strainfmu.interface.filter_variables import FILTER_TIME_CONSTANT
+from strainfmu.interface.fmi_variables import value_references
+from strainfmu.interface.temperature_variables import temperature_names
 
 pytestmark = pytest.mark.fast
 N, N_T = 18, 4
 STEP = 0.01
-
-TOLERANCE = 1e-10
-"""Relative to the largest of a group of outputs in the same sample; 5e-11 is the largest that was found, of z."""
 
 
 @pytest.fixture(scope="module")
@@ -57,123 +56,52 @@ def started(location: str, n: int) -> LinearFmu:
     return one
 
 
-def compare(
-    fmu: LinearFmu, reference: LinearReference, samples: list[LinearSample], sizes: np.ndarray
-) -> tuple[list[LoadEstimate], list[LoadEstimate]]:
-    """Assert that all steps, of ``sizes`` [s], are those of numpy; those, and each sample alone."""
-    time, found, alone, apart = 3.0, [], [], []
-    for sample, size in zip(samples, sizes.tolist(), strict=True):
-        native = fmu.advance(sample, time, size)
-        both = reference.advance(sample, time)
-        apart.append(differences(native, both[0]))
-        found.append(both[0])
-        alone.append(both[1])
-        time += size
-    assert max(largest(apart).values()) < TOLERANCE, largest(apart)
-    return found, alone
+def tracked(estimator: Estimator, sample: LinearSample, time: float = 0.0, **known: Any) -> Estimate:
+    """The same step in Python."""
+    deviation = sample.deviation if sample.deviation > 0.0 else np.nan
+    return estimator.track(sample.strain, sample.pressure, sample.valid, deviation, time=time, **known)
 
 
-def n_filtered(found: list[LoadEstimate], alone: list[LoadEstimate]) -> int:
-    """How many estimates are not those of their samples alone."""
-    return sum(not np.array_equal(a.loads, b.loads, equal_nan=True) for a, b in zip(found, alone, strict=True))
-
-
-@pytest.mark.parametrize("case", [1, 2])
-@pytest.mark.parametrize("time_constant", [1e-9, 0.02, 1.0, 10.0])
-def test_a_flight_is_that_of_numpy(tmp_path: Path, case: int, time_constant: float) -> None:
-    """Variable steps, up to 5 s, lost gauges, lost samples, q_inf that changes or is not known."""
-    inverse_map, steps = whole_scaled_map(case, seed=case), 300 if time_constant == 1.0 else 60
-    fmu = started(write_resource(inverse_map, tmp_path).as_uri(), N)
-    sizes = np.random.default_rng(1).uniform(0.002, 0.05, steps)
-    sizes[25::50] = 5.0
-    assert fmu.filter(time_constant) == OK
-    reference = LinearReference(Estimator(inverse_map), time_constant)
-    found, alone = compare(fmu, reference, linear_flight(inverse_map, steps, seed=2), sizes)
-    fmu.free()
-    seen = {HealthState(one.health) for one in found}
-    assert {HealthState.INVALID, HealthState.NO_COEFFICIENTS, HealthState.DEGRADED} <= seen
-    if time_constant >= 1.0:
-        assert n_filtered(found, alone) > 0.8 * steps
-        narrower = [np.all(a.loads_std <= b.loads_std) for a, b in zip(found, alone, strict=True)]
-        assert np.mean(narrower) > 0.7
-
-
-@pytest.mark.parametrize(
-    "change", [{"moment_station": 0.3, "reference_area": 0.2, "reference_length": 0.9}, {"alarm_scale": 0.2}]
-)
-def test_settings(fmu: LinearFmu, inverse_map: InverseMap, change: dict[str, float]) -> None:
-    """The moment point and the references of the user; an alarm level at which many samples begin again."""
-    assert fmu.filter(1.0) == OK
-    estimator = Estimator(inverse_map)
-    reference = LinearReference(estimator.with_settings(replace(estimator.settings, **change)), 1.0)
-    at = {"alarm_scale": 5, "reference_area": 6, "reference_length": 7, "moment_station": 8}
-    for name, value in change.items():
-        assert fmu.set_scalars(at[name], value) == OK
-    compare(fmu, reference, linear_flight(inverse_map, 40, seed=8), np.full(40, STEP))
-
-
-def test_jumps_and_samples_that_do_not_fit(fmu: LinearFmu, inverse_map: InverseMap) -> None:
-    """The filter begins again after a jump, and only predicts where strain does not fit the map."""
-    samples = linear_flight(inverse_map, 12, seed=3, poor=False) + linear_flight(inverse_map, 12, 99, poor=False)
-    bent = samples[6].strain + 1e-3 * np.sin(np.arange(N) ** 2)
-    samples[6] = replace(samples[6], strain=bent)
-    assert fmu.filter(10.0) == OK
-    found, alone = compare(fmu, LinearReference(Estimator(inverse_map), 10.0), samples, np.full(24, STEP))
-    assert found[6].health is HealthState.INCONSISTENT
-    begun = [k for k in range(24) if np.array_equal(found[k].loads, alone[k].loads)]
-    assert begun == [0, 6, 12]
-
-
-OTHERS = {
-    "nothing at the current strain": scaled_map(2, seed=4),
-    "more states than gauges": scaled_map(2, seed=4, n=5, n_states=6),
-    "further sensors": with_sensors(scaled_map(2, seed=4)),
+OTHERS: dict[str, Callable[[], InverseMap]] = {
+    "case 1": lambda: whole_scaled_map(1, seed=1),
+    "nothing at the current strain": lambda: scaled_map(2, seed=4),
+    "more states than gauges": lambda: scaled_map(2, seed=4, n=5, n_states=6),
+    "further sensors": lambda: with_sensors(scaled_map(2, seed=4)),
+    "temperature": lambda: with_temperature(whole_scaled_map(2, seed=3), n_t=N_T),
 }
 
 
-@pytest.mark.parametrize("held", OTHERS.values(), ids=OTHERS)
-def test_other_maps(tmp_path: Path, held: InverseMap) -> None:
-    fmu = started(write_resource(held, tmp_path).as_uri(), held.n_gauges)
-    names = [one.name for one in estimator_interface(held)]
-    assert fmu.set_reals([names.index(FILTER_TIME_CONSTANT)], [1.0]) == OK
+@pytest.mark.parametrize("of", OTHERS)
+def test_a_flight_is_that_of_the_estimator(tmp_path: Path, of: str) -> None:
+    """Variable steps, up to 5 s; gauges, samples, q_inf and temperatures get lost; the time constant changes."""
+    held, random = OTHERS[of](), np.random.default_rng(1)
+    fmu, names = started(write_resource(held, tmp_path).as_uri(), held.n_gauges), estimator_interface(held)
+    place = value_references(names)
+    warm = [place[name] for name in temperature_names(held.thermal)] if held.thermal is not None else []
+    estimator, alone, time, filtered = Estimator(held), Estimator(held), 3.0, 0
     scale = np.ones(held.n_gauges) if held.sensors is None else held.sensors.scale
-    samples = [replace(one, strain=one.strain * scale) for one in linear_flight(held, 40, seed=5)]
-    found, alone = compare(fmu, LinearReference(Estimator(held), 1.0), samples, np.full(40, STEP))
-    assert n_filtered(found, alone) > 25
-    fmu.free()
-
-
-@pytest.mark.parametrize("time_constant", [1e-9, 1.0])
-def test_temperatures(tmp_path: Path, time_constant: float) -> None:
-    """Modes are states; sensors come and go, one by one and all."""
-    cold, random = whole_scaled_map(2, seed=3), np.random.default_rng(7)
-    held = with_temperature(cold, n_t=N_T)
-    assert held.thermal is not None
-    fmu = LinearFmu(write_resource(held, tmp_path).as_uri(), N)
-    fmu.n_t = N_T
-    fmu.start()
-    assert fmu.filter(time_constant) == OK
-    known, samples = np.ones(N_T, dtype=bool), []
-    rise = 0.2 * held.thermal.prior_std * random.standard_normal(len(held.thermal.prior_std))
-    for k, sample in enumerate(linear_flight(cold, 60, seed=9)):
-        known = random.random(N_T) < random.choice([0.0, 0.5, 1.0]) if k % 4 == 0 else known
-        now = rise * np.exp(-0.02 * k)
-        theta = REFERENCE + held.thermal.sensor_operator @ now + held.thermal.sensor_std * random.normal(size=N_T)
-        strain = sample.strain + held.thermal.linear_strain @ now
-        samples.append(replace(sample, strain=strain, temperature=np.where(known, theta, np.nan)))
-    sizes = random.uniform(0.005, 0.1, 60)
-    found, alone = compare(fmu, LinearReference(Estimator(held), time_constant), samples, sizes)
-    assert n_filtered(found, alone) >= (0 if time_constant < 1.0 else 40)
-    state = fmu.get_state()
-    after = [fmu.advance(one, 10.0 + k * STEP, STEP).tobytes() for k, one in enumerate(samples[:8])]
-    assert fmu.call("SetFMUstate", state) == OK
-    assert [fmu.advance(one, 10.0 + k * STEP, STEP).tobytes() for k, one in enumerate(samples[:8])] == after
+    for k, one in enumerate(linear_flight(held, 45, seed=5)):
+        if k % 15 == 0:
+            seconds = (1.0, 1e-9, 10.0)[k // 15]
+            estimator = estimator.filter(seconds)
+            assert fmu.set_reals([place[FILTER_TIME_CONSTANT]], [seconds]) == OK
+        temperature = np.where(random.random(len(warm)) < 0.3, np.nan, REFERENCE + random.normal(size=len(warm)))
+        sample = replace(one, strain=one.strain * scale)
+        if warm:
+            assert fmu.set_reals(warm, temperature) == OK
+        known = {"temperature": temperature} if warm else {}
+        found, static = tracked(estimator, sample, time, **known), tracked(alone, sample, **known)
+        size = 5.0 if k % 20 == 13 else float(random.uniform(0.002, 0.05))
+        assert_same(fmu.advance(sample, time, size), found)
+        filtered += not np.array_equal(found.loads, static.loads, equal_nan=True)
+        time += size
+    assert filtered > 10
     fmu.free()
 
 
 def test_outputs_follow_what_is_set_without_a_step(fmu: LinearFmu, inverse_map: InverseMap) -> None:
     """A sample is that at the start of a step, however often inputs are set and read before it is taken."""
-    samples, reference = linear_flight(inverse_map, 8, seed=17), LinearReference(Estimator(inverse_map), 1.0)
+    samples, estimator = linear_flight(inverse_map, 8, seed=17), Estimator(inverse_map).filter(1.0)
     assert fmu.filter(1.0) == OK
     for k, sample in enumerate(samples):
         fmu.give(samples[0])
@@ -182,7 +110,7 @@ def test_outputs_follow_what_is_set_without_a_step(fmu: LinearFmu, inverse_map: 
         before = fmu.outputs()
         assert fmu.step(k / 64.0, 1.0 / 64.0) == OK
         assert fmu.outputs().tobytes() == before.tobytes()
-        assert max(differences(before, reference.advance(sample, k / 64.0)[0]).values()) < TOLERANCE
+        assert_same(before, tracked(estimator, sample, k / 64.0))
 
 
 def test_state_holds_the_law(fmu: LinearFmu, inverse_map: InverseMap, location: str) -> None:
@@ -219,17 +147,16 @@ def test_a_state_with_a_law_that_cannot_be(fmu: LinearFmu, inverse_map: InverseM
 
 
 def test_without_the_filter_nothing_is_remembered(fmu: LinearFmu, inverse_map: InverseMap) -> None:
-    """Off at first, on, off again by the parameter and by a zero that is not known exactly."""
-    samples, estimator = linear_flight(inverse_map, 12, seed=23, poor=False), Estimator(inverse_map)
-    reference = LinearReference(estimator, 1.0)
+    """Off at first, on, off again by the parameter; begun again by a zero that is no longer known exactly."""
+    samples, alone = linear_flight(inverse_map, 12, seed=23, poor=False), Estimator(inverse_map)
+    estimator = Estimator(inverse_map)
     for k, sample in enumerate(samples):
         on = k in (4, 5, 6, 9)
         assert fmu.filter(1.0 if on else 0.0) == OK
-        native = fmu.advance(sample, k * STEP, STEP)
-        reference.switched.time_constant = 1.0 if on else 0.0
-        found, alone = reference.advance(sample, k * STEP)
-        assert max(differences(native, found).values()) < TOLERANCE
-        assert np.array_equal(found.loads, alone.loads) == (k not in (5, 6))
+        estimator = estimator.filter(1.0 if on else 0.0)
+        found = tracked(estimator, sample, k * STEP)
+        assert_same(fmu.advance(sample, k * STEP, STEP), found)
+        assert np.array_equal(found.loads, tracked(alone, sample).loads) == (k not in (5, 6))
     assert fmu.filter(1.0) == OK
     fmu.advance(samples[0], 0.9, STEP)
     filtered = fmu.advance(samples[1], 0.91, STEP)

@@ -14,7 +14,10 @@ from strainfmu.fmu.native.build import source_files
 
 SCREEN = Path(__file__).parent / "screen.c"
 
-pytestmark = pytest.mark.skipif(find_spec("ziglang") is None, reason="needs zig: pip install 'strainfmu[native]'")
+pytestmark = [
+    pytest.mark.slow,  # test_scaled.py holds the screen of every map at its threshold, by the shipped library
+    pytest.mark.skipif(find_spec("ziglang") is None, reason="needs zig: pip install 'strainfmu[native]'"),
+]
 
 
 @pytest.fixture(scope="module")

@@ -1,29 +1,29 @@
-"""Further sensors of the native library: numpy's numbers, lost sensors, thrust, zeros, tare; what is refused."""
+"""Further sensors of the native library: lost sensors, thrust, zeros, tare; what is refused."""
 
 from __future__ import annotations
 
 from ctypes import byref, c_bool, c_double, c_int, c_size_t
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from agreement import Reference, Sample, random_samples
+from agreement import Sample, assert_same, estimated
 from damaged_resource import put, refusal, with_arrays
 from native_case import NativeCase
 from random_map import map_of, random_model
 from raw_fmu import N_OUTPUTS, OK, VALUES, Fmu2, Fmu3, first_zero, of_filter, write_resource
 from scaled_maps import NOMINAL, whole_scaled_map
-from sensor_maps import LARGEST, ROWS, with_sensors
+from sensor_maps import ROWS, with_sensors
 from thermal_maps import with_temperature
 
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.map.sensors import SensorRows
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
-from strainfmu.estimator.zeros.tare_edge import EdgeTare, TareState
-from strainfmu.interface.input_names import NOT_KNOWN
+from strainfmu.estimator.zeros.tare import tare
+from strainfmu.estimator.zeros.tare_edge import TareState
 
 pytestmark = pytest.mark.fast
 
@@ -55,34 +55,6 @@ def thrust_reference(case: NativeCase) -> int:
     return first_zero(case.n) + zeros + (0 if case.inverse_map.thermal is None else N_T)
 
 
-class Sensing(Reference):
-    """The numpy estimator with thrust; samples hold readings in units of their own, rows where growth asks."""
-
-    thrust = 0.0
-
-    def outputs(self, sample: Sample) -> np.ndarray:
-        rows = rows_of(self.estimator.inverse_map)
-        return super().outputs(replace(sample, strain=rows.without_thrust(sample.strain, self.thrust)))
-
-    def lost(self, sample: Sample) -> np.ndarray:
-        """(n_d,) rows beyond their range."""
-        rows = rows_of(self.estimator.inverse_map)
-        reading = rows.without_thrust(sample.strain, self.thrust)
-        range_ = np.where(rows.is_strain, self.settings.sensor_range, rows.largest)
-        return ~(np.abs(reading) <= range_)
-
-    def growth(self, sample: Sample) -> float:
-        return super().growth(self.in_rows(sample))
-
-    def cancelled(self, sample: Sample, chi_square: float) -> float:
-        return super().cancelled(self.in_rows(sample), chi_square)
-
-    def in_rows(self, sample: Sample) -> Sample:
-        rows = rows_of(self.estimator.inverse_map)
-        strain = rows.without_thrust(sample.strain, self.thrust) / rows.scale
-        return replace(sample, strain=np.where(self.lost(sample), np.nan, strain))
-
-
 def give(fmu: Fmu2, sample: Sample) -> None:
     fmu.set_strain(sample.strain)
     fmu.set_valid(sample.valid)
@@ -93,26 +65,6 @@ def readings(case: NativeCase, row: np.ndarray, thrust: float = 0.0) -> np.ndarr
     """(n_d,) what gauges and sensors read where the rows of the map are ``row``."""
     rows = rows_of(case.inverse_map)
     return np.asarray(row * rows.scale + (0.0 if np.isnan(thrust) else thrust) * rows.thrust_response)
-
-
-def test_as_numpy_while_sensors_and_thrust_come_and_go(case: NativeCase) -> None:
-    random, fmu, reference = np.random.default_rng(1), Fmu2(case.uri, case.n).start(), Sensing(case.inverse_map)
-    lost = set()
-    for k, sample in enumerate(random_samples(case.inverse_map, 60, seed=5)):
-        thrust = float(random.choice([0.0, 300.0, -40.0, np.nan, NOT_KNOWN])) if k % 3 else 0.0
-        reference.thrust = np.nan if thrust == NOT_KNOWN else thrust
-        strain = readings(case, sample.strain, reference.thrust)
-        if k % 2:  # each kind in turn
-            which = case.n - 1 - (k // 2) % N_S
-            strain[which] = random.choice(
-                [np.nan, np.inf, -1.01 * LARGEST * rows_of(case.inverse_map).scale[which]]
-            )
-            lost.add(which)
-        assert fmu.set_reals([thrust_reference(case)], [thrust]) == OK
-        moved = replace(sample, strain=strain)
-        give(fmu, moved)
-        reference.check(moved, fmu.outputs())
-    assert len(lost) == N_S
 
 
 def test_a_lost_sensor_does_not_count(case: NativeCase) -> None:
@@ -138,14 +90,13 @@ def test_a_lost_sensor_does_not_count(case: NativeCase) -> None:
 
 
 def test_range_of_gauges_is_not_that_of_sensors(case: NativeCase) -> None:
-    fmu, reference = Fmu2(case.uri, case.n).start(), Sensing(case.inverse_map)
+    fmu = Fmu2(case.uri, case.n).start()
     strain = readings(case, case.inverse_map.mean_strain)
     smallest = 0.5 * float(np.abs(strain[: case.inverse_map.n_strain_gauges]).min())
     assert fmu.set_scalars(4, smallest) == OK
-    reference.set(replace(reference.settings, sensor_range=smallest))
     sample = Sample(strain, np.ones(case.n, dtype=bool), NOMINAL, np.nan)
     give(fmu, sample)
-    assert fmu.outputs()[23] == N_S == reference.outputs(sample)[23]
+    assert fmu.outputs()[23] == N_S
 
 
 def test_derivatives_with_sensors_and_thrust(case: NativeCase) -> None:
@@ -173,20 +124,19 @@ def test_derivatives_with_sensors_and_thrust(case: NativeCase) -> None:
 def test_zeros_and_tare_are_those_of_gauges(case: NativeCase) -> None:
     """Zeros move the gauges' strains alone, their common error too; a tare leaves what sensors read alone."""
     n, random = case.inverse_map.n_strain_gauges, np.random.default_rng(2)
-    fmu, reference = Fmu2(case.uri, case.n).start(), Sensing(case.inverse_map)
+    fmu, estimator = Fmu2(case.uri, case.n).start(), Estimator(case.inverse_map)
     zeros = GaugeZeros(value=1e-5 * random.normal(size=n), std=np.full(n, 1e-6), common_std=2e-6)
     first = first_zero(case.n)
     assert fmu.set_reals(range(first, first + 2 * n + 1), [*zeros.value, *zeros.std, zeros.common_std]) == OK
-    reference.estimator = reference.estimator.with_zeros(zeros)
-    sample = next(iter(random_samples(case.inverse_map, 1, seed=6)))
-    sample = replace(sample, strain=readings(case, case.inverse_map.mean_strain), dynamic_pressure=NOMINAL)
+    strain = readings(case, case.inverse_map.mean_strain)
+    sample = Sample(strain, np.ones(case.n, dtype=bool), NOMINAL, np.nan)
     give(fmu, sample)
-    reference.check(sample, fmu.outputs())
+    assert_same(fmu.outputs(), estimated(estimator.with_zeros(zeros), sample))
 
 
 def test_a_tare_of_the_gauges(case: NativeCase) -> None:
     n, random = case.inverse_map.n_strain_gauges, np.random.default_rng(2)
-    fmu, tare = Fmu2(case.uri, case.n).start(), EdgeTare(case.inverse_map)
+    fmu, window = Fmu2(case.uri, case.n).start(), list[np.ndarray]()
     flag = thrust_reference(case) + 1 + of_filter(case.inverse_map)
     assert fmu.set_scalars(0, 0.0) == OK
     zero = 1e-5 * random.normal(size=n)
@@ -196,15 +146,12 @@ def test_a_tare_of_the_gauges(case: NativeCase) -> None:
         assert fmu.call("SetBoolean", fmu.references([flag]), c_size_t(1), (c_int * 1)(is_up)) == OK
         fmu.set_strain(strain)
         assert fmu.step(0.01 * k) == OK
-        tare.follow(is_up)
-        if is_up:
-            tare.take(strain[:n], 0.0)
-    assert tare.state == TareState.DONE, tare.text
-    assert tare.zeros is not None
+        window += [strain[:n]] if is_up else []
+    zeros = tare(case.inverse_map, np.array(window), np.zeros(len(window))).zeros
     assert fmu.get_integers([flag + 1])[0] == TareState.DONE
     found = fmu.get_reals(range(flag + 2, flag + 2 + 2 * n + 1))
-    np.testing.assert_allclose(found[:n], tare.zeros.value, rtol=1e-9, atol=1e-15)
-    np.testing.assert_allclose(found[n:], [*tare.zeros.std, tare.zeros.common_std], rtol=1e-9, atol=1e-15)
+    np.testing.assert_allclose(found[:n], zeros.value, rtol=1e-9, atol=1e-15)
+    np.testing.assert_allclose(found[n:], [*zeros.std, zeros.common_std], rtol=1e-9, atol=1e-15)
 
 
 def test_state_and_reset(case: NativeCase) -> None:
@@ -266,6 +213,7 @@ def test_fmi_3_has_each_sensor_as_a_scalar(case: NativeCase) -> None:
         ("largest", put(1, 0.0), "expected numbers above zero, found 0"),
     ],
 )
-def test_what_cannot_be_is_refused(case: NativeCase, tmp_path: Path, name: str, change: Any, text: str) -> None:
-    location = with_arrays(case.inverse_map, tmp_path, {f"sensors.{name}": change})
-    assert f"'sensors.{name}': {text}" in refusal(Fmu2(location, case.n))
+def test_what_cannot_be_is_refused(tmp_path: Path, name: str, change: Any, text: str) -> None:
+    held = with_sensors(MAPS["case 1"]())
+    location = with_arrays(held, tmp_path, {f"sensors.{name}": change})
+    assert f"'sensors.{name}': {text}" in refusal(Fmu2(location, held.n_gauges))

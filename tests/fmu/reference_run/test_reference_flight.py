@@ -17,7 +17,7 @@ from sensor_maps import with_sensors
 from thermal_maps import with_temperature
 
 from strainfmu.atmosphere import dynamic_pressure, pressure_and_temperature
-from strainfmu.estimator.linear.estimator import Estimator
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap, map_references
 from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, U, W
 from strainfmu.fmu.reference_run.flight_motion import flight_states

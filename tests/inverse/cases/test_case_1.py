@@ -21,8 +21,8 @@ from builder.structure.fourier.model import StructuralModel
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map.options import MapEntry, Noise
 from strainfmu.errors import InputError
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.linear.estimator import Estimator
 
 pytestmark = pytest.mark.fast
 

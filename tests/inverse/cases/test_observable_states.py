@@ -15,7 +15,7 @@ from builder.inverse.solution import solve
 from builder.inverse.solved_map import inverse_map_of
 from builder.structure.fourier.model import StructuralModel
 from builder.vehicle.file import Vehicle
-from strainfmu.estimator.linear.estimator import Estimator
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap
 
 Q = 1.4e5

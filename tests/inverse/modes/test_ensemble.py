@@ -23,8 +23,8 @@ from builder.vehicle.map.options import MapEntry, Noise
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.linear.estimator import Estimator
 from strainfmu.flight_condition import FlightCondition
 
 N_X, N_FLOWS = 4, 5

@@ -14,8 +14,8 @@ from synthetic_vehicle import N_GAUGES, SyntheticFiles, synthetic_inverse_map
 
 from strainfmu.cosim.estimators.fmu_step import FmuStep
 from strainfmu.errors import InputError
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.linear.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import save_inverse_map
 from strainfmu.recorded.columns.column_names import Wanted
 from strainfmu.recorded.run import estimate_file

@@ -13,8 +13,8 @@ from recorded_case import NAMES, read_csv, samples, suspect_names, write_csv
 from scaled_maps import scaled_map
 from synthetic_vehicle import SyntheticFiles, synthetic_inverse_map
 
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.linear.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import save_inverse_map
 from strainfmu.recorded.run import estimate_file
 

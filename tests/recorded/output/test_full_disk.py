@@ -67,7 +67,7 @@ def test_a_full_disk_ends_in_one_line(
     assert out.read_text() == "old"
 
 
-@pytest.mark.parametrize(("suffix", "limit"), [(".h5", 200_000), (".h5", 5000), (".csv", 200_000)])
+@pytest.mark.parametrize(("suffix", "limit"), [(".h5", 5000), (".csv", 200_000)])
 def test_a_file_that_may_not_grow_ends_in_one_line(
     suffix: str, limit: int, data: Path, tmp_path: Path, synthetic: SyntheticFiles
 ) -> None:

@@ -43,10 +43,10 @@ def write_signals(path: Path) -> Path:
 
 
 FAILED = [
-    *((write_arrays, seed) for seed in (4, 11, 12, 16, 17, 25, 26, 27, 34, 38, 40, 45, 53, 60, 73, 83, 109, 135)),
-    *((write_signals, seed) for seed in (8, 18, 25, 26, 34, 50, 60, 68, 71, 83, 90, 133, 146)),
+    *((write_arrays, seed) for seed in (4, 12, 17, 26, 34, 40, 53, 73, 109)),
+    *((write_signals, seed) for seed in (8, 25, 34, 60, 71, 90, 146)),
 ]
-"""Seeds of damages that were called an internal error, or one of the file system."""
+"""Some seeds of damages that were called an internal error, or one of the file system; 300 are tried slowly."""
 
 
 @pytest.mark.fast

@@ -1,4 +1,4 @@
-/* Laws of the filter's states over time: strainfmu/estimator/filter/motion.py, kalman.py, consistency.py. */
+/* Laws of the filter's states over time: strainfmu/estimator/reference/flight_filter.py, kalman.py. */
 
 #include "filter.h"
 #include "../numerics/blocks.h"

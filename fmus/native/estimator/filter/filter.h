@@ -1,7 +1,7 @@
 /* The nonlinear estimator's filter over time: the law of its states, a step of it, and a sample.
 
-   The C counterpart of strainfmu/estimator/filter: kalman.py, motion.py, flight_model.py, flight_step.py,
-   consistency.py. States are (x, b, c, e, dx/dt), numpy's with the rates last: strain and navigation do not read them.
+   The equations are those of strainfmu/estimator/reference/flight_filter.py and kalman.py.
+   States are (x, b, c, e, dx/dt), the reference's with the rates last: strain and navigation do not read them.
    Arrays over gauges have `gauges` elements, n_gauges in lanes; rows of a sample are gauges, navigation, and zeros. */
 
 #ifndef FILTER_H

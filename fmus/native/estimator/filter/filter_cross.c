@@ -1,4 +1,4 @@
-/* The covariance of the filter's states with the errors that are considered: strainfmu/estimator/filter/kalman.py.
+/* The covariance of the filter's states with the errors that are considered: strainfmu/estimator/reference/kalman.py.
 
    It is the largest part of a law. That of a predicted law is not stored: it is moved where it is used. */
 

@@ -1,4 +1,4 @@
-/* Rolling moment and section loads at the law of the filter: strainfmu/estimator/filter/further_step.py. */
+/* Rolling moment and section loads at the law of the filter: strainfmu/estimator/reference/flight_filter.py. */
 
 #include <math.h>
 #include <string.h>

@@ -6,7 +6,7 @@
 #include "../map/map_resource.h"
 #include "../tables/flight_map.h"
 
-/* Arrays point into the bytes of the file. Quantities: strainfmu/estimator/filter/flight_model.py. */
+/* Arrays point into the bytes of the file. Quantities: strainfmu/estimator/reference/flight_filter.py. */
 typedef struct {
     size_t n_seen;   /* directions of pressure off the tables that are estimated */
     size_t n_shared; /* errors that gauges have in common and that do not follow strain, those of temperature last */

@@ -1,4 +1,4 @@
-/* Temperature modes in the filter: strainfmu/estimator/filter/warm.py. Their states are the last that a sample reads. */
+/* Temperature modes in the filter: docs/explanation/filter.md. Their states are the last that a sample reads. */
 
 #include "filter.h"
 

@@ -1,4 +1,4 @@
-/* Navigation whose error changes in flight: strainfmu/estimator/filter/named_navigation.py. */
+/* Navigation whose error changes in flight: docs/explanation/filter.md. */
 
 #include <math.h>
 

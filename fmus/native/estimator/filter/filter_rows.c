@@ -1,4 +1,4 @@
-/* What a sample of the filter reads, and the errors of it: strainfmu/estimator/filter/flight_model.py.
+/* What a sample of the filter reads, and the errors of it: strainfmu/estimator/reference/flight_filter.py.
 
    Rows that are not in use read nothing, with a noise of 1. */
 

@@ -1,4 +1,4 @@
-/* A sample by the filter: strainfmu/estimator/filter/flight_step.py, kalman.py.
+/* A sample by the filter: strainfmu/estimator/reference/flight_filter.py, kalman.py.
 
    The flight state alone moves with the iterations. Given it, strain and navigation have a covariance that does not: one
    decomposition serves all iterations and the law after them. */

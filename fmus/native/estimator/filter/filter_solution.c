@@ -1,4 +1,4 @@
-/* Loads and coefficients at a law of the filter: strainfmu/estimator/filter/flight_step.py. */
+/* Loads and coefficients at a law of the filter: strainfmu/estimator/reference/flight_filter.py. */
 
 #include <math.h>
 

@@ -1,4 +1,4 @@
-/* The law after a sample: strainfmu/estimator/filter/kalman.py. */
+/* The law after a sample: strainfmu/estimator/reference/kalman.py. */
 
 #include "../numerics/cholesky.h"
 #include "filter.h"

@@ -1,4 +1,4 @@
-/* One sample after another by the filter: strainfmu/estimator/filter/flight_filter.py. */
+/* One sample after another by the filter: strainfmu/estimator/reference/flight_filter.py. */
 
 #include <math.h>
 

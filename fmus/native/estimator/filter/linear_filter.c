@@ -1,4 +1,4 @@
-/* Laws of the states of a linear map over time, and their arrays: strainfmu/estimator/filter/linear_model.py. */
+/* Laws of the states of a linear map over time, and their arrays: strainfmu/estimator/reference/linear_filter.py. */
 
 #include "linear_filter.h"
 

@@ -1,6 +1,6 @@
 /* The filter over time of a linear map in form "dynamic_pressure".
 
-   The C counterpart of strainfmu/estimator/filter: kalman.py, linear_model.py, linear_filter.py. Arrays over gauges and
+   The equations are those of strainfmu/estimator/reference/linear_filter.py. Arrays over gauges and
    states are in lanes; a gauge that is not in use reads nothing, with a noise of 1. */
 
 #ifndef LINEAR_FILTER_H

@@ -5,7 +5,7 @@
 
 #include "../map/map_resource.h"
 
-/* Arrays point into the bytes of the file. Quantities: strainfmu/estimator/filter/linear_model.py. */
+/* Arrays point into the bytes of the file. Quantities: strainfmu/estimator/reference/linear_filter.py. */
 typedef struct {
     size_t n_scaled; /* states that scale with q_inf */
     size_t n_common; /* those that do not: errors that gauges have in common, then amplitudes of temperature modes */

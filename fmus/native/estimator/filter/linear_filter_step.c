@@ -1,4 +1,4 @@
-/* One sample after another by the filter of a linear map: strainfmu/estimator/filter/linear_filter.py. */
+/* One sample after another by the filter of a linear map: strainfmu/estimator/reference/linear_filter.py. */
 
 #include <math.h>
 

@@ -1,4 +1,4 @@
-/* A sample of the filter of a linear map: strainfmu/estimator/filter/linear_model.py, kalman.py. */
+/* A sample of the filter of a linear map: strainfmu/estimator/reference/linear_filter.py, kalman.py. */
 
 #include <math.h>
 #include <string.h>

@@ -1,6 +1,6 @@
 /* Whether an estimate and its flight state are inside what the snapshots of the map cover.
 
-   The C counterpart of strainfmu/estimator/linear/envelope.py. */
+   strainfmu/estimator/map/envelope.py in C. */
 
 #ifndef ENVELOPE_H
 #define ENVELOPE_H

@@ -5,7 +5,7 @@
 
 #include "../estimator.h"
 #include "../numerics/triangles.h"
-#include "error_levels.h"
+#include "current_errors.h"
 
 #define MAX_LOADS 4096
 
@@ -21,26 +21,24 @@ static int parse(MapFile *file, size_t n, size_t states, FurtherMap *map) {
     return file->good;
 }
 
-int further_create(MapFile *file, size_t n_gauges, size_t n_states, size_t n_levels, Further *further) {
+int further_create(MapFile *file, size_t n_gauges, size_t n_states, Further *further) {
     if (!map_has(file, "further")) {
         return file->good;
     }
     if (!parse(file, n_gauges, n_states, &further->map)) {
         return 0;
     }
-    const size_t m = further->map.n_loads, pairs = N_PAIRS * m;
-    const size_t count = 2 * n_gauges * m + m + n_levels * pairs + 2 * m * n_gauges + pairs + n_gauges + N_FURTHER * m;
+    const size_t m = further->map.n_loads;
+    const size_t count = 3 * n_gauges * m + m + n_gauges + N_FURTHER * m;
     further->memory = calloc(count, sizeof(double));
     if (further->memory == NULL) {
         return map_no_memory(file);
     }
     further->load = further->memory;
     further->unseen = further->load + n_gauges * m;
-    further->products = further->unseen + m;
-    further->gain = further->products + n_levels * pairs;
-    further->rows = further->gain + n_gauges * m;
-    further->scratch = further->rows + 2 * m * n_gauges;
-    further->value[0] = further->scratch + pairs + n_gauges;
+    further->rows = further->unseen + m;
+    further->growth = further->rows + 2 * m * n_gauges;
+    further->value[0] = further->growth + n_gauges;
     for (int k = 1; k < N_FURTHER; k++) {
         further->value[k] = further->value[k - 1] + m;
     }
@@ -52,32 +50,19 @@ void further_free(Further *further) {
     free(further->memory);
 }
 
-/* From those kept if they are there. */
-static const double *further_level_products(Estimator *e, const Level *level) {
-    Further *further = &e->further;
-    Level *first = e->levels[e->masked - e->cache].level, *found = first + (level - first);
-    const size_t number = (size_t)(e->masked - e->cache) * CACHED_LEVELS + (size_t)(level - first);
-    double *products = further->products + number * N_PAIRS * further->map.n_loads;
-    if (!found->has_further) {
-        further_level(e, found->ratio, products);
-        found->has_further = 1;
-    }
-    return products;
-}
-
-static double further_growth(Estimator *e, size_t load) {
+/* Row j of B, further->growth: what the lost gauges add to the variance is its square. */
+static void set_growth(Estimator *e, size_t j) {
     const ScaledStep *step = &e->scaled.step;
     const size_t n = e->map.n_gauges, m = e->further.map.n_loads;
-    double *more = e->further.scratch + N_PAIRS * m;
-    for (size_t j = 0; j < step->n_lost; j++) {
-        const double *column = e->map.form.whitening + step->lost[j] * n;
-        more[j] = 0.0;
+    double *growth = e->further.growth;
+    for (size_t k = 0; k < step->n_lost; k++) {
+        const double *column = e->map.form.whitening + step->lost[k] * n;
+        growth[k] = 0.0;
         for (size_t a = 0; a < n; a++) {
-            more[j] += step->weight[a] * e->further.load[a * m + load] * column[a];
+            growth[k] += step->weight[a] * e->further.load[a * m + j] * column[a];
         }
     }
-    solve_transposed(n, step->n_lost, step->matrix, more);
-    return dot(step->n_lost, more, more);
+    solve_transposed(n, step->n_lost, step->matrix, growth);
 }
 
 void further_load(Estimator *e, size_t j, double *value, double *variance, double *per_pressure) {
@@ -94,15 +79,10 @@ void further_load(Estimator *e, size_t j, double *value, double *variance, doubl
     }
     *value = further->map.fixed[j] + s * further->map.of_mean[j] + sum;
     *per_pressure = (further->map.of_mean[j] - of_mean) / e->map.dynamic_pressure;
-    *variance = spread + s * s * further->unseen[j] + (step->n_lost > 0 ? further_growth(e, j) : 0.0);
+    set_growth(e, j);
+    *variance = spread + s * s * further->unseen[j] + dot(step->n_lost, further->growth, further->growth);
     if (e->map.form.has_errors) {
-        const double *low = further_level_products(e, step->levels[0]), *high = further_level_products(e, step->levels[1]);
-        double of_low = 0.0, of_high = 0.0;
-        for (size_t pair = 0; pair < N_PAIRS; pair++) {
-            of_low += step->product[pair] * low[pair * m + j];
-            of_high += step->product[pair] * high[pair * m + j];
-        }
-        *variance += s * s * ((1.0 - step->part) * of_low + step->part * of_high);
+        *variance += s * s * current_errors_of_further(e, j, further->growth);
     }
     *variance = *variance > 0.0 ? *variance : 0.0;
 }

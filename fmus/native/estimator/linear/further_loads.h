@@ -31,10 +31,8 @@ typedef struct {
     void *memory;
     double *load;        /* (n_gauges, n_loads) loads of each direction, as ScaledForm has them, by added_noise.h */
     double *unseen;      /* (n_loads) diagonal of R, the same */
-    double *products;    /* (masks, levels, 21, n_loads) of errors in proportion to strain */
-    double *gain;        /* (n_gauges, n_loads) scratch of these */
     double *rows;        /* (2 n_loads, n_gauges) scratch of added_noise.h */
-    double *scratch;     /* (21, n_loads) and (n_gauges) */
+    double *growth;      /* (n_gauges) scratch */
     double *value[N_FURTHER]; /* (n_loads) [N, N m, 1, 1] */
     int outdated;
 } Further;
@@ -42,11 +40,10 @@ typedef struct {
 struct Estimator;
 
 /* Read the part, if there is one, and allocate. 1; 0 after a message. */
-int further_create(MapFile *file, size_t n_gauges, size_t n_states, size_t n_levels, Further *further);
+int further_create(MapFile *file, size_t n_gauges, size_t n_states, Further *further);
 void further_free(Further *further);
 
-/* Of the linear estimator: load j, its variance and derivative by q_inf; what lost gauges add to the variance; products of
-   errors in proportion to strain at a level (21, n_loads). */
+/* Of the linear estimator: load j, its variance and derivative by q_inf. */
 void further_load(struct Estimator *e, size_t j, double *value, double *variance, double *per_pressure);
 
 /* The outputs for the present inputs: of the nonlinear estimator by its tables, where strain fits these. */

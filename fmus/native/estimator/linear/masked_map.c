@@ -73,7 +73,7 @@ static void reordered_triangle(size_t n, const double *packed, const size_t *ord
 }
 
 /* Information that the gauges in use hold on a state, as a fraction of what all gauges hold: the minimum over the
-   states. information_left of strainfmu/estimator/linear/masks.py. work->first holds the reordered gain triangle R, of
+   states. The matrix work->first holds the reordered gain triangle R, of
    which the leading block R_RR belongs to the missing gauges; with the triangle r of their noise whitening, the fraction is
    the square of the smallest singular value of R_RR r^-1. */
 static double information_left(const Map *map, size_t n_missing, Workspace *work) {

@@ -1,6 +1,6 @@
 /* All that a step needs of a map for the gauges that are in use: computed once per set of gauges.
 
-   The C counterpart of strainfmu/estimator/linear/masked_map.py, where the formulas are derived. */
+   docs/explanation/theory.md has the formulas, strainfmu/estimator/reference/update.py the equations. */
 
 #ifndef MASKED_MAP_H
 #define MASKED_MAP_H

@@ -1,6 +1,6 @@
 /* The directions of a map in form "dynamic_pressure" that serve every dynamic pressure, for the errors of its gauges.
 
-   The C counterpart of strainfmu/estimator/linear/decomposition.py, where the formulas are. */
+   docs/explanation/dynamic_pressure.md has the formulas. */
 
 #ifndef PRESSURE_DIRECTIONS_H
 #define PRESSURE_DIRECTIONS_H

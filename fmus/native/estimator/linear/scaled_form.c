@@ -7,7 +7,7 @@
 #include "../numerics/triangles.h"
 #include "../numerics/wide.h"
 #include "../step_parts.h"
-#include "error_levels.h"
+#include "current_errors.h"
 #include "scaled_suspects.h"
 
 /* Places of the entries of a symmetric (5, 5) matrix, row by row from the diagonal. */
@@ -20,16 +20,12 @@ static void set_symmetric(const double *entries, double *matrix) {
     }
 }
 
-static size_t level_doubles(size_t n) {
-    return N_VALUES * dense_columns(N_PAIRS) + 4 * n;
-}
-
-size_t scaled_doubles(const Map *map) {
+size_t scaled_doubles(const Map *map, size_t n_further) {
     const size_t n = map->n_gauges, whole = dense_rows(n), narrow = narrow_rows(n);
     const size_t columns = dense_columns(n);
     const size_t tables = (3 * whole + N_VALUES + ROWS + narrow / 2) * columns + n + 3 * whole;
-    const size_t step = 8 * whole + narrow + narrow + n * (n + 2) + 2 * n + N_LOADS * n;
-    return tables + n * n + 16 * n + step + CACHED_MASKS * CACHED_LEVELS * level_doubles(n) + 8;
+    const size_t step = (8 + n) * whole + narrow + narrow + n * (n + 2) + 2 * n + N_LOADS * n;
+    return tables + step + current_errors_doubles(map, n_further);
 }
 
 size_t scaled_indices(const Map *map) {
@@ -67,21 +63,11 @@ void scaled_arrays(Estimator *e, double **doubles, size_t **indices) {
     scaled->size = taken(doubles, n);
     scaled->own_mean = taken(doubles, whole);
     scaled->residual = taken(doubles, whole);
-    scaled->work[0] = taken(doubles, n * n);
-    scaled->work[1] = taken(doubles, 16 * n);
+    step->y = taken(doubles, n * whole);
     step->matrix = taken(doubles, n * (n + 2));
     step->head = taken(doubles, 2 * n);
     step->growth = taken(doubles, N_LOADS * n);
-    for (size_t k = 0; k < CACHED_MASKS; k++) {
-        for (size_t l = 0; l < CACHED_LEVELS; l++) {
-            Level *level = &e->levels[k].level[l];
-            level->products = taken(doubles, N_VALUES * dense_columns(N_PAIRS));
-            level->inverse = taken(doubles, n);
-            level->slope = taken(doubles, n);
-            level->checked = taken(doubles, n);
-            level->margin = taken(doubles, n);
-        }
-    }
+    current_errors_arrays(e, doubles);
     step->lost = *indices;
     *indices += n;
 }
@@ -113,16 +99,7 @@ void scaled_prepare(Estimator *e) {
     memcpy(scaled->own_mean, form->mean_strain, n * sizeof *scaled->own_mean);
     dense_times(0, n, n, scaled->rows, scaled->own_mean, scaled->mean);
     memset(scaled->residual, 0, n * sizeof *scaled->residual);
-    for (int k = 0; k < CACHED_MASKS; k++) {
-        scaled_forget(e, k);
-    }
-}
-
-void scaled_forget(Estimator *e, int k) {
-    e->levels[k].next = 0;
-    for (size_t l = 0; l < CACHED_LEVELS; l++) {
-        e->levels[k].level[l].ratio = NAN;
-    }
+    current_errors_prepare(e);
 }
 
 /* u and what follows from it. */
@@ -177,7 +154,22 @@ static void add_lost(const Estimator *e, const double *r, double factor, double 
     }
 }
 
-/* Predict the lost gauges: complete w and of_mean, and set chi-square, x and X. */
+/* Y = V' D^1/2 Q of the lost gauges: what they take from the precision of all. */
+static void set_y(Estimator *e, ScaledStep *step, const double *root) {
+    const size_t n = e->map.n_gauges;
+    double *column = step->scratch[1];
+    for (size_t j = 0; j < step->n_lost; j++) {
+        memset(column, 0, n * sizeof *column);
+        column[j] = 1.0;
+        householder_back(n, step->n_lost, step->matrix, step->head, column);
+        for (size_t a = 0; a < n; a++) {
+            column[a] *= root[a];
+        }
+        dense_times(e->wide, n, n, e->scaled.columns, column, step->y + j * dense_rows(n));
+    }
+}
+
+/* Predict the lost gauges: complete w and of_mean, and set chi-square, x, Y and B. */
 static void predict_lost(Estimator *e, ScaledStep *step) {
     const size_t n = e->map.n_gauges, n_lost = step->n_lost;
     const ScaledForm *form = &e->map.form;
@@ -213,6 +205,7 @@ static void predict_lost(Estimator *e, ScaledStep *step) {
     for (size_t i = 0; i < N_LOADS; i++) {
         solve_transposed(n, n_lost, step->matrix, step->growth + i * n_lost);
     }
+    set_y(e, step, root);
 }
 
 /* Loads, their derivative by q_inf, and their covariance but for errors at the current strain. */
@@ -247,36 +240,21 @@ EVERYWHERE void set_loads(Estimator *e, ScaledStep *step) {
 }
 
 /* Errors in proportion to strain at the current one: what they add to covariance and expected chi-square. */
-EVERYWHERE void add_errors(Estimator *e, ScaledStep *step, const Level *low, const Level *high) {
+static void add_errors(Estimator *e, ScaledStep *step) {
     const double s = step->ratio;
     const int freedom = e->map.degrees_of_freedom - (int)step->n_lost;
     step->expected_ratio = 1.0;
     if (!e->map.form.has_errors) {
         return;
     }
-    double c[1 + N_LOADS] = {1.0}, scale[N_LOADS], excess[N_VALUES], matrix[N_LOADS * N_LOADS];
-    coefficient_scales(e->flow.pressure, e->map.reference_area, e->map.reference_length, scale);
-    for (size_t i = 0; i < N_LOADS; i++) {
-        c[1 + i] = scale[i] * step->loads[i];
+    current_errors_set_powers(e);
+    if (step->n_lost > 0) {
+        current_errors_take_lost(e);
     }
-    size_t pair = 0;
-    for (size_t a = 0; a < 6; a++) {
-        for (size_t b = a; b < 6; b++, pair++) {
-            step->product[pair] = c[a] * c[b] - e->map.form.mean_product[pair];
-        }
-    }
-    dense_times(e->wide, N_VALUES, N_PAIRS, low->products, step->product, step->low);
-    dense_times(e->wide, N_VALUES, N_PAIRS, high->products, step->product, step->high);
-    for (size_t v = 0; v < N_VALUES; v++) {
-        excess[v] = (1.0 - step->part) * step->low[v] + step->part * step->high[v];
-    }
-    set_symmetric(excess, matrix);
-    for (size_t k = 0; k < N_LOADS * N_LOADS; k++) {
-        step->covariance[k] += s * s * matrix[k];
-    }
+    const double trace = current_errors_add(e, step->covariance);
     if (freedom > 0) {
         const double least = e->map.form.min_expected_ratio;
-        step->expected_ratio = 1.0 + s * s * excess[15] / (double)freedom;
+        step->expected_ratio = 1.0 + s * s * trace / (double)freedom;
         step->expected_ratio = step->expected_ratio > least ? step->expected_ratio : least;
     }
 }
@@ -307,7 +285,6 @@ EVERYWHERE void update(Estimator *e) {
     const Map *map = &e->map;
     ScaledStep *step = &e->scaled.step;
     const size_t n = map->n_gauges;
-    double below, above;
     step->ratio = e->flow.pressure / map->dynamic_pressure;
     set_weights(e, step);
     set_residual(e, step);
@@ -320,16 +297,12 @@ EVERYWHERE void update(Estimator *e) {
         step->chi_square = dot(n, step->x, step->w);
     }
     set_loads(e, step);
-    enclosing_levels(step->ratio, &below, &above);
-    const Level *low = error_level(e, below, NULL), *high = error_level(e, above, low);
-    step->levels[0] = low;
-    step->levels[1] = high;
-    step->part = (step->ratio - below) / (above - below);
-    add_errors(e, step, low, high);
+    step->interval = current_interval(e, step->ratio);
+    add_errors(e, step);
     const double limits = e->input[n + ALARM_SCALE] * step->expected_ratio;
     e->output[CHI_SQUARE] = step->chi_square;
     e->output[CHI_SQUARE_LIMIT] = map->chi_square_scale * e->masked->chi_square_limit * limits;
-    set_scaled_suspects(e, e->masked->outlier_threshold * sqrt(map->outlier_scale * limits), low, high);
+    set_scaled_suspects(e, e->masked->outlier_threshold * sqrt(map->outlier_scale * limits));
     const LoadStatistics found = {step->loads, step->covariance, step->per_pressure};
     set_envelope_score(e, &found);
     set_coefficients(e, step);

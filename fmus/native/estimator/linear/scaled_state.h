@@ -1,35 +1,56 @@
-/* What an estimator of a map in form "dynamic_pressure" holds: tables made once, levels of the pressure ratio, and the
-   numbers of the last step.
+/* What an estimator of a map in form "dynamic_pressure" holds: tables made once, intervals of the pressure ratio, and
+   the numbers of the last step.
 
-   Directions are those of strainfmu/estimator/linear/decomposition.py, there are as many as gauges. */
+   Directions are those of pressure_directions.c; there are as many as gauges. */
 
 #ifndef SCALED_STATE_H
 #define SCALED_STATE_H
 
 #include "../map/map_resource.h"
 
-#define N_VALUES 16 /* of a level per pair: the 15 entries of a covariance row by row, and the expected chi-square */
+#define N_VALUES 16 /* the 15 entries of a covariance row by row, and a zero */
 
-/* Levels that are kept for each set of gauges: a factor 180 of dynamic pressure. */
-#define CACHED_LEVELS 16
+/* Intervals of the pressure ratio that are kept: a factor 4 of dynamic pressure; and the points in each. */
+#define CACHED_INTERVALS 16
+#define N_NODES 6
 
-/* Products at one pressure ratio for one set of gauges. They depend on nothing else, so that keeping them changes no
-   result. */
+/* Numbers of one interval of the pressure ratio, with all gauges. They depend on nothing else, so that keeping them changes
+   no result. */
 typedef struct {
-    double ratio;     /* NaN before it is known */
-    double *products; /* (16, 21) G H_ab G' and trace of P H_ab, in panels of dense.h; strainfmu/estimator/map/
-                         proportional_errors.py */
-    double *inverse;  /* (n_gauges) 1 / P_ii times |V_i|^2 by gauge in use, */
-    double *slope;    /* its derivative by the square of the ratio, */
-    double *checked;  /* 0 where no other gauge checks this one at this ratio or a larger one, else 1, */
-    int has_further;  /* whether further_loads.h has its products, */
-    double *margin;   /* and the largest sqrt(P_ii) of all gauges at this ratio or a larger one, over |V_i| */
-} Level;
+    double below, above;     /* its ends; NaN before it is known */
+    double *factor;          /* of errors in proportion to strain: current_errors.c, (16 and further loads, 21 by node) in
+                                panels of dense.h */
+    double *least_precision; /* (n_gauges) P_ii at the upper end, where it is least */
+    double *margin;          /* (n_gauges) the largest sqrt(P_ii), over |V_i| */
+    double *bound;           /* (n_gauges) upper bounds of |V_i|^2 / P_ii, 0 where no other gauge checks one; */
+    int bounded;             /* 0 if that is open for some */
+} Interval;
 
+/* Errors in proportion to strain: current_errors.h. */
 typedef struct {
-    Level level[CACHED_LEVELS];
-    size_t next; /* the one to give way */
-} Levels;
+    size_t n_further;         /* further loads */
+    Interval interval[CACHED_INTERVALS];
+    size_t next;              /* the one to give way */
+    double *of_gauge;         /* (21, n) of the map, in panels */
+    double *common;           /* (n_terms, 6, whole) V E */
+    double *rows, *columns;   /* (6 n_terms, n) E and its transpose, in panels */
+    /* Of the step. */
+    double *powers;           /* (6, 21) c_a c_b less its mean, times powers of the ratio in its interval */
+    double *value;            /* (16) G D G' and the trace of P D, with all gauges */
+    double *own;              /* (n) D_ii of the gauges' own errors */
+    double *error_of_y;       /* (n_lost, whole) D Y */
+    double *weighted_error;   /* (n_lost, whole) V D Y by direction, times its weight, */
+    double *load_error;       /* (5, n_lost) its loads, G D Y */
+    double *square;           /* (n_lost, n_lost) Y' D Y */
+    double *along, *sized;    /* (6 n_terms) scratch of D Y */
+    /* Scratch of an interval. */
+    double *weighted, *gain;  /* (5 and further loads, whole) by direction; G */
+    double *unresolved, *precision, *product; /* (whole) u, P_ii, and products of them */
+    double *common_load;      /* (6, 5 and further loads) */
+    double *node;             /* (16 and further loads, 21) at a point */
+    double *polynomial;       /* (16 and further loads, 126) */
+    double *sum;              /* (24) */
+} CurrentErrors;
 
 /* Numbers of the last step. w etc. hold one entry per direction. */
 typedef struct {
@@ -40,18 +61,17 @@ typedef struct {
     double *w, *of_mean;               /* V r and V (m - d_0), those of lost gauges predicted from the others */
     double *x;                         /* u w */
     double *scratch[2];                /* (dense_rows(n_gauges)) */
-    double *bound;                     /* (narrow_rows(n_gauges)) upper bounds of 1 / P_ii, as Level has them */
+    double *bound;                     /* (narrow_rows(n_gauges)) as Interval has them, with lost gauges */
     float *narrow, *narrow_z;          /* (narrow_rows(n_gauges)) */
     size_t n_lost;
     size_t *lost;                      /* (n_lost) */
     double *matrix;                    /* (n_gauges, n_lost + 2) by columns: D V_R, D w, D V (m - d_0) after QR */
     double *head;                      /* (2 n_gauges) of householder_columns */
+    double *y;                         /* (n_lost, dense_rows(n_gauges)) Y, P = P_all - Y Y' */
     double *growth;                    /* (5, n_lost) B, then X: what the lost gauges add to the covariance is X X' */
     double chi_square, expected_ratio; /* [1] */
     double loads[N_LOADS], per_pressure[N_LOADS], covariance[N_LOADS * N_LOADS]; /* about the map's moment point */
-    double product[N_PAIRS + 3];       /* c_a c_b less its mean, and zeros for dense.h */
-    double low[N_VALUES], high[N_VALUES], part; /* of the levels, and where the ratio is between them */
-    const Level *levels[2];
+    const Interval *interval;          /* that the ratio is in */
 } ScaledStep;
 
 typedef struct {
@@ -65,7 +85,7 @@ typedef struct {
     double *mean;      /* (dense_rows(n)) V (m - d_0) of all gauges */
     double *own_mean;  /* (dense_rows(n)) scratch: m - d_0, 0 for lost gauges */
     double *residual;  /* (dense_rows(n)) */
-    double *work[2];   /* (n, n) and (16 n) of a level */
+    CurrentErrors errors;
     ScaledStep step;
 } Scaled;
 

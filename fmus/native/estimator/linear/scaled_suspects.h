@@ -6,8 +6,8 @@
 
 #include "../estimator.h"
 
-/* As set_suspects; the levels are those around the ratio of the step. */
-void set_scaled_suspects(Estimator *e, double threshold, const Level *low, const Level *high);
+/* As set_suspects. */
+void set_scaled_suspects(Estimator *e, double threshold);
 
 /* z (n_gauges) of the last step; 0 where no other gauge in use checks it, and left as it is of gauges not in use. */
 void scaled_standardised_residuals(Estimator *e, double *z);

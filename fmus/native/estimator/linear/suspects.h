@@ -1,6 +1,6 @@
 /* The gauge that does not fit the others: z of each is its difference from what the others predict for it, in standard
    deviations. z = z_scale R' w, where w = R r is the whitened residual;
-   strainfmu/estimator/linear/isolation.py derives it. */
+   strainfmu/estimator/alarm_limits.py has its thresholds. */
 
 #ifndef SUSPECTS_H
 #define SUSPECTS_H

@@ -1,6 +1,6 @@
 /* The nonlinear estimator's state and outputs, beside those of Estimator.
 
-   The C counterpart of strainfmu/estimator/manifold: tracker.py, estimator.py, flight_health.py, air_data.py. */
+   The equations are those of strainfmu/estimator/reference/nonlinear.py and air.py. */
 
 #ifndef FLIGHT_H
 #define FLIGHT_H
@@ -20,7 +20,7 @@ enum { ANGLE_OF_ATTACK, SIDESLIP_ANGLE, TOTAL_INCIDENCE, WIND_ROLL_ANGLE, AIR_MA
 /* Real inputs after those of the linear estimator. */
 #define N_FLIGHT_INPUTS 3 /* deviation of the Mach number [1]; static pressure and its deviation [Pa] */
 
-/* What a step leaves to the next one: strainfmu/estimator/manifold/tracker.py. */
+/* What a step leaves to the next one: docs/explanation/nonlinear_estimator.md. */
 typedef struct {
     double has_state; /* 0 or 1; all of it float64, as it is serialised */
     double state[N_STATES];

@@ -1,4 +1,4 @@
-/* Angles, Mach number and pressures of a flight state: strainfmu/estimator/manifold/air_data.py. */
+/* Angles, Mach number and pressures of a flight state: strainfmu/estimator/reference/air.py. */
 
 #include <math.h>
 

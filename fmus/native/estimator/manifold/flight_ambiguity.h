@@ -1,5 +1,5 @@
 /* Flight states that fit about as well as the estimated one, where navigation does not tell the pressure:
-   strainfmu/estimator/manifold/ambiguity.py. */
+   docs/explanation/nonlinear_estimator.md. */
 
 #ifndef FLIGHT_AMBIGUITY_H
 #define FLIGHT_AMBIGUITY_H

@@ -1,4 +1,4 @@
-/* The covariance of strain about the tables: strainfmu/estimator/manifold/error_covariance.py. */
+/* The covariance of strain about the tables: strainfmu/estimator/map/strain_covariance.py. */
 
 #include "../numerics/wide.h"
 #include "flight_solve.h"

@@ -1,6 +1,6 @@
 /* Further loads over the flight state: rolling moment and loads of sections by the nonlinear estimator.
 
-   The C counterpart of strainfmu/estimator/manifold/further_estimate.py and tables/further_tables.py. They are part
+   The equations are those of strainfmu/estimator/reference/nonlinear.py. They are part
    "flight_loads" of resources/map.bin. Of strain off the tables they are those of
    further_loads.h. */
 

@@ -1,4 +1,4 @@
-/* Loads of tables at a solution, corrected by strain: strainfmu/estimator/manifold/solve.py has the formulas. */
+/* Loads of tables at a solution, corrected by strain: strainfmu/estimator/reference/nonlinear.py has the formulas. */
 
 #include <math.h>
 

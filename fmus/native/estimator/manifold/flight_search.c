@@ -1,4 +1,4 @@
-/* Starts of the iterations where no last state is known: strainfmu/estimator/manifold/starts.py. */
+/* Starts of the iterations where no last state is known: strainfmu/estimator/reference/nonlinear.py. */
 
 #include <math.h>
 #include <string.h>

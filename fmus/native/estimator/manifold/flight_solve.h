@@ -1,6 +1,6 @@
 /* The flight state that fits strain and navigation, and loads, residuals and covariances that follow from it.
 
-   The C counterpart of strainfmu/estimator/manifold: error_covariance.py, gauss_newton.py, starts.py, solve.py. */
+   The equations are those of strainfmu/estimator/reference/nonlinear.py. */
 
 #ifndef FLIGHT_SOLVE_H
 #define FLIGHT_SOLVE_H

@@ -1,6 +1,6 @@
 /* Further parameters of the flow: their ranges, which the estimate does not use, and health does.
 
-   The C counterpart of strainfmu/estimator/linear/flow_parameters.py; they are part
+   strainfmu/estimator/map/flow_parameters.py in C; they are part
    "parameters" of resources/map.bin. */
 
 #ifndef FLOW_PARAMETERS_H

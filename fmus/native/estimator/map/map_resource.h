@@ -12,7 +12,7 @@
 #define N_PAIRS 21 /* products c_a c_b, a <= b, of c = [1, the five coefficients] */
 
 /* Half-spaces of the coefficients n'C <= limit, and ranges of the flight state:
-   strainfmu/estimator/linear/envelope.py. */
+   strainfmu/estimator/map/envelope.py. */
 typedef struct {
     size_t n_half_spaces;
     double score_limit; /* deviations beyond a half-space that count as outside */
@@ -24,7 +24,7 @@ typedef struct {
     const double *direction;   /* (5, n_half_spaces) */
 } Envelope;
 
-/* What form "dynamic_pressure" needs besides: strainfmu/estimator/linear/decomposition.py and
+/* What form "dynamic_pressure" needs besides: docs/explanation/dynamic_pressure.md and
    strainfmu/estimator/map/proportional_errors.py. */
 typedef struct {
     size_t n_free;              /* free states, which are the first directions */

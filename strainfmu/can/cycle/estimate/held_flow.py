@@ -140,8 +140,8 @@ class HeldValue:
         time by the clock of a proven sender of strains [s], None if it is not known.
         """
         index = self._source.index
-        code = raw[index]
-        value, delay = self._value_of(code), 0.0
+        code, value_of = raw[index], self._value_of
+        value, delay = value_of(code), 0.0
         if self._clock is not None and self._frame.sample_time is not None:
             ticks = int(raw[self._frame.sample_time])
             reading = self._clock.read(time, ticks)
@@ -243,6 +243,10 @@ class HeldFlow:
         self._by_frame: dict[int, list[HeldValue]] = {}
         for value in values:
             self._by_frame.setdefault(id(value.frame), []).append(value)
+        # What distinguishes the data of a frame from those of another one.
+        self._prefix = {
+            key: value.frame.layout.key.to_bytes(4, "little") for key, (value, *_) in self._by_frame.items()
+        }
         by_quantity = {value.quantity: value for value in values}
         self._pressure = by_quantity.get(DYNAMIC_PRESSURE)
         self._mach_number, self._altitude = by_quantity.get(MACH_NUMBER), by_quantity.get(ALTITUDE)
@@ -275,10 +279,13 @@ class HeldFlow:
 
         ``strain_time`` is the present time by the clock of the strains [s], None if it is not known.
         """
-        frame, raw = arrival.frame, arrival.plan.numbers(arrival.frame.data)
-        is_new = self._seen.add([frame.key.to_bytes(4, "little") + frame.data])
-        time, is_usable = frame.time, False
-        for value in self._by_frame.get(id(item), ()):
+        values = self._by_frame.get(id(item))
+        if values is None:
+            return False
+        frame, data = arrival.frame, arrival.frame.data
+        raw, time, is_usable = arrival.plan.numbers(data), frame.time, False
+        is_new = self._seen.add((self._prefix[id(item)] + data,))
+        for value in values:
             is_usable |= value.take(raw, time, is_new, strain_time)
         return is_usable
 

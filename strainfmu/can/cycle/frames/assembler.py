@@ -41,6 +41,10 @@ class Arrival:
         return self.plan.raw(self.frame.data)
 
 
+arrival_without_fields = object.__new__
+"""Makes an Arrival whose fields are all still to be set, in half the time of making one by them."""
+
+
 @dataclass(eq=False, slots=True)
 class Cycle:
     """Frames of one cycle by slot; ``first`` is the one that came first, at ``first_time`` [s]."""
@@ -133,7 +137,7 @@ class CycleAssembler:
         self._late = 0
         if current is None:
             time = arrival.frame.time
-            self._open = current = Cycle(arrival, time)
+            self._open = current = Cycle(arrival, time, {})
             self.deadline, self._newest = time + self._deadline, arrival.sample_time
         arrivals = current.arrivals
         arrivals[slot] = arrival
@@ -152,7 +156,7 @@ class CycleAssembler:
         ahead = (sample_time - newest) % self._whole
         if 0 < ahead < self._half:
             return _ACCEPTED
-        if ahead == 0 and current is not None and arrival.counter == current.first.counter:
+        if current is not None and ahead == 0 and arrival.counter == current.first.counter:
             return _REPEATED if arrival.slot in current.arrivals else _ACCEPTED
         self._late += 1
         return _LATE if self._late <= self._limits.late_limit else _RESTARTED

@@ -38,6 +38,10 @@ class DecodedCycle:
     is_clean: bool = False
 
 
+_without_fields = object.__new__
+"""Makes a cycle whose fields are all still to be set, in half the time of making one by them."""
+
+
 class StrainDecoder:
     """Decodes the strain frames of a layout, all gauges at once. Its arrays are not to be written to."""
 
@@ -93,14 +97,11 @@ class StrainDecoder:
         is_whole = len(arrivals) == self._n_frames
         if is_whole and status <= STATUS_DEGRADED and self._inner.holds(raw):
             at_once = self._raw_to_strain
-            return DecodedCycle(
-                strain=self._plan.physical(raw) * self._to_strain if at_once is None else raw * at_once,
-                raw=raw,
-                present=self._everywhere,
-                refused=self._nowhere,
-                status=status,
-                is_clean=True,
-            )
+            clean = _without_fields(DecodedCycle)
+            clean.strain = self._plan.physical(raw) * self._to_strain if at_once is None else raw * at_once
+            clean.raw, clean.present, clean.refused = raw, self._everywhere, self._nowhere
+            clean.status, clean.is_clean = status, True
+            return clean
         value = self._plan.physical(raw)
         strain = value * self._to_strain
         refused = self._without_value(raw) | self._out_of_range(raw, value)

@@ -9,7 +9,7 @@ import numpy as np
 
 from strainfmu.arrays import BoolArray
 from strainfmu.can.cycle.frames.account import FrameClass
-from strainfmu.can.cycle.frames.assembler import Arrival
+from strainfmu.can.cycle.frames.assembler import Arrival, arrival_without_fields
 from strainfmu.can.cycle.frames.second_sender import SecondSender
 from strainfmu.can.cycle.states.quality import Cause
 from strainfmu.can.e2e.authentication import Authentication, Authenticity
@@ -106,7 +106,8 @@ class Reception:
         self._by_key: dict[int, list[_Slot]] = {}
         for slot in slots:
             self._by_key.setdefault(layout.frames[slot.index].layout.key, []).append(slot)
-        self._has_selectors = any(slot.selector for slot in slots)
+        # Of frames that their identifier alone tells.
+        self._single = {key: own[0] for key, own in self._by_key.items() if own[0].selector is None}
         self.authentication = _authentication(layout)
         self._second = SecondSender(settings.alarm_cycles * layout.cycle_time)
 
@@ -129,14 +130,18 @@ class Reception:
 
     def take(self, frame: Frame) -> Arrival | FrameClass:
         """Return a frame with the numbers about it, or its class if it is refused by itself."""
-        data, slots = frame.data, self._by_key[frame.key]
-        slot = self._selected(slots, data) if self._has_selectors else slots[0]
+        data, slot = frame.data, self._single.get(frame.key)
         if slot is None:
-            return FrameClass.NOT_USABLE  # its multiplexer's value belongs to no frame of the layout
-        index, place, check = slot.index, slot.counter_place, slot.check
-        status, sample_time, configuration = slot.numbers(data)
-        counter = None if place is None else data[place[0]] & place[1]
-        arrival = Arrival(index, frame, slot.plan, sample_time, counter, status & _ALL_BITS if status else 0)
+            slot = self._selected(self._by_key[frame.key], data)
+            if slot is None:
+                return FrameClass.NOT_USABLE  # its multiplexer's value belongs to no frame of the layout
+        place, check, numbers = slot.counter_place, slot.check, slot.numbers
+        status, sample_time, configuration = numbers(data)
+        arrival = arrival_without_fields(Arrival)
+        arrival.slot = index = slot.index
+        arrival.frame, arrival.plan, arrival.sample_time = frame, slot.plan, sample_time
+        arrival.counter = None if place is None else data[place[0]] & place[1]
+        arrival.status = status & _ALL_BITS if status else 0
         if index == self.trailer:
             return arrival  # its CRC covers frames that may not have come yet
         if self.authentication is not None:

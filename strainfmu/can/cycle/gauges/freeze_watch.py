@@ -36,6 +36,9 @@ LOW_VARIANCE = 0.2
 _LOG_RATIO, _SLOPE = -log(LOW_VARIANCE), 1.0 / LOW_VARIANCE - 1.0
 """The log-likelihood ratio of a variance x, in usual ones, is half of the first less x times the second."""
 
+_LOOKED_AT = _LOG_RATIO / _SLOPE
+"""Variance, in usual ones, below which the ratio is evidence for frozen gauges."""
+
 _BLOCK = 4
 """Cycles whose second differences are judged together."""
 
@@ -83,18 +86,19 @@ class FreezeWatch:
         self._rows, self._held = list(self._second), 0
         self._shortest = np.full(n, SHORTEST_RUN, dtype=np.int64)
         self._longest, self._late = 0, np.empty(n, dtype=bool)
-        self._largest = _LARGEST_SQUARE / self._weight
+        # One row for each cycle of a block: a single one is spread over them in every call, at thrice the time.
+        self._largest = np.tile(_LARGEST_SQUARE / self._weight, (_BLOCK, 1))
         self._has_moved, self._all_moved = np.zeros(n, dtype=bool), False
         # Cycles of this block, those of them with all gauges, and whether all had a difference before.
         self._blocked, self._whole, self._is_complete = 0, 0, False
         self._everywhere = np.ones(n, dtype=bool)
         self._is_ordered = bool((np.diff(self._order) == 1).all())
         groups = self._by_group(np.ones(n))
-        self._block_size = (_BLOCK * groups).tolist()
-        self._steps_squared = self._by_group(self._variance) / groups
+        self._block_size = [_BLOCK * size for size in groups]
+        self._steps_squared = np.divide(self._by_group(self._variance), groups)
         quiet = self._table.variance_of(np.minimum(noise.ratio, _QUIET)) / self._variance
         # By frame, and of all: few numbers, so lists are faster than arrays.
-        self._level: list[float] = (self._by_group(quiet) / groups).tolist()
+        self._level: list[float] = np.divide(self._by_group(quiet), groups).tolist()
         self._evidence, self._has_evidence = np.zeros(len(self._level)), False
         self._memory = [float(_FIRST_MEMORY)] * len(self._level)
         self._scatters_too_little = np.zeros(n, dtype=bool)
@@ -114,7 +118,7 @@ class FreezeWatch:
         run : (n_d,) number of repetitions of the reading, at most one more than at the last update.
         present : (n_d,) gauges of this cycle; None for all, each with a difference.
         """
-        self._watch_scatter(difference, run, is_whole=present is None)
+        self._watch_scatter(difference, run, present is None)
         np.greater_equal(run, self._shortest, self._late)
         repeating, late = None, self._late.tobytes().count(1)
         if late > 1 and self._may_be_improbable(late, run):
@@ -181,7 +185,7 @@ class FreezeWatch:
             self._add_held()
             second = difference - self._difference
             known = np.isfinite(second)
-            self._squares += np.where(known, np.fmin(second * second, self._largest), 0.0)
+            self._squares += np.where(known, np.fmin(second * second, self._largest[0]), 0.0)
             self._counts += known
             # Of a gauge whose frame is missing the last one is kept.
             self._difference = np.where(np.isfinite(difference), difference, self._difference)
@@ -201,8 +205,8 @@ class FreezeWatch:
             return
         second = self._second[: self._held]
         np.multiply(second, second, out=second)
-        np.minimum(second, self._largest, out=second)
-        self._squares += np.add.reduce(second, axis=0)
+        np.minimum(second, self._largest[: self._held], out=second)
+        self._squares += np.add.reduce(second)
         self._held = 0
 
     def _judge_block(self, run: IntArray) -> None:
@@ -223,14 +227,16 @@ class FreezeWatch:
 
     def _variances(self, squares: FloatArray, counts: FloatArray | None) -> tuple[list[float], list[float]]:
         """Return, of every group, the mean squares as parts of the stated ones, and their numbers."""
-        sums = self._by_group(squares).tolist()
-        count = self._block_size if counts is None else self._by_group(counts).tolist()
-        return [total / max(number, 1.0) for total, number in zip(sums, count, strict=True)], count
+        sums = self._by_group(squares)
+        count = self._block_size if counts is None else self._by_group(counts)
+        return [
+            total / (number if number > 1.0 else 1.0) for total, number in zip(sums, count, strict=True)
+        ], count
 
     def _judge_scatter(self, variance: FloatArray, count: FloatArray) -> None:
         """Update the evidence of every group."""
         # Second differences of noise are correlated: half of them count.
-        usual = np.array(self._usual)
+        usual = np.minimum(_MARGIN * np.array(self._level), 1.0)
         increment = 0.25 * count * (_LOG_RATIO - _SLOPE * variance / usual)
         increment[usual * self._steps_squared < _SMALLEST_SCATTER] = -_LARGEST_EVIDENCE
         self._evidence = np.clip(self._evidence + increment, 0.0, _LARGEST_EVIDENCE)
@@ -256,9 +262,8 @@ class FreezeWatch:
             self._use_level()
 
     def _use_level(self) -> None:
-        """Derive from the usual variance what is counted on, and below what a block is looked at closely."""
-        self._usual = [min(_MARGIN * level, 1.0) for level in self._level]
-        self._low = [usual * (_LOG_RATIO / _SLOPE) for usual in self._usual]
+        """Derive from the usual variance below what a block is looked at closely."""
+        self._low = [min(_MARGIN * level, 1.0) * _LOOKED_AT for level in self._level]
 
     def _learn(self) -> None:
         """Derive from the usual variance which noise is counted on, and the probabilities of repetitions."""
@@ -275,11 +280,11 @@ class FreezeWatch:
         self._least = np.minimum(self._log_repeated, self._log_repeated_zero).min(axis=0).tolist()
         self._gauge = np.arange(len(self._ratio))
 
-    def _by_group(self, values: FloatArray) -> FloatArray:
-        """Return (n_f + 1,) the sums of (n_d,) ``values`` over each of n_f frames, and over all."""
-        by_group = np.empty(len(self._first) + 1)
-        np.add.reduceat(values if self._is_ordered else values[self._order], self._first, out=by_group[:-1])
-        by_group[-1] = np.add.reduce(by_group[:-1])
+    def _by_group(self, values: FloatArray) -> list[float]:
+        """Return n_f + 1 numbers: the sums of (n_d,) ``values`` over each of n_f frames, and over all."""
+        ordered = values if self._is_ordered else values[self._order]
+        by_group: list[float] = np.add.reduceat(ordered, self._first).tolist()
+        by_group.append(sum(by_group))
         return by_group
 
 

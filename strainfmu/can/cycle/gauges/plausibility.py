@@ -109,8 +109,9 @@ class GaugeChecks:
         # Times of the quiet cycles that the times of change do not hold yet.
         self._times: list[float] = []
         self._flags, self._zero = np.empty(n_gauges, dtype=bool), np.empty(n_gauges, dtype=bool)
-        self._all = np.ones(n_gauges, dtype=bool)
-        self._all.setflags(write=False)
+        self.every_gauge = np.ones(n_gauges, dtype=bool)
+        """(n_d,) True."""
+        self.every_gauge.setflags(write=False)
         # Every gauge was good in the last cycle, at the time given, and is not on its way to be left out.
         self._is_quiet, self._has_zeros, self._last_time = False, False, 0.0
         # No gauge has been zero for more cycles in a row than this.
@@ -132,7 +133,6 @@ class GaugeChecks:
         present: BoolArray,
         refused: BoolArray,
         now: float,
-        *,
         is_clean: bool = False,
     ) -> BoolArray:
         """Return (n_d,) which gauges of a cycle are valid; the array is not to be written to.
@@ -148,7 +148,7 @@ class GaugeChecks:
         """
         if is_clean and self._is_quiet and self._stays_quiet(strain, raw, now):
             frozen = self._frozen_together(strain, None)
-            return self._all if frozen is None else self._left_out(frozen)
+            return self.every_gauge if frozen is None else self._left_out(frozen)
         return self._checked(strain, raw, present=present, refused=refused, now=now)
 
     def _stays_quiet(self, strain: FloatArray, raw: IntArray, now: float) -> bool:
@@ -247,7 +247,7 @@ class GaugeChecks:
 
     def _frozen_together(self, strain: FloatArray, present: BoolArray | None) -> BoolArray | None:
         """Return which gauges of this cycle are frozen together, None if none is; ``present`` None for all."""
-        frozen = self._watch.update(strain, self._difference, run=self._repeats, present=present)
+        frozen = self._watch.update(strain, self._difference, self._repeats, present)
         if self._watch.noise_ratio is not self._counted_on:
             self._count_on(self._watch.noise_ratio)
         self.has_frozen = frozen is not None and self._settings.stuck_cycles != 0

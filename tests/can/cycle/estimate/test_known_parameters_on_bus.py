@@ -23,8 +23,7 @@ from strainfmu.can.wire.frame_layout import InputLayout
 from strainfmu.cosim.estimators.source import open_step
 from strainfmu.cosim.estimators.step import StepResult, parameter_names_of, parameter_std_names_of
 from strainfmu.errors import InputError
-from strainfmu.estimator.manifold.estimator import ManifoldEstimator
-from strainfmu.estimator.manifold.tracker import FlightTracker
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import save_inverse_map
 from strainfmu.estimator.tables.flight_tables import evaluate
 from strainfmu.estimator.tables.parameter_tables import with_known
@@ -81,9 +80,10 @@ def readings(deflection: float) -> np.ndarray:
 @pytest.mark.parametrize(("source", "is_signal"), [("map.h5", False), ("map.h5", True), ("e.fmu", True)])
 def test_a_bridge_estimates_as_python_does(source: str, is_signal: bool, tmp_path: Path) -> None:
     save_inverse_map(known_map(), tmp_path / "map.h5")
-    export_estimator(tmp_path / "map.h5", tmp_path / "e.fmu", ExportOptions())
+    if source == "e.fmu":
+        export_estimator(tmp_path / "map.h5", tmp_path / source, ExportOptions())
     entry = {"signal": "Fins.fin", "std": "Fins.sigma" if is_signal else STD}
-    tracker, random, sizes = FlightTracker(ManifoldEstimator(known_map())), np.random.default_rng(1), []
+    tracker, random, sizes = Estimator(known_map()), np.random.default_rng(1), []
     with open_step(tmp_path / source) as ready:
         assert parameter_names_of(ready.step) == (f"parameter.{NAME}",)
         assert parameter_std_names_of(ready.step) == (f"parameter_std.{NAME}",)
@@ -99,7 +99,7 @@ def test_a_bridge_estimates_as_python_does(source: str, is_signal: bool, tmp_pat
             known: Mapping[str, Any] = (
                 {"parameters": {NAME: 1.0}, "parameters_std": {NAME: STD}} if is_known else {}
             )
-            expected = tracker.step(strain, Q, **known)
+            expected = tracker.track(strain, Q, **known)
             if k < 10 or k == 34:
                 continue
             assert result.health == expected.health

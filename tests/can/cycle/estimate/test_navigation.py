@@ -116,8 +116,19 @@ def test_an_estimator_without_navigation_is_stepped_as_before(profile: str) -> N
     assert isnan(results[-1].envelope_score)
 
 
-@pytest.mark.parametrize("profile", ["fd64", "classic-le"])
-@pytest.mark.parametrize("kind", FaultKind)
+OF_FRAMES = (
+    FaultKind.LOSS,
+    FaultKind.CORRUPTION,
+    FaultKind.SEQUENCE,
+    FaultKind.NAVIGATION_SILENCE,
+    FaultKind.RESTART,
+)
+
+
+@pytest.mark.parametrize(
+    ("kind", "profile"),
+    [*((kind, "fd64") for kind in FaultKind), *((kind, "classic-le") for kind in OF_FRAMES)],
+)
 def test_under_every_fault_navigation_is_right_or_not_known(kind: FaultKind, profile: str) -> None:
     faults = [Fault(kind=kind, start=20, cycles=1, seed=3), Fault(kind=kind, start=40, cycles=25, seed=8)]
     step = Navigated(N)

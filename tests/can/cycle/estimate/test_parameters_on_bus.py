@@ -27,8 +27,8 @@ from strainfmu.can.wire.frame import Frame
 from strainfmu.cosim.estimators.source import open_step
 from strainfmu.cosim.estimators.step import StepResult, parameter_names_of
 from strainfmu.errors import InputError
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.linear.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap, save_inverse_map
 from strainfmu.fmu.export import ExportOptions, export_estimator
 
@@ -77,7 +77,8 @@ def cycle(core: BridgeCore, strain: np.ndarray, k: int, fins: tuple[float, float
 def test_a_bridge_judges_as_python_does(source: str, tmp_path: Path) -> None:
     held = with_parameters(scaled_map(2, seed=4))
     save_inverse_map(held, tmp_path / "map.h5")
-    export_estimator(tmp_path / "map.h5", tmp_path / "e.fmu", ExportOptions())
+    if source == "e.fmu":
+        export_estimator(tmp_path / "map.h5", tmp_path / source, ExportOptions())
     options, estimator, random = files_of(held, tmp_path), Estimator(held), np.random.default_rng(1)
     seen = []
     with open_step(tmp_path / source) as ready:

@@ -26,9 +26,7 @@ from strainfmu.can.wire.frame_layout import InputLayout
 from strainfmu.cosim.estimators.source import open_step
 from strainfmu.cosim.estimators.step import Step, further_inputs
 from strainfmu.errors import InputError
-from strainfmu.estimator.linear.estimator import Estimator
-from strainfmu.estimator.manifold.estimator import ManifoldEstimator
-from strainfmu.estimator.manifold.tracker import FlightTracker
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap, save_inverse_map
 from strainfmu.fmu.export import ExportOptions, export_estimator
 from strainfmu.interface.input_names import FURTHER_FLOW
@@ -103,12 +101,12 @@ def test_a_bridge_estimates_as_python_does(tmp_path: Path, kind: str) -> None:
     with open_step(source) as ready:
         assert set(FURTHER_FLOW) <= set(further_inputs(ready.step))
         results = flown(ready.step, lost, cycles)
-    tracker, states = FlightTracker(ManifoldEstimator(flown_map())), set()
+    tracker, states = Estimator(flown_map()), set()
     for result in results:
         given = {name: result.further_inputs[name] for name in FURTHER_FLOW}
         is_known = not isnan(result.dynamic_pressure)
         states.add((is_known, *(not isnan(value) for value in given.values())))
-        expected = tracker.step(result.strain, result.dynamic_pressure, mach_number=result.mach_number, **given)
+        expected = tracker.track(result.strain, result.dynamic_pressure, mach_number=result.mach_number, **given)
         np.testing.assert_allclose(result.coefficients, expected.coefficients, rtol=1e-6, atol=1e-9)
         np.testing.assert_allclose(result.coefficients_std, expected.coefficients_std, rtol=1e-5)
         if is_known:
@@ -147,7 +145,9 @@ def test_the_linear_estimator_takes_the_deviation_of_the_dynamic_pressure_alone(
         for identifier, data in frames:
             results += core.receive(Frame(identifier=identifier, data=data, time=0.0, is_fd=identifier == AIR))
         result = (results + core.advance(0.9 * CYCLE))[-1]
-    expected = Estimator(flown_map(has_tables=False)).step(STRAIN, result.dynamic_pressure, None, 4e3)
+    expected = Estimator(flown_map(has_tables=False)).step(
+        STRAIN, result.dynamic_pressure, dynamic_pressure_std=4e3
+    )
     np.testing.assert_allclose(result.coefficients_std, expected.coefficients_std, rtol=1e-12)
     for name in ("static_pressure", "mach_number"):
         with pytest.raises(InputError, match=f"{name}: .*expected none, the estimator does not take it"):

@@ -21,9 +21,8 @@ from strainfmu.can.wire.frame_layout import DYNAMIC_PRESSURE, InputLayout
 from strainfmu.cosim.estimators.source import open_step
 from strainfmu.cosim.estimators.step import Step
 from strainfmu.errors import InputError
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.manifold.estimator import ManifoldEstimator
-from strainfmu.estimator.manifold.tracker import FlightTracker
 from strainfmu.estimator.map.inverse_map import InverseMap, save_inverse_map
 from strainfmu.fmu.export import ExportOptions, export_estimator
 
@@ -70,10 +69,10 @@ def test_the_nonlinear_estimate_goes_on_with_larger_sigmas(tmp_path: Path, kind:
         export_estimator(source, source := tmp_path / "e.fmu", options)
     with open_step(source) as ready:
         results = flown(ready.step, layout_of("fd64", N_D), mach_number)
-    tracker = FlightTracker(ManifoldEstimator(flight_map()))
+    tracker = Estimator(flight_map())
     compared = 0
     for result in results:
-        expected = tracker.step(result.strain, result.dynamic_pressure, mach_number=result.mach_number)
+        expected = tracker.track(result.strain, result.dynamic_pressure, mach_number=result.mach_number)
         if result.quality.has_coefficients:
             np.testing.assert_allclose(result.coefficients, expected.coefficients, rtol=1e-6, atol=1e-9)
             np.testing.assert_allclose(result.coefficients_std, expected.coefficients_std, rtol=1e-5)

@@ -1,1 +1,0 @@
-"""Filters over time: what an estimator knows of a sample is carried to the next one."""

@@ -1,1 +1,0 @@
-"""The linear estimator: strain and dynamic pressure to loads, with gauges lost, isolation and envelope."""

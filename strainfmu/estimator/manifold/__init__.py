@@ -1,1 +1,0 @@
-"""The nonlinear estimator: flight state by Gauss-Newton on tables of strain, then a linear correction."""

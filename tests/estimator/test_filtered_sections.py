@@ -1,0 +1,88 @@
+"""Section loads in the filter of the nonlinear estimator."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from flight_fmu import N_D, FlightSample, random_flight, whole_map
+from further_maps import COMBINATION, with_further, with_further_tables
+
+from strainfmu.estimator.estimate import Estimate
+from strainfmu.estimator.estimator import Estimator
+from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.tables.further_tables import FurtherTables
+
+pytestmark = pytest.mark.fast
+DT = 0.01
+
+
+def combined_map() -> InverseMap:
+    """Further loads that are a combination of the five, in the linear map and in the tables."""
+    held = with_further(whole_map())
+    manifold = held.manifold
+    assert manifold is not None
+    further = FurtherTables(
+        response=np.einsum("fl,ijlms->ijfms", COMBINATION, manifold.response[:, :, N_D:]),
+        fixed_response=COMBINATION @ manifold.fixed_response[N_D:],
+        strain_covariance=COMBINATION @ manifold.load_strain_covariance,
+        variance=np.diag(COMBINATION @ manifold.load_covariance @ COMBINATION.T).copy(),
+    )
+    return replace(held, manifold=replace(manifold, further=further))
+
+
+def track(flight: Estimator, samples: list[FlightSample]) -> Estimate:
+    """Return the estimates of ``samples`` along time."""
+    flow = {name: np.array([one.flow[name] for one in samples]) for name in samples[0].flow}
+    strain, valid = np.array([one.strain for one in samples]), np.array([one.valid for one in samples])
+    return flight.track(strain, valid=valid, time=DT * np.arange(len(samples)), **flow)
+
+
+def flight_of(inverse_map: InverseMap, lost: bool) -> list[FlightSample]:
+    samples = random_flight(inverse_map, 12, seed=5)
+    if lost:
+        samples = [replace(one, valid=np.arange(N_D) % 12 != k % 4) for k, one in enumerate(samples)]
+        samples[7] = replace(samples[7], valid=np.zeros(N_D, dtype=bool))
+    return samples
+
+
+@pytest.mark.parametrize("lost", [False, True])
+def test_combinations_of_the_five_loads(lost: bool) -> None:
+    """What is known of them is what is known of the five, step by step, with memory and while gauges are lost."""
+    held = combined_map()
+    found = track(Estimator(held).filter(1.0), flight_of(held, lost))
+    assert not found.is_linear.any()
+    for one in found:
+        expected = COMBINATION @ one.loads
+        variance = np.diag(COMBINATION @ one.load_covariance @ COMBINATION.T)
+        np.testing.assert_allclose(one.further_loads, expected, rtol=0.0, atol=1e-11 * np.abs(expected).max())
+        np.testing.assert_allclose(one.further_loads_std, np.sqrt(variance), rtol=1e-8)
+
+
+def test_without_memory_they_are_those_of_the_static_estimator() -> None:
+    held = with_further_tables(whole_map())
+    estimator = Estimator(held)
+    sample = random_flight(held, 1, seed=4)[0]
+    # Both settle on the covariance at their own state. The five loads agree to 4e-7 so, with errors of every kind.
+    one, other = (track(flight, [sample] * 8)[-1] for flight in (estimator.filter(1e-9), estimator))
+    for name in ("further_loads", "further_loads_std", "further_coefficients", "further_coefficients_std"):
+        mine, theirs = getattr(one, name), getattr(other, name)
+        assert np.max(np.abs(mine - theirs)) < 1e-6 * np.max(np.abs(theirs)), name
+
+
+def test_they_change_nothing_else_and_get_smaller_deviations() -> None:
+    held = with_further_tables(whole_map())
+    manifold = held.manifold
+    assert manifold is not None
+    bare = replace(held, manifold=replace(manifold, further=None), further=None)
+    samples = random_flight(held, 30, seed=6)
+    one, other = (track(Estimator(each).filter(1.0), samples)[-1] for each in (held, bare))
+    assert one.loads.tobytes() == other.loads.tobytes()
+    assert one.load_covariance.tobytes() == other.load_covariance.tobytes()
+    # But for the rolling moment, which is known. Air data have errors that last: they are not averaged.
+    alone = track(Estimator(held), samples)[-1]
+    assert np.all((one.further_loads_std < 1.01 * alone.further_loads_std)[1:])
+    strain = [replace(sample, flow={"dynamic_pressure": np.nan}) for sample in samples]
+    one, alone = (track(flight, strain)[-1] for flight in (Estimator(held).filter(1.0), Estimator(held)))
+    assert np.all((one.further_loads_std < alone.further_loads_std)[1:])
