@@ -12,9 +12,10 @@ import pickle
 import subprocess
 import sys
 from collections.abc import Callable
+from io import BytesIO
 from math import radians
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import hypothesis
 import pytest
@@ -104,6 +105,22 @@ def run(capfd: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str, str]
         return int(ended.value.code or 0), captured.out, captured.err
 
     return call
+
+
+@pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave out the pictures of reports, for tests of all else: drawing takes most of a report's time."""
+    from matplotlib.figure import Figure
+
+    drawn = Figure.savefig
+
+    def savefig(figure: Figure, target: object, **options: Any) -> None:
+        if isinstance(target, BytesIO):
+            target.write(b"undrawn")
+        else:
+            drawn(figure, target, **options)
+
+    monkeypatch.setattr(Figure, "savefig", savefig)
 
 
 def _demo(folder: Path, *arguments: str) -> None:

@@ -200,15 +200,6 @@ def test_every_command_runs_on_the_result(
     assert "bare product" in printed
 
 
-def test_build_stops_at_the_map(tmp_path: Path, ogive_demo: Path, run: Run) -> None:
-    code, _, _ = run("build", OGIVE, "-o", tmp_path)
-    assert code == 0
-    made = {"manifest.json", "map.h5", "report.html", "report.json", "report_tables", "snapshots.h5"}
-    # The flows of the independent model set the alarm levels.
-    assert {path.name for path in tmp_path.iterdir()} == made | {"independent_flows.h5"}
-    assert (tmp_path / "map.h5").read_bytes() == (ogive_demo / "map.h5").read_bytes()
-
-
 def test_check_reports_without_solving(run: Run) -> None:
     from builder.vehicle.file import IC3X
 

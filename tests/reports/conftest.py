@@ -11,7 +11,7 @@ from report_case import CASE_1, CASE_2, ReportCase, case_of, solved_vehicle
 from builder.campaign.snapshots import Snapshots
 from builder.reports.build_report.page import report_page
 from builder.reports.build_report.report import BuildReport, build_report
-from builder.reports.page.html import page_html
+from builder.reports.page.html import Page, page_html
 from builder.structure.fourier.model import StructuralModel
 from builder.vehicle.file import Vehicle
 
@@ -37,9 +37,14 @@ def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
 
 
 @pytest.fixture(scope="session")
-def html(report: BuildReport) -> str:
-    """The report's page."""
-    return page_html(report_page(report))
+def page(report: BuildReport) -> Page:
+    """The report's page, its figures drawn."""
+    return report_page(report)
+
+
+@pytest.fixture(scope="session")
+def html(page: Page) -> str:
+    return page_html(page)
 
 
 @pytest.fixture(scope="session")

@@ -103,6 +103,7 @@ def test_the_page_has_no_negative_zero(report: BuildReport) -> None:
     assert not any(re.search(r"-0(\.0*)?(?![.\d])", text) for text in texts)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_page_states_what_it_was_made_from(
     case: ReportCase, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -28,7 +28,8 @@ Parts = tuple[Vehicle, Snapshots, StructuralModel]
 Run = Callable[..., tuple[int, str, str]]
 
 
-def test_build_leaves_a_report_and_uses_it_again(run: Run, tmp_path: Path) -> None:
+def test_build_leaves_a_report_and_uses_it_again(run: Run, tmp_path: Path, request: pytest.FixtureRequest) -> None:
+    """A build stops at the map and its report. It takes seconds: it is the whole command, and draws its page."""
     vehicle = ogive_with(
         tmp_path / "vehicle", 'case = 2\ngamma = "morozov"\nform = "absolute"\nsymmetry = "listed"'
     )
@@ -37,6 +38,9 @@ def test_build_leaves_a_report_and_uses_it_again(run: Run, tmp_path: Path) -> No
     assert "report.html: written" in printed
     assert "is blind to pressure odd in y, odd in z (" in printed
     page = assert_self_contained((tmp_path / "out" / "report.html").read_text(encoding="utf-8"))
+    # The flows of the independent model set the alarm levels.
+    made = {"snapshots.h5", "independent_flows.h5", "map.h5", "report.json", "report.html", "report_tables"}
+    assert {path.name for path in (tmp_path / "out").iterdir()} == made | {"manifest.json"}
     content = json.loads((tmp_path / "out" / "report.json").read_text(encoding="utf-8"))
     assert content["case"] == 2
     used = content["tables"]["gamma_rules"]["rows"]
@@ -55,6 +59,7 @@ def test_build_leaves_a_report_and_uses_it_again(run: Run, tmp_path: Path) -> No
         assert held[name]["sha256"] in page.text
     # A comment changes the file that the report was made from, and nothing else.
     vehicle.write_text(vehicle.read_text(encoding="utf-8") + "\n# seen\n", encoding="utf-8")
+    request.getfixturevalue("undrawn")  # its text alone is compared
     code, printed, _ = run("build", vehicle, "-o", tmp_path / "out")
     assert code == 0
     assert "map.h5: up to date, reused" in printed
