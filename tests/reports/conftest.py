@@ -23,9 +23,20 @@ def parts(tmp_path_factory: pytest.TempPathFactory, compiled_solver: None) -> Pa
     return solved_vehicle(tmp_path_factory.mktemp("ogive"))
 
 
-@pytest.fixture(scope="session", params=[CASE_1, CASE_2], ids=["case 1", "case 2"])
-def case(request: pytest.FixtureRequest, parts: Parts) -> ReportCase:
-    return case_of(parts, request.param)
+@pytest.fixture(scope="session")
+def case_1(parts: Parts) -> ReportCase:
+    return case_of(parts, CASE_1)
+
+
+@pytest.fixture(scope="session")
+def case_2(parts: Parts) -> ReportCase:
+    return case_of(parts, CASE_2)
+
+
+@pytest.fixture(scope="session", params=["case_1", "case_2"], ids=["case 1", "case 2"])
+def case(request: pytest.FixtureRequest) -> ReportCase:
+    found: ReportCase = request.getfixturevalue(request.param)
+    return found
 
 
 @pytest.fixture(scope="session")
