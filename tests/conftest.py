@@ -49,7 +49,6 @@ FIRST = (
     "golden",
     "structure/test_structure_command.py",
     "structure/test_solid_model_maps.py",
-    "campaign/test_reuse.py",
     "docs/test_snippets.py",
     "truth/test_honest_map.py",
     "pipeline/test_used_files.py",
