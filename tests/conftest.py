@@ -12,9 +12,10 @@ import pickle
 import subprocess
 import sys
 from collections.abc import Callable
+from io import BytesIO
 from math import radians
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import hypothesis
 import pytest
@@ -48,7 +49,6 @@ FIRST = (
     "golden",
     "structure/test_structure_command.py",
     "structure/test_solid_model_maps.py",
-    "campaign/test_reuse.py",
     "docs/test_snippets.py",
     "truth/test_honest_map.py",
     "pipeline/test_used_files.py",
@@ -104,6 +104,22 @@ def run(capfd: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str, str]
         return int(ended.value.code or 0), captured.out, captured.err
 
     return call
+
+
+@pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave out the pictures of reports, for tests of all else: drawing takes most of a report's time."""
+    from matplotlib.figure import Figure
+
+    drawn = Figure.savefig
+
+    def savefig(figure: Figure, target: object, **options: Any) -> None:
+        if isinstance(target, BytesIO):
+            target.write(b"undrawn")
+        else:
+            drawn(figure, target, **options)
+
+    monkeypatch.setattr(Figure, "savefig", savefig)
 
 
 def _demo(folder: Path, *arguments: str) -> None:

@@ -7,9 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from builder.stress.kind import Build, Hardware, Kind, KindClass, as_stated, exact
+from builder.stress.kind import Build, Filtered, Hardware, Kind, KindClass, as_stated, exact
 from builder.truth.as_built import AsBuilt, drawn
 from builder.vehicle.map.options import Noise
+
+FEW_FILTERED = 0.25
+"""Draws of what is filtered, each sample of which costs a flight, times those of the other kinds."""
 
 MANY = 5
 """Draws of the vehicles as stated, times those of the other kinds: their false alarms are rare."""
@@ -253,3 +256,20 @@ def thinner_middle(hardware: Hardware, random: np.random.Generator) -> AsBuilt:
     third = (high - low) / 3.0
     there = (hardware.station >= low + third) & (hardware.station <= high - third)
     return replace(exact(hardware, random), wall_thickness=np.where(there, -0.05, 0.0))
+
+
+def filter_kinds() -> list[Kind]:
+    """Return vehicles as built whose samples are filtered over time, zeros known exactly and with deviations."""
+    listed = (("exactly known", 0.0, 0.0), ("wrong by 5 sigma of the noise", 5.0, 0.0))
+    return [
+        Kind(
+            error="filter over time, zeros",
+            size=size,
+            group="within",
+            what="The zeros are wrong by their stated deviations for the whole flight, of 2 s.",
+            build=as_stated,
+            filtered=Filtered(zero=zero, common=common),
+            draws=FEW_FILTERED,
+        )
+        for size, zero, common in (*listed, ("wrong in common by 5 sigma of the noise", 0.0, 5.0))
+    ]

@@ -75,6 +75,25 @@ def as_read(strain: FloatArray, wind: FloatArray, hardware: Hardware, random: np
     return strain
 
 
+@dataclass(frozen=True, kw_only=True)
+class Filtered:
+    """A filter over time: each condition is flown for a while, and its last sample counts.
+
+    Attributes
+    ----------
+    time_constant, time_step : [s].
+    steps : samples of each condition, with gauge noise of their own.
+    zero, common : deviations of the zeros, of each gauge and in common, over the noise of the gauges. The errors
+        are drawn once for each vehicle.
+    """
+
+    time_constant: float = 10.0
+    time_step: float = 0.1
+    steps: int = 20
+    zero: float = 0.0
+    common: float = 0.0
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Kind:
     """One kind of error.
@@ -89,6 +108,7 @@ class Kind:
     build : the vehicle of one draw.
     readings : what becomes of the strains.
     navigation : whether Mach number and altitude are given; the nonlinear estimator takes p_inf in its place.
+    filtered : the filter over time that estimates; None for none.
     draws : vehicles and noise of the run, times this.
     flagged_target, outside_target : share [%] of flagged samples at least, and of OUTSIDE at most, aimed at.
     """
@@ -102,6 +122,7 @@ class Kind:
     build: Build = exact
     readings: Readings = as_read
     navigation: bool = True
+    filtered: Filtered | None = None
     draws: float = 1.0
     flagged_target: float | None = None
     outside_target: float | None = None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from builder.stress.flight_kinds import envelope_kinds, flow_kinds
 from builder.stress.gauge_kinds import gauge_kinds
-from builder.stress.hardware_kinds import beyond_kinds, fixed_kinds, nominal_kinds, stated_kinds
+from builder.stress.hardware_kinds import beyond_kinds, filter_kinds, fixed_kinds, nominal_kinds, stated_kinds
 from builder.stress.kind import Kind
 from builder.vehicle.file import Vehicle
 
@@ -16,6 +16,7 @@ def all_kinds(vehicle: Vehicle) -> list[Kind]:
         *stated_kinds(vehicle.noise),
         *fixed_kinds(vehicle.noise),
         *beyond_kinds(vehicle.noise),
+        *(filter_kinds() if vehicle.map.form == "dynamic_pressure" else []),
         *gauge_kinds(vehicle.noise),
         *envelope_kinds(vehicle),
         *flow_kinds(vehicle),

@@ -11,7 +11,7 @@ import numpy as np
 
 from builder.stress.flights import DrawConditions
 from builder.stress.flows import OtherFlow
-from builder.stress.kind import Hardware, Kind
+from builder.stress.kind import Filtered, Hardware, Kind
 from builder.stress.model import Model
 from builder.truth.as_built import AsBuilt
 from builder.truth.flights import Flights
@@ -21,7 +21,10 @@ from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 from strainfmu.flight_condition import FlightCondition
+
+COEFFICIENTS = ("coefficients", "coefficients_std")
 
 SIGMAS = 3.0
 """An estimate is wrong where a coefficient is further from the truth than this many of its standard deviations, or
@@ -157,18 +160,43 @@ class Range:
     ) -> tuple[BoolArray, IntArray]:
         """Return (k,) whether the estimate is wrong, and health, of one vehicle at all flights."""
         strain = flights.read(built)
-        read = strain + gauge_noise(self.inverse_map, random, strain.shape)
-        wind = np.array([[condition.leeward_roll_angle] for condition in flights.conditions])
-        read = kind.readings(read, wind, self.hardware, random)
-        estimate = self.estimator.estimate(
-            read,
-            flights.dynamic_pressure * (1.0 + np.asarray(built.dynamic_pressure, dtype=float)),
-            **(self._navigation(flights.conditions) if kind.navigation else {}),
+        navigation = self._navigation(flights.conditions) if kind.navigation else {}
+        navigation["dynamic_pressure"] = flights.dynamic_pressure * (
+            1.0 + np.asarray(built.dynamic_pressure, dtype=float)
         )
-        error: FloatArray = np.abs(estimate.coefficients - flights.coefficients)
+        if kind.filtered is None:
+            read = strain + gauge_noise(self.inverse_map, random, strain.shape)
+            wind = np.array([[condition.leeward_roll_angle] for condition in flights.conditions])
+            read = kind.readings(read, wind, self.hardware, random)
+            estimate = self.estimator.estimate(read, **navigation)
+            found, std, health = estimate.coefficients, estimate.coefficients_std, np.asarray(estimate.health)
+        else:
+            found, std, health = self._filtered(kind.filtered, strain, navigation, random)
+        error: FloatArray = np.abs(found - flights.coefficients)
         with np.errstate(invalid="ignore"):
-            right = np.all(error <= SIGMAS * estimate.coefficients_std, axis=1)  # false for NaN
-        return ~right, np.asarray(estimate.health)
+            right = np.all(error <= SIGMAS * std, axis=1)  # false for NaN
+        return ~right, health
+
+    def _filtered(
+        self, how: Filtered, strain: FloatArray, navigation: dict[str, FloatArray], random: np.random.Generator
+    ) -> tuple[FloatArray, FloatArray, IntArray]:
+        """Return (k, 5) coefficients and their deviations, and (k,) health, at the end of a flight at each
+        condition."""
+        n, noise = strain.shape[1], float(np.mean(self.hardware.noise_std))
+        std, common = np.full(n, how.zero * noise), how.common * noise
+        zeros = GaugeZeros(value=np.zeros(n), std=std, common_std=common)
+        wrong = std * random.standard_normal(n) + common * random.standard_normal()
+        estimator = self.estimator.with_zeros(zeros).filter(how.time_constant)
+        time, last = how.time_step * np.arange(how.steps), []
+        for k, one in enumerate(strain):
+            estimator.restart()
+            read = one + wrong + gauge_noise(self.inverse_map, random, (how.steps, n))
+            of_one: dict[str, Any] = {
+                name: float(np.broadcast_to(value, len(strain))[k]) for name, value in navigation.items()
+            }
+            last.append(estimator.track(read, time=time, **of_one)[-1])
+        coefficients, deviations = ([getattr(one, name) for one in last] for name in COEFFICIENTS)
+        return np.array(coefficients), np.array(deviations), np.array([int(one.health) for one in last])
 
     def _navigation(self, conditions: Sequence[FlightCondition]) -> dict[str, Any]:
         """Return Mach number and altitude, p_inf in place of the latter for the nonlinear estimator."""

@@ -3,7 +3,8 @@
 The core decides what a sample is: whether it fits, where the filter begins again, which air data are left out. The
 reference's filter goes over the same samples with the same decisions, and its laws are smoothed. Of several
 explanations of what the core did with a sample, the one whose flight state agrees with the core's is taken.
-A sample that the core did not filter stays as it is.
+A sample that the core did not filter stays as it is, and so does one with zeros or flow parameters of stated
+deviations.
 """
 
 from __future__ import annotations
@@ -111,8 +112,8 @@ class _Records:
         self.estimator, self.map = estimator, estimator.inverse_map
         settings, zeros = estimator.settings, estimator.zeros
         self.layout, self.zeros = estimator.core.inputs, Zeros(value=zeros.value, std=zeros.std)
-        # The core filters no sample whose zero offsets err.
-        self.filters = not (np.any(zeros.std > 0.0) or zeros.common_std > 0.0)
+        # Errors of zeros stay what they are: laws without them would take them for errors that later samples tell.
+        self.smooths = not (np.any(zeros.std > 0.0) or zeros.common_std > 0.0)
         self.transfer = np.eye(LOADS)
         shift = settings.moment_station - default_settings(self.map).moment_station
         self.transfer[3, 1] = self.transfer[4, 2] = shift
@@ -193,7 +194,7 @@ class FlightSmoother(_Records):
         reference, used = self.reference, core.valid
         warm, transition = self.warm_of(record), reference.transition(seconds)
         own = reference.widened(1.0, warm.covariance)
-        if not self.filters or self._is_sharpened(record, core):
+        if not self.smooths or self._is_sharpened(record, core):
             reference.law, self.window, self.warm = None, _Window(), warm
             self.left_out = np.zeros(3, dtype=bool)
             return Step(before=own, after=own, transition=transition, continues=False)
@@ -220,7 +221,7 @@ class FlightSmoother(_Records):
         return Step(before=before, after=after.law, transition=transition, continues=not begins, of_loads=kept)
 
     def _is_sharpened(self, record: FloatArray, core: _Core) -> bool:
-        """Return whether a flow parameter is known with a deviation: the core does not filter the sample then."""
+        """Return whether a flow parameter is known with a deviation, about which the core begins again."""
         if not self.sharpens:
             return False
         known = np.isfinite(record[self.layout["parameter"]]) & (core.parameter_score <= LARGEST_USED_SCORE)
@@ -437,7 +438,7 @@ class LinearSmoother(_Records):
         else:
             law = reference.predicted(self.carried(law, warm), seconds, own)
         fits = static.health not in UNFILTERED and static.chi_square <= static.chi_square_limit
-        if not (fits and self.filters):
+        if not (fits and self.smooths):
             reference.law, kept = law, own if law is None else law
             return Step(before=kept, after=kept, transition=transition, continues=law is not None)
         rows = self.rows(record, used, warm, np.zeros(len(warm.amplitude)))

@@ -21,7 +21,7 @@ def with_filter_parameter(interface: tuple[Variable, ...], inverse_map: InverseM
         return interface
     linear = inverse_map.manifold is None
     of_what = "pressure, its errors" if linear else "pressure off the tables"
-    none = "0, deviations of zeros above 0, or model exchange" if linear else "0, or deviations of zeros above 0,"
+    none = "0, or model exchange," if linear else "0"
     parameter = Variable(
         name=FILTER_TIME_CONSTANT,
         description=f"Time constant of {of_what} in the filter over time; {none} for none: then each sample is "

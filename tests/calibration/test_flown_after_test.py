@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from as_built_case import strain_covariance
+from as_built_case import strain_covariances
 
 from builder.calibration.after_test.calibrated_map import calibrated_vehicle
 from builder.calibration.after_test.flown_after_test import allowed_vehicles, net_pressure
@@ -61,18 +61,18 @@ def test_they_scatter_about_the_estimate_as_the_test_says(
     flown = allowed_vehicles(quiet, as_built, tested, true_model, table, conditions)
     drawing = drawn_vehicles(calibrated_vehicle(quiet), true_model, table, conditions)
     n = as_built.n_gauges
-    for number in range(3):
+    pressures = net_pressure(as_built, true_model, table, drawing)
+    covariances = strain_covariances(as_built, tested.parameters, tested.covariance, pressures)
+    for number, (pressure, covariance) in enumerate(zip(pressures, covariances, strict=True)):
         strain, stated = flown.read(number, COUNT, np.random.default_rng(number))
         plain, _ = drawing.read(number, 1, np.random.default_rng(number))
         assert np.all(stated == 1.0)
         centre = plain[0] + flown.change[number]
         deviation = strain.std(axis=0)
         assert np.all(np.abs(strain.mean(axis=0) - centre) < 5.0 * deviation / np.sqrt(COUNT))
-        pressure = net_pressure(as_built, true_model, table, drawing)[number]
         nominal = as_built.strain_operator(as_built.exactly_built()) @ pressure
         np.testing.assert_allclose(nominal, plain[0], atol=0.05 * np.abs(plain).max())  # the mesh
-        expected = strain_covariance(as_built, tested.parameters, tested.covariance, pressure)
-        expected += tested.covariance[5 * n : 6 * n, 5 * n : 6 * n]
+        expected = covariance + tested.covariance[5 * n : 6 * n, 5 * n : 6 * n]
         scale = np.sqrt(np.diag(expected))
         np.testing.assert_allclose(
             np.cov(strain.T) / np.outer(scale, scale), expected / np.outer(scale, scale), atol=0.12

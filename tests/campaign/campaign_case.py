@@ -12,9 +12,10 @@ from pathlib import Path
 import h5py
 
 from builder.aero.engines.registry import make_engine
-from builder.campaign.journal import journal_path
+from builder.campaign.journal import encode_record, journal_path
 from builder.campaign.run import Campaign, CampaignResult, run_campaign
 from builder.campaign.scheduling import Scheduling
+from builder.campaign.snapshots import load_flows
 from builder.campaign.vehicle_campaign import vehicle_campaign
 from builder.reporting import Silent
 from builder.vehicle.conditions.flight_conditions import ConditionSet
@@ -51,6 +52,14 @@ def campaign_of(vehicle: Vehicle, conditions: Sequence[FlightCondition] = ()) ->
 def run(campaign: Campaign, path: Path) -> CampaignResult:
     """Run ``campaign`` in threads of this process."""
     return run_campaign(campaign, path, THREADS, Silent())
+
+
+def undisturbed_campaign(vehicle: Vehicle, path: Path) -> Undisturbed:
+    """Run the campaign of ``vehicle`` to its end, in one go."""
+    run(campaign_of(vehicle), path)
+    kept = load_flows(path)
+    size = sum(len(encode_record(kept.fingerprint, flow)) for flow in kept.flows)
+    return Undisturbed(path, stored_hash(path), size)
 
 
 def stored_hash(path: Path) -> str:

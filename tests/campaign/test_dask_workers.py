@@ -93,11 +93,11 @@ def test_a_scheduler_that_goes_keeps_what_is_finished(undisturbed: Undisturbed, 
     assert stored_hash(output) == undisturbed.content_hash
 
 
-def test_no_scheduler_is_one_line(tmp_path: Path) -> None:
-    """Port 9 of loopback, where nothing listens; nothing is left behind."""
-    process = start("snapshots", OGIVE, "-o", tmp_path / "snapshots.h5", "--scheduler", "tcp://127.0.0.1:9")
-    _, message = process.communicate()
-    assert process.returncode == 1
+def test_no_scheduler_is_one_line(tmp_path: Path, run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Port 9 of loopback, where nothing listens, asked for a second; nothing is left behind."""
+    monkeypatch.setattr("builder.campaign.dask_workers.CONNECT_TIMEOUT", 1.0)
+    code, _, message = run("snapshots", OGIVE, "-o", tmp_path / "snapshots.h5", "--scheduler", "tcp://127.0.0.1:9")
+    assert code == 1
     assert message == "strainfmu: tcp://127.0.0.1:9: no Dask scheduler answers there\n"
     assert list(tmp_path.iterdir()) == []
 
@@ -112,7 +112,10 @@ def test_no_address_is_one_line(address: str, tmp_path: Path, run: Run) -> None:
 def test_local_processes_listen_on_loopback_alone_and_give_the_same(
     undisturbed: Undisturbed, tmp_path: Path
 ) -> None:
-    """Every listening TCP socket of the campaign's processes: 127.0.0.1 (0100007F in /proc/net/tcp)."""
+    """Every listening TCP socket of the campaign's processes: 127.0.0.1 (0100007F in /proc/net/tcp).
+
+    It takes seconds: two processes start, and each imports what it needs.
+    """
     table = Path("/proc/net/tcp")
     if not table.exists():
         pytest.skip("no /proc/net/tcp here")

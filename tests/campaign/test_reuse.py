@@ -11,13 +11,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from campaign_case import THREADS, Undisturbed, campaign_of, run, stored_hash
+from campaign_case import THREADS, Undisturbed, campaign_of, run, stored_hash, undisturbed_campaign
+from ogive import OGIVE
 
 from builder.campaign.run import run_campaign
 from builder.campaign.snapshots import Snapshots, load_flows, load_snapshots
 from builder.reporting import Progress, Silent
 from builder.vehicle.conditions.flight_conditions import condition_grid
-from builder.vehicle.file import Vehicle
+from builder.vehicle.file import Vehicle, load_vehicle
 
 
 def changed(vehicle: Vehicle, **entries: Any) -> Vehicle:
@@ -30,6 +31,18 @@ def changed(vehicle: Vehicle, **entries: Any) -> Vehicle:
             section = section[int(part)] if part.isdigit() else section[part]
         section[last] = value
     return Vehicle.model_validate(values)
+
+
+@pytest.fixture(scope="module")
+def vehicle() -> Vehicle:
+    """The small vehicle on the coarsest grid there is: what is solved again does not depend on the cells."""
+    cells = {"resolution__map__radial_cells": 8, "resolution__map__circumferential_cells": 8}
+    return changed(load_vehicle(OGIVE), **cells)
+
+
+@pytest.fixture(scope="module")
+def undisturbed(vehicle: Vehicle, tmp_path_factory: pytest.TempPathFactory, compiled_solver: None) -> Undisturbed:
+    return undisturbed_campaign(vehicle, tmp_path_factory.mktemp("undisturbed") / "snapshots.h5")
 
 
 @pytest.mark.parametrize(

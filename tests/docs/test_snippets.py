@@ -2,18 +2,20 @@
 
 Each page has a folder of its own. It holds what the pages take for granted: a finished ``demo``, the vehicles that
 are shipped, and the vehicle file of the second tutorial. Blocks of a page run one after the other; those in Python
-share their names.
+share their names. Lines that are one command of strainfmu run in this process, which has imported what it needs.
 """
 
 from __future__ import annotations
 
 import os
+import shlex
 import shutil
 import signal
 import subprocess
 import sys
 import time
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,12 +23,16 @@ import pytest
 from snippets import KINDS, ROOT, Snippet, pages, snippets
 
 from builder.aero.euler.planes.marching_grid import GRID_LEVELS
+from builder.truth.levels.read_flights import read_flights
+from strainfmu.cli.main import main
 from strainfmu.estimator.map.inverse_map import load_inverse_map
 
 PAGES = {page.relative_to(ROOT).as_posix(): snippets(page) for page in pages()}
 RUNNING = {name: found for name, found in PAGES.items() if any(s.kind != "skip" for s in found)}
 AFTER_THE_TUTORIAL = ("docs/howto/choose_gauges_and_case.md",)
 """Pages that repeat the build of the second tutorial, in its ``results``: the files are reused."""
+LINE_BY_LINE = ("strainfmu", "printf", "sed")
+"""Commands that share nothing but files: a block of these alone can be run line by line."""
 HEAD_START = 3.0
 """Seconds that a block in the background has before the next one begins."""
 
@@ -44,6 +50,42 @@ def run_shell(snippet: Snippet, folder: Path, env: dict[str, str]) -> None:
     done = subprocess.run(command, cwd=folder, env=env, capture_output=True, text=True, timeout=1800, check=False)
     expected = int(snippet.value) if snippet.kind == "fails" else 0
     assert done.returncode == expected, f"{snippet}\n{done.stdout[-2000:]}\n{done.stderr[-2000:]}"
+
+
+def own_commands(line: str) -> list[list[str]]:
+    """Return the commands of a line joined by ``&&``, where each is one of strainfmu and nothing else; or none."""
+    lexer = shlex.shlex(line, posix=True, punctuation_chars=True)
+    lexer.whitespace_split = True
+    commands: list[list[str]] = [[]]
+    for token in lexer:
+        if token == "&&":
+            commands.append([])
+        elif set(token) <= set("();<>|&") or set(token) & set("$`*?~"):
+            return []
+        else:
+            commands[-1].append(token)
+    return commands if all(command[:1] == ["strainfmu"] for command in commands) else []
+
+
+def run_lines(snippet: Snippet, folder: Path, env: dict[str, str]) -> None:
+    """Run a block as :func:`run_shell` does, but commands of strainfmu in this process: a start takes seconds."""
+    lines = [line for line in snippet.text.splitlines() if line.strip()]
+    if not all(line.startswith(LINE_BY_LINE) and not line.endswith("\\") and "<<" not in line for line in lines):
+        run_shell(snippet, folder, env)
+        return
+    code = 0
+    for line in lines:
+        assert code == 0, f"{snippet}: ahead of: {line}"
+        commands = own_commands(line)
+        if not commands:
+            run_shell(replace(snippet, text=line, kind="run"), folder, env)
+        for command in commands:
+            with pytest.raises(SystemExit) as ended:
+                main(command[1:])
+            code = int(ended.value.code or 0)
+            if code != 0:
+                break
+    assert code == (int(snippet.value) if snippet.kind == "fails" else 0), snippet
 
 
 def run_python(snippet: Snippet, names: dict[str, Any]) -> None:
@@ -67,7 +109,7 @@ def run_page(name: str, folder: Path, *, slow: bool) -> None:
         if snippet.kind == "file":
             (folder / snippet.value).write_text(snippet.text, encoding="utf-8")
         elif snippet.language == "sh":
-            run_shell(snippet, folder, environment())
+            (run_shell if slow else run_lines)(snippet, folder, environment())
         else:
             run_python(snippet, names)
         if behind is not None:
@@ -94,8 +136,14 @@ def after_the_tutorial(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("tutorial") / "results"
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize("name", sorted(RUNNING, key=lambda name: name in AFTER_THE_TUTORIAL))
-def test_page(name: str, folder: Path, after_the_tutorial: Path) -> None:
+def test_page(name: str, folder: Path, after_the_tutorial: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pages that build a map take more than five seconds each: the commands are those of a reader.
+
+    Alarm levels come from 10,000 samples, not 200,000, and pictures of reports are left out: no page needs them.
+    """
+    monkeypatch.setitem(read_flights.__kwdefaults__, "vehicles", 10)
     if name in AFTER_THE_TUTORIAL and after_the_tutorial.exists():
         shutil.copytree(after_the_tutorial, folder / "results")
     run_page(name, folder, slow=False)

@@ -11,7 +11,7 @@ from report_case import CASE_1, CASE_2, ReportCase, case_of, solved_vehicle
 from builder.campaign.snapshots import Snapshots
 from builder.reports.build_report.page import report_page
 from builder.reports.build_report.report import BuildReport, build_report
-from builder.reports.page.html import page_html
+from builder.reports.page.html import Page, page_html
 from builder.structure.fourier.model import StructuralModel
 from builder.vehicle.file import Vehicle
 
@@ -23,9 +23,20 @@ def parts(tmp_path_factory: pytest.TempPathFactory, compiled_solver: None) -> Pa
     return solved_vehicle(tmp_path_factory.mktemp("ogive"))
 
 
-@pytest.fixture(scope="session", params=[CASE_1, CASE_2], ids=["case 1", "case 2"])
-def case(request: pytest.FixtureRequest, parts: Parts) -> ReportCase:
-    return case_of(parts, request.param)
+@pytest.fixture(scope="session")
+def case_1(parts: Parts) -> ReportCase:
+    return case_of(parts, CASE_1)
+
+
+@pytest.fixture(scope="session")
+def case_2(parts: Parts) -> ReportCase:
+    return case_of(parts, CASE_2)
+
+
+@pytest.fixture(scope="session", params=["case_1", "case_2"], ids=["case 1", "case 2"])
+def case(request: pytest.FixtureRequest) -> ReportCase:
+    found: ReportCase = request.getfixturevalue(request.param)
+    return found
 
 
 @pytest.fixture(scope="session")
@@ -37,9 +48,14 @@ def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
 
 
 @pytest.fixture(scope="session")
-def html(report: BuildReport) -> str:
-    """The report's page."""
-    return page_html(report_page(report))
+def page(report: BuildReport) -> Page:
+    """The report's page, its figures drawn."""
+    return report_page(report)
+
+
+@pytest.fixture(scope="session")
+def html(page: Page) -> str:
+    return page_html(page)
 
 
 @pytest.fixture(scope="session")

@@ -103,6 +103,7 @@ def test_the_page_has_no_negative_zero(report: BuildReport) -> None:
     assert not any(re.search(r"-0(\.0*)?(?![.\d])", text) for text in texts)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_page_states_what_it_was_made_from(
     case: ReportCase, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -182,14 +183,11 @@ def test_tables_say_what_the_map_says(case: ReportCase, report: BuildReport) -> 
         assert validity["altitude"] == (0.0, 40.0, "km")
 
 
-def test_names_of_gauges_are_no_markup(parts: Parts) -> None:
+def test_names_of_gauges_are_no_markup(report: BuildReport) -> None:
     """A gauge and a title with tags in their names: escaped on the page."""
-    case = case_of(parts, CASE_1)
-    names = ("<b>one</b>", *case.inverse_map.gauge_names[1:])
-    report = build_report(
-        case.vehicle, case.snapshots, case.structure, replace(case.inverse_map, gauge_names=names)
-    )
-    tables = Section("Tables", tuple(report_tables(report).values()))
+    names = ("<b>one</b>", *report.inverse_map.gauge_names[1:])
+    named = replace(report, inverse_map=replace(report.inverse_map, gauge_names=names))
+    tables = Section("Tables", tuple(report_tables(named).values()))
     page = assert_self_contained(page_html(Page("A & <i>B</i>", (), (tables,))))
     assert not {"b", "i"} & set(page.tags)
     assert page.tables["table-gauges"][1][0] == "<b>one</b>"
@@ -232,9 +230,9 @@ def test_a_structure_on_a_free_mesh(parts: Parts) -> None:
     ).content.startswith(b"\x89PNG")
 
 
-def test_a_map_of_something_else_is_refused(parts: Parts) -> None:
+def test_a_map_of_something_else_is_refused(case_1: ReportCase) -> None:
     """A map with other noise, and one with other states."""
-    case = case_of(parts, CASE_1)
+    case = case_1
     noise = case.vehicle.noise.model_copy(update={"std_um_per_m": 0.4})
     for other in (
         case.vehicle.model_copy(update={"noise": noise}),
@@ -283,7 +281,7 @@ def test_what_is_excluded_follows_the_noise_section(parts: Parts) -> None:
     assert "newtonian" in excluded()
 
 
-def test_further_sensors_have_a_table_in_their_units(case: ReportCase) -> None:
+def test_further_sensors_have_a_table_in_their_units(case: ReportCase, report: BuildReport) -> None:
     one = case.inverse_map
     n, scale = one.n_gauges - 2, np.array([4e8, 2e6])
     rows = SensorRows(
@@ -294,6 +292,7 @@ def test_further_sensors_have_a_table_in_their_units(case: ReportCase) -> None:
         thrust_response=np.zeros(n + 2),
     )
     held = replace(one, sensors=rows)
+    assert "sensors" not in report_tables(report)
     tables = report_tables(build_report(case.vehicle, case.snapshots, case.structure, held))
     assert [row[0] for row in tables["gauges"].rows] == list(one.gauge_names[:n])
     assert [row[:3] for row in tables["sensors"].rows] == [
@@ -301,4 +300,3 @@ def test_further_sensors_have_a_table_in_their_units(case: ReportCase) -> None:
         (one.gauge_names[n + 1], "force", "N"),
     ]
     assert [row[6] for row in tables["sensors"].rows] == pytest.approx((scale * one.noise_std[n:]).tolist())
-    assert "sensors" not in report_tables(build_report(case.vehicle, case.snapshots, case.structure, one))

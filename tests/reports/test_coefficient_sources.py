@@ -53,9 +53,9 @@ def test_sigma_without_sources(report: BuildReport) -> None:
     np.testing.assert_allclose(found.std_without([]), found.std)
 
 
-def test_truncated_modes_are_what_flying_them_does(parts: Parts) -> None:
+def test_truncated_modes_are_what_flying_them_does(case_1: ReportCase) -> None:
     """Each truncated mode at one deviation through gain and loads; squares of the errors in C_A .. M_Y, 1e-8."""
-    case = case_of(parts, CASE_1)
+    case = case_1
     found, one = coefficient_sources(case.inverse_map, case.problem, case.solution), case.inverse_map
     modes, order = ordered_modes(case.problem)
     scale = found.std / np.sqrt(np.diag(one.load_covariance))
@@ -82,9 +82,9 @@ def test_the_prior_is_a_cause_in_case_2_only(parts: Parts) -> None:
         assert (OF_STATES in coefficient_sources(case.inverse_map, case.problem, case.solution).names) == there
 
 
-def test_gamma_of_every_rule(parts: Parts) -> None:
+def test_gamma_of_every_rule(case_2: ReportCase) -> None:
     """The gamma in use gives the map's own sigmas; the others are those that the rules select."""
-    case = case_of(parts, CASE_2)
+    case = case_2
     choice = gamma_choice(case.inverse_map, case.problem, case.solution, case.structure.surface)
     assert choice is not None
     used = choice.rules[0]
@@ -103,9 +103,9 @@ def test_gamma_of_every_rule(parts: Parts) -> None:
     assert sum(one.gamma is not None for one in choice.rules) >= 3
 
 
-def test_classes_of_the_modes_are_those_of_their_waves(parts: Parts) -> None:
+def test_classes_of_the_modes_are_those_of_their_waves(case_2: ReportCase) -> None:
     """The same fractions in another way: cosines and sines of each ring by FFT, sorted by Symmetry.waves."""
-    case = case_of(parts, CASE_2)
+    case = case_2
     grid, solved = case.structure.surface, case.solution.solved
     choice = gamma_choice(case.inverse_map, case.problem, case.solution, grid)
     assert choice is not None
@@ -129,14 +129,14 @@ def test_classes_of_the_modes_are_those_of_their_waves(parts: Parts) -> None:
     assert np.ptp(np.argmax(choice.mode_classes, axis=1)) > 0
 
 
-def test_case_1_has_no_gamma(parts: Parts) -> None:
-    case = case_of(parts, CASE_1)
+def test_case_1_has_no_gamma(case_1: ReportCase) -> None:
+    case = case_1
     assert gamma_choice(case.inverse_map, case.problem, case.solution, case.structure.surface) is None
 
 
-def test_a_coefficient_that_does_not_change_has_no_share_of_range(parts: Parts) -> None:
+def test_a_coefficient_that_does_not_change_has_no_share_of_range(case_1: ReportCase) -> None:
     """C_Y without sideslip: a range of round-off."""
-    case = case_of(parts, CASE_1)
+    case = case_1
     changed = case.inverse_map.coefficient_range.copy()
     changed[2] = [-1e-17, 1e-17]
     one = replace(case.inverse_map, coefficient_range=changed)

@@ -138,6 +138,7 @@ def test_the_linear_estimator_of_any_other_map(report: BuildReport) -> None:
     assert "nonlinear_coefficients" not in report_tables(report)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_page_and_numbers_state_the_nonlinear_sigma(
     report: BuildReport, nonlinear_map: InverseMap, in_use: InUse, tmp_path: Path
 ) -> None:

@@ -99,9 +99,9 @@ def test_leverage_is_the_diagonal_of_the_hat_matrix(parts: Parts) -> None:
     assert leverage.sum() == pytest.approx(case.solution.facts["modes"], rel=1e-8)
 
 
-def test_bias_that_is_noticed(parts: Parts) -> None:
+def test_bias_that_is_noticed(case_2: ReportCase) -> None:
     """Case 2: (z_(alpha / 2 n) + z_beta) leave-one-out deviations, by regression on the other gauges; 1e-6."""
-    case = case_of(parts, CASE_2)
+    case = case_2
     one, n = case.inverse_map, case.inverse_map.n_gauges
     covariance = one.noise_covariance + one.state_operator @ one.state_operator.T
     found = gauge_value(one).detectable_bias

@@ -17,7 +17,6 @@ from report_case import ReportCase
 from builder.figures.drawing.hover import numbers
 from builder.figures.drawing.unrolled import roll_degrees
 from builder.figures.map import hover_gauges
-from builder.reports.build_report.page import report_page
 from builder.reports.build_report.report import BuildReport
 from builder.reports.build_report.tables import report_tables
 from builder.reports.page.hover_scripts import figure_data
@@ -49,13 +48,14 @@ def test_plotly_knows_every_entry(html: str) -> None:
         Figure(one)
 
 
-def test_without_plotly_figures_are_stills(report: BuildReport, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_plotly_figures_are_stills(
+    report: BuildReport, page: Page, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("builder.reports.page.hover_scripts.find_spec", lambda name: None)
-    html = page_html(report_page(report))
-    page = assert_self_contained(html)
-    assert "script" not in page.tags
-    assert "pip install 'strainfmu[report]'" in page.text
-    assert len(page.alternatives) == (10 if report.gamma else 8)
+    found = assert_self_contained(page_html(page))
+    assert "script" not in found.tags
+    assert "pip install 'strainfmu[report]'" in found.text
+    assert len(found.alternatives) == (10 if report.gamma else 8)
 
 
 def test_figures_hold_the_numbers_of_the_tables(report: BuildReport, html: str) -> None:

@@ -134,9 +134,9 @@ def test_mirrors_of_a_free_mesh_are_those_of_the_grid() -> None:
         np.testing.assert_allclose(mesh @ field, grid @ field, atol=1e-9)
 
 
-def test_a_body_without_symmetry_has_no_classes(parts: Parts) -> None:
+def test_a_body_without_symmetry_has_no_classes(case_1: ReportCase) -> None:
     """A bent surface: fractions are not given, the rest is."""
-    case = case_of(parts, CASE_1)
+    case = case_1
     mesh = mesh_of_grid(case.structure.surface)
     bent = replace(mesh, point=mesh.point + np.outer(0.1 * mesh.point[:, 0] ** 2, [0.0, 1.0, 1.0]))
     assert mirror_operators(bent) is None

@@ -38,6 +38,9 @@ def kind_of(trial: Range, error: str, size: str) -> Kind:
         ("incidence beyond its largest", "+20 %"),
         ("Mach number below its least", "-20 %"),
         ("Mach number beyond its largest", "+20 %"),
+        ("filter over time, zeros", "exactly known"),
+        ("filter over time, zeros", "wrong by 5 sigma of the noise"),
+        ("filter over time, zeros", "wrong in common by 5 sigma of the noise"),
     ],
 )
 def test_targets_hold(trial: Range, error: str, size: str) -> None:

@@ -49,12 +49,16 @@ def wall_file(vehicle: Vehicle, path: Path) -> Path:
     return path
 
 
-# The vehicle has few gauges; every kind of FMU takes the absolute form.
-PLAIN_MAP = ("modes = 4", 'modes = 3\nform = "absolute"')
+# The vehicle has few gauges; every kind of FMU takes the absolute form. Alarm levels need flows of a third model.
+PLAIN_MAP = ("modes = 4", 'modes = 3\nform = "absolute"\nalarm_levels = "nominal"')
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_an_imported_mesh_reaches_an_fmu(run: Run, tmp_path: Path) -> None:
-    """Two commands from the mesh to the map, whose provenance names the file, and one to the FMU."""
+    """Two commands from the mesh to the map, whose provenance names the file, and one to the FMU.
+
+    It takes seconds: a mesh from a file has no sectors and is factorised whole.
+    """
     pytest.importorskip("meshio")
     path, folder = small(tmp_path, PLAIN_MAP), tmp_path / "results"
     mesh = wall_file(load_vehicle(path), tmp_path / "wall.vtu")

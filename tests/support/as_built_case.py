@@ -20,19 +20,19 @@ def as_built(vehicle: Vehicle) -> AsBuiltStructure:
     return as_built_structure(vehicle, LAYOUT, properties=TITANIUM, max_harmonic=12)
 
 
-def strain_covariance(
+def strain_covariances(
     structure: AsBuiltStructure, parameters: AsBuiltParameters, covariance: np.ndarray, pressure: np.ndarray
 ) -> np.ndarray:
-    """J C J' (n_d, n_d) under one pressure field (n_p,), J by differences of every single parameter."""
+    """J C J' (n, n_d, n_d) under each of the fields (n, n_p), J by differences of every single parameter."""
     n_d = structure.n_gauges
-    jacobian = np.zeros((n_d, len(covariance)))
+    jacobian = np.zeros((len(pressure), n_d, len(covariance)))
     where, std = slices(n_d, structure.n_regions), parameters.of_vector(np.sqrt(np.diag(covariance)))
     for (kind, region), slope in parameter_derivatives(
-        lambda one: structure.strain_operator(one) @ pressure, parameters, uncertain_keys(std)
+        lambda one: structure.strain_operator(one) @ pressure.T, parameters, uncertain_keys(std)
     ).items():
         start = where[kind].start
         if of_gauges((kind, region)):
-            jacobian[np.arange(n_d), start + np.arange(n_d)] = slope
+            jacobian[:, np.arange(n_d), start + np.arange(n_d)] = slope.T
         else:
-            jacobian[:, start + region] = slope
-    return jacobian @ covariance @ jacobian.T
+            jacobian[:, :, start + region] = slope.T
+    return np.asarray(jacobian @ covariance @ jacobian.transpose(0, 2, 1))

@@ -93,8 +93,10 @@ static int create(Estimator *e, MapFile *file) {
     if (map->scaled) {
         scaled_prepare(e);
     }
-    return flight_create(e, file) && linear_filter_create(file, map->n_gauges, e->wide, &e->linear_filter, &e->thermal)
-        && tare_create(file, e->sensors.n_strains, map->largest_zero, &e->tare) && map_close(file);
+    const size_t n = e->sensors.n_strains;
+    return flight_create(e, file)
+        && linear_filter_create(file, map->n_gauges, n, e->wide, &e->linear_filter, &e->thermal)
+        && tare_create(file, n, map->largest_zero, &e->tare) && map_close(file);
 }
 
 Estimator *estimator_create(unsigned char *bytes, size_t length, char text[MODEL_TEXT_SIZE]) {

@@ -30,12 +30,11 @@ size_t model_state_size(const Model *model) {
 }
 
 static void write_filter(const Filter *filter, unsigned char *bytes) {
-    const size_t size = sizeof(double) * law_doubles(filter);
     memcpy(bytes, &filter->base, sizeof filter->base);
     if (filter->base.has_law != 0.0) {
-        memcpy(bytes + sizeof filter->base, filter->law.mean, size);
+        filter_write_law(filter, bytes + sizeof filter->base);
     } else {
-        memset(bytes + sizeof filter->base, 0, size);
+        memset(bytes + sizeof filter->base, 0, sizeof(double) * law_doubles(filter));
     }
 }
 

@@ -2,8 +2,10 @@
 
 States are s = (x, dx/dt, b, c, e, da): flight state, its rates, errors of air data, pressure off the tables in the
 directions that gauges see, hardware errors that gauges have in common, errors of the amplitudes of temperature
-modes. Errors of each gauge alone, its gain, those in proportion to the loads and what else lasts, are considered.
-Their covariances together are S of the static estimator, and the stationary law is its prior.
+modes. Errors of each gauge alone, its gain, those in proportion to the loads and what else lasts, are considered,
+and so are those of zeros, which stay as they are. Their covariances together are S of the static estimator, and
+the stationary law is its prior. What is known of flow parameters changes tables and errors of pressure: states c
+are amplitudes along the same directions.
 """
 
 from __future__ import annotations
@@ -18,7 +20,14 @@ from strainfmu.estimator.reference import kalman, nonlinear
 from strainfmu.estimator.reference.air import DROPPED, N_AIR, air_rows, without
 from strainfmu.estimator.reference.kalman import Law, Rows, measured
 from strainfmu.estimator.reference.nonlinear import FlightLoads, Sample
-from strainfmu.estimator.reference.tables import LOG_PRESSURE, N_STATES, evaluate, tables_of
+from strainfmu.estimator.reference.readings import Zeros, row_noise, zero_columns
+from strainfmu.estimator.reference.tables import (
+    LOG_PRESSURE,
+    N_STATES,
+    evaluate,
+    tables_of,
+    with_known_parameters,
+)
 
 RATES = slice(N_STATES, 2 * N_STATES)
 AIR_ERRORS = slice(2 * N_STATES, 2 * N_STATES + N_AIR)
@@ -52,13 +61,14 @@ class FilteredSample(FlightLoads):
 class FlightFilterReference:
     """A nonlinear map fed with one sample after another; it never begins again, and names nothing."""
 
-    def __init__(self, inverse_map: InverseMap, time_constant: float) -> None:
-        """Begin with the prior of the map; ``time_constant`` T [s]."""
+    def __init__(self, inverse_map: InverseMap, time_constant: float, zeros: Zeros | None = None) -> None:
+        """Begin with the prior of the map; ``time_constant`` T [s], ``zeros`` that are taken off the rows."""
         manifold = inverse_map.manifold
         assert manifold is not None
-        self.manifold, self.time_constant = manifold, time_constant
-        self.tables = tables_of(inverse_map)
-        self.static = nonlinear.NonlinearReference(inverse_map, self.tables, manifold.gauge_covariance)
+        self.map, self.manifold, self.time_constant = inverse_map, manifold, time_constant
+        self.tables = self.plain = tables_of(inverse_map)
+        whole = row_noise(inverse_map, manifold.gauge_covariance, zeros)
+        self.static = nonlinear.NonlinearReference(inverse_map, self.tables, whole)
         covariance, modes, prior_of_modes = kalman.without_modes(inverse_map, manifold.gauge_covariance)
         white, common, lasting = kalman.white_and_lasting(covariance, inverse_map.noise_std)
         self.common = np.hstack([common, modes])
@@ -67,9 +77,10 @@ class FlightFilterReference:
         self.own = np.sqrt(np.maximum(2.0 * diagonal - np.sum(np.abs(lasting), axis=1), 0.0))
         self.noise = np.diag(white - self.own**2) + lasting
         middle = float(np.exp(np.log(manifold.pressure_range).mean()))
-        std = np.sqrt(white + diagonal)
-        tables = self.tables
-        self.seen = kalman.seen_errors(tables.error_strain, tables.cross, tables.output_variance, middle, std)
+        self.beside = np.sqrt(white + diagonal)
+        errors = self.plain.error_strain, self.plain.cross, self.plain.output_variance
+        self.seen = self.of_map = kalman.seen_errors(*errors, middle, self.beside)
+        self.known_std = np.zeros(0)
         self.of_gauge = _gauge_terms(manifold.gauge_error_product)
 
         n_d, r = self.seen.strain.shape
@@ -78,7 +89,10 @@ class FlightFilterReference:
         mean, std = np.zeros(n), np.ones(n)
         mean[:N_STATES], std[:N_STATES] = self.static.prior_mean, self.static.prior_std
         std[RATES] = RATE_STD * (1.0 + RATE_TIME / time_constant)
-        none = np.zeros((n, n_d * (2 + self.of_gauge.shape[1])))
+        self.of_zeros = zero_columns(inverse_map, zeros)
+        n_decaying = n_d * (2 + self.of_gauge.shape[1])
+        self.constant = np.arange(n_decaying + self.of_zeros.shape[1]) >= n_decaying
+        none = np.zeros((n, len(self.constant)))
         self.prior = kalman.with_modes(Law(mean, np.diag(std**2), none), prior_of_modes)
         self.law: Law | None = None
         self.slopes: FloatArray | None = None
@@ -100,12 +114,27 @@ class FlightFilterReference:
         self.law, self.state = found.law, found.law.mean[:N_STATES]
         return found
 
+    def know(self, value: FloatArray, std: FloatArray) -> None:
+        """Take what is known of flow parameters from the next sample on: (n_p,), NaN of one that is not.
+
+        It begins again where other parameters are known, or to other deviations.
+        """
+        std = np.where(np.isfinite(value), std, np.nan)
+        self.tables, self.seen = with_known_parameters(self.map, self.plain, value, std), self.of_map
+        if self.tables is not self.plain:
+            errors = self.tables.error_strain, self.tables.cross, self.tables.output_variance
+            self.seen = kalman.seen_left(self.of_map, *errors, self.beside)
+        self.static = nonlinear.NonlinearReference(self.map, self.tables, self.static.noise)
+        if len(self.known_std) and not np.array_equal(std, self.known_std, equal_nan=True):
+            self.law = None
+        self.known_std = std
+
     # The law over time.
 
     def predicted(self, time_step: float, stationary: Law) -> Law:
         """Return the law ``time_step`` [s] after the last sample; ``stationary`` is that of no sample."""
         assert self.law is not None
-        kept = float(np.exp(-time_step / self.time_constant))
+        kept = np.where(self.constant, 1.0, np.exp(-time_step / self.time_constant))
         return kalman.predicted(self.law, self.transition(time_step), stationary, kept)
 
     def widened(self, factor: float, of_modes: FloatArray) -> Law:
@@ -214,6 +243,7 @@ class FlightFilterReference:
         )
         of_gauge = np.column_stack([m.gain_std * strain, self.own, pressure * (self.of_gauge @ c)])
         considered = (np.eye(n_d)[:, :, None] * of_gauge[:, None, :]).reshape(n_d, -1)
+        considered = np.hstack([considered, self.of_zeros])
         return columns, considered, self.noise + pressure**2 * self.seen.rest_strain
 
     def _rows(

@@ -48,15 +48,15 @@ class Rows(NamedTuple):
     noise: FloatArray
 
 
-def predicted(law: Law, matrix: FloatArray, stationary: Law, kept: float) -> Law:
+def predicted(law: Law, matrix: FloatArray, stationary: Law, kept: FloatArray) -> Law:
     """Return ``law`` after a step of a stationary process of transition ``matrix`` F.
 
     P- = F P F' + P_inf - F P_inf F' about the mean of the ``stationary`` law; considered errors keep the
-    correlation ``kept`` with themselves.
+    correlations ``kept`` (k,) with themselves.
     """
     forgotten = stationary.covariance - matrix @ stationary.covariance @ matrix.T
     mean = stationary.mean + matrix @ (law.mean - stationary.mean)
-    return Law(mean, matrix @ law.covariance @ matrix.T + forgotten, kept * matrix @ law.cross)
+    return Law(mean, matrix @ law.covariance @ matrix.T + forgotten, matrix @ law.cross * kept)
 
 
 def measured(law: Law, rows: Rows) -> tuple[Law, Posterior]:
@@ -98,6 +98,23 @@ def seen_errors(
     rest, seen = strain @ turn[r:].T, strain @ turn[:r].T
     load = cross.T @ (left[:, :r] / std[:, None]) * size / singular[:r]
     return SeenErrors(seen, load, rest @ rest.T, cross - seen @ load.T, variance - load @ load.T)
+
+
+def seen_left(
+    seen: SeenErrors, strain: FloatArray, cross: FloatArray, variance: FloatArray, std: FloatArray
+) -> SeenErrors:
+    """Split the errors ``strain`` (n_d, k), which are those of ``seen`` but for what has become known of them.
+
+    Amplitudes a along the strain S of ``seen`` are what they were, (S' W S)^-1 S' W of strain with W = std^-2;
+    their covariance is no longer 1. States of unit variance are L^-1 a with cov a = L L'. Others as in
+    :func:`seen_errors`.
+    """
+    white = (seen.strain / std[:, None] ** 2).T
+    along = np.linalg.solve(white @ seen.strain, white)
+    root = np.linalg.cholesky(along @ strain @ strain.T @ along.T)
+    of_states = np.linalg.solve(root, along)
+    own, load = strain @ (strain.T @ of_states.T), cross.T @ of_states.T
+    return SeenErrors(own, load, strain @ strain.T - own @ own.T, cross - own @ load.T, variance - load @ load.T)
 
 
 def white_and_lasting(covariance: FloatArray, std: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -3,8 +3,9 @@
 States are the pressure states q, errors that grow with q_inf in the directions that gauges see, errors that gauges
 have in common, and errors of the amplitudes of temperature modes. q decays with the time constant T to the prior
 of the map; in Case 1, which has none, to the amplitude at which each state alone reaches the largest strains of
-the snapshots, or a gauge's noise where this is more. Other errors are considered. Memory changes the estimate of
-the sample by the loads of the law less those of a law of the sample alone.
+the snapshots, or a gauge's noise where this is more. Other errors are considered, and so are those of zeros, which
+stay as they are. Memory changes the estimate of the sample by the loads of the law less those of a law of the sample
+alone.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.reference import kalman
 from strainfmu.estimator.reference.kalman import Law, Rows, measured, predicted
+from strainfmu.estimator.reference.readings import Zeros, zero_columns
 
 LOADS = 5
 ROUND_OFF = 1e-9
@@ -34,8 +36,8 @@ class Change(NamedTuple):
 class LinearFilterReference:
     """A linear map fed with one sample after another; it never begins again."""
 
-    def __init__(self, inverse_map: InverseMap, time_constant: float) -> None:
-        """Begin with the prior of the map; ``time_constant`` T [s]."""
+    def __init__(self, inverse_map: InverseMap, time_constant: float, zeros: Zeros | None = None) -> None:
+        """Begin with the prior of the map; ``time_constant`` T [s], ``zeros`` that are taken off the rows."""
         errors, load_of_errors = inverse_map.error_strain, inverse_map.error_load
         self.map, self.time_constant = inverse_map, time_constant
         self.law: Law | None = None
@@ -59,7 +61,10 @@ class LinearFilterReference:
         lasts = (np.arange(n) >= n_scaled) & (np.arange(n) < n - modes.shape[1])
         self.time_constants = np.where(lasts, kalman.NAVIGATION_TIME, 1.0) * time_constant
         self.lasting, self.rest = (_root(one, self.noise) for one in (lasting, self.seen.rest_strain))
-        none = np.zeros((n, self.lasting.shape[1] + self.rest.shape[1]))
+        self.of_zeros = zero_columns(inverse_map, zeros)
+        n_decaying, n_zeros = self.lasting.shape[1] + self.rest.shape[1], self.of_zeros.shape[1]
+        self.constant = np.arange(n_decaying + n_zeros) >= n_decaying
+        none = np.zeros((n, len(self.constant)))
         self.prior = kalman.with_modes(Law(np.zeros(n), np.diag(std**2), none), prior_of_modes)
         self.fixed = np.zeros(n_d) if inverse_map.fixed_strain is None else inverse_map.fixed_strain
 
@@ -87,14 +92,14 @@ class LinearFilterReference:
 
     def predicted(self, law: Law, time_step: float, stationary: Law) -> Law:
         """Return ``law`` after ``time_step`` [s]; ``stationary`` is that of no sample."""
-        kept = float(np.exp(-time_step / self.time_constant))
+        kept = np.where(self.constant, 1.0, np.exp(-time_step / self.time_constant))
         return predicted(law, self.transition(time_step), stationary, kept)
 
     def rows(self, law: Law, rows: FloatArray, used: BoolArray, ratio: float) -> Rows:
         """Return the rows in use of ``rows`` (n_d,) at ``ratio`` of q_inf to nominal, about ``law``."""
         by_state = ratio * self.scaled_strain + self.common
         expected = self.fixed + ratio * (self.map.mean_strain - self.fixed) + by_state @ law.mean
-        considered = np.hstack([self.lasting, ratio * self.rest])
+        considered = np.hstack([self.lasting, ratio * self.rest, self.of_zeros])
         return Rows((rows - expected)[used], by_state[used], considered[used], np.diag(self.noise[used]))
 
     def loads(self, law: Law, rows: FloatArray, used: BoolArray, ratio: float) -> tuple[FloatArray, FloatArray]:

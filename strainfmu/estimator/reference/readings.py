@@ -64,6 +64,18 @@ def rows_of(
     return np.asarray(by_load * (1.0 + thermal.modulus_slope * warmer))
 
 
+def zero_columns(inverse_map: InverseMap, zeros: Zeros | None) -> FloatArray:
+    """Return columns (n_d, n_s + 1) of the errors of ``zeros``, of each strain gauge alone, then of all together.
+
+    There are none of None.
+    """
+    if zeros is None:
+        return np.zeros((inverse_map.n_gauges, 0))
+    n = len(zeros.value)
+    both = np.column_stack([np.diag(zeros.std), np.full(n, zeros.common_std)])
+    return np.pad(both, ((0, inverse_map.n_gauges - n), (0, 0)))
+
+
 def row_noise(
     inverse_map: InverseMap, covariance: FloatArray, zeros: Zeros | None = None, left: FloatArray | None = None
 ) -> FloatArray:
@@ -78,10 +90,8 @@ def row_noise(
         covariance = thermal.isothermal_covariance + strain @ left @ strain.T
     if zeros is None:
         return covariance
-    n = len(zeros.value)
-    added = np.zeros_like(covariance)
-    added[:n, :n] = np.diag(zeros.std**2) + zeros.common_std**2
-    return covariance + added
+    errors = zero_columns(inverse_map, zeros)
+    return covariance + errors @ errors.T
 
 
 def amplitudes(thermal: ThermalMap, temperature: FloatArray, known: BoolArray) -> Amplitudes:

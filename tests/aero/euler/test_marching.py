@@ -332,7 +332,10 @@ def tiny_flows(interpreted: bool) -> tuple[np.ndarray, int, list[str]]:
 
 
 def test_compiled_solver_is_the_interpreted_one() -> None:
-    """The same without machine code, to 1e-7: limiters and the extrapolation of the start make round-off grow."""
+    """The same without machine code, to 1e-7: limiters and the extrapolation of the start make round-off grow.
+
+    The interpreter takes seconds even for flows of a few steps.
+    """
     compiled, steps, refused = tiny_flows(interpreted=False)
     interpreted, steps_interpreted, refused_interpreted = tiny_flows(interpreted=True)
     np.testing.assert_allclose(interpreted, compiled, rtol=1e-7, atol=1e-12)

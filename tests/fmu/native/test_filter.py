@@ -101,7 +101,7 @@ def test_a_state_with_a_law_that_cannot_be(fmu: FlightFmu, inverse_map: InverseM
 
 
 def test_without_the_filter_nothing_is_remembered(fmu: FlightFmu, inverse_map: InverseMap) -> None:
-    """Off at first, on, off again by the parameter and by a zero that is not known exactly."""
+    """Off at first, on, off again by the parameter; begun again by a zero that is no longer known exactly."""
     samples, estimator = random_flight(inverse_map, 12, seed=23), Estimator(inverse_map)
     for k, sample in enumerate(samples):
         on = k in (4, 5, 6)

@@ -147,7 +147,7 @@ def test_a_state_with_a_law_that_cannot_be(fmu: LinearFmu, inverse_map: InverseM
 
 
 def test_without_the_filter_nothing_is_remembered(fmu: LinearFmu, inverse_map: InverseMap) -> None:
-    """Off at first, on, off again by the parameter and by a zero that is not known exactly."""
+    """Off at first, on, off again by the parameter; begun again by a zero that is no longer known exactly."""
     samples, alone = linear_flight(inverse_map, 12, seed=23, poor=False), Estimator(inverse_map)
     estimator = Estimator(inverse_map)
     for k, sample in enumerate(samples):

@@ -18,8 +18,18 @@ static size_t larger(size_t a, size_t b) {
 }
 
 size_t law_doubles(const Filter *filter) {
-    return filter->order + filter->n * (filter->order + filter->n_considered) + in_lanes(filter->map.n_modes)
-         + in_lanes(filter->n_sensors);
+    const size_t columns = filter->order + filter->n_considered + filter->zeros.columns;
+    return filter->order + filter->n * columns + zero_errors_noted(&filter->zeros) + in_lanes(filter->map.n_modes)
+         + in_lanes(filter->n_sensors) + in_lanes(filter->n_parameters);
+}
+
+void filter_write_law(const Filter *filter, unsigned char *bytes) {
+    const Law *law = &filter->law;
+    memcpy(bytes, law->mean, sizeof(double) * law_doubles(filter));
+    if (!zero_errors_noted_any(&filter->zeros, law->zero)) {
+        const size_t before = (size_t)(law->of_zeros - law->mean);
+        memset(bytes + sizeof(double) * before, 0, sizeof(double) * filter->n * filter->zeros.columns);
+    }
 }
 
 static size_t sample_doubles(const Filter *filter) {
@@ -29,7 +39,7 @@ static size_t sample_doubles(const Filter *filter) {
          + larger(rows, order) * order + filter->n * WIDE_COLUMNS + filter->map.n_further * rows + 2 * order;
 }
 
-size_t filter_doubles(Filter *filter, FlightSolver *solver, const Thermal *thermal) {
+size_t filter_doubles(Filter *filter, FlightSolver *solver, const Thermal *thermal, size_t n_strains) {
     const FlightMap *flight = solver->map;
     filter->thermal = thermal;
     filter->n_sensors = thermal->present ? thermal->map.n_sensors : 0;
@@ -43,13 +53,18 @@ size_t filter_doubles(Filter *filter, FlightSolver *solver, const Thermal *therm
     filter->row_whitened = in_lanes(filter->n + N_STATES + 1);
     filter->n_terms = (size_t)flight->has_gain_error + filter->map.n_own + filter->map.n_terms;
     filter->n_considered = filter->n_terms * filter->gauges;
-    return 4 * law_doubles(filter) + response_doubles(&flight->tables) + sample_doubles(filter);
+    zero_errors_lay_out(n_strains, filter->gauges, &filter->zeros);
+    return 4 * law_doubles(filter) + zero_errors_doubles(&filter->zeros) + response_doubles(&flight->tables) + sample_doubles(filter)
+         + filter_known_doubles(filter);
 }
 
 static void law_arrays(const Filter *filter, Law *law, double **doubles) {
     law->mean = taken(doubles, filter->order);
     law->covariance = taken(doubles, filter->n * filter->order);
     law->cross = taken(doubles, filter->n * filter->n_considered);
+    law->of_zeros = taken(doubles, filter->n * filter->zeros.columns);
+    law->zero = taken(doubles, zero_errors_noted(&filter->zeros));
+    law->stated = taken(doubles, in_lanes(filter->n_parameters));
     law->amplitude = taken(doubles, in_lanes(filter->map.n_modes));
     law->known = taken(doubles, in_lanes(filter->n_sensors));
 }
@@ -68,6 +83,7 @@ void filter_arrays(Filter *filter, double **doubles) {
     law_arrays(filter, &filter->next_law, doubles);
     law_arrays(filter, &filter->predicted, doubles);
     law_arrays(filter, &filter->stationary, doubles);
+    zero_errors_arrays(&filter->zeros, doubles);
     response_arrays(&filter->solver->map->tables, &filter->slope_response, doubles);
     filter->noise = taken(doubles, rows * rows);
     filter->rest = taken(doubles, rows * rows);
@@ -98,6 +114,7 @@ void filter_arrays(Filter *filter, double **doubles) {
     filter->further_by_state = taken(doubles, 2 * order);
     widen(filter, filter->map.noise, filter->noise);
     widen(filter, filter->map.rest_strain, filter->rest);
+    filter_known_arrays(filter, doubles);
 }
 
 void filter_reset(Filter *filter) {
@@ -241,6 +258,11 @@ void filter_predict(Filter *filter, double time_step) {
     }
     add_forgotten(filter, motion, filter->base.widening, out->covariance);
     symmetrise(filter->n, order, out->covariance);
+    zero_errors_note(&filter->zeros, out->zero);
+    filter_note_known(filter, out);
+    if (filter->zeros.in_use) {
+        filter_move_rows(filter, filter->zeros.columns, 1.0, filter->law.of_zeros, out->of_zeros);
+    }
 }
 
 void filter_note(Filter *filter, double chi_square, double degrees_of_freedom) {

@@ -12,6 +12,7 @@
 #include "../numerics/cholesky.h"
 #include "../numerics/products.h"
 #include "filter_map.h"
+#include "zero_errors.h"
 
 #define FIRST_NAVIGATION N_STATES /* states b, then c */
 #define FIRST_SEEN (N_STATES + N_NAVIGATION)
@@ -22,9 +23,21 @@ typedef struct {
     double *mean;       /* (order) */
     double *covariance; /* (n, order) */
     double *cross;      /* (n, n_considered) by term and gauge */
+    double *of_zeros;   /* (n, zeros.columns) that with the errors of zeros, where such are in use */
+    double *zero;       /* (zero_errors_noted) of which zeros those are */
+    double *stated;     /* (in_lanes(n_parameters)) deviations of flow parameters that are known, 0 of others */
     double *amplitude;  /* (map.n_modes) of temperature by the sensors of the sample [K] */
     double *known;      /* (n_sensors) which those were, 0 or 1 */
 } Law;
+
+/* Errors of pressure: arrays as in FilterMap, but for rest (rows, rows) of rest_strain. And such as follow what is known. */
+typedef struct {
+    const double *strain, *load, *rest, *rest_load, *rest_cross, *further_load, *further_cross, *further_variance;
+} SeenErrors;
+
+typedef struct {
+    double *strain, *load, *rest, *rest_load, *rest_cross, *further_load, *further_cross, *further_variance;
+} LeftErrors;
 
 /* A step of a stationary process: of the flight state and its rates by pairs, of the others a factor. */
 typedef struct {
@@ -53,7 +66,8 @@ typedef struct {
     size_t n, order;        /* states; n in lanes */
     size_t n_read, first_e; /* states that a sample reads, and the first of e */
     size_t gauges, rows;    /* n_gauges in lanes; those and navigation in lanes */
-    size_t n_terms, n_considered; /* of a gauge; of all */
+    size_t n_terms, n_considered; /* of a gauge; of all; errors of zeros are apart */
+    ZeroErrors zeros;
     double time_constant;         /* [s] */
     double rate[N_STATES];        /* standard deviations of the rates for it */
     FilterTrack base, next;       /* that the outputs follow from, and that they leave, */
@@ -64,6 +78,13 @@ typedef struct {
     Response slope_response;      /* and the tables there */
     Motion motion;             /* from the law to the predicted one */
     double *noise, *rest;      /* (rows, rows) of the map */
+    SeenErrors errors, of_map; /* of the sample; where no flow parameter is known, */
+    LeftErrors left;           /* and where one is, of the products of a round */
+    size_t n_parameters;       /* of which tables hold what they change */
+    double round, *stated;
+    double *along, *amplitude;      /* (n_seen, gauges) amplitudes per strain, and scratch, */
+    double *amplitude_root;         /* (n_seen, n_seen), */
+    double *further_by_seen;        /* (n_seen, n_further) of filter_known.c */
     /* Scratch: a sample. The flight state is x = mean + L xi, of a standard normal xi. Given it, what else is read has a
        covariance that no iteration changes; other states have what x does not tell of them. */
     double given[N_NAVIGATION]; /* precision of navigation, before any of it is left out */
@@ -101,15 +122,16 @@ typedef struct {
     double *further_by_state; /* (2, order) of filter_further.c */
 } Filter;
 
-/* Fill in the sizes, and how many doubles it takes; handing them out. */
-size_t filter_doubles(Filter *filter, FlightSolver *solver, const Thermal *thermal);
+/* Fill in the sizes, and how many doubles it takes; handing them out. The first n_strains gauges have zeros. */
+size_t filter_doubles(Filter *filter, FlightSolver *solver, const Thermal *thermal, size_t n_strains);
 void filter_arrays(Filter *filter, double **doubles);
 
 /* Forget all steps. */
 void filter_reset(Filter *filter);
 
-/* Number of doubles of a law. */
+/* Number of doubles of a law; writing filter->law, without what it says of zeros where none has a deviation. */
 size_t law_doubles(const Filter *filter);
+void filter_write_law(const Filter *filter, unsigned char *bytes);
 
 /* Set the time constant [s]; the law of which nothing has been measured follows, in filter->stationary. */
 void filter_set_time_constant(Filter *filter, double time_constant);
@@ -173,8 +195,17 @@ void filter_solution(Filter *filter);
 /* What the gauges in use read beside all states of a law, (rows) in filter->product. */
 double *filter_left(Filter *filter, const Law *law);
 
-/* The outputs in estimator->further for the law of the last update. */
+/* Errors of pressure for what is known of flow parameters: arrays beside those of the map, for n_parameters that are set;
+   those of the sample, in filter->errors. Then whether a law is of a sample for which the same was known as well; noting
+   it. filter_known.c */
 struct Estimator;
+size_t filter_known_doubles(const Filter *filter);
+void filter_known_arrays(Filter *filter, double **doubles);
+void filter_follow_known(struct Estimator *e);
+int filter_knows_as(const Filter *filter, const Law *law);
+void filter_note_known(const Filter *filter, Law *law);
+
+/* The outputs in estimator->further for the law of the last update. */
 void filter_further_update(struct Estimator *e);
 
 /* One more normalised innovation, of so many degrees of freedom. */

@@ -23,6 +23,9 @@ void filter_set_considered(Filter *filter, const Law *law) {
                         filter->law.cross + i * filter->n_considered, filter->term, sums + i * rows);
     }
     filter_move_rows(filter, rows, filter->motion.factor[2], sums, filter->considered);
+    if (filter->zeros.in_use) {
+        zero_errors_considered(&filter->zeros, n, law->of_zeros, filter->considered, rows);
+    }
 }
 
 void filter_move_cross(Filter *filter) {
@@ -122,4 +125,13 @@ AVX512 static void update_avx512(const Filter *filter, const double *before, dou
 void filter_update_cross(Filter *filter, const Law *law, Law *after) {
     const double *before = is_predicted(filter, law) ? filter->law.cross : NULL;
     WIDEST(filter->solver->wide, update)(filter, before, after->cross);
+    zero_errors_note(&filter->zeros, after->zero);
+    filter_note_known(filter, after);
+    if (filter->zeros.in_use) {
+        const size_t n = filter->n, columns = filter->zeros.columns;
+        memcpy(after->of_zeros, law->of_zeros, n * columns * sizeof *after->of_zeros);
+        subtract_product(filter->solver->wide, n, filter->n_read, columns, by_rows(filter->kept, filter->order),
+                         law->of_zeros, columns, after->of_zeros, columns);
+        zero_errors_subtract(&filter->zeros, n, filter->kalman, filter->rows, after->of_zeros);
+    }
 }

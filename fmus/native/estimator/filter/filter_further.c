@@ -22,12 +22,12 @@ static void set_turned(Filter *filter, double square, double *remaining) {
     memset(turned, 0, m * rows * sizeof *turned);
     for (size_t j = 0; j < m; j++) {
         for (size_t g = 0; g < n; g++) {
-            turned[j * rows + g] = solver->sample.used[g] ? square * map->further_cross[j * n + g] : 0.0;
+            turned[j * rows + g] = solver->sample.used[g] ? square * filter->errors.further_cross[j * n + g] : 0.0;
         }
     }
     solve_lower(solver->wide, rows, filter->white, m, turned);
     for (size_t j = 0; j < m; j++) {
-        const double left = square * map->further_variance[j] - lane_dot(rows, turned + j * rows, turned + j * rows);
+        const double left = square * filter->errors.further_variance[j] - lane_dot(rows, turned + j * rows, turned + j * rows);
         remaining[j] = left > 0.0 ? left : 0.0; /* of a load that strain tells wholly, rounding leaves less */
     }
     solve_upper(solver->wide, rows, filter->white, m, turned);
@@ -44,7 +44,7 @@ static FilteredLoad load_of(Filter *filter, const Response *response, size_t j, 
         by_state[k] = response->jacobian[k][j];
     }
     for (size_t k = 0; k < map->n_seen; k++) {
-        by_state[FIRST_SEEN + k] = response->pressure * map->further_load[j * map->n_seen + k];
+        by_state[FIRST_SEEN + k] = response->pressure * filter->errors.further_load[j * map->n_seen + k];
         sum += by_state[FIRST_SEEN + k] * mean[FIRST_SEEN + k];
     }
     for (size_t k = 0; k < filter->n_read; k++) {

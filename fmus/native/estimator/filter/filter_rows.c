@@ -75,7 +75,7 @@ static void set_read(Filter *filter) {
     }
     for (size_t k = 0; k < map->n_seen; k++) {
         for (size_t g = 0; g < n; g++) {
-            seen[k * rows + g] = pressure * map->seen_strain[k * n + g];
+            seen[k * rows + g] = pressure * filter->errors.strain[k * n + g];
         }
     }
     for (size_t g = 0; g < n; g++) {
@@ -129,7 +129,7 @@ static void set_white(Filter *filter) {
     double *white = filter->white;
     for (size_t i = 0; i < rows; i++) {
         const size_t at = i * rows + i / LANES * LANES;
-        combine(solver->wide, rows - i / LANES * LANES, 1.0, filter->noise + at, square, filter->rest + at, white + at);
+        combine(solver->wide, rows - i / LANES * LANES, 1.0, filter->noise + at, square, filter->errors.rest + at, white + at);
     }
     for (size_t i = 0; i < n; i++) {
         for (size_t t = 0; t < filter->n_terms; t++) {
@@ -138,6 +138,10 @@ static void set_white(Filter *filter) {
         }
     }
     leave_out_white(filter);
+    if (filter->zeros.in_use) {
+        zero_errors_read(&filter->zeros, solver->sample.used);
+        zero_errors_add(&filter->zeros, white, rows);
+    }
     for (size_t i = n; i < rows; i++) {
         white[i * rows + i] = 1.0;
     }

@@ -16,7 +16,7 @@ static void set_turned(Filter *filter, double remaining[N_LOADS][N_LOADS]) {
     memset(turned, 0, N_COLUMNS * rows * sizeof *turned);
     for (size_t g = 0; g < n; g++) {
         for (size_t i = 0; i < N_LOADS; i++) {
-            turned[g * N_COLUMNS + i] = solver->sample.used[g] ? square * filter->map.rest_cross[i * n + g] : 0.0;
+            turned[g * N_COLUMNS + i] = solver->sample.used[g] ? square * filter->errors.rest_cross[i * n + g] : 0.0;
         }
     }
     /* What is left of navigation is independent of strain: gauges alone are decomposed. */
@@ -27,7 +27,7 @@ static void set_turned(Filter *filter, double remaining[N_LOADS][N_LOADS]) {
              product, N_COLUMNS);
     for (size_t i = 0; i < N_LOADS; i++) {
         for (size_t j = 0; j < N_LOADS; j++) {
-            remaining[i][j] = square * filter->map.rest_load[i * N_LOADS + j] - product[i * N_COLUMNS + j];
+            remaining[i][j] = square * filter->errors.rest_load[i * N_LOADS + j] - product[i * N_COLUMNS + j];
         }
     }
     solve_upper_columns(solver->wide, gauges, rows, filter->white, filter->product, turned);
@@ -63,7 +63,7 @@ static void set_loads(Filter *filter) {
             row[k] = solver->response.jacobian[k][solver->n_gauges + i];
         }
         for (size_t k = 0; k < filter->map.n_seen; k++) {
-            row[FIRST_SEEN + k] = solver->response.pressure * filter->map.seen_load[k * N_LOADS + i];
+            row[FIRST_SEEN + k] = solver->response.pressure * filter->errors.load[k * N_LOADS + i];
             sum += row[FIRST_SEEN + k] * mean[FIRST_SEEN + k];
         }
         for (size_t k = 0; k < filter->n_read; k++) {

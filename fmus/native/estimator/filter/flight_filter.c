@@ -9,16 +9,7 @@
 #define NOTICED 3.0 /* deviations of a rate at which half of the motion counts: flight_track.py */
 
 int flight_filters(const Estimator *e) {
-    const size_t n = e->sensors.n_strains;
-    const double *std = zeros_in_use(e) + n;
-    if (!e->flight.filter.present || !(e->input[filter_setting(e)] > 0.0)) {
-        return 0;
-    }
-    int zeros = 1;
-    for (size_t i = 0; i <= n; i++) {
-        zeros = zeros && std[i] == 0.0;
-    }
-    return zeros && !any_parameter_known(e);
+    return e->flight.filter.present && e->input[filter_setting(e)] > 0.0;
 }
 
 /* What was doubted counts with its deviation, and errs more. */
@@ -192,11 +183,15 @@ static const double *moved_slopes(Flight *flight, double elapsed) {
 void flight_filter_update(Estimator *e, size_t used) {
     Flight *flight = &e->flight;
     Filter *filter = &flight->filter;
-    const int has_law = filter->base.has_law != 0.0;
+    zero_errors_take(&filter->zeros, zeros_in_use(e));
+    filter_follow_known(e);
+    const int same = zero_errors_same(&filter->zeros, filter->law.zero) && filter_knows_as(filter, &filter->law);
+    const int has_law = filter->base.has_law != 0.0 && same;
     const double apart = filter->base.now - filter->base.time, longest = filter->map.largest_time;
     const double elapsed = apart > 0.0 ? (apart < longest ? apart : longest) : 0.0;
     const double *slopes = NULL;
     filter->next = filter->base;
+    filter->next.has_law = has_law;
     filter->next.time = filter->base.now;
     filter_set_time_constant(filter, e->input[filter_setting(e)]);
     filter_set_modes(filter);

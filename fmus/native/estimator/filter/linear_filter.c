@@ -20,20 +20,24 @@ static double *taken(double **doubles, size_t count) {
 }
 
 size_t linear_law_doubles(const LinearFilter *filter) {
-    return filter->order + filter->n * (filter->order + filter->n_considered) + filter->map.n_modes + filter->n_sensors;
+    const size_t columns = filter->order + filter->n_considered + filter->zeros.columns;
+    return filter->order + filter->n * columns + zero_errors_noted(&filter->zeros) + filter->map.n_modes
+         + filter->n_sensors;
 }
 
 static void law_arrays(const LinearFilter *filter, LinearLaw *law, double **doubles) {
     law->mean = taken(doubles, filter->order);
     law->covariance = taken(doubles, filter->n * filter->order);
     law->cross = taken(doubles, filter->n * filter->n_considered);
+    law->of_zeros = taken(doubles, filter->n * filter->zeros.columns);
+    law->zero = taken(doubles, zero_errors_noted(&filter->zeros));
     law->amplitude = taken(doubles, filter->map.n_modes);
     law->known = taken(doubles, filter->n_sensors);
 }
 
 static size_t number_of_doubles(const LinearFilter *filter) {
     const size_t rows = filter->rows, order = filter->order, larger = rows > order ? rows : order;
-    return 4 * linear_law_doubles(filter) + 4 * rows * rows + (1 + 2 * filter->n_considered) * rows
+    return 4 * linear_law_doubles(filter) + zero_errors_doubles(&filter->zeros) + 4 * rows * rows + (1 + 2 * filter->n_considered) * rows
          + (5 * order + LANES + N_LOADS) * rows + (N_LOADS + larger + 4 * order) * order;
 }
 
@@ -43,6 +47,7 @@ static void set_arrays(LinearFilter *filter, double *next) {
     law_arrays(filter, &filter->next_law, &next);
     law_arrays(filter, &filter->predicted, &next);
     law_arrays(filter, &filter->stationary, &next);
+    zero_errors_arrays(&filter->zeros, &next);
     filter->own_covariance = taken(&next, rows * rows);
     filter->rest_covariance = taken(&next, rows * rows);
     filter->white = taken(&next, rows * rows);
@@ -74,7 +79,8 @@ static void set_covariance(const LinearFilter *filter, size_t count, const doubl
     }
 }
 
-int linear_filter_create(MapFile *file, size_t n_gauges, int wide, LinearFilter *filter, const Thermal *thermal) {
+int linear_filter_create(MapFile *file, size_t n_gauges, size_t n_strains, int wide, LinearFilter *filter,
+                         const Thermal *thermal) {
     LinearFilterMap *map = &filter->map;
     if (!map_has(file, "linear_filter")) {
         return file->good;
@@ -92,6 +98,7 @@ int linear_filter_create(MapFile *file, size_t n_gauges, int wide, LinearFilter 
     filter->n = map->n_scaled + map->n_common;
     filter->order = in_lanes(filter->n);
     filter->n_considered = in_lanes(map->n_own + map->n_rest);
+    zero_errors_lay_out(n_strains, n_gauges, &filter->zeros);
     const size_t count = number_of_doubles(filter);
     filter->memory = calloc(1, ALIGNMENT + count * sizeof(double) + n_gauges);
     if (filter->memory == NULL) {
@@ -139,6 +146,7 @@ void linear_filter_predict(LinearFilter *filter, double time_step, double time_c
     const LinearLaw *law = &filter->law;
     LinearLaw *out = &filter->predicted;
     thermal_tell(filter->thermal, out->amplitude, out->known);
+    zero_errors_note(&filter->zeros, out->zero);
     const int same = memcmp(out->known, law->known, filter->n_sensors * sizeof *out->known) == 0;
     for (size_t i = 0; i < filter->n; i++) {
         const int is_fast = i < n_scaled || i >= first_mode;
@@ -157,6 +165,10 @@ void linear_filter_predict(LinearFilter *filter, double time_step, double time_c
         }
         combine(filter->wide, considered, fast * own, law->cross + i * considered, 0.0, law->cross + i * considered,
                 out->cross + i * considered);
+        if (filter->zeros.in_use) {
+            const double *with = law->of_zeros + i * filter->zeros.columns;
+            combine(filter->wide, filter->zeros.columns, own, with, 0.0, with, out->of_zeros + i * filter->zeros.columns);
+        }
     }
 }
 
@@ -168,10 +180,15 @@ void linear_filter_write_state(const LinearFilter *filter, unsigned char *bytes)
     if (filter->present) {
         const size_t size = sizeof(double) * linear_law_doubles(filter);
         memcpy(bytes, &filter->base, sizeof filter->base);
-        if (filter->base.has_law != 0.0) {
-            memcpy(bytes + sizeof filter->base, filter->law.mean, size);
-        } else {
+        if (filter->base.has_law == 0.0) {
             memset(bytes + sizeof filter->base, 0, size);
+            return;
+        }
+        memcpy(bytes + sizeof filter->base, filter->law.mean, size);
+        if (!zero_errors_noted_any(&filter->zeros, filter->law.zero)) {
+            const size_t before = (size_t)(filter->law.of_zeros - filter->law.mean);
+            memset(bytes + sizeof filter->base + before * sizeof(double), 0,
+                   filter->n * filter->zeros.columns * sizeof(double));
         }
     }
 }

@@ -8,12 +8,15 @@
 
 #include "../map/thermal.h"
 #include "linear_filter_map.h"
+#include "zero_errors.h"
 
 /* The normal law of the states, and their covariance with the errors that are considered. The arrays lie in one block. */
 typedef struct {
     double *mean;       /* (order) */
     double *covariance; /* (n, order) */
     double *cross;      /* (n, n_considered) */
+    double *of_zeros;   /* (n, zeros.columns) those with the errors of zeros, where such are in use */
+    double *zero;       /* (zero_errors_noted) of which zeros those are */
     double *amplitude;  /* (n_modes) of temperature by the sensors of the sample [K] */
     double *known;      /* (n_sensors) which those were, 0 or 1 */
 } LinearLaw;
@@ -35,7 +38,8 @@ typedef struct {
     int wide;
     size_t n_gauges, rows;     /* rows: n_gauges in lanes */
     size_t n, order;           /* states; in lanes */
-    size_t n_considered;       /* own and rest, in lanes */
+    size_t n_considered;       /* own and rest, in lanes; those of zeros are apart */
+    ZeroErrors zeros;
     LinearTrack base, next;    /* that the outputs follow from, and that they leave, */
     LinearLaw law, next_law;   /* with their laws */
     LinearLaw predicted, stationary;
@@ -65,8 +69,9 @@ typedef struct {
     double *joseph;            /* (2, order, order) */
 } LinearFilter;
 
-/* Read the part, if there is one, and allocate. 1; 0 after a message. */
-int linear_filter_create(MapFile *file, size_t n_gauges, int wide, LinearFilter *filter, const Thermal *thermal);
+/* Read the part, if there is one, and allocate. 1; 0 after a message. The first n_strains gauges have zeros. */
+int linear_filter_create(MapFile *file, size_t n_gauges, size_t n_strains, int wide, LinearFilter *filter,
+                         const Thermal *thermal);
 void linear_filter_free(LinearFilter *filter);
 
 /* Forget all samples. */
@@ -94,7 +99,7 @@ void linear_filter_loads(LinearFilter *filter, const LinearLaw *law, double *loa
 
 struct Estimator;
 
-/* Whether samples are filtered: the time constant is positive, no zero has a deviation, and the instance takes steps. */
+/* Whether samples are filtered: the time constant is positive, and the instance takes steps. */
 int linear_filters(const struct Estimator *e);
 
 /* Change loads and coefficients by what is known of the samples before. */
@@ -106,7 +111,8 @@ void linear_filter_before_change(struct Estimator *e);
 /* Take a step with the present inputs, from a point in time [s]. */
 void linear_filter_step(struct Estimator *e, double start);
 
-/* The state: the track, then the law, which is 0 where there is none; whether such bytes may be read. */
+/* The state: the track, then the law, which is 0 where there is none, as what it says of zeros where none has a deviation;
+   whether such bytes may be read. */
 size_t linear_filter_state_size(const LinearFilter *filter);
 void linear_filter_write_state(const LinearFilter *filter, unsigned char *bytes);
 int linear_filter_state_fits(const LinearFilter *filter, const unsigned char *bytes);

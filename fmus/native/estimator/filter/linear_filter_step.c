@@ -7,17 +7,8 @@
 #include "linear_filter.h"
 
 int linear_filters(const Estimator *e) {
-    const size_t n = e->sensors.n_strains;
     const int takes_steps = (e->base.mode & (EVENT | CONTINUOUS_TIME)) == 0; /* not in model exchange */
-    if (!e->linear_filter.present || !takes_steps || !(e->input[filter_setting(e)] > 0.0)) {
-        return 0;
-    }
-    const double *std = zeros_in_use(e) + n;
-    int zeros = 1;
-    for (size_t i = 0; i <= n; i++) {
-        zeros = zeros && std[i] == 0.0;
-    }
-    return zeros;
+    return e->linear_filter.present && takes_steps && e->input[filter_setting(e)] > 0.0;
 }
 
 /* Whether the estimate of the sample alone is one, and strain fits the map. */
@@ -134,9 +125,11 @@ static void write_loads(Estimator *e) {
 
 void linear_filter_outputs(Estimator *e) {
     LinearFilter *filter = &e->linear_filter;
-    const int has_law = filter->base.has_law != 0.0;
+    zero_errors_take(&filter->zeros, zeros_in_use(e));
+    const int has_law = filter->base.has_law != 0.0 && zero_errors_same(&filter->zeros, filter->law.zero);
     const double elapsed = filter->base.now - filter->base.time, longest = filter->map.largest_time;
     filter->next = filter->base;
+    filter->next.has_law = has_law;
     filter->next.time = filter->base.now;
     filter->has_change = 0;
     if (has_law) {

@@ -42,6 +42,14 @@ static void set_white(LinearFilter *filter) {
         }
         filter->white[i * rows + i] = 1.0;
     }
+    if (filter->zeros.in_use) {
+        zero_errors_add(&filter->zeros, filter->white, rows);
+        for (size_t i = 0; i < n; i++) {
+            for (size_t j = 0; j < i; j++) {
+                filter->white[i * rows + j] = filter->white[j * rows + i];
+            }
+        }
+    }
 }
 
 /* What is known of the states after the sample alone, by information: sums of positive terms. Its loads follow. */
@@ -101,6 +109,9 @@ void linear_filter_read(LinearFilter *filter) {
     set_rows(filter, map->n_rest, filter->ratio, map->rest, filter->term + n_own * rows);
     transpose(filter->n, rows, filter->read, rows, filter->read_turned, filter->order);
     transpose(n_own + map->n_rest, rows, filter->term, rows, filter->term_turned, filter->n_considered);
+    if (filter->zeros.in_use) {
+        zero_errors_read(&filter->zeros, filter->used);
+    }
     set_white(filter);
     set_alone(filter);
 }
@@ -156,8 +167,12 @@ double linear_filter_update(LinearFilter *filter, const LinearLaw *law) {
     double *gain = filter->gain, *innovation = gain + n * rows, *half = filter->product;
     LinearLaw *after = &filter->next_law;
     thermal_tell(filter->thermal, after->amplitude, after->known);
+    zero_errors_note(&filter->zeros, after->zero);
     multiply(wide, FULL, n, considered, rows, by_rows(law->cross, considered), filter->term, rows, filter->considered,
              rows);
+    if (filter->zeros.in_use) {
+        zero_errors_considered(&filter->zeros, n, law->of_zeros, filter->considered, rows);
+    }
     multiply(wide, FULL, n, n, rows, by_rows(law->covariance, order), filter->read, rows, gain, rows);
     for (size_t k = 0; k < n * rows; k++) {
         half[k] = 0.5 * gain[k] + filter->considered[k];
@@ -190,6 +205,12 @@ double linear_filter_update(LinearFilter *filter, const LinearLaw *law) {
              considered);
     subtract_product(wide, n, rows, considered, by_rows(gain, rows), filter->term_turned, considered, after->cross,
                      considered);
+    if (filter->zeros.in_use) {
+        const size_t columns = filter->zeros.columns;
+        multiply(wide, FULL, n, n, columns, by_rows(filter->kept, order), law->of_zeros, columns, after->of_zeros,
+                 columns);
+        zero_errors_subtract(&filter->zeros, n, gain, rows, after->of_zeros);
+    }
     return chi_square;
 }
 

@@ -50,9 +50,10 @@ static int allocate(Estimator *e) {
     Filter *filter = &flight->filter;
     solver->map = &flight->map;
     solver->n = in_lanes(n);
+    filter->n_parameters = known->present ? known->map.n_parameters : 0;
     const size_t count = flight_solver_doubles(&flight->map, n) + flight_further_doubles(&further->map, n)
                        + (known->present ? known_doubles(known, n) : 0)
-                       + (filter->present ? filter_doubles(filter, solver, &e->thermal) : 0);
+                       + (filter->present ? filter_doubles(filter, solver, &e->thermal, e->sensors.n_strains) : 0);
     flight->memory = calloc(1, ALIGNMENT + count * sizeof(double) + n);
     if (flight->memory == NULL) {
         return 0;

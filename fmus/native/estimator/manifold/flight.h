@@ -70,8 +70,7 @@ void flight_air_data(Flight *flight, const Solution *found);
 /* Least deviation of a value of navigation, relative: LEAST_RELATIVE_STD of navigation.py. */
 #define MIN_RELATIVE_STD 1e-3
 
-/* Whether samples are filtered: the time constant is positive, and there are no deviations of zeros and no parameters of
-   the flow with one, which the filter does not take. */
+/* Whether samples are filtered: the time constant is positive. */
 int flight_filters(const struct Estimator *e);
 
 /* Set all outputs by the filter, for so many gauges in use. */
