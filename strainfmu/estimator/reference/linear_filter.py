@@ -3,9 +3,9 @@
 States are the pressure states q, errors that grow with q_inf in the directions that gauges see, errors that gauges
 have in common, and errors of the amplitudes of temperature modes. q decays with the time constant T to the prior
 of the map; in Case 1, which has none, to the amplitude at which each state alone reaches the largest strains of
-the snapshots, or a gauge's noise where this is more. Other errors are considered, and so are those of zeros, which
-stay as they are. Memory changes the estimate of the sample by the loads of the law less those of a law of the sample
-alone.
+the snapshots, or a gauge's noise where this is more. Other errors are considered, and so are those of zeros,
+which stay as they are. Memory changes the estimate of the sample by the loads of the law less those of a law of
+the sample alone.
 """
 
 from __future__ import annotations
