@@ -222,6 +222,7 @@ def test_a_state_within_a_window_goes_on(small: NativeCase) -> None:
 )
 def test_a_state_that_cannot_be_is_refused(small: NativeCase, wrong: tuple[int, float]) -> None:
     one = tared(small)
+    one.take(readings(one.held, 64))
     content = bytearray(one.fmu.serialise(one.fmu.get_state()))
     begin = content.index(one.zeros[: small.n].tobytes()) - 8 * 8  # flags, then zeros
     place, value = wrong
