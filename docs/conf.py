@@ -37,6 +37,7 @@ extensions = [
     "fmu_variables",
     "gallery_results",
     "mathml",
+    "short_names",
     "vehicle_entries",
 ]
 exclude_patterns = ["_build", "_ext", "gallery_src", "**/README.txt"]
@@ -55,6 +56,7 @@ math_eqref_format = "({number})"
 
 autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
+autodoc_use_type_comments = False
 autodoc_default_options = {"members": True}
 autodoc_type_aliases = {name: name for name in ("ArrayLike", "BoolArray", "FloatArray", "IntArray")}
 autodoc_typehints_format = "short"

@@ -37,6 +37,7 @@ class OneGauge:
     nominal_dynamic_pressure: float = 1e5
     dynamic_pressure_error: float = 0.01
     form: str = "dynamic_pressure"
+    case: int = 1
     manifold: None = None
     thermal: None = None
     sensors: None = None

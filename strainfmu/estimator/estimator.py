@@ -258,7 +258,10 @@ class Estimator:
             raise InputError(f"time_constant: expected {allowed}, got {time_constant:g}")
         place = self.core.settings["filter_time_constant"]
         if time_constant > 0.0 and place.stop == place.start:
-            raise InputError("filter: expected a map of form 'dynamic_pressure' or with tables, got one without")
+            raise InputError(
+                "filter: expected a map of gamma 1 in Case 2, or with tables, "
+                f"got gamma {self.inverse_map.regularisation:g}"
+            )
         return self._other(filter_time_constant=float(time_constant))
 
     # Samples.

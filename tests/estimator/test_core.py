@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from flight_fmu import random_flight, whole_map
+from random_map import map_of, random_model
 from scaled_maps import NOMINAL, whole_scaled_map
-from synthetic_vehicle import synthetic_inverse_map
 
 from strainfmu.errors import InputError
 from strainfmu.estimator.core import Core, library_file
@@ -158,8 +158,8 @@ def test_a_filter_needs_times_and_a_map_that_has_one(linear: InverseMap) -> None
         filtered.track(linear.mean_strain, NOMINAL)
     with pytest.raises(InputError, match="time_constant: expected 0 or"):
         Estimator(linear).filter(-1.0)
-    with pytest.raises(InputError, match="form 'dynamic_pressure' or with tables"):
-        Estimator(synthetic_inverse_map(1)).filter(1.0)
+    with pytest.raises(InputError, match=r"filter: expected a map of gamma 1 in Case 2, .* got gamma 0\.001"):
+        Estimator(map_of(random_model(1e-3, n_states=20))).filter(1.0)
 
 
 def test_an_exact_standard_deviation_is_0_in_python(linear: InverseMap) -> None:

@@ -59,14 +59,14 @@ static int allocate(Estimator *e) {
     return 1;
 }
 
-/* Whether the parts of a map go together: section loads and the filter of a linear map scale with q_inf, tables of loads are
-   those of the map's section loads, and filter and tables of parameters are about other tables. */
+/* Whether the parts of a map go together: section loads scale with q_inf, tables of loads are those of the map's section
+   loads, and filter and tables of parameters are about other tables. */
 static int check_parts(MapFile *file, int scaled) {
     const int flight = map_has(file, "flight"), further = map_has(file, "further");
     const int has_form = scaled || !further;
     const int of_loads = map_has(file, "flight_loads") == (flight && further);
     const int of_tables = flight || !(map_has(file, "filter") || map_has(file, "parameter_tables"));
-    const int of_linear = !map_has(file, "linear_filter") || (!flight && scaled);
+    const int of_linear = !map_has(file, "linear_filter") || !flight;
     if (file->good && !(has_form && of_loads && of_tables && of_linear)) {
         snprintf(file->text, MODEL_TEXT_SIZE, "holds parts that do not go together");
         file->good = 0;

@@ -6,8 +6,12 @@ from strainfmu.estimator.map.inverse_map import InverseMap
 
 
 def has_filter(inverse_map: InverseMap) -> bool:
-    """Return whether FMUs of ``inverse_map`` can filter: linear maps that follow q_inf, and maps with tables."""
-    return inverse_map.manifold is not None or inverse_map.form == "dynamic_pressure"
+    """Return whether FMUs of ``inverse_map`` can filter.
+
+    All can but linear maps of gamma other than 1 in Case 2: the gain of these belongs to no law of the states that
+    a filter could carry on.
+    """
+    return inverse_map.manifold is not None or inverse_map.case == 1 or inverse_map.regularisation == 1.0
 
 
 def has_further_outputs(inverse_map: InverseMap) -> bool:

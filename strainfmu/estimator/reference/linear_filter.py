@@ -1,10 +1,11 @@
-"""The filter of a linear map in form "dynamic_pressure".
+"""The filter of a linear map; in form "absolute" the ratio of q_inf to nominal is 1.
 
 States are the pressure states q, errors that grow with q_inf in the directions that gauges see, errors that gauges
 have in common, and errors of the amplitudes of temperature modes. q decays with the time constant T to the prior
 of the map; in Case 1, which has none, to the amplitude at which each state alone reaches the largest strains of
-the snapshots. Other errors are considered, and so are those of zeros, which stay as they are. Memory changes the
-estimate of the sample by the loads of the law less those of a law of the sample alone.
+the snapshots, or a gauge's noise where this is more. Other errors are considered, and so are those of zeros,
+which stay as they are. Memory changes the estimate of the sample by the loads of the law less those of a law of
+the sample alone.
 """
 
 from __future__ import annotations
@@ -54,7 +55,8 @@ class LinearFilterReference:
         self.common = np.hstack([np.zeros((n_d, n_scaled)), common])
         std = np.ones(n)
         if inverse_map.case == 1:
-            largest = np.max(np.abs(states) / inverse_map.strain_range[:, None], axis=0)
+            reached = np.maximum(inverse_map.strain_range, inverse_map.noise_std)
+            largest = np.max(np.abs(states) / reached[:, None], axis=0)
             std[: states.shape[1]] = 1.0 / largest
         lasts = (np.arange(n) >= n_scaled) & (np.arange(n) < n - modes.shape[1])
         self.time_constants = np.where(lasts, kalman.NAVIGATION_TIME, 1.0) * time_constant
@@ -75,7 +77,7 @@ class LinearFilterReference:
             self.law = self.predicted(self.law, time_step, self.prior)
         if not used.any() or not dynamic_pressure > 0.0:
             return None
-        ratio = dynamic_pressure / self.map.nominal_dynamic_pressure
+        ratio = dynamic_pressure / self.map.nominal_dynamic_pressure if self.map.follows_pressure else 1.0
         alone, found = measured(self.prior, self.rows(self.prior, rows, used, ratio))
         after = alone
         if self.law is not None:

@@ -124,7 +124,7 @@ class FlightLaw:
 
 
 def linear_law(inverse_map: InverseMap) -> LinearLaw:
-    """Return the law of the filter of ``inverse_map``, a linear map in form "dynamic_pressure"."""
+    """Return the law of the filter of ``inverse_map``, a linear map."""
     thermal = inverse_map.thermal
     covariance = inverse_map.gauge_covariance if thermal is None else thermal.isothermal_covariance
     noise, common, lasting = white_and_lasting(covariance, inverse_map.noise_std)
@@ -135,7 +135,8 @@ def linear_law(inverse_map: InverseMap) -> LinearLaw:
     of_states, n_scaled = inverse_map.state_operator, inverse_map.state_operator.shape[1] + seen.strain.shape[1]
     std = np.ones(n_scaled + common.shape[1])
     if inverse_map.case == 1:
-        largest = np.max(np.abs(of_states) / inverse_map.strain_range[:, None], axis=0)
+        reached = np.maximum(inverse_map.strain_range, inverse_map.noise_std)
+        largest = np.max(np.abs(of_states) / reached[:, None], axis=0)
         std[: of_states.shape[1]] = 1.0 / largest
     if thermal is not None:
         std[len(std) - n_modes :] = thermal.prior_std

@@ -248,7 +248,7 @@ def _further(further: FurtherLoads, spread_load: FloatArray, spread_unseen: Floa
 
 
 def _linear_filter(inverse_map: InverseMap) -> Values:
-    """Return the filter of a linear map in form "dynamic_pressure"."""
+    """Return the filter of a linear map."""
     law = linear_law(inverse_map)
     scales, n_modes = law.scales, law.n_modes
     return {

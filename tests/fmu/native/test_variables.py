@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from agreement import Sample, assert_same, estimated
 from native_case import NativeCase
-from raw_fmu import ERROR, N_OUTPUTS, N_SCALARS, OK, SETTINGS, Fmu2, Fmu3, first_zero
+from raw_fmu import ERROR, N_OUTPUTS, N_SCALARS, OK, SETTINGS, Fmu2, Fmu3, first_zero, of_filter
 
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
@@ -158,7 +158,7 @@ def test_settings_that_cannot_be(small: NativeCase, setting: int, value: float, 
 
 def test_wrong_value_references(small: NativeCase) -> None:
     fmu = Fmu2(small.uri, small.n).start()
-    tare = first_zero(small.n) + 2 * small.n + 1
+    tare = first_zero(small.n) + 2 * small.n + 1 + of_filter(small.inverse_map)
     end = tare + 2 + 2 * small.n + 1
     value, whole, count = c_double(0.0), c_int(0), c_size_t(1)
     for name, wrong, memory in (
@@ -280,7 +280,7 @@ def test_steps_of_fmi_3(small: NativeCase) -> None:
     assert fmu.call("DoStep", c_double(1.0), c_double(0.25), ctypes.c_bool(True), *pointers) == OK
     assert [flag.value for flag in flags] == [False] * 3
     assert reached.value == 1.25
-    assert fmu.get("Float64", c_double, [fmu.TIME], 1)[1].tolist() == [1.25]
+    assert fmu.get("Float64", c_double, [fmu.TIME + of_filter(small.inverse_map)], 1)[1].tolist() == [1.25]
     assert fmu.call("DoStep", c_double(1.0), c_double(0.0), ctypes.c_bool(True), *pointers) == ERROR
     assert fmu.call("EnterEventMode") == ERROR  # was not requested at instantiation
     assert fmu.call("Terminate") == OK

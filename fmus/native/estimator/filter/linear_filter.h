@@ -1,4 +1,4 @@
-/* The filter over time of a linear map in form "dynamic_pressure".
+/* The filter over time of a linear map.
 
    The equations are those of strainfmu/estimator/reference/linear_filter.py. Arrays over gauges and
    states are in lanes; a gauge that is not in use reads nothing, with a noise of 1. */

@@ -26,11 +26,13 @@ static double innovation_limit(const Estimator *e) {
 
 static void set_sample(Estimator *e) {
     LinearFilter *filter = &e->linear_filter;
-    const ScaledForm *form = &e->map.form;
-    filter->ratio = e->scaled.step.ratio;
-    for (size_t g = 0; g < e->map.n_gauges; g++) {
+    const Map *map = &e->map;
+    filter->ratio = map->scaled ? e->scaled.step.ratio : 1.0;
+    for (size_t g = 0; g < map->n_gauges; g++) {
+        const double expected = map->scaled ? map->form.fixed_strain[g] + filter->ratio * map->form.mean_strain[g]
+                                            : map->mean_strain[g];
         filter->used[g] = e->masked->mask[g];
-        filter->apart[g] = filter->used[g] ? e->strain[g] - form->fixed_strain[g] - filter->ratio * form->mean_strain[g] : 0.0;
+        filter->apart[g] = filter->used[g] ? e->strain[g] - expected : 0.0;
     }
     linear_filter_read(filter);
 }
@@ -72,11 +74,13 @@ static int is_positive(const double *covariance) {
 /* Deviations of loads and coefficients with the change of the covariance by the law; those of the sample alone where the
    laws hold larger errors than those at the current strain. */
 static void set_deviations(Estimator *e, const double *by, const double *scale) {
-    const ScaledStep *step = &e->scaled.step;
+    const int scaled = e->map.scaled;
     const double shift = moment_shift(e);
-    double covariance[N_LOADS * N_LOADS], per_pressure[N_LOADS], load[N_LOADS], coefficient[N_LOADS];
-    memcpy(covariance, step->covariance, sizeof covariance);
-    memcpy(per_pressure, step->per_pressure, sizeof per_pressure);
+    double covariance[N_LOADS * N_LOADS], per_pressure[N_LOADS] = {0.0}, load[N_LOADS], coefficient[N_LOADS];
+    memcpy(covariance, scaled ? e->scaled.step.covariance : e->masked->load_covariance, sizeof covariance);
+    if (scaled) {
+        memcpy(per_pressure, e->scaled.step.per_pressure, sizeof per_pressure);
+    }
     move_covariance(shift, covariance);
     move_moments(shift, per_pressure);
     int positive = 1;
