@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
 from os import PathLike
@@ -33,9 +32,6 @@ from strainfmu.recorded.strains.data_checks import DataChecks
 from strainfmu.recorded.strains.strain_files import open_strains
 
 Progress = Callable[[int, int], None]
-Block = tuple[StrainBlock, int]
-"""Samples, and the position in the file behind them."""
-
 HEALTH_COLUMNS = (
     ("health.chi_square_limit", "1"),
     ("health.degrees_of_freedom", "1"),
@@ -183,8 +179,7 @@ def estimate_file(
                 ) as writer,
                 _field_series(field_output, estimator.inverse_map, field_every) as series,
             ):
-                blocks = _read_ahead(checks.without_faults(opened.blocks))
-                for block, done, found in estimated_blocks(blocks, estimator):
+                for block, done, found in estimated_blocks(checks.without_faults(opened.blocks), estimator):
                     _write(writer, block, found=found, estimator=estimator, residuals=residuals)
                     _count(summary, block, found=found, estimator=estimator)
                     if series is not None and found.estimates is not None:
@@ -195,16 +190,6 @@ def estimate_file(
                 summary.missing_strains = checks.missing
                 summary.notes += checks.notes()
     return summary
-
-
-def _read_ahead(blocks: Iterable[Block]) -> Iterator[Block]:
-    """Yield ``blocks``, each of which is read and checked while the one before it is estimated and written."""
-    iterator = iter(blocks)
-    with ThreadPoolExecutor(1, "strainfmu-reader") as reader:
-        following = reader.submit(next, iterator, None)
-        while (block := following.result()) is not None:
-            following = reader.submit(next, iterator, None)
-            yield block
 
 
 def _wanted(

@@ -1,5 +1,6 @@
 """Recorded strains with the nonlinear estimator: air data, navigation and the kind of loads as columns."""
 
+import threading
 from dataclasses import replace
 from pathlib import Path
 
@@ -133,6 +134,23 @@ def test_filtered_and_smoothed_estimates_say_so(
     assert np.all(np.diff(found["smoothed"][2]) > 0.0)
     assert np.mean(found["smoothed"][0]) < np.mean(found["filtered"][0]) < np.mean(found["static"][0])
     assert np.var(found["smoothed"][3]) < np.var(found["filtered"][3]) < np.var(found["static"][3])
+
+
+def test_a_caller_that_holds_the_lock_of_h5py_waits_for_nothing(map_path: Path, tmp_path: Path) -> None:
+    """h5py holds its lock while a loop over the items of a file is under way; another thread would wait for it."""
+    one = flights()[5]
+    data = write_flights(tmp_path / "flight.h5", np.full((80, N_D), 1e-5), one)
+
+    def estimate_in_a_loop() -> None:
+        with h5py.File(data) as file:
+            for name, _ in file.items():
+                estimate_file(map_path, data, tmp_path / f"{name}.h5", check_level=False)
+
+    caller = threading.Thread(target=estimate_in_a_loop, daemon=True)
+    caller.start()
+    caller.join(timeout=60.0)
+    assert not caller.is_alive()
+    assert (tmp_path / "time.h5").is_file()
 
 
 def test_a_filtered_linear_map_gives_columns_too(tmp_path: Path) -> None:

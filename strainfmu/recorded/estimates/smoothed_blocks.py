@@ -6,6 +6,7 @@ Smoothing looks one whole block ahead.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -93,14 +94,25 @@ def filter_attributes(estimator: BlockEstimator) -> dict[str, float]:
 def estimated_blocks(
     blocks: Iterable[tuple[StrainBlock, int]], estimator: BlockEstimator
 ) -> Iterator[tuple[StrainBlock, int, BlockEstimates]]:
-    """Return each block with its position and its estimates."""
+    """Return each block with its position and its estimates.
+
+    A block is estimated in another thread while the next one is read and the one before is written. Files are read
+    and written by this thread alone: a caller may hold the lock of h5py, as in a loop over the items of a file.
+    """
     if isinstance(estimator, SmoothedBlocks):
         yield from _smoothed_blocks(blocks, estimator)
         return
     last = float("nan")
-    for block, done in blocks:
-        yield block, done, estimator.estimate(block, last)
-        last = float(block.time[-1])
+    before: tuple[StrainBlock, int, Future[BlockEstimates]] | None = None
+    with ThreadPoolExecutor(1, "strainfmu-estimator") as worker:
+        for block, done in blocks:
+            here = block, done, worker.submit(estimator.estimate, block, last)
+            last = float(block.time[-1])
+            if before is not None:
+                yield *before[:2], before[2].result()
+            before = here
+        if before is not None:
+            yield *before[:2], before[2].result()
 
 
 def _smoothed_blocks(
