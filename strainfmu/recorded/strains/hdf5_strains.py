@@ -49,8 +49,9 @@ def _recorded_columns(path: Path, file: h5py.File) -> tuple[dict[str, Any], dict
     signals = file["signals"]
     if not isinstance(signals, h5py.Group):
         raise InputError(f"{path}: 'signals': expected a group of data sets, got a data set")
-    beside = {name: item for name, item in file.items() if name not in ("signals", "step_cost")}
-    found = {**beside, **{name.replace(_SLASH, "/"): item for name, item in signals.items()}}
+    # By names: a loop over items that a damaged file ends keeps the lock of h5py as long as its traceback lives.
+    found = {name: file.get(name) for name in list(file) if name not in ("signals", "step_cost")}
+    found |= {name.replace(_SLASH, "/"): signals.get(name) for name in list(signals)}
     columns = {name: item if _is_column(item) else None for name, item in found.items()}
     return columns, {name: _unit(path, name, item) for name, item in columns.items() if item is not None}
 

@@ -44,7 +44,7 @@ def variables(path: Path) -> dict[str, Any]:
 def test_coefficients_come_first_and_all_is_there(synthetic: SyntheticFiles) -> None:
     estimator, plant = variables(synthetic.estimator_1), variables(synthetic.plant)
     assert list(estimator)[:5] == list(plant)[:5] == ["C_A", "C_N", "C_Y", "M_P", "M_Y"]
-    assert len(estimator) == 27 + 2 * N_GAUGES + 4 + 5 + 2 * N_GAUGES + 1 + 2 + 2 * N_GAUGES + 1
+    assert len(estimator) == 27 + 2 * N_GAUGES + 4 + 5 + 2 * N_GAUGES + 1 + 1 + 2 + 2 * N_GAUGES + 1
     assert estimator["valid[1]"].type == "Boolean"
     assert estimator["valid[1]"].start == "true"
     for name in PARAMETERS:
@@ -125,6 +125,7 @@ def test_arrays_of_fmi_3_hold_the_scalars_of_fmi_2(fmus: dict[str, Path]) -> Non
         ("zero", N_GAUGES),
         ("zero_std", N_GAUGES),
         ("zero_common_std", None),
+        ("filter_time_constant", None),
         ("tare", None),
         ("tare_state", None),
         ("zero_in_use", N_GAUGES),
