@@ -15,6 +15,7 @@ from builder.compare.candidate import Answer, median_microseconds
 from builder.compare.flights import Readings, one_condition
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.map.inverse_map import InverseMap, map_references
+from strainfmu.estimator.other_loads import FIVE_LOADS
 
 STEP_STD = 0.1
 """Standard deviation of the walk in one cycle, over that of the prior: at 100 Hz it reaches the prior's in 1 s."""
@@ -38,10 +39,10 @@ class RandomWalkCandidate:
         """Prepare ``inverse_map``, of Case 2 and form "dynamic_pressure"."""
         self.inverse_map = inverse_map
         self._gauges = inverse_map.gauge_covariance
-        self._error_strain, self._error_load = inverse_map.error_strain, inverse_map.error_load
+        self._error_strain, self._error_load = inverse_map.error_strain, inverse_map.error_load[FIVE_LOADS]
         zero, none = np.zeros(inverse_map.n_gauges), np.zeros(5)
         self._fixed_strain = zero if inverse_map.fixed_strain is None else inverse_map.fixed_strain
-        self._fixed_load = none if inverse_map.fixed_load is None else inverse_map.fixed_load
+        self._fixed_load = none if inverse_map.fixed_load is None else inverse_map.fixed_load[FIVE_LOADS]
         self._scaled = self._error_strain @ self._error_strain.T
         self._answered: tuple[Readings, Answer] | None = None
 
@@ -78,10 +79,9 @@ class RandomWalkCandidate:
         for strain in read.strain:
             state = self.after(state, strain, ratio)
         s = ratio[:, None]
-        loads = self._fixed_load + s * (
-            found.load_of_mean - self._fixed_load + state.mean @ found.load_per_state.T
-        )
-        of_state = found.load_per_state @ state.covariance @ found.load_per_state.T
+        of_mean, per_state = found.load_of_mean[FIVE_LOADS], found.load_per_state[FIVE_LOADS]
+        loads = self._fixed_load + s * (of_mean - self._fixed_load + state.mean @ per_state.T)
+        of_state = per_state @ state.covariance @ per_state.T
         covariance = (s * s)[:, :, None] * (of_state + self._error_load @ self._error_load.T)
         scale = 1.0 / (q[:, None] * map_references(found))
         coefficients = scale * loads

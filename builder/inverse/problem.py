@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from builder.aero.loads.operator import load_operator_on
-from builder.aero.loads.sections import further_load_operator
+from builder.aero.loads.sections import other_load_operator
 from builder.aero.surface.mesh import mesh_of
 from builder.campaign.snapshot_transfer import snapshots_on
 from builder.campaign.snapshots import Snapshots
@@ -140,10 +140,9 @@ def inverse_problem(
         terms = joined_terms(terms, errors, sensors, ensemble)
         errors = joined_errors(errors, sensors, len(z_p), ensemble)
         z_p = np.vstack([z_p, sensors.operator])
-    loads = load_operator_on(structure.surface, vehicle.reference_quantities().moment_station)
-    further = further_load_operator(
-        structure.surface, vehicle.map.section_stations_m, vehicle.reference_quantities().moment_station
-    )
+    surface, station = structure.surface, vehicle.reference_quantities().moment_station
+    others = other_load_operator(surface, vehicle.map.section_stations_m, station)
+    loads = np.vstack([load_operator_on(surface, station), others])
     between, off, leeward = flows_between(vehicle, snapshots), None, None
     if ensemble.grid is None and vehicle.noise.model == "default":
         leeward = leeward_fields(vehicle, snapshots, ensemble)
@@ -151,7 +150,7 @@ def inverse_problem(
             off = between.off_the_snapshots(ensemble, vehicle.map.form == "dynamic_pressure")
     for name, fields in ((BETWEEN, off), (LEEWARD_PRESSURE, leeward)):
         if fields is not None:
-            terms.append(pressure_errors(name, fields, z_p, loads, further))
+            terms.append(pressure_errors(name, fields, z_p, loads))
     return Problem(
         ensemble=ensemble,
         strain_operator=z_p,
@@ -163,7 +162,6 @@ def inverse_problem(
         entry=vehicle.map,
         mesh=mesh,
         sensors=sensors,
-        further_operator=further,
         thermal=thermal if sensors is None else with_further_rows(thermal, len(sensors.rows)),
         between=between,
         off_the_snapshots=off,

@@ -41,7 +41,7 @@ class Problem:
     ----------
     ensemble : the pressure fields.
     strain_operator : (n_d, n_p) Z_p [1/Pa].
-    load_operator : (5, n_p) G C_map [m2, m3].
+    load_operator : (n_f, n_p) G C_map [m2, m3], of the five loads, then of rolling moment and section loads.
     node_area : (n_p,) area of the nodes [m2].
     noise : terms without the truncated modes.
     errors : those of the terms that follow the current strain.
@@ -49,7 +49,6 @@ class Problem:
     entry : section [map] of the vehicle file.
     mesh : error of strain by the structure's mesh, where it is known; what counts of it is among ``errors``.
     sensors : those beside the strain gauges, whose rows follow the gauges'; None for none.
-    further_operator : (m, n_p) the same of rolling moment and section loads; None for none.
     thermal : modes of the wall's temperature, which are among ``noise``; None for none.
     between : flows between the snapshots; None where they are not known.
     off_the_snapshots : (k, n_p) what of these is no combination of the snapshots, which is among ``noise``, see
@@ -69,7 +68,6 @@ class Problem:
     entry: MapEntry
     mesh: MeshError | None = None
     sensors: SensorSet | None = None
-    further_operator: FloatArray | None = None
     thermal: ThermalMap | None = None
     between: FlowsBetween | None = None
     off_the_snapshots: FloatArray | None = None
@@ -265,8 +263,7 @@ def _with_truncated(problem: Problem, modes: PressureModes, kept: int, strain_of
     if not problem.with_truncated_modes or kept == modes.modes.shape[1]:
         return NoiseModel(problem.noise)
     load_of_modes = problem.load_operator @ modes.modes
-    further = None if problem.further_operator is None else problem.further_operator @ modes.modes
-    return NoiseModel((*problem.noise, truncated_modes(strain_of_modes, load_of_modes, modes, kept, further)))
+    return NoiseModel((*problem.noise, truncated_modes(strain_of_modes, load_of_modes, modes, kept)))
 
 
 def _unresolved(problem: Problem, modes: PressureModes, kept: int) -> FloatArray | None:

@@ -10,7 +10,6 @@ import numpy as np
 from builder.aero.surface.mesh import SurfaceMesh, mesh_of
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.envelope.bounds import coefficient_half_spaces, flight_ranges
-from builder.inverse.loads.further import further_loads
 from builder.inverse.modes.ensemble import Ensemble
 from builder.inverse.noise.hardware_errors import error_model
 from builder.inverse.noise.model import NoiseTerm
@@ -25,6 +24,7 @@ from builder.vehicle.gauges.layout import GaugeLayout
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.map.validity import condition_ranges, parameter_ranges
+from strainfmu.estimator.other_loads import FIVE_LOADS
 from strainfmu.estimator.settings import GAUGE_RANGE
 from strainfmu.version import __version__
 
@@ -36,7 +36,7 @@ def inverse_map_of(
     snapshots, reference = on_structure(snapshots, structure), vehicle.reference_quantities()
     z_p, loads, ensemble = problem.strain_operator, problem.load_operator, problem.ensemble
     solved, load_per_state = solution.solved, loads @ solution.field_modes
-    coefficients = ensemble.coefficients(loads)
+    coefficients = ensemble.coefficients(loads[FIVE_LOADS])
     gauges = structure.layouts[vehicle.gauges.layout]
     ranges, half_spaces = flight_ranges(vehicle, ensemble), coefficient_half_spaces(ensemble, coefficients)
     return InverseMap(
@@ -48,6 +48,7 @@ def inverse_map_of(
         regularisation=solved.regularisation,
         load_per_state=load_per_state,
         load_of_mean=loads @ (solution.mean - ensemble.fixed_pressure),
+        section_station=np.array(problem.entry.section_stations_m, dtype=float),
         mean_strain=solved.mean_strain,
         strain_range=np.abs(ensemble.responses(z_p) + problem.offset).max(axis=0),
         coefficient_range=np.column_stack([coefficients.min(axis=0), coefficients.max(axis=0)]),
@@ -83,20 +84,14 @@ def _rows(gauges: GaugeLayout, sensors: SensorSet | None) -> dict[str, Any]:
 
 
 def _errors(problem: Problem, solution: Solution) -> dict[str, Any]:
-    """Return the fields of a map on its errors, and its further loads, which share their columns.
+    """Return the fields of a map on its errors.
 
     In form "absolute" nothing follows the dynamic pressure; terms without a load then need no columns either.
     """
     scaling = [term for term in solution.noise.terms if term.scales]
     fixed = [term.strain @ term.strain.T for term in solution.noise.terms if not term.scales]
-    m = 0 if problem.further_operator is None else len(problem.further_operator)
-    strain, load = _compressed(scaling, len(problem.strain_operator), m)
-    return {
-        "gauge_covariance": np.sum(fixed, axis=0),
-        "error_strain": strain,
-        "error_load": load[:5],
-        "further": further_loads(problem, solution, load[5:]),
-    }
+    strain, load = _compressed(scaling, len(problem.strain_operator), len(problem.load_operator))
+    return {"gauge_covariance": np.sum(fixed, axis=0), "error_strain": strain, "error_load": load}
 
 
 def _parts_that_follow(problem: Problem, coefficients: FloatArray) -> dict[str, Any]:
@@ -114,27 +109,19 @@ def _parts_that_follow(problem: Problem, coefficients: FloatArray) -> dict[str, 
     return parts
 
 
-def _compressed(terms: list[NoiseTerm], n_gauges: int, n_further: int) -> tuple[FloatArray, FloatArray]:
-    """Return strain (n_d, k) and load (5 + m, k) columns with the covariance of all ``terms``.
-
-    k is at most n_d + 5 + m with m = ``n_further`` further loads.
-    """
+def _compressed(terms: list[NoiseTerm], n_gauges: int, n_loads: int) -> tuple[FloatArray, FloatArray]:
+    """Return strain (n_d, k) and load (n_f, k) columns, k <= n_d + n_f, with the covariance of all ``terms``."""
     if not terms:
-        return np.zeros((n_gauges, 0)), np.zeros((5 + n_further, 0))
-    joint = np.hstack([np.vstack([term.strain, _loads_of(term, n_further)]) for term in terms])
+        return np.zeros((n_gauges, 0)), np.zeros((n_loads, 0))
+    none = (np.zeros((n_loads, term.strain.shape[1])) for term in terms)
+    loads = (zero if term.load is None else term.load for term, zero in zip(terms, none, strict=True))
+    joint = np.hstack([np.vstack([term.strain, load]) for term, load in zip(terms, loads, strict=True)])
     # Rows of one size: strain and newtons differ by many orders of magnitude.
     size = np.linalg.norm(joint, axis=1, keepdims=True)
     size[size == 0.0] = 1.0
     upper: FloatArray = np.asarray(np.linalg.qr((joint / size).T, mode="r"))
     triangle = size * upper.T
     return triangle[:n_gauges], triangle[n_gauges:]
-
-
-def _loads_of(term: NoiseTerm, n_further: int) -> FloatArray:
-    """Return (5 + m, k) loads of the columns of ``term``, zero where it has none."""
-    parts = ((term.load, 5), (term.further, n_further))
-    k = term.strain.shape[1]
-    return np.vstack([np.zeros((rows, k)) if part is None else part for part, rows in parts])
 
 
 def _provenance(

@@ -122,10 +122,8 @@ def manifold_map(
 
 
 def _operator(problem: Problem) -> FloatArray:
-    """Return (n_d + 5 + m, n_p) strains [1/Pa], loads and further loads [m2, m3] per pressure."""
-    further = problem.further_operator
-    parts = [problem.strain_operator, problem.load_operator, *([] if further is None else [further])]
-    return np.vstack(parts)
+    """Return (n_d + n_f, n_p) strains [1/Pa] and loads [m2, m3] per pressure."""
+    return np.vstack([problem.strain_operator, problem.load_operator])
 
 
 def _further(
@@ -213,11 +211,9 @@ def _scaled_nuisance(nuisance: Sequence[NoiseTerm], problem: Problem) -> dict[st
     found = {}
     for term in nuisance:
         if term.scales:
-            columns, further = term.strain.shape[1], problem.further_operator
-            load = np.zeros((5, columns)) if term.load is None else term.load
-            none = np.zeros((0 if further is None else len(further), columns))
+            none = np.zeros((len(problem.load_operator), term.strain.shape[1]))
             # Terms are those of the gauges: they have no part in further sensors.
             strain = np.pad(term.strain, ((0, len(problem.strain_operator) - len(term.strain)), (0, 0)))
-            found[term.name] = np.vstack([strain, load, none if term.further is None else term.further])
+            found[term.name] = np.vstack([strain, none if term.load is None else term.load])
             found[term.name] /= pressure
     return found

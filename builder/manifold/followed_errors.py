@@ -17,6 +17,7 @@ from builder.manifold.sensor_tables import friction_error
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.map.proportional_errors import PAIRS
+from strainfmu.estimator.other_loads import FIVE_LOADS
 
 DIRECTIONS = 12
 """Roll angles of the combinations that look into one direction."""
@@ -31,7 +32,7 @@ def followed_errors(vehicle: Vehicle, problem: Problem) -> tuple[FloatArray, Flo
     n_d = len(problem.strain_operator)
     scale = reference.area * np.array([1.0, 1.0, 1.0, reference.length, reference.length])
     pressure = np.tile(ensemble.ambient_pressure, ensemble.rolls)[:, None]
-    loads = ensemble.responses(problem.load_operator) / pressure / scale
+    loads = ensemble.responses(problem.load_operator[FIVE_LOADS]) / pressure / scale
     c = np.hstack([np.ones((len(loads), 1)), loads])
     root = np.sqrt(ensemble.member_weight)[:, None]
     products, square, common = np.zeros((len(PAIRS), n_d)), np.zeros((len(c), n_d)), []

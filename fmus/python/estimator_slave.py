@@ -22,7 +22,7 @@ from strainfmu.errors import InputError
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import load_inverse_map
-from strainfmu.estimator.map.offers import has_further_outputs
+from strainfmu.estimator.map.offers import has_other_outputs
 from strainfmu.estimator.map.temperature import known_sensors
 from strainfmu.estimator.settings import EstimatorSettings, setting_fault
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros, zero_fault
@@ -76,7 +76,7 @@ class EstimatorSlave(Fmi2Slave):
         self._zeros_outdated = False
         self._time_constant = references.get(FILTER_TIME_CONSTANT)
         self._thermal = inverse_map.thermal
-        self._has_further = has_further_outputs(inverse_map)
+        self._has_further = has_other_outputs(inverse_map)
         self._temperatures = [references[name] for name in temperature_names(inverse_map.thermal)]
         self._tare = EdgeTare(inverse_map, _known_strain(resources / "tare_known.json"))
         self._asked, self._tare_state = references[TARE], references[TARE_STATE]

@@ -5,20 +5,19 @@ from __future__ import annotations
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
-from strainfmu.estimator.further_loads import is_moment
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.reference.linear import LOADS, estimate, references
 from strainfmu.estimator.reference.readings import Zeros, rows_of
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros, with_zero_errors
 
-_FURTHER = ("further_loads", "further_loads_std", "further_coefficients", "further_coefficients_std")
+_NAMES = ("further_loads", "further_loads_std", "further_coefficients", "further_coefficients_std")
 
 
 def _std(covariance: FloatArray) -> FloatArray:
     return np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
 
 
-def further_loads(
+def other_loads(
     inverse_map: InverseMap,
     zeros: GaugeZeros,
     dynamic_pressure: FloatArray,
@@ -30,7 +29,7 @@ def further_loads(
     area: float,
     length: float,
 ) -> dict[str, FloatArray]:
-    """Return rolling moment and section loads of k samples by the field of an estimate, (k, m - 5).
+    """Return rolling moment and section loads of k samples by the field of an estimate, (k, n_f - 5).
 
     ``readings`` (k, n_d) less ``zeros`` and what sensors read of ``thrust`` (k,) count where ``valid`` (k, n_d);
     without any all is NaN. Coefficients are NaN where q_inf, the
@@ -39,13 +38,11 @@ def further_loads(
     """
     held = Zeros(value=zeros.value, std=zeros.std)
     rows, inverse_map = rows_of(inverse_map, readings, thrust, held), with_zero_errors(inverse_map, zeros)
-    known, further = np.isfinite(dynamic_pressure), inverse_map.further
-    assert further is not None
+    known = np.isfinite(dynamic_pressure)
     q = np.where(known, dynamic_pressure, 1.0)
     std = np.where(np.isnan(pressure_std), inverse_map.dynamic_pressure_error * q, pressure_std)
-    moments = is_moment(len(further.section_station))
-    scale = references(inverse_map)[LOADS:] / (area * np.where(moments, length, 1.0))
-    found = {name: np.full((len(rows), len(scale)), np.nan) for name in _FURTHER}
+    scale = references(inverse_map)[LOADS:] / (area * np.where(inverse_map.is_moment[LOADS:], length, 1.0))
+    found = {name: np.full((len(rows), len(scale)), np.nan) for name in _NAMES}
     masks, which = np.unique(valid, axis=0, return_inverse=True)
     for number, used in enumerate(masks):
         of_mask = np.flatnonzero(which.reshape(-1) == number)

@@ -12,9 +12,9 @@ from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.estimator.air_data import AIR_DATA_NAMES, AirData
 from strainfmu.estimator.estimates.load_estimate import NamedLoads, Sigma
 from strainfmu.estimator.estimates.pressure_field import PressureField
-from strainfmu.estimator.further_loads import SECTION_LOADS, SectionLoads
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.flow_parameters import PARAMETER_TOLERANCE
+from strainfmu.estimator.other_loads import SECTION_LOADS, SectionLoads
 
 if TYPE_CHECKING:
     from pandas import DataFrame

@@ -20,13 +20,14 @@ from numpy.typing import ArrayLike
 
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import InputError
-from strainfmu.estimator.absolute_sections import further_loads
+from strainfmu.estimator.absolute_sections import other_loads
 from strainfmu.estimator.arguments import checked_mask, is_series, per_sample, real_numbers, strain_of_samples
 from strainfmu.estimator.core import Core, NoCoreError, Series
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimates.pressure_field import PressureField
 from strainfmu.estimator.map.flow_parameters import flow_parameters
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map
+from strainfmu.estimator.map.offers import estimates_other_loads
 from strainfmu.estimator.policies import LARGEST_TIME, SMALLEST_TIME
 from strainfmu.estimator.resource.map_file import native_resource
 from strainfmu.estimator.settings import EstimatorSettings, default_settings
@@ -164,9 +165,8 @@ class Estimator:
         self.filter_time_constant = filter_time_constant
         self.parameters = flow_parameters(inverse_map)
         self.is_nonlinear = inverse_map.manifold is not None
-        manifold, further = inverse_map.manifold, inverse_map.further
-        further = None if manifold is not None and manifold.further is None else further
-        self.section_station = np.zeros(0) if further is None else further.section_station
+        held = inverse_map.section_station
+        self.section_station = held if estimates_other_loads(inverse_map) else held[:0]
         self._lock = threading.Lock()
         self.core = self._new_core(resource)
         self._set_up(self.core)
@@ -549,11 +549,11 @@ class Estimator:
     def further_of(self, estimate: Estimate, name: str) -> FloatArray:
         """Return rolling moment and section loads of a map whose core has none.
 
-        They are zero where the five loads are known, but for maps of form "absolute" with further loads.
+        They are zero where the five loads are known, but for maps of form "absolute" with such loads.
         """
         record, layout, place = np.atleast_2d(estimate.sample), self.core.inputs, self._thrust
         shape, settings = estimate.loads.shape[:-1], self.settings
-        if self.inverse_map.further is None or self.is_nonlinear:
+        if not self.inverse_map.has_other_loads or self.is_nonlinear:
             five = estimate.coefficients if "coefficients" in name else estimate.loads
             known = np.isfinite(five).all(axis=-1, keepdims=True)
             return np.where(known, np.zeros((*shape, 1 + 6 * len(self.section_station))), nan)
@@ -562,7 +562,7 @@ class Estimator:
             np.asarray(np.isfinite(np.atleast_2d(one)).all(axis=1))
             for one in (estimate.coefficients, estimate.loads)
         )
-        found = further_loads(
+        found = other_loads(
             self.inverse_map,
             self.zeros,
             np.where(known, pressure, np.nan),

@@ -28,7 +28,7 @@ from strainfmu.estimator.map.envelope import (
 )
 from strainfmu.estimator.map.flow_parameters import PARAMETER_TOLERANCE, flow_parameters
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.map.offers import has_further_outputs
+from strainfmu.estimator.map.offers import has_other_outputs
 from strainfmu.estimator.map.temperature import known_sensors
 from strainfmu.estimator.policies import MIN_INFORMATION
 from strainfmu.estimator.reference.linear import LOADS, LinearEstimate, estimate, references
@@ -76,8 +76,7 @@ class NumpyCore:
         n, n_strains = inverse_map.n_gauges, inverse_map.n_strain_gauges
         n_t = 0 if inverse_map.thermal is None else inverse_map.thermal.n_sensors
         has_thrust = inverse_map.sensors is not None and bool(inverse_map.sensors.follows_thrust.any())
-        further = inverse_map.further if has_further_outputs(inverse_map) else None
-        m = 0 if further is None else len(further.load_of_mean)
+        m = inverse_map.n_loads - LOADS if has_other_outputs(inverse_map) else 0
         n_p = len(flow_parameters(inverse_map).names)
         self.n_rows = n
         self.inputs = _layout(

@@ -19,9 +19,9 @@ import numpy as np
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
-from strainfmu.estimator.further_loads import is_moment
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.temperature import known_sensors
+from strainfmu.estimator.other_loads import is_moment
 from strainfmu.estimator.reference.air import AirInputs, air_data, air_inputs, without
 from strainfmu.estimator.reference.flight_filter import ITERATIONS, FilteredSample, FlightFilterReference
 from strainfmu.estimator.reference.kalman import Law, measured, with_modes

@@ -73,7 +73,7 @@ def output_values(estimate: Estimate, with_further: bool = False) -> list[float]
     """Return the outputs of ``estimate`` in the order of their value references; the state of the tare is none.
 
     ``with_further`` for maps that have loads beside the five as outputs
-    (:func:`~strainfmu.interface.further_variables.has_further_outputs`).
+    (:func:`~strainfmu.interface.further_variables.has_other_outputs`).
     """
     of_flight = flight_outputs(estimate) if len(estimate.air_data_used) > 0 else ()
     further = further_outputs(estimate) if with_further else ()

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from strainfmu.estimator.further_loads import SECTION_LOADS
-from strainfmu.estimator.map.offers import has_further_outputs
+from strainfmu.estimator.map.offers import estimates_other_loads, has_other_outputs
+from strainfmu.estimator.other_loads import SECTION_LOADS
 from strainfmu.interface.fmi_variables import Variable, deviation_of
 
 if TYPE_CHECKING:
@@ -24,20 +24,17 @@ FURTHER_ARRAYS = {
 
 def section_stations(inverse_map: InverseMap) -> tuple[float, ...] | None:
     """Return x [m] of the sections whose loads are outputs, with the rolling moment; None where neither is."""
-    if inverse_map.further is None or not has_further_outputs(inverse_map):
-        return None
-    return tuple(inverse_map.further.section_station.tolist())
+    return tuple(inverse_map.section_station.tolist()) if has_other_outputs(inverse_map) else None
 
 
 def has_section_loads_by_strain_alone(inverse_map: InverseMap) -> bool:
     """Return whether the linear map alone holds such loads, beside tables of an earlier version without them."""
-    manifold = inverse_map.manifold
-    return inverse_map.further is not None and manifold is not None and manifold.further is None
+    return inverse_map.has_other_loads and not estimates_other_loads(inverse_map)
 
 
 def with_further_outputs(interface: Sequence[Variable], inverse_map: InverseMap) -> tuple[Variable, ...]:
     """Return ``interface`` with the further loads behind it; they depend on what the pitching moment does."""
-    if inverse_map.further is None or not has_further_outputs(inverse_map):
+    if not has_other_outputs(inverse_map):
         return tuple(interface)
     known = {variable.name: variable for variable in interface}
     of_coefficient = replace(known["M_P"], array=None, nominal=None)
@@ -60,7 +57,7 @@ def with_further_outputs(interface: Sequence[Variable], inverse_map: InverseMap)
             array=f"section.{name}",
         )
         for name, (text, unit) in SECTION_LOADS.items()
-        for i, station in enumerate(inverse_map.further.section_station.tolist(), start=1)
+        for i, station in enumerate(inverse_map.section_station.tolist(), start=1)
     ]
     return (*interface, *body, *sections, *map(deviation_of, sections))
 

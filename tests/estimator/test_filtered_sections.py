@@ -75,7 +75,7 @@ def test_they_change_nothing_else_and_get_smaller_deviations() -> None:
     held = with_further_tables(whole_map())
     manifold = held.manifold
     assert manifold is not None
-    bare = replace(held, manifold=replace(manifold, further=None), further=None)
+    bare = replace(held, manifold=replace(manifold, further=None))
     samples = random_flight(held, 30, seed=6)
     one, other = (track(Estimator(each).filter(1.0), samples)[-1] for each in (held, bare))
     assert one.loads.tobytes() == other.loads.tobytes()

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 from further_maps import COMBINATION, STATION, with_further
@@ -14,10 +15,19 @@ from scaled_maps import NOMINAL, scaled_map, whole_scaled_map
 
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimator import Estimator
-from strainfmu.estimator.further_loads import FurtherLoads, further_names
 from strainfmu.estimator.map.added_noise import with_added_noise
-from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map, save_inverse_map
+from strainfmu.estimator.map.inverse_map import (
+    LOAD_NAMES,
+    SCHEMA,
+    SCHEMA_VERSION,
+    InverseMap,
+    load_inverse_map,
+    save_inverse_map,
+)
+from strainfmu.estimator.other_loads import other_load_names
 from strainfmu.estimator.settings import default_settings
+from strainfmu.files import write_hdf5_atomically
+from strainfmu.records import write_record
 
 pytestmark = pytest.mark.fast
 
@@ -91,7 +101,7 @@ def test_sections_by_name() -> None:
         np.testing.assert_array_equal(getattr(sections, name)[:, 0], series.further_loads[:, 1 + k])
         np.testing.assert_array_equal(getattr(one, name)[0], series.further_loads[4, 1 + k])
     np.testing.assert_array_equal(series[3:5].section_loads.loads, sections.loads[3:5])
-    assert further_names(STATION)[:3] == ("rolling_moment", "section.axial[1]", "section.normal[1]")
+    assert other_load_names(STATION)[:3] == ("rolling_moment", "section.axial[1]", "section.normal[1]")
 
 
 def test_without_further_loads_the_rolling_moment_is_known_to_be_zero() -> None:
@@ -111,27 +121,53 @@ def test_map_file_holds_them(tmp_path: Path) -> None:
     found_map = with_further(whole_scaled_map(2, 6))
     save_inverse_map(found_map, tmp_path / "map.h5")
     again = load_inverse_map(tmp_path / "map.h5")
-    assert again.further is not None
-    assert found_map.further is not None
     for name in ("section_station", "load_per_state", "load_of_mean", "error_load", "fixed_load"):
-        np.testing.assert_array_equal(getattr(again.further, name), getattr(found_map.further, name))
+        np.testing.assert_array_equal(getattr(again, name), getattr(found_map, name))
+
+
+def test_map_with_a_group_of_further_loads_is_refused(tmp_path: Path) -> None:
+    """The layout of an earlier state, without section_station beside the five loads."""
+    found_map = with_further(scaled_map(1, 2))
+    units: dict[str, str] = {}
+
+    def fill(file: h5py.File) -> None:
+        write_record(file, found_map, units)
+        file.move("section_station", "further/section_station")
+
+    write_hdf5_atomically(tmp_path / "map.h5", SCHEMA, SCHEMA_VERSION, fill)
+    with pytest.raises(InputError, match=r"map.h5: damaged, entry 'section_station' is missing"):
+        load_inverse_map(tmp_path / "map.h5")
+
+
+def test_loads_have_names() -> None:
+    with_sections, plain = with_further(scaled_map(1, 2)), scaled_map(1, 2)
+    assert plain.load_names == LOAD_NAMES
+    assert with_sections.load_names == (*LOAD_NAMES, *other_load_names(STATION))
+    assert (plain.n_loads, with_sections.n_loads) == (5, 12)
+    assert (plain.has_other_loads, with_sections.has_other_loads) == (False, True)
+    moments = [name for name, one in zip(with_sections.load_names, with_sections.is_moment, strict=True) if one]
+    sections = [f"section.{name}[1]" for name in ("pitch", "yaw", "torsion")]
+    assert moments == ["pitching_moment", "yawing_moment", "rolling_moment", *sections]
 
 
 @pytest.mark.parametrize(
     ("changes", "fault"),
     [
         ({"section_station": np.array([1.0, 0.5])}, "section_station must hold rising numbers"),
-        ({"section_station": np.array([0.5, 1.0])}, r"\(7,\) rows for 2 sections, must be 13"),
-        ({"load_of_mean": np.ones(6)}, r"load_of_mean has shape \(6,\), must be \(7,\)"),
-        ({"load_of_mean": np.full(7, np.nan)}, "load_of_mean has shape"),
-        ({"error_load": np.ones((7, 2))}, r"error_load has shape \(7, 2\), must be \(7, "),
+        ({"section_station": np.array([0.5, np.nan])}, "section_station must hold rising numbers"),
+        ({"section_station": np.array([0.5, 1.0])}, "load_of_mean has 12 loads for 2 sections, must be 18"),
+        ({"section_station": np.zeros(0)}, "load_of_mean has 12 loads for 0 sections, must be 5 or 6"),
+        ({"load_of_mean": np.ones(5)}, "load_of_mean has 5 loads for 1 sections, must be 12"),
+        ({"load_of_mean": np.ones((2, 6))}, r"load_of_mean has shape \(2, 6\), must be \(12,\)"),
+        ({"load_of_mean": np.full(12, np.nan)}, "load_of_mean holds values that are not finite"),
+        ({"load_per_state": np.ones((5, 3))}, r"load_per_state has shape \(5, 3\), must be \(12, "),
+        ({"error_load": np.ones((12, 2))}, r"error_load has shape \(12, 2\), must be \(12, "),
     ],
 )
 def test_what_does_not_fit_is_refused(changes: dict[str, Any], fault: str) -> None:
     good = with_further(scaled_map(1, 2))
-    assert isinstance(good.further, FurtherLoads)
     with pytest.raises(InputError, match=fault):
-        replace(good, further=replace(good.further, **changes))
+        replace(good, **changes)
 
 
 def test_pressure_ratio_moves_them_as_it_moves_loads() -> None:

@@ -17,9 +17,9 @@ from raw_fmu import OK, Fmu2, Fmu3, this_platform
 
 from strainfmu.estimator.air_data import AIR_DATA_NAMES
 from strainfmu.estimator.estimator import EXACT
-from strainfmu.estimator.further_loads import SECTION_LOADS
 from strainfmu.estimator.map.flow_parameters import flow_parameters
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.other_loads import SECTION_LOADS
 from strainfmu.estimator.settings import default_settings
 from strainfmu.interface.estimator_variables import LOADS, estimator_arrays, estimator_interface
 from strainfmu.interface.filter_variables import FILTER_TIME_CONSTANT
@@ -50,7 +50,7 @@ class Places:
         scalars = estimator_interface(inverse_map)
         self._variables: Sequence[Variable] = estimator_arrays(scalars) if arrays else scalars
         self._type = {one.name: one.fmi_type for one in scalars}
-        self._n_sections = 0 if inverse_map.further is None else len(inverse_map.further.section_station)
+        self._n_sections = len(inverse_map.section_station)
         self.outputs = [one.name for one in scalars if one.causality == "output" and one.name != TARE_STATE]
         self.inputs = [one.name for one in scalars if one.causality == "input" and one.name != TARE]
         self.parameters = [one.name for one in scalars if one.causality == "parameter"]

@@ -57,7 +57,7 @@ def check_growth(vehicle: Vehicle, problem: Problem, errors: list[HardwareError]
     ensemble, reference = problem.ensemble, vehicle.reference_quantities()
     pressure = np.tile(ensemble.ambient_pressure, ensemble.rolls)[:, None]
     scale = reference.area * np.array([1.0, 1.0, 1.0, reference.length, reference.length])
-    c = np.hstack([np.ones((len(pressure), 1)), ensemble.responses(problem.load_operator) / pressure / scale])
+    c = np.hstack([np.ones((len(pressure), 1)), ensemble.responses(problem.load_operator[:5]) / pressure / scale])
     found = (c[:, FIRST] * c[:, SECOND]) @ products
     if any(one.common for one in errors):
         found = found + np.sum((c @ common) ** 2, axis=0)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from fmu_host import loaded
 
-from builder.aero.loads.sections import further_load_operator
+from builder.aero.loads.sections import other_load_operator
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
 from builder.inverse.problem import inverse_problem
@@ -21,8 +21,8 @@ from strainfmu.arrays import FloatArray
 from strainfmu.estimator.air_data import air_data_of_state
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
-from strainfmu.estimator.further_loads import further_names
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map, save_inverse_map
+from strainfmu.estimator.other_loads import other_load_names
 from strainfmu.estimator.settings import default_settings
 from strainfmu.estimator.tables.flight_tables import evaluate
 from strainfmu.fmu.export import export_estimator
@@ -50,8 +50,7 @@ def inverse_map(vehicle: Vehicle, structure: StructuralModel, snapshots: Snapsho
 
 @pytest.fixture(scope="module")
 def flights(vehicle: Vehicle, structure: StructuralModel, held_out: Snapshots, inverse_map: InverseMap) -> Flights:
-    operator = further_load_operator(structure.surface, STATIONS, vehicle.reference_quantities().moment_station)
-    assert operator is not None
+    operator = other_load_operator(structure.surface, STATIONS, vehicle.reference_quantities().moment_station)
     net = held_out.pressure - held_out.internal_pressure[:, None]
     strain = net @ structure.strain_operator(vehicle.gauges.layout).T
     strain = strain + inverse_map.noise_std * np.random.default_rng(2).standard_normal(strain.shape)
@@ -169,6 +168,6 @@ def test_files_and_fmus(inverse_map: InverseMap, flights: Flights, tmp_path: Pat
         host.set([f"strain[{i + 1}]" for i in range(read.n_gauges)], flights.strain[0])
         host.set(["dynamic_pressure"], [flights.dynamic_pressure[0]])
         for prefix, expected in (("", one.further_loads), ("sigma.", one.further_loads_std)):
-            found = host.get([f"{prefix}{name}" for name in further_names(np.array(STATIONS))[1:]])
+            found = host.get([f"{prefix}{name}" for name in other_load_names(np.array(STATIONS))[1:]])
             scale = np.repeat(np.abs(expected[1:]).reshape(2, -1).max(axis=1), len(found) // 2)
             assert np.max(np.abs(found - expected[1:]) / scale) < 1e-11

@@ -166,7 +166,7 @@ def test_the_process_goes_with_the_dynamic_pressure(mach: tuple[float, ...], siz
 
 def _loads(snapshots: Snapshots) -> np.ndarray:
     vehicle = shape_vehicle()
-    return inverse_problem(vehicle, snapshots, shape_structure(snapshots.surface)).load_operator
+    return inverse_problem(vehicle, snapshots, shape_structure(snapshots.surface)).load_operator[:5]
 
 
 def test_mirrored_strain_has_the_mirrored_answer() -> None:

@@ -22,8 +22,8 @@ from strainfmu.can.cycle.frames.account import FrameAccount
 from strainfmu.can.cycle.states.bus_state import BusState
 from strainfmu.can.cycle.states.quality import Cause, Quality
 from strainfmu.can.tools.strain_sources import FlownSample
-from strainfmu.estimator.further_loads import SECTION_LOADS
 from strainfmu.estimator.map.inverse_map import save_inverse_map
+from strainfmu.estimator.other_loads import SECTION_LOADS
 from strainfmu.fmu.export import export_estimator
 from strainfmu.monitor.server import Monitor
 

@@ -112,7 +112,10 @@ def map_of_some(case: ReportCase, problem: Problem, solution: Solution, kept: li
     """Return the map of ``kept`` gauges from its own problem and solution."""
     whole, solved = case.inverse_map, solution.solved
     strain = np.hstack([term.strain for term in solution.noise.terms[1:]])
-    loads = [np.zeros((5, t.strain.shape[1])) if t.load is None else t.load for t in solution.noise.terms[1:]]
+    loads = [
+        np.zeros((len(problem.load_operator), t.strain.shape[1])) if t.load is None else t.load
+        for t in solution.noise.terms[1:]
+    ]
     own = solution.noise.terms[0].strain
     return replace(
         whole,

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 from flight_maps import AREA, LENGTH, table_coefficients
 
-from strainfmu.estimator.further_loads import FurtherLoads
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.tables.further_tables import FurtherTables
 
@@ -24,17 +23,17 @@ M = 1 + 6 * len(STATIONS)
 def with_further(inverse_map: InverseMap, combination: np.ndarray = COMBINATION) -> InverseMap:
     """Return ``inverse_map`` with further loads that are ``combination`` (7, 5) times its loads."""
 
-    def of(rows: np.ndarray | None) -> np.ndarray | None:
-        return None if rows is None else combination @ rows
+    def of(rows: np.ndarray) -> np.ndarray:
+        return combination @ rows
 
-    further = FurtherLoads(
-        section_station=STATION,
-        load_per_state=combination @ inverse_map.load_per_state,
-        load_of_mean=combination @ inverse_map.load_of_mean,
-        error_load=combination @ inverse_map.error_load,
-        fixed_load=of(inverse_map.fixed_load),
+    return _with_loads(
+        inverse_map,
+        STATION,
+        load_per_state=of(inverse_map.load_per_state),
+        load_of_mean=of(inverse_map.load_of_mean),
+        error_load=of(inverse_map.error_load),
+        fixed_load=None if inverse_map.fixed_load is None else of(inverse_map.fixed_load),
     )
-    return replace(inverse_map, further=further)
 
 
 def with_own_further(held: InverseMap) -> InverseMap:
@@ -45,14 +44,26 @@ def with_own_further(held: InverseMap) -> InverseMap:
     per_state = states * random.standard_normal((M, held.n_states))
     of_mean = size * random.standard_normal(M)
     random.uniform(size=M)  # not used: the golden streams are of the numbers that follow
-    further = FurtherLoads(
-        section_station=STATIONS,
+    return _with_loads(
+        held,
+        STATIONS,
         load_per_state=per_state,
         load_of_mean=of_mean,
         error_load=float(np.abs(loads).max()) * random.standard_normal((M, errors.shape[1])),
         fixed_load=0.01 * size * random.standard_normal(M),
     )
-    return replace(held, further=further)
+
+
+def _with_loads(held: InverseMap, station: np.ndarray, **rows: np.ndarray | None) -> InverseMap:
+    """Return ``held``, of five loads, with ``rows`` of others behind them."""
+    five = {name: getattr(held, name) for name in rows}
+    if rows["fixed_load"] is not None and held.fixed_load is None:
+        five["fixed_load"], rows["fixed_strain"] = np.zeros(5), np.zeros(held.n_gauges)
+    joined = {
+        name: own if own is None or name not in five else np.concatenate([five[name], own])
+        for name, own in rows.items()
+    }
+    return replace(held, section_station=station, **joined)
 
 
 def with_further_tables(held: InverseMap) -> InverseMap:

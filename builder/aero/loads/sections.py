@@ -71,12 +71,13 @@ def _pieces(mesh: SurfaceMesh, station: float) -> tuple[IntArray, FloatArray]:
     return np.concatenate(nodes), np.concatenate(shares)
 
 
-def further_load_operator(
+def other_load_operator(
     surface: SurfaceGrid | SurfaceMesh, stations: tuple[float, ...], moment_station: float
-) -> FloatArray | None:
-    """Return (1 + 6 n_s, n) rolling moment and section loads per nodal pressure [m2, m3]; None for none.
+) -> FloatArray:
+    """Return (m, n) the loads behind the five, rolling moment and section loads, per nodal pressure [m2, m3].
 
-    The rolling moment of a body of revolution is zero: every pressure acts through the axis. So are its torsions.
+    m is 1 + 6 n_s, or 0 for a body of revolution without sections: its rolling moment is zero, as every pressure
+    acts through the axis. So are its torsions.
 
     Raises
     ------
@@ -84,7 +85,7 @@ def further_load_operator(
         A station lies outside the body.
     """
     if isinstance(surface, SurfaceGrid) and not stations:
-        return None
+        return np.zeros((0, surface.n_nodes))
     x = surface.x if isinstance(surface, SurfaceGrid) else surface.point[:, 0]
     low, high = float(x.min()), float(x.max())
     for station in stations:

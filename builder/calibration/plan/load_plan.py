@@ -27,6 +27,7 @@ from builder.structure.loads.applied import Load
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.other_loads import FIVE_LOADS
 
 FLIGHTS = 24
 """Pressure fields of the map's ensemble that stand for the flights."""
@@ -160,7 +161,7 @@ def _flight(parts: PlanParts, exact: InverseMap) -> FlightSensitivity:
         state_operator=exact.state_operator,
         noise_covariance=exact.noise_covariance,
         regularisation=exact.regularisation,
-        coefficient_per_state=scale[:, None] * exact.load_per_state,
+        coefficient_per_state=scale[:, None] * exact.load_per_state[FIVE_LOADS],
     )
 
 

@@ -17,6 +17,7 @@ from builder.inverse.cases.regularisation import LCurve
 from builder.structure.observability import SYMMETRIES
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
+from strainfmu.estimator.other_loads import FIVE_LOADS
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -185,9 +186,10 @@ def coefficients(
 
 def correlations(inverse_map: InverseMap) -> Figure:
     """Draw the correlation of the coefficients' errors."""
-    std = np.sqrt(np.diag(inverse_map.load_covariance))
+    covariance = inverse_map.load_covariance[FIVE_LOADS, FIVE_LOADS]
+    std = np.sqrt(np.diag(covariance))
     figure = blank_figure(4.4, 3.6)
-    _draw_correlation(figure, figure.subplots(), inverse_map.load_covariance / np.outer(std, std))
+    _draw_correlation(figure, figure.subplots(), covariance / np.outer(std, std))
     figure.suptitle("Correlation of the coefficients' errors [1]", fontsize=10)
     return figure
 

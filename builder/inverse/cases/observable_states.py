@@ -44,23 +44,14 @@ def _with_hidden_loads(inverse_map: InverseMap, observable: FloatArray, hidden: 
     The covariance of the loads is made from the columns of the errors, so that states without strain, whose loads
     count, become columns without strain.
     """
-    further = inverse_map.further
-    if further is not None:
-        further = replace(further, load_per_state=further.load_per_state @ observable)
-    of_hidden = [inverse_map.load_per_state @ hidden]
-    if inverse_map.further is not None:
-        of_hidden.append(inverse_map.further.load_per_state @ hidden)
-    joint = np.vstack(of_hidden)
-    size = np.linalg.norm(joint, axis=1, keepdims=True)
+    of_hidden = inverse_map.load_per_state @ hidden
+    size = np.linalg.norm(of_hidden, axis=1, keepdims=True)
     size[size == 0.0] = 1.0
-    columns = size * np.asarray(np.linalg.qr((joint / size).T, mode="r")).T
-    if further is not None:
-        further = replace(further, error_load=np.hstack([further.error_load, columns[5:]]))
+    columns = size * np.asarray(np.linalg.qr((of_hidden / size).T, mode="r")).T
     no_strain = np.zeros((inverse_map.n_gauges, columns.shape[1]))
     return {
-        "further": further,
         "error_strain": np.hstack([inverse_map.error_strain, no_strain]),
-        "error_load": np.hstack([inverse_map.error_load, columns[:5]]),
+        "error_load": np.hstack([inverse_map.error_load, columns]),
     }
 
 

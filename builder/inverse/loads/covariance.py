@@ -21,7 +21,7 @@ def load_covariance_by_terms(
     noise: NoiseModel,
     strain_load_covariance: FloatArray | None = None,
 ) -> FloatArray:
-    """Return the (5, 5) covariance of the loads' estimation error [(N, N m)^2].
+    """Return the (n_f, n_f) covariance of the loads' estimation error [(N, N m)^2].
 
     The sum of the squares of :func:`load_error_factors` (Joseph's form) holds for any gain and cannot be negative.
     With gamma = 1 it is the posterior covariance.
@@ -31,9 +31,9 @@ def load_covariance_by_terms(
     Parameters
     ----------
     solved : the state map.
-    load_per_state : (5, n_q) M [N, N m per state].
+    load_per_state : (n_f, n_q) M [N, N m per state].
     noise : the terms that occur; they may differ from those that the gain was weighted with.
-    strain_load_covariance : (n_d, 5) X of the gain G (:func:`~strainfmu.estimator.map.load_errors.load_gain`);
+    strain_load_covariance : (n_d, n_f) X of the gain G (:func:`~strainfmu.estimator.map.load_errors.load_gain`);
         None for G = M T.
     """
     gain = load_gain(
@@ -50,7 +50,7 @@ def load_covariance_by_terms(
 
 
 class LoadErrorFactors(NamedTuple):
-    """Independent factors of the loads' error [N, N m]: (5, j) of the states, (5, k) of each noise term."""
+    """Independent factors of the loads' error [N, N m]: (n_f, j) of the states, (n_f, k) of each noise term."""
 
     of_states: FloatArray
     of_noise: list[FloatArray]
@@ -71,7 +71,7 @@ def load_error_factors(
     Parameters
     ----------
     solved, load_per_state, noise, strain_load_covariance : as of :func:`load_covariance_by_terms`.
-    gain : (5, n_d) G [N, N m].
+    gain : (n_f, n_d) G [N, N m].
     """
     of_states = load_per_state
     if strain_load_covariance is not None:

@@ -26,8 +26,7 @@ class NoiseTerm:
     ----------
     name : for reports.
     strain : (n_d, k) columns of strain at one standard deviation [m/m].
-    load : (5, k) loads [N, N m] of the same columns that no state holds, or None where there are none.
-    further : (m, k) the same of the further loads, or None.
+    load : (n_f, k) loads [N, N m] of the same columns that no state holds, or None where there are none.
     scales : whether the term grows with the dynamic pressure, as errors in proportion to strain do.
     hardware : whether it is an error of the vehicle and its gauges as built.
     """
@@ -35,7 +34,6 @@ class NoiseTerm:
     name: str
     strain: FloatArray
     load: FloatArray | None = None
-    further: FloatArray | None = None
     scales: bool = False
     hardware: bool = False
 
@@ -69,7 +67,7 @@ class NoiseModel:
 
     @cached_property
     def strain_load_covariance(self) -> FloatArray | None:
-        """(n_d, 5) covariance of strain error and load that no state holds [m/m (N, N m)], or None."""
+        """(n_d, n_f) covariance of strain error and load that no state holds [m/m (N, N m)], or None."""
         parts = [term.strain @ term.load.T for term in self.terms if term.load is not None]
         return np.sum(parts, axis=0) if parts else None
 
@@ -106,37 +104,28 @@ def gauge_noise(covariance: FloatArray) -> NoiseTerm:
 
 
 def truncated_modes(
-    strain_of_modes: FloatArray,
-    load_of_modes: FloatArray,
-    modes: PressureModes,
-    kept: int,
-    further_of_modes: FloatArray | None = None,
+    strain_of_modes: FloatArray, load_of_modes: FloatArray, modes: PressureModes, kept: int
 ) -> NoiseTerm:
     """Return the term of the POD modes beyond the first ``kept``, at their spread over the snapshots.
 
     Parameters
     ----------
     strain_of_modes : (n_d, k) Z_p V of all modes [1/Pa].
-    load_of_modes : (5, k) G C_map V of all modes [N/Pa, N m/Pa].
+    load_of_modes : (n_f, k) G C_map V of all modes [N/Pa, N m/Pa].
     modes : POD of the snapshots.
     kept : number of modes that are states.
-    further_of_modes : (m, k) the same of the further loads, or None.
     """
     std = modes.coefficient_std()[kept:]
-    further = None if further_of_modes is None else further_of_modes[:, kept:] * std
     strain, load = strain_of_modes[:, kept:] * std, load_of_modes[:, kept:] * std
-    return NoiseTerm("truncated modes", strain, load, further, scales=True)
+    return NoiseTerm("truncated modes", strain, load, scales=True)
 
 
-def pressure_errors(
-    name: str, fields: FloatArray, strain: FloatArray, load: FloatArray, further: FloatArray | None
-) -> NoiseTerm:
+def pressure_errors(name: str, fields: FloatArray, strain: FloatArray, load: FloatArray) -> NoiseTerm:
     """Return the term of pressure ``fields`` (k, n_p) at one standard deviation that no state holds [Pa].
 
-    Their strain and loads follow by the operators ``strain`` (n_d, n_p), ``load`` (5, n_p), ``further`` (m, n_p).
+    Their strain and loads follow by the operators ``strain`` (n_d, n_p), ``load`` (n_f, n_p).
     """
-    of_further = None if further is None else further @ fields.T
-    return NoiseTerm(name, strain @ fields.T, load @ fields.T, of_further, scales=True)
+    return NoiseTerm(name, strain @ fields.T, load @ fields.T, scales=True)
 
 
 def nuisance_modes(name: str, strain: FloatArray, std: FloatArray) -> NoiseTerm:

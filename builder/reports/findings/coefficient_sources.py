@@ -11,6 +11,7 @@ from builder.inverse.loads.covariance import load_error_factors
 from builder.inverse.solution import Problem, Solution
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.other_loads import FIVE_LOADS
 
 OF_STATES = "prior and gamma"
 
@@ -75,7 +76,7 @@ def coefficient_sources(inverse_map: InverseMap, problem: Problem, solution: Sol
     parts = {term.name: part for term, part in zip(solution.noise.terms, factors.of_noise, strict=True)}
     if inverse_map.case == 2:
         parts[OF_STATES] = factors.of_states
-    covariance = inverse_map.load_covariance
+    covariance = inverse_map.load_covariance[FIVE_LOADS, FIVE_LOADS]
     std = np.sqrt(np.diag(covariance))
     return CoefficientSources(
         std=scale * std,
@@ -83,5 +84,5 @@ def coefficient_sources(inverse_map: InverseMap, problem: Problem, solution: Sol
         correlation=covariance / np.outer(std, std),
         names=tuple(parts),
         hardware=tuple(term.name for term in solution.noise.terms if term.hardware),
-        variance=np.stack([scale**2 * np.sum(part**2, axis=1) for part in parts.values()]),
+        variance=np.stack([scale**2 * np.sum(part[FIVE_LOADS] ** 2, axis=1) for part in parts.values()]),
     )

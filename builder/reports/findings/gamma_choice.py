@@ -18,6 +18,7 @@ from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.other_loads import FIVE_LOADS
 
 CURVE_DECADES = (-6.0, 6.0)
 CURVE_POINTS = 241
@@ -101,7 +102,7 @@ def gamma_choice(
             why_not="",
             degrees_of_freedom=float(np.sum(other.filter_factors)),
             n_recoverable=other.n_recoverable,
-            coefficient_std=scales * np.sqrt(np.diag(covariance)),
+            coefficient_std=scales * np.sqrt(np.diag(covariance)[FIVE_LOADS]),
         )
 
     rules = [at("this map", solved.regularisation)]

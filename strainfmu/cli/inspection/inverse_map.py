@@ -29,6 +29,7 @@ from strainfmu.estimator.map.inverse_map import (
 )
 from strainfmu.estimator.map.sensors import shown_units
 from strainfmu.estimator.map.validity import valid_ranges
+from strainfmu.estimator.other_loads import FIVE_LOADS
 from strainfmu.estimator.policies import MIN_INFORMATION
 from strainfmu.estimator.tables.manifold_map import ManifoldMap
 from strainfmu.files import content_hash_of
@@ -192,7 +193,7 @@ def _coefficients(loaded: InverseMap) -> Table:
     q = loaded.nominal_dynamic_pressure
     per_force = q * loaded.reference_area
     scale = per_force * np.array([1.0, 1.0, 1.0, loaded.reference_length, loaded.reference_length])
-    std = np.sqrt(np.diag(loaded.load_covariance))
+    std = np.sqrt(np.diag(loaded.load_covariance)[FIVE_LOADS])
     numbers = ("minimum [1]", "maximum [1]", "sigma [1]", "of range [%]", "sigma of load")
     whose = "" if loaded.manifold is None else " of the linear map"  # those of the other follow the flight
     title = f"Coefficients over the snapshots, and sigma{whose} at q_inf = {1e-3 * q:.4g} kPa"

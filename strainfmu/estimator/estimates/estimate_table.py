@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.further_loads import further_names
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, LOAD_NAMES
+from strainfmu.estimator.other_loads import other_load_names
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -26,7 +26,7 @@ def dataframe_of(estimate: ShownEstimate, health: Any) -> DataFrame:
         (COEFFICIENT_NAMES, estimate.coefficients, estimate.coefficients_std),
         (LOAD_NAMES, estimate.loads, estimate.loads_std),
         (("M_R",), *rolling),
-        (further_names(estimate.section_station), estimate.further_loads, estimate.further_loads_std),
+        (other_load_names(estimate.section_station), estimate.further_loads, estimate.further_loads_std),
     )
     for names, values, std in rows:
         columns |= dict(zip(names, np.atleast_2d(values).T, strict=True))

@@ -16,6 +16,7 @@ from strainfmu.errors import InputError
 from strainfmu.estimator.estimates.pressure_field import FieldInputs, PressureField, unknown_field
 from strainfmu.estimator.map.inverse_map import InverseMap, map_references
 from strainfmu.estimator.map.proportional_errors import PAIRS, error_model, excess_products
+from strainfmu.estimator.other_loads import FIVE_LOADS
 
 MIN_OF_EXCESS = 0.25
 """Least variance of a node relative to that at the mean strain: the linear model of the errors could give less."""
@@ -107,8 +108,8 @@ def _excess(held: InverseMap, state: FloatArray, valid: BoolArray) -> FloatArray
     n = int(np.count_nonzero(valid))
     if errors is None:
         return np.zeros((n, n))
-    fixed = np.zeros(5) if held.fixed_load is None else held.fixed_load
-    loads = held.load_of_mean - fixed + held.load_per_state @ state
+    fixed = np.zeros(5) if held.fixed_load is None else held.fixed_load[FIVE_LOADS]
+    loads = held.load_of_mean[FIVE_LOADS] - fixed + held.load_per_state[FIVE_LOADS] @ state
     coefficients = loads / (held.nominal_dynamic_pressure * map_references(held))
     products = excess_products(errors, coefficients[None])[0]
     of_pair = np.zeros((6, 6))

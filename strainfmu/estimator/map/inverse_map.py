@@ -27,9 +27,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from strainfmu.arrays import FloatArray
-from strainfmu.estimator.further_loads import UNITS as FURTHER_UNITS
-from strainfmu.estimator.further_loads import FurtherLoads
+from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.estimator.map.innovation import estimate_gain, innovation_whitening, inverse_cholesky
 from strainfmu.estimator.map.inverse_map_checks import check_inverse_map
 from strainfmu.estimator.map.load_errors import load_error_covariance, load_error_model, load_gain
@@ -38,6 +36,7 @@ from strainfmu.estimator.map.sensors import SensorRows
 from strainfmu.estimator.map.temperature import UNITS as THERMAL_UNITS
 from strainfmu.estimator.map.temperature import ThermalMap
 from strainfmu.estimator.numerics.fixed_order import product
+from strainfmu.estimator.other_loads import is_moment, other_load_names
 from strainfmu.estimator.tables.manifold_map import UNITS as MANIFOLD_UNITS
 from strainfmu.estimator.tables.manifold_map import ManifoldMap
 from strainfmu.records import inner_record, load_record, save_record
@@ -57,7 +56,10 @@ DEFAULT_SCORE_LIMIT = 3.0
 class InverseMap:
     """A finished inverse map for n_d gauges and n_q pressure states.
 
-    Loads are ordered as :data:`LOAD_NAMES` [N, N, N, N m, N m], coefficients as :data:`COEFFICIENT_NAMES`.
+    Loads are outputs, n_f of them: the five of :data:`LOAD_NAMES` [N, N, N, N m, N m], then the rolling moment of
+    the body and the loads of n_s sections (:mod:`strainfmu.estimator.other_loads`). n_f is 6 + 6 n_s, or 5 where
+    the rolling moment is zero, as that of a body of revolution, and no sections are wanted. A load that is known
+    to be zero has rows of zeros. Coefficients are the five of :data:`COEFFICIENT_NAMES`.
 
     Attributes
     ----------
@@ -69,11 +71,11 @@ class InverseMap:
     noise_std : (n_d,) standard deviation sigma of each gauge's noise [m/m].
     state_operator : (n_d, n_q) A [(m/m)/state]; the unit of a state is Pa in Case 1, 1 in Case 2.
     gauge_covariance : (n_d, n_d) Gamma_g [(m/m)^2], of the errors that have no columns; they do not follow q_inf.
-    error_strain, error_load : (n_d, k) N [m/m] and (5, k) N_f [N, N m], strain and load of each error per standard
-        deviation, at the nominal dynamic pressure.
+    error_strain, error_load : (n_d, k) N [m/m] and (n_f, k) N_f [N, N m], strain and load of each error per
+        standard deviation, at the nominal dynamic pressure.
     regularisation : gamma [1], 0 in Case 1, positive in Case 2.
-    load_per_state : (5, n_q) M, G C_map V or G C_map F [N/state, N m/state].
-    load_of_mean : (5,) f_mean, loads of the mean pressure [N, N m].
+    load_per_state : (n_f, n_q) M, G C_map V or G C_map F [N/state, N m/state].
+    load_of_mean : (n_f,) f_mean, loads of the mean pressure [N, N m].
     mean_strain : (n_d,) m, strain of the mean pressure [m/m].
     strain_range : (n_d,) largest |strain| over the snapshots [m/m].
     coefficient_range : (5, 2) smallest and largest coefficient over the snapshots.
@@ -86,7 +88,7 @@ class InverseMap:
     field_is_net : whether that field is p - p_inf; None without a field.
     point, triangle : (n_p, 3) [m] and (n_t, 3), the surface of that field, or None.
     form : one of :data:`FORMS`.
-    fixed_strain, fixed_load : (n_d,) d_0 [m/m] and (5,) f_0 [N, N m], which do not follow q_inf, as those of an
+    fixed_strain, fixed_load : (n_d,) d_0 [m/m] and (n_f,) f_0 [N, N m], which do not follow q_inf, as those of an
         internal pressure that is not the ambient one; part of ``mean_strain`` and ``load_of_mean``. None for none.
     gauge_error_product : (21, n_d), common_error : (n_t, 6, n_d), mean_product : (21,), see
         :class:`~strainfmu.estimator.map.proportional_errors.ErrorModel`; None where no error follows the current
@@ -99,8 +101,7 @@ class InverseMap:
     dynamic_pressure_range, mach_number_range, altitude_range : (2,) [Pa, 1, m] of validity, or None.
     sensors : what the rows measure, where some are no strain gauges; None for gauges alone. All other fields hold
         the rows as strain, readings over ``sensors.scale``.
-    further : rolling moment and loads of sections; None where the rolling moment is zero, as that of a body of
-        revolution, and no sections are wanted.
+    section_station : (n_s,) x of the sections [m], rising; none where no sections are wanted.
     thermal : modes of the wall's temperature and sensors of it; None in a map that knows of none.
     manifold : tables of the nonlinear estimator for the same gauges; None in a map for the linear one alone.
     """
@@ -147,7 +148,7 @@ class InverseMap:
     mach_number_range: FloatArray | None = None
     altitude_range: FloatArray | None = None
     sensors: SensorRows | None = field(default=None, metadata=inner_record(SensorRows, SENSOR_UNITS))
-    further: FurtherLoads | None = field(default=None, metadata=inner_record(FurtherLoads, FURTHER_UNITS))
+    section_station: FloatArray = field(default_factory=lambda: np.zeros(0))
     thermal: ThermalMap | None = field(default=None, metadata=inner_record(ThermalMap, THERMAL_UNITS))
     manifold: ManifoldMap | None = field(default=None, metadata=inner_record(ManifoldMap, MANIFOLD_UNITS))
 
@@ -179,6 +180,27 @@ class InverseMap:
         return self.state_operator.shape[1]
 
     @property
+    def n_loads(self) -> int:
+        """Number of loads n_f."""
+        return len(self.load_of_mean)
+
+    @property
+    def has_other_loads(self) -> bool:
+        """Whether the rolling moment, and the loads of sections if any, follow the five loads."""
+        return self.n_loads > len(LOAD_NAMES)
+
+    @property
+    def load_names(self) -> tuple[str, ...]:
+        """n_f names of the loads, in their order."""
+        return (*LOAD_NAMES, *other_load_names(self.section_station))[: self.n_loads]
+
+    @property
+    def is_moment(self) -> BoolArray:
+        """(n_f,) whether each load is a moment [N m]; the others are forces [N]."""
+        of_five = [unit == "N m" for unit in LOAD_UNITS]
+        return np.append(of_five, is_moment(len(self.section_station)))[: self.n_loads]
+
+    @property
     def follows_pressure(self) -> bool:
         """Whether strain, loads and errors but the gauges' own follow the dynamic pressure."""
         return self.form == "dynamic_pressure"
@@ -195,7 +217,7 @@ class InverseMap:
 
     @cached_property
     def strain_load_covariance(self) -> FloatArray:
-        """(n_d, 5) X = N N_f' [(m/m) (N, N m)], of strain and load that no state holds."""
+        """(n_d, n_f) X = N N_f' [(m/m) (N, N m)], of strain and load that no state holds."""
         return product(self.error_strain, self.error_load.T)
 
     @cached_property
@@ -224,7 +246,7 @@ class InverseMap:
 
     @cached_property
     def load_covariance(self) -> FloatArray:
-        """(5, 5) covariance of the error of the estimated loads [(N, N m)^2]."""
+        """(n_f, n_f) covariance of the error of the estimated loads [(N, N m)^2]."""
         model = load_error_model(
             gauge_covariance=self.gauge_covariance,
             error_strain=self.error_strain,
@@ -237,7 +259,7 @@ class InverseMap:
 
     @cached_property
     def load_gain(self) -> FloatArray:
-        """(5, n_d) G, loads per strain [N, N m]: f = G (d - m) + f_mean."""
+        """(n_f, n_d) G, loads per strain [N, N m]: f = G (d - m) + f_mean."""
         return load_gain(
             load_per_state=self.load_per_state,
             strain_gain=self.strain_gain,
@@ -272,6 +294,7 @@ def _units(case: int) -> dict[str, str]:
         "common_error": "m/m",
         "dynamic_pressure_range": "Pa",
         "altitude_range": "m",
+        "section_station": "m",
         "field_mean": "Pa",
         "field_modes": f"Pa/{state}",
         "field_std": "Pa",

@@ -9,6 +9,7 @@ import numpy as np
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.innovation import inverse_cholesky
+from strainfmu.estimator.other_loads import FIVE_LOADS, SECTION_LOADS
 
 if TYPE_CHECKING:
     from strainfmu.estimator.map.inverse_map import InverseMap
@@ -31,6 +32,7 @@ def check_inverse_map(inverse_map: InverseMap) -> None:
     InputError
         A part is missing, or has another shape or value than it must have.
     """
+    _check_number_of_loads(inverse_map)
     _check_arrays(inverse_map)
     _check_field(inverse_map)
     _check_values(inverse_map)
@@ -40,13 +42,11 @@ def check_inverse_map(inverse_map: InverseMap) -> None:
 
 
 def _check_parts(inverse_map: InverseMap) -> None:
-    """Check that what a map may hold beside the five loads is of its gauges."""
+    """Check that sensors, temperature modes and tables are of the map's gauges."""
     n_d = inverse_map.n_gauges
     sensors, manifold, thermal = inverse_map.sensors, inverse_map.manifold, inverse_map.thermal
     if sensors is not None and len(sensors.kind) != n_d:
         raise InputError(f"inverse map: sensors of {len(sensors.kind)} rows, must be {n_d}")
-    if inverse_map.further is not None:
-        inverse_map.further.check(inverse_map.n_states, inverse_map.error_strain.shape[1])
     if thermal is not None and len(thermal.mode_strain) != n_d:
         raise InputError(
             f"inverse map: thermal: temperature modes of {len(thermal.mode_strain)} gauges, must be of {n_d}"
@@ -58,10 +58,23 @@ def _check_parts(inverse_map: InverseMap) -> None:
         raise InputError(f"inverse map: tables of {manifold.n_sensors} further sensors, must be of {n_sensors}")
 
 
+def _check_number_of_loads(inverse_map: InverseMap) -> None:
+    """Check that the loads are the five, or these with the rolling moment and those of every section."""
+    station, found = inverse_map.section_station, inverse_map.load_of_mean.size
+    if not (station.ndim == 1 and np.all(np.isfinite(station)) and np.all(np.diff(station) > 0.0)):
+        raise InputError("inverse map: section_station must hold rising numbers")
+    allowed = FIVE_LOADS.stop + 1 + len(SECTION_LOADS) * len(station)
+    if found != allowed and (len(station) or found != FIVE_LOADS.stop):
+        or_five = "" if len(station) else f"{FIVE_LOADS.stop} or "
+        raise InputError(
+            f"inverse map: load_of_mean has {found} loads for {len(station)} sections, must be {or_five}{allowed}"
+        )
+
+
 def _check_arrays(inverse_map: InverseMap) -> None:
     """Check shapes, and that every number is finite."""
     n_d, n_q = len(inverse_map.gauge_names), inverse_map.state_operator.shape[-1]
-    n_errors = inverse_map.error_strain.shape[-1]
+    n_errors, n_f = inverse_map.error_strain.shape[-1], inverse_map.load_of_mean.size
     expected: dict[str, tuple[int, ...]] = {
         "gauge_position": (n_d, 3),
         "gauge_direction": (n_d, 3),
@@ -69,16 +82,16 @@ def _check_arrays(inverse_map: InverseMap) -> None:
         "state_operator": (n_d, n_q),
         "gauge_covariance": (n_d, n_d),
         "error_strain": (n_d, n_errors),
-        "error_load": (5, n_errors),
-        "load_per_state": (5, n_q),
-        "load_of_mean": (5,),
+        "error_load": (n_f, n_errors),
+        "load_per_state": (n_f, n_q),
+        "load_of_mean": (n_f,),
         "mean_strain": (n_d,),
         "strain_range": (n_d,),
         "coefficient_range": (5, 2),
     }
     optional = {
         "fixed_strain": (n_d,),
-        "fixed_load": (5,),
+        "fixed_load": (n_f,),
         "gauge_error_product": (21, n_d),
         "common_error": (*_rows(inverse_map.common_error), 6, n_d),
         "mean_product": (21,),

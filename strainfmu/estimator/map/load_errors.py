@@ -34,17 +34,17 @@ def load_gain(
     noise_whitening: FloatArray,
     strain_load_covariance: FloatArray | None,
 ) -> FloatArray:
-    """Return (5, n_d) G, loads per strain [N, N m]; M T where no load is outside the states.
+    """Return (n_f, n_d) G of n_f loads, per strain [N, N m]; M T where no load is outside the states.
 
     Source: Gauss-Markov estimate of a correlated quantity (Kailath, Sayed & Hassibi, Linear Estimation, 3.2).
 
     Parameters
     ----------
-    load_per_state : (5, n_q) M [N/state, N m/state].
+    load_per_state : (n_f, n_q) M [N/state, N m/state].
     strain_gain : (n_q, n_d) T [state/(m/m)].
     state_operator : (n_d, n_q) A [(m/m)/state].
     noise_whitening : (n_d, n_d) L^-1 of Gamma = L L' [1/(m/m)].
-    strain_load_covariance : (n_d, 5) X, or None.
+    strain_load_covariance : (n_d, n_f) X, or None.
     """
     if strain_load_covariance is None:
         return np.asarray(load_per_state @ strain_gain)
@@ -54,9 +54,9 @@ def load_gain(
 
 
 def residual_load_gain(noise_whitening: FloatArray, strain_load_covariance: FloatArray) -> FloatArray:
-    """Return (5, n_d) X' Gamma^-1 [N, N m]: load outside the states per strain outside the states.
+    """Return (n_f, n_d) X' Gamma^-1 [N, N m]: load outside the states per strain outside the states.
 
-    ``noise_whitening`` is L^-1 (n_d, n_d) of Gamma = L L' [1/(m/m)], ``strain_load_covariance`` X (n_d, 5).
+    ``noise_whitening`` is L^-1 (n_d, n_d) of Gamma = L L' [1/(m/m)], ``strain_load_covariance`` X (n_d, n_f).
     """
     whitened = noise_whitening @ strain_load_covariance
     return np.asarray(whitened.T @ noise_whitening)

@@ -14,8 +14,12 @@ def has_filter(inverse_map: InverseMap) -> bool:
     return inverse_map.manifold is not None or inverse_map.case == 1 or inverse_map.regularisation == 1.0
 
 
-def has_further_outputs(inverse_map: InverseMap) -> bool:
-    """Return whether FMUs of the map state such loads: in form "dynamic_pressure", and its tables hold them."""
+def estimates_other_loads(inverse_map: InverseMap) -> bool:
+    """Return whether the estimator of the map gives rolling moment and section loads: its tables hold them."""
     manifold = inverse_map.manifold
-    by_tables = manifold is None or manifold.further is not None
-    return inverse_map.further is not None and inverse_map.form == "dynamic_pressure" and by_tables
+    return inverse_map.has_other_loads and (manifold is None or manifold.further is not None)
+
+
+def has_other_outputs(inverse_map: InverseMap) -> bool:
+    """Return whether FMUs of the map state such loads: in form "dynamic_pressure"."""
+    return estimates_other_loads(inverse_map) and inverse_map.form == "dynamic_pressure"

@@ -13,7 +13,6 @@ from typing import NamedTuple
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
-from strainfmu.estimator.further_loads import is_moment
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.reference.update import Model, condition, joseph, model_of, prepare
 
@@ -41,12 +40,8 @@ class LinearEstimate(NamedTuple):
 
 
 def references(inverse_map: InverseMap) -> FloatArray:
-    """Return (m,) S of forces and S L of moments [m2, m3]."""
-    length = inverse_map.reference_length
-    moments = [False, False, False, True, True]
-    if inverse_map.further is not None:
-        moments += is_moment(len(inverse_map.further.section_station)).tolist()
-    return inverse_map.reference_area * np.where(moments, length, 1.0)
+    """Return (n_f,) S of forces and S L of moments [m2, m3]."""
+    return inverse_map.reference_area * np.where(inverse_map.is_moment, inverse_map.reference_length, 1.0)
 
 
 def models(inverse_map: InverseMap) -> tuple[Model, Model]:
@@ -121,22 +116,17 @@ def excess_covariance(inverse_map: InverseMap, coefficients: FloatArray) -> Floa
 
 
 def _model(inverse_map: InverseMap) -> Model:
-    errors, load_of_errors, further = inverse_map.error_strain, inverse_map.error_load, inverse_map.further
+    errors, load_of_errors = inverse_map.error_strain, inverse_map.error_load
     states, load_of_states = inverse_map.state_operator, inverse_map.load_per_state
-    fixed_load, mean_load = _or_zero(inverse_map.fixed_load, LOADS), inverse_map.load_of_mean
-    if further is not None:
-        load_of_states = np.vstack([load_of_states, further.load_per_state])
-        load_of_errors = np.vstack([load_of_errors, further.error_load])
-        fixed_load = np.append(fixed_load, _or_zero(further.fixed_load, len(further.load_of_mean)))
-        mean_load = np.append(mean_load, further.load_of_mean)
+    fixed_load = _or_zero(inverse_map.fixed_load, inverse_map.n_loads)
     fixed = _or_zero(inverse_map.fixed_strain, len(states))
     parts = {"fixed": fixed, "mean": inverse_map.mean_strain - fixed, "noise": inverse_map.gauge_covariance}
-    parts |= {"output_fixed": fixed_load, "output_mean": mean_load - fixed_load}
+    parts |= {"output_fixed": fixed_load, "output_mean": inverse_map.load_of_mean - fixed_load}
     if inverse_map.case == 1:
         parts |= {"free": states, "output_free": load_of_states}
     else:
         errors, load_of_errors = np.hstack([states, errors]), np.hstack([load_of_states, load_of_errors])
-    return model_of(len(states), len(mean_load), **parts, columns=errors, output_columns=load_of_errors)
+    return model_of(len(states), inverse_map.n_loads, **parts, columns=errors, output_columns=load_of_errors)
 
 
 def _or_zero(values: FloatArray | None, n: int) -> FloatArray:

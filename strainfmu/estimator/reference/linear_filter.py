@@ -38,7 +38,7 @@ class LinearFilterReference:
 
     def __init__(self, inverse_map: InverseMap, time_constant: float, zeros: Zeros | None = None) -> None:
         """Begin with the prior of the map; ``time_constant`` T [s], ``zeros`` that are taken off the rows."""
-        errors, load_of_errors = inverse_map.error_strain, inverse_map.error_load
+        errors, load_of_errors = inverse_map.error_strain, inverse_map.error_load[:LOADS]
         self.map, self.time_constant = inverse_map, time_constant
         self.law: Law | None = None
         covariance, modes, prior_of_modes = kalman.without_modes(inverse_map, inverse_map.gauge_covariance)
@@ -49,7 +49,7 @@ class LinearFilterReference:
         states, n_d = inverse_map.state_operator, inverse_map.n_gauges
         self.scaled_strain = np.hstack([states, self.seen.strain, np.zeros(common.shape)])
         self.scaled_load = np.hstack(
-            [inverse_map.load_per_state, self.seen.load, np.zeros((LOADS, common.shape[1]))]
+            [inverse_map.load_per_state[:LOADS], self.seen.load, np.zeros((LOADS, common.shape[1]))]
         )
         n, n_scaled = self.scaled_strain.shape[1], self.scaled_strain.shape[1] - common.shape[1]
         self.common = np.hstack([np.zeros((n_d, n_scaled)), common])

@@ -15,6 +15,7 @@ import numpy as np
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.map.proportional_errors import PAIRS
+from strainfmu.estimator.other_loads import FIVE_LOADS
 from strainfmu.estimator.tables.further_tables import FurtherTables
 from strainfmu.estimator.tables.manifold_map import ManifoldMap
 
@@ -131,7 +132,7 @@ def linear_law(inverse_map: InverseMap) -> LinearLaw:
     modes = _mode_columns(inverse_map)
     n_modes, common = modes.shape[1], np.hstack([common, modes])
     other = np.sqrt(noise + np.diagonal(lasting))
-    seen = seen_errors(inverse_map.error_strain, inverse_map.error_load, 1.0, other)
+    seen = seen_errors(inverse_map.error_strain, inverse_map.error_load[FIVE_LOADS], 1.0, other)
     of_states, n_scaled = inverse_map.state_operator, inverse_map.state_operator.shape[1] + seen.strain.shape[1]
     std = np.ones(n_scaled + common.shape[1])
     if inverse_map.case == 1:
@@ -146,7 +147,7 @@ def linear_law(inverse_map: InverseMap) -> LinearLaw:
         scales=np.arange(len(std)) < n_scaled,
         n_modes=n_modes,
         strain=np.hstack([of_states, seen.strain, common]),
-        load=np.hstack([inverse_map.load_per_state, seen.load, none]),
+        load=np.hstack([inverse_map.load_per_state[FIVE_LOADS], seen.load, none]),
         seen=seen,
         noise=noise,
         own=_root(lasting, noise),

@@ -2,7 +2,7 @@
 
 A name is PART.VALUE. Every map has the parts "linear", "settings", "envelope" and "tare". A map in form
 "dynamic_pressure" adds "scaled" and "scaled_errors". A map that has them adds "linear_filter", "thermal",
-"further" (rolling moment and section loads), "parameters" and "sensors". :mod:`.nonlinear_arrays` has the parts of
+"further" (the loads behind the five), "parameters" and "sensors". :mod:`.nonlinear_arrays` has the parts of
 a nonlinear map. A module of ``fmus/native/estimator`` reads each part by its names. A bound that the map does not
 state is the largest finite number.
 
@@ -21,7 +21,6 @@ from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, layer_table
 from strainfmu.errors import InputError
 from strainfmu.estimator.alarm_limits import AMBIGUOUS_CORRELATION, outlier_threshold
 from strainfmu.estimator.arguments import NOT_KNOWN
-from strainfmu.estimator.further_loads import FurtherLoads, is_moment
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, chi_square_limit
 from strainfmu.estimator.map.envelope import (
     MACH_TOLERANCE,
@@ -38,11 +37,12 @@ from strainfmu.estimator.map.flow_parameters import (
     flow_parameters,
 )
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.map.offers import has_filter, has_further_outputs
+from strainfmu.estimator.map.offers import has_filter, has_other_outputs
 from strainfmu.estimator.map.proportional_errors import error_model
 from strainfmu.estimator.map.sensors import SensorRows
 from strainfmu.estimator.map.temperature import LARGEST_RISE, ThermalMap
 from strainfmu.estimator.numerics.fixed_order import householder, product
+from strainfmu.estimator.other_loads import FIVE_LOADS, OTHER_LOADS
 from strainfmu.estimator.policies import LARGEST_TIME as LARGEST
 from strainfmu.estimator.policies import MIN_EXPECTED_RATIO, MIN_INFORMATION, SLOW
 from strainfmu.estimator.policies import SMALLEST_TIME as SMALLEST
@@ -117,12 +117,12 @@ def _linear(inverse_map: InverseMap) -> Values:
         "degrees_of_freedom": inverse_map.residual_degrees_of_freedom,
         "known_prior": inverse_map.case == 2,
         "mean_strain": inverse_map.mean_strain,
-        "load_of_mean": inverse_map.load_of_mean,
+        "load_of_mean": inverse_map.load_of_mean[FIVE_LOADS],
         "state_operator": inverse_map.state_operator.T,
-        "load_per_state": inverse_map.load_per_state.T,
+        "load_per_state": inverse_map.load_per_state[FIVE_LOADS].T,
         "gauge_covariance": inverse_map.gauge_covariance,
         "error_strain": inverse_map.error_strain.T,
-        "error_load": inverse_map.error_load.T,
+        "error_load": inverse_map.error_load[FIVE_LOADS].T,
         "chi_square_limit": [chi_square_limit(freedom) for freedom in counts],
         "outlier_threshold": [outlier_threshold(n, FALSE_ALARM_PROBABILITY) for n in counts],
         "regularisation": inverse_map.regularisation,
@@ -192,59 +192,51 @@ def _tare(inverse_map: InverseMap, known: KnownStrain) -> Values:
 def _scaled_parts(inverse_map: InverseMap) -> dict[str, Values]:
     """Return what form "dynamic_pressure" needs besides, whose weights follow q_inf."""
     fixed_strain = np.zeros(inverse_map.n_gauges) if inverse_map.fixed_strain is None else inverse_map.fixed_strain
-    fixed_load = np.zeros(5) if inverse_map.fixed_load is None else inverse_map.fixed_load
+    fixed_load = np.zeros(inverse_map.n_loads) if inverse_map.fixed_load is None else inverse_map.fixed_load
+    mean_load = inverse_map.load_of_mean - fixed_load
     spread, spread_load, spread_unseen = _spread(inverse_map)
     found: dict[str, Values] = {
         "scaled": {
             "fixed_strain": fixed_strain,
             "mean_strain": inverse_map.mean_strain - fixed_strain,
-            "fixed_load": fixed_load,
-            "load_of_mean": inverse_map.load_of_mean - fixed_load,
+            "fixed_load": fixed_load[FIVE_LOADS],
+            "load_of_mean": mean_load[FIVE_LOADS],
             "min_expected_ratio": MIN_EXPECTED_RATIO,
             "spread": spread,
-            "spread_load": spread_load[:, :5],
-            "spread_unseen": spread_unseen[:5, :5],
+            "spread_load": spread_load[:, FIVE_LOADS],
+            "spread_unseen": spread_unseen[FIVE_LOADS, FIVE_LOADS],
         }
     }
     errors = error_model(inverse_map)
     if errors is not None:
         found["scaled_errors"] = vars(errors)
-    if has_further_outputs(inverse_map) and inverse_map.further is not None:
-        found["further"] = _further(inverse_map.further, spread_load[:, 5:], np.diag(spread_unseen)[5:])
+    if has_other_outputs(inverse_map):
+        found["further"] = {
+            "is_moment": inverse_map.is_moment[OTHER_LOADS].astype(float),
+            "fixed_load": fixed_load[OTHER_LOADS],
+            "load_of_mean": mean_load[OTHER_LOADS],
+            "load_per_state": inverse_map.load_per_state[OTHER_LOADS].T,
+            "spread_load": spread_load[:, OTHER_LOADS],
+            "spread_unseen": np.diag(spread_unseen)[OTHER_LOADS],
+        }
     return found
 
 
 def _spread(inverse_map: InverseMap) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return (n_d, n_d) strain and (n_d, n_l) loads, column by column, of what has a prior; (n_l, n_l) of others.
+    """Return (n_d, n_d) strain and (n_d, n_f) loads, column by column, of what has a prior; (n_f, n_f) of others.
 
     They stand for errors that scale, and in Case 2 for the states: covariances of strain and loads are the same.
-    Loads are the five, then the further ones.
     """
     strain, load = inverse_map.error_strain, inverse_map.error_load
-    of_states, further = inverse_map.load_per_state, inverse_map.further
-    if further is not None:
-        load, of_states = np.vstack([load, further.error_load]), np.vstack([of_states, further.load_per_state])
     if inverse_map.case == 2:
-        strain, load = np.hstack([inverse_map.state_operator, strain]), np.hstack([of_states, load])
+        strain = np.hstack([inverse_map.state_operator, strain])
+        load = np.hstack([inverse_map.load_per_state, load])
     n = len(strain)
     whole = np.zeros((max(strain.shape[1], n), n + len(load)))
     whole[: strain.shape[1]] = np.hstack([strain.T, load.T])
     triangle, _ = householder(whole, n)
     rest = triangle[n:, n:]
     return triangle[:n, :n].T, triangle[:n, n:], product(rest.T.copy(), rest)
-
-
-def _further(further: FurtherLoads, spread_load: FloatArray, spread_unseen: FloatArray) -> Values:
-    """Return what rolling moment and section loads need, with ``spread_load`` (n_d, m), ``spread_unseen`` (m,)."""
-    fixed = np.zeros(len(further.load_of_mean)) if further.fixed_load is None else further.fixed_load
-    return {
-        "is_moment": is_moment(len(further.section_station)).astype(float),
-        "fixed_load": fixed,
-        "load_of_mean": further.load_of_mean - fixed,
-        "load_per_state": further.load_per_state.T,
-        "spread_load": spread_load,
-        "spread_unseen": spread_unseen,
-    }
 
 
 def _linear_filter(inverse_map: InverseMap) -> Values:

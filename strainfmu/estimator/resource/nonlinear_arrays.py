@@ -12,7 +12,7 @@ from strainfmu.estimator.air_data import NAVIGATION
 from strainfmu.estimator.alarm_limits import outlier_threshold, outside_score, shape_limit
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, chi_square_limit
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.map.offers import has_further_outputs
+from strainfmu.estimator.map.offers import has_other_outputs
 from strainfmu.estimator.numerics.fixed_order import product
 from strainfmu.estimator.policies import (
     ANGLE_RATE,
@@ -61,7 +61,7 @@ def nonlinear_parts(inverse_map: InverseMap) -> dict[str, Values]:
     manifold = inverse_map.manifold
     if manifold is None:
         return {}
-    if not has_further_outputs(inverse_map):
+    if not has_other_outputs(inverse_map):
         manifold = replace(manifold, further=None)
     parts: dict[str, Values] = {
         "flight": {

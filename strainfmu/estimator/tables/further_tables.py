@@ -8,14 +8,14 @@ import numpy as np
 
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-from strainfmu.estimator.further_loads import SECTION_LOADS, is_moment
+from strainfmu.estimator.other_loads import SECTION_LOADS, is_moment
 from strainfmu.estimator.tables.flight_tables import FlightTables
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class FurtherTables:
     """Tables and errors of m = 1 + 6 n_s further loads, in the order of
-    :func:`~strainfmu.estimator.further_loads.further_names`.
+    :func:`~strainfmu.estimator.other_loads.other_load_names`.
 
     Attributes
     ----------

@@ -19,7 +19,7 @@ from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.flow_parameters import flow_parameters
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.map.offers import has_further_outputs
+from strainfmu.estimator.map.offers import has_other_outputs
 from strainfmu.estimator.policies import RETURN_AFTER
 from strainfmu.estimator.zeros.tare_edge import TareState
 from strainfmu.fmu.reference_run.flight_path import rounded
@@ -103,7 +103,7 @@ def _run(inverse_map: InverseMap, readings: Readings, seed: int) -> ReferenceRun
     rows = rounded(rows)
     values = np.array(
         [
-            [*output_values(one, has_further_outputs(inverse_map)), float(TareState.IDLE)]
+            [*output_values(one, has_other_outputs(inverse_map)), float(TareState.IDLE)]
             for one in _estimates(inverse_map, rows, readings.known)
         ]
     )

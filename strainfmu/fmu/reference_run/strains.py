@@ -7,6 +7,7 @@ import numpy as np
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap, map_references
 from strainfmu.estimator.map.proportional_errors import PAIRS, error_model, excess_products
+from strainfmu.estimator.other_loads import FIVE_LOADS
 from strainfmu.fmu.reference_run.flight_path import FlightPath
 from strainfmu.fmu.reference_run.reference_flight import ReferenceFlight, white_noise
 
@@ -35,7 +36,8 @@ def true_states(inverse_map: InverseMap, n_rows: int) -> FloatArray:
 def largest_states(inverse_map: InverseMap) -> FloatArray:
     """Return (n_q,) the size that each state, up or down, may have alone; 0 where nothing bounds it."""
     scale = inverse_map.nominal_dynamic_pressure * map_references(inverse_map)
-    mean, per_state = inverse_map.load_of_mean / scale, inverse_map.load_per_state / scale[:, None]
+    mean = inverse_map.load_of_mean[FIVE_LOADS] / scale
+    per_state = inverse_map.load_per_state[FIVE_LOADS] / scale[:, None]
     low, high = inverse_map.coefficient_range.T
     eye = np.eye(len(mean))
     rows = [(eye, high - mean), (-eye, mean - low)]
@@ -60,9 +62,10 @@ def flight_of_states(inverse_map: InverseMap, path: FlightPath) -> ReferenceFlig
     ratio = (path.dynamic_pressure / inverse_map.nominal_dynamic_pressure)[:, None]
     d_0, f_0 = inverse_map.fixed_strain, inverse_map.fixed_load
     d_0 = np.zeros(inverse_map.n_gauges) if d_0 is None else d_0
-    f_0 = np.zeros(len(COEFFICIENT_NAMES)) if f_0 is None else f_0
+    f_0 = np.zeros(len(COEFFICIENT_NAMES)) if f_0 is None else f_0[FIVE_LOADS]
     strain = d_0 + ratio * (inverse_map.mean_strain - d_0 + states @ inverse_map.state_operator.T)
-    loads = f_0 + ratio * (inverse_map.load_of_mean - f_0 + states @ inverse_map.load_per_state.T)
+    mean, per_state = inverse_map.load_of_mean[FIVE_LOADS], inverse_map.load_per_state[FIVE_LOADS]
+    loads = f_0 + ratio * (mean - f_0 + states @ per_state.T)
     load_per_coefficient = path.dynamic_pressure[:, None] * map_references(inverse_map)
     return ReferenceFlight(
         strain=strain,
@@ -71,7 +74,7 @@ def flight_of_states(inverse_map: InverseMap, path: FlightPath) -> ReferenceFlig
         covariance=error_covariance(inverse_map, loads / load_per_coefficient, ratio[:, 0]),
         residual_precision=inverse_map.residual_whitening.T @ inverse_map.residual_whitening,
         noise_std=white_noise(inverse_map.noise_std, inverse_map.gauge_covariance),
-        load_strain_covariance=ratio[:, :, None] ** 2 * inverse_map.strain_load_covariance.T,
+        load_strain_covariance=ratio[:, :, None] ** 2 * inverse_map.strain_load_covariance[:, FIVE_LOADS].T,
     )
 
 

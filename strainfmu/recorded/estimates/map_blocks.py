@@ -12,10 +12,10 @@ from strainfmu.estimator.air_data import AIR_DATA_NAMES, AIR_DATA_UNITS, NAVIGAT
 from strainfmu.estimator.alarm_limits import outside_score
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
-from strainfmu.estimator.further_loads import further_names, is_moment
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.flow_parameters import flow_parameters
-from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.map.inverse_map import LOAD_NAMES, InverseMap
+from strainfmu.estimator.map.offers import estimates_other_loads
 from strainfmu.estimator.settings import default_settings
 from strainfmu.interface.input_names import given_flow
 from strainfmu.interface.parameter_variables import OUTSIDE_PREFIX
@@ -52,7 +52,7 @@ class MapBlocks:
         self.parameter_names = estimator.parameters.names
         sharpens = manifold is not None and manifold.parameters is not None
         self.sharpening: tuple[str, ...] = self.parameter_names if sharpens else ()
-        self.has_loads = inverse_map.further is not None if manifold is None else manifold.further is not None
+        self.has_loads = estimates_other_loads(inverse_map)
         air_data = AIR_DATA_COLUMNS if estimator.is_nonlinear else ()
         self.further_columns = (*air_data, *_further_columns(inverse_map, self.has_loads))
         self.row_names = inverse_map.gauge_names
@@ -127,11 +127,11 @@ def _further_columns(inverse_map: InverseMap, has_loads: bool) -> tuple[tuple[st
     Between the two stand the scores of further parameters of the flow.
     """
     scores = tuple((f"{OUTSIDE_PREFIX}{name}", "1") for name in flow_parameters(inverse_map).names)
-    if inverse_map.further is None or not has_loads:
+    if not has_loads:
         return scores
-    stations = inverse_map.further.section_station
-    units = np.where(is_moment(len(stations)), "N m", "N").tolist()
-    named = (("M_R", "1"), *zip(further_names(stations), units, strict=True))
+    units = np.where(inverse_map.is_moment, "N m", "N").tolist()
+    loads = tuple(zip(inverse_map.load_names, units, strict=True))[len(LOAD_NAMES) :]
+    named = (("M_R", "1"), *loads)
     return (*named, *scores, *((f"sigma.{name}", unit) for name, unit in named))
 
 

@@ -18,7 +18,7 @@ from thermal_maps import REFERENCE, with_temperature
 
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.map.offers import has_further_outputs
+from strainfmu.estimator.map.offers import has_other_outputs
 from strainfmu.estimator.resource.map_file import map_arrays
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 from strainfmu.interface.estimator_variables import output_values
@@ -101,8 +101,8 @@ def test_arrays_of_fmi_3(fmu: FlightFmu, inverse_map: InverseMap, resources: Pat
 def test_tables_without_loads_state_none(inverse_map: InverseMap) -> None:
     assert inverse_map.manifold is not None
     older = replace(inverse_map, manifold=replace(inverse_map.manifold, further=None))
-    assert has_further_outputs(inverse_map)
-    assert not has_further_outputs(older)
+    assert has_other_outputs(inverse_map)
+    assert not has_other_outputs(older)
     assert has_section_loads_by_strain_alone(older)
     assert not has_section_loads_by_strain_alone(inverse_map)
     assert not any(name.startswith("flight_loads.") for name in map_arrays(older))

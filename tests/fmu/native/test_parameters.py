@@ -44,7 +44,7 @@ def case(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
 
 def first(case: NativeCase) -> int:
     """Value reference of the first parameter."""
-    more = 0 if case.inverse_map.further is None else N_T + 4 + 12 * len(STATIONS)
+    more = 0 if not case.inverse_map.has_other_loads else N_T + 4 + 12 * len(STATIONS)
     tare = 2 + 2 * case.n + 1
     return first_zero(case.n) + 2 * case.n + 1 + of_filter(case.inverse_map) + more + tare
 
@@ -123,7 +123,9 @@ def test_outputs_do_not_depend_on_it_but_health(case: NativeCase) -> None:
 
 def test_scalars_of_fmi_3(case: NativeCase) -> None:
     fmu = Fmu3(str(case.resources), case.n).start()
-    reference = Fmu3.TIME + of_filter(case.inverse_map) + (0 if case.inverse_map.further is None else 1 + 4 + 12)
+    reference = (
+        Fmu3.TIME + of_filter(case.inverse_map) + (0 if not case.inverse_map.has_other_loads else 1 + 4 + 12)
+    )
     assert fmu.set("Float64", c_double, [reference + i for i in range(N_P)], [5.0, 0.2, 1.5]) == OK
     status, found = fmu.get("Float64", c_double, [reference + N_P + i for i in range(N_P)], N_P)
     assert status == OK

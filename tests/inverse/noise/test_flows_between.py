@@ -56,7 +56,7 @@ def test_there_is_one_flow_in_every_cell() -> None:
 def test_the_odd_part_of_the_error_shows_between_the_snapshots_alone() -> None:
     """Of three sideslip angles the one left out shows no error of the side force, by symmetry."""
     problem = inverse_problem(newtonian_vehicle(), snapshots(), shape_structure(snapshots().surface))
-    operator = problem.load_operator
+    operator = problem.load_operator[:5]
     left_out, measured = (condition_tables(snapshots(), operator, True, one) for one in (None, known()))
     random = np.random.default_rng(4)
     angles = random.uniform(-1.0, 1.0, (30, 2)) * np.radians([4.0, 24.0])

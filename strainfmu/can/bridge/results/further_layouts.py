@@ -11,7 +11,7 @@ from dataclasses import replace
 from math import ceil, isfinite, nan
 
 from strainfmu.can.wire.frame_layout import BIG, FLOAT, LITTLE, SIGNED, FrameLayout, SignalLayout
-from strainfmu.estimator.further_loads import SECTION_LOADS
+from strainfmu.estimator.other_loads import SECTION_LOADS
 from strainfmu.interface.further_variables import further_load_outputs
 
 _COEFFICIENT = "M_R"

@@ -27,8 +27,8 @@ from strainfmu.can.wire.profiles import Identifiers, profile_layout
 from strainfmu.can.wire.strain_encoder import StrainEncoder
 from strainfmu.cosim.estimators.source import open_step
 from strainfmu.estimator.estimator import Estimator
-from strainfmu.estimator.further_loads import SECTION_LOADS
 from strainfmu.estimator.map.inverse_map import save_inverse_map
+from strainfmu.estimator.other_loads import SECTION_LOADS
 from strainfmu.fmu.export import ExportOptions, export_estimator
 
 pytestmark = pytest.mark.fast
