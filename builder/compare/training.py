@@ -13,6 +13,7 @@ from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, pressure_and_temperature
 from strainfmu.estimator.air_data import air_data_of_state
 from strainfmu.estimator.map.proportional_errors import PAIRS
+from strainfmu.estimator.other_loads import FIVE_LOADS
 from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, U, W, evaluate
 from strainfmu.estimator.tables.manifold_map import ManifoldMap
 
@@ -101,4 +102,4 @@ def with_drawn_errors(
         + p * (of_gauge * normal(n_d) + common + off @ manifold.error_strain.T)
         + normal(n_d) @ root.T
     )
-    return read, loads + p * (off @ manifold.error_load.T)
+    return read, loads + p * (off @ manifold.error_load[FIVE_LOADS].T)

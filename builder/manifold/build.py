@@ -25,7 +25,6 @@ from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import pressure_and_temperature
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.tables.flight_field import FlightField
-from strainfmu.estimator.tables.further_tables import FurtherTables
 from strainfmu.estimator.tables.manifold_map import ManifoldMap
 from strainfmu.estimator.tables.parameter_tables import ParameterTables
 from strainfmu.estimator.tables.shape_field import ShapeField
@@ -73,7 +72,6 @@ def manifold_map(
     fixed = np.zeros(len(operator)) if inside == "ambient" else -float(inside) * operator.sum(axis=1)
     found = state_tables(vehicle, snapshots, structure, problem, operator)
     n_d = len(problem.strain_operator)
-    n = n_d + 5
     coefficients = with_base_and_friction(vehicle, problem, found.mach_knots, found.coefficients)
     terms = found.errors | _scaled_errors(vehicle, problem, found.process, operator)
     terms |= _scaled_nuisance(nuisance, problem) | base_pressure_error(vehicle, problem, len(operator))
@@ -82,19 +80,18 @@ def manifold_map(
     level = level_error(vehicle, problem, operator, found.overpressure)
     if level is not None:
         terms["fraction of the overpressure"] = level
-    errors = np.hstack(list(terms.values()))
-    error = compressed(errors[:n])
+    error = compressed(np.hstack(list(terms.values())))
     reference, noise = vehicle.reference_quantities(), vehicle.noise
     products, common = followed_errors(vehicle, problem)
     low, high = (1e3 * height for height in vehicle.map.valid_altitude_km)
     made = ManifoldMap(
         mach_knots=found.mach_knots,
         incidence_knots=found.incidence_knots,
-        response=coefficients[:, :, :n],
-        fixed_response=fixed[:n],
+        response=coefficients,
+        fixed_response=fixed,
         gauge_covariance=_fixed_covariance(problem),
         error_strain=error[:n_d],
-        error_load=error[n_d:n],
+        error_load=error[n_d:],
         gauge_gain_std=0.01 * noise.gauge_gain_percent,
         common_gain_std=0.01 * noise.common_gain_percent,
         **gains_of_sensors(vehicle, problem),
@@ -110,7 +107,6 @@ def manifold_map(
         static_pressure_error=0.01 * noise.navigation_static_pressure_percent,
         dynamic_pressure_error=0.01 * noise.dynamic_pressure_percent,
         altitude_error=0.01 * noise.standard_atmosphere_percent,
-        further=_further(coefficients[:, :, n:], fixed[n:], errors[n:], errors[:n_d]),
         pressure_field=found.field if isinstance(found.field, FlightField) else None,
         shape_field=found.field if isinstance(found.field, ShapeField) else None,
         parameters=_parameters(found.slopes, terms),
@@ -124,20 +120,6 @@ def manifold_map(
 def _operator(problem: Problem) -> FloatArray:
     """Return (n_d + n_f, n_p) strains [1/Pa] and loads [m2, m3] per pressure."""
     return np.vstack([problem.strain_operator, problem.load_operator])
-
-
-def _further(
-    coefficients: FloatArray, fixed: FloatArray, of_load: FloatArray, of_strain: FloatArray
-) -> FurtherTables | None:
-    """Return the tables of m further loads, None for m = 0; errors are (m, k) and (n_d, k) per p_inf."""
-    if not len(fixed):
-        return None
-    return FurtherTables(
-        response=coefficients,
-        fixed_response=fixed,
-        strain_covariance=of_load @ of_strain.T,
-        variance=np.sum(of_load**2, axis=1),
-    )
 
 
 def _parameters(slopes: ParameterSlopes | None, terms: dict[str, FloatArray]) -> ParameterTables | None:
@@ -172,9 +154,9 @@ def _fixed_covariance(problem: Problem) -> FloatArray:
 def _scaled_errors(
     vehicle: Vehicle, problem: Problem, process: FloatArray, operator: FloatArray
 ) -> dict[str, FloatArray]:
-    """Return columns (n_d + 5 + m, k) per p_inf: pressure off the tables and the internal pressure, by name.
+    """Return columns (n_d + n_f, k) per p_inf: pressure off the tables and the internal pressure, by name.
 
-    ``process`` (n_d + 5 + m, k) is the response to the Gaussian process at unit variance.
+    ``process`` (n_d + n_f, k) is the response to the Gaussian process at unit variance.
     """
     entry, noise, found = vehicle.map, vehicle.noise, {}
     size = process_size(vehicle, problem)
@@ -205,7 +187,7 @@ def _spread_of_flows(ensemble: Ensemble, operator: FloatArray) -> FloatArray:
 
 
 def _scaled_nuisance(nuisance: Sequence[NoiseTerm], problem: Problem) -> dict[str, FloatArray]:
-    """Return columns (n_d + 5 + m, k) per p_inf of the further terms that scale, by name."""
+    """Return columns (n_d + n_f, k) per p_inf of the further terms that scale, by name."""
     ensemble = problem.ensemble
     pressure = ensemble.mean_ambient_pressure
     found = {}

@@ -27,7 +27,6 @@ from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimates.pressure_field import PressureField
 from strainfmu.estimator.map.flow_parameters import flow_parameters
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map
-from strainfmu.estimator.map.offers import estimates_other_loads
 from strainfmu.estimator.policies import LARGEST_TIME, SMALLEST_TIME
 from strainfmu.estimator.resource.map_file import native_resource
 from strainfmu.estimator.settings import EstimatorSettings, default_settings
@@ -165,8 +164,7 @@ class Estimator:
         self.filter_time_constant = filter_time_constant
         self.parameters = flow_parameters(inverse_map)
         self.is_nonlinear = inverse_map.manifold is not None
-        held = inverse_map.section_station
-        self.section_station = held if estimates_other_loads(inverse_map) else held[:0]
+        self.section_station = inverse_map.section_station
         self._lock = threading.Lock()
         self.core = self._new_core(resource)
         self._set_up(self.core)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from strainfmu.estimator.map.offers import estimates_other_loads, has_other_outputs
+from strainfmu.estimator.map.offers import has_other_outputs
 from strainfmu.estimator.other_loads import SECTION_LOADS
 from strainfmu.interface.fmi_variables import Variable, deviation_of
 
@@ -25,11 +25,6 @@ FURTHER_ARRAYS = {
 def section_stations(inverse_map: InverseMap) -> tuple[float, ...] | None:
     """Return x [m] of the sections whose loads are outputs, with the rolling moment; None where neither is."""
     return tuple(inverse_map.section_station.tolist()) if has_other_outputs(inverse_map) else None
-
-
-def has_section_loads_by_strain_alone(inverse_map: InverseMap) -> bool:
-    """Return whether the linear map alone holds such loads, beside tables of an earlier version without them."""
-    return inverse_map.has_other_loads and not estimates_other_loads(inverse_map)
 
 
 def with_further_outputs(interface: Sequence[Variable], inverse_map: InverseMap) -> tuple[Variable, ...]:

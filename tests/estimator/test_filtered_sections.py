@@ -7,12 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from flight_fmu import N_D, FlightSample, random_flight, whole_map
-from further_maps import COMBINATION, with_further, with_further_tables
+from further_maps import COMBINATION, of_five_loads, with_further, with_further_tables
 
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.tables.further_tables import FurtherTables
 
 pytestmark = pytest.mark.fast
 DT = 0.01
@@ -20,16 +19,7 @@ DT = 0.01
 
 def combined_map() -> InverseMap:
     """Further loads that are a combination of the five, in the linear map and in the tables."""
-    held = with_further(whole_map())
-    manifold = held.manifold
-    assert manifold is not None
-    further = FurtherTables(
-        response=np.einsum("fl,ijlms->ijfms", COMBINATION, manifold.response[:, :, N_D:]),
-        fixed_response=COMBINATION @ manifold.fixed_response[N_D:],
-        strain_covariance=COMBINATION @ manifold.load_strain_covariance,
-        variance=np.diag(COMBINATION @ manifold.load_covariance @ COMBINATION.T).copy(),
-    )
-    return replace(held, manifold=replace(manifold, further=further))
+    return with_further(whole_map())
 
 
 def track(flight: Estimator, samples: list[FlightSample]) -> Estimate:
@@ -73,9 +63,7 @@ def test_without_memory_they_are_those_of_the_static_estimator() -> None:
 
 def test_they_change_nothing_else_and_get_smaller_deviations() -> None:
     held = with_further_tables(whole_map())
-    manifold = held.manifold
-    assert manifold is not None
-    bare = replace(held, manifold=replace(manifold, further=None))
+    bare = of_five_loads(held)
     samples = random_flight(held, 30, seed=6)
     one, other = (track(Estimator(each).filter(1.0), samples)[-1] for each in (held, bare))
     assert one.loads.tobytes() == other.loads.tobytes()

@@ -23,7 +23,6 @@ from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.reference.kalman import Law, Rows, measured, predicted
 from strainfmu.estimator.reference.smoothing import smoothed
 from strainfmu.estimator.smoothing import FlightSmoother, LinearSmoother, Smoothed, Step, smoother_of
-from strainfmu.estimator.tables.further_tables import FurtherTables
 
 pytestmark = pytest.mark.fast
 DATA = Path(__file__).parents[1] / "golden" / "data"
@@ -182,15 +181,6 @@ def test_a_flight_is_better_known(seed: int) -> None:
 
 def test_section_loads_that_combine_the_five() -> None:
     held = with_further(whole_flight_map())
-    manifold = held.manifold
-    assert manifold is not None
-    further = FurtherTables(
-        response=np.einsum("fl,ijlms->ijfms", COMBINATION, manifold.response[:, :, N_D:]),
-        fixed_response=COMBINATION @ manifold.fixed_response[N_D:],
-        strain_covariance=COMBINATION @ manifold.load_strain_covariance,
-        variance=np.diag(COMBINATION @ manifold.load_covariance @ COMBINATION.T).copy(),
-    )
-    held = replace(held, manifold=replace(manifold, further=further))
     _, known, _ = smoothed_samples(held, 1.0, **flown(random_flight(held, 10, seed=8)))
     expected = known.loads @ COMBINATION.T
     np.testing.assert_allclose(known.further_loads, expected, rtol=0.0, atol=1e-10 * np.abs(expected).max())

@@ -8,7 +8,7 @@ import numpy as np
 from flight_maps import AREA, LENGTH, table_coefficients
 
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.tables.further_tables import FurtherTables
+from strainfmu.estimator.tables.manifold_map import ManifoldMap
 
 STATION = np.array([0.8])
 COMBINATION = np.random.default_rng(8).standard_normal((7, 5))
@@ -21,14 +21,24 @@ M = 1 + 6 * len(STATIONS)
 
 
 def with_further(inverse_map: InverseMap, combination: np.ndarray = COMBINATION) -> InverseMap:
-    """Return ``inverse_map`` with further loads that are ``combination`` (7, 5) times its loads."""
+    """Return ``inverse_map``, and its tables, with other loads that are ``combination`` (7, 5) times its loads."""
 
     def of(rows: np.ndarray) -> np.ndarray:
         return combination @ rows
 
+    manifold = inverse_map.manifold
+    if manifold is not None:
+        n = manifold.n_gauges
+        manifold = _with_tables(
+            manifold,
+            np.einsum("fl,ijlms->ijfms", combination, manifold.response[:, :, n:]),
+            of(manifold.fixed_response[n:]),
+            of(manifold.error_load),
+        )
     return _with_loads(
         inverse_map,
         STATION,
+        manifold,
         load_per_state=of(inverse_map.load_per_state),
         load_of_mean=of(inverse_map.load_of_mean),
         error_load=of(inverse_map.error_load),
@@ -36,8 +46,8 @@ def with_further(inverse_map: InverseMap, combination: np.ndarray = COMBINATION)
     )
 
 
-def with_own_further(held: InverseMap) -> InverseMap:
-    """Loads that are no combination of the five."""
+def with_own_further(held: InverseMap, manifold: ManifoldMap | None = None) -> InverseMap:
+    """Loads that are no combination of the five, with tables ``manifold`` of as many loads."""
     random, errors, loads = np.random.default_rng(8), held.error_strain, held.error_load
     size = float(np.abs(held.load_of_mean).max())
     states = float(np.abs(held.load_per_state).max())
@@ -47,6 +57,7 @@ def with_own_further(held: InverseMap) -> InverseMap:
     return _with_loads(
         held,
         STATIONS,
+        manifold,
         load_per_state=per_state,
         load_of_mean=of_mean,
         error_load=float(np.abs(loads).max()) * random.standard_normal((M, errors.shape[1])),
@@ -54,7 +65,33 @@ def with_own_further(held: InverseMap) -> InverseMap:
     )
 
 
-def _with_loads(held: InverseMap, station: np.ndarray, **rows: np.ndarray | None) -> InverseMap:
+def of_five_loads(held: InverseMap) -> InverseMap:
+    """Return ``held`` without the loads behind the five, in its tables too."""
+    manifold = held.manifold
+    if manifold is not None:
+        n = manifold.n_gauges + 5
+        five = {"response": manifold.response[:, :, :n], "fixed_response": manifold.fixed_response[:n]}
+        manifold = replace(manifold, **five, error_load=manifold.error_load[:5])
+    names = ("load_per_state", "load_of_mean", "error_load", "fixed_load")
+    rows = {name: None if getattr(held, name) is None else getattr(held, name)[:5] for name in names}
+    return replace(held, section_station=np.zeros(0), manifold=manifold, **rows)
+
+
+def _with_tables(
+    manifold: ManifoldMap, response: np.ndarray, fixed_response: np.ndarray, error_load: np.ndarray
+) -> ManifoldMap:
+    """Return ``manifold``, of five loads, with tables and errors of others behind them."""
+    return replace(
+        manifold,
+        response=np.concatenate([manifold.response, response], axis=2),
+        fixed_response=np.append(manifold.fixed_response, fixed_response),
+        error_load=np.vstack([manifold.error_load, error_load]),
+    )
+
+
+def _with_loads(
+    held: InverseMap, station: np.ndarray, manifold: ManifoldMap | None, **rows: np.ndarray | None
+) -> InverseMap:
     """Return ``held``, of five loads, with ``rows`` of others behind them."""
     five = {name: getattr(held, name) for name in rows}
     if rows["fixed_load"] is not None and held.fixed_load is None:
@@ -63,7 +100,7 @@ def _with_loads(held: InverseMap, station: np.ndarray, **rows: np.ndarray | None
         name: own if own is None or name not in five else np.concatenate([five[name], own])
         for name, own in rows.items()
     }
-    return replace(held, section_station=station, **joined)
+    return replace(held, section_station=station, manifold=manifold, **joined)
 
 
 def with_further_tables(held: InverseMap) -> InverseMap:
@@ -82,13 +119,7 @@ def with_further_tables(held: InverseMap) -> InverseMap:
     for load, phase in ((1, 0), (2, 1), (3, 0), (4, 1)):
         factors[rows[load], 1, phase] = sizes[load]
     errors = 1e-2 * factors.reshape(M, -1) @ random.normal(size=(6, manifold.error_strain.shape[1]))
-    further = FurtherTables(
-        response=table_coefficients(factors),
-        fixed_response=1.0 + np.arange(M),
-        strain_covariance=errors @ manifold.error_strain.T,
-        variance=np.sum(errors**2, axis=1),
-    )
-    return replace(with_own_further(held), manifold=replace(manifold, further=further))
+    return with_own_further(held, _with_tables(manifold, table_coefficients(factors), 1.0 + np.arange(M), errors))
 
 
 def check_further(ours: np.ndarray, theirs: np.ndarray, tolerance: float = 1e-12) -> None:

@@ -26,11 +26,11 @@ def with_parameter_tables(inverse_map: InverseMap, size: float = 0.02) -> Invers
     manifold = held.manifold
     assert manifold is not None
     response = manifold.response
-    error = np.vstack([manifold.error_strain, manifold.error_load])
-    if manifold.further is not None:
-        response = np.concatenate([response, manifold.further.response], axis=2)
+    error = np.vstack([manifold.error_strain, manifold.error_load[:5]])
+    if manifold.n_loads > 5:
+        std = np.sqrt(np.sum(manifold.error_load[5:] ** 2, axis=1))
         error = np.vstack([error, random.normal(size=(len(response[0, 0]) - len(error), error.shape[1]))])
-        error[len(manifold.error_strain) + 5 :] *= np.sqrt(manifold.further.variance)[:, None] / error.shape[1]
+        error[len(manifold.error_strain) + 5 :] *= std[:, None] / error.shape[1]
     powers = Powers(
         mean=np.array([0.2, 0.25, 2.0]),
         spread=np.array([2.8, 0.2, 0.0]),
@@ -59,10 +59,5 @@ def with_errors_of_parameters(inverse_map: InverseMap) -> InverseMap:
     assert tables is not None
     error = np.hstack([tables.error, *tables.spread_error])
     n_d = inverse_map.n_gauges
-    further = manifold.further
-    if further is not None:
-        of_further = error[n_d + 5 :]
-        covariance, variance = of_further @ error[:n_d].T, np.sum(of_further**2, axis=1)
-        further = replace(further, strain_covariance=covariance, variance=variance)
-    changed = {"error_strain": error[:n_d], "error_load": error[n_d : n_d + 5], "further": further}
+    changed = {"error_strain": error[:n_d], "error_load": error[n_d:]}
     return replace(inverse_map, manifold=replace(manifold, **changed))

@@ -19,9 +19,10 @@ from builder.reports.findings.prior_observability import PriorObservability
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.other_loads import FIVE_LOADS
 from strainfmu.estimator.reference.air import N_AIR, air_inputs
 from strainfmu.estimator.reference.nonlinear import NonlinearReference, Sample, coefficient_slopes
-from strainfmu.estimator.reference.tables import LOADS, LOG_PRESSURE, evaluate, tables_of
+from strainfmu.estimator.reference.tables import LOG_PRESSURE, evaluate, tables_of
 
 NOISE, OFF_TABLES = "gauge noise and apparent strain", "pressure off the tables"
 HARDWARE = (
@@ -142,13 +143,13 @@ def _sources_of(
     joint = found.covariance[0]
     slopes, scale, wider = coefficient_slopes(state, at_state[n_d:], joint, reference.references)
     gain = slopes @ found.gain[0]
-    strain, loads = at_state[:n_d], at_state[n_d : n_d + LOADS]
-    of_strain, of_air, of_prior = np.split(gain[:LOADS], [n_d, n_d + N_AIR], axis=1)
+    strain, loads = at_state[:n_d], at_state[n_d:][FIVE_LOADS]
+    of_strain, of_air, of_prior = np.split(gain[FIVE_LOADS], [n_d, n_d + N_AIR], axis=1)
     c = np.append(1.0, loads / (pressure * manifold.references))
     first, second = np.triu_indices(len(c))
     of_gauge = np.maximum((c[first] * c[second]) @ manifold.gauge_error_product, 0.0)
     common = np.einsum("a,tan->nt", c, manifold.common_error)
-    off_tables = of_strain @ manifold.error_strain - scale[:LOADS, None] * manifold.error_load
+    off_tables = of_strain @ manifold.error_strain - scale[FIVE_LOADS, None] * manifold.error_load[FIVE_LOADS]
     parts = {
         NOISE: np.einsum("in,nm,im->i", of_strain, manifold.gauge_covariance, of_strain, optimize=True),
         OFF_TABLES: pressure**2 * np.sum(off_tables**2, axis=1),
@@ -159,7 +160,7 @@ def _sources_of(
         **dict(zip(NAVIGATION, (of_air * sample.air.log_std).T ** 2, strict=False)),
         NAVIGATION[3]: np.sum((of_prior * reference.prior_std) ** 2, axis=1),
     }
-    covariance = wider * (slopes[:LOADS] @ joint @ slopes[:LOADS].T)
+    covariance = wider * (slopes[FIVE_LOADS] @ joint @ slopes[FIVE_LOADS].T)
     return {name: wider * part for name, part in parts.items()}, covariance
 
 

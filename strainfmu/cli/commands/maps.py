@@ -109,9 +109,7 @@ def export(
 
         strainfmu export results/map.h5 -o estimator.fmu --zero-inputs --tare-known known.toml
     """
-    from strainfmu.estimator.map.inverse_map import load_inverse_map
     from strainfmu.fmu.export import ExportOptions, export_estimator
-    from strainfmu.interface.further_variables import has_section_loads_by_strain_alone
 
     chosen = None if platforms == "all" else [name.strip() for name in platforms.split(",")]
     version = fmi.removesuffix(".0")
@@ -128,9 +126,6 @@ def export(
     Console().print(f"{output}: written", highlight=False, markup=False, soft_wrap=True)
     if kind == "native" and found == "manifold":
         note = "note: for co-simulation alone; --estimator linear has model exchange"
-        Console().print(note, highlight=False, markup=False, soft_wrap=True)
-    if found == "manifold" and has_section_loads_by_strain_alone(load_inverse_map(inverse_map)):
-        note = "note: without section loads, which the map's tables lack: build it again, or --estimator linear"
         Console().print(note, highlight=False, markup=False, soft_wrap=True)
     if kind == "python":
         from strainfmu.fmu.documentation.index_page import PYTHON_FOLDERS, PYTHON_HOSTS

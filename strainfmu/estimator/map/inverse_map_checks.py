@@ -51,8 +51,10 @@ def _check_parts(inverse_map: InverseMap) -> None:
         raise InputError(
             f"inverse map: thermal: temperature modes of {len(thermal.mode_strain)} gauges, must be of {n_d}"
         )
-    if manifold is not None and manifold.tables.n_gauges != n_d:
-        raise InputError(f"inverse map: tables of {manifold.tables.n_gauges} gauges, must be of {n_d}")
+    if manifold is not None and manifold.n_gauges != n_d:
+        raise InputError(f"inverse map: tables of {manifold.n_gauges} gauges, must be of {n_d}")
+    if manifold is not None and manifold.n_loads != inverse_map.n_loads:
+        raise InputError(f"inverse map: tables of {manifold.n_loads} loads, must be of {inverse_map.n_loads}")
     n_sensors = n_d - inverse_map.n_strain_gauges
     if manifold is not None and manifold.n_sensors != n_sensors:
         raise InputError(f"inverse map: tables of {manifold.n_sensors} further sensors, must be of {n_sensors}")

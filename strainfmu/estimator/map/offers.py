@@ -14,12 +14,7 @@ def has_filter(inverse_map: InverseMap) -> bool:
     return inverse_map.manifold is not None or inverse_map.case == 1 or inverse_map.regularisation == 1.0
 
 
-def estimates_other_loads(inverse_map: InverseMap) -> bool:
-    """Return whether the estimator of the map gives rolling moment and section loads: its tables hold them."""
-    manifold = inverse_map.manifold
-    return inverse_map.has_other_loads and (manifold is None or manifold.further is not None)
-
-
 def has_other_outputs(inverse_map: InverseMap) -> bool:
-    """Return whether FMUs of the map state such loads: in form "dynamic_pressure"."""
-    return estimates_other_loads(inverse_map) and inverse_map.form == "dynamic_pressure"
+    """Return whether FMUs of the map state such loads: by tables, or in form "dynamic_pressure"."""
+    in_core = inverse_map.manifold is not None or inverse_map.form == "dynamic_pressure"
+    return inverse_map.has_other_loads and in_core

@@ -6,7 +6,7 @@ loads, rolling moment and section loads.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -23,8 +23,6 @@ from strainfmu.estimator.tables.flight_tables import W as W
 from strainfmu.estimator.tables.manifold_map import ManifoldMap
 from strainfmu.estimator.tables.parameter_tables import with_known
 
-LOADS = 5
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Tables:
@@ -32,7 +30,7 @@ class Tables:
 
     ``rows`` are the tables, ``fixed`` (n_d + m,) what does not follow p_inf. Pressure off the tables has the
     strain columns ``error_strain`` (n_d, k) per standard deviation, covariances ``cross`` (n_d, m) with the
-    outputs and ``output_variance`` (m, m) of them, behind the five loads variances alone.
+    outputs and ``output_variance`` (m, m) of them.
     """
 
     rows: FlightTables
@@ -63,21 +61,11 @@ def evaluate(tables: Tables, state: FloatArray) -> tuple[FloatArray, FloatArray]
 
 
 def _rows_of(manifold: ManifoldMap) -> Tables:
-    rows, further = manifold.tables, manifold.further
-    cross = manifold.error_strain @ manifold.error_load.T
-    variance = manifold.error_load @ manifold.error_load.T
-    if further is not None:
-        response = np.concatenate([rows.response, further.response], axis=2)
-        rows = replace(
-            rows, response=response, fixed_response=np.append(rows.fixed_response, further.fixed_response)
-        )
-        cross = np.hstack([cross, further.strain_covariance.T])
-        of_five, variance = variance, np.diag(np.append(np.zeros(LOADS), further.variance))
-        variance[:LOADS, :LOADS] = of_five
+    rows = manifold.tables_of(manifold.n_loads)
     return Tables(
         rows=rows,
         fixed=rows.fixed_response,
         error_strain=manifold.error_strain,
-        cross=cross,
-        output_variance=variance,
+        cross=manifold.load_strain_covariance.T,
+        output_variance=manifold.load_covariance,
     )

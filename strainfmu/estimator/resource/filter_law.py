@@ -15,8 +15,8 @@ import numpy as np
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.map.proportional_errors import PAIRS
-from strainfmu.estimator.other_loads import FIVE_LOADS
-from strainfmu.estimator.tables.further_tables import FurtherTables
+from strainfmu.estimator.numerics.fixed_order import product
+from strainfmu.estimator.other_loads import FIVE_LOADS, OTHER_LOADS
 from strainfmu.estimator.tables.manifold_map import ManifoldMap
 
 LARGEST_NUMBER = 18
@@ -52,8 +52,8 @@ class SeenErrors:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SeenFurther:
-    """Errors of pressure in m further loads, by the directions that gauges see and the rest.
+class SeenOthers:
+    """Errors of pressure in the m loads behind the five, by the directions that gauges see and the rest.
 
     Attributes
     ----------
@@ -112,7 +112,7 @@ class FlightLaw:
     of_gauge : (n_d, t, 6) errors of each gauge that last, per p_inf and c of
         :class:`~strainfmu.estimator.tables.manifold_map.ManifoldMap` [1/Pa].
     own : (n_d,) standard deviation of what lasts in each gauge and does not follow strain.
-    further : errors of section loads; None for none.
+    others : errors of the loads behind the five.
     """
 
     seen: SeenErrors
@@ -121,7 +121,7 @@ class FlightLaw:
     n_modes: int
     of_gauge: FloatArray
     own: FloatArray
-    further: SeenFurther | None
+    others: SeenOthers
 
 
 def linear_law(inverse_map: InverseMap) -> LinearLaw:
@@ -165,7 +165,7 @@ def flight_law(inverse_map: InverseMap, manifold: ManifoldMap) -> FlightLaw:
     beside = np.sum(np.abs(lasting), axis=1) - np.diagonal(lasting)
     own = np.sqrt(np.maximum(np.diagonal(lasting) - beside, 0.0))
     middle_pressure = float(np.exp(np.log(manifold.pressure_range).mean()))
-    seen = seen_errors(manifold.error_strain, manifold.error_load, middle_pressure, std)
+    seen = seen_errors(manifold.error_strain, manifold.error_load[FIVE_LOADS], middle_pressure, std)
     modes = _mode_columns(inverse_map)
     return FlightLaw(
         seen=seen,
@@ -174,7 +174,7 @@ def flight_law(inverse_map: InverseMap, manifold: ManifoldMap) -> FlightLaw:
         n_modes=modes.shape[1],
         of_gauge=gauge_terms(manifold.gauge_error_product),
         own=own,
-        further=None if manifold.further is None else seen_further(manifold.further, seen, std),
+        others=seen_others(manifold, seen, std),
     )
 
 
@@ -197,21 +197,28 @@ def seen_errors(error_strain: FloatArray, error_load: FloatArray, scale: float, 
     )
 
 
-def seen_further(further: FurtherTables, seen: SeenErrors, std: FloatArray) -> SeenFurther:
-    """Split the errors of ``further`` as ``seen`` splits those of strain.
+def seen_others(manifold: ManifoldMap, seen: SeenErrors, std: FloatArray) -> SeenOthers:
+    """Split the errors of the loads behind the five as ``seen`` splits those of strain.
 
     ``std`` (n_d,) is the argument of :func:`seen_errors`. The strains of its directions over it are orthogonal:
     the covariance of a load with strain gives the load of each direction.
     """
     direction = seen.strain / std[:, None]
     square = np.sum(direction * direction, axis=0)
-    load = (further.strain_covariance / std) @ (direction / np.where(square > 0.0, square, 1.0))
-    return SeenFurther(
+    cross, variance = errors_of_others(manifold)
+    load = (cross / std) @ (direction / np.where(square > 0.0, square, 1.0))
+    return SeenOthers(
         load=load,
-        rest_cross=further.strain_covariance - load @ seen.strain.T,
+        rest_cross=cross - load @ seen.strain.T,
         # Of a load that the directions determine wholly, rounding leaves less.
-        rest_variance=np.maximum(further.variance - np.sum(load * load, axis=1), 0.0),
+        rest_variance=np.maximum(variance - np.sum(load * load, axis=1), 0.0),
     )
+
+
+def errors_of_others(manifold: ManifoldMap) -> tuple[FloatArray, FloatArray]:
+    """Return (m, n_d) covariance with strain, and (m,) variance, of the loads behind the five, per p_inf^2."""
+    load = manifold.error_load[OTHER_LOADS]
+    return product(load, manifold.error_strain.T), np.sum(load * load, axis=1)
 
 
 def white_and_lasting(covariance: FloatArray, noise_std: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from math import log
 
 import numpy as np
@@ -12,8 +11,8 @@ from strainfmu.estimator.air_data import NAVIGATION
 from strainfmu.estimator.alarm_limits import outlier_threshold, outside_score, shape_limit
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, chi_square_limit
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.map.offers import has_other_outputs
 from strainfmu.estimator.numerics.fixed_order import product
+from strainfmu.estimator.other_loads import FIVE_LOADS
 from strainfmu.estimator.policies import (
     ANGLE_RATE,
     BAND,
@@ -47,10 +46,9 @@ from strainfmu.estimator.policies import (
     WINDOW,
 )
 from strainfmu.estimator.resource.container import Values
-from strainfmu.estimator.resource.filter_law import flight_law
+from strainfmu.estimator.resource.filter_law import errors_of_others, flight_law
 from strainfmu.estimator.tables.channel_tables import channel_tables
 from strainfmu.estimator.tables.flight_tables import MIN_INCIDENCE
-from strainfmu.estimator.tables.further_tables import FurtherTables
 from strainfmu.estimator.tables.manifold_map import ManifoldMap
 from strainfmu.estimator.tables.parameter_factors import error_products, factors
 from strainfmu.estimator.tables.parameter_tables import ParameterTables
@@ -61,8 +59,6 @@ def nonlinear_parts(inverse_map: InverseMap) -> dict[str, Values]:
     manifold = inverse_map.manifold
     if manifold is None:
         return {}
-    if not has_other_outputs(inverse_map):
-        manifold = replace(manifold, further=None)
     parts: dict[str, Values] = {
         "flight": {
             **_tables(inverse_map, manifold),
@@ -72,8 +68,8 @@ def nonlinear_parts(inverse_map: InverseMap) -> dict[str, Values]:
         },
         "filter": _filter(inverse_map, manifold),
     }
-    if manifold.further is not None:
-        parts["flight_loads"] = _section_loads(manifold.further)
+    if inverse_map.has_other_loads:
+        parts["flight_loads"] = _other_loads(manifold)
     if manifold.parameters is not None:
         parts["parameter_tables"] = _parameter_tables(manifold, manifold.parameters)
     return parts
@@ -87,8 +83,8 @@ def _tables(inverse_map: InverseMap, manifold: ManifoldMap) -> Values:
         "min_incidence": MIN_INCIDENCE,
         "mach_knots": manifold.mach_knots,
         "incidence_knots": manifold.incidence_knots,
-        **vars(channel_tables(manifold.response, np.arctan2(*inverse_map.gauge_position[:, 1:].T))),
-        "fixed_response": manifold.fixed_response,
+        **vars(channel_tables(manifold.tables.response, np.arctan2(*inverse_map.gauge_position[:, 1:].T))),
+        "fixed_response": manifold.tables.fixed_response,
     }
 
 
@@ -144,7 +140,7 @@ def _solver(manifold: ManifoldMap) -> Values:
 
 def _errors(manifold: ManifoldMap) -> Values:
     """Return the errors of strain and loads, the latter two per p_inf^2."""
-    strain, load = manifold.error_strain, manifold.error_load
+    strain, load = manifold.error_strain, manifold.error_load[FIVE_LOADS]
     return {
         "gain_std": manifold.gain_std,
         "common_gain": manifold.common_gain,
@@ -158,21 +154,21 @@ def _errors(manifold: ManifoldMap) -> Values:
     }
 
 
-def _section_loads(further: FurtherTables) -> Values:
-    """Return tables of rolling moment and section loads over the flight state, and errors per p_inf^2."""
+def _other_loads(manifold: ManifoldMap) -> Values:
+    """Return tables of the loads behind the five over the flight state, and errors per p_inf^2."""
+    first, (cross, variance) = manifold.n_gauges + FIVE_LOADS.stop, errors_of_others(manifold)
     return {
-        **vars(channel_tables(further.response, np.zeros(0))),
-        "fixed_response": further.fixed_response,
-        "strain_covariance": further.strain_covariance,
-        "variance": further.variance,
+        **vars(channel_tables(manifold.response[:, :, first:], np.zeros(0))),
+        "fixed_response": manifold.fixed_response[first:],
+        "strain_covariance": cross,
+        "variance": variance,
     }
 
 
 def _parameter_tables(manifold: ManifoldMap, tables: ParameterTables) -> Values:
-    """Return what flow parameters change of strain, loads and the section loads of ``manifold``, and errors."""
-    n_further = 0 if manifold.further is None else len(manifold.further.variance)
-    powers, n = tables.powers, manifold.response.shape[2] + n_further
-    basis, weight = factors(tables.slope[:, :, :, :n])
+    """Return what flow parameters change of strain and loads of ``manifold``, and errors."""
+    powers = tables.powers
+    basis, weight = factors(tables.slope)
     return {
         "largest_score": LARGEST_USED_SCORE,
         "mean": powers.mean,
@@ -182,15 +178,14 @@ def _parameter_tables(manifold: ManifoldMap, tables: ParameterTables) -> Values:
         "offset": powers.offset,
         "basis": basis,
         "row_weight": weight,
-        "product": error_products(tables, manifold.tables.n_gauges, n_further),
+        "product": error_products(tables, manifold.n_gauges, manifold.n_loads),
     }
 
 
 def _filter(inverse_map: InverseMap, manifold: ManifoldMap) -> Values:
     """Return the filter over time of ``manifold``, the tables of ``inverse_map``."""
     law = flight_law(inverse_map, manifold)
-    seen, errors, n = law.seen, law.further, len(law.own)
-    n_seen = seen.strain.shape[1]
+    seen, errors, n = law.seen, law.others, len(law.own)
     return {
         "rate": [MACH_NUMBER_RATE, ANGLE_RATE, ANGLE_RATE, LOG_PRESSURE_RATE],
         "rate_time": RATE_TIME,
@@ -218,7 +213,7 @@ def _filter(inverse_map: InverseMap, manifold: ManifoldMap) -> Values:
         "shared": law.common.T,
         "of_gauge": np.moveaxis(law.of_gauge, 0, 2),
         "own": law.own[None] if law.own.any() else np.zeros((0, n)),
-        "further_load": np.zeros((0, n_seen)) if errors is None else errors.load,
-        "further_cross": np.zeros((0, n)) if errors is None else errors.rest_cross,
-        "further_variance": np.zeros(0) if errors is None else errors.rest_variance,
+        "further_load": errors.load,
+        "further_cross": errors.rest_cross,
+        "further_variance": errors.rest_variance,
     }

@@ -31,43 +31,47 @@ MACH, U, W, LOG_PRESSURE = range(N_STATES)
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class FlightTables:
-    """Tables for n_d gauges and the five loads.
+    """Tables for n_d gauges and n_f loads.
 
     Attributes
     ----------
     mach_knots, incidence_knots : (n_M,), (n_a,) increasing [1, rad]; total incidence from 0.
-    response : (n_M + 2, n_a + 2, n_d + 5, n_m, 2) spline coefficients of A and B, per p_inf: strains [1/Pa], then
-        loads [m2, m3].
-    fixed_response : (n_d + 5,) y_fixed, what does not follow p_inf [m/m, N, N m].
+    response : (n_M + 2, n_a + 2, n_d + n_f, n_m, 2) spline coefficients of A and B, per p_inf: strains [1/Pa],
+        then loads [m2, m3].
+    fixed_response : (n_d + n_f,) y_fixed, what does not follow p_inf [m/m, N, N m].
+    n_loads : n_f, the last rows.
     """
 
     mach_knots: FloatArray
     incidence_knots: FloatArray
     response: FloatArray
     fixed_response: FloatArray
+    n_loads: int = 5
 
     def __post_init__(self) -> None:
         n = (len(self.mach_knots) + 2, len(self.incidence_knots) + 2)
         shape = self.response.shape
         if len(shape) != 5 or shape[:2] != n or shape[4] != 2 or self.fixed_response.shape != shape[2:3]:
-            raise InputError(f"response: expected shape {n} + (gauges + 5, harmonics, 2), got {shape}")
+            raise InputError(
+                f"response: expected shape {n} + (gauges + {self.n_loads}, harmonics, 2), got {shape}"
+            )
         if not (np.all(np.isfinite(self.response)) and np.all(np.isfinite(self.fixed_response))):
             raise InputError("response: not all values are finite")
 
     @property
     def n_gauges(self) -> int:
         """Number of gauges n_d."""
-        return int(self.response.shape[2]) - 5
+        return int(self.response.shape[2]) - self.n_loads
 
     @cached_property
     def by_harmonic(self) -> FloatArray:
-        """(n_M + 2, n_a + 2, 2 n_m, n_d + 5) the same coefficients, those of a harmonic together."""
+        """(n_M + 2, n_a + 2, 2 n_m, n_d + n_f) the same coefficients, those of a harmonic together."""
         cells, n = self.response.shape[:2], self.response.shape[2]
         return np.ascontiguousarray(np.swapaxes(self.response.reshape(*cells, n, -1), 2, 3))
 
 
 class Response(NamedTuple):
-    """Strains then loads (k, n_d + 5), and their derivatives by the flight state (k, n_d + 5, 4)."""
+    """Strains then loads (k, n_d + n_f), and their derivatives by the flight state (k, n_d + n_f, 4)."""
 
     value: FloatArray
     jacobian: FloatArray
@@ -94,7 +98,7 @@ def evaluate(tables: FlightTables, state: FloatArray) -> Response:
 
 
 class _Sums(NamedTuple):
-    """Sums over harmonics and phases (k, n_d + 5), and their derivatives, those of u and w by the roll angle."""
+    """Sums over harmonics and phases (k, n_d + n_f), and their derivatives, those of u and w by the roll angle."""
 
     value: FloatArray
     by_mach: FloatArray

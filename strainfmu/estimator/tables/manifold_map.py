@@ -1,4 +1,4 @@
-"""The nonlinear part of a map: tables over the flight state, and the errors of strain and load about them."""
+"""The nonlinear part of a map: tables over the flight state, and the errors of strain and loads about them."""
 
 from __future__ import annotations
 
@@ -11,11 +11,10 @@ import numpy as np
 from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import DEVIATION_OF_AIR
 from strainfmu.errors import InputError
+from strainfmu.estimator.other_loads import FIVE_LOADS
 from strainfmu.estimator.tables.flight_field import UNITS as FIELD_UNITS
 from strainfmu.estimator.tables.flight_field import FlightField
 from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, N_STATES, FlightTables, U, W
-from strainfmu.estimator.tables.further_tables import UNITS as FURTHER_UNITS
-from strainfmu.estimator.tables.further_tables import FurtherTables
 from strainfmu.estimator.tables.parameter_tables import UNITS as PARAMETER_UNITS
 from strainfmu.estimator.tables.parameter_tables import ParameterTables
 from strainfmu.estimator.tables.shape_field import UNITS as SHAPE_UNITS
@@ -39,18 +38,18 @@ class StatePrior(NamedTuple):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ManifoldMap:
-    """Tables and errors for n_d gauges.
+    """Tables and errors for n_d gauges and the n_f loads of the map, in its order.
 
     Errors are per p_inf where they scale with the pressure level. Those in proportion to strain follow
     c = [1, loads / (p_inf S [1, 1, 1, L, L])].
 
     Attributes
     ----------
-    mach_knots, incidence_knots, response, fixed_response : strain and loads over the flight state, see
+    mach_knots, incidence_knots, response, fixed_response : n_d strains, then n_f loads over the flight state, see
         :class:`~strainfmu.estimator.tables.flight_tables.FlightTables`.
     gauge_covariance : (n_d, n_d) of what does not scale, as gauge noise and apparent strain [(m/m)^2].
-    error_strain, error_load : (n_d, k) [1/Pa], (5, k) [m2, m3] per standard deviation, and per p_inf, of pressure
-        off the tables and of the internal pressure.
+    error_strain, error_load : (n_d, k) [1/Pa], (n_f, k) [m2, m3] per standard deviation, and per p_inf, of
+        pressure off the tables and of the internal pressure.
     gauge_gain_std, common_gain_std : errors of each gauge's gain, and of all together, relative [1].
     sensor_gain_std, sensor_common_gain_std : (n_s,) the same of the further sensors, which are the last of the n_d
         gauges; None for none.
@@ -70,7 +69,6 @@ class ManifoldMap:
         none.
     pressure_field, shape_field : pressure on the surface over the flight state, of a body of revolution, and of
         any other shape; None where the map does not hold it.
-    further : loads of sections over the flight state; None for none.
     parameters : what further parameters of the flow change; None where the map holds none.
     """
 
@@ -103,17 +101,18 @@ class ManifoldMap:
     shape_field: ShapeField | None = field(default=None, metadata=inner_record(ShapeField, SHAPE_UNITS))
     sensor_gain_std: FloatArray | None = None
     sensor_common_gain_std: FloatArray | None = None
-    further: FurtherTables | None = field(default=None, metadata=inner_record(FurtherTables, FURTHER_UNITS))
     parameters: ParameterTables | None = field(
         default=None, metadata=inner_record(ParameterTables, PARAMETER_UNITS)
     )
 
     def __post_init__(self) -> None:
-        n_d, k = self.tables.n_gauges, self.error_strain.shape[1]
+        (n_d, k), n_f = self.error_strain.shape, len(self.error_load)
         shapes = {
+            "response": (*self.response.shape[:2], n_d + n_f, *self.response.shape[3:]),
+            "fixed_response": (n_d + n_f,),
             "gauge_covariance": (n_d, n_d),
             "error_strain": (n_d, k),
-            "error_load": (5, k),
+            "error_load": (n_f, k),
             "gauge_error_product": (21, n_d),
             "common_error": (len(self.common_error), 6, n_d),
             "mach_range": (2,),
@@ -130,11 +129,8 @@ class ManifoldMap:
             if np.shape(value) != shape or not np.all(np.isfinite(value)):
                 raise InputError(f"{name}: expected finite values of shape {shape}, got {np.shape(value)}")
         self._check_field()
-        if self.further is not None:
-            self.further.check(self.tables)
         if self.parameters is not None:
-            n_further = 0 if self.further is None else len(self.further.variance)
-            self.parameters.check(self.response.shape, n_further)
+            self.parameters.check(self.response.shape)
         held = None if self.shape_field is None else self.shape_field.parameters
         powers = None if self.parameters is None else self.parameters.powers
         if held is not None and (powers is None or len(held.unit_error) != len(powers.power)):
@@ -146,9 +142,9 @@ class ManifoldMap:
             return
         knots = (len(self.mach_knots) + 2, len(self.incidence_knots) + 2)
         found = held.amplitude.shape[:2], held.strain_covariance.shape[-1]
-        if found != (knots, self.tables.n_gauges):
+        if found != (knots, self.n_gauges):
             raise InputError(
-                f"pressure_field: expected tables of {knots} for {self.tables.n_gauges} gauges, "
+                f"pressure_field: expected tables of {knots} for {self.n_gauges} gauges, "
                 f"got {found[0]} for {found[1]}"
             )
 
@@ -156,6 +152,16 @@ class ManifoldMap:
     def surface_field(self) -> FlightField | ShapeField | None:
         """The pressure on the surface that the map holds, if any."""
         return self.pressure_field if self.shape_field is None else self.shape_field
+
+    @property
+    def n_gauges(self) -> int:
+        """Number of gauges n_d."""
+        return len(self.error_strain)
+
+    @property
+    def n_loads(self) -> int:
+        """Number of loads n_f."""
+        return len(self.error_load)
 
     @property
     def n_sensors(self) -> int:
@@ -173,19 +179,25 @@ class ManifoldMap:
         return self._of_rows(self.common_gain_std, self.sensor_common_gain_std)
 
     def _of_rows(self, of_gauges: float, of_sensors: FloatArray | None) -> FloatArray:
-        rows = np.full(self.tables.n_gauges, of_gauges)
+        rows = np.full(self.n_gauges, of_gauges)
         if of_sensors is not None and len(of_sensors):
             rows[-len(of_sensors) :] = of_sensors
         return rows
 
     @cached_property
     def tables(self) -> FlightTables:
-        """Strain and loads over the flight state."""
+        """Strain and the five loads over the flight state."""
+        return self.tables_of(FIVE_LOADS.stop)
+
+    def tables_of(self, n_loads: int) -> FlightTables:
+        """Return strain and the first ``n_loads`` loads over the flight state."""
+        n = self.n_gauges + n_loads
         return FlightTables(
             mach_knots=self.mach_knots,
             incidence_knots=self.incidence_knots,
-            response=self.response,
-            fixed_response=self.fixed_response,
+            response=self.response[:, :, :n],
+            fixed_response=self.fixed_response[:n],
+            n_loads=n_loads,
         )
 
     @cached_property
@@ -212,7 +224,7 @@ class ManifoldMap:
     @cached_property
     def shapes(self) -> FloatArray:
         """(n_d, n_s) ``discrepancy_shapes``, n_s = 0 for none."""
-        none = np.zeros((self.tables.n_gauges, 0))
+        none = np.zeros((self.n_gauges, 0))
         return none if self.discrepancy_shapes is None else self.discrepancy_shapes
 
     @cached_property
@@ -228,12 +240,12 @@ class ManifoldMap:
 
     @cached_property
     def load_strain_covariance(self) -> FloatArray:
-        """(5, n_d) of their loads with their strain, per p_inf^2."""
+        """(n_f, n_d) of their loads with their strain, per p_inf^2."""
         return np.asarray(self.error_load @ self.error_strain.T)
 
     @cached_property
     def load_covariance(self) -> FloatArray:
-        """(5, 5) of their loads, per p_inf^2."""
+        """(n_f, n_f) of their loads, per p_inf^2."""
         return np.asarray(self.error_load @ self.error_load.T)
 
 

@@ -47,20 +47,20 @@ def factors(slope: FloatArray) -> tuple[FloatArray, FloatArray]:
     return found, of_rows
 
 
-def error_products(tables: ParameterTables, n_d: int, n_further: int) -> FloatArray:
+def error_products(tables: ParameterTables, n_d: int, n_loads: int) -> FloatArray:
     """Return (k, size) products of errors.
 
     They are of what no parameter makes, of pairs of one parameter's powers, and of each spread.
     """
-    found, powers = [_product(tables.error, tables.error, n_d, n_further)], powers_of(tables)
+    found, powers = [_product(tables.error, tables.error, n_d, n_loads)], powers_of(tables)
     for own in powers:
         for first, a in enumerate(own):
             for b in own[first:]:
-                both = _product(tables.unit_error[a], tables.unit_error[b], n_d, n_further)
+                both = _product(tables.unit_error[a], tables.unit_error[b], n_d, n_loads)
                 if a != b:
-                    both = both + _product(tables.unit_error[b], tables.unit_error[a], n_d, n_further)
+                    both = both + _product(tables.unit_error[b], tables.unit_error[a], n_d, n_loads)
                 found.append(both)
-    return np.array([*found, *(_product(one, one, n_d, n_further) for one in tables.spread_error)])
+    return np.array([*found, *(_product(one, one, n_d, n_loads) for one in tables.spread_error)])
 
 
 def powers_of(tables: ParameterTables) -> list[list[int]]:
@@ -69,19 +69,19 @@ def powers_of(tables: ParameterTables) -> list[list[int]]:
     return [np.flatnonzero(own == one).tolist() for one in range(len(tables.powers.mean))]
 
 
-def _product(a: FloatArray, b: FloatArray, n_d: int, n_further: int) -> FloatArray:
+def _product(a: FloatArray, b: FloatArray, n_d: int, n_loads: int) -> FloatArray:
     """Return what the estimator needs of ``a`` (n, k) times ``b`` (n, k) transposed, as one row.
 
-    Strain with strain, loads with strain, loads with loads, further loads with strain, each further load with
-    itself.
+    Strain with strain, the five loads with strain and with each other, the others with strain, each of the
+    others with itself.
     """
     n = n_d + 5
-    strain, loads, further = b[:n_d].T.copy(), b[n_d:n].T.copy(), slice(n, n + n_further)
+    strain, loads, others = b[:n_d].T.copy(), b[n_d:n].T.copy(), slice(n, n_d + n_loads)
     parts = (
         product(a[:n_d], strain),
         product(a[n_d:n], strain),
         product(a[n_d:n], loads),
-        product(a[further], strain),
-        np.sum(a[further] * b[further], axis=1),
+        product(a[others], strain),
+        np.sum(a[others] * b[others], axis=1),
     )
     return np.concatenate([part.ravel() for part in parts])

@@ -58,7 +58,7 @@ class Powers:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ParameterTables:
-    """Tables of n rows by J powers of n_p parameters: strains, loads, further loads.
+    """Tables of n rows by J powers of n_p parameters: strains, then all loads.
 
     Attributes
     ----------
@@ -75,15 +75,15 @@ class ParameterTables:
     spread_error: FloatArray
     error: FloatArray
 
-    def check(self, shape: tuple[int, ...], further: int) -> None:
-        """Check shapes against ``shape`` of the tables of strain and loads, and the number of ``further`` loads.
+    def check(self, shape: tuple[int, ...]) -> None:
+        """Check shapes against ``shape`` of the tables of strain and loads.
 
         Raises
         ------
         InputError
             A shape is wrong or a value is not finite.
         """
-        n_p, n_j, n = len(self.powers.mean), len(self.powers.power), shape[2] + further
+        n_p, n_j, n = len(self.powers.mean), len(self.powers.power), shape[2]
         shapes = {
             "slope": (*shape[:2], n_j, n, *shape[3:]),
             "unit_error": (n_j, n, self.unit_error.shape[-1]),
@@ -165,18 +165,7 @@ def with_known(manifold: ManifoldMap, value: FloatArray, std: FloatArray) -> Man
 def _changed(manifold: ManifoldMap, change: FloatArray, errors: FloatArray) -> ManifoldMap:
     """Return ``manifold`` with ``change`` (n_M + 2, n_a + 2, n, n_m, 2) added to its tables, and ``errors``
     (n, k) per p_inf in place of its own."""
-    n_d, n, further = manifold.tables.n_gauges, manifold.response.shape[2], manifold.further
-    if further is not None:
-        further = replace(
-            further,
-            response=further.response + change[:, :, n:],
-            strain_covariance=errors[n:] @ errors[:n_d].T,
-            variance=np.sum(errors[n:] ** 2, axis=1),
-        )
+    n_d = manifold.n_gauges
     return replace(
-        manifold,
-        response=manifold.response + change[:, :, :n],
-        error_strain=errors[:n_d],
-        error_load=errors[n_d:n],
-        further=further,
+        manifold, response=manifold.response + change, error_strain=errors[:n_d], error_load=errors[n_d:]
     )

@@ -8,6 +8,7 @@ from strainfmu.arrays import FloatArray
 from strainfmu.estimator.air_data import AIR_DATA_NAMES, air_data_of_state
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.map.strain_covariance import strain_covariance
+from strainfmu.estimator.other_loads import FIVE_LOADS
 from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, N_STATES, U, W, evaluate
 from strainfmu.estimator.tables.manifold_map import ManifoldMap
 from strainfmu.fmu.reference_run.flight_path import FlightPath, flight_path
@@ -47,7 +48,7 @@ def flight_of_tables(inverse_map: InverseMap, path: FlightPath) -> ReferenceFlig
         covariance=covariance,
         residual_precision=_free_precision(covariance[middle], jacobian[middle, :n]),
         noise_std=white_noise(inverse_map.noise_std, manifold.gauge_covariance),
-        load_strain_covariance=square * manifold.load_strain_covariance,
+        load_strain_covariance=square * manifold.load_strain_covariance[FIVE_LOADS],
         air_data={f"air_data.{name}": values for name, values in air_data.items()},
     )
 

@@ -15,7 +15,6 @@ from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.flow_parameters import flow_parameters
 from strainfmu.estimator.map.inverse_map import LOAD_NAMES, InverseMap
-from strainfmu.estimator.map.offers import estimates_other_loads
 from strainfmu.estimator.settings import default_settings
 from strainfmu.interface.input_names import given_flow
 from strainfmu.interface.parameter_variables import OUTSIDE_PREFIX
@@ -52,7 +51,7 @@ class MapBlocks:
         self.parameter_names = estimator.parameters.names
         sharpens = manifold is not None and manifold.parameters is not None
         self.sharpening: tuple[str, ...] = self.parameter_names if sharpens else ()
-        self.has_loads = estimates_other_loads(inverse_map)
+        self.has_loads = inverse_map.has_other_loads
         air_data = AIR_DATA_COLUMNS if estimator.is_nonlinear else ()
         self.further_columns = (*air_data, *_further_columns(inverse_map, self.has_loads))
         self.row_names = inverse_map.gauge_names

@@ -12,17 +12,17 @@ import pytest
 from agreement import tracked
 from damaged_resource import arrays_of, put, refusal, with_arrays
 from flight_fmu import FIRST, N_D, FlightFmu, random_flight, whole_map
-from further_maps import STATIONS, with_further_tables
+from further_maps import STATIONS, of_five_loads, with_further_tables
 from raw_fmu import OK, Fmu3
 from thermal_maps import REFERENCE, with_temperature
 
+from strainfmu.errors import InputError
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.map.offers import has_other_outputs
 from strainfmu.estimator.resource.map_file import map_arrays
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 from strainfmu.interface.estimator_variables import output_values
-from strainfmu.interface.further_variables import has_section_loads_by_strain_alone
 
 pytestmark = pytest.mark.fast
 
@@ -98,14 +98,13 @@ def test_arrays_of_fmi_3(fmu: FlightFmu, inverse_map: InverseMap, resources: Pat
     assert np.concatenate(found).tobytes() == fmu.get_reals(OUTPUTS).tobytes()
 
 
-def test_tables_without_loads_state_none(inverse_map: InverseMap) -> None:
-    assert inverse_map.manifold is not None
-    older = replace(inverse_map, manifold=replace(inverse_map.manifold, further=None))
+def test_tables_have_the_loads_of_their_map(inverse_map: InverseMap) -> None:
+    five = of_five_loads(inverse_map)
     assert has_other_outputs(inverse_map)
-    assert not has_other_outputs(older)
-    assert has_section_loads_by_strain_alone(older)
-    assert not has_section_loads_by_strain_alone(inverse_map)
-    assert not any(name.startswith("flight_loads.") for name in map_arrays(older))
+    assert not has_other_outputs(five)
+    assert not any(name.startswith("flight_loads.") for name in map_arrays(five))
+    with pytest.raises(InputError, match="inverse map: tables of 5 loads, must be of 24"):
+        replace(inverse_map, manifold=five.manifold)
 
 
 @pytest.mark.parametrize(
