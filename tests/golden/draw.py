@@ -274,7 +274,7 @@ def table_rows(
     manifold = m.manifold
     assert manifold is not None
     k, n, one = len(state), m.n_gauges, 1 if lasting else len(state)
-    noise = np.sqrt(np.diag(manifold.gauge_covariance)) if not m.has_temperature else np.full(n, COLD_NOISE)
+    noise = np.full(n, COLD_NOISE) if m.has_temperature else np.sqrt(np.diag(manifold.gauge_covariance))
     discrepancy = random.standard_normal((one, manifold.error_strain.shape[1])) @ manifold.error_strain.T
     gain = manifold.gain_std * random.standard_normal((one, n)) + manifold.common_gain * random.normal(
         size=(one, 1)

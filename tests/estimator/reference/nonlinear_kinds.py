@@ -103,7 +103,7 @@ def drawn(m: InverseMap, kind: Kind, n: int, seed: int) -> Samples:
         value = powers.mean + powers.spread * random.uniform(-1.0, 1.0, (n, len(names)))
         std = random.choice([0.02, 0.1, 0.5, np.nan], value.shape, p=[0.3, 0.3, 0.2, 0.2])
         more |= {"parameter": value, "parameter_std": std, "names": names}
-    noise = manifold.gauge_covariance if not m.has_temperature else np.eye(m.n_gauges) * COLD_NOISE**2
+    noise = np.eye(m.n_gauges) * COLD_NOISE**2 if m.has_temperature else manifold.gauge_covariance
     rows = np.empty((n, m.n_gauges))
     for k, at in enumerate(state):
         known = tables
