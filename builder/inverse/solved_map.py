@@ -61,7 +61,6 @@ def inverse_map_of(
         dynamic_pressure_range=ranges.dynamic_pressure,
         mach_number_range=ranges.mach_number,
         altitude_range=ranges.altitude,
-        thermal=with_isothermal(problem.thermal, solution.noise.terms),
         form=problem.entry.form,
         **_errors(problem, solution),
         **(_parts_that_follow(problem, coefficients) if problem.entry.form == "dynamic_pressure" else {}),
@@ -83,19 +82,21 @@ def _rows(gauges: GaugeLayout, sensors: SensorSet | None) -> dict[str, Any]:
 
 
 def _errors(problem: Problem, solution: Solution) -> dict[str, Any]:
-    """Return the fields of a map on its errors, and its further loads, which share their columns.
+    """Return the fields of a map on its errors, temperature among them; its further loads share their columns.
 
     In form "absolute" nothing follows the dynamic pressure; terms without a load then need no columns either.
     """
     scaling = [term for term in solution.noise.terms if term.scales]
     fixed = [term.strain @ term.strain.T for term in solution.noise.terms if not term.scales]
     m = 0 if problem.further_operator is None else len(problem.further_operator)
+    thermal = with_isothermal(problem.thermal, solution.noise.terms)
     strain, load = _compressed(scaling, len(problem.strain_operator), m)
     return {
         "gauge_covariance": np.sum(fixed, axis=0),
         "error_strain": strain,
         "error_load": load[:5],
         "further": further_loads(problem, solution, load[5:]),
+        **({} if thermal is None else {"thermal": thermal}),
     }
 
 

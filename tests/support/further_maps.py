@@ -23,16 +23,13 @@ M = 1 + 6 * len(STATIONS)
 
 def with_further(inverse_map: InverseMap, combination: np.ndarray = COMBINATION) -> InverseMap:
     """Return ``inverse_map`` with further loads that are ``combination`` (7, 5) times its loads."""
-
-    def of(rows: np.ndarray | None) -> np.ndarray | None:
-        return None if rows is None else combination @ rows
-
+    fixed = inverse_map.fixed_load
     further = FurtherLoads(
         section_station=STATION,
         load_per_state=combination @ inverse_map.load_per_state,
         load_of_mean=combination @ inverse_map.load_of_mean,
         error_load=combination @ inverse_map.error_load,
-        fixed_load=of(inverse_map.fixed_load),
+        fixed_load=combination @ fixed if fixed.any() else None,
     )
     return replace(inverse_map, further=further)
 

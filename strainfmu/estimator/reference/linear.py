@@ -107,9 +107,6 @@ def excess_covariance(inverse_map: InverseMap, coefficients: FloatArray) -> Floa
     hold.
     """
     of_gauge, common, mean = inverse_map.gauge_error_product, inverse_map.common_error, inverse_map.mean_product
-    n = inverse_map.n_gauges
-    if of_gauge is None or common is None or mean is None:
-        return np.zeros((len(coefficients), n, n))
     c = np.hstack([np.ones((len(coefficients), 1)), coefficients])
     products = c[:, :, None] * c[:, None, :]
     first, second = np.triu_indices(6)
@@ -117,19 +114,19 @@ def excess_covariance(inverse_map: InverseMap, coefficients: FloatArray) -> Floa
     at_mean[first, second] = at_mean[second, first] = mean
     own = (products - at_mean)[:, first, second] @ of_gauge  # of_gauge counts pairs a < b twice
     shared = np.einsum("kab,tai,tbj->kij", products - at_mean, common, common, optimize=True)
-    return np.asarray(shared + own[:, :, None] * np.eye(n))
+    return np.asarray(shared + own[:, :, None] * np.eye(inverse_map.n_gauges))
 
 
 def _model(inverse_map: InverseMap) -> Model:
     errors, load_of_errors, further = inverse_map.error_strain, inverse_map.error_load, inverse_map.further
     states, load_of_states = inverse_map.state_operator, inverse_map.load_per_state
-    fixed_load, mean_load = _or_zero(inverse_map.fixed_load, LOADS), inverse_map.load_of_mean
+    fixed_load, mean_load = inverse_map.fixed_load, inverse_map.load_of_mean
     if further is not None:
         load_of_states = np.vstack([load_of_states, further.load_per_state])
         load_of_errors = np.vstack([load_of_errors, further.error_load])
         fixed_load = np.append(fixed_load, _or_zero(further.fixed_load, len(further.load_of_mean)))
         mean_load = np.append(mean_load, further.load_of_mean)
-    fixed = _or_zero(inverse_map.fixed_strain, len(states))
+    fixed = inverse_map.fixed_strain
     parts = {"fixed": fixed, "mean": inverse_map.mean_strain - fixed, "noise": inverse_map.gauge_covariance}
     parts |= {"output_fixed": fixed_load, "output_mean": mean_load - fixed_load}
     if inverse_map.case == 1:
