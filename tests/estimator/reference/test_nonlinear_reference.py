@@ -137,7 +137,7 @@ def test_searches_end_in_the_same_state(name: str) -> None:
 
 ONE_APART = pytest.mark.xfail(
     strict=True,
-    reason="one of 2,000 samples of this kind, without air data and at M 4.2 below the tables, is 1e-4 deviations apart",
+    reason="one of 2,000 samples, without air data and at M 4.2 below the tables, is 1e-4 deviations apart",
 )
 
 
