@@ -2,13 +2,14 @@
 
 Arrays and numbers become data sets; a tuple of names a data set of byte strings; a string an attribute; a
 dictionary an attribute holding JSON, or a data set where it is too long for one; a record inside a record is a
-group of its own; None is left out and comes back as None.
+group of its own; None is left out and comes back as None. A field of :data:`OPTIONAL` metadata that a file leaves
+out comes back as its default.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import Field, fields, is_dataclass
 from os import PathLike
 from typing import Any, TypeVar, cast
@@ -24,13 +25,22 @@ Record = TypeVar("Record")
 LONGEST_ATTRIBUTE = 32_768
 """Bytes above which text goes into a data set: HDF5 holds attributes of less than 64 KiB."""
 
+OPTIONAL: dict[str, Any] = {"optional": True}
+"""Metadata of a field that files may leave out, with a default for it."""
+
 
 def save_record(
-    record: Any, path: str | PathLike[str], schema: str, schema_version: int, units: Mapping[str, str]
+    record: Any,
+    path: str | PathLike[str],
+    schema: str,
+    schema_version: int,
+    units: Mapping[str, str],
+    left_out: Collection[str] = (),
 ) -> str:
     """Write a dataclass ``record`` to ``path`` atomically and return its content hash.
 
-    ``units`` holds the unit of each field; fields without one are of unit 1.
+    ``units`` holds the unit of each field; fields without one are of unit 1. The fields ``left_out`` are not
+    written.
 
     Raises
     ------
@@ -38,16 +48,20 @@ def save_record(
         The file could not be written; what was there before is untouched.
     """
 
-    return write_hdf5_atomically(path, schema, schema_version, lambda file: write_record(file, record, units))
+    return write_hdf5_atomically(
+        path, schema, schema_version, lambda file: write_record(file, record, units, left_out)
+    )
 
 
-def write_record(group: h5py.Group, record: Any, units: Mapping[str, str]) -> None:
+def write_record(group: h5py.Group, record: Any, units: Mapping[str, str], left_out: Collection[str] = ()) -> None:
     """Write the fields of a dataclass into ``group``, so that a file can hold a record and more beside it.
 
     A field that is a record states its type and units in its metadata, see :func:`inner_record`.
     """
     for entry in fields(record):
         value = getattr(record, entry.name)
+        if entry.name in left_out:
+            continue
         if isinstance(value, dict):
             # Entries inside keep their order: that of a map's parameters of the flow is that of their tables.
             text = json.dumps(dict(sorted(value.items())))
@@ -89,7 +103,8 @@ def read_record(kind: type[Record], group: h5py.Group) -> Record:
         An entry is missing or no value of its type, or ``kind`` refuses the values.
     """
     try:
-        values = {entry.name: _read_field(group, entry) for entry in fields(cast(Any, kind))}
+        entries = [entry for entry in fields(cast(Any, kind)) if not _is_left_out(group, entry)]
+        values = {entry.name: _read_field(group, entry) for entry in entries}
     except (KeyError, ValueError) as error:
         raise InputError(f"damaged, {error.args[0]}") from error
     return kind(**values)
@@ -98,6 +113,10 @@ def read_record(kind: type[Record], group: h5py.Group) -> Record:
 def inner_record(kind: type[Any], units: Mapping[str, str]) -> dict[str, Any]:
     """Return the metadata of a field that holds a record of type ``kind``, or None."""
     return {"record": kind, "units": units}
+
+
+def _is_left_out(group: h5py.Group, entry: Field[Any]) -> bool:
+    return bool(entry.metadata.get("optional")) and entry.name not in group
 
 
 def _read_field(group: h5py.Group, entry: Field[Any]) -> Any:

@@ -40,9 +40,7 @@ class RandomWalkCandidate:
         self.inverse_map = inverse_map
         self._gauges = inverse_map.gauge_covariance
         self._error_strain, self._error_load = inverse_map.error_strain, inverse_map.error_load[FIVE_LOADS]
-        zero, none = np.zeros(inverse_map.n_gauges), np.zeros(5)
-        self._fixed_strain = zero if inverse_map.fixed_strain is None else inverse_map.fixed_strain
-        self._fixed_load = none if inverse_map.fixed_load is None else inverse_map.fixed_load[FIVE_LOADS]
+        self._fixed_strain, self._fixed_load = inverse_map.fixed_strain, inverse_map.fixed_load[FIVE_LOADS]
         self._scaled = self._error_strain @ self._error_strain.T
         self._answered: tuple[Readings, Answer] | None = None
 

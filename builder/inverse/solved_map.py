@@ -62,7 +62,6 @@ def inverse_map_of(
         dynamic_pressure_range=ranges.dynamic_pressure,
         mach_number_range=ranges.mach_number,
         altitude_range=ranges.altitude,
-        thermal=with_isothermal(problem.thermal, solution.noise.terms),
         form=problem.entry.form,
         **_errors(problem, solution),
         **(_parts_that_follow(problem, coefficients) if problem.entry.form == "dynamic_pressure" else {}),
@@ -84,14 +83,20 @@ def _rows(gauges: GaugeLayout, sensors: SensorSet | None) -> dict[str, Any]:
 
 
 def _errors(problem: Problem, solution: Solution) -> dict[str, Any]:
-    """Return the fields of a map on its errors.
+    """Return the fields of a map on its errors, temperature among them.
 
     In form "absolute" nothing follows the dynamic pressure; terms without a load then need no columns either.
     """
     scaling = [term for term in solution.noise.terms if term.scales]
     fixed = [term.strain @ term.strain.T for term in solution.noise.terms if not term.scales]
+    thermal = with_isothermal(problem.thermal, solution.noise.terms)
     strain, load = _compressed(scaling, len(problem.strain_operator), len(problem.load_operator))
-    return {"gauge_covariance": np.sum(fixed, axis=0), "error_strain": strain, "error_load": load}
+    return {
+        "gauge_covariance": np.sum(fixed, axis=0),
+        "error_strain": strain,
+        "error_load": load,
+        **({} if thermal is None else {"thermal": thermal}),
+    }
 
 
 def _parts_that_follow(problem: Problem, coefficients: FloatArray) -> dict[str, Any]:

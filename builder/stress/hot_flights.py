@@ -179,7 +179,7 @@ def lines_of(flights: HotFlights, cold: InverseMap, warm: InverseMap) -> list[st
     """Return a table: rms errors of the coefficients, C_A's over that of the cold flights, coverage, flagged."""
     head = "".join(f"{name:>7s}" for name in COEFFICIENT_NAMES)
     rows = [f"{'rms error in 1e-4':52s}{head}{'C_A/cold':>10s}{'3 sigma %':>11s}{'not OK %':>10s}"]
-    n = len(warm.thermal.sensor_names) if warm.thermal is not None else 0
+    n = warm.thermal.n_sensors
     none = np.full_like(flights.temperature, np.nan)
     for kind in ("linear", "nonlinear"):
         first = None

@@ -284,7 +284,7 @@ class EstimatorSlave(Fmi2Slave):
     def _temperature(self) -> np.ndarray | None:
         """Return (n_t,) what the sensors read [K], None where none of them tells anything."""
         temperature = self._values[self._temperatures]
-        if self._thermal is None or not known_sensors(self._thermal, temperature).any():
+        if not known_sensors(self._thermal, temperature).any():
             return None
         return temperature
 

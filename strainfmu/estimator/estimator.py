@@ -500,10 +500,9 @@ class Estimator:
         """Return the readings of the temperature sensors [K], NaN of those that give none."""
         if temperature is None:
             return nan
-        thermal = self.inverse_map.thermal
-        if thermal is None:
+        values, n_t = real_numbers("temperature", temperature), self.inverse_map.thermal.n_sensors
+        if np.size(values) and not self.inverse_map.has_temperature:
             raise InputError("temperature: expected none, the map was built without [temperature]")
-        values, n_t = real_numbers("temperature", temperature), thermal.n_sensors
         if values.shape not in ((n_t,), (samples, n_t)):
             raise InputError(f"temperature: expected ({n_t},) or ({samples}, {n_t}) values, got {values.shape}")
         return values

@@ -74,8 +74,7 @@ class NumpyCore:
             raise NoCoreError("the nonlinear estimator needs the compiled core")
         self.resource, self._map = resource, inverse_map
         n, n_strains = inverse_map.n_gauges, inverse_map.n_strain_gauges
-        n_t = 0 if inverse_map.thermal is None else inverse_map.thermal.n_sensors
-        has_thrust = inverse_map.sensors is not None and bool(inverse_map.sensors.follows_thrust.any())
+        n_t, has_thrust = inverse_map.thermal.n_sensors, inverse_map.sensors.follows_thrust.any()
         m = inverse_map.n_loads - LOADS if has_other_outputs(inverse_map) else 0
         n_p = len(flow_parameters(inverse_map).names)
         self.n_rows = n
@@ -176,14 +175,11 @@ class NumpyCore:
             common_std=float(self._setting("zero_common_std")[0]),
         )
         theta = of["temperature"]
-        warm_known = (
-            np.zeros(theta.shape, dtype=bool) if held.thermal is None else known_sensors(held.thermal, theta)
-        )
-        key = np.hstack([used, warm_known])
+        key = np.hstack([used, known_sensors(held.thermal, theta)])
         for one in np.unique(key, axis=0):
             at = np.flatnonzero((key == one).all(axis=1))
             known, amplitude, left = one[n:], None, None
-            if known.any() and held.thermal is not None:
+            if known.any():
                 of_sensors = amplitudes(held.thermal, theta[at], known)
                 amplitude, left = of_sensors.mean, of_sensors.covariance
             rows = rows_of(held, readings[at], np.zeros(len(at)), zeros, amplitude)
@@ -214,7 +210,7 @@ class NumpyCore:
     def _used(self, readings: FloatArray, mask: BoolArray | None, flow: _Flow) -> BoolArray:
         """Return (k, n_d) the sensors in use: in range, in ``mask``, and not all exactly 0 in a flow."""
         sensors, strain = self._map.sensors, float(self._setting("sensor_range")[0])
-        largest = strain if sensors is None else np.where(sensors.is_strain, strain, sensors.largest)
+        largest = np.where(sensors.is_strain, strain, sensors.largest)
         used: BoolArray = np.abs(readings) <= largest  # false for NaN
         if mask is not None:
             used &= mask
@@ -259,10 +255,8 @@ class NumpyCore:
         worst = np.argmax(np.abs(z), axis=1)
         suspicious = np.abs(z[np.arange(len(z)), worst]) > threshold
         spaces, five = half_spaces(held), slice(0, LOADS)
-        score = np.zeros(len(q))
-        if spaces is not None:
-            covariance = of_map.coefficient_covariance[:, five, five]
-            score = envelope_score(spaces, of_map.coefficients[:, five], covariance)
+        covariance = of_map.coefficient_covariance[:, five, five]
+        score = envelope_score(spaces, of_map.coefficients[:, five], covariance)
         health = np.full(len(q), HealthState.OK if used.all() else HealthState.DEGRADED)
         # The later takes the place of the earlier.
         health[score > held.envelope_score_limit] = HealthState.OUTSIDE

@@ -120,9 +120,8 @@ class _Records:
         length = settings.reference_length
         self.references = settings.reference_area * np.array([1.0, 1.0, 1.0, length, length])
         thermal = self.map.thermal
-        none = np.zeros((0, 0)) if thermal is None else np.diag(thermal.prior_std**2)
-        n_t = 0 if thermal is None else thermal.n_sensors
-        self.cold = self.warm = Warm(np.zeros(n_t, dtype=bool), np.zeros(len(none)), none)
+        none = np.diag(thermal.prior_std**2)
+        self.cold = self.warm = Warm(np.zeros(thermal.n_sensors, dtype=bool), np.zeros(len(none)), none)
 
     def value(self, record: FloatArray, name: str) -> float:
         place = self.layout[name]
@@ -131,8 +130,6 @@ class _Records:
     def warm_of(self, record: FloatArray) -> Warm:
         """Return what the temperature sensors of a sample say of the modes."""
         thermal = self.map.thermal
-        if thermal is None:
-            return self.cold
         temperature = record[self.layout["temperature"]][None]
         known = known_sensors(thermal, temperature)[0]
         if not known.any():
@@ -153,11 +150,8 @@ class _Records:
         """Return rows (n_d,) at the amplitudes of ``warm`` and their ``errors`` (k,), linear about these."""
         n, thrust = self.map.n_gauges, np.array([self.value(record, "thrust")])
         readings, amplitude = np.where(used, record[:n], 0.0)[None], (warm.amplitude + errors)[None]
-        if self.map.thermal is None:
-            found = rows_of(self.map, readings, thrust, self.zeros)[0]
-        else:
-            found = rows_of(self.map, readings, thrust, self.zeros, amplitude)[0]
-            found = found + self.map.thermal.linear_strain @ errors
+        found = rows_of(self.map, readings, thrust, self.zeros, amplitude)[0]
+        found = found + self.map.thermal.linear_strain @ errors
         return np.where(used, found, 0.0)
 
 
@@ -416,8 +410,7 @@ class LinearSmoother(_Records):
         record, valid = found.sample, found.valid
         names = ("dynamic_pressure", "dynamic_pressure_std")
         more: dict[str, Any] = {name: record[:, self.layout[name].start] for name in names}
-        if self.map.thermal is not None:
-            more["temperature"] = record[:, self.layout["temperature"]]
+        more["temperature"] = record[:, self.layout["temperature"]]
         if self.layout["thrust"].stop > self.layout["thrust"].start:
             more["thrust"] = record[:, self.layout["thrust"].start]
         static = self.estimator.estimate(record[:, : self.map.n_gauges], valid=valid, **more)

@@ -135,7 +135,7 @@ def _at_temperature(
 ) -> tuple[InverseMap, FloatArray]:
     """Return the map with the noise of the sample, and its rows (n_d,) at the reference temperature [m/m]."""
     thermal, amplitude, held = inverse_map.thermal, None, inverse_map
-    if thermal is not None and np.isfinite(sample.temperature).any():
+    if np.isfinite(sample.temperature).any():
         known = known_sensors(thermal, sample.temperature[None])[0]
         sensors = sensor_set(thermal, known)
         rise = np.where(known, sample.temperature - thermal.reference_temperature, 0.0)

@@ -46,11 +46,8 @@ def identifier(name: str) -> str:
 
 def reading_units(inverse_map: InverseMap) -> dict[str, str]:
     """Return the unit, as FMI has it, of each further sensor and of thrust by name of the input."""
-    found = {}
-    if inverse_map.sensors is not None:
-        units = inverse_map.sensors.unit[inverse_map.n_strain_gauges :]
-        names = sensor_names(inverse_map)
-        found = {name: _UNITS.get(unit, unit) for name, unit in zip(names, units, strict=True)}
+    names, units = sensor_names(inverse_map), inverse_map.sensors.unit[inverse_map.n_strain_gauges :]
+    found = {name: _UNITS.get(unit, unit) for name, unit in zip(names, units, strict=True)}
     return found | ({THRUST: "N"} if has_thrust(inverse_map) else {})
 
 
@@ -61,7 +58,7 @@ def reading_names(inverse_map: InverseMap) -> tuple[str, ...]:
 
 def has_thrust(inverse_map: InverseMap) -> bool:
     """Return whether thrust moves a reading of the map."""
-    return inverse_map.sensors is not None and bool(inverse_map.sensors.follows_thrust.any())
+    return bool(inverse_map.sensors.follows_thrust.any())
 
 
 def sensor_inputs(inverse_map: InverseMap) -> list[Variable]:
@@ -69,10 +66,8 @@ def sensor_inputs(inverse_map: InverseMap) -> list[Variable]:
 
     They have no minimum and no maximum: what lies beyond the range of a sensor is left out, and health states it.
     """
-    sensors = inverse_map.sensors
-    if sensors is None:
-        return []
-    first, units = inverse_map.n_strain_gauges, [_UNITS.get(unit, unit) for unit in sensors.unit]
+    sensors, first = inverse_map.sensors, inverse_map.n_strain_gauges
+    units = [_UNITS.get(unit, unit) for unit in sensors.unit]
     size = sensors.scale * inverse_map.strain_range
     return [
         Variable(

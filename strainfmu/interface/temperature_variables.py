@@ -14,19 +14,18 @@ TEMPERATURE_ARRAYS = {
 }
 
 
-def temperature_names(thermal: ThermalMap | None) -> tuple[str, ...]:
-    """Return ``temperature[1]`` .. of the sensors; none without modes."""
-    count = 0 if thermal is None else thermal.n_sensors
-    return tuple(f"temperature[{i}]" for i in range(1, count + 1))
+def temperature_names(thermal: ThermalMap) -> tuple[str, ...]:
+    """Return ``temperature[1]`` .. of the sensors."""
+    return tuple(f"temperature[{i}]" for i in range(1, thermal.n_sensors + 1))
 
 
-def with_temperature_inputs(interface: Sequence[Variable], thermal: ThermalMap | None) -> tuple[Variable, ...]:
+def with_temperature_inputs(interface: Sequence[Variable], thermal: ThermalMap) -> tuple[Variable, ...]:
     """Return ``interface`` with the temperatures behind it, on which all outputs depend but one.
 
     The number of gauges in use follows from the readings as they come.
     """
     names = temperature_names(thermal)
-    if thermal is None or not names:
+    if not names:
         return tuple(interface)
     outputs = (
         replace(one, depends_on=(*one.depends_on, *names))

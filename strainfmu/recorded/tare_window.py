@@ -72,7 +72,7 @@ def _read(
         gauge_names=tuple(inverse_map.gauge_names[:n]),
         # All that an estimator of the map takes: recordings to be estimated are of use here as they are.
         flow=(*FLOW_NAMES, *NAVIGATION_NAMES, *parameters, *(f"{name}{STD}" for name in parameters), *readings),
-        sensors=() if inverse_map.thermal is None else inverse_map.thermal.sensor_names,
+        sensors=inverse_map.thermal.sensor_names,
         readings=readings,
         needs_pressure=False,
         computes_pressure=True,

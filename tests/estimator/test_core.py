@@ -21,6 +21,7 @@ from strainfmu.estimator.core import Core, library_file
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import InverseMap, save_inverse_map
+from strainfmu.estimator.map.neutral import nothing_of
 from strainfmu.estimator.numpy_core import NumpyCore
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 
@@ -87,7 +88,7 @@ def test_without_a_compiler_numpy_does_linear_maps_alone(
 
 def test_numpy_behind_the_same_interface(linear: InverseMap) -> None:
     """Without errors in proportion to strain, whose trace numpy has exactly and the core between its levels."""
-    linear = replace(linear, gauge_error_product=None, common_error=None, mean_product=None)
+    linear = replace(linear, **nothing_of(linear, "gauge_error_product", "common_error", "mean_product"))
     compiled = Estimator(linear)
     by_numpy = NumpyCore(linear, compiled.core.resource)
     names = ("inputs", "outputs", "fit")

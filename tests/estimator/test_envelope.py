@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.envelope import FlightRanges
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.map.neutral import nothing_of
 
 pytestmark = pytest.mark.fast
 
@@ -164,7 +166,7 @@ def test_the_limit_of_the_score_is_that_of_the_map() -> None:
 
 
 def test_a_map_without_an_envelope_is_nowhere_outside() -> None:
-    none = dict.fromkeys(("envelope_direction", "envelope_limit", "dynamic_pressure_range"))
-    inverse_map = enclosed(**none, mach_number_range=None, altitude_range=None)
+    ranges = ("dynamic_pressure_range", "mach_number_range", "altitude_range")
+    inverse_map = replace(enclosed(), **nothing_of(enclosed(), "envelope_direction", "envelope_limit", *ranges))
     strain = strain_of_normal_force(inverse_map, 3.0, 1e6)
     assert Estimator(inverse_map).step(strain, 1e6, mach_number=20.0).health == HealthState.OK

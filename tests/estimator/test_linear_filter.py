@@ -121,7 +121,6 @@ LINEAR = {"apparent_strain": np.zeros(0), "gauge_factor_slope": 0.0, "modulus_sl
 def warm_series(isothermal: InverseMap, k: int, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Strains (k, n_d), loads (k, 5), temperatures (k, n_t): modes decay, sensors have constant errors."""
     thermal, rng = with_temperature(isothermal, **LINEAR).thermal, np.random.default_rng(seed)
-    assert thermal is not None
     strain, loads = series(isothermal, k, seed, 1.0)
     start = thermal.prior_std * rng.standard_normal(len(thermal.prior_std))
     amplitude = np.exp(-DT * np.arange(k))[:, None] * start

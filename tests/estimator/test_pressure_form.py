@@ -32,8 +32,8 @@ def reference(
     a, n = s * inverse_map.state_operator[used], s * inverse_map.error_strain[used]
     own = inverse_map.gauge_covariance[np.ix_(used, used)]
     gamma = own + n @ n.T
-    fixed = np.zeros(inverse_map.n_gauges) if inverse_map.fixed_strain is None else inverse_map.fixed_strain
-    f0 = np.zeros(5) if inverse_map.fixed_load is None else inverse_map.fixed_load
+    fixed = inverse_map.fixed_strain
+    f0 = inverse_map.fixed_load
     r = (strain - fixed - s * (inverse_map.mean_strain - fixed))[used]
     weight = np.linalg.inv(gamma)
     information = a.T @ weight @ a + (0.0 if free else np.eye(a.shape[1]))

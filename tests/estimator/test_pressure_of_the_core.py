@@ -47,7 +47,7 @@ def field_of(kind: str) -> PressureField:
         state = np.array([manifold.mach_range.mean(), *(middle + 0.3 * half), np.log(5000.0)])
         strain, q = evaluate(tables_of(held), state)[0][:n], 0.7 * state[0] ** 2 * 5000.0
         given = {"mach_number": 1.005 * state[0], "static_pressure": 5050.0}
-    if held.thermal is not None:
+    if held.has_temperature:
         given["temperature"] = held.thermal.reference_temperature + np.array([2.0, -1.0, np.nan, 3.0])
     if kind.startswith("shape"):
         given |= {"parameters": {NAME: 1.0}, "parameters_std": {NAME: 0.1}}

@@ -46,7 +46,7 @@ def readings(m: InverseMap, random: Random, rows: np.ndarray, amplitude: np.ndar
     ``amplitude`` (k, n) are those of its temperature modes; None for a map without.
     """
     found: dict[str, Any] = {}
-    if m.thermal is not None and amplitude is not None:
+    if m.has_temperature and amplitude is not None:
         thermal = m.thermal
         rise = amplitude @ thermal.gauge_operator.T
         apparent = sum(one * rise ** (k + 1) for k, one in enumerate(thermal.apparent_strain))
@@ -55,17 +55,16 @@ def readings(m: InverseMap, random: Random, rows: np.ndarray, amplitude: np.ndar
         noise = thermal.sensor_std * random.standard_normal((len(rows), thermal.n_sensors))
         found["temperature"] = thermal.reference_temperature + amplitude @ thermal.sensor_operator.T + noise
     found["strain"] = rows
-    if m.sensors is not None:
+    if m.has_further_sensors:
         thrust = random.choice([0.0, 300.0, -40.0], len(rows))
-        response = np.zeros(m.n_gauges) if m.sensors.thrust_response is None else m.sensors.thrust_response
         found["thrust"] = thrust
-        found["strain"] = rows * m.sensors.scale + thrust[:, None] * response
+        found["strain"] = rows * m.sensors.scale + thrust[:, None] * m.sensors.thrust_response
     return found
 
 
 def drawn_amplitudes(m: InverseMap, random: Random, time: np.ndarray | None, k: int) -> np.ndarray | None:
     """Return (k, n) amplitudes of temperature modes: drawn for each sample, or falling over ``time`` (k,) [s]."""
-    if m.thermal is None:
+    if not m.has_temperature:
         return None
     prior = m.thermal.prior_std
     if time is None:
@@ -115,8 +114,8 @@ def linear_rows(m: InverseMap, random: Random, ratio: np.ndarray, state: np.ndar
         return np.asarray(
             m.mean_strain + state @ columns.T + random.standard_normal((len(ratio), m.n_gauges)) @ root.T
         )
-    own = m.gauge_covariance if m.thermal is None else m.thermal.isothermal_covariance
-    fixed = np.zeros(m.n_gauges) if m.fixed_strain is None else m.fixed_strain
+    own = m.thermal.isothermal_covariance
+    fixed = m.fixed_strain
     noise = random.standard_normal((len(ratio), m.n_gauges)) @ np.linalg.cholesky(own).T
     return np.asarray(fixed + ratio[:, None] * (m.mean_strain - fixed + state @ columns.T) + noise)
 
@@ -140,7 +139,7 @@ def linear_samples(m: InverseMap, seed: int, n: int) -> Inputs:
     ratio = np.where(ratio > 0.0, ratio, random.uniform(0.3, 3.0, n))
     found = readings(m, random, linear_rows(m, random, ratio), drawn_amplitudes(m, random, None, n))
     strain = found["strain"]
-    scale = np.ones(m.n_gauges) if m.sensors is None else m.sensors.scale
+    scale = m.sensors.scale
     noise = m.noise_std * scale
     for k in range(0, n, 4):
         gauge = random.integers(m.n_gauges)
@@ -154,7 +153,7 @@ def linear_samples(m: InverseMap, seed: int, n: int) -> Inputs:
     flow = {"dynamic_pressure": pressure, "dynamic_pressure_std": std, "mach_number": mach, "altitude": altitude}
     found |= {"strain": strain, **drawn_parameters(m, random, n)}
     lose_temperatures(random, found)
-    if m.sensors is not None:
+    if m.has_further_sensors:
         found["thrust"][::23] = np.nan
     return inputs_of(**found, valid=drawn_masks(random, n, m.n_gauges), flow=flow)
 
@@ -275,7 +274,7 @@ def table_rows(
     manifold = m.manifold
     assert manifold is not None
     k, n, one = len(state), m.n_gauges, 1 if lasting else len(state)
-    noise = np.sqrt(np.diag(manifold.gauge_covariance)) if m.thermal is None else np.full(n, COLD_NOISE)
+    noise = np.full(n, COLD_NOISE) if m.has_temperature else np.sqrt(np.diag(manifold.gauge_covariance))
     discrepancy = random.standard_normal((one, manifold.error_strain.shape[1])) @ manifold.error_strain.T
     gain = manifold.gain_std * random.standard_normal((one, n)) + manifold.common_gain * random.normal(
         size=(one, 1)

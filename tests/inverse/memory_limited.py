@@ -30,6 +30,7 @@ from builder.vehicle.gauges.layout import GaugeLayout
 from builder.vehicle.map.options import MapEntry, Noise
 from builder.vehicle.shape.geometry import surface_grid
 from strainfmu.estimator.map.inverse_map import save_inverse_map
+from strainfmu.estimator.map.neutral import nothing_of
 
 GIB = 2**30
 
@@ -94,7 +95,8 @@ def build(folder: Path) -> dict[str, object]:
         start = perf_counter()
         inverse_map = build_inverse_map(changed, snapshots, structure)
         found[f"case {case}, seconds"] = perf_counter() - start
-        bare = replace(inverse_map, field_mean=None, field_modes=None, point=None, triangle=None)
+        names = ("field_mean", "field_modes", "field_std", "point", "triangle")
+        bare = replace(inverse_map, **nothing_of(inverse_map, *names))
         for which, one in (("with", inverse_map), ("without", bare)):
             save_inverse_map(one, folder / "map.h5")
             found[f"case {case}, bytes {which} field"] = (folder / "map.h5").stat().st_size

@@ -26,6 +26,7 @@ from strainfmu.estimator.alarm_limits import correlations, minimal_isolable_bias
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, HealthState
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.map.neutral import nothing_of
 
 N_GAUGES = 54
 N_DRAWS = 4000
@@ -69,7 +70,7 @@ class Maps:
         problem = inverse_problem(self.vehicle, self.snapshots, structure)
         found = inverse_map_of(self.vehicle, self.snapshots, structure, problem, solve(problem))
         # Flights drawn from the map's own model leave what its snapshots cover.
-        return replace(found, envelope_direction=None, envelope_limit=None)
+        return replace(found, **nothing_of(found, "envelope_direction", "envelope_limit"))
 
 
 @pytest.fixture(scope="module")

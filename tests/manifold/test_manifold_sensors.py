@@ -98,7 +98,7 @@ def flights(vehicle: Vehicle, inverse_map: InverseMap, problem: Problem, held_ou
         force = base * p * base_area(vehicle) + friction * q * reference.area
         rows[:, n_g:] += np.outer(force, sensors.per_axial_force)
     rows += np.outer(inside * p * random.standard_normal(n), uniform)
-    scale = 1.0 if inverse_map.sensors is None else inverse_map.sensors.scale
+    scale = inverse_map.sensors.scale
     loads = net @ load_operator(grid, reference.moment_station).T
     size = reference.area * np.array([1.0, 1.0, 1.0, reference.length, reference.length])
     pressure = net + p[:, None]
@@ -187,7 +187,6 @@ def test_readings_of_the_tables_hold_base_pressure_and_friction(
     """At a snapshot the tables give its readings; the axial ones with 0.6 p_inf S and 0.01 q_inf S on top."""
     inverse_map, problem = equipped
     assert inverse_map.manifold is not None
-    assert inverse_map.sensors is not None
     condition = snapshots.conditions()[40]
     u, w = (condition.total_incidence * f(condition.leeward_roll_angle) for f in (np.cos, np.sin))
     state = np.array([[condition.mach_number, u, w, np.log(condition.ambient_pressure)]])
@@ -253,7 +252,6 @@ def test_filter_takes_sensors(vehicle: Vehicle, held_out: Snapshots, equipped: t
     inverse_map, problem = equipped
     flown = flights(with_sensors(vehicle, EVERY_KIND), inverse_map, problem, held_out, 1)
     random, static = np.random.default_rng(8), Estimator(inverse_map)
-    assert inverse_map.sensors is not None
     noise = inverse_map.noise_std * inverse_map.sensors.scale
     readings = flown.readings[0] + noise * random.standard_normal((10, inverse_map.n_gauges))
     q, mach, p = (float(one[0]) for one in flown[1:4])
@@ -282,7 +280,6 @@ def test_map_is_kept_in_a_file_and_its_fmu_gives_the_same(
     lost = ["none", "port_90deg", "imu_axial", "imu_pitch", "cell_axial", "tip_up", "fibre_90deg_1"]
     flown = flights(with_sensors(vehicle, EVERY_KIND), inverse_map, problem, held_out, len(lost))
     sensors, thrust, tracker = inverse_map.sensors, 250.0, Estimator(inverse_map)
-    assert sensors is not None
     names = ["C_A", "C_N", "C_Y", "M_P", "M_Y"]
     with loaded(tmp_path / "e.fmu", tmp_path / "x") as host:
         host.initialize()

@@ -77,8 +77,6 @@ def test_any_shape_is_unrolled() -> None:
     held = shape_map(keep_field=True)
     manifold = held.manifold
     assert manifold is not None
-    assert held.point is not None
-    assert held.triangle is not None
     state = np.array([6.5, 0.03, 0.0, np.log(4000.0)])  # leeward at the top
     strain = evaluate(manifold.tables, state[None]).value[0, : held.n_gauges]
     q = 0.7 * 6.5**2 * 4000.0
@@ -136,7 +134,6 @@ def test_navigation_of_a_mapping_is_in_the_pressure() -> None:
 
 def test_temperatures_are_in_the_pressure() -> None:
     held = with_temperature(field_map())
-    assert held.thermal is not None
     sample, readings = cycle(), REFERENCE + np.array([40.0, 15.0, np.nan, 25.0])
     given = dict(zip(temperature_names(held.thermal), readings.tolist(), strict=True))
     found, cold = (

@@ -57,7 +57,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def drawn() -> tuple[np.ndarray, np.ndarray]:
     """Rows of the map [m/m], and what gauges and sensors read of them; one sensor fails for a while."""
     held, random = with_sensors(plain_map()), np.random.default_rng(3)
-    assert held.sensors is not None
     rows = held.mean_strain + held.noise_std * random.normal(size=(K, N))
     rows[3:6, N - N_S + 2] = np.nan
     rows[7, N - 1] = 2.0 * LARGEST
@@ -139,7 +138,6 @@ def test_a_sensor_without_a_column_is_left_out(folder: Path, tmp_path: Path, sou
 def test_suspects_and_residuals_have_names(folder: Path, tmp_path: Path) -> None:
     rows, _ = drawn()
     held = with_sensors(plain_map())
-    assert held.sensors is not None
     rows[:] = held.mean_strain
     rows[5, N - N_S + 1] += 4e-4
     data = written(tmp_path / "d.csv", rows * held.sensors.scale + THRUST[:, None] * held.sensors.thrust_response)
@@ -173,7 +171,6 @@ def test_nonlinear_estimator_takes_them(tmp_path: Path, filtered: bool) -> None:
     """Recorded in units of their own, with thrust: the estimates of Python step by step."""
     held = with_sensors(whole_map())
     save_inverse_map(held, tmp_path / "map.h5")
-    assert held.sensors is not None
     flown = random_flight(held, K, seed=6)
     rows = np.array([one.strain for one in flown])
     rows[3:6, N_D - N_S + 2] = np.nan
@@ -271,7 +268,6 @@ def test_a_unit_is_refused(folder: Path, tmp_path: Path) -> None:
 def test_without_thrust_it_is_none(folder: Path, tmp_path: Path) -> None:
     rows, readings = drawn()
     held = with_sensors(plain_map())
-    assert held.sensors is not None
     data = written(tmp_path / "d.csv", readings - THRUST[:, None] * held.sensors.thrust_response)
     lines = [line.rpartition(",")[0] for line in data.read_text(encoding="utf-8").splitlines()]
     data.write_text("\n".join(lines) + "\n", encoding="utf-8")

@@ -25,6 +25,7 @@ from builder.vehicle.file import Vehicle, load_vehicle
 from builder.vehicle.map.options import MapEntry
 from builder.vehicle.map_needs import used_layouts
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.map.neutral import nothing_of
 
 NEWTONIAN = '[aerodynamics]\nengine = "newtonian"\nleeward = "prandtl_meyer"\n'
 
@@ -131,11 +132,8 @@ def map_of_some(case: ReportCase, problem: Problem, solution: Solution, kept: li
         load_per_state=problem.load_operator @ solution.field_modes,
         mean_strain=solved.mean_strain,
         form="absolute",
-        fixed_strain=None,
-        fixed_load=None,
-        gauge_error_product=None,
-        common_error=None,
-        mean_product=None,
+        **nothing_of(whole, "fixed_strain", "fixed_load", "gauge_error_product", "common_error", "mean_product"),
+        **nothing_of(whole, "sensors", "thermal"),
     )
 
 

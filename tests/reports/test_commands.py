@@ -22,6 +22,7 @@ from builder.vehicle.file import Vehicle
 from strainfmu.cli.inspection.files import inspect_artefact
 from strainfmu.cli.inspection.inverse_map import detectable_bias, hessian_eigenvalues
 from strainfmu.estimator.map.inverse_map import load_inverse_map, save_inverse_map
+from strainfmu.estimator.map.neutral import nothing_of
 from strainfmu.estimator.map.validity import ValidRange, valid_ranges
 
 Parts = tuple[Vehicle, Snapshots, StructuralModel]
@@ -141,6 +142,7 @@ def test_ranges_for_a_reader(case: ReportCase) -> None:
         assert found["total incidence, at any roll angle"].text == "0 to 6.70575 deg"
         assert found["altitude"].text == "0 to 40 km"
     assert found["|strain| of the gauge that strains most"].maximum == 1e6 * case.inverse_map.strain_range.max()
-    without = {"mach_number_range": None, "altitude_range": None, "dynamic_pressure_range": None}
+    ranges = ("mach_number_range", "altitude_range", "dynamic_pressure_range")
+    without = nothing_of(case.inverse_map, *ranges)
     older = replace(case.inverse_map, provenance={"altitude_m": 22e3}, **without)
     assert valid_ranges(older)[0] == ValidRange(quantity="altitude", minimum=22.0, maximum=22.0, unit="km")

@@ -42,7 +42,7 @@ def with_further(inverse_map: InverseMap, combination: np.ndarray = COMBINATION)
         load_per_state=of(inverse_map.load_per_state),
         load_of_mean=of(inverse_map.load_of_mean),
         error_load=of(inverse_map.error_load),
-        fixed_load=None if inverse_map.fixed_load is None else of(inverse_map.fixed_load),
+        fixed_load=of(inverse_map.fixed_load),
     )
 
 

@@ -28,7 +28,7 @@ def linear_flight(inverse_map: InverseMap, steps: int, seed: int, poor: bool = T
     own, errors = inverse_map.gauge_covariance, inverse_map.error_strain
     columns, n = np.hstack([inverse_map.state_operator, errors]), inverse_map.n_gauges
     root = np.linalg.cholesky(own)
-    fixed = np.zeros(n) if inverse_map.fixed_strain is None else inverse_map.fixed_strain
+    fixed = inverse_map.fixed_strain
     state, valid = random.standard_normal(columns.shape[1]), np.ones(n, dtype=bool)
     for k in range(steps):
         state = 0.999 * state + np.sqrt(1.0 - 0.999**2) * random.standard_normal(len(state))

@@ -16,7 +16,6 @@ def warm_flight(held: InverseMap, steps: int, seed: int, time_step: float) -> li
     ``time_step`` [s] lies between two of them.
     """
     thermal, random = held.thermal, np.random.default_rng(seed)
-    assert thermal is not None
     start = thermal.prior_std * random.standard_normal(len(thermal.prior_std))
     amplitude = np.exp(-time_step * np.arange(steps))[:, None] * start
     error = thermal.sensor_std * random.standard_normal(thermal.n_sensors)

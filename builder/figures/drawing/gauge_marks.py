@@ -47,9 +47,9 @@ def shown_bias(inverse_map: InverseMap, bias: FloatArray) -> tuple[FloatArray, s
 
     Beside further sensors, whose units differ, a bias counts in standard deviations of the row's noise.
     """
-    if inverse_map.sensors is None:
-        return 1e6 * bias, "bias [um/m]"
-    return bias / inverse_map.noise_std, "bias [sigma of its noise]"
+    if inverse_map.has_further_sensors:
+        return bias / inverse_map.noise_std, "bias [sigma of its noise]"
+    return 1e6 * bias, "bias [um/m]"
 
 
 def kind_label(kind: str, position: FloatArray, direction: FloatArray) -> str:

@@ -40,7 +40,7 @@ def gauge_values(
     bias, of_bias = shown_bias(inverse_map, detectable_bias)
     columns = [*grown.T, bias]
     labels = [*(f"lost: sigma of {name} grows [%]" for name in NAMES), f"detectable {of_bias}"]
-    units = shown_units(inverse_map.sensors, inverse_map.n_gauges)
+    units = shown_units(inverse_map.sensors)
     details = [
         "<br>".join(
             (
@@ -137,9 +137,8 @@ def gauge_places(inverse_map: InverseMap) -> tuple[dict[str, Any], list[str]]:
     position = inverse_map.gauge_position
     roll = roll_degrees(position)
     names = direction_names(position, inverse_map.gauge_direction)
-    if inverse_map.sensors is not None:
-        n = inverse_map.n_strain_gauges
-        names[n:] = inverse_map.sensors.kind[n:]
+    n = inverse_map.n_strain_gauges
+    names[n:] = inverse_map.sensors.kind[n:]
     offset = [KIND_OFFSETS[kind] for kind in _kinds(inverse_map)]
     texts = [
         f"{name}, {direction}<br>x {at:.4g} m, roll {angle:.4g} deg"

@@ -92,8 +92,7 @@ def scene_of(
     InputError
         ``excluded`` names no gauge of the map.
     """
-    one = inverse_map
-    shown = np.ones(one.n_gauges, dtype=bool) if one.sensors is None else one.sensors.is_strain
+    one, shown = inverse_map, inverse_map.sensors.is_strain
     names = tuple(name for name, is_shown in zip(one.gauge_names, shown, strict=True) if is_shown)
     for name in excluded:
         if name not in names:

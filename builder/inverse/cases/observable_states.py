@@ -27,14 +27,13 @@ def on_observable_states(inverse_map: InverseMap) -> InverseMap:
         return inverse_map
     right = whitened_spectrum(inverse_map.state_operator, inverse_map.noise_covariance).right
     observable = right[:, :n_gauges]
-    field = inverse_map.field_modes
     return replace(
         inverse_map,
         **_with_hidden_loads(inverse_map, observable, right[:, n_gauges:]),
         state_operator=inverse_map.state_operator @ observable,
         load_per_state=inverse_map.load_per_state @ observable,
         field_std=_with_hidden(inverse_map, observable),
-        field_modes=None if field is None else field @ observable.astype(np.float32),
+        field_modes=inverse_map.field_modes @ observable.astype(np.float32),
     )
 
 
@@ -55,14 +54,12 @@ def _with_hidden_loads(inverse_map: InverseMap, observable: FloatArray, hidden: 
     }
 
 
-def _with_hidden(inverse_map: InverseMap, observable: FloatArray) -> NDArray[np.float32] | None:
+def _with_hidden(inverse_map: InverseMap, observable: FloatArray) -> NDArray[np.float32]:
     """Return (n_p,) standard deviation [Pa] of the field that no state holds, the states left out included.
 
     All states are standard normal: a node has the variance of all of them less that of the observable ones.
     """
     field, std = inverse_map.field_modes, inverse_map.field_std
-    if field is None or std is None:
-        return None
     kept = field @ observable.astype(np.float32)
     hidden = np.einsum("pq,pq->p", field, field) - np.einsum("pq,pq->p", kept, kept)
     return np.sqrt(std**2 + np.maximum(hidden, 0.0)).astype(np.float32)

@@ -37,7 +37,7 @@ def with_score_limit(inverse_map: InverseMap, problem: Problem, solution: Soluti
     else:
         q = np.full(SAMPLES, nominal)
     stated = q * (1.0 + inverse_map.dynamic_pressure_error * random.standard_normal(SAMPLES))
-    readings = samples if inverse_map.sensors is None else samples * inverse_map.sensors.scale
+    readings = samples * inverse_map.sensors.scale
     score = np.asarray(Estimator(inverse_map.without_tables()).estimate(readings, stated).envelope_score)
     limit = max(tail_quantile(score[np.isfinite(score)], FALSE_OUTSIDE), SMALLEST_LIMIT)
     return replace(inverse_map, envelope_score_limit=limit)

@@ -11,7 +11,7 @@ from builder.reports.build_report.report import BuildReport
 from builder.reports.page.tables import Column, Table, make_table
 from builder.structure.observability import direction_names
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
-from strainfmu.estimator.map.sensors import SensorRows, shown_units
+from strainfmu.estimator.map.sensors import shown_units
 
 
 def gauges(report: BuildReport) -> Table:
@@ -24,8 +24,9 @@ def gauges(report: BuildReport) -> Table:
     )
 
 
-def sensors_table(report: BuildReport, sensors: SensorRows) -> Table:
+def sensors_table(report: BuildReport) -> Table:
     """Return the table of the further sensors, each in its own unit."""
+    sensors = report.inverse_map.sensors
     rows = range(sensors.n_strain_gauges, len(sensors.kind))
     held = _rows_of_map(report, rows)
     kinds = zip(sensors.kind[rows.start :], sensors.unit[rows.start :], strict=True)
@@ -61,7 +62,7 @@ def _value_columns(unit: str, largest: str) -> tuple[Column, ...]:
 def _rows_of_map(report: BuildReport, rows: range) -> list[tuple[str, tuple[Any, ...], tuple[Any, ...]]]:
     """Return name, place and values of ``rows`` of the map, in the units that are shown."""
     one, value = report.inverse_map, report.gauges
-    units = shown_units(one.sensors, one.n_gauges)
+    units = shown_units(one.sensors)
     position = one.gauge_position
     roll = [degrees(angle) % 360.0 for angle in np.arctan2(position[:, 1], position[:, 2])]
     directions = direction_names(position, one.gauge_direction)

@@ -38,7 +38,7 @@ def report_tables(report: BuildReport) -> dict[str, Table]:
         sigmas_without(report),
         noise(report),
         gauges(report),
-        *((sensors_table(report, held),) if (held := report.inverse_map.sensors) is not None else ()),
+        *((sensors_table(report),) if report.inverse_map.has_further_sensors else ()),
         worst_losses(report),
         worst_pairs(report),
         alike(report),

@@ -99,11 +99,10 @@ def estimated_at(
     """
     manifold = estimator.inverse_map.manifold
     assert manifold is not None
-    rows = estimator.inverse_map.sensors
     strain = strain_at(manifold, state)
     mach, static, dynamic = air_data_at(state, navigation).T
     return estimator.estimate(
-        strain if rows is None else strain * rows.scale,
+        strain * estimator.inverse_map.sensors.scale,
         dynamic,
         valid,
         mach_number=mach,

@@ -84,7 +84,7 @@ def inspect_map(path: Path, folder: Path | None, console: Console) -> None:
         console.print(_eigenvalues(loaded))
     console.print(_coefficients(loaded))
     console.print(_gauges(loaded))
-    if loaded.thermal is not None:
+    if loaded.has_temperature:
         console.print(temperature_table(loaded.thermal))
         console.print(temperature_sensors(loaded.thermal))
     if folder is not None:
@@ -124,7 +124,7 @@ def _summary(loaded: InverseMap, title: str, content_hash: str) -> Table:
         table.add_row("gamma, found by", f"{loaded.regularisation:.6g}, {escape(rule)}")
     table.add_row("degrees of freedom of chi-square", str(loaded.residual_degrees_of_freedom))
     table.add_row("reference area, length", f"{loaded.reference_area:.6g} m2, {loaded.reference_length:.6g} m")
-    table.add_row("pressure field", "held" if loaded.field_modes is not None else "not held")
+    table.add_row("pressure field", "held" if loaded.has_field else "not held")
     # Maps state the choice of modes in full, but older ones only which were skipped.
     in_choice = ("modes_skipped",) if "mode_choice" in loaded.provenance else ()
     for row in provenance_rows(loaded.provenance, (*SHOWN_APART, *in_choice)):
@@ -218,7 +218,7 @@ def _gauges(loaded: InverseMap) -> Table:
     )
     table = _table(title, ("gauge",), *numbers)
     bias = detectable_bias(loaded)
-    shown = shown_units(loaded.sensors, loaded.n_gauges)
+    shown = shown_units(loaded.sensors)
     for i, (name, unit) in enumerate(zip(loaded.gauge_names, shown, strict=True)):
         x, y, z = loaded.gauge_position[i]
         roll = degrees(np.arctan2(y, z)) % 360.0

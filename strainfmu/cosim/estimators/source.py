@@ -88,7 +88,7 @@ class MapStep:
     def __init__(self, inverse_map: InverseMap, zeros: GaugeZeros | None = None) -> None:
         self._map = inverse_map
         self.needs_pressure = inverse_map.manifold is None
-        self.sensor_names = () if inverse_map.thermal is None else inverse_map.thermal.sensor_names
+        self.sensor_names = inverse_map.thermal.sensor_names
         self._temperatures = temperature_names(inverse_map.thermal)
         self._estimator = Estimator(inverse_map, zeros=zeros)
         self._parameters = parameter_names(inverse_map)

@@ -48,12 +48,12 @@ def linear_pressure(inputs: FieldInputs | None, valid: BoolArray, with_std: bool
         The map holds no pressure field.
     """
     held = None if inputs is None else inputs.inverse_map
-    if inputs is None or held is None or held.field_mean is None or held.field_modes is None:
+    if inputs is None or held is None or not held.has_field:
         raise no_field()
     scaled = held.form == "dynamic_pressure"
     ratio = float(inputs.dynamic_pressure) / held.nominal_dynamic_pressure if scaled else 1.0
     few = held.case == 1 and np.count_nonzero(valid) < held.state_operator.shape[1]
-    is_net = bool(held.field_is_net)
+    is_net = held.field_is_net
     if not ratio > 0.0 or few or not valid.any():
         return unknown_field(len(held.field_mean), is_net)
     of = _states(held, inputs.strain, ratio, valid)
@@ -70,8 +70,7 @@ def linear_pressure(inputs: FieldInputs | None, valid: BoolArray, with_std: bool
     )
     std = ratio * _with_unresolved(held, np.sqrt(variance))
     if scaled:
-        fixed = np.zeros(held.n_gauges) if held.fixed_strain is None else held.fixed_strain
-        by_ratio = mean + modes @ (of.gain @ (fixed - held.mean_strain)[valid])
+        by_ratio = mean + modes @ (of.gain @ (held.fixed_strain - held.mean_strain)[valid])
         error = float(inputs.dynamic_pressure_std) / held.nominal_dynamic_pressure
         std = np.hypot(std, by_ratio * error)
     return PressureField(pressure=pressure, std=std, is_net=is_net)
@@ -80,7 +79,7 @@ def linear_pressure(inputs: FieldInputs | None, valid: BoolArray, with_std: bool
 def _states(held: InverseMap, strain: FloatArray, ratio: float, valid: BoolArray) -> _States:
     if held.form == "dynamic_pressure":
         own, error = held.gauge_covariance, held.error_strain
-        fixed = np.zeros(held.n_gauges) if held.fixed_strain is None else held.fixed_strain
+        fixed = held.fixed_strain
         data = (strain - fixed) / ratio + fixed - held.mean_strain
         whole = own / ratio**2 + error @ error.T
     else:
@@ -105,11 +104,8 @@ def _state_covariance(held: InverseMap, of: _States) -> FloatArray:
 def _excess(held: InverseMap, state: FloatArray, valid: BoolArray) -> FloatArray:
     """Return what errors in proportion to strain add to the covariance of the ``valid`` gauges at ``state``."""
     errors = error_model(held)
-    n = int(np.count_nonzero(valid))
-    if errors is None:
-        return np.zeros((n, n))
-    fixed = np.zeros(5) if held.fixed_load is None else held.fixed_load[FIVE_LOADS]
-    loads = held.load_of_mean[FIVE_LOADS] - fixed + held.load_per_state[FIVE_LOADS] @ state
+    mean = held.load_of_mean - held.fixed_load
+    loads = mean[FIVE_LOADS] + held.load_per_state[FIVE_LOADS] @ state
     coefficients = loads / (held.nominal_dynamic_pressure * map_references(held))
     products = excess_products(errors, coefficients[None])[0]
     of_pair = np.zeros((6, 6))
@@ -126,7 +122,5 @@ def _with_unresolved(held: InverseMap, std: FloatArray) -> FloatArray:
 
     In Case 1 its strain is part of the states' error, so that the two depend on each other: the sum bounds both.
     """
-    if held.field_std is None:
-        return std
     rest = held.field_std.astype(float)
     return std + rest if held.case == 1 else np.hypot(std, rest)

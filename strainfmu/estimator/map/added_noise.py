@@ -26,8 +26,7 @@ def with_added_noise(inverse_map: InverseMap, covariance: FloatArray) -> Inverse
     flight, thermal = inverse_map.manifold, inverse_map.thermal
     if flight is not None:
         flight = replace(flight, gauge_covariance=flight.gauge_covariance + covariance)
-    if thermal is not None:
-        thermal = replace(thermal, isothermal_covariance=thermal.isothermal_covariance + covariance)
+    thermal = replace(thermal, isothermal_covariance=thermal.isothermal_covariance + covariance)
     own = inverse_map.gauge_covariance + covariance
     return replace(inverse_map, gauge_covariance=own, manifold=flight, thermal=thermal)
 

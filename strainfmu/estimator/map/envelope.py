@@ -49,22 +49,17 @@ class FlightRanges:
     altitude: FloatArray
 
 
-def half_spaces(inverse_map: InverseMap) -> HalfSpaces | None:
-    """Return the half-spaces of ``inverse_map``, None where it states none."""
-    direction, limit = inverse_map.envelope_direction, inverse_map.envelope_limit
-    return None if direction is None or limit is None else HalfSpaces(direction=direction, limit=limit)
+def half_spaces(inverse_map: InverseMap) -> HalfSpaces:
+    """Return the half-spaces of ``inverse_map``."""
+    return HalfSpaces(direction=inverse_map.envelope_direction, limit=inverse_map.envelope_limit)
 
 
 def flight_ranges(inverse_map: InverseMap) -> FlightRanges:
-    """Return the ranges of ``inverse_map``, without bounds where it states none."""
-
-    def bounds(stated: FloatArray | None) -> FloatArray:
-        return np.array([-np.inf, np.inf]) if stated is None else stated
-
+    """Return the ranges of ``inverse_map``."""
     return FlightRanges(
-        dynamic_pressure=bounds(inverse_map.dynamic_pressure_range),
-        mach_number=bounds(inverse_map.mach_number_range),
-        altitude=bounds(inverse_map.altitude_range),
+        dynamic_pressure=inverse_map.dynamic_pressure_range,
+        mach_number=inverse_map.mach_number_range,
+        altitude=inverse_map.altitude_range,
     )
 
 

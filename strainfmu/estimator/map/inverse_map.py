@@ -29,17 +29,26 @@ from numpy.typing import NDArray
 
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.estimator.map.innovation import estimate_gain, innovation_whitening, inverse_cholesky
-from strainfmu.estimator.map.inverse_map_checks import check_inverse_map
+from strainfmu.estimator.map.inverse_map_checks import check_arrays, check_groups, check_inverse_map
 from strainfmu.estimator.map.load_errors import load_error_covariance, load_error_model, load_gain
+from strainfmu.estimator.map.neutral import (
+    fill,
+    neutral_arrays,
+    neutral_fields,
+    neutral_parts,
+    no_indices,
+    no_numbers,
+    no_singles,
+)
 from strainfmu.estimator.map.sensors import UNITS as SENSOR_UNITS
-from strainfmu.estimator.map.sensors import SensorRows
+from strainfmu.estimator.map.sensors import SensorRows, strain_rows
 from strainfmu.estimator.map.temperature import UNITS as THERMAL_UNITS
-from strainfmu.estimator.map.temperature import ThermalMap
+from strainfmu.estimator.map.temperature import ThermalMap, no_temperature
 from strainfmu.estimator.numerics.fixed_order import product
 from strainfmu.estimator.other_loads import is_moment, other_load_names
 from strainfmu.estimator.tables.manifold_map import UNITS as MANIFOLD_UNITS
 from strainfmu.estimator.tables.manifold_map import ManifoldMap
-from strainfmu.records import inner_record, load_record, save_record
+from strainfmu.records import OPTIONAL, inner_record, load_record, save_record
 
 SCHEMA = "strainfmu.inverse_map"
 SCHEMA_VERSION = 9
@@ -83,27 +92,31 @@ class InverseMap:
     reference_length : L [m].
     nominal_dynamic_pressure : mean q_inf of the snapshots [Pa].
     provenance : what the map was built from: settings, versions, hashes, the flight envelope.
-    field_mean, field_modes : (n_p,) [Pa] and (n_p, n_q) [Pa/state], p = field_mean + field_modes q, or None.
-    field_std : (n_p,) standard deviation of the pressure that no state holds, as of truncated modes [Pa], or None.
-    field_is_net : whether that field is p - p_inf; None without a field.
-    point, triangle : (n_p, 3) [m] and (n_t, 3), the surface of that field, or None.
+    field_mean, field_modes : (n_p,) [Pa] and (n_p, n_q) [Pa/state], p = field_mean + field_modes q. A map
+        without a pressure field has n_p = 0 nodes.
+    field_std : (n_p,) standard deviation of the pressure that no state holds, as of truncated modes [Pa].
+    field_is_net : whether that field is p - p_inf.
+    point, triangle : (n_p, 3) [m] and (n_t, 3), the surface of that field.
     form : one of :data:`FORMS`.
     fixed_strain, fixed_load : (n_d,) d_0 [m/m] and (n_f,) f_0 [N, N m], which do not follow q_inf, as those of an
-        internal pressure that is not the ambient one; part of ``mean_strain`` and ``load_of_mean``. None for none.
-    gauge_error_product : (21, n_d), common_error : (n_t, 6, n_d), mean_product : (21,), see
-        :class:`~strainfmu.estimator.map.proportional_errors.ErrorModel`; None where no error follows the current
-        strain.
+        internal pressure that is not the ambient one; part of ``mean_strain`` and ``load_of_mean``. 0 for none.
+    gauge_error_product : (21, n_d) [(m/m)^2], common_error : (n_t, 6, n_d) [m/m], mean_product : (21,) [1], see
+        :class:`~strainfmu.estimator.map.proportional_errors.ErrorModel`; 0 and no terms where no error follows the
+        current strain.
     dynamic_pressure_error : standard deviation of q_inf relative to q_inf, where the caller states none [1].
     chi_square_scale, outlier_scale : factors on the alarm levels of chi-square and of the square of the largest
         |z|, from data of an independent model [1].
-    envelope_direction, envelope_limit : (n, 5) [1] and (n,) half-spaces of the coefficients, or None.
+    envelope_direction, envelope_limit : (n, 5) [1] and (n,) half-spaces of the coefficients; n = 0 for none.
     envelope_score_limit : standard deviations beyond them that count as outside [1].
-    dynamic_pressure_range, mach_number_range, altitude_range : (2,) [Pa, 1, m] of validity, or None.
-    sensors : what the rows measure, where some are no strain gauges; None for gauges alone. All other fields hold
-        the rows as strain, readings over ``sensors.scale``.
+    dynamic_pressure_range, mach_number_range, altitude_range : (2,) [Pa, 1, m] of validity; -inf to inf where
+        nothing bounds them.
+    sensors : what the rows measure. All other fields hold the rows as strain, readings over ``sensors.scale``.
     section_station : (n_s,) x of the sections [m], rising; none where no sections are wanted.
-    thermal : modes of the wall's temperature and sensors of it; None in a map that knows of none.
+    thermal : modes of the wall's temperature and sensors of it; of a map that knows of none, no modes.
     manifold : tables of the nonlinear estimator for the same gauges; None in a map for the linear one alone.
+
+    Data that a map does not have are neutral: zeros, no rows, no bounds (:mod:`strainfmu.estimator.map.neutral`).
+    A caller leaves them out, or gives an array without values.
     """
 
     vehicle: str
@@ -126,33 +139,42 @@ class InverseMap:
     reference_length: float
     nominal_dynamic_pressure: float
     provenance: dict[str, Any] = field(default_factory=dict)
-    field_mean: NDArray[np.float32] | None = None
-    field_modes: NDArray[np.float32] | None = None
-    field_std: NDArray[np.float32] | None = None
-    field_is_net: bool | None = None
-    point: NDArray[np.float32] | None = None
-    triangle: NDArray[np.int32] | None = None
+    field_mean: NDArray[np.float32] = field(default_factory=no_singles, metadata=OPTIONAL)
+    field_modes: NDArray[np.float32] = field(default_factory=no_singles, metadata=OPTIONAL)
+    field_std: NDArray[np.float32] = field(default_factory=no_singles, metadata=OPTIONAL)
+    field_is_net: bool = field(default=False, metadata=OPTIONAL)
+    point: NDArray[np.float32] = field(default_factory=no_singles, metadata=OPTIONAL)
+    triangle: NDArray[np.int32] = field(default_factory=no_indices, metadata=OPTIONAL)
     form: str = "absolute"
-    fixed_strain: FloatArray | None = None
-    fixed_load: FloatArray | None = None
-    gauge_error_product: FloatArray | None = None
-    common_error: FloatArray | None = None
-    mean_product: FloatArray | None = None
+    fixed_strain: FloatArray = field(default_factory=no_numbers, metadata=OPTIONAL)
+    fixed_load: FloatArray = field(default_factory=no_numbers, metadata=OPTIONAL)
+    gauge_error_product: FloatArray = field(default_factory=no_numbers, metadata=OPTIONAL)
+    common_error: FloatArray = field(default_factory=no_numbers, metadata=OPTIONAL)
+    mean_product: FloatArray = field(default_factory=no_numbers, metadata=OPTIONAL)
     dynamic_pressure_error: float = 0.0
     chi_square_scale: float = 1.0
     outlier_scale: float = 1.0
-    envelope_direction: FloatArray | None = None
-    envelope_limit: FloatArray | None = None
+    envelope_direction: FloatArray = field(default_factory=no_numbers, metadata=OPTIONAL)
+    envelope_limit: FloatArray = field(default_factory=no_numbers, metadata=OPTIONAL)
     envelope_score_limit: float = DEFAULT_SCORE_LIMIT
-    dynamic_pressure_range: FloatArray | None = None
-    mach_number_range: FloatArray | None = None
-    altitude_range: FloatArray | None = None
-    sensors: SensorRows | None = field(default=None, metadata=inner_record(SensorRows, SENSOR_UNITS))
-    section_station: FloatArray = field(default_factory=lambda: np.zeros(0))
-    thermal: ThermalMap | None = field(default=None, metadata=inner_record(ThermalMap, THERMAL_UNITS))
+    dynamic_pressure_range: FloatArray = field(default_factory=no_numbers, metadata=OPTIONAL)
+    mach_number_range: FloatArray = field(default_factory=no_numbers, metadata=OPTIONAL)
+    altitude_range: FloatArray = field(default_factory=no_numbers, metadata=OPTIONAL)
+    sensors: SensorRows = field(
+        default_factory=lambda: strain_rows(0), metadata=OPTIONAL | inner_record(SensorRows, SENSOR_UNITS)
+    )
+    section_station: FloatArray = field(default_factory=no_numbers)
+    thermal: ThermalMap = field(
+        default_factory=lambda: no_temperature(np.zeros((0, 0))),
+        metadata=OPTIONAL | inner_record(ThermalMap, THERMAL_UNITS),
+    )
     manifold: ManifoldMap | None = field(default=None, metadata=inner_record(ManifoldMap, MANIFOLD_UNITS))
 
     def __post_init__(self) -> None:
+        check_groups(self)
+        fill(self, neutral_arrays(self))
+        check_arrays(self)
+        fill(self, neutral_parts(self))
         check_inverse_map(self)
 
     def _repr_html_(self) -> str:
@@ -172,7 +194,7 @@ class InverseMap:
     @property
     def n_strain_gauges(self) -> int:
         """Number of strain gauges, the first rows; all of them in a map without further sensors."""
-        return self.n_gauges if self.sensors is None else self.sensors.n_strain_gauges
+        return self.sensors.n_strain_gauges
 
     @property
     def n_states(self) -> int:
@@ -204,6 +226,26 @@ class InverseMap:
     def follows_pressure(self) -> bool:
         """Whether strain, loads and errors but the gauges' own follow the dynamic pressure."""
         return self.form == "dynamic_pressure"
+
+    @property
+    def has_field(self) -> bool:
+        """Whether the map holds the pressure on the surface."""
+        return len(self.field_mean) > 0
+
+    @property
+    def has_further_sensors(self) -> bool:
+        """Whether some rows are no strain gauges."""
+        return self.n_strain_gauges < self.n_gauges
+
+    @property
+    def has_temperature(self) -> bool:
+        """Whether the map knows what the wall's temperature strains."""
+        return self.thermal.n_modes > 0
+
+    @property
+    def errors_follow_strain(self) -> bool:
+        """Whether some errors follow the current strain."""
+        return bool(self.gauge_error_product.any() or self.common_error.any())
 
     # What follows from the fields.
 
@@ -310,7 +352,8 @@ def save_inverse_map(inverse_map: InverseMap, path: str | PathLike[str]) -> str:
     StrainfmuError
         The file could not be written; what was there before is untouched.
     """
-    return save_record(inverse_map, Path(path), SCHEMA, SCHEMA_VERSION, _units(inverse_map.case))
+    units, left_out = _units(inverse_map.case), neutral_fields(inverse_map)
+    return save_record(inverse_map, Path(path), SCHEMA, SCHEMA_VERSION, units, left_out)
 
 
 def load_inverse_map(path: str | PathLike[str]) -> InverseMap:

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.innovation import inverse_cholesky
 from strainfmu.estimator.other_loads import FIVE_LOADS, SECTION_LOADS
@@ -20,20 +19,21 @@ CASES = (1, 2)
 FORMS = ("dynamic_pressure", "absolute")
 """Strain in proportion to q_inf, for any altitude; the paper's, for the pressure level of the snapshots."""
 
+RANGES = ("dynamic_pressure_range", "mach_number_range", "altitude_range")
+"""Fields of a map that are smallest and largest value of what it holds for."""
+
 _ROUND_OFF = 1e-6
 """Largest relative difference between numbers that are equal but for round-off."""
 
 
 def check_inverse_map(inverse_map: InverseMap) -> None:
-    """Check a map.
+    """Check a map whose groups and arrays are checked.
 
     Raises
     ------
     InputError
         A part is missing, or has another shape or value than it must have.
     """
-    _check_number_of_loads(inverse_map)
-    _check_arrays(inverse_map)
     _check_field(inverse_map)
     _check_values(inverse_map)
     _check_form(inverse_map)
@@ -45,9 +45,9 @@ def _check_parts(inverse_map: InverseMap) -> None:
     """Check that sensors, temperature modes and tables are of the map's gauges."""
     n_d = inverse_map.n_gauges
     sensors, manifold, thermal = inverse_map.sensors, inverse_map.manifold, inverse_map.thermal
-    if sensors is not None and len(sensors.kind) != n_d:
+    if len(sensors.kind) != n_d:
         raise InputError(f"inverse map: sensors of {len(sensors.kind)} rows, must be {n_d}")
-    if thermal is not None and len(thermal.mode_strain) != n_d:
+    if len(thermal.mode_strain) != n_d:
         raise InputError(
             f"inverse map: thermal: temperature modes of {len(thermal.mode_strain)} gauges, must be of {n_d}"
         )
@@ -73,8 +73,32 @@ def _check_number_of_loads(inverse_map: InverseMap) -> None:
         )
 
 
-def _check_arrays(inverse_map: InverseMap) -> None:
-    """Check shapes, and that every number is finite."""
+def check_groups(inverse_map: InverseMap) -> None:
+    """Check that of fields which belong together all or none are given.
+
+    Raises
+    ------
+    InputError
+        Some are missing.
+    """
+    for names in (
+        ("gauge_error_product", "common_error", "mean_product"),
+        ("fixed_strain", "fixed_load"),
+    ):
+        there = [name for name in names if getattr(inverse_map, name).shape != (0,)]
+        if there and len(there) < len(names):
+            raise InputError(f"inverse map: {', '.join(there)} of {', '.join(names)} found, must be all or none")
+
+
+def check_arrays(inverse_map: InverseMap) -> None:
+    """Check the number of loads, shapes, and that numbers are finite but the bounds of a range without bounds.
+
+    Raises
+    ------
+    InputError
+        An array has another shape or value than it must have.
+    """
+    _check_number_of_loads(inverse_map)
     n_d, n_q = len(inverse_map.gauge_names), inverse_map.state_operator.shape[-1]
     n_errors, n_f = inverse_map.error_strain.shape[-1], inverse_map.load_of_mean.size
     expected: dict[str, tuple[int, ...]] = {
@@ -90,49 +114,36 @@ def _check_arrays(inverse_map: InverseMap) -> None:
         "mean_strain": (n_d,),
         "strain_range": (n_d,),
         "coefficient_range": (5, 2),
-    }
-    optional = {
         "fixed_strain": (n_d,),
         "fixed_load": (n_f,),
         "gauge_error_product": (21, n_d),
-        "common_error": (*_rows(inverse_map.common_error), 6, n_d),
+        "common_error": (*inverse_map.common_error.shape[:1], 6, n_d),
         "mean_product": (21,),
-        "envelope_direction": (*_rows(inverse_map.envelope_limit), 5),
-        "envelope_limit": _rows(inverse_map.envelope_limit),
-        "dynamic_pressure_range": (2,),
-        "mach_number_range": (2,),
-        "altitude_range": (2,),
+        "envelope_direction": (*inverse_map.envelope_limit.shape[:1], 5),
+        "envelope_limit": inverse_map.envelope_limit.shape[:1],
+        **dict.fromkeys(RANGES, (2,)),
     }
-    expected |= {name: shape for name, shape in optional.items() if getattr(inverse_map, name) is not None}
     for name, shape in expected.items():
         value = getattr(inverse_map, name)
         if value.shape != shape:
             raise InputError(f"inverse map: {name} has shape {value.shape}, must be {shape}")
-        if not np.all(np.isfinite(value)):
+        has_no_bounds = name in RANGES and value.tolist() == [-np.inf, np.inf]
+        if not (np.all(np.isfinite(value)) or has_no_bounds):
             raise InputError(f"inverse map: {name} holds values that are not finite")
 
 
-def _rows(array: FloatArray | None) -> tuple[int, ...]:
-    return () if array is None else array.shape[:1]
-
-
 def _check_form(inverse_map: InverseMap) -> None:
-    """Check that the parts of the form are there, all or none of those that belong together."""
+    """Check the form, and the numbers that go with it."""
     if inverse_map.form not in FORMS:
         raise InputError(f"inverse map: form is '{inverse_map.form}', must be one of {', '.join(FORMS)}")
-    groups = {
-        "errors": ("gauge_error_product", "common_error", "mean_product"),
-        "fixed": ("fixed_strain", "fixed_load"),
-        "envelope": ("envelope_direction", "envelope_limit"),
-    }
-    for names in groups.values():
-        there = [name for name in names if getattr(inverse_map, name) is not None]
-        if there and len(there) < len(names):
-            raise InputError(f"inverse map: {', '.join(there)} of {', '.join(names)} found, must be all or none")
     if inverse_map.follows_pressure and inverse_map.regularisation not in (0.0, 1.0):
         raise InputError(
             f"inverse map: regularisation is {inverse_map.regularisation}, must be 1 (0 in Case 1) in form "
             "'dynamic_pressure'"
+        )
+    if inverse_map.errors_follow_strain and not inverse_map.mean_product.any():
+        raise InputError(
+            "inverse map: mean_product is 0, must be given where gauge_error_product or common_error is not 0"
         )
     for name in ("chi_square_scale", "outlier_scale", "envelope_score_limit"):
         if not 0.0 < getattr(inverse_map, name) < np.inf:
@@ -146,23 +157,20 @@ def _check_form(inverse_map: InverseMap) -> None:
 def _check_field(inverse_map: InverseMap) -> None:
     """Check the pressure field: all of it or nothing."""
     parts = {name: getattr(inverse_map, name) for name in ("field_mean", "field_modes", "point", "triangle")}
-    missing = [name for name, value in parts.items() if value is None]
-    if len(missing) == len(parts):
-        return
-    if missing:
+    n_p, n_t, held = len(parts["field_mean"]), len(parts["triangle"]), inverse_map.field_std
+    missing = [name for name, value in parts.items() if not value.size]
+    if missing and len(missing) < len(parts):
         raise InputError(f"inverse map: {', '.join(missing)} missing, the pressure field needs {', '.join(parts)}")
-    n_p, n_t = len(parts["field_mean"]), len(parts["triangle"])
     shapes = ((n_p,), (n_p, inverse_map.n_states), (n_p, 3), (n_t, 3))
     for (name, value), shape in zip(parts.items(), shapes, strict=True):
         if value.shape != shape:
             raise InputError(f"inverse map: {name} has shape {value.shape}, must be {shape}")
         if not np.all(np.isfinite(value)):
             raise InputError(f"inverse map: {name} holds values that are not finite")
-    held = inverse_map.field_std
-    if held is not None and not (held.shape == (n_p,) and np.all(np.isfinite(held)) and np.all(held >= 0.0)):
+    if not (held.shape == (n_p,) and np.all(np.isfinite(held)) and np.all(held >= 0.0)):
         raise InputError(f"inverse map: field_std must be {n_p} finite values of at least 0")
     of_flight = None if inverse_map.manifold is None else inverse_map.manifold.surface_field
-    if of_flight is not None and of_flight.n_nodes != n_p:
+    if of_flight is not None and inverse_map.has_field and of_flight.n_nodes != n_p:
         raise InputError(f"inverse map: pressure_field has {of_flight.n_nodes} nodes, must have {n_p}")
     if n_t and not (parts["triangle"].min() >= 0 and parts["triangle"].max() < n_p):
         raise InputError(f"inverse map: triangle names nodes outside 0 .. {n_p - 1}")

@@ -42,12 +42,13 @@ class ErrorModel:
     mean_product: FloatArray
 
 
-def error_model(inverse_map: InverseMap) -> ErrorModel | None:
-    """Return the errors of ``inverse_map`` that follow the current strain, or None."""
-    of_gauge, common, mean = inverse_map.gauge_error_product, inverse_map.common_error, inverse_map.mean_product
-    if of_gauge is None or common is None or mean is None:
-        return None
-    return ErrorModel(of_gauge=of_gauge, common=common, mean_product=mean)
+def error_model(inverse_map: InverseMap) -> ErrorModel:
+    """Return the errors of ``inverse_map`` that follow the current strain."""
+    return ErrorModel(
+        of_gauge=inverse_map.gauge_error_product,
+        common=inverse_map.common_error,
+        mean_product=inverse_map.mean_product,
+    )
 
 
 def excess_products(errors: ErrorModel, coefficients: FloatArray) -> FloatArray:

@@ -61,13 +61,13 @@ class SensorRows:
                 raise InputError(f"sensors: {name} has shape {value.shape}, must be ({n},) finite numbers")
         if len(self.unit) != n or not (np.all(self.scale > 0.0) and np.all(self.largest > 0.0)):
             raise InputError(f"sensors: {len(self.unit)} units, must be {n}, with positive scale and largest")
-        if STRAIN not in self.kind or not np.all(self.is_strain[: self.n_strain_gauges]):
+        if n and (STRAIN not in self.kind or not np.all(self.is_strain[: self.n_strain_gauges])):
             raise InputError("sensors: expected strain gauges, then the other sensors, got another order")
 
     @property
     def is_strain(self) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
         """(n_d,) which rows are strain gauges."""
-        return np.array([kind == STRAIN for kind in self.kind])
+        return np.array([kind == STRAIN for kind in self.kind], dtype=bool)
 
     @property
     def n_strain_gauges(self) -> int:
@@ -89,18 +89,27 @@ class SensorRows:
         return found
 
 
-def shown_units(rows: SensorRows | None, n: int) -> list[tuple[float, str]]:
-    """Return for each of ``n`` rows of a map the factor from m/m to what users see, and its unit.
+def strain_rows(n: int) -> SensorRows:
+    """Return the rows of a map of ``n`` strain gauges alone; of a map yet to come for 0."""
+    return SensorRows(
+        kind=(STRAIN,) * n,
+        unit=("m/m",) * n,
+        scale=np.ones(n),
+        largest=np.ones(n),
+        thrust_response=np.zeros(n),
+    )
+
+
+def shown_units(rows: SensorRows) -> list[tuple[float, str]]:
+    """Return for each row of a map the factor from m/m to what users see, and its unit.
 
     Strain is shown in um/m, another sensor's reading in its own unit.
     """
-    if rows is None:
-        return [_SHOWN_STRAIN] * n
     each = zip(rows.kind, rows.scale.tolist(), rows.unit, strict=True)
     return [_SHOWN_STRAIN if kind == STRAIN else (scale, unit) for kind, scale, unit in each]
 
 
-def refuse_sensors(rows: SensorRows | None, what: str) -> None:
+def refuse_sensors(rows: SensorRows, what: str) -> None:
     """Refuse a map with sensors that are no strain gauges.
 
     Raises
@@ -108,6 +117,6 @@ def refuse_sensors(rows: SensorRows | None, what: str) -> None:
     InputError
         It has some; the message says that ``what`` takes strain alone.
     """
-    if rows is not None:
-        found = sorted(set(rows.kind) - {STRAIN})
+    found = sorted(set(rows.kind) - {STRAIN})
+    if found:
         raise InputError(f"{what}: expected a map of strain gauges alone, got one with {', '.join(found)} sensors")

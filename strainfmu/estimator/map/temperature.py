@@ -79,9 +79,32 @@ class ThermalMap:
         return np.asarray(self.mode_strain + first * self.gauge_operator)
 
     @property
+    def n_modes(self) -> int:
+        """Number of temperature modes k."""
+        return len(self.prior_std)
+
+    @property
     def n_sensors(self) -> int:
         """Number of sensors n_t."""
         return len(self.sensor_names)
+
+
+def no_temperature(gauge_covariance: FloatArray) -> ThermalMap:
+    """Return no modes and no sensors, for gauges whose errors have ``gauge_covariance`` (n_d, n_d) [(m/m)^2]."""
+    n_d = len(gauge_covariance)
+    return ThermalMap(
+        reference_temperature=0.0,
+        prior_std=np.zeros(0),
+        mode_strain=np.zeros((n_d, 0)),
+        gauge_operator=np.zeros((n_d, 0)),
+        sensor_names=(),
+        sensor_operator=np.zeros((0, 0)),
+        sensor_std=np.zeros(0),
+        apparent_strain=np.zeros(0),
+        gauge_factor_slope=0.0,
+        modulus_slope=0.0,
+        isothermal_covariance=gauge_covariance,
+    )
 
 
 UNITS = {

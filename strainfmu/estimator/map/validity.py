@@ -95,7 +95,7 @@ def valid_ranges(inverse_map: InverseMap) -> list[ValidRange]:
         "altitude_m": inverse_map.altitude_range,
         "dynamic_pressure_Pa": inverse_map.dynamic_pressure_range,
     }
-    ranges |= {name: value.tolist() for name, value in stated.items() if value is not None}
+    ranges |= {name: value.tolist() for name, value in stated.items() if np.all(np.isfinite(value))}
     if inverse_map.provenance.get("symmetry") == "full":
         ranges = {name: value for name, value in ranges.items() if name not in _LISTED_ANGLES}
         ranges["total_incidence_deg"] = inverse_map.provenance["total_incidence_deg"]

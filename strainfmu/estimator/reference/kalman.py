@@ -137,9 +137,8 @@ def without_modes(inverse_map: InverseMap, covariance: FloatArray) -> tuple[Floa
     The second is (n_d, k), the prior covariance of the k amplitudes (k, k); k is 0 of a map without modes.
     """
     thermal = inverse_map.thermal
-    if thermal is None:
-        return covariance, np.zeros((len(covariance), 0)), np.zeros((0, 0))
-    return thermal.isothermal_covariance, thermal.linear_strain, np.diag(thermal.prior_std**2)
+    isothermal = thermal.isothermal_covariance if inverse_map.has_temperature else covariance
+    return isothermal, thermal.linear_strain, np.diag(thermal.prior_std**2)
 
 
 def with_modes(law: Law, covariance: FloatArray) -> Law:

@@ -102,9 +102,6 @@ def excess_covariance(inverse_map: InverseMap, coefficients: FloatArray) -> Floa
     hold.
     """
     of_gauge, common, mean = inverse_map.gauge_error_product, inverse_map.common_error, inverse_map.mean_product
-    n = inverse_map.n_gauges
-    if of_gauge is None or common is None or mean is None:
-        return np.zeros((len(coefficients), n, n))
     c = np.hstack([np.ones((len(coefficients), 1)), coefficients])
     products = c[:, :, None] * c[:, None, :]
     first, second = np.triu_indices(6)
@@ -112,14 +109,13 @@ def excess_covariance(inverse_map: InverseMap, coefficients: FloatArray) -> Floa
     at_mean[first, second] = at_mean[second, first] = mean
     own = (products - at_mean)[:, first, second] @ of_gauge  # of_gauge counts pairs a < b twice
     shared = np.einsum("kab,tai,tbj->kij", products - at_mean, common, common, optimize=True)
-    return np.asarray(shared + own[:, :, None] * np.eye(n))
+    return np.asarray(shared + own[:, :, None] * np.eye(inverse_map.n_gauges))
 
 
 def _model(inverse_map: InverseMap) -> Model:
     errors, load_of_errors = inverse_map.error_strain, inverse_map.error_load
     states, load_of_states = inverse_map.state_operator, inverse_map.load_per_state
-    fixed_load = _or_zero(inverse_map.fixed_load, inverse_map.n_loads)
-    fixed = _or_zero(inverse_map.fixed_strain, len(states))
+    fixed_load, fixed = inverse_map.fixed_load, inverse_map.fixed_strain
     parts = {"fixed": fixed, "mean": inverse_map.mean_strain - fixed, "noise": inverse_map.gauge_covariance}
     parts |= {"output_fixed": fixed_load, "output_mean": inverse_map.load_of_mean - fixed_load}
     if inverse_map.case == 1:
@@ -127,10 +123,6 @@ def _model(inverse_map: InverseMap) -> Model:
     else:
         errors, load_of_errors = np.hstack([states, errors]), np.hstack([load_of_states, load_of_errors])
     return model_of(len(states), inverse_map.n_loads, **parts, columns=errors, output_columns=load_of_errors)
-
-
-def _or_zero(values: FloatArray | None, n: int) -> FloatArray:
-    return np.zeros(n) if values is None else values
 
 
 def _outer(values: FloatArray) -> FloatArray:

@@ -66,7 +66,7 @@ class LinearFilterReference:
         self.constant = np.arange(n_decaying + n_zeros) >= n_decaying
         none = np.zeros((n, len(self.constant)))
         self.prior = kalman.with_modes(Law(np.zeros(n), np.diag(std**2), none), prior_of_modes)
-        self.fixed = np.zeros(n_d) if inverse_map.fixed_strain is None else inverse_map.fixed_strain
+        self.fixed = inverse_map.fixed_strain
 
     def step(self, time_step: float, rows: FloatArray, used: BoolArray, dynamic_pressure: float) -> Change | None:
         """Return what memory changes of a sample ``time_step`` [s] after the last; None where nothing is measured.

@@ -36,8 +36,6 @@ class Amplitudes:
 
 def without_thrust(inverse_map: InverseMap, readings: FloatArray, thrust: FloatArray) -> FloatArray:
     """Return ``readings`` (k, n_d) less their response to ``thrust`` (k,) [N]; NaN takes out what responds."""
-    if inverse_map.sensors is None:
-        return readings
     response = inverse_map.sensors.thrust_response
     return np.asarray(readings - np.where(response != 0.0, thrust[:, None] * response, 0.0))
 
@@ -50,14 +48,12 @@ def rows_of(
     amplitude: FloatArray | None = None,
 ) -> FloatArray:
     """Return rows (k, n_d) [m/m] of ``readings`` (k, n_d) at the ``amplitude`` (k, n) of the temperature modes."""
-    rows = without_thrust(inverse_map, readings, thrust)
-    if inverse_map.sensors is not None:
-        rows = rows / inverse_map.sensors.scale
+    rows = without_thrust(inverse_map, readings, thrust) / inverse_map.sensors.scale
     if zeros is not None:
         rows = rows - np.pad(zeros.value, (0, inverse_map.n_gauges - len(zeros.value)))
-    thermal = inverse_map.thermal
-    if thermal is None or amplitude is None:
+    if amplitude is None:
         return rows
+    thermal = inverse_map.thermal
     warmer = amplitude @ thermal.gauge_operator.T
     apparent = sum(one * warmer ** (power + 1) for power, one in enumerate(thermal.apparent_strain))
     by_load = rows / (1.0 + thermal.gauge_factor_slope * warmer) - amplitude @ thermal.mode_strain.T - apparent
@@ -84,7 +80,7 @@ def row_noise(
     ``left`` (n, n) is the covariance of the temperature modes given the sensors; the map's covariance has their
     prior, so that the isothermal one counts then.
     """
-    if left is not None and inverse_map.thermal is not None:
+    if left is not None:
         thermal = inverse_map.thermal
         strain = thermal.linear_strain
         covariance = thermal.isothermal_covariance + strain @ left @ strain.T

@@ -126,10 +126,8 @@ class FlightLaw:
 
 def linear_law(inverse_map: InverseMap) -> LinearLaw:
     """Return the law of the filter of ``inverse_map``, a linear map."""
-    thermal = inverse_map.thermal
-    covariance = inverse_map.gauge_covariance if thermal is None else thermal.isothermal_covariance
-    noise, common, lasting = white_and_lasting(covariance, inverse_map.noise_std)
-    modes = _mode_columns(inverse_map)
+    thermal, modes = inverse_map.thermal, inverse_map.thermal.linear_strain
+    noise, common, lasting = white_and_lasting(thermal.isothermal_covariance, inverse_map.noise_std)
     n_modes, common = modes.shape[1], np.hstack([common, modes])
     other = np.sqrt(noise + np.diagonal(lasting))
     seen = seen_errors(inverse_map.error_strain, inverse_map.error_load[FIVE_LOADS], 1.0, other)
@@ -139,8 +137,7 @@ def linear_law(inverse_map: InverseMap) -> LinearLaw:
         reached = np.maximum(inverse_map.strain_range, inverse_map.noise_std)
         largest = np.max(np.abs(of_states) / reached[:, None], axis=0)
         std[: of_states.shape[1]] = 1.0 / largest
-    if thermal is not None:
-        std[len(std) - n_modes :] = thermal.prior_std
+    std[len(std) - n_modes :] = thermal.prior_std
     none = np.zeros((5, common.shape[1]))
     return LinearLaw(
         std=std,
@@ -158,7 +155,7 @@ def linear_law(inverse_map: InverseMap) -> LinearLaw:
 def flight_law(inverse_map: InverseMap, manifold: ManifoldMap) -> FlightLaw:
     """Return the law of the filter of ``manifold``, the tables of ``inverse_map``."""
     thermal = inverse_map.thermal
-    covariance = manifold.gauge_covariance if thermal is None else thermal.isothermal_covariance
+    covariance = thermal.isothermal_covariance if inverse_map.has_temperature else manifold.gauge_covariance
     noise, common, lasting = white_and_lasting(covariance, inverse_map.noise_std)
     std = np.sqrt(noise + np.diagonal(lasting))
     # What is left beside a diagonal that dominates is a covariance (Gershgorin).
@@ -166,7 +163,7 @@ def flight_law(inverse_map: InverseMap, manifold: ManifoldMap) -> FlightLaw:
     own = np.sqrt(np.maximum(np.diagonal(lasting) - beside, 0.0))
     middle_pressure = float(np.exp(np.log(manifold.pressure_range).mean()))
     seen = seen_errors(manifold.error_strain, manifold.error_load[FIVE_LOADS], middle_pressure, std)
-    modes = _mode_columns(inverse_map)
+    modes = thermal.linear_strain
     return FlightLaw(
         seen=seen,
         noise=np.diag(noise - own**2) + lasting,
@@ -248,12 +245,6 @@ def gauge_terms(product: FloatArray) -> FloatArray:
     terms = np.swapaxes(vector, 1, 2) * np.sqrt(np.maximum(size, 0.0))[:, :, None]
     seen = np.max(size, axis=0) > _FAINT * max(float(np.max(size, initial=0.0)), 1e-300)
     return np.asarray(terms[:, seen])
-
-
-def _mode_columns(inverse_map: InverseMap) -> FloatArray:
-    """Return (n_d, k) what gauges read of each temperature mode [(m/m)/K]."""
-    thermal = inverse_map.thermal
-    return np.zeros((inverse_map.n_gauges, 0)) if thermal is None else thermal.linear_strain
 
 
 def _root(covariance: FloatArray, noise: FloatArray) -> FloatArray:

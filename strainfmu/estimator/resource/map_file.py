@@ -98,12 +98,12 @@ def map_arrays(inverse_map: InverseMap, known: KnownStrain | None = None) -> dic
         parts |= _scaled_parts(inverse_map)
     if inverse_map.manifold is None and has_filter(inverse_map):
         parts["linear_filter"] = _linear_filter(inverse_map)
-    if inverse_map.thermal is not None:
+    if inverse_map.has_temperature:
         parts["thermal"] = _thermal(inverse_map, inverse_map.thermal)
     parameters = flow_parameters(inverse_map)
     if parameters.names:
         parts["parameters"] = _parameters(parameters)
-    if inverse_map.sensors is not None:
+    if inverse_map.has_further_sensors:
         parts["sensors"] = _sensors(inverse_map.sensors)
     return {
         f"{part}.{name}": np.asarray(value) for part, values in parts.items() for name, value in values.items()
@@ -164,8 +164,8 @@ def _envelope(inverse_map: InverseMap) -> Values:
         "half_gamma": 0.5 * HEAT_CAPACITY_RATIO,
         "pressure_tolerance": PRESSURE_TOLERANCE,
         "layers": layer_table(),
-        "limit": np.zeros(0) if envelope is None else envelope.limit,
-        "direction": np.zeros((5, 0)) if envelope is None else envelope.direction.T,
+        "limit": envelope.limit,
+        "direction": envelope.direction.T,
     }
 
 
@@ -191,14 +191,12 @@ def _tare(inverse_map: InverseMap, known: KnownStrain) -> Values:
 
 def _scaled_parts(inverse_map: InverseMap) -> dict[str, Values]:
     """Return what form "dynamic_pressure" needs besides, whose weights follow q_inf."""
-    fixed_strain = np.zeros(inverse_map.n_gauges) if inverse_map.fixed_strain is None else inverse_map.fixed_strain
-    fixed_load = np.zeros(inverse_map.n_loads) if inverse_map.fixed_load is None else inverse_map.fixed_load
-    mean_load = inverse_map.load_of_mean - fixed_load
+    fixed_load, mean_load = inverse_map.fixed_load, inverse_map.load_of_mean - inverse_map.fixed_load
     spread, spread_load, spread_unseen = _spread(inverse_map)
     found: dict[str, Values] = {
         "scaled": {
-            "fixed_strain": fixed_strain,
-            "mean_strain": inverse_map.mean_strain - fixed_strain,
+            "fixed_strain": inverse_map.fixed_strain,
+            "mean_strain": inverse_map.mean_strain - inverse_map.fixed_strain,
             "fixed_load": fixed_load[FIVE_LOADS],
             "load_of_mean": mean_load[FIVE_LOADS],
             "min_expected_ratio": MIN_EXPECTED_RATIO,
@@ -207,9 +205,8 @@ def _scaled_parts(inverse_map: InverseMap) -> dict[str, Values]:
             "spread_unseen": spread_unseen[FIVE_LOADS, FIVE_LOADS],
         }
     }
-    errors = error_model(inverse_map)
-    if errors is not None:
-        found["scaled_errors"] = vars(errors)
+    if inverse_map.errors_follow_strain:
+        found["scaled_errors"] = vars(error_model(inverse_map))
     if has_other_outputs(inverse_map):
         found["further"] = {
             "is_moment": inverse_map.is_moment[OTHER_LOADS].astype(float),

@@ -19,6 +19,7 @@ from strainfmu.arrays import FloatArray
 from strainfmu.cosim.systems.instance import import_fmpy, safe_temporary_parent
 from strainfmu.errors import StrainfmuError
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap, load_inverse_map, save_inverse_map
+from strainfmu.estimator.map.neutral import nothing_of
 from strainfmu.estimator.map.sensors import refuse_sensors
 from strainfmu.fmu.export import ExportOptions, export_estimator
 from strainfmu.interface.estimator_variables import estimator_interface
@@ -77,7 +78,7 @@ def step_costs(map_path: Path, time_per_call: Callable[[Callable[[], object]], f
             costs |= _other_costs(linear, Path(folder), "linear")
         if inverse_map.form == "dynamic_pressure":
             # Weights that do not follow q_inf.
-            nothing: dict[str, Any] = dict.fromkeys(SCALED_FIELDS)
+            nothing = nothing_of(inverse_map, *SCALED_FIELDS)
             costs |= _other_costs(replace(linear, form="absolute", **nothing), Path(folder), "form absolute")
     return costs
 
@@ -185,7 +186,7 @@ def host_costs(fmu: Path, unzipped: Path, inverse_map: InverseMap) -> dict[str, 
     strains = [repr(value) for part in strain_parts(inverse_map) for value in part.tolist()]
     names = value_references(estimator_interface(inverse_map))
     thermal = inverse_map.thermal
-    sensors = (0, 0.0) if thermal is None else (thermal.n_sensors, thermal.reference_temperature)
+    sensors = (thermal.n_sensors, thermal.reference_temperature)
     numbers = (pressure, names["zero[1]"], *sensors, names.get(FILTER_TIME_CONSTANT, 0), REPEATS)
     values = [repr(number) for number in numbers]
     times = run([str(program), str(libraries[0]), description.guid, resources, *values, *strains])
@@ -209,11 +210,9 @@ def host_costs(fmu: Path, unzipped: Path, inverse_map: InverseMap) -> dict[str, 
 
 def strain_parts(inverse_map: InverseMap) -> tuple[FloatArray, FloatArray]:
     """Return (n,) strains of the mean pressure: those that do not follow q_inf, and those that do."""
-    nothing = np.zeros(inverse_map.n_gauges)
     if inverse_map.form == "absolute":
-        return inverse_map.mean_strain, nothing
-    fixed = nothing if inverse_map.fixed_strain is None else inverse_map.fixed_strain
-    return fixed, inverse_map.mean_strain - fixed
+        return inverse_map.mean_strain, np.zeros(inverse_map.n_gauges)
+    return inverse_map.fixed_strain, inverse_map.mean_strain - inverse_map.fixed_strain
 
 
 def compiled(source: Path, program: Path) -> Path | None:

@@ -10,7 +10,6 @@ import numpy as np
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
-from strainfmu.estimator.map.sensors import SensorRows
 from strainfmu.estimator.map.temperature import ThermalMap
 from strainfmu.estimator.map.validity import ValidRange, valid_ranges
 from strainfmu.estimator.policies import RETURN_AFTER
@@ -103,8 +102,8 @@ def estimator_sections(inverse_map: InverseMap, content_hash: str, run: Referenc
             [*_example(inverse_map, run), estimate_figure(inverse_map, run)],
         ),
         ("Gauges", [_gauge_table(inverse_map)]),
-        *([] if inverse_map.sensors is None else [("Sensors", _sensors(inverse_map, inverse_map.sensors))]),
-        *([] if inverse_map.thermal is None else [("Temperature", _temperature(inverse_map.thermal))]),
+        *([("Sensors", _sensors(inverse_map))] if inverse_map.has_further_sensors else []),
+        *([("Temperature", _temperature(inverse_map.thermal))] if inverse_map.has_temperature else []),
         (
             "How to cite",
             [
@@ -218,14 +217,14 @@ def _kind(inverse_map: InverseMap, row: int) -> str:
 def _reading(inverse_map: InverseMap, row: int, value: float) -> str:
     """Return what a row of the map reads at ``value`` [m/m], with its unit."""
     sensors = inverse_map.sensors
-    if sensors is None or row < inverse_map.n_strain_gauges:
+    if row < inverse_map.n_strain_gauges:
         return f"{1e6 * value:.3g} um/m"
     return f"{sensors.scale[row] * value:.3g} {sensors.unit[row]}"
 
 
-def _sensors(inverse_map: InverseMap, sensors: SensorRows) -> list[str]:
+def _sensors(inverse_map: InverseMap) -> list[str]:
     """Return what the further sensors are, and how they are used."""
-    first = inverse_map.n_strain_gauges
+    sensors, first = inverse_map.sensors, inverse_map.n_strain_gauges
     rows = [
         (
             str(row + 1),

@@ -56,10 +56,8 @@ def _fault_panel(inverse_map: InverseMap, run: ReferenceRun) -> Panel:
     """Return what the failing gauge reads, and what it would read."""
     fault = run.fault
     assert fault is not None
-    scale, unit = shown_units(inverse_map.sensors, inverse_map.n_gauges)[fault.gauge]
-    reading = held(run.inputs[reading_names(inverse_map)[fault.gauge]])
-    if inverse_map.sensors is not None:
-        reading = reading / inverse_map.sensors.scale[fault.gauge]
+    scale, unit = shown_units(inverse_map.sensors)[fault.gauge]
+    reading = held(run.inputs[reading_names(inverse_map)[fault.gauge]]) / inverse_map.sensors.scale[fault.gauge]
     lines = [
         Line(name="reading", values=scale * reading),
         Line(name="without the fault", values=scale * (reading - fault.size * fault.fails), dashed=True),

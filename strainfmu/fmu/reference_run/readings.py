@@ -92,7 +92,7 @@ def _known_inputs(inverse_map: InverseMap) -> dict[str, float]:
     thermal, parameters = inverse_map.thermal, flow_parameters(inverse_map)
     middle, std = 0.5 * (parameters.minimum + parameters.maximum), _PARAMETER_STD * parameters.span
     return {
-        **({} if thermal is None else dict.fromkeys(temperature_names(thermal), thermal.reference_temperature)),
+        **dict.fromkeys(temperature_names(thermal), thermal.reference_temperature),
         **dict(zip(parameter_names(inverse_map), middle.tolist(), strict=True)),
         **dict(zip(parameter_std_names(inverse_map), std.tolist(), strict=False)),
     }
@@ -101,7 +101,7 @@ def _known_inputs(inverse_map: InverseMap) -> dict[str, float]:
 def _with_known(inverse_map: InverseMap, known: dict[str, float]) -> InverseMap:
     """Return ``inverse_map`` as it holds while the inputs ``known`` are."""
     thermal, manifold = inverse_map.thermal, inverse_map.manifold
-    if thermal is not None and thermal.n_sensors:
+    if thermal.n_sensors:
         sensors = sensor_set(thermal, np.ones(thermal.n_sensors, dtype=bool))
         inverse_map = with_gauge_covariance(inverse_map, sensors.gauge_covariance)
         manifold = inverse_map.manifold

@@ -99,8 +99,7 @@ def is_usual(run: ReferenceRun) -> bool:
 def _run(inverse_map: InverseMap, readings: Readings, seed: int) -> ReferenceRun:
     time = [round(STEP_SIZE * k, 10) for k in range(N_ROWS)]
     rows, truth = readings.drawn(seed)
-    rows = rows if inverse_map.sensors is None else rows * inverse_map.sensors.scale
-    rows = rounded(rows)
+    rows = rounded(rows * inverse_map.sensors.scale)
     values = np.array(
         [
             [*output_values(one, has_other_outputs(inverse_map)), float(TareState.IDLE)]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap, map_references
+from strainfmu.estimator.map.inverse_map import InverseMap, map_references
 from strainfmu.estimator.map.proportional_errors import PAIRS, error_model, excess_products
 from strainfmu.estimator.other_loads import FIVE_LOADS
 from strainfmu.fmu.reference_run.flight_path import FlightPath
@@ -41,9 +41,8 @@ def largest_states(inverse_map: InverseMap) -> FloatArray:
     low, high = inverse_map.coefficient_range.T
     eye = np.eye(len(mean))
     rows = [(eye, high - mean), (-eye, mean - low)]
-    if inverse_map.envelope_direction is not None and inverse_map.envelope_limit is not None:
-        direction = inverse_map.envelope_direction
-        rows.append((direction, inverse_map.envelope_limit - direction @ mean))
+    direction = inverse_map.envelope_direction
+    rows.append((direction, inverse_map.envelope_limit - direction @ mean))
     change = np.concatenate([a @ per_state for a, _ in rows] + [inverse_map.state_operator])
     room = np.concatenate([b for _, b in rows] + [inverse_map.strain_range - np.abs(inverse_map.mean_strain)])
     # Round-off of a coefficient that a state does not move bounds nothing.
@@ -61,8 +60,7 @@ def flight_of_states(inverse_map: InverseMap, path: FlightPath) -> ReferenceFlig
     states = true_states(inverse_map, len(path.dynamic_pressure))
     ratio = (path.dynamic_pressure / inverse_map.nominal_dynamic_pressure)[:, None]
     d_0, f_0 = inverse_map.fixed_strain, inverse_map.fixed_load
-    d_0 = np.zeros(inverse_map.n_gauges) if d_0 is None else d_0
-    f_0 = np.zeros(len(COEFFICIENT_NAMES)) if f_0 is None else f_0[FIVE_LOADS]
+    f_0 = f_0[FIVE_LOADS]
     strain = d_0 + ratio * (inverse_map.mean_strain - d_0 + states @ inverse_map.state_operator.T)
     mean, per_state = inverse_map.load_of_mean[FIVE_LOADS], inverse_map.load_per_state[FIVE_LOADS]
     loads = f_0 + ratio * (mean - f_0 + states @ per_state.T)
@@ -91,8 +89,6 @@ def error_covariance(inverse_map: InverseMap, coefficients: FloatArray, ratio: F
     square = (ratio * ratio)[:, None, None]
     covariance += (square - 1.0) * (error @ error.T)
     errors = error_model(inverse_map)
-    if errors is None:
-        return covariance
     excess = square[:, :, 0] * excess_products(errors, coefficients)
     diagonal = np.arange(inverse_map.n_gauges)
     covariance[:, diagonal, diagonal] += excess @ errors.of_gauge

@@ -24,12 +24,10 @@ def all_readings(block: StrainBlock, readings: Mapping[str, str]) -> FloatArray:
     return np.column_stack(columns) if columns else np.empty((len(block.time), 0))
 
 
-def rows_of_map(block: StrainBlock, sensors: SensorRows | None, readings: Mapping[str, str]) -> FloatArray:
+def rows_of_map(block: StrainBlock, sensors: SensorRows, readings: Mapping[str, str]) -> FloatArray:
     """Return (n, n_d) readings of a map: strains, then further sensors less what thrust makes of them.
 
     Thrust that the recording does not hold is 0.
     """
-    if sensors is None:
-        return block.strain
     thrust = block.readings.get(THRUST, np.zeros(len(block.time)))
     return sensors.without_thrust(np.hstack([block.strain, all_readings(block, readings)]), thrust)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -57,7 +58,7 @@ class MapBlocks:
         self.row_names = inverse_map.gauge_names
         self.gauge_names = self.row_names[: inverse_map.n_strain_gauges]
         self.readings: Mapping[str, str] = recorded_readings(reading_units(inverse_map))
-        self.sensor_names = () if inverse_map.thermal is None else inverse_map.thermal.sensor_names
+        self.sensor_names = inverse_map.thermal.sensor_names
         self.reference = _level_reference(inverse_map)
 
     def estimate(self, block: StrainBlock, last: float) -> BlockEstimates:
@@ -151,11 +152,11 @@ def further_values(found: Any, has_loads: bool) -> FloatArray:
 
 
 def _level_reference(inverse_map: InverseMap) -> LevelReference:
-    held = inverse_map.dynamic_pressure_range
+    low, high = inverse_map.dynamic_pressure_range.tolist()
     return LevelReference(
         strain_range=inverse_map.strain_range[: inverse_map.n_strain_gauges],
         noise_std=inverse_map.noise_std[: inverse_map.n_strain_gauges],
         dynamic_pressure=inverse_map.nominal_dynamic_pressure,
         sensor_range=default_settings(inverse_map).sensor_range,
-        pressure_range=None if held is None else (float(held[0]), float(held[1])),
+        pressure_range=(low, high) if isfinite(high) else None,
     )

@@ -45,7 +45,7 @@ def check_field_output(path: Path, inverse_map: InverseMap | None, source: Path)
     if inverse_map is None:
         raise InputError(f"{source}: --field: expected an inverse map, got an FMU")
     manifold = inverse_map.manifold
-    if inverse_map.field_modes is None or (manifold is not None and manifold.surface_field is None):
+    if not inverse_map.has_field or (manifold is not None and manifold.surface_field is None):
         raise InputError(f"{source}: --field: {no_field()}")
 
 
@@ -57,19 +57,18 @@ class FieldSeriesWriter:
     """
 
     def __init__(self, path: Path, temporary: Path, inverse_map: InverseMap, every: int) -> None:
-        point, triangle = inverse_map.point, inverse_map.triangle
-        if point is None or triangle is None:
+        if not inverse_map.has_field:
             raise no_field()
-        self.path, self.every, self.steps, self._n = path, every, 0, len(point)
+        self.path, self.every, self.steps, self._n = path, every, 0, len(inverse_map.point)
         self._passed = 0
-        self._net = bool(inverse_map.field_is_net) and inverse_map.manifold is None
+        self._net = inverse_map.field_is_net and inverse_map.manifold is None
         self._guarded = GuardedFile(temporary)
         self._file = h5py.File(self._guarded, "w")
         self._root = self._file.create_group("VTKHDF", track_order=True)
         self._root.attrs["Version"] = np.array([2, 0], dtype="i8")
         kind = b"UnstructuredGrid"
         self._root.attrs.create("Type", kind, dtype=h5py.string_dtype("ascii", len(kind)))
-        self._write_surface(point, triangle)
+        self._write_surface(inverse_map.point, inverse_map.triangle)
         self._prepare_steps()
 
     def _write_surface(self, point: np.ndarray, triangle: np.ndarray) -> None:

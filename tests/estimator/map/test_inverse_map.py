@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 
 import h5py
@@ -19,6 +19,8 @@ from strainfmu.estimator.map.inverse_map import (
     load_inverse_map,
     save_inverse_map,
 )
+from strainfmu.estimator.map.neutral import neutral_fields, nothing_of
+from strainfmu.estimator.map.sensors import strain_rows
 from strainfmu.files import content_hash_of
 
 pytestmark = pytest.mark.fast
@@ -63,6 +65,10 @@ def test_round_trip(inverse_map: InverseMap, tmp_path: Path) -> None:
         if isinstance(wanted, np.ndarray):
             np.testing.assert_array_equal(found, wanted)
             assert found.dtype == wanted.dtype
+        elif is_dataclass(wanted):
+            assert vars(found).keys() == vars(wanted).keys()
+            for name, value in vars(wanted).items():
+                np.testing.assert_array_equal(getattr(found, name), value)
         else:
             assert found == wanted
     assert loaded.n_gauges == N_GAUGES
@@ -198,12 +204,64 @@ def test_file_that_is_none_is_refused(tmp_path: Path) -> None:
         ),
         ({"point": np.zeros((4, 2), np.float32)}, r"point has shape \(4, 2\), must be \(4, 3\)"),
         ({"triangle": np.array([[0, 1, 4]])}, r"triangle names nodes outside 0 .. 3"),
+        (
+            {"fixed_strain": np.ones(8), "fixed_load": np.zeros(0)},
+            "fixed_strain of fixed_strain, fixed_load found",
+        ),
+        ({"mean_product": np.zeros(0)}, "gauge_error_product, common_error of .* found, must be all or none"),
+        ({"gauge_error_product": np.ones((21, 8))}, "mean_product is 0, must be given where gauge_error_product"),
+        ({"envelope_limit": np.ones(2)}, r"envelope_direction has shape \(0, 5\), must be \(2, 5\)"),
+        ({"envelope_direction": np.ones((2, 5))}, r"envelope_direction has shape \(2, 5\), must be \(0, 5\)"),
+        ({"altitude_range": np.array([0.0, np.inf])}, "altitude_range holds values that are not finite"),
+        ({"mach_number_range": np.array([np.nan, 5.0])}, "mach_number_range holds values that are not finite"),
+        ({"field_mean": np.zeros(0, np.float32)}, "field_mean missing, the pressure field needs"),
+        ({"fixed_strain": np.ones(7)}, r"fixed_strain has shape \(7,\), must be \(8,\)"),
+        ({"sensors": strain_rows(7)}, "sensors of 7 rows, must be 8"),
     ],
 )
 def test_values_that_cannot_be_meant_are_refused(changes: dict[str, object], words: str) -> None:
-    whole = random_map() if "field_mean" in changes else with_field(random_map())
+    whole = random_map() if np.size(changes.get("field_mean", ())) else with_field(random_map())
     with pytest.raises(InputError, match=f"inverse map: .*{words}"):
         replace(whole, **changes)
+
+
+def test_data_that_a_map_does_not_have_are_neutral(saved: Path) -> None:
+    """Zeros, no rows and no bounds, of the map's shapes; its file leaves them out."""
+    held, names = load_inverse_map(saved), set(neutral_fields(random_map()))
+    for name, shape in {
+        "field_mean": (0,),
+        "field_modes": (0, N_STATES),
+        "field_std": (0,),
+        "point": (0, 3),
+        "triangle": (0, 3),
+        "fixed_strain": (N_GAUGES,),
+        "fixed_load": (5,),
+        "gauge_error_product": (21, N_GAUGES),
+        "common_error": (0, 6, N_GAUGES),
+        "mean_product": (21,),
+        "envelope_direction": (0, 5),
+        "envelope_limit": (0,),
+    }.items():
+        assert name in names
+        assert getattr(held, name).shape == shape
+        assert not getattr(held, name).any()
+    for name in ("dynamic_pressure_range", "mach_number_range", "altitude_range"):
+        assert name in names
+        assert getattr(held, name).tolist() == [-np.inf, np.inf]
+    assert names >= {"sensors", "thermal", "field_is_net"}
+    assert not any((held.has_field, held.has_further_sensors, held.has_temperature, held.errors_follow_strain))
+    np.testing.assert_array_equal(held.thermal.isothermal_covariance, held.gauge_covariance)
+    with h5py.File(saved) as file:
+        assert not names & {*file, *file.attrs}
+
+
+def test_neutral_data_follow_the_rest_of_the_map() -> None:
+    """Other errors of gauges are those without temperature modes; a map goes without what it had."""
+    held = random_map()
+    noisy = replace(held, gauge_covariance=2.0 * held.gauge_covariance)
+    np.testing.assert_array_equal(noisy.thermal.isothermal_covariance, noisy.gauge_covariance)
+    bare = nothing_of(held, "field_mean", "field_modes", "point", "triangle", "field_std")
+    assert neutral_fields(replace(with_field(held), **bare)) == neutral_fields(held)
 
 
 def test_as_many_states_as_gauges_are_refused() -> None:

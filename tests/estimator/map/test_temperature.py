@@ -32,7 +32,6 @@ def test_sensors_and_gauges_together_by_the_book(known: tuple[int, ...]) -> None
     """One Gaussian of states, errors and mode amplitudes, conditioned on strains and sensors at once."""
     held = warm_map(**LINEAR)
     thermal, error, load = held.thermal, held.error_strain, held.error_load
-    assert thermal is not None
     random, q = np.random.default_rng(3), 1.7 * NOMINAL
     s, rows = q / NOMINAL, list(known)
     strain = s * held.mean_strain + 2e-5 * random.normal(size=18)
@@ -101,7 +100,6 @@ def flights() -> InverseMap:
 def test_tracker_takes_thermal_strain_off() -> None:
     held, random, k = flights(), np.random.default_rng(7), 24
     thermal, truth = held.thermal, exact_response(6.0, 0.05, 0.03, 6e3)
-    assert thermal is not None
     amplitude = thermal.prior_std * random.normal(size=(k, 3))
     rise = amplitude @ thermal.gauge_operator.T
     strain = truth[:48] / (1.0 - 4.5e-4 * rise) + amplitude @ thermal.mode_strain.T + 2e-7 * rise - 1e-9 * rise**2
@@ -127,7 +125,6 @@ def test_the_file_holds_the_modes(tmp_path: Path) -> None:
     save_inverse_map(held, tmp_path / "map.h5")
     found = load_inverse_map(tmp_path / "map.h5").thermal
     assert found is not None
-    assert held.thermal is not None
     assert found.sensor_names == held.thermal.sensor_names
     assert np.array_equal(found.mode_strain, held.thermal.mode_strain)
 

@@ -32,10 +32,8 @@ def in_use(
 
     ``sensor_range`` is the largest strain [m/m]; the map has the ranges of auxiliary sensors.
     """
-    sensors, largest = inverse_map.sensors, np.full(inverse_map.n_gauges, sensor_range)
-    found = without_thrust(inverse_map, readings, thrust)
-    if sensors is not None:
-        largest = np.where(sensors.is_strain, sensor_range, sensors.largest)
+    sensors, found = inverse_map.sensors, without_thrust(inverse_map, readings, thrust)
+    largest = np.where(sensors.is_strain, sensor_range, sensors.largest)
     return np.asarray(valid & (np.abs(found) <= largest))
 
 
@@ -124,10 +122,10 @@ def drawn(inverse_map: InverseMap, kind: Kind, n: int, seed: int) -> Samples:
         zeros = Zeros(value=value, std=std * random.uniform(0.5, 1.5, len(std)), common_std=0.5 * std.min())
         rows[:, : len(std)] += value
     readings = rows
-    if m.sensors is not None:
+    if m.has_further_sensors:
         thrust = random.choice([0.0, 300.0, np.nan], n, p=[0.5, 0.4, 0.1])
         readings = rows * m.sensors.scale + np.nan_to_num(thrust)[:, None] * m.sensors.thrust_response
-    if m.thermal is not None:
+    if m.has_temperature:
         n_t = m.thermal.n_sensors
         temperature = m.thermal.reference_temperature + 30.0 * random.standard_normal((n, n_t))
         lost = random.random((4, n_t)) < np.array([[0.0], [0.3], [0.3], [1.0]])
@@ -158,7 +156,7 @@ def by_core(inverse_map: InverseMap, samples: Samples) -> Estimate:
     estimator, more = Estimator(inverse_map, zeros=offsets), {}
     if samples.temperature is not None:
         more["temperature"] = samples.temperature
-    if inverse_map.sensors is not None:
+    if inverse_map.has_further_sensors:
         more["thrust"] = samples.thrust
     return estimator.estimate(samples.readings, samples.pressure, samples.valid, samples.pressure_std, **more)
 
@@ -168,13 +166,13 @@ def by_reference(inverse_map: InverseMap, samples: Samples) -> Iterator[tuple[np
     sensor_range = default_settings(inverse_map).sensor_range
     used = in_use(inverse_map, samples.readings, samples.valid, sensor_range, samples.thrust)
     thermal, sets = inverse_map.thermal, used
-    if thermal is not None and samples.temperature is not None:
+    if samples.temperature is not None:
         sets = np.hstack([used, known_sensors(thermal, samples.temperature)])
     n = used.shape[1]
     for one in np.unique(sets, axis=0):
         at = np.flatnonzero((sets == one).all(axis=1))
         amplitude = left = None
-        if thermal is not None and samples.temperature is not None:
+        if samples.temperature is not None:
             found = amplitudes(thermal, samples.temperature[at], one[n:])
             amplitude, left = found.mean, found.covariance
         model, _ = linear.models(inverse_map)

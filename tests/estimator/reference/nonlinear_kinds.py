@@ -103,7 +103,7 @@ def drawn(m: InverseMap, kind: Kind, n: int, seed: int) -> Samples:
         value = powers.mean + powers.spread * random.uniform(-1.0, 1.0, (n, len(names)))
         std = random.choice([0.02, 0.1, 0.5, np.nan], value.shape, p=[0.3, 0.3, 0.2, 0.2])
         more |= {"parameter": value, "parameter_std": std, "names": names}
-    noise = manifold.gauge_covariance if m.thermal is None else np.eye(m.n_gauges) * COLD_NOISE**2
+    noise = np.eye(m.n_gauges) * COLD_NOISE**2 if m.has_temperature else manifold.gauge_covariance
     rows = np.empty((n, m.n_gauges))
     for k, at in enumerate(state):
         known = tables
@@ -112,14 +112,14 @@ def drawn(m: InverseMap, kind: Kind, n: int, seed: int) -> Samples:
         covariance = NonlinearReference(m, known, noise).strain_covariance(at)
         root = np.linalg.cholesky(covariance)
         rows[k] = evaluate(known, at)[0][: m.n_gauges] + root @ random.standard_normal(m.n_gauges)
-    if m.thermal is not None:
+    if m.has_temperature:
         rows, more["temperature"] = _warm(m, random, rows)
     if kind.has_zeros:
         own = m.noise_std[: m.n_strain_gauges]
         offsets = 20.0 * own * random.standard_normal(len(own))
         more["zeros"] = Zeros(value=offsets, std=own * random.uniform(0.5, 1.5, len(own)), common_std=own.min())
         rows[:, : len(own)] += offsets
-    if m.sensors is not None:
+    if m.has_further_sensors:
         more["thrust"] = random.choice([0.0, 300.0], n)
         rows = rows * m.sensors.scale + more["thrust"][:, None] * m.sensors.thrust_response
     rows[random.random(n) < 0.03, random.integers(m.n_strain_gauges)] = np.nan
@@ -136,7 +136,6 @@ def drawn(m: InverseMap, kind: Kind, n: int, seed: int) -> Samples:
 def _warm(m: InverseMap, random: np.random.Generator, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return what gauges read with temperature modes drawn, and what temperature sensors do."""
     thermal = m.thermal
-    assert thermal is not None
     amplitude = thermal.prior_std * random.standard_normal((len(rows), len(thermal.prior_std)))
     rise = amplitude @ thermal.gauge_operator.T
     apparent = sum(one * rise ** (power + 1) for power, one in enumerate(thermal.apparent_strain))
@@ -194,7 +193,7 @@ class ByReference:
         m, s, one = self._map, self._samples, slice(k, k + 1)
         assert m.manifold is not None
         amplitude = left = known = None
-        if s.temperature is not None and m.thermal is not None:
+        if s.temperature is not None and m.has_temperature:
             known = known_sensors(m.thermal, s.temperature[one])[0]
             found = amplitudes(m.thermal, s.temperature[one], known)
             amplitude, left = found.mean, found.covariance

@@ -14,7 +14,7 @@ from builder.figures.drawing.gauge_marks import gauge_kinds, kind_label
 from builder.figures.map.hover_gauges import gauge_values
 from builder.figures.map.stills import gauge_loss, known_pressure
 from builder.vehicle.shape.geometry import chain_segments, surface_grid
-from strainfmu.estimator.map.sensors import STRAIN, SensorRows
+from strainfmu.estimator.map.sensors import STRAIN, SensorRows, strain_rows
 
 pytestmark = pytest.mark.fast
 
@@ -37,7 +37,8 @@ def rosettes(*angles: float) -> SimpleNamespace:
         gauge_direction=np.array(direction),
         n_gauges=len(position),
         n_strain_gauges=len(position),
-        sensors=None,
+        sensors=strain_rows(len(position)),
+        has_further_sensors=False,
         noise_std=np.full(len(position), 2e-6),
         vehicle="cone",
     )
@@ -89,7 +90,7 @@ def test_figures_of_the_report() -> None:
 def with_sensors(one: Any) -> Any:
     """The last two gauges are a port and a load cell."""
     n, scale = one.n_gauges - 2, np.array([4e8, 2e6])
-    one.n_strain_gauges, one.gauge_names = n, [f"s{i}" for i in range(n + 2)]
+    one.has_further_sensors, one.n_strain_gauges, one.gauge_names = True, n, [f"s{i}" for i in range(n + 2)]
     one.sensors = SensorRows(
         kind=(*(STRAIN,) * n, "pressure", "force"),
         unit=(*("m/m",) * n, "Pa", "N"),

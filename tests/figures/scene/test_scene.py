@@ -18,6 +18,7 @@ from builder.figures.scene.scene import BOX_SIDES, STATE_COLOURS, Scene, scene_o
 from builder.figures.scene.solid_view import VIEWS, solid_view
 from builder.vehicle.shape.geometry import chain_segments, surface_grid
 from strainfmu.errors import InputError
+from strainfmu.estimator.map.sensors import strain_rows
 
 pytestmark = pytest.mark.fast
 
@@ -36,7 +37,7 @@ def scene(excluded: tuple[str, ...] = (), sensors: Any = None) -> Scene:
         gauge_names=tuple(f"{kind}{k}" for kind in "AH" for k in range(4)),
         n_gauges=8,
         vehicle="cone",
-        sensors=sensors,
+        sensors=sensors or strain_rows(8),
     )
     surface = mesh_of_grid(GRID)
     return scene_of(surface, 3.0 - surface.point[:, 0], "p/p_inf [1]", one, "cone", excluded)

@@ -182,7 +182,6 @@ def test_scores_of_parameters(hosts: dict[tuple[str, str], Host], kind: str) -> 
     inputs, outputs = ([f"{prefix}{name}" for name in PARAMETERS] for prefix in ("parameter.", "health.outside."))
     host.fmu.reset()
     host.initialize()
-    assert held.sensors is not None
     host.set(reading_names(held), held.mean_strain * held.sensors.scale)
     host.set(["dynamic_pressure"], [NOMINAL])
     assert host.health() == HealthState.OK
@@ -200,7 +199,6 @@ def test_derivatives_by_sensors_and_thrust(hosts: dict[tuple[str, str], Host]) -
     """Differences of outputs once steps have ended; by thrust the sum over the sensors that it moves."""
     host, held = hosts["flight", "native"], MAPS["flight"]()
     sensors, sample = held.sensors, random_flight(held, 1, seed=4)[0]
-    assert sensors is not None
     readings, n = reading_names(held), held.n_gauges
     host.fmu.reset()
     host.initialize()

@@ -37,7 +37,7 @@ def strain_at(inverse_map: InverseMap, dynamic_pressure: float) -> np.ndarray:
     """(n_d,) strain of the mean pressure at ``dynamic_pressure``, at the nominal one where that says nothing."""
     if inverse_map.form == "absolute" or not 1.0 < dynamic_pressure < 1e8:
         return inverse_map.mean_strain
-    fixed = np.zeros(inverse_map.n_gauges) if inverse_map.fixed_strain is None else inverse_map.fixed_strain
+    fixed = inverse_map.fixed_strain
     return fixed + dynamic_pressure / inverse_map.nominal_dynamic_pressure * (inverse_map.mean_strain - fixed)
 
 

@@ -50,8 +50,7 @@ def inputs(flight: NativeCase, tmp_path_factory: pytest.TempPathFactory) -> Path
     """Motions inside the tables that jump from one to the next; gauges lost, navigation unknown now and then or
     for a flight, strain bent."""
     random, rows = np.random.default_rng(9), []
-    sensors = flight.inverse_map.sensors
-    scale = np.ones(N_D) if sensors is None else sensors.scale
+    scale = flight.inverse_map.sensors.scale
     for number in range(FLIGHTS):
         bent = random.normal(size=N_D) * (1e-5 if number % 5 == 4 else 0.0)
         for sample in random_flight(flight.inverse_map, STEPS, seed=number):

@@ -77,9 +77,9 @@ def test_a_flight_is_that_of_the_estimator(tmp_path: Path, of: str) -> None:
     held, random = OTHERS[of](), np.random.default_rng(1)
     fmu, names = started(write_resource(held, tmp_path).as_uri(), held.n_gauges), estimator_interface(held)
     place = value_references(names)
-    warm = [place[name] for name in temperature_names(held.thermal)] if held.thermal is not None else []
+    warm = [place[name] for name in temperature_names(held.thermal)]
     estimator, alone, time, filtered = Estimator(held), Estimator(held), 3.0, 0
-    scale = np.ones(held.n_gauges) if held.sensors is None else held.sensors.scale
+    scale = held.sensors.scale
     for k, one in enumerate(linear_flight(held, 45, seed=5)):
         if k % 15 == 0:
             seconds = (1.0, 1e-9, 10.0)[k // 15]

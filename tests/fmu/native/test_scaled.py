@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -16,6 +15,7 @@ from scipy.optimize import brentq
 
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
+from strainfmu.estimator.map.neutral import nothing_of
 
 pytestmark = pytest.mark.fast
 
@@ -95,8 +95,7 @@ OUTSIDE = {
 def test_outside_by_each_cause(cause: str, scaled_form: bool, tmp_path: Path) -> None:
     plain = scaled_map(2, seed=2, errors=errors_at_strain(18), **with_envelope(n=9, size=5.0))
     if not scaled_form:
-        nothing: dict[str, Any] = dict.fromkeys(errors_at_strain(1))
-        plain = replace(plain, form="absolute", **nothing)
+        plain = replace(plain, form="absolute", **nothing_of(plain, *errors_at_strain(1)))
     given = dict(OUTSIDE[cause])
     limit, pressure = given.pop("limit", 5.0), given.pop("pressure", NOMINAL)
     inverse_map = replace(plain, envelope_limit=np.full(9, limit))

@@ -46,13 +46,12 @@ def case(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
 
 
 def rows_of(inverse_map: InverseMap) -> SensorRows:
-    assert inverse_map.sensors is not None
     return inverse_map.sensors
 
 
 def thrust_reference(case: NativeCase) -> int:
     zeros = 2 * case.inverse_map.n_strain_gauges + 1
-    return first_zero(case.n) + zeros + (0 if case.inverse_map.thermal is None else N_T)
+    return first_zero(case.n) + zeros + (N_T if case.inverse_map.has_temperature else 0)
 
 
 def give(fmu: Fmu2, sample: Sample) -> None:
@@ -179,7 +178,7 @@ def test_fmi_3_has_each_sensor_as_a_scalar(case: NativeCase) -> None:
     n, held = case.inverse_map.n_strain_gauges, case.inverse_map
     two, three = Fmu2(case.uri, case.n).start(), Fmu3(str(case.resources), case.n).start()
     random, later = np.random.default_rng(4), Fmu3.STRAIN + N_S
-    thrust = Fmu3.ZERO + N_S + 3 + (0 if held.thermal is None else 1)
+    thrust = Fmu3.ZERO + N_S + 3 + int(held.has_temperature)
     for lost in (None, *range(n - 1, case.n)):
         strain = readings(case, held.mean_strain + held.noise_std * random.normal(size=case.n), 70.0)
         valid = np.arange(case.n) != lost
@@ -195,7 +194,7 @@ def test_fmi_3_has_each_sensor_as_a_scalar(case: NativeCase) -> None:
         status, back = three.get("Float64", c_double, inputs, len(values))
         assert status == OK
         assert back.tolist() == values
-    more = of_filter(held) + (0 if held.thermal is None else 1)
+    more = of_filter(held) + int(held.has_temperature)
     status, time = three.get("Float64", c_double, [Fmu3.TIME + N_S + 1 + more], 1)
     assert (status, time.tolist()) == (OK, [0.0])
     status, change = three.differentiate("Directional", [0], [Fmu3.STRAIN + 1], [1.0], 5)

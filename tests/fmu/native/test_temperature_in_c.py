@@ -70,7 +70,6 @@ def test_as_in_python_while_sensors_and_zeros_change(hot: NativeCase) -> None:
     random, fmu, estimator = np.random.default_rng(1), Fmu2(hot.uri, hot.n).start(), Estimator(hot.inverse_map)
     plain = Fmu2(hot.uri, hot.n).start()
     thermal = hot.inverse_map.thermal
-    assert thermal is not None
     zeros, noise = no_zeros(hot.n), float(np.sqrt(np.median(np.diag(thermal.isothermal_covariance))))
     for k, sample in enumerate(random_samples(hot.inverse_map, 30, seed=5)):
         if k % 20 == 10:
@@ -100,7 +99,6 @@ def test_as_in_python_while_sensors_and_zeros_change(hot: NativeCase) -> None:
 
 def test_array_of_fmi_3(hot: NativeCase) -> None:
     thermal, n = hot.inverse_map.thermal, hot.n
-    assert thermal is not None
     temperature = drawn_temperature(thermal, 0, np.random.default_rng(4))
     two, three = Fmu2(hot.uri, n).start(), Fmu3(str(hot.resources), n).start()
     give_temperature(two, temperature, n)
@@ -115,7 +113,6 @@ def test_array_of_fmi_3(hot: NativeCase) -> None:
 
 def test_state_brings_temperatures_back(hot: NativeCase) -> None:
     random, thermal = np.random.default_rng(6), hot.inverse_map.thermal
-    assert thermal is not None
     fmu = Fmu2(hot.uri, hot.n).start()
     cold = fmu.get_reals(range(first_temperature(hot.n), first_temperature(hot.n) + N_T))
     assert cold.tolist() == [0.0] * N_T
@@ -136,7 +133,6 @@ def test_state_brings_temperatures_back(hot: NativeCase) -> None:
 def test_derivatives_are_those_of_differences(hot: NativeCase) -> None:
     """By temperatures and strains at once, against central differences."""
     random, thermal, n = np.random.default_rng(7), hot.inverse_map.thermal, hot.n
-    assert thermal is not None
     fmu, temperature = Fmu2(hot.uri, n).start(), drawn_temperature(thermal, 0, random)
     temperature[2] = 0.0
     strain = hot.inverse_map.mean_strain + hot.inverse_map.noise_std

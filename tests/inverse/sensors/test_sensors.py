@@ -96,7 +96,7 @@ def flights(
 
 
 def in_units(inverse_map: InverseMap, rows: np.ndarray) -> np.ndarray:
-    return rows if inverse_map.sensors is None else rows * inverse_map.sensors.scale
+    return rows * inverse_map.sensors.scale
 
 
 def scored(
@@ -230,7 +230,6 @@ def test_readings_of_a_rigid_body(
     changed = with_sensors(vehicle, sensors)
     problem = inverse_problem(changed, snapshots, structure)
     inverse_map = build_inverse_map(changed, snapshots, structure, problem=problem)
-    assert inverse_map.sensors is not None
     ensemble = ensemble_of(changed, held_out)
     rows = ensemble.responses(problem.strain_operator)[5] * inverse_map.sensors.scale
     net = next(ensemble.members())[5]
@@ -263,7 +262,6 @@ def test_fmu_with_sensors_of_every_kind(
     changed = with_sensors(vehicle, sensors)
     problem = inverse_problem(changed, snapshots, structure)
     inverse_map = build_inverse_map(changed, snapshots, structure, problem=problem)
-    assert inverse_map.sensors is not None
     lost = ["none", "port_90deg", "imu_axial", "imu_pitch", "cell_axial", "cell_yaw", "tip_up", "fibre_90deg_1"]
     rows, q, _ = flights(changed, problem, held_out, len(lost))
     thrust = 250.0
@@ -325,7 +323,7 @@ def test_fmu_holds_the_sensors_and_the_bridge_refuses_them(
 ) -> None:
     inverse_map = build_inverse_map(with_sensors(vehicle, Sensors(ports=PORTS)), snapshots, structure)
     save_inverse_map(inverse_map, tmp_path / "map.h5")
-    assert load_inverse_map(tmp_path / "map.h5").sensors is not None
+    assert load_inverse_map(tmp_path / "map.h5").has_further_sensors
     export_estimator(tmp_path / "map.h5", tmp_path / "estimator.fmu", ExportOptions(platforms=["linux64"]))
     variables = {one.name: one for one in read_model_description(str(tmp_path / "estimator.fmu")).modelVariables}
     assert [name for name in variables if name.startswith("sensor.")] == [

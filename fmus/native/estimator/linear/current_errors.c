@@ -11,16 +11,12 @@
 #define TRACE 15
 #define N_FACTORS (N_NODES * N_PAIRS)
 
-/* 2^(k/8) / 2 */
-static const double EIGHTH[9] = {0x1p-1,
-                                 0x1.172b83c7d517bp-1,
-                                 0x1.306fe0a31b715p-1,
-                                 0x1.4bfdad5362a27p-1,
-                                 0x1.6a09e667f3bcdp-1,
-                                 0x1.8ace5422aa0dbp-1,
-                                 0x1.ae89f995ad3adp-1,
-                                 0x1.d5818dcfba487p-1,
-                                 0x1p0};
+/* 2^(k/16) / 2 */
+static const double SIXTEENTH[17] = {0x1.0000000000000p-1, 0x1.0b5586cf9890fp-1, 0x1.172b83c7d517bp-1, 0x1.2387a6e756238p-1,
+                                     0x1.306fe0a31b715p-1, 0x1.3dea64c123422p-1, 0x1.4bfdad5362a27p-1, 0x1.5ab07dd485429p-1,
+                                     0x1.6a09e667f3bcdp-1, 0x1.7a11473eb0187p-1, 0x1.8ace5422aa0dbp-1, 0x1.9c49182a3f090p-1,
+                                     0x1.ae89f995ad3adp-1, 0x1.c199bdd85529cp-1, 0x1.d5818dcfba487p-1, 0x1.ea4afa2a490dap-1,
+                                     0x1.0000000000000p+0};
 
 /* v and e with value = v 2^e, 0.5 <= v < 1, for normal numbers; frexp without libm. */
 static double mantissa_of(double value, double *unit) {
@@ -38,11 +34,11 @@ static void ends_of(double ratio, double *below, double *above) {
     double unit;
     const double mantissa = mantissa_of(ratio, &unit);
     size_t k = 0;
-    while (mantissa >= EIGHTH[k + 1]) {
+    while (mantissa >= SIXTEENTH[k + 1]) {
         k++;
     }
-    *below = unit * EIGHTH[k];
-    *above = unit * EIGHTH[k + 1];
+    *below = unit * SIXTEENTH[k];
+    *above = unit * SIXTEENTH[k + 1];
 }
 
 static size_t n_values(const CurrentErrors *errors) {

@@ -10,7 +10,7 @@
 
 #define N_VALUES 16 /* the 15 entries of a covariance row by row, and a zero */
 
-/* Intervals of the pressure ratio that are kept: a factor 4 of dynamic pressure; and the points in each. */
+/* Intervals of the pressure ratio that are kept: a factor 2 of dynamic pressure; and the points in each. */
 #define CACHED_INTERVALS 16
 #define N_NODES 6
 

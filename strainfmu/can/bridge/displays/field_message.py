@@ -118,9 +118,9 @@ def _thinned(values: FloatArray, most: int) -> IntArray:
 
 def _unrolled(inverse_map: InverseMap) -> tuple[FloatArray, FloatArray, SurfacePlaces]:
     """Return stations [m], roll angles [rad] and the places of any surface that are seen from outside there."""
-    point, triangle = inverse_map.point, inverse_map.triangle
-    if point is None or triangle is None:
+    if not inverse_map.has_field:
         raise ValueError("inverse_map: expected one that holds the surface of its pressure field")
+    point, triangle = inverse_map.point, inverse_map.triangle
     surface = point.astype(np.float64), triangle.astype(np.int64)
     first, last = float(point[:, 0].min()), float(point[:, 0].max())
     station = first + (last - first) * (np.arange(_STATIONS) + 0.5) / _STATIONS
