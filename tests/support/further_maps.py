@@ -90,16 +90,10 @@ def _with_tables(
 
 
 def _with_loads(
-    held: InverseMap, station: np.ndarray, manifold: ManifoldMap | None, **rows: np.ndarray | None
+    held: InverseMap, station: np.ndarray, manifold: ManifoldMap | None, **rows: np.ndarray
 ) -> InverseMap:
     """Return ``held``, of five loads, with ``rows`` of others behind them."""
-    five = {name: getattr(held, name) for name in rows}
-    if rows["fixed_load"] is not None and held.fixed_load is None:
-        five["fixed_load"], rows["fixed_strain"] = np.zeros(5), np.zeros(held.n_gauges)
-    joined = {
-        name: own if own is None or name not in five else np.concatenate([five[name], own])
-        for name, own in rows.items()
-    }
+    joined = {name: np.concatenate([getattr(held, name), own]) for name, own in rows.items()}
     return replace(held, section_station=station, manifold=manifold, **joined)
 
 

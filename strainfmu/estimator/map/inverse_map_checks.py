@@ -26,6 +26,10 @@ _ROUND_OFF = 1e-6
 """Largest relative difference between numbers that are equal but for round-off."""
 
 
+GROUPS = (("gauge_error_product", "common_error", "mean_product"), ("fixed_strain", "fixed_load"))
+"""Fields that a map has all of, or none."""
+
+
 def check_inverse_map(inverse_map: InverseMap) -> None:
     """Check a map whose groups and arrays are checked.
 
@@ -81,10 +85,7 @@ def check_groups(inverse_map: InverseMap) -> None:
     InputError
         Some are missing.
     """
-    for names in (
-        ("gauge_error_product", "common_error", "mean_product"),
-        ("fixed_strain", "fixed_load"),
-    ):
+    for names in GROUPS:
         there = [name for name in names if getattr(inverse_map, name).shape != (0,)]
         if there and len(there) < len(names):
             raise InputError(f"inverse map: {', '.join(there)} of {', '.join(names)} found, must be all or none")

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.map.inverse_map_checks import RANGES
+from strainfmu.estimator.map.inverse_map_checks import GROUPS, RANGES
 from strainfmu.estimator.map.sensors import SensorRows, strain_rows
 from strainfmu.estimator.map.temperature import ThermalMap, no_temperature
 
@@ -87,7 +87,10 @@ def nothing_of(inverse_map: InverseMap, *names: str) -> dict[str, Any]:
 def neutral_fields(inverse_map: InverseMap) -> list[str]:
     """Return the names of the fields of ``inverse_map`` that hold neutral values, which its file leaves out."""
     neutral = {**neutral_arrays(inverse_map), **neutral_parts(inverse_map), "field_is_net": False}
-    return [name for name, value in neutral.items() if _same(getattr(inverse_map, name), value)]
+    found = {name for name, value in neutral.items() if _same(getattr(inverse_map, name), value)}
+    for names in GROUPS:
+        found -= set() if found.issuperset(names) else set(names)
+    return [name for name in neutral if name in found]
 
 
 def _holds_nothing(value: Any) -> bool:
