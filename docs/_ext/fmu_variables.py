@@ -12,6 +12,8 @@ from sphinx.application import Sphinx
 
 from strainfmu.cosim.models.autopilot import AutopilotSettings, autopilot_interface
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.map.sensors import strain_rows
+from strainfmu.estimator.map.temperature import no_temperature
 from strainfmu.interface.enumerations import HEALTH_ITEMS, TARE_ITEMS, Items
 from strainfmu.interface.estimator_variables import estimator_arrays, estimator_interface
 from strainfmu.interface.fmi_variables import Variable
@@ -39,9 +41,13 @@ class OneGauge:
     form: str = "dynamic_pressure"
     case: int = 1
     manifold: None = None
-    thermal: None = None
-    sensors: None = None
-    further: None = None
+    n_loads: int = 5
+    has_other_loads: bool = False
+    has_further_sensors: bool = False
+    has_temperature: bool = False
+    section_station: Any = field(default_factory=lambda: np.zeros(0))
+    thermal: Any = field(default_factory=lambda: no_temperature(np.zeros((1, 1))))
+    sensors: Any = field(default_factory=lambda: strain_rows(1))
     envelope_score_limit: float = 1.5
     residual_degrees_of_freedom: int = 49
     provenance: dict[str, float] = field(default_factory=lambda: {"moment_station_m": 2.0})

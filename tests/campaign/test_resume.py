@@ -47,7 +47,7 @@ def test_ctrl_c_keeps_what_is_finished(workers: int, undisturbed: Undisturbed, t
     wait_for_journal(output, undisturbed.journal_size // 8, process)
     os.killpg(process.pid, signal.SIGINT)
     _, message = process.communicate()
-    assert process.returncode == 130
+    assert process.returncode == 130, message
     assert message.count("\n") == 1
     assert message.startswith("strainfmu: interrupted; ")
     assert f" of 15 flows are kept in {journal_path(output)}" in message
