@@ -12,7 +12,7 @@ from builder.truth.as_built import AsBuilt, drawn
 from builder.vehicle.map.options import Noise
 
 FEW_FILTERED = 0.25
-"""Draws of what is filtered, each sample of which costs a flight, times those of the other kinds."""
+"""Number of draws of a filtered kind over that of another kind: each filtered sample costs a whole flight."""
 
 MANY = 5
 """Draws of the vehicles as stated, times those of the other kinds: their false alarms are rare."""

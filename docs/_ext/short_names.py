@@ -13,7 +13,7 @@ class PythonDomainByName(PythonDomain):
     """The domain of Python, whose search of a short name among all objects is kept while no object is added."""
 
     def find_obj(self, *where: Any) -> list[Any]:
-        """Return the objects of a name; arguments as those of Sphinx."""
+        """Return the objects of a name; Sphinx calls it with the same arguments."""
         return list(self._found(len(self.objects), *where[1:]))
 
     @cache  # noqa: B019 - the domain lives as long as the build

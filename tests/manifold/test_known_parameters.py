@@ -2,6 +2,7 @@
 
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -30,13 +31,13 @@ def flights() -> tuple[Snapshots, np.ndarray]:
     return snapshots, strain + known_map().noise_std * random.standard_normal(strain.shape)
 
 
-def estimated(**known: object) -> Estimate:
+def estimated(**known: Any) -> Estimate:
     snapshots, strain = flights()
     q, mach = (
         np.array([getattr(one, name) for one in snapshots.conditions()])
         for name in ("dynamic_pressure", "mach_number")
     )
-    return Estimator(known_map()).estimate(strain, q, mach_number=mach, **known)  # type: ignore[arg-type]  # kinds by name
+    return Estimator(known_map()).estimate(strain, q, mach_number=mach, **known)
 
 
 def stated(std: float) -> Estimate:

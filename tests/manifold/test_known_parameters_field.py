@@ -3,6 +3,7 @@
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -42,9 +43,9 @@ def flights() -> tuple[Snapshots, np.ndarray, dict[str, np.ndarray]]:
     return snapshots, strain + known_map(keep_field=True).noise_std * random.standard_normal(strain.shape), flow
 
 
-def estimated(**known: object) -> Estimate:
+def estimated(**known: Any) -> Estimate:
     _, strain, flow = flights()
-    return Estimator(known_map(keep_field=True)).estimate(strain, **flow, **known)  # type: ignore[arg-type]  # kinds by name
+    return Estimator(known_map(keep_field=True)).estimate(strain, **flow, **known)
 
 
 def fields(found: Estimate) -> list[PressureField]:

@@ -25,11 +25,16 @@ LINEAR_LOADS, WIDENED, OTHER_END, NOT_CONVERGED = 0.1, 0.2, 0.15, 0.05
 whose two searches end in different states, and whose iterations do not converge."""
 
 
+STARTED_OTHER_END = 1e-3
+"""The third of these where the core starts from the state of the reference."""
+
+
 @dataclass
 class Agreement:
     """Largest difference of each quantity, and how many samples a policy of the core makes incomparable."""
 
     n: int
+    searched: bool
     apart: dict[str, float] = field(default_factory=dict)
     linear: int = 0
     widened: int = 0
@@ -48,9 +53,10 @@ def agreement(name: str, n: int, seed: int, *, searched: bool = False) -> Agreem
     The reference starts from the state that a sample was drawn at, the core from the reference's; or both from
     their own search. Samples whose air data are dropped take part in the latter alone: another quantity is doubted
     by what the first of two solutions leaves, from which the core's two iterations from a state are too few.
+    Where air data do not determine the pressure, the core searches beside any start, and the better end counts.
     """
     inverse_map = KINDS[name].make()
-    samples, found = drawn(inverse_map, KINDS[name], n, seed), Agreement(n)
+    samples, found = drawn(inverse_map, KINDS[name], n, seed), Agreement(n, searched)
     reference = ByReference(inverse_map, samples)
     estimates = []
     for k in range(n):
@@ -63,7 +69,7 @@ def agreement(name: str, n: int, seed: int, *, searched: bool = False) -> Agreem
         found.dropped += is_dropped
         if ours.step > CONVERGED:
             found.not_converged += 1
-        elif searched and differs(core[k], ours):
+        elif (searched or is_widened(ours)) and differs(core[k], ours):
             found.other_end += 1
         elif searched or not is_dropped:
             assert np.array_equal(core.air_data_used[k], air_used)
@@ -77,6 +83,12 @@ def differs(core: Estimate, ours: NonlinearEstimate) -> bool:
     return bool(np.abs((core.state - ours.state) / std).max() > TOLERANCE)
 
 
+def is_widened(ours: NonlinearEstimate) -> bool:
+    """Return whether air data determine the pressure so little that the core widens for what else fits."""
+    air = ours.air_inputs
+    return bool(np.nansum((air.value[1:] / air.std[1:]) ** 2) < PRESSURE_KNOWN)
+
+
 def compare(found: Agreement, core: Estimate, ours: NonlinearEstimate) -> None:
     """Note how far the two estimates of a sample are apart."""
     state_std, std = (np.sqrt(np.diag(one)) for one in (ours.state_covariance, ours.covariance))
@@ -85,10 +97,9 @@ def compare(found: Agreement, core: Estimate, ours: NonlinearEstimate) -> None:
     z = np.maximum(abs(ours.standardised), 1.0)
     found.note("z", (core.standardised_residual - ours.standardised) / z)
     found.note("air data", (core.air_data.value - ours.air) / ours.air_std)
-    counts = ours.air_inputs
-    is_widened = np.nansum((counts.value[1:] / counts.std[1:]) ** 2) < PRESSURE_KNOWN
-    found.widened += bool(is_widened)
-    if not is_widened:
+    told = not is_widened(ours)
+    found.widened += not told
+    if told:
         found.note("state std", np.sqrt(np.diag(core.state_covariance)) / state_std - 1.0)
         found.note("air data std", core.air_data.std / ours.air_std - 1.0)
     if core.is_linear:
@@ -104,7 +115,7 @@ def compare(found: Agreement, core: Estimate, ours: NonlinearEstimate) -> None:
     of_coefficients = np.sqrt(np.diag(ours.coefficient_covariance))
     found.note("loads", (loads - ours.loads)[some] / std[some])
     found.note("coefficients", (coefficients - ours.coefficients)[some] / of_coefficients[some])
-    if not is_widened:
+    if told:
         found.note("std", (loads_std[some] / std[some]) - 1.0)
         found.note("coefficients std", (coefficients_std[some] / of_coefficients[some]) - 1.0)
         of_both = (core.load_covariance - ours.covariance[:5, :5]) / np.outer(std[:5], std[:5])
@@ -117,7 +128,7 @@ def check(found: Agreement) -> None:
     assert {"loads", "std", "z", "chi-square", "state std", "air data std"} <= found.apart.keys()
     assert found.linear <= LINEAR_LOADS * found.n
     assert found.widened <= WIDENED * found.n
-    assert found.other_end <= OTHER_END * found.n
+    assert found.other_end <= (OTHER_END if found.searched else STARTED_OTHER_END) * found.n
     assert found.not_converged <= NOT_CONVERGED * found.n
 
 
@@ -135,16 +146,8 @@ def test_searches_end_in_the_same_state(name: str) -> None:
     assert found.dropped > 0
 
 
-ONE_APART = pytest.mark.xfail(
-    strict=True,
-    reason="one of 2,000 samples, without air data and at M 4.2 below the tables, is 1e-4 deviations apart",
-)
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=ONE_APART if name == "parameters" else ()) for name in KINDS]
-)
+@pytest.mark.parametrize("name", KINDS)
 def test_core_agrees_on_many_random_samples(name: str) -> None:
     check(agreement(name, n=2000, seed=2))
     check(agreement(name, n=100, seed=4, searched=True))

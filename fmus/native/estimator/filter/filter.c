@@ -1,17 +1,12 @@
 /* Laws of the filter's states over time: strainfmu/estimator/reference/flight_filter.py, kalman.py. */
 
 #include "filter.h"
+#include "../numerics/arrays.h"
 #include "../numerics/blocks.h"
 
 #include <math.h>
 
 #include "../../core/elementary.h"
-
-static double *taken(double **doubles, size_t count) {
-    double *array = *doubles;
-    *doubles += count;
-    return array;
-}
 
 static size_t larger(size_t a, size_t b) {
     return a > b ? a : b;

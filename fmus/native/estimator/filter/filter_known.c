@@ -9,15 +9,10 @@
 #include <string.h>
 
 #include "../estimator.h"
+#include "../numerics/arrays.h"
 #include "../numerics/cholesky.h"
 
 #define FAINT 1e-12 /* variance of an amplitude, over that without what is known, below which it is known */
-
-static double *taken(double **doubles, size_t count) {
-    double *array = *doubles;
-    *doubles += count;
-    return array;
-}
 
 size_t filter_known_doubles(const Filter *filter) {
     const size_t n = filter->gauges, r = filter->map.n_seen, m = filter->map.n_further, loads = N_LOADS;

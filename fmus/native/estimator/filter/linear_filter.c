@@ -7,17 +7,12 @@
 #include <string.h>
 
 #include "../../core/elementary.h"
+#include "../numerics/arrays.h"
 #include "../numerics/products.h"
 #include "../tables/flight_tables.h"
 
 #define ALIGNMENT 64
 #define LARGEST_AGE 690.0 /* in time constants; nothing is left of a state beyond it */
-
-static double *taken(double **doubles, size_t count) {
-    double *array = *doubles;
-    *doubles += count;
-    return array;
-}
 
 size_t linear_law_doubles(const LinearFilter *filter) {
     const size_t columns = filter->order + filter->n_considered + filter->zeros.columns;

@@ -2,13 +2,8 @@
 
 #include <string.h>
 
+#include "../numerics/arrays.h"
 #include "../numerics/lanes.h"
-
-static double *taken(double **doubles, size_t count) {
-    double *array = *doubles;
-    *doubles += count;
-    return array;
-}
 
 size_t zero_errors_noted(const ZeroErrors *errors) {
     return in_lanes(2 * errors->n_strains + 1);

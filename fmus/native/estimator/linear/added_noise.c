@@ -3,6 +3,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "../numerics/arrays.h"
 #include "../numerics/lower_triangles.h"
 #include "../numerics/triangles.h"
 #include "pressure_directions.h"
@@ -19,12 +20,6 @@ size_t added_noise_doubles(const Map *map) {
     const size_t of_form = map->scaled ? n * n + 2 * n + loads * n + loads * loads : 0;
     return n * n + 4 * triangle + 2 * loads * n + 2 * loads * loads + n + of_form + large_doubles(map)
          + 2 * (map->n_states + n) + 3 * n * n + n + loads * (n + map->n_states);
-}
-
-static double *taken(double **doubles, size_t count) {
-    double *array = *doubles;
-    *doubles += count;
-    return array;
 }
 
 void added_noise_arrays(const Map *map, AddedNoise *noise, double **doubles) {

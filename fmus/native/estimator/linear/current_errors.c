@@ -3,6 +3,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "../numerics/arrays.h"
 #include "../numerics/dense.h"
 #include "../numerics/triangles.h"
 #include "../step_parts.h"
@@ -56,12 +57,6 @@ size_t current_errors_doubles(const Map *map, size_t n_further) {
     const size_t step = dense_columns(N_FACTORS) + dense_rows(FIVE_VALUES) + 2 * n * whole + n * n + N_LOADS * n + whole
                       + 2 * dense_rows(common);
     return CACHED_INTERVALS * interval + tables + scratch + step;
-}
-
-static double *taken(double **doubles, size_t count) {
-    double *array = *doubles;
-    *doubles += count;
-    return array;
 }
 
 void current_errors_arrays(Estimator *e, double **doubles) {

@@ -3,6 +3,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "../numerics/arrays.h"
 #include "../numerics/dense.h"
 #include "../numerics/triangles.h"
 #include "../numerics/wide.h"
@@ -30,12 +31,6 @@ size_t scaled_doubles(const Map *map, size_t n_further) {
 
 size_t scaled_indices(const Map *map) {
     return map->n_gauges;
-}
-
-static double *taken(double **doubles, size_t count) {
-    double *array = *doubles;
-    *doubles += count;
-    return array;
 }
 
 void scaled_arrays(Estimator *e, double **doubles, size_t **indices) {

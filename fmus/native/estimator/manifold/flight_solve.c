@@ -3,16 +3,11 @@
 #include <math.h>
 
 #include "../../core/elementary.h"
+#include "../numerics/arrays.h"
 #include "../numerics/cholesky.h"
 
 #define SMALLEST_PART 0.25 /* of a step that is taken */
 #define LEAST_SEEN 1e-9    /* of the variance of a shape; what others leave below it is lost in rounding */
-
-static double *taken(double **doubles, size_t count) {
-    double *array = *doubles;
-    *doubles += count;
-    return array;
-}
 
 size_t flight_solver_doubles(const FlightMap *map, size_t n_gauges) {
     const size_t n = in_lanes(n_gauges);

@@ -3,14 +3,9 @@
 #include <math.h>
 
 #include "../estimator.h"
+#include "../numerics/arrays.h"
 
 #define LARGEST_POWER 3
-
-static double *taken(double **doubles, size_t count) {
-    double *array = *doubles;
-    *doubles += count;
-    return array;
-}
 
 static size_t cells_of(const TableMap *map) {
     return (map->n_mach + 2) * (map->n_incidence + 2);

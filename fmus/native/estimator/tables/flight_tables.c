@@ -4,13 +4,8 @@
 
 #include "../../core/elementary.h"
 #include "../map/map_resource.h"
+#include "../numerics/arrays.h"
 #include "../numerics/wide.h"
-
-static double *taken(double **doubles, size_t count) {
-    double *array = *doubles;
-    *doubles += count;
-    return array;
-}
 
 static size_t cells_of(const TableMap *map) {
     return (map->n_mach + 2) * (map->n_incidence + 2);
