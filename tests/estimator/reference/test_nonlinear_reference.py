@@ -69,9 +69,11 @@ def agreement(name: str, n: int, seed: int, *, searched: bool = False) -> Agreem
         found.dropped += is_dropped
         if ours.step > CONVERGED:
             found.not_converged += 1
+        elif is_dropped and not searched:
+            continue
         elif (searched or is_widened(ours)) and differs(core[k], ours):
             found.other_end += 1
-        elif searched or not is_dropped:
+        else:
             assert np.array_equal(core.air_data_used[k], air_used)
             compare(found, core[k], ours)
     return found
