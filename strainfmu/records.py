@@ -133,7 +133,7 @@ def _read(group: h5py.Group, name: str, annotation: str) -> Any:
     if value is None:
         if "None" in annotation:
             return None
-        raise KeyError(f"entry '{name}' is missing")
+        raise KeyError(f"entry '{name}' is missing; build it again")
     if annotation == "str":
         return str(value)
     if annotation.startswith("dict"):
