@@ -7,16 +7,19 @@
 
 #define MAX_SMALL 5
 
-/* Rows of a column: x -= sum over LANES columns, `stride` apart, each times its factor. */
+/* Rows of a column: x -= sum over LANES columns, `stride` apart, each times its factor. A block is read before it is
+   written, so that its lanes are computed at once. */
 EVERYWHERE void subtract_columns(size_t first, size_t n, const double *restrict columns, size_t stride,
                                  const double *factor, double *restrict x) {
     const double *restrict c0 = columns, *restrict c1 = c0 + stride, *restrict c2 = c1 + stride,
                            *restrict c3 = c2 + stride;
     const double f0 = factor[0], f1 = factor[1], f2 = factor[2], f3 = factor[3];
     for (size_t i = first; i < n; i += LANES) {
-        for (size_t r = i; r < i + LANES; r++) {
-            x[r] -= (f0 * c0[r] + f1 * c1[r]) + (f2 * c2[r] + f3 * c3[r]);
+        double rest[LANES];
+        for (size_t r = 0; r < LANES; r++) {
+            rest[r] = x[i + r] - ((f0 * c0[i + r] + f1 * c1[i + r]) + (f2 * c2[i + r] + f3 * c3[i + r]));
         }
+        memcpy(x + i, rest, sizeof rest);
     }
 }
 
@@ -27,10 +30,15 @@ EVERYWHERE void subtract_columns_twice(size_t first, size_t n, const double *res
                            *restrict c3 = c2 + stride;
     const double f0 = f[0], f1 = f[1], f2 = f[2], f3 = f[3], g0 = g[0], g1 = g[1], g2 = g[2], g3 = g[3];
     for (size_t i = first; i < n; i += LANES) {
-        for (size_t r = i; r < i + LANES; r++) {
-            x[r] -= (f0 * c0[r] + f1 * c1[r]) + (f2 * c2[r] + f3 * c3[r]);
-            y[r] -= (g0 * c0[r] + g1 * c1[r]) + (g2 * c2[r] + g3 * c3[r]);
+        double of_x[LANES], of_y[LANES];
+        for (size_t r = 0; r < LANES; r++) {
+            of_x[r] = x[i + r] - ((f0 * c0[i + r] + f1 * c1[i + r]) + (f2 * c2[i + r] + f3 * c3[i + r]));
         }
+        for (size_t r = 0; r < LANES; r++) {
+            of_y[r] = y[i + r] - ((g0 * c0[i + r] + g1 * c1[i + r]) + (g2 * c2[i + r] + g3 * c3[i + r]));
+        }
+        memcpy(x + i, of_x, sizeof of_x);
+        memcpy(y + i, of_y, sizeof of_y);
     }
 }
 
@@ -59,12 +67,16 @@ EVERYWHERE void decompose(size_t n, size_t row, size_t k, double *restrict a) {
 
 /* Elements k to k + LANES of L^-1 x, where the LANES rows above have been subtracted. */
 EVERYWHERE void solve_block(size_t n, const double *restrict lower, size_t k, double *restrict x) {
-    for (size_t c = k; c < k + LANES; c++) {
-        for (size_t b = k; b < c; b++) {
-            x[c] -= lower[b * n + c] * x[b];
+    double solved[LANES];
+    memcpy(solved, x + k, sizeof solved);
+    for (size_t c = 0; c < LANES; c++) {
+        const double *column = lower + (k + c) * n + k;
+        solved[c] /= column[c];
+        for (size_t b = c + 1; b < LANES; b++) {
+            solved[b] -= column[b] * solved[c];
         }
-        x[c] /= lower[c * n + c];
     }
+    memcpy(x + k, solved, sizeof solved);
 }
 
 EVERYWHERE void forward(size_t n, const double *restrict lower, size_t count, double *restrict x) {
