@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,7 +17,7 @@ from builder.inverse.sensors.structural import structural_rows
 from builder.structure.fourier.model import StructuralModel
 from builder.structure.mapped_structure import MappedStructure
 from builder.vehicle.file import Vehicle
-from builder.vehicle.gauges.sensor_entries import InertialUnit, LoadCells, Ports
+from builder.vehicle.gauges.sensor_entries import AngularAccelerometers, InertialUnit, LoadCells, Ports
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
@@ -106,6 +107,8 @@ def sensor_set(
         rows += _ports(entry.ports, surface)
     if entry.imu is not None:
         rows += _inertial(entry.imu, surface)
+    if entry.angular_accelerometers is not None:
+        rows += _angular_accelerometers(entry.angular_accelerometers, surface)
     if entry.load_cells is not None:
         rows += _load_cells(entry.load_cells, surface)
     rows += structural_rows(vehicle, structure)
@@ -205,23 +208,59 @@ def _inertial(entry: InertialUnit, surface: Surface) -> list[SensorRow]:
     ]
     if not entry.angular:
         return rows
-    return rows + [
-        SensorRow(
-            name=f"imu_{name}",
-            kind="angular acceleration",
-            unit="rad/s2",
-            position=np.array([entry.x_m, 0.0, 0.0]),
-            direction=np.array(_AXES[name]),
-            operator=turn[k],
-            std=entry.angular_std_rad_per_s2,
-            largest=entry.angular_range_rad_per_s2,
-            gain=0.01 * entry.angular_gain_percent,
-            per_axial_force=0.0,
-            follows_inside=False,
-            errors={"inertia": by_inertia * turn[k], f"centre, {force_name}": of_centre[k]},
+    std, largest, gain = (
+        entry.angular_std_rad_per_s2,
+        entry.angular_range_rad_per_s2,
+        entry.angular_gain_percent,
+    )
+    return rows + _angular_rows("imu", ("pitch", "yaw"), entry, surface, std=std, largest=largest, gain=gain)
+
+
+def _angular_accelerometers(entry: AngularAccelerometers, surface: Surface) -> list[SensorRow]:
+    std, largest, gain = entry.std_rad_per_s2, entry.range_rad_per_s2, entry.gain_percent
+    return _angular_rows("angular", entry.axes, entry, surface, std=std, largest=largest, gain=gain)
+
+
+def _angular_rows(
+    unit: str,
+    axes: Sequence[str],
+    entry: InertialUnit | AngularAccelerometers,
+    surface: Surface,
+    *,
+    std: float,
+    largest: float,
+    gain: float,
+) -> list[SensorRow]:
+    """Return the angular accelerations about ``axes`` that a ``unit`` reads: moment over inertia, at any place.
+
+    ``std`` and ``largest`` are in rad/s2, ``gain`` in per cent.
+    """
+    loads = load_operator_on(surface, entry.center_x_m)
+    rows = []
+    for name in axes:
+        force_name, force, moment = {"pitch": ("normal", 1, 3), "yaw": ("side", 2, 4)}[name]
+        turn = loads[moment] / entry.inertia_kg_m2
+        of_centre = 1e-3 * entry.center_std_mm * loads[force] / entry.inertia_kg_m2
+        rows.append(
+            SensorRow(
+                name=f"{unit}_{name}",
+                kind="angular acceleration",
+                unit="rad/s2",
+                position=np.array([entry.x_m, 0.0, 0.0]),
+                direction=np.array(_AXES[name]),
+                operator=turn,
+                std=std,
+                largest=largest,
+                gain=0.01 * gain,
+                per_axial_force=0.0,
+                follows_inside=False,
+                errors={
+                    "inertia": 0.01 * entry.inertia_percent * turn,
+                    f"centre, {force_name}": of_centre,
+                },
+            )
         )
-        for k, (name, force_name) in enumerate((("pitch", "normal"), ("yaw", "side")))
-    ]
+    return rows
 
 
 def _load_cells(entry: LoadCells, surface: Surface) -> list[SensorRow]:

@@ -14,7 +14,9 @@ Percent = Annotated[float, Field(ge=0.0, le=100.0)]
 RollAngle = Annotated[float, Field(ge=-360.0, le=360.0)]
 DirectionPart = Annotated[float, Field(ge=DIRECTION.low, le=DIRECTION.high)]
 SensorName = Annotated[str, Field(min_length=1, max_length=100), AfterValidator(one_line)]
-KINDS_OF_SENSOR = ("ports", "imu", "load_cells", "displacement", "fibre")
+KINDS_OF_SENSOR = ("ports", "imu", "angular_accelerometers", "load_cells", "displacement", "fibre")
+ROTATION = ("inertia_kg_m2", "center_x_m", "inertia_percent", "center_std_mm")
+"""Entries of the body's rotation, whose errors inertial unit and angular accelerometers have in common."""
 LARGEST_FIBRE = 2000
 """Points of all fibres."""
 Component = Literal["axial", "normal", "side", "pitch", "yaw"]
@@ -64,6 +66,30 @@ class InertialUnit(Section):
     inertia_percent: Percent = 0.5
     center_std_mm: float = Field(default=1.0, ge=0.0, le=1e4)
     thrust_std_N: float = Field(default=0.0, ge=0.0, le=1e8)
+
+
+class AngularAccelerometers(Section):
+    """Angular accelerometers about y (pitch) and z (yaw) [rad/s2], which need no inertial unit.
+
+    Entries of mass properties as of :class:`InertialUnit`. ``std_rad_per_s2``, ``gain_percent`` and
+    ``range_rad_per_s2`` are the noise of each reading, its error in proportion, and the largest of them.
+    """
+
+    x_m: Station
+    axes: list[Literal["pitch", "yaw"]] = Field(default=["pitch", "yaw"], min_length=1, max_length=2)
+    inertia_kg_m2: float = Field(ge=1e-6, le=1e12)
+    center_x_m: Station
+    std_rad_per_s2: float = Field(ge=1e-6, le=1e4)
+    range_rad_per_s2: float = Field(ge=0.1, le=1e6)
+    gain_percent: Percent = 0.5
+    inertia_percent: Percent = 0.5
+    center_std_mm: float = Field(default=1.0, ge=0.0, le=1e4)
+
+    @model_validator(mode="after")
+    def _each_once(self) -> AngularAccelerometers:
+        if len(set(self.axes)) < len(self.axes):
+            raise ValueError(f"axes: expected each once, got {self.axes}")
+        return self
 
 
 class LoadCells(Section):
@@ -164,6 +190,7 @@ class Sensors(Section):
 
     ports: Ports | None = None
     imu: InertialUnit | None = None
+    angular_accelerometers: AngularAccelerometers | None = None
     load_cells: LoadCells | None = None
     displacement: Displacements | None = None
     fibre: Fibre | None = None
@@ -177,6 +204,15 @@ class Sensors(Section):
     def _one_at_least(self) -> Sensors:
         if all(getattr(self, name) is None for name in KINDS_OF_SENSOR):
             raise ValueError(f"expected {' or '.join(KINDS_OF_SENSOR)}, got none of them")
+        return self
+
+    @model_validator(mode="after")
+    def _one_body(self) -> Sensors:
+        if self.imu is not None and self.angular_accelerometers is not None:
+            for name in ROTATION:
+                expected, given = (getattr(one, name) for one in (self.imu, self.angular_accelerometers))
+                if given != expected:
+                    raise ValueError(f"angular_accelerometers.{name}: expected {expected:g} of imu, got {given:g}")
         return self
 
     @property

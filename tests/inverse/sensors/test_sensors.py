@@ -20,6 +20,7 @@ from builder.inverse.solution import Problem
 from builder.structure.fourier.model import StructuralModel
 from builder.vehicle.file import Vehicle
 from builder.vehicle.gauges.sensor_entries import (
+    AngularAccelerometers,
     DisplacementPoint,
     Displacements,
     Fibre,
@@ -65,6 +66,10 @@ FIBRE = Fibre(
     std_um_per_m=2.0,
     range_um_per_m=5e3,
     drift_um_per_m=5.0,
+)
+
+ANGULAR = AngularAccelerometers(
+    x_m=3.0, inertia_kg_m2=130.0, center_x_m=2.0, std_rad_per_s2=0.02, range_rad_per_s2=500.0
 )
 
 UNIT = ["imu_axial", "imu_normal", "imu_side", "imu_pitch", "imu_yaw"]
@@ -225,7 +230,13 @@ def test_readings_of_a_rigid_body(
 ) -> None:
     """Specific force at the unit is F/m + alpha x r; thrust, base and friction come on top of the fore-body's."""
     sensors = Sensors(
-        ports=PORTS, imu=IMU, load_cells=CELLS, base_pressure_ratio=0.4, friction_C_A=0.01, friction_C_A_std=0.0
+        ports=PORTS,
+        imu=IMU,
+        angular_accelerometers=ANGULAR,
+        load_cells=CELLS,
+        base_pressure_ratio=0.4,
+        friction_C_A=0.01,
+        friction_C_A_std=0.0,
     )
     changed = with_sensors(vehicle, sensors)
     problem = inverse_problem(changed, snapshots, structure)
@@ -239,7 +250,8 @@ def test_readings_of_a_rigid_body(
     assert reading["imu_axial"] == pytest.approx(about_centre[0] / 150.0)
     assert reading["imu_normal"] == pytest.approx(about_centre[1] / 150.0 + 0.8 * pitch)
     assert reading["imu_side"] == pytest.approx(about_centre[2] / 150.0 + 0.8 * yaw)
-    assert (reading["imu_pitch"], reading["imu_yaw"]) == pytest.approx((pitch, yaw))
+    for unit in ("imu", "angular"):
+        assert (reading[f"{unit}_pitch"], reading[f"{unit}_yaw"]) == pytest.approx((pitch, yaw))
     assert reading["cell_normal"] == pytest.approx(about_base[1])
     assert reading["cell_yaw"] == pytest.approx(about_base[4])
     assert reading["port_0deg"] == pytest.approx(port_row(structure.surface, 0.3, 0.0) @ net)
@@ -258,11 +270,27 @@ def test_fmu_with_sensors_of_every_kind(
     tmp_path: Path, vehicle: Vehicle, snapshots: Snapshots, held_out: Snapshots, structure: StructuralModel
 ) -> None:
     """Flights of the vehicle, one sensor of each kind lost in turn, with thrust: the native FMU and Python."""
-    sensors = Sensors(ports=PORTS, imu=IMU, load_cells=CELLS, displacement=POINTS, fibre=FIBRE)
+    sensors = Sensors(
+        ports=PORTS,
+        imu=IMU,
+        angular_accelerometers=ANGULAR,
+        load_cells=CELLS,
+        displacement=POINTS,
+        fibre=FIBRE,
+    )
     changed = with_sensors(vehicle, sensors)
     problem = inverse_problem(changed, snapshots, structure)
     inverse_map = build_inverse_map(changed, snapshots, structure, problem=problem)
-    lost = ["none", "port_90deg", "imu_axial", "imu_pitch", "cell_axial", "cell_yaw", "tip_up", "fibre_90deg_1"]
+    lost = [
+        "none",
+        "port_90deg",
+        "imu_axial",
+        "angular_pitch",
+        "cell_axial",
+        "cell_yaw",
+        "tip_up",
+        "fibre_90deg_1",
+    ]
     rows, q, _ = flights(changed, problem, held_out, len(lost))
     thrust = 250.0
     readings = in_units(inverse_map, rows)
@@ -301,7 +329,7 @@ def test_faults_of_the_section(vehicle: Vehicle, snapshots: Snapshots, structure
     off = with_sensors(vehicle, Sensors(ports=PORTS.model_copy(update={"x_m": 4.0})))
     with pytest.raises(InputError, match=r"sensors.ports.x_m: expected 0 to 3.6 m, got 4"):
         build_inverse_map(off, snapshots, structure)
-    with pytest.raises(ValueError, match="expected ports or imu or load_cells or displacement or fibre"):
+    with pytest.raises(ValueError, match="expected ports or imu or angular_accelerometers or load_cells or"):
         Sensors()
     ahead = POINTS.model_copy(update={"point": [TIP.model_copy(update={"x_m": 0.05})]})
     with pytest.raises(
@@ -314,6 +342,11 @@ def test_faults_of_the_section(vehicle: Vehicle, snapshots: Snapshots, structure
         DisplacementPoint(x_m=1.0, roll_deg=0.0, direction=[0.0, 0.0, 0.0])
     with pytest.raises(ValueError, match=r"last_x_m: expected a station behind 0\.5, got 0\.5"):
         Fibre(**(FIBRE.model_dump() | {"last_x_m": 0.5}))
+    with pytest.raises(ValueError, match="axes: expected each once"):
+        AngularAccelerometers(**(ANGULAR.model_dump() | {"axes": ["yaw", "yaw"]}))
+    other = AngularAccelerometers(**(ANGULAR.model_dump() | {"inertia_kg_m2": 131.0}))
+    with pytest.raises(ValueError, match=r"angular_accelerometers\.inertia_kg_m2: expected 130 of imu, got 131"):
+        Sensors(imu=IMU, angular_accelerometers=other)
     with pytest.raises(ValueError, match="components: expected each once"):
         LoadCells(**(CELLS.model_dump() | {"components": ["axial", "axial"]}))
 
