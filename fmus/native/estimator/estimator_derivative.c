@@ -1,13 +1,10 @@
-/* Derivatives of loads, coefficients and air data: differences of fourth order of the estimates that the iterations end at.
-
-   The nonlinear estimator takes steps with the same inputs until they no longer move the flight state; with a filter it is
-   the one step, from what the steps before left. Searches and waiting for the tables are held as they are. */
+#include "estimator_derivative.h"
 
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
 
-#include "step_parts.h"
+#include "policies/flight_filter.h"
 
 #define STEP 0.002         /* of the natural size of a direction */
 #define FRACTION 0.1      /* natural size of what has no noise: that of its value */
@@ -18,10 +15,6 @@
 
 static const double POINT[N_POINTS] = {1.0, -1.0, 2.0, -2.0}, WEIGHT[N_POINTS] = {8.0, -8.0, -1.0, 1.0};
 static const double PI = 3.1415926535897931;
-
-size_t estimator_derivatives(const Estimator *e) {
-    return N_DERIVATIVES + N_FURTHER * e->further.map.n_loads;
-}
 
 /* The deviation of a row's noise, in the unit of its reading. */
 static double noise_of(const Estimator *e, size_t row) {
@@ -42,8 +35,8 @@ static double thrust_size(const Estimator *e) {
 
 /* The change of an input that moves the estimate by about its noise; 0 for one that is not known, and stays so. */
 static double natural_size(const Estimator *e, size_t input) {
-    const size_t n = e->map.n_gauges, zero = input - (n + N_ALL_SCALARS), temperatures = first_temperature(e);
-    const double value = e->input[input], positive = value > 0.0 ? FRACTION * value : 0.0;
+    const size_t n = e->map.n_gauges, zero = input - (n + N_ALL_SCALARS), temperatures = first_temperature(&e->inputs);
+    const double value = e->inputs.value[input], positive = value > 0.0 ? FRACTION * value : 0.0;
     if (input < n) {
         return noise_of(e, input);
     }
@@ -53,19 +46,19 @@ static double natural_size(const Estimator *e, size_t input) {
     if (input >= n + N_ALL_SCALARS && input < temperatures) {
         return zero < e->sensors.n_strains ? noise_of(e, zero) : 0.0;
     }
-    if (input == thrust_input(e)) {
+    if (input == thrust_input(&e->inputs)) {
         return value == e->map.not_known ? 0.0 : thrust_size(e);
     }
-    if (input >= first_parameter(e) && input < first_parameter_std(e)) {
-        return value == e->map.not_known ? 0.0 : FRACTION * e->parameters.span[input - first_parameter(e)];
+    if (input >= first_parameter(&e->inputs) && input < first_parameter_std(&e->inputs)) {
+        return value == e->map.not_known ? 0.0 : FRACTION * e->parameters.span[input - first_parameter(&e->inputs)];
     }
-    return input >= temperatures && input < first_parameter(e) ? (value > 0.0 ? 1.0 : 0.0) : positive;
+    return input >= temperatures && input < first_parameter(&e->inputs) ? (value > 0.0 ? 1.0 : 0.0) : positive;
 }
 
 /* The length of a step along the direction, in it; what stays is taken out of the direction. 0 if nothing moves. */
 static double step_along(const Estimator *e, double *direction) {
     double square = 0.0;
-    for (size_t i = 0; i < estimator_inputs(e); i++) {
+    for (size_t i = 0; i < inputs_count(&e->inputs); i++) {
         const double size = natural_size(e, i), relative = direction[i] / size;
         direction[i] = size > 0.0 && isfinite(size) ? direction[i] : 0.0;
         square += direction[i] != 0.0 ? relative * relative : 0.0;
@@ -79,7 +72,7 @@ static int settle(Estimator *e, const Track *from) {
     double last = INFINITY, moved = INFINITY;
     e->outdated = 1;
     estimator_outputs(e);
-    if (!flight->present || flight_filters(e)) {
+    if (!flight->present || flight_filters(&e->flight)) {
         return 1;
     }
     for (int step = 0; step < MOST_STEPS && !(moved <= ENDED || (moved <= NEARLY_ENDED && moved > 0.5 * last)); step++) {
@@ -104,8 +97,8 @@ static void copy_outputs(Estimator *e, double *value) {
     memcpy(value, e->output, sizeof e->output);
     memcpy(value + N_OUTPUTS, e->flight.real, sizeof e->flight.real);
     if (e->further.present) {
-        further_update(e);
-        memcpy(value + N_DERIVATIVES, e->further.value[0], N_FURTHER * e->further.map.n_loads * sizeof *value);
+        estimator_further(e);
+        memcpy(value + N_OUTPUTS + N_FLIGHT_REALS, e->further.value[0], N_FURTHER * e->further.map.n_loads * sizeof *value);
     }
 }
 
@@ -122,29 +115,29 @@ static void add_point(Estimator *e, double weight, const double *middle, double 
 }
 
 int estimator_derivative(Estimator *e, double *direction, double *derivative, char text[MODEL_TEXT_SIZE]) {
-    const size_t n_inputs = estimator_inputs(e), count = estimator_derivatives(e);
+    const size_t n_inputs = inputs_count(&e->inputs), count = estimator_derivatives(e);
     double *input = e->derivative_work, *middle = input + n_inputs, *value = middle + count;
     estimator_outputs(e);
     copy_outputs(e, middle);
     const unsigned char *decisions = e->flight.flag + NAVIGATION_USED;
     unsigned char decided[N_FLIGHT_FLAGS - NAVIGATION_USED];
     int settled = 1, same = 1;
-    const int known = e->output[VALID_GAUGES] > 0.0 || (e->flight.present && flight_filters(e));
+    const int known = e->output[VALID_GAUGES] > 0.0 || (e->flight.present && flight_filters(&e->flight));
     const Track base = e->flight.base;
     Track from = e->flight.next;
     from.since_search = 0.0;
     from.to_return = base.to_return;
     const double step = known ? step_along(e, direction) : 0.0;
-    memcpy(input, e->input, n_inputs * sizeof *input);
+    memcpy(input, e->inputs.value, n_inputs * sizeof *input);
     for (size_t k = 0; k < count; k++) {
         derivative[k] = isnan(middle[k]) || !known ? NAN : 0.0;
     }
     e->flight.filter.zeros.may_move = e->linear_filter.zeros.may_move = 1;
     for (size_t p = 0; p < N_POINTS && step > 0.0 && settled && same; p++) {
         for (size_t i = 0; i < n_inputs; i++) {
-            e->input[i] = direction[i] != 0.0 ? input[i] + POINT[p] * step * direction[i] : input[i];
+            e->inputs.value[i] = direction[i] != 0.0 ? input[i] + POINT[p] * step * direction[i] : input[i];
         }
-        if (e->flight.present && !flight_filters(e)) {
+        if (e->flight.present && !flight_filters(&e->flight)) {
             e->flight.base = from;
         }
         settled = settle(e, &from);
@@ -155,7 +148,7 @@ int estimator_derivative(Estimator *e, double *direction, double *derivative, ch
         add_point(e, WEIGHT[p] / (12.0 * step), middle, value, derivative);
     }
     e->flight.filter.zeros.may_move = e->linear_filter.zeros.may_move = 0;
-    memcpy(e->input, input, n_inputs * sizeof *input);
+    memcpy(e->inputs.value, input, n_inputs * sizeof *input);
     e->flight.base = base;
     e->outdated = 1;
     if (!settled || !same) {

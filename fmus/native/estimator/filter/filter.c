@@ -1,12 +1,14 @@
-/* Laws of the filter's states over time: strainfmu/estimator/reference/flight_filter.py, kalman.py. */
-
 #include "filter.h"
-#include "../numerics/arrays.h"
-#include "../numerics/blocks.h"
 
 #include <math.h>
 
 #include "../../core/elementary.h"
+#include "../numerics/arrays.h"
+#include "../numerics/blocks.h"
+#include "../numerics/cholesky.h"
+#include "../numerics/products.h"
+#include "filter_known.h"
+#include "filter_modes.h"
 
 static size_t larger(size_t a, size_t b) {
     return a > b ? a : b;
@@ -260,21 +262,21 @@ void filter_predict(Filter *filter, double time_step) {
     }
 }
 
-void filter_note(Filter *filter, double chi_square, double degrees_of_freedom) {
-    const FilterMap *map = &filter->map;
-    FilterTrack *next = &filter->next;
-    if (!(degrees_of_freedom > 0.0)) {
-        return;
+int filter_track_fits(const Filter *filter, const FilterTrack *track, const unsigned char *law) {
+    int good = (track->has_law == 0.0 || track->has_law == 1.0) && isfinite(track->time) && isfinite(track->now)
+            && track->mean >= 0.0 && isfinite(track->mean) && track->steps >= 0.0 && isfinite(track->steps)
+            && track->widening >= 1.0 && track->widening <= filter->map.largest_widening;
+    for (size_t k = 0; k < N_NAVIGATION; k++) {
+        good = good && track->apart[k] >= 0.0 && isfinite(track->apart[k]) && isfinite(track->alarms[k]);
     }
-    const double band = map->band * sqrt(2.0 / (degrees_of_freedom * (2.0 * map->window - 1.0)));
-    const double largest = 1.0 + 0.5 * map->window * band, own = chi_square / degrees_of_freedom;
-    next->mean += ((own < largest ? own : largest) - next->mean) / map->window;
-    next->steps += 1.0;
-    if (next->steps >= map->window && next->mean > 1.0 + band) {
-        const double wider = map->widen * next->widening;
-        next->widening = wider < map->largest_widening ? wider : map->largest_widening;
-    } else if (next->mean < 1.0) {
-        const double narrower = map->narrow * next->widening;
-        next->widening = narrower > 1.0 ? narrower : 1.0;
+    for (size_t k = 0; k < N_STATES; k++) {
+        good = good && isfinite(track->slope_state[k]);
     }
+    good = good && track->slope_age >= 0.0 && isfinite(track->slope_age);
+    for (size_t k = 0; k < law_doubles(filter); k++) {
+        double value;
+        memcpy(&value, law + k * sizeof value, sizeof value);
+        good = good && isfinite(value);
+    }
+    return good;
 }

@@ -1,9 +1,11 @@
-/* The covariance of the filter's states with the errors that are considered: strainfmu/estimator/reference/kalman.py.
-
-   It is the largest part of a law. That of a predicted law is not stored: it is moved where it is used. */
+#include "filter_cross.h"
 
 #include "../numerics/blocks.h"
+#include "../numerics/products.h"
 #include "filter.h"
+#include "filter_known.h"
+
+/* It is the largest part of a law. That of a predicted law is not stored: it is moved where it is used. */
 
 /* Whether a law is the predicted one. What else a sample starts from, the stationary law, has none. */
 static int is_predicted(const Filter *filter, const Law *law) {

@@ -1,10 +1,11 @@
-/* Rolling moment and section loads at the law of the filter: strainfmu/estimator/reference/flight_filter.py. */
+#include "filter_further.h"
 
 #include <math.h>
 #include <string.h>
 
-#include "../estimator.h"
+#include "../nonlinear/flight_loads.h"
 #include "../numerics/cholesky.h"
+#include "filter_solution.h"
 
 /* What is known of a load. */
 typedef struct {
@@ -63,11 +64,11 @@ static double spread_of(const Filter *filter, const double *x) {
 }
 
 /* Write load j to the outputs, at the references of the settings. */
-static void write(Estimator *e, size_t j, const FilteredLoad *found, const PressureErrors *pressure) {
-    const Filter *filter = &e->flight.filter;
-    const FlightMap *map = &e->flight.map;
-    const double *settings = e->input + e->map.n_gauges;
-    const int is_moment = e->further.map.is_moment[j] > 0.0;
+static void write(const Filter *filter, const Inputs *inputs, size_t j, const FilteredLoad *found,
+                  const PressureErrors *pressure, Further *out) {
+    const FlightMap *map = filter->solver->map;
+    const double *settings = inputs->value + inputs->map->n_gauges;
+    const int is_moment = out->map.is_moment[j] > 0.0;
     const double reference = map->reference_area * (is_moment ? map->reference_length : 1.0);
     const double own = settings[REFERENCE_AREA] * (is_moment ? settings[REFERENCE_LENGTH] : 1.0);
     const double scale = 1.0 / (pressure->dynamic * reference), turn = reference / own;
@@ -78,30 +79,22 @@ static void write(Estimator *e, size_t j, const FilteredLoad *found, const Press
     }
     const double variance = spread_of(filter, found->by_state) + found->remaining;
     const double of_both = spread_of(filter, of_coefficient) + scale * scale * found->remaining;
-    e->further.value[FURTHER_LOADS][j] = found->load;
-    e->further.value[FURTHER_LOADS_STD][j] = sqrt(variance);
-    e->further.value[FURTHER_COEFFICIENTS][j] = turn * (scale * found->load);
-    e->further.value[FURTHER_COEFFICIENTS_STD][j] = turn * sqrt(pressure->wider * of_both);
+    out->value[FURTHER_LOADS][j] = found->load;
+    out->value[FURTHER_LOADS_STD][j] = sqrt(variance);
+    out->value[FURTHER_COEFFICIENTS][j] = turn * (scale * found->load);
+    out->value[FURTHER_COEFFICIENTS_STD][j] = turn * sqrt(pressure->wider * of_both);
 }
 
-void filter_further_update(Estimator *e) {
-    Flight *flight = &e->flight;
-    Filter *filter = &flight->filter;
-    const FlightSolver *solver = &flight->solver;
+void filter_further_loads(Filter *filter, FlightFurther *further, const Inputs *inputs, Further *out) {
+    const FlightSolver *solver = filter->solver;
     const size_t m = filter->map.n_further;
-    double *remaining = e->further.value[FURTHER_LOADS_STD]; /* each until its load is written */
-    if (isnan(e->output[LOADS])) {
-        for (size_t j = 0; j < N_FURTHER * m; j++) {
-            e->further.value[0][j] = NAN; /* all arrays, which follow each other */
-        }
-        return;
-    }
-    flight_response(&flight->further.tables, solver->wide, solver->state, &flight->further.response);
+    double *remaining = out->value[FURTHER_LOADS_STD]; /* each until its load is written */
+    flight_response(&further->tables, solver->wide, solver->state, &further->response);
     set_turned(filter, solver->response.pressure * solver->response.pressure, remaining);
     const PressureErrors pressure = flight_pressure_errors(solver);
     const double *left = filter_left(filter, &filter->found);
     for (size_t j = 0; j < m; j++) {
-        const FilteredLoad found = load_of(filter, &flight->further.response, j, left, remaining[j]);
-        write(e, j, &found, &pressure);
+        const FilteredLoad found = load_of(filter, &further->response, j, left, remaining[j]);
+        write(filter, inputs, j, &found, &pressure, out);
     }
 }

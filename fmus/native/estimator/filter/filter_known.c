@@ -1,16 +1,16 @@
-/* Errors of pressure in the filter where flow parameters are known: those in the directions of the map, of what is left.
-
-   A state c_k is the amplitude of the strain of the errors along direction k. What is known changes the covariance
-   D = L L' of the amplitudes, not the directions: with the covariance B of amplitudes with strain, states of unit variance
-   have the strain X = L^-1 B, and what that does not hold is not estimated. All follows from the products of
-   tables/flight_known.h. */
+#include "filter_known.h"
 
 #include <math.h>
 #include <string.h>
 
-#include "../estimator.h"
 #include "../numerics/arrays.h"
 #include "../numerics/cholesky.h"
+#include "../numerics/products.h"
+
+/* A state c_k is the amplitude of the strain of the errors along direction k. What is known changes the covariance
+   D = L L' of the amplitudes, not the directions: with the covariance B of amplitudes with strain, states of unit variance
+   have the strain X = L^-1 B, and what that does not hold is not estimated. All follows from the products of
+   nonlinear/flight_known.h. */
 
 #define FAINT 1e-12 /* variance of an amplitude, over that without what is known, below which it is known */
 
@@ -161,9 +161,7 @@ static void set_left(Filter *filter, const Errors *errors) {
     }
 }
 
-void filter_follow_known(Estimator *e) {
-    Filter *filter = &e->flight.filter;
-    const Known *known = &e->flight.known;
+void filter_follow_known(Filter *filter, const Known *known) {
     if (filter->n_parameters == 0) {
         return;
     }

@@ -1,6 +1,4 @@
-/* Temperature modes in the filter: docs/explanation/filter.md. Their states are the last that a sample reads. */
-
-#include "filter.h"
+#include "filter_modes.h"
 
 size_t filter_first_mode(const Filter *filter) {
     return filter->n_read - filter->map.n_modes;

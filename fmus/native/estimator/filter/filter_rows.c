@@ -1,11 +1,12 @@
-/* What a sample of the filter reads, and the errors of it: strainfmu/estimator/reference/flight_filter.py.
-
-   Rows that are not in use read nothing, with a noise of 1. */
+#include "filter_rows.h"
 
 #include <math.h>
 
+#include "../nonlinear/flight_solve.h"
 #include "../numerics/cholesky.h"
-#include "filter.h"
+#include "../numerics/products.h"
+
+/* Rows that are not in use read nothing, with a noise of 1. */
 
 /* The first row of navigation. */
 static double *navigation_rows(const Filter *filter, double *column) {

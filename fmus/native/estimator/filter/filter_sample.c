@@ -1,12 +1,18 @@
-/* A sample by the filter: strainfmu/estimator/reference/flight_filter.py, kalman.py.
-
-   The flight state alone moves with the iterations. Given it, strain and navigation have a covariance that does not: one
-   decomposition serves all iterations and the law after them. */
+#include "filter_sample.h"
 
 #include <math.h>
 
+#include "../nonlinear/flight_solve.h"
 #include "../numerics/cholesky.h"
-#include "filter.h"
+#include "../numerics/products.h"
+#include "filter_cross.h"
+#include "filter_modes.h"
+#include "filter_rows.h"
+#include "filter_solution.h"
+#include "filter_update.h"
+
+/* The flight state alone moves with the iterations. Given it, strain and navigation have a covariance that does not: one
+   decomposition serves all iterations and the law after them. */
 
 /* x = L^-1 x, N_STATES rows of `count` elements. */
 static void solve_rows(double root[N_STATES][N_STATES], size_t count, double *rows) {
@@ -122,7 +128,7 @@ static void set_fixed(Filter *filter, const Law *law) {
              filter->whitened + N_STATES, filter->row_whitened);
 }
 
-void filter_whiten_slopes(Filter *filter) {
+static void whiten_slopes(Filter *filter) {
     const size_t rows = filter->rows;
     const int wide = filter->solver->wide;
     double gram[N_STATES * N_STATES], root[N_STATES][N_STATES], *row = filter->product;
@@ -142,7 +148,7 @@ void filter_whiten_slopes(Filter *filter) {
     solve_rows(root, N_STATES, filter->xi_inverse_root[0]);
 }
 
-void filter_whiten_innovation(Filter *filter) {
+static void whiten_innovation(Filter *filter) {
     const size_t rows = filter->rows;
     double product[N_STATES] = {0.0}, *innovation = filter->product;
     times_lower(filter->solver->wide, rows, filter->inverse, filter->innovation, innovation);
@@ -195,10 +201,10 @@ static void set_residuals(Filter *filter) {
 static void set_problem(Filter *filter, const Law *law, const double *state, int own_slopes) {
     if (own_slopes) {
         filter_set_slopes(filter, &filter->solver->response);
-        filter_whiten_slopes(filter);
+        whiten_slopes(filter);
     }
     filter_set_innovation(filter, law, state);
-    filter_whiten_innovation(filter);
+    whiten_innovation(filter);
 }
 
 void filter_sample(Filter *filter, const Law *law, const double *start, size_t iterations, const double *slopes) {
@@ -211,7 +217,7 @@ void filter_sample(Filter *filter, const Law *law, const double *start, size_t i
     if (!own_slopes) {
         flight_response(&solver->tables, solver->wide, slopes, &filter->slope_response);
         filter_set_slopes(filter, &filter->slope_response);
-        filter_whiten_slopes(filter);
+        whiten_slopes(filter);
     }
     for (size_t k = 0; k < iterations; k++) {
         set_problem(filter, law, state, own_slopes);

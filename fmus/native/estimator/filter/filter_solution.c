@@ -1,9 +1,10 @@
-/* Loads and coefficients at a law of the filter: strainfmu/estimator/reference/flight_filter.py. */
+#include "filter_solution.h"
 
 #include <math.h>
 
+#include "../nonlinear/flight_loads.h"
 #include "../numerics/cholesky.h"
-#include "filter.h"
+#include "../numerics/products.h"
 
 /* Gains of the loads on the residual: covariance with the strain of the directions that are not estimated, times that of
    strain inverted; columns (rows, N_COLUMNS) in filter->right. `remaining` gets what they leave of the loads'

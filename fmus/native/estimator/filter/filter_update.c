@@ -1,7 +1,8 @@
-/* The law after a sample: strainfmu/estimator/reference/kalman.py. */
+#include "filter_update.h"
 
 #include "../numerics/cholesky.h"
-#include "filter.h"
+#include "../numerics/products.h"
+#include "filter_cross.h"
 
 #define LEAST_LEFT 1e-2 /* part of a variance that is left, above which a difference has digits enough */
 

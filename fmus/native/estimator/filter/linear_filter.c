@@ -1,5 +1,3 @@
-/* Laws of the states of a linear map over time, and their arrays: strainfmu/estimator/reference/linear_filter.py. */
-
 #include "linear_filter.h"
 
 #include <math.h>
@@ -8,8 +6,8 @@
 
 #include "../../core/elementary.h"
 #include "../numerics/arrays.h"
+#include "../numerics/lanes.h"
 #include "../numerics/products.h"
-#include "../tables/flight_tables.h"
 
 #define ALIGNMENT 64
 #define LARGEST_AGE 690.0 /* in time constants; nothing is left of a state beyond it */

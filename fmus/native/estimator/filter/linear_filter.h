@@ -6,8 +6,8 @@
 #ifndef LINEAR_FILTER_H
 #define LINEAR_FILTER_H
 
-#include "../map/thermal.h"
-#include "linear_filter_map.h"
+#include "../map/linear_filter_map.h"
+#include "../temperature/thermal.h"
 #include "zero_errors.h"
 
 /* The normal law of the states, and their covariance with the errors that are considered. The arrays lie in one block. */
@@ -86,30 +86,6 @@ void linear_filter_predict(LinearFilter *filter, double time_step, double time_c
 
 /* filter->stationary for the sensors of temperature that read. */
 void linear_filter_set_stationary(LinearFilter *filter);
-
-/* Rows of the sample in filter->used, filter->apart and filter->ratio; then filter->of_load, and what the sample says
-   alone. */
-void linear_filter_read(LinearFilter *filter);
-
-/* filter->next_law from a law, with the sample; its normalised innovation squared. */
-double linear_filter_update(LinearFilter *filter, const LinearLaw *law);
-
-/* Change of the five loads by a law in place of the sample alone, and of their covariance. */
-void linear_filter_loads(LinearFilter *filter, const LinearLaw *law, double *loads, double *covariance);
-
-struct Estimator;
-
-/* Whether samples are filtered: the time constant is positive, and the instance takes steps. */
-int linear_filters(const struct Estimator *e);
-
-/* Change loads and coefficients by what is known of the samples before. */
-void linear_filter_outputs(struct Estimator *e);
-
-/* For estimator_before_change. */
-void linear_filter_before_change(struct Estimator *e);
-
-/* Take a step with the present inputs, from a point in time [s]. */
-void linear_filter_step(struct Estimator *e, double start);
 
 /* The state: the track, then the law, which is 0 where there is none, as what it says of zeros where none has a deviation;
    whether such bytes may be read. */

@@ -1,38 +1,31 @@
-/* One sample after another by the filter of a linear map: strainfmu/estimator/reference/linear_filter.py. */
+#include "linear_filter_step.h"
 
 #include <math.h>
 
-#include "../estimator.h"
-#include "../step_parts.h"
-#include "linear_filter.h"
-
-int linear_filters(const Estimator *e) {
-    const int takes_steps = (e->base.mode & (EVENT | CONTINUOUS_TIME)) == 0; /* not in model exchange */
-    return e->linear_filter.present && takes_steps && e->input[filter_setting(e)] > 0.0;
-}
+#include "linear_filter_update.h"
 
 /* Whether the estimate of the sample alone is one, and strain fits the map. */
-static int sample_fits(const Estimator *e) {
-    const int health = (int)e->output[HEALTH_STATE];
+static int sample_fits(const Linear *linear) {
+    const int health = (int)linear->output[HEALTH_STATE];
     return health != INVALID && health != UNIDENTIFIED && health != NO_COEFFICIENTS
-        && e->output[CHI_SQUARE] <= e->output[CHI_SQUARE_LIMIT];
+        && linear->output[CHI_SQUARE] <= linear->output[CHI_SQUARE_LIMIT];
 }
 
 /* Alarm level of the normalised innovation, whose degrees of freedom are all gauges in use. */
-static double innovation_limit(const Estimator *e) {
-    const double whole = e->map.chi_square_limit[e->masked->n_used - 1], own = e->masked->chi_square_limit;
-    return isfinite(own) ? e->output[CHI_SQUARE_LIMIT] / own * whole : whole;
+static double innovation_limit(const Linear *linear) {
+    const MaskedMap *masked = linear->prepared.masked;
+    const double whole = linear->map->chi_square_limit[masked->n_used - 1], own = masked->chi_square_limit;
+    return isfinite(own) ? linear->output[CHI_SQUARE_LIMIT] / own * whole : whole;
 }
 
-static void set_sample(Estimator *e) {
-    LinearFilter *filter = &e->linear_filter;
-    const Map *map = &e->map;
-    filter->ratio = map->scaled ? e->scaled.step.ratio : 1.0;
+static void set_sample(LinearFilter *filter, const Linear *linear) {
+    const Map *map = linear->map;
+    filter->ratio = map->scaled ? linear->scaled.step.ratio : 1.0;
     for (size_t g = 0; g < map->n_gauges; g++) {
         const double expected = map->scaled ? map->form.fixed_strain[g] + filter->ratio * map->form.mean_strain[g]
                                             : map->mean_strain[g];
-        filter->used[g] = e->masked->mask[g];
-        filter->apart[g] = filter->used[g] ? e->strain[g] - expected : 0.0;
+        filter->used[g] = linear->prepared.masked->mask[g];
+        filter->apart[g] = filter->used[g] ? linear->inputs->strain[g] - expected : 0.0;
     }
     linear_filter_read(filter);
 }
@@ -73,13 +66,13 @@ static int is_positive(const double *covariance) {
 
 /* Deviations of loads and coefficients with the change of the covariance by the law; those of the sample alone where the
    laws hold larger errors than those at the current strain. */
-static void set_deviations(Estimator *e, const double *by, const double *scale) {
-    const int scaled = e->map.scaled;
-    const double shift = moment_shift(e);
+static void set_deviations(LinearFilter *filter, Linear *linear, const double *by, const double *scale) {
+    const int scaled = linear->map->scaled;
+    const double shift = moment_shift(linear->inputs), deviation = linear->flow.deviation;
     double covariance[N_LOADS * N_LOADS], per_pressure[N_LOADS] = {0.0}, load[N_LOADS], coefficient[N_LOADS];
-    memcpy(covariance, scaled ? e->scaled.step.covariance : e->masked->load_covariance, sizeof covariance);
+    memcpy(covariance, scaled ? linear->scaled.step.covariance : linear->prepared.masked->load_covariance, sizeof covariance);
     if (scaled) {
-        memcpy(per_pressure, e->scaled.step.per_pressure, sizeof per_pressure);
+        memcpy(per_pressure, linear->scaled.step.per_pressure, sizeof per_pressure);
     }
     move_covariance(shift, covariance);
     move_moments(shift, per_pressure);
@@ -87,45 +80,43 @@ static void set_deviations(Estimator *e, const double *by, const double *scale) 
     for (size_t i = 0; i < N_LOADS; i++) {
         const size_t at = i * N_LOADS + i;
         /* Loads and coefficients are still those of the sample alone. */
-        const double deviation = e->output[COEFFICIENTS_STD + i];
-        coefficient[i] = deviation * deviation + scale[i] * scale[i] * by[at];
+        const double own = linear->output[COEFFICIENTS_STD + i];
+        coefficient[i] = own * own + scale[i] * scale[i] * by[at];
         positive = positive && coefficient[i] > 0.0;
         for (size_t j = 0; j < N_LOADS; j++) {
-            covariance[i * N_LOADS + j] += per_pressure[i] * per_pressure[j] * (e->flow.deviation * e->flow.deviation)
-                                         + by[i * N_LOADS + j];
+            const double of_pressure = per_pressure[i] * per_pressure[j] * (deviation * deviation);
+            covariance[i * N_LOADS + j] += of_pressure + by[i * N_LOADS + j];
         }
         load[i] = covariance[at];
     }
-    LinearFilter *filter = &e->linear_filter;
     filter->has_change = positive && is_positive(covariance);
     if (filter->has_change) {
         memcpy(filter->change, by, sizeof filter->change);
         for (size_t i = 0; i < N_LOADS; i++) {
-            e->output[LOADS_STD + i] = sqrt(load[i]);
-            e->output[COEFFICIENTS_STD + i] = sqrt(coefficient[i]);
+            linear->output[LOADS_STD + i] = sqrt(load[i]);
+            linear->output[COEFFICIENTS_STD + i] = sqrt(coefficient[i]);
         }
     }
 }
 
 /* Loads and coefficients of the law in filter->next_law. */
-static void write_loads(Estimator *e) {
-    const double *scalar = e->input + e->map.n_gauges;
-    const double shift = moment_shift(e);
+static void write_loads(LinearFilter *filter, Linear *linear) {
+    const double *scalar = linear->inputs->value + linear->map->n_gauges;
+    const double shift = moment_shift(linear->inputs);
     double apart[N_LOADS], by[N_LOADS * N_LOADS], scale[N_LOADS];
-    linear_filter_loads(&e->linear_filter, &e->linear_filter.next_law, apart, by);
+    linear_filter_loads(filter, &filter->next_law, apart, by);
     move_moments(shift, apart);
     move_covariance(shift, by);
-    coefficient_scales(e->flow.pressure, scalar[REFERENCE_AREA], scalar[REFERENCE_LENGTH], scale);
-    set_deviations(e, by, scale);
+    coefficient_scales(linear->flow.pressure, scalar[REFERENCE_AREA], scalar[REFERENCE_LENGTH], scale);
+    set_deviations(filter, linear, by, scale);
     for (size_t i = 0; i < N_LOADS; i++) {
-        e->output[LOADS + i] += apart[i];
-        e->output[COEFFICIENTS + i] += scale[i] * apart[i];
+        linear->output[LOADS + i] += apart[i];
+        linear->output[COEFFICIENTS + i] += scale[i] * apart[i];
     }
 }
 
-void linear_filter_outputs(Estimator *e) {
-    LinearFilter *filter = &e->linear_filter;
-    zero_errors_take(&filter->zeros, zeros_in_use(e));
+void linear_filter_outputs(LinearFilter *filter, Linear *linear) {
+    zero_errors_take(&filter->zeros, linear->inputs->zeros);
     const int has_law = filter->base.has_law != 0.0 && zero_errors_same(&filter->zeros, filter->law.zero);
     const double elapsed = filter->base.now - filter->base.time, longest = filter->map.largest_time;
     filter->next = filter->base;
@@ -134,54 +125,29 @@ void linear_filter_outputs(Estimator *e) {
     filter->has_change = 0;
     if (has_law) {
         const double seconds = elapsed > 0.0 ? (elapsed < longest ? elapsed : longest) : 0.0;
-        linear_filter_predict(filter, seconds, e->input[filter_setting(e)]);
+        linear_filter_predict(filter, seconds, linear->inputs->value[filter_setting(linear->inputs)]);
     }
-    if (!sample_fits(e)) {
+    if (!sample_fits(linear)) {
         const LinearLaw kept = filter->next_law;
         filter->next_law = filter->predicted;
         filter->predicted = kept;
         return;
     }
-    set_sample(e);
+    set_sample(filter, linear);
     filter->next.has_law = 1.0;
-    if (has_law && linear_filter_update(filter, &filter->predicted) <= innovation_limit(e)) {
-        write_loads(e);
+    if (has_law && linear_filter_update(filter, &filter->predicted) <= innovation_limit(linear)) {
+        write_loads(filter, linear);
         return;
     }
     linear_filter_set_stationary(filter);
     linear_filter_update(filter, &filter->stationary);
 }
 
-/* What the step left is what the next one starts from, at the present point in time. */
-static void take_next(Estimator *e) {
-    LinearFilter *filter = &e->linear_filter;
+void linear_filter_take_next(LinearFilter *filter, double time) {
     const LinearLaw law = filter->law;
     filter->law = filter->next_law;
     filter->next_law = law;
     filter->base = filter->next;
     filter->base.stepped = 0.0;
-    filter->base.now = e->base.time;
-}
-
-void linear_filter_before_change(Estimator *e) {
-    if (e->linear_filter.base.stepped != 0.0) {
-        estimator_outputs(e);
-        take_next(e);
-        e->outdated = 1;
-    }
-}
-
-void linear_filter_step(Estimator *e, double start) {
-    LinearFilter *filter = &e->linear_filter;
-    linear_filter_before_change(e);
-    if (!linear_filters(e)) {
-        filter->base.has_law = 0.0;
-        return;
-    }
-    if (filter->base.now != start) {
-        filter->base.now = start;
-        e->outdated = 1;
-    }
-    estimator_outputs(e);
-    filter->base.stepped = 1.0;
+    filter->base.now = time;
 }

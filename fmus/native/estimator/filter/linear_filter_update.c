@@ -1,12 +1,11 @@
-/* A sample of the filter of a linear map: strainfmu/estimator/reference/linear_filter.py, kalman.py. */
+#include "linear_filter_update.h"
 
 #include <math.h>
 #include <string.h>
 
 #include "../numerics/cholesky.h"
+#include "../numerics/lanes.h"
 #include "../numerics/products.h"
-#include "../tables/flight_tables.h"
-#include "linear_filter.h"
 
 #define LEAST_LEFT 1e-2 /* part of a variance that is left, above which a difference has digits enough */
 

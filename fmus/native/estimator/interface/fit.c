@@ -3,10 +3,9 @@
 #include <math.h>
 #include <string.h>
 
-#include "../linear/scaled_suspects.h"
-#include "../linear/suspects.h"
-#include "../numerics/panels.h"
-#include "../step_parts.h"
+#include "../sample/readings.h"
+#include "../update/absolute_form.h"
+#include "../update/scaled_form.h"
 
 #define N_ENTRIES (N_LOADS * N_LOADS)
 
@@ -35,7 +34,7 @@ static void transferred(const double transfer[N_LOADS][N_LOADS], const double *c
 
 /* Rows of the transfer of loads to the moment point of the settings, and that times a scale for each row. */
 static void set_transfer(const Estimator *e, const double *scale, double transfer[N_LOADS][N_LOADS]) {
-    const double shift = moment_shift(e);
+    const double shift = moment_shift(&e->inputs);
     memset(transfer, 0, N_ENTRIES * sizeof(double));
     for (size_t i = 0; i < N_LOADS; i++) {
         transfer[i][i] = scale[i];
@@ -49,23 +48,23 @@ static const double ONES[N_LOADS] = {1.0, 1.0, 1.0, 1.0, 1.0}, NONE[N_LOADS] = {
 
 /* Covariances of loads and coefficients of the linear map, both with the error of the dynamic pressure. */
 static void linear_covariances(const Estimator *e, double *fit) {
-    const double *scalar = e->input + e->map.n_gauges;
-    const double q = e->flow.pressure, q_std = e->flow.deviation;
-    const double *covariance = e->map.scaled ? e->scaled.step.covariance : e->masked->load_covariance;
+    const double *scalar = e->inputs.value + e->map.n_gauges;
+    const double q = e->linear.flow.pressure, q_std = e->linear.flow.deviation;
+    const double *covariance = e->map.scaled ? e->linear.scaled.step.covariance : e->linear.prepared.masked->load_covariance;
     double transfer[N_LOADS][N_LOADS], loads[N_LOADS], per_pressure[N_LOADS], scale[N_LOADS], of_coefficient[N_LOADS];
     memcpy(loads, e->output + LOADS, sizeof loads);
     if (e->map.scaled) { /* the outputs may be the filter's */
-        memcpy(loads, e->scaled.step.loads, sizeof loads);
-        move_moments(moment_shift(e), loads);
+        memcpy(loads, e->linear.scaled.step.loads, sizeof loads);
+        move_moments(moment_shift(&e->inputs), loads);
     }
-    memcpy(per_pressure, e->map.scaled ? e->scaled.step.per_pressure : NONE, sizeof per_pressure);
-    move_moments(moment_shift(e), per_pressure);
+    memcpy(per_pressure, e->map.scaled ? e->linear.scaled.step.per_pressure : NONE, sizeof per_pressure);
+    move_moments(moment_shift(&e->inputs), per_pressure);
     set_transfer(e, ONES, transfer);
     for (size_t i = 0; i < N_LOADS; i++) {
-        per_pressure[i] = e->flow.known ? per_pressure[i] * q_std : 0.0;
+        per_pressure[i] = e->linear.flow.known ? per_pressure[i] * q_std : 0.0;
     }
     transferred(transfer, covariance, per_pressure, fit + LOAD_COVARIANCE);
-    if (!e->flow.known) {
+    if (!e->linear.flow.known) {
         return;
     }
     coefficient_scales(q, scalar[REFERENCE_AREA], scalar[REFERENCE_LENGTH], scale);
@@ -80,12 +79,12 @@ static void linear_covariances(const Estimator *e, double *fit) {
 /* The same of the filter of a linear map, which changes both by what earlier samples determine. */
 static void add_filtered(const Estimator *e, double *fit) {
     const LinearFilter *filter = &e->linear_filter;
-    const double *scalar = e->input + e->map.n_gauges;
+    const double *scalar = e->inputs.value + e->map.n_gauges;
     double scale[N_LOADS];
     if (!linear_filters(e) || !filter->has_change) {
         return;
     }
-    coefficient_scales(e->flow.pressure, scalar[REFERENCE_AREA], scalar[REFERENCE_LENGTH], scale);
+    coefficient_scales(e->linear.flow.pressure, scalar[REFERENCE_AREA], scalar[REFERENCE_LENGTH], scale);
     for (size_t i = 0; i < N_LOADS; i++) {
         for (size_t j = 0; j < N_LOADS; j++) {
             const double change = filter->change[i * N_LOADS + j];
@@ -99,7 +98,7 @@ static void add_filtered(const Estimator *e, double *fit) {
 static void flight_covariances(const Estimator *e, double *fit) {
     const FlightMap *map = &e->flight.map;
     const Solution *found = &e->flight.solver.solution;
-    const double *scalar = e->input + e->map.n_gauges;
+    const double *scalar = e->inputs.value + e->map.n_gauges;
     double transfer[N_LOADS][N_LOADS];
     set_transfer(e, ONES, transfer);
     transferred(transfer, found->load_covariance, NONE, fit + LOAD_COVARIANCE);
@@ -115,25 +114,25 @@ static void flight_covariances(const Estimator *e, double *fit) {
 
 /* z of the linear map by gauge, 0 where no other gauge in use checks it. */
 static void linear_residuals(Estimator *e, double *z) {
-    const MaskedMap *m = e->masked;
+    const MaskedMap *m = e->linear.prepared.masked;
     memset(z, 0, e->map.n_gauges * sizeof *z);
     if (e->map.scaled) {
-        scaled_standardised_residuals(e, z);
+        scaled_standardised_residuals(&e->linear.scaled, z);
         return;
     }
-    panels_transposed_times(e->wide, m->n_used, m->column_panels, e->whitened, e->z);
+    absolute_standardised_residuals(e->linear.wide, m, &e->linear.absolute);
     for (size_t k = 0; k < m->n_used; k++) {
-        z[m->used[k]] = e->z[k] * m->z_scale[k];
+        z[m->used[k]] = e->linear.absolute.z[k] * m->z_scale[k];
     }
 }
 
 /* Gauges in use, and those that the largest residual points to. */
 static void write_gauges(const Estimator *e, double *used, double *suspect) {
-    const double range = e->input[e->map.n_gauges + SENSOR_RANGE];
+    const double range = e->inputs.value[e->map.n_gauges + SENSOR_RANGE];
     const size_t first = (size_t)e->output[SUSPECT_GAUGE];
-    const int silent = estimator_silent(e);
+    const int silent = readings_silent(&e->inputs);
     for (size_t i = 0; i < e->map.n_gauges; i++) {
-        used[i] = (double)(!silent && gauge_in_use(e, i, range));
+        used[i] = (double)(!silent && gauge_in_use(&e->inputs, i, range));
         suspect[i] = 0.0;
     }
     if (first == 0) {
@@ -144,7 +143,7 @@ static void write_gauges(const Estimator *e, double *used, double *suspect) {
         return;
     }
     /* The first suspect is the one that its group is numbered by. */
-    const MaskedMap *m = e->masked;
+    const MaskedMap *m = e->linear.prepared.masked;
     for (size_t k = 0; k < m->n_used; k++) {
         if (m->used[m->group[k]] == first - 1) {
             suspect[m->used[k]] = 1.0;
@@ -169,21 +168,21 @@ static void write_flight_fit(Estimator *e, double *fit, double *z) {
     memcpy(fit + FLIGHT_STATE_COVARIANCE, found->widened_covariance, sizeof found->widened_covariance);
     memcpy(fit + AIR_DATA_RESIDUAL, found->navigation_residual, sizeof found->navigation_residual);
     fit[DISCREPANCY_CHI_SQUARE] = found->shape_square;
-    fit[RESIDUAL_LIMIT] = map->outlier_threshold * sqrt(map->outlier_scale * e->input[e->map.n_gauges + ALARM_SCALE]);
+    fit[RESIDUAL_LIMIT] = map->outlier_threshold * sqrt(map->outlier_scale * e->inputs.value[e->map.n_gauges + ALARM_SCALE]);
     memcpy(z, found->standardised_residual, e->map.n_gauges * sizeof *z);
 }
 
 static void write_linear_fit(Estimator *e, double *fit, double *z) {
-    const MaskedMap *m = e->masked;
+    const MaskedMap *m = e->linear.prepared.masked;
     if (!m->identified) {
         return;
     }
     fit[FITS] = (double)(e->output[CHI_SQUARE] <= e->output[CHI_SQUARE_LIMIT]);
-    if (e->map.scaled && !e->flow.known) {
+    if (e->map.scaled && !e->linear.flow.known) {
         return;
     }
-    const double ratio = e->map.scaled ? e->scaled.step.expected_ratio : 1.0;
-    const double scale = e->map.outlier_scale * (e->input[e->map.n_gauges + ALARM_SCALE] * ratio);
+    const double ratio = e->map.scaled ? e->linear.scaled.step.expected_ratio : 1.0;
+    const double scale = e->map.outlier_scale * (e->inputs.value[e->map.n_gauges + ALARM_SCALE] * ratio);
     fit[RESIDUAL_LIMIT] = m->outlier_threshold * sqrt(scale);
     linear_residuals(e, z);
     linear_covariances(e, fit);
@@ -191,11 +190,11 @@ static void write_linear_fit(Estimator *e, double *fit, double *z) {
 }
 
 double degrees_of_freedom(const Estimator *e) {
-    const MaskedMap *m = e->masked;
+    const MaskedMap *m = e->linear.prepared.masked;
     if (e->flight.present) {
         return isnan(e->output[LOADS]) ? 0.0 : e->flight.degrees_of_freedom;
     }
-    if (!m->identified || (e->map.scaled && !e->flow.known)) {
+    if (!m->identified || (e->map.scaled && !e->linear.flow.known)) {
         return 0.0;
     }
     const int lost = (int)(e->map.n_gauges - m->n_used);

@@ -6,6 +6,9 @@
 #include <string.h>
 
 #include "../../core/floating.h"
+#include "../filter/linear_filter.h"
+#include "../policies/flight.h"
+#include "../sample/readings.h"
 #include "fit.h"
 
 #define MAX_FIELDS 24
@@ -53,16 +56,15 @@ static void describe_inputs(StrainLoad *handle) {
     static const char *const TEMPERATURE[] = {"temperature"}, *const THRUST[] = {"thrust"};
     static const char *const PARAMETERS[] = {"parameter", "parameter_std"};
     const Estimator *e = handle->estimator;
-    const size_t n = e->map.n_gauges, n_strains = e->sensors.n_strains, thrust = thrust_input(e);
+    const size_t n = e->map.n_gauges, n_strains = e->sensors.n_strains, thrust = thrust_input(&e->inputs);
     Record *record = &handle->record[SL_INPUTS];
     Run *run = add_run(record, handle->sample, 0, n_strains, 1, READINGS);
     run = add_run(record, run, n_strains, n - n_strains, 1, READINGS + 1);
     run = add_run(record, run, n, 1, 4, FIRST);
     run = add_run(record, run, n + MACH_NUMBER_STD, 1, 3, MORE);
-    run = add_run(record, run, first_temperature(e), e->thermal.present ? e->thermal.map.n_sensors : 0, 1, TEMPERATURE);
+    run = add_run(record, run, first_temperature(&e->inputs), e->inputs.n_temperatures, 1, TEMPERATURE);
     run = add_run(record, run, thrust == SIZE_MAX ? 0 : thrust, thrust == SIZE_MAX ? 0 : 1, 1, THRUST);
-    run = add_run(record, run, first_parameter(e), e->parameters.count, estimator_inputs(e) > first_parameter_std(e) ? 2 : 1,
-                  PARAMETERS);
+    run = add_run(record, run, first_parameter(&e->inputs), e->parameters.count, e->map.has_known ? 2 : 1, PARAMETERS);
     *run = (Run){0, 0, 0};
 }
 
@@ -72,7 +74,7 @@ static void describe_settings(StrainLoad *handle) {
     static const char *const ZEROS[] = {"zero", "zero_std"}, *const COMMON[] = {"zero_common_std"};
     static const char *const FILTER[] = {"filter_time_constant"};
     const Estimator *e = handle->estimator;
-    const size_t n = e->map.n_gauges, n_strains = e->sensors.n_strains, filter = filter_setting(e);
+    const size_t n = e->map.n_gauges, n_strains = e->sensors.n_strains, filter = filter_setting(&e->inputs);
     Record *record = &handle->record[SL_SETTINGS];
     Run *run = add_run(record, handle->setting, n + SENSOR_RANGE, 1, 5, SETTINGS);
     run = add_run(record, run, n + N_ALL_SCALARS, n_strains, 2, ZEROS);
@@ -145,7 +147,7 @@ StrainLoad *sl_open(const void *bytes, size_t length, char text[SL_TEXT_SIZE]) {
     }
     handle->estimator = (Estimator *)(void *)handle->model;
     handle->model->mode = STEP;
-    estimator_note_given(handle->estimator, 0, handle->estimator->map.n_gauges);
+    readings_note_given(&handle->estimator->inputs, 0, handle->estimator->map.n_gauges);
     describe_inputs(handle);
     describe_settings(handle);
     describe_outputs(handle);
@@ -198,14 +200,14 @@ static int set(StrainLoad *handle, size_t first, size_t count, const double *val
             snprintf(text, SL_TEXT_SIZE, "there is no setting %lu", (unsigned long)(first + k));
             return 0;
         }
-        if (!estimator_accepts(e, input, value[k], text)) {
+        if (!inputs_accept(&e->inputs, input, value[k], text)) {
             return 0;
         }
-        if (input >= zeros && input < first_temperature(e) && e->input[input] != value[k]) {
+        if (input >= zeros && input < first_temperature(&e->inputs) && e->inputs.value[input] != value[k]) {
             tare_drop(&e->tare);
             e->noise_outdated = 1;
         }
-        e->input[input] = value[k];
+        e->inputs.value[input] = value[k];
         e->outdated = 1;
     }
     return 1;
@@ -221,7 +223,7 @@ int sl_set(StrainLoad *handle, size_t first, size_t count, const double *value, 
 void sl_get(const StrainLoad *handle, size_t first, size_t count, double *value) {
     for (size_t k = 0; k < count; k++) {
         const size_t input = setting_input(handle, first + k);
-        value[k] = input == SIZE_MAX ? NAN : handle->estimator->input[input];
+        value[k] = input == SIZE_MAX ? NAN : handle->estimator->inputs.value[input];
     }
 }
 
@@ -238,14 +240,14 @@ static void set_sample(StrainLoad *handle, const double *input, const unsigned c
     Estimator *e = handle->estimator;
     estimator_before_change(e);
     for (const Run *run = handle->sample; run < handle->sample + 7; run++) {
-        memcpy(e->input + run->input, input + run->first, run->count * sizeof *input);
+        memcpy(e->inputs.value + run->input, input + run->first, run->count * sizeof *input);
     }
     if (valid != NULL) {
         for (size_t i = 0; i < e->map.n_gauges; i++) {
-            e->valid[i] = valid[i] != 0;
+            e->inputs.valid[i] = valid[i] != 0;
         }
     } else {
-        memset(e->valid, 1, e->map.n_gauges);
+        memset(e->inputs.valid, 1, e->map.n_gauges);
     }
     e->outdated = 1;
 }
@@ -269,14 +271,14 @@ static void write_result(StrainLoad *handle, double *output, double *fit) {
     }
     if (e->further.present) {
         if (e->further.outdated) {
-            further_update(e);
+            estimator_further(e);
         }
         for (int part = 0; part < N_FURTHER; part++, output += e->further.map.n_loads) {
             memcpy(output, e->further.value[part], e->further.map.n_loads * sizeof *output);
         }
     }
     for (size_t k = 0; k < e->parameters.count; k++) {
-        const double given = e->input[first_parameter(e) + k];
+        const double given = e->inputs.value[first_parameter(&e->inputs) + k];
         output[k] = given == e->map.not_known ? 0.0 : parameter_score(&e->parameters, k, given);
     }
     if (fit != NULL) {

@@ -28,11 +28,6 @@ void half_space_arrays(const Envelope *envelope, HalfSpaces *spaces, double **do
     }
 }
 
-double ambient_pressure(const Envelope *envelope, double altitude) {
-    double pressure, temperature;
-    return atmosphere_at(&envelope->atmosphere, altitude, &pressure, &temperature) ? pressure : NAN;
-}
-
 /* Whether a value leaves a range; one that is not known does not. */
 static int leaves(const double *range, double value) {
     return value < range[0] || value > range[1];

@@ -15,10 +15,6 @@ typedef struct {
     double mach_number, altitude; /* [1], [m]; NaN where not known */
 } Flow;
 
-/* p(h) [Pa]; NaN where h is not known or outside the atmosphere. */
-double ambient_pressure(const Envelope *envelope, double altitude);
-
-
 /* Whether dynamic pressure, Mach number or altitude leave their ranges or contradict each other. */
 int outside_by_navigation(const Envelope *envelope, const Flow *flow);
 

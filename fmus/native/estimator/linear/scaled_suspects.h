@@ -4,12 +4,9 @@
 #ifndef SCALED_SUSPECTS_H
 #define SCALED_SUSPECTS_H
 
-#include "../estimator.h"
+#include "linear_state.h"
 
 /* As set_suspects. */
-void set_scaled_suspects(Estimator *e, double threshold);
-
-/* z (n_gauges) of the last step; 0 where no other gauge in use checks it, and left as it is of gauges not in use. */
-void scaled_standardised_residuals(Estimator *e, double *z);
+void set_scaled_suspects(Linear *linear, double threshold);
 
 #endif

@@ -28,46 +28,46 @@ static int scale_and_compare(size_t n, double *restrict z, const double *restric
    host that sets them to zero, lose less than n 2^-126 (1 + |w|) < 2^-90.
 
    Where chi-square shows a fault, some |z_k| is above as a rule: nothing would be gained. */
-static int may_exceed(Estimator *e, double threshold) {
-    const MaskedMap *m = e->masked;
-    const double chi_square = e->output[CHI_SQUARE];
-    if (!m->screened || !(chi_square <= LARGEST_SCREENED) || chi_square > e->output[CHI_SQUARE_LIMIT]) {
+static int may_exceed(Linear *linear, double threshold) {
+    const MaskedMap *m = linear->prepared.masked;
+    const double chi_square = linear->output[CHI_SQUARE];
+    if (!m->screened || !(chi_square <= LARGEST_SCREENED) || chi_square > linear->output[CHI_SQUARE_LIMIT]) {
         return 1;
     }
     const double margin = (double)(m->n_used + 4) * 0x1p-23 * sqrt(chi_square) + 0x1p-90;
     const double limit = threshold - margin < LARGEST_SCREENED ? threshold - margin : LARGEST_SCREENED;
     for (size_t k = 0; k < m->n_used; k++) {
-        e->narrow[k] = (float)e->whitened[k];
+        linear->absolute.narrow[k] = (float)linear->absolute.whitened[k];
     }
-    return panels_exceed(e->wide, m->n_used, m->screen, e->narrow, (float)limit);
+    return panels_exceed(linear->wide, m->n_used, m->screen, linear->absolute.narrow, (float)limit);
 }
 
-void name_suspects(Estimator *e, size_t worst) {
-    const MaskedMap *m = e->masked;
+void name_suspects(Linear *linear, size_t worst) {
+    const MaskedMap *m = linear->prepared.masked;
     size_t suspects = 0;
     for (size_t k = 0; k < m->n_used; k++) {
         suspects += m->group[k] == m->group[worst];
     }
-    e->output[SUSPECT_GAUGE] = (double)(m->used[m->group[worst]] + 1);
-    e->output[SUSPECTS] = (double)suspects;
+    linear->output[SUSPECT_GAUGE] = (double)(m->used[m->group[worst]] + 1);
+    linear->output[SUSPECTS] = (double)suspects;
 }
 
-void set_suspects(Estimator *e, double threshold) {
-    const MaskedMap *m = e->masked;
-    if (!may_exceed(e, threshold)) {
+void set_suspects(Linear *linear, double threshold) {
+    const MaskedMap *m = linear->prepared.masked;
+    if (!may_exceed(linear, threshold)) {
         return;
     }
-    panels_transposed_times(e->wide, m->n_used, m->column_panels, e->whitened, e->z);
-    if (!scale_and_compare(m->n_used, e->z, m->z_scale, threshold)) {
+    absolute_standardised_residuals(linear->wide, m, &linear->absolute);
+    if (!scale_and_compare(m->n_used, linear->absolute.z, m->z_scale, threshold)) {
         return;
     }
     size_t worst = 0;
-    double largest = fabs(e->z[0]);
+    double largest = fabs(linear->absolute.z[0]);
     for (size_t k = 1; k < m->n_used; k++) {
-        if (fabs(e->z[k]) > largest) {
-            largest = fabs(e->z[k]);
+        if (fabs(linear->absolute.z[k]) > largest) {
+            largest = fabs(linear->absolute.z[k]);
             worst = k;
         }
     }
-    name_suspects(e, worst);
+    name_suspects(linear, worst);
 }

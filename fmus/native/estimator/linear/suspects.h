@@ -5,14 +5,14 @@
 #ifndef SUSPECTS_H
 #define SUSPECTS_H
 
-#include "../estimator.h"
+#include "linear_state.h"
 
 /* If some |z| is above the threshold, set the outputs SUSPECT_GAUGE and SUSPECTS: the gauge of the
-   largest |z|, and the number of those from which it cannot be distinguished. whitened, CHI_SQUARE and its limit must
-   be set. */
-void set_suspects(Estimator *e, double threshold);
+   largest |z|, and the number of those from which it cannot be distinguished. The step, CHI_SQUARE
+   and its limit must be set. */
+void set_suspects(Linear *linear, double threshold);
 
 /* Set the outputs for the gauge in use of that index. */
-void name_suspects(Estimator *e, size_t worst);
+void name_suspects(Linear *linear, size_t worst);
 
 #endif

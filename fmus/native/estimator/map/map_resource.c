@@ -96,7 +96,13 @@ int map_parse(MapFile *file, Map *map) {
         map->form.n_free = map->known_prior ? 0 : map->n_gauges - (size_t)map->degrees_of_freedom;
         take_form(file, map->n_gauges, &map->form);
     }
+    map->has_tables = map_has(file, "flight");
     map->has_filter = map_has(file, "filter") || map_has(file, "linear_filter");
     map->has_known = map_has(file, "parameter_tables");
     return file->good;
+}
+
+double ambient_pressure(const Envelope *envelope, double altitude) {
+    double pressure, temperature;
+    return atmosphere_at(&envelope->atmosphere, altitude, &pressure, &temperature) ? pressure : NAN;
 }

@@ -91,8 +91,12 @@ typedef struct {
     Envelope envelope;
     int scaled; /* whether the form is "dynamic_pressure"; if not, it is "absolute" and what follows is not set */
     ScaledForm form;
-    int has_filter, has_known; /* whether there are a filter, and tables over further parameters of the flow */
+    int has_tables, has_filter, has_known; /* whether there are tables over the flight state, a filter, and tables over
+                                              further parameters of the flow */
 } Map;
+
+/* p(h) [Pa]; NaN where h is not known or outside the atmosphere. */
+double ambient_pressure(const Envelope *envelope, double altitude);
 
 /* Read a file that map_open has checked; the arrays of what not every map has stay for others. 1; 0 with a text. */
 int map_parse(MapFile *file, Map *map);

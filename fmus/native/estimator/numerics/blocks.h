@@ -5,7 +5,7 @@
 #define BLOCKS_H
 
 #include "lanes.h"
-#include "products.h"
+#include "strided.h"
 #include "wide.h"
 
 #define MOST_ROWS 5

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "blocks.h"
+#include "products.h"
 
 #define MAX_SMALL 5
 
@@ -313,4 +314,16 @@ void invert_small(size_t order, const double *matrix, double *inverse) {
             inverse[i * order + j] = sum;
         }
     }
+}
+
+double quadratic(size_t order, const double *x, const double *matrix, const double *y) {
+    double sum = 0.0;
+    for (size_t i = 0; i < order; i++) {
+        double row = 0.0;
+        for (size_t j = 0; j < order; j++) {
+            row += matrix[i * order + j] * y[j];
+        }
+        sum += x[i] * row;
+    }
+    return sum;
 }

@@ -41,6 +41,9 @@ double lane_dot(size_t n, const double *x, const double *y);
 /* The inverse (order, order) of a symmetric positive definite matrix of at most 5 rows, and its product with a vector. */
 void invert_small(size_t order, const double *matrix, double *inverse);
 
+/* x' M x of a symmetric matrix, and x' M y. */
+double quadratic(size_t order, const double *x, const double *matrix, const double *y);
+
 /* value, or the end of the range that it leaves. */
 static inline double clipped(double value, double low, double high) {
     return value < low ? low : value > high ? high : value;

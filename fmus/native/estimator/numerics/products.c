@@ -1,3 +1,5 @@
+#include "products.h"
+
 #include "blocks.h"
 
 /* Rows of a lower triangular factor: LANES of them reach LANES columns further than those above. */

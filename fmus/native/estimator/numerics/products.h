@@ -3,18 +3,7 @@
 #ifndef PRODUCTS_H
 #define PRODUCTS_H
 
-#include <stddef.h>
-
-/* A matrix whose element (i, k) is value[i * row + k * column]. */
-typedef struct {
-    const double *value;
-    size_t row, column;
-} Strided;
-
-/* One whose rows are `row` apart. */
-static inline Strided by_rows(const double *value, size_t row) {
-    return (Strided){value, row, 1};
-}
+#include "strided.h"
 
 /* Which elements of the right factor are zero; or of the left one, square and lower triangular. */
 typedef enum { FULL, LOWER, UPPER, LOWER_LEFT } Shape;

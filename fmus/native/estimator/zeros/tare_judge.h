@@ -3,7 +3,7 @@
 #ifndef TARE_JUDGE_H
 #define TARE_JUDGE_H
 
-#include "tare.h"
+#include "tare_state.h"
 
 /* Number of doubles of its scratch. */
 size_t judge_doubles(size_t n_gauges);

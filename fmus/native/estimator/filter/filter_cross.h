@@ -1,0 +1,13 @@
+/* The covariance of the filter's states with the errors that are considered: strainfmu/estimator/reference/kalman.py. */
+
+#ifndef FILTER_CROSS_H
+#define FILTER_CROSS_H
+
+#include "filter_state.h"
+
+/* C G' of a law, in filter->considered; C after a sample; C of the predicted law. */
+void filter_set_considered(Filter *filter, const Law *law);
+void filter_update_cross(Filter *filter, const Law *law, Law *after);
+void filter_move_cross(Filter *filter);
+
+#endif

@@ -1,0 +1,20 @@
+/* Errors of pressure in the filter where flow parameters are known: those in the directions of the map, of what is left. */
+
+#ifndef FILTER_KNOWN_H
+#define FILTER_KNOWN_H
+
+#include "../nonlinear/flight_known.h"
+#include "filter_state.h"
+
+/* Arrays beside those of the map, for n_parameters that are set. */
+size_t filter_known_doubles(const Filter *filter);
+void filter_known_arrays(Filter *filter, double **doubles);
+
+/* The errors of the sample, in filter->errors. */
+void filter_follow_known(Filter *filter, const Known *known);
+
+/* Whether a law is of a sample for which the same was known as well; noting it. */
+int filter_knows_as(const Filter *filter, const Law *law);
+void filter_note_known(const Filter *filter, Law *law);
+
+#endif

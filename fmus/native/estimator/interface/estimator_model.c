@@ -1,0 +1,335 @@
+/* The estimator as a model: its steps, its variables' values, its derivatives. */
+
+#include <stdio.h>
+#include <string.h>
+
+#include "../estimator_derivative.h"
+#include "../sample/readings.h"
+#include "estimator_state.h"
+#include "estimator_variables.h"
+
+void model_destroy(Model *model) {
+    estimator_free(estimator_of(model));
+}
+
+static Model *create(unsigned char *bytes, size_t length, char text[MODEL_TEXT_SIZE]) {
+    Estimator *e = estimator_create(bytes, length, text);
+    if (e == NULL) {
+        return NULL;
+    }
+    e->base = (Model){.guid = e->map.guid,
+                      .checksum = e->map.checksum,
+                      .mode = INSTANTIATED,
+                      .co_simulation_only = e->flight.present,
+                      .time_reference = time_reference(e)};
+    return &e->base;
+}
+
+static void reset(Model *model) {
+    estimator_reset(estimator_of(model));
+    estimator_of(model)->reported_health = OK;
+    memset(estimator_of(model)->settled, 0, sizeof estimator_of(model)->settled);
+}
+
+void model_set_time(Model *model, double time) {
+    model->time = time;
+}
+
+/* Outputs are right at any time. */
+static void end_initialization(Model *model) {
+    (void)model;
+}
+
+/* Outputs are computed when they are read. They follow from inputs alone, those of the nonlinear estimator also from the
+   flight state of the step before. */
+static int step(Model *model, double start, double end, char text[MODEL_TEXT_SIZE]) {
+    (void)text;
+    Estimator *e = estimator_of(model);
+    model->time = end;
+    if (e->tare.up || e->tare.flags.is_up != 0.0) {
+        estimator_follow_tare(e);
+        estimator_take_readings(e);
+    }
+    estimator_step(e, start);
+    return STATUS_OK;
+}
+
+static void follow_event(Model *model) {
+    if (estimator_of(model)->tare.present) {
+        estimator_follow_tare(estimator_of(model));
+    }
+}
+
+static void accept_step(Model *model) {
+    if (estimator_of(model)->tare.present) {
+        estimator_take_readings(estimator_of(model));
+    }
+}
+
+/* The whole numbers among the outputs, for the present inputs. */
+static void whole_numbers(Estimator *e, double whole[N_WHOLE]) {
+    const double *output = estimator_outputs(e);
+    whole[0] = output[HEALTH_STATE];
+    memcpy(whole + 1, output + VALID_GAUGES, (TARE_WHOLE - 1) * sizeof *whole);
+    whole[TARE_WHOLE] = e->tare.present ? e->tare.flags.state : TARE_IDLE;
+}
+
+static void settle(Model *model) {
+    whole_numbers(estimator_of(model), estimator_of(model)->settled);
+}
+
+static int unsettled(Model *model) {
+    Estimator *e = estimator_of(model);
+    double present[N_WHOLE];
+    whole_numbers(e, present);
+    return memcmp(present, e->settled, sizeof present) != 0;
+}
+
+/* Why no gauge is in use, where health is INVALID. */
+static const char *why_invalid(const Estimator *e) {
+    const double range = e->inputs.value[e->map.n_gauges + SENSOR_RANGE];
+    size_t usable = 0;
+    for (size_t i = 0; i < e->map.n_gauges; i++) {
+        usable += gauge_in_use(&e->inputs, i, range);
+    }
+    return e->inputs.n_given == 0 ? "; no strain was set" : usable > 0 ? "; all strains are exactly 0" : "";
+}
+
+/* The end of a tare, or a change of health. */
+static int event(Model *model, char text[MODEL_TEXT_SIZE]) {
+    static const char *const STATES[] = {
+        "OK", "INCONSISTENT", "NO_COEFFICIENTS", "INVALID", "DEGRADED", "UNIDENTIFIED", "SUSPECT", "OUTSIDE",
+    };
+    Estimator *e = estimator_of(model);
+    if (e->tare.to_report) {
+        e->tare.to_report = 0;
+        memcpy(text, e->tare.text, sizeof e->tare.text);
+        return 1;
+    }
+    const double *output = estimator_outputs(e);
+    const int health = (int)output[HEALTH_STATE];
+    if (health == e->reported_health) {
+        return 0;
+    }
+    snprintf(text, MODEL_TEXT_SIZE,
+             "health %s at %g s: %.0f gauges in use, chi-square %.4g (limit %.4g), suspect gauge %.0f", STATES[health],
+             model->time, output[VALID_GAUGES], output[CHI_SQUARE], output[CHI_SQUARE_LIMIT], output[SUSPECT_GAUGE]);
+    const size_t outside = health == OUTSIDE ? parameter_beyond(&e->inputs) : SIZE_MAX, used = strlen(text);
+    if (health == INVALID) {
+        snprintf(text + used, MODEL_TEXT_SIZE - used, "%s", why_invalid(e));
+    }
+    if (outside != SIZE_MAX) {
+        snprintf(text + used, MODEL_TEXT_SIZE - used, "; %s = %g is outside %g to %g",
+                 e->parameters.names + outside * PARAMETER_NAME_SIZE, e->inputs.value[first_parameter(&e->inputs) + outside],
+                 e->parameters.minimum[outside], e->parameters.maximum[outside]);
+    }
+    e->reported_health = health;
+    return 1;
+}
+
+static int wrong_type(size_t variable, char *text) {
+    snprintf(text, MODEL_TEXT_SIZE, WRONG_TYPE, (unsigned long)variable);
+    return 0;
+}
+
+static int get_reals(Model *model, const Selection *which, double *value, char text[MODEL_TEXT_SIZE]) {
+    Estimator *e = estimator_of(model);
+    const size_t count = which->count;
+    if (which->listed == NULL && which->first < HEALTH_STATE && count <= HEALTH_STATE - which->first) {
+        memcpy(value, estimator_outputs(e) + which->first, count * sizeof *value);
+        return 1;
+    }
+    for (size_t k = 0; k < count; k++) {
+        const size_t variable = selected(which, k), input = input_of(e, variable);
+        if (input != SIZE_MAX) {
+            value[k] = e->inputs.value[input];
+        } else if (is_real_output(variable)) {
+            value[k] = estimator_outputs(e)[variable];
+        } else if (further_real(e, variable) != NULL) {
+            estimator_outputs(e);
+            if (e->further.outdated) {
+                estimator_further(e);
+            }
+            value[k] = *further_real(e, variable);
+        } else if (zero_in_use(e, variable) != SIZE_MAX) {
+            value[k] = zeros_in_use(e)[zero_in_use(e, variable)];
+        } else if (parameter_output(e, variable) != SIZE_MAX) {
+            const size_t parameter = parameter_output(e, variable);
+            const double given = e->inputs.value[first_parameter(&e->inputs) + parameter];
+            value[k] = given == e->map.not_known ? 0.0 : parameter_score(&e->parameters, parameter, given);
+        } else if (flight_real(e, variable) != SIZE_MAX) {
+            estimator_outputs(e);
+            value[k] = e->flight.real[flight_real(e, variable)];
+        } else {
+            return wrong_type(variable, text);
+        }
+    }
+    return 1;
+}
+
+static int get_integers(Model *model, const Selection *which, int *value, char text[MODEL_TEXT_SIZE]) {
+    Estimator *e = estimator_of(model);
+    double present[N_WHOLE];
+    const double *whole = model->mode == CONTINUOUS_TIME ? e->settled : present;
+    whole_numbers(e, present);
+    for (size_t k = 0; k < which->count; k++) {
+        const size_t variable = selected(which, k);
+        if (e->tare.present && variable == tare_variable(e) + 1) {
+            value[k] = (int)whole[TARE_WHOLE];
+            continue;
+        }
+        if (variable != HEALTH_STATE && !(variable >= VALID_GAUGES && variable <= SUSPECTS)) {
+            return wrong_type(variable, text);
+        }
+        value[k] = (int)whole[variable == HEALTH_STATE ? 0 : variable - VALID_GAUGES + 1];
+    }
+    return 1;
+}
+
+static int get_booleans(Model *model, const Selection *which, int *value, char text[MODEL_TEXT_SIZE]) {
+    Estimator *e = estimator_of(model);
+    for (size_t k = 0; k < which->count; k++) {
+        const size_t variable = selected(which, k), gauge = variable - (N_OUTPUTS + e->map.n_gauges);
+        if (gauge < e->map.n_gauges) {
+            value[k] = e->inputs.valid[gauge];
+        } else if (e->tare.present && variable == tare_variable(e)) {
+            value[k] = e->tare.up;
+        } else if (flight_flag(e, variable) != SIZE_MAX) {
+            estimator_outputs(e);
+            value[k] = e->flight.flag[flight_flag(e, variable)];
+        } else {
+            return wrong_type(variable, text);
+        }
+    }
+    return 1;
+}
+
+static int no_input(const char *type, size_t variable, char *text) {
+    snprintf(text, MODEL_TEXT_SIZE, "variable %lu is no %s input or parameter", (unsigned long)variable, type);
+    return 0;
+}
+
+static int set_reals(Model *model, const Selection *which, const double *value, char text[MODEL_TEXT_SIZE]) {
+    Estimator *e = estimator_of(model);
+    const size_t n = e->map.n_gauges, count = which->count, gauge = which->first - N_OUTPUTS;
+    const size_t first = which->listed == NULL ? input_of(e, which->first) : SIZE_MAX;
+    const size_t filter = filter_setting(&e->inputs);
+    const size_t end = filter != SIZE_MAX ? filter : first_parameter(&e->inputs); /* of what takes any value */
+    estimator_before_change(e);
+    if (which->listed == NULL && gauge < n && count <= n - gauge) {
+        memcpy(e->inputs.value + gauge, value, count * sizeof *value);
+        readings_note_given(&e->inputs, gauge, gauge + count);
+        return 1;
+    }
+    if (e->thermal.present && first >= first_temperature(&e->inputs) && first < end && count <= end - first) {
+        memcpy(e->inputs.value + first, value, count * sizeof *value);
+        return 1;
+    }
+    for (size_t k = 0; k < count; k++) {
+        const size_t variable = selected(which, k), input = input_of(e, variable);
+        if (input == SIZE_MAX) {
+            return no_input("real", variable, text);
+        }
+        if (input >= n && !inputs_accept(&e->inputs, input, value[k], text)) {
+            return 0;
+        }
+        if (input >= n + N_ALL_SCALARS && input < first_temperature(&e->inputs) && e->inputs.value[input] != value[k]) {
+            tare_drop(&e->tare);
+            e->noise_outdated = 1;
+        }
+        e->inputs.value[input] = value[k];
+        if (input < n) {
+            readings_note_given(&e->inputs, input, input + 1);
+        }
+    }
+    return 1;
+}
+
+static int set_integers(Model *model, const Selection *which, const int *value, char text[MODEL_TEXT_SIZE]) {
+    (void)model;
+    (void)value;
+    return which->count == 0 ? 1 : no_input("integer", selected(which, 0), text);
+}
+
+static int set_booleans(Model *model, const Selection *which, const int *value, char text[MODEL_TEXT_SIZE]) {
+    Estimator *e = estimator_of(model);
+    for (size_t k = 0; k < which->count; k++) {
+        const size_t variable = selected(which, k), gauge = variable - (N_OUTPUTS + e->map.n_gauges);
+        if (e->tare.present && variable == tare_variable(e)) {
+            e->tare.up = value[k] != 0;
+            continue;
+        }
+        if (gauge >= e->map.n_gauges) {
+            return no_input("Boolean", variable, text);
+        }
+        estimator_before_change(e);
+        e->inputs.valid[gauge] = value[k] != 0;
+    }
+    return 1;
+}
+
+/* Derivatives: of loads, coefficients and air data; the deviations of zeros and the time constant of the filter have none. */
+
+static size_t input_index(const Model *model, size_t variable) {
+    const Estimator *e = estimator_of(model);
+    const size_t input = input_of(e, variable), first_std = e->map.n_gauges + N_ALL_SCALARS + e->sensors.n_strains;
+    const int none = (input >= first_std && input < first_temperature(&e->inputs)) || input == filter_setting(&e->inputs);
+    return none ? SIZE_MAX : input;
+}
+
+/* Place of a variable among the further loads; SIZE_MAX for any other. */
+static size_t further_place(const Estimator *e, size_t variable) {
+    const double *further = further_real(e, variable);
+    return further == NULL ? SIZE_MAX : (size_t)(further - e->further.value[0]);
+}
+
+static size_t output_index(const Model *model, size_t variable) {
+    const Estimator *e = estimator_of(model);
+    const size_t air_data = flight_real(e, variable), place = further_place(e, variable);
+    const size_t kind = place == SIZE_MAX ? N_FURTHER : place / e->further.map.n_loads;
+    return variable < COEFFICIENTS_STD || (variable >= LOADS && variable < LOADS_STD) ? variable
+         : kind == FURTHER_LOADS || kind == FURTHER_COEFFICIENTS                     ? N_OUTPUTS + N_FLIGHT_REALS + place
+         : air_data < N_AIR_DATA                                                     ? N_OUTPUTS + air_data
+                                                                                     : SIZE_MAX;
+}
+
+static double *clear_direction(Model *model) {
+    Estimator *e = estimator_of(model);
+    return memset(e->direction, 0, inputs_count(&e->inputs) * sizeof *e->direction);
+}
+
+static const double *along_direction(Model *model, char text[MODEL_TEXT_SIZE]) {
+    Estimator *e = estimator_of(model);
+    return estimator_derivative(e, e->direction, e->derivative, text) ? e->derivative : NULL;
+}
+
+static const Derivatives DERIVATIVES = {
+    .input_index = input_index,
+    .output_index = output_index,
+    .clear_direction = clear_direction,
+    .along_direction = along_direction,
+};
+
+const ModelFacts MODEL = {
+    .resource = "map.bin",
+    .content = "map",
+    .foreign_state = "is that of an FMU with another map",
+    .model_exchange = 1,
+    .derivatives = &DERIVATIVES,
+    .create = create,
+    .reset = reset,
+    .end_initialization = end_initialization,
+    .step = step,
+    .follow_event = follow_event,
+    .accept_step = accept_step,
+    .settle = settle,
+    .unsettled = unsettled,
+    .event = event,
+    .get_reals = get_reals,
+    .get_integers = get_integers,
+    .get_booleans = get_booleans,
+    .set_reals = set_reals,
+    .set_integers = set_integers,
+    .set_booleans = set_booleans,
+    .check_state = estimator_check_state,
+};

@@ -1,0 +1,140 @@
+#include "estimator_state.h"
+
+#include <stdio.h>
+#include <string.h>
+
+#include "../filter/filter.h"
+#include "../policies/flight.h"
+#include "estimator_variables.h"
+
+/* Inputs and settings, then the whole numbers of the last event, as float64; a byte per gauge for valid, and whether its
+   reading was set; the tare; the filter of a linear map; the track of the nonlinear estimator. Masks and outputs follow from
+   them. */
+
+enum { VALID_BIT = 1, GIVEN_BIT = 2 };
+
+static size_t input_size(const Estimator *e) {
+    return sizeof(double) * (inputs_count(&e->inputs) + N_WHOLE) + e->map.n_gauges;
+}
+
+static size_t linear_size(const Estimator *e) {
+    return input_size(e) + tare_state_size(&e->tare);
+}
+
+/* Of the filter, its track and the law, which is 0 where there is none. */
+static size_t filter_size(const Estimator *e) {
+    const Filter *filter = &e->flight.filter;
+    return filter->present ? sizeof filter->base + sizeof(double) * law_doubles(filter) : 0;
+}
+
+size_t model_state_size(const Model *model) {
+    const Estimator *e = estimator_of(model);
+    return linear_size(e) + linear_filter_state_size(&e->linear_filter) + filter_size(e)
+         + (e->flight.present ? sizeof(Track) : 0);
+}
+
+static void write_filter(const Filter *filter, unsigned char *bytes) {
+    memcpy(bytes, &filter->base, sizeof filter->base);
+    if (filter->base.has_law != 0.0) {
+        filter_write_law(filter, bytes + sizeof filter->base);
+    } else {
+        memset(bytes + sizeof filter->base, 0, sizeof(double) * law_doubles(filter));
+    }
+}
+
+void model_write_state(const Model *model, unsigned char *bytes) {
+    const Estimator *e = estimator_of(model);
+    if (e->flight.present) {
+        memcpy(bytes + linear_size(e) + filter_size(e), &e->flight.base, sizeof e->flight.base);
+    }
+    if (e->flight.filter.present) {
+        write_filter(&e->flight.filter, bytes + linear_size(e));
+    }
+    linear_filter_write_state(&e->linear_filter, bytes + linear_size(e));
+    tare_write_state(&e->tare, bytes + input_size(e));
+    memcpy(bytes, e->inputs.value, sizeof(double) * inputs_count(&e->inputs));
+    bytes += sizeof(double) * inputs_count(&e->inputs);
+    memcpy(bytes, e->settled, sizeof e->settled);
+    bytes += sizeof e->settled;
+    for (size_t i = 0; i < e->map.n_gauges; i++) {
+        bytes[i] = (unsigned char)(e->inputs.valid[i] * VALID_BIT + e->inputs.given[i] * GIVEN_BIT);
+    }
+}
+
+static int filter_fits(const Filter *filter, const unsigned char *bytes) {
+    FilterTrack track;
+    if (!filter->present) {
+        return 1;
+    }
+    memcpy(&track, bytes, sizeof track);
+    return filter_track_fits(filter, &track, bytes + sizeof track);
+}
+
+int estimator_check_state(const Model *model, const unsigned char *bytes, char text[MODEL_TEXT_SIZE]) {
+    const Estimator *e = estimator_of(model);
+    for (size_t i = 0; i < inputs_count(&e->inputs); i++) {
+        double value;
+        memcpy(&value, bytes + sizeof value * i, sizeof value);
+        if (!inputs_accept(&e->inputs, i, value, text)) {
+            snprintf(text, MODEL_TEXT_SIZE, "holds a setting that is not allowed");
+            return 0;
+        }
+    }
+    for (size_t i = 0; i < N_WHOLE; i++) {
+        double whole;
+        memcpy(&whole, bytes + sizeof whole * (inputs_count(&e->inputs) + i), sizeof whole);
+        const size_t most = i == 0 ? OUTSIDE : i == TARE_WHOLE ? TARE_REFUSED : e->map.n_gauges;
+        if (!(whole >= 0.0 && whole <= (double)most)) {
+            snprintf(text, MODEL_TEXT_SIZE, "holds a health or a number of gauges that there is not");
+            return 0;
+        }
+    }
+    for (size_t i = 0; i < e->map.n_gauges; i++) {
+        if (bytes[sizeof(double) * (inputs_count(&e->inputs) + N_WHOLE) + i] > VALID_BIT + GIVEN_BIT) {
+            snprintf(text, MODEL_TEXT_SIZE, "holds a gauge that is neither valid nor not");
+            return 0;
+        }
+    }
+    if (!tare_state_fits(&e->tare, bytes + input_size(e))) {
+        snprintf(text, MODEL_TEXT_SIZE, "holds a tare that cannot be");
+        return 0;
+    }
+    if (!linear_filter_state_fits(&e->linear_filter, bytes + linear_size(e))) {
+        snprintf(text, MODEL_TEXT_SIZE, "holds a law of the filter that cannot be");
+        return 0;
+    }
+    if (e->flight.present) {
+        Track track;
+        memcpy(&track, bytes + linear_size(e) + filter_size(e), sizeof track);
+        if (!flight_track_fits(&e->flight, &track) || !filter_fits(&e->flight.filter, bytes + linear_size(e))) {
+            snprintf(text, MODEL_TEXT_SIZE, "holds a flight state that cannot be");
+            return 0;
+        }
+    }
+    return 1;
+}
+
+void model_read_state(Model *model, const unsigned char *bytes) {
+    Estimator *e = estimator_of(model);
+    if (e->flight.present) {
+        memcpy(&e->flight.base, bytes + linear_size(e) + filter_size(e), sizeof e->flight.base);
+    }
+    if (e->flight.filter.present) {
+        Filter *filter = &e->flight.filter;
+        memcpy(&filter->base, bytes + linear_size(e), sizeof filter->base);
+        memcpy(filter->law.mean, bytes + linear_size(e) + sizeof filter->base, sizeof(double) * law_doubles(filter));
+    }
+    linear_filter_read_state(&e->linear_filter, bytes + linear_size(e));
+    tare_read_state(&e->tare, bytes + input_size(e));
+    memcpy(e->inputs.value, bytes, sizeof(double) * inputs_count(&e->inputs));
+    bytes += sizeof(double) * inputs_count(&e->inputs);
+    memcpy(e->settled, bytes, sizeof e->settled);
+    bytes += sizeof e->settled;
+    e->inputs.n_given = 0;
+    for (size_t i = 0; i < e->map.n_gauges; i++) {
+        e->inputs.valid[i] = (bytes[i] & VALID_BIT) != 0;
+        e->inputs.given[i] = (bytes[i] & GIVEN_BIT) != 0;
+        e->inputs.n_given += e->inputs.given[i];
+    }
+    e->outdated = e->noise_outdated = 1;
+}

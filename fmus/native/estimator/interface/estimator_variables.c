@@ -1,0 +1,208 @@
+#include "estimator_variables.h"
+
+#define LINEAR_REFERENCES 24u /* arrays of FMI 3.0 of a map without tables and further sensors; time follows them */
+#define FLIGHT_REFERENCES (N_FLIGHT_INPUTS + N_FLIGHT_REALS + N_FLIGHT_FLAGS)
+#define ZERO_REFERENCES 3u   /* zero, zero_std, zero_common_std */
+#define OF_BODY 4u           /* M_R, its deviation, rolling moment, its deviation */
+#define TARE_REFERENCES 5u   /* tare, tare_state, zero_in_use, zero_in_use_std, zero_in_use_common_std */
+
+/* Number of the first of the zeros. */
+static size_t first_zero(const Estimator *e) {
+    return N_OUTPUTS + 2 * e->map.n_gauges + N_SCALAR_INPUTS + (e->flight.present ? FLIGHT_REFERENCES : 0);
+}
+
+/* Value reference of FMI 3.0 of the first of the zeros. */
+static unsigned zero_reference(const Estimator *e) {
+    return LINEAR_REFERENCES + (unsigned)e->sensors.count + (e->flight.present ? FLIGHT_REFERENCES : 0);
+}
+
+static int has_temperatures(const Estimator *e) {
+    return e->thermal.present && e->thermal.map.n_sensors > 0;
+}
+
+/* Value reference of FMI 3.0 of the first of thrust and the time constant of the filter. */
+static unsigned thrust_reference(const Estimator *e) {
+    return zero_reference(e) + ZERO_REFERENCES + (unsigned)has_temperatures(e);
+}
+
+/* Value reference of FMI 3.0 of the first of the further loads. */
+static unsigned further_reference(const Estimator *e) {
+    return thrust_reference(e) + (unsigned)e->sensors.has_thrust + (unsigned)(filter_setting(&e->inputs) != SIZE_MAX);
+}
+
+static size_t n_sections(const Estimator *e) {
+    return (e->further.map.n_loads - 1) / SECTION_LOADS;
+}
+
+/* Value reference of FMI 3.0 of the input of the tare. */
+static unsigned tare_reference(const Estimator *e) {
+    const unsigned sections = e->further.present && n_sections(e) > 0 ? 2 * SECTION_LOADS : 0;
+    return further_reference(e) + (e->further.present ? OF_BODY + sections : 0);
+}
+
+/* Value reference of FMI 3.0 of the first parameter of the flow; their scores, then their deviations follow. */
+static unsigned parameter_reference(const Estimator *e) {
+    return tare_reference(e) + (e->tare.present ? TARE_REFERENCES : 0);
+}
+
+unsigned time_reference(const Estimator *e) {
+    return parameter_reference(e) + (e->flight.known.present ? 3 : 2) * (unsigned)e->parameters.count;
+}
+
+/* Number of the first of the further loads. */
+static size_t first_further(const Estimator *e) {
+    return first_zero(e) + first_parameter(&e->inputs) - (e->map.n_gauges + N_ALL_SCALARS);
+}
+
+size_t tare_variable(const Estimator *e) {
+    return first_further(e) + (e->further.present ? OF_BODY + 2 * (e->further.map.n_loads - 1) : 0);
+}
+
+size_t zero_in_use(const Estimator *e, size_t variable) {
+    const size_t number = variable - (tare_variable(e) + 2);
+    return e->tare.present && number < number_of_zeros(e->sensors.n_strains) ? number : SIZE_MAX;
+}
+
+/* Number of the first parameter of the flow; their scores, then their deviations follow. */
+static size_t first_parameter_variable(const Estimator *e) {
+    return tare_variable(e) + (e->tare.present ? 2 + number_of_zeros(e->sensors.n_strains) : 0);
+}
+
+size_t parameter_output(const Estimator *e, size_t variable) {
+    const size_t which = variable - first_parameter_variable(e) - e->parameters.count;
+    return which < e->parameters.count ? which : SIZE_MAX;
+}
+
+const double *further_real(const Estimator *e, size_t variable) {
+    static const unsigned char BODY[OF_BODY] = {FURTHER_COEFFICIENTS, FURTHER_COEFFICIENTS_STD, FURTHER_LOADS,
+                                                FURTHER_LOADS_STD};
+    const size_t number = variable - first_further(e), count = e->further.map.n_loads - 1, section = number - OF_BODY;
+    if (!e->further.present) {
+        return NULL;
+    }
+    if (number < OF_BODY) {
+        return e->further.value[BODY[number]];
+    }
+    return section < count       ? e->further.value[FURTHER_LOADS] + 1 + section
+         : section < 2 * count ? e->further.value[FURTHER_LOADS_STD] + 1 + (section - count)
+                                 : NULL;
+}
+
+/* Number of a variable among those of the nonlinear estimator; SIZE_MAX for any other. */
+static size_t flight_variable(const Estimator *e, size_t variable) {
+    const size_t number = variable - (N_OUTPUTS + 2 * e->map.n_gauges + N_SCALAR_INPUTS);
+    return e->flight.present && number < FLIGHT_REFERENCES ? number : SIZE_MAX;
+}
+
+size_t flight_real(const Estimator *e, size_t variable) {
+    const size_t number = flight_variable(e, variable) - N_FLIGHT_INPUTS;
+    return number < N_FLIGHT_REALS ? number : SIZE_MAX;
+}
+
+size_t flight_flag(const Estimator *e, size_t variable) {
+    const size_t number = flight_variable(e, variable) - (N_FLIGHT_INPUTS + N_FLIGHT_REALS);
+    return number < N_FLIGHT_FLAGS ? number : SIZE_MAX;
+}
+
+int is_real_output(size_t variable) {
+    return variable < HEALTH_STATE || variable == CHI_SQUARE || variable == CHI_SQUARE_LIMIT
+        || variable == ENVELOPE_SCORE;
+}
+
+size_t input_of(const Estimator *e, size_t variable) {
+    const size_t n = e->map.n_gauges;
+    if (variable - N_OUTPUTS < n) { /* size_t: outputs wrap round to large numbers */
+        return variable - N_OUTPUTS;
+    }
+    const size_t scalar = variable - (N_OUTPUTS + 2 * n), zero = variable - first_zero(e);
+    if (zero < first_parameter(&e->inputs) - (n + N_ALL_SCALARS)) { /* zeros, then temperatures, thrust, the filter's */
+        return n + N_ALL_SCALARS + zero;
+    }
+    const size_t parameter = variable - first_parameter_variable(e), count = e->parameters.count;
+    if (parameter < count) {
+        return first_parameter(&e->inputs) + parameter;
+    }
+    if (e->flight.known.present && parameter - 2 * count < count) {
+        return first_parameter_std(&e->inputs) + (parameter - 2 * count);
+    }
+    return scalar < (e->flight.present ? N_ALL_SCALARS : N_SCALAR_INPUTS) ? n + scalar : SIZE_MAX;
+}
+
+Type model_type_of(const Model *model, size_t variable) {
+    const Estimator *e = estimator_of(model);
+    if (is_real_output(variable) || input_of(e, variable) != SIZE_MAX || flight_real(e, variable) != SIZE_MAX
+        || further_real(e, variable) != NULL || zero_in_use(e, variable) != SIZE_MAX
+        || parameter_output(e, variable) != SIZE_MAX) {
+        return REAL;
+    }
+    if (e->tare.present && variable - tare_variable(e) < 2) {
+        return variable == tare_variable(e) ? BOOLEAN : ENUMERATION;
+    }
+    if (variable < N_OUTPUTS) {
+        return variable == HEALTH_STATE ? ENUMERATION : INTEGER;
+    }
+    const int flag = variable - (N_OUTPUTS + e->map.n_gauges) < e->map.n_gauges || flight_flag(e, variable) != SIZE_MAX;
+    return flag ? BOOLEAN : NO_VARIABLE;
+}
+
+/* The flag, the state, then the zeros in use as those of the inputs. */
+static Selection tare_array(const Estimator *e, size_t which) {
+    const size_t n = e->sensors.n_strains;
+    const size_t first = tare_variable(e) + (which < 2 ? which : 2 + (which - 2) * n);
+    return (Selection){NULL, first, which == 2 || which == 3 ? n : 1};
+}
+
+/* Zeros, their deviations, that in common, then temperatures, then scalars. */
+static Selection input_array(const Estimator *e, unsigned reference) {
+    const size_t n = e->sensors.n_strains, which = reference - zero_reference(e), first = first_zero(e);
+    if (which < ZERO_REFERENCES) {
+        return (Selection){NULL, first + which * n, which < 2 ? n : 1};
+    }
+    const size_t n_temperatures = e->thermal.present ? e->thermal.map.n_sensors : 0;
+    const size_t temperatures = first + number_of_zeros(n);
+    if (reference < thrust_reference(e)) {
+        return (Selection){NULL, temperatures, n_temperatures};
+    }
+    return (Selection){NULL, temperatures + n_temperatures + (reference - thrust_reference(e)), 1};
+}
+
+static Selection further_array(const Estimator *e, size_t which) {
+    const size_t each = n_sections(e), section = which - OF_BODY;
+    return (Selection){NULL, first_further(e) + (which < OF_BODY ? which : OF_BODY + section * each),
+                       which < OF_BODY ? 1 : each};
+}
+
+/* Each array follows the one before it without a gap. */
+Selection model_array(const Model *model, unsigned reference) {
+    static const unsigned char FIRST[] = {
+        0,  5,                      /* coefficients, sigma_coefficients */
+        10, 13, 15, 18,             /* forces, moments, sigma_forces, sigma_moments */
+        20, 21, 22, 23, 24, 25, 26, /* health.state, .chi_square, .chi_square_limit, .valid_gauges, ... */
+        N_OUTPUTS,                  /* strain; further sensors; valid, then scalar inputs and settings */
+    };
+    const Estimator *e = estimator_of(model);
+    const size_t n = e->map.n_gauges, n_strains = e->sensors.n_strains, strain = sizeof FIRST - 1;
+    const size_t valid = strain + 1 + e->sensors.count;
+    if (reference >= model->time_reference) {
+        return (Selection){NULL, 0, 0};
+    }
+    if (reference < strain) {
+        return (Selection){NULL, FIRST[reference], (size_t)(FIRST[reference + 1] - FIRST[reference])};
+    }
+    if (reference < valid) {
+        const size_t which = reference - strain; /* 0 for the strains */
+        return (Selection){NULL, N_OUTPUTS + (which ? n_strains + which - 1 : 0), which ? 1 : n_strains};
+    }
+    if (reference < zero_reference(e)) {
+        const size_t which = reference - valid;
+        return (Selection){NULL, N_OUTPUTS + n + (which ? n + which - 1 : 0), which ? 1 : n};
+    }
+    if (reference >= parameter_reference(e)) {
+        return (Selection){NULL, first_parameter_variable(e) + (reference - parameter_reference(e)), 1};
+    }
+    if (reference >= tare_reference(e)) {
+        return tare_array(e, reference - tare_reference(e));
+    }
+    return reference >= further_reference(e) ? further_array(e, reference - further_reference(e))
+                                             : input_array(e, reference);
+}

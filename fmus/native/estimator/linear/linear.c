@@ -1,0 +1,130 @@
+#include "linear.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "../update/scaled_form.h"
+#include "linear_outputs.h"
+
+size_t linear_doubles(const Linear *linear, size_t n_strains) {
+    const Map *map = linear->map;
+    return prepared_doubles(map, n_strains) + absolute_doubles(map) + half_space_doubles(&map->envelope)
+         + (map->scaled ? scaled_doubles(map, linear->further->present ? linear->further->map.n_loads : 0) : 0);
+}
+
+size_t linear_indices(const Map *map) {
+    return prepared_indices(map) + (map->scaled ? scaled_indices(map) : 0);
+}
+
+void linear_arrays(Map *map, size_t n_strains, Linear *linear, double **doubles, size_t **indices, float *narrow,
+                   unsigned char **bytes) {
+    prepared_arrays(map, n_strains, &linear->prepared, doubles, indices, bytes);
+    half_space_arrays(&map->envelope, &linear->half_spaces, doubles);
+    absolute_arrays(map, &linear->absolute, doubles);
+    linear->absolute.narrow = narrow;
+    linear->prepared.noise.further = linear->further->present ? linear->further : NULL;
+    if (map->scaled) {
+        linear->scaled.map = map;
+        linear->scaled.further = linear->prepared.noise.further;
+        linear->scaled.wide = linear->wide;
+        scaled_arrays(&linear->scaled, doubles, indices);
+    }
+}
+
+int linear_begin(Linear *linear) {
+    const int good = prepared_begin(&linear->prepared);
+    if (good && linear->map->scaled) {
+        scaled_prepare(&linear->scaled);
+    }
+    return good;
+}
+
+int linear_renew(Linear *linear, int other) {
+    const size_t n = linear->inputs->sensors->n_strains;
+    if (!prepared_renew(&linear->prepared, linear->inputs->zeros + n, n, other)) {
+        return 0;
+    }
+    if (linear->map->scaled) {
+        scaled_prepare(&linear->scaled);
+    }
+    return 1;
+}
+
+/* Flow and navigation of the inputs. */
+static Flow flow_of(const Linear *linear) {
+    const double pressure = scalar_input(linear->inputs, DYNAMIC_PRESSURE);
+    Flow flow = {0, pressure, 0.0, known_input(linear->inputs, MACH_NUMBER), known_input(linear->inputs, ALTITUDE)};
+    if (!(pressure >= linear->map->min_dynamic_pressure && pressure <= linear->map->max_dynamic_pressure)) {
+        return flow;
+    }
+    const double given = known_input(linear->inputs, DYNAMIC_PRESSURE_STD);
+    const double deviation = isnan(given) ? linear->map->dynamic_pressure_error * pressure : given;
+    flow.known = deviation >= 0.0 && deviation < INFINITY;
+    flow.deviation = flow.known ? deviation : 0.0;
+    return flow;
+}
+
+static int health_state(const Linear *linear) {
+    const double *output = linear->output;
+    if (!linear->flow.known) {
+        return NO_COEFFICIENTS;
+    }
+    if (outside_by_navigation(&linear->map->envelope, &linear->flow) || parameter_beyond(linear->inputs) != SIZE_MAX) {
+        return OUTSIDE;
+    }
+    if (output[CHI_SQUARE] > output[CHI_SQUARE_LIMIT]) {
+        return INCONSISTENT;
+    }
+    if (output[SUSPECTS] > 0.0) {
+        return SUSPECT;
+    }
+    if (output[ENVELOPE_SCORE] > linear->map->envelope.score_limit) {
+        return OUTSIDE;
+    }
+    return linear->prepared.masked->n_used == linear->map->n_gauges ? OK : DEGRADED;
+}
+
+void linear_update(Linear *linear) {
+    double *output = linear->output;
+    prepared_follow(&linear->prepared, linear->inputs);
+    const MaskedMap *m = linear->prepared.masked;
+    output[VALID_GAUGES] = (double)m->n_used;
+    output[SUSPECT_GAUGE] = output[SUSPECTS] = 0.0;
+    if (!m->identified) {
+        set_unknown(output);
+        output[HEALTH_STATE] = m->n_used > 0 ? UNIDENTIFIED : INVALID;
+        return;
+    }
+    linear->flow = flow_of(linear);
+    if (!linear->map->scaled) {
+        absolute_outputs(linear);
+    } else if (linear->flow.known) {
+        scaled_outputs(linear);
+    } else {
+        set_unknown(output);
+    }
+    output[HEALTH_STATE] = health_state(linear);
+}
+
+int linear_loads_at(Linear *linear, double dynamic_pressure, double deviation) {
+    double kept[N_OUTPUTS];
+    memcpy(kept, linear->output, sizeof kept);
+    prepared_follow(&linear->prepared, linear->inputs);
+    const MaskedMap *m = linear->prepared.masked;
+    Flow flow = {.pressure = dynamic_pressure, .deviation = deviation, .mach_number = NAN, .altitude = NAN};
+    flow.known = dynamic_pressure >= linear->map->min_dynamic_pressure
+              && dynamic_pressure <= linear->map->max_dynamic_pressure && deviation >= 0.0 && deviation < INFINITY;
+    linear->flow = flow;
+    int found = m->identified && linear->flow.known;
+    if (found && linear->map->scaled) {
+        scaled_outputs(linear);
+    } else if (found) {
+        absolute_outputs(linear);
+    }
+    for (int i = 0; i < N_LOADS; i++) {
+        found = found && isfinite(linear->output[COEFFICIENTS + i]);
+    }
+    const size_t first = found ? HEALTH_STATE : 0;
+    memcpy(linear->output + first, kept + first, (N_OUTPUTS - first) * sizeof *kept);
+    return found;
+}

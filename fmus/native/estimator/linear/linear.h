@@ -1,0 +1,29 @@
+/* The linear estimator: outputs of a sample, and their health. */
+
+#ifndef LINEAR_H
+#define LINEAR_H
+
+#include "linear_state.h"
+
+/* Number of doubles and of indices that its arrays take, and handing them out, with n_gauges floats and prepared_bytes; map,
+   inputs, output, further and wide are set. */
+size_t linear_doubles(const Linear *linear, size_t n_strains);
+size_t linear_indices(const Map *map);
+void linear_arrays(Map *map, size_t n_strains, Linear *linear, double **doubles, size_t **indices, float *narrow,
+                   unsigned char **bytes);
+
+/* Give the map its matrices. 0 if the covariance of its gauges is none. */
+int linear_begin(Linear *linear);
+
+/* The same for the zeros in use, and for other errors of the gauges, which are in linear->prepared.noise, if `other`. Whether
+   any are others than before. */
+int linear_renew(Linear *linear, int other);
+
+/* Set all outputs for the present inputs. */
+void linear_update(Linear *linear);
+
+/* Write loads and coefficients at a dynamic pressure and its deviation to the outputs. 1; 0, and they keep their values, if
+   the map has none. */
+int linear_loads_at(Linear *linear, double dynamic_pressure, double deviation);
+
+#endif

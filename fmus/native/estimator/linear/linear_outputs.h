@@ -1,0 +1,13 @@
+/* Loads, coefficients, limits and suspects of a step of a linear map. */
+
+#ifndef LINEAR_OUTPUTS_H
+#define LINEAR_OUTPUTS_H
+
+#include "linear_state.h"
+
+/* Condition the loads on the strains, and set all outputs but the number of gauges and the health, where the gauges in use
+   identify the state; of form "dynamic_pressure" where q_inf is known. */
+void absolute_outputs(Linear *linear);
+void scaled_outputs(Linear *linear);
+
+#endif

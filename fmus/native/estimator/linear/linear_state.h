@@ -1,0 +1,25 @@
+/* What the linear estimator holds: the map's matrices for the gauges in use, and the numbers of the last step. */
+
+#ifndef LINEAR_STATE_H
+#define LINEAR_STATE_H
+
+#include "../sample/outputs.h"
+#include "../update/absolute_form.h"
+#include "../update/prepared.h"
+#include "../update/scaled_state.h"
+#include "envelope.h"
+
+typedef struct {
+    const Map *map;
+    const Inputs *inputs;
+    double *output;        /* (N_OUTPUTS) of the estimator */
+    Further *further;      /* loads beside the five, of a map that has some */
+    int wide;              /* panels_wide() */
+    Flow flow;             /* of the inputs since output was computed */
+    Prepared prepared;
+    HalfSpaces half_spaces;
+    AbsoluteStep absolute; /* the rest of a map in form "absolute"; not set for others */
+    Scaled scaled;         /* the same in form "dynamic_pressure" */
+} Linear;
+
+#endif

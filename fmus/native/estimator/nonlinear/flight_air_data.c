@@ -1,0 +1,96 @@
+#include "flight_air_data.h"
+
+#include <math.h>
+
+#include "../../core/elementary.h"
+#include "../numerics/cholesky.h"
+#include "flight_loads.h"
+
+static const double PI = 3.1415926535897931;
+
+static double signed_angle(double y, double x) {
+    return y < 0.0 ? -angle_of(-y, x) : angle_of(y, x);
+}
+
+static double smaller(double a, double b) {
+    return b < a ? b : a;
+}
+
+/* Derivatives of the angles by u and w; the direction of the wind is (along, y, z). */
+typedef struct {
+    double along, y, z;
+    double by_along[2], by_y[2], by_z[2], by_incidence[2];
+} Wind;
+
+static Wind wind_of(double u, double w, double incidence) {
+    Wind wind;
+    double sine;
+    const double part[2] = {u / incidence, w / incidence};
+    sine_cosine(incidence, &sine, &wind.along);
+    const double across = sine / incidence, slope = (wind.along - across) / incidence;
+    wind.y = across * w;
+    wind.z = across * u;
+    for (int k = 0; k < 2; k++) {
+        wind.by_incidence[k] = part[k];
+        wind.by_along[k] = -sine * part[k];
+        wind.by_z[k] = slope * part[k] * u + (k == 0 ? across : 0.0);
+        wind.by_y[k] = slope * part[k] * w + (k == 1 ? across : 0.0);
+    }
+    return wind;
+}
+
+static void set_flags(const FlightMap *map, const double *prior_std, const Solution *found, double incidence_std,
+                      unsigned char *flag) {
+    int known[N_STATES];
+    const double u = found->state[STATE_U], w = found->state[STATE_W];
+    for (size_t k = 0; k < N_STATES; k++) {
+        known[k] = sqrt(found->widened_covariance[k * N_STATES + k]) < map->min_gain * prior_std[k];
+    }
+    const int angles = known[STATE_U] && known[STATE_W];
+    const double score = map->min_incidence_score * incidence_std;
+    flag[ANGLE_OF_ATTACK] = flag[SIDESLIP_ANGLE] = flag[TOTAL_INCIDENCE] =
+        (unsigned char)angles;
+    flag[WIND_ROLL_ANGLE] = (unsigned char)(angles && sqrt(u * u + w * w) > score);
+    flag[AIR_MACH_NUMBER] = (unsigned char)known[STATE_MACH];
+    flag[AIR_PRESSURE] = (unsigned char)known[STATE_PRESSURE];
+    flag[AIR_DYNAMIC] = (unsigned char)(known[STATE_MACH] && known[STATE_PRESSURE]);
+}
+
+void flight_air_data(const FlightMap *map, const double *prior_std, const Solution *found, double *value,
+                     unsigned char *is_identified) {
+    const double mach = found->state[STATE_MACH], u = found->state[STATE_U], w = found->state[STATE_W];
+    const double least = map->tables.min_incidence, incidence = sqrt((u * u + w * w) + least * least);
+    const double pressure = exponential(found->state[STATE_PRESSURE]);
+    const double dynamic = map->half_gamma * mach * mach * pressure;
+    const Wind wind = wind_of(u, w, incidence);
+    const double plane = wind.along * wind.along + wind.z * wind.z, other = sqrt(1.0 - wind.y * wind.y);
+    double *std = value + N_AIR_DATA;
+    double row[N_AIR_DATA][N_STATES] = {{0.0}};
+    value[ANGLE_OF_ATTACK] = signed_angle(wind.z, wind.along);
+    value[SIDESLIP_ANGLE] = -signed_angle(wind.y, other);
+    value[TOTAL_INCIDENCE] = incidence;
+    value[WIND_ROLL_ANGLE] = signed_angle(w, u);
+    value[AIR_MACH_NUMBER] = mach;
+    value[AIR_PRESSURE] = pressure;
+    value[AIR_DYNAMIC] = dynamic;
+    for (int k = 0; k < 2; k++) {
+        row[ANGLE_OF_ATTACK][STATE_U + k] = (wind.along * wind.by_z[k] - wind.z * wind.by_along[k]) / plane;
+        row[SIDESLIP_ANGLE][STATE_U + k] = -wind.by_y[k] / other;
+        row[TOTAL_INCIDENCE][STATE_U + k] = wind.by_incidence[k];
+    }
+    row[WIND_ROLL_ANGLE][STATE_U] = -w / (incidence * incidence);
+    row[WIND_ROLL_ANGLE][STATE_W] = u / (incidence * incidence);
+    row[AIR_MACH_NUMBER][STATE_MACH] = 1.0;
+    row[AIR_PRESSURE][STATE_PRESSURE] = pressure;
+    row[AIR_DYNAMIC][STATE_MACH] = 2.0 * dynamic / mach;
+    row[AIR_DYNAMIC][STATE_PRESSURE] = dynamic;
+    for (int i = 0; i < N_AIR_DATA; i++) {
+        const double variance = quadratic(N_STATES, row[i], found->widened_covariance, row[i]);
+        std[i] = sqrt(variance > 0.0 ? variance : 0.0);
+    }
+    for (int i = AIR_PRESSURE; i <= AIR_DYNAMIC; i++) {
+        std[i] = value[i] * lognormal_deviation(std[i] / value[i]);
+    }
+    std[WIND_ROLL_ANGLE] = smaller(std[WIND_ROLL_ANGLE], PI / sqrt(3.0)); /* of a roll angle that may be any */
+    set_flags(map, prior_std, found, std[TOTAL_INCIDENCE], is_identified);
+}

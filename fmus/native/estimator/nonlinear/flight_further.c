@@ -1,0 +1,88 @@
+#include "flight_further.h"
+
+#include <math.h>
+
+#include "../numerics/cholesky.h"
+#include "flight_loads.h"
+
+int flight_further_parse(MapFile *file, const FlightMap *flight, size_t n_gauges, size_t n_loads, FlightFurtherMap *map) {
+    map->tables = flight->tables; /* for the knots */
+    tables_parse(file, "flight_loads", n_loads, &map->tables);
+    map_require(file, map->tables.n_harmonics == flight->tables.n_harmonics, "flight_loads.table",
+                "the harmonics of the strains");
+    map->strain_covariance = map_doubles(file, "flight_loads.strain_covariance", n_loads, n_gauges);
+    map->variance = map_doubles(file, "flight_loads.variance", n_loads);
+    return file->good;
+}
+
+size_t flight_further_doubles(const FlightFurtherMap *map, size_t n_gauges) {
+    const size_t m = map->tables.n_rows;
+    return m == 0 ? 0 : flight_tables_doubles(&map->tables) + response_doubles(&map->tables) + m * in_lanes(n_gauges);
+}
+
+void flight_further_arrays(FlightFurther *further, size_t n_gauges, double **doubles) {
+    const TableMap *map = &further->map.tables;
+    if (map->n_rows > 0) {
+        flight_tables_arrays(map, &further->tables, doubles);
+        response_arrays(map, &further->response, doubles);
+        further->turned = *doubles;
+        *doubles += map->n_rows * in_lanes(n_gauges);
+    }
+}
+
+/* The factor on a coefficient's or a load's deviation, of those of the five, for load j of m. */
+static double widening_of(const double *of_five, size_t j, size_t m) {
+    const size_t kind = j > 0 ? (j - 1) / ((m - 1) / SECTION_LOADS) : N_LOADS;
+    double largest = 1.0;
+    for (size_t i = 0; i < N_LOADS; i++) {
+        largest = of_five[i] > largest ? of_five[i] : largest;
+    }
+    return kind < N_LOADS ? of_five[kind] : largest;
+}
+
+/* Load j at the solution, in the outputs. */
+static void set_load(const FlightFurther *further, const FlightSolver *solver, const Inputs *inputs, size_t j,
+                     const PressureErrors *pressure, Further *out) {
+    const FlightMap *map = solver->map;
+    const double *turned = further->turned + j * solver->n, *errors = solver->solution.state_covariance;
+    const int is_moment = out->map.is_moment[j] > 0.0;
+    const double reference = map->reference_area * (is_moment ? map->reference_length : 1.0);
+    const double own =
+        scalar_input(inputs, REFERENCE_AREA) * (is_moment ? scalar_input(inputs, REFERENCE_LENGTH) : 1.0);
+    const double square = solver->factor_pressure * solver->factor_pressure;
+    double by_state[N_STATES], of_coefficient[N_STATES];
+    const double load = flight_corrected(solver, &further->response, j, turned, by_state);
+    const double left = square * further->map.variance[j] - lane_dot(solver->n, turned, turned);
+    const double remaining = left > 0.0 ? left : 0.0; /* of a load that strain tells wholly, rounding leaves less */
+    const double scale = 1.0 / (pressure->dynamic * reference), turn = reference / own;
+    for (size_t k = 0; k < N_STATES; k++) {
+        of_coefficient[k] = scale * by_state[k] - scale * load * pressure->by_state[k];
+    }
+    const double variance = quadratic(N_STATES, by_state, errors, by_state) + remaining;
+    const double of_both = quadratic(N_STATES, of_coefficient, errors, of_coefficient) + scale * scale * remaining;
+    const double *widening = solver->solution.widening + N_STATES;
+    const size_t m = further->map.tables.n_rows;
+    const int is_widened = widening[0] != 0.0;
+    const double of_load = is_widened ? widening_of(widening, j, m) : 1.0;
+    const double of_other = is_widened ? widening_of(widening + N_LOADS, j, m) : 1.0;
+    out->value[FURTHER_LOADS][j] = load;
+    out->value[FURTHER_LOADS_STD][j] = of_load * sqrt(variance);
+    out->value[FURTHER_COEFFICIENTS][j] = turn * (scale * load);
+    out->value[FURTHER_COEFFICIENTS_STD][j] = of_other * turn * sqrt(pressure->wider * of_both);
+}
+
+void flight_further_loads(FlightFurther *further, const FlightSolver *solver, const Inputs *inputs, Further *out) {
+    const size_t m = further->map.tables.n_rows;
+    flight_response(&further->tables, solver->wide, solver->state, &further->response);
+    flight_turn(solver, further->map.strain_covariance, m, further->turned);
+    const PressureErrors pressure = flight_pressure_errors(solver);
+    for (size_t j = 0; j < m; j++) {
+        set_load(further, solver, inputs, j, &pressure, out);
+    }
+}
+
+void further_unknown(Further *out) {
+    for (size_t j = 0; j < N_FURTHER * out->map.n_loads; j++) {
+        out->value[0][j] = NAN; /* all arrays, which follow each other */
+    }
+}

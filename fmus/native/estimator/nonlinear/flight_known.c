@@ -1,0 +1,264 @@
+#include "flight_known.h"
+
+#include <math.h>
+
+#include "../numerics/arrays.h"
+
+#define LARGEST_POWER 3
+
+static size_t cells_of(const TableMap *map) {
+    return (map->n_mach + 2) * (map->n_incidence + 2);
+}
+
+static void lay_out(const TableMap *mean, MadeTables *made) {
+    made->map = *mean;
+    made->map.n_channels = made->map.n_terms = 2 * mean->n_rows;
+    made->map.table = NULL;
+}
+
+void known_lay_out(const TableMap *mean, const TableMap *further, Known *known) {
+    lay_out(mean, &known->tables);
+    lay_out(further, &known->further);
+}
+
+/* Doubles of tables, of what a map of the file holds besides, of the parts and the rounds of its cells. */
+static size_t made_doubles(const MadeTables *made, size_t n_powers) {
+    const TableMap *map = &made->map;
+    return map->n_rows == 0 ? 0
+                            : flight_tables_doubles(map) + map->n_terms * (2 + 2 * map->n_harmonics)
+                                  + (1 + n_powers) * flight_cell_doubles(map) + cells_of(map);
+}
+
+size_t known_doubles(const Known *known, size_t n_gauges) {
+    const KnownMap *map = &known->map;
+    const size_t n = in_lanes(n_gauges);
+    return made_doubles(&known->tables, map->n_powers) + made_doubles(&known->further, map->n_powers) + n * n
+         + 3 * in_lanes(map->n_parameters) + 2 * in_lanes(map->n_powers) + known_product_size(map, n_gauges);
+}
+
+/* A term for each channel: of the cosines, then of the sines of every row. */
+static void set_terms(TableMap *map, double **doubles) {
+    const size_t terms = map->n_terms, m = map->n_harmonics;
+    double *row = taken(doubles, terms), *channel = taken(doubles, terms);
+    double *cosine = taken(doubles, terms * m), *sine = taken(doubles, terms * m);
+    for (size_t t = 0; t < terms; t++) {
+        row[t] = (double)(t / 2);
+        channel[t] = (double)t;
+        for (size_t k = 0; k < m; k++) {
+            cosine[t * m + k] = t % 2 ? 0.0 : 1.0;
+            sine[t * m + k] = t % 2 ? 1.0 : 0.0;
+        }
+    }
+    map->row = row;
+    map->channel = channel;
+    map->cosine = cosine;
+    map->sine = sine;
+}
+
+/* The part of the mean, from the channels of its tables. */
+static void set_mean(const TableMap *mean, size_t harmonics, size_t width, double *part) {
+    const size_t m = mean->n_harmonics;
+    for (size_t cell = 0; cell < cells_of(mean); cell++) {
+        for (size_t t = 0; t < mean->n_terms; t++) {
+            const double *value = mean->table + (cell * mean->n_channels + (size_t)mean->channel[t]) * m;
+            double *of_cosine = part + cell * width + 2 * (size_t)mean->row[t] * harmonics;
+            for (size_t k = 0; k < m; k++) {
+                of_cosine[k] += mean->cosine[t * m + k] * value[k];
+                of_cosine[harmonics + k] += mean->sine[t * m + k] * value[k];
+            }
+        }
+    }
+}
+
+/* The part of power j, rows from `first` of the section on, as sums of the basis. */
+static void set_power(const KnownMap *map, const TableMap *tables, size_t first, size_t j, size_t harmonics, double *part) {
+    const size_t n_angle = tables->n_incidence + 2, m = tables->n_harmonics, n_rows = tables->n_rows;
+    for (size_t cell = 0; cell < cells_of(tables); cell++) {
+        const double *rows = map->row_weight + ((cell / n_angle * map->n_powers + j) * map->n_rows + first) * map->n_basis;
+        for (size_t r = 0; r < n_rows; r++) {
+            double *of_cosine = part + (cell * n_rows + r) * 2 * harmonics, *of_sine = of_cosine + harmonics;
+            for (size_t b = 0; b < map->n_basis; b++) {
+                const double *basis = map->basis + (b * n_angle + cell % n_angle) * m * 2;
+                const double weight = rows[r * map->n_basis + b];
+                for (size_t k = 0; k < m; k++) {
+                    of_cosine[k] += weight * basis[2 * k];
+                    of_sine[k] += weight * basis[2 * k + 1];
+                }
+            }
+        }
+    }
+}
+
+/* Tables about those of the mean, whose rows are those from `first` of the section on. */
+static void made_arrays(const KnownMap *map, const TableMap *mean, size_t first, double *shift, MadeTables *made,
+                        FlightTables *tables, double **doubles) {
+    const size_t size = flight_cell_doubles(&made->map);
+    set_terms(&made->map, doubles);
+    flight_tables_arrays(&made->map, tables, doubles);
+    double *part = taken(doubles, (1 + map->n_powers) * size);
+    set_mean(mean, tables->harmonics, tables->width, part);
+    for (size_t j = 0; j < map->n_powers; j++) {
+        set_power(map, &made->map, first, j, tables->harmonics, part + (1 + j) * size);
+    }
+    made->parts = (CellParts){.n_weights = map->n_powers, .n_cells = cells_of(mean), .part = part, .weight = shift};
+    made->parts.made = taken(doubles, made->parts.n_cells);
+    tables->parts = &made->parts;
+}
+
+void known_arrays(FlightMap *flight, FlightSolver *solver, FlightFurther *others, Known *known, double **doubles) {
+    const KnownMap *map = &known->map;
+    const size_t n = solver->n, n_gauges = solver->n_gauges, loads = N_LOADS, m = map->n_further;
+    known->flight = flight;
+    known->solver = solver;
+    known->others = others;
+    known->mean = (Errors){.tables = solver->tables,
+                           .further = others->tables,
+                           .scaled_covariance = solver->scaled_covariance,
+                           .load_strain_covariance = flight->load_strain_covariance,
+                           .load_covariance = flight->load_covariance,
+                           .further_strain_covariance = others->map.strain_covariance,
+                           .further_variance = others->map.variance};
+    Errors *own = &known->own;
+    known->shift = taken(doubles, in_lanes(map->n_powers));
+    made_arrays(map, &flight->tables, 0, known->shift, &known->tables, &own->tables, doubles);
+    if (m > 0) {
+        const TableMap *further = &others->map.tables;
+        made_arrays(map, further, n_gauges + loads, known->shift, &known->further, &own->further, doubles);
+    }
+    own->scaled_covariance = taken(doubles, n * n);
+    known->value = taken(doubles, in_lanes(map->n_parameters));
+    known->std = taken(doubles, in_lanes(map->n_parameters));
+    known->weight = taken(doubles, in_lanes(map->n_parameters));
+    known->along = taken(doubles, in_lanes(map->n_powers));
+    known->products = taken(doubles, known_product_size(map, n_gauges));
+    own->load_strain_covariance = known->products + n_gauges * n_gauges;
+    own->load_covariance = own->load_strain_covariance + loads * n_gauges;
+    own->further_strain_covariance = own->load_covariance + loads * loads;
+    own->further_variance = own->further_strain_covariance + m * n_gauges;
+    for (size_t p = 0; p < map->n_parameters; p++) {
+        known->value[p] = known->std[p] = NAN;
+    }
+}
+
+/* Whether a parameter is known with a deviation, so that the tables follow it. */
+static int parameter_known(const Known *known, const Inputs *in, size_t which) {
+    const double value = in->value[first_parameter(in) + which], std = in->value[first_parameter_std(in) + which];
+    return value != in->map->not_known && isfinite(value) && std > 0.0 && isfinite(std)
+        && parameter_score(in->parameters, which, value) <= known->map.largest_score;
+}
+
+static int any_parameter_known(const Known *known, const Inputs *in) {
+    int any = 0;
+    for (size_t k = 0; known->present && k < in->parameters->count; k++) {
+        any |= parameter_known(known, in, k);
+    }
+    return any;
+}
+
+/* Note what the inputs know; whether that is something else than before. */
+static int note_values(Known *known, const Inputs *in) {
+    const double *value = in->value + first_parameter(in), *std = in->value + first_parameter_std(in);
+    int other = 0;
+    for (size_t p = 0; p < known->map.n_parameters; p++) {
+        const int is_known = parameter_known(known, in, p) && known->map.spread[p] > 0.0;
+        const double now[2] = {is_known ? value[p] : NAN, is_known ? std[p] : NAN};
+        other |= is_known ? now[0] != known->value[p] || now[1] != known->std[p] : !isnan(known->value[p]);
+        known->value[p] = now[0];
+        known->std[p] = now[1];
+    }
+    return other;
+}
+
+static double power_of(double z, double power) {
+    double product = 1.0;
+    for (int k = 1; k <= LARGEST_POWER; k++) {
+        product *= (double)k <= power ? z : 1.0;
+    }
+    return product;
+}
+
+/* Weights of the stated values against the spread, the powers' expected change, and what the deviation leaves of it. */
+static void weigh(Known *known) {
+    const KnownMap *map = &known->map;
+    for (size_t p = 0; p < map->n_parameters; p++) {
+        const double variance = map->spread[p] * map->spread[p], std = known->std[p];
+        known->weight[p] = isnan(std) ? 0.0 : variance / (variance + std * std);
+    }
+    for (size_t j = 0; j < map->n_powers; j++) {
+        const size_t p = (size_t)map->parameter[j];
+        const double weight = known->weight[p], power = map->power[j];
+        if (isnan(known->value[p])) {
+            known->shift[j] = known->along[j] = 0.0;
+            continue;
+        }
+        const double middle = map->mean[p] + weight * (known->value[p] - map->mean[p]);
+        const double z = (middle - map->mean[p]) / map->spread[p], pairs = 0.5 * power * (power - 1.0) * (1.0 - weight);
+        const double lower = power > 2.0 ? power - 2.0 : 0.0;
+        known->shift[j] = power_of(z, power) + pairs * power_of(z, lower) - map->offset[j];
+        known->along[j] = power * power_of(z, power - 1.0) * sqrt(weight * (1.0 - weight));
+    }
+}
+
+/* y += a x. */
+static void add_times(size_t count, double a, const double *restrict x, double *restrict y) {
+    for (size_t i = 0; i < count; i++) {
+        y[i] += a * x[i];
+    }
+}
+
+static void set_products(Known *known, size_t n_gauges, size_t n) {
+    const KnownMap *map = &known->map;
+    const size_t size = known_product_size(map, n_gauges);
+    const double *product = map->product;
+    memcpy(known->products, product, size * sizeof *product);
+    for (size_t a = 0; a < map->n_powers; a++) {
+        for (size_t b = a; b < map->n_powers && map->parameter[b] == map->parameter[a]; b++) {
+            add_times(size, known->along[a] * known->along[b], product += size, known->products);
+        }
+    }
+    for (size_t p = 0; p < map->n_parameters; p++) {
+        const double left = 1.0 - known->weight[p];
+        add_times(size, left * left, product += size, known->products);
+    }
+    for (size_t i = 0; i < n_gauges; i++) {
+        memcpy(known->own.scaled_covariance + i * n, known->products + i * n_gauges, n_gauges * sizeof *product);
+    }
+}
+
+static void use(Known *known, const Errors *errors) {
+    FlightSolver *solver = known->solver;
+    FlightFurther *others = known->others;
+    solver->tables = errors->tables;
+    solver->scaled_covariance = errors->scaled_covariance;
+    known->flight->load_strain_covariance = errors->load_strain_covariance;
+    known->flight->load_covariance = errors->load_covariance;
+    others->tables = errors->further;
+    others->map.strain_covariance = errors->further_strain_covariance;
+    others->map.variance = errors->further_variance;
+    solver->response.known = others->response.known = 0;
+    known->in_use = errors == &known->own;
+}
+
+int known_follow(Known *known, const Inputs *inputs) {
+    if (!any_parameter_known(known, inputs)) {
+        return known_forget(known);
+    }
+    const int other = note_values(known, inputs), changes = other || !known->in_use;
+    if (other) {
+        weigh(known);
+        known->tables.parts.round = known->further.parts.round = known->tables.parts.round + 1.0;
+        set_products(known, known->solver->n_gauges, known->solver->n);
+    }
+    if (changes) {
+        use(known, &known->own);
+    }
+    return changes;
+}
+
+int known_forget(Known *known) {
+    const int changes = known->in_use;
+    if (changes) {
+        use(known, &known->mean);
+    }
+    return changes;
+}

@@ -1,0 +1,56 @@
+/* Further parameters of the flow that are known with a deviation: tables and errors about what is known of them.
+
+   The C counterpart of strainfmu/estimator/tables/parameter_tables.py. Tables are those of the mean plus p_inf times a
+   sum over powers of the parameters; errors are products, so that what is known weighs them. */
+
+#ifndef FLIGHT_KNOWN_H
+#define FLIGHT_KNOWN_H
+
+#include "../map/flight_known_map.h"
+#include "../sample/inputs.h"
+#include "flight_further.h"
+#include "solver_state.h"
+
+
+/* Tables, and products of their errors per p_inf^2. */
+typedef struct {
+    FlightTables tables, further;
+    double *scaled_covariance;       /* (n, n) in lanes */
+    const double *load_strain_covariance, *load_covariance;
+    const double *further_strain_covariance, *further_variance;
+} Errors;
+
+/* Tables of two channels to a row, the factors of cos m phi_T and of sin m phi_T, made of parts. */
+typedef struct {
+    TableMap map;
+    CellParts parts; /* of the mean, then of a unit of each power */
+} MadeTables;
+
+typedef struct {
+    int present;  /* whether the map has such tables; if not, nothing else is set */
+    int in_use;   /* whether the solver's tables are `own`; those of the mean else */
+    KnownMap map;
+    FlightMap *flight;      /* whose tables and errors they replace, with those of the solver */
+    FlightSolver *solver;
+    FlightFurther *others;  /* and of loads beside the five */
+    MadeTables tables, further;
+    Errors mean, own;
+    double *value, *std;            /* (n_parameters) that `own` is for, NaN of what is not known, and of all at first */
+    double *weight, *shift, *along; /* (n_parameters), (n_powers), (n_powers) scratch */
+    double *products;               /* (known_product_size) of `own` */
+} Known;
+
+/* Lay out tables about those of the mean, beside other loads or without; number of doubles that all arrays take, and handing
+   them out, filled in; after those of solver and other loads. */
+void known_lay_out(const TableMap *mean, const TableMap *others, Known *known);
+size_t known_doubles(const Known *known, size_t n_gauges);
+void known_arrays(FlightMap *flight, FlightSolver *solver, FlightFurther *others, Known *known, double **doubles);
+
+/* Let the solver's tables be those about what the inputs know, or those of the mean where they know nothing. Whether they are
+   others than before. */
+int known_follow(Known *known, const Inputs *inputs);
+
+/* Let them be those of the mean; the same. */
+int known_forget(Known *known);
+
+#endif

@@ -1,0 +1,65 @@
+#include "flight_sample.h"
+
+#include <math.h>
+
+#include "../../core/elementary.h"
+#include "../sample/readings.h"
+
+/* Least deviation of a value of navigation, relative: LEAST_RELATIVE_STD of navigation.py. */
+#define MIN_RELATIVE_STD 1e-3
+
+size_t flight_set_strain(FlightSolver *solver, const Inputs *inputs) {
+    const double range = scalar_input(inputs, SENSOR_RANGE);
+    const int silent = readings_silent(inputs);
+    Sample *sample = &solver->sample;
+    size_t count = 0;
+    for (size_t g = 0; g < solver->n_gauges; g++) {
+        sample->used[g] = !silent && gauge_in_use(inputs, g, range);
+        sample->strain[g] = sample->used[g] ? inputs->strain[g] : 0.0;
+        count += sample->used[g];
+    }
+    solver->n_kept = 0;
+    return count;
+}
+
+/* p(h); NaN where the altitude is not known, 0, which no flight has, where it is above the atmosphere. */
+static double pressure_by_altitude(const Inputs *inputs) {
+    const double altitude = known_input(inputs, ALTITUDE), found = ambient_pressure(&inputs->map->envelope, altitude);
+    return isnan(found) && !isnan(altitude) ? 0.0 : found;
+}
+
+/* The deviation of a quantity of navigation without its own: of M [1], relative ones of p_inf, which the altitude tells
+   less exactly, and q_inf. */
+static double navigation_error(const FlightMap *map, const Inputs *inputs, size_t quantity) {
+    const int by_altitude = quantity == 1 && isnan(known_input(inputs, STATIC_PRESSURE));
+    return by_altitude ? map->altitude_error : map->error[quantity];
+}
+
+void navigation_of(const FlightMap *map, const Inputs *inputs, double *value, double *std) {
+    value[0] = known_input(inputs, MACH_NUMBER);
+    value[1] = known_input(inputs, STATIC_PRESSURE);
+    value[1] = isnan(value[1]) ? pressure_by_altitude(inputs) : value[1];
+    value[2] = known_input(inputs, DYNAMIC_PRESSURE);
+    std[0] = known_input(inputs, MACH_NUMBER_STD);
+    std[1] = known_input(inputs, STATIC_PRESSURE_STD);
+    std[2] = known_input(inputs, DYNAMIC_PRESSURE_STD);
+    for (size_t k = 0; k < N_NAVIGATION; k++) {
+        const double own = navigation_error(map, inputs, k) * (k == 0 ? 1.0 : value[k]);
+        const double least = MIN_RELATIVE_STD * fabs(value[k]);
+        std[k] = isnan(std[k]) ? own : std[k];
+        std[k] = std[k] > least ? std[k] : least;
+    }
+}
+
+void flight_set_measurement(FlightSolver *solver, const double *navigation, const double *navigation_std) {
+    Sample *sample = &solver->sample;
+    for (size_t k = 0; k < N_NAVIGATION; k++) {
+        const double value = navigation[k], std = navigation_std[k];
+        const double scale = k == 0 ? std : std / value, precision = 1.0 / (scale * scale);
+        const int known = isfinite(value) && value > 0.0 && isfinite(std) && std > 0.0 && precision > 0.0 && isfinite(precision);
+        sample->value[k] = !known ? 0.0 : k == 0 ? value : logarithm(value);
+        sample->precision[k] = known ? precision : 0.0;
+    }
+    memcpy(sample->value + N_NAVIGATION, solver->map->prior_mean, sizeof solver->map->prior_mean);
+    memcpy(sample->precision + N_NAVIGATION, solver->map->prior_precision, sizeof solver->map->prior_precision);
+}

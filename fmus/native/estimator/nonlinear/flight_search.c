@@ -1,0 +1,202 @@
+#include "flight_search.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "../../core/elementary.h"
+#include "../numerics/cholesky.h"
+#include "../numerics/wide.h"
+#include "flight_solve.h"
+#include "strain_covariance.h"
+
+#define SMALLEST_PRESSURE 10.0 /* [Pa] of a start */
+#define LARGEST_PRESSURE 5e5
+#define LARGEST_EXCESS 5.0 /* of ln of a start's pressure over the range of the tables: solve.py */
+
+static const double TWO_PI = 6.2831853071795862;
+
+static void set_states(FlightSolver *solver) {
+    const FlightMap *map = solver->map;
+    const double low = map->mach_range[0], high = map->mach_range[1];
+    for (size_t m = 0; m < SEARCH_MACHS; m++) {
+        solver->search_mach[m] = m + 1 < SEARCH_MACHS ? low + (double)m * ((high - low) / (SEARCH_MACHS - 1)) : high;
+    }
+    for (size_t i = 0; i < SEARCH_STARTS; i++) {
+        for (size_t k = 0; k < 2; k++) {
+            solver->search_crossflow[i][k] = map->crossflow_half[k] * ((double)i + 0.5) / SEARCH_STARTS;
+        }
+    }
+    for (size_t k = 0; k < SEARCH_ROLLS; k++) {
+        sine_cosine(TWO_PI * (double)k / SEARCH_ROLLS, &solver->search_sine[k], &solver->search_cosine[k]);
+    }
+}
+
+/* Mach number, u and w of a state of the search. */
+static void set_state(const FlightSolver *solver, size_t start, size_t which, double *state) {
+    const double *size = solver->search_crossflow[start], *middle = solver->map->crossflow_middle;
+    state[STATE_MACH] = solver->search_mach[which / SEARCH_ROLLS];
+    state[STATE_U] = middle[0] + size[0] * solver->search_cosine[which % SEARCH_ROLLS];
+    state[STATE_W] = middle[1] + size[1] * solver->search_sine[which % SEARCH_ROLLS];
+}
+
+void flight_search_prepare(FlightSolver *solver) {
+    const size_t n = solver->n;
+    set_states(solver);
+    double state[N_STATES] = {0.0};
+    for (size_t i = 0; i < SEARCH_STARTS; i++) {
+        for (size_t k = 0; k < SEARCH_STATES; k++) {
+            double *strain = solver->search_strain + (i * SEARCH_STATES + k) * n;
+            set_state(solver, i, k, state);
+            flight_response(&solver->tables, solver->wide, state, &solver->response);
+            for (size_t g = 0; g < solver->n_gauges; g++) {
+                strain[g] = solver->response.value[g] - solver->map->tables.fixed[g];
+            }
+        }
+    }
+    flight_search_weigh(solver);
+}
+
+void flight_search_weigh(FlightSolver *solver) {
+    const size_t n = solver->n;
+    double state[N_STATES] = {0.0};
+    set_state(solver, SEARCH_STARTS / 2, 0, state);
+    state[STATE_PRESSURE] = solver->map->middle_log_pressure;
+    flight_response(&solver->tables, solver->wide, state, &solver->response);
+    flight_strain_covariance(solver);
+    for (size_t g = 0; g < solver->n_gauges; g++) {
+        solver->search_weight[g] = 1.0 / sqrt(solver->factor[g * n + g]);
+    }
+}
+
+/* Sums over the gauges of weighted strain times that of a state, and of the square of the latter. */
+EVERYWHERE void compare(size_t n, const double *restrict weighted, const double *restrict square,
+                        const double *restrict strain, double *dot, double *size) {
+    double d[LANES] = {0.0}, s[LANES] = {0.0};
+    for (size_t g = 0; g < n; g += LANES) {
+        for (size_t r = 0; r < LANES; r++) {
+            const double unit = strain[g + r];
+            d[r] += weighted[g + r] * unit;
+            s[r] += square[g + r] * (unit * unit);
+        }
+    }
+    *dot = (d[0] + d[1]) + (d[2] + d[3]);
+    *size = (s[0] + s[1]) + (s[2] + s[3]);
+}
+
+#if HAS_AVX2
+AVX2 static void compare_avx2(size_t n, const double *weighted, const double *square, const double *strain,
+                              double *dot, double *size) {
+    compare(n, weighted, square, strain, dot, size);
+}
+#endif
+
+/* What navigation and priors say of ln p_inf at a Mach number: three values with their precisions. */
+typedef struct {
+    double target[3], precision[3];
+    double of_mach; /* what they hold against the Mach number */
+} Knowledge;
+
+static Knowledge knowledge_at(const FlightSolver *solver, double mach) {
+    const Sample *sample = &solver->sample;
+    const double of_mach = sample->value[0] - mach, of_prior = sample->value[N_NAVIGATION + STATE_MACH] - mach;
+    const size_t prior = N_NAVIGATION + STATE_PRESSURE;
+    return (Knowledge){
+        .target = {sample->value[1], sample->value[2] - (solver->map->log_half_gamma + 2.0 * logarithm(mach)),
+                   sample->value[prior]},
+        .precision = {sample->precision[1], sample->precision[2], sample->precision[prior]},
+        .of_mach = sample->precision[0] * (of_mach * of_mach)
+                 + sample->precision[N_NAVIGATION + STATE_MACH] * (of_prior * of_prior),
+    };
+}
+
+/* ln p_inf that joins strain, of an information, with what is known; *cost is the latter's. */
+static double joined_pressure(const Knowledge *known, double log_pressure, double information, double *cost) {
+    double sum = information * log_pressure, total = information;
+    for (int k = 0; k < 3; k++) {
+        sum += known->precision[k] * known->target[k];
+        total += known->precision[k];
+    }
+    const double joined = sum / total;
+    *cost = known->of_mach;
+    for (int k = 0; k < 3; k++) {
+        const double off = known->target[k] - joined;
+        *cost += known->precision[k] * (off * off);
+    }
+    return joined;
+}
+
+/* The best state at an incidence, by its index. */
+static void set_start(FlightSolver *solver, size_t start, double *state) {
+    const size_t n = solver->n;
+    const Sample *sample = &solver->sample;
+    double *weighted = solver->turned, *square = solver->turned + n;
+    memset(weighted, 0, 2 * n * sizeof *weighted);
+    for (size_t g = 0; g < solver->n_gauges; g++) {
+        const double weight = sample->used[g] ? solver->search_weight[g] : 0.0;
+        square[g] = weight * weight;
+        weighted[g] = sample->used[g] ? (sample->strain[g] - solver->map->tables.fixed[g]) * square[g] : 0.0;
+    }
+    double lowest = INFINITY;
+    Knowledge known = {.of_mach = 0.0};
+    for (size_t k = 0; k < SEARCH_STATES; k++) {
+        double dot, size, of_navigation;
+        if (k % SEARCH_ROLLS == 0) {
+            known = knowledge_at(solver, solver->search_mach[k / SEARCH_ROLLS]);
+        }
+        CHOSEN(solver->wide, compare)(n, weighted, square, solver->search_strain + (start * SEARCH_STATES + k) * n,
+                                      &dot, &size);
+        const double by_strain = clipped(dot / (size > 1e-300 ? size : 1e-300), SMALLEST_PRESSURE, LARGEST_PRESSURE);
+        const double log_pressure =
+            joined_pressure(&known, logarithm(by_strain), size * (by_strain * by_strain), &of_navigation);
+        const double pressure = exponential(log_pressure);
+        const double cost = (pressure * pressure * size - 2.0 * pressure * dot) + of_navigation;
+        if (k == 0 || cost < lowest) {
+            lowest = cost;
+            set_state(solver, start, k, state);
+            state[STATE_PRESSURE] = log_pressure;
+        }
+    }
+    const double *range = solver->map->log_pressure_range;
+    state[STATE_PRESSURE] = clipped(state[STATE_PRESSURE], range[0] - LARGEST_EXCESS, range[1] + LARGEST_EXCESS);
+}
+
+/* Whether a search of this step was of the same navigation: it is as it was, and so is where it ends. */
+static int recalled(FlightSolver *solver) {
+    for (size_t k = 0; k < solver->n_kept; k++) {
+        const KeptEnds *kept = &solver->kept[k];
+        if (memcmp(kept->precision, solver->sample.precision, sizeof kept->precision) == 0) {
+            memcpy(solver->end, kept->end, sizeof solver->end);
+            memcpy(solver->end_deviance, kept->deviance, sizeof solver->end_deviance);
+            return 1;
+        }
+    }
+    return 0;
+}
+
+static void keep(FlightSolver *solver) {
+    if (solver->n_kept < KEPT_SEARCHES) {
+        KeptEnds *kept = &solver->kept[solver->n_kept++];
+        memcpy(kept->precision, solver->sample.precision, sizeof kept->precision);
+        memcpy(kept->end, solver->end, sizeof kept->end);
+        memcpy(kept->deviance, solver->end_deviance, sizeof kept->deviance);
+    }
+}
+
+size_t flight_search_ends(FlightSolver *solver) {
+    size_t best = 0;
+    if (!recalled(solver)) {
+        for (size_t start = 0; start < SEARCH_STARTS; start++) {
+            set_start(solver, start, solver->end[start]);
+            solver->end_deviance[start] = flight_iterate_start(solver, solver->end[start]);
+        }
+        keep(solver);
+    }
+    for (size_t start = 1; start < SEARCH_STARTS; start++) {
+        best = solver->end_deviance[start] < solver->end_deviance[best] ? start : best;
+    }
+    return best;
+}
+
+void flight_solve_cold(FlightSolver *solver) {
+    flight_solve_from(solver, solver->end[flight_search_ends(solver)]);
+}

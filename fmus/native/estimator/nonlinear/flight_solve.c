@@ -1,0 +1,325 @@
+#include "flight_solve.h"
+
+#include <math.h>
+
+#include "../../core/elementary.h"
+#include "../numerics/cholesky.h"
+#include "flight_loads.h"
+#include "strain_covariance.h"
+
+#define MIN_MACH 0.1       /* below which ln M goes on as a constant */
+#define SMALLEST_PART 0.25 /* of a step that is taken */
+#define LEAST_SEEN 1e-9    /* of the variance of a shape; what others leave below it is lost in rounding */
+
+/* L of S at the state of solver->response; that of the unit matrix for gauges that are not in use. */
+static void set_factor(FlightSolver *solver) {
+    const size_t n = solver->n;
+    double *factor = solver->factor;
+    solver->factor_pressure = solver->response.pressure;
+    flight_strain_covariance(solver);
+    for (size_t g = 0; g < n; g++) {
+        if (g < solver->n_gauges && solver->sample.used[g]) {
+            continue;
+        }
+        for (size_t i = 0; i < n; i++) {
+            factor[g * n + i] = factor[i * n + g] = 0.0;
+        }
+        factor[g * n + g] = 1.0;
+    }
+    cholesky(solver->wide, n, n, factor);
+}
+
+static void evaluate(FlightSolver *solver, const double *state) {
+    memmove(solver->state, state, sizeof solver->state);
+    flight_response(&solver->tables, solver->wide, solver->state, &solver->response);
+}
+
+static double larger_mach(double mach) {
+    return mach > MIN_MACH ? mach : MIN_MACH;
+}
+
+double flight_log_mach_slope(double mach) {
+    return 2.0 / larger_mach(mach);
+}
+
+/* What the measurement reads at the state of the problem, subtracted from what it reads. */
+static void set_innovation(FlightSolver *solver) {
+    const double *state = solver->state, *value = solver->sample.value;
+    const double mach = larger_mach(state[STATE_MACH]);
+    double *innovation = solver->innovation;
+    innovation[0] = value[0] - state[STATE_MACH];
+    innovation[1] = value[1] - state[STATE_PRESSURE];
+    innovation[2] = value[2] - (solver->map->log_half_gamma + 2.0 * logarithm(mach) + state[STATE_PRESSURE]);
+    for (size_t k = 0; k < N_STATES; k++) {
+        innovation[N_NAVIGATION + k] = value[N_NAVIGATION + k] - state[k];
+    }
+    solver->log_mach_slope = flight_log_mach_slope(state[STATE_MACH]);
+}
+
+void flight_evaluate(FlightSolver *solver, const double *state) {
+    evaluate(solver, state);
+    set_innovation(solver);
+}
+
+void flight_measurement_row(double log_mach_slope, size_t which, double *row) {
+    memset(row, 0, N_STATES * sizeof *row);
+    if (which >= N_NAVIGATION) {
+        row[which - N_NAVIGATION] = 1.0;
+    } else if (which == 0) {
+        row[STATE_MACH] = 1.0;
+    } else {
+        row[STATE_PRESSURE] = 1.0;
+        row[STATE_MACH] = which == 2 ? log_mach_slope : 0.0;
+    }
+}
+
+/* Add the measurement to Hessian, gradient and cost. */
+static void add_measurement(FlightSolver *solver) {
+    for (size_t m = 0; m < N_MEASURED; m++) {
+        const double precision = solver->sample.precision[m], innovation = solver->innovation[m];
+        double row[N_STATES];
+        flight_measurement_row(solver->log_mach_slope, m, row);
+        for (size_t i = 0; i < N_STATES; i++) {
+            const double weighted = precision * row[i];
+            for (size_t j = 0; j < N_STATES; j++) {
+                solver->hessian[i * N_STATES + j] += weighted * row[j];
+            }
+            solver->gradient[i] += weighted * innovation;
+        }
+        solver->cost += precision * (innovation * innovation);
+    }
+}
+
+/* The problem about the state of solver->response, weighted by solver->factor. */
+static void linearise(FlightSolver *solver) {
+    const size_t n = solver->n;
+    double *right = solver->right;
+    memset(right, 0, N_RIGHT * n * sizeof *right);
+    for (size_t g = 0; g < solver->n_gauges; g++) {
+        if (solver->sample.used[g]) {
+            right[g] = solver->sample.strain[g] - solver->response.value[g];
+            for (size_t k = 0; k < N_STATES; k++) {
+                right[(1 + k) * n + g] = solver->response.jacobian[k][g];
+            }
+        }
+    }
+    solve_lower(solver->wide, n, solver->factor, N_RIGHT, right);
+    for (size_t i = 0; i < N_STATES; i++) {
+        for (size_t j = 0; j <= i; j++) {
+            solver->hessian[i * N_STATES + j] = solver->hessian[j * N_STATES + i] =
+                lane_dot(n, right + (1 + i) * n, right + (1 + j) * n);
+        }
+        solver->gradient[i] = lane_dot(n, right + (1 + i) * n, right);
+    }
+    solver->cost = lane_dot(n, right, right);
+    set_innovation(solver);
+    add_measurement(solver);
+}
+
+void flight_limited(const FlightMap *map, const double *from, const double *step, double *state) {
+    double size = 1.0;
+    for (size_t i = 0; i < N_STATES; i++) {
+        const double relative = fabs(step[i]) / map->largest_step[i];
+        size = relative > size ? relative : size;
+    }
+    for (size_t i = 0; i < N_STATES; i++) {
+        state[i] = from[i] + step[i] / size;
+    }
+    state[STATE_MACH] = clipped(state[STATE_MACH], 0.7 * map->mach_range[0], 1.3 * map->mach_range[1]);
+    const double angle = sqrt(state[STATE_U] * state[STATE_U] + state[STATE_W] * state[STATE_W]);
+    const double limit = 1.5 * map->incidence_limit;
+    const double part = limit / (angle > 1e-12 ? angle : 1e-12);
+    if (part < 1.0) {
+        state[STATE_U] *= part;
+        state[STATE_W] *= part;
+    }
+    state[STATE_PRESSURE] =
+        clipped(state[STATE_PRESSURE], map->log_pressure_range[0] - 1.0, map->log_pressure_range[1] + 1.0);
+}
+
+/* The part of a step to take, from what the last change of the state has done to it: gauss_newton.py. */
+static double part_of_step(const FlightSolver *solver, const double *step) {
+    double change[N_STATES], shrunk[N_STATES];
+    if (!solver->has_before) {
+        return 1.0;
+    }
+    for (size_t i = 0; i < N_STATES; i++) {
+        change[i] = solver->state[i] - solver->before[i];
+        shrunk[i] = solver->whole_step[i] - step[i];
+    }
+    const double along = quadratic(N_STATES, change, solver->hessian, shrunk);
+    const double size = quadratic(N_STATES, shrunk, solver->hessian, shrunk);
+    if (!(along > 0.0 && along < size)) {
+        return 1.0;
+    }
+    return along / size > SMALLEST_PART ? along / size : SMALLEST_PART;
+}
+
+/* The next state of the iterations. */
+static void next_state(FlightSolver *solver, double *state) {
+    double inverse[N_STATES * N_STATES], step[N_STATES];
+    invert_small(N_STATES, solver->hessian, inverse);
+    for (size_t i = 0; i < N_STATES; i++) {
+        step[i] = 0.0;
+        for (size_t j = 0; j < N_STATES; j++) {
+            step[i] += inverse[i * N_STATES + j] * solver->gradient[j];
+        }
+    }
+    const double part = part_of_step(solver, step);
+    memcpy(solver->before, solver->state, sizeof solver->before);
+    memcpy(solver->whole_step, step, sizeof step);
+    solver->has_before = 1;
+    for (size_t i = 0; i < N_STATES; i++) {
+        step[i] *= part;
+    }
+    flight_limited(solver->map, solver->state, step, state);
+}
+
+/* (S^-1 r)_i / sqrt(P_ii) with P = S^-1 - S^-1 J E_x J' S^-1. */
+static void set_gauge_residuals(FlightSolver *solver) {
+    const size_t n = solver->n;
+    Solution *found = &solver->solution;
+    double *back = solver->turned;
+    invert_lower(solver->wide, n, solver->factor, back, solver->inverse);
+    turn_back(solver->wide, n, solver->inverse, solver->right, back, solver->squares);
+    for (size_t g = 0; g < solver->n_gauges; g++) {
+        double row[N_STATES];
+        for (size_t k = 0; k < N_STATES; k++) {
+            row[k] = back[(1 + k) * n + g];
+        }
+        const double diagonal = solver->squares[g] - quadratic(N_STATES, row, found->state_covariance, row);
+        found->standardised_residual[g] =
+            solver->sample.used[g] && diagonal > 0.0 ? back[g] / sqrt(diagonal) : 0.0;
+    }
+}
+
+/* L^-1 of the shapes of pressure off the tables, with zeros for gauges that are not used. */
+static void whiten_shapes(FlightSolver *solver) {
+    const size_t n = solver->n, count = solver->map->n_shapes;
+    double *shapes = solver->shapes;
+    memset(shapes, 0, count * n * sizeof *shapes);
+    for (size_t s = 0; s < count; s++) {
+        for (size_t g = 0; g < solver->n_gauges; g++) {
+            shapes[s * n + g] = solver->sample.used[g] ? solver->map->shape[s * solver->n_gauges + g] : 0.0;
+        }
+    }
+    solve_lower(solver->wide, n, solver->factor, count, shapes);
+}
+
+/* r' P A (A' P A)^-1 A' P r of the shapes A, by the Cholesky factor of A' P A, row by row. A shape counts for nothing
+   where those before it leave a rounding error of its variance. */
+static void set_shape_square(FlightSolver *solver) {
+    const size_t n = solver->n, count = solver->map->n_shapes;
+    Solution *found = &solver->solution;
+    double by_state[MAX_SHAPES][N_STATES], factor[MAX_SHAPES][MAX_SHAPES], size[MAX_SHAPES];
+    found->shape_square = 0.0;
+    whiten_shapes(solver);
+    for (size_t s = 0; s < count; s++) {
+        const double *shape = solver->shapes + s * n;
+        const double alone = lane_dot(n, shape, shape);
+        double rest = lane_dot(n, shape, solver->right);
+        for (size_t k = 0; k < N_STATES; k++) {
+            by_state[s][k] = lane_dot(n, shape, solver->right + (1 + k) * n);
+        }
+        double left = alone - quadratic(N_STATES, by_state[s], found->state_covariance, by_state[s]);
+        for (size_t t = 0; t < s; t++) {
+            double common = lane_dot(n, shape, solver->shapes + t * n)
+                          - quadratic(N_STATES, by_state[s], found->state_covariance, by_state[t]);
+            for (size_t k = 0; k < t; k++) {
+                common -= factor[s][k] * factor[t][k];
+            }
+            factor[s][t] = factor[t][t] > 0.0 ? common / factor[t][t] : 0.0;
+            left -= factor[s][t] * factor[s][t];
+            rest -= factor[s][t] * size[t];
+        }
+        const int seen = left > LEAST_SEEN * alone;
+        factor[s][s] = seen ? sqrt(left) : 0.0;
+        size[s] = seen ? rest / factor[s][s] : 0.0;
+        found->shape_square += size[s] * size[s];
+    }
+}
+
+/* Of the innovation at the minimum of the linearised problem. */
+static void set_navigation_residuals(FlightSolver *solver) {
+    Solution *found = &solver->solution;
+    for (size_t m = 0; m < N_NAVIGATION; m++) {
+        const double precision = solver->sample.precision[m];
+        double row[N_STATES];
+        flight_measurement_row(solver->log_mach_slope, m, row);
+        const double reached = quadratic(N_STATES, row, found->state_covariance, row);
+        const double variance = precision > 0.0 ? 1.0 / precision - reached : 0.0;
+        const double remaining =
+            solver->innovation[m] - quadratic(N_STATES, row, found->state_covariance, solver->gradient);
+        found->navigation_residual[m] = variance > 0.0 ? remaining / sqrt(variance) : 0.0;
+    }
+}
+
+void flight_settle(FlightSolver *solver) {
+    Solution *found = &solver->solution;
+    memcpy(found->state, solver->state, sizeof found->state);
+    invert_small(N_STATES, solver->hessian, found->state_covariance);
+    memcpy(found->widened_covariance, found->state_covariance, sizeof found->widened_covariance);
+    memset(found->widening, 0, sizeof found->widening);
+    found->chi_square = solver->cost;
+    found->rest_square = quadratic(N_STATES, solver->gradient, found->state_covariance, solver->gradient);
+    flight_set_loads(solver);
+    set_gauge_residuals(solver);
+    set_navigation_residuals(solver);
+    set_shape_square(solver);
+}
+
+void flight_solve_warm(FlightSolver *solver, const double *state) {
+    double next[N_STATES];
+    solver->has_before = 0;
+    evaluate(solver, state);
+    set_factor(solver);
+    for (size_t k = 0; k < (size_t)solver->map->warm_iterations; k++) {
+        linearise(solver);
+        next_state(solver, next);
+        evaluate(solver, next);
+    }
+    linearise(solver);
+    flight_settle(solver);
+}
+
+void flight_linearise_anew(FlightSolver *solver, const double *state) {
+    evaluate(solver, state);
+    set_factor(solver);
+    linearise(solver);
+}
+
+double flight_deviance(const FlightSolver *solver) {
+    double sum = 0.0;
+    for (size_t g = 0; g < solver->n_gauges; g++) {
+        sum += logarithm(solver->factor[g * solver->n + g]);
+    }
+    return solver->cost + 2.0 * sum;
+}
+
+double flight_iterate_start(FlightSolver *solver, double *state) {
+    const size_t iterations = (size_t)solver->map->start_iterations;
+    solver->has_before = 0;
+    for (size_t k = 0; k < iterations; k++) {
+        evaluate(solver, state);
+        if (k % (iterations / 2) == 0) {
+            set_factor(solver);
+        }
+        linearise(solver);
+        next_state(solver, state);
+    }
+    evaluate(solver, state);
+    linearise(solver);
+    return flight_deviance(solver);
+}
+
+void flight_solve_from(FlightSolver *solver, const double *state) {
+    const size_t iterations = (size_t)solver->map->cold_iterations;
+    double next[N_STATES];
+    solver->has_before = 0;
+    flight_linearise_anew(solver, state);
+    for (size_t k = 0; k < iterations; k++) {
+        next_state(solver, next);
+        flight_linearise_anew(solver, next);
+    }
+    flight_settle(solver);
+}

@@ -1,0 +1,31 @@
+/* The flight state that fits strain and navigation, and loads, residuals and covariances that follow from it.
+
+   The equations are those of strainfmu/estimator/reference/nonlinear.py. */
+
+#ifndef FLIGHT_SOLVE_H
+#define FLIGHT_SOLVE_H
+
+#include "solver_state.h"
+
+/* Solve for solver->sample by a fixed number of iterations from a state. Then the solution is in solver->solution. */
+void flight_solve_warm(FlightSolver *solver, const double *state);
+
+/* The parts of it: S renewed half-way, and what tells the best end of a search; the solution from a state; the problem about
+   a state weighted by S there; -2 ln likelihood of the problem, less a constant; the solution at its state. */
+double flight_iterate_start(FlightSolver *solver, double *state);
+void flight_solve_from(FlightSolver *solver, const double *state);
+void flight_linearise_anew(FlightSolver *solver, const double *state);
+double flight_deviance(const FlightSolver *solver);
+void flight_settle(FlightSolver *solver);
+
+/* The response, and what the measurement reads beside its values, at a state. For the filter, as the next two. */
+void flight_evaluate(FlightSolver *solver, const double *state);
+
+/* Row of the measurement's Jacobian, of a derivative of ln q_inf by the Mach number; and that derivative. */
+void flight_measurement_row(double log_mach_slope, size_t which, double *row);
+double flight_log_mach_slope(double mach);
+
+/* A step from a state, not too long, and inside the reach of the tables. */
+void flight_limited(const FlightMap *map, const double *from, const double *step, double *state);
+
+#endif

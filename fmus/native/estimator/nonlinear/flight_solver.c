@@ -1,0 +1,58 @@
+#include "flight_solver.h"
+
+#include "../numerics/arrays.h"
+#include "flight_search.h"
+
+size_t flight_solver_doubles(const FlightMap *map, size_t n_gauges) {
+    const size_t n = in_lanes(n_gauges);
+    return flight_tables_doubles(&map->tables) + response_doubles(&map->tables) + 4 * n * n
+         + SEARCH_STARTS * SEARCH_STATES * n + (4 + 2 * N_RIGHT + map->n_common + 1 + map->n_shapes) * n;
+}
+
+/* A (n_gauges, n_gauges) matrix in one of order n, with zeros beyond. */
+static void widen(size_t n_gauges, size_t n, const double *source, double *matrix) {
+    for (size_t i = 0; i < n_gauges; i++) {
+        memcpy(matrix + i * n, source + i * n_gauges, n_gauges * sizeof *matrix);
+    }
+}
+
+void flight_solver_arrays(const FlightMap *map, size_t n_gauges, int wide, FlightSolver *solver, double **doubles,
+                          unsigned char **bytes) {
+    const size_t n = in_lanes(n_gauges);
+    solver->map = map;
+    solver->n_gauges = n_gauges;
+    solver->n = n;
+    solver->wide = wide;
+    flight_tables_arrays(&map->tables, &solver->tables, doubles);
+    response_arrays(&map->tables, &solver->response, doubles);
+    solver->gauge_covariance = taken(doubles, n * n);
+    solver->scaled_covariance = taken(doubles, n * n);
+    solver->factor = taken(doubles, n * n);
+    solver->inverse = taken(doubles, n * n);
+    solver->search_strain = taken(doubles, SEARCH_STARTS * SEARCH_STATES * n);
+    solver->search_weight = taken(doubles, n);
+    solver->sample.strain = taken(doubles, n);
+    solver->solution.standardised_residual = taken(doubles, n);
+    solver->squares = taken(doubles, n);
+    solver->right = taken(doubles, N_RIGHT * n);
+    solver->turned = taken(doubles, N_RIGHT * n);
+    solver->columns = taken(doubles, (map->n_common + 1) * n);
+    solver->shapes = taken(doubles, map->n_shapes * n);
+    solver->sample.used = *bytes;
+    *bytes += n_gauges;
+    widen(n_gauges, n, map->gauge_covariance, solver->gauge_covariance);
+    widen(n_gauges, n, map->scaled_covariance, solver->scaled_covariance);
+    flight_search_prepare(solver);
+}
+
+void flight_solver_add_noise(FlightSolver *solver, const double *own, const double *added) {
+    const size_t n_gauges = solver->n_gauges;
+    const double *without = own != NULL ? own : solver->map->gauge_covariance;
+    for (size_t i = 0; i < n_gauges; i++) {
+        for (size_t j = 0; j < n_gauges; j++) {
+            const size_t at = i * n_gauges + j;
+            solver->gauge_covariance[i * solver->n + j] = without[at] + added[at];
+        }
+    }
+    flight_search_weigh(solver);
+}

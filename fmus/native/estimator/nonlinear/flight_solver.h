@@ -1,0 +1,16 @@
+/* Memory of the nonlinear solver, and the errors that its gauges have. */
+
+#ifndef FLIGHT_SOLVER_H
+#define FLIGHT_SOLVER_H
+
+#include "solver_state.h"
+
+/* Number of doubles that its arrays take, and handing them out, filled in; *bytes gives n_gauges flags. */
+size_t flight_solver_doubles(const FlightMap *map, size_t n_gauges);
+void flight_solver_arrays(const FlightMap *map, size_t n_gauges, int wide, FlightSolver *solver, double **doubles,
+                          unsigned char **bytes);
+
+/* Let the gauges have errors of the covariance `own` (n_gauges, n_gauges), NULL for that of the map, and of `added`. */
+void flight_solver_add_noise(FlightSolver *solver, const double *own, const double *added);
+
+#endif

@@ -1,0 +1,84 @@
+/* What the nonlinear solver holds: a sample, its solution, and the problem about a state.
+
+   The equations are those of strainfmu/estimator/reference/nonlinear.py. */
+
+#ifndef SOLVER_STATE_H
+#define SOLVER_STATE_H
+
+#include "../map/map_resource.h"
+#include "flight_tables.h"
+
+#define N_RIGHT (1 + N_STATES) /* residual, then the columns of its Jacobian */
+
+/* What is known of a sample. */
+typedef struct {
+    double *strain;              /* (n) [m/m], 0 of gauges that are not in use */
+    unsigned char *used;         /* (n_gauges) */
+    double value[N_MEASURED];    /* of navigation and priors */
+    double precision[N_MEASURED]; /* 0 where not known */
+} Sample;
+
+/* States of the search, in the order of starts.py: incidences, of each the best is a start; Mach numbers; roll angles. */
+#define SEARCH_STARTS 6
+#define SEARCH_MACHS 3
+#define SEARCH_ROLLS 16
+#define SEARCH_STATES (SEARCH_MACHS * SEARCH_ROLLS) /* at each incidence */
+
+#define N_WIDENING (N_STATES + 2 * N_LOADS) /* flight state, loads, coefficients */
+
+/* Estimates of a sample, about the map's moment point and references. */
+typedef struct {
+    double state[N_STATES], state_covariance[N_STATES * N_STATES]; /* that of the problem about the state */
+    double loads[N_LOADS], load_covariance[N_LOADS * N_LOADS];
+    double coefficients[N_LOADS], coefficient_covariance[N_LOADS * N_LOADS];
+    double chi_square;
+    double rest_square; /* square of what another iteration would move the state by, in its deviations */
+    double *standardised_residual; /* (n) */
+    double navigation_residual[N_NAVIGATION];
+    double widening[N_WIDENING];                       /* factors on deviations, for what else fits; 0 for none, */
+    double widened_covariance[N_STATES * N_STATES];    /* of the state with them; those of the loads have them */
+    double shape_square; /* chi-square of the shapes of pressure off the tables in the residual */
+} Solution;
+
+/* Where a search ended, of what navigation told with these precisions. */
+typedef struct {
+    double precision[N_NAVIGATION], end[SEARCH_STARTS][N_STATES], deviance[SEARCH_STARTS];
+} KeptEnds;
+
+#define KEPT_SEARCHES 2 /* with all of navigation, and without what is inconsistent */
+
+/* Arrays are by gauge, `n` of them: n_gauges in lanes. */
+typedef struct {
+    const FlightMap *map;
+    size_t n_gauges, n;
+    int wide;
+    FlightTables tables;
+    double *gauge_covariance, *scaled_covariance; /* (n, n) */
+    double *search_strain;                        /* (SEARCH_STARTS, SEARCH_STATES, n) per p_inf [1/Pa] */
+    double search_mach[SEARCH_MACHS], search_crossflow[SEARCH_STARTS][2];
+    double search_cosine[SEARCH_ROLLS], search_sine[SEARCH_ROLLS];
+    double *search_weight;                        /* (n) 1 over the deviation of each gauge */
+    Sample sample;
+    Solution solution;
+    /* Scratch: the problem about a state. */
+    double state[N_STATES];
+    Response response;
+    double *factor;              /* (n, n) L */
+    double factor_pressure;      /* p_inf that it belongs to [Pa] */
+    double *inverse;             /* (n, n) L^-1 */
+    double *right;               /* (N_RIGHT, n) L^-1 of residual and Jacobian */
+    double *turned;              /* (N_RIGHT, n) */
+    double *squares;             /* (n) */
+    double *shapes;              /* (n_shapes, n) L^-1 of them */
+    double *columns;             /* (n_common + 1, n) */
+    double innovation[N_MEASURED];
+    double log_mach_slope;       /* derivative of ln q_inf by M */
+    double hessian[N_STATES * N_STATES], gradient[N_STATES], cost;
+    double end[SEARCH_STARTS][N_STATES], end_deviance[SEARCH_STARTS]; /* where the iterations of the search ended */
+    KeptEnds kept[KEPT_SEARCHES]; /* of the searches of this step: it may repeat them */
+    size_t n_kept; /* 0 again with the next strain */
+    int has_before;              /* whether the iterations have taken a step: from this state, the whole of it this */
+    double before[N_STATES], whole_step[N_STATES];
+} FlightSolver;
+
+#endif

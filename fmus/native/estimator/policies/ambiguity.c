@@ -1,0 +1,210 @@
+#include "ambiguity.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "../nonlinear/flight_loads.h"
+#include "../nonlinear/flight_search.h"
+#include "../nonlinear/flight_solve.h"
+#include "../numerics/cholesky.h"
+
+/* Those of ambiguity.py and solve.py. */
+#define TOLD 100.0
+#define ASIDE 3.0
+#define LARGEST_ASIDE 3.0
+#define ITERATIONS 3
+#define LEAST_EXCESS 4.0
+#define BETTER 9.0
+static const double UNLIKELY[2] = {16.0, 25.0}, UNEXPLAINED[2] = {4.0, 9.0};
+
+#define N_INNER STATE_PRESSURE /* Mach number, u and w; ln p_inf is the last of the state */
+
+/* State, loads and coefficients at a flight state. */
+typedef struct {
+    double value[N_WIDENING], variance[N_WIDENING], deviance;
+} Estimated;
+
+int flight_pressure_untold(const FlightSolver *solver) {
+    return solver->sample.precision[1] + solver->sample.precision[2] < TOLD;
+}
+
+/* Widen a covariance so that no combination becomes more certain: ambiguity.py. */
+static void widen(size_t order, const double *widening, double *covariance) {
+    for (size_t i = 0; i < order; i++) {
+        for (size_t j = 0; j < order; j++) {
+            const double factor = widening[i] < widening[j] ? widening[i] : widening[j];
+            covariance[i * order + j] *= factor * factor;
+        }
+    }
+}
+
+void flight_widen(FlightSolver *solver, const double *widening) {
+    Solution *found = &solver->solution;
+    memcpy(found->widening, widening, sizeof found->widening);
+    widen(N_STATES, widening, found->widened_covariance);
+    widen(N_LOADS, widening + N_STATES, found->load_covariance);
+    widen(N_LOADS, widening + N_STATES + N_LOADS, found->coefficient_covariance);
+}
+
+/* 0 below the first of the ends, 1 above the second, between them a straight line. */
+static double risen(double value, const double *ends) {
+    return clipped((value - ends[0]) / (ends[1] - ends[0]), 0.0, 1.0);
+}
+
+/* At the state of the problem, of a covariance of it. */
+static void estimate(FlightSolver *solver, const double *covariance, Estimated *found) {
+    Solution *solution = &solver->solution;
+    memcpy(solution->state_covariance, covariance, sizeof solution->state_covariance);
+    flight_set_loads(solver);
+    for (size_t k = 0; k < N_STATES; k++) {
+        found->value[k] = solver->state[k];
+        found->variance[k] = covariance[k * (N_STATES + 1)];
+    }
+    for (size_t i = 0; i < N_LOADS; i++) {
+        found->value[N_STATES + i] = solution->loads[i];
+        found->variance[N_STATES + i] = solution->load_covariance[i * (N_LOADS + 1)];
+        found->value[N_STATES + N_LOADS + i] = solution->coefficients[i];
+        found->variance[N_STATES + N_LOADS + i] = solution->coefficient_covariance[i * (N_LOADS + 1)];
+    }
+    found->deviance = flight_deviance(solver);
+}
+
+/* Let every variance be as large as another state, of a weight, needs. */
+static void enlarge(const Estimated *base, const Estimated *other, double weight, double part, double *largest) {
+    for (size_t i = 0; i < N_WIDENING; i++) {
+        const double apart = other->value[i] - base->value[i];
+        const double variance = other->variance[i] + part * (apart * apart);
+        const double larger = base->variance[i] + weight * (variance - base->variance[i]);
+        largest[i] = larger > largest[i] ? larger : largest[i];
+    }
+}
+
+/* The inverse of the problem's Hessian without ln p_inf. */
+static void invert_inner(const FlightSolver *solver, double inverse[N_INNER * N_INNER]) {
+    double inner[N_INNER * N_INNER];
+    for (size_t i = 0; i < N_INNER; i++) {
+        memcpy(inner + i * N_INNER, solver->hessian + i * N_STATES, N_INNER * sizeof *inner);
+    }
+    invert_small(N_INNER, inner, inverse);
+}
+
+/* The state at deviations of ln p_inf to one side of a state with a covariance. */
+static void look_aside(FlightSolver *solver, const double *state, const double *covariance, const Estimated *base,
+                       double sign, double *largest) {
+    static const double NONE[N_STATES] = {0.0};
+    const double own = covariance[STATE_PRESSURE * (N_STATES + 1)], three = ASIDE * sqrt(own);
+    const double size = sign * (three < LARGEST_ASIDE ? three : LARGEST_ASIDE) / own;
+    double next[N_STATES], step[N_STATES] = {0.0}, inverse[N_INNER * N_INNER];
+    double of_others[N_STATES * N_STATES] = {0.0}; /* that of ln p_inf is the distance itself */
+    for (size_t k = 0; k < N_STATES; k++) {
+        next[k] = state[k] + size * covariance[k * N_STATES + STATE_PRESSURE];
+    }
+    flight_limited(solver->map, next, NONE, next);
+    flight_linearise_anew(solver, next);
+    for (int iteration = 0; iteration < ITERATIONS; iteration++) {
+        invert_inner(solver, inverse);
+        for (size_t i = 0; i < N_INNER; i++) {
+            step[i] = 0.0;
+            for (size_t j = 0; j < N_INNER; j++) {
+                step[i] += inverse[i * N_INNER + j] * solver->gradient[j];
+            }
+        }
+        flight_limited(solver->map, solver->state, step, next);
+        flight_linearise_anew(solver, next);
+    }
+    invert_inner(solver, inverse);
+    for (size_t i = 0; i < N_INNER; i++) {
+        memcpy(of_others + i * N_STATES, inverse + i * N_INNER, N_INNER * sizeof *inverse);
+    }
+    Estimated other;
+    estimate(solver, of_others, &other);
+    const double excess = other.deviance - base->deviance;
+    enlarge(base, &other, 1.0 - risen(excess, UNLIKELY), 1.0 / (excess > LEAST_EXCESS ? excess : LEAST_EXCESS), largest);
+}
+
+/* The weight of an end of the search, and the square of its distance from a state with a Hessian. */
+static double weight_of_end(const double *state, const double *hessian, const double *end, double excess,
+                            double *square) {
+    double apart[N_STATES];
+    for (size_t k = 0; k < N_STATES; k++) {
+        apart[k] = end[k] - state[k];
+    }
+    *square = quadratic(N_STATES, apart, hessian, apart);
+    return risen(*square - (excess > 0.0 ? excess : 0.0), UNEXPLAINED) * (1.0 - risen(excess, UNLIKELY));
+}
+
+/* The farthest of the states at which the search ended that fits. */
+static void look_at_ends(FlightSolver *solver, const double *state, const double *hessian, const Estimated *base,
+                         double *largest) {
+    size_t farthest = 0;
+    double most = 0.0, square, inverse[N_STATES * N_STATES];
+    for (size_t s = 0; s < SEARCH_STARTS; s++) {
+        const double weight =
+            weight_of_end(state, hessian, solver->end[s], solver->end_deviance[s] - base->deviance, &square);
+        if (weight > 0.0 && weight * square > most) {
+            most = weight * square;
+            farthest = s;
+        }
+    }
+    if (!(most > 0.0)) {
+        return;
+    }
+    Estimated other;
+    flight_linearise_anew(solver, solver->end[farthest]);
+    invert_small(N_STATES, solver->hessian, inverse);
+    estimate(solver, inverse, &other);
+    const double weight =
+        weight_of_end(state, hessian, solver->state, other.deviance - base->deviance, &square);
+    enlarge(base, &other, weight, 1.0 / LEAST_EXCESS, largest);
+}
+
+/* The factors at the state of the problem, which is weighted by S there; the problem is another one afterwards. */
+static void find_widening(FlightSolver *solver, double *widening) {
+    double state[N_STATES], hessian[N_STATES * N_STATES], covariance[N_STATES * N_STATES], largest[N_WIDENING];
+    Estimated base;
+    memcpy(state, solver->state, sizeof state);
+    memcpy(hessian, solver->hessian, sizeof hessian);
+    invert_small(N_STATES, hessian, covariance);
+    estimate(solver, covariance, &base);
+    memcpy(largest, base.variance, sizeof largest);
+    look_aside(solver, state, covariance, &base, 1.0, largest);
+    look_aside(solver, state, covariance, &base, -1.0, largest);
+    look_at_ends(solver, state, hessian, &base, largest);
+    for (size_t i = 0; i < N_WIDENING; i++) {
+        const double ratio = largest[i] / base.variance[i];
+        widening[i] = ratio > 1.0 && isfinite(ratio) ? sqrt(ratio) : 1.0;
+    }
+}
+
+/* Widen the solution, whose problem is weighted by S at its own state. */
+static void widen_solution(FlightSolver *solver) {
+    double state[N_STATES], widening[N_WIDENING];
+    memcpy(state, solver->state, sizeof state);
+    find_widening(solver, widening);
+    flight_linearise_anew(solver, state);
+    flight_settle(solver);
+    flight_widen(solver, widening);
+}
+
+void flight_search_widened(FlightSolver *solver) {
+    flight_solve_cold(solver);
+    if (flight_pressure_untold(solver)) {
+        widen_solution(solver);
+    }
+}
+
+void flight_search_again(FlightSolver *solver, const double *state) {
+    double widening[N_WIDENING], after[N_STATES];
+    flight_solve_warm(solver, state);
+    memcpy(after, solver->state, sizeof after);
+    const size_t best = flight_search_ends(solver);
+    flight_linearise_anew(solver, after);
+    if (solver->end_deviance[best] < flight_deviance(solver) - BETTER) {
+        flight_solve_from(solver, solver->end[best]);
+        widen_solution(solver);
+        return;
+    }
+    find_widening(solver, widening);
+    flight_solve_warm(solver, state);
+    flight_widen(solver, widening);
+}

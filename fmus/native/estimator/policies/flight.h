@@ -1,0 +1,29 @@
+/* The nonlinear estimator: all of a sample, from the track of the last step. */
+
+#ifndef FLIGHT_H
+#define FLIGHT_H
+
+#include "flight_state.h"
+
+/* Read the parts of the tables, if there are any, and allocate. 1; 0 after a message. inputs, output, linear, thermal and loads
+   are set. */
+int flight_create(Flight *flight, MapFile *file);
+void flight_free(Flight *flight);
+void flight_reset(Flight *flight);
+
+/* Set all outputs for the present inputs, from the track of the last step. */
+void flight_update(Flight *flight);
+
+/* Set flight->loads->value for the last update, by the tables. */
+void flight_further_update(Flight *flight);
+
+/* The gauges have other errors: those of the linear estimator. */
+void flight_renew(Flight *flight);
+
+/* What the last step left is what the next one starts from, at a point in time [s]. */
+void flight_take_next(Flight *flight, double time);
+
+/* Whether a serialised track may be read. */
+int flight_track_fits(const Flight *flight, const Track *track);
+
+#endif

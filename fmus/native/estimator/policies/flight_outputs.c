@@ -1,0 +1,142 @@
+#include "flight_outputs.h"
+
+#include <math.h>
+
+#include "../numerics/cholesky.h"
+#include "air_data_faults.h"
+
+#define LARGEST_REST 1.0 /* deviations that the next iteration may move the state by: flight_health.py */
+
+/* Loads and coefficients at the references of the settings. */
+static void set_loads(Flight *flight) {
+    const FlightMap *map = &flight->map;
+    const Solution *found = &flight->solver.solution;
+    const double *scalar = flight->inputs->value + flight->solver.n_gauges;
+    const double shift = moment_shift(flight->inputs);
+    for (size_t i = 0; i < N_LOADS; i++) {
+        /* Rows of the transfer to the moment point, and the same of coefficients. */
+        double load[N_LOADS] = {0.0}, coefficient[N_LOADS] = {0.0};
+        const double own = i < 3 ? scalar[REFERENCE_AREA] : scalar[REFERENCE_AREA] * scalar[REFERENCE_LENGTH];
+        load[i] = 1.0;
+        if (i >= 3) {
+            load[i - 2] = shift;
+        }
+        for (size_t j = 0; j < N_LOADS; j++) {
+            const double reference = j < 3 ? map->reference_area : map->reference_area * map->reference_length;
+            coefficient[j] = load[j] * reference / own;
+        }
+        flight->output[LOADS + i] = flight->output[COEFFICIENTS + i] = 0.0;
+        for (size_t j = 0; j < N_LOADS; j++) {
+            flight->output[LOADS + i] += load[j] * found->loads[j];
+            flight->output[COEFFICIENTS + i] += coefficient[j] * found->coefficients[j];
+        }
+        flight->output[LOADS_STD + i] = sqrt(quadratic(N_LOADS, load, found->load_covariance, load));
+        flight->output[COEFFICIENTS_STD + i] =
+            sqrt(quadratic(N_LOADS, coefficient, found->coefficient_covariance, coefficient));
+    }
+}
+
+static double larger(double a, double b) {
+    return b > a ? b : a;
+}
+
+/* Deviations by which u and w leave their ranges. */
+static double crossflow_excess(const FlightMap *map, const double *state, const double *std) {
+    const double slack = 1.0 + map->range_tolerance;
+    if (map->has_crossflow_range == 0.0) {
+        const double incidence = sqrt(state[STATE_U] * state[STATE_U] + state[STATE_W] * state[STATE_W]);
+        return (incidence - slack * map->incidence_limit) / larger(std[STATE_U], std[STATE_W]);
+    }
+    double excess[2];
+    for (size_t k = 0; k < 2; k++) {
+        const double off = fabs(state[STATE_U + k] - map->crossflow_middle[k]);
+        excess[k] = (off - slack * map->crossflow_half[k]) / std[STATE_U + k];
+    }
+    return larger(excess[0], excess[1]);
+}
+
+/* Deviations by which the flight state leaves the ranges of the map, 0 inside. */
+static double range_score(const Flight *flight) {
+    const FlightMap *map = &flight->map;
+    const Solution *found = &flight->solver.solution;
+    const double *state = found->state, tolerance = map->range_tolerance;
+    double std[N_STATES];
+    for (size_t k = 0; k < N_STATES; k++) {
+        std[k] = sqrt(found->widened_covariance[k * N_STATES + k]);
+    }
+    const double mach = larger(map->mach_range[0] * (1.0 - tolerance) - state[STATE_MACH],
+                               state[STATE_MACH] - map->mach_range[1] * (1.0 + tolerance));
+    const double pressure = larger(map->log_pressure_range[0] - state[STATE_PRESSURE],
+                                   state[STATE_PRESSURE] - map->log_pressure_range[1]);
+    const double score = larger(mach / std[STATE_MACH], crossflow_excess(map, state, std));
+    return larger(larger(score, pressure / std[STATE_PRESSURE]), 0.0);
+}
+
+/* Whether Mach number or p_inf of navigation, if used, leaves the ranges of the map. */
+static int navigation_outside(const Flight *flight) {
+    const FlightMap *map = &flight->map;
+    const double *const range[2] = {map->mach_range, map->pressure_range};
+    int outside = 0;
+    for (size_t k = 0; k < 2; k++) {
+        const double value = flight->value[k], slack = map->outside_score * flight->std[k];
+        const int beyond = value < (1.0 - map->range_tolerance) * range[k][0] - slack
+                        || value > (1.0 + map->range_tolerance) * range[k][1] + slack;
+        outside |= beyond && flight->solver.sample.precision[k] > 0.0;
+    }
+    return outside;
+}
+
+/* Set the outputs of health; whether strain and navigation fit the tables. */
+static int judge(Flight *flight, size_t used) {
+    const FlightMap *map = &flight->map;
+    const Solution *found = &flight->solver.solution;
+    const double alarm_scale = scalar_input(flight->inputs, ALARM_SCALE);
+    double *output = flight->output;
+    double largest = 0.0;
+    size_t worst = 0;
+    for (size_t g = 0; g < flight->solver.n_gauges; g++) {
+        const double size = fabs(found->standardised_residual[g]);
+        if (size > largest) {
+            largest = size;
+            worst = g;
+        }
+    }
+    const int suspect = largest > map->outlier_threshold * sqrt(map->outlier_scale * alarm_scale);
+    output[CHI_SQUARE] = found->chi_square;
+    const size_t freedom = used + flight_navigation_used(flight);
+    output[CHI_SQUARE_LIMIT] = alarm_scale * map->chi_square_scale * map->chi_square_limit[freedom];
+    flight->degrees_of_freedom = (double)freedom;
+    output[SUSPECT_GAUGE] = suspect ? (double)(worst + 1) : 0.0;
+    output[SUSPECTS] = suspect ? 1.0 : 0.0;
+    output[ENVELOPE_SCORE] = range_score(flight);
+    const int fits = output[CHI_SQUARE] <= output[CHI_SQUARE_LIMIT]
+                  && found->shape_square <= map->shape_limit * alarm_scale;
+    const int outside = output[ENVELOPE_SCORE] > map->outside_score || navigation_outside(flight)
+                     || parameter_beyond(flight->inputs) != SIZE_MAX;
+    const int lacks = used < flight->solver.n_gauges || flight_navigation_alarms(flight)
+                   || found->rest_square > LARGEST_REST * LARGEST_REST;
+    output[HEALTH_STATE] = outside ? OUTSIDE : !fits ? INCONSISTENT : suspect ? SUSPECT : lacks ? DEGRADED : OK;
+    flight->fits = fits;
+    return fits;
+}
+
+int flight_conclude(Flight *flight, size_t used) {
+    set_loads(flight);
+    flight_air_data(&flight->map, flight->prior_std, &flight->solver.solution, flight->real, flight->flag);
+    flight->flag[LINEAR_LOADS] = 0;
+    for (size_t k = 0; k < N_NAVIGATION; k++) {
+        flight->flag[NAVIGATION_USED + k] = flight->solver.sample.precision[k] > 0.0;
+    }
+    return judge(flight, used);
+}
+
+void flight_set_nothing_known(Flight *flight) {
+    set_unknown(flight->output);
+    flight->output[SUSPECT_GAUGE] = flight->output[SUSPECTS] = 0.0;
+    flight->output[HEALTH_STATE] = INVALID;
+    for (size_t k = 0; k < N_FLIGHT_REALS; k++) {
+        flight->real[k] = NAN;
+    }
+    memset(flight->flag, 0, sizeof flight->flag);
+    flight->next = flight->base;
+}

@@ -1,0 +1,55 @@
+/* What the nonlinear estimator holds: its solver, what is known of a sample, what a step leaves, and outputs beside those of
+   every estimator.
+
+   The equations are those of strainfmu/estimator/reference/nonlinear.py and air.py. */
+
+#ifndef FLIGHT_STATE_H
+#define FLIGHT_STATE_H
+
+#include "../filter/filter_state.h"
+#include "../linear/linear_state.h"
+#include "../nonlinear/flight_air_data.h"
+#include "../nonlinear/flight_known.h"
+
+#define N_FLIGHT_REALS (2 * N_AIR_DATA) /* outputs: air data, then their deviations */
+#define NAVIGATION_USED N_AIR_DATA      /* flags: whether each of the air data is identified, then these */
+#define LINEAR_LOADS (N_AIR_DATA + N_NAVIGATION)
+#define N_FLIGHT_FLAGS (LINEAR_LOADS + 1)
+
+/* Real inputs after those of the linear estimator. */
+#define N_FLIGHT_INPUTS 3 /* deviation of the Mach number [1]; static pressure and its deviation [Pa] */
+
+/* What a step leaves to the next one: docs/explanation/nonlinear_estimator.md. */
+typedef struct {
+    double has_state; /* 0 or 1; all of it float64, as it is serialised */
+    double state[N_STATES];
+    double since_search, to_return; /* steps */
+    double widening[N_WIDENING];    /* of the last search; 0 where navigation told the pressure then */
+    double stepped;                 /* whether the outputs are those of a step that has been taken */
+} Track;
+
+typedef struct {
+    int present; /* whether the map has tables; if not, nothing else is set */
+    Inputs *inputs;
+    double *output;   /* (N_OUTPUTS) of the estimator */
+    Linear *linear;   /* for what fits no table */
+    Thermal *thermal;
+    Further *loads;   /* beside the five, of a map that has some */
+    FlightMap map;
+    FlightSolver solver;
+    FlightFurther further;
+    Known known; /* parameters of the flow, of a map with tables of them */
+    Filter filter; /* over time, if the map has one */
+    void *memory;
+    Track base; /* that the outputs follow from */
+    Track next; /* that they leave */
+    int searched_again; /* whether a step from the last state has searched the tables for what else fits */
+    double prior_std[N_STATES];
+    double value[N_NAVIGATION], std[N_NAVIGATION]; /* of navigation; NaN where not known */
+    double real[N_FLIGHT_REALS];
+    unsigned char flag[N_FLIGHT_FLAGS];
+    int fits;                  /* whether strain and navigation fit the tables, */
+    double degrees_of_freedom; /* and those of chi-square */
+} Flight;
+
+#endif

@@ -1,0 +1,100 @@
+/* Inputs and settings of the estimator: the place of each, its start value, and the values it accepts. */
+
+#ifndef INPUTS_H
+#define INPUTS_H
+
+#include <math.h>
+#include <stdint.h>
+
+#include "../map/flow_parameters.h"
+#include "../map/map_resource.h"
+#include "../map/sensor_rows.h"
+
+/* Indices of the real inputs after the readings: strains, then further sensors; the last five are settings. */
+enum {
+    DYNAMIC_PRESSURE,     /* [Pa] */
+    DYNAMIC_PRESSURE_STD, /* [Pa]; these four are not given where they are 0 or below, or NaN: known_input */
+    MACH_NUMBER,          /* [1] */
+    ALTITUDE,             /* [m] */
+    SENSOR_RANGE,         /* largest |strain| of a working gauge [1] */
+    ALARM_SCALE,          /* factor on the limit of chi-square and on the square of that of z [1] */
+    REFERENCE_AREA,       /* [m2] */
+    REFERENCE_LENGTH,     /* [m] */
+    MOMENT_STATION,       /* x of the moment point [m] */
+    N_SCALAR_INPUTS,
+    MACH_NUMBER_STD = N_SCALAR_INPUTS, /* [1]; this and the rest of maps with tables over the flight state only, */
+    STATIC_PRESSURE,                   /* [Pa]; as the first four */
+    STATIC_PRESSURE_STD,               /* [Pa] */
+    N_ALL_SCALARS
+};
+
+/* After the scalars: zero of each strain gauge, deviation of each of them, deviation that they have in common [1]; then
+   the temperature of each sensor [K], not known where it is 0 or below, or NaN; thrust [N], which may be NaN or the
+   map's not_known, of a map with sensors that it moves; then the time constant of the filter [s], 0 for none, of a map
+   that has one. Then further parameters of the flow, as thrust, and, with tables of them, their deviations, which are
+   not stated where they are 0 or below, or NaN. */
+static inline size_t number_of_zeros(size_t n_strains) {
+    return 2 * n_strains + 1;
+}
+
+/* What is given for a sample. */
+typedef struct {
+    const Map *map;
+    const SensorRows *sensors;         /* behind the strain gauges */
+    const FlowParameters *parameters;  /* of the flow */
+    size_t n_temperatures;             /* sensors of temperature */
+    double smallest_time, largest_time; /* of the filter's time constant, of a map that has one [s] */
+    double *value;                     /* (inputs_count) readings, scalars, zeros, temperatures, .. */
+    unsigned char *valid;              /* (n_gauges) 1 for the gauges that the caller trusts */
+    unsigned char *given;              /* (n_gauges) 1 for those whose reading was set: start values are none */
+    size_t n_given;
+    const double *zeros; /* (number_of_zeros) in use: of the last tare, or of value */
+    double *strain; /* (n_gauges) less zeros, at the reference temperature, since output was computed; of other sensors the
+                       reading over its scale */
+} Inputs;
+
+/* Number of inputs and settings. */
+size_t inputs_count(const Inputs *inputs);
+
+/* Of the inputs, the first of the temperatures, thrust, SIZE_MAX for none, and the first of the parameters of the flow and
+   of their deviations, which a map has with tables of them. */
+size_t first_temperature(const Inputs *inputs);
+size_t thrust_input(const Inputs *inputs);
+size_t first_parameter(const Inputs *inputs);
+size_t first_parameter_std(const Inputs *inputs);
+
+/* Index of the time constant of the filter among the inputs; SIZE_MAX for none. */
+size_t filter_setting(const Inputs *inputs);
+
+/* Zeros, their deviations, and that in common, of the inputs. */
+static inline const double *zeros_given(const Inputs *inputs) {
+    return inputs->value + inputs->map->n_gauges + N_ALL_SCALARS;
+}
+
+/* One of the inputs and settings after the readings. */
+static inline double scalar_input(const Inputs *inputs, size_t scalar) {
+    return inputs->value[inputs->map->n_gauges + scalar];
+}
+
+/* An input of flow or navigation; NaN where it is not given: 0, which hosts fill in, or below, or NaN. */
+static inline double known_input(const Inputs *inputs, size_t scalar) {
+    const double value = scalar_input(inputs, scalar);
+    return value > 0.0 ? value : NAN;
+}
+
+/* How much further aft the moment point is than that of the map [m]. */
+static inline double moment_shift(const Inputs *inputs) {
+    return scalar_input(inputs, MOMENT_STATION) - inputs->map->moment_station;
+}
+
+/* The parameter of the flow that leaves its range; SIZE_MAX for none. */
+size_t parameter_beyond(const Inputs *inputs);
+
+/* Give inputs and settings their start values. */
+void inputs_reset(Inputs *inputs);
+
+/* Whether value may be given to input `index`; if not, text states what is allowed. Strains and pressures may have any
+   value: health reports those that make no sense. */
+int inputs_accept(const Inputs *inputs, size_t index, double value, char text[MODEL_TEXT_SIZE]);
+
+#endif

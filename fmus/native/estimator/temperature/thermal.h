@@ -1,0 +1,71 @@
+/* Temperature at run time: what the wall's temperature strains, taken off the readings as far as sensors tell.
+
+   The C counterpart of strainfmu/estimator/map/temperature.py, which has the formulas; it is part "thermal"
+   of resources/map.bin. */
+
+#ifndef THERMAL_H
+#define THERMAL_H
+
+#include "../map/container.h"
+
+/* Modes of n_gauges gauges; arrays point into the bytes of the file. */
+typedef struct {
+    size_t n_modes, n_sensors, n_powers;
+    double reference, largest_rise;            /* [K] */
+    double gauge_factor_slope, modulus_slope;  /* [1/K] */
+    const double *prior_std;                   /* (n_modes) [K] */
+    const double *sensor_std;                  /* (n_sensors) [K] */
+    const double *sensor_operator;             /* (n_sensors, n_modes) C */
+    const double *apparent_strain;             /* (n_powers) of rise^1 .. [1/K ..] */
+    const double *mode_strain;                 /* (n_gauges, n_modes) Phi [1/K] */
+    const double *gauge_operator;              /* (n_gauges, n_modes) B */
+    const double *isothermal;                  /* (n_gauges, n_gauges) covariance of the gauges without the modes */
+    const double *scaled;                      /* (n_gauges, n_gauges) that of the errors that scale */
+} ThermalMap;
+
+typedef struct {
+    int present; /* whether the map has modes; if not, nothing else is set */
+    int wide;
+    size_t n_gauges;
+    ThermalMap map;
+    void *memory;
+    unsigned char *known; /* (n_sensors) the sensors that the matrices are for */
+    int some;             /* whether there are any; if not, nothing is taken off */
+    double *gain;         /* (2 n_gauges, n_sensors) strain, then temperature of the gauges per rise, in panels */
+    double *own, *noise;  /* (n_gauges, n_gauges) covariances of the gauges, and with the errors that scale */
+    double *rise;         /* (n_sensors) of the sensors, 0 of those not known [K] */
+    double *of_gauge;     /* (2 n_gauges) strain and rise of the gauges by the sensors, */
+    double *factor;       /* (n_gauges) and from them what a reading is multiplied with, */
+    double *offset;       /* (n_gauges) and what is taken off then */
+    int outdated;         /* whether of_gauge, factor and offset are those of other readings */
+    double *information;  /* (n_modes, n_modes) of the amplitudes by prior and known sensors, amplitudes over prior_std; */
+    double *spread;       /* its inverse; */
+    double *amplitude;    /* (n_modes, n_sensors) and the amplitudes per rise [1]; these three for the filters */
+    double *scratch;
+} Thermal;
+
+/* Read the part, if there is one, and allocate. 1; 0 after a message. */
+int thermal_create(MapFile *file, size_t n_gauges, int wide, Thermal *thermal);
+void thermal_free(Thermal *thermal);
+
+/* Take the readings of the sensors [K]. Whether others are known than before: then thermal_renew comes next. */
+int thermal_read(Thermal *thermal, const double *temperature);
+
+/* Make gain and covariances for the known sensors. */
+void thermal_renew(Thermal *thermal);
+
+/* What the sensors tell, to a filter: amplitudes of the modes (n_modes) [K]; and which sensors those are (n_sensors), 0 or
+   1. */
+void thermal_tell(const Thermal *thermal, double *amplitude, double *known);
+
+/* row (n_modes) += part times the covariance with all of what they leave of a mode's amplitude [K2]. */
+void thermal_add_left(const Thermal *thermal, size_t mode, double part, double *row);
+
+/* Bring strains less zeros (n_gauges) to the reference temperature. */
+void thermal_correct(Thermal *thermal, double *strain);
+
+/* The same by amplitudes of the modes (n_modes) [K] and a filter's mean of their errors (n_modes), and add what gauges read
+   of the latter. */
+void thermal_correct_about(Thermal *thermal, const double *amplitude, const double *errors, double *strain);
+
+#endif

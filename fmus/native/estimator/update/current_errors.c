@@ -1,0 +1,443 @@
+#include "current_errors.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "../numerics/arrays.h"
+#include "../numerics/dense.h"
+#include "../numerics/triangles.h"
+#include "../sample/outputs.h"
+
+#define FIVE_VALUES 16 /* of a product: the 15 entries of a covariance row by row, and the trace; further variances follow */
+#define TRACE 15
+#define N_FACTORS (N_NODES * N_PAIRS)
+
+/* 2^(k/16) / 2 */
+static const double SIXTEENTH[17] = {0x1.0000000000000p-1, 0x1.0b5586cf9890fp-1, 0x1.172b83c7d517bp-1, 0x1.2387a6e756238p-1,
+                                     0x1.306fe0a31b715p-1, 0x1.3dea64c123422p-1, 0x1.4bfdad5362a27p-1, 0x1.5ab07dd485429p-1,
+                                     0x1.6a09e667f3bcdp-1, 0x1.7a11473eb0187p-1, 0x1.8ace5422aa0dbp-1, 0x1.9c49182a3f090p-1,
+                                     0x1.ae89f995ad3adp-1, 0x1.c199bdd85529cp-1, 0x1.d5818dcfba487p-1, 0x1.ea4afa2a490dap-1,
+                                     0x1.0000000000000p+0};
+
+/* v and e with value = v 2^e, 0.5 <= v < 1, for normal numbers; frexp without libm. */
+static double mantissa_of(double value, double *unit) {
+    uint64_t bits;
+    memcpy(&bits, &value, sizeof bits);
+    const uint64_t power = (bits & 0x7FF0000000000000u) + 0x0010000000000000u; /* of 2^e */
+    const uint64_t fraction = (bits & 0x000FFFFFFFFFFFFFu) | 0x3FE0000000000000u;
+    double mantissa;
+    memcpy(unit, &power, sizeof *unit);
+    memcpy(&mantissa, &fraction, sizeof mantissa);
+    return mantissa;
+}
+
+static void ends_of(double ratio, double *below, double *above) {
+    double unit;
+    const double mantissa = mantissa_of(ratio, &unit);
+    size_t k = 0;
+    while (mantissa >= SIXTEENTH[k + 1]) {
+        k++;
+    }
+    *below = unit * SIXTEENTH[k];
+    *above = unit * SIXTEENTH[k + 1];
+}
+
+static size_t n_values(const CurrentErrors *errors) {
+    return FIVE_VALUES + errors->n_further;
+}
+
+size_t current_errors_doubles(const Map *map, size_t n_further) {
+    const size_t n = map->n_gauges, whole = dense_rows(n), values = FIVE_VALUES + n_further;
+    const size_t interval = dense_rows(values) * dense_columns(N_FACTORS) + 3 * n;
+    const size_t common = 6 * map->form.n_terms;
+    const size_t tables = dense_rows(N_PAIRS) * dense_columns(n) + common * whole + dense_rows(common) * dense_columns(n)
+                        + whole * dense_columns(common);
+    const size_t scratch = (2 * (N_LOADS + n_further) + 3) * whole + values * N_FACTORS + 6 * (N_LOADS + n_further)
+                         + N_PAIRS * values + dense_rows(N_PAIRS);
+    const size_t step = dense_columns(N_FACTORS) + dense_rows(FIVE_VALUES) + 2 * n * whole + n * n + N_LOADS * n + whole
+                      + 2 * dense_rows(common);
+    return CACHED_INTERVALS * interval + tables + scratch + step;
+}
+
+void current_errors_arrays(Scaled *scaled, double **doubles) {
+    CurrentErrors *errors = &scaled->errors;
+    errors->n_further = scaled->further != NULL ? scaled->further->map.n_loads : 0;
+    const size_t n = scaled->map->n_gauges, whole = dense_rows(n), values = n_values(errors);
+    const size_t loads = N_LOADS + errors->n_further, common = 6 * scaled->map->form.n_terms;
+    errors->of_gauge = taken(doubles, dense_rows(N_PAIRS) * dense_columns(n));
+    errors->rows = taken(doubles, dense_rows(common) * dense_columns(n));
+    errors->columns = taken(doubles, whole * dense_columns(common));
+    errors->along = taken(doubles, dense_rows(common));
+    errors->sized = taken(doubles, dense_rows(common));
+    errors->common = taken(doubles, common * whole);
+    errors->weighted = taken(doubles, loads * whole);
+    errors->gain = taken(doubles, loads * whole);
+    errors->unresolved = taken(doubles, whole);
+    errors->precision = taken(doubles, whole);
+    errors->product = taken(doubles, whole);
+    errors->powers = taken(doubles, dense_columns(N_FACTORS));
+    errors->value = taken(doubles, dense_rows(FIVE_VALUES));
+    errors->error_of_y = taken(doubles, n * whole);
+    errors->weighted_error = taken(doubles, n * whole);
+    errors->own = taken(doubles, whole);
+    for (size_t k = 0; k < CACHED_INTERVALS; k++) {
+        errors->interval[k].factor = taken(doubles, dense_rows(values) * dense_columns(N_FACTORS));
+    }
+    for (size_t k = 0; k < CACHED_INTERVALS; k++) {
+        errors->interval[k].least_precision = taken(doubles, n);
+        errors->interval[k].margin = taken(doubles, n);
+        errors->interval[k].bound = taken(doubles, n);
+    }
+    errors->polynomial = taken(doubles, values * N_FACTORS);
+    errors->common_load = taken(doubles, 6 * loads);
+    errors->node = taken(doubles, N_PAIRS * values);
+    errors->sum = taken(doubles, dense_rows(N_PAIRS));
+    errors->square = taken(doubles, n * n);
+    errors->load_error = taken(doubles, N_LOADS * n);
+}
+
+void current_errors_prepare(Scaled *scaled) {
+    const size_t n = scaled->map->n_gauges, whole = dense_rows(n);
+    const ScaledForm *form = &scaled->map->form;
+    CurrentErrors *errors = &scaled->errors;
+    errors->next = 0;
+    for (size_t k = 0; k < CACHED_INTERVALS; k++) {
+        errors->interval[k].below = NAN;
+    }
+    if (!form->has_errors) {
+        return;
+    }
+    dense_panels(N_PAIRS, n, form->of_gauge, n, 1, errors->of_gauge);
+    dense_panels(6 * form->n_terms, n, form->common, n, 1, errors->rows);
+    dense_panels(n, 6 * form->n_terms, form->common, 1, n, errors->columns);
+    for (size_t t = 0; t < 6 * form->n_terms; t++) {
+        memcpy(errors->product, form->common + t * n, n * sizeof *errors->product);
+        dense_times(scaled->wide, n, n, scaled->rows, errors->product, errors->common + t * whole);
+    }
+}
+
+/* Loads of direction a by load k: the five, then further ones. */
+static double load_of(const Scaled *scaled, size_t a, size_t k) {
+    const size_t m = scaled->errors.n_further;
+    return k < N_LOADS ? scaled->map->form.load[N_LOADS * a + k] : scaled->further->load[a * m + k - N_LOADS];
+}
+
+/* P_ii of all gauges at a ratio, in errors->precision; u in errors->unresolved. */
+static void set_precision(Scaled *scaled, double ratio) {
+    const size_t n = scaled->map->n_gauges;
+    const ScaledForm *form = &scaled->map->form;
+    CurrentErrors *errors = &scaled->errors;
+    for (size_t a = 0; a < n; a++) {
+        const double size = ratio * form->singular[a];
+        errors->unresolved[a] = a < form->n_free ? 0.0 : 1.0 / (1.0 + size * size);
+    }
+    dense_times(scaled->wide, n, n, scaled->square, errors->unresolved, errors->precision);
+}
+
+/* Gains of all loads at the ratio of set_precision. */
+static void set_gains(Scaled *scaled, double ratio) {
+    const size_t n = scaled->map->n_gauges, whole = dense_rows(n);
+    const ScaledForm *form = &scaled->map->form;
+    CurrentErrors *errors = &scaled->errors;
+    for (size_t k = 0; k < N_LOADS + errors->n_further; k++) {
+        double *weighted = errors->weighted + k * whole;
+        for (size_t a = 0; a < n; a++) {
+            const double weight = ratio * (ratio * form->singular[a]) * errors->unresolved[a];
+            weighted[a] = (a < form->n_free ? 1.0 : weight) * load_of(scaled, a, k);
+        }
+        dense_times(scaled->wide, n, n, scaled->columns, weighted, errors->gain + k * whole);
+    }
+}
+
+/* Factors of value v by the gauges' own errors, which count with errors->product. */
+static void add_own(Scaled *scaled, size_t v) {
+    CurrentErrors *errors = &scaled->errors;
+    dense_times(scaled->wide, N_PAIRS, scaled->map->n_gauges, errors->of_gauge, errors->product, errors->sum);
+    for (size_t pair = 0; pair < N_PAIRS; pair++) {
+        errors->node[v * N_PAIRS + pair] += errors->sum[pair];
+    }
+}
+
+static void add_all_own(Scaled *scaled) {
+    const size_t n = scaled->map->n_gauges, whole = dense_rows(n);
+    CurrentErrors *errors = &scaled->errors;
+    size_t v = 0;
+    for (size_t i = 0; i < N_LOADS; i++) {
+        for (size_t j = i; j < N_LOADS; j++, v++) {
+            for (size_t g = 0; g < n; g++) {
+                errors->product[g] = errors->gain[i * whole + g] * errors->gain[j * whole + g];
+            }
+            add_own(scaled, v);
+        }
+    }
+    memcpy(errors->product, errors->precision, n * sizeof *errors->product);
+    add_own(scaled, TRACE);
+    for (size_t k = 0; k < errors->n_further; k++) {
+        const double *gain = errors->gain + (N_LOADS + k) * whole;
+        for (size_t g = 0; g < n; g++) {
+            errors->product[g] = gain[g] * gain[g];
+        }
+        add_own(scaled, FIVE_VALUES + k);
+    }
+}
+
+/* Factors of all values by an error in common, of which `shown` (6, whole) is V E. */
+static void add_common(Scaled *scaled, const double *shown) {
+    const size_t n = scaled->map->n_gauges, whole = dense_rows(n);
+    CurrentErrors *errors = &scaled->errors;
+    const size_t loads = N_LOADS + errors->n_further;
+    for (size_t a = 0; a < 6; a++) {
+        for (size_t k = 0; k < loads; k++) {
+            errors->common_load[a * loads + k] = dot(n, errors->weighted + k * whole, shown + a * whole);
+        }
+    }
+    size_t pair = 0;
+    for (size_t a = 0; a < 6; a++) {
+        for (size_t g = 0; g < n; g++) {
+            errors->product[g] = errors->unresolved[g] * shown[a * whole + g];
+        }
+        for (size_t b = a; b < 6; b++, pair++) {
+            const double twice = a == b ? 1.0 : 2.0;
+            const double *first = errors->common_load + a * loads, *second = errors->common_load + b * loads;
+            double *node = errors->node + pair;
+            for (size_t i = 0; i < N_LOADS; i++) {
+                for (size_t j = i; j < N_LOADS; j++, node += N_PAIRS) {
+                    *node += 0.5 * twice * (first[i] * second[j] + second[i] * first[j]);
+                }
+            }
+            *node += twice * dot(n, errors->product, shown + b * whole);
+            for (size_t k = N_LOADS; k < loads; k++) {
+                node += N_PAIRS;
+                *node += twice * (first[k] * second[k]);
+            }
+        }
+    }
+}
+
+/* Chebyshev's points of [-1, 1], and by point the coefficients of the polynomial that is 1 there and 0 at the others. */
+static void set_nodes(double node[N_NODES], double coefficient[N_NODES][N_NODES]) {
+    const double squares[3] = {(2.0 + sqrt(3.0)) / 4.0, 0.5, (2.0 - sqrt(3.0)) / 4.0};
+    for (size_t k = 0; k < N_NODES / 2; k++) {
+        node[k] = -sqrt(squares[k]);
+        node[N_NODES - 1 - k] = sqrt(squares[k]);
+    }
+    for (size_t j = 0; j < N_NODES; j++) {
+        double *c = coefficient[j];
+        size_t degree = 0;
+        memset(c, 0, N_NODES * sizeof *c);
+        c[0] = 1.0;
+        for (size_t k = 0; k < N_NODES; k++) {
+            if (k == j) {
+                continue;
+            }
+            degree++;
+            for (size_t power = degree + 1; power-- > 0;) {
+                c[power] = ((power > 0 ? c[power - 1] : 0.0) - node[k] * c[power]) / (node[j] - node[k]);
+            }
+        }
+    }
+}
+
+static void set_factors(Scaled *scaled, Interval *interval) {
+    CurrentErrors *errors = &scaled->errors;
+    const size_t values = n_values(errors);
+    const double middle = 0.5 * (interval->below + interval->above), half = 0.5 * (interval->above - interval->below);
+    double node[N_NODES], coefficient[N_NODES][N_NODES];
+    set_nodes(node, coefficient);
+    memset(errors->polynomial, 0, values * N_FACTORS * sizeof *errors->polynomial);
+    for (size_t j = 0; j < N_NODES; j++) {
+        const double ratio = middle + half * node[j];
+        memset(errors->node, 0, N_PAIRS * values * sizeof *errors->node);
+        set_precision(scaled, ratio);
+        set_gains(scaled, ratio);
+        add_all_own(scaled);
+        for (size_t term = 0; term < scaled->map->form.n_terms; term++) {
+            add_common(scaled, errors->common + 6 * term * dense_rows(scaled->map->n_gauges));
+        }
+        for (size_t v = 0; v < values; v++) {
+            for (size_t power = 0; power < N_NODES; power++) {
+                double *row = errors->polynomial + v * N_FACTORS + power * N_PAIRS;
+                for (size_t pair = 0; pair < N_PAIRS; pair++) {
+                    row[pair] += coefficient[j][power] * errors->node[v * N_PAIRS + pair];
+                }
+            }
+        }
+    }
+    dense_panels(values, N_FACTORS, errors->polynomial, N_FACTORS, 1, interval->factor);
+}
+
+int current_errors_set_bound(const Scaled *scaled, const Interval *interval, size_t n_lost, double *restrict bound) {
+    const size_t n = scaled->map->n_gauges, whole = dense_rows(n);
+    const double *restrict round_off = scaled->map->form.min_precision;
+    int known = 1;
+    for (size_t i = 0; i < n; i++) {
+        const double size = scaled->size[i], largest = interval->margin[i] * size;
+        double lost = 0.0;
+        for (size_t j = 0; j < n_lost; j++) {
+            lost += scaled->step.y[j * whole + i] * scaled->step.y[j * whole + i];
+        }
+        const double least = interval->least_precision[i] - lost;
+        const int checked = least > 2.0 * round_off[i], in_use = n_lost == 0 || scaled->step.masked->mask[i];
+        bound[i] = checked && in_use ? size * size / least : 0.0;
+        known &= checked || !in_use || largest * largest - lost < 0.5 * round_off[i];
+    }
+    return known;
+}
+
+/* P_ii falls with the ratio: its ends bound it. */
+static void set_bounds(Scaled *scaled, Interval *interval) {
+    CurrentErrors *errors = &scaled->errors;
+    set_precision(scaled, interval->above);
+    memcpy(interval->least_precision, errors->precision, scaled->map->n_gauges * sizeof *errors->precision);
+    set_precision(scaled, interval->below);
+    for (size_t i = 0; i < scaled->map->n_gauges; i++) {
+        interval->margin[i] = sqrt(errors->precision[i]) / scaled->size[i];
+    }
+    interval->bounded = current_errors_set_bound(scaled, interval, 0, interval->bound);
+}
+
+const Interval *current_interval(Scaled *scaled, double ratio) {
+    CurrentErrors *errors = &scaled->errors;
+    double below, above;
+    ends_of(ratio, &below, &above);
+    for (size_t k = 0; k < CACHED_INTERVALS; k++) {
+        if (errors->interval[k].below == below) {
+            return &errors->interval[k];
+        }
+    }
+    Interval *interval = &errors->interval[errors->next];
+    errors->next = (errors->next + 1) % CACHED_INTERVALS;
+    interval->below = below;
+    interval->above = above;
+    set_bounds(scaled, interval);
+    if (scaled->map->form.has_errors) {
+        set_factors(scaled, interval);
+    }
+    return interval;
+}
+
+void current_errors_set_powers(Scaled *scaled) {
+    CurrentErrors *errors = &scaled->errors;
+    const ScaledStep *step = &scaled->step;
+    const Interval *interval = step->interval;
+    const double middle = 0.5 * (interval->below + interval->above), half = 0.5 * (interval->above - interval->below);
+    const double t = (step->ratio - middle) / half;
+    double c[1 + N_LOADS] = {1.0}, scale[N_LOADS];
+    coefficient_scales(scaled->step.pressure, scaled->map->reference_area, scaled->map->reference_length, scale);
+    for (size_t i = 0; i < N_LOADS; i++) {
+        c[1 + i] = scale[i] * step->loads[i];
+    }
+    size_t pair = 0;
+    for (size_t a = 0; a < 6; a++) {
+        for (size_t b = a; b < 6; b++, pair++) {
+            errors->powers[pair] = c[a] * c[b] - scaled->map->form.mean_product[pair];
+        }
+    }
+    for (size_t k = N_PAIRS; k < N_FACTORS; k++) {
+        errors->powers[k] = t * errors->powers[k - N_PAIRS];
+    }
+}
+
+/* D y, with D_ii of the gauges' own errors in errors->own; both of `whole` elements. */
+static void error_of(Scaled *scaled, const double *y, double *out) {
+    const size_t n = scaled->map->n_gauges, n_terms = scaled->map->form.n_terms;
+    CurrentErrors *errors = &scaled->errors;
+    dense_times(scaled->wide, 6 * n_terms, n, errors->rows, y, errors->along);
+    memset(errors->sized, 0, dense_rows(6 * n_terms) * sizeof *errors->sized);
+    for (size_t first = 0; first < 6 * n_terms; first += 6) {
+        for (size_t a = 0, pair = 0; a < 6; a++) {
+            for (size_t b = a; b < 6; b++, pair++) {
+                errors->sized[first + a] += errors->powers[pair] * errors->along[first + b];
+                errors->sized[first + b] += a == b ? 0.0 : errors->powers[pair] * errors->along[first + a];
+            }
+        }
+    }
+    dense_times(scaled->wide, n, 6 * n_terms, errors->columns, errors->sized, out);
+    for (size_t g = 0; g < n; g++) {
+        out[g] += errors->own[g] * y[g];
+    }
+}
+
+void current_errors_take_lost(Scaled *scaled) {
+    const size_t n = scaled->map->n_gauges, whole = dense_rows(n), n_lost = scaled->step.n_lost;
+    const ScaledForm *form = &scaled->map->form;
+    const ScaledStep *step = &scaled->step;
+    CurrentErrors *errors = &scaled->errors;
+    double loads[ROWS];
+    memset(errors->own, 0, n * sizeof *errors->own);
+    for (size_t pair = 0; pair < N_PAIRS; pair++) {
+        for (size_t g = 0; g < n; g++) {
+            errors->own[g] += errors->powers[pair] * form->of_gauge[pair * n + g];
+        }
+    }
+    for (size_t k = 0; k < n_lost; k++) {
+        double *error = errors->error_of_y + k * whole, *weighted = errors->weighted_error + k * whole;
+        error_of(scaled, step->y + k * whole, error);
+        dense_times(scaled->wide, n, n, scaled->rows, error, weighted);
+        for (size_t a = 0; a < n; a++) {
+            weighted[a] *= step->weight[a];
+        }
+        dense_times(scaled->wide, N_LOADS, n, scaled->loads, weighted, loads);
+        for (size_t i = 0; i < N_LOADS; i++) {
+            errors->load_error[i * n_lost + k] = loads[i];
+        }
+        for (size_t j = 0; j <= k; j++) {
+            errors->square[k * n_lost + j] = errors->square[j * n_lost + k] =
+                dot(n, step->y + j * whole, error);
+        }
+    }
+}
+
+/* The part of value (first, second) of G D G' by lost gauges: B Y' D Y B' - B Y' D G' - G D Y B'. */
+static double of_lost(const Scaled *scaled, const double *first, const double *first_error, const double *second,
+                      const double *second_error) {
+    const size_t n_lost = scaled->step.n_lost;
+    const double *square = scaled->errors.square;
+    double sum = -(dot(n_lost, first, second_error) + dot(n_lost, first_error, second));
+    for (size_t k = 0; k < n_lost; k++) {
+        sum += first[k] * dot(n_lost, square + k * n_lost, second);
+    }
+    return sum;
+}
+
+double current_errors_add(Scaled *scaled, double *covariance) {
+    const size_t n_lost = scaled->step.n_lost;
+    const double *growth = scaled->step.growth, square_of_ratio = scaled->step.ratio * scaled->step.ratio;
+    CurrentErrors *errors = &scaled->errors;
+    const Interval *interval = scaled->step.interval;
+    size_t v = 0;
+    dense_times(scaled->wide, FIVE_VALUES, N_FACTORS, interval->factor, errors->powers, errors->value);
+    double trace = errors->value[TRACE];
+    for (size_t k = 0; k < n_lost; k++) {
+        trace -= errors->square[k * n_lost + k];
+    }
+    for (size_t i = 0; i < N_LOADS; i++) {
+        for (size_t j = i; j < N_LOADS; j++, v++) {
+            const double lost = n_lost == 0 ? 0.0
+                                            : of_lost(scaled, growth + i * n_lost, errors->load_error + i * n_lost,
+                                                      growth + j * n_lost, errors->load_error + j * n_lost);
+            const double added = square_of_ratio * (errors->value[v] + lost);
+            covariance[i * N_LOADS + j] += added;
+            covariance[j * N_LOADS + i] += i == j ? 0.0 : added;
+        }
+    }
+    return trace;
+}
+
+double current_errors_of_further(const Scaled *scaled, size_t j, const double *growth) {
+    const size_t n = scaled->map->n_gauges, whole = dense_rows(n), n_lost = scaled->step.n_lost, row = FIVE_VALUES + j;
+    const CurrentErrors *errors = &scaled->errors;
+    const double *panel = scaled->step.interval->factor + row / ROWS * ROWS * dense_columns(N_FACTORS) + row % ROWS;
+    double sum = 0.0;
+    for (size_t k = 0; k < N_FACTORS; k++) {
+        sum += panel[k * ROWS] * errors->powers[k];
+    }
+    for (size_t k = 0; k < n_lost; k++) {
+        double along = 0.0;
+        for (size_t a = 0; a < n; a++) {
+            along += scaled->further->load[a * errors->n_further + j] * errors->weighted_error[k * whole + a];
+        }
+        sum += growth[k] * (dot(n_lost, errors->square + k * n_lost, growth) - 2.0 * along);
+    }
+    return sum;
+}

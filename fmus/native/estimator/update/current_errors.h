@@ -1,0 +1,40 @@
+/* Errors in proportion to strain, at the current one (eq:proportional): what they add to the covariance of the loads and to
+   the expected chi-square, G D G' and the trace of P D.
+
+   D is linear in 21 products of coefficients. With all gauges the factors of these products are smooth functions of the
+   pressure ratio: in an interval of ratios, a factor 2^(1/16) wide, polynomials through N_NODES exact values hold them to
+   1e-10 of a variance. An interval is filled in the step that first enters it, and kept. Lost gauges are taken out exactly in
+   each step, with P = P_all - Y Y' and G = G_all - B Y'. */
+
+#ifndef CURRENT_ERRORS_H
+#define CURRENT_ERRORS_H
+
+#include "scaled_state.h"
+
+/* Number of doubles that the arrays take with so many further loads, and handing them out. */
+size_t current_errors_doubles(const Map *map, size_t n_further);
+void current_errors_arrays(Scaled *scaled, double **doubles);
+
+/* Fill in the tables of a map, and forget all intervals. */
+void current_errors_prepare(Scaled *scaled);
+
+/* The interval of a ratio > 0, from those that are kept if it is there. */
+const Interval *current_interval(Scaled *scaled, double ratio);
+
+/* Upper bounds of |V_i|^2 / P_ii of gauges that others check, 0 of others, whose z is 0: the ends of the interval bound
+   P_ii of all gauges, from which the lost ones take their part. 0 where these leave it open whether others check a gauge. */
+int current_errors_set_bound(const Scaled *scaled, const Interval *interval, size_t n_lost, double *bound);
+
+/* step->powers: products of the coefficients of the loads less their mean, times powers of the ratio in its interval. */
+void current_errors_set_powers(Scaled *scaled);
+
+/* Y of the lost gauges, D Y and what this is in loads; needs the R of predict_lost and the products. */
+void current_errors_take_lost(Scaled *scaled);
+
+/* Add to the covariance (5, 5) of the loads; the trace of P D, both at a ratio of 1. */
+double current_errors_add(Scaled *scaled, double *covariance);
+
+/* What they add to the variance of further load j; growth (n_lost) is its row of B. */
+double current_errors_of_further(const Scaled *scaled, size_t j, const double *growth);
+
+#endif

@@ -1,0 +1,29 @@
+/* The step of a map in form "dynamic_pressure": weights follow the dynamic pressure, errors the current strain.
+
+   eq:scaled-model, eq:scaled-loads and eq:scaled-chi-square of the page on the theory; strainfmu/estimator/reference. */
+
+#ifndef SCALED_FORM_H
+#define SCALED_FORM_H
+
+#include "scaled_state.h"
+
+/* Number of doubles, with so many further loads, and of indices that the arrays take, and handing them out. map, further
+   and wide are set. */
+size_t scaled_doubles(const Map *map, size_t n_further);
+size_t scaled_indices(const Map *map);
+void scaled_arrays(Scaled *scaled, double **doubles, size_t **indices);
+
+/* Fill in the tables: once, and again where the matrices of the map are others. */
+void scaled_prepare(Scaled *scaled);
+
+/* Condition the loads on the strains (n_gauges) of the gauges in use, which identify the state, at a dynamic pressure [Pa]:
+   scaled->step. */
+void scaled_condition(Scaled *scaled, const MaskedMap *masked, double pressure, const double *strain);
+
+/* z (n_gauges) of the last step; 0 where no other gauge in use checks it, and left as it is of gauges not in use. */
+void scaled_standardised_residuals(Scaled *scaled, double *z);
+
+/* Of the last step: load j beside the five, its variance and derivative by q_inf. */
+void scaled_further_load(const Scaled *scaled, size_t j, double *value, double *variance, double *per_pressure);
+
+#endif

@@ -1,0 +1,97 @@
+/* What an estimator of a map in form "dynamic_pressure" holds: tables made once, intervals of the pressure ratio, and
+   the numbers of the last step.
+
+   Directions are those of pressure_directions.c; there are as many as gauges. */
+
+#ifndef SCALED_STATE_H
+#define SCALED_STATE_H
+
+#include "further_loads.h"
+#include "masked_map.h"
+
+#define N_VALUES 16 /* the 15 entries of a covariance row by row, and a zero */
+
+/* Intervals of the pressure ratio that are kept: a factor 2 of dynamic pressure; and the points in each. */
+#define CACHED_INTERVALS 16
+#define N_NODES 6
+
+/* Numbers of one interval of the pressure ratio, with all gauges. They depend on nothing else, so that keeping them changes
+   no result. */
+typedef struct {
+    double below, above;     /* its ends; NaN before it is known */
+    double *factor;          /* of errors in proportion to strain: current_errors.c, (16 and further loads, 21 by node) in
+                                panels of dense.h */
+    double *least_precision; /* (n_gauges) P_ii at the upper end, where it is least */
+    double *margin;          /* (n_gauges) the largest sqrt(P_ii), over |V_i| */
+    double *bound;           /* (n_gauges) upper bounds of |V_i|^2 / P_ii, 0 where no other gauge checks one; */
+    int bounded;             /* 0 if that is open for some */
+} Interval;
+
+/* Errors in proportion to strain: current_errors.h. */
+typedef struct {
+    size_t n_further;         /* further loads */
+    Interval interval[CACHED_INTERVALS];
+    size_t next;              /* the one to give way */
+    double *of_gauge;         /* (21, n) of the map, in panels */
+    double *common;           /* (n_terms, 6, whole) V E */
+    double *rows, *columns;   /* (6 n_terms, n) E and its transpose, in panels */
+    /* Of the step. */
+    double *powers;           /* (6, 21) c_a c_b less its mean, times powers of the ratio in its interval */
+    double *value;            /* (16) G D G' and the trace of P D, with all gauges */
+    double *own;              /* (n) D_ii of the gauges' own errors */
+    double *error_of_y;       /* (n_lost, whole) D Y */
+    double *weighted_error;   /* (n_lost, whole) V D Y by direction, times its weight, */
+    double *load_error;       /* (5, n_lost) its loads, G D Y */
+    double *square;           /* (n_lost, n_lost) Y' D Y */
+    double *along, *sized;    /* (6 n_terms) scratch of D Y */
+    /* Scratch of an interval. */
+    double *weighted, *gain;  /* (5 and further loads, whole) by direction; G */
+    double *unresolved, *precision, *product; /* (whole) u, P_ii, and products of them */
+    double *common_load;      /* (6, 5 and further loads) */
+    double *node;             /* (16 and further loads, 21) at a point */
+    double *polynomial;       /* (16 and further loads, 126) */
+    double *sum;              /* (24) */
+} CurrentErrors;
+
+/* Numbers of the last step. w etc. hold one entry per direction. */
+typedef struct {
+    const MaskedMap *masked;           /* for the gauges in use */
+    double pressure, ratio;            /* q_inf [Pa], s */
+    double *unresolved;                /* u */
+    double *weight;                    /* of the loads that w stands for */
+    double *spread;                    /* of the squares of the loads of a direction, in their covariance */
+    double *w, *of_mean;               /* V r and V (m - d_0), those of lost gauges predicted from the others */
+    double *x;                         /* u w */
+    double *scratch[2];                /* (dense_rows(n_gauges)) */
+    double *bound;                     /* (narrow_rows(n_gauges)) as Interval has them, with lost gauges */
+    float *narrow, *narrow_z;          /* (narrow_rows(n_gauges)) */
+    size_t n_lost;
+    size_t *lost;                      /* (n_lost) */
+    double *matrix;                    /* (n_gauges, n_lost + 2) by columns: D V_R, D w, D V (m - d_0) after QR */
+    double *head;                      /* (2 n_gauges) of householder_columns */
+    double *y;                         /* (n_lost, dense_rows(n_gauges)) Y, P = P_all - Y Y' */
+    double *growth;                    /* (5, n_lost) B, then X: what the lost gauges add to the covariance is X X' */
+    double chi_square, expected_ratio; /* [1] */
+    double loads[N_LOADS], per_pressure[N_LOADS], covariance[N_LOADS * N_LOADS]; /* about the map's moment point */
+    const Interval *interval;          /* that the ratio is in */
+} ScaledStep;
+
+typedef struct {
+    const Map *map;
+    const Further *further; /* of a map with loads beside the five; NULL for others */
+    int wide;          /* panels_wide() */
+    double *rows;      /* V in panels: w = V r */
+    double *columns;   /* V' in panels */
+    double *square;    /* the squares of V' in panels: P_ii = sum of u V_ai^2 */
+    double *squares;   /* (16, n) products of the loads of each direction, in panels */
+    double *loads;     /* (8, n) loads of each direction, in panels */
+    float *screen;     /* V' with columns of length 1, in panels of float */
+    double *size;      /* (n) |V_i| */
+    double *mean;      /* (dense_rows(n)) V (m - d_0) of all gauges */
+    double *own_mean;  /* (dense_rows(n)) scratch: m - d_0, 0 for lost gauges */
+    double *residual;  /* (dense_rows(n)) */
+    CurrentErrors errors;
+    ScaledStep step;
+} Scaled;
+
+#endif
