@@ -7,7 +7,7 @@
 
 #include "filter/linear_filter_step.h"
 #include "linear/linear.h"
-#include "linear/linear_further.h"
+#include "linear/linear_other_loads.h"
 #include "numerics/arrays.h"
 #include "numerics/panels.h"
 #include "policies/flight.h"
@@ -25,13 +25,13 @@ static void connect(Estimator *e) {
     e->linear.map = &e->map;
     e->linear.inputs = &e->inputs;
     e->linear.output = e->output;
-    e->linear.further = &e->further;
+    e->linear.other_loads = &e->other_loads;
     e->linear.wide = panels_wide();
     e->flight.inputs = &e->inputs;
     e->flight.output = e->output;
     e->flight.linear = &e->linear;
     e->flight.thermal = &e->thermal;
-    e->flight.loads = &e->further;
+    e->flight.loads = &e->other_loads;
 }
 
 /* One block for all arrays: doubles, then indices, floats and bytes. */
@@ -65,9 +65,9 @@ static int allocate(Estimator *e) {
 /* Whether the parts of a map go together: section loads scale with q_inf, tables of loads are those of the map's section
    loads, and filter and tables of parameters are about other tables. */
 static int check_parts(MapFile *file, int scaled) {
-    const int flight = map_has(file, "flight"), further = map_has(file, "further");
-    const int has_form = scaled || !further;
-    const int of_loads = map_has(file, "flight_loads") == (flight && further);
+    const int flight = map_has(file, "flight"), other_loads = map_has(file, "further");
+    const int has_form = scaled || !other_loads;
+    const int of_loads = map_has(file, "flight_loads") == (flight && other_loads);
     const int of_tables = flight || !(map_has(file, "filter") || map_has(file, "parameter_tables"));
     const int of_linear = !map_has(file, "linear_filter") || !flight;
     if (file->good && !(has_form && of_loads && of_tables && of_linear)) {
@@ -92,7 +92,7 @@ static int create(Estimator *e, MapFile *file) {
     if (!map_parse(file, &e->map) || !check_parts(file, map->scaled)
         || !thermal_create(file, map->n_gauges, wide, &e->thermal) || !flow_parameters_parse(file, &e->parameters)
         || !sensor_rows_parse(file, map->n_gauges, &e->sensors)
-        || !further_create(file, map->n_gauges, map->n_states, &e->further)) {
+        || !other_loads_create(file, map->n_gauges, map->n_states, &e->other_loads)) {
         return 0;
     }
     e->inputs.n_temperatures = e->thermal.present ? e->thermal.map.n_sensors : 0;
@@ -135,7 +135,7 @@ void estimator_free(Estimator *e) {
         flight_free(&e->flight);
         linear_filter_free(&e->linear_filter);
         thermal_free(&e->thermal);
-        further_free(&e->further);
+        other_loads_free(&e->other_loads);
         tare_free(&e->tare);
         free(e->memory);
         free(e->bytes);
@@ -269,16 +269,16 @@ const double *estimator_outputs(Estimator *e) {
             }
         }
         e->outdated = 0;
-        e->further.outdated = 1;
+        e->other_loads.outdated = 1;
     }
     return e->output;
 }
 
-void estimator_further(Estimator *e) {
-    e->further.outdated = 0;
+void estimator_other_loads(Estimator *e) {
+    e->other_loads.outdated = 0;
     if (e->flight.present && !e->flight.flag[LINEAR_LOADS]) {
-        flight_further_update(&e->flight);
+        flight_other_loads_update(&e->flight);
     } else {
-        linear_further_update(&e->linear);
+        linear_other_loads_update(&e->linear);
     }
 }

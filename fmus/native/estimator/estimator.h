@@ -22,7 +22,7 @@ typedef struct {
     void *memory;         /* of all arrays that no part has of its own */
     SensorRows sensors;
     FlowParameters parameters;
-    Further further;      /* loads beside the five, of a map that has some */
+    OtherLoads other_loads;      /* loads beside the five, of a map that has some */
     Thermal thermal;      /* of a map with temperature modes */
     Tare tare;
     Inputs inputs;
@@ -69,12 +69,12 @@ void estimator_take_readings(Estimator *estimator);
 /* The N_OUTPUTS outputs for the present inputs; of maps with tables also those in estimator->flight. */
 const double *estimator_outputs(Estimator *estimator);
 
-/* The loads beside the five, estimator->further.value, for the last outputs. */
-void estimator_further(Estimator *estimator);
+/* The loads beside the five, estimator->other_loads.value, for the last outputs. */
+void estimator_other_loads(Estimator *estimator);
 
 /* Number of derivatives: N_OUTPUTS, air data, all loads beside the five. */
 static inline size_t estimator_derivatives(const Estimator *e) {
-    return N_OUTPUTS + N_FLIGHT_REALS + N_FURTHER * e->further.map.n_loads;
+    return N_OUTPUTS + N_FLIGHT_REALS + N_OTHER_VALUES * e->other_loads.map.n_loads;
 }
 
 #endif

@@ -96,9 +96,9 @@ static int settle(Estimator *e, const Track *from) {
 static void copy_outputs(Estimator *e, double *value) {
     memcpy(value, e->output, sizeof e->output);
     memcpy(value + N_OUTPUTS, e->flight.real, sizeof e->flight.real);
-    if (e->further.present) {
-        estimator_further(e);
-        memcpy(value + N_OUTPUTS + N_FLIGHT_REALS, e->further.value[0], N_FURTHER * e->further.map.n_loads * sizeof *value);
+    if (e->other_loads.present) {
+        estimator_other_loads(e);
+        memcpy(value + N_OUTPUTS + N_FLIGHT_REALS, e->other_loads.value[0], N_OTHER_VALUES * e->other_loads.map.n_loads * sizeof *value);
     }
 }
 

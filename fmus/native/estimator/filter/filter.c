@@ -33,7 +33,7 @@ static size_t sample_doubles(const Filter *filter) {
     const size_t rows = filter->rows, order = filter->order, few = N_STATES + 1;
     return filter->n_considered + rows * (4 * order + 6 * rows + few + 2 * N_COLUMNS + filter->row_whitened + 2)
          + order * (few + N_STATES + 5 * order) + rows * (order - N_STATES) + (filter->n + few) * rows
-         + larger(rows, order) * order + filter->n * WIDE_COLUMNS + filter->map.n_further * rows + 2 * order;
+         + larger(rows, order) * order + filter->n * WIDE_COLUMNS + filter->map.n_other * rows + 2 * order;
 }
 
 size_t filter_doubles(Filter *filter, FlightSolver *solver, const Thermal *thermal, size_t n_strains) {
@@ -107,8 +107,8 @@ void filter_arrays(Filter *filter, double **doubles) {
     filter->kept = taken(doubles, order * order);
     filter->joseph = taken(doubles, 3 * order * order);
     filter->strip = taken(doubles, filter->n * WIDE_COLUMNS);
-    filter->further_turned = taken(doubles, filter->map.n_further * rows);
-    filter->further_by_state = taken(doubles, 2 * order);
+    filter->other_turned = taken(doubles, filter->map.n_other * rows);
+    filter->other_by_state = taken(doubles, 2 * order);
     widen(filter, filter->map.noise, filter->noise);
     widen(filter, filter->map.rest_strain, filter->rest);
     filter_known_arrays(filter, doubles);

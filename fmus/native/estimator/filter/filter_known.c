@@ -15,7 +15,7 @@
 #define FAINT 1e-12 /* variance of an amplitude, over that without what is known, below which it is known */
 
 size_t filter_known_doubles(const Filter *filter) {
-    const size_t n = filter->gauges, r = filter->map.n_seen, m = filter->map.n_further, loads = N_LOADS;
+    const size_t n = filter->gauges, r = filter->map.n_seen, m = filter->map.n_other, loads = N_LOADS;
     const size_t errors = r * (n + loads + m) + filter->rows * filter->rows + loads * (n + loads) + m * (n + 1);
     return filter->n_parameters == 0 ? 0 : errors + m * r + 2 * r * n + r * r + in_lanes(filter->n_parameters);
 }
@@ -41,10 +41,10 @@ static void set_along(Filter *filter) {
 }
 
 void filter_known_arrays(Filter *filter, double **doubles) {
-    const size_t n = filter->gauges, r = filter->map.n_seen, m = filter->map.n_further, loads = N_LOADS;
+    const size_t n = filter->gauges, r = filter->map.n_seen, m = filter->map.n_other, loads = N_LOADS;
     const FilterMap *map = &filter->map;
     filter->of_map = (SeenErrors){map->seen_strain,  map->seen_load,     filter->rest,         map->rest_load,
-                                  map->rest_cross,   map->further_load,  map->further_cross,   map->further_variance};
+                                  map->rest_cross,   map->other_load,  map->other_cross,   map->other_variance};
     filter->errors = filter->of_map;
     if (filter->n_parameters == 0) {
         return;
@@ -54,10 +54,10 @@ void filter_known_arrays(Filter *filter, double **doubles) {
     filter->left.rest = taken(doubles, filter->rows * filter->rows);
     filter->left.rest_load = taken(doubles, loads * loads);
     filter->left.rest_cross = taken(doubles, loads * n);
-    filter->left.further_load = taken(doubles, m * r);
-    filter->left.further_cross = taken(doubles, m * n);
-    filter->left.further_variance = taken(doubles, m);
-    filter->further_by_seen = taken(doubles, m * r);
+    filter->left.other_load = taken(doubles, m * r);
+    filter->left.other_cross = taken(doubles, m * n);
+    filter->left.other_variance = taken(doubles, m);
+    filter->other_by_seen = taken(doubles, m * r);
     filter->along = taken(doubles, r * n);
     filter->amplitude = taken(doubles, r * n);
     filter->amplitude_root = taken(doubles, r * r);
@@ -127,7 +127,7 @@ static void set_loads(const Filter *filter, size_t count, const double *with_str
 }
 
 static void set_left(Filter *filter, const Errors *errors) {
-    const size_t n = filter->solver->n_gauges, gauges = filter->gauges, rows = filter->rows, m = filter->map.n_further;
+    const size_t n = filter->solver->n_gauges, gauges = filter->gauges, rows = filter->rows, m = filter->map.n_other;
     const size_t r = filter->map.n_seen;
     const int wide = filter->solver->wide;
     LeftErrors *left = &filter->left;
@@ -150,13 +150,13 @@ static void set_left(Filter *filter, const Errors *errors) {
             left->rest_load[i] -= left->load[k * N_LOADS + i / N_LOADS] * left->load[k * N_LOADS + i % N_LOADS];
         }
     }
-    set_loads(filter, m, errors->further_strain_covariance, filter->further_by_seen, left->further_cross);
+    set_loads(filter, m, errors->other_strain_covariance, filter->other_by_seen, left->other_cross);
     for (size_t j = 0; j < m; j++) {
-        left->further_variance[j] = errors->further_variance[j];
+        left->other_variance[j] = errors->other_variance[j];
         for (size_t k = 0; k < r; k++) {
-            const double load = filter->further_by_seen[k * m + j];
-            left->further_load[j * r + k] = load;
-            left->further_variance[j] -= load * load;
+            const double load = filter->other_by_seen[k * m + j];
+            left->other_load[j * r + k] = load;
+            left->other_variance[j] -= load * load;
         }
     }
 }
@@ -174,7 +174,7 @@ void filter_follow_known(Filter *filter, const Known *known) {
     filter->errors = filter->of_map;
     if (known->in_use) {
         filter->errors = (SeenErrors){left->strain,     left->load,         left->rest,          left->rest_load,
-                                      left->rest_cross, left->further_load, left->further_cross, left->further_variance};
+                                      left->rest_cross, left->other_load, left->other_cross, left->other_variance};
     }
     for (size_t p = 0; p < filter->n_parameters; p++) {
         filter->stated[p] = known->in_use && !isnan(known->std[p]) ? known->std[p] : 0.0;

@@ -30,11 +30,11 @@ typedef struct {
 
 /* Errors of pressure: arrays as in FilterMap, but for rest (rows, rows) of rest_strain. And such as follow what is known. */
 typedef struct {
-    const double *strain, *load, *rest, *rest_load, *rest_cross, *further_load, *further_cross, *further_variance;
+    const double *strain, *load, *rest, *rest_load, *rest_cross, *other_load, *other_cross, *other_variance;
 } SeenErrors;
 
 typedef struct {
-    double *strain, *load, *rest, *rest_load, *rest_cross, *further_load, *further_cross, *further_variance;
+    double *strain, *load, *rest, *rest_load, *rest_cross, *other_load, *other_cross, *other_variance;
 } LeftErrors;
 
 /* A step of a stationary process: of the flight state and its rates by pairs, of the others a factor. */
@@ -82,7 +82,7 @@ typedef struct {
     double round, *stated;
     double *along, *amplitude;      /* (n_seen, gauges) amplitudes per strain, and scratch, */
     double *amplitude_root;         /* (n_seen, n_seen), */
-    double *further_by_seen;        /* (n_seen, n_further) of filter_known.c */
+    double *other_by_seen;        /* (n_seen, n_other) of filter_known.c */
     /* Scratch: a sample. The flight state is x = mean + L xi, of a standard normal xi. Given it, what else is read has a
        covariance that no iteration changes; other states have what x does not tell of them. */
     double given[N_NAVIGATION]; /* precision of navigation, before any of it is left out */
@@ -116,8 +116,8 @@ typedef struct {
     double *kept;        /* (order, order) K H, */
     double *joseph;      /* (3, order, order), */
     double *strip;       /* (n, WIDE_COLUMNS), */
-    double *further_turned;   /* (n_further, rows), */
-    double *further_by_state; /* (2, order) of filter_further.c */
+    double *other_turned;   /* (n_other, rows), */
+    double *other_by_state; /* (2, order) of filter_other_loads.c */
 } Filter;
 
 /* What row m of navigation reads of its lasting error, the only one that reads it. */

@@ -145,12 +145,12 @@ static int get_reals(Model *model, const Selection *which, double *value, char t
             value[k] = e->inputs.value[input];
         } else if (is_real_output(variable)) {
             value[k] = estimator_outputs(e)[variable];
-        } else if (further_real(e, variable) != NULL) {
+        } else if (other_real(e, variable) != NULL) {
             estimator_outputs(e);
-            if (e->further.outdated) {
-                estimator_further(e);
+            if (e->other_loads.outdated) {
+                estimator_other_loads(e);
             }
-            value[k] = *further_real(e, variable);
+            value[k] = *other_real(e, variable);
         } else if (zero_in_use(e, variable) != SIZE_MAX) {
             value[k] = zeros_in_use(e)[zero_in_use(e, variable)];
         } else if (parameter_output(e, variable) != SIZE_MAX) {
@@ -277,18 +277,18 @@ static size_t input_index(const Model *model, size_t variable) {
     return none ? SIZE_MAX : input;
 }
 
-/* Place of a variable among the further loads; SIZE_MAX for any other. */
-static size_t further_place(const Estimator *e, size_t variable) {
-    const double *further = further_real(e, variable);
-    return further == NULL ? SIZE_MAX : (size_t)(further - e->further.value[0]);
+/* Place of a variable among the other loads; SIZE_MAX for any other. */
+static size_t other_place(const Estimator *e, size_t variable) {
+    const double *other_loads = other_real(e, variable);
+    return other_loads == NULL ? SIZE_MAX : (size_t)(other_loads - e->other_loads.value[0]);
 }
 
 static size_t output_index(const Model *model, size_t variable) {
     const Estimator *e = estimator_of(model);
-    const size_t air_data = flight_real(e, variable), place = further_place(e, variable);
-    const size_t kind = place == SIZE_MAX ? N_FURTHER : place / e->further.map.n_loads;
+    const size_t air_data = flight_real(e, variable), place = other_place(e, variable);
+    const size_t kind = place == SIZE_MAX ? N_OTHER_VALUES : place / e->other_loads.map.n_loads;
     return variable < COEFFICIENTS_STD || (variable >= LOADS && variable < LOADS_STD) ? variable
-         : kind == FURTHER_LOADS || kind == FURTHER_COEFFICIENTS                     ? N_OUTPUTS + N_FLIGHT_REALS + place
+         : kind == OTHER_LOADS || kind == OTHER_COEFFICIENTS                     ? N_OUTPUTS + N_FLIGHT_REALS + place
          : air_data < N_AIR_DATA                                                     ? N_OUTPUTS + air_data
                                                                                      : SIZE_MAX;
 }

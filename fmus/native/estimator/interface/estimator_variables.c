@@ -1,6 +1,6 @@
 #include "estimator_variables.h"
 
-#define LINEAR_REFERENCES 24u /* arrays of FMI 3.0 of a map without tables and further sensors; time follows them */
+#define LINEAR_REFERENCES 24u /* arrays of FMI 3.0 of a map without tables and other sensors; time follows them */
 #define FLIGHT_REFERENCES (N_FLIGHT_INPUTS + N_FLIGHT_REALS + N_FLIGHT_FLAGS)
 #define ZERO_REFERENCES 3u   /* zero, zero_std, zero_common_std */
 #define OF_BODY 4u           /* M_R, its deviation, rolling moment, its deviation */
@@ -25,19 +25,19 @@ static unsigned thrust_reference(const Estimator *e) {
     return zero_reference(e) + ZERO_REFERENCES + (unsigned)has_temperatures(e);
 }
 
-/* Value reference of FMI 3.0 of the first of the further loads. */
-static unsigned further_reference(const Estimator *e) {
+/* Value reference of FMI 3.0 of the first of the other loads. */
+static unsigned other_reference(const Estimator *e) {
     return thrust_reference(e) + (unsigned)e->sensors.has_thrust + (unsigned)(filter_setting(&e->inputs) != SIZE_MAX);
 }
 
 static size_t n_sections(const Estimator *e) {
-    return (e->further.map.n_loads - 1) / SECTION_LOADS;
+    return (e->other_loads.map.n_loads - 1) / SECTION_LOADS;
 }
 
 /* Value reference of FMI 3.0 of the input of the tare. */
 static unsigned tare_reference(const Estimator *e) {
-    const unsigned sections = e->further.present && n_sections(e) > 0 ? 2 * SECTION_LOADS : 0;
-    return further_reference(e) + (e->further.present ? OF_BODY + sections : 0);
+    const unsigned sections = e->other_loads.present && n_sections(e) > 0 ? 2 * SECTION_LOADS : 0;
+    return other_reference(e) + (e->other_loads.present ? OF_BODY + sections : 0);
 }
 
 /* Value reference of FMI 3.0 of the first parameter of the flow; their scores, then their deviations follow. */
@@ -49,13 +49,13 @@ unsigned time_reference(const Estimator *e) {
     return parameter_reference(e) + (e->flight.known.present ? 3 : 2) * (unsigned)e->parameters.count;
 }
 
-/* Number of the first of the further loads. */
-static size_t first_further(const Estimator *e) {
+/* Number of the first of the other loads. */
+static size_t first_other(const Estimator *e) {
     return first_zero(e) + first_parameter(&e->inputs) - (e->map.n_gauges + N_ALL_SCALARS);
 }
 
 size_t tare_variable(const Estimator *e) {
-    return first_further(e) + (e->further.present ? OF_BODY + 2 * (e->further.map.n_loads - 1) : 0);
+    return first_other(e) + (e->other_loads.present ? OF_BODY + 2 * (e->other_loads.map.n_loads - 1) : 0);
 }
 
 size_t zero_in_use(const Estimator *e, size_t variable) {
@@ -73,18 +73,18 @@ size_t parameter_output(const Estimator *e, size_t variable) {
     return which < e->parameters.count ? which : SIZE_MAX;
 }
 
-const double *further_real(const Estimator *e, size_t variable) {
-    static const unsigned char BODY[OF_BODY] = {FURTHER_COEFFICIENTS, FURTHER_COEFFICIENTS_STD, FURTHER_LOADS,
-                                                FURTHER_LOADS_STD};
-    const size_t number = variable - first_further(e), count = e->further.map.n_loads - 1, section = number - OF_BODY;
-    if (!e->further.present) {
+const double *other_real(const Estimator *e, size_t variable) {
+    static const unsigned char BODY[OF_BODY] = {OTHER_COEFFICIENTS, OTHER_COEFFICIENTS_STD, OTHER_LOADS,
+                                                OTHER_LOADS_STD};
+    const size_t number = variable - first_other(e), count = e->other_loads.map.n_loads - 1, section = number - OF_BODY;
+    if (!e->other_loads.present) {
         return NULL;
     }
     if (number < OF_BODY) {
-        return e->further.value[BODY[number]];
+        return e->other_loads.value[BODY[number]];
     }
-    return section < count       ? e->further.value[FURTHER_LOADS] + 1 + section
-         : section < 2 * count ? e->further.value[FURTHER_LOADS_STD] + 1 + (section - count)
+    return section < count       ? e->other_loads.value[OTHER_LOADS] + 1 + section
+         : section < 2 * count ? e->other_loads.value[OTHER_LOADS_STD] + 1 + (section - count)
                                  : NULL;
 }
 
@@ -131,7 +131,7 @@ size_t input_of(const Estimator *e, size_t variable) {
 Type model_type_of(const Model *model, size_t variable) {
     const Estimator *e = estimator_of(model);
     if (is_real_output(variable) || input_of(e, variable) != SIZE_MAX || flight_real(e, variable) != SIZE_MAX
-        || further_real(e, variable) != NULL || zero_in_use(e, variable) != SIZE_MAX
+        || other_real(e, variable) != NULL || zero_in_use(e, variable) != SIZE_MAX
         || parameter_output(e, variable) != SIZE_MAX) {
         return REAL;
     }
@@ -166,9 +166,9 @@ static Selection input_array(const Estimator *e, unsigned reference) {
     return (Selection){NULL, temperatures + n_temperatures + (reference - thrust_reference(e)), 1};
 }
 
-static Selection further_array(const Estimator *e, size_t which) {
+static Selection other_array(const Estimator *e, size_t which) {
     const size_t each = n_sections(e), section = which - OF_BODY;
-    return (Selection){NULL, first_further(e) + (which < OF_BODY ? which : OF_BODY + section * each),
+    return (Selection){NULL, first_other(e) + (which < OF_BODY ? which : OF_BODY + section * each),
                        which < OF_BODY ? 1 : each};
 }
 
@@ -178,7 +178,7 @@ Selection model_array(const Model *model, unsigned reference) {
         0,  5,                      /* coefficients, sigma_coefficients */
         10, 13, 15, 18,             /* forces, moments, sigma_forces, sigma_moments */
         20, 21, 22, 23, 24, 25, 26, /* health.state, .chi_square, .chi_square_limit, .valid_gauges, ... */
-        N_OUTPUTS,                  /* strain; further sensors; valid, then scalar inputs and settings */
+        N_OUTPUTS,                  /* strain; other sensors; valid, then scalar inputs and settings */
     };
     const Estimator *e = estimator_of(model);
     const size_t n = e->map.n_gauges, n_strains = e->sensors.n_strains, strain = sizeof FIRST - 1;
@@ -203,6 +203,6 @@ Selection model_array(const Model *model, unsigned reference) {
     if (reference >= tare_reference(e)) {
         return tare_array(e, reference - tare_reference(e));
     }
-    return reference >= further_reference(e) ? further_array(e, reference - further_reference(e))
+    return reference >= other_reference(e) ? other_array(e, reference - other_reference(e))
                                              : input_array(e, reference);
 }

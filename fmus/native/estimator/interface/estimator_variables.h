@@ -1,7 +1,7 @@
-/* Variables of the estimator by number: outputs, strains, further sensors, valid flags, then the scalar inputs and
-   settings; of maps with tables over the flight state then further inputs, real outputs and Boolean outputs; then the
+/* Variables of the estimator by number: outputs, strains, other sensors, valid flags, then the scalar inputs and
+   settings; of maps with tables over the flight state then other inputs, real outputs and Boolean outputs; then the
    zeros and their deviations; then temperatures, of maps with modes of it, and thrust, of maps with sensors that it
-   moves; then the loads beside the five, of maps with such; then the tare; then further parameters of the flow and how
+   moves; then the loads beside the five, of maps with such; then the tare; then other parameters of the flow and how
    far they leave their ranges, of maps with such, then their deviations, of maps with tables of them. */
 
 #ifndef ESTIMATOR_VARIABLES_H
@@ -23,8 +23,8 @@ size_t flight_flag(const Estimator *e, size_t variable);
 
 int is_real_output(size_t variable);
 
-/* Where a variable of the further loads is kept; NULL for any other. */
-const double *further_real(const Estimator *e, size_t variable);
+/* Where a variable of the other loads is kept; NULL for any other. */
+const double *other_real(const Estimator *e, size_t variable);
 
 /* Number of the input of the tare; its state and the zeros in use follow. */
 size_t tare_variable(const Estimator *e);

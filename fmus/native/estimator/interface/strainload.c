@@ -86,7 +86,7 @@ static void describe_settings(StrainLoad *handle) {
 static void describe_outputs(StrainLoad *handle) {
     const Estimator *e = handle->estimator;
     Record *record = &handle->record[SL_OUTPUTS];
-    const size_t n_further = e->further.present ? e->further.map.n_loads : 0, n_flight = e->flight.present ? 1 : 0;
+    const size_t n_other = e->other_loads.present ? e->other_loads.map.n_loads : 0, n_flight = e->flight.present ? 1 : 0;
     add_field(record, "coefficients", N_LOADS);
     add_field(record, "coefficients_std", N_LOADS);
     add_field(record, "loads", N_LOADS);
@@ -104,10 +104,10 @@ static void describe_outputs(StrainLoad *handle) {
     add_field(record, "is_identified", n_flight * N_AIR_DATA);
     add_field(record, "air_data_used", n_flight * N_NAVIGATION);
     add_field(record, "is_linear", n_flight);
-    add_field(record, "further_loads", n_further);
-    add_field(record, "further_loads_std", n_further);
-    add_field(record, "further_coefficients", n_further);
-    add_field(record, "further_coefficients_std", n_further);
+    add_field(record, "further_loads", n_other);
+    add_field(record, "further_loads_std", n_other);
+    add_field(record, "further_coefficients", n_other);
+    add_field(record, "further_coefficients_std", n_other);
     add_field(record, "parameter_score", e->parameters.count);
 }
 
@@ -269,12 +269,12 @@ static void write_result(StrainLoad *handle, double *output, double *fit) {
         write_flags(e->flight.flag, N_FLIGHT_FLAGS, output + N_FLIGHT_REALS);
         output += N_FLIGHT_REALS + N_FLIGHT_FLAGS;
     }
-    if (e->further.present) {
-        if (e->further.outdated) {
-            estimator_further(e);
+    if (e->other_loads.present) {
+        if (e->other_loads.outdated) {
+            estimator_other_loads(e);
         }
-        for (int part = 0; part < N_FURTHER; part++, output += e->further.map.n_loads) {
-            memcpy(output, e->further.value[part], e->further.map.n_loads * sizeof *output);
+        for (int part = 0; part < N_OTHER_VALUES; part++, output += e->other_loads.map.n_loads) {
+            memcpy(output, e->other_loads.value[part], e->other_loads.map.n_loads * sizeof *output);
         }
     }
     for (size_t k = 0; k < e->parameters.count; k++) {

@@ -9,7 +9,7 @@
 size_t linear_doubles(const Linear *linear, size_t n_strains) {
     const Map *map = linear->map;
     return prepared_doubles(map, n_strains) + absolute_doubles(map) + half_space_doubles(&map->envelope)
-         + (map->scaled ? scaled_doubles(map, linear->further->present ? linear->further->map.n_loads : 0) : 0);
+         + (map->scaled ? scaled_doubles(map, linear->other_loads->present ? linear->other_loads->map.n_loads : 0) : 0);
 }
 
 size_t linear_indices(const Map *map) {
@@ -22,10 +22,10 @@ void linear_arrays(Map *map, size_t n_strains, Linear *linear, double **doubles,
     half_space_arrays(&map->envelope, &linear->half_spaces, doubles);
     absolute_arrays(map, &linear->absolute, doubles);
     linear->absolute.narrow = narrow;
-    linear->prepared.noise.further = linear->further->present ? linear->further : NULL;
+    linear->prepared.noise.other_loads = linear->other_loads->present ? linear->other_loads : NULL;
     if (map->scaled) {
         linear->scaled.map = map;
-        linear->scaled.further = linear->prepared.noise.further;
+        linear->scaled.other_loads = linear->prepared.noise.other_loads;
         linear->scaled.wide = linear->wide;
         scaled_arrays(&linear->scaled, doubles, indices);
     }

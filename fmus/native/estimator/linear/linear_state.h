@@ -13,7 +13,7 @@ typedef struct {
     const Map *map;
     const Inputs *inputs;
     double *output;        /* (N_OUTPUTS) of the estimator */
-    Further *further;      /* loads beside the five, of a map that has some */
+    OtherLoads *other_loads;      /* loads beside the five, of a map that has some */
     int wide;              /* panels_wide() */
     Flow flow;             /* of the inputs since output was computed */
     Prepared prepared;

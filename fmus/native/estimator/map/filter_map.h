@@ -12,7 +12,7 @@ typedef struct {
     size_t n_shared; /* errors that gauges have in common and that do not follow strain, those of temperature last */
     size_t n_modes;  /* number of the latter: of amplitudes of temperature modes [K] */
     size_t n_terms;  /* errors of each gauge that last, per p_inf */
-    size_t n_further; /* rolling moment and section loads */
+    size_t n_other; /* rolling moment and section loads */
     size_t n_own;    /* 1 if gauges have errors that last and do not follow strain, or 0 */
     double rate[N_STATES];      /* standard deviations of the rates [1/s] */
     double rate_time, slow;     /* [s], [1] */
@@ -32,9 +32,9 @@ typedef struct {
     const double *shared;       /* (n_shared, n_gauges) */
     const double *of_gauge;     /* (n_terms, 6, n_gauges) */
     const double *own;          /* (n_own, n_gauges) */
-    const double *further_load;     /* (n_further, n_seen) per p_inf */
-    const double *further_cross;    /* (n_further, n_gauges) covariances with strain, of the other directions, */
-    const double *further_variance; /* (n_further) and of the loads */
+    const double *other_load;     /* (n_other, n_seen) per p_inf */
+    const double *other_cross;    /* (n_other, n_gauges) covariances with strain, of the other directions, */
+    const double *other_variance; /* (n_other) and of the loads */
 } FilterMap;
 
 /* Read the part. 1; 0 with a text that states what is wrong. */

@@ -7,7 +7,7 @@
 #define MAX_POWER 3
 
 size_t known_product_size(const KnownMap *map, size_t n) {
-    const size_t loads = N_LOADS, m = map->n_further;
+    const size_t loads = N_LOADS, m = map->n_other;
     return n * n + loads * n + loads * loads + m * n + m;
 }
 
@@ -33,13 +33,13 @@ static int sensible_powers(const KnownMap *map) {
     return good;
 }
 
-int known_map_parse(MapFile *file, const FlightMap *flight, size_t n_gauges, size_t n_further, KnownMap *map) {
+int known_map_parse(MapFile *file, const FlightMap *flight, size_t n_gauges, size_t n_other, KnownMap *map) {
     const TableMap *tables = &flight->tables;
     map->n_parameters = map_length(file, "parameter_tables.mean", 0, 1, MAX_PARAMETERS);
     map->n_powers = map_length(file, "parameter_tables.power", 0, 0, MAX_POWER * map->n_parameters);
     map->n_basis = map_length(file, "parameter_tables.basis", 0, 0, MAX_BASIS);
-    map->n_further = n_further;
-    map->n_rows = tables->n_rows + n_further;
+    map->n_other = n_other;
+    map->n_rows = tables->n_rows + n_other;
     map->largest_score = map_between(file, "parameter_tables.largest_score", 0.0, DBL_MAX);
     map->mean = map_doubles(file, "parameter_tables.mean", map->n_parameters);
     map->spread = map_doubles(file, "parameter_tables.spread", map->n_parameters);

@@ -1,4 +1,4 @@
-/* Part "parameter_tables" of resources/map.bin: what each further parameter of the flow changes of strain and loads over
+/* Part "parameter_tables" of resources/map.bin: what each other parameter of the flow changes of strain and loads over
    the flight state, and errors. strainfmu/estimator/tables/parameter_factors.py has the formulas. */
 
 #ifndef FLIGHT_KNOWN_MAP_H
@@ -10,7 +10,7 @@
 /* Arrays point into the bytes of the file. */
 typedef struct {
     size_t n_parameters, n_powers, n_basis;
-    size_t n_rows, n_further;    /* of strains, loads and further loads; of these the last */
+    size_t n_rows, n_other;    /* of strains, loads and other loads; of these the last */
     double largest_score;        /* of a parameter's range by which it may leave it and still be used */
     const double *mean, *spread; /* (n_parameters) over the snapshots; a spread of 0 where they hold one value */
     const double *parameter, *power, *offset; /* (n_powers) ascending parameter, exponent, mean over the snapshots */
@@ -22,9 +22,9 @@ typedef struct {
 } KnownMap;
 
 /* Read the part beside the tables of strain. 1; 0 with a text. */
-int known_map_parse(MapFile *file, const FlightMap *flight, size_t n_gauges, size_t n_further, KnownMap *map);
+int known_map_parse(MapFile *file, const FlightMap *flight, size_t n_gauges, size_t n_other, KnownMap *map);
 
-/* Products of strain, of loads with strain, of loads, of further loads with strain; variances of further loads. */
+/* Products of strain, of loads with strain, of loads, of other loads with strain; variances of other loads. */
 size_t known_product_size(const KnownMap *map, size_t n_gauges);
 
 #endif

@@ -1,4 +1,4 @@
-/* Further parameters of the flow: their ranges, which the estimate does not use, and health does.
+/* Parameters of the flow: their ranges, which the estimate does not use, and health does.
 
    strainfmu/estimator/map/flow_parameters.py in C; they are part
    "parameters" of resources/map.bin. */

@@ -92,7 +92,7 @@ typedef struct {
     int scaled; /* whether the form is "dynamic_pressure"; if not, it is "absolute" and what follows is not set */
     ScaledForm form;
     int has_tables, has_filter, has_known; /* whether there are tables over the flight state, a filter, and tables over
-                                              further parameters of the flow */
+                                              other parameters of the flow */
 } Map;
 
 /* p(h) [Pa]; NaN where h is not known or outside the atmosphere. */

@@ -16,9 +16,9 @@ static void lay_out(const TableMap *mean, MadeTables *made) {
     made->map.table = NULL;
 }
 
-void known_lay_out(const TableMap *mean, const TableMap *further, Known *known) {
+void known_lay_out(const TableMap *mean, const TableMap *other_loads, Known *known) {
     lay_out(mean, &known->tables);
-    lay_out(further, &known->further);
+    lay_out(other_loads, &known->other_loads);
 }
 
 /* Doubles of tables, of what a map of the file holds besides, of the parts and the rounds of its cells. */
@@ -32,7 +32,7 @@ static size_t made_doubles(const MadeTables *made, size_t n_powers) {
 size_t known_doubles(const Known *known, size_t n_gauges) {
     const KnownMap *map = &known->map;
     const size_t n = in_lanes(n_gauges);
-    return made_doubles(&known->tables, map->n_powers) + made_doubles(&known->further, map->n_powers) + n * n
+    return made_doubles(&known->tables, map->n_powers) + made_doubles(&known->other_loads, map->n_powers) + n * n
          + 3 * in_lanes(map->n_parameters) + 2 * in_lanes(map->n_powers) + known_product_size(map, n_gauges);
 }
 
@@ -105,25 +105,25 @@ static void made_arrays(const KnownMap *map, const TableMap *mean, size_t first,
     tables->parts = &made->parts;
 }
 
-void known_arrays(FlightMap *flight, FlightSolver *solver, FlightFurther *others, Known *known, double **doubles) {
+void known_arrays(FlightMap *flight, FlightSolver *solver, FlightOtherLoads *others, Known *known, double **doubles) {
     const KnownMap *map = &known->map;
-    const size_t n = solver->n, n_gauges = solver->n_gauges, loads = N_LOADS, m = map->n_further;
+    const size_t n = solver->n, n_gauges = solver->n_gauges, loads = N_LOADS, m = map->n_other;
     known->flight = flight;
     known->solver = solver;
     known->others = others;
     known->mean = (Errors){.tables = solver->tables,
-                           .further = others->tables,
+                           .other_loads = others->tables,
                            .scaled_covariance = solver->scaled_covariance,
                            .load_strain_covariance = flight->load_strain_covariance,
                            .load_covariance = flight->load_covariance,
-                           .further_strain_covariance = others->map.strain_covariance,
-                           .further_variance = others->map.variance};
+                           .other_strain_covariance = others->map.strain_covariance,
+                           .other_variance = others->map.variance};
     Errors *own = &known->own;
     known->shift = taken(doubles, in_lanes(map->n_powers));
     made_arrays(map, &flight->tables, 0, known->shift, &known->tables, &own->tables, doubles);
     if (m > 0) {
-        const TableMap *further = &others->map.tables;
-        made_arrays(map, further, n_gauges + loads, known->shift, &known->further, &own->further, doubles);
+        const TableMap *other_loads = &others->map.tables;
+        made_arrays(map, other_loads, n_gauges + loads, known->shift, &known->other_loads, &own->other_loads, doubles);
     }
     own->scaled_covariance = taken(doubles, n * n);
     known->value = taken(doubles, in_lanes(map->n_parameters));
@@ -133,8 +133,8 @@ void known_arrays(FlightMap *flight, FlightSolver *solver, FlightFurther *others
     known->products = taken(doubles, known_product_size(map, n_gauges));
     own->load_strain_covariance = known->products + n_gauges * n_gauges;
     own->load_covariance = own->load_strain_covariance + loads * n_gauges;
-    own->further_strain_covariance = own->load_covariance + loads * loads;
-    own->further_variance = own->further_strain_covariance + m * n_gauges;
+    own->other_strain_covariance = own->load_covariance + loads * loads;
+    own->other_variance = own->other_strain_covariance + m * n_gauges;
     for (size_t p = 0; p < map->n_parameters; p++) {
         known->value[p] = known->std[p] = NAN;
     }
@@ -227,14 +227,14 @@ static void set_products(Known *known, size_t n_gauges, size_t n) {
 
 static void use(Known *known, const Errors *errors) {
     FlightSolver *solver = known->solver;
-    FlightFurther *others = known->others;
+    FlightOtherLoads *others = known->others;
     solver->tables = errors->tables;
     solver->scaled_covariance = errors->scaled_covariance;
     known->flight->load_strain_covariance = errors->load_strain_covariance;
     known->flight->load_covariance = errors->load_covariance;
-    others->tables = errors->further;
-    others->map.strain_covariance = errors->further_strain_covariance;
-    others->map.variance = errors->further_variance;
+    others->tables = errors->other_loads;
+    others->map.strain_covariance = errors->other_strain_covariance;
+    others->map.variance = errors->other_variance;
     solver->response.known = others->response.known = 0;
     known->in_use = errors == &known->own;
 }
@@ -246,7 +246,7 @@ int known_follow(Known *known, const Inputs *inputs) {
     const int other = note_values(known, inputs), changes = other || !known->in_use;
     if (other) {
         weigh(known);
-        known->tables.parts.round = known->further.parts.round = known->tables.parts.round + 1.0;
+        known->tables.parts.round = known->other_loads.parts.round = known->tables.parts.round + 1.0;
         set_products(known, known->solver->n_gauges, known->solver->n);
     }
     if (changes) {

@@ -1,4 +1,4 @@
-/* Further parameters of the flow that are known with a deviation: tables and errors about what is known of them.
+/* Parameters of the flow that are known with a deviation: tables and errors about what is known of them.
 
    The C counterpart of strainfmu/estimator/tables/parameter_tables.py. Tables are those of the mean plus p_inf times a
    sum over powers of the parameters; errors are products, so that what is known weighs them. */
@@ -8,16 +8,16 @@
 
 #include "../map/flight_known_map.h"
 #include "../sample/inputs.h"
-#include "flight_further.h"
+#include "flight_other_loads.h"
 #include "solver_state.h"
 
 
 /* Tables, and products of their errors per p_inf^2. */
 typedef struct {
-    FlightTables tables, further;
+    FlightTables tables, other_loads;
     double *scaled_covariance;       /* (n, n) in lanes */
     const double *load_strain_covariance, *load_covariance;
-    const double *further_strain_covariance, *further_variance;
+    const double *other_strain_covariance, *other_variance;
 } Errors;
 
 /* Tables of two channels to a row, the factors of cos m phi_T and of sin m phi_T, made of parts. */
@@ -32,8 +32,8 @@ typedef struct {
     KnownMap map;
     FlightMap *flight;      /* whose tables and errors they replace, with those of the solver */
     FlightSolver *solver;
-    FlightFurther *others;  /* and of loads beside the five */
-    MadeTables tables, further;
+    FlightOtherLoads *others;  /* and of loads beside the five */
+    MadeTables tables, other_loads;
     Errors mean, own;
     double *value, *std;            /* (n_parameters) that `own` is for, NaN of what is not known, and of all at first */
     double *weight, *shift, *along; /* (n_parameters), (n_powers), (n_powers) scratch */
@@ -44,7 +44,7 @@ typedef struct {
    them out, filled in; after those of solver and other loads. */
 void known_lay_out(const TableMap *mean, const TableMap *others, Known *known);
 size_t known_doubles(const Known *known, size_t n_gauges);
-void known_arrays(FlightMap *flight, FlightSolver *solver, FlightFurther *others, Known *known, double **doubles);
+void known_arrays(FlightMap *flight, FlightSolver *solver, FlightOtherLoads *others, Known *known, double **doubles);
 
 /* Let the solver's tables be those about what the inputs know, or those of the mean where they know nothing. Whether they are
    others than before. */

@@ -1,6 +1,6 @@
 /* Strain and loads over the flight state, as strainfmu/estimator/tables/flight_tables.py has them.
 
-   Rows are strains, then the five loads; or the further loads. Tables are laid out for registers: harmonics of a channel in multiples of
+   Rows are strains, then the five loads; or the other loads. Tables are laid out for registers: harmonics of a channel in multiples of
    LANES; every sum runs in LANES parts, which are added in one order on every processor. */
 
 #ifndef FLIGHT_TABLES_H

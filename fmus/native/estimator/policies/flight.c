@@ -4,7 +4,7 @@
 #include <stdlib.h>
 
 #include "../filter/filter.h"
-#include "../filter/filter_further.h"
+#include "../filter/filter_other_loads.h"
 #include "../nonlinear/flight_sample.h"
 #include "../nonlinear/flight_solver.h"
 #include "flight_filter.h"
@@ -17,13 +17,13 @@
 static int parse(Flight *flight, MapFile *file) {
     const Inputs *inputs = flight->inputs;
     const size_t n = inputs->map->n_gauges, n_loads = flight->loads->map.n_loads;
-    FlightFurtherMap *loads = &flight->further.map;
+    FlightOtherLoadsMap *loads = &flight->other_loads.map;
     Known *known = &flight->known;
     Filter *filter = &flight->filter;
     known->present = inputs->map->has_known;
     filter->present = inputs->map->has_filter;
     if (!flight_map_parse(file, n, &flight->map)
-        || (map_has(file, "flight_loads") && !flight_further_parse(file, &flight->map, n, n_loads, loads))
+        || (map_has(file, "flight_loads") && !flight_other_loads_parse(file, &flight->map, n, n_loads, loads))
         || (known->present && !known_map_parse(file, &flight->map, n, loads->tables.n_rows, &known->map))
         || (filter->present && !filter_map_parse(file, n, &filter->map))) {
         return 0;
@@ -33,7 +33,7 @@ static int parse(Flight *flight, MapFile *file) {
                     "the parameters of the map");
     }
     if (filter->present) {
-        map_require(file, filter->map.n_further == n_loads, "filter.further_load", "the section loads of the map");
+        map_require(file, filter->map.n_other == n_loads, "filter.further_load", "the section loads of the map");
         map_require(file, filter->map.n_modes == flight->thermal->map.n_modes, "filter.n_modes", "that of the temperature modes");
     }
     known_lay_out(&flight->map.tables, &loads->tables, known);
@@ -44,13 +44,13 @@ static int parse(Flight *flight, MapFile *file) {
 static int allocate(Flight *flight) {
     const size_t n = flight->inputs->map->n_gauges;
     FlightSolver *solver = &flight->solver;
-    FlightFurther *further = &flight->further;
+    FlightOtherLoads *other_loads = &flight->other_loads;
     Known *known = &flight->known;
     Filter *filter = &flight->filter;
     solver->map = &flight->map;
     solver->n = in_lanes(n);
     filter->n_parameters = known->present ? known->map.n_parameters : 0;
-    const size_t count = flight_solver_doubles(&flight->map, n) + flight_further_doubles(&further->map, n)
+    const size_t count = flight_solver_doubles(&flight->map, n) + flight_other_loads_doubles(&other_loads->map, n)
                        + (known->present ? known_doubles(known, n) : 0)
                        + (filter->present ? filter_doubles(filter, solver, flight->thermal, flight->inputs->sensors->n_strains) : 0);
     flight->memory = calloc(1, ALIGNMENT + count * sizeof(double) + n);
@@ -61,9 +61,9 @@ static int allocate(Flight *flight) {
     double *doubles = (double *)(void *)(start + (ALIGNMENT - (uintptr_t)start % ALIGNMENT));
     unsigned char *bytes = (unsigned char *)(doubles + count);
     flight_solver_arrays(&flight->map, n, flight->linear->wide, solver, &doubles, &bytes);
-    flight_further_arrays(further, n, &doubles);
+    flight_other_loads_arrays(other_loads, n, &doubles);
     if (known->present) {
-        known_arrays(&flight->map, solver, further, known, &doubles);
+        known_arrays(&flight->map, solver, other_loads, known, &doubles);
     }
     if (filter->present) {
         filter_arrays(filter, &doubles);
@@ -136,17 +136,17 @@ void flight_update(Flight *flight) {
     }
 }
 
-void flight_further_update(Flight *flight) {
+void flight_other_loads_update(Flight *flight) {
     if (flight_filters(flight)) {
         if (isnan(flight->output[LOADS])) {
-            further_unknown(flight->loads);
+            other_loads_unknown(flight->loads);
         } else {
-            filter_further_loads(&flight->filter, &flight->further, flight->inputs, flight->loads);
+            filter_other_loads(&flight->filter, &flight->other_loads, flight->inputs, flight->loads);
         }
     } else if (flight->output[VALID_GAUGES] == 0.0) {
-        further_unknown(flight->loads);
+        other_loads_unknown(flight->loads);
     } else {
-        flight_further_loads(&flight->further, &flight->solver, flight->inputs, flight->loads);
+        flight_other_loads_at(&flight->other_loads, &flight->solver, flight->inputs, flight->loads);
     }
 }
 

@@ -15,7 +15,7 @@ void flight_reset(Flight *flight);
 void flight_update(Flight *flight);
 
 /* Set flight->loads->value for the last update, by the tables. */
-void flight_further_update(Flight *flight);
+void flight_other_loads_update(Flight *flight);
 
 /* The gauges have other errors: those of the linear estimator. */
 void flight_renew(Flight *flight);

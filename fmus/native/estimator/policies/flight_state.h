@@ -34,10 +34,10 @@ typedef struct {
     double *output;   /* (N_OUTPUTS) of the estimator */
     Linear *linear;   /* for what fits no table */
     Thermal *thermal;
-    Further *loads;   /* beside the five, of a map that has some */
+    OtherLoads *loads;   /* beside the five, of a map that has some */
     FlightMap map;
     FlightSolver solver;
-    FlightFurther further;
+    FlightOtherLoads other_loads;
     Known known; /* parameters of the flow, of a map with tables of them */
     Filter filter; /* over time, if the map has one */
     void *memory;

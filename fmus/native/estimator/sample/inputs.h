@@ -10,7 +10,7 @@
 #include "../map/map_resource.h"
 #include "../map/sensor_rows.h"
 
-/* Indices of the real inputs after the readings: strains, then further sensors; the last five are settings. */
+/* Indices of the real inputs after the readings: strains, then other sensors; the last five are settings. */
 enum {
     DYNAMIC_PRESSURE,     /* [Pa] */
     DYNAMIC_PRESSURE_STD, /* [Pa]; these four are not given where they are 0 or below, or NaN: known_input */
@@ -31,7 +31,7 @@ enum {
 /* After the scalars: zero of each strain gauge, deviation of each of them, deviation that they have in common [1]; then
    the temperature of each sensor [K], not known where it is 0 or below, or NaN; thrust [N], which may be NaN or the
    map's not_known, of a map with sensors that it moves; then the time constant of the filter [s], 0 for none, of a map
-   that has one. Then further parameters of the flow, as thrust, and, with tables of them, their deviations, which are
+   that has one. Then other parameters of the flow, as thrust, and, with tables of them, their deviations, which are
    not stated where they are 0 or below, or NaN. */
 static inline size_t number_of_zeros(size_t n_strains) {
     return 2 * n_strains + 1;

@@ -3,7 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-/* What a further sensor, by its number behind the strain gauges, reads without thrust. */
+/* What a other sensor, by its number behind the strain gauges, reads without thrust. */
 static double sensor_reading(const Inputs *in, size_t which) {
     const size_t place = thrust_input(in);
     const double thrust = place == SIZE_MAX ? 0.0 : in->value[place];
@@ -11,7 +11,7 @@ static double sensor_reading(const Inputs *in, size_t which) {
     return without_thrust(in->sensors, which, reading, thrust == in->map->not_known ? NAN : thrust);
 }
 
-/* Whether what a further sensor reads is a number within its range. */
+/* Whether what a other sensor reads is a number within its range. */
 static int sensor_works(const Inputs *in, size_t which) {
     return fabs(sensor_reading(in, which)) <= in->sensors->largest[which];
 }

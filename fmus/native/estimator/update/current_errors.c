@@ -8,7 +8,7 @@
 #include "../numerics/triangles.h"
 #include "../sample/outputs.h"
 
-#define FIVE_VALUES 16 /* of a product: the 15 entries of a covariance row by row, and the trace; further variances follow */
+#define FIVE_VALUES 16 /* of a product: the 15 entries of a covariance row by row, and the trace; other variances follow */
 #define TRACE 15
 #define N_FACTORS (N_NODES * N_PAIRS)
 
@@ -43,16 +43,16 @@ static void ends_of(double ratio, double *below, double *above) {
 }
 
 static size_t n_values(const CurrentErrors *errors) {
-    return FIVE_VALUES + errors->n_further;
+    return FIVE_VALUES + errors->n_other;
 }
 
-size_t current_errors_doubles(const Map *map, size_t n_further) {
-    const size_t n = map->n_gauges, whole = dense_rows(n), values = FIVE_VALUES + n_further;
+size_t current_errors_doubles(const Map *map, size_t n_other) {
+    const size_t n = map->n_gauges, whole = dense_rows(n), values = FIVE_VALUES + n_other;
     const size_t interval = dense_rows(values) * dense_columns(N_FACTORS) + 3 * n;
     const size_t common = 6 * map->form.n_terms;
     const size_t tables = dense_rows(N_PAIRS) * dense_columns(n) + common * whole + dense_rows(common) * dense_columns(n)
                         + whole * dense_columns(common);
-    const size_t scratch = (2 * (N_LOADS + n_further) + 3) * whole + values * N_FACTORS + 6 * (N_LOADS + n_further)
+    const size_t scratch = (2 * (N_LOADS + n_other) + 3) * whole + values * N_FACTORS + 6 * (N_LOADS + n_other)
                          + N_PAIRS * values + dense_rows(N_PAIRS);
     const size_t step = dense_columns(N_FACTORS) + dense_rows(FIVE_VALUES) + 2 * n * whole + n * n + N_LOADS * n + whole
                       + 2 * dense_rows(common);
@@ -61,9 +61,9 @@ size_t current_errors_doubles(const Map *map, size_t n_further) {
 
 void current_errors_arrays(Scaled *scaled, double **doubles) {
     CurrentErrors *errors = &scaled->errors;
-    errors->n_further = scaled->further != NULL ? scaled->further->map.n_loads : 0;
+    errors->n_other = scaled->other_loads != NULL ? scaled->other_loads->map.n_loads : 0;
     const size_t n = scaled->map->n_gauges, whole = dense_rows(n), values = n_values(errors);
-    const size_t loads = N_LOADS + errors->n_further, common = 6 * scaled->map->form.n_terms;
+    const size_t loads = N_LOADS + errors->n_other, common = 6 * scaled->map->form.n_terms;
     errors->of_gauge = taken(doubles, dense_rows(N_PAIRS) * dense_columns(n));
     errors->rows = taken(doubles, dense_rows(common) * dense_columns(n));
     errors->columns = taken(doubles, whole * dense_columns(common));
@@ -116,10 +116,10 @@ void current_errors_prepare(Scaled *scaled) {
     }
 }
 
-/* Loads of direction a by load k: the five, then further ones. */
+/* Loads of direction a by load k: the five, then other ones. */
 static double load_of(const Scaled *scaled, size_t a, size_t k) {
-    const size_t m = scaled->errors.n_further;
-    return k < N_LOADS ? scaled->map->form.load[N_LOADS * a + k] : scaled->further->load[a * m + k - N_LOADS];
+    const size_t m = scaled->errors.n_other;
+    return k < N_LOADS ? scaled->map->form.load[N_LOADS * a + k] : scaled->other_loads->load[a * m + k - N_LOADS];
 }
 
 /* P_ii of all gauges at a ratio, in errors->precision; u in errors->unresolved. */
@@ -139,7 +139,7 @@ static void set_gains(Scaled *scaled, double ratio) {
     const size_t n = scaled->map->n_gauges, whole = dense_rows(n);
     const ScaledForm *form = &scaled->map->form;
     CurrentErrors *errors = &scaled->errors;
-    for (size_t k = 0; k < N_LOADS + errors->n_further; k++) {
+    for (size_t k = 0; k < N_LOADS + errors->n_other; k++) {
         double *weighted = errors->weighted + k * whole;
         for (size_t a = 0; a < n; a++) {
             const double weight = ratio * (ratio * form->singular[a]) * errors->unresolved[a];
@@ -172,7 +172,7 @@ static void add_all_own(Scaled *scaled) {
     }
     memcpy(errors->product, errors->precision, n * sizeof *errors->product);
     add_own(scaled, TRACE);
-    for (size_t k = 0; k < errors->n_further; k++) {
+    for (size_t k = 0; k < errors->n_other; k++) {
         const double *gain = errors->gain + (N_LOADS + k) * whole;
         for (size_t g = 0; g < n; g++) {
             errors->product[g] = gain[g] * gain[g];
@@ -185,7 +185,7 @@ static void add_all_own(Scaled *scaled) {
 static void add_common(Scaled *scaled, const double *shown) {
     const size_t n = scaled->map->n_gauges, whole = dense_rows(n);
     CurrentErrors *errors = &scaled->errors;
-    const size_t loads = N_LOADS + errors->n_further;
+    const size_t loads = N_LOADS + errors->n_other;
     for (size_t a = 0; a < 6; a++) {
         for (size_t k = 0; k < loads; k++) {
             errors->common_load[a * loads + k] = dot(n, errors->weighted + k * whole, shown + a * whole);
@@ -424,7 +424,7 @@ double current_errors_add(Scaled *scaled, double *covariance) {
     return trace;
 }
 
-double current_errors_of_further(const Scaled *scaled, size_t j, const double *growth) {
+double current_errors_of_other(const Scaled *scaled, size_t j, const double *growth) {
     const size_t n = scaled->map->n_gauges, whole = dense_rows(n), n_lost = scaled->step.n_lost, row = FIVE_VALUES + j;
     const CurrentErrors *errors = &scaled->errors;
     const double *panel = scaled->step.interval->factor + row / ROWS * ROWS * dense_columns(N_FACTORS) + row % ROWS;
@@ -435,7 +435,7 @@ double current_errors_of_further(const Scaled *scaled, size_t j, const double *g
     for (size_t k = 0; k < n_lost; k++) {
         double along = 0.0;
         for (size_t a = 0; a < n; a++) {
-            along += scaled->further->load[a * errors->n_further + j] * errors->weighted_error[k * whole + a];
+            along += scaled->other_loads->load[a * errors->n_other + j] * errors->weighted_error[k * whole + a];
         }
         sum += growth[k] * (dot(n_lost, errors->square + k * n_lost, growth) - 2.0 * along);
     }

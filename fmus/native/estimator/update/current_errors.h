@@ -11,8 +11,8 @@
 
 #include "scaled_state.h"
 
-/* Number of doubles that the arrays take with so many further loads, and handing them out. */
-size_t current_errors_doubles(const Map *map, size_t n_further);
+/* Number of doubles that the arrays take with so many other loads, and handing them out. */
+size_t current_errors_doubles(const Map *map, size_t n_other);
 void current_errors_arrays(Scaled *scaled, double **doubles);
 
 /* Fill in the tables of a map, and forget all intervals. */
@@ -34,7 +34,7 @@ void current_errors_take_lost(Scaled *scaled);
 /* Add to the covariance (5, 5) of the loads; the trace of P D, both at a ratio of 1. */
 double current_errors_add(Scaled *scaled, double *covariance);
 
-/* What they add to the variance of further load j; growth (n_lost) is its row of B. */
-double current_errors_of_further(const Scaled *scaled, size_t j, const double *growth);
+/* What they add to the variance of other load j; growth (n_lost) is its row of B. */
+double current_errors_of_other(const Scaled *scaled, size_t j, const double *growth);
 
 #endif

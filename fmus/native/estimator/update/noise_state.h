@@ -3,18 +3,18 @@
 #ifndef NOISE_STATE_H
 #define NOISE_STATE_H
 
-#include "further_loads.h"
+#include "other_loads.h"
 
 /* The arrays of Map and ScaledForm that follow from others. */
 typedef struct {
     Map file;        /* with the arrays of the file alone */
-    double *added;   /* (n_gauges, n_gauges) covariance of the further errors [1] */
+    double *added;   /* (n_gauges, n_gauges) covariance of the other errors [1] */
     const double *own, *whole; /* (n_gauges, n_gauges) covariance of the gauges in place of the file's, and with the
                                   errors that scale; NULL for those of the file */
     double *residual_triangle, *gain_triangle, *noise_whitening, *noise_root; /* as in Map */
     double *load_gain, *load_covariance, *regression, *remainder, *min_precision;
     double *whitening, *singular, *load, *unseen, *form_min_precision; /* as in ScaledForm */
-    Further *further; /* further loads, which follow too; NULL for none */
+    OtherLoads *other_loads; /* other loads, which follow too; NULL for none */
     double *large;   /* scratch: see added_noise.c */
     double *head;
     double *square[3]; /* (n_gauges, n_gauges) each */

@@ -73,7 +73,7 @@ static void turn_rows(size_t count, size_t n, double *rows) {
     }
 }
 
-/* Rows of loads, five or the further ones, that follow the directions. */
+/* Rows of loads, five or the other ones, that follow the directions. */
 typedef struct {
     size_t count;
     const double *per_state, *spread; /* (n_states, count), (n_gauges, count) */
@@ -121,7 +121,7 @@ static size_t next_row(size_t count, double *square) {
 }
 
 /* Directions, falling by size, of the turned rows; their loads, and the load that no strain shows. */
-static void set_directions(AddedNoise *noise, const double *rows, const LoadRows *five, const LoadRows *further,
+static void set_directions(AddedNoise *noise, const double *rows, const LoadRows *five, const LoadRows *other_loads,
                            double *square) {
     const Map *file = &noise->file;
     const size_t n = file->n_gauges, n_free = file->form.n_free, count = n - n_free;
@@ -138,11 +138,11 @@ static void set_directions(AddedNoise *noise, const double *rows, const LoadRows
             noise->whitening[j * n + a] = row[n + j];
         }
         take_direction(five, n, a, unit, row);
-        take_direction(further, n, a, unit, row);
+        take_direction(other_loads, n, a, unit, row);
     }
-    for (size_t i = 0; i < further->count; i++) {
-        const double *left = further->of_spread + i * n;
-        noise->further->unseen[i] = noise->further->map.spread_unseen[i] + dot(n, left, left);
+    for (size_t i = 0; i < other_loads->count; i++) {
+        const double *left = other_loads->of_spread + i * n;
+        noise->other_loads->unseen[i] = noise->other_loads->map.spread_unseen[i] + dot(n, left, left);
     }
     for (size_t i = 0; i < N_LOADS; i++) {
         for (size_t j = 0; j < N_LOADS; j++) {
@@ -169,13 +169,13 @@ int set_pressure_directions(AddedNoise *noise) {
     }
     eliminate_free(noise, inverse, whole);
     const LoadRows five = {N_LOADS, file->load_per_state, file->form.spread_load, of_free, of_spread, noise->load};
-    LoadRows further = {0};
+    LoadRows other_loads = {0};
     split_loads(file, whole, &five);
-    if (noise->further != NULL) {
-        const FurtherMap *map = &noise->further->map;
-        further = (LoadRows){map->n_loads, map->load_per_state, map->spread_load, noise->further->rows,
-                             noise->further->rows + map->n_loads * n, noise->further->load};
-        split_loads(file, whole, &further);
+    if (noise->other_loads != NULL) {
+        const OtherLoadsMap *map = &noise->other_loads->map;
+        other_loads = (LoadRows){map->n_loads, map->load_per_state, map->spread_load, noise->other_loads->rows,
+                             noise->other_loads->rows + map->n_loads * n, noise->other_loads->load};
+        split_loads(file, whole, &other_loads);
     }
     for (size_t a = 0; a < n_free; a++) {
         noise->singular[a] = 0.0;
@@ -189,6 +189,6 @@ int set_pressure_directions(AddedNoise *noise) {
         }
     }
     turn_rows(n - n_free, n, rows);
-    set_directions(noise, rows, &five, &further, noise->head);
+    set_directions(noise, rows, &five, &other_loads, noise->head);
     return 1;
 }

@@ -19,12 +19,12 @@ static void set_symmetric(const double *entries, double *matrix) {
     }
 }
 
-size_t scaled_doubles(const Map *map, size_t n_further) {
+size_t scaled_doubles(const Map *map, size_t n_other) {
     const size_t n = map->n_gauges, whole = dense_rows(n), narrow = narrow_rows(n);
     const size_t columns = dense_columns(n);
     const size_t tables = (3 * whole + N_VALUES + ROWS + narrow / 2) * columns + n + 3 * whole;
     const size_t step = (8 + n) * whole + narrow + narrow + n * (n + 2) + 2 * n + N_LOADS * n;
-    return tables + step + current_errors_doubles(map, n_further);
+    return tables + step + current_errors_doubles(map, n_other);
 }
 
 size_t scaled_indices(const Map *map) {
@@ -302,39 +302,39 @@ void scaled_standardised_residuals(Scaled *scaled, double *z) {
     }
 }
 
-/* Row j of B, further->growth: what the lost gauges add to the variance is its square. */
+/* Row j of B, other_loads->growth: what the lost gauges add to the variance is its square. */
 static void set_growth(const Scaled *scaled, size_t j) {
     const ScaledStep *step = &scaled->step;
-    const size_t n = scaled->map->n_gauges, m = scaled->further->map.n_loads;
-    double *growth = scaled->further->growth;
+    const size_t n = scaled->map->n_gauges, m = scaled->other_loads->map.n_loads;
+    double *growth = scaled->other_loads->growth;
     for (size_t k = 0; k < step->n_lost; k++) {
         const double *column = scaled->map->form.whitening + step->lost[k] * n;
         growth[k] = 0.0;
         for (size_t a = 0; a < n; a++) {
-            growth[k] += step->weight[a] * scaled->further->load[a * m + j] * column[a];
+            growth[k] += step->weight[a] * scaled->other_loads->load[a * m + j] * column[a];
         }
     }
     solve_transposed(n, step->n_lost, step->matrix, growth);
 }
 
-void scaled_further_load(const Scaled *scaled, size_t j, double *value, double *variance, double *per_pressure) {
-    const Further *further = scaled->further;
+void scaled_other_load(const Scaled *scaled, size_t j, double *value, double *variance, double *per_pressure) {
+    const OtherLoads *other_loads = scaled->other_loads;
     const ScaledStep *step = &scaled->step;
-    const size_t n = scaled->map->n_gauges, m = further->map.n_loads;
+    const size_t n = scaled->map->n_gauges, m = other_loads->map.n_loads;
     const double s = step->ratio;
     double sum = 0.0, of_mean = 0.0, spread = 0.0;
     for (size_t a = 0; a < n; a++) {
-        const double load = further->load[a * m + j], weighted = step->weight[a] * load;
+        const double load = other_loads->load[a * m + j], weighted = step->weight[a] * load;
         sum += weighted * step->w[a];
         of_mean += weighted * step->of_mean[a];
         spread += step->spread[a] * (load * load);
     }
-    *value = further->map.fixed[j] + s * further->map.of_mean[j] + sum;
-    *per_pressure = (further->map.of_mean[j] - of_mean) / scaled->map->dynamic_pressure;
+    *value = other_loads->map.fixed[j] + s * other_loads->map.of_mean[j] + sum;
+    *per_pressure = (other_loads->map.of_mean[j] - of_mean) / scaled->map->dynamic_pressure;
     set_growth(scaled, j);
-    *variance = spread + s * s * further->unseen[j] + dot(step->n_lost, further->growth, further->growth);
+    *variance = spread + s * s * other_loads->unseen[j] + dot(step->n_lost, other_loads->growth, other_loads->growth);
     if (scaled->map->form.has_errors) {
-        *variance += s * s * current_errors_of_further(scaled, j, further->growth);
+        *variance += s * s * current_errors_of_other(scaled, j, other_loads->growth);
     }
     *variance = *variance > 0.0 ? *variance : 0.0;
 }

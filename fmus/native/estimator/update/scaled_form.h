@@ -7,9 +7,9 @@
 
 #include "scaled_state.h"
 
-/* Number of doubles, with so many further loads, and of indices that the arrays take, and handing them out. map, further
+/* Number of doubles, with so many other loads, and of indices that the arrays take, and handing them out. map, other
    and wide are set. */
-size_t scaled_doubles(const Map *map, size_t n_further);
+size_t scaled_doubles(const Map *map, size_t n_other);
 size_t scaled_indices(const Map *map);
 void scaled_arrays(Scaled *scaled, double **doubles, size_t **indices);
 
@@ -24,6 +24,6 @@ void scaled_condition(Scaled *scaled, const MaskedMap *masked, double pressure, 
 void scaled_standardised_residuals(Scaled *scaled, double *z);
 
 /* Of the last step: load j beside the five, its variance and derivative by q_inf. */
-void scaled_further_load(const Scaled *scaled, size_t j, double *value, double *variance, double *per_pressure);
+void scaled_other_load(const Scaled *scaled, size_t j, double *value, double *variance, double *per_pressure);
 
 #endif

@@ -6,8 +6,8 @@
 #ifndef SCALED_STATE_H
 #define SCALED_STATE_H
 
-#include "further_loads.h"
 #include "masked_map.h"
+#include "other_loads.h"
 
 #define N_VALUES 16 /* the 15 entries of a covariance row by row, and a zero */
 
@@ -19,7 +19,7 @@
    no result. */
 typedef struct {
     double below, above;     /* its ends; NaN before it is known */
-    double *factor;          /* of errors in proportion to strain: current_errors.c, (16 and further loads, 21 by node) in
+    double *factor;          /* of errors in proportion to strain: current_errors.c, (16 and other loads, 21 by node) in
                                 panels of dense.h */
     double *least_precision; /* (n_gauges) P_ii at the upper end, where it is least */
     double *margin;          /* (n_gauges) the largest sqrt(P_ii), over |V_i| */
@@ -29,7 +29,7 @@ typedef struct {
 
 /* Errors in proportion to strain: current_errors.h. */
 typedef struct {
-    size_t n_further;         /* further loads */
+    size_t n_other;         /* other loads */
     Interval interval[CACHED_INTERVALS];
     size_t next;              /* the one to give way */
     double *of_gauge;         /* (21, n) of the map, in panels */
@@ -45,11 +45,11 @@ typedef struct {
     double *square;           /* (n_lost, n_lost) Y' D Y */
     double *along, *sized;    /* (6 n_terms) scratch of D Y */
     /* Scratch of an interval. */
-    double *weighted, *gain;  /* (5 and further loads, whole) by direction; G */
+    double *weighted, *gain;  /* (5 and other loads, whole) by direction; G */
     double *unresolved, *precision, *product; /* (whole) u, P_ii, and products of them */
-    double *common_load;      /* (6, 5 and further loads) */
-    double *node;             /* (16 and further loads, 21) at a point */
-    double *polynomial;       /* (16 and further loads, 126) */
+    double *common_load;      /* (6, 5 and other loads) */
+    double *node;             /* (16 and other loads, 21) at a point */
+    double *polynomial;       /* (16 and other loads, 126) */
     double *sum;              /* (24) */
 } CurrentErrors;
 
@@ -78,7 +78,7 @@ typedef struct {
 
 typedef struct {
     const Map *map;
-    const Further *further; /* of a map with loads beside the five; NULL for others */
+    const OtherLoads *other_loads; /* of a map with loads beside the five; NULL for others */
     int wide;          /* panels_wide() */
     double *rows;      /* V in panels: w = V r */
     double *columns;   /* V' in panels */

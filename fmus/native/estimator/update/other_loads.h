@@ -1,10 +1,10 @@
 /* Linear outputs of a map in form "dynamic_pressure" beside the five loads: rolling moment, and loads of sections.
 
-   The C counterpart of what strainfmu/estimator has of further loads (further_loads.py has their order);
+   The C counterpart of what strainfmu/estimator has of other loads (other_loads.py has their order);
    they are part "further" of resources/map.bin, and computed when they are read. */
 
-#ifndef FURTHER_LOADS_H
-#define FURTHER_LOADS_H
+#ifndef OTHER_LOADS_H
+#define OTHER_LOADS_H
 
 #include "../map/map_resource.h"
 
@@ -17,28 +17,28 @@ typedef struct {
     const double *load_per_state; /* (n_states, n_loads) */
     const double *spread_load;    /* (n_gauges, n_loads) */
     const double *spread_unseen;  /* (n_loads) */
-} FurtherMap;
+} OtherLoadsMap;
 
 /* Loads of a section; n_loads is one, for the whole body, and these of every section. */
 #define SECTION_LOADS 6
 
 /* Each array of (n_loads). */
-enum { FURTHER_LOADS, FURTHER_LOADS_STD, FURTHER_COEFFICIENTS, FURTHER_COEFFICIENTS_STD, N_FURTHER };
+enum { OTHER_LOADS, OTHER_LOADS_STD, OTHER_COEFFICIENTS, OTHER_COEFFICIENTS_STD, N_OTHER_VALUES };
 
 typedef struct {
     int present;         /* whether the map has such loads; if not, nothing else is set */
-    FurtherMap map;      /* as the file has it */
+    OtherLoadsMap map;      /* as the file has it */
     void *memory;
     double *load;        /* (n_gauges, n_loads) loads of each direction, as ScaledForm has them, by added_noise.h */
     double *unseen;      /* (n_loads) diagonal of R, the same */
     double *rows;        /* (2 n_loads, n_gauges) scratch of added_noise.h */
     double *growth;      /* (n_gauges) scratch */
-    double *value[N_FURTHER]; /* (n_loads) [N, N m, 1, 1] */
+    double *value[N_OTHER_VALUES]; /* (n_loads) [N, N m, 1, 1] */
     int outdated;
-} Further;
+} OtherLoads;
 
 /* Read the part, if there is one, and allocate. 1; 0 after a message. */
-int further_create(MapFile *file, size_t n_gauges, size_t n_states, Further *further);
-void further_free(Further *further);
+int other_loads_create(MapFile *file, size_t n_gauges, size_t n_states, OtherLoads *other_loads);
+void other_loads_free(OtherLoads *other_loads);
 
 #endif

@@ -1,11 +1,11 @@
-#include "flight_further.h"
+#include "flight_other_loads.h"
 
 #include <math.h>
 
 #include "../numerics/cholesky.h"
 #include "flight_loads.h"
 
-int flight_further_parse(MapFile *file, const FlightMap *flight, size_t n_gauges, size_t n_loads, FlightFurtherMap *map) {
+int flight_other_loads_parse(MapFile *file, const FlightMap *flight, size_t n_gauges, size_t n_loads, FlightOtherLoadsMap *map) {
     map->tables = flight->tables; /* for the knots */
     tables_parse(file, "flight_loads", n_loads, &map->tables);
     map_require(file, map->tables.n_harmonics == flight->tables.n_harmonics, "flight_loads.table",
@@ -15,17 +15,17 @@ int flight_further_parse(MapFile *file, const FlightMap *flight, size_t n_gauges
     return file->good;
 }
 
-size_t flight_further_doubles(const FlightFurtherMap *map, size_t n_gauges) {
+size_t flight_other_loads_doubles(const FlightOtherLoadsMap *map, size_t n_gauges) {
     const size_t m = map->tables.n_rows;
     return m == 0 ? 0 : flight_tables_doubles(&map->tables) + response_doubles(&map->tables) + m * in_lanes(n_gauges);
 }
 
-void flight_further_arrays(FlightFurther *further, size_t n_gauges, double **doubles) {
-    const TableMap *map = &further->map.tables;
+void flight_other_loads_arrays(FlightOtherLoads *other_loads, size_t n_gauges, double **doubles) {
+    const TableMap *map = &other_loads->map.tables;
     if (map->n_rows > 0) {
-        flight_tables_arrays(map, &further->tables, doubles);
-        response_arrays(map, &further->response, doubles);
-        further->turned = *doubles;
+        flight_tables_arrays(map, &other_loads->tables, doubles);
+        response_arrays(map, &other_loads->response, doubles);
+        other_loads->turned = *doubles;
         *doubles += map->n_rows * in_lanes(n_gauges);
     }
 }
@@ -41,18 +41,18 @@ static double widening_of(const double *of_five, size_t j, size_t m) {
 }
 
 /* Load j at the solution, in the outputs. */
-static void set_load(const FlightFurther *further, const FlightSolver *solver, const Inputs *inputs, size_t j,
-                     const PressureErrors *pressure, Further *out) {
+static void set_load(const FlightOtherLoads *other_loads, const FlightSolver *solver, const Inputs *inputs, size_t j,
+                     const PressureErrors *pressure, OtherLoads *out) {
     const FlightMap *map = solver->map;
-    const double *turned = further->turned + j * solver->n, *errors = solver->solution.state_covariance;
+    const double *turned = other_loads->turned + j * solver->n, *errors = solver->solution.state_covariance;
     const int is_moment = out->map.is_moment[j] > 0.0;
     const double reference = map->reference_area * (is_moment ? map->reference_length : 1.0);
     const double own =
         scalar_input(inputs, REFERENCE_AREA) * (is_moment ? scalar_input(inputs, REFERENCE_LENGTH) : 1.0);
     const double square = solver->factor_pressure * solver->factor_pressure;
     double by_state[N_STATES], of_coefficient[N_STATES];
-    const double load = flight_corrected(solver, &further->response, j, turned, by_state);
-    const double left = square * further->map.variance[j] - lane_dot(solver->n, turned, turned);
+    const double load = flight_corrected(solver, &other_loads->response, j, turned, by_state);
+    const double left = square * other_loads->map.variance[j] - lane_dot(solver->n, turned, turned);
     const double remaining = left > 0.0 ? left : 0.0; /* of a load that strain tells wholly, rounding leaves less */
     const double scale = 1.0 / (pressure->dynamic * reference), turn = reference / own;
     for (size_t k = 0; k < N_STATES; k++) {
@@ -61,28 +61,28 @@ static void set_load(const FlightFurther *further, const FlightSolver *solver, c
     const double variance = quadratic(N_STATES, by_state, errors, by_state) + remaining;
     const double of_both = quadratic(N_STATES, of_coefficient, errors, of_coefficient) + scale * scale * remaining;
     const double *widening = solver->solution.widening + N_STATES;
-    const size_t m = further->map.tables.n_rows;
+    const size_t m = other_loads->map.tables.n_rows;
     const int is_widened = widening[0] != 0.0;
     const double of_load = is_widened ? widening_of(widening, j, m) : 1.0;
     const double of_other = is_widened ? widening_of(widening + N_LOADS, j, m) : 1.0;
-    out->value[FURTHER_LOADS][j] = load;
-    out->value[FURTHER_LOADS_STD][j] = of_load * sqrt(variance);
-    out->value[FURTHER_COEFFICIENTS][j] = turn * (scale * load);
-    out->value[FURTHER_COEFFICIENTS_STD][j] = of_other * turn * sqrt(pressure->wider * of_both);
+    out->value[OTHER_LOADS][j] = load;
+    out->value[OTHER_LOADS_STD][j] = of_load * sqrt(variance);
+    out->value[OTHER_COEFFICIENTS][j] = turn * (scale * load);
+    out->value[OTHER_COEFFICIENTS_STD][j] = of_other * turn * sqrt(pressure->wider * of_both);
 }
 
-void flight_further_loads(FlightFurther *further, const FlightSolver *solver, const Inputs *inputs, Further *out) {
-    const size_t m = further->map.tables.n_rows;
-    flight_response(&further->tables, solver->wide, solver->state, &further->response);
-    flight_turn(solver, further->map.strain_covariance, m, further->turned);
+void flight_other_loads_at(FlightOtherLoads *other_loads, const FlightSolver *solver, const Inputs *inputs, OtherLoads *out) {
+    const size_t m = other_loads->map.tables.n_rows;
+    flight_response(&other_loads->tables, solver->wide, solver->state, &other_loads->response);
+    flight_turn(solver, other_loads->map.strain_covariance, m, other_loads->turned);
     const PressureErrors pressure = flight_pressure_errors(solver);
     for (size_t j = 0; j < m; j++) {
-        set_load(further, solver, inputs, j, &pressure, out);
+        set_load(other_loads, solver, inputs, j, &pressure, out);
     }
 }
 
-void further_unknown(Further *out) {
-    for (size_t j = 0; j < N_FURTHER * out->map.n_loads; j++) {
+void other_loads_unknown(OtherLoads *out) {
+    for (size_t j = 0; j < N_OTHER_VALUES * out->map.n_loads; j++) {
         out->value[0][j] = NAN; /* all arrays, which follow each other */
     }
 }

@@ -1,4 +1,4 @@
-#include "filter_further.h"
+#include "filter_other_loads.h"
 
 #include <math.h>
 #include <string.h>
@@ -18,17 +18,17 @@ typedef struct {
 static void set_turned(Filter *filter, double square, double *remaining) {
     const FlightSolver *solver = filter->solver;
     const FilterMap *map = &filter->map;
-    const size_t rows = filter->rows, n = solver->n_gauges, m = map->n_further;
-    double *turned = filter->further_turned;
+    const size_t rows = filter->rows, n = solver->n_gauges, m = map->n_other;
+    double *turned = filter->other_turned;
     memset(turned, 0, m * rows * sizeof *turned);
     for (size_t j = 0; j < m; j++) {
         for (size_t g = 0; g < n; g++) {
-            turned[j * rows + g] = solver->sample.used[g] ? square * filter->errors.further_cross[j * n + g] : 0.0;
+            turned[j * rows + g] = solver->sample.used[g] ? square * filter->errors.other_cross[j * n + g] : 0.0;
         }
     }
     solve_lower(solver->wide, rows, filter->white, m, turned);
     for (size_t j = 0; j < m; j++) {
-        const double left = square * filter->errors.further_variance[j] - lane_dot(rows, turned + j * rows, turned + j * rows);
+        const double left = square * filter->errors.other_variance[j] - lane_dot(rows, turned + j * rows, turned + j * rows);
         remaining[j] = left > 0.0 ? left : 0.0; /* of a load that strain tells wholly, rounding leaves less */
     }
     solve_upper(solver->wide, rows, filter->white, m, turned);
@@ -38,14 +38,14 @@ static void set_turned(Filter *filter, double square, double *remaining) {
 static FilteredLoad load_of(Filter *filter, const Response *response, size_t j, const double *left, double remaining) {
     const FilterMap *map = &filter->map;
     const size_t rows = filter->rows;
-    const double *turned = filter->further_turned + j * rows, *mean = filter->found.mean;
-    double *by_state = filter->further_by_state, sum = response->value[j];
+    const double *turned = filter->other_turned + j * rows, *mean = filter->found.mean;
+    double *by_state = filter->other_by_state, sum = response->value[j];
     memset(by_state, 0, filter->order * sizeof *by_state);
     for (size_t k = 0; k < N_STATES; k++) {
         by_state[k] = response->jacobian[k][j];
     }
     for (size_t k = 0; k < map->n_seen; k++) {
-        by_state[FIRST_SEEN + k] = response->pressure * filter->errors.further_load[j * map->n_seen + k];
+        by_state[FIRST_SEEN + k] = response->pressure * filter->errors.other_load[j * map->n_seen + k];
         sum += by_state[FIRST_SEEN + k] * mean[FIRST_SEEN + k];
     }
     for (size_t k = 0; k < filter->n_read; k++) {
@@ -65,36 +65,36 @@ static double spread_of(const Filter *filter, const double *x) {
 
 /* Write load j to the outputs, at the references of the settings. */
 static void write(const Filter *filter, const Inputs *inputs, size_t j, const FilteredLoad *found,
-                  const PressureErrors *pressure, Further *out) {
+                  const PressureErrors *pressure, OtherLoads *out) {
     const FlightMap *map = filter->solver->map;
     const double *settings = inputs->value + inputs->map->n_gauges;
     const int is_moment = out->map.is_moment[j] > 0.0;
     const double reference = map->reference_area * (is_moment ? map->reference_length : 1.0);
     const double own = settings[REFERENCE_AREA] * (is_moment ? settings[REFERENCE_LENGTH] : 1.0);
     const double scale = 1.0 / (pressure->dynamic * reference), turn = reference / own;
-    double *of_coefficient = filter->further_by_state + filter->order;
+    double *of_coefficient = filter->other_by_state + filter->order;
     for (size_t k = 0; k < filter->order; k++) {
         of_coefficient[k] =
             scale * found->by_state[k] - (k < N_STATES ? scale * found->load * pressure->by_state[k] : 0.0);
     }
     const double variance = spread_of(filter, found->by_state) + found->remaining;
     const double of_both = spread_of(filter, of_coefficient) + scale * scale * found->remaining;
-    out->value[FURTHER_LOADS][j] = found->load;
-    out->value[FURTHER_LOADS_STD][j] = sqrt(variance);
-    out->value[FURTHER_COEFFICIENTS][j] = turn * (scale * found->load);
-    out->value[FURTHER_COEFFICIENTS_STD][j] = turn * sqrt(pressure->wider * of_both);
+    out->value[OTHER_LOADS][j] = found->load;
+    out->value[OTHER_LOADS_STD][j] = sqrt(variance);
+    out->value[OTHER_COEFFICIENTS][j] = turn * (scale * found->load);
+    out->value[OTHER_COEFFICIENTS_STD][j] = turn * sqrt(pressure->wider * of_both);
 }
 
-void filter_further_loads(Filter *filter, FlightFurther *further, const Inputs *inputs, Further *out) {
+void filter_other_loads(Filter *filter, FlightOtherLoads *other_loads, const Inputs *inputs, OtherLoads *out) {
     const FlightSolver *solver = filter->solver;
-    const size_t m = filter->map.n_further;
-    double *remaining = out->value[FURTHER_LOADS_STD]; /* each until its load is written */
-    flight_response(&further->tables, solver->wide, solver->state, &further->response);
+    const size_t m = filter->map.n_other;
+    double *remaining = out->value[OTHER_LOADS_STD]; /* each until its load is written */
+    flight_response(&other_loads->tables, solver->wide, solver->state, &other_loads->response);
     set_turned(filter, solver->response.pressure * solver->response.pressure, remaining);
     const PressureErrors pressure = flight_pressure_errors(solver);
     const double *left = filter_left(filter, &filter->found);
     for (size_t j = 0; j < m; j++) {
-        const FilteredLoad found = load_of(filter, &further->response, j, left, remaining[j]);
+        const FilteredLoad found = load_of(filter, &other_loads->response, j, left, remaining[j]);
         write(filter, inputs, j, &found, &pressure, out);
     }
 }

@@ -1,0 +1,11 @@
+/* Loads beside the five by the linear estimator: rolling moment, and loads of sections. */
+
+#ifndef LINEAR_OTHER_H
+#define LINEAR_OTHER_H
+
+#include "linear_state.h"
+
+/* Set linear->other_loads->value for the last step. */
+void linear_other_loads_update(Linear *linear);
+
+#endif
