@@ -22,6 +22,7 @@ void linear_arrays(Map *map, size_t n_strains, Linear *linear, double **doubles,
     half_space_arrays(&map->envelope, &linear->half_spaces, doubles);
     absolute_arrays(map, &linear->absolute, doubles);
     linear->absolute.narrow = narrow;
+    linear->prepared.noise.wide = linear->prepared.work.wide = linear->wide;
     linear->prepared.noise.other_loads = linear->other_loads->present ? linear->other_loads : NULL;
     if (map->scaled) {
         linear->scaled.map = map;

@@ -2,6 +2,9 @@
 
 #include <math.h>
 
+#include "lanes.h"
+#include "wide.h"
+
 /* Four sums, so that additions need not wait for each other. */
 double dot(size_t n, const double *restrict x, const double *restrict y) {
     double a = 0.0, b = 0.0, c = 0.0, d = 0.0;
@@ -19,9 +22,35 @@ double dot(size_t n, const double *restrict x, const double *restrict y) {
     return sum;
 }
 
+/* The same for two at once, each in the order of dot. */
+EVERYWHERE void dot_two(size_t n, const double *restrict x, const double *restrict y, const double *restrict z,
+                        double *with_y, double *with_z) {
+    double first[LANES] = {0.0}, second[LANES] = {0.0};
+    size_t i = 0;
+    for (; i + LANES <= n; i += LANES) {
+        for (size_t r = 0; r < LANES; r++) {
+            first[r] += x[i + r] * y[i + r];
+            second[r] += x[i + r] * z[i + r];
+        }
+    }
+    *with_y = (first[0] + first[1]) + (first[2] + first[3]);
+    *with_z = (second[0] + second[1]) + (second[2] + second[3]);
+    for (; i < n; i++) {
+        *with_y += x[i] * y[i];
+        *with_z += x[i] * z[i];
+    }
+}
+
+/* x -= factor v. */
+EVERYWHERE void take_off(size_t n, double factor, const double *restrict v, double *restrict x) {
+    for (size_t i = 0; i < n; i++) {
+        x[i] -= factor * v[i];
+    }
+}
+
 /* Reflect column k so that it ends in row k, and all columns after it. Return the factor of the reflection, 0 for none;
    *head takes the first element of its vector, the others stay below the diagonal. */
-static double reflect(size_t rows, size_t k, size_t columns, double *a, double *head) {
+EVERYWHERE double reflect(size_t rows, size_t k, size_t columns, double *a, double *head) {
     double *restrict v = a + k * rows + k;
     const size_t length = rows - k;
     const double norm = sqrt(dot(length, v, v));
@@ -32,31 +61,47 @@ static double reflect(size_t rows, size_t k, size_t columns, double *a, double *
     const double first = v[0];
     const double diagonal = first > 0.0 ? -norm : norm;
     const double factor = 1.0 / (norm * (norm + fabs(first)));
+    size_t j = k + 1;
     v[0] = first - diagonal;
-    for (size_t j = k + 1; j < columns; j++) {
-        double *restrict column = a + j * rows + k;
-        const double projection = factor * dot(length, v, column);
-        for (size_t i = 0; i < length; i++) {
-            column[i] -= projection * v[i];
-        }
+    for (; j + 2 <= columns; j += 2) {
+        double *one = a + j * rows + k, *other = one + rows, along_one, along_other;
+        dot_two(length, v, one, other, &along_one, &along_other);
+        take_off(length, factor * along_one, v, one);
+        take_off(length, factor * along_other, v, other);
+    }
+    if (j < columns) {
+        double *last = a + j * rows + k;
+        take_off(length, factor * dot(length, v, last), v, last);
     }
     *head = v[0];
     v[0] = diagonal;
     return factor;
 }
 
-void householder_triangle(size_t rows, size_t columns, double *a) {
-    const size_t steps = rows < columns ? rows : columns;
-    double head;
-    for (size_t k = 0; k < steps; k++) {
-        reflect(rows, k, columns, a, &head);
+/* Reflect columns up to, not including, `pivots`; head (2 pivots) takes what householder_back needs besides a. */
+EVERYWHERE void reflections(size_t rows, size_t pivots, size_t columns, double *a, double *head) {
+    for (size_t k = 0; k < pivots; k++) {
+        double first;
+        const double factor = reflect(rows, k, columns, a, &first);
+        if (head != NULL) {
+            head[2 * k] = factor;
+            head[2 * k + 1] = first;
+        }
     }
 }
 
-void householder_columns(size_t rows, size_t pivots, size_t columns, double *a, double *head) {
-    for (size_t k = 0; k < pivots; k++) {
-        head[2 * k] = reflect(rows, k, columns, a, &head[2 * k + 1]);
-    }
+#if HAS_AVX2
+AVX2 static void reflections_avx2(size_t rows, size_t pivots, size_t columns, double *a, double *head) {
+    reflections(rows, pivots, columns, a, head);
+}
+#endif
+
+void householder_triangle(int wide, size_t rows, size_t columns, double *a) {
+    CHOSEN(wide, reflections)(rows, rows < columns ? rows : columns, columns, a, NULL);
+}
+
+void householder_columns(int wide, size_t rows, size_t pivots, size_t columns, double *a, double *head) {
+    CHOSEN(wide, reflections)(rows, pivots, columns, a, head);
 }
 
 /* x = H x for the reflection of column k. */

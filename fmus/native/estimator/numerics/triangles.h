@@ -18,12 +18,12 @@ static inline size_t triangle_column(size_t j) {
 double dot(size_t n, const double *x, const double *y);
 
 /* Replace the upper triangle of a (rows x columns, by columns) by the R of a = Q R; what lies below is scratch.
-   Householder reflections: Golub & Van Loan, Matrix Computations, section 5.2. */
-void householder_triangle(size_t rows, size_t columns, double *a);
+   Householder reflections: Golub & Van Loan, Matrix Computations, section 5.2. wide as for panels.h. */
+void householder_triangle(int wide, size_t rows, size_t columns, double *a);
 
 /* The same for the first `pivots` columns of a (rows x columns), pivots <= rows: the other columns become Q' times them.
    head (2 pivots) takes what householder_back needs besides a. */
-void householder_columns(size_t rows, size_t pivots, size_t columns, double *a, double *head);
+void householder_columns(int wide, size_t rows, size_t pivots, size_t columns, double *a, double *head);
 
 /* x = Q' x, or x = Q x, for the Q of householder_columns; x has `rows` elements. */
 void householder_forward(size_t rows, size_t pivots, const double *a, const double *head, double *x);

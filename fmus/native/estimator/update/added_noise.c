@@ -130,11 +130,11 @@ static void set_complement(AddedNoise *noise, double regularisation, double *tri
             a[(states + j) * order + states + i] = noise->noise_whitening[triangle_column(i) + j];
         }
     }
-    householder_columns(order, states, order, a, noise->head);
+    householder_columns(noise->wide, order, states, order, a, noise->head);
     for (size_t j = 0; j < n; j++) {
         memcpy(noise->square[0] + j * n, a + (states + j) * order + states, n * sizeof *a);
     }
-    householder_triangle(n, n, noise->square[0]);
+    householder_triangle(noise->wide, n, n, noise->square[0]);
     for (size_t j = 0; j < n; j++) {
         memcpy(triangle + triangle_column(j), noise->square[0] + j * n, (j + 1) * sizeof *a);
     }
@@ -161,7 +161,8 @@ static void set_load_gain(AddedNoise *noise) {
     }
 }
 
-/* Matrices at the nominal dynamic pressure, which are all of form "absolute". */
+/* Matrices at the nominal dynamic pressure, which are all of form "absolute". The other form has its loads from its
+   directions: these matrices tell which gauges identify the state, and which cannot be distinguished. */
 static int set_matrices(AddedNoise *noise) {
     const Map *file = &noise->file;
     const size_t n = file->n_gauges;
@@ -181,14 +182,18 @@ static int set_matrices(AddedNoise *noise) {
     if (!lower_root(n, noise->square[0], noise->noise_root, noise->noise_whitening)) {
         return 0;
     }
-    set_remainder(noise);
+    if (!file->scaled) {
+        set_remainder(noise);
+    }
     set_complement(noise, of_residual, noise->residual_triangle);
     if (of_residual == file->regularisation) {
         memcpy(noise->gain_triangle, noise->residual_triangle, n * (n + 1) / 2 * sizeof *noise->gain_triangle);
     } else {
         set_complement(noise, file->regularisation, noise->gain_triangle);
     }
-    set_load_gain(noise);
+    if (!file->scaled) {
+        set_load_gain(noise);
+    }
     memset(noise->min_precision, 0, n * sizeof *noise->min_precision);
     for (size_t i = 0; i < n; i++) {
         for (size_t j = 0; j <= i; j++) {
@@ -230,7 +235,9 @@ static int apply(AddedNoise *noise, Map *map, MaskedMap *masked, Workspace *work
         return 0;
     }
     hand_out(noise, map);
-    set_load_covariance(noise, map, masked, work);
+    if (!map->scaled) {
+        set_load_covariance(noise, map, masked, work);
+    }
     return 1;
 }
 

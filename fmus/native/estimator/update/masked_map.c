@@ -63,13 +63,13 @@ static size_t missing_first(const Map *map, MaskedMap *masked, size_t *order) {
 
 /* The R of a QR decomposition of the columns of a packed triangle in the given order. With the missing gauges first,
    [W_R W_K] = Q [R_RR R_RK; 0 R_KK]: R_RR^-1 R_RK predicts them from the others, and R_KK whitens these. */
-static void reordered_triangle(size_t n, const double *packed, const size_t *order, double *a) {
+static void reordered_triangle(int wide, size_t n, const double *packed, const size_t *order, double *a) {
     for (size_t j = 0; j < n; j++) {
         const size_t height = order[j] + 1;
         memcpy(a + j * n, packed + triangle_column(order[j]), height * sizeof *a);
         memset(a + j * n + height, 0, (n - height) * sizeof *a);
     }
-    householder_triangle(n, n, a);
+    householder_triangle(wide, n, n, a);
 }
 
 /* Information that the gauges in use hold on a state, as a fraction of what all gauges hold: the minimum over the
@@ -85,7 +85,7 @@ static double information_left(const Map *map, size_t n_missing, Workspace *work
             r[j * n + i] = i < gauge ? 0.0 : map->noise_whitening[triangle_column(i) + gauge];
         }
     }
-    householder_triangle(n, n_missing, r);
+    householder_triangle(work->wide, n, n_missing, r);
     for (size_t j = 0; j < n_missing; j++) {
         double *column = ratio + j * n_missing;
         memset(column, 0, n_missing * sizeof *column);
@@ -187,10 +187,21 @@ void masked_load_covariance(const Map *map, MaskedMap *masked, const Workspace *
     add_squares(states, rows, masked->load_covariance);
 }
 
+/* Gain and covariance of the loads, of form "absolute". */
+static void set_loads(const Map *map, MaskedMap *masked, size_t n_missing, Workspace *work) {
+    set_load_gain(map, masked, n_missing, work);
+    if (n_missing > 0) {
+        masked_load_covariance(map, masked, work);
+    } else {
+        memcpy(masked->load_covariance, map->load_covariance, sizeof masked->load_covariance);
+    }
+    masked->load_std_shift = NAN;
+}
+
 /* R_KK of the residual, and the scales of z. */
 static void set_residual(const Map *map, MaskedMap *masked, size_t n_missing, Workspace *work) {
     const size_t n = map->n_gauges;
-    reordered_triangle(n, map->residual_triangle, work->order, work->first);
+    reordered_triangle(work->wide, n, map->residual_triangle, work->order, work->first);
     for (size_t k = 0; k < masked->n_used; k++) {
         double *column = masked->triangle + triangle_column(k);
         memcpy(column, work->first + (n_missing + k) * n + n_missing, (k + 1) * sizeof *column);
@@ -227,7 +238,7 @@ static void set_groups(const Map *map, MaskedMap *masked) {
 void masked_map_prepare(const Map *map, MaskedMap *masked, Workspace *work) {
     const size_t n_missing = missing_first(map, masked, work->order);
     if (n_missing > 0) {
-        reordered_triangle(map->n_gauges, map->gain_triangle, work->order, work->first);
+        reordered_triangle(work->wide, map->n_gauges, map->gain_triangle, work->order, work->first);
     }
     masked->identified = identifies(map, n_missing, work);
     if (!masked->identified) {
@@ -236,13 +247,9 @@ void masked_map_prepare(const Map *map, MaskedMap *masked, Workspace *work) {
     for (size_t k = 0; k < masked->n_used; k++) {
         masked->mean_strain[k] = map->mean_strain[masked->used[k]];
     }
-    set_load_gain(map, masked, n_missing, work);
-    if (n_missing > 0) {
-        masked_load_covariance(map, masked, work);
-    } else {
-        memcpy(masked->load_covariance, map->load_covariance, sizeof masked->load_covariance);
+    if (!map->scaled) {
+        set_loads(map, masked, n_missing, work);
     }
-    masked->load_std_shift = NAN;
     set_residual(map, masked, n_missing, work);
     set_groups(map, masked);
     const int freedom = map->degrees_of_freedom - (int)n_missing;

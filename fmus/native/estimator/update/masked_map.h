@@ -14,7 +14,7 @@ typedef struct {
     int identified;          /* whether they identify the state; if not, what follows is not set */
     size_t *used;            /* (n_used) their indices among all gauges */
     double *mean_strain;     /* (n_used) */
-    double *load_gain;       /* (n_used, LOAD_STRIDE) */
+    double *load_gain;       /* (n_used, LOAD_STRIDE); this and load_covariance of form "absolute" alone */
     double *triangle;        /* of W, packed, of order n_used */
     double *row_panels;      /* its rows as panels.h lays them out */
     double *column_panels;   /* its columns */
@@ -32,6 +32,7 @@ typedef struct {
 
 /* Scratch of masked_map_prepare. */
 typedef struct {
+    int wide;                       /* panels_wide() */
     double *first, *second, *third; /* (n_gauges, n_gauges) */
     double *rows;                   /* (5, n_gauges + n_states) */
     size_t *order;                  /* (n_gauges) gauges, the missing first */

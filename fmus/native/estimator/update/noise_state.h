@@ -7,6 +7,7 @@
 
 /* The arrays of Map and ScaledForm that follow from others. */
 typedef struct {
+    int wide;        /* panels_wide() */
     Map file;        /* with the arrays of the file alone */
     double *added;   /* (n_gauges, n_gauges) covariance of the other errors [1] */
     const double *own, *whole; /* (n_gauges, n_gauges) covariance of the gauges in place of the file's, and with the

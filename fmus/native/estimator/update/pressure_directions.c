@@ -41,7 +41,7 @@ static void eliminate_free(AddedNoise *noise, const double *inverse, double *who
             column[i] = i < c ? 0.0 : inverse[triangle_column(i) + c];
         }
     }
-    householder_columns(n, n_free, n_free + 2 * n, whole, noise->head);
+    householder_columns(noise->wide, n, n_free, n_free + 2 * n, whole, noise->head);
 }
 
 /* Turn rows (count, 2 n) until their first halves are orthogonal, row to row. */

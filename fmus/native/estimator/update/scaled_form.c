@@ -179,7 +179,7 @@ static void predict_lost(Scaled *scaled, ScaledStep *step) {
             }
         }
     }
-    householder_columns(n, n_lost, n_lost + 2, step->matrix, step->head);
+    householder_columns(scaled->wide, n, n_lost, n_lost + 2, step->matrix, step->head);
     step->chi_square = dot(n - n_lost, of_w + n_lost, of_w + n_lost);
     double *whitened = step->scratch[1];
     memcpy(whitened, of_w, n * sizeof *whitened);
