@@ -4,16 +4,16 @@
 #include <string.h>
 
 #include "../numerics/lower_triangles.h"
+#include "../numerics/orthogonal_rows.h"
 #include "../numerics/triangles.h"
 
-#define SWEEPS 40
-#define ORTHOGONAL 4e-16 /* |cosine| of two rows that counts as 0 */
-
 /* [L^-1 A, L^-1 N, L^-1] by columns, A the free states; the rows below those of the free states; then scratch of a
-   triangle that is not needed. */
+   triangle that is not needed, and of orthogonal_rows.h. */
 size_t pressure_directions_doubles(const Map *map) {
     const size_t n = map->n_gauges;
-    return map->scaled ? n * (map->form.n_free + 2 * n) + 2 * n * n + n * (n + 1) + 2 * N_LOADS * n : 0;
+    return map->scaled ? n * (map->form.n_free + 2 * n) + 2 * n * n + n * (n + 1) + 2 * N_LOADS * n
+                             + orthogonal_rows_doubles(n, 2 * n)
+                       : 0;
 }
 
 static void whiten(size_t n, const double *inverse, const double *x, size_t stride, double *out) {
@@ -42,35 +42,6 @@ static void eliminate_free(AddedNoise *noise, const double *inverse, double *who
         }
     }
     householder_columns(noise->wide, n, n_free, n_free + 2 * n, whole, noise->head);
-}
-
-/* Turn rows (count, 2 n) until their first halves are orthogonal, row to row. */
-static void turn_rows(size_t count, size_t n, double *rows) {
-    for (int sweep = 0; sweep < SWEEPS; sweep++) {
-        double largest = 0.0;
-        for (size_t p = 0; p + 1 < count; p++) {
-            for (size_t q = p + 1; q < count; q++) {
-                double *restrict a = rows + p * 2 * n, *restrict b = rows + q * 2 * n;
-                const double alpha = dot(n, a, a), beta = dot(n, b, b), gamma = dot(n, a, b);
-                const double scale = sqrt(alpha) * sqrt(beta);
-                if (!(fabs(gamma) > ORTHOGONAL * scale)) {
-                    continue;
-                }
-                largest = fabs(gamma) / scale > largest ? fabs(gamma) / scale : largest;
-                const double tau = (beta - alpha) / (2.0 * gamma);
-                const double size = 1.0 / (fabs(tau) + sqrt(1.0 + tau * tau)), t = tau < 0.0 ? -size : size;
-                const double c = 1.0 / sqrt(1.0 + t * t), s = t * c;
-                for (size_t i = 0; i < 2 * n; i++) {
-                    const double kept = a[i];
-                    a[i] = c * kept - s * b[i];
-                    b[i] = s * kept + c * b[i];
-                }
-            }
-        }
-        if (largest <= 8.0 * ORTHOGONAL) {
-            break;
-        }
-    }
 }
 
 /* Rows of loads, five or the other ones, that follow the directions. */
@@ -188,7 +159,7 @@ int set_pressure_directions(AddedNoise *noise) {
             rows[k * 2 * n + c] = whole[(n_free + c) * n + n_free + k];
         }
     }
-    turn_rows(n - n_free, n, rows);
+    orthogonal_rows(noise->wide, n - n_free, n, 2 * n, rows, of_spread + N_LOADS * n);
     set_directions(noise, rows, &five, &other_loads, noise->head);
     return 1;
 }

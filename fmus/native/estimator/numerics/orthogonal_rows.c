@@ -1,0 +1,180 @@
+#include "orthogonal_rows.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "lanes.h"
+#include "wide.h"
+
+#define SWEEPS 40
+#define ORTHOGONAL 4e-16 /* |cosine| of two rows that counts as 0 */
+#define QL_STEPS 30      /* for an eigenvalue; two are usual, and what is left of it is left to the rotations */
+#define SMALL 0x1p-53    /* of an element beside the diagonal, over those on it, that counts as 0 */
+
+size_t orthogonal_rows_doubles(size_t count, size_t width) {
+    return count * count + 3 * count + width;
+}
+
+/* The sum of triangles.h, in its order. */
+EVERYWHERE double product(size_t n, const double *restrict x, const double *restrict y) {
+    double part[LANES] = {0.0};
+    size_t i = 0;
+    for (; i + LANES <= n; i += LANES) {
+        for (size_t r = 0; r < LANES; r++) {
+            part[r] += x[i + r] * y[i + r];
+        }
+    }
+    double sum = (part[0] + part[1]) + (part[2] + part[3]);
+    for (; i < n; i++) {
+        sum += x[i] * y[i];
+    }
+    return sum;
+}
+
+/* a = c a - s b, b = s a + c b. */
+EVERYWHERE void rotate(size_t width, double c, double s, double *restrict a, double *restrict b) {
+    for (size_t i = 0; i < width; i++) {
+        const double kept = a[i];
+        a[i] = c * kept - s * b[i];
+        b[i] = s * kept + c * b[i];
+    }
+}
+
+EVERYWHERE void add(size_t width, double factor, const double *restrict x, double *restrict out) {
+    for (size_t i = 0; i < width; i++) {
+        out[i] += factor * x[i];
+    }
+}
+
+/* What stands right of the diagonal in row k of the products becomes its first element, by a reflection of the rows below:
+   of products and rows. */
+EVERYWHERE void reflect(size_t count, size_t width, size_t k, double *gram, double *rows, double *scratch) {
+    const size_t first = k + 1, length = count - first;
+    double *restrict v = gram + k * count + first, *restrict w = scratch, *restrict sum = scratch + count;
+    const double norm = sqrt(product(length, v, v));
+    if (!(norm > 0.0)) {
+        return;
+    }
+    const double head = v[0], end = head > 0.0 ? -norm : norm, factor = 1.0 / (norm * (norm + fabs(head)));
+    v[0] = head - end;
+    for (size_t i = 0; i < length; i++) {
+        w[i] = factor * product(length, gram + (first + i) * count + first, v);
+    }
+    add(length, -0.5 * factor * product(length, v, w), v, w);
+    for (size_t i = 0; i < length; i++) {
+        double *restrict row = gram + (first + i) * count + first;
+        add(length, -v[i], w, row);
+        add(length, -w[i], v, row);
+    }
+    memset(sum, 0, width * sizeof *sum);
+    for (size_t i = 0; i < length; i++) {
+        add(width, v[i], rows + (first + i) * width, sum);
+    }
+    for (size_t i = 0; i < length; i++) {
+        add(width, -factor * v[i], sum, rows + (first + i) * width);
+    }
+    v[0] = end;
+}
+
+/* A QL step of the tridiagonal matrix from row l to row m, which its elements beside the diagonal cut off; rows alike. */
+EVERYWHERE void ql_step(size_t l, size_t m, size_t width, double *diagonal, double *beside, double *rows) {
+    const double slope = (diagonal[l + 1] - diagonal[l]) / (2.0 * beside[l]), size = sqrt(slope * slope + 1.0);
+    double g = diagonal[m] - diagonal[l] + beside[l] / (slope + (slope < 0.0 ? -size : size));
+    double s = 1.0, c = 1.0, shift = 0.0;
+    for (size_t i = m; i-- > l;) {
+        const double f = s * beside[i], b = c * beside[i], r = sqrt(f * f + g * g);
+        beside[i + 1] = r;
+        if (!(r > 0.0)) {
+            diagonal[i + 1] -= shift;
+            beside[m] = 0.0;
+            return;
+        }
+        s = f / r;
+        c = g / r;
+        g = diagonal[i + 1] - shift;
+        const double turned = (diagonal[i] - g) * s + 2.0 * c * b;
+        shift = s * turned;
+        diagonal[i + 1] = g + shift;
+        g = c * turned - b;
+        rotate(width, c, s, rows + i * width, rows + (i + 1) * width);
+    }
+    diagonal[l] -= shift;
+    beside[l] = g;
+    beside[m] = 0.0;
+}
+
+/* Turn rows by the eigenvectors of their products. */
+EVERYWHERE void turn_by_products(size_t count, size_t n, size_t width, double *rows, double *scratch) {
+    double *gram = scratch, *diagonal = gram + count * count, *beside = diagonal + count;
+    for (size_t i = 0; i < count; i++) {
+        for (size_t j = 0; j <= i; j++) {
+            gram[i * count + j] = gram[j * count + i] = product(n, rows + i * width, rows + j * width);
+        }
+    }
+    for (size_t k = 0; k + 2 < count; k++) {
+        reflect(count, width, k, gram, rows, diagonal);
+    }
+    for (size_t i = 0; i < count; i++) {
+        diagonal[i] = gram[i * count + i];
+        beside[i] = i + 1 < count ? gram[i * count + i + 1] : 0.0;
+    }
+    for (size_t l = 0; l < count; l++) {
+        for (int step = 0; step < QL_STEPS; step++) {
+            size_t m = l;
+            while (m + 1 < count && fabs(beside[m]) > SMALL * (fabs(diagonal[m]) + fabs(diagonal[m + 1]))) {
+                m++;
+            }
+            if (m == l) {
+                break;
+            }
+            ql_step(l, m, width, diagonal, beside, rows);
+        }
+    }
+}
+
+/* One rotation of rows a and b, of squares alpha and beta and a product. */
+EVERYWHERE void turn_pair(size_t width, double alpha, double beta, double gamma, double *a, double *b) {
+    const double tau = (beta - alpha) / (2.0 * gamma);
+    const double size = 1.0 / (fabs(tau) + sqrt(1.0 + tau * tau)), t = tau < 0.0 ? -size : size;
+    const double c = 1.0 / sqrt(1.0 + t * t);
+    rotate(width, c, t * c, a, b);
+}
+
+/* Turn all pairs of rows; the largest |cosine| among them. square (count) has their squares. */
+EVERYWHERE double sweep(size_t count, size_t n, size_t width, double *rows, double *square) {
+    double largest = 0.0;
+    for (size_t p = 0; p + 1 < count; p++) {
+        for (size_t q = p + 1; q < count; q++) {
+            double *a = rows + p * width, *b = rows + q * width;
+            const double gamma = product(n, a, b), scale = sqrt(square[p]) * sqrt(square[q]);
+            if (!(fabs(gamma) > ORTHOGONAL * scale)) {
+                continue;
+            }
+            largest = fabs(gamma) / scale > largest ? fabs(gamma) / scale : largest;
+            turn_pair(width, square[p], square[q], gamma, a, b);
+            square[p] = product(n, a, a);
+            square[q] = product(n, b, b);
+        }
+    }
+    return largest;
+}
+
+EVERYWHERE void turn(size_t count, size_t n, size_t width, double *rows, double *scratch) {
+    turn_by_products(count, n, width, rows, scratch);
+    double *square = scratch;
+    for (size_t i = 0; i < count; i++) {
+        square[i] = product(n, rows + i * width, rows + i * width);
+    }
+    for (int k = 0; k < SWEEPS && sweep(count, n, width, rows, square) > 8.0 * ORTHOGONAL; k++) {
+    }
+}
+
+#if HAS_AVX2
+AVX2 static void turn_avx2(size_t count, size_t n, size_t width, double *rows, double *scratch) {
+    turn(count, n, width, rows, scratch);
+}
+#endif
+
+void orthogonal_rows(int wide, size_t count, size_t n, size_t width, double *rows, double *scratch) {
+    CHOSEN(wide, turn)(count, n, width, rows, scratch);
+}
