@@ -52,7 +52,7 @@ static int conclude(Estimator *e, size_t used) {
     const Filter *filter = &e->flight.filter;
     const int fits = flight_conclude(e, used);
     for (size_t k = 0; k < N_NAVIGATION; k++) {
-        if (filter->next.apart[k] > 0.0 && filter->given[k] > 0.0 && e->output[HEALTH_STATE] == OK) {
+        if (filter->next.apart[k] > 0.0 && filter->given[k] > 0.0 && e->output[HEALTH_STATE] == (double)OK) {
             e->output[HEALTH_STATE] = DEGRADED;
         }
     }

@@ -152,7 +152,7 @@ void flight_fall_back(Estimator *e, int fits, double to_return) {
     if (!fits || to_return > 0.0) {
         fall_back(e);
     }
-    if (fits && e->flight.flag[LINEAR_LOADS] && e->output[HEALTH_STATE] == OK) {
+    if (fits && e->flight.flag[LINEAR_LOADS] && e->output[HEALTH_STATE] == (double)OK) {
         e->output[HEALTH_STATE] = DEGRADED;
     }
 }
