@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import shutil
 import stat
 import tempfile
 from collections.abc import Callable, Mapping
@@ -74,6 +75,48 @@ def _current_umask() -> int:
     mask = os.umask(0)
     os.umask(mask)
     return mask
+
+
+def check_new_folder(path: Path) -> None:
+    """Refuse the name of a folder that is there, or anything else of that name.
+
+    Raises
+    ------
+    InputError
+        There is something at ``path``.
+    """
+    if os.path.lexists(path):
+        raise InputError(f"{path}: expected the name of a new folder, got one that is there already")
+
+
+def write_folder_atomically(path: str | PathLike[str], entries: Mapping[str, bytes]) -> None:
+    """Write ``entries``, content by name with slashes, to a new folder ``path``: whole, or not at all.
+
+    Raises
+    ------
+    InputError
+        There is something at ``path`` already.
+    StrainfmuError
+        The operating system refused (disk full, no permission, ...).
+    """
+    path = Path(path)
+    temporary: Path | None = None
+    try:
+        check_new_folder(path)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        temporary = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
+        for name, content in entries.items():
+            file = temporary.joinpath(*name.split("/"))
+            file.parent.mkdir(parents=True, exist_ok=True)
+            file.write_bytes(content)
+        os.chmod(temporary, 0o777 & ~_current_umask())
+        os.rename(temporary, path)
+    except (OSError, ValueError) as error:  # the latter of names that no file can have
+        reason = (error.strerror if isinstance(error, OSError) else None) or error
+        raise StrainfmuError(f"{path}: could not be written: {reason}") from error
+    finally:
+        if temporary is not None:
+            shutil.rmtree(temporary, ignore_errors=True)
 
 
 def write_hdf5_atomically(

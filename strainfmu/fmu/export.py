@@ -26,7 +26,8 @@ from strainfmu.estimator.map.inverse_map import (
     save_inverse_map,
 )
 from strainfmu.estimator.zeros.tare import KnownStrain
-from strainfmu.files import content_hash_of
+from strainfmu.files import content_hash_of, write_folder_atomically
+from strainfmu.fmu.c_folder import c_entries, check_folder_path
 from strainfmu.fmu.description.fmu_description import FmuDescription
 from strainfmu.fmu.description.terminals import terminal_files
 from strainfmu.fmu.documentation.estimator_page import all_ranges, estimator_sections
@@ -55,7 +56,7 @@ from strainfmu.interface.plant_variables import plant_interface
 from strainfmu.interface.sensor_variables import sensor_names
 from strainfmu.version import __version__
 
-KINDS = ("native", "python")
+KINDS = ("native", "python", "c")
 FMI_VERSIONS = ("2", "3")
 
 _COMMON_SOURCES = (
@@ -100,7 +101,7 @@ class ExportOptions:
 
     Attributes
     ----------
-    kind : "native", compiled code, or "python", PythonFMU.
+    kind : "native", compiled code; "python", PythonFMU; or "c", which is no FMU but a folder of C sources.
     fmi_version : "2" for FMI 2.0, "3" for FMI 3.0 (native only).
     scalars : whether an FMU of FMI 3.0 has the scalar variables of FMI 2.0, by the same names, and no arrays.
     platforms : names of the platforms to support, by FMI 2.0 or 3.0; None for all (native only).
@@ -135,6 +136,21 @@ class ExportOptions:
             raise InputError(f"scalars: fmi {self.fmi_version} found, expected 3: FMI 2.0 has scalars alone")
         if self.kind == "python" and self.platforms is not None:
             raise InputError("platforms: FMUs of kind python have those of PythonFMU, linux64 and win64")
+        if self.kind == "c":
+            self._check_for_c()
+
+    def _check_for_c(self) -> None:
+        """Refuse what sources without FMI do not have."""
+        wrong = {
+            "fmi": self.fmi_version != "2",
+            "platforms": self.platforms is not None,
+            "zero inputs": self.zero_inputs,
+            "tare known": self.tare_known is not None,
+        }
+        for name in (name for name, given in wrong.items() if given):
+            raise InputError(
+                f"{name}: expected none with kind c, which is no FMU; its README.txt lists what it has"
+            )
 
 
 def export_estimator(
@@ -142,12 +158,12 @@ def export_estimator(
 ) -> Literal["linear", "manifold"]:
     """Write the estimator FMU of the map at ``map_path`` to ``fmu_path``; None takes the native kind of FMI 2.0.
 
-    Returns which estimator it holds.
+    Returns which estimator it holds. Of kind "c" ``fmu_path`` is a new folder.
 
     Raises
     ------
     InputError
-        The map is missing or damaged, or an option cannot be.
+        The map is missing or damaged, an option cannot be, or there is something at the folder's name (kind c).
     StrainfmuError
         PythonFMU is not installed (kind python), or the FMU could not be written; ``fmu_path`` keeps its old
         content.
@@ -159,7 +175,10 @@ def export_estimator(
     """
     options = options or ExportOptions()
     map_path, fmu_path = Path(map_path), Path(fmu_path)
-    check_fmu_path(fmu_path)
+    if options.kind == "c":
+        check_folder_path(fmu_path)
+    else:
+        check_fmu_path(fmu_path)
     inverse_map = load_inverse_map(map_path)
     if options.estimator == "linear" and inverse_map.manifold is not None:
         with TemporaryDirectory() as folder:
@@ -167,8 +186,11 @@ def export_estimator(
             save_inverse_map(replace(inverse_map, manifold=None), linear)
             return export_estimator(linear, fmu_path, options)
     content_hash = content_hash_of(map_path, SCHEMA, SCHEMA_VERSION)
-    make = _native_estimator if options.kind == "native" else _python_estimator
-    write_archive(fmu_path, make(map_path, inverse_map, content_hash, options))
+    if options.kind == "c":
+        write_folder_atomically(fmu_path, c_entries(inverse_map, content_hash))
+    else:
+        make = _native_estimator if options.kind == "native" else _python_estimator
+        write_archive(fmu_path, make(map_path, inverse_map, content_hash, options))
     return "linear" if inverse_map.manifold is None else "manifold"
 
 

@@ -128,7 +128,7 @@ def test_each_processor_of_apple_has_its_library_once(fmi: str, synthetic: Synth
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"kind": "java"}, "kind: 'java' found, must be one of native, python"),
+        ({"kind": "java"}, "kind: 'java' found, must be one of native, python, c"),
         ({"fmi_version": "1"}, "fmi: '1' found, must be one of 2, 3"),
         ({"kind": "python", "fmi_version": "3"}, r"fmi: 3 found, FMUs of kind python are of FMI 2\.0"),
         ({"scalars": True}, "scalars: fmi 2 found, expected 3"),

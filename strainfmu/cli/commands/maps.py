@@ -68,9 +68,15 @@ def build(
 
 def export(
     inverse_map: Annotated[Path, typer.Argument(metavar="MAP", help="Inverse map (map.h5).")],
-    output: Annotated[Path, typer.Option("-o", "--output", help="FMU to write.")] = Path("estimator.fmu"),
+    output: Annotated[Path, typer.Option("-o", "--output", help="FMU to write; with --kind c: folder.")] = Path(
+        "estimator.fmu"
+    ),
     kind: Annotated[
-        str, typer.Option(help="native: compiled, needs nothing of its host; python: PythonFMU.")
+        str,
+        typer.Option(
+            help="native: compiled, needs nothing of its host; python: PythonFMU; c: C sources, for computers"
+            " without FMI."
+        ),
     ] = "native",
     fmi: Annotated[str, typer.Option(help="Version of FMI: 2 or, native only, 3.")] = "2",
     scalars: Annotated[
@@ -93,9 +99,12 @@ def export(
         typer.Option(metavar="TOML", help="Strain of own weight and air during a tare, of 'tare --known-output'."),
     ] = None,
 ) -> None:
-    """Package an inverse map as an FMU. Two exports of one map are equal to the byte.
+    """Package an inverse map as an FMU, or as C sources. Two exports of one map are equal to the byte.
 
     Native FMUs of the linear estimator are for co-simulation and model exchange, all others for co-simulation.
+
+    Sources come with the map as a constant, CMakeLists.txt, an example, a program that measures memory and time
+    of a step on the target, and README.txt. The folder must be a new one.
 
     Examples:
 
@@ -108,6 +117,8 @@ def export(
         strainfmu export results/map.h5 -o estimator.fmu --estimator linear
 
         strainfmu export results/map.h5 -o estimator.fmu --zero-inputs --tare-known known.toml
+
+        strainfmu export results/map.h5 -o loads_c --kind c
     """
     from strainfmu.fmu.export import ExportOptions, export_estimator
 

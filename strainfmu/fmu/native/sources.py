@@ -7,6 +7,8 @@ and ``buildDescription.xml`` for importers that compile by themselves.
 from __future__ import annotations
 
 import hashlib
+import posixpath
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from importlib import resources
 from importlib.resources.abc import Traversable
@@ -30,6 +32,12 @@ ARITHMETIC_FLAGS = (
 """What each compiler of the sources must be given; ``library.cmake`` gives it too."""
 
 
+_CORE = "core"
+"""Folder of what models and fronts have in common."""
+
+_INCLUDE = re.compile(rb'^#include "([^"]+)"', re.MULTILINE)
+
+
 def library_folders(library: str) -> tuple[str, ...]:
     """Return the folders that make ``library``, a key of :data:`LIBRARIES`."""
     return (*FRONTS.values(), *LIBRARIES[library])
@@ -48,6 +56,34 @@ def native_sources(library: str, fmi_version: str) -> dict[str, bytes]:
         found = _files_below(native.joinpath(folder))
         names += [f"{folder}/{name}" for name in found if name.endswith((".c", ".h"))]
     return {name: native.joinpath(*name.split("/")).read_bytes() for name in sorted(names)}
+
+
+def model_sources(library: str) -> dict[str, bytes]:
+    """Return content by name of the sources that the models of a library need without a front of FMI.
+
+    The names are those below ``fmus/native``. Of ``core``, which the fronts use too, these are the headers that
+    the models include, directly or through others, and the file of the same name beside each.
+    """
+    native = resources.files("fmus").joinpath("native")
+    found = {
+        f"{folder}/{name}": native.joinpath(folder, *name.split("/")).read_bytes()
+        for folder in LIBRARIES[library]
+        for name in _files_below(native.joinpath(folder))
+        if name.endswith((".c", ".h"))
+    }
+    needed = set[str]()
+    new = {name for name in found if not name.startswith(f"{_CORE}/")}
+    while new:
+        needed |= new
+        headers = {header for name in new for header in _included(name, found[name])}
+        new = {name for one in headers for name in (one, f"{one.removesuffix('.h')}.c") if name in found} - needed
+    return {name: found[name] for name in sorted(needed)}
+
+
+def _included(name: str, content: bytes) -> set[str]:
+    """Return the headers that a source includes, by names as its own."""
+    folder = posixpath.dirname(name)
+    return {posixpath.normpath(posixpath.join(folder, one.decode())) for one in _INCLUDE.findall(content)}
 
 
 def _files_below(folder: Traversable) -> Iterator[str]:

@@ -71,7 +71,7 @@ static void whole_numbers(Estimator *e, double whole[N_WHOLE]) {
     const double *output = estimator_outputs(e);
     whole[0] = output[HEALTH_STATE];
     memcpy(whole + 1, output + VALID_GAUGES, (TARE_WHOLE - 1) * sizeof *whole);
-    whole[TARE_WHOLE] = e->tare.present ? e->tare.flags.state : TARE_IDLE;
+    whole[TARE_WHOLE] = e->tare.present ? e->tare.flags.state : (double)TARE_IDLE;
 }
 
 static void settle(Model *model) {

@@ -16,7 +16,7 @@ void flight_fall_back(Flight *flight, int fits, double to_return) {
     if (!fits || to_return > 0.0) {
         fall_back(flight);
     }
-    if (fits && flight->flag[LINEAR_LOADS] && flight->output[HEALTH_STATE] == OK) {
+    if (fits && flight->flag[LINEAR_LOADS] && flight->output[HEALTH_STATE] == (double)OK) {
         flight->output[HEALTH_STATE] = DEGRADED;
     }
 }

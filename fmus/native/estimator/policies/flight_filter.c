@@ -59,7 +59,7 @@ static int conclude(Flight *flight, size_t used) {
     const Filter *filter = &flight->filter;
     const int fits = flight_conclude(flight, used);
     for (size_t k = 0; k < N_NAVIGATION; k++) {
-        if (filter->next.apart[k] > 0.0 && filter->given[k] > 0.0 && flight->output[HEALTH_STATE] == OK) {
+        if (filter->next.apart[k] > 0.0 && filter->given[k] > 0.0 && flight->output[HEALTH_STATE] == (double)OK) {
             flight->output[HEALTH_STATE] = DEGRADED;
         }
     }

@@ -217,7 +217,7 @@ int tare_state_fits(const Tare *tare, const unsigned char *bytes) {
     bytes += sizeof up;
     memcpy(&counts, bytes, sizeof counts);
     return is_flag(flags.is_up) && is_flag(flags.has_zeros) && is_flag(up)
-        && (flags.state == TARE_IDLE || flags.state == TARE_AVERAGING || flags.state == TARE_DONE
-            || flags.state == TARE_REFUSED)
+        && (flags.state == (double)TARE_IDLE || flags.state == (double)TARE_AVERAGING || flags.state == (double)TARE_DONE
+            || flags.state == (double)TARE_REFUSED)
         && window_counts_fit(&counts) && arrays_fit(tare, bytes + sizeof counts);
 }

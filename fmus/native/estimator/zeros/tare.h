@@ -21,7 +21,7 @@ void tare_take(Tare *tare, double dynamic_pressure);
 
 /* Whether tare_take is to be called. */
 static inline int tare_is_averaging(const Tare *tare) {
-    return tare->flags.state == TARE_AVERAGING;
+    return tare->flags.state == (double)TARE_AVERAGING;
 }
 
 /* Forget the zeros: others are given. */
