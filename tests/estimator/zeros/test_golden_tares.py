@@ -8,23 +8,23 @@ import numpy as np
 import pytest
 from tare_windows import HELD, TareWindow, tare_window
 
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.zeros.gauge_zeros import LARGEST_ZERO
-from strainfmu.estimator.zeros.tare import tare
 from strainfmu.estimator.zeros.tare_edge import EdgeTare
 from strainfmu.estimator.zeros.tare_verdict import refusal, taken_text
 
 pytestmark = pytest.mark.fast
 
+ESTIMATOR = Estimator(HELD)
 GOLDEN = Path(__file__).with_name("golden_tares.npz")
 
 
 def said_of_steps(window: TareWindow) -> str:
     """What a tare by steps says of the same readings."""
-    one = EdgeTare(HELD, window.known)
+    one = EdgeTare(ESTIMATOR.core, HELD, window.known)
     for row, pressure in zip(window.strain, window.pressure, strict=True):
-        one.follow(True)
-        one.take(row, pressure)
-    one.follow(False)
+        assert not one.step(True, row, pressure)
+    one.step(False, window.strain[-1], 0.0)
     return one.text
 
 
@@ -32,7 +32,7 @@ def test_tares_are_the_stored_ones() -> None:
     with np.load(GOLDEN) as golden:
         for seed, said in enumerate(golden["said"].tolist()):
             window = tare_window(seed)
-            found = tare(HELD, window.strain, window.pressure, window.limits, window.known)
+            found = ESTIMATOR.tare(window.strain, window.pressure, window.limits, window.known)
             zeros = found.zeros
             near = 1e-12 * np.median(HELD.noise_std)
             np.testing.assert_allclose(zeros.value, golden["value"][seed], rtol=1e-12, atol=near)
