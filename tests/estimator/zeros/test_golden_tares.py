@@ -42,3 +42,15 @@ def test_tares_are_the_stored_ones() -> None:
             any_reads = bool((zeros.std < LARGEST_ZERO).any())
             outcome = refusal(found) or (taken_text(found, "cycles") if any_reads else "")
             assert "\n".join([outcome, *found.faults, *found.notes, said_of_steps(window)]) == said
+
+
+def test_any_readings_give_finite_zeros_in_range() -> None:
+    random = np.random.default_rng(0)
+    pool = np.array([0.0, np.nan, np.inf, 1e300, -1e308, 5e-324, 1e-170, 1e-160, 1e100, 1e101, 1e-4, 0.05, 0.06])
+    for _ in range(60):
+        n = int(random.integers(64, 130))
+        strain = random.choice(random.choice(pool, size=3), size=(n, len(HELD.mean_strain)))
+        found = ESTIMATOR.tare(strain, random.choice(pool, size=n))
+        assert np.isfinite(
+            [found.memory, found.rms, found.largest_std, *found.zeros.std, *found.zeros.value]
+        ).all()
