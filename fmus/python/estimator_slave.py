@@ -23,7 +23,6 @@ from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import load_inverse_map
 from strainfmu.estimator.map.offers import has_other_outputs
-from strainfmu.estimator.map.temperature import known_sensors
 from strainfmu.estimator.settings import EstimatorSettings, setting_fault
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros, zero_fault
 from strainfmu.estimator.zeros.tare import KnownStrain
@@ -75,7 +74,6 @@ class EstimatorSlave(Fmi2Slave):
         self._zeros = [references[name] for name in zero_names(self._n_strains)]
         self._zeros_outdated = False
         self._time_constant = references.get(FILTER_TIME_CONSTANT)
-        self._thermal = inverse_map.thermal
         self._has_further = has_other_outputs(inverse_map)
         self._temperatures = [references[name] for name in temperature_names(inverse_map.thermal)]
         self._tare = EdgeTare(self._estimator.core, inverse_map, _known_strain(resources / "tare_known.json"))
@@ -280,11 +278,8 @@ class EstimatorSlave(Fmi2Slave):
         return dict(zip(self._estimator.parameters.names, stated, strict=bool(stated)))
 
     def _temperature(self) -> np.ndarray | None:
-        """Return (n_t,) what the sensors read [K], None where none of them tells anything."""
-        temperature = self._values[self._temperatures]
-        if not known_sensors(self._thermal, temperature).any():
-            return None
-        return temperature
+        """Return (n_t,) what the sensors read [K], None of a map without any; the core knows which ones read."""
+        return self._values[self._temperatures] if self._temperatures else None
 
     def _before_change(self) -> None:
         """Go on from the last step: what follows starts from the track that it left."""
