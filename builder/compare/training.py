@@ -11,9 +11,9 @@ import numpy as np
 
 from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, pressure_and_temperature
-from strainfmu.estimator.air_data import air_data_of_state
 from strainfmu.estimator.map.proportional_errors import PAIRS
 from strainfmu.estimator.other_loads import FIVE_LOADS
+from strainfmu.estimator.reference.air import air_data_at
 from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, U, W, evaluate
 from strainfmu.estimator.tables.manifold_map import ManifoldMap
 
@@ -65,7 +65,7 @@ def training_flights(
     )
     mach = state[:, MACH]
     dynamic = 0.5 * HEAT_CAPACITY_RATIO * mach**2 * pressure
-    angles = air_data_of_state(state)[0][:, :2]
+    angles = air_data_at(state)[:, :2]
     return TrainingFlights(
         strain=strain,
         dynamic_pressure=dynamic * (1.0 + manifold.dynamic_pressure_error * random.standard_normal(count)),

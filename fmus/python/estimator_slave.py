@@ -23,7 +23,6 @@ from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import load_inverse_map
 from strainfmu.estimator.map.offers import has_other_outputs
-from strainfmu.estimator.map.temperature import known_sensors
 from strainfmu.estimator.settings import EstimatorSettings, setting_fault
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros, zero_fault
 from strainfmu.estimator.zeros.tare import KnownStrain
@@ -75,10 +74,9 @@ class EstimatorSlave(Fmi2Slave):
         self._zeros = [references[name] for name in zero_names(self._n_strains)]
         self._zeros_outdated = False
         self._time_constant = references.get(FILTER_TIME_CONSTANT)
-        self._thermal = inverse_map.thermal
         self._has_further = has_other_outputs(inverse_map)
         self._temperatures = [references[name] for name in temperature_names(inverse_map.thermal)]
-        self._tare = EdgeTare(inverse_map, _known_strain(resources / "tare_known.json"))
+        self._tare = EdgeTare(self._estimator.core, inverse_map, _known_strain(resources / "tare_known.json"))
         self._asked, self._tare_state = references[TARE], references[TARE_STATE]
         self._zeros_in_use = [references[name] for name in zero_in_use_names(self._n_strains)]
         estimated = (v.name for v in interface if v.causality == "output" and v.name != TARE_STATE)
@@ -119,20 +117,18 @@ class EstimatorSlave(Fmi2Slave):
 
     def _follow_tare(self) -> None:
         """Take the flag and the readings of a step in."""
-        is_up = self._values[self._asked] != 0.0
+        is_up = bool(self._values[self._asked] != 0.0)
         if not (is_up or self._tare.is_up):
             return
         if not is_up:
             self._before_change()
-        if self._tare.follow(is_up):
+        strain = self._values[self._first_input :][: self._n_strains]
+        valid = self._values[self._valid :][: self._n_strains]
+        in_use = (valid != 0.0) & (np.abs(strain) <= self._estimator.settings.sensor_range)
+        in_use &= self._is_set[: self._n_strains]
+        # At rest the dynamic pressure is 0.
+        if self._tare.step(is_up, np.where(in_use, strain, np.nan), float(self._values[self._pressure])):
             self._zeros_outdated = True
-        if is_up:
-            strain = self._values[self._first_input :][: self._n_strains]
-            valid = self._values[self._valid :][: self._n_strains]
-            in_use = (valid != 0.0) & (np.abs(strain) <= self._estimator.settings.sensor_range)
-            in_use &= self._is_set[: self._n_strains]
-            # At rest it is 0.
-            self._tare.take(np.where(in_use, strain, np.nan), float(self._values[self._pressure]))
         self._values[self._tare_state] = self._tare.state
         if self._tare.text:
             self.log(self._tare.text, Fmi2Status.ok, "logEvents")
@@ -282,11 +278,8 @@ class EstimatorSlave(Fmi2Slave):
         return dict(zip(self._estimator.parameters.names, stated, strict=bool(stated)))
 
     def _temperature(self) -> np.ndarray | None:
-        """Return (n_t,) what the sensors read [K], None where none of them tells anything."""
-        temperature = self._values[self._temperatures]
-        if not known_sensors(self._thermal, temperature).any():
-            return None
-        return temperature
+        """Return (n_t,) what the sensors read [K], None of a map without any; the core knows which ones read."""
+        return self._values[self._temperatures] if self._temperatures else None
 
     def _before_change(self) -> None:
         """Go on from the last step: what follows starts from the track that it left."""
@@ -303,7 +296,7 @@ class EstimatorSlave(Fmi2Slave):
             "memory": None if self._memory is None else b64encode(self._memory).decode(),
             "times": [self._time, self._end],
             "stepped": int(self._stepped),
-            "tare": self._tare.saved(),
+            "tare": b64encode(self._tare.saved()).decode(),
         }
 
     def _set_fmu_state(self, state: dict[str, Any]) -> None:
@@ -315,7 +308,7 @@ class EstimatorSlave(Fmi2Slave):
             is_set = np.array(state["is_set"], dtype=bool).reshape(self._is_set.shape)
             self._values[self._inputs] = state["inputs"]
             self._apply_settings()
-            self._tare.restore(state["tare"])
+            self._tare.restore(b64decode(state["tare"], validate=True))
             self._apply_zeros()
         except (InputError, KeyError, TypeError, ValueError) as error:
             self._values = before

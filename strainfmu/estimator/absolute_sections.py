@@ -7,8 +7,8 @@ import numpy as np
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.reference.linear import LOADS, estimate, references
-from strainfmu.estimator.reference.readings import Zeros, rows_of
-from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros, with_zero_errors
+from strainfmu.estimator.reference.readings import Zeros, row_noise, rows_of
+from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 
 _NAMES = ("further_loads", "further_loads_std", "further_coefficients", "further_coefficients_std")
 
@@ -36,8 +36,9 @@ def other_loads(
     ``dynamic_pressure`` (k,), is; they refer to ``area`` S and ``length`` L. A ``pressure_std`` (k,) of NaN is the
     map's.
     """
-    held = Zeros(value=zeros.value, std=zeros.std)
-    rows, inverse_map = rows_of(inverse_map, readings, thrust, held), with_zero_errors(inverse_map, zeros)
+    of_zeros = Zeros(value=zeros.value, std=zeros.std, common_std=zeros.common_std)
+    rows = rows_of(inverse_map, readings, thrust, of_zeros)
+    noise = row_noise(inverse_map, inverse_map.gauge_covariance, of_zeros)
     known = np.isfinite(dynamic_pressure)
     q = np.where(known, dynamic_pressure, 1.0)
     std = np.where(np.isnan(pressure_std), inverse_map.dynamic_pressure_error * q, pressure_std)
@@ -49,7 +50,7 @@ def other_loads(
         if not used.any():
             continue
         read = np.where(used, rows[of_mask], 0.0)
-        one = estimate(inverse_map, read, used, q[of_mask], std[of_mask])
+        one = estimate(inverse_map, read, used, q[of_mask], std[of_mask], noise)
         for name, value, turn in (
             ("further_loads", one.loads, np.ones(1)),
             ("further_loads_std", _std(one.covariance), np.ones(1)),

@@ -16,7 +16,7 @@ import numpy as np
 
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, chi_square_limit, chi_square_survival
+from strainfmu.estimator.health import chi_square_limit, chi_square_survival
 from strainfmu.estimator.tables.manifold_map import ManifoldMap
 
 AMBIGUOUS_CORRELATION = 0.9
@@ -37,12 +37,6 @@ def outlier_threshold(n_gauges: int, false_alarm_probability: float) -> float:
     Two-sided, Bonferroni: each gauge gets 1 / n_gauges of the probability, whatever their correlation.
     """
     return -NormalDist().inv_cdf(0.5 * false_alarm_probability / n_gauges)
-
-
-def gauge_threshold(manifold: ManifoldMap, alarm_scale: float) -> float:
-    """Return the alarm level of the largest leave-one-out residual |z|."""
-    nominal = outlier_threshold(manifold.tables.n_gauges, FALSE_ALARM_PROBABILITY)
-    return float(nominal * np.sqrt(manifold.outlier_scale * alarm_scale))
 
 
 def shape_limit(manifold: ManifoldMap, alarm_scale: float) -> float:

@@ -97,17 +97,6 @@ def given(values: FloatArray) -> FloatArray:
     return found
 
 
-def silent(readings: FloatArray, used: BoolArray, n_strain_gauges: int) -> BoolArray:
-    """Return (k,) the samples in which every strain gauge that is ``used`` (k, n_d), one or more, reads exactly 0.
-
-    No gauge under load does: nothing has been read. ``readings`` (k, n_d) are as they come, zeros not subtracted.
-    """
-    of_gauges = used[:, :n_strain_gauges]
-    loud = of_gauges & (readings[:, :n_strain_gauges] != 0.0)
-    found: BoolArray = of_gauges.any(axis=1) & ~loud.any(axis=1)
-    return found
-
-
 def per_sample(name: str, value: ArrayLike, samples: int) -> FloatArray:
     """Return ``value``, one number or one of each sample, as (samples,).
 

@@ -26,7 +26,7 @@ import numpy as np
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import InputError, StrainfmuError
 
-VERSION = 2
+VERSION = 3
 """``SL_VERSION`` of the library that this file calls."""
 
 LIBRARIES_OF_FMU = "native"
@@ -44,8 +44,11 @@ class Record(IntEnum):
     SETTINGS = 1
     OUTPUTS = 2
     FIT = 3
-    ROWS = 4
-    STATE = 5
+    TARE_LIMITS = 4
+    TARE = 5
+    ROWS = 6
+    STATE = 7
+    TARE_STATE = 8
 
 
 class Series(IntEnum):
@@ -68,6 +71,9 @@ class NoCoreError(StrainfmuError):
 Layout = Mapping[str, slice]
 """Place of each field of a record, by name."""
 
+Outcome = Mapping[str, FloatArray]
+"""What a tare found, by the names of ``SL_TARE``."""
+
 
 class Core:
     """The compiled estimator of one map; it serves one thread at a time.
@@ -77,6 +83,7 @@ class Core:
     resource : bytes of ``map.bin`` that it was opened with.
     n_rows : number of sensors of the map.
     inputs, settings, outputs, fit : layouts of its records; those of ``fit`` begin behind the outputs.
+    tare_outcome : layout of what a tare finds.
     """
 
     def __init__(self, resource: bytes) -> None:
@@ -101,6 +108,8 @@ class Core:
         self.n_inputs, self.n_outputs, self.n_fit = size[Record.INPUTS], size[Record.OUTPUTS], size[Record.FIT]
         self.inputs, self.settings = self._layout(Record.INPUTS), self._layout(Record.SETTINGS)
         self.outputs, self.fit = self._layout(Record.OUTPUTS), self._layout(Record.FIT, self.n_outputs)
+        self.tare_outcome = self._layout(Record.TARE)
+        self._n_outcome, self._tare_state_size = size[Record.TARE], size[Record.TARE_STATE]
         # One sample: the addresses of these arrays are taken once.
         self.sample = np.full(self.n_inputs, np.nan)
         self._result = np.empty(self.n_outputs + self.n_fit)
@@ -235,6 +244,69 @@ class Core:
         if not self._library.sl_restore(self._handle, state, self._text):
             raise InputError(f"state: {self._text.value.decode()}")
 
+    def tare(self, limits: FloatArray, strain: FloatArray, dynamic_pressure: FloatArray) -> Outcome:
+        """Return the outcome of a window: ``strain`` (n, n_d) [m/m] and ``dynamic_pressure`` (n,) [Pa].
+
+        ``limits`` are (3 + 2 n_d,): largest dynamic pressure, zero and drift, then known strain and its deviation.
+        """
+        found, bounds = self._new_outcome(), np.ascontiguousarray(limits)
+        readings, pressures = np.ascontiguousarray(strain), np.ascontiguousarray(dynamic_pressure)
+        self._library.sl_tare(
+            self._handle,
+            bounds.ctypes.data,
+            len(readings),
+            readings.ctypes.data,
+            pressures.ctypes.data,
+            found.ctypes.data,
+        )
+        return self._named(found)
+
+    def tare_step(
+        self, limits: FloatArray, is_up: bool, strain: FloatArray, dynamic_pressure: float
+    ) -> tuple[bool, Outcome]:
+        """Take a step of a tare by steps in; return whether there are other zeros, and the outcome.
+
+        Arguments are of one time, as of :meth:`tare`.
+        """
+        found, bounds, readings = self._new_outcome(), np.ascontiguousarray(limits), np.ascontiguousarray(strain)
+        at = (bounds.ctypes.data, int(is_up), readings.ctypes.data, dynamic_pressure, found.ctypes.data)
+        changed = self._library.sl_tare_step(self._handle, *at)
+        return bool(changed), self._named(found)
+
+    def tare_drop(self) -> Outcome:
+        """Forget the zeros of tares by steps."""
+        found = self._new_outcome()
+        self._library.sl_tare_drop(self._handle, found.ctypes.data)
+        return self._named(found)
+
+    @property
+    def tare_state(self) -> bytes:
+        """A tare by steps, for :meth:`restore_tare`."""
+        found = ctypes.create_string_buffer(self._tare_state_size)
+        self._library.sl_tare_state(self._handle, found)
+        return found.raw
+
+    def restore_tare(self, state: bytes) -> Outcome:
+        """Go on from what :attr:`tare_state` gave.
+
+        Raises
+        ------
+        InputError
+            It is of another map, or no state of a tare.
+        """
+        size, found = self._tare_state_size, self._new_outcome()
+        if len(state) != size:
+            raise InputError(f"tare: {len(state)} bytes found, must be {size}: it is of another map")
+        if not self._library.sl_tare_restore(self._handle, state, found.ctypes.data, self._text):
+            raise InputError(f"tare: {self._text.value.decode()}")
+        return self._named(found)
+
+    def _new_outcome(self) -> FloatArray:
+        return np.empty(self._n_outcome)
+
+    def _named(self, outcome: FloatArray) -> Outcome:
+        return {name: outcome[place] for name, place in self.tare_outcome.items()}
+
 
 @cache
 def library() -> ctypes.CDLL:
@@ -285,6 +357,11 @@ def _declared(found: ctypes.CDLL) -> ctypes.CDLL:
         ("sl_series", None, (pointer, number, number, size, pointer, pointer, pointer, pointer, pointer)),
         ("sl_state", None, (pointer, text)),
         ("sl_restore", number, (pointer, text, text)),
+        ("sl_tare", None, (pointer, pointer, size, pointer, pointer, pointer)),
+        ("sl_tare_step", number, (pointer, pointer, number, pointer, ctypes.c_double, pointer)),
+        ("sl_tare_drop", None, (pointer, pointer)),
+        ("sl_tare_state", None, (pointer, text)),
+        ("sl_tare_restore", number, (pointer, text, pointer, text)),
     ):
         function = getattr(found, name)
         function.restype, function.argtypes = result, arguments

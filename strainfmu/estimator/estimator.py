@@ -32,6 +32,8 @@ from strainfmu.estimator.resource.map_file import native_resource
 from strainfmu.estimator.settings import EstimatorSettings, default_settings
 from strainfmu.estimator.surface_pressure import AIR_DATA, SurfaceSample, surface_pressure
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros, no_zeros
+from strainfmu.estimator.zeros.tare import KnownStrain, Tare, TareLimits, limits_record
+from strainfmu.estimator.zeros.tare_verdict import judged_tare
 
 if TYPE_CHECKING:
     from strainfmu.estimator.numpy_core import NumpyCore
@@ -540,6 +542,40 @@ class Estimator:
         """Return the records of samples by themselves with their fit, of a linear map."""
         with self._lock:
             return self._each(_Samples(strain=None, columns=(), mask=mask, inputs=inputs), with_fit=True)
+
+    def tare(
+        self,
+        strain: ArrayLike,
+        dynamic_pressure: ArrayLike = nan,
+        limits: TareLimits | None = None,
+        known: KnownStrain | None = None,
+    ) -> Tare:
+        """Return the zero offsets of the strain gauges from a window of readings while the loads are known.
+
+        The estimator keeps its own; :meth:`with_zeros` takes those that are found.
+
+        Parameters
+        ----------
+        strain : (k, n_d) readings of the strain gauges [m/m], NaN where there is none.
+        dynamic_pressure : q_inf [Pa], one for all samples or (k,), NaN where it is not known.
+        limits : what is accepted; None for the usual limits.
+        known : strain of the loads that act; None for none.
+
+        Raises
+        ------
+        InputError
+            An argument has the wrong shape or is no number, or the window holds too few readings.
+        NoCoreError
+            The compiled core is not available on this machine.
+        """
+        n, chosen = self.inverse_map.n_strain_gauges, limits or TareLimits()
+        readings = real_numbers("strain", strain)
+        if readings.ndim != 2 or readings.shape[1] != n:
+            raise InputError(f"strain: expected (k, {n}) values, got {readings.shape}")
+        pressures = per_sample("dynamic_pressure", dynamic_pressure, len(readings))
+        with self._lock:
+            outcome = self.core.tare(limits_record(chosen, known, n), readings, pressures)
+        return judged_tare(self.inverse_map, outcome, chosen)
 
     # What is made of estimates off the deadline.
 

@@ -13,20 +13,28 @@ from typing import NamedTuple
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
+from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, static_pressure_at
 from strainfmu.errors import InputError
 from strainfmu.estimator.alarm_limits import outlier_threshold
-from strainfmu.estimator.arguments import given, silent
-from strainfmu.estimator.core import Layout, NoCoreError, Series
+from strainfmu.estimator.arguments import given
+from strainfmu.estimator.core import Layout, NoCoreError, Outcome, Series
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, HealthState, chi_square_limit
 from strainfmu.estimator.map.envelope import (
+    MACH_TOLERANCE,
     MAX_DYNAMIC_PRESSURE,
     MIN_DYNAMIC_PRESSURE,
-    envelope_score,
+    PRESSURE_TOLERANCE,
+    FlightRanges,
+    HalfSpaces,
     flight_ranges,
     half_spaces,
-    outside_by_navigation,
 )
-from strainfmu.estimator.map.flow_parameters import PARAMETER_TOLERANCE, flow_parameters
+from strainfmu.estimator.map.flow_parameters import (
+    LARGEST_SCORE,
+    PARAMETER_TOLERANCE,
+    FlowParameters,
+    flow_parameters,
+)
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.map.offers import has_other_outputs
 from strainfmu.estimator.map.temperature import known_sensors
@@ -35,6 +43,8 @@ from strainfmu.estimator.reference.linear import LOADS, LinearEstimate, estimate
 from strainfmu.estimator.reference.readings import Zeros, amplitudes, row_noise, rows_of, without_thrust
 from strainfmu.estimator.settings import EstimatorSettings, default_settings
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
+from strainfmu.estimator.zeros.tare import TareFault
+from strainfmu.estimator.zeros.tare_edge import TareState
 
 _AIR_DATA = (
     "dynamic_pressure",
@@ -195,7 +205,7 @@ class NumpyCore:
         std = np.where(np.isnan(std), self._map.dynamic_pressure_error * np.where(usable, q, 0.0), std)
         known = usable & (std >= 0.0) & (std < np.inf)
         std = np.where(known, std, 0.0)
-        is_outside = outside_by_navigation(
+        is_outside = _outside_by_navigation(
             flight_ranges(self._map),
             dynamic_pressure=q,
             dynamic_pressure_std=std,
@@ -203,7 +213,7 @@ class NumpyCore:
             altitude=altitude,
         )
         parameters = flow_parameters(self._map)
-        score = parameters.score(of["parameter"]) if parameters.names else np.zeros((len(q), 0))
+        score = _parameter_score(parameters, of["parameter"]) if parameters.names else np.zeros((len(q), 0))
         is_outside |= np.any(score > PARAMETER_TOLERANCE, axis=1)
         return _Flow(q, std, known, is_outside, score)
 
@@ -215,7 +225,7 @@ class NumpyCore:
         if mask is not None:
             used &= mask
         flows = flow.pressure >= MIN_DYNAMIC_PRESSURE
-        used[silent(readings, used, self._map.n_strain_gauges) & flows] = False
+        used[_silent(readings, used, self._map.n_strain_gauges) & flows] = False
         return used
 
     def _nothing(self, k: int, used: BoolArray) -> dict[str, FloatArray]:
@@ -256,7 +266,7 @@ class NumpyCore:
         suspicious = np.abs(z[np.arange(len(z)), worst]) > threshold
         spaces, five = half_spaces(held), slice(0, LOADS)
         covariance = of_map.coefficient_covariance[:, five, five]
-        score = envelope_score(spaces, of_map.coefficients[:, five], covariance)
+        score = _envelope_score(spaces, of_map.coefficients[:, five], covariance)
         health = np.full(len(q), HealthState.OK if used.all() else HealthState.DEGRADED)
         # The later takes the place of the earlier.
         health[score > held.envelope_score_limit] = HealthState.OUTSIDE
@@ -335,6 +345,39 @@ class NumpyCore:
         if state:
             raise InputError(f"state: {len(state)} bytes found, must be 0: it is of the compiled core")
 
+    def tare(self, limits: FloatArray, strain: FloatArray, dynamic_pressure: FloatArray) -> Outcome:
+        """Raise NoCoreError."""
+        raise NoCoreError("tare: needs the compiled estimator, which this machine does not have")
+
+    def tare_step(
+        self, limits: FloatArray, is_up: bool, strain: FloatArray, dynamic_pressure: float
+    ) -> tuple[bool, Outcome]:
+        """Refuse the tare."""
+        return False, _no_tare(TareState.REFUSED, TareFault.NO_CORE, is_up)
+
+    def tare_drop(self) -> Outcome:
+        """Return that there is no tare."""
+        return _no_tare()
+
+    @property
+    def tare_state(self) -> bytes:
+        """Nothing is remembered."""
+        return b""
+
+    def restore_tare(self, state: bytes) -> Outcome:
+        """Return that there is no tare."""
+        if state:
+            raise InputError(f"tare: {len(state)} bytes found, must be 0: it is of the compiled core")
+        return _no_tare()
+
+
+def _no_tare(
+    state: TareState = TareState.IDLE, faults: TareFault = TareFault.NONE, is_up: bool = False
+) -> Outcome:
+    """Return what is said of a tare by steps that finds nothing."""
+    numbers = {"state": int(state), "faults": int(faults), "is_up": int(is_up), "has_zeros": 0}
+    return {name: np.array([float(value)]) for name, value in numbers.items()}
+
 
 def _layout(sizes: dict[str, int], begin: int = 0) -> Layout:
     ends = begin + np.cumsum(list(sizes.values()))
@@ -364,3 +407,57 @@ def _identifies(inverse_map: InverseMap, noise: FloatArray, used: BoolArray) -> 
     )
     root = np.linalg.inv(np.linalg.cholesky(every))
     return bool(np.linalg.eigvalsh(root @ some @ root.T)[0] >= MIN_INFORMATION)
+
+
+def _silent(readings: FloatArray, used: BoolArray, n_strain_gauges: int) -> BoolArray:
+    """Return (k,) the samples in which every strain gauge that is ``used`` (k, n_d), one or more, reads exactly 0.
+
+    No gauge under load does: nothing has been read. ``readings`` (k, n_d) are as they come, zeros not subtracted.
+    """
+    of_gauges = used[:, :n_strain_gauges]
+    loud = of_gauges & (readings[:, :n_strain_gauges] != 0.0)
+    found: BoolArray = of_gauges.any(axis=1) & ~loud.any(axis=1)
+    return found
+
+
+def _parameter_score(known: FlowParameters, values: FloatArray) -> FloatArray:
+    """Return (k, n_p) the part of its range by which each of ``values`` leaves it; 0 where not known."""
+    excess = np.maximum(np.maximum(known.minimum - values, values - known.maximum), 0.0) / known.span
+    return np.where(np.isnan(values), 0.0, np.minimum(excess, LARGEST_SCORE))
+
+
+def _envelope_score(envelope: HalfSpaces, coefficients: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Return (k,) the largest (n'C - limit) / sigma of n'C over the half-spaces, 0 where C is inside all [1].
+
+    ``coefficients`` is (k, 5), ``covariance`` theirs (k, 5, 5), both for the references of the map.
+    """
+    excess = coefficients @ envelope.direction.T - envelope.limit
+    score = np.zeros(len(coefficients))
+    for sample in np.flatnonzero(np.any(excess > 0.0, axis=1)):
+        beyond = excess[sample] > 0.0
+        direction = envelope.direction[beyond]
+        variance = np.sum((direction @ covariance[sample]) * direction, axis=1)
+        score[sample] = np.max(excess[sample, beyond] / np.sqrt(variance))
+    return score
+
+
+def _outside_by_navigation(
+    ranges: FlightRanges,
+    *,
+    dynamic_pressure: FloatArray,
+    dynamic_pressure_std: FloatArray,
+    mach_number: FloatArray,
+    altitude: FloatArray,
+) -> BoolArray:
+    """Return (k,) whether q_inf [Pa], M or h [m] leave the ranges or contradict each other; NaN is not known."""
+    q, mach = dynamic_pressure, mach_number
+    low, high = ranges.mach_number * np.array([1.0 - MACH_TOLERANCE, 1.0 + MACH_TOLERANCE])
+    outside = (q < ranges.dynamic_pressure[0]) | (q > ranges.dynamic_pressure[1])
+    outside |= (mach < low) | (mach > high)
+    outside |= (altitude < ranges.altitude[0]) | (altitude > ranges.altitude[1])
+    if np.all(np.isnan(mach) | np.isnan(altitude)):  # nothing to compare the dynamic pressure with
+        return np.asarray(outside)
+    with np.errstate(over="ignore", invalid="ignore"):  # of values out of range, which are outside already
+        expected = 0.5 * HEAT_CAPACITY_RATIO * mach * mach * static_pressure_at(altitude)
+        allowed = PRESSURE_TOLERANCE * expected + 3.0 * dynamic_pressure_std
+        return np.asarray(outside | (np.abs(q - expected) > allowed))

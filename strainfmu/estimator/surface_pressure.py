@@ -16,10 +16,11 @@ from strainfmu.estimator.estimates.linear_field import linear_pressure
 from strainfmu.estimator.estimates.pressure_field import FieldInputs, PressureField
 from strainfmu.estimator.map.added_noise import with_gauge_covariance
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.map.temperature import known_sensors, sensor_set
+from strainfmu.estimator.map.temperature import known_sensors
+from strainfmu.estimator.policies import LARGEST_USED_SCORE
 from strainfmu.estimator.reference.air import air_inputs
-from strainfmu.estimator.reference.readings import Zeros, rows_of
-from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros, with_zero_errors
+from strainfmu.estimator.reference.readings import Zeros, amplitudes, row_noise, rows_of
+from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 
 AIR_DATA = (
     "dynamic_pressure",
@@ -30,9 +31,6 @@ AIR_DATA = (
     "static_pressure_std",
     "altitude",
 )
-
-LARGEST_USED_SCORE = 1.0
-"""Part of its range by which a flow parameter may leave it and still be used."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -134,13 +132,15 @@ def _at_temperature(
     inverse_map: InverseMap, zeros: GaugeZeros, sample: SurfaceSample
 ) -> tuple[InverseMap, FloatArray]:
     """Return the map with the noise of the sample, and its rows (n_d,) at the reference temperature [m/m]."""
-    thermal, amplitude, held = inverse_map.thermal, None, inverse_map
+    thermal, amplitude, left = inverse_map.thermal, None, None
     if np.isfinite(sample.temperature).any():
         known = known_sensors(thermal, sample.temperature[None])[0]
-        sensors = sensor_set(thermal, known)
-        rise = np.where(known, sample.temperature - thermal.reference_temperature, 0.0)
-        amplitude = (sensors.amplitude_gain @ rise)[None]
-        held = with_gauge_covariance(inverse_map, sensors.gauge_covariance)
+        if known.any():
+            of_sensors = amplitudes(thermal, sample.temperature[None], known)
+            amplitude, left = of_sensors.mean, of_sensors.covariance
     of_zeros = Zeros(value=zeros.value, std=zeros.std, common_std=zeros.common_std)
     rows = rows_of(inverse_map, sample.strain[None], np.array([sample.thrust]), of_zeros, amplitude)[0]
-    return with_zero_errors(held, zeros), rows
+    flight, own = inverse_map.manifold, inverse_map.gauge_covariance
+    about_tables = own if flight is None else flight.gauge_covariance
+    noise, of_tables = (row_noise(inverse_map, one, of_zeros, left) for one in (own, about_tables))
+    return with_gauge_covariance(inverse_map, noise, of_tables), rows

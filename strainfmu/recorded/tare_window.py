@@ -10,9 +10,10 @@ import numpy as np
 
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.flow_parameters import flow_parameters
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.zeros.tare import KnownStrain, Tare, TareLimits, tare
+from strainfmu.estimator.zeros.tare import KnownStrain, Tare, TareLimits
 from strainfmu.interface.sensor_variables import reading_units
 from strainfmu.recorded.columns.column_names import FLOW_NAMES, NAVIGATION_NAMES, STD, Wanted
 from strainfmu.recorded.columns.sensor_readings import recorded_readings
@@ -52,12 +53,12 @@ def tare_file(
     InputError
         A file, a column, a unit or a number is wrong, or the window leaves the recording or holds too few samples.
     StrainfmuError
-        The reader of its kind is not installed.
+        The reader of its kind is not installed, or there is no compiled estimator.
     """
     path = Path(recording)
     strain, pressure = _read(inverse_map, path, window, None if channels is None else Path(channels))
     try:
-        return tare(inverse_map, strain, pressure, limits, known)
+        return Estimator(inverse_map.without_tables()).tare(strain, pressure, limits, known)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
 

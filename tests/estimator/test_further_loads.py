@@ -15,7 +15,7 @@ from scaled_maps import NOMINAL, scaled_map, whole_scaled_map
 
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimator import Estimator
-from strainfmu.estimator.map.added_noise import with_added_noise
+from strainfmu.estimator.map.added_noise import with_gauge_covariance
 from strainfmu.estimator.map.inverse_map import (
     LOAD_NAMES,
     SCHEMA,
@@ -65,7 +65,7 @@ def test_errors_of_zeros_reach_them(kind: str) -> None:
     plain = (
         map_of(random_model(gamma=0.7, n_gauges=18)) if kind == "absolute" else whole_scaled_map(int(kind[-1]), 3)
     )
-    noisy = with_added_noise(with_further(plain), 4.0 * np.diag(plain.noise_std**2))
+    noisy = with_gauge_covariance(with_further(plain), plain.gauge_covariance + 4.0 * np.diag(plain.noise_std**2))
     strain, q, valid = readings(plain)
     found = Estimator(noisy).estimate(strain, q, valid)
     expected = np.einsum("mi,kij,mj->km", COMBINATION, found.load_covariance, COMBINATION)

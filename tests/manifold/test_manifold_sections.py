@@ -18,11 +18,11 @@ from builder.manifold.build import with_manifold
 from builder.structure.fourier.model import StructuralModel
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.air_data import air_data_of_state
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map, save_inverse_map
 from strainfmu.estimator.other_loads import other_load_names
+from strainfmu.estimator.reference.air import air_data_at
 from strainfmu.estimator.settings import default_settings
 from strainfmu.estimator.tables.flight_tables import evaluate
 from strainfmu.fmu.export import export_estimator
@@ -150,7 +150,7 @@ def test_a_turn_does_not_pass_for_errors_that_last(inverse_map: InverseMap, time
     flow = {"mach_number": 6.0, "static_pressure": pressure}
     flight = Estimator(inverse_map).filter(time_constant)
     found = flight.track(strain, 0.7 * 36.0 * pressure, time=time, **flow)
-    true, _ = air_data_of_state(state)
+    true = air_data_at(state)
     scores = ((found.air_data.value - true) / found.air_data.std)[:, :3]
     assert np.max(np.abs(scores)) < 3.0
 

@@ -13,7 +13,7 @@ import numpy as np
 from builder.truth.levels.alarm_levels import LARGEST_SCALE, alarm_scales
 from builder.truth.levels.read_flights import ReadFlights
 from strainfmu.arrays import FloatArray, IntArray
-from strainfmu.estimator.alarm_limits import gauge_threshold, shape_limit
+from strainfmu.estimator.alarm_limits import shape_limit
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY
 from strainfmu.estimator.map.inverse_map import InverseMap
@@ -70,7 +70,7 @@ def ratios_and_health(
     )
     tests = [
         found.chi_square / np.asarray(found.chi_square_limit),
-        (np.max(np.abs(found.standardised_residual), axis=1) / gauge_threshold(manifold, scale)) ** 2,
+        (np.max(np.abs(found.standardised_residual), axis=1) / found.residual_limit) ** 2,
     ]
     if manifold.shapes.shape[1]:
         tests.append(found.discrepancy_chi_square / shape_limit(manifold, scale))

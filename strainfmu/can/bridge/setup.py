@@ -215,6 +215,7 @@ def _taring(
     require_zero_inputs = getattr(step, "require_zero_inputs", None)  # of an FMU
     if require_zero_inputs is not None:
         require_zero_inputs()
+    from strainfmu.estimator.estimator import Estimator
     from strainfmu.estimator.map.inverse_map import load_inverse_map
 
     held = load_inverse_map(options.tare)
@@ -225,7 +226,8 @@ def _taring(
         from strainfmu.cosim.estimators.zeros_file import load_known_strain
 
         known = load_known_strain(options.tare_known, gauge_names)
-    return Taring(held, set_zeros, options.tare_cycles, said_for=round(settings.alarm_cycles), known=known)
+    judge = Estimator(held.without_tables())
+    return Taring(judge, set_zeros, options.tare_cycles, said_for=round(settings.alarm_cycles), known=known)
 
 
 def input_layout(

@@ -10,7 +10,8 @@ from rich.markup import escape
 from rich.table import Table
 
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.map.temperature import ThermalMap, sensor_set
+from strainfmu.estimator.map.temperature import ThermalMap
+from strainfmu.estimator.reference.readings import modes_left
 
 MICRO = 1e6
 
@@ -26,10 +27,8 @@ def temperature_table(thermal: ThermalMap) -> Table:
     coefficients = ", ".join(f"{MICRO * one:.3g}" for one in thermal.apparent_strain)
     table.add_row(escape("apparent strain by powers of the rise [um/m, K]"), coefficients or "none")
     for name, known in (("no sensor", False), ("all sensors", True)):
-        left = (
-            sensor_set(thermal, np.full(thermal.n_sensors, known)).gauge_covariance - thermal.isothermal_covariance
-        )
-        rms = MICRO * sqrt(max(float(np.mean(np.diag(left))), 0.0))
+        left, strain = modes_left(thermal, np.full(thermal.n_sensors, known)), thermal.linear_strain
+        rms = MICRO * sqrt(max(float(np.mean(np.sum((strain @ left) * strain, axis=1))), 0.0))
         table.add_row(escape(f"thermal strain left with {name}, rms of the gauges [um/m]"), f"{rms:.3g}")
     return table
 

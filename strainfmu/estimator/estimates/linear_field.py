@@ -15,8 +15,8 @@ from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimates.pressure_field import FieldInputs, PressureField, unknown_field
 from strainfmu.estimator.map.inverse_map import InverseMap, map_references
-from strainfmu.estimator.map.proportional_errors import PAIRS, error_model, excess_products
 from strainfmu.estimator.other_loads import FIVE_LOADS
+from strainfmu.estimator.reference.linear import excess_covariance
 
 MIN_OF_EXCESS = 0.25
 """Least variance of a node relative to that at the mean strain: the linear model of the errors could give less."""
@@ -103,18 +103,10 @@ def _state_covariance(held: InverseMap, of: _States) -> FloatArray:
 
 def _excess(held: InverseMap, state: FloatArray, valid: BoolArray) -> FloatArray:
     """Return what errors in proportion to strain add to the covariance of the ``valid`` gauges at ``state``."""
-    errors = error_model(held)
     mean = held.load_of_mean - held.fixed_load
     loads = mean[FIVE_LOADS] + held.load_per_state[FIVE_LOADS] @ state
     coefficients = loads / (held.nominal_dynamic_pressure * map_references(held))
-    products = excess_products(errors, coefficients[None])[0]
-    of_pair = np.zeros((6, 6))
-    for value, (a, b) in zip(products, PAIRS, strict=True):
-        of_pair[a, b] = of_pair[b, a] = value
-    common = errors.common[:, :, valid]
-    return np.diag(products @ errors.of_gauge[:, valid]) + np.einsum(
-        "tan,ab,tbm->nm", common, of_pair, common, optimize=True
-    )
+    return excess_covariance(held, coefficients[None])[0][np.ix_(valid, valid)]
 
 
 def _with_unresolved(held: InverseMap, std: FloatArray) -> FloatArray:

@@ -81,11 +81,6 @@ class FlowParameters:
             raise InputError(f"parameters_std: expected numbers from 0 on, got {np.nanmin(found):g}")
         return found
 
-    def score(self, values: FloatArray) -> FloatArray:
-        """Return (k, n_p) the part of its range by which each of ``values`` leaves it; 0 where not known."""
-        excess = np.maximum(np.maximum(self.minimum - values, values - self.maximum), 0.0) / self.span
-        return np.where(np.isnan(values), 0.0, np.minimum(excess, LARGEST_SCORE))
-
     def outside(self, score: FloatArray) -> tuple[str, ...]:
         """Return the names of those that leave their range, by their ``score`` (n_p,)."""
         return tuple(

@@ -15,15 +15,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.map.inverse_map import InverseMap
 
 PAIRS = tuple((a, b) for a in range(6) for b in range(a, 6))
 """The 21 products c_a c_b of c = [1, C_A, C_N, C_Y, M_P, M_Y], a <= b."""
-
-_FIRST, _SECOND = np.array(PAIRS).T
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -49,10 +45,3 @@ def error_model(inverse_map: InverseMap) -> ErrorModel:
         common=inverse_map.common_error,
         mean_product=inverse_map.mean_product,
     )
-
-
-def excess_products(errors: ErrorModel, coefficients: FloatArray) -> FloatArray:
-    """Return (k, 21) c_a c_b less its mean over the snapshots, for ``coefficients`` (k, 5)."""
-    c = np.ones((len(coefficients), 6))
-    c[:, 1:] = coefficients
-    return c[:, _FIRST] * c[:, _SECOND] - errors.mean_product

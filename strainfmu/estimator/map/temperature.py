@@ -118,44 +118,6 @@ UNITS = {
 }
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class SensorSet:
-    """What a set of known sensors determines.
-
-    Attributes
-    ----------
-    known : (n_t,) which they are.
-    gauge_covariance : (n_d, n_d) of the gauges: isothermal, and what the sensors leave of the modes [(m/m)^2].
-    amplitude_gain : (k, n_t) amplitudes per reading's rise [1]; 0 for unknown sensors.
-    amplitude_covariance : (k, k) P [K^2].
-    """
-
-    known: BoolArray
-    gauge_covariance: FloatArray
-    amplitude_gain: FloatArray
-    amplitude_covariance: FloatArray
-
-
 def known_sensors(thermal: ThermalMap, temperature: FloatArray) -> BoolArray:
     """Return (k, n_t) which of ``temperature`` [K] are readings: above 0 and plausible."""
     return np.asarray((temperature > 0.0) & (np.abs(temperature - thermal.reference_temperature) <= LARGEST_RISE))
-
-
-def sensor_set(thermal: ThermalMap, known: BoolArray) -> SensorSet:
-    """Return what the sensors ``known`` (n_t,) determine.
-
-    By the deviations of whitened amplitudes: with A = R^-1/2 C diag(s), P = diag(s) (I + A' A)^-1 diag(s).
-    """
-    s, std = thermal.prior_std, thermal.sensor_std[known]
-    seen = thermal.sensor_operator[known] * s / std[:, None]
-    root = np.linalg.cholesky(np.eye(len(s)) + seen.T @ seen)
-    left = s[:, None] * np.linalg.inv(root).T
-    gain = np.zeros((len(s), thermal.n_sensors))
-    gain[:, known] = left @ (np.linalg.inv(root) @ (seen.T / std))
-    strain = thermal.linear_strain @ left
-    return SensorSet(
-        known=known,
-        gauge_covariance=thermal.isothermal_covariance + strain @ strain.T,
-        amplitude_gain=gain,
-        amplitude_covariance=left @ left.T,
-    )

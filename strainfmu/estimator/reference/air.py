@@ -80,11 +80,16 @@ def air_data(state: FloatArray, covariance: FloatArray) -> tuple[FloatArray, Flo
     """Return (7,) air data at ``state`` and their standard deviations, see :class:`NonlinearEstimate`."""
     step = 1e-30  # of a complex argument: derivatives to the last digit
     jacobian = np.stack([_air_data(state + 1j * step * one).imag / step for one in np.eye(N_STATES)], axis=1)
-    value = _air_data(state.astype(complex)).real
+    value = air_data_at(state[None])[0]
     std = np.sqrt(np.einsum("ix,xy,iy->i", jacobian, covariance, jacobian))
     std[5:] = value[5:] * lognormal_std(std[5:] / value[5:])
     std[3] = min(std[3], np.pi / np.sqrt(3.0))  # of a roll angle that may be any
     return value, std
+
+
+def air_data_at(state: FloatArray) -> FloatArray:
+    """Return (k, 7) air data at ``state`` (k, 4)."""
+    return _air_data(state.T.astype(complex)).real.T
 
 
 def _air_data(state: FloatArray) -> FloatArray:

@@ -51,8 +51,9 @@ from strainfmu.estimator.resource.filter_law import linear_law
 from strainfmu.estimator.resource.nonlinear_arrays import nonlinear_parts
 from strainfmu.estimator.settings import LARGEST_SETTING, SMALLEST_SETTING, default_settings
 from strainfmu.estimator.zeros.gauge_zeros import LARGEST_ZERO
-from strainfmu.estimator.zeros.reading_window import LEAST_PART
 from strainfmu.estimator.zeros.tare import (
+    LEAST_GAUGES,
+    LEAST_PART,
     LEAST_SAMPLES,
     LIKE_LOAD,
     LOUD,
@@ -61,7 +62,6 @@ from strainfmu.estimator.zeros.tare import (
     KnownStrain,
     TareLimits,
 )
-from strainfmu.estimator.zeros.tare_verdict import LEAST_GAUGES
 
 GUID_SIZE = 80
 PARAMETER_NAME_SIZE = 48

@@ -12,8 +12,6 @@ import numpy as np
 
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-from strainfmu.estimator.map.added_noise import with_added_noise
-from strainfmu.estimator.map.inverse_map import InverseMap
 
 LARGEST_ZERO = 0.05
 """Largest zero and largest standard deviation of one [m/m]: the strain that foil gauges stand."""
@@ -63,17 +61,3 @@ def zero_fault(name: str, value: float) -> str:
 def no_zeros(n_gauges: int) -> GaugeZeros:
     """Return zeros of 0, exactly known."""
     return GaugeZeros(value=np.zeros(n_gauges), std=np.zeros(n_gauges))
-
-
-def with_zero_errors(inverse_map: InverseMap, zeros: GaugeZeros) -> InverseMap:
-    """Return ``inverse_map`` for readings that ``zeros`` are taken off: their errors join the gauges' noise.
-
-    Raises
-    ------
-    InputError
-        They are of another number of gauges.
-    """
-    n = inverse_map.n_strain_gauges
-    if len(zeros.value) != n:
-        raise InputError(f"zeros: expected {n} values, got {len(zeros.value)}")
-    return with_added_noise(inverse_map, np.pad(zeros.covariance, (0, inverse_map.n_gauges - n)))

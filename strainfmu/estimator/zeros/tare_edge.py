@@ -1,23 +1,27 @@
 """A tare by the edges of a flag, as an FMU takes it: while the flag is up readings are averaged, then judged.
 
-The window is judged as that of a recording is (:mod:`strainfmu.estimator.zeros.tare`); besides, the dynamic
-pressure must be known in every step of it. ``fmus/native/estimator/zeros/tare.h`` is the C counterpart.
+The core has the state machine. The window is judged as that of a recording is; besides, the dynamic pressure must
+be known in every step of it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from enum import IntEnum
-from typing import Any
-
-import numpy as np
+from typing import Protocol
 
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
-from strainfmu.estimator.zeros.reading_window import ReadingWindow
-from strainfmu.estimator.zeros.tare import LEAST_SAMPLES, KnownStrain, TareLimits, judged_tare
-from strainfmu.estimator.zeros.tare_verdict import loads_fault, refusal, refused_text, taken_text
+from strainfmu.estimator.zeros.tare import LEAST_SAMPLES, KnownStrain, TareFault, TareLimits, limits_record
+from strainfmu.estimator.zeros.tare_verdict import (
+    judged_tare,
+    loads_fault,
+    refusal,
+    refused_text,
+    taken_text,
+    zeros_of,
+)
 
 
 class TareState(IntEnum):
@@ -29,91 +33,93 @@ class TareState(IntEnum):
     REFUSED = 3
 
 
+class StepCore(Protocol):
+    """What :class:`EdgeTare` needs of a core."""
+
+    def tare_step(
+        self, limits: FloatArray, is_up: bool, strain: FloatArray, dynamic_pressure: float
+    ) -> tuple[bool, Mapping[str, FloatArray]]: ...
+
+    def tare_drop(self) -> Mapping[str, FloatArray]: ...
+
+    @property
+    def tare_state(self) -> bytes: ...
+
+    def restore_tare(self, state: bytes) -> Mapping[str, FloatArray]: ...
+
+
 class EdgeTare:
-    """Takes the tare of the strain gauges of ``held``; ``known`` is the strain of the loads that act meanwhile.
+    """Takes the tare of the strain gauges of ``held`` by ``core``, which takes no other tare by steps.
+
+    ``known`` is the strain of the loads that act meanwhile.
 
     Attributes
     ----------
     state : of the last tare.
     is_up : the flag at the last step.
     zeros : that a tare has set; None if none has.
-    window : of readings while it is averaging.
     text : the last outcome, one line; "" if there was none since :attr:`text` was emptied.
     """
 
-    def __init__(self, held: InverseMap, known: KnownStrain | None = None) -> None:
-        self._map, self._limits, self._known = held, TareLimits(), known
+    def __init__(self, core: StepCore, held: InverseMap, known: KnownStrain | None = None) -> None:
+        self._core, self._map, self._limits = core, held, TareLimits()
+        self._record = limits_record(self._limits, known, held.n_strain_gauges)
         self.state, self.is_up = TareState.IDLE, False
         self.zeros: GaugeZeros | None = None
-        self.window = ReadingWindow(n_gauges=held.n_strain_gauges)
         self.text = ""
 
-    def follow(self, is_up: bool) -> bool:
-        """Take in the flag of a step; return whether there are other zeros now."""
-        rises, falls = is_up and not self.is_up, self.is_up and not is_up
-        self.is_up = is_up
-        if rises:
-            self.state, self.window = TareState.AVERAGING, ReadingWindow(n_gauges=self._map.n_strain_gauges)
-        return falls and self.state == TareState.AVERAGING and self._finish()
+    def step(self, is_up: bool, strain: FloatArray, dynamic_pressure: float) -> bool:
+        """Take a step in; return whether there are other zeros now.
 
-    def take(self, strain: FloatArray, dynamic_pressure: float) -> None:
-        """Take in a step: readings (n_d,) [m/m], NaN for gauges not in use, and q_inf [Pa], NaN if unknown."""
-        if self.state != TareState.AVERAGING:
-            return
-        fault = loads_fault(dynamic_pressure, self._limits)
-        if fault:
-            self._refuse(fault)
-        else:
-            self.window.add(strain)
+        Parameters
+        ----------
+        is_up : the flag.
+        strain : (n_d,) readings [m/m], NaN for gauges not in use.
+        dynamic_pressure : q_inf [Pa], NaN if unknown.
+        """
+        may_end = self.state == TareState.AVERAGING or (is_up and not self.is_up)
+        changed, outcome = self._core.tare_step(self._record, is_up, strain, dynamic_pressure)
+        self._take(outcome)
+        if changed:
+            self.zeros = zeros_of(outcome)
+        if may_end and self.state in (TareState.DONE, TareState.REFUSED):
+            self.text = self._ended(outcome)
+        return changed
 
     def drop(self) -> None:
         """Forget the zeros: others are given."""
+        self._take(self._core.tare_drop())
         self.zeros = None
-        if self.state != TareState.AVERAGING:
-            self.state = TareState.IDLE
 
-    def saved(self) -> dict[str, Any]:
-        """Return all of it as numbers and lists, for :meth:`restore`."""
-        window, zeros = self.window, self.zeros
-        return {
-            "flag": [int(self.state), int(self.is_up)],
-            "zeros": None if zeros is None else [zeros.value.tolist(), zeros.std.tolist(), zeros.common_std],
-            "window": None if self.state != TareState.AVERAGING else window.saved(),
-        }
+    def saved(self) -> bytes:
+        """Return all of it, for :meth:`restore`."""
+        return self._core.tare_state
 
-    def restore(self, saved: Mapping[str, Any]) -> None:
+    def restore(self, saved: bytes) -> None:
         """Go on from what :meth:`saved` gave.
 
         Raises
         ------
-        InputError, KeyError, TypeError, ValueError
+        InputError
             It cannot be; then nothing has changed.
         """
-        state, is_up = saved["flag"]
-        zeros, n = saved["zeros"], self._map.n_strain_gauges
-        if zeros is not None:
-            value, std, common = zeros
-            zeros = GaugeZeros(
-                value=np.array(value, dtype=float).reshape(n),
-                std=np.array(std, dtype=float).reshape(n),
-                common_std=float(common),
+        outcome = self._core.restore_tare(saved)
+        self._take(outcome)
+        self.zeros, self.text = zeros_of(outcome) if outcome["has_zeros"][0] else None, ""
+
+    def _take(self, outcome: Mapping[str, FloatArray]) -> None:
+        self.state, self.is_up = TareState(int(outcome["state"][0])), bool(outcome["is_up"][0])
+
+    def _ended(self, outcome: Mapping[str, FloatArray]) -> str:
+        """Return what is said of the tare that has ended."""
+        reasons = TareFault(int(outcome["faults"][0]))
+        if TareFault.NO_CORE in reasons:
+            return refused_text("it needs the compiled estimator, which this machine does not have")
+        if reasons & (TareFault.NO_PRESSURE | TareFault.PRESSURE):
+            return refused_text(loads_fault(float(outcome["dynamic_pressure"][0]), self._limits))
+        if TareFault.SHORT in reasons:
+            return refused_text(
+                f"window: expected at least {LEAST_SAMPLES} steps, got {int(outcome['samples'][0])}"
             )
-        window = ReadingWindow(n_gauges=n)
-        if saved["window"] is not None:
-            window.restore(saved["window"])
-        self.state, self.is_up = TareState(state), bool(is_up)
-        self.zeros, self.window, self.text = zeros, window, ""
-
-    def _finish(self) -> bool:
-        if self.window.samples < LEAST_SAMPLES:
-            return self._refuse(f"window: expected at least {LEAST_SAMPLES} steps, got {self.window.samples}")
-        found = judged_tare(self._map, self.window.statistics(), np.zeros(1), self._limits, self._known)
-        why = refusal(found)
-        if why:
-            return self._refuse(why)
-        self.state, self.zeros, self.text = TareState.DONE, found.zeros, taken_text(found, "steps")
-        return True
-
-    def _refuse(self, why: str) -> bool:
-        self.state, self.text = TareState.REFUSED, refused_text(why)
-        return False
+        found = judged_tare(self._map, outcome, self._limits)
+        return refused_text(refusal(found)) if reasons else taken_text(found, "steps")

@@ -1,16 +1,48 @@
-"""What a tare at run time is refused for, and what is said of it: on the bus and in an FMU alike."""
+"""What is said of a tare: on the bus, in an FMU, and of a recording alike; the numbers are the core's."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from math import isnan
 
 import numpy as np
 
-from strainfmu.estimator.zeros.gauge_zeros import LARGEST_ZERO
-from strainfmu.estimator.zeros.tare import Tare, TareLimits
+from strainfmu.arrays import FloatArray
+from strainfmu.errors import InputError
+from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
+from strainfmu.estimator.zeros.tare import LEAST_PART, LEAST_SAMPLES, LOUD, Tare, TareFault, TareLimits
 
-LEAST_GAUGES = 0.5
-"""Part of the gauges that must read."""
+
+def judged_tare(held: InverseMap, outcome: Mapping[str, FloatArray], limits: TareLimits) -> Tare:
+    """Return the tare of ``held``'s gauges that ``outcome`` of the core states by name.
+
+    Raises
+    ------
+    InputError
+        The window holds too few readings.
+    """
+    reasons, samples = TareFault(int(outcome["faults"][0])), int(outcome["samples"][0])
+    if TareFault.SHORT in reasons:
+        raise InputError(f"window: expected at least {LEAST_SAMPLES} samples, got {samples}")
+    return Tare(
+        zeros=zeros_of(outcome),
+        samples=samples,
+        memory=float(outcome["memory"][0]),
+        gauges=int(outcome["gauges"][0]),
+        rms=float(outcome["rms"][0]),
+        largest_std=float(outcome["largest_std"][0]),
+        reasons=reasons,
+        faults=_faults(held, reasons, outcome, limits),
+        notes=_notes(held, outcome),
+    )
+
+
+def zeros_of(outcome: Mapping[str, FloatArray]) -> GaugeZeros:
+    """Return the zeros in ``outcome``."""
+    return GaugeZeros(
+        value=outcome["zero"], std=outcome["zero_std"], common_std=float(outcome["zero_common_std"][0])
+    )
 
 
 def loads_fault(dynamic_pressure: float, limits: TareLimits, where: str = "") -> str:
@@ -30,11 +62,10 @@ def loads_fault(dynamic_pressure: float, limits: TareLimits, where: str = "") ->
 
 def refusal(found: Tare) -> str:
     """Return why the zeros of a window are not to be used; "" if they are."""
-    reading = found.zeros.std < LARGEST_ZERO
     if found.faults:
         return "; ".join(found.faults)
-    if np.count_nonzero(reading) < LEAST_GAUGES * len(reading):
-        return f"{np.count_nonzero(reading)} of {len(reading)} gauges read"
+    if TareFault.FEW_GAUGES in found.reasons:
+        return f"{found.gauges} of {len(found.zeros.value)} gauges read"
     return ""
 
 
@@ -45,10 +76,52 @@ def refused_text(why: str) -> str:
 
 def taken_text(found: Tare, unit: str) -> str:
     """Return the line of zeros that are taken; ``unit`` says what their window counts, as "cycles"."""
-    used = found.zeros.std < LARGEST_ZERO
-    rms = 1e6 * float(np.sqrt(np.mean(found.zeros.value[used] ** 2)))
-    largest = 1e6 * float(found.zeros.std[used].max())
     return (
-        f"tare taken: {np.count_nonzero(used)} zeros from {found.samples} {unit}, rms {rms:.4g} um/m, standard "
-        f"deviations up to {largest:.2g} um/m each and {1e6 * found.zeros.common_std:.2g} um/m in common"
+        f"tare taken: {found.gauges} zeros from {found.samples} {unit}, rms {1e6 * found.rms:.4g} um/m, standard "
+        f"deviations up to {1e6 * found.largest_std:.2g} um/m each and {1e6 * found.zeros.common_std:.2g} um/m in "
+        "common"
     )
+
+
+def _faults(
+    held: InverseMap, reasons: TareFault, outcome: Mapping[str, FloatArray], limits: TareLimits
+) -> tuple[str, ...]:
+    of = {name: float(values[0]) for name, values in outcome.items() if len(values) == 1}
+
+    def gauge(kind: str) -> str:
+        return held.gauge_names[int(of[f"{kind}_gauge"]) - 1]
+
+    noise = held.noise_std[int(of["moving_gauge"]) - 1]
+    lines = {
+        TareFault.PRESSURE: f"loads are not known: dynamic pressure reaches {of['dynamic_pressure']:.4g} Pa, "
+        f"expected at most {limits.dynamic_pressure:g} Pa",
+        TareFault.DRIFTS: f"readings drift: gauge '{gauge('drifting')}' by {1e6 * of['drift']:.3g} um/m over the "
+        f"window, expected at most {1e6 * limits.drift:g} um/m",
+        TareFault.MOVES: f"readings move: gauge '{gauge('moving')}' by {1e6 * of['moving_scatter']:.3g} um/m rms, "
+        f"expected at most {LOUD:g} times its noise of {1e6 * noise:.3g} um/m",
+        TareFault.TOO_LARGE: f"no plausible zero: gauge '{gauge('largest')}' reads {1e6 * of['largest']:.4g} "
+        f"um/m, expected at most {1e6 * limits.zero:g} um/m",
+        TareFault.LIKE_LOAD: f"readings look like load: {1e6 * abs(of['along']):.3g} um/m of them lie along the "
+        f"strain of the mean flight, expected at most {1e6 * of['along_limit']:.3g} um/m of random zeros",
+    }
+    return tuple(line for fault, line in lines.items() if fault in reasons)
+
+
+def _notes(held: InverseMap, outcome: Mapping[str, FloatArray]) -> tuple[str, ...]:
+    reads, scatter = outcome["reads"] != 0.0, outcome["scatter"]
+    notes = [
+        f"gauge '{held.gauge_names[i]}': reads in less than {100 * LEAST_PART:g} % of the window: no zero, not to "
+        "be used"
+        for i in np.flatnonzero(~reads)
+    ]
+    still = [held.gauge_names[i] for i in np.flatnonzero(reads & (scatter == 0.0))]
+    notes += [f"gauge '{name}': every reading is the same: is it alive?" for name in still]
+    lost, samples = int(outcome["samples_without"][0]), int(outcome["samples"][0])
+    if lost == samples:
+        notes.append("dynamic pressure is not recorded: that air does not load the vehicle is taken on trust")
+    elif lost:
+        notes.append(
+            f"dynamic pressure has no value in {lost} of {samples} samples: that air does not load "
+            "the vehicle then is taken on trust"
+        )
+    return tuple(notes)

@@ -6,8 +6,8 @@ import numpy as np
 
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.map.inverse_map import InverseMap, map_references
-from strainfmu.estimator.map.proportional_errors import PAIRS, error_model, excess_products
 from strainfmu.estimator.other_loads import FIVE_LOADS
+from strainfmu.estimator.reference.linear import excess_covariance
 from strainfmu.fmu.reference_run.flight_path import FlightPath
 from strainfmu.fmu.reference_run.reference_flight import ReferenceFlight, white_noise
 
@@ -87,12 +87,4 @@ def error_covariance(inverse_map: InverseMap, coefficients: FloatArray, ratio: F
         return covariance
     error = inverse_map.error_strain
     square = (ratio * ratio)[:, None, None]
-    covariance += (square - 1.0) * (error @ error.T)
-    errors = error_model(inverse_map)
-    excess = square[:, :, 0] * excess_products(errors, coefficients)
-    diagonal = np.arange(inverse_map.n_gauges)
-    covariance[:, diagonal, diagonal] += excess @ errors.of_gauge
-    for pair, (a, b) in enumerate(PAIRS):
-        product = errors.common[:, a].T @ errors.common[:, b]
-        covariance += excess[:, pair, None, None] * (product if a == b else product + product.T)
-    return covariance
+    return covariance + (square - 1.0) * (error @ error.T) + square * excess_covariance(inverse_map, coefficients)

@@ -14,8 +14,7 @@ from thermal_maps import REFERENCE, thermal_part, with_temperature
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map, save_inverse_map
-from strainfmu.estimator.map.temperature import sensor_set
-from strainfmu.estimator.reference.readings import rows_of
+from strainfmu.estimator.reference.readings import amplitudes, row_noise, rows_of
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 
 pytestmark = pytest.mark.fast
@@ -63,13 +62,13 @@ def test_readings_are_brought_back_to_the_reference() -> None:
     rise = thermal.gauge_operator @ amplitude
     of_sheet = 2e-7 * rise - 1e-9 * rise**2
     reading = (1.0 - 1e-4 * rise) * (strain / (1.0 - 4.5e-4 * rise) + thermal.mode_strain @ amplitude + of_sheet)
-    sensors = sensor_set(thermal, np.ones(3, dtype=bool))
     temperature = REFERENCE + thermal.sensor_operator @ amplitude
-    of_sensors = sensors.amplitude_gain @ (temperature - thermal.reference_temperature)
+    of_sensors = amplitudes(thermal, temperature[None], np.ones(3, dtype=bool))
     held = replace(scaled_map(2, 1, 9), thermal=thermal)
-    found = rows_of(held, reading[None], np.zeros(1), amplitude=of_sensors[None])[0]
+    found = rows_of(held, reading[None], np.zeros(1), amplitude=of_sensors.mean)[0]
     np.testing.assert_allclose(found, strain, atol=1e-12)
-    np.testing.assert_allclose(sensors.gauge_covariance, 1e-14 * np.eye(9), atol=1e-20)
+    noise = row_noise(held, held.gauge_covariance, left=of_sensors.covariance)
+    np.testing.assert_allclose(noise, 1e-14 * np.eye(9), atol=1e-20)
 
 
 def test_samples_of_several_sets_of_sensors_are_those_of_each() -> None:

@@ -9,14 +9,16 @@ import pytest
 from random_map import map_of, random_model
 
 from strainfmu.errors import InputError
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.zeros.gauge_zeros import LARGEST_ZERO
-from strainfmu.estimator.zeros.tare import KnownStrain, Tare, TareLimits, tare
+from strainfmu.estimator.zeros.tare import KnownStrain, Tare, TareLimits
 
 pytestmark = pytest.mark.fast
 
 N_D, N = 54, 1000
 HELD = map_of(random_model(n_gauges=N_D))
 NOISE = HELD.noise_std
+ESTIMATOR = Estimator(HELD)
 
 
 def readings(seed: int, memory: float = 0.0, common: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
@@ -31,7 +33,7 @@ def readings(seed: int, memory: float = 0.0, common: float = 0.0) -> tuple[np.nd
 
 
 def taken(strain: np.ndarray, pressure: float = 0.0, **changes: float) -> Tare:
-    return tare(HELD, strain, np.full(len(strain), pressure), replace(TareLimits(), **changes))
+    return ESTIMATOR.tare(strain, pressure, replace(TareLimits(), **changes))
 
 
 @pytest.mark.parametrize("memory", [0.0, 0.5, 0.9])
@@ -62,7 +64,7 @@ def test_known_loads_are_taken_off() -> None:
     zero, strain = readings(1)
     load = 1e-5 * np.random.default_rng(2).normal(size=N_D)
     known = KnownStrain(value=load, relative_std=0.05)
-    found = tare(HELD, strain + load, np.zeros(N), known=known)
+    found = ESTIMATOR.tare(strain + load, 0.0, known=known)
     assert np.all(np.abs(found.zeros.value - zero) < 5.0 * NOISE / np.sqrt(N))
     assert np.all(found.zeros.std >= 0.05 * np.abs(load))
 
@@ -108,7 +110,7 @@ def test_silent_and_frozen_gauges_are_named() -> None:
     _, strain = readings(1)
     strain[:, 2] = np.nan
     strain[:, 9] = 1e-4
-    found = tare(HELD, strain, np.full(N, np.nan))
+    found = ESTIMATOR.tare(strain)
     assert found.faults == ()
     assert found.notes == (
         "gauge 'G2': reads in less than 90 % of the window: no zero, not to be used",

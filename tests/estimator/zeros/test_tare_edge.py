@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import json
-
 import numpy as np
 import pytest
 from random_map import map_of, random_model
 
-from strainfmu.estimator.zeros.reading_window import ReadingWindow, window_statistics
-from strainfmu.estimator.zeros.tare import tare
+from strainfmu.errors import InputError
+from strainfmu.estimator.core import NoCoreError
+from strainfmu.estimator.estimator import Estimator
+from strainfmu.estimator.numpy_core import NumpyCore
+from strainfmu.estimator.zeros.tare import TareLimits, limits_record
 from strainfmu.estimator.zeros.tare_edge import EdgeTare, TareState
 
 pytestmark = pytest.mark.fast
@@ -17,6 +18,12 @@ pytestmark = pytest.mark.fast
 N_D = 12
 HELD = map_of(random_model(n_gauges=N_D))
 NOISE = HELD.noise_std
+ESTIMATOR = Estimator(HELD)
+
+
+def new_tare() -> EdgeTare:
+    """One by a core of its own: nothing is left of another test."""
+    return EdgeTare(Estimator(HELD).core, HELD)
 
 
 def readings(n: int, seed: int = 0) -> np.ndarray:
@@ -32,33 +39,27 @@ def readings(n: int, seed: int = 0) -> np.ndarray:
 
 def taken(one: EdgeTare, strain: np.ndarray, pressure: float = 0.0) -> bool:
     for row in strain:
-        assert not one.follow(True)
-        one.take(row, pressure)
-    return one.follow(False)
+        assert not one.step(True, row, pressure)
+    return one.step(False, strain[-1], pressure)
 
 
 @pytest.mark.parametrize("n", [64, 65, 127, 128, 1000])
-def test_readings_one_by_one_are_those_of_the_window(n: int) -> None:
-    strain, window = readings(n), ReadingWindow(n_gauges=N_D)
-    for row in strain:
-        window.add(row)
-    ours, whole = window.statistics(), window_statistics(strain)
-    assert (ours.samples, ours.length, ours.reads.tolist()) == (n, whole.length, whole.reads.tolist())
-    assert 16 <= len(whole.stretch) < 32
-    assert len(whole.stretch) % 2 == 0
-    for name in ("mean", "scatter", "stretch"):
-        a, b = getattr(ours, name), getattr(whole, name)
-        np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-12 * np.abs(b).max())
+def test_zeros_are_means_and_deviations_of_the_readings(n: int) -> None:
+    strain = readings(n)
+    strain[:, 3] = strain[:, 4]
+    outcome = ESTIMATOR.core.tare(limits_record(TareLimits(), None, N_D), strain, np.zeros(n))
+    assert np.flatnonzero(outcome["reads"] == 0.0).tolist() == [7]
     read = np.delete(strain, 7, axis=1)
-    np.testing.assert_allclose(np.delete(whole.mean, 7), np.nanmean(read, axis=0), rtol=1e-12)
-    filled = np.where(np.isfinite(read), read, np.nanmean(read, axis=0))
-    np.testing.assert_allclose(np.delete(whole.scatter, 7), filled.std(axis=0, ddof=1), rtol=1e-6)
+    mean = np.nanmean(read, axis=0)
+    np.testing.assert_allclose(np.delete(outcome["zero"], 7), mean, rtol=1e-12)
+    filled = np.where(np.isfinite(read), read, mean)
+    np.testing.assert_allclose(np.delete(outcome["scatter"], 7), filled.std(axis=0, ddof=1), rtol=1e-6)
 
 
 def test_the_falling_edge_sets_the_zeros_of_the_window() -> None:
-    one, strain = EdgeTare(HELD), readings(500)
+    one, strain = new_tare(), readings(500)
     assert taken(one, strain)
-    expected = tare(HELD, strain, np.zeros(500)).zeros
+    expected = ESTIMATOR.tare(strain, 0.0).zeros
     assert one.zeros is not None
     assert expected.common_std > 0.0
     for name in ("value", "std", "common_std"):
@@ -81,7 +82,7 @@ def test_the_falling_edge_sets_the_zeros_of_the_window() -> None:
     ],
 )
 def test_refused_zeros_are_as_before(strain: np.ndarray, pressure: float, text: str) -> None:
-    one = EdgeTare(HELD)
+    one = new_tare()
     assert taken(one, readings(100, seed=1))
     before = one.zeros
     assert not taken(one, strain, pressure)
@@ -92,29 +93,48 @@ def test_refused_zeros_are_as_before(strain: np.ndarray, pressure: float, text: 
 
 
 def test_a_load_on_the_way_ends_the_window() -> None:
-    one, strain = EdgeTare(HELD), readings(300)
+    one, strain = new_tare(), readings(300)
     for k, row in enumerate(strain):
-        one.follow(True)
-        one.take(row, 5e3 if k == 100 else 0.0)
+        one.step(True, row, 5e3 if k == 100 else 0.0)
         assert one.state == (TareState.AVERAGING if k < 100 else TareState.REFUSED)
-    assert not one.follow(False)
+    assert not one.step(False, strain[0], 0.0)
     assert one.state == TareState.REFUSED
     assert taken(one, strain)  # the next edge opens a new window
 
 
 def test_what_is_saved_goes_on() -> None:
-    one, other, strain = EdgeTare(HELD), EdgeTare(HELD), readings(400)
+    one, other, strain = new_tare(), new_tare(), readings(400)
     for row in strain[:150]:
-        one.follow(True)
-        one.take(row, 0.0)
-    other.restore(json.loads(json.dumps(one.saved())))
+        one.step(True, row, 0.0)
+    other.restore(one.saved())
+    assert other.state == TareState.AVERAGING
     for each in (one, other):
         assert taken(each, strain[150:])
     assert one.zeros is not None
     assert other.zeros is not None
     assert other.zeros.value.tobytes() == one.zeros.value.tobytes()
     assert other.zeros.std.tobytes() == one.zeros.std.tobytes()
-    for wrong in ({"flag": [7, 0]}, {"zeros": [[0.0], [0.0], 0.0]}, {"window": {"counts": [1, 2, 3, 4]}}):
-        with pytest.raises((KeyError, ValueError)):
-            other.restore({**one.saved(), **wrong})
+    good = one.saved()
+    for wrong in (b"", good[:-1], np.float64(7.0).tobytes() + good[8:], good[:-8] + np.float64(np.nan).tobytes()):
+        with pytest.raises(InputError, match=r"^tare: (\d+ bytes found, must be \d+|holds a tare that cannot be)"):
+            other.restore(wrong)
         assert other.state == TareState.DONE
+        assert other.saved() == good
+
+
+def test_without_a_compiled_core_it_is_refused_in_one_line() -> None:
+    core = NumpyCore(HELD, ESTIMATOR.core.resource)
+    one = EdgeTare(core, HELD)
+    assert not one.step(True, readings(1)[0], 0.0)
+    assert one.state == TareState.REFUSED
+    assert one.text == (
+        "tare refused: it needs the compiled estimator, which this machine does not have; zeros as before"
+    )
+    one.text = ""
+    assert not one.step(True, readings(1)[0], 0.0)
+    assert one.text == ""
+    one.restore(one.saved())
+    one.drop()
+    assert (one.state, one.zeros) == (TareState.IDLE, None)
+    with pytest.raises(NoCoreError, match=r"^tare: needs the compiled estimator, "):
+        core.tare(np.zeros(3 + 2 * N_D), readings(64), np.zeros(64))

@@ -17,7 +17,7 @@ from strainfmu.cosim.estimators.zeros_file import write_zeros
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import load_inverse_map
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
-from strainfmu.estimator.zeros.tare import KnownStrain, tare
+from strainfmu.estimator.zeros.tare import KnownStrain
 from strainfmu.estimator.zeros.tare_edge import TareState
 from strainfmu.fmu.export import export_estimator
 from strainfmu.interface.tare_variables import zero_in_use_names
@@ -63,7 +63,7 @@ def state(host: Host) -> TareState:
 
 def test_every_kind_takes_the_zeros_of_the_window(hosts: list[Host], synthetic: SyntheticFiles) -> None:
     held, strain = load_inverse_map(synthetic.map_1), readings()
-    expected = tare(held, strain, np.zeros(N)).zeros
+    expected = Estimator(held).tare(strain, 0.0).zeros
     for host in hosts:
         begin(host)
         assert state(host) == TareState.IDLE
@@ -90,7 +90,7 @@ def test_every_kind_takes_the_zeros_of_the_window(hosts: list[Host], synthetic: 
 def test_without_zero_inputs_too(kind: str, synthetic: SyntheticFiles, tmp_path: Path) -> None:
     """The zeros change inside; the state says so."""
     held, strain = load_inverse_map(synthetic.map_1), readings()
-    expected = tare(held, strain, np.zeros(N)).zeros
+    expected = Estimator(held).tare(strain, 0.0).zeros
     export_estimator(synthetic.map_1, tmp_path / "plain.fmu", replace(OPTIONS[kind], zero_inputs=False))
     with loaded(tmp_path / "plain.fmu", tmp_path / "x") as host:
         assert not {*IN_USE, *zero_names(N_GAUGES)} & host.references.keys()
@@ -117,8 +117,8 @@ def test_known_loads_are_taken_off(kind: str, synthetic: SyntheticFiles, tmp_pat
     guids = [fmpy.read_model_description(str(path)).guid for path in (plain, fmu)]
     assert guids[0] != guids[1]
     strain = readings()
-    expected = tare(held, strain, np.zeros(N), known=known).zeros
-    assert np.abs(expected.value - tare(held, strain, np.zeros(N)).zeros.value).max() > 1e-5
+    expected = Estimator(held).tare(strain, 0.0, known=known).zeros
+    assert np.abs(expected.value - Estimator(held).tare(strain, 0.0).zeros.value).max() > 1e-5
     signals = np.zeros(N + 1, dtype=[("time", float), ("tare", bool), *((name, float) for name in STRAINS)])
     signals["time"] = 0.1 * np.arange(N + 1)
     signals["tare"] = signals["time"] < 0.1 * N - 0.05

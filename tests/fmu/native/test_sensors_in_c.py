@@ -22,7 +22,6 @@ from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.map.sensors import SensorRows
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
-from strainfmu.estimator.zeros.tare import tare
 from strainfmu.estimator.zeros.tare_edge import TareState
 
 pytestmark = pytest.mark.fast
@@ -146,7 +145,7 @@ def test_a_tare_of_the_gauges(case: NativeCase) -> None:
         fmu.set_strain(strain)
         assert fmu.step(0.01 * k) == OK
         window += [strain[:n]] if is_up else []
-    zeros = tare(case.inverse_map, np.array(window), np.zeros(len(window))).zeros
+    zeros = Estimator(case.inverse_map).tare(np.array(window), 0.0).zeros
     assert fmu.get_integers([flag + 1])[0] == TareState.DONE
     found = fmu.get_reals(range(flag + 2, flag + 2 + 2 * n + 1))
     np.testing.assert_allclose(found[:n], zeros.value, rtol=1e-9, atol=1e-15)

@@ -1,4 +1,4 @@
-"""A tare by its input in the native library: the zeros of :func:`tare`, what is refused, and its state."""
+"""A tare by its input in the native library: the zeros of a window at once, what is refused, and its state."""
 
 from __future__ import annotations
 
@@ -18,7 +18,6 @@ from raw_fmu import ERROR, OK, VALUES, Fmu2, Fmu3, first_zero, of_filter, write_
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
-from strainfmu.estimator.zeros.tare import tare
 from strainfmu.estimator.zeros.tare_edge import TareState
 
 pytestmark = pytest.mark.fast
@@ -80,7 +79,7 @@ class Tared:
 
     def check(self) -> GaugeZeros:
         """The zeros are those of the window; the latter."""
-        zeros = tare(self.held, np.array(self.window), np.zeros(len(self.window))).zeros
+        zeros = Estimator(self.held).tare(np.array(self.window), 0.0).zeros
         n, ours = self.held.n_gauges, self.zeros
         for part, expected in ((ours[:n], zeros.value), (ours[n : 2 * n], zeros.std)):
             np.testing.assert_allclose(part, expected, rtol=AGREED, atol=AGREED * np.median(self.held.noise_std))

@@ -8,7 +8,7 @@ from ensembles import listed_ensemble
 
 from builder.inverse.noise.hardware_errors import HardwareError, error_model, hardware_terms
 from builder.vehicle.file import IC3X, load_vehicle
-from strainfmu.estimator.map.proportional_errors import PAIRS, excess_products
+from strainfmu.estimator.map.proportional_errors import PAIRS
 
 pytestmark = pytest.mark.fast
 
@@ -34,12 +34,19 @@ def made(linear: bool) -> tuple[list[HardwareError], np.ndarray]:
     return errors, coefficients
 
 
+def products_of(coefficients: np.ndarray) -> np.ndarray:
+    """(k, 21) c_a c_b of coefficients (k, 5)."""
+    c = np.hstack([np.ones((len(coefficients), 1)), coefficients])
+    first, second = np.array(PAIRS).T
+    return c[:, first] * c[:, second]
+
+
 def test_the_covariance_of_each_member_is_that_of_its_own_errors() -> None:
     """Strain linear in C: diag(sum D^2) + sum E E' at every member, from the mean and its excess; 1e-12."""
     errors, coefficients = made(linear=True)
     model = error_model(errors, listed_ensemble(np.ones((N, 3))), coefficients)
     assert model is not None
-    products = excess_products(model, coefficients) + model.mean_product
+    products = products_of(coefficients)
     for member in range(N):
         expected = np.diag(sum(error.strain[member] ** 2 for error in errors[:2]))
         expected = expected + sum(np.outer(error.strain[member], error.strain[member]) for error in errors[2:])
@@ -57,7 +64,7 @@ def test_the_excess_averages_to_nothing(linear: bool) -> None:
     ensemble = listed_ensemble(np.ones((N, 3)))
     model = error_model(errors, ensemble, coefficients)
     assert model is not None
-    excess = ensemble.member_weight @ excess_products(model, coefficients)
+    excess = ensemble.member_weight @ (products_of(coefficients) - model.mean_product)
     np.testing.assert_allclose(excess, np.zeros(len(PAIRS)), atol=1e-12)
 
 

@@ -10,8 +10,10 @@
 #include "../policies/flight.h"
 #include "../sample/readings.h"
 #include "fit.h"
+#include "tare_record.h"
 
 #define MAX_FIELDS 24
+#define N_RECORDS (SL_TARE + 1)
 
 /* Fields of a record. */
 typedef struct {
@@ -27,8 +29,9 @@ typedef struct {
 struct StrainLoad {
     Model *model;
     Estimator *estimator;
-    Record record[SL_FIT + 1];
+    Record record[N_RECORDS];
     Run sample[8], setting[8]; /* that end with a run of no inputs */
+    Tare whole, steps;         /* of a window at once, and by steps: the estimator's own is that of its FMU */
 };
 
 static void add_field(Record *record, const char *name, size_t count) {
@@ -127,6 +130,30 @@ static void describe_fit(StrainLoad *handle) {
     add_field(record, "is_suspect", n);
 }
 
+static void describe_tare(StrainLoad *handle) {
+    Record *limits = &handle->record[SL_TARE_LIMITS], *outcome = &handle->record[SL_TARE];
+    const size_t n = handle->steps.n_gauges;
+    if (!handle->steps.present) {
+        return;
+    }
+    for (size_t k = 0; k < N_TARE_LIMITS; k++) {
+        add_field(limits, TARE_LIMIT_NAMES[k], 1);
+    }
+    add_field(limits, "known_strain", n);
+    add_field(limits, "known_strain_std", n);
+    add_field(outcome, "zero", n);
+    add_field(outcome, "zero_std", n);
+    add_field(outcome, "zero_common_std", 1);
+    add_field(outcome, "reads", n);
+    add_field(outcome, "scatter", n);
+    add_field(outcome, "state", 1);
+    add_field(outcome, "is_up", 1);
+    add_field(outcome, "has_zeros", 1);
+    for (size_t k = 0; k < N_TARE_VERDICT; k++) {
+        add_field(outcome, TARE_VERDICT_NAMES[k], 1);
+    }
+}
+
 int sl_version(void) {
     return SL_VERSION;
 }
@@ -146,17 +173,25 @@ StrainLoad *sl_open(const void *bytes, size_t length, char text[SL_TEXT_SIZE]) {
         return NULL;
     }
     handle->estimator = (Estimator *)(void *)handle->model;
+    if (!tare_like(&handle->estimator->tare, &handle->whole) || !tare_like(&handle->estimator->tare, &handle->steps)) {
+        snprintf(text, SL_TEXT_SIZE, "needs more memory than there is");
+        sl_close(handle);
+        return NULL;
+    }
     handle->model->mode = STEP;
     readings_note_given(&handle->estimator->inputs, 0, handle->estimator->map.n_gauges);
     describe_inputs(handle);
     describe_settings(handle);
     describe_outputs(handle);
     describe_fit(handle);
+    describe_tare(handle);
     return handle;
 }
 
 void sl_close(StrainLoad *handle) {
     if (handle != NULL) {
+        tare_free(&handle->whole);
+        tare_free(&handle->steps);
         model_destroy(handle->model);
         free(handle);
     }
@@ -169,11 +204,14 @@ size_t sl_size(const StrainLoad *handle, int record) {
     if (record == SL_STATE) {
         return sizeof(double) + model_state_size(handle->model);
     }
-    return record >= 0 && record <= SL_FIT ? handle->record[record].size : 0;
+    if (record == SL_TARE_STATE) {
+        return tare_state_size(&handle->steps);
+    }
+    return record >= 0 && record < N_RECORDS ? handle->record[record].size : 0;
 }
 
 int sl_field(const StrainLoad *handle, int record, size_t index, SlField *field) {
-    if (record < 0 || record > SL_FIT || index >= handle->record[record].count) {
+    if (record < 0 || record >= N_RECORDS || index >= handle->record[record].count) {
         return 0;
     }
     *field = handle->record[record].field[index];
@@ -338,5 +376,61 @@ int sl_restore(StrainLoad *handle, const unsigned char *bytes, char text[SL_TEXT
     }
     model_set_time(handle->model, time);
     model_read_state(handle->model, bytes + sizeof time);
+    return 1;
+}
+
+void sl_tare(StrainLoad *handle, const double *limits, size_t count, const double *strain, const double *dynamic_pressure,
+             double *outcome) {
+    const Estimator *e = handle->estimator;
+    Tare *tare = &handle->whole;
+    if (tare->present) {
+        const Floating host = floating_enter();
+        use_limits(tare, &e->tare.limits, limits);
+        tare_whole(tare, e->map.mean_strain, count, strain, dynamic_pressure);
+        write_tare(tare, tare->judged, outcome);
+        floating_leave(&host);
+    }
+}
+
+int sl_tare_step(StrainLoad *handle, const double *limits, int is_up, const double *strain, double dynamic_pressure,
+                 double *outcome) {
+    const Estimator *e = handle->estimator;
+    Tare *tare = &handle->steps;
+    if (!tare->present) {
+        return 0;
+    }
+    const Floating host = floating_enter();
+    use_limits(tare, &e->tare.limits, limits);
+    tare->up = is_up != 0;
+    const int changed = tare_follow(tare, e->map.mean_strain);
+    if (tare_is_averaging(tare)) {
+        tare_set_reading(tare, strain);
+        tare_take(tare, dynamic_pressure);
+    }
+    write_tare(tare, tare->zero, outcome);
+    floating_leave(&host);
+    return changed;
+}
+
+void sl_tare_drop(StrainLoad *handle, double *outcome) {
+    if (handle->steps.present) {
+        tare_drop(&handle->steps);
+        write_tare(&handle->steps, handle->steps.zero, outcome);
+    }
+}
+
+void sl_tare_state(const StrainLoad *handle, unsigned char *bytes) {
+    tare_write_state(&handle->steps, bytes);
+}
+
+int sl_tare_restore(StrainLoad *handle, const unsigned char *bytes, double *outcome, char text[SL_TEXT_SIZE]) {
+    if (!tare_state_fits(&handle->steps, bytes)) {
+        snprintf(text, SL_TEXT_SIZE, "holds a tare that cannot be");
+        return 0;
+    }
+    tare_read_state(&handle->steps, bytes);
+    if (handle->steps.present) {
+        write_tare(&handle->steps, handle->steps.zero, outcome);
+    }
     return 1;
 }

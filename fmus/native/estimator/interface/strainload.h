@@ -26,21 +26,24 @@
 #endif
 
 /* Changes when a function or the meaning of a field does. */
-#define SL_VERSION 2
+#define SL_VERSION 3
 
 #define SL_TEXT_SIZE 256
 #define SL_NAME_SIZE 64
 
 typedef struct StrainLoad StrainLoad;
 
-/* The records of a handle, and the bytes of its state, for sl_size; the first four also for sl_field. */
+/* The records of a handle, for sl_size and sl_field; and numbers for sl_size alone. */
 enum {
-    SL_INPUTS,   /* of a sample: readings, air data, temperatures, flow parameters */
-    SL_SETTINGS, /* what holds for all samples: limits, references, zero offsets, time constant of the filter */
-    SL_OUTPUTS,  /* loads, coefficients, their standard deviations, health, air data, further loads */
-    SL_FIT,      /* covariances, residuals and gauges of the sample, which come behind the outputs on request */
-    SL_ROWS,     /* sensors of the map: strain gauges, then the others */
-    SL_STATE     /* bytes of what a sample leaves to the next one */
+    SL_INPUTS,      /* of a sample: readings, air data, temperatures, flow parameters */
+    SL_SETTINGS,    /* what holds for all samples: limits, references, zero offsets, time constant of the filter */
+    SL_OUTPUTS,     /* loads, coefficients, their standard deviations, health, air data, further loads */
+    SL_FIT,         /* covariances, residuals and gauges of the sample, which come behind the outputs on request */
+    SL_TARE_LIMITS, /* what a tare accepts, and the strain of the loads that act meanwhile */
+    SL_TARE,        /* outcome of a tare: zero offsets, their deviations, and what speaks against them */
+    SL_ROWS,        /* sensors of the map: strain gauges, then the others */
+    SL_STATE,       /* bytes of what a sample leaves to the next one */
+    SL_TARE_STATE   /* bytes of a tare by steps */
 };
 
 /* How the samples of a series follow one another. */
@@ -86,5 +89,40 @@ SL_API void sl_series(StrainLoad *handle, int how, int with_fit, size_t count, c
 /* What the last sample left, as bytes (SL_STATE); and back. 1; 0, after a message, if it is no state of this map. */
 SL_API void sl_state(const StrainLoad *handle, unsigned char *bytes);
 SL_API int sl_restore(StrainLoad *handle, const unsigned char *bytes, char text[SL_TEXT_SIZE]);
+
+/* Why zero offsets are not to be used: bits of the field "faults" of SL_TARE. */
+enum {
+    SL_NO_PRESSURE = 1, /* dynamic pressure of a step is not known */
+    SL_PRESSURE = 2,    /* |dynamic_pressure| is above its limit: of a window the largest one, or of the last step */
+    SL_SHORT = 4,       /* too few samples; nothing else is judged */
+    SL_DRIFTS = 8,      /* drifting_gauge rises by drift over the window */
+    SL_MOVES = 16,      /* moving_gauge scatters by moving_scatter */
+    SL_TOO_LARGE = 32,  /* largest_gauge reads largest, less known strain */
+    SL_LIKE_LOAD = 64,  /* along is the part of the readings along the strain of the mean flight, more than along_limit */
+    SL_FEW_GAUGES = 128 /* fewer than half of the gauges have a zero */
+};
+
+/* The field "state" of SL_TARE. */
+enum { SL_TARE_IDLE, SL_TARE_AVERAGING, SL_TARE_DONE, SL_TARE_REFUSED };
+
+/* Zero offsets from a window of `count` samples at rest: strain (count, strain gauges) [1], dynamic_pressure (count) [Pa],
+   NaN where there is none. limits (SL_TARE_LIMITS), NULL for the limits of the map. outcome (SL_TARE) is written: zero
+   offsets also where something speaks against them, 0 with the largest deviation of gauges that do not read. Gauges are
+   counted from 1. The handle goes on with the zero offsets of its settings: sl_set gives it others. */
+SL_API void sl_tare(StrainLoad *handle, const double *limits, size_t count, const double *strain,
+                    const double *dynamic_pressure, double *outcome);
+
+/* A tare by steps: samples while `is_up` are averaged, then judged in the first step without. strain (strain gauges) and
+   dynamic_pressure of the step, which must be known. outcome (SL_TARE) is written, with the zero offsets of the last tare
+   that was not refused. 1 if there are other zero offsets; 0 if not. */
+SL_API int sl_tare_step(StrainLoad *handle, const double *limits, int is_up, const double *strain, double dynamic_pressure,
+                        double *outcome);
+
+/* Forget the zero offsets of tares by steps: others are given. */
+SL_API void sl_tare_drop(StrainLoad *handle, double *outcome);
+
+/* A tare by steps as bytes (SL_TARE_STATE); and back. 1; 0, after a message, if it is no state of one. */
+SL_API void sl_tare_state(const StrainLoad *handle, unsigned char *bytes);
+SL_API int sl_tare_restore(StrainLoad *handle, const unsigned char *bytes, double *outcome, char text[SL_TEXT_SIZE]);
 
 #endif

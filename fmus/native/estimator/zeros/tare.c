@@ -2,11 +2,13 @@
 
 #include <float.h>
 #include <math.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "tare_judge.h"
+#include "tare_text.h"
+
+#define LARGEST_READING 1e100 /* whose square, and the sum of many of those, are finite */
 
 /* A limit: no number below zero. */
 static double take_limit(MapFile *file, const char *name, double least) {
@@ -33,22 +35,17 @@ static int parse(MapFile *file, size_t n, TareLimits *limits) {
     return file->good;
 }
 
-int tare_create(MapFile *file, size_t n_gauges, double largest_zero, Tare *tare) {
+static int allocate(size_t n_gauges, double largest_zero, Tare *tare) {
     const size_t n = n_gauges, zeros = 2 * n + 1, stretches = MAX_STRETCHES * n;
-    if (!map_has(file, "tare")) {
-        return file->good;
-    }
-    if (!parse(file, n, &tare->limits)) {
-        return 0;
-    }
-    const size_t count = zeros + window_doubles(n) + 2 * n + stretches + n + judge_doubles(n);
+    const size_t count = 2 * zeros + window_doubles(n) + 2 * n + stretches + n + judge_doubles(n);
     tare->memory = calloc(1, count * sizeof(double) + n);
     if (tare->memory == NULL) {
-        return map_no_memory(file);
+        return 0;
     }
     tare->zero = tare->memory;
     window_arrays(&tare->window, n, tare->zero + zeros);
-    tare->found.mean = tare->zero + zeros + window_doubles(n);
+    tare->judged = tare->zero + zeros + window_doubles(n);
+    tare->found.mean = tare->judged + zeros;
     tare->found.scatter = tare->found.mean + n;
     tare->found.stretch = tare->found.scatter + n;
     tare->reading = tare->found.stretch + stretches;
@@ -60,6 +57,22 @@ int tare_create(MapFile *file, size_t n_gauges, double largest_zero, Tare *tare)
     return 1;
 }
 
+int tare_create(MapFile *file, size_t n_gauges, double largest_zero, Tare *tare) {
+    if (!map_has(file, "tare")) {
+        return file->good;
+    }
+    return parse(file, n_gauges, &tare->limits) && (allocate(n_gauges, largest_zero, tare) || map_no_memory(file));
+}
+
+int tare_like(const Tare *other, Tare *tare) {
+    if (other->present && !allocate(other->n_gauges, other->largest_zero, tare)) {
+        return 0;
+    }
+    tare->limits = other->limits;
+    tare_reset(tare);
+    return 1;
+}
+
 void tare_free(Tare *tare) {
     free(tare->memory);
 }
@@ -68,48 +81,35 @@ void tare_reset(Tare *tare) {
     if (tare->present) {
         tare->up = tare->to_report = 0;
         tare->flags = (TareFlags){.state = TARE_IDLE};
+        tare->verdict = (TareVerdict){0};
         memset(tare->zero, 0, (2 * tare->n_gauges + 1) * sizeof *tare->zero);
         window_begin(&tare->window);
     }
 }
 
-static int refuse(Tare *tare, const char *why) {
+static int refuse(Tare *tare) {
     tare->flags.state = TARE_REFUSED;
-    tare->to_report = 1;
-    snprintf(tare->text, sizeof tare->text, "tare refused: %.200s; zeros as before", why);
+    say_refused(tare);
     return 0;
 }
 
-static void say_taken(Tare *tare) {
-    const size_t n = tare->n_gauges;
-    double square = 0.0, largest = 0.0;
-    size_t used = 0;
-    for (size_t i = 0; i < n; i++) {
-        if (tare->zero[n + i] < tare->largest_zero) {
-            used++;
-            square += tare->zero[i] * tare->zero[i];
-            largest = tare->zero[n + i] > largest ? tare->zero[n + i] : largest;
-        }
+/* Judge the readings in the window; whether its zeros may be used. */
+static int judge_window(Tare *tare, const double *mean_strain) {
+    tare->verdict = (TareVerdict){.samples = tare->window.counts.samples};
+    if (tare->window.counts.samples < tare->limits.least_samples) {
+        tare->verdict.faults = TARE_SHORT;
+    } else {
+        window_statistics(&tare->window, tare->limits.least_part, &tare->found);
+        tare_judge(tare, mean_strain);
     }
-    tare->to_report = 1;
-    snprintf(tare->text, sizeof tare->text,
-             "tare taken: %lu zeros from %.0f steps, rms %.4g um/m, standard deviations up to %.2g um/m each and %.2g "
-             "um/m in common",
-             (unsigned long)used, tare->window.counts.samples, 1e6 * sqrt(square / (double)used), 1e6 * largest,
-             1e6 * tare->zero[2 * n]);
+    return tare->verdict.faults == 0.0;
 }
 
 static int finish(Tare *tare, const double *mean_strain) {
-    char why[MODEL_TEXT_SIZE];
-    if (tare->window.counts.samples < tare->limits.least_samples) {
-        snprintf(why, sizeof why, "window: expected at least %.0f steps, got %.0f", tare->limits.least_samples,
-                 tare->window.counts.samples);
-        return refuse(tare, why);
+    if (!judge_window(tare, mean_strain)) {
+        return refuse(tare);
     }
-    window_statistics(&tare->window, tare->limits.least_part, &tare->found);
-    if (!tare_judge(tare, mean_strain, why)) {
-        return refuse(tare, why);
-    }
+    memcpy(tare->zero, tare->judged, (2 * tare->n_gauges + 1) * sizeof *tare->zero);
     tare->flags.has_zeros = 1.0;
     tare->flags.state = TARE_DONE;
     say_taken(tare);
@@ -121,25 +121,48 @@ int tare_follow(Tare *tare, const double *mean_strain) {
     tare->flags.is_up = tare->up;
     if (tare->up && !was_up) {
         tare->flags.state = TARE_AVERAGING;
+        tare->verdict = (TareVerdict){0};
         window_begin(&tare->window);
     }
     return was_up && !tare->up && tare_is_averaging(tare) && finish(tare, mean_strain);
 }
 
 void tare_take(Tare *tare, double dynamic_pressure) {
-    char why[MODEL_TEXT_SIZE];
     if (!tare_is_averaging(tare)) {
         return;
     }
-    if (isnan(dynamic_pressure)) {
-        refuse(tare, "loads are not known: no dynamic pressure");
-    } else if (fabs(dynamic_pressure) > tare->limits.dynamic_pressure) {
-        snprintf(why, sizeof why, "loads are not known: dynamic pressure is %.4g Pa, expected at most %g Pa",
-                 dynamic_pressure, tare->limits.dynamic_pressure);
-        refuse(tare, why);
+    if (isnan(dynamic_pressure) || fabs(dynamic_pressure) > tare->limits.dynamic_pressure) {
+        tare->verdict = (TareVerdict){.samples = tare->window.counts.samples, .dynamic_pressure = dynamic_pressure};
+        tare->verdict.faults = isnan(dynamic_pressure) ? TARE_NO_PRESSURE : TARE_PRESSURE;
+        refuse(tare);
     } else {
         window_add(&tare->window, tare->reading);
     }
+}
+
+void tare_set_reading(Tare *tare, const double *strain) {
+    for (size_t i = 0; i < tare->n_gauges; i++) {
+        tare->reading[i] = isfinite(strain[i]) && fabs(strain[i]) <= LARGEST_READING ? strain[i] : NAN;
+    }
+}
+
+void tare_whole(Tare *tare, const double *mean_strain, size_t count, const double *strain, const double *dynamic_pressure) {
+    double largest = 0.0, without = 0.0;
+    window_begin(&tare->window);
+    for (size_t k = 0; k < count; k++) {
+        tare_set_reading(tare, strain + k * tare->n_gauges);
+        window_add(&tare->window, tare->reading);
+        if (isfinite(dynamic_pressure[k])) {
+            largest = fabs(dynamic_pressure[k]) > largest ? fabs(dynamic_pressure[k]) : largest;
+        } else {
+            without += 1.0;
+        }
+    }
+    judge_window(tare, mean_strain);
+    tare->verdict.dynamic_pressure = largest;
+    tare->verdict.samples_without = without;
+    tare->verdict.faults += largest > tare->limits.dynamic_pressure ? TARE_PRESSURE : 0.0;
+    window_begin(&tare->window);
 }
 
 void tare_drop(Tare *tare) {
@@ -184,6 +207,7 @@ void tare_read_state(Tare *tare, const unsigned char *bytes) {
     tare->up = up != 0.0;
     memcpy(&tare->window.counts, bytes, sizeof tare->window.counts);
     memcpy(tare->zero, bytes + sizeof tare->window.counts, array_size(tare));
+    tare->verdict = (TareVerdict){0};
     tare->to_report = 0;
 }
 

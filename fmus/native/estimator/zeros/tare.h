@@ -1,7 +1,7 @@
-/* A tare by the edges of the input `tare`: while it is true readings are averaged, then judged, and become the zeros.
+/* A tare by the edges of the input `tare`: while it is true readings are averaged, then judged, and become the zeros;
+   or of a whole window of readings at once. tare_judge.h has the formulas.
 
-   The C counterpart of strainfmu/estimator/zeros/tare_edge.py, and of tare.py, which has the formulas; it
-   is part "tare" of resources/map.bin. */
+   Limits and the strain of known loads are part "tare" of resources/map.bin. */
 
 #ifndef TARE_H
 #define TARE_H
@@ -11,6 +11,9 @@
 /* Read the part, if there is one, and allocate. 1; 0 after a message. */
 int tare_create(MapFile *file, size_t n_gauges, double largest_zero, Tare *tare);
 void tare_free(Tare *tare);
+
+/* Another tare of the same map, which has not begun; that must live as long. 1; 0 without memory. */
+int tare_like(const Tare *other, Tare *tare);
 void tare_reset(Tare *tare);
 
 /* Take in the input at a step or an event; whether there are other zeros now. mean_strain (n_gauges) is the map's. */
@@ -23,6 +26,13 @@ void tare_take(Tare *tare, double dynamic_pressure);
 static inline int tare_is_averaging(const Tare *tare) {
     return tare->flags.state == (double)TARE_AVERAGING;
 }
+
+/* Judge a window of `count` samples at once: strain (count, n_gauges), dynamic_pressure (count) [Pa], NaN where there is
+   none. The outcome is in judged and verdict; the state of a tare by edges stays, its window does not. */
+void tare_whole(Tare *tare, const double *mean_strain, size_t count, const double *strain, const double *dynamic_pressure);
+
+/* Set tare->reading; what is not finite, or so large that its square might not be, is none. */
+void tare_set_reading(Tare *tare, const double *strain);
 
 /* Forget the zeros: others are given. */
 void tare_drop(Tare *tare);

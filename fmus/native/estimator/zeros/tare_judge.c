@@ -1,10 +1,8 @@
 #include "tare_judge.h"
 
 #include <math.h>
-#include <stdio.h>
 #include <string.h>
 
-#define MICRO 1e6 /* of strain, in messages */
 #define LEAST_LIKE_LOAD 8 /* gauges, below which strain has no pattern */
 
 /* Arrays (n_gauges) in the scratch: fine is the variance of the means of stretches over that of independent readings,
@@ -61,7 +59,7 @@ static void set_deviations(Tare *tare, const Judgement *j) {
     const WindowStatistics *found = &tare->found;
     const size_t n = tare->n_gauges, b = found->n_stretches;
     const double samples = tare->window.counts.samples, length = tare->window.counts.length;
-    double places = 0.0, sum = 0.0, sum_fine = 0.0, all = 1.0;
+    double places = 0.0, sum = 0.0, sum_fine = 0.0, all = 1.0; /* of all gauges, on the variance */
     size_t moving = 0, alike = 0;
     for (size_t k = 0; k < b; k++) {
         const double place = ((double)k - 0.5 * (double)(b - 1)) * length / samples;
@@ -73,7 +71,7 @@ static void set_deviations(Tare *tare, const Judgement *j) {
         const double variance = found->scatter[i] * found->scatter[i];
         const double rise = slope * samples / length, rise_std = sqrt(square / (double)(b - 2) / places);
         j->rise[i] = fabs(rise) > tare->limits.moved * rise_std ? rise : 0.0;
-        if (found->scatter[i] > 0.0) {
+        if (variance > 0.0) {
             j->fine[i] = square / (double)(b - 2) * length / variance;
             j->coarse[i] = coarse / (double)(b / 2 - 2) * 2.0 * length / variance;
             j->sorted[moving++] = j->fine[i];
@@ -82,7 +80,7 @@ static void set_deviations(Tare *tare, const Judgement *j) {
     const double times = tare->limits.own_factor * tare->limits.own_factor;
     const double limit = moving > 0 ? times * median(j->sorted, moving) : 0.0;
     for (size_t i = 0; i < n; i++) {
-        if (found->scatter[i] > 0.0 && j->fine[i] <= limit) {
+        if (found->scatter[i] * found->scatter[i] > 0.0 && j->fine[i] <= limit) {
             sum += 2.0 * j->coarse[i] - j->fine[i];
             sum_fine += j->fine[i];
             alike++;
@@ -94,11 +92,13 @@ static void set_deviations(Tare *tare, const Judgement *j) {
         all = all > 1.0 ? all : 1.0;
     }
     for (size_t i = 0; i < n; i++) {
-        const double own = found->scatter[i] > 0.0 && j->fine[i] > limit && j->fine[i] > all ? j->fine[i] : all;
+        const double variance = found->scatter[i] * found->scatter[i];
+        const double own = variance > 0.0 && j->fine[i] > limit && j->fine[i] > all ? j->fine[i] : all;
         const double of_known = tare->limits.known_std[i] * tare->limits.known_std[i];
         j->std[i] =
             sqrt(own * found->scatter[i] * found->scatter[i] / samples + j->rise[i] * j->rise[i] / 12.0 + of_known);
     }
+    tare->verdict.memory = sqrt(all);
 }
 
 /* Deviation of the mean over the window of what all gauges that read have in common. */
@@ -139,44 +139,40 @@ static size_t largest_of(const double *values, size_t n) {
     return worst;
 }
 
-static int drifts(const Tare *tare, const double *rise, char *text) {
-    const size_t worst = largest_of(rise, tare->n_gauges);
-    if (fabs(rise[worst]) <= tare->limits.drift) {
-        return 0;
-    }
-    snprintf(text, MODEL_TEXT_SIZE, "readings drift: gauge %lu by %.3g um/m over the window, expected at most %g um/m",
-             (unsigned long)(worst + 1), MICRO * rise[worst], MICRO * tare->limits.drift);
-    return 1;
+static void add_fault(TareVerdict *verdict, int fault, int is_one) {
+    verdict->faults += is_one ? fault : 0;
 }
 
-static int moves(const Tare *tare, char *text) {
+static void judge_drift(Tare *tare, const double *rise) {
+    TareVerdict *v = &tare->verdict;
+    const size_t worst = largest_of(rise, tare->n_gauges);
+    v->drifting_gauge = (double)(worst + 1);
+    v->drift = rise[worst];
+    add_fault(v, TARE_DRIFTS, fabs(v->drift) > tare->limits.drift);
+}
+
+static void judge_scatter(Tare *tare) {
     const double *scatter = tare->found.scatter, *noise = tare->limits.noise_std;
+    TareVerdict *v = &tare->verdict;
     size_t worst = 0;
     for (size_t i = 1; i < tare->n_gauges; i++) {
         worst = scatter[i] / noise[i] > scatter[worst] / noise[worst] ? i : worst;
     }
-    if (scatter[worst] <= tare->limits.loud * noise[worst]) {
-        return 0;
-    }
-    snprintf(text, MODEL_TEXT_SIZE,
-             "readings move: gauge %lu by %.3g um/m rms, expected at most %g times its noise of %.3g um/m",
-             (unsigned long)(worst + 1), MICRO * scatter[worst], tare->limits.loud, MICRO * noise[worst]);
-    return 1;
+    v->moving_gauge = (double)(worst + 1);
+    v->scatter = scatter[worst];
+    add_fault(v, TARE_MOVES, v->scatter > tare->limits.loud * noise[worst]);
 }
 
-static int too_large(const Tare *tare, char *text) {
-    const double *value = tare->found.mean;
-    const size_t worst = largest_of(value, tare->n_gauges);
-    if (fabs(value[worst]) <= tare->limits.zero) {
-        return 0;
-    }
-    snprintf(text, MODEL_TEXT_SIZE, "no plausible zero: gauge %lu reads %.4g um/m, expected at most %g um/m",
-             (unsigned long)(worst + 1), MICRO * value[worst], MICRO * tare->limits.zero);
-    return 1;
+static void judge_size(Tare *tare) {
+    TareVerdict *v = &tare->verdict;
+    const size_t worst = largest_of(tare->found.mean, tare->n_gauges);
+    v->largest_gauge = (double)(worst + 1);
+    v->largest = tare->found.mean[worst];
+    add_fault(v, TARE_TOO_LARGE, fabs(v->largest) > tare->limits.zero);
 }
 
 /* Zeros are random from gauge to gauge; the strain of a flight has a pattern. */
-static int looks_like_load(const Tare *tare, const double *mean_strain, size_t n_reading, double *sorted, char *text) {
+static void judge_pattern(Tare *tare, const double *mean_strain, size_t n_reading, double *sorted) {
     const double *value = tare->found.mean;
     double along = 0.0, size = 0.0, square = 0.0;
     for (size_t i = 0; i < tare->n_gauges; i++) { /* those that do not read are 0 in value alone */
@@ -185,48 +181,52 @@ static int looks_like_load(const Tare *tare, const double *mean_strain, size_t n
         size += tare->found.reads[i] ? mean_strain[i] * mean_strain[i] : 0.0;
     }
     if (n_reading < LEAST_LIKE_LOAD || !(size > 0.0)) {
-        return 0;
+        return;
     }
     const double part = along / sqrt(size), left = square - part * part;
     const double rest = sqrt((left > 0.0 ? left : 0.0) / (double)(n_reading - 1));
     memcpy(sorted, tare->limits.noise_std, tare->n_gauges * sizeof *sorted);
     const double noise = median(sorted, tare->n_gauges);
-    const double limit = tare->limits.like_load * (rest > noise ? rest : noise);
-    if (fabs(part) <= limit) {
-        return 0;
-    }
-    snprintf(text, MODEL_TEXT_SIZE,
-             "readings look like load: %.3g um/m of them lie along the strain of the mean flight, expected at most "
-             "%.3g um/m of random zeros",
-             MICRO * fabs(part), MICRO * limit);
-    return 1;
+    tare->verdict.along = part;
+    tare->verdict.along_limit = tare->limits.like_load * (rest > noise ? rest : noise);
+    add_fault(&tare->verdict, TARE_LIKE_LOAD, fabs(part) > tare->verdict.along_limit);
 }
 
-int tare_judge(Tare *tare, const double *mean_strain, char text[MODEL_TEXT_SIZE]) {
+/* Zeros and deviations of the window, and their size. */
+static void set_zeros(Tare *tare, const double *std, size_t n_reading) {
     const size_t n = tare->n_gauges;
-    const WindowStatistics *found = &tare->found;
+    const double largest = tare->largest_zero, common = common_std(&tare->found, n, n_reading);
+    TareVerdict *v = &tare->verdict;
+    double square = 0.0;
+    for (size_t i = 0; i < n; i++) {
+        const double value = tare->found.mean[i]; /* 0 without reading */
+        const int is_known = tare->found.reads[i] && std[i] < largest;
+        tare->judged[i] = fabs(value) <= largest ? value : 0.0;
+        tare->judged[n + i] = is_known ? std[i] : largest;
+        if (is_known) {
+            v->gauges += 1.0;
+            square += tare->judged[i] * tare->judged[i];
+            v->largest_std = std[i] > v->largest_std ? std[i] : v->largest_std;
+        }
+    }
+    tare->judged[2 * n] = common < largest ? common : largest;
+    v->rms = v->gauges > 0.0 ? sqrt(square / v->gauges) : 0.0;
+    add_fault(v, TARE_FEW_GAUGES, v->gauges < tare->limits.least_gauges * (double)n);
+}
+
+void tare_judge(Tare *tare, const double *mean_strain) {
+    const size_t n = tare->n_gauges;
     const Judgement j = {tare->scratch, tare->scratch + n, tare->scratch + 2 * n, tare->scratch + 3 * n,
                          tare->scratch + 4 * n};
-    size_t n_reading = 0, n_known = 0;
+    size_t n_reading = 0;
     set_deviations(tare, &j);
     for (size_t i = 0; i < n; i++) {
-        n_reading += found->reads[i];
-        n_known += found->reads[i] && j.std[i] < tare->largest_zero;
-        found->mean[i] -= found->reads[i] ? tare->limits.known[i] : 0.0;
+        n_reading += tare->found.reads[i];
+        tare->found.mean[i] -= tare->found.reads[i] ? tare->limits.known[i] : 0.0;
     }
-    if (drifts(tare, j.rise, text) || moves(tare, text) || too_large(tare, text)
-        || looks_like_load(tare, mean_strain, n_reading, j.sorted, text)) {
-        return 0;
-    }
-    if ((double)n_known < tare->limits.least_gauges * (double)n) {
-        snprintf(text, MODEL_TEXT_SIZE, "%lu of %lu gauges read", (unsigned long)n_known, (unsigned long)n);
-        return 0;
-    }
-    for (size_t i = 0; i < n; i++) {
-        const int bounded = j.std[i] < tare->largest_zero;
-        tare->zero[i] = found->mean[i];
-        tare->zero[n + i] = found->reads[i] && bounded ? j.std[i] : tare->largest_zero;
-    }
-    tare->zero[2 * n] = common_std(found, n, n_reading);
-    return 1;
+    judge_drift(tare, j.rise);
+    judge_scatter(tare);
+    judge_size(tare);
+    judge_pattern(tare, mean_strain, n_reading, j.sorted);
+    set_zeros(tare, j.std, n_reading);
 }

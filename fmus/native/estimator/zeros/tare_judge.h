@@ -1,4 +1,11 @@
-/* The zeros that a window of readings gives, and what speaks against them: strainfmu/estimator/zeros/tare.py. */
+/* The zeros that a window of readings gives, and what speaks against them.
+
+   Zero: mean over the window, less what the known loads strain. Its standard deviation is that of a mean of n readings,
+   s / sqrt(n) for independent ones. Readings of filtered or slow channels are not independent: the means of B stretches
+   (tare_window.h) scatter by more than s / sqrt(n / B). The factor on the variance is averaged over all gauges, as the
+   channels have their filters in common; a gauge with far more has its own. It falls short by a term in proportion to
+   B, which two numbers of stretches tell (batch means: Alexopoulos and Seila, Handbook of Simulation, 1998, ch. 7).
+   What the means of all gauges have in common is their common error. */
 
 #ifndef TARE_JUDGE_H
 #define TARE_JUDGE_H
@@ -8,7 +15,8 @@
 /* Number of doubles of its scratch. */
 size_t judge_doubles(size_t n_gauges);
 
-/* Set tare->zero from tare->found. 1; 0, and they are as before, after a reason in text. */
-int tare_judge(Tare *tare, const double *mean_strain, char text[MODEL_TEXT_SIZE]);
+/* Set tare->judged and tare->verdict from tare->found; all that speaks against the zeros is in the verdict. A gauge that
+   does not read gets 0 with the largest deviation there is. */
+void tare_judge(Tare *tare, const double *mean_strain);
 
 #endif

@@ -52,7 +52,7 @@ void window_add(TareWindow *window, const double *strain) {
         if (!isfinite(strain[i])) {
             continue;
         }
-        if (sum_of(window->count, MAX_STRETCHES, n, i) == 0.0) {
+        if (window->count[row + i] == 0.0 && sum_of(window->count, MAX_STRETCHES, n, i) == 0.0) {
             window->first[i] = strain[i];
         }
         const double part = strain[i] - window->first[i];

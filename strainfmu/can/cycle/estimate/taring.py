@@ -1,7 +1,7 @@
 """A tare on the running bus: strains of a window of cycles, while loads are known, become the zeros of the gauges.
 
-The window is judged as that of a recording is (:mod:`strainfmu.estimator.zeros.tare`); besides, the dynamic
-pressure must be known and the sender proven in every cycle of it.
+The window is judged as that of a recording is (:meth:`strainfmu.Estimator.tare`); besides, the dynamic pressure
+must be known and the sender proven in every cycle of it.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ import numpy as np
 from strainfmu.can.cycle.estimate.result import CycleResult
 from strainfmu.can.cycle.states.quality import Cause
 from strainfmu.errors import InputError, StrainfmuError
-from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
-from strainfmu.estimator.zeros.tare import LEAST_SAMPLES, KnownStrain, TareLimits, tare
+from strainfmu.estimator.zeros.tare import LEAST_SAMPLES, KnownStrain, TareLimits
 from strainfmu.estimator.zeros.tare_verdict import loads_fault, refusal, refused_text, taken_text
 
 MOST_CYCLES = 100_000
@@ -55,7 +55,7 @@ class Taring:
 
     Parameters
     ----------
-    held : map of the estimator's gauges, for their noise and the pattern of a flight.
+    estimator : of a map of the gauges, for their noise and the pattern of a flight; it judges the window.
     set_zeros : gives zeros to the estimator.
     n_cycles : length of the window.
     said_for : number of results that say how it ended.
@@ -69,7 +69,7 @@ class Taring:
 
     def __init__(
         self,
-        held: InverseMap,
+        estimator: Estimator,
         set_zeros: Callable[[GaugeZeros], None],
         n_cycles: int,
         *,
@@ -78,9 +78,9 @@ class Taring:
     ) -> None:
         if not LEAST_SAMPLES <= n_cycles <= MOST_CYCLES:
             raise InputError(f"tare: expected a window of {LEAST_SAMPLES} to {MOST_CYCLES} cycles, got {n_cycles}")
-        self._map, self._set_zeros, self._n_cycles = held, set_zeros, n_cycles
+        self._estimator, self._set_zeros, self._n_cycles = estimator, set_zeros, n_cycles
         self._limits, self._known = TareLimits(), known
-        self._strain = np.empty((n_cycles, held.n_gauges))
+        self._strain = np.empty((n_cycles, estimator.inverse_map.n_gauges))
         self._pressure = np.empty(n_cycles)
         self._taken = self._seen = 0
         self._is_running = False
@@ -135,18 +135,19 @@ class Taring:
 
     def _finish(self) -> None:
         """Judge the window, and use its zeros if nothing speaks against them."""
-        found = tare(self._map, self._strain, self._pressure, self._limits, self._known)
-        why = refusal(found)
+        n = self._estimator.inverse_map.n_strain_gauges
+        try:
+            found = self._estimator.tare(self._strain[:, :n], self._pressure, self._limits, self._known)
+            why = refusal(found)
+            if not why:
+                self._set_zeros(found.zeros)
+        except StrainfmuError as error:
+            why = str(error)
         if why:
             self._refuse(why)
-        else:
-            try:
-                self._set_zeros(found.zeros)
-            except StrainfmuError as error:
-                self._refuse(str(error))
-                return
-            text = taken_text(found, "cycles") + "".join(f"; {note}" for note in found.notes)
-            self._end(Cause.ZEROS_TAKEN, TareEnd(text=text, zeros=found.zeros, samples=found.samples))
+            return
+        text = taken_text(found, "cycles") + "".join(f"; {note}" for note in found.notes)
+        self._end(Cause.ZEROS_TAKEN, TareEnd(text=text, zeros=found.zeros, samples=found.samples))
 
     def _refuse(self, why: str) -> None:
         self._end(Cause.TARE_REFUSED, TareEnd(text=refused_text(why)))

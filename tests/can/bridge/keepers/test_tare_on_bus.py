@@ -235,7 +235,7 @@ def test_old_and_forged_commands_are_none(synthetic: SyntheticFiles) -> None:
 
     layout = profile_layout("fd64", NAMES, CYCLE, has_tare=True)
     assert layout.command is not None
-    taring = Taring(synthetic_inverse_map(1), lambda zeros: None, WINDOW)
+    taring = Taring(Estimator(synthetic_inverse_map(1)), lambda zeros: None, WINDOW)
     core = bridge_core(layout, Projection(N_GAUGES), BridgeSettings(), start=0.0, taring=taring)
     samples, encoder, identifier = at_rest(200), StrainEncoder(layout), layout.command.layout.identifier
     for cycle in range(200):
