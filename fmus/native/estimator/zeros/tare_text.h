@@ -3,7 +3,7 @@
 #ifndef TARE_TEXT_H
 #define TARE_TEXT_H
 
-#include "tare.h"
+#include "tare_state.h"
 
 /* The first of what speaks against the zeros. */
 void say_refused(Tare *tare);
