@@ -49,6 +49,11 @@ def _given(value: Value) -> Value:
     return np.where(value > 0.0, value, nan)
 
 
+def given_thrust(inputs: Mapping[str, float]) -> dict[str, float]:
+    """Return the argument ``thrust`` [N] of an estimator from ``inputs`` by name, 0 without one."""
+    return {"thrust": known_values([inputs.get("thrust", 0.0)])[0]}
+
+
 def known_values(values: Sequence[float]) -> tuple[float, ...]:
     """Return ``values`` of further parameters of the flow, or of thrust, NaN for those that are not known."""
     return tuple(nan if value == NOT_KNOWN else value for value in values)

@@ -27,6 +27,7 @@ from strainfmu.cosim.estimators.description import (
     gauge_name,
     noise_std_of,
     numbered,
+    reading_units,
     section_stations,
     sensor_range_of,
 )
@@ -39,14 +40,13 @@ from strainfmu.interface.input_names import NAVIGATION_INPUTS
 from strainfmu.interface.parameter_variables import OUTSIDE_PREFIX, STD_PREFIX
 from strainfmu.interface.parameter_variables import PREFIX as PARAMETER_PREFIX
 from strainfmu.interface.sensor_variables import PREFIX as SENSOR_PREFIX
-from strainfmu.interface.sensor_variables import THRUST
 from strainfmu.interface.zero_variables import zero_names
 
 TEMPERATURE = "temperature"
 """Name that stands for the temperatures of all sensors among the further inputs that are asked for."""
 
 SENSORS = "sensor"
-"""The same for what further sensors read, and for thrust; without it an FMU that has such inputs is refused."""
+"""The same for readings of auxiliary sensors, and for thrust; without it an FMU with such inputs is refused."""
 
 _STOP_TIME = 1e9
 """End of the experiment [s]: the bridge runs until it is stopped, and FMI 2.0 has no word for that."""
@@ -63,7 +63,7 @@ class FmuStep:
     further_inputs, further_outputs : names, of those that were asked for, that the FMU has.
     sensor_names : of the temperature sensors in order, if :data:`TEMPERATURE` was asked for; their inputs are
         ``temperature[k]`` [K].
-    reading_units : unit of further sensors and thrust by name of the input, if :data:`SENSORS` was asked for.
+    reading_units : unit of auxiliary sensors and thrust by name of the input.
     section_stations : x of the sections [m] whose loads are among the outputs, if :data:`FURTHER_LOADS` was asked
         for; None where it was not, or the FMU has neither rolling moment nor sections.
     needs_pressure : whether there are no coefficients where q_inf is not known: of a linear estimator.
@@ -85,13 +85,15 @@ class FmuStep:
     ) -> None:
         self.path = path
         self._description = read_description(path)
-        inputs = estimator_inputs(path, self._description, takes_sensors=SENSORS in further_inputs)
+        inputs = estimator_inputs(path, self._description)
         strains = numbered(inputs, STRAIN)
         self.gauge_names = tuple(gauge_name(variable) for variable in strains)
         self.n_gauges = len(strains)
-        readings = [one for one in inputs if one.name.startswith(SENSOR_PREFIX) or one.name == THRUST]
-        self.reading_units = {one.name: str(one.unit) for one in readings if SENSORS in further_inputs}
-        count = sum(one.name.startswith(SENSOR_PREFIX) for one in readings)
+        self.reading_units = reading_units(inputs)
+        if self.reading_units and SENSORS not in further_inputs:
+            sensor = next(iter(self.reading_units))
+            raise InputError(f"{path}: expected an FMU of strain gauges alone, got one with the input '{sensor}'")
+        count = sum(name.startswith(SENSOR_PREFIX) for name in self.reading_units)
         valid = numbered(inputs, VALID)
         valid = valid[: len(valid) - count]  # those of sensors stay true: one of NaN, as at the start, is left out
         if valid and len(valid) != self.n_gauges:

@@ -80,6 +80,14 @@ def sensor_names_of(step: Step) -> tuple[str, ...]:
     return tuple(getattr(step, "sensor_names", ()))
 
 
+def reading_units_of(step: Step) -> dict[str, str]:
+    """Return the unit of each auxiliary sensor and of thrust among :func:`further_inputs` by name of the input.
+
+    They are ``step``'s attribute ``reading_units``; none where it has none.
+    """
+    return dict(getattr(step, "reading_units", {}))
+
+
 def parameter_names_of(step: Step) -> tuple[str, ...]:
     """Return the inputs ``parameter.NAME`` of further parameters of the flow among :func:`further_inputs`."""
     return tuple(name for name in further_inputs(step) if name.startswith(PARAMETER_PREFIX))
