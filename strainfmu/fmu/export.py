@@ -80,6 +80,10 @@ _ESTIMATOR_SOURCES = (
 """Modules and, with a slash, whole rooms of the run-time that a slave imports, itself or through others."""
 _PLANT_SOURCES = (
     *_COMMON_SOURCES,
+    "estimator/__init__.py",
+    "estimator/arguments.py",
+    "estimator/map/__init__.py",
+    "estimator/map/sensors.py",
     "interface/",
     "flight_condition.py",
     "cosim/__init__.py",
