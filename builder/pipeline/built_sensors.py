@@ -13,7 +13,7 @@ from builder.inverse.sensors.structural import rows_on_surface
 from builder.truth.as_built import AsBuilt
 from builder.truth.revolution.sensors import BuiltSensors, sensor_response
 from builder.vehicle.file import Vehicle
-from builder.vehicle.shape.geometry import SurfaceGrid
+from builder.vehicle.shape.geometry import SurfaceGrid, surface_grid
 from strainfmu.arrays import FloatArray
 
 PERCENT = 0.01
@@ -106,6 +106,22 @@ def flown_sensors(vehicle: Vehicle, surface: SurfaceGrid) -> FlownSensors | None
     if entry.of_structure:
         rows += rows_on_surface(finer, surface, settings.harmonics)
     return FlownSensors(vehicle=vehicle, surface=surface, rows=tuple(rows))
+
+
+def sensor_names_of(vehicle: Vehicle) -> tuple[str, ...]:
+    """Return the names of the sensors of ``vehicle``, in the order of the rows of its map.
+
+    Raises
+    ------
+    InputError
+        A sensor lies off the body.
+    """
+    entry, settings = vehicle.sensors, vehicle.resolution.map
+    if entry is None:
+        return ()
+    surface = surface_grid(vehicle.body(), settings.surface_stations, settings.surface_roll_angles)
+    of_structure = () if not entry.of_structure else rows_on_surface(vehicle, surface, settings.harmonics)
+    return tuple(row.name for row in (*surface_rows(entry, surface), *of_structure))
 
 
 def _names(rows: Sequence[SensorRow]) -> list[str]:
