@@ -116,9 +116,9 @@ def reading_units_in(path: Path) -> dict[str, str]:
     Raises
     ------
     InputError
-        The FMU is missing, damaged, or no estimator.
+        The FMU is missing or damaged.
     """
-    return reading_units(estimator_inputs(path, read_description(path)))
+    return reading_units(one for one in read_description(path).modelVariables if one.causality == "input")
 
 
 def section_stations(description: Any) -> tuple[float, ...] | None:
