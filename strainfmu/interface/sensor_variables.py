@@ -55,7 +55,7 @@ def identifier(name: str) -> str:
 
 
 def reading_units(inverse_map: InverseMap) -> dict[str, str]:
-    """Return the unit, as FMI has it, of each further sensor and of thrust by name of the input."""
+    """Return the unit, as FMI has it, of each auxiliary sensor and of thrust by name of the input."""
     units = fmi_units(inverse_map.sensors)[inverse_map.n_strain_gauges :]
     found = dict(zip(sensor_names(inverse_map), units, strict=True))
     return found | ({THRUST: "N"} if has_thrust(inverse_map) else {})
@@ -82,7 +82,7 @@ def has_thrust(inverse_map: InverseMap) -> bool:
 
 
 def sensor_inputs(inverse_map: InverseMap) -> list[Variable]:
-    """Return the inputs of the further sensors.
+    """Return the inputs of the auxiliary sensors.
 
     They have no minimum and no maximum: what lies beyond the range of a sensor is left out, and health states it.
     """

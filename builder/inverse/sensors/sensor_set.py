@@ -37,7 +37,7 @@ _AXES = {
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SensorSet:
-    """All n_s further sensors, each row divided by its scale.
+    """All n_s auxiliary sensors, each row divided by its scale.
 
     Attributes
     ----------

@@ -24,7 +24,7 @@ from strainfmu.can.wire.frame_layout import NAVIGATION, FrameLayout, InputLayout
 from strainfmu.can.wire.libraries import import_can
 from strainfmu.can.wire.profiles import SECURED_PROFILE, configuration_of, profile_layout
 from strainfmu.cosim.estimators.step import (
-    FURTHER_LOADS,
+    OTHER_LOAD_OUTPUTS,
     PARAMETERS,
     Step,
     further_inputs,
@@ -36,7 +36,7 @@ from strainfmu.cosim.estimators.step import (
 )
 from strainfmu.errors import InputError
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
-from strainfmu.interface.input_names import FURTHER_FLOW
+from strainfmu.interface.input_names import OTHER_AIR_DATA
 
 UNPROTECTED_TEXT = (
     "UNPROTECTED: no CRC with counter covers every byte of the input; errors of transmission may pass unseen, and "
@@ -106,8 +106,8 @@ def make_bridge(fmu: Path, options: BridgeOptions, taps: Taps | None = None) -> 
 
     taps, bus = taps or Taps(), bus_settings(options)
     key_of(options)  # refused before the FMU is unpacked
-    outputs = (ENVELOPE_SCORE, FURTHER_LOADS, *taps.outputs)
-    inputs = (*NAVIGATION, *FURTHER_FLOW, TEMPERATURE, SENSORS, PARAMETERS)
+    outputs = (ENVELOPE_SCORE, OTHER_LOAD_OUTPUTS, *taps.outputs)
+    inputs = (*NAVIGATION, *OTHER_AIR_DATA, TEMPERATURE, SENSORS, PARAMETERS)
     with FmuStep(fmu, inputs, outputs) as step, ExitStack() as stack:
         if options.zeros is not None:
             step.set_zeros(given := load_zeros(options.zeros, step.gauge_names))
@@ -335,7 +335,7 @@ def map_section_stations(source: Path) -> tuple[float, ...] | None:
 
         return section_stations_in(source)
     from strainfmu.estimator.map.inverse_map import load_inverse_map
-    from strainfmu.interface.further_variables import section_stations
+    from strainfmu.interface.other_load_variables import section_stations
 
     return section_stations(load_inverse_map(source))
 

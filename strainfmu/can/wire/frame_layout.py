@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from strainfmu.can.wire.authenticator import AuthenticationKey, Secured
 from strainfmu.can.wire.crc import Protection
 from strainfmu.can.wire.frame import frame_key
-from strainfmu.interface.input_names import FURTHER_FLOW
+from strainfmu.interface.input_names import OTHER_AIR_DATA
 from strainfmu.interface.sensor_variables import PREFIX as SENSOR_PREFIX
 from strainfmu.interface.sensor_variables import THRUST
 
@@ -22,7 +22,7 @@ FLOW_QUANTITIES = (DYNAMIC_PRESSURE, *NAVIGATION)
 Temperatures are ``temperature[k]``, see :func:`temperature_name`."""
 
 STATIC_PRESSURE = "static_pressure"
-FLOW_STDS = {name.removesuffix("_std"): name for name in FURTHER_FLOW if name.endswith("_std")}
+FLOW_STDS = {name.removesuffix("_std"): name for name in OTHER_AIR_DATA if name.endswith("_std")}
 """The input for the standard deviation of each quantity that has one; only a mapping gives these, and p_inf."""
 
 _TEMPERATURE = "temperature["
@@ -150,7 +150,7 @@ class FlowSignal:
 
     Attributes
     ----------
-    quantity : of :data:`FLOW_QUANTITIES` or ``FURTHER_FLOW``, :func:`temperature_name`, or as of
+    quantity : of :data:`FLOW_QUANTITIES` or ``OTHER_AIR_DATA``, :func:`temperature_name`, or as of
         :func:`is_reading`, :func:`is_parameter` and :func:`is_parameter_std`.
     index : of the signal in its frame.
     to_si, offset : factor from the signal's unit to Pa, 1, m, K or the input's own, and what is added then.

@@ -13,15 +13,15 @@ import numpy as np
 
 from strainfmu.arrays import FloatArray
 from strainfmu.cosim.estimators.fmu_step import SENSORS, TEMPERATURE, FmuStep
-from strainfmu.cosim.estimators.step import ENVELOPE_SCORE, FURTHER_LOADS, PARAMETERS, Step, StepResult
+from strainfmu.cosim.estimators.step import ENVELOPE_SCORE, OTHER_LOAD_OUTPUTS, PARAMETERS, Step, StepResult
 from strainfmu.cosim.estimators.zeros_file import load_zeros
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map
 from strainfmu.estimator.settings import default_settings
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros, no_zeros
-from strainfmu.interface.further_variables import further_load_outputs, further_outputs, section_stations
-from strainfmu.interface.input_names import FURTHER_FLOW, given_flow, given_thrust
+from strainfmu.interface.input_names import OTHER_AIR_DATA, given_flow, given_thrust
+from strainfmu.interface.other_load_variables import other_load_outputs, other_load_values, section_stations
 from strainfmu.interface.parameter_variables import (
     OUTSIDE_PREFIX,
     STD_PREFIX,
@@ -70,8 +70,8 @@ def open_step(source: Path, zeros: Path | None = None) -> Iterator[ReadyStep]:
         The FMU cannot be loaded on this machine.
     """
     if is_fmu(source):
-        inputs = (*NAVIGATION, *FURTHER_FLOW, TEMPERATURE, SENSORS, PARAMETERS)
-        with FmuStep(source, inputs, (ENVELOPE_SCORE, FURTHER_LOADS)) as fmu:
+        inputs = (*NAVIGATION, *OTHER_AIR_DATA, TEMPERATURE, SENSORS, PARAMETERS)
+        with FmuStep(source, inputs, (ENVELOPE_SCORE, OTHER_LOAD_OUTPUTS)) as fmu:
             if zeros is not None:
                 fmu.set_zeros(load_zeros(zeros, fmu.gauge_names))
             yield ReadyStep(fmu, fmu.gauge_names)
@@ -94,14 +94,14 @@ class MapStep:
         self._estimator = Estimator(inverse_map, zeros=zeros)
         self._parameters = parameter_names(inverse_map)
         self._stds = parameter_std_names(inverse_map)
-        self._flow = FURTHER_FLOW[:1] if self.needs_pressure else FURTHER_FLOW
+        self._flow = OTHER_AIR_DATA[:1] if self.needs_pressure else OTHER_AIR_DATA
         of_flow = (*NAVIGATION, *self._flow, *self._temperatures)
         self.further_inputs = (*of_flow, *self._parameters, *self._stds, *self.reading_units)
         self.noise_std = inverse_map.noise_std[: inverse_map.n_strain_gauges]
         self.sensor_range = default_settings(inverse_map).sensor_range
         self.section_stations = section_stations(inverse_map)
         stations = self.section_stations
-        self._further = {} if stations is None else further_load_outputs(len(stations))
+        self._further = {} if stations is None else other_load_outputs(len(stations))
 
     def set_zeros(self, zeros: GaugeZeros | None) -> None:
         """Take ``zeros`` off the strains from the next step on, which goes on from the state of the last."""
@@ -144,7 +144,7 @@ class MapStep:
             OUTSIDE_PREFIX + n: score for n, score in zip(names, found.parameter_score.tolist(), strict=False)
         }
         if self._further:
-            further |= zip(self._further, further_outputs(found), strict=True)
+            further |= zip(self._further, other_load_values(found), strict=True)
         return StepResult(
             coefficients=found.coefficients,
             coefficients_std=found.coefficients_std,

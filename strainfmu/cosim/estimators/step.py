@@ -51,7 +51,7 @@ PARAMETERS = "parameters"
 """Name that stands for all further parameters of the flow among the further inputs that are asked for, and their
 standard deviations."""
 
-FURTHER_LOADS = "further_loads"
+OTHER_LOAD_OUTPUTS = "other_loads"
 """Name that stands for rolling moment and section loads, with their deviations, among the outputs asked for."""
 
 Step = Callable[..., StepResult]

@@ -357,7 +357,7 @@ def test_fmu_holds_the_sensors_and_the_bridge_takes_them(
 ) -> None:
     inverse_map = build_inverse_map(with_sensors(vehicle, Sensors(ports=PORTS)), snapshots, structure)
     save_inverse_map(inverse_map, tmp_path / "map.h5")
-    assert load_inverse_map(tmp_path / "map.h5").has_further_sensors
+    assert load_inverse_map(tmp_path / "map.h5").has_auxiliary_sensors
     export_estimator(tmp_path / "map.h5", tmp_path / "estimator.fmu", ExportOptions(platforms=["linux64"]))
     variables = {one.name: one for one in read_model_description(str(tmp_path / "estimator.fmu")).modelVariables}
     assert [name for name in variables if name.startswith("sensor.")] == [

@@ -20,7 +20,7 @@ from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map
 from strainfmu.estimator.tables.flight_field import FlightField
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
-from strainfmu.interface.input_names import FURTHER_FLOW, given_flow, given_thrust
+from strainfmu.interface.input_names import OTHER_AIR_DATA, given_flow, given_thrust
 from strainfmu.interface.parameter_variables import PREFIX, STD_PREFIX
 from strainfmu.interface.sensor_variables import has_thrust, sensor_names
 from strainfmu.interface.temperature_variables import temperature_names
@@ -87,7 +87,7 @@ class FieldMessages:
 
     def _further(self, given: Mapping[str, float]) -> dict[str, Any]:
         """Return the arguments of a step for what is ``given`` beside q_inf, Mach number and altitude."""
-        found: dict[str, Any] = given_flow({name: given.get(name, np.nan) for name in FURTHER_FLOW})
+        found: dict[str, Any] = given_flow({name: given.get(name, np.nan) for name in OTHER_AIR_DATA})
         if self._temperatures:
             found["temperature"] = np.array([given.get(name, np.nan) for name in self._temperatures])
         found["parameters"] = {name: given.get(PREFIX + name, np.nan) for name in self._parameters}

@@ -29,7 +29,7 @@ from strainfmu.can.wire.frame_layout import (
 )
 from strainfmu.can.wire.profile_signals import LARGEST_DYNAMIC_PRESSURE, LEAST_DYNAMIC_PRESSURE
 from strainfmu.can.wire.signal_plan import SignalPlan
-from strainfmu.interface.input_names import FURTHER_FLOW
+from strainfmu.interface.input_names import OTHER_AIR_DATA
 
 _SENSIBLE = {
     DYNAMIC_PRESSURE: (LEAST_DYNAMIC_PRESSURE, LARGEST_DYNAMIC_PRESSURE),
@@ -256,7 +256,7 @@ class HeldFlow:
             is_reading: Cause.SENSOR,
             is_parameter: Cause.NAVIGATION,
             is_parameter_std: Cause.NAVIGATION,
-            FURTHER_FLOW.__contains__: Cause.NAVIGATION,
+            OTHER_AIR_DATA.__contains__: Cause.NAVIGATION,
         }
         self._further = [(one, cause) for one in values for has, cause in of_loss.items() if has(one.quantity)]
         self._state = FlowState(further=dict(constants))
