@@ -122,7 +122,7 @@ def sensor_set(
 
 
 def surface_rows(entry: Sensors, surface: Surface) -> list[SensorRow]:
-    """Return the rows of ports, inertial unit, accelerometers and load cells, which read the pressure on the surface alone.
+    """Return the rows of the sensors that read the pressure on the surface alone, whatever the structure.
 
     Raises
     ------
