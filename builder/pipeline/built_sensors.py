@@ -62,7 +62,7 @@ class FlownSensors:
         )
         response = sensor_response(operator, self.surface, vehicle.resolution.truth.harmonics)
         per_force = np.array([row.per_axial_force for row in rows])
-        inside = np.array([row.follows_inside for row in rows]) * float(built.internal_pressure)
+        inside = np.array([row.follows_inside for row in rows]) * float(np.mean(built.internal_pressure))
         suction = 1.0 - entry.base_pressure_ratio + PERCENT * entry.base_pressure_percent * own["base pressure"]
         friction = entry.friction_C_A + entry.friction_C_A_std * own["friction"]
         thrust = 0.0 if entry.imu is None else entry.imu.thrust_std_N * own["thrust"]
@@ -130,5 +130,5 @@ def _names(rows: Sequence[SensorRow]) -> list[str]:
 
 
 def _over(value: float | FloatArray, std: float) -> float:
-    """Return ``value`` in standard deviations; 0 of an error that is not stated."""
-    return float(value) / std if std > 0.0 else 0.0
+    """Return ``value`` in standard deviations, its mean where it differs from gauge to gauge; 0 if not stated."""
+    return float(np.mean(value)) / std if std > 0.0 else 0.0

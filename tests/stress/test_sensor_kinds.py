@@ -45,6 +45,7 @@ def test_sensors_sharpen_and_are_honest(sensed_trial: Range, trial: Range) -> No
     ("error", "size", "flagged"),
     [
         ("nothing wrong", "vehicle of the file", 0.0),
+        ("wall thinner over the middle third", "-5 %", 0.0),
         ("gain of one auxiliary sensor", "+20 %", 2.0),
         ("bias of one auxiliary sensor", "+20 sigma of its noise", 20.0),
         ("one auxiliary sensor frozen", "at another flight's reading", 40.0),
