@@ -138,7 +138,7 @@ class ManifoldCandidate:
 
 
 def _rolling(found: Estimate) -> FloatArray | None:
-    if not found.further_coefficients.shape[-1]:
+    if not found.other_coefficients.shape[-1]:
         return None
     return np.column_stack([found.M_R, found.sigma.M_R])
 

@@ -1,4 +1,4 @@
-"""What an inverse map is solved from: strain and loads per pressure, noise and errors, further sensors."""
+"""What an inverse map is solved from: strain and loads per pressure, noise and errors, auxiliary sensors."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from builder.inverse.noise.thermal import (
     modulus_std,
     thermal_map,
     thermal_terms,
-    with_further_rows,
+    with_sensor_rows,
 )
 from builder.inverse.sensors.sensor_set import joined_errors, joined_terms, sensor_set
 from builder.inverse.solution import Problem
@@ -162,7 +162,7 @@ def inverse_problem(
         entry=vehicle.map,
         mesh=mesh,
         sensors=sensors,
-        thermal=thermal if sensors is None else with_further_rows(thermal, len(sensors.rows)),
+        thermal=thermal if sensors is None else with_sensor_rows(thermal, len(sensors.rows)),
         between=between,
         off_the_snapshots=off,
         leeward=leeward,

@@ -16,7 +16,7 @@ from builder.inverse.problem import AnyStructure, inverse_problem, on_structure
 from builder.inverse.solution import Problem
 from builder.manifold.discrepancy import level_error, process_size, tested_shapes
 from builder.manifold.followed_errors import followed_errors
-from builder.manifold.parameter_slopes import FURTHER_PARAMETERS, ParameterSlopes, compressed
+from builder.manifold.parameter_slopes import FLOW_PARAMETERS, ParameterSlopes, compressed
 from builder.manifold.sensor_tables import base_pressure_error, gains_of_sensors, with_base_and_friction
 from builder.manifold.state_tables import state_tables
 from builder.manifold.told_apart import check_told_apart
@@ -126,7 +126,7 @@ def _parameters(slopes: ParameterSlopes | None, terms: dict[str, FloatArray]) ->
     """Return ``slopes`` with the errors that are left where all parameters are known."""
     if slopes is None:
         return None
-    others = [columns for name, columns in terms.items() if name != FURTHER_PARAMETERS]
+    others = [columns for name, columns in terms.items() if name != FLOW_PARAMETERS]
     unit, spread = slopes.compressed_errors()
     return ParameterTables(
         powers=slopes.powers,
@@ -194,7 +194,7 @@ def _scaled_nuisance(nuisance: Sequence[NoiseTerm], problem: Problem) -> dict[st
     for term in nuisance:
         if term.scales:
             none = np.zeros((len(problem.load_operator), term.strain.shape[1]))
-            # Terms are those of the gauges: they have no part in further sensors.
+            # Terms are those of the gauges: they have no part in auxiliary sensors.
             strain = np.pad(term.strain, ((0, len(problem.strain_operator) - len(term.strain)), (0, 0)))
             found[term.name] = np.vstack([strain, none if term.load is None else term.load])
             found[term.name] /= pressure

@@ -17,7 +17,7 @@ from builder.campaign.snapshots import Snapshots
 from builder.inverse.noise.flows_between import BETWEEN, FlowsBetween
 from builder.manifold.flow_amplitudes import with_middle_mach
 from builder.manifold.parameter_slopes import (
-    FURTHER_PARAMETERS,
+    FLOW_PARAMETERS,
     ConditionSlopes,
     ParameterSlopes,
     condition_slopes,
@@ -94,7 +94,7 @@ def condition_tables(
     if grid.row.shape[3] > 1:
         off = all_values - values[:, :, :, None]
         slope = condition_slopes(off, [conditions[row].parameters for row in grid.row[0, 0, 0]])
-        errors[FURTHER_PARAMETERS] = np.hstack(slope.spread_error())
+        errors[FLOW_PARAMETERS] = np.hstack(slope.spread_error())
         errors["further parameters, the rest"] = slope.rest_error()
     mach = grid.mach
     if len(mach) == 2:

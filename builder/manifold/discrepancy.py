@@ -103,7 +103,7 @@ def process_size(vehicle: Vehicle, problem: Problem) -> float:
 def corrects_level(vehicle: Vehicle, problem: Problem) -> bool:
     """Return whether the residual says how far the level of the pressure is off the tables.
 
-    Further sensors, as ports, see the pressure itself. Strain of gauges tells it to some per cent at best: in a
+    Auxiliary sensors, as ports, see the pressure itself. Strain of gauges tells it to some per cent at best: in a
     flow as the snapshots' that correction is noise alone, in one of another level it is worth its noise. So
     ``level_by_strain`` states which flows to expect.
     """

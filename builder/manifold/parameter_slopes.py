@@ -10,7 +10,7 @@ import numpy as np
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.tables.parameter_tables import Powers
 
-FURTHER_PARAMETERS = "further parameters of the flow"
+FLOW_PARAMETERS = "further parameters of the flow"
 """Error of tables of the mean over further parameters: what follows from these once they are known."""
 
 MAX_POWER = 3

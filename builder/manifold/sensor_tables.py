@@ -1,4 +1,4 @@
-"""Further sensors over the flight state: base pressure, friction and the errors that no surface pressure makes.
+"""Auxiliary sensors over the flight state: base pressure, friction and the errors that no surface pressure makes.
 
 The surface pressure's part of a reading is a row of the tables as strain is. Base pressure adds to an axial force
 in proportion to p_inf, friction in proportion to q_inf = gamma M^2 p_inf / 2: both are exact in the splines.

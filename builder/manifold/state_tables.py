@@ -33,7 +33,7 @@ MIN_FLOWS = (2, 4)
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class StateTables:
-    """Tables of n rows: strains, loads, further loads.
+    """Tables of n rows: strains, loads, other loads.
 
     Attributes
     ----------

@@ -33,13 +33,13 @@ SILENT_TARGET: dict[KindClass, float] = {"within": 3.0, "outside": 5.0}
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Hardware:
-    """The gauges of a vehicle, and the stated sizes of its errors.
+    """The gauges of a vehicle, or its auxiliary sensors, and the stated sizes of its errors.
 
     Attributes
     ----------
     noise : section [noise] of the vehicle file.
     station, roll_angle : (n_d,) of the gauges [m], [rad].
-    noise_std : (n_d,) of the gauges' own noise [m/m].
+    noise_std : (n_d,) of the gauges' own noise [m/m], or of the sensors' [their units].
     """
 
     noise: Noise
@@ -94,6 +94,20 @@ class Filtered:
     common: float = 0.0
 
 
+@dataclass(frozen=True, kw_only=True)
+class KnownParameters:
+    """Flow parameters that the estimator is given.
+
+    Attributes
+    ----------
+    std : their standard deviation, of their ranges [1].
+    off : by how many of these each is off, besides an error that is drawn.
+    """
+
+    std: float
+    off: float = 0.0
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Kind:
     """One kind of error.
@@ -106,7 +120,8 @@ class Kind:
     flights : where it is flown.
     flow : the pressure, None for that of the independent model.
     build : the vehicle of one draw.
-    readings : what becomes of the strains.
+    readings, sensor_readings : what becomes of the strains, and of what auxiliary sensors read.
+    parameters : flow parameters that are given; None for none.
     navigation : whether Mach number and altitude are given; the nonlinear estimator takes p_inf in its place.
     filtered : the filter over time that estimates; None for none.
     draws : vehicles and noise of the run, times this.
@@ -121,6 +136,8 @@ class Kind:
     flow: OtherFlow | None = None
     build: Build = exact
     readings: Readings = as_read
+    sensor_readings: Readings = as_read
+    parameters: KnownParameters | None = None
     navigation: bool = True
     filtered: Filtered | None = None
     draws: float = 1.0

@@ -6,6 +6,7 @@ from builder.stress.flight_kinds import envelope_kinds, flow_kinds
 from builder.stress.gauge_kinds import gauge_kinds
 from builder.stress.hardware_kinds import beyond_kinds, filter_kinds, fixed_kinds, nominal_kinds, stated_kinds
 from builder.stress.kind import Kind
+from builder.stress.sensor_kinds import parameter_kinds, sensor_kinds
 from builder.vehicle.file import Vehicle
 
 
@@ -18,6 +19,8 @@ def all_kinds(vehicle: Vehicle) -> list[Kind]:
         *beyond_kinds(vehicle.noise),
         *(filter_kinds() if vehicle.map.form == "dynamic_pressure" else []),
         *gauge_kinds(vehicle.noise),
+        *sensor_kinds(vehicle),
+        *parameter_kinds(vehicle),
         *envelope_kinds(vehicle),
         *flow_kinds(vehicle),
     ]

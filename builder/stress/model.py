@@ -9,9 +9,12 @@ from typing import Protocol
 import numpy as np
 
 from builder.campaign.snapshots import Snapshots
+from builder.pipeline.built_sensors import FlownSensors
 from builder.stress.kind import Kind
+from builder.truth.as_built import AsBuilt
 from builder.truth.flights import Flights, RevolvedFlights
-from builder.truth.revolution.flow_table import FlowTable
+from builder.truth.revolution.flow_table import FlowTable, harmonics_at
+from builder.truth.revolution.sensors import sensor_readings
 from builder.truth.revolution.strain import TrueStructure, true_flights, without_faint_harmonics
 from builder.truth.shape.flights import at_conditions, shape_flights
 from builder.truth.shape.structure import ShapeStructure, on_nodes_of
@@ -46,12 +49,28 @@ class Model(Protocol):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+class SensedFlights(RevolvedFlights):
+    """Flights of a body of revolution with auxiliary ``sensors``; ``harmonic`` (k, n_x, n_m) of p / p_inf."""
+
+    sensors: FlownSensors
+    harmonic: FloatArray
+
+    def sense(self, built: AsBuilt, random: np.random.Generator | None) -> FloatArray:
+        """Return (k, n_s) readings, without noise, of a vehicle as ``built``.
+
+        ``random`` draws errors of the sensors themselves; None has none.
+        """
+        return sensor_readings(self.sensors.built(built, random), self.harmonic, self.conditions)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class RevolvedModel:
-    """A body of revolution; ``table`` holds flows inside the envelope and beyond it."""
+    """A body of revolution, with ``sensors`` or None; ``table`` holds flows inside the envelope and beyond it."""
 
     vehicle: Vehicle
     structure: TrueStructure
     table: FlowTable
+    sensors: FlownSensors | None = None
 
     @property
     def station(self) -> FloatArray:
@@ -64,8 +83,12 @@ class RevolvedModel:
     def flights(self, kind: Kind, count: int, random: np.random.Generator) -> Flights:
         conditions = kind.flights(self.vehicle, self.table, count, random)
         table = self.table if kind.flow is None else kind.flow.on_table(self.vehicle, self.table)
-        flown = true_flights(self.vehicle, self.structure, table, conditions)
-        return RevolvedFlights(structure=self.structure, flown=without_faint_harmonics(flown))
+        flown = without_faint_harmonics(true_flights(self.vehicle, self.structure, table, conditions))
+        if self.sensors is None:
+            return RevolvedFlights(structure=self.structure, flown=flown)
+        mach, incidence = np.array([(one.mach_number, one.total_incidence) for one in conditions]).T
+        harmonic = harmonics_at(table, mach, incidence)
+        return SensedFlights(structure=self.structure, flown=flown, sensors=self.sensors, harmonic=harmonic)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

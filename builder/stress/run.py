@@ -16,6 +16,7 @@ from builder.campaign.journal import Journal
 from builder.campaign.snapshots import load_snapshots
 from builder.figures.comparison.stress import stress_figure
 from builder.figures.drawing.canvas import save
+from builder.pipeline.built_sensors import flown_sensors, sensor_names_of
 from builder.pipeline.chosen_estimator import Estimators, with_estimator
 from builder.pipeline.map_files import make_map, true_structure_of
 from builder.pipeline.pipeline import FilesGiven, Pipeline
@@ -176,7 +177,8 @@ def _model(pipeline: Pipeline, vehicle: Vehicle) -> Model:
     path = pipeline.path(FLOWS)
     if vehicle.is_of_revolution:
         structure, table = true_structure_of(pipeline), load_flow_table(path)
-        return RevolvedModel(vehicle=vehicle, structure=structure, table=table)
+        sensors = flown_sensors(vehicle, structure.surface)
+        return RevolvedModel(vehicle=vehicle, structure=structure, table=table, sensors=sensors)
     return ShapeModel(vehicle=vehicle, structure=shape_structure_of(pipeline), flows=load_snapshots(path))
 
 
@@ -211,10 +213,17 @@ def check_fit(vehicle: Vehicle, inverse_map: InverseMap, path: Path) -> None:
         names = place_layouts(vehicle, gauge_mesh(vehicle), [layout])[0][layout].names
     else:
         names = structure_case(vehicle, [layout]).layouts[layout].name
-    if inverse_map.gauge_names != names:
+    n = inverse_map.n_strain_gauges
+    if inverse_map.gauge_names[:n] != names:
         raise InputError(
-            f"{path}: expected the {len(names)} gauges of layout '{layout}', got {inverse_map.n_gauges} gauges, "
+            f"{path}: expected the {len(names)} gauges of layout '{layout}', got {n} gauges, "
             f"the first named {inverse_map.gauge_names[0]}"
+        )
+    expected_sensors, sensors = sensor_names_of(vehicle), inverse_map.gauge_names[n:]
+    if sensors != expected_sensors:
+        raise InputError(
+            f"{path}: expected the {len(expected_sensors)} auxiliary sensors of the section [sensors], got "
+            f"{len(sensors)}: {', '.join(sensors)[:80] or 'none'}"
         )
     reference = vehicle.reference_quantities()
     for name, expected, found in (

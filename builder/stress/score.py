@@ -11,8 +11,8 @@ import numpy as np
 
 from builder.stress.flights import DrawConditions
 from builder.stress.flows import OtherFlow
-from builder.stress.kind import Filtered, Hardware, Kind
-from builder.stress.model import Model
+from builder.stress.kind import Filtered, Hardware, Kind, KnownParameters, exact
+from builder.stress.model import Model, SensedFlights
 from builder.truth.as_built import AsBuilt
 from builder.truth.flights import Flights
 from builder.truth.levels.read_flights import gauge_noise
@@ -115,7 +115,15 @@ class Range:
             noise=vehicle.noise,
             station=model.station,
             roll_angle=model.roll_angle,
-            noise_std=inverse_map.noise_std,
+            noise_std=inverse_map.noise_std[: inverse_map.n_strain_gauges],
+        )
+        scale, first = inverse_map.sensors.scale, inverse_map.n_strain_gauges
+        none = np.zeros(inverse_map.n_gauges - first)
+        self.sensors = Hardware(
+            noise=vehicle.noise,
+            station=none,
+            roll_angle=none,
+            noise_std=(scale * inverse_map.noise_std)[first:],
         )
         self._flights: dict[tuple[DrawConditions, OtherFlow | None], Flights] = {}
 
@@ -160,14 +168,22 @@ class Range:
     ) -> tuple[BoolArray, IntArray]:
         """Return (k,) whether the estimate is wrong, and health, of one vehicle at all flights."""
         strain = flights.read(built)
+        if isinstance(flights, SensedFlights):
+            # Errors of the sensors come with those of the gauges.
+            sensed = flights.sense(built, None if kind.build is exact else random)
+            strain = np.hstack([strain, sensed])
         navigation = self._navigation(flights.conditions) if kind.navigation else {}
+        navigation |= self._parameters(kind.parameters, flights.conditions, random)
         navigation["dynamic_pressure"] = flights.dynamic_pressure * (
             1.0 + np.asarray(built.dynamic_pressure, dtype=float)
         )
         if kind.filtered is None:
-            read = strain + gauge_noise(self.inverse_map, random, strain.shape)
+            read, n = strain + self._noise(random, strain.shape), self.hardware.n_gauges
             wind = np.array([[condition.leeward_roll_angle] for condition in flights.conditions])
-            read = kind.readings(read, wind, self.hardware, random)
+            parts = [kind.readings(read[:, :n], wind, self.hardware, random)]
+            if self.sensors.n_gauges:
+                parts.append(kind.sensor_readings(read[:, n:], wind, self.sensors, random))
+            read = np.hstack(parts)
             estimate = self.estimator.estimate(read, **navigation)
             found, std, health = estimate.coefficients, estimate.coefficients_std, np.asarray(estimate.health)
         else:
@@ -178,25 +194,46 @@ class Range:
         return ~right, health
 
     def _filtered(
-        self, how: Filtered, strain: FloatArray, navigation: dict[str, FloatArray], random: np.random.Generator
+        self, how: Filtered, strain: FloatArray, navigation: dict[str, Any], random: np.random.Generator
     ) -> tuple[FloatArray, FloatArray, IntArray]:
         """Return (k, 5) coefficients and their deviations, and (k,) health, at the end of a flight at each
         condition."""
-        n, noise = strain.shape[1], float(np.mean(self.hardware.noise_std))
+        n, noise = self.hardware.n_gauges, float(np.mean(self.hardware.noise_std))
         std, common = np.full(n, how.zero * noise), how.common * noise
         zeros = GaugeZeros(value=np.zeros(n), std=std, common_std=common)
-        wrong = std * random.standard_normal(n) + common * random.standard_normal()
+        wrong = np.zeros(strain.shape[1])
+        wrong[:n] = std * random.standard_normal(n) + common * random.standard_normal()
         estimator = self.estimator.with_zeros(zeros).filter(how.time_constant)
         time, last = how.time_step * np.arange(how.steps), []
         for k, one in enumerate(strain):
             estimator.restart()
-            read = one + wrong + gauge_noise(self.inverse_map, random, (how.steps, n))
+            read = one + wrong + self._noise(random, (how.steps, len(one)))
             of_one: dict[str, Any] = {
-                name: float(np.broadcast_to(value, len(strain))[k]) for name, value in navigation.items()
+                name: {each: float(of[k]) for each, of in value.items()}
+                if isinstance(value, dict)
+                else float(np.broadcast_to(value, len(strain))[k])
+                for name, value in navigation.items()
             }
             last.append(estimator.track(read, time=time, **of_one)[-1])
         coefficients, deviations = ([getattr(one, name) for one in last] for name in COEFFICIENTS)
         return np.array(coefficients), np.array(deviations), np.array([int(one.health) for one in last])
+
+    def _noise(self, random: np.random.Generator, shape: tuple[int, ...]) -> FloatArray:
+        """Return draws of the noise of gauges [m/m] and auxiliary sensors [their units], last axis all rows."""
+        return gauge_noise(self.inverse_map, random, shape) * self.inverse_map.sensors.scale
+
+    def _parameters(
+        self, known: KnownParameters | None, conditions: Sequence[FlightCondition], random: np.random.Generator
+    ) -> dict[str, Any]:
+        """Return flow parameters with errors, and standard deviations, as arguments of the estimator."""
+        if known is None:
+            return {}
+        held = self.estimator.parameters
+        std = known.std * held.span
+        true = np.array([one.parameters for one in conditions])
+        given = true + std * (known.off + random.standard_normal(true.shape))
+        stds = {name: np.full(len(true), one) for name, one in zip(held.names, std.tolist(), strict=True)}
+        return {"parameters": dict(zip(held.names, given.T, strict=True)), "parameters_std": stds}
 
     def _navigation(self, conditions: Sequence[FlightCondition]) -> dict[str, Any]:
         """Return Mach number and altitude, p_inf in place of the latter for the nonlinear estimator."""

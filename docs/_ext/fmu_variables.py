@@ -43,7 +43,7 @@ class OneGauge:
     manifold: None = None
     n_loads: int = 5
     has_other_loads: bool = False
-    has_further_sensors: bool = False
+    has_auxiliary_sensors: bool = False
     has_temperature: bool = False
     section_station: Any = field(default_factory=lambda: np.zeros(0))
     thermal: Any = field(default_factory=lambda: no_temperature(np.zeros((1, 1))))

@@ -74,7 +74,7 @@ class EstimatorSlave(Fmi2Slave):
         self._zeros = [references[name] for name in zero_names(self._n_strains)]
         self._zeros_outdated = False
         self._time_constant = references.get(FILTER_TIME_CONSTANT)
-        self._has_further = has_other_outputs(inverse_map)
+        self._has_other_loads = has_other_outputs(inverse_map)
         self._temperatures = [references[name] for name in temperature_names(inverse_map.thermal)]
         self._tare = EdgeTare(self._estimator.core, inverse_map, _known_strain(resources / "tare_known.json"))
         self._asked, self._tare_state = references[TARE], references[TARE_STATE]
@@ -238,7 +238,7 @@ class EstimatorSlave(Fmi2Slave):
             return
         if self._zeros_outdated:
             self._apply_zeros()
-        self._values[self._outputs] = output_values(self._estimate(), self._has_further)
+        self._values[self._outputs] = output_values(self._estimate(), self._has_other_loads)
         self._outdated = False
 
     def _estimate(self) -> Estimate:

@@ -126,7 +126,7 @@ class PlantSlave(Fmi2Slave):
             self.log(str(error), Fmi2Status.error)
             self._values[: self._noise_std] = np.nan
             return False
-        strain = point.strain + self._values[self._noise_std] * self._noise
+        strain = point.strain + self._values[self._noise_std] * self._noise * self._model.noise_scale
         self._values[: self._noise_std] = np.concatenate(
             (point.coefficients, strain, (point.dynamic_pressure,), condition.as_tuple())
         )

@@ -57,6 +57,7 @@ class BridgeSettings:
     max_age : maximum age of strains that are used, and maximum time for which a whole cycle may repeat itself.
     pressure_max_age : maximum age of q_inf that is used.
     navigation_max_age : maximum age of Mach number and altitude that are used.
+    sensor_max_age : maximum age of readings of auxiliary sensors, and of thrust, that are used.
     timeout : silence after which results are STALE; from then on one is sent every cycle.
     invalid_after : silence after which results are INVALID.
     max_delta : maximum step of an E2E counter that is accepted.
@@ -88,6 +89,7 @@ class BridgeSettings:
     max_age: float = 5.0
     pressure_max_age: float = 10.0
     navigation_max_age: float = 10.0
+    sensor_max_age: float = 2.0
     timeout: float = 3.0
     invalid_after: float = 30.0
     max_delta: int = 3
@@ -114,7 +116,7 @@ class BridgeSettings:
     rate: float = 3.0
 
     def __post_init__(self) -> None:
-        ages = ("max_age", "pressure_max_age", "navigation_max_age")
+        ages = ("max_age", "pressure_max_age", "navigation_max_age", "sensor_max_age")
         for name in ("deadline", *ages, "timeout", "rate_limit", "sensor_range"):
             if not 0.0 < getattr(self, name) < float("inf"):
                 raise InputError(f"{name}: expected a positive number, got {getattr(self, name):g}")

@@ -24,11 +24,14 @@ from strainfmu.cosim.systems.system import Connection, System
 from strainfmu.errors import InputError
 from strainfmu.estimator.health import HealthState
 from strainfmu.interface.estimator_variables import valid_names
-from strainfmu.interface.fmi_variables import Variable, strain_names
+from strainfmu.interface.fmi_variables import Variable
 from strainfmu.interface.plant_variables import GaugeFault, Motion, native_plant_interface
 
 INSTANCES = ("schedule", "plant", "estimator", "autopilot")
 """Names of the instances, in the order in which they are stepped."""
+
+_VALUED = (GaugeFault.BIAS, GaugeFault.DRIFT, GaugeFault.STUCK)
+"""Faults that have a value."""
 
 HOLDING = np.radians(1.0)
 """Largest error of the angle of attack just before a new command in a loop that holds [rad]."""
@@ -59,7 +62,12 @@ def scheduled_signals(scenario: Scenario, model: FlightModel) -> list[ScheduledS
     inputs = {v.name: v for v in native_plant_interface(model, Motion.SHORT_PERIOD, scenario.start)}
     events: dict[int, list[FaultEvent]] = {}
     for fault in scenario.faults:
-        events.setdefault(gauge_number(fault.gauge, model), []).append(fault)
+        number = gauge_number(fault.gauge, model)
+        is_sensor = number > model.n_strain_gauges
+        if fault.kind in _VALUED and fault.of_sensor != is_sensor:
+            unit = "in the unit of the sensor, 'value' or 'drift_per_s'" if is_sensor else "in um/m"
+            raise InputError(f"fault: {fault.gauge!r}: expected its value {unit}")
+        events.setdefault(number, []).append(fault)
     for number, faults in sorted(events.items()):
         for name in ("fault_kind", "fault_value"):
             values = [float(f.kind) if name == "fault_kind" else f.value for f in faults]
@@ -89,17 +97,18 @@ def gauge_number(gauge: str | int, model: FlightModel) -> int:
     )
 
 
-def flight_connections(n_gauges: int, signals: Sequence[str], feedback: str) -> tuple[Connection, ...]:
+def flight_connections(model: FlightModel, signals: Sequence[str], feedback: str) -> tuple[Connection, ...]:
     """Return what goes where.
 
     Parameters
     ----------
+    model : of the vehicle that flies: all that its gauges and sensors read goes to the estimator.
     signals : names of the schedule's outputs.
     feedback : "truth" or "estimate": where the autopilot's coefficients come from.
     """
     command, *faults = signals
     connections = [("schedule", command, "autopilot", command)]
-    connections += [("plant", name, "estimator", name) for name in (*strain_names(n_gauges), "dynamic_pressure")]
+    connections += [("plant", name, "estimator", name) for name in (*model.reading_names, "dynamic_pressure")]
     connections += [("plant", name, "autopilot", name) for name in ("pitch_rate", "dynamic_pressure")]
     source = "estimator" if feedback == "estimate" else "plant"
     connections += [(source, name, "autopilot", name) for name in ("C_N", "M_P")]
@@ -109,7 +118,7 @@ def flight_connections(n_gauges: int, signals: Sequence[str], feedback: str) -> 
     if feedback == "estimate":
         watched = ("chi_square", "chi_square_limit", "suspect_gauge")
         connections += [("estimator", f"health.{name}", "autopilot", name) for name in watched]
-        delayed += [("autopilot", name, "estimator", name) for name in valid_names(n_gauges)]
+        delayed += [("autopilot", name, "estimator", name) for name in valid_names(model.n_gauges)]
     return (
         *(Connection(f"{a}.{x}", f"{b}.{y}") for a, x, b, y in connections),
         *(Connection(f"{a}.{x}", f"{b}.{y}", delayed=True) for a, x, b, y in delayed),
@@ -120,7 +129,7 @@ def flight_system(scenario: Scenario, fmus: dict[str, Path], feedback: str) -> S
     """Return the connected FMUs ``fmus`` of a scenario, paths by name of the instance."""
     model = load_flight_model(scenario.flight_model)
     signals = [signal.variable.name for signal in scheduled_signals(scenario, model)]
-    return System(fmus, flight_connections(model.n_gauges, signals, feedback))
+    return System(fmus, flight_connections(model, signals, feedback))
 
 
 def fly(
@@ -229,8 +238,7 @@ def fault_text(event: FaultEvent) -> str:
     """Return a fault in a few words."""
     if event.kind is GaugeFault.NONE:
         return f"gauge {event.gauge} healed at {event.time:g} s"
-    value = {GaugeFault.DRIFT: f" {1e6 * event.value:g} um/m per s"}.get(
-        event.kind, f" {1e6 * event.value:g} um/m"
-    )
-    valued = event.kind in (GaugeFault.BIAS, GaugeFault.DRIFT, GaugeFault.STUCK)
-    return f"{event.kind.name.lower()}{value if valued else ''} of gauge {event.gauge} at {event.time:g} s"
+    size = f" {event.value:g}" if event.of_sensor else f" {1e6 * event.value:g} um/m"
+    value = f"{size} per s" if event.kind is GaugeFault.DRIFT else size
+    of_which = f"{'sensor' if event.of_sensor else 'gauge'} {event.gauge}"
+    return f"{event.kind.name.lower()}{value if event.kind in _VALUED else ''} of {of_which} at {event.time:g} s"

@@ -24,12 +24,16 @@ class Command:
 
 @dataclass(frozen=True)
 class FaultEvent:
-    """From ``time`` [s] on a gauge, by name or number from 1, has a fault; ``value`` is that of its kind [SI]."""
+    """From ``time`` [s] on a gauge or auxiliary sensor, by name or number from 1, has a fault.
+
+    ``value`` is that of its kind [m/m], or in the unit of a sensor where it is ``of_sensor``.
+    """
 
     time: float
     gauge: str | int
     kind: GaugeFault
     value: float = 0.0
+    of_sensor: bool = False
 
 
 @dataclass(frozen=True)
@@ -145,7 +149,7 @@ def _commands(root: TomlTable, stop_time: float) -> tuple[Command, ...]:
 
 
 def _fault(item: TomlTable, stop_time: float) -> FaultEvent:
-    """Read one fault; its value has the unit that its kind has."""
+    """Read one fault; its value is in um/m, or in the unit of an auxiliary sensor."""
     names = [kind.name.lower() for kind in GaugeFault]
     name = item.text("kind")
     if name not in names:
@@ -155,8 +159,14 @@ def _fault(item: TomlTable, stop_time: float) -> FaultEvent:
     if not isinstance(gauge, str | int) or isinstance(gauge, bool):
         raise item.fault("gauge", f"expected the name of a gauge or its number from 1, got {gauge!r}")
     key = "drift_um_per_m_per_s" if kind is GaugeFault.DRIFT else "value_um_per_m"
+    of_sensor = "drift_per_s" if kind is GaugeFault.DRIFT else "value"
     valued = kind in (GaugeFault.BIAS, GaugeFault.DRIFT, GaugeFault.STUCK)
-    value = 1e-6 * item.number(key, None, -1e5, 1e5) if valued else 0.0
-    event = FaultEvent(time=item.number("time_s", None, 0.0, stop_time), gauge=gauge, kind=kind, value=value)
+    in_unit, value = valued and of_sensor in item.entries, 0.0
+    if in_unit:
+        value = item.number(of_sensor, None, -1e9, 1e9)
+    elif valued:
+        value = 1e-6 * item.number(key, None, -1e5, 1e5)
+    time = item.number("time_s", None, 0.0, stop_time)
+    event = FaultEvent(time=time, gauge=gauge, kind=kind, value=value, of_sensor=in_unit)
     item.finish()
     return event

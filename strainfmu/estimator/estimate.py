@@ -34,7 +34,7 @@ class Source(Protocol):
 
     def pressure_of(self, estimate: Estimate, with_std: bool = True) -> PressureField: ...
 
-    def further_of(self, estimate: Estimate, name: str) -> FloatArray: ...
+    def other_loads_of(self, estimate: Estimate, name: str) -> FloatArray: ...
 
 
 class Estimate(NamedLoads):
@@ -135,7 +135,7 @@ class Estimate(NamedLoads):
     @property
     def sigma(self) -> Sigma:
         """Standard deviations by name: ``estimate.sigma.C_N``."""
-        return Sigma(self.loads_std, self.coefficients_std, self.further_loads_std, self.further_coefficients_std)
+        return Sigma(self.loads_std, self.coefficients_std, self.other_loads_std, self.other_coefficients_std)
 
     @property
     def load_covariance(self) -> FloatArray:
@@ -153,29 +153,29 @@ class Estimate(NamedLoads):
 
     # Rolling moment and section loads; zeros and none of a map without.
 
-    def _further(self, name: str) -> FloatArray:
+    def _other(self, name: str) -> FloatArray:
         found = self._field(name)
-        return found if found.shape[-1] else self._estimator.further_of(self, name)
+        return found if found.shape[-1] else self._estimator.other_loads_of(self, name)
 
     @property
-    def further_loads(self) -> FloatArray:  # type: ignore[override]
+    def other_loads(self) -> FloatArray:  # type: ignore[override]
         """(m,) rolling moment, and six loads of each section [N, N m]."""
-        return self._further("further_loads")
+        return self._other("further_loads")
 
     @property
-    def further_loads_std(self) -> FloatArray:
-        """(m,) standard deviations of :attr:`further_loads`."""
-        return self._further("further_loads_std")
+    def other_loads_std(self) -> FloatArray:
+        """(m,) standard deviations of :attr:`other_loads`."""
+        return self._other("further_loads_std")
 
     @property
-    def further_coefficients(self) -> FloatArray:  # type: ignore[override]
-        """(m,) :attr:`further_loads` over q S, moments over q S L [1]."""
-        return self._further("further_coefficients")
+    def other_coefficients(self) -> FloatArray:  # type: ignore[override]
+        """(m,) :attr:`other_loads` over q S, moments over q S L [1]."""
+        return self._other("further_coefficients")
 
     @property
-    def further_coefficients_std(self) -> FloatArray:
-        """(m,) standard deviations of :attr:`further_coefficients` [1]."""
-        return self._further("further_coefficients_std")
+    def other_coefficients_std(self) -> FloatArray:
+        """(m,) standard deviations of :attr:`other_coefficients` [1]."""
+        return self._other("further_coefficients_std")
 
     @property
     def section_station(self) -> FloatArray:
@@ -186,10 +186,10 @@ class Estimate(NamedLoads):
     def section_loads(self) -> SectionLoads:
         """Loads of the sections of the map, (n_s, 6), and their standard deviations."""
         stations = self.section_station
-        shape = (*self.further_loads.shape[:-1], len(SECTION_LOADS), len(stations))
+        shape = (*self.other_loads.shape[:-1], len(SECTION_LOADS), len(stations))
         loads, std = (
             np.swapaxes(values[..., 1:].reshape(shape), -1, -2)
-            for values in (self.further_loads, self.further_loads_std)
+            for values in (self.other_loads, self.other_loads_std)
         )
         return SectionLoads(stations, loads, std)
 

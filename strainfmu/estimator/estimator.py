@@ -579,7 +579,7 @@ class Estimator:
 
     # What is made of estimates off the deadline.
 
-    def further_of(self, estimate: Estimate, name: str) -> FloatArray:
+    def other_loads_of(self, estimate: Estimate, name: str) -> FloatArray:
         """Return rolling moment and section loads of a map whose core has none.
 
         They are zero where the five loads are known, but for maps of form "absolute" with such loads.

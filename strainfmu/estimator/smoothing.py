@@ -81,10 +81,10 @@ class Smoothed:
     loads_std: FloatArray
     coefficients: FloatArray
     coefficients_std: FloatArray
-    further_loads: FloatArray
-    further_loads_std: FloatArray
-    further_coefficients: FloatArray
-    further_coefficients_std: FloatArray
+    other_loads: FloatArray
+    other_loads_std: FloatArray
+    other_coefficients: FloatArray
+    other_coefficients_std: FloatArray
     air: FloatArray
     air_std: FloatArray
 
@@ -285,7 +285,7 @@ class FlightSmoother(_Records):
         out = Smoothed.of(found)
         turn = self.transfer * self.reference.static.references[:LOADS] / self.references[:, None]
         own = self.reference.static.references[LOADS:]
-        further_turn = own / self._further_references(len(own))
+        other_turn = own / self._other_references(len(own))
         for k, (step, law) in enumerate(zip(steps, laws, strict=True)):
             if step.of_loads is None or np.isnan(out.loads[k]).any():
                 continue
@@ -294,16 +294,16 @@ class FlightSmoother(_Records):
             out.loads_std[k] = _std(self.transfer, at.covariance[:LOADS, :LOADS])
             out.coefficients_std[k] = _std(turn, at.coefficient_covariance[:LOADS, :LOADS])
             if len(own):
-                out.further_loads[k] = at.loads[LOADS:]
-                out.further_loads_std[k] = np.sqrt(np.maximum(np.diag(at.covariance)[LOADS:], 0.0))
-                out.further_coefficients[k] = further_turn * at.coefficients[LOADS:]
+                out.other_loads[k] = at.loads[LOADS:]
+                out.other_loads_std[k] = np.sqrt(np.maximum(np.diag(at.covariance)[LOADS:], 0.0))
+                out.other_coefficients[k] = other_turn * at.coefficients[LOADS:]
                 of_both = np.maximum(np.diag(at.coefficient_covariance)[LOADS:], 0.0)
-                out.further_coefficients_std[k] = further_turn * np.sqrt(of_both)
+                out.other_coefficients_std[k] = other_turn * np.sqrt(of_both)
             out.air[k], out.air_std[k] = air_data(at.state, at.state_covariance)
         return out
 
-    def _further_references(self, n: int) -> FloatArray:
-        """Return S of forces and S L of moments of ``n`` further loads by the settings."""
+    def _other_references(self, n: int) -> FloatArray:
+        """Return S of forces and S L of moments of ``n`` other loads by the settings."""
         settings, moments = self.estimator.settings, is_moment(len(self.estimator.section_station))[:n]
         return settings.reference_area * np.where(moments, settings.reference_length, 1.0)
 

@@ -81,6 +81,10 @@ _ESTIMATOR_SOURCES = (
 """Modules and, with a slash, whole rooms of the run-time that a slave imports, itself or through others."""
 _PLANT_SOURCES = (
     *_COMMON_SOURCES,
+    "estimator/__init__.py",
+    "estimator/arguments.py",
+    "estimator/map/__init__.py",
+    "estimator/map/sensors.py",
     "interface/",
     "flight_condition.py",
     "cosim/__init__.py",
@@ -281,7 +285,7 @@ def _described(inverse_map: InverseMap) -> str:
     """Return in one line what the FMU of ``inverse_map`` does."""
     n = inverse_map.n_strain_gauges
     further = inverse_map.n_gauges - n
-    sensors = f" and {further} further sensor{'s' if further > 1 else ''}" if further else ""
+    sensors = f" and {further} auxiliary sensor{'s' if further > 1 else ''}" if further else ""
     return f"Aerodynamic loads from the strain of {n} gauges{sensors}: {inverse_map.vehicle}"
 
 
@@ -289,7 +293,7 @@ def _terminals(inverse_map: InverseMap) -> dict[str, tuple[tuple[str, ...], str]
     """Return arrays or variables, and the description, of each connector."""
     sensors = sensor_names(inverse_map)
     found: dict[str, tuple[tuple[str, ...], str]] = {"gauges": (("strain",), "Strain of every gauge")}
-    return found | {"sensors": (sensors, "What every further sensor reads")} if sensors else found
+    return found | {"sensors": (sensors, "What every auxiliary sensor reads")} if sensors else found
 
 
 def _estimator_extras(

@@ -10,7 +10,6 @@ from strainfmu.cosim.models.flight_model import load_flight_model
 from strainfmu.cosim.scenario import Scenario
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import load_inverse_map
-from strainfmu.estimator.map.sensors import refuse_sensors
 from strainfmu.fmu.export import export_estimator
 from strainfmu.fmu.plant_export import export_autopilot, export_native_plant, export_schedule
 from strainfmu.interface.plant_variables import Motion
@@ -27,9 +26,8 @@ def export_flight(scenario: Scenario, folder: Path, platforms: Sequence[str] | N
         An FMU could not be written.
     """
     model, inverse_map = load_flight_model(scenario.flight_model), load_inverse_map(scenario.inverse_map)
-    refuse_sensors(inverse_map.sensors, f"{scenario.inverse_map}: closed-loop flight")
     if model.gauge_names != inverse_map.gauge_names:
-        raise InputError(f"{scenario.inverse_map}: its gauges are not those of {scenario.flight_model}")
+        raise InputError(f"{scenario.inverse_map}: expected the gauges and sensors of {scenario.flight_model}")
     fmus = {name: folder / f"{name}.fmu" for name in INSTANCES}
     folder.mkdir(parents=True, exist_ok=True)
     export_estimator(scenario.inverse_map, fmus["estimator"])

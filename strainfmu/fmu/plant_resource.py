@@ -96,6 +96,7 @@ def _flight_model_data(model: FlightModel) -> FloatArray:
         model.gauge_channel,
         model.strain_of_internal_pressure,
         np.zeros(model.n_gauges) if model.apparent_strain is None else model.apparent_strain,
+        model.noise_scale,
         model.coefficient_table.reshape(n_mach - 1, n_incidence - 1, 16, 3),
         model.strain_table.reshape(n_mach - 1, n_incidence - 1, 16, -1),
         layers,

@@ -17,11 +17,11 @@ from strainfmu.interface.enumerations import HEALTH_TYPE
 from strainfmu.interface.filter_variables import with_filter_parameter
 from strainfmu.interface.flight_variables import flight_interface, flight_outputs
 from strainfmu.interface.fmi_variables import COEFFICIENTS, Variable, deviation_of, with_arrays
-from strainfmu.interface.further_variables import FURTHER_ARRAYS, further_outputs, with_further_outputs
 from strainfmu.interface.input_names import FLOW_INPUTS as FLOW_INPUTS
 from strainfmu.interface.input_names import NOT_GIVEN
 from strainfmu.interface.input_names import NOT_KNOWN as NOT_KNOWN
 from strainfmu.interface.input_names import PARAMETERS as PARAMETERS
+from strainfmu.interface.other_load_variables import OTHER_LOAD_ARRAYS, other_load_values, with_other_load_outputs
 from strainfmu.interface.parameter_variables import with_parameter_inputs
 from strainfmu.interface.sensor_variables import PREFIX as SENSOR_PREFIX
 from strainfmu.interface.sensor_variables import place_text, reading_names, sensor_inputs, with_thrust_input
@@ -65,18 +65,18 @@ def estimator_interface(inverse_map: InverseMap) -> tuple[Variable, ...]:
     whole = linear if inverse_map.manifold is None else flight_interface(linear, inverse_map.manifold, gauges)
     whole = with_temperature_inputs(with_zero_parameters(whole, strain_gauges), inverse_map.thermal)
     whole = with_filter_parameter(with_thrust_input(whole, inverse_map), inverse_map)
-    whole = with_tare_variables(with_further_outputs(whole, inverse_map), strain_gauges)
+    whole = with_tare_variables(with_other_load_outputs(whole, inverse_map), strain_gauges)
     return with_parameter_inputs(whole, inverse_map)
 
 
-def output_values(estimate: Estimate, with_further: bool = False) -> list[float]:
+def output_values(estimate: Estimate, with_other_loads: bool = False) -> list[float]:
     """Return the outputs of ``estimate`` in the order of their value references; the state of the tare is none.
 
-    ``with_further`` for maps that have loads beside the five as outputs
-    (:func:`~strainfmu.interface.further_variables.has_other_outputs`).
+    ``with_other_loads`` for maps that have loads beside the five as outputs
+    (:func:`~strainfmu.interface.other_load_variables.has_other_outputs`).
     """
     of_flight = flight_outputs(estimate) if len(estimate.air_data_used) > 0 else ()
-    further = further_outputs(estimate) if with_further else ()
+    further = other_load_values(estimate) if with_other_loads else ()
     return [*_linear_outputs(estimate), *of_flight, *further, *estimate.parameter_score.tolist()]
 
 
@@ -114,7 +114,7 @@ ARRAYS = {
     "valid": "Whether each gauge may be used; same order as strain",
     **ZERO_ARRAYS,
     **TEMPERATURE_ARRAYS,
-    **FURTHER_ARRAYS,
+    **OTHER_LOAD_ARRAYS,
     **TARE_ARRAYS,
 }
 
@@ -125,7 +125,7 @@ def _gauge_text(gauge: str, x: float, y: float, z: float) -> str:
 
 
 def _gauge_inputs(inverse_map: InverseMap) -> list[Variable]:
-    """Return strain of every gauge, readings of further sensors, and whether each may be used.
+    """Return strain of every gauge, readings of auxiliary sensors, and whether each may be used.
 
     Strains have no minimum and no maximum: what lies beyond the sensor range is a state of health, not an error.
     """

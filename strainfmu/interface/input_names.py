@@ -27,7 +27,7 @@ PARAMETERS = ("sensor_range", "alarm_scale", "reference_area", "reference_length
 NAVIGATION_INPUTS = ("mach_number_std", "static_pressure", "static_pressure_std")
 """Further navigation of a map with tables over the flight state, as :data:`FLOW_INPUTS`."""
 
-FURTHER_FLOW = (FLOW_INPUTS[1], *NAVIGATION_INPUTS)
+OTHER_AIR_DATA = (FLOW_INPUTS[1], *NAVIGATION_INPUTS)
 """Deviations of q_inf and navigation, and p_inf: what not every sender knows, and not every estimator takes."""
 
 
@@ -47,6 +47,11 @@ def _given(value: Value) -> Value:
     if isinstance(value, float):
         return value if value > 0.0 else nan
     return np.where(value > 0.0, value, nan)
+
+
+def given_thrust(inputs: Mapping[str, float]) -> dict[str, float]:
+    """Return the argument ``thrust`` [N] of an estimator from ``inputs`` by name, 0 without one."""
+    return {"thrust": known_values([inputs.get("thrust", 0.0)])[0]}
 
 
 def known_values(values: Sequence[float]) -> tuple[float, ...]:

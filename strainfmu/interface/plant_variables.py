@@ -5,25 +5,35 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from enum import IntEnum
 from math import degrees
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from strainfmu.arrays import FloatArray
 from strainfmu.interface.fmi_variables import COEFFICIENTS, Variable, strain_names
+from strainfmu.interface.sensor_variables import display_unit, fmi_units, reading_names, sensor_names
+
+if TYPE_CHECKING:
+    from strainfmu.estimator.map.sensors import SensorRows
 
 
 class StrainedVehicle(Protocol):
-    """The vehicle as the plant's variables describe it: its gauges and their noise.
+    """The vehicle as the plant's variables describe it: its gauges and sensors, and their noise.
 
     Attributes
     ----------
-    n_gauges : number of gauges n_d.
+    n_gauges : number of rows n_d: strain gauges, then auxiliary sensors.
+    n_strain_gauges : number of strain gauges.
     gauge_names : n_d names.
+    sensors : what the rows read; None of strain gauges alone.
     gauge_roll_angle : (n_d,) roll angle of each gauge [rad].
     noise_std : standard deviation of the noise on every strain [m/m].
     """
 
     @property
     def n_gauges(self) -> int: ...
+    @property
+    def n_strain_gauges(self) -> int: ...
+    @property
+    def sensors(self) -> SensorRows | None: ...
     @property
     def gauge_names(self) -> tuple[str, ...]: ...
     @property
@@ -50,16 +60,17 @@ def plant_interface(vehicle: StrainedVehicle) -> tuple[Variable, ...]:
             array="strain",
         )
         for name, gauge, angle in zip(
-            strain_names(vehicle.n_gauges),
-            vehicle.gauge_names,
-            vehicle.gauge_roll_angle,
+            strain_names(vehicle.n_strain_gauges),
+            vehicle.gauge_names[: vehicle.n_strain_gauges],
+            vehicle.gauge_roll_angle[: vehicle.n_strain_gauges],
             strict=True,
         )
     ]
     parameters = [
         Variable(
             name="noise_std",
-            description="Standard deviation of the noise on every strain",
+            description="Standard deviation of the noise on every strain"
+            + ("" if vehicle.sensors is None else "; that of auxiliary sensors is in proportion to it"),
             causality="parameter",
             variability="fixed",
             unit="1",
@@ -77,7 +88,26 @@ def plant_interface(vehicle: StrainedVehicle) -> tuple[Variable, ...]:
             start=1,
         ),
     ]
-    return (*coefficients, *strains, *_flight_condition(), *parameters)
+    return (*coefficients, *strains, *_sensors(vehicle, noise), *_flight_condition(), *parameters)
+
+
+def _sensors(vehicle: StrainedVehicle, noise: tuple[str, ...]) -> list[Variable]:
+    """Return the outputs of the auxiliary sensors."""
+    rows, first = vehicle.sensors, vehicle.n_strain_gauges
+    if rows is None:
+        return []
+    units = fmi_units(rows)
+    return [
+        Variable(
+            name=name,
+            description=f"{rows.kind[i].capitalize()} of sensor {vehicle.gauge_names[i]}, with noise; thrust 0",
+            causality="output",
+            unit=units[i],
+            display_unit=display_unit(units[i]),
+            initially_depends_on=noise,
+        )
+        for i, name in enumerate(sensor_names(vehicle), start=first)
+    ]
 
 
 def _flight_condition() -> list[Variable]:
@@ -172,7 +202,7 @@ def native_plant_interface(
     vehicle: StrainedVehicle, motion: Motion, start: FlightStart, seed: int = 1
 ) -> tuple[Variable, ...]:
     """Return the variables of the native plant FMU in the order of their value references."""
-    n = vehicle.n_gauges
+    index = {name: f"[{i}]" for i, name in enumerate(reading_names(vehicle), start=1)}
     given = {
         Motion.INPUTS: ("mach_number", "angle_of_attack", "sideslip_angle", "altitude"),
         Motion.TRAJECTORY: (),
@@ -183,38 +213,42 @@ def native_plant_interface(
         if variable.name in given:
             variable = replace(variable, causality="input", start=getattr(start, variable.name))
         elif variable.causality == "output":
-            variable = _with_dependencies(variable, given, motion)
+            variable = _with_dependencies(variable, given, motion, index.get(variable.name))
         elif variable.name == "seed":
             variable = replace(variable, maximum=2**31 - 1, start=seed)
         variables.append(variable)
     tail = _short_period(start) if motion is Motion.SHORT_PERIOD else []
-    return (*variables, *_faults(vehicle, n), *tail)
+    return (*variables, *_faults(vehicle), *tail)
 
 
-def _with_dependencies(output: Variable, given: tuple[str, ...], motion: Motion) -> Variable:
+def _with_dependencies(output: Variable, given: tuple[str, ...], motion: Motion, row: str | None) -> Variable:
     """Return an output with the inputs that it depends on, and the parameters that its first value depends on.
+
+    ``row`` is the index of a reading, in brackets.
 
     Outside the envelope coefficients, strains and dynamic pressure are NaN: all depend on the whole condition.
     """
     depends_on: tuple[str, ...] = given
     initial = ("initial_angle_of_attack",) if motion is Motion.SHORT_PERIOD else ()
-    if output.array == "strain":
-        index = output.name.removeprefix("strain")
-        depends_on = (*given, f"fault_kind{index}", f"fault_value{index}")
+    if row is not None:
+        depends_on = (*given, f"fault_kind{row}", f"fault_value{row}")
     elif output.name != "dynamic_pressure" and output.name not in COEFFICIENTS:
         depends_on = ()
     return replace(output, depends_on=depends_on, initially_depends_on=(*output.initially_depends_on, *initial))
 
 
-def _faults(vehicle: StrainedVehicle, n_gauges: int) -> list[Variable]:
-    """Return the inputs that make gauges fail."""
+def _faults(vehicle: StrainedVehicle) -> list[Variable]:
+    """Return the inputs that make gauges and auxiliary sensors fail."""
+    n_gauges, first = vehicle.n_gauges, vehicle.n_strain_gauges
+    units = ["1"] * n_gauges if vehicle.sensors is None else fmi_units(vehicle.sensors)
+    shown = ["m/m"] * first + units[first:]
     kinds = ", ".join(f"{int(kind)} {kind.name.lower()}" for kind in GaugeFault)
     names = vehicle.gauge_names
     return [
         *(
             Variable(
                 name=f"fault_kind[{i}]",
-                description=f"Fault of gauge {names[i - 1]}: {kinds}",
+                description=f"Fault of {'gauge' if i <= first else 'sensor'} {names[i - 1]}: {kinds}",
                 causality="input",
                 variability="discrete",
                 fmi_type="Integer",
@@ -228,10 +262,11 @@ def _faults(vehicle: StrainedVehicle, n_gauges: int) -> list[Variable]:
         *(
             Variable(
                 name=f"fault_value[{i}]",
-                description=f"Gauge {names[i - 1]}: bias [m/m], drift [m/m per s] or stuck reading [m/m]",
+                description=f"{'Gauge' if i <= first else 'Sensor'} {names[i - 1]}: bias [{shown[i - 1]}], "
+                f"drift [{shown[i - 1]} per s] or stuck reading [{shown[i - 1]}]",
                 causality="input",
-                unit="1",
-                display_unit="um/m",
+                unit=units[i - 1],
+                display_unit="um/m" if i <= first else display_unit(units[i - 1]),
                 start=0.0,
                 array="fault_value",
             )

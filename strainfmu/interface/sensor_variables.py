@@ -6,13 +6,14 @@ import re
 from collections.abc import Sequence
 from dataclasses import replace
 from math import atan2, degrees
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from strainfmu.interface.fmi_variables import Variable, strain_names
 from strainfmu.interface.input_names import NOT_KNOWN
 
 if TYPE_CHECKING:
     from strainfmu.estimator.map.inverse_map import InverseMap
+    from strainfmu.estimator.map.sensors import SensorRows
 
 PREFIX = "sensor."
 THRUST = "thrust"
@@ -23,15 +24,24 @@ _UNITS = {"m/m": "1", "N m": "N.m"}
 _DISPLAY_UNITS = {"1": "um/m", "Pa": "kPa", "N": "kN", "N.m": "kN.m", "m": "mm"}
 
 
-def sensor_names(inverse_map: InverseMap) -> tuple[str, ...]:
+class SensedVehicle(Protocol):
+    """A map, or the vehicle that flies: names of its strain gauges, then of its auxiliary sensors."""
+
+    @property
+    def gauge_names(self) -> tuple[str, ...]: ...
+    @property
+    def n_strain_gauges(self) -> int: ...
+
+
+def sensor_names(vehicle: SensedVehicle) -> tuple[str, ...]:
     """Return ``sensor.NAME`` of each sensor by its name in the map; none of a map of strain gauges alone.
 
     What an identifier cannot hold is an underscore there; of two names that are the same then, the later one ends
     by the number of its row.
     """
     found: dict[str, None] = {}
-    first = inverse_map.n_strain_gauges
-    for number, name in enumerate(inverse_map.gauge_names[first:], start=first + 1):
+    first = vehicle.n_strain_gauges
+    for number, name in enumerate(vehicle.gauge_names[first:], start=first + 1):
         known = PREFIX + identifier(name)
         while known in found:
             known = f"{known}_{number}"
@@ -45,15 +55,25 @@ def identifier(name: str) -> str:
 
 
 def reading_units(inverse_map: InverseMap) -> dict[str, str]:
-    """Return the unit, as FMI has it, of each further sensor and of thrust by name of the input."""
-    names, units = sensor_names(inverse_map), inverse_map.sensors.unit[inverse_map.n_strain_gauges :]
-    found = {name: _UNITS.get(unit, unit) for name, unit in zip(names, units, strict=True)}
+    """Return the unit, as FMI has it, of each auxiliary sensor and of thrust by name of the input."""
+    units = fmi_units(inverse_map.sensors)[inverse_map.n_strain_gauges :]
+    found = dict(zip(sensor_names(inverse_map), units, strict=True))
     return found | ({THRUST: "N"} if has_thrust(inverse_map) else {})
 
 
-def reading_names(inverse_map: InverseMap) -> tuple[str, ...]:
-    """Return the names of the inputs of all rows of a map: strains, then further sensors."""
-    return (*strain_names(inverse_map.n_strain_gauges), *sensor_names(inverse_map))
+def reading_names(vehicle: SensedVehicle) -> tuple[str, ...]:
+    """Return the names of all rows of a map, or of a vehicle that flies: strains, then auxiliary sensors."""
+    return (*strain_names(vehicle.n_strain_gauges), *sensor_names(vehicle))
+
+
+def fmi_units(sensors: SensorRows) -> list[str]:
+    """Return the unit of each row as FMI has it."""
+    return [_UNITS.get(unit, unit) for unit in sensors.unit]
+
+
+def display_unit(unit: str) -> str | None:
+    """Return the unit in which tools show a reading of ``unit``, None for that itself."""
+    return _DISPLAY_UNITS.get(unit)
 
 
 def has_thrust(inverse_map: InverseMap) -> bool:
@@ -62,12 +82,12 @@ def has_thrust(inverse_map: InverseMap) -> bool:
 
 
 def sensor_inputs(inverse_map: InverseMap) -> list[Variable]:
-    """Return the inputs of the further sensors.
+    """Return the inputs of the auxiliary sensors.
 
     They have no minimum and no maximum: what lies beyond the range of a sensor is left out, and health states it.
     """
     sensors, first = inverse_map.sensors, inverse_map.n_strain_gauges
-    units = [_UNITS.get(unit, unit) for unit in sensors.unit]
+    units = fmi_units(sensors)
     size = sensors.scale * inverse_map.strain_range
     return [
         Variable(
@@ -76,7 +96,7 @@ def sensor_inputs(inverse_map: InverseMap) -> list[Variable]:
             f"{place_text(*inverse_map.gauge_position[i])}; left out beyond {sensors.largest[i]:g} {units[i]}",
             causality="input",
             unit=units[i],
-            display_unit=_DISPLAY_UNITS.get(units[i]),
+            display_unit=display_unit(units[i]),
             nominal=float(size[i]) if size[i] > 0.0 else None,
             start=0.0,
         )

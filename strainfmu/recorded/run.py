@@ -171,7 +171,7 @@ def estimate_file(
             )
             notes = [*opened.notes, *_unused_inputs(source, estimator, plan)]
             summary = EstimationSummary(unused=plan.unused, notes=notes)
-            names = _columns(plan, estimator.further_columns, estimator.row_names if residuals else ())
+            names = _columns(plan, estimator.other_columns, estimator.row_names if residuals else ())
             made = filter_attributes(estimator)
             with (
                 estimate_writer(
@@ -302,7 +302,7 @@ def _count(
     summary: EstimationSummary, block: StrainBlock, *, found: BlockEstimates, estimator: BlockEstimator
 ) -> None:
     """Add a block to the summary."""
-    dropped = dropped_navigation(block, found, estimator.further_columns)
+    dropped = dropped_navigation(block, found, estimator.other_columns)
     summary.account.add(found, estimator.row_names, estimator.envelope_score_limit, dropped)
     # The nonlinear estimator has coefficients without it.
     without = np.isnan(block.dynamic_pressure) & np.isnan(found.coefficients[:, 0])

@@ -14,14 +14,17 @@ from slender_vehicle import NOISE_STD, slender_flight_model
 from strainfmu.atmosphere import speed_of_sound
 from strainfmu.cosim.flight import INSTANCES, FlightResult, fault_text, flight_result, flight_system, fly
 from strainfmu.cosim.models.autopilot import normal_force_table
-from strainfmu.cosim.models.flight_model import load_flight_model
+from strainfmu.cosim.models.flight_model import evaluate, load_flight_model, save_flight_model
+from strainfmu.cosim.models.trajectory import load_trajectory
 from strainfmu.cosim.scenario import FaultEvent, Scenario, load_scenario
 from strainfmu.cosim.systems.master import simulate
 from strainfmu.cosim.systems.recording import Recording
 from strainfmu.cosim.systems.system import Connection, System
 from strainfmu.errors import InputError
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import load_inverse_map, save_inverse_map
 from strainfmu.estimator.map.sensors import SensorRows
+from strainfmu.fmu.export import export_plant
 from strainfmu.fmu.flight_export import export_flight
 from strainfmu.interface.plant_variables import FlightStart, GaugeFault
 
@@ -218,19 +221,69 @@ def test_twenty_seconds_of_the_surrogate(ic3x_demo: Path, tmp_path: Path) -> Non
         assert result.holds
 
 
-def test_a_map_with_further_sensors_is_refused(scenario: Scenario, tmp_path: Path) -> None:
-    """The vehicle that flies has strain gauges alone."""
-    held = load_inverse_map(scenario.inverse_map)
-    n = held.n_gauges
+def with_a_port_and_a_cell(scenario: Scenario, folder: Path) -> Scenario:
+    """``scenario`` of a vehicle whose last two rows are no gauges, in the map and in the vehicle that flies."""
+    held, n = load_inverse_map(scenario.inverse_map), MODEL.n_gauges
+    ones = np.ones(n - 2)
     rows = SensorRows(
-        kind=(*("strain",) * (n - 1), "force"),
-        unit=(*("m/m",) * (n - 1), "N"),
-        scale=np.ones(n),
-        largest=np.ones(n),
-        thrust_response=np.zeros(n),
+        kind=(*("strain",) * (n - 2), "pressure", "force"),
+        unit=(*("m/m",) * (n - 2), "Pa", "N"),
+        scale=np.append(ones, [2e9, 5e7]),
+        largest=np.append(ones, [1e6, 1e5]),
+        thrust_response=np.append(0.0 * ones, [0.0, 1.0]),
     )
-    save_inverse_map(replace(held, sensors=rows), tmp_path / "map.h5")
-    with pytest.raises(
-        InputError, match="closed-loop flight: expected a map of strain gauges alone, got one with fo"
-    ):
-        export_flight(replace(scenario, inverse_map=tmp_path / "map.h5"), tmp_path / "fmus")
+    names = (*MODEL.gauge_names[:-2], "port 0.2m", "cell_axial")
+    # Each row has a channel of its own, so that the last two can be in Pa and N.
+    table = MODEL.strain_table[..., MODEL.gauge_channel, :, :] * rows.scale[:, None, None]
+    flown = replace(MODEL, gauge_names=names, strain_table=table, gauge_channel=np.arange(n), sensors=rows)
+    folder.mkdir(exist_ok=True)
+    save_flight_model(flown, folder / "flight_model.h5")
+    save_inverse_map(replace(held, gauge_names=names, sensors=rows), folder / "map.h5")
+    return replace(scenario, inverse_map=folder / "map.h5", flight_model=folder / "flight_model.h5", stop_time=1.0)
+
+
+@pytest.mark.fast
+def test_auxiliary_sensors_fly_and_fail_as_gauges_do(
+    scenario: Scenario, fmus: dict[str, Path], tmp_path: Path
+) -> None:
+    """Readings are the strains of the same rows in other units, so that the flight is the same, bit by bit but for
+    the scale; a sensor that fails is reported and isolated; the estimator is that of Python."""
+    short = replace(scenario, stop_time=1.0)
+    expected = fly(short, fmus, "estimate")
+    sensed = with_a_port_and_a_cell(short, tmp_path / "files")
+    recording = fly(sensed, export_flight(sensed, tmp_path / "fmus"), "estimate")
+    held, n = load_inverse_map(sensed.inverse_map), MODEL.n_gauges
+    port, cell = recording["plant.sensor.port_0_2m"], recording["plant.sensor.cell_axial"]
+    np.testing.assert_allclose(port, 2e9 * expected[f"plant.strain[{n - 1}]"], rtol=1e-9)
+    np.testing.assert_allclose(cell, 5e7 * expected[f"plant.strain[{n}]"], rtol=1e-9)
+    for name in ("plant.angle_of_attack", "estimator.C_N", "estimator.sigma.C_N"):
+        np.testing.assert_allclose(recording[name], expected[name], rtol=1e-6, atol=1e-9)
+    read = np.column_stack([recording[f"plant.strain[{i + 1}]"] for i in range(n - 2)] + [port, cell])
+    python = Estimator(held).estimate(read, recording["plant.dynamic_pressure"])
+    np.testing.assert_allclose(recording["estimator.C_N"], python.coefficients[:, 1], rtol=1e-7, atol=1e-12)
+    bias = FaultEvent(time=0.4, gauge="port 0.2m", kind=GaugeFault.BIAS, value=2e5, of_sensor=True)
+    failing = replace(sensed, faults=(bias,))
+    recording = fly(failing, export_flight(failing, tmp_path / "failing"), "estimate")
+    report = flight_result(failing, recording, load_flight_model(sensed.flight_model)).faults[0]
+    assert report.reported_after == pytest.approx(0.01, abs=0.011)
+    assert report.isolated_after is not None
+    assert recording[f"autopilot.valid[{n - 1}]"][-1] == 0.0
+    assert fault_text(bias) == "bias 200000 of sensor port 0.2m at 0.4 s"
+    with pytest.raises(InputError, match=r"'port 0\.2m': expected its value in the unit of the sensor"):
+        export_flight(replace(sensed, faults=(replace(bias, of_sensor=False),)), tmp_path / "none")
+    with pytest.raises(InputError, match="expected the gauges and sensors of"):
+        export_flight(replace(sensed, flight_model=scenario.flight_model), tmp_path / "none")
+
+
+@pytest.mark.fast
+def test_plant_of_kind_python_has_sensors(scenario: Scenario, tmp_path: Path) -> None:
+    sensed = with_a_port_and_a_cell(scenario, tmp_path / "files")
+    table = "time_s,mach_number,angle_of_attack_deg,sideslip_angle_deg,altitude_km\n0,6,1,0,20\n0.2,6,4,1,20\n"
+    (tmp_path / "trajectory.csv").write_text(table)
+    export_plant(sensed.flight_model, tmp_path / "trajectory.csv", tmp_path / "plant.fmu")
+    recording = simulate(System({"plant": tmp_path / "plant.fmu"}, ()), 0.2, 0.01)
+    model, trajectory = load_flight_model(sensed.flight_model), load_trajectory(tmp_path / "trajectory.csv")
+    exact = [evaluate(model, trajectory.at(t)).strain for t in recording.time.tolist()]
+    read = np.column_stack([recording[f"plant.{name}"] for name in model.reading_names])
+    noise = (read - np.array(exact)) / (model.noise_std * model.noise_scale)
+    assert np.abs(noise.std(axis=0) - 1.0).max() < 0.5

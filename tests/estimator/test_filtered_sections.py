@@ -18,7 +18,7 @@ DT = 0.01
 
 
 def combined_map() -> InverseMap:
-    """Further loads that are a combination of the five, in the linear map and in the tables."""
+    """Other loads that are a combination of the five, in the linear map and in the tables."""
     return with_further(whole_map())
 
 
@@ -46,8 +46,8 @@ def test_combinations_of_the_five_loads(lost: bool) -> None:
     for one in found:
         expected = COMBINATION @ one.loads
         variance = np.diag(COMBINATION @ one.load_covariance @ COMBINATION.T)
-        np.testing.assert_allclose(one.further_loads, expected, rtol=0.0, atol=1e-11 * np.abs(expected).max())
-        np.testing.assert_allclose(one.further_loads_std, np.sqrt(variance), rtol=1e-8)
+        np.testing.assert_allclose(one.other_loads, expected, rtol=0.0, atol=1e-11 * np.abs(expected).max())
+        np.testing.assert_allclose(one.other_loads_std, np.sqrt(variance), rtol=1e-8)
 
 
 def test_without_memory_they_are_those_of_the_static_estimator() -> None:
@@ -56,7 +56,7 @@ def test_without_memory_they_are_those_of_the_static_estimator() -> None:
     sample = random_flight(held, 1, seed=4)[0]
     # Both settle on the covariance at their own state. The five loads agree to 4e-7 so, with errors of every kind.
     one, other = (track(flight, [sample] * 8)[-1] for flight in (estimator.filter(1e-9), estimator))
-    for name in ("further_loads", "further_loads_std", "further_coefficients", "further_coefficients_std"):
+    for name in ("other_loads", "other_loads_std", "other_coefficients", "other_coefficients_std"):
         mine, theirs = getattr(one, name), getattr(other, name)
         assert np.max(np.abs(mine - theirs)) < 1e-6 * np.max(np.abs(theirs)), name
 
@@ -70,7 +70,7 @@ def test_they_change_nothing_else_and_get_smaller_deviations() -> None:
     assert one.load_covariance.tobytes() == other.load_covariance.tobytes()
     # But for the rolling moment, which is known. Air data have errors that last: they are not averaged.
     alone = track(Estimator(held), samples)[-1]
-    assert np.all((one.further_loads_std < 1.01 * alone.further_loads_std)[1:])
+    assert np.all((one.other_loads_std < 1.01 * alone.other_loads_std)[1:])
     strain = [replace(sample, flow={"dynamic_pressure": np.nan}) for sample in samples]
     one, alone = (track(flight, strain)[-1] for flight in (Estimator(held).filter(1.0), Estimator(held)))
-    assert np.all((one.further_loads_std < alone.further_loads_std)[1:])
+    assert np.all((one.other_loads_std < alone.other_loads_std)[1:])

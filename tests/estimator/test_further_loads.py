@@ -1,4 +1,4 @@
-"""Rolling moment and section loads: further loads that combine the five must be estimated as they are."""
+"""Rolling moment and section loads: other loads that combine the five must be estimated as they are."""
 
 from __future__ import annotations
 
@@ -52,9 +52,9 @@ def test_combinations_of_the_five_loads_are_estimated_as_such(kind: str) -> None
     found_map = with_further(plain)
     strain, q, valid = readings(plain)
     found = Estimator(found_map).estimate(strain, q, valid)
-    np.testing.assert_allclose(found.further_loads, found.loads @ COMBINATION.T, rtol=1e-9)
+    np.testing.assert_allclose(found.other_loads, found.loads @ COMBINATION.T, rtol=1e-9)
     expected = np.einsum("mi,kij,mj->km", COMBINATION, found.load_covariance, COMBINATION)
-    np.testing.assert_allclose(found.further_loads_std**2, expected, rtol=1e-8)
+    np.testing.assert_allclose(found.other_loads_std**2, expected, rtol=1e-8)
     alone = Estimator(plain).estimate(strain, q, valid)
     for name in ("loads", "loads_std", "coefficients_std", "chi_square", "health"):
         np.testing.assert_allclose(getattr(found, name), getattr(alone, name), rtol=1e-12)
@@ -69,7 +69,7 @@ def test_errors_of_zeros_reach_them(kind: str) -> None:
     strain, q, valid = readings(plain)
     found = Estimator(noisy).estimate(strain, q, valid)
     expected = np.einsum("mi,kij,mj->km", COMBINATION, found.load_covariance, COMBINATION)
-    np.testing.assert_allclose(found.further_loads_std**2, expected, rtol=1e-8)
+    np.testing.assert_allclose(found.other_loads_std**2, expected, rtol=1e-8)
 
 
 def test_coefficients_carry_the_error_of_dynamic_pressure() -> None:
@@ -98,8 +98,8 @@ def test_sections_by_name() -> None:
     np.testing.assert_array_equal(sections.station, STATION)
     names = ("axial", "normal_shear", "side_shear", "pitch_bending", "yaw_bending", "torsion")
     for k, name in enumerate(names):
-        np.testing.assert_array_equal(getattr(sections, name)[:, 0], series.further_loads[:, 1 + k])
-        np.testing.assert_array_equal(getattr(one, name)[0], series.further_loads[4, 1 + k])
+        np.testing.assert_array_equal(getattr(sections, name)[:, 0], series.other_loads[:, 1 + k])
+        np.testing.assert_array_equal(getattr(one, name)[0], series.other_loads[4, 1 + k])
     np.testing.assert_array_equal(series[3:5].section_loads.loads, sections.loads[3:5])
     assert other_load_names(STATION)[:3] == ("rolling_moment", "section.axial[1]", "section.normal[1]")
 
@@ -176,4 +176,4 @@ def test_pressure_ratio_moves_them_as_it_moves_loads() -> None:
     strain, _, _ = readings(found_map)
     for ratio in (0.1, 3.0):
         found = Estimator(found_map).estimate(strain, ratio * NOMINAL)
-        np.testing.assert_allclose(found.further_loads, found.loads @ COMBINATION.T, rtol=1e-9)
+        np.testing.assert_allclose(found.other_loads, found.loads @ COMBINATION.T, rtol=1e-9)

@@ -57,16 +57,16 @@ def field_of(kind: str) -> PressureField:
 
 
 def further_numbers() -> np.ndarray:
-    """Return some further loads and coefficients, then their deviations, of samples with lost gauges."""
+    """Return some other loads and coefficients, then their deviations, of samples with lost gauges."""
     held = with_own_further(map_of(random_model(n_gauges=27, n_states=4)))
     strain = held.mean_strain + held.noise_std * np.sin(np.arange(3 * 27).reshape(3, 27))
     valid = np.arange(27) != np.array([[3], [30], [5]])
     q = np.array([3e4, np.nan, 5e4])
     found = Estimator(held, zeros=zeros_of(held)).estimate(strain, q, valid, [np.nan, np.nan, 500.0])
-    assert np.isnan(found.further_coefficients[1]).all()
-    assert np.isnan(found.further_coefficients_std[1]).all()
-    loads, coefficients = found.further_loads[:, :4], found.further_coefficients[[0, 2], :4]
-    stds = found.further_loads_std[:, :2], found.further_coefficients_std[[0, 2], :2]
+    assert np.isnan(found.other_coefficients[1]).all()
+    assert np.isnan(found.other_coefficients_std[1]).all()
+    loads, coefficients = found.other_loads[:, :4], found.other_coefficients[[0, 2], :4]
+    stds = found.other_loads_std[:, :2], found.other_coefficients_std[[0, 2], :2]
     return np.concatenate([one.ravel() for one in (loads, coefficients, *stds)])
 
 

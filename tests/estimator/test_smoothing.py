@@ -183,7 +183,7 @@ def test_section_loads_that_combine_the_five() -> None:
     held = with_further(whole_flight_map())
     _, known, _ = smoothed_samples(held, 1.0, **flown(random_flight(held, 10, seed=8)))
     expected = known.loads @ COMBINATION.T
-    np.testing.assert_allclose(known.further_loads, expected, rtol=0.0, atol=1e-10 * np.abs(expected).max())
+    np.testing.assert_allclose(known.other_loads, expected, rtol=0.0, atol=1e-10 * np.abs(expected).max())
 
 
 def test_lost_temperature_sensors_cost_no_memory() -> None:

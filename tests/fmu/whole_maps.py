@@ -20,7 +20,7 @@ N_LINEAR, N_T = 24, 4
 
 @cache
 def linear_with_everything() -> InverseMap:
-    """Case 1 in form "dynamic_pressure" with temperature, further sensors, section loads and flow parameters."""
+    """Case 1 in form "dynamic_pressure" with temperature, auxiliary sensors, section loads and flow parameters."""
     strain = 1e-7 * np.random.default_rng(3).normal(size=(N_LINEAR, 6))
     warm = with_temperature(whole_scaled_map(1, seed=5, n=N_LINEAR, n_states=3), mode_strain=strain)
     return with_parameters(with_own_further(with_sensors(warm)))

@@ -55,7 +55,7 @@ def readings(m: InverseMap, random: Random, rows: np.ndarray, amplitude: np.ndar
         noise = thermal.sensor_std * random.standard_normal((len(rows), thermal.n_sensors))
         found["temperature"] = thermal.reference_temperature + amplitude @ thermal.sensor_operator.T + noise
     found["strain"] = rows
-    if m.has_further_sensors:
+    if m.has_auxiliary_sensors:
         thrust = random.choice([0.0, 300.0, -40.0], len(rows))
         found["thrust"] = thrust
         found["strain"] = rows * m.sensors.scale + thrust[:, None] * m.sensors.thrust_response
@@ -153,7 +153,7 @@ def linear_samples(m: InverseMap, seed: int, n: int) -> Inputs:
     flow = {"dynamic_pressure": pressure, "dynamic_pressure_std": std, "mach_number": mach, "altitude": altitude}
     found |= {"strain": strain, **drawn_parameters(m, random, n)}
     lose_temperatures(random, found)
-    if m.has_further_sensors:
+    if m.has_auxiliary_sensors:
         found["thrust"][::23] = np.nan
     return inputs_of(**found, valid=drawn_masks(random, n, m.n_gauges), flow=flow)
 

@@ -75,8 +75,8 @@ def test_a_known_deflection_sharpens_the_rolling_moment() -> None:
     rms = [np.sqrt(np.mean((one.M_R - true) ** 2)) for one in (blind, known)]
     assert rms[1] < 0.6 * rms[0]
     for one in (blind, known, poor):
-        assert np.all(np.abs(one.M_R - true) <= 3.0 * one.further_coefficients_std[:, 0])
-    deviations = [np.median(one.further_coefficients_std[:, 0]) for one in (known, blind)]
+        assert np.all(np.abs(one.M_R - true) <= 3.0 * one.other_coefficients_std[:, 0])
+    deviations = [np.median(one.other_coefficients_std[:, 0]) for one in (known, blind)]
     assert deviations[0] < 0.7 * deviations[1]
 
 
@@ -88,7 +88,7 @@ def test_a_value_without_deviation_and_one_of_a_boundless_one_change_nothing() -
     boundless = stated(1e9)
     np.testing.assert_allclose(boundless.coefficients, blind.coefficients, rtol=1e-5, atol=1e-9)
     np.testing.assert_allclose(boundless.coefficients_std, blind.coefficients_std, rtol=1e-5)
-    np.testing.assert_allclose(boundless.further_coefficients_std, blind.further_coefficients_std, rtol=1e-5)
+    np.testing.assert_allclose(boundless.other_coefficients_std, blind.other_coefficients_std, rtol=1e-5)
 
 
 def test_step_by_step_a_known_deflection_gives_the_same(tmp_path: Path) -> None:
@@ -105,7 +105,7 @@ def test_step_by_step_a_known_deflection_gives_the_same(tmp_path: Path) -> None:
             parameters_std={NAME: 0.05},
         )
     np.testing.assert_allclose(found.coefficients, whole.coefficients[0], rtol=1e-4, atol=1e-7)
-    np.testing.assert_allclose(found.further_coefficients_std, whole.further_coefficients_std[0], rtol=1e-4)
+    np.testing.assert_allclose(found.other_coefficients_std, whole.other_coefficients_std[0], rtol=1e-4)
 
 
 def test_values_that_cannot_be_spoil_no_other_sample() -> None:

@@ -62,7 +62,7 @@ def blind_estimates() -> Estimate:
 def errors(found: Estimate) -> tuple[np.ndarray, np.ndarray]:
     """Return errors and deviations (STEPS, 6) of the coefficients and of the rolling moment's."""
     value = np.column_stack([found.coefficients, found.M_R])
-    return value - flight()[2], np.column_stack([found.coefficients_std, found.further_coefficients_std[:, 0]])
+    return value - flight()[2], np.column_stack([found.coefficients_std, found.other_coefficients_std[:, 0]])
 
 
 @pytest.mark.parametrize("temperature", [None, np.array([REFERENCE + 4.0, np.nan])], ids=["cold", "warm"])
@@ -76,10 +76,10 @@ def test_without_memory_it_is_the_static_estimator_of_the_known_value(temperatur
         flow = {"mach_number": MACH, "temperature": temperature, **given(DEFLECTION[row])}
         one = flight_filter.track(rows, pressure[row], time=DT * np.arange(begin, begin + 6), **flow)[-1]
         other, begin = estimator.track(rows, pressure[row], **flow)[-1], begin + 6
-        for name in ("loads", "coefficients", "state", "further_loads"):
+        for name in ("loads", "coefficients", "state", "other_loads"):
             mine, theirs = getattr(one, name), getattr(other, name)
             assert np.max(np.abs(mine - theirs)) < 1e-8 * np.max(np.abs(theirs)), name
-        for name in ("coefficients_std", "further_coefficients_std", "chi_square"):
+        for name in ("coefficients_std", "other_coefficients_std", "chi_square"):
             assert getattr(one, name) == pytest.approx(getattr(other, name), rel=1e-7), name
         assert one.health == other.health == HealthState.OK
 

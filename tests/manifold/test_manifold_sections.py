@@ -106,10 +106,10 @@ def test_coefficients_follow_the_references(inverse_map: InverseMap, flights: Fl
         first, reference_area=2.0 * first.reference_area, reference_length=3.0 * first.reference_length
     )
     one, two = (estimate(Estimator(inverse_map, each), flights) for each in (first, other))
-    np.testing.assert_array_equal(two.further_loads, one.further_loads)
+    np.testing.assert_array_equal(two.other_loads, one.other_loads)
     ratio = np.array([1.0, *np.repeat([1.0, 1.0, 1.0, 3.0, 3.0, 1.0], 5)]) * 2.0
-    np.testing.assert_allclose(two.further_coefficients * ratio, one.further_coefficients, rtol=1e-12, atol=1e-15)
-    np.testing.assert_allclose(two.further_coefficients_std * ratio, one.further_coefficients_std, rtol=1e-12)
+    np.testing.assert_allclose(two.other_coefficients * ratio, one.other_coefficients, rtol=1e-12, atol=1e-15)
+    np.testing.assert_allclose(two.other_coefficients_std * ratio, one.other_coefficients_std, rtol=1e-12)
 
 
 def test_strain_off_the_tables_gets_the_section_loads_of_the_linear_map(
@@ -160,14 +160,14 @@ def test_files_and_fmus(inverse_map: InverseMap, flights: Flights, tmp_path: Pat
     save_inverse_map(inverse_map, tmp_path / "map.h5")
     read = load_inverse_map(tmp_path / "map.h5")
     one, two = (estimate(Estimator(each), flights) for each in (inverse_map, read))
-    np.testing.assert_array_equal(two.further_loads, one.further_loads)
+    np.testing.assert_array_equal(two.other_loads, one.other_loads)
     export_estimator(tmp_path / "map.h5", tmp_path / "map.fmu")
     one = Estimator(read).estimate(flights.strain[0], flights.dynamic_pressure[0])
     with loaded(tmp_path / "map.fmu", tmp_path / "fmu") as host:
         host.initialize()
         host.set([f"strain[{i + 1}]" for i in range(read.n_gauges)], flights.strain[0])
         host.set(["dynamic_pressure"], [flights.dynamic_pressure[0]])
-        for prefix, expected in (("", one.further_loads), ("sigma.", one.further_loads_std)):
+        for prefix, expected in (("", one.other_loads), ("sigma.", one.other_loads_std)):
             found = host.get([f"{prefix}{name}" for name in other_load_names(np.array(STATIONS))[1:]])
             scale = np.repeat(np.abs(expected[1:]).reshape(2, -1).max(axis=1), len(found) // 2)
             assert np.max(np.abs(found - expected[1:]) / scale) < 1e-11

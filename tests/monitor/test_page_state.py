@@ -108,6 +108,18 @@ def numbers_without_unit(content: Any, units: Any, where: str = "") -> list[str]
 
 
 @pytest.mark.fast
+def test_a_suspect_sensor_has_its_name_and_does_not_count_as_a_gauge() -> None:
+    """An estimator counts auxiliary sensors behind the gauges."""
+    further = {"health.suspect_gauge": 7.0, "health.suspects": 1.0, "health.valid_gauges": 7.0}
+    valid = np.ones(len(NAMES), dtype=bool)
+    result = CycleResult(
+        time=1.0, quality=Quality.SUSPECT, causes=Cause.HEALTH, valid=valid, strain=np.zeros(5), further=further
+    )
+    found = result_message(result, POSITIONS, 1.8, Cause.NONE, ("port_0deg", "port_180deg"))
+    assert found["suspect_gauge"] == "port_180deg"
+    assert found["gauges_used"] == len(NAMES)
+
+
 def test_every_number_of_the_state_has_a_unit_and_no_field_is_missing() -> None:
     state = MonitorState()
     state.take(json.dumps(layout_message(POSITIONS, EstimatorFacts(vehicle="V", score_limit=1.8))).encode(), 0.0)

@@ -13,13 +13,18 @@ from builder.aero.engines.euler import EulerEngine
 from builder.aero.euler.planes.marching_grid import marching_grid_of
 from builder.aero.loads.operator import coefficient_scale
 from builder.inverse.build import snapshot_coefficients
+from builder.inverse.sensors.sensor_set import surface_rows
+from builder.inverse.sensors.structural import rows_on_surface
+from builder.pipeline.built_sensors import flown_sensors
 from builder.structure.fourier.model import StructuralModel
 from builder.truth.as_built import exactly_built
 from builder.truth.revolution.flight_tables import flight_model
 from builder.truth.revolution.flow_table import FlowTable, pressure_harmonics
 from builder.truth.revolution.flows import truth_engine, truth_keys
+from builder.truth.revolution.sensors import sensor_readings
 from builder.truth.revolution.strain import TrueStructure
 from builder.vehicle.file import Vehicle
+from builder.vehicle.gauges.sensor_entries import Fibre, InertialUnit, Ports, Sensors
 from strainfmu.cosim.models.flight_model import FlightModel, FlightPoint, evaluate
 from strainfmu.flight_condition import FlightCondition
 
@@ -89,6 +94,54 @@ def test_at_a_knot_strain_and_loads_are_those_of_the_harmonics(
     scale = coefficient_scale(exact.dynamic_pressure, vehicle.reference_quantities())
     loads = scale * (case.loads @ (pressure - exact.ambient_pressure))
     np.testing.assert_allclose(found.coefficients, loads, rtol=0.0, atol=1e-9 * np.abs(loads).max())
+
+
+def test_sensors_read_what_the_rows_of_the_map_give(
+    vehicle: Vehicle,
+    table: FlowTable,
+    true_model: TrueStructure,
+    truth_flows: dict[FlowKey, Flow],
+    structure: StructuralModel,
+) -> None:
+    """At a knot, rolled: rows of the map on nodal pressure, base pressure and friction; errors as stated."""
+    sensors = Sensors(
+        ports=Ports(x_m=0.3, roll_deg=[0.0, 50.0], std_Pa=300.0, range_Pa=2e5, gain_percent=1.0),
+        imu=InertialUnit(x_m=1.2, mass_kg=150.0, center_x_m=2.0, inertia_kg_m2=130.0),
+        fibre=Fibre(first_x_m=0.5, last_x_m=3.0, count=2, roll_deg=[30.0], std_um_per_m=2.0, range_um_per_m=5e3),
+        base_pressure_ratio=0.7,
+        friction_C_A=0.01,
+    )
+    sensed = vehicle.model_copy(update={"sensors": sensors})
+    flown, n = flown_sensors(sensed, true_model.surface), len(true_model.names)
+    assert flown is not None
+    exact = exactly_built(n)
+    model = flight_model(sensed, table, true_model, exact, 1e-7, flown.built(exact, None))
+    assert model.reading_names[n:] == tuple(f"sensor.{name}" for name in model.gauge_names[n:])
+    np.testing.assert_allclose(1e-7 * model.noise_scale[n:], flown.std)
+    flow = truth_flows[6.25, round(radians(5.0), 9)]
+    at = FlightCondition(
+        mach_number=6.25,
+        angle_of_attack=np.arctan(np.tan(flow.key[1]) * np.cos(1.0)),
+        sideslip_angle=-np.arcsin(np.sin(flow.key[1]) * np.sin(1.0)),
+        altitude=20e3,
+    )
+    phase = np.outer(np.arange(11), structure.surface.roll_angle - at.leeward_roll_angle)
+    ratio = (pressure_harmonics(flow, structure.surface, 10) @ np.cos(phase)).ravel()
+    rows = [*surface_rows(sensors, structure.surface), *rows_on_surface(sensed, structure.surface, 10)]
+    axial = 0.3 * at.ambient_pressure + 0.01 * at.dynamic_pressure
+    axial *= vehicle.reference_quantities().area
+    expected = np.array(
+        [at.ambient_pressure * one.operator @ (ratio - 1.0) + axial * one.per_axial_force for one in rows]
+    )
+    found = evaluate(model, at).strain[n:]
+    np.testing.assert_allclose(found / flown.std, expected / flown.std, rtol=1e-9, atol=1e-6)
+    harmonic = pressure_harmonics(flow, structure.surface, 10)[None]
+    np.testing.assert_allclose(sensor_readings(flown.built(exact, None), harmonic, [at])[0], found, rtol=1e-9)
+    drawn = [flown.built(exact, np.random.default_rng(k)) for k in range(40)]
+    error = np.array([sensor_readings(one, harmonic, [at])[0] - found for one in drawn])
+    gain = np.array([one.gain for one in rows[:2]])
+    np.testing.assert_allclose(error[:, :2].std(axis=0), np.abs(gain * found[:2]), rtol=0.35)
+    assert np.all(error[:, 2:].std(axis=0) > 0.0)
 
 
 @pytest.mark.parametrize(("mach_number", "incidence"), [(5.25, 3.0), (6.25, 5.0), (6.75, 11.0)])

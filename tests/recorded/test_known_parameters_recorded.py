@@ -57,7 +57,7 @@ def test_a_column_of_deviations_sharpens(source: str, tmp_path: Path) -> None:
     one = Estimator(known_map()).step(
         readings(), Q, mach_number=6.5, parameters={NAME: 1.0}, parameters_std={NAME: 0.05}
     )
-    np.testing.assert_allclose(found[:, -1], [one.M_R, one.further_coefficients_std[0]], rtol=1e-4)
+    np.testing.assert_allclose(found[:, -1], [one.M_R, one.other_coefficients_std[0]], rtol=1e-4)
 
 
 @pytest.mark.parametrize("smooth", [False, True])

@@ -1,4 +1,4 @@
-"""``strainfmu estimate`` with further sensors: columns of every kind of file and unit, for maps and FMUs."""
+"""``strainfmu estimate`` with auxiliary sensors: columns of every kind of file and unit, for maps and FMUs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Further loads: known combinations of the five loads of a map, and such as are none."""
+"""Other loads: known combinations of the five loads of a map, and such as are none."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from strainfmu.estimator.tables.manifold_map import ManifoldMap
 
 STATION = np.array([0.8])
 COMBINATION = np.random.default_rng(8).standard_normal((7, 5))
-"""(7, 5) further loads, of the rolling moment and one section, per load."""
+"""(7, 5) other loads, of the rolling moment and one section, per load."""
 
 STATIONS = np.array([0.8, 1.7, 2.9])
 """Of :func:`with_own_further` and :func:`with_further_tables`."""
@@ -117,7 +117,7 @@ def with_further_tables(held: InverseMap) -> InverseMap:
 
 
 def check_further(ours: np.ndarray, theirs: np.ndarray, tolerance: float = 1e-12) -> None:
-    """Assert that outputs of further loads at :data:`STATIONS` agree, relative to the largest of their kind.
+    """Assert that outputs of other loads at :data:`STATIONS` agree, relative to the largest of their kind.
 
     A small one is a difference of large terms.
     """

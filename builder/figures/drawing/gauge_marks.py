@@ -13,7 +13,7 @@ from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.estimator.map.inverse_map import InverseMap
 
 KINDS = ("axial", "hoop", "inclined")
-SENSOR = "further sensors"
+SENSOR = "auxiliary sensors"
 """What figures call the rows of a map that are no strain gauges."""
 
 KIND_COLOURS = {"axial": "tab:blue", "hoop": "tab:red", "inclined": "tab:green"}
@@ -35,7 +35,7 @@ def gauge_kinds(position: FloatArray, direction: FloatArray) -> dict[str, BoolAr
 
 
 def kinds_of_map(inverse_map: InverseMap) -> dict[str, BoolArray]:
-    """Return (n_d,) which rows of a map are gauges of each kind that occurs, and which are further sensors."""
+    """Return (n_d,) which rows of a map are gauges of each kind that occurs, and which are auxiliary sensors."""
     n, rows = inverse_map.n_strain_gauges, np.arange(inverse_map.n_gauges)
     found = gauge_kinds(inverse_map.gauge_position[:n], inverse_map.gauge_direction[:n])
     kinds = {kind: np.append(of, rows[n:] < n) for kind, of in found.items()}
@@ -45,9 +45,9 @@ def kinds_of_map(inverse_map: InverseMap) -> dict[str, BoolArray]:
 def shown_bias(inverse_map: InverseMap, bias: FloatArray) -> tuple[FloatArray, str]:
     """Return (n_d,) numbers for the colours of a bias (n_d,) [m/m], and their label.
 
-    Beside further sensors, whose units differ, a bias counts in standard deviations of the row's noise.
+    Beside auxiliary sensors, whose units differ, a bias counts in standard deviations of the row's noise.
     """
-    if inverse_map.has_further_sensors:
+    if inverse_map.has_auxiliary_sensors:
         return bias / inverse_map.noise_std, "bias [sigma of its noise]"
     return 1e6 * bias, "bias [um/m]"
 

@@ -114,7 +114,7 @@ def modulus_std(thermal: ThermalMap | None) -> float:
     return 0.0 if thermal is None else abs(thermal.modulus_slope) * float(np.median(gauge_rise(thermal)))
 
 
-def with_further_rows(thermal: ThermalMap | None, n_rows: int) -> ThermalMap | None:
+def with_sensor_rows(thermal: ThermalMap | None, n_rows: int) -> ThermalMap | None:
     """Return ``thermal`` with ``n_rows`` rows behind the gauges, of sensors whose readings it does not move."""
     if thermal is None:
         return None

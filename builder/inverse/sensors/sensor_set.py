@@ -17,7 +17,7 @@ from builder.inverse.sensors.structural import structural_rows
 from builder.structure.fourier.model import StructuralModel
 from builder.structure.mapped_structure import MappedStructure
 from builder.vehicle.file import Vehicle
-from builder.vehicle.gauges.sensor_entries import AngularAccelerometers, InertialUnit, LoadCells, Ports
+from builder.vehicle.gauges.sensor_entries import AngularAccelerometers, InertialUnit, LoadCells, Ports, Sensors
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
@@ -37,7 +37,7 @@ _AXES = {
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SensorSet:
-    """All n_s further sensors, each row divided by its scale.
+    """All n_s auxiliary sensors, each row divided by its scale.
 
     Attributes
     ----------
@@ -101,17 +101,7 @@ def sensor_set(
     entry = vehicle.sensors
     if entry is None:
         return None
-    surface = structure.surface
-    rows: list[SensorRow] = []
-    if entry.ports is not None:
-        rows += _ports(entry.ports, surface)
-    if entry.imu is not None:
-        rows += _inertial(entry.imu, surface)
-    if entry.angular_accelerometers is not None:
-        rows += _angular_accelerometers(entry.angular_accelerometers, surface)
-    if entry.load_cells is not None:
-        rows += _load_cells(entry.load_cells, surface)
-    rows += structural_rows(vehicle, structure)
+    rows = [*surface_rows(entry, structure.surface), *structural_rows(vehicle, structure)]
     typical = float(np.sqrt(np.median(np.diag(gauge_covariance))))
     scale = np.array([row.std for row in rows]) / typical
     offset, terms = _nuisances(vehicle, rows, scale, ensemble)
@@ -129,6 +119,26 @@ def sensor_set(
         shared=_joined_by_name([row.shared for row in rows], scale, len(rows[0].operator)),
         inside=np.where(against_inside, std * operator.sum(axis=1), 0.0)[:, None],
     )
+
+
+def surface_rows(entry: Sensors, surface: Surface) -> list[SensorRow]:
+    """Return the rows of the sensors that read the pressure on the surface alone, whatever the structure.
+
+    Raises
+    ------
+    InputError
+        A port lies off the body, or the surface is none that it can be placed on.
+    """
+    rows: list[SensorRow] = []
+    if entry.ports is not None:
+        rows += _ports(entry.ports, surface)
+    if entry.imu is not None:
+        rows += _inertial(entry.imu, surface)
+    if entry.angular_accelerometers is not None:
+        rows += _angular_accelerometers(entry.angular_accelerometers, surface)
+    if entry.load_cells is not None:
+        rows += _load_cells(entry.load_cells, surface)
+    return rows
 
 
 def _ports(entry: Ports, surface: Surface) -> list[SensorRow]:

@@ -23,6 +23,7 @@ from builder.structure.mapped_structure import MappedStructure
 from builder.structure.wall import wall_of
 from builder.vehicle.file import Vehicle
 from builder.vehicle.gauges.sensor_entries import Displacements, Fibre
+from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 
@@ -59,9 +60,22 @@ def structural_rows(vehicle: Vehicle, structure: StructuralModel | MappedStructu
         raise InputError(
             f"{names}: expected no section [temperature]: what heat does to their readings is not known"
         )
+    return rows_on_surface(vehicle, structure.surface, structure.response.max_harmonic)
+
+
+def rows_on_surface(vehicle: Vehicle, surface: SurfaceGrid, harmonics: int) -> list[SensorRow]:
+    """Return those rows per pressure at the nodes of ``surface``, of a Fourier model up to ``harmonics``.
+
+    Raises
+    ------
+    InputError
+        A point lies off the wall's inner surface.
+    """
+    entry = vehicle.sensors
+    assert entry is not None
     mesh = _mesh(vehicle)
-    operator = _operators(vehicle, mesh, structure)
-    shared = _shared_errors(vehicle, structure, operator)
+    operator = _operators(vehicle, mesh, surface, harmonics)
+    shared = _shared_errors(vehicle, surface, harmonics, operator)
     rows: list[SensorRow] = []
     if entry.displacement is not None:
         rows += _displacement_rows(
@@ -79,11 +93,10 @@ def _mesh(vehicle: Vehicle) -> MeridianMesh:
     )
 
 
-def _operators(vehicle: Vehicle, mesh: MeridianMesh, structure: StructuralModel) -> FloatArray:
+def _operators(vehicle: Vehicle, mesh: MeridianMesh, grid: SurfaceGrid, harmonics: int) -> FloatArray:
     """Return (n, n_p) readings per pressure [unit/Pa], displacements first."""
-    entry, material, grid = vehicle.sensors, wall_of(vehicle).material, structure.surface
+    entry, material = vehicle.sensors, wall_of(vehicle).material
     assert entry is not None
-    harmonics = structure.response.max_harmonic
     found = []
     if entry.displacement is not None:
         place = _displacement_places(entry.displacement, mesh)
@@ -97,13 +110,15 @@ def _operators(vehicle: Vehicle, mesh: MeridianMesh, structure: StructuralModel)
     return np.concatenate(found)
 
 
-def _shared_errors(vehicle: Vehicle, structure: StructuralModel, operator: FloatArray) -> dict[str, FloatArray]:
+def _shared_errors(
+    vehicle: Vehicle, surface: SurfaceGrid, harmonics: int, operator: FloatArray
+) -> dict[str, FloatArray]:
     """Return (n, n_p) operators of the errors that gauges have too, one standard deviation [unit/Pa]."""
     entry = vehicle.noise
     found = {"common gain": 0.01 * entry.common_gain_percent * operator}
     if entry.wall_thickness_percent > 0.0:
         thin, thick = (
-            _operators(other, _mesh(other), structure)
+            _operators(other, _mesh(other), surface, harmonics)
             for other in (with_wall(vehicle, factor) for factor in (1.0 - WALL_STEP, 1.0 + WALL_STEP))
         )
         by_thickness = central_difference(thick, thin, WALL_STEP)

@@ -20,6 +20,7 @@ from builder.campaign.snapshots import load_snapshots
 from builder.figures import demonstration as figures
 from builder.figures.comparison.flown_estimators import estimator_errors
 from builder.figures.drawing.canvas import save
+from builder.pipeline.built_sensors import flown_sensors
 from builder.pipeline.chosen_estimator import Estimators, with_estimator
 from builder.pipeline.demonstration.as_built_demo import CALIBRATED, AsBuiltRun
 from builder.pipeline.demonstration.flight_score import FlightScore, score_flight
@@ -127,8 +128,8 @@ def run_demo(
         A file could not be written or an FMU failed.
     """
     vehicle = with_estimator(load_vehicle(vehicle_path), estimator)
-    if vehicle.sensors is not None:
-        raise InputError("sensors: expected none for a demo, whose plant and FMU have strain gauges alone")
+    if vehicle.sensors is not None and ground_test is not None:
+        raise InputError("sensors: expected none with --ground-test, whose test is of strain gauges alone")
     pipeline, conditions = open_pipeline(vehicle, folder, reporter, given or FilesGiven())
     vehicle = pipeline.vehicle
     check_before_long_work(vehicle, conditions)
@@ -155,7 +156,7 @@ def run_demo(
         None if ground_test is None else AsBuiltRun(pipeline=pipeline, vehicle_path=vehicle_path, seed=ground_test)
     )
     if run is None:
-        _flight_model(pipeline, vehicle_as_built(vehicle, as_built))
+        _flight_model(pipeline, vehicle_as_built(vehicle, as_built), as_built)
     else:
         run.make_test()
         run.make_maps()
@@ -209,14 +210,18 @@ def _free_demo(pipeline: Pipeline, as_built: int | None) -> DemoResult:
     )
 
 
-def _flight_model(pipeline: Pipeline, built: AsBuilt) -> None:
+def _flight_model(pipeline: Pipeline, built: AsBuilt, seed: int | None) -> None:
+    """Make the flight model of a vehicle as ``built``; ``seed`` draws the errors of its auxiliary sensors."""
     vehicle = pipeline.vehicle
     make_independent_flows(pipeline)
 
     def make(path: Path) -> None:
         noise_std = float(load_inverse_map(pipeline.path(MAP)).noise_std[0])
-        flows = load_flow_table(pipeline.path(FLOWS))
-        save_flight_model(flight_model(vehicle, flows, true_structure_of(pipeline), built, noise_std), path)
+        flows, structure = load_flow_table(pipeline.path(FLOWS)), true_structure_of(pipeline)
+        found = flown_sensors(vehicle, structure.surface)
+        random = None if seed is None else np.random.default_rng([seed, 1])
+        sensors = None if found is None else found.built(built, random)
+        save_flight_model(flight_model(vehicle, flows, structure, built, noise_std, sensors), path)
 
     inputs = {
         "schema_version": flight_model_file.SCHEMA_VERSION,

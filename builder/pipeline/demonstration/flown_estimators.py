@@ -13,7 +13,7 @@ from strainfmu.estimator.air_data import AIR_DATA_NAMES
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
-from strainfmu.interface.fmi_variables import strain_names
+from strainfmu.interface.sensor_variables import reading_names
 
 COMPARED_AIR_DATA = ("angle_of_attack", "sideslip_angle", "mach_number", "dynamic_pressure")
 """Air data that the plant of a flight states as well."""
@@ -60,7 +60,7 @@ def flown_estimators(
     dynamic pressure of the plant. Its estimates are those of the instance ``estimator``, an FMU of the map that
     flew; with None each sample is estimated on its own.
     """
-    strain = np.stack([recording[f"{plant}.{name}"] for name in strain_names(inverse_map.n_gauges)], axis=1)
+    strain = np.stack([recording[f"{plant}.{name}"] for name in reading_names(inverse_map)], axis=1)
     strain = strain if zeros is None else strain - zeros
     truth = _columns(recording, plant, COEFFICIENT_NAMES)
     q, mach, altitude = (recording[f"{plant}.{name}"] for name in ("dynamic_pressure", "mach_number", "altitude"))

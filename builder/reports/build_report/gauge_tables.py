@@ -1,4 +1,4 @@
-"""Tables of a build report with a row for each gauge, and for each further sensor."""
+"""Tables of a build report with a row for each gauge, and for each auxiliary sensor."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def gauges(report: BuildReport) -> Table:
 
 
 def sensors_table(report: BuildReport) -> Table:
-    """Return the table of the further sensors, each in its own unit."""
+    """Return the table of the auxiliary sensors, each in its own unit."""
     sensors = report.inverse_map.sensors
     rows = range(sensors.n_strain_gauges, len(sensors.kind))
     held = _rows_of_map(report, rows)
@@ -38,7 +38,7 @@ def sensors_table(report: BuildReport) -> Table:
         *_PLACE,
         *_value_columns("", "maximum |reading|"),
     )
-    caption = "Every further sensor in its unit: position, cost of its loss, detectable and isolable bias."
+    caption = "Every auxiliary sensor in its unit: position, cost of its loss, detectable and isolable bias."
     return make_table("sensors", caption, columns, content)
 
 

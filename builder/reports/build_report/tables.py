@@ -38,7 +38,7 @@ def report_tables(report: BuildReport) -> dict[str, Table]:
         sigmas_without(report),
         noise(report),
         gauges(report),
-        *((sensors_table(report),) if report.inverse_map.has_further_sensors else ()),
+        *((sensors_table(report),) if report.inverse_map.has_auxiliary_sensors else ()),
         worst_losses(report),
         worst_pairs(report),
         alike(report),

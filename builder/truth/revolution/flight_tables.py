@@ -17,6 +17,7 @@ from scipy.interpolate import CubicSpline
 from builder.aero.loads.operator import load_operator
 from builder.truth.as_built import AsBuilt
 from builder.truth.revolution.flow_table import FlowTable
+from builder.truth.revolution.sensors import BuiltSensors
 from builder.truth.revolution.strain import TrueStructure, built_gauges
 from builder.vehicle.file import Vehicle
 from builder.vehicle.shape.geometry import SurfaceGrid
@@ -37,6 +38,7 @@ class PlantGauges:
     internal_pressure : error of the internal pressure over p_inf [1].
     apparent_strain : (n_d,) reading without strain [m/m].
     record : of the errors, for the provenance.
+    sensors : auxiliary sensors; None of a vehicle without.
     """
 
     names: tuple[str, ...]
@@ -45,12 +47,18 @@ class PlantGauges:
     internal_pressure: float
     apparent_strain: FloatArray
     record: dict[str, Any]
+    sensors: BuiltSensors | None = None
 
 
 def flight_model(
-    vehicle: Vehicle, table: FlowTable, structure: TrueStructure, built: AsBuilt, noise_std: float
+    vehicle: Vehicle,
+    table: FlowTable,
+    structure: TrueStructure,
+    built: AsBuilt,
+    noise_std: float,
+    sensors: BuiltSensors | None = None,
 ) -> FlightModel:
-    """Assemble the flight model of a vehicle as ``built``.
+    """Assemble the flight model of a vehicle as ``built``, with its auxiliary ``sensors``.
 
     Parameters
     ----------
@@ -67,6 +75,7 @@ def flight_model(
         internal_pressure=float(built.internal_pressure),
         apparent_strain=built.apparent_strain,
         record=_as_numbers(built),
+        sensors=sensors,
     )
     return plant_flight_model(vehicle, table, structure.surface, plant, noise_std)
 
@@ -76,10 +85,23 @@ def plant_flight_model(
 ) -> FlightModel:
     """Assemble the flight model of a vehicle whose gauges are known; ``surface`` holds the stations of both."""
     mach, incidence = table.mach_knots, table.incidence_knots
-    # Gauges with equal response share a channel; as built, every gauge has its own.
-    response = gauges.response
-    flat = np.round(response.reshape(len(response), -1) / np.abs(response).max(), 13)
+    # Gauges with equal response share a channel; as built, every gauge has its own, as every sensor has.
+    response, sensors, n = gauges.response, gauges.sensors, len(gauges.names)
+    flat = np.round(response.reshape(n, -1) / np.abs(response).max(), 13)
     _, first, channel = np.unique(flat, axis=0, return_index=True, return_inverse=True)
+    channel = channel.astype(np.int64).reshape(-1)
+    names, roll_angle, apparent = gauges.names, gauges.roll_angle, gauges.apparent_strain
+    per_ambient = -gauges.internal_pressure * response[:, 0, :, 0].sum(axis=1)
+    per_dynamic = np.zeros(n)
+    if sensors is not None:
+        k = len(sensors.names)
+        channel = np.append(channel, len(first) + np.arange(k))
+        first = np.append(first, n + np.arange(k))
+        response = np.concatenate([response, sensors.response])
+        names, roll_angle = (*names, *sensors.names), np.append(roll_angle, np.zeros(k))
+        apparent = np.append(apparent, sensors.offset)
+        per_ambient = np.append(per_ambient, sensors.per_ambient)
+        per_dynamic = np.append(per_dynamic, sensors.per_dynamic)
     unit = response[:, 0, :, 0].sum(axis=1)
     response = response[first]
     max_harmonic = response.shape[1] - 1
@@ -89,8 +111,8 @@ def plant_flight_model(
 
     harmonic = table.harmonic
     strain = np.einsum("cmxp,ijxm->ijcmp", response, harmonic, optimize=True)
-    # An error of the internal pressure is in proportion to p_inf, as the outer pressure is.
-    strain[:, :, :, 0, 0] -= gauges.internal_pressure * unit[first]
+    # An error of the internal pressure is in proportion to p_inf, as the outer pressure is; friction to q_inf.
+    strain[:, :, :, 0, 0] += per_ambient[first] + 0.7 * mach[:, None, None] ** 2 * per_dynamic[first]
     area = reference.area * np.array([1.0, 1.0, reference.length])
     of_load = np.stack(
         [
@@ -105,9 +127,9 @@ def plant_flight_model(
     parity = np.where(np.arange(max_harmonic + 1) % 2, -1.0, 1.0)[None, :, None]
     return FlightModel(
         vehicle=vehicle.name,
-        gauge_names=gauges.names,
-        gauge_roll_angle=gauges.roll_angle,
-        gauge_channel=channel.astype(np.int64).reshape(-1),
+        gauge_names=names,
+        gauge_roll_angle=roll_angle,
+        gauge_channel=channel,
         mach_knots=mach,
         incidence_knots=np.array([0.0, *incidence]),
         strain_table=_spline_table(mach, incidence, strain, parity),
@@ -118,7 +140,8 @@ def plant_flight_model(
         reference_area=reference.area,
         reference_length=reference.length,
         noise_std=noise_std,
-        apparent_strain=gauges.apparent_strain,
+        apparent_strain=apparent,
+        sensors=None if sensors is None else sensors.rows(n, noise_std),
         provenance={**table.provenance, "as_built": gauges.record},
     )
 

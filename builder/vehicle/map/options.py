@@ -39,7 +39,7 @@ class MapEntry(Section):
     ``discrepancy_length`` times the body's length along it and ``discrepancy_roll_deg`` round it;
     ``discrepancy_of_prior_percent`` of the deviation that the snapshots have about their mean; and
     ``discrepancy_of_overpressure_percent`` of the overpressure without incidence, all over the body at once, which
-    gauges tell poorly and axial force follows: it widens the deviations and, where there are no further sensors,
+    gauges tell poorly and axial force follows: it widens the deviations and, where there are no auxiliary sensors,
     corrects nothing unless ``level_by_strain`` says so. Of ``newtonian`` flow round sections or a surface
     ``discrepancy_of_leeward_percent`` of the difference between ambient pressure leeward and a Prandtl-Meyer
     expansion is expected besides, in the linear map too.

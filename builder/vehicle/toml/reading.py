@@ -24,7 +24,7 @@ def read_sections(
     path: Path,
     model: type[AnySection],
     kind: str,
-    further_faults: Callable[[AnySection], list[str]] = lambda _: [],
+    other_faults: Callable[[AnySection], list[str]] = lambda _: [],
 ) -> AnySection:
     """Read and check a file.
 
@@ -32,7 +32,7 @@ def read_sections(
     ----------
     model : of the whole file.
     kind : what the file is, for messages, such as ``"vehicle file"``.
-    further_faults : returns faults of sizes that follow from entries that are right on their own.
+    other_faults : returns faults of sizes that follow from entries that are right on their own.
 
     Raises
     ------
@@ -50,7 +50,7 @@ def read_sections(
         )
     try:
         found = model.model_validate(entries)
-        faults = further_faults(found)
+        faults = other_faults(found)
     except ValidationError as error:
         faults = all_faults(error, model)
     if faults:

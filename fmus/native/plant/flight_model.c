@@ -25,7 +25,7 @@ static int countable(double value, double minimum) {
 
 static size_t number_of_doubles(const FlightModel *m) {
     const size_t cells = (m->n_mach - 1) * (m->n_incidence - 1) * N_POWERS;
-    return N_SIZES + m->n_mach + m->n_incidence + 5 * m->n_gauges + cells * N_RADIAL
+    return N_SIZES + m->n_mach + m->n_incidence + 6 * m->n_gauges + cells * N_RADIAL
          + cells * m->n_channel * m->n_harmonic * 2 + m->atmosphere.n_layers * LAYER_SIZE;
 }
 
@@ -72,6 +72,7 @@ size_t flight_model_take(FlightModel *m, const double *data, size_t count) {
     m->gauge_channel = take(&next, m->n_gauges);
     m->strain_of_internal_pressure = take(&next, m->n_gauges);
     m->apparent_strain = take(&next, m->n_gauges);
+    m->noise_scale = take(&next, m->n_gauges);
     m->coefficient_table = take(&next, table * N_RADIAL);
     m->strain_table = take(&next, table * m->n_channel * m->n_harmonic * 2);
     m->atmosphere.layer = take(&next, m->atmosphere.n_layers * LAYER_SIZE);

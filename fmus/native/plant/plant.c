@@ -153,7 +153,8 @@ static void outputs(SystemModel *model) {
     }
     const uint64_t seed = (uint64_t)plant.common[SEED], sample = whole(model->state[SAMPLE]);
     for (size_t g = 0; g < n; g++) {
-        const double noise = plant.common[NOISE_STD] * gauge_noise(plant.noise_table, seed, sample, g);
+        const double noise = plant.common[NOISE_STD] * gauge_noise(plant.noise_table, seed, sample, g)
+                           * plant.flight.noise_scale[g];
         const double healthy = inside ? plant.strain[g] + noise : NAN;
         plant.strain[g] = reading(plant.gauge_state + STATES_PER_GAUGE * g, healthy, plant.fault_kind[g],
                                   plant.fault_value[g], model->base.time);

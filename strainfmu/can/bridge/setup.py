@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,18 +24,19 @@ from strainfmu.can.wire.frame_layout import NAVIGATION, FrameLayout, InputLayout
 from strainfmu.can.wire.libraries import import_can
 from strainfmu.can.wire.profiles import SECURED_PROFILE, configuration_of, profile_layout
 from strainfmu.cosim.estimators.step import (
-    FURTHER_LOADS,
+    OTHER_LOAD_OUTPUTS,
     PARAMETERS,
     Step,
     further_inputs,
     parameter_names_of,
     parameter_std_names_of,
+    reading_units_of,
     section_stations_of,
     sensor_names_of,
 )
 from strainfmu.errors import InputError
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
-from strainfmu.interface.input_names import FURTHER_FLOW
+from strainfmu.interface.input_names import OTHER_AIR_DATA
 
 UNPROTECTED_TEXT = (
     "UNPROTECTED: no CRC with counter covers every byte of the input; errors of transmission may pass unseen, and "
@@ -99,14 +100,14 @@ def make_bridge(fmu: Path, options: BridgeOptions, taps: Taps | None = None) -> 
         Something needed is not installed, or the FMU cannot be loaded.
     """
     import_can()
-    from strainfmu.cosim.estimators.fmu_step import TEMPERATURE, FmuStep
+    from strainfmu.cosim.estimators.fmu_step import SENSORS, TEMPERATURE, FmuStep
     from strainfmu.cosim.estimators.step import ENVELOPE_SCORE
     from strainfmu.cosim.estimators.zeros_file import load_zeros
 
     taps, bus = taps or Taps(), bus_settings(options)
     key_of(options)  # refused before the FMU is unpacked
-    outputs = (ENVELOPE_SCORE, FURTHER_LOADS, *taps.outputs)
-    inputs = (*NAVIGATION, *FURTHER_FLOW, TEMPERATURE, PARAMETERS)
+    outputs = (ENVELOPE_SCORE, OTHER_LOAD_OUTPUTS, *taps.outputs)
+    inputs = (*NAVIGATION, *OTHER_AIR_DATA, TEMPERATURE, SENSORS, PARAMETERS)
     with FmuStep(fmu, inputs, outputs) as step, ExitStack() as stack:
         if options.zeros is not None:
             step.set_zeros(given := load_zeros(options.zeros, step.gauge_names))
@@ -186,6 +187,7 @@ def make_core(
         parameter_names=parameter_names_of(step),
         parameter_std_names=parameter_std_names_of(step),
         flow_names=further_inputs(step),
+        readings=reading_units_of(step),
     )
     stations = section_stations_of(step)
     results = result_layouts(_result_form(options, layout), options.identifiers, layout.cycle_time, stations)
@@ -219,7 +221,7 @@ def _taring(
     from strainfmu.estimator.map.inverse_map import load_inverse_map
 
     held = load_inverse_map(options.tare)
-    if tuple(held.gauge_names) != tuple(gauge_names):
+    if tuple(held.gauge_names[: held.n_strain_gauges]) != tuple(gauge_names):
         raise InputError(f"{options.tare}: expected a map of the estimator's gauges, got one of others")
     known = None
     if options.tare_known is not None:
@@ -237,19 +239,22 @@ def input_layout(
     parameter_names: Sequence[str] = (),
     parameter_std_names: Sequence[str] = (),
     flow_names: Sequence[str] = (),
+    readings: Mapping[str, str] | None = None,
 ) -> tuple[InputLayout, int]:
     """Return the input frames of a profile or a DBC file, and the number of the gauge assignment.
 
     ``sensor_names`` are the temperature sensors of the estimator, ``parameter_names`` its inputs for further
     parameters of the flow, which a mapping may name, and ``parameter_std_names`` those for their deviations;
-    ``flow_names`` are all of its further inputs.
+    ``flow_names`` are all of its further inputs; ``readings`` are the units of its inputs for auxiliary sensors
+    and thrust, by name.
 
     Raises
     ------
     InputError
         A file or an option is wrong.
     """
-    key = key_of(options)
+    key, readings = key_of(options), readings or {}
+    of_all = (*gauge_names, *readings)
     if options.dbc is None or options.mapping is None:
         layout = profile_layout(
             options.profile,
@@ -258,8 +263,9 @@ def input_layout(
             identifiers=options.identifiers,
             key=key,
             has_tare=options.tare is not None,
+            readings=readings,
         )
-        return layout, configuration_of(options.profile, gauge_names)
+        return layout, configuration_of(options.profile, of_all)
     if options.tare is not None:
         raise InputError("--tare: expected with a profile, whose frames hold the command, got it with --dbc")
     from strainfmu.can.wire.dbc_files import load_database, load_mapping
@@ -274,8 +280,9 @@ def input_layout(
         parameter_names=parameter_names,
         parameter_std_names=parameter_std_names,
         flow_names=flow_names,
+        readings=readings,
     )
-    return layout, configuration_of(options.dbc.name, gauge_names)
+    return layout, configuration_of(options.dbc.name, of_all)
 
 
 def key_of(options: BridgeOptions) -> AuthenticationKey | None:
@@ -300,14 +307,27 @@ def key_of(options: BridgeOptions) -> AuthenticationKey | None:
 
 
 def map_gauge_names(source: Path) -> tuple[str, ...]:
-    """Return the gauges of a map or an FMU."""
+    """Return the strain gauges of a map or an FMU."""
     if source.suffix == ".fmu":
         from strainfmu.cosim.estimators.description import gauge_names_of
 
         return gauge_names_of(source)
     from strainfmu.estimator.map.inverse_map import load_inverse_map
 
-    return tuple(load_inverse_map(source).gauge_names)
+    found = load_inverse_map(source)
+    return tuple(found.gauge_names[: found.n_strain_gauges])
+
+
+def map_reading_units(source: Path) -> dict[str, str]:
+    """Return the unit of each auxiliary sensor and of thrust by name of the input of a map or an FMU."""
+    if source.suffix == ".fmu":
+        from strainfmu.cosim.estimators.description import reading_units_in
+
+        return reading_units_in(source)
+    from strainfmu.estimator.map.inverse_map import load_inverse_map
+    from strainfmu.interface.sensor_variables import reading_units
+
+    return reading_units(load_inverse_map(source))
 
 
 def map_section_stations(source: Path) -> tuple[float, ...] | None:
@@ -317,7 +337,7 @@ def map_section_stations(source: Path) -> tuple[float, ...] | None:
 
         return section_stations_in(source)
     from strainfmu.estimator.map.inverse_map import load_inverse_map
-    from strainfmu.interface.further_variables import section_stations
+    from strainfmu.interface.other_load_variables import section_stations
 
     return section_stations(load_inverse_map(source))
 

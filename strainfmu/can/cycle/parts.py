@@ -24,7 +24,7 @@ from strainfmu.can.cycle.gauges.plausibility import GaugeChecks
 from strainfmu.can.e2e.sample_clock import ClockLimits, SampleClock, SenderClock
 from strainfmu.can.e2e.synchronised_clock import SynchronisedClock
 from strainfmu.can.settings import BridgeSettings
-from strainfmu.can.wire.frame_layout import DYNAMIC_PRESSURE, FlowSignal, InputFrame, InputLayout
+from strainfmu.can.wire.frame_layout import DYNAMIC_PRESSURE, FlowSignal, InputFrame, InputLayout, is_reading
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -181,6 +181,7 @@ def flow_max_age(layout: InputLayout, frame: InputFrame, source: FlowSignal, set
         return frame.timeout
     is_pressure = source.quantity == DYNAMIC_PRESSURE
     cycles = settings.pressure_max_age if is_pressure else settings.navigation_max_age
+    cycles = settings.sensor_max_age if is_reading(source.quantity) else cycles
     return cycles * max(layout.cycle_time, frame.layout.cycle_time or 0.0)
 
 

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from strainfmu.can.bridge.results.layouts import result_layouts
-from strainfmu.can.bridge.setup import form_of_profile, map_gauge_names, map_section_stations
+from strainfmu.can.bridge.setup import (
+    form_of_profile,
+    map_gauge_names,
+    map_reading_units,
+    map_section_stations,
+)
 from strainfmu.can.settings import checked_cycle_time
 from strainfmu.can.wire.frame_layout import FrameLayout
 from strainfmu.can.wire.profiles import Identifiers, profile_layout
@@ -43,6 +48,7 @@ def write_dbc(
         identifiers=identifiers,
         has_tare=has_tare,
         stations=map_section_stations(source),
+        readings=map_reading_units(source),
     )
     text = dbc_text(layouts, f"{source.name}, profile {profile}")
     write_bytes_atomically(output, text.encode("cp1252", "replace"))
@@ -56,10 +62,19 @@ def all_layouts(
     identifiers: Identifiers,
     has_tare: bool = False,
     stations: Sequence[float] | None = None,
+    readings: Mapping[str, str] | None = None,
 ) -> list[FrameLayout]:
-    """Return every frame of a profile: input, then results; ``stations`` as of :func:`result_layouts`."""
+    """Return every frame of a profile: input, then results.
+
+    ``stations`` as of :func:`result_layouts`, ``readings`` as of :func:`profile_layout`.
+    """
     layout = profile_layout(
-        profile, gauge_names, cycle_time=cycle_time, identifiers=identifiers, has_tare=has_tare
+        profile,
+        gauge_names,
+        cycle_time=cycle_time,
+        identifiers=identifiers,
+        has_tare=has_tare,
+        readings=readings,
     )
     results = result_layouts(form_of_profile(profile), identifiers, cycle_time, stations)
     identifiers.checked(len(layout.frames), len(results))

@@ -7,7 +7,8 @@ same faults.
 from __future__ import annotations
 
 import heapq
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from itertools import count
 from math import nan
 
@@ -34,6 +35,7 @@ class Sample:
     status: int = 0
     mach_number: float = nan
     altitude: float = nan
+    readings: Mapping[str, float] = field(default_factory=dict)
 
 
 class FaultySender:
@@ -78,6 +80,7 @@ class FaultySender:
         *,
         mach_number: float = nan,
         altitude: float = nan,
+        readings: Mapping[str, float] | None = None,
         tare_request: int | None = None,
     ) -> list[Frame]:
         """Return the frames that go out from ``time`` [s] until a cycle later, with their times, in order.
@@ -88,6 +91,7 @@ class FaultySender:
         strain : (n_d,) true strains [m/m].
         dynamic_pressure : true q_inf [Pa].
         mach_number, altitude : true Mach number [1] and altitude [m], NaN where the vehicle has no navigation.
+        readings : of auxiliary sensors, and thrust, as of :meth:`StrainEncoder.encode`.
         tare_request : number in the frame that asks for a tare; None leaves that out.
         """
         self._activate(number)
@@ -98,6 +102,7 @@ class FaultySender:
             sample_time=time + self._clock_shift,
             mach_number=mach_number,
             altitude=altitude,
+            readings=readings or {},
         )
         for fault in self._active:
             self._falsify(fault, number, time=time, sample=sample)
@@ -109,6 +114,7 @@ class FaultySender:
             status=sample.status,
             mach_number=sample.mach_number,
             altitude=sample.altitude,
+            readings=sample.readings,
             tare_request=tare_request,
         )
         spacing = 0.2 * self._layout.cycle_time / len(frames)

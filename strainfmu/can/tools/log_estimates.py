@@ -13,8 +13,8 @@ from strainfmu.can.tools.log_description import load_description
 from strainfmu.can.tools.replay import ReplaySummary, replay_log
 from strainfmu.cosim.estimators.source import open_step
 from strainfmu.cosim.estimators.step import section_stations_of
-from strainfmu.interface.further_variables import further_load_outputs
-from strainfmu.recorded.estimates.fmu_columns import further_outputs_of
+from strainfmu.interface.other_load_variables import other_load_outputs
+from strainfmu.recorded.estimates.fmu_columns import other_outputs_of
 from strainfmu.recorded.output.estimate_files import (
     ESTIMATE_COLUMNS,
     EstimateWriter,
@@ -62,7 +62,7 @@ def estimate_log(
         zeros = recorded["options"].zeros
     with open_step(source, zeros) as ready:
         stations = section_stations_of(ready.step)
-        further = () if stations is None else further_outputs_of(further_load_outputs(len(stations)).items())
+        further = () if stations is None else other_outputs_of(other_load_outputs(len(stations)).items())
         columns = (*LOG_COLUMNS, *((one.column, one.unit) for one in further))
         with estimate_writer(output, columns) as writer:
             rows = _Rows(writer, [one.output for one in further])

@@ -97,6 +97,7 @@ def send_flight(
             dynamic_pressure=sample.dynamic_pressure,
             mach_number=sample.mach_number,
             altitude=sample.altitude,
+            readings=sample.readings,
             tare_request=None if tare_at is None else int(begin >= tare_at),
         )
         for index, frame in enumerate(frames):

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from math import nan
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from strainfmu.arrays import FloatArray
-from strainfmu.can.wire.frame_layout import FLOW_QUANTITIES, NAVIGATION
+from strainfmu.can.wire.frame_layout import FLOW_QUANTITIES, NAVIGATION, is_reading
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 from strainfmu.interface.fmi_variables import strain_names
@@ -29,6 +29,8 @@ class FlownSample:
     dynamic_pressure : q_inf [Pa].
     truth : (5,) true coefficients C_A, C_N, C_Y, M_P, M_Y [1], NaN where they are not known.
     mach_number, altitude : by navigation [1] and [m], NaN where they are not known.
+    readings : of auxiliary sensors [SI unit], and thrust [N], by name of the estimator's input; others are not
+        known.
     """
 
     strain: FloatArray
@@ -36,13 +38,16 @@ class FlownSample:
     truth: FloatArray
     mach_number: float = nan
     altitude: float = nan
+    readings: Mapping[str, float] = field(default_factory=dict)
 
 
 @contextmanager
 def plant_samples(
-    path: Path, n_gauges: int, cycle_time: float, duration: float
+    path: Path, n_gauges: int, cycle_time: float, duration: float, readings: Sequence[str] = ()
 ) -> Iterator[Iterator[FlownSample]]:
     """Step a plant FMU from time 0 every ``cycle_time`` [s], for ``duration`` [s].
+
+    ``readings`` are inputs of the estimator for auxiliary sensors and thrust; those that the plant has are sent.
 
     Raises
     ------
@@ -54,7 +59,7 @@ def plant_samples(
     from strainfmu.cosim.systems.instance import Instance, read_description, safe_temporary_parent, unzip
 
     description = read_description(path)
-    variables = _plant_outputs(path, description, n_gauges)
+    variables = _plant_outputs(path, description, n_gauges, readings)
     with ExitStack() as stack:
         parent = safe_temporary_parent()
         folder = stack.enter_context(
@@ -70,8 +75,9 @@ def plant_samples(
         )
 
 
-def _plant_outputs(path: Path, description: Any, n_gauges: int) -> list[Any]:
-    """Return strains, dynamic pressure and, where there are any, navigation and all true coefficients."""
+def _plant_outputs(path: Path, description: Any, n_gauges: int, readings: Sequence[str]) -> list[Any]:
+    """Return strains, dynamic pressure and, where there are any, navigation, ``readings`` and all true
+    coefficients."""
     # Mach number and altitude of a plant may be inputs, which keep their start values here.
     found = {v.name: v for v in description.modelVariables if v.causality == "output" or v.name in NAVIGATION}
     names = [*strain_names(n_gauges), "dynamic_pressure"]
@@ -81,8 +87,8 @@ def _plant_outputs(path: Path, description: Any, n_gauges: int) -> list[Any]:
     if f"strain[{n_gauges + 1}]" in found:
         raise InputError(f"{path}: expected a plant of {n_gauges} gauges, got output 'strain[{n_gauges + 1}]'")
     truth = [name for name in COEFFICIENT_NAMES if name in found]
-    navigation = [name for name in NAVIGATION if name in found]
-    return [found[name] for name in (*names, *navigation, *(truth if len(truth) == 5 else ()))]
+    others = [name for name in (*NAVIGATION, *readings) if name in found]
+    return [found[name] for name in (*names, *others, *(truth if len(truth) == 5 else ()))]
 
 
 def _stepped(
@@ -93,6 +99,7 @@ def _stepped(
     values = np.full(len(variables), np.nan)
     column = {variable.name: index for index, variable in enumerate(variables)}
     truth = [column[name] for name in COEFFICIENT_NAMES] if COEFFICIENT_NAMES[0] in column else []
+    readings = [name for name in column if is_reading(name)]
     for cycle in range(n_cycles):
         if cycle:
             begin, end = (cycle - 1) * cycle_time, cycle * cycle_time
@@ -105,6 +112,7 @@ def _stepped(
             float(values[n_gauges]),
             values[truth] if truth else np.full(5, np.nan),
             **{name: float(values[column[name]]) for name in NAVIGATION if name in column},
+            readings={name: float(values[column[name]]) for name in readings},
         )
 
 
@@ -132,14 +140,27 @@ def scenario_samples(path: Path, files: Path | None, cycle_time: float) -> Itera
     pressure = recording["plant.dynamic_pressure"]
     # The short period has both for the whole flight.
     navigation = {name: float(getattr(scenario.start, name)) for name in NAVIGATION}
-    yield (FlownSample(d, float(q), c, **navigation) for d, q, c in zip(strain, pressure, truth, strict=True))
+    readings = {
+        name.removeprefix("plant."): recording[name]
+        for name in recording.names
+        if name.startswith("plant.") and is_reading(name.removeprefix("plant."))
+    }
+    yield (
+        FlownSample(d, float(q), c, **navigation, readings={name: float(of[k]) for name, of in readings.items()})
+        for k, (d, q, c) in enumerate(zip(strain, pressure, truth, strict=True))
+    )
 
 
 @contextmanager
 def recorded_samples(
-    path: Path, gauge_names: Sequence[str], dynamic_pressure: float | None
+    path: Path,
+    gauge_names: Sequence[str],
+    dynamic_pressure: float | None,
+    readings: Mapping[str, str] | None = None,
 ) -> Iterator[Iterator[FlownSample]]:
     """Yield the rows of a file of recorded strains, one per cycle whatever their times.
+
+    ``readings`` are the units of auxiliary sensors and of thrust by name of the estimator's input.
 
     Raises
     ------
@@ -147,19 +168,29 @@ def recorded_samples(
         As :func:`~strainfmu.recorded.strains.strain_files.open_strains`.
     """
     from strainfmu.recorded.columns.column_names import Wanted
+    from strainfmu.recorded.columns.sensor_readings import recorded_readings
     from strainfmu.recorded.strains.strain_files import open_strains
 
     unknown = np.full(5, np.nan)
-    # The bus carries strains, q_inf and navigation alone: no other column matters here.
+    columns = recorded_readings(readings or {})
+    inputs = dict(zip(columns, readings or {}, strict=True))
+    # The bus carries strains, q_inf, navigation and auxiliary sensors alone: no other column matters here.
     wanted = Wanted(
         gauge_names=tuple(gauge_names),
         fixed_pressure=dynamic_pressure,
-        flow=FLOW_QUANTITIES,
+        flow=(*FLOW_QUANTITIES, *columns),
+        readings=columns,
         ignored=("*",),
     )
     with open_strains(path, wanted) as opened:
         yield (
-            FlownSample(d, float(q), unknown, **{name: float(block.flow[name][row]) for name in block.flow})
+            FlownSample(
+                d,
+                float(q),
+                unknown,
+                **{name: float(block.flow[name][row]) for name in block.flow},
+                readings={inputs[name]: float(of[row]) for name, of in block.readings.items()},
+            )
             for block, _ in opened.blocks
             for row, (d, q) in enumerate(zip(block.strain, block.dynamic_pressure, strict=True))
         )

@@ -27,6 +27,8 @@ _TABLES = {
     "altitude",
     "static_pressure",
     "temperature",
+    "sensors",
+    "thrust",
     "parameter",
     "units",
     "end_to_end",
@@ -109,7 +111,7 @@ class MappedDatabase:
 
     def check_timeouts(self) -> None:
         """Refuse a time-out of a frame that is not held."""
-        held = "frame of q_inf, navigation, temperatures, parameters or slow strains"
+        held = "frame of q_inf, navigation, temperatures, sensors, thrust, parameters or slow strains"
         self.check_keys("timeout_ms", held, self._with_timeout)
 
     def check_keys(self, table: str, kind: str, in_use: Iterable[str]) -> None:

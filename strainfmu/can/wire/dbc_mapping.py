@@ -29,12 +29,18 @@ from strainfmu.can.wire.frame_layout import (
 from strainfmu.can.wire.mixed_rates import PERIODS_HELD, cycle_time_of, with_rates
 from strainfmu.can.wire.signal_plan import SignalPlan
 from strainfmu.errors import InputError
+from strainfmu.interface.sensor_variables import PREFIX as SENSOR_PREFIX
+from strainfmu.interface.sensor_variables import THRUST, identifier
 from strainfmu.units import STRAIN_UNITS, TIME_UNITS
 
 _Key = TypeVar("_Key")
 """What a signal is of: the number of a gauge, or the name of a quantity."""
 
-_ABSENT = {"temperature": "temperature sensors", "parameter": "further parameters"}
+_ABSENT = {
+    "temperature": "temperature sensors",
+    "sensors": "auxiliary sensors",
+    "parameter": "further parameters",
+}
 """What an estimator lacks to which a table of the mapping cannot map."""
 
 
@@ -47,6 +53,7 @@ def mapped_layout(
     parameter_names: Sequence[str] = (),
     parameter_std_names: Sequence[str] = (),
     flow_names: Sequence[str] = (),
+    readings: Mapping[str, str] | None = None,
 ) -> InputLayout:
     """Return the frames that ``mapping`` names in ``database``.
 
@@ -58,6 +65,7 @@ def mapped_layout(
     parameter_names : inputs ``parameter.NAME`` of the estimator for further parameters of the flow.
     parameter_std_names : inputs ``parameter_std.NAME`` for their standard deviations.
     flow_names : further inputs of the estimator; p_inf and deviations of navigation may be mapped to them.
+    readings : unit of each input ``sensor.NAME`` of the estimator for an auxiliary sensor, and of ``thrust``.
 
     Raises
     ------
@@ -67,6 +75,9 @@ def mapped_layout(
     mapper = _Mapper(database, mapping, gauge_names=gauge_names, name=name)
     numbered = [temperature_name(k) for k in range(1, len(sensor_names) + 1)]
     mapper.may_hold("temperature", "sensor", dict(zip(sensor_names, numbered, strict=True)))
+    mapper.readings = dict(readings or {})
+    of_sensors = [one for one in mapper.readings if one != THRUST]
+    mapper.may_hold("sensors", "sensor", {one.removeprefix(SENSOR_PREFIX): one for one in of_sensors})
     by_name, std_by_name = (
         {one.partition(".")[2]: one for one in names} for names in (parameter_names, parameter_std_names)
     )
@@ -98,6 +109,8 @@ class _Mapper:
         self._frames_in_use: set[str] = set()
         self.has_static_pressure = False
         """The estimator takes p_inf."""
+        self.readings: dict[str, str] = {}
+        """Units of auxiliary sensors and of thrust by name of the estimator's input."""
 
     def may_hold(self, table: str, kind: str, inputs: Mapping[str, str]) -> None:
         """Let ``table`` map signals to ``inputs`` of the estimator, by names of what they are of, a ``kind``."""
@@ -197,11 +210,12 @@ class _Mapper:
     def _flow_paths(self) -> list[tuple[str, Any]]:
         """Return the quantities of the flow that are mapped, and "Message.Signal" of each."""
         found: dict[str, Any] = {}
-        for quantity in (*FLOW_QUANTITIES, STATIC_PRESSURE):
+        taken = {STATIC_PRESSURE: self.has_static_pressure, THRUST: THRUST in self.readings}
+        for quantity in (*FLOW_QUANTITIES, STATIC_PRESSURE, THRUST):
             table = self._file.table(quantity, optional=True)
             if not table:
                 continue
-            if quantity == STATIC_PRESSURE and not self.has_static_pressure:
+            if not taken.get(quantity, True):
                 raise InputError(f"{self._name}: {quantity}: expected none, the estimator does not take it")
             if quantity == ALTITUDE and set(table) != {"signal"}:
                 raise InputError(f"{self._name}: {quantity}: expected 'signal', got {', '.join(table)}")
@@ -213,14 +227,16 @@ class _Mapper:
         """Return the inputs of the estimator that ``table`` maps, and "Message.Signal" of each."""
         found: dict[str, Any] = {}
         kind, inputs = self._further[table]
-        for name, entry in self._file.table(table, optional=True).items():
+        for stated, entry in self._file.table(table, optional=True).items():
+            # A sensor of a map may have a name that no input of an FMU can have.
+            name = identifier(stated) if table == "sensors" and stated not in inputs else stated
             if name not in inputs:
                 known = ", ".join(inputs)[:200] or f"none, the estimator has no {_ABSENT[table]}"
-                raise InputError(f"{self._name}: {table}: expected a {kind} ({known}), got '{name}'")
+                raise InputError(f"{self._name}: {table}: expected a {kind} ({known}), got '{stated}'")
             quantity = inputs[name]
             if quantity in found:
-                raise InputError(f"{self._name}: {table}: expected one signal for '{name}', got 2")
-            found[quantity], deviation = self._signal_and_std(f"{table}.{name}", quantity, entry)
+                raise InputError(f"{self._name}: {table}: expected one signal for '{stated}', got 2")
+            found[quantity], deviation = self._signal_and_std(f"{table}.{stated}", quantity, entry)
             found |= deviation
         return list(found.items())
 
@@ -252,7 +268,7 @@ class _Mapper:
         used = [signal for _, signal in items]
         flow = []
         for index, (quantity, signal) in enumerate(items):
-            factor, offset = to_si(self._file, message, signal, quantity)
+            factor, offset = to_si(self._file, message, signal, quantity, self.readings)
             flow.append(FlowSignal(quantity=quantity, index=index, to_si=factor, offset=offset))
         if len({signal.name for signal in used}) < len(used):
             names = " and ".join(quantity for quantity, _ in items)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from strainfmu.can.wire.dbc_lookup import MappedDatabase
@@ -15,7 +16,7 @@ from strainfmu.can.wire.frame_layout import (
     is_parameter_std,
     is_temperature,
 )
-from strainfmu.units import LENGTH_UNITS, NUMBER_UNITS, PRESSURE_UNITS, TEMPERATURE_UNITS
+from strainfmu.units import LENGTH_UNITS, NUMBER_UNITS, PRESSURE_UNITS, READING_UNITS, TEMPERATURE_UNITS
 
 _UNITS_OF = {
     DYNAMIC_PRESSURE: (PRESSURE_UNITS, "a unit of pressure", ""),
@@ -27,8 +28,12 @@ _UNITS_OF |= {std: _UNITS_OF[quantity] for quantity, std in FLOW_STDS.items()}
 """Units of a quantity of the flow, what they are, and that of a signal without one."""
 
 
-def to_si(file: MappedDatabase, message: Any, signal: Any, quantity: str) -> tuple[float, float]:
+def to_si(
+    file: MappedDatabase, message: Any, signal: Any, quantity: str, readings: Mapping[str, str]
+) -> tuple[float, float]:
     """Return factor and offset of a signal that holds ``quantity`` of the flow.
+
+    ``readings`` are the units of auxiliary sensors and of thrust by name of the estimator's input.
 
     Raises
     ------
@@ -39,5 +44,8 @@ def to_si(file: MappedDatabase, message: Any, signal: Any, quantity: str) -> tup
         return TEMPERATURE_UNITS[file.unit(message, signal, tuple(TEMPERATURE_UNITS), "a unit of temperature")]
     if is_parameter(quantity) or is_parameter_std(quantity):
         return 1.0, 0.0  # their unit is that of the vehicle file, which nobody states
+    if quantity in readings:
+        unit = readings[quantity]
+        return file.factor(message, signal, READING_UNITS.get(unit, {unit: 1.0}), f"a unit of {quantity}"), 0.0
     units, what, unless_stated = _UNITS_OF[quantity]
     return file.factor(message, signal, units=units, what=what, unless_stated=unless_stated), 0.0

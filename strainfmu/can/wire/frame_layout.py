@@ -7,7 +7,9 @@ from dataclasses import dataclass, field
 from strainfmu.can.wire.authenticator import AuthenticationKey, Secured
 from strainfmu.can.wire.crc import Protection
 from strainfmu.can.wire.frame import frame_key
-from strainfmu.interface.input_names import FURTHER_FLOW
+from strainfmu.interface.input_names import OTHER_AIR_DATA
+from strainfmu.interface.sensor_variables import PREFIX as SENSOR_PREFIX
+from strainfmu.interface.sensor_variables import THRUST
 
 UNSIGNED, SIGNED, FLOAT = "unsigned", "signed", "float"
 LITTLE, BIG = "little", "big"
@@ -20,7 +22,7 @@ FLOW_QUANTITIES = (DYNAMIC_PRESSURE, *NAVIGATION)
 Temperatures are ``temperature[k]``, see :func:`temperature_name`."""
 
 STATIC_PRESSURE = "static_pressure"
-FLOW_STDS = {name.removesuffix("_std"): name for name in FURTHER_FLOW if name.endswith("_std")}
+FLOW_STDS = {name.removesuffix("_std"): name for name in OTHER_AIR_DATA if name.endswith("_std")}
 """The input for the standard deviation of each quantity that has one; only a mapping gives these, and p_inf."""
 
 _TEMPERATURE = "temperature["
@@ -50,6 +52,11 @@ def is_parameter_std(quantity: str) -> bool:
 def is_temperature(quantity: str) -> bool:
     """Return whether ``quantity`` is the temperature of a sensor."""
     return quantity.startswith(_TEMPERATURE)
+
+
+def is_reading(quantity: str) -> bool:
+    """Return whether ``quantity`` is the reading of an auxiliary sensor, or thrust, by the FMU's input."""
+    return quantity.startswith(SENSOR_PREFIX) or quantity == THRUST
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -138,15 +145,15 @@ class FrameLayout:
 
 @dataclass(frozen=True, kw_only=True)
 class FlowSignal:
-    """A signal that holds a quantity of the flow or of navigation, a temperature, a further parameter or its
-    standard deviation.
+    """A signal that holds a quantity of the flow or of navigation, a temperature, the reading of an auxiliary
+    sensor, thrust, a flow parameter or its standard deviation.
 
     Attributes
     ----------
-    quantity : of :data:`FLOW_QUANTITIES` or ``FURTHER_FLOW``, :func:`temperature_name`, or as of
-        :func:`is_parameter` and :func:`is_parameter_std`.
+    quantity : of :data:`FLOW_QUANTITIES` or ``OTHER_AIR_DATA``, :func:`temperature_name`, or as of
+        :func:`is_reading`, :func:`is_parameter` and :func:`is_parameter_std`.
     index : of the signal in its frame.
-    to_si, offset : factor from the signal's unit to Pa, 1, m, K or a parameter's own, and what is added then.
+    to_si, offset : factor from the signal's unit to Pa, 1, m, K or the input's own, and what is added then.
     """
 
     quantity: str

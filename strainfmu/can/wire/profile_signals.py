@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from strainfmu.can.wire.frame_layout import (
+    BIG,
     FLOAT,
     LITTLE,
     SIGNED,
@@ -71,6 +72,12 @@ def sample_time_signal(start: int, byte_order: str = LITTLE) -> SignalLayout:
         unit="us",
         comment="When the strains were sampled, sender's clock; wraps after 71.6 min",
     )
+
+
+def short_sample_time(byte_order: str) -> SignalLayout:
+    """Return the sender's clock of 16 bits at the end of a frame of 8 bytes."""
+    start = 55 if byte_order == BIG else 48
+    return SignalLayout(name="SampleTime", start=start, length=16, byte_order=byte_order, scale=0.1, unit="ms")
 
 
 def status_signal(start: int, length: int) -> SignalLayout:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from strainfmu.can.wire.authenticator import SECURED_BYTES, AuthenticationKey, Secured
@@ -25,7 +25,6 @@ from strainfmu.can.wire.frame_layout import (
     FrameLayout,
     InputFrame,
     InputLayout,
-    SignalLayout,
 )
 from strainfmu.can.wire.profile_signals import (
     altitude_signal,
@@ -37,11 +36,18 @@ from strainfmu.can.wire.profile_signals import (
     mach_signal,
     pressure_signal,
     sample_time_signal,
+    short_sample_time,
     status_signal,
     strain_signal,
 )
+from strainfmu.can.wire.reading_frames import (
+    READINGS_PER_FD_FRAME,
+    READINGS_PER_SECURED_FRAME,
+    reading_frames,
+)
 from strainfmu.can.wire.tare_frame import tare_frame
 from strainfmu.errors import InputError
+from strainfmu.interface.sensor_variables import PREFIX as SENSOR_PREFIX
 
 SECURED_PROFILE = "fd64-sec"
 
@@ -112,11 +118,13 @@ def profile_layout(
     identifiers: Identifiers | None = None,
     key: AuthenticationKey | None = None,
     has_tare: bool = False,
+    readings: Mapping[str, str] | None = None,
 ) -> InputLayout:
     """Return the frames of ``profile`` for gauges in the order of ``gauge_names``, sent every ``cycle_time`` [s].
 
     ``key`` is that of profile fd64-sec; without it frames are described, but neither encoded nor checked.
-    ``has_tare`` adds the frame that asks for a tare.
+    ``has_tare`` adds the frame that asks for a tare, ``readings`` those of auxiliary sensors and thrust: their
+    units by name of the estimator's input.
 
     Raises
     ------
@@ -130,7 +138,8 @@ def profile_layout(
             f"key: expected profile {SECURED_PROFILE}, got '{profile}', whose frames are not authenticated"
         )
     identifiers = identifiers or Identifiers()
-    configuration = configuration_of(profile, gauge_names)
+    readings = readings or {}
+    configuration = configuration_of(profile, (*gauge_names, *readings))
     names = signal_names(gauge_names)
     if profile in ("fd64", SECURED_PROFILE):
         layout = _fd64(profile, names, cycle_time=cycle_time, identifiers=identifiers, configuration=configuration)
@@ -139,10 +148,34 @@ def profile_layout(
         layout = _classic(
             profile, names, cycle_time=cycle_time, identifiers=identifiers, configuration=configuration
         )
+    of_sensors = _reading_frames(layout, identifiers, configuration, readings)
+    layout = replace(layout, flow_frames=(*layout.flow_frames, *of_sensors))
     if has_tare:
         layout = replace(layout, command=_tare_command(layout, identifiers, configuration))
     identifiers.checked(len(layout.frames), 1)
     return layout
+
+
+def _reading_frames(
+    layout: InputLayout, identifiers: Identifiers, configuration: int, readings: Mapping[str, str]
+) -> tuple[InputFrame, ...]:
+    """Return the frames of auxiliary sensors and thrust, on the identifiers behind those of the other frames."""
+    is_fd, is_secured = layout.strain_frames[0].layout.is_fd, layout.name == SECURED_PROFILE
+    per_frame = READINGS_PER_SECURED_FRAME if is_secured else READINGS_PER_FD_FRAME if is_fd else 1
+    frames = reading_frames(
+        identifiers.base + len(layout.frames),
+        readings,
+        signal_names([one.removeprefix(SENSOR_PREFIX) for one in readings], "Sensor"),
+        per_frame=per_frame,
+        is_extended=identifiers.is_extended,
+        cycle_time=layout.cycle_time,
+        sender=SENDER,
+        configuration=configuration if is_fd else None,
+        byte_order=BIG if layout.name == "classic-be" else LITTLE,
+    )
+    if is_secured:
+        return tuple(replace(one, layout=_secured(one.layout, 64)) for one in frames)
+    return frames
 
 
 def _tare_command(layout: InputLayout, identifiers: Identifiers, configuration: int) -> InputFrame:
@@ -160,13 +193,13 @@ def _tare_command(layout: InputLayout, identifiers: Identifiers, configuration: 
     return replace(command, layout=_secured(command.layout, 32)) if is_secured else command
 
 
-def signal_names(gauge_names: Sequence[str]) -> list[str]:
-    """Return a distinct C identifier for every gauge, as DBC files require."""
+def signal_names(gauge_names: Sequence[str], kind: str = "gauge") -> list[str]:
+    """Return a distinct C identifier for every gauge, or other ``kind`` of sensor, as DBC files require."""
     names: list[str] = []
     for number, gauge in enumerate(gauge_names, start=1):
         name = re.sub(r"\W+", "_", gauge, flags=re.ASCII)[:28]
         if not re.match(r"[A-Za-z_]", name) or name in names:
-            name = f"gauge_{number}_{name}"[:32]
+            name = f"{kind}_{number}_{name}"[:32]
         names.append(name)
     return names
 
@@ -315,7 +348,7 @@ def _classic(
             *header_1(),
             status_signal(12, 4),
             pressure_signal(23 if order == BIG else 16, order),
-            _short_sample_time(order),
+            short_sample_time(order),
         ),
         is_extended=identifiers.is_extended,
         protection=Protection(1, _PRESSURE_DATA_ID),
@@ -332,7 +365,7 @@ def _classic(
             status_signal(12, 4),
             mach_signal(23 if order == BIG else 16, order),
             altitude_signal(39 if order == BIG else 32, order),
-            _short_sample_time(order),
+            short_sample_time(order),
         ),
         is_extended=identifiers.is_extended,
         protection=Protection(1, _NAVIGATION_DATA_ID),
@@ -360,10 +393,3 @@ def _pressure_at(index: int) -> tuple[FlowSignal, ...]:
 def _navigation_at(index: int) -> tuple[FlowSignal, ...]:
     """Return Mach number and altitude, side by side from ``index`` on."""
     return FlowSignal(quantity=MACH_NUMBER, index=index), FlowSignal(quantity=ALTITUDE, index=index + 1)
-
-
-def _short_sample_time(order: str) -> SignalLayout:
-    """Return the sender's clock of 16 bits at the end of a frame of 8 bytes."""
-    return SignalLayout(
-        name="SampleTime", start=55 if order == BIG else 48, length=16, byte_order=order, scale=0.1, unit="ms"
-    )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite, nan
 
@@ -74,6 +74,7 @@ class StrainEncoder:
         mach_number: float = nan,
         altitude: float = nan,
         temperature: Sequence[float] = (),
+        readings: Mapping[str, float] | None = None,
         tare_request: int | None = None,
     ) -> list[Frame]:
         """Return the frames of one cycle.
@@ -87,6 +88,7 @@ class StrainEncoder:
         status : 0 good, 1 degraded, 2 do not use.
         mach_number, altitude : by navigation [1] and [m], NaN for "not available".
         temperature : of the first sensors [K], NaN for "not available", as all others are.
+        readings : of auxiliary sensors, and thrust [N], by name of the estimator's input; others "not available".
         tare_request : number of the command's frame; None leaves that out.
 
         Raises
@@ -97,7 +99,13 @@ class StrainEncoder:
         warm = {temperature_name(k): value for k, value in enumerate(temperature, start=1)}
         sample = _Sample(
             strain=np.asarray(strain, dtype=float),
-            flow={DYNAMIC_PRESSURE: dynamic_pressure, MACH_NUMBER: mach_number, ALTITUDE: altitude, **warm},
+            flow={
+                DYNAMIC_PRESSURE: dynamic_pressure,
+                MACH_NUMBER: mach_number,
+                ALTITUDE: altitude,
+                **warm,
+                **(readings or {}),
+            },
             sample_time=sample_time,
             status=status,
             request=tare_request or 0,

@@ -109,7 +109,7 @@ def send(
     """
     from strainfmu.can.bridge.bus.opening import configured
     from strainfmu.can.bridge.options import BridgeOptions
-    from strainfmu.can.bridge.setup import bus_settings, input_layout, map_gauge_names
+    from strainfmu.can.bridge.setup import bus_settings, input_layout, map_gauge_names, map_reading_units
 
     if sum(item is not None for item in (plant, scenario, data)) != 1:
         raise InputError("expected one of --plant, --scenario, --data")
@@ -134,8 +134,8 @@ def send(
         tare=None if tare_at is None else source,
     )
     check_bus_options(interface, bus_settings(options).options)
-    names = map_gauge_names(source)
-    layout, _ = input_layout(options, names)
+    names, readings = map_gauge_names(source), map_reading_units(source)
+    layout, _ = input_layout(options, names, readings=readings)
     from strainfmu.can.tools.sender import planned_faults
 
     planned = planned_faults(
@@ -147,6 +147,7 @@ def send(
     )
     samples = _samples(
         names,
+        readings,
         plant=plant,
         scenario=scenario,
         files=files,
@@ -173,6 +174,7 @@ def send(
 
 def _samples(
     names: tuple[str, ...],
+    readings: dict[str, str],
     *,
     plant: Path | None,
     scenario: Path | None,
@@ -186,11 +188,11 @@ def _samples(
     from strainfmu.can.tools.strain_sources import plant_samples, recorded_samples, scenario_samples
 
     if plant is not None:
-        return plant_samples(plant, len(names), cycle_time=cycle_time, duration=duration)
+        return plant_samples(plant, len(names), cycle_time=cycle_time, duration=duration, readings=tuple(readings))
     if scenario is not None:
         return scenario_samples(scenario, files, cycle_time)
     assert data is not None
-    return recorded_samples(data, names, dynamic_pressure)
+    return recorded_samples(data, names, dynamic_pressure, readings)
 
 
 def _send(

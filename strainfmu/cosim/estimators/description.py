@@ -16,6 +16,7 @@ from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 from strainfmu.estimator.settings import SENSOR_RANGE
 from strainfmu.interface.sensor_variables import PREFIX as SENSOR_PREFIX
+from strainfmu.interface.sensor_variables import THRUST
 
 STRAIN = re.compile(r"strain\[(\d+)\]")
 VALID = re.compile(r"valid\[(\d+)\]")
@@ -94,17 +95,30 @@ def sensor_range_of(description: Any) -> float:
     return SENSOR_RANGE if start is None else float(start)
 
 
-def estimator_inputs(path: Path, description: Any, takes_sensors: bool = False) -> list[Any]:
+def estimator_inputs(path: Path, description: Any) -> list[Any]:
     """Return the inputs of an estimator FMU."""
     inputs = [v for v in description.modelVariables if v.causality == "input" and v.type in _NUMBER]
     names = [variable.name for variable in inputs]
     for name in ("strain[1]", "dynamic_pressure"):
         if name not in names:
             raise InputError(f"{path}: no input '{name}' found: not an estimator FMU")
-    sensor = next((name for name in names if name.startswith(SENSOR_PREFIX)), None)
-    if sensor is not None and not takes_sensors:
-        raise InputError(f"{path}: expected an FMU of strain gauges alone, got one with the input '{sensor}'")
     return inputs
+
+
+def reading_units(inputs: Iterable[Any]) -> dict[str, str]:
+    """Return the unit of each auxiliary sensor and of thrust among ``inputs`` of an estimator, by name."""
+    return {one.name: str(one.unit) for one in inputs if one.name.startswith(SENSOR_PREFIX) or one.name == THRUST}
+
+
+def reading_units_in(path: Path) -> dict[str, str]:
+    """Return the unit of each auxiliary sensor and of thrust among the inputs of the estimator FMU at ``path``.
+
+    Raises
+    ------
+    InputError
+        The FMU is missing or damaged.
+    """
+    return reading_units(one for one in read_description(path).modelVariables if one.causality == "input")
 
 
 def section_stations(description: Any) -> tuple[float, ...] | None:

@@ -27,26 +27,26 @@ from strainfmu.cosim.estimators.description import (
     gauge_name,
     noise_std_of,
     numbered,
+    reading_units,
     section_stations,
     sensor_range_of,
 )
-from strainfmu.cosim.estimators.step import FURTHER_LOADS, PARAMETERS, StepRefused, StepResult
+from strainfmu.cosim.estimators.step import OTHER_LOAD_OUTPUTS, PARAMETERS, StepRefused, StepResult
 from strainfmu.cosim.systems.instance import Instance, SignalBlock, read_description, safe_temporary_parent, unzip
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
-from strainfmu.interface.further_variables import further_load_outputs
 from strainfmu.interface.input_names import NAVIGATION_INPUTS
+from strainfmu.interface.other_load_variables import other_load_outputs
 from strainfmu.interface.parameter_variables import OUTSIDE_PREFIX, STD_PREFIX
 from strainfmu.interface.parameter_variables import PREFIX as PARAMETER_PREFIX
 from strainfmu.interface.sensor_variables import PREFIX as SENSOR_PREFIX
-from strainfmu.interface.sensor_variables import THRUST
 from strainfmu.interface.zero_variables import zero_names
 
 TEMPERATURE = "temperature"
 """Name that stands for the temperatures of all sensors among the further inputs that are asked for."""
 
 SENSORS = "sensor"
-"""The same for what further sensors read, and for thrust; without it an FMU that has such inputs is refused."""
+"""The same for readings of auxiliary sensors, and for thrust; without it an FMU with such inputs is refused."""
 
 _STOP_TIME = 1e9
 """End of the experiment [s]: the bridge runs until it is stopped, and FMI 2.0 has no word for that."""
@@ -63,9 +63,9 @@ class FmuStep:
     further_inputs, further_outputs : names, of those that were asked for, that the FMU has.
     sensor_names : of the temperature sensors in order, if :data:`TEMPERATURE` was asked for; their inputs are
         ``temperature[k]`` [K].
-    reading_units : unit of further sensors and thrust by name of the input, if :data:`SENSORS` was asked for.
-    section_stations : x of the sections [m] whose loads are among the outputs, if :data:`FURTHER_LOADS` was asked
-        for; None where it was not, or the FMU has neither rolling moment nor sections.
+    reading_units : unit of auxiliary sensors and thrust by name of the input.
+    section_stations : x of the sections [m] whose loads are among the outputs, if :data:`OTHER_LOAD_OUTPUTS` was
+        asked for; None where it was not, or the FMU has neither rolling moment nor sections.
     needs_pressure : whether there are no coefficients where q_inf is not known: of a linear estimator.
     strain_nominal : (n_d,) nominal values of the strains [m/m], the largest that are expected; 1 without.
     pressure_nominal : nominal value of q_inf [Pa].
@@ -85,13 +85,15 @@ class FmuStep:
     ) -> None:
         self.path = path
         self._description = read_description(path)
-        inputs = estimator_inputs(path, self._description, takes_sensors=SENSORS in further_inputs)
+        inputs = estimator_inputs(path, self._description)
         strains = numbered(inputs, STRAIN)
         self.gauge_names = tuple(gauge_name(variable) for variable in strains)
         self.n_gauges = len(strains)
-        readings = [one for one in inputs if one.name.startswith(SENSOR_PREFIX) or one.name == THRUST]
-        self.reading_units = {one.name: str(one.unit) for one in readings if SENSORS in further_inputs}
-        count = sum(one.name.startswith(SENSOR_PREFIX) for one in readings)
+        self.reading_units = reading_units(inputs)
+        if self.reading_units and SENSORS not in further_inputs:
+            sensor = next(iter(self.reading_units))
+            raise InputError(f"{path}: expected an FMU of strain gauges alone, got one with the input '{sensor}'")
+        count = sum(name.startswith(SENSOR_PREFIX) for name in self.reading_units)
         valid = numbered(inputs, VALID)
         valid = valid[: len(valid) - count]  # those of sensors stay true: one of NaN, as at the start, is left out
         if valid and len(valid) != self.n_gauges:
@@ -111,11 +113,13 @@ class FmuStep:
         self._set = (*strains, pressure, *of_flow, *valid)
         self._place = {v.name: self.n_gauges + index for index, v in enumerate((pressure, *of_flow))}
         self._first_mask = self.n_gauges + 1 + len(of_flow)
-        wanted = [name for name in further_outputs if name != FURTHER_LOADS]
+        wanted = [name for name in further_outputs if name != OTHER_LOAD_OUTPUTS]
         wanted += [name.replace(PARAMETER_PREFIX, OUTSIDE_PREFIX, 1) for name in parameters]
-        self.section_stations = section_stations(self._description) if FURTHER_LOADS in further_outputs else None
+        self.section_stations = (
+            section_stations(self._description) if OTHER_LOAD_OUTPUTS in further_outputs else None
+        )
         if self.section_stations is not None:
-            wanted += further_load_outputs(len(self.section_stations))
+            wanted += other_load_outputs(len(self.section_stations))
         self._get = estimator_outputs(path, self._description, dict.fromkeys(wanted))
         self.further_outputs = tuple(variable.name for variable in self._get[len(OUTPUTS) - 1 : -1])
         self.strain_nominal = np.array([float(variable.nominal or 1.0) for variable in strains])

@@ -12,17 +12,16 @@ from typing import Any
 import numpy as np
 
 from strainfmu.arrays import FloatArray
-from strainfmu.cosim.estimators.fmu_step import TEMPERATURE, FmuStep
-from strainfmu.cosim.estimators.step import ENVELOPE_SCORE, FURTHER_LOADS, PARAMETERS, Step, StepResult
+from strainfmu.cosim.estimators.fmu_step import SENSORS, TEMPERATURE, FmuStep
+from strainfmu.cosim.estimators.step import ENVELOPE_SCORE, OTHER_LOAD_OUTPUTS, PARAMETERS, Step, StepResult
 from strainfmu.cosim.estimators.zeros_file import load_zeros
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map
-from strainfmu.estimator.map.sensors import refuse_sensors
 from strainfmu.estimator.settings import default_settings
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros, no_zeros
-from strainfmu.interface.further_variables import further_load_outputs, further_outputs, section_stations
-from strainfmu.interface.input_names import FURTHER_FLOW, given_flow
+from strainfmu.interface.input_names import OTHER_AIR_DATA, given_flow, given_thrust
+from strainfmu.interface.other_load_variables import other_load_outputs, other_load_values, section_stations
 from strainfmu.interface.parameter_variables import (
     OUTSIDE_PREFIX,
     STD_PREFIX,
@@ -30,6 +29,7 @@ from strainfmu.interface.parameter_variables import (
     parameter_std_names,
 )
 from strainfmu.interface.parameter_variables import PREFIX as PARAMETER_PREFIX
+from strainfmu.interface.sensor_variables import THRUST, reading_units, sensor_names
 from strainfmu.interface.temperature_variables import temperature_names
 
 NAVIGATION = ("mach_number", "altitude")
@@ -70,15 +70,14 @@ def open_step(source: Path, zeros: Path | None = None) -> Iterator[ReadyStep]:
         The FMU cannot be loaded on this machine.
     """
     if is_fmu(source):
-        inputs = (*NAVIGATION, *FURTHER_FLOW, TEMPERATURE, PARAMETERS)
-        with FmuStep(source, inputs, (ENVELOPE_SCORE, FURTHER_LOADS)) as fmu:
+        inputs = (*NAVIGATION, *OTHER_AIR_DATA, TEMPERATURE, SENSORS, PARAMETERS)
+        with FmuStep(source, inputs, (ENVELOPE_SCORE, OTHER_LOAD_OUTPUTS)) as fmu:
             if zeros is not None:
                 fmu.set_zeros(load_zeros(zeros, fmu.gauge_names))
             yield ReadyStep(fmu, fmu.gauge_names)
         return
     inverse_map = load_inverse_map(source)
-    refuse_sensors(inverse_map.sensors, f"{source}: bridge")
-    names = tuple(inverse_map.gauge_names)
+    names = tuple(inverse_map.gauge_names[: inverse_map.n_strain_gauges])
     yield ReadyStep(MapStep(inverse_map, None if zeros is None else load_zeros(zeros, names)), names)
 
 
@@ -90,16 +89,19 @@ class MapStep:
         self.needs_pressure = inverse_map.manifold is None
         self.sensor_names = inverse_map.thermal.sensor_names
         self._temperatures = temperature_names(inverse_map.thermal)
+        self.reading_units = reading_units(inverse_map)
+        self._sensors = sensor_names(inverse_map)
         self._estimator = Estimator(inverse_map, zeros=zeros)
         self._parameters = parameter_names(inverse_map)
         self._stds = parameter_std_names(inverse_map)
-        self._flow = FURTHER_FLOW[:1] if self.needs_pressure else FURTHER_FLOW
-        self.further_inputs = (*NAVIGATION, *self._flow, *self._temperatures, *self._parameters, *self._stds)
-        self.noise_std = inverse_map.noise_std
+        self._flow = OTHER_AIR_DATA[:1] if self.needs_pressure else OTHER_AIR_DATA
+        of_flow = (*NAVIGATION, *self._flow, *self._temperatures)
+        self.further_inputs = (*of_flow, *self._parameters, *self._stds, *self.reading_units)
+        self.noise_std = inverse_map.noise_std[: inverse_map.n_strain_gauges]
         self.sensor_range = default_settings(inverse_map).sensor_range
         self.section_stations = section_stations(inverse_map)
         stations = self.section_stations
-        self._further = {} if stations is None else further_load_outputs(len(stations))
+        self._further = {} if stations is None else other_load_outputs(len(stations))
 
     def set_zeros(self, zeros: GaugeZeros | None) -> None:
         """Take ``zeros`` off the strains from the next step on, which goes on from the state of the last."""
@@ -118,8 +120,9 @@ class MapStep:
     ) -> StepResult:
         """Do one step; its result does not depend on ``step_size``.
 
-        ``others`` are temperatures [K], p_inf and deviations of navigation, further parameters of the flow and
-        their deviations by name of the FMU's input; one that is not given is not known.
+        ``others`` are temperatures [K], p_inf and deviations of navigation, flow parameters and their deviations,
+        readings of auxiliary sensors and thrust [N] by name of the FMU's input; one that is not given is not
+        known, but thrust, which is 0 then.
         """
         warm = None
         if self._temperatures and others:
@@ -131,13 +134,17 @@ class MapStep:
             of_flow["parameters"] = {name: others.get(PARAMETER_PREFIX + name, nan) for name in names}
         if self._stds:
             of_flow["parameters_std"] = given_flow({name: others.get(STD_PREFIX + name, nan) for name in names})
+        if self._sensors:
+            strain = np.append(strain, [others.get(name, nan) for name in self._sensors])
+        if THRUST in self.reading_units:
+            of_flow |= given_thrust(others)
         found = self._estimator.track(strain, dynamic_pressure, **of_flow)
         further = {ENVELOPE_SCORE: found.envelope_score}
         further |= {
             OUTSIDE_PREFIX + n: score for n, score in zip(names, found.parameter_score.tolist(), strict=False)
         }
         if self._further:
-            further |= zip(self._further, further_outputs(found), strict=True)
+            further |= zip(self._further, other_load_values(found), strict=True)
         return StepResult(
             coefficients=found.coefficients,
             coefficients_std=found.coefficients_std,

@@ -51,7 +51,7 @@ PARAMETERS = "parameters"
 """Name that stands for all further parameters of the flow among the further inputs that are asked for, and their
 standard deviations."""
 
-FURTHER_LOADS = "further_loads"
+OTHER_LOAD_OUTPUTS = "other_loads"
 """Name that stands for rolling moment and section loads, with their deviations, among the outputs asked for."""
 
 Step = Callable[..., StepResult]
@@ -78,6 +78,14 @@ def sensor_names_of(step: Step) -> tuple[str, ...]:
     They are ``step``'s attribute ``sensor_names``; none where it has none.
     """
     return tuple(getattr(step, "sensor_names", ()))
+
+
+def reading_units_of(step: Step) -> dict[str, str]:
+    """Return the unit of each auxiliary sensor and of thrust among :func:`further_inputs` by name of the input.
+
+    They are ``step``'s attribute ``reading_units``; none where it has none.
+    """
+    return dict(getattr(step, "reading_units", {}))
 
 
 def parameter_names_of(step: Step) -> tuple[str, ...]:

@@ -20,8 +20,11 @@ from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import pressure_and_temperature
 from strainfmu.cosim.models.trajectory import Trajectory
 from strainfmu.errors import InputError
+from strainfmu.estimator.map.sensors import UNITS as SENSOR_UNITS
+from strainfmu.estimator.map.sensors import SensorRows
 from strainfmu.flight_condition import FlightCondition
-from strainfmu.records import load_record, save_record
+from strainfmu.interface.sensor_variables import reading_names
+from strainfmu.records import inner_record, load_record, save_record
 
 SCHEMA = "strainfmu.flight_model"
 SCHEMA_VERSION = 2
@@ -49,6 +52,8 @@ _CHECKS_PER_ROW = 10
 class FlightModel:
     """Strain and coefficients over the flight envelope, for n_d gauges on n_channel channels.
 
+    Auxiliary sensors are rows as gauges are, behind them, whose readings stand in units of their own for strain.
+
     With M_i, a_j the lower knots of the cell that holds Mach number M and total incidence a_T, a table c has
     the value sum_pq c[i, j, p, q] (M - M_i)^p (a_T - a_j)^q. The strain of gauge g on channel k is
     p_inf sum_m [E_km cos(m (phi_g - phi_T)) + S_km sin(m (phi_g - phi_T))] - p_internal u_g, m from 0.
@@ -73,6 +78,7 @@ class FlightModel:
     noise_std : standard deviation of the noise on every strain [m/m].
     provenance : what the model was built from.
     apparent_strain : (n_d,) strain that every gauge reads beside the body's [m/m]; None for none.
+    sensors : what the n_d rows read; their scale is the noise of each over ``noise_std``. None for strain alone.
     """
 
     vehicle: str
@@ -91,6 +97,7 @@ class FlightModel:
     noise_std: float
     provenance: dict[str, Any] = field(default_factory=dict)
     apparent_strain: FloatArray | None = None
+    sensors: SensorRows | None = field(default=None, metadata=inner_record(SensorRows, SENSOR_UNITS))
 
     def __post_init__(self) -> None:
         _check_shapes(self)
@@ -98,8 +105,23 @@ class FlightModel:
 
     @property
     def n_gauges(self) -> int:
-        """Number of gauges n_d."""
+        """Number of rows n_d, gauges and auxiliary sensors."""
         return len(self.gauge_names)
+
+    @property
+    def n_strain_gauges(self) -> int:
+        """Number of strain gauges, whose rows come first."""
+        return self.n_gauges if self.sensors is None else self.sensors.n_strain_gauges
+
+    @property
+    def noise_scale(self) -> FloatArray:
+        """(n_d,) noise of each row over ``noise_std`` [unit/(m/m)]; 1 of strain."""
+        return np.ones(self.n_gauges) if self.sensors is None else self.sensors.scale
+
+    @property
+    def reading_names(self) -> tuple[str, ...]:
+        """n_d names of the plant's outputs for the rows."""
+        return reading_names(self)
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +131,7 @@ class FlightPoint:
     Attributes
     ----------
     coefficients : (5,) C_A, C_N, C_Y, M_P, M_Y [1].
-    strain : (n_d,) [m/m].
+    strain : (n_d,) [m/m], of auxiliary sensors their readings.
     dynamic_pressure : q_inf [Pa].
     """
 
@@ -244,6 +266,9 @@ def _check_values(model: FlightModel) -> None:
         raise InputError("flight model: gauge_names holds a name twice")
     if not np.issubdtype(channels.dtype, np.integer) or np.any((channels < 0) | (channels >= n_channel)):
         raise InputError(f"flight model: gauge_channel must hold integers from 0 to {n_channel - 1}")
+    if model.sensors is not None and len(model.sensors.kind) != len(model.gauge_names):
+        n_d = len(model.gauge_names)
+        raise InputError(f"flight model: sensors: {len(model.sensors.kind)} rows found, must be {n_d}")
     for name in ("mach_knots", "incidence_knots"):
         if not np.all(np.diff(getattr(model, name)) > 0.0):
             raise InputError(f"flight model: {name} must increase")

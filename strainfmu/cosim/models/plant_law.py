@@ -18,7 +18,7 @@ from strainfmu.cosim.models.flight_model import FlightModel, evaluate
 from strainfmu.cosim.models.gauge_noise import gauge_noise
 from strainfmu.cosim.models.trajectory import Trajectory
 from strainfmu.flight_condition import FlightCondition
-from strainfmu.interface.fmi_variables import COEFFICIENTS, strain_names
+from strainfmu.interface.fmi_variables import COEFFICIENTS
 from strainfmu.interface.plant_variables import FlightStart, GaugeFault, Motion
 
 SUBSTEP = 1e-3
@@ -78,13 +78,13 @@ def plant_rows(
         given = _inputs_of_row(inputs, max(k - 1, 0))
         if k and plant.motion is Motion.SHORT_PERIOD:
             angle_and_rate = _moved(plant, given, angle_and_rate, now - time[k - 1])
-        sampled = gauge_noise(plant.seed, k, n) * plant.model.noise_std
+        sampled = gauge_noise(plant.seed, k, n) * plant.model.noise_std * plant.model.noise_scale
         row, gauges = _at(plant, given, angle_and_rate, sampled, gauges, now)
         yield row
         # The inputs of the coming step count from here on: faults begin, and this is what FROZEN goes back to.
         given = _inputs_of_row(inputs, k)
         row, gauges = _at(plant, given, angle_and_rate, sampled, gauges, now)
-        gauges = replace(gauges, last=np.array([row[name] for name in strain_names(n)]))
+        gauges = replace(gauges, last=np.array([row[name] for name in plant.model.reading_names]))
 
 
 def _inputs_of_row(inputs: Mapping[str, FloatArray], row: int) -> dict[str, float]:
@@ -111,7 +111,7 @@ def _at(
     strain = np.select([kind == one for one in _FAULTS], read, healthy)
     row = {
         **dict(zip(COEFFICIENTS, point.coefficients.tolist(), strict=True)),
-        **dict(zip(strain_names(n), strain.tolist(), strict=True)),
+        **dict(zip(plant.model.reading_names, strain.tolist(), strict=True)),
         "dynamic_pressure": point.dynamic_pressure,
         **dict(zip(_CONDITION, condition.as_tuple(), strict=True)),
         "pitch_rate": float(angle_and_rate[1]),

@@ -21,12 +21,12 @@ def dataframe_of(estimate: ShownEstimate, health: Any) -> DataFrame:
     from pandas import DataFrame
 
     columns: dict[str, Any] = {}
-    rolling = (estimate.further_coefficients[..., :1], estimate.further_coefficients_std[..., :1])
+    rolling = (estimate.other_coefficients[..., :1], estimate.other_coefficients_std[..., :1])
     rows: tuple[tuple[tuple[str, ...], FloatArray, FloatArray], ...] = (
         (COEFFICIENT_NAMES, estimate.coefficients, estimate.coefficients_std),
         (LOAD_NAMES, estimate.loads, estimate.loads_std),
         (("M_R",), *rolling),
-        (other_load_names(estimate.section_station), estimate.further_loads, estimate.further_loads_std),
+        (other_load_names(estimate.section_station), estimate.other_loads, estimate.other_loads_std),
     )
     for names, values, std in rows:
         columns |= dict(zip(names, np.atleast_2d(values).T, strict=True))

@@ -14,8 +14,8 @@ class NamedLoads:
 
     loads: FloatArray
     coefficients: FloatArray
-    further_loads: FloatArray
-    further_coefficients: FloatArray
+    other_loads: FloatArray
+    other_coefficients: FloatArray
 
     @property
     def axial_force(self) -> FloatArray:
@@ -70,12 +70,12 @@ class NamedLoads:
     @property
     def rolling_moment(self) -> FloatArray:
         """Moment about x [N m], positive with starboard going down; known to be zero for a body of revolution."""
-        return self.further_loads[..., 0]
+        return self.other_loads[..., 0]
 
     @property
     def M_R(self) -> FloatArray:
         """Coefficient of the rolling moment [1], C_l of the literature."""
-        return self.further_coefficients[..., 0]
+        return self.other_coefficients[..., 0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,8 +85,8 @@ class Sigma(NamedLoads):
 
     loads: FloatArray
     coefficients: FloatArray
-    further_loads: FloatArray
-    further_coefficients: FloatArray
+    other_loads: FloatArray
+    other_coefficients: FloatArray
 
 
 class ShownEstimate(Protocol):
@@ -103,13 +103,13 @@ class ShownEstimate(Protocol):
     @property
     def coefficient_covariance(self) -> FloatArray: ...
     @property
-    def further_loads(self) -> FloatArray: ...
+    def other_loads(self) -> FloatArray: ...
     @property
-    def further_loads_std(self) -> FloatArray: ...
+    def other_loads_std(self) -> FloatArray: ...
     @property
-    def further_coefficients(self) -> FloatArray: ...
+    def other_coefficients(self) -> FloatArray: ...
     @property
-    def further_coefficients_std(self) -> FloatArray: ...
+    def other_coefficients_std(self) -> FloatArray: ...
     @property
     def section_station(self) -> FloatArray: ...
     @property

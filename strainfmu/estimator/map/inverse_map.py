@@ -188,12 +188,12 @@ class InverseMap:
 
     @property
     def n_gauges(self) -> int:
-        """Number of gauges n_d, further sensors among them."""
+        """Number of gauges n_d, auxiliary sensors among them."""
         return len(self.gauge_names)
 
     @property
     def n_strain_gauges(self) -> int:
-        """Number of strain gauges, the first rows; all of them in a map without further sensors."""
+        """Number of strain gauges, the first rows; all of them in a map without auxiliary sensors."""
         return self.sensors.n_strain_gauges
 
     @property
@@ -233,7 +233,7 @@ class InverseMap:
         return len(self.field_mean) > 0
 
     @property
-    def has_further_sensors(self) -> bool:
+    def has_auxiliary_sensors(self) -> bool:
         """Whether some rows are no strain gauges."""
         return self.n_strain_gauges < self.n_gauges
 

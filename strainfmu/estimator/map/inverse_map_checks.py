@@ -61,7 +61,7 @@ def _check_parts(inverse_map: InverseMap) -> None:
         raise InputError(f"inverse map: tables of {manifold.n_loads} loads, must be of {inverse_map.n_loads}")
     n_sensors = n_d - inverse_map.n_strain_gauges
     if manifold is not None and manifold.n_sensors != n_sensors:
-        raise InputError(f"inverse map: tables of {manifold.n_sensors} further sensors, must be of {n_sensors}")
+        raise InputError(f"inverse map: tables of {manifold.n_sensors} auxiliary sensors, must be of {n_sensors}")
 
 
 def _check_number_of_loads(inverse_map: InverseMap) -> None:

@@ -103,7 +103,7 @@ def map_arrays(inverse_map: InverseMap, known: KnownStrain | None = None) -> dic
     parameters = flow_parameters(inverse_map)
     if parameters.names:
         parts["parameters"] = _parameters(parameters)
-    if inverse_map.has_further_sensors:
+    if inverse_map.has_auxiliary_sensors:
         parts["sensors"] = _sensors(inverse_map.sensors)
     return {
         f"{part}.{name}": np.asarray(value) for part, values in parts.items() for name, value in values.items()

@@ -51,8 +51,8 @@ class ManifoldMap:
     error_strain, error_load : (n_d, k) [1/Pa], (n_f, k) [m2, m3] per standard deviation, and per p_inf, of
         pressure off the tables and of the internal pressure.
     gauge_gain_std, common_gain_std : errors of each gauge's gain, and of all together, relative [1].
-    sensor_gain_std, sensor_common_gain_std : (n_s,) the same of the further sensors, which are the last of the n_d
-        gauges; None for none.
+    sensor_gain_std, sensor_common_gain_std : (n_s,) the same of the auxiliary sensors, which are the last of the
+        n_d gauges; None for none.
     gauge_error_product : (21, n_d) sum over errors of each gauge of D_a D_b, doubled for a < b [1/Pa^2].
     common_error : (n_t, 6, n_d) errors that all gauges have in common, per p_inf and c_a [1/Pa].
     reference_area, reference_length : S [m2], L [m].
@@ -165,7 +165,7 @@ class ManifoldMap:
 
     @property
     def n_sensors(self) -> int:
-        """Number of further sensors n_s."""
+        """Number of auxiliary sensors n_s."""
         return 0 if self.sensor_gain_std is None else len(self.sensor_gain_std)
 
     @cached_property

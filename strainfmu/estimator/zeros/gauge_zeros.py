@@ -1,6 +1,6 @@
 """Zeros of the strain gauges: what each reads without strain, and how well that is known.
 
-Further sensors of a map have none: what they read without load is taken off before.
+Auxiliary sensors of a map have none: what they read without load is taken off before.
 """
 
 from __future__ import annotations

@@ -102,7 +102,7 @@ def estimator_sections(inverse_map: InverseMap, content_hash: str, run: Referenc
             [*_example(inverse_map, run), estimate_figure(inverse_map, run)],
         ),
         ("Gauges", [_gauge_table(inverse_map)]),
-        *([("Sensors", _sensors(inverse_map))] if inverse_map.has_further_sensors else []),
+        *([("Sensors", _sensors(inverse_map))] if inverse_map.has_auxiliary_sensors else []),
         *([("Temperature", _temperature(inverse_map.thermal))] if inverse_map.has_temperature else []),
         (
             "How to cite",
@@ -115,9 +115,9 @@ def estimator_sections(inverse_map: InverseMap, content_hash: str, run: Referenc
 
 
 def _and_sensors(inverse_map: InverseMap) -> str:
-    """Return words for the further sensors, if there are any."""
+    """Return words for the auxiliary sensors, if there are any."""
     count = inverse_map.n_gauges - inverse_map.n_strain_gauges
-    return f" and the readings of {count} further sensor{'s' if count > 1 else ''}" if count else ""
+    return f" and the readings of {count} auxiliary sensor{'s' if count > 1 else ''}" if count else ""
 
 
 def _how(inverse_map: InverseMap) -> str:
@@ -223,7 +223,7 @@ def _reading(inverse_map: InverseMap, row: int, value: float) -> str:
 
 
 def _sensors(inverse_map: InverseMap) -> list[str]:
-    """Return what the further sensors are, and how they are used."""
+    """Return what the auxiliary sensors are, and how they are used."""
     sensors, first = inverse_map.sensors, inverse_map.n_strain_gauges
     rows = [
         (
@@ -245,7 +245,7 @@ def _sensors(inverse_map: InverseMap) -> list[str]:
     headings = ("No.", "Input", "Kind", "x [m]", "Roll [deg]", "Direction x, y, z", "Noise sigma", "Range")
     return [
         text + (_THRUST_TEXT if has_thrust(inverse_map) else ""),
-        table_html(headings, rows, caption="Further sensors"),
+        table_html(headings, rows, caption="Auxiliary sensors"),
     ]
 
 

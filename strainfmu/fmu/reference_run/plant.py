@@ -24,7 +24,7 @@ from strainfmu.errors import InputError
 from strainfmu.fmu.reference_run.flight_path import rounded
 from strainfmu.fmu.reference_run.run import ReferenceRun, layered_standard_files
 from strainfmu.interface.estimator_variables import valid_names
-from strainfmu.interface.fmi_variables import COEFFICIENTS, Variable, shown_unit, strain_names
+from strainfmu.interface.fmi_variables import COEFFICIENTS, Variable, shown_unit
 from strainfmu.interface.plant_variables import FlightStart, GaugeFault, Motion, native_plant_interface
 
 STEP_SIZE, AUTOPILOT_STEP = 0.01, 0.02
@@ -156,13 +156,13 @@ def _python_plant_run(model: FlightModel, trajectory: Trajectory, seed: int) -> 
     except InputError:
         return None
     noise = np.random.Generator(np.random.PCG64(seed)).standard_normal((len(time), model.n_gauges))
-    strain = np.array([point.strain for point in points]) + model.noise_std * noise
+    strain = np.array([point.strain for point in points]) + model.noise_std * noise * model.noise_scale
     coefficients = np.array([point.coefficients for point in points])
     flown = np.array([condition.as_tuple() for condition in conditions])
     names = ("mach_number", "angle_of_attack", "sideslip_angle", "altitude")
     outputs = {
         **{name: _cleaned(name, column) for name, column in zip(COEFFICIENTS, coefficients.T, strict=True)},
-        **dict(zip(strain_names(model.n_gauges), strain.T, strict=True)),
+        **dict(zip(model.reading_names, strain.T, strict=True)),
         "dynamic_pressure": np.array([point.dynamic_pressure for point in points]),
         **dict(zip(names, flown.T, strict=True)),
     }

@@ -81,7 +81,7 @@ class Wanted:
     sensors : names of the n_t temperature sensors that are read.
     ignored : names of columns not to read; with ``*`` for any text, of columns that are not known otherwise.
     reference : strains that the map expects, which tell the likely unit; None if they are not known.
-    readings : SI unit, as FMI has it, of each further sensor and of thrust, by its name; they are among ``flow``.
+    readings : SI unit, as FMI has it, of each auxiliary sensor and of thrust, by name; they are among ``flow``.
     passed : quantities that are known and not read, since another estimator takes them.
     excluded : gauges to leave out, as the user names them: see :func:`excluded_gauges`.
     """

@@ -69,7 +69,7 @@ class StrainBlock:
         them, that the file holds [Pa, 1, m], NaN where it is not known.
     parameters, parameters_std : (n,) of each further parameter of the flow that the file holds, as ``flow``, and
         its standard deviation.
-    readings : (n,) of each further sensor, and thrust, that the file holds [SI unit], NaN where it has no value.
+    readings : (n,) of each auxiliary sensor, and thrust, that the file holds [SI unit], NaN where it has no value.
     temperature : (n, n_t) of the map's sensors [K], NaN where one gives none; None if the file holds none.
     faults : n texts on strains that were taken out, "" for none; see
         :class:`~strainfmu.recorded.strains.strain_faults.StrainFaults`.
@@ -103,7 +103,7 @@ class ColumnPlan:
     reference : strains that the map expects, None if they are not known.
     temperature : column of each temperature sensor of the map, None of one without.
     sensors : names of those sensors.
-    readings : names of further sensors of the map, and thrust, which may be in ``flow``.
+    readings : names of auxiliary sensors of the map, and thrust, which may be in ``flow``.
     """
 
     path: Path
@@ -347,8 +347,8 @@ def flow_factor(
 ) -> float:
     """Return the factor from ``unit`` to the SI unit of ``name``, one of ``FLOW_NAMES``; 1 without a unit.
 
-    ``readings`` are the SI units of further sensors by name. A further parameter of the flow is in the unit of the
-    vehicle file and has none.
+    ``readings`` are the SI units of auxiliary sensors by name. A flow parameter is in the unit of the vehicle file
+    and has none.
     """
     units, default = _FLOW_UNITS.get(name, (NUMBER_UNITS, "1"))
     if readings and name in readings:

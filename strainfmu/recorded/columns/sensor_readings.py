@@ -1,4 +1,4 @@
-"""Readings of further sensors in recorded data: the names of their columns, and the rows of the map they make."""
+"""Readings of auxiliary sensors in recorded data: names of their columns, and the rows of the map they make."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from strainfmu.recorded.columns.columns import StrainBlock
 
 
 def recorded_readings(units: Mapping[str, str]) -> dict[str, str]:
-    """Return the units of further sensors and of thrust by the names of their columns, inputs less the prefix."""
+    """Return the units of auxiliary sensors and of thrust by the names of columns, inputs less the prefix."""
     return {name.removeprefix(PREFIX): unit for name, unit in units.items()}
 
 
 def all_readings(block: StrainBlock, readings: Mapping[str, str]) -> FloatArray:
-    """Return (n, n_s) what the further sensors read, NaN of one that the recording does not hold."""
+    """Return (n, n_s) what the auxiliary sensors read, NaN of one that the recording does not hold."""
     nothing = np.full(len(block.time), np.nan)
     columns = [block.readings.get(name, nothing) for name in readings if name != THRUST]
     return np.column_stack(columns) if columns else np.empty((len(block.time), 0))
 
 
 def rows_of_map(block: StrainBlock, sensors: SensorRows, readings: Mapping[str, str]) -> FloatArray:
-    """Return (n, n_d) readings of a map: strains, then further sensors less what thrust makes of them.
+    """Return (n, n_d) readings of a map: strains, then auxiliary sensors less what thrust makes of them.
 
     Thrust that the recording does not hold is 0.
     """

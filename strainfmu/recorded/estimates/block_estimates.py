@@ -40,7 +40,7 @@ class BlockEstimates:
         FMU.
     estimates : n estimates by a map, for their pressure; None of an FMU.
     outside : (n,) whether a further parameter of the flow leaves its range, by its name.
-    further : (n, n_f) columns that this kind of estimator has beside, see ``BlockEstimator.further_columns``.
+    further : (n, n_f) columns that this kind of estimator has beside, see ``BlockEstimator.other_columns``.
     """
 
     coefficients: FloatArray
@@ -70,10 +70,10 @@ class BlockEstimator(Protocol):
     reference : the level of strains that it expects.
     has_residuals : whether it gives the z of each gauge.
     envelope_score_limit : score above which the coefficients are outside, NaN where it is not known.
-    further_columns : names and units of further columns of the output.
+    other_columns : names and units of further columns of the output.
     inverse_map : the map, None of an FMU.
-    gauge_names, row_names : strain gauges; the same, then further sensors.
-    readings : unit of each further sensor, and of thrust, by its name.
+    gauge_names, row_names : strain gauges; the same, then auxiliary sensors.
+    readings : unit of each auxiliary sensor, and of thrust, by its name.
     sensor_names : temperature sensors that it takes.
     parameter_names : further parameters of the flow that it takes.
     sharpening : those of them whose standard deviation it takes.
@@ -85,7 +85,7 @@ class BlockEstimator(Protocol):
     sensor_names: tuple[str, ...]
     parameter_names: tuple[str, ...]
     sharpening: tuple[str, ...]
-    further_columns: tuple[tuple[str, str], ...]
+    other_columns: tuple[tuple[str, str], ...]
     inputs: tuple[str, ...]
     reference: LevelReference
     has_residuals: bool
@@ -101,7 +101,7 @@ def dropped_navigation(
 ) -> dict[str, BoolArray]:
     """Return (n,) whether each quantity of navigation is given and not used, by its name.
 
-    ``columns`` are the ``further_columns`` of the estimator, which say what is used; {} of one that takes none.
+    ``columns`` are the ``other_columns`` of the estimator, which say what is used; {} of one that takes none.
     """
     names = [name for name, _ in columns]
     if found.further is None or USED_PREFIX + NAVIGATION[0] not in names:

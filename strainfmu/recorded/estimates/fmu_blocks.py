@@ -20,7 +20,7 @@ from strainfmu.recorded.columns.columns import StrainBlock
 from strainfmu.recorded.columns.sensor_readings import all_readings, recorded_readings
 from strainfmu.recorded.columns.strain_level import LevelReference
 from strainfmu.recorded.estimates.block_estimates import BlockEstimates, outside_ranges
-from strainfmu.recorded.estimates.fmu_columns import FurtherOutput, further_outputs_of
+from strainfmu.recorded.estimates.fmu_columns import OtherOutput, other_outputs_of
 
 _HEALTH = ("chi_square_limit", "valid_gauges", "suspect_gauge", "suspects", "envelope_score")
 
@@ -36,7 +36,7 @@ def opened_fmu(source: Path, zeros: Path | None = None) -> Iterator[FmuBlocks]:
     StrainfmuError
         The FMU cannot be loaded on this machine.
     """
-    further = further_outputs_of(outputs_of(source))
+    further = other_outputs_of(outputs_of(source))
     asked = (*(f"health.{name}" for name in _HEALTH), *(one.output for one in further))
     scores = [one.output for one in further if one.output.startswith(OUTSIDE_PREFIX)]
     parameters = (one.replace(OUTSIDE_PREFIX, kind, 1) for one in scores for kind in (PREFIX, STD_PREFIX))
@@ -54,10 +54,10 @@ class FmuBlocks:
     envelope_score_limit = float("nan")
     inverse_map: InverseMap | None = None
 
-    def __init__(self, step: FmuStep, further: Sequence[FurtherOutput]) -> None:
+    def __init__(self, step: FmuStep, further: Sequence[OtherOutput]) -> None:
         self._step = step
         self._further = [one.output for one in further]
-        self.further_columns = tuple((one.column, one.unit) for one in further)
+        self.other_columns = tuple((one.column, one.unit) for one in further)
         self.gauge_names, self.sensor_names = step.gauge_names, step.sensor_names
         self.readings: Mapping[str, str] = recorded_readings(step.reading_units)
         self._readings = dict(zip(self.readings, step.reading_units, strict=True))

@@ -32,7 +32,7 @@ _RENAMED = {
 
 
 @dataclass(frozen=True)
-class FurtherOutput:
+class OtherOutput:
     """An output of an FMU, its column, and the column's unit."""
 
     output: str
@@ -40,13 +40,13 @@ class FurtherOutput:
     unit: str
 
 
-def further_outputs_of(outputs: Iterable[tuple[str, str]]) -> tuple[FurtherOutput, ...]:
+def other_outputs_of(outputs: Iterable[tuple[str, str]]) -> tuple[OtherOutput, ...]:
     """Return the further ones among ``outputs``, names and units, in the order of the columns of a map.
 
     Loads stand ahead of their deviations; air data have that order already.
     """
     found = [
-        FurtherOutput(output=name, column=_RENAMED.get(name, name), unit=unit.replace(".", " "))
+        OtherOutput(output=name, column=_RENAMED.get(name, name), unit=unit.replace(".", " "))
         for name, unit in outputs
         if name.startswith(_PREFIXES)
     ]

@@ -54,7 +54,7 @@ class MapBlocks:
         self.sharpening: tuple[str, ...] = self.parameter_names if sharpens else ()
         self.has_loads = inverse_map.has_other_loads
         air_data = AIR_DATA_COLUMNS if estimator.is_nonlinear else ()
-        self.further_columns = (*air_data, *_further_columns(inverse_map, self.has_loads))
+        self.other_columns = (*air_data, *_other_columns(inverse_map, self.has_loads))
         self.row_names = inverse_map.gauge_names
         self.gauge_names = self.row_names[: inverse_map.n_strain_gauges]
         self.readings: Mapping[str, str] = recorded_readings(reading_units(inverse_map))
@@ -83,7 +83,7 @@ class MapBlocks:
             worst=worst,
             make_residual=lambda: (found.standardised_residual, found.residual_limit),
             outside=outside_ranges(self.parameter_names, found.parameter_score),
-            further=np.hstack([of_air_data, further_values(found, self.has_loads)]),
+            further=np.hstack([of_air_data, other_values(found, self.has_loads)]),
             estimates=found,
         )
 
@@ -121,7 +121,7 @@ class MapBlocks:
         return self.estimator.estimate(readings, **arguments)
 
 
-def _further_columns(inverse_map: InverseMap, has_loads: bool) -> tuple[tuple[str, str], ...]:
+def _other_columns(inverse_map: InverseMap, has_loads: bool) -> tuple[tuple[str, str], ...]:
     """Return M_R, rolling moment and section loads with their deviations; none where the map has no such loads.
 
     Between the two stand the scores of further parameters of the flow.
@@ -142,12 +142,12 @@ def air_data_values(found: Any) -> FloatArray:
     return np.hstack([air.value, air.std, *(flag.astype(float) for flag in flags)])
 
 
-def further_values(found: Any, has_loads: bool) -> FloatArray:
+def other_values(found: Any, has_loads: bool) -> FloatArray:
     """Return the values (n, n_f) of the columns of rolling moment, section loads and scores of estimates."""
     if not has_loads:
         return np.asarray(found.parameter_score)
-    rolling, std = found.further_coefficients[..., :1], found.further_coefficients_std[..., :1]
-    parts = (rolling, found.further_loads, found.parameter_score, std, found.further_loads_std)
+    rolling, std = found.other_coefficients[..., :1], found.other_coefficients_std[..., :1]
+    parts = (rolling, found.other_loads, found.parameter_score, std, found.other_loads_std)
     return np.concatenate(parts, axis=-1)
 
 

@@ -19,7 +19,7 @@ from strainfmu.estimator.reference.smoothing import smoothed
 from strainfmu.estimator.smoothing import Smoothed, Step, smoother_of
 from strainfmu.recorded.columns.columns import StrainBlock
 from strainfmu.recorded.estimates.block_estimates import BlockEstimates, BlockEstimator
-from strainfmu.recorded.estimates.map_blocks import MapBlocks, air_data_values, further_values
+from strainfmu.recorded.estimates.map_blocks import MapBlocks, air_data_values, other_values
 
 
 class SmoothedBlocks(MapBlocks):
@@ -37,7 +37,7 @@ class SmoothedBlocks(MapBlocks):
     def of_laws(self, found: Estimate, steps: Sequence[Step], laws: Sequence[Law]) -> BlockEstimates:
         """Return the estimates of a block by smoothed ``laws`` of its steps; all else is the filter's."""
         known = self._smoother.estimates(found, steps, laws)
-        of_loads = further_values(_Columns(known, found), self.has_loads)
+        of_loads = other_values(_Columns(known, found), self.has_loads)
         of_air = [air_data_values(_Columns(known, found))] if self.estimator.is_nonlinear else []
         return replace(
             self.block_estimates(found),
@@ -52,10 +52,10 @@ class _Columns:
     """What columns are made of: smoothed estimates, and the filter's of all else."""
 
     def __init__(self, known: Smoothed, found: Estimate) -> None:
-        self.further_coefficients, self.further_loads = known.further_coefficients, known.further_loads
-        self.further_coefficients_std, self.further_loads_std = (
-            known.further_coefficients_std,
-            known.further_loads_std,
+        self.other_coefficients, self.other_loads = known.other_coefficients, known.other_loads
+        self.other_coefficients_std, self.other_loads_std = (
+            known.other_coefficients_std,
+            known.other_loads_std,
         )
         self.air_data = replace(found.air_data, value=known.air, std=known.air_std)
         self.air_data_used, self.is_linear = found.air_data_used, found.is_linear

@@ -108,7 +108,7 @@ def _hdf5_arrays(path: Path, file: h5py.File, wanted: Wanted) -> StrainFile:
 
 
 def _data_sets(path: Path, names: list[str], wanted: Wanted) -> dict[str, str]:
-    """Return the data set of each quantity of the flow, of further sensors under any of its names."""
+    """Return the data set of each quantity of the flow, of auxiliary sensors under any of its names."""
     found: dict[str, str] = {}
     for name in names:
         reading = quantity_of(name, wanted.readings)

@@ -39,7 +39,7 @@ def samples(inverse_map: InverseMap, k: int, seed: int = 1) -> np.ndarray:
 
 FIELDS = ("loads", "loads_std", "load_covariance", "coefficients", "coefficients_std", "coefficient_covariance")
 FIELDS += ("health", "chi_square", "chi_square_limit", "degrees_of_freedom", "envelope_score", "residual_limit")
-FIELDS += ("valid", "standardised_residual", "suspects", "fits", "further_loads", "further_coefficients_std")
+FIELDS += ("valid", "standardised_residual", "suspects", "fits", "other_loads", "other_coefficients_std")
 
 
 def assert_equal(found: Estimate, expected: list[Estimate]) -> None:

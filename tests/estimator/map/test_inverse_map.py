@@ -249,7 +249,7 @@ def test_data_that_a_map_does_not_have_are_neutral(saved: Path) -> None:
         assert name in names
         assert getattr(held, name).tolist() == [-np.inf, np.inf]
     assert names >= {"sensors", "thermal", "field_is_net"}
-    assert not any((held.has_field, held.has_further_sensors, held.has_temperature, held.errors_follow_strain))
+    assert not any((held.has_field, held.has_auxiliary_sensors, held.has_temperature, held.errors_follow_strain))
     np.testing.assert_array_equal(held.thermal.isothermal_covariance, held.gauge_covariance)
     with h5py.File(saved) as file:
         assert not names & {*file, *file.attrs}

@@ -122,7 +122,7 @@ def drawn(inverse_map: InverseMap, kind: Kind, n: int, seed: int) -> Samples:
         zeros = Zeros(value=value, std=std * random.uniform(0.5, 1.5, len(std)), common_std=0.5 * std.min())
         rows[:, : len(std)] += value
     readings = rows
-    if m.has_further_sensors:
+    if m.has_auxiliary_sensors:
         thrust = random.choice([0.0, 300.0, np.nan], n, p=[0.5, 0.4, 0.1])
         readings = rows * m.sensors.scale + np.nan_to_num(thrust)[:, None] * m.sensors.thrust_response
     if m.has_temperature:
@@ -156,7 +156,7 @@ def by_core(inverse_map: InverseMap, samples: Samples) -> Estimate:
     estimator, more = Estimator(inverse_map, zeros=offsets), {}
     if samples.temperature is not None:
         more["temperature"] = samples.temperature
-    if inverse_map.has_further_sensors:
+    if inverse_map.has_auxiliary_sensors:
         more["thrust"] = samples.thrust
     return estimator.estimate(samples.readings, samples.pressure, samples.valid, samples.pressure_std, **more)
 

@@ -119,7 +119,7 @@ def drawn(m: InverseMap, kind: Kind, n: int, seed: int) -> Samples:
         offsets = 20.0 * own * random.standard_normal(len(own))
         more["zeros"] = Zeros(value=offsets, std=own * random.uniform(0.5, 1.5, len(own)), common_std=own.min())
         rows[:, : len(own)] += offsets
-    if m.has_further_sensors:
+    if m.has_auxiliary_sensors:
         more["thrust"] = random.choice([0.0, 300.0], n)
         rows = rows * m.sensors.scale + more["thrust"][:, None] * m.sensors.thrust_response
     rows[random.random(n) < 0.03, random.integers(m.n_strain_gauges)] = np.nan

@@ -31,7 +31,7 @@ def test_memory_holds_what_was_known(inverse_map: InverseMap, given: Deflected) 
     second.memory = first.memory
     later = given.track(second, slice(6, N))
     np.testing.assert_array_equal(later.loads, whole.loads[6:])
-    np.testing.assert_array_equal(later.further_loads_std, whole.further_loads_std[6:])
+    np.testing.assert_array_equal(later.other_loads_std, whole.other_loads_std[6:])
 
 
 @pytest.mark.parametrize("change", ["deviation", "lost", "all lost", "found"])
@@ -61,6 +61,6 @@ def test_a_value_of_any_deviation_is_none(inverse_map: InverseMap, given: Deflec
     std = []
     for factor in (1.0, 1e2, 1e9, np.nan):
         one = Deflected(samples=given.samples, value=given.value, std=given.std * factor)
-        std.append(one.track(Estimator(inverse_map).filter(5.0)).further_loads_std[4:])
+        std.append(one.track(Estimator(inverse_map).filter(5.0)).other_loads_std[4:])
     assert np.all(std[0] <= std[1])
     np.testing.assert_allclose(std[2], std[3], rtol=1e-2)

@@ -225,7 +225,7 @@ def test_flight_filter_agrees_with_known_parameters(seed: int, seconds: float, c
         reference.know(given.value[k], given.std[k])
         rows = np.where(used, samples["strain"][k], 0.0)
         found = reference.step(float(step), Sample(rows=rows, used=used, air=value))
-        further = (core.further_loads[k] - found.loads[5:])[1:] / np.sqrt(np.diag(found.covariance)[6:])
+        further = (core.other_loads[k] - found.loads[5:])[1:] / np.sqrt(np.diag(found.covariance)[6:])
         apart += [compared(core, k, found.loads, found.covariance), np.abs(further).max()]
         apart.append(abs(core.chi_square[k] / found.chi_square - 1.0))
     assert max(apart) < TOLERANCE
@@ -248,7 +248,7 @@ def check_flight(kind: str, samples: slice, seconds: float, deviations: str | No
         std = np.sqrt(np.diag(found.coefficient_covariance))
         further = np.empty(0)
         if len(found.loads) > 5:
-            further = (core.further_loads[k] - found.loads[5:])[1:] / np.sqrt(np.diag(found.covariance)[6:])
+            further = (core.other_loads[k] - found.loads[5:])[1:] / np.sqrt(np.diag(found.covariance)[6:])
         state_std = np.sqrt(np.diag(found.law.covariance)[:4])
         others = np.concatenate(
             [

@@ -31,9 +31,9 @@ def agreement(name: str, n: int, seed: int) -> dict[str, float]:
         loads, coefficients = core.loads[at], core.coefficients[at]
         std, coefficients_std = core.loads_std[at], core.coefficients_std[at]
         if found.loads.shape[1] > 5:
-            loads, std = np.hstack([loads, core.further_loads[at]]), np.hstack([std, core.further_loads_std[at]])
-            coefficients = np.hstack([coefficients, core.further_coefficients[at]])
-            coefficients_std = np.hstack([coefficients_std, core.further_coefficients_std[at]])
+            loads, std = np.hstack([loads, core.other_loads[at]]), np.hstack([std, core.other_loads_std[at]])
+            coefficients = np.hstack([coefficients, core.other_coefficients[at]])
+            coefficients_std = np.hstack([coefficients_std, core.other_coefficients_std[at]])
         expected = np.sqrt(np.diagonal(found.covariance, axis1=1, axis2=2))[known]
         note("loads", (loads - found.loads[known]) / expected)
         of_coefficients = np.sqrt(np.diagonal(found.coefficient_covariance, axis1=1, axis2=2))[known]

@@ -110,9 +110,9 @@ def compare(found: Agreement, core: Estimate, ours: NonlinearEstimate) -> None:
     loads, loads_std = core.loads, core.loads_std
     coefficients, coefficients_std = core.coefficients, core.coefficients_std
     if len(ours.loads) > 5:
-        loads, loads_std = np.append(loads, core.further_loads), np.append(loads_std, core.further_loads_std)
-        coefficients = np.append(coefficients, core.further_coefficients)
-        coefficients_std = np.append(coefficients_std, core.further_coefficients_std)
+        loads, loads_std = np.append(loads, core.other_loads), np.append(loads_std, core.other_loads_std)
+        coefficients = np.append(coefficients, core.other_coefficients)
+        coefficients_std = np.append(coefficients_std, core.other_coefficients_std)
     some = std > 0.0  # the rolling moment of a body of revolution is known
     of_coefficients = np.sqrt(np.diag(ours.coefficient_covariance))
     found.note("loads", (loads - ours.loads)[some] / std[some])

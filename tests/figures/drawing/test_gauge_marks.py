@@ -38,7 +38,7 @@ def rosettes(*angles: float) -> SimpleNamespace:
         n_gauges=len(position),
         n_strain_gauges=len(position),
         sensors=strain_rows(len(position)),
-        has_further_sensors=False,
+        has_auxiliary_sensors=False,
         noise_std=np.full(len(position), 2e-6),
         vehicle="cone",
     )
@@ -90,7 +90,7 @@ def test_figures_of_the_report() -> None:
 def with_sensors(one: Any) -> Any:
     """The last two gauges are a port and a load cell."""
     n, scale = one.n_gauges - 2, np.array([4e8, 2e6])
-    one.has_further_sensors, one.n_strain_gauges, one.gauge_names = True, n, [f"s{i}" for i in range(n + 2)]
+    one.has_auxiliary_sensors, one.n_strain_gauges, one.gauge_names = True, n, [f"s{i}" for i in range(n + 2)]
     one.sensors = SensorRows(
         kind=(*(STRAIN,) * n, "pressure", "force"),
         unit=(*("m/m",) * n, "Pa", "N"),
@@ -105,7 +105,7 @@ def test_further_sensors_have_marks_and_units_of_their_own() -> None:
     one = with_sensors(rosettes(0.0, 45.0, 90.0))
     growth, bias = 1.0 + np.arange(60.0).reshape(12, 5), np.linspace(5e-6, 27e-6, 12)
     drawn = gauge_loss(one, growth=growth, detectable_bias=bias)
-    assert legend_of(drawn) == ["axial, 4", "hoop, 3", "45 deg, 3", "further sensors, 2"]
+    assert legend_of(drawn) == ["axial, 4", "hoop, 3", "45 deg, 3", "auxiliary sensors, 2"]
     assert any(axis.get_ylabel() == "bias [sigma of its noise]" for axis in drawn.axes)
     hover = gauge_values(one, growth=growth, detectable_bias=bias, leverage=np.full(12, 0.5))
     marks, button = hover["data"][0], hover["layout"]["updatemenus"][0]["buttons"][-1]

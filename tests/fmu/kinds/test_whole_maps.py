@@ -171,7 +171,7 @@ def test_page_terminals_and_contents(whole_fmus: Fmus, kind: str) -> None:
         page = archive.read("documentation/index.html").decode()
         terminals = archive.read("terminalsAndIcons/terminalsAndIcons.xml").decode()
         contents = archive.read("extra/strainfmu/contents.json").decode()
-    assert "and the readings of 8 further sensors" in page
+    assert "and the readings of 8 auxiliary sensors" in page
     assert all(name in page and name in terminals for name in sensor_names(held))
     assert '<Terminal name="sensors"' in terminals
     assert '"displacement_0.2m_45deg": "sensor.displacement_0_2m_45deg"' in contents

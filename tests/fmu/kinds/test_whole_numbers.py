@@ -90,7 +90,7 @@ class Pair:
         host.set([*flow], [*flow.values()])
         host.fmu.doStep(k * STEP, STEP)
         found = self.estimator.track(readings, time=k * STEP, **known)
-        values = dict(zip(self.names, output_values(found, with_further=True), strict=True))
+        values = dict(zip(self.names, output_values(found, with_other_loads=True), strict=True))
         np.testing.assert_array_equal(
             host.get(self.reals), [values[name] for name in self.reals], err_msg=f"step {k}"
         )

@@ -16,7 +16,7 @@ from strainfmu.estimator.map.inverse_map import InverseMap
 pytestmark = pytest.mark.fast
 
 OUTPUTS = range(FILTER + 1, FILTER + 1 + 4 + 12 * len(STATIONS))
-"""Value references of the further loads, behind the time constant."""
+"""Value references of the other loads, behind the time constant."""
 
 STEP = 0.01
 

@@ -95,7 +95,7 @@ NAVIGATION: dict[str, tuple[tuple[str, ...], Flow]] = {
 
 
 def of_further(values: np.ndarray) -> list[np.ndarray]:
-    """Further loads of one unit each: M_R and rolling moment, forces, moments."""
+    """Other loads of one unit each: M_R and rolling moment, forces, moments."""
     k = 3 * len(STATIONS)
     return [values[[0]], values[[1]], *np.split(values[2:], [k])]
 

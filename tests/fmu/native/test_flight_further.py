@@ -29,7 +29,7 @@ pytestmark = pytest.mark.fast
 N_T = 3
 FIRST_ZERO = FIRST + 28
 OUTPUTS = range(FIRST_ZERO + 2 * N_D + 2 + N_T, FIRST_ZERO + 2 * N_D + 2 + N_T + 4 + 12 * len(STATIONS))
-"""Value references of the further loads, behind zeros, temperatures and the filter's time constant."""
+"""Value references of the other loads, behind zeros, temperatures and the filter's time constant."""
 
 
 @pytest.fixture(scope="module")
@@ -71,7 +71,7 @@ def test_settings_zeros_and_temperatures(fmu: FlightFmu, inverse_map: InverseMap
         found = tracked(estimator, sample, temperature=temperature)
         fmu.advance(sample)
         np.testing.assert_array_equal(fmu.get_reals(OUTPUTS), output_values(found, True)[-len(OUTPUTS) :])
-        assert np.isnan(found.further_loads).all() == (k == 10)
+        assert np.isnan(found.other_loads).all() == (k == 10)
         linear.append(found.is_linear)
     assert linear[:11] == [k in (2, 3, 4, *range(6, 10)) for k in range(11)]
 

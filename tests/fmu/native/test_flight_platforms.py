@@ -33,7 +33,7 @@ FLIGHTS, STEPS = 20, 10
 
 MAPS = {
     "gauges": whole_map,
-    "further sensors": lambda: with_sensors(whole_map()),
+    "auxiliary sensors": lambda: with_sensors(whole_map()),
     "temperature": lambda: with_temperature(whole_map()),
     "known deflection": lambda: with_parameter_tables(whole_map()),
 }

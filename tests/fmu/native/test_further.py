@@ -19,7 +19,7 @@ from thermal_maps import REFERENCE, with_temperature
 
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros, no_zeros
-from strainfmu.interface.further_variables import further_outputs
+from strainfmu.interface.other_load_variables import other_load_values
 
 pytestmark = pytest.mark.fast
 
@@ -65,8 +65,8 @@ def test_as_in_python_while_gauges_zeros_and_temperatures_change(six: NativeCase
         assert fmu.set_scalars(0, *sample.flow) == OK
         read = replace(sample, strain=reading)
         expected = estimated(estimator, read, temperature=None if k < 8 else temperature)
-        np.testing.assert_array_equal(fmu.get_reals(references), further_outputs(expected))
-        used += np.isfinite(expected.further_loads[0])
+        np.testing.assert_array_equal(fmu.get_reals(references), other_load_values(expected))
+        used += np.isfinite(expected.other_loads[0])
     assert used > 10
 
 

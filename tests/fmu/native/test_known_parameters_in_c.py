@@ -119,7 +119,7 @@ class Pair:
             parameters_std={NAME: std if std > 0.0 else np.nan},
             temperature=temperature,
         )
-        expected = dict(zip(self.names, output_values(found, with_further=True), strict=True))
+        expected = dict(zip(self.names, output_values(found, with_other_loads=True), strict=True))
         assert self.fmu.get_integers([self.reference["health.state"]])[0] == expected["health.state"]
         np.testing.assert_array_equal(self.get(*REALS), [expected[name] for name in REALS], err_msg=f"{known}")
         return found

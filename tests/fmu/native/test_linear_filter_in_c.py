@@ -66,7 +66,7 @@ OTHERS: dict[str, Callable[[], InverseMap]] = {
     "case 1": lambda: whole_scaled_map(1, seed=1),
     "nothing at the current strain": lambda: scaled_map(2, seed=4),
     "more states than gauges": lambda: scaled_map(2, seed=4, n=5, n_states=6),
-    "further sensors": lambda: with_sensors(scaled_map(2, seed=4)),
+    "auxiliary sensors": lambda: with_sensors(scaled_map(2, seed=4)),
     "temperature": lambda: with_temperature(whole_scaled_map(2, seed=3), n_t=N_T),
 }
 

@@ -29,7 +29,7 @@ N_P, N_T = len(PARAMETERS), 3
 
 
 def whole(kind: str) -> InverseMap:
-    """A map with parameters alone, or with temperatures and further loads ahead of them."""
+    """A map with parameters alone, or with temperatures and other loads ahead of them."""
     plain = whole_scaled_map(1, 4, 30, 5)
     if kind == "whole":
         plain = with_temperature(with_own_further(plain), k=5, n_t=N_T)

@@ -1,4 +1,4 @@
-"""Further sensors of the native library: lost sensors, thrust, zeros, tare; what is refused."""
+"""Auxiliary sensors of the native library: lost sensors, thrust, zeros, tare; what is refused."""
 
 from __future__ import annotations
 

@@ -38,7 +38,7 @@ def readings(held: InverseMap, n: int, seed: int = 0) -> np.ndarray:
 
 
 def first_tare(held: InverseMap) -> int:
-    """Value reference of the input of a map without tables, sensors and further loads."""
+    """Value reference of the input of a map without tables, sensors and other loads."""
     return first_zero(held.n_gauges) + 2 * held.n_gauges + 1 + of_filter(held)
 
 

@@ -74,7 +74,7 @@ def test_loads_of_states_that_no_gauge_sees_count_at_any_dynamic_pressure(
         q = ratio * before.nominal_dynamic_pressure
         expected, found = (Estimator(one).estimate(ratio * one.mean_strain, q) for one in (before, after))
         np.testing.assert_allclose(found.loads_std, expected.loads_std, rtol=1e-9)
-        np.testing.assert_allclose(found.further_loads_std, expected.further_loads_std, rtol=1e-9)
+        np.testing.assert_allclose(found.other_loads_std, expected.other_loads_std, rtol=1e-9)
 
 
 @pytest.mark.fast

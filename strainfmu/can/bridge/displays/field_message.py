@@ -20,8 +20,9 @@ from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map
 from strainfmu.estimator.tables.flight_field import FlightField
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
-from strainfmu.interface.input_names import FURTHER_FLOW, given_flow
+from strainfmu.interface.input_names import OTHER_AIR_DATA, given_flow, given_thrust
 from strainfmu.interface.parameter_variables import PREFIX, STD_PREFIX
+from strainfmu.interface.sensor_variables import has_thrust, sensor_names
 from strainfmu.interface.temperature_variables import temperature_names
 
 FIELD_PERIOD = 0.1
@@ -43,6 +44,7 @@ class FieldMessages:
         self._estimator, self._zeros = estimator, estimator.zeros
         self._temperatures = temperature_names(inverse_map.thermal)
         self._parameters = estimator.parameters.names
+        self._sensors, self._has_thrust = sensor_names(inverse_map), has_thrust(inverse_map)
         if isinstance(held, FlightField):
             row, column = _thinned(held.station, _STATIONS), _thinned(held.roll_angle, _ROLLS)
             node = np.arange(held.n_nodes).reshape(len(held.station), -1)[np.ix_(row, column)]
@@ -65,17 +67,18 @@ class FieldMessages:
         return {"field": {"timestamp": timestamp, **self._places, "pressure_Pa": values}}
 
     def _pressure(self, result: CycleResult) -> list[int]:
-        zeros = self._zeros
+        zeros, given = self._zeros, result.further_inputs
+        readings = [given.get(name, np.nan) for name in self._sensors]
         if zeros is not self._estimator.zeros:
             self._estimator = self._estimator.with_zeros(zeros)
         try:
             found = self._estimator.track(
-                result.strain,
+                np.append(result.strain, readings),
                 result.dynamic_pressure,
-                result.valid,
+                np.append(result.valid, np.isfinite(readings)),
                 mach_number=result.mach_number,
                 altitude=result.altitude,
-                **self._further(result.further_inputs),
+                **self._further(given),
             )
             chosen = self._seen.of(found.pressure(with_std=False).pressure)
         except np.linalg.LinAlgError:  # the results themselves must go on
@@ -84,13 +87,13 @@ class FieldMessages:
 
     def _further(self, given: Mapping[str, float]) -> dict[str, Any]:
         """Return the arguments of a step for what is ``given`` beside q_inf, Mach number and altitude."""
-        found: dict[str, Any] = given_flow({name: given.get(name, np.nan) for name in FURTHER_FLOW})
+        found: dict[str, Any] = given_flow({name: given.get(name, np.nan) for name in OTHER_AIR_DATA})
         if self._temperatures:
             found["temperature"] = np.array([given.get(name, np.nan) for name in self._temperatures])
         found["parameters"] = {name: given.get(PREFIX + name, np.nan) for name in self._parameters}
         stds = {name: given.get(STD_PREFIX + name, np.nan) for name in self._parameters}
         found["parameters_std"] = given_flow(stds)
-        return found
+        return found | (given_thrust(given) if self._has_thrust else {})
 
 
 def field_messages(path: Path, gauge_names: tuple[str, ...]) -> FieldMessages:
@@ -102,7 +105,7 @@ def field_messages(path: Path, gauge_names: tuple[str, ...]) -> FieldMessages:
         The file is missing or damaged, its gauges are not ``gauge_names``, or it holds no tables with the field.
     """
     held = load_inverse_map(path)
-    if held.gauge_names != gauge_names:
+    if held.gauge_names[: held.n_strain_gauges] != gauge_names:
         raise InputError(f"--publish-field {path}: expected a map of the estimator's gauges, got others")
     if held.manifold is None or held.manifold.surface_field is None:
         raise InputError(

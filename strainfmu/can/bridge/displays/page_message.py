@@ -28,6 +28,8 @@ from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 from strainfmu.fmu.fmu_file import CONTENTS
 from strainfmu.interface.estimator_variables import LOADS
 from strainfmu.interface.parameter_variables import OUTSIDE_PREFIX
+from strainfmu.interface.sensor_variables import PREFIX as SENSOR_PREFIX
+from strainfmu.interface.sensor_variables import THRUST
 
 CHI_SQUARE_LIMIT, GAUGES_USED = "health.chi_square_limit", "health.valid_gauges"
 SUSPECT_GAUGE, SUSPECTS = "health.suspect_gauge", "health.suspects"
@@ -67,6 +69,7 @@ class EstimatorFacts:
     validity : flight conditions that they cover, as texts with their units, by quantity.
     section_stations : x of the sections whose loads it gives beside the rolling moment [m]; None of one that gives
         neither.
+    sensors : names of its auxiliary sensors.
     """
 
     vehicle: str = ""
@@ -74,6 +77,7 @@ class EstimatorFacts:
     ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     validity: Mapping[str, str] = field(default_factory=dict)
     section_stations: tuple[float, ...] | None = None
+    sensors: tuple[str, ...] = ()
 
 
 def gauge_positions(fmu: Path) -> tuple[GaugePosition, ...]:
@@ -104,7 +108,7 @@ def estimator_facts(fmu: Path) -> EstimatorFacts:
     InputError
         The FMU is missing or damaged.
     """
-    from strainfmu.cosim.estimators.description import section_stations_in
+    from strainfmu.cosim.estimators.description import reading_units_in, section_stations_in
 
     try:
         with ZipFile(fmu) as archive:
@@ -120,6 +124,7 @@ def estimator_facts(fmu: Path) -> EstimatorFacts:
         ranges=ranges,
         validity=validity,
         section_stations=section_stations_in(fmu),
+        sensors=tuple(name.removeprefix(SENSOR_PREFIX) for name in reading_units_in(fmu) if name != THRUST),
     )
 
 
@@ -178,7 +183,11 @@ def layout_message(gauges: Sequence[GaugePosition], facts: EstimatorFacts) -> di
 
 
 def result_message(
-    result: CycleResult, gauges: Sequence[GaugePosition], score_limit: float | None, since: Cause
+    result: CycleResult,
+    gauges: Sequence[GaugePosition],
+    score_limit: float | None,
+    since: Cause,
+    sensors: Sequence[str] = (),
 ) -> dict[str, Any]:
     """Return the message of one result.
 
@@ -187,9 +196,11 @@ def result_message(
     gauges : n_d positions, order of the strains.
     score_limit : envelope score above which the estimator says OUTSIDE, None if it is not known.
     since : causes of the results since the message before, of this one too.
+    sensors : names of auxiliary sensors, which an estimator counts behind the gauges.
     """
     further = result.further
     names = [gauge.name for gauge in gauges]
+    rows = [*names, *sensors]
     micro = np.round(1e6 * result.strain, 3).tolist()
     if not isfinite(sum(micro)):
         micro = [finite(value) for value in micro]
@@ -214,8 +225,9 @@ def result_message(
         "further_loads": beside,
         "strain_um_per_m": dict(zip(names, micro, strict=True)),
         "not_used": not_used,
-        "gauges_used": int(further.get(GAUGES_USED, result.valid.sum())),
-        "suspect_gauge": names[first - 1] if 0 < first <= len(names) else None,
+        # An estimator counts its sensors, too.
+        "gauges_used": int(result.valid.sum() if sensors else further.get(GAUGES_USED, result.valid.sum())),
+        "suspect_gauge": rows[first - 1] if 0 < first <= len(rows) else None,
         "suspects": number,
         "dynamic_pressure_Pa": finite(result.dynamic_pressure),
         "mach_number": finite(result.mach_number),

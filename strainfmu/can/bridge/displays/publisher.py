@@ -164,7 +164,7 @@ class Publisher:
             "timestamp": timestamp,
             "sequence": self._sequence,
             "uptime_s": round(time.monotonic() - self._start, 3),
-            **result_message(result, self._gauges, self._facts.score_limit, since),
+            **result_message(result, self._gauges, self._facts.score_limit, since, self._facts.sensors),
             "bus_state": self._reports.bus_state().name,
             "bus": self._reports.bus(),
             "recording": self._reports.recording(),

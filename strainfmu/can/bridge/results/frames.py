@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from math import isnan, nan
 from operator import itemgetter
 
-from strainfmu.can.bridge.results.further_layouts import FurtherSignals
 from strainfmu.can.bridge.results.layouts import DETAIL, LAST_NAMES, SIGMA_NAMES
+from strainfmu.can.bridge.results.other_load_layouts import OtherLoadSignals
 from strainfmu.can.cycle.estimate.result import CycleResult
 from strainfmu.can.cycle.frames.account import FrameAccount, FrameClass
 from strainfmu.can.cycle.states.bus_state import BusState
@@ -68,7 +68,7 @@ class ResultFrames:
 
     def __init__(self, layouts: tuple[FrameLayout, ...], configuration: int) -> None:
         self._configuration = configuration
-        self._further = FurtherSignals(layouts)
+        self._further = OtherLoadSignals(layouts)
         self._of_result = [_ResultFrame(layout) for layout in layouts if layout.cycle_time is not None]
         no_result = [layout for layout in layouts if layout.cycle_time is None]
         self._of_status = [_ResultFrame(layout) for layout in no_result if layout.name != DETAIL]

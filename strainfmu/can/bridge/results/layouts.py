@@ -1,11 +1,11 @@
-"""Layouts of result and status frames: three FD frames, or nine frames of 8 bytes; further loads behind them."""
+"""Layouts of result and status frames: three FD frames, or nine frames of 8 bytes; other loads behind them."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
 
-from strainfmu.can.bridge.results import further_layouts
+from strainfmu.can.bridge.results import other_load_layouts
 from strainfmu.can.cycle.states.bus_state import BusState
 from strainfmu.can.cycle.states.quality import Quality
 from strainfmu.can.wire.crc import Protection
@@ -46,10 +46,10 @@ def result_layouts(
     layouts = _fd_layouts(cycle_time) if form == "fd" else _classic_layouts(order, cycle_time)
     if stations is not None and form == "fd":
         first = (*header_5(), _quality(24), _sample_time())
-        layouts += further_layouts.fd_layouts(first, _answered(0), stations, cycle_time)
+        layouts += other_load_layouts.fd_layouts(first, _answered(0), stations, cycle_time)
     elif stations is not None:
         head = (*header_1(), _quality(12))
-        layouts += further_layouts.classic_layouts(head, _answered(0), order, stations, cycle_time)
+        layouts += other_load_layouts.classic_layouts(head, _answered(0), order, stations, cycle_time)
     return tuple(
         replace(
             layout,

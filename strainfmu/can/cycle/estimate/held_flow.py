@@ -24,11 +24,12 @@ from strainfmu.can.wire.frame_layout import (
     InputFrame,
     is_parameter,
     is_parameter_std,
+    is_reading,
     is_temperature,
 )
 from strainfmu.can.wire.profile_signals import LARGEST_DYNAMIC_PRESSURE, LEAST_DYNAMIC_PRESSURE
 from strainfmu.can.wire.signal_plan import SignalPlan
-from strainfmu.interface.input_names import FURTHER_FLOW
+from strainfmu.interface.input_names import OTHER_AIR_DATA
 
 _SENSIBLE = {
     DYNAMIC_PRESSURE: (LEAST_DYNAMIC_PRESSURE, LARGEST_DYNAMIC_PRESSURE),
@@ -56,10 +57,10 @@ class FlowState:
     ----------
     dynamic_pressure : q_inf [Pa].
     mach_number, altitude : by navigation [1] and [m].
-    lost : causes of what was known before and is not any more: navigation, a temperature, a further parameter or
-        its standard deviation.
-    further : temperatures [K], p_inf [Pa], deviations of navigation, further parameters of the flow and their
-        deviations, by name of the estimator's input.
+    lost : causes of what was known before and is not any more: navigation, a temperature, an auxiliary sensor, a
+        flow parameter or its standard deviation.
+    further : temperatures [K], readings of auxiliary sensors, thrust [N], p_inf [Pa], deviations of navigation,
+        flow parameters and their deviations, by name of the estimator's input.
     hides_delay : more delay of the dynamic pressure may hide than is allowed.
     """
 
@@ -252,9 +253,10 @@ class HeldFlow:
         self._mach_number, self._altitude = by_quantity.get(MACH_NUMBER), by_quantity.get(ALTITUDE)
         of_loss = {
             is_temperature: Cause.TEMPERATURE,
+            is_reading: Cause.SENSOR,
             is_parameter: Cause.NAVIGATION,
             is_parameter_std: Cause.NAVIGATION,
-            FURTHER_FLOW.__contains__: Cause.NAVIGATION,
+            OTHER_AIR_DATA.__contains__: Cause.NAVIGATION,
         }
         self._further = [(one, cause) for one in values for has, cause in of_loss.items() if has(one.quantity)]
         self._state = FlowState(further=dict(constants))
@@ -323,7 +325,7 @@ class HeldFlow:
 
 def _sensible(quantity: str) -> tuple[float, float]:
     """Return the smallest and largest value of a quantity that may be used."""
-    if is_parameter(quantity):
+    if is_parameter(quantity) or is_reading(quantity):
         return -LARGEST_PARAMETER, LARGEST_PARAMETER
     if is_parameter_std(quantity):
         return 0.0, LARGEST_PARAMETER

@@ -32,7 +32,7 @@ class CycleResult:
     dynamic_pressure : q_inf that was used [Pa], or NaN.
     mach_number, altitude : by navigation at ``time`` [1] and [m], NaN where not known.
     further_inputs : what else of the flow was used, by name of the estimator's input, NaN where not known:
-        temperatures [K], further parameters, their standard deviations.
+        temperatures [K], readings of auxiliary sensors, thrust [N], flow parameters, their standard deviations.
     age : of the strains at ``time`` [s]; NaN if there are none.
     age_uncertainty : by how much they may be older [s], as the sender's clock is not known better; NaN if nothing
         dates them.

@@ -80,7 +80,7 @@ class Taring:
             raise InputError(f"tare: expected a window of {LEAST_SAMPLES} to {MOST_CYCLES} cycles, got {n_cycles}")
         self._estimator, self._set_zeros, self._n_cycles = estimator, set_zeros, n_cycles
         self._limits, self._known = TareLimits(), known
-        self._strain = np.empty((n_cycles, estimator.inverse_map.n_gauges))
+        self._strain = np.empty((n_cycles, estimator.inverse_map.n_strain_gauges))
         self._pressure = np.empty(n_cycles)
         self._taken = self._seen = 0
         self._is_running = False

@@ -95,6 +95,9 @@ class Cause(IntFlag):
     NOT_AUTHENTIC = 1 << 24
     """Frames were refused whose authenticator does not fit, or whose freshness value is not new; the quality is as
     before, for what is used is authentic."""
+    SENSOR = 1 << 25
+    """The reading of an auxiliary sensor, or thrust, was known and is not any more: the sensor is
+    left out, as health says."""
 
 
 FURTHER = 1 << 15

@@ -37,6 +37,7 @@ CAUSE_WORDS = {
     Cause.BUS: "the bus is passive, off or was reopened",
     Cause.NAVIGATION: "Mach number, altitude or a parameter is no longer known",
     Cause.TEMPERATURE: "a temperature is no longer known: sigma is larger",
+    Cause.SENSOR: "an auxiliary sensor or thrust is no longer known: it is left out",
     Cause.NOT_AUTHENTIC: "a frame is not from the sender that holds the key, or is older than one seen before",
     Cause.TARE_RUNNING: "strains are collected for a tare",
     Cause.TARE_REFUSED: "a tare was asked for and refused: zeros are as before",

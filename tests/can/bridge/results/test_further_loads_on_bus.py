@@ -77,11 +77,11 @@ def test_the_bus_holds_what_python_estimates(profile: str, source: str, tmp_path
         values |= database.decode_message(frame.identifier, frame.data, decode_choices=False)
     is_fd = profile == "fd64"
     coefficient = [values["M_R"], values["sigma_M_R"]]
-    exact = [expected.further_coefficients[0], expected.further_coefficients_std[0]]
+    exact = [expected.other_coefficients[0], expected.other_coefficients_std[0]]
     np.testing.assert_allclose(coefficient, exact, rtol=1e-6, atol=0.0 if is_fd else 2.51e-4)
-    np.testing.assert_allclose([values[name] for name in SECTIONS], expected.further_loads[1:], rtol=2e-7)
+    np.testing.assert_allclose([values[name] for name in SECTIONS], expected.other_loads[1:], rtol=2e-7)
     deviations = np.array([values[f"sigma_{name}"] for name in SECTIONS])
-    std = expected.further_loads_std[1:]
+    std = expected.other_loads_std[1:]
     if is_fd:
         np.testing.assert_allclose(deviations, std, rtol=2e-7)
     else:
@@ -141,8 +141,8 @@ def test_a_log_gives_them_as_columns(tmp_path: Path) -> None:
     names, last = [name.partition(" [")[0] for name in rows[0]], rows[-1]
     held_back = dict(zip(names, last, strict=True))
     expected = estimator.step(quantised(strain), NOMINAL)
-    assert float(held_back["M_R"]) == pytest.approx(expected.further_coefficients[0], rel=1e-6)
-    assert float(held_back["sigma.section.torsion[3]"]) == pytest.approx(expected.further_loads_std[-1], rel=1e-9)
+    assert float(held_back["M_R"]) == pytest.approx(expected.other_coefficients[0], rel=1e-6)
+    assert float(held_back["sigma.section.torsion[3]"]) == pytest.approx(expected.other_loads_std[-1], rel=1e-9)
     first = dict(zip(names, rows[1], strict=True))
     assert first["quality"] != "1"
     assert first["section.axial[1]"] in ("", "nan", "NaN")

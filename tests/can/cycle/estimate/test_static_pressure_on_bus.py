@@ -29,7 +29,7 @@ from strainfmu.errors import InputError
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap, save_inverse_map
 from strainfmu.fmu.export import ExportOptions, export_estimator
-from strainfmu.interface.input_names import FURTHER_FLOW
+from strainfmu.interface.input_names import OTHER_AIR_DATA
 
 pytestmark = pytest.mark.fast
 
@@ -99,11 +99,11 @@ def test_a_bridge_estimates_as_python_does(tmp_path: Path, kind: str) -> None:
         export_estimator(source, source := tmp_path / "e.fmu", ExportOptions(platforms=["linux64"]))
     lost, cycles = 15, 40
     with open_step(source) as ready:
-        assert set(FURTHER_FLOW) <= set(further_inputs(ready.step))
+        assert set(OTHER_AIR_DATA) <= set(further_inputs(ready.step))
         results = flown(ready.step, lost, cycles)
     tracker, states = Estimator(flown_map()), set()
     for result in results:
-        given = {name: result.further_inputs[name] for name in FURTHER_FLOW}
+        given = {name: result.further_inputs[name] for name in OTHER_AIR_DATA}
         is_known = not isnan(result.dynamic_pressure)
         states.add((is_known, *(not isnan(value) for value in given.values())))
         expected = tracker.track(result.strain, result.dynamic_pressure, mach_number=result.mach_number, **given)
@@ -131,7 +131,7 @@ def test_a_bridge_estimates_as_python_does(tmp_path: Path, kind: str) -> None:
 def test_the_linear_estimator_takes_the_deviation_of_the_dynamic_pressure_alone(tmp_path: Path) -> None:
     save_inverse_map(flown_map(has_tables=False), tmp_path / "map.h5")
     with open_step(tmp_path / "map.h5") as ready:
-        taken = tuple(name for name in further_inputs(ready.step) if name in FURTHER_FLOW)
+        taken = tuple(name for name in further_inputs(ready.step) if name in OTHER_AIR_DATA)
         assert taken == ("dynamic_pressure_std",)
         core = bridge_core(
             layout_of({"dynamic_pressure": MAPPING["dynamic_pressure"]}, taken),
@@ -160,4 +160,4 @@ def test_a_wrong_deviation_gets_one_line(value: object) -> None:
     with pytest.raises(
         InputError, match=r"r: static_pressure: std: expected 'Message.Signal' or a number from 0 on"
     ):
-        layout_of(mapping, FURTHER_FLOW)
+        layout_of(mapping, OTHER_AIR_DATA)

@@ -170,7 +170,10 @@ def test_temperatures_need_not_come() -> None:
             "expected a unit of strain|expected a frame without strains",
         ),
         (lambda: layout_of({"aft": "Warm.aft", "fin": "Warm.aft"}), r"found for both"),
-        (lambda: layout_of(BOTH, timeout_ms={"R": 100}), "navigation, temperatures, parameters or slow"),
+        (
+            lambda: layout_of(BOTH, timeout_ms={"R": 100}),
+            "temperatures, sensors, thrust, parameters or slow",
+        ),
     ],
 )
 def test_a_wrong_mapping_is_refused(make: Callable[[], InputLayout], text: str) -> None:

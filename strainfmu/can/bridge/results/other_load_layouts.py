@@ -12,7 +12,7 @@ from math import ceil, isfinite, nan
 
 from strainfmu.can.wire.frame_layout import BIG, FLOAT, LITTLE, SIGNED, FrameLayout, SignalLayout
 from strainfmu.estimator.other_loads import SECTION_LOADS
-from strainfmu.interface.further_variables import further_load_outputs
+from strainfmu.interface.other_load_variables import other_load_outputs
 
 _COEFFICIENT = "M_R"
 _NAN = "NaN: not available"
@@ -25,7 +25,7 @@ def signal_name(output: str) -> str:
     return output.replace(".", "_").replace("[", "_").rstrip("]")
 
 
-class FurtherSignals:
+class OtherLoadSignals:
     """The signals of these loads among result frames, and their values.
 
     Parameters
@@ -36,7 +36,7 @@ class FurtherSignals:
     def __init__(self, layouts: Sequence[FrameLayout]) -> None:
         signals = {signal.name: signal for layout in layouts for signal in layout.signals}
         n_sections = sum(1 for name in signals if name.startswith("section_axial_"))
-        outputs = ((signal_name(output), output) for output in further_load_outputs(n_sections))
+        outputs = ((signal_name(output), output) for output in other_load_outputs(n_sections))
         self._outputs = {name: output for name, output in outputs if name in signals}
         # Standard deviations in whole numbers of their unit are never stated smaller than they are.
         self._whole = frozenset(

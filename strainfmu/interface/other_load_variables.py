@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from strainfmu.estimator.estimate import Estimate
     from strainfmu.estimator.map.inverse_map import InverseMap
 
-FURTHER_ARRAYS = {
+OTHER_LOAD_ARRAYS = {
     **{f"section.{name}": f"{text}, of every section" for name, (text, _) in SECTION_LOADS.items()},
     **{f"sigma.section.{name}": f"Standard deviations of section.{name}" for name in SECTION_LOADS},
 }
@@ -27,8 +27,8 @@ def section_stations(inverse_map: InverseMap) -> tuple[float, ...] | None:
     return tuple(inverse_map.section_station.tolist()) if has_other_outputs(inverse_map) else None
 
 
-def with_further_outputs(interface: Sequence[Variable], inverse_map: InverseMap) -> tuple[Variable, ...]:
-    """Return ``interface`` with the further loads behind it; they depend on what the pitching moment does."""
+def with_other_load_outputs(interface: Sequence[Variable], inverse_map: InverseMap) -> tuple[Variable, ...]:
+    """Return ``interface`` with the other loads behind it; they depend on what the pitching moment does."""
     if not has_other_outputs(inverse_map):
         return tuple(interface)
     known = {variable.name: variable for variable in interface}
@@ -57,8 +57,8 @@ def with_further_outputs(interface: Sequence[Variable], inverse_map: InverseMap)
     return (*interface, *body, *sections, *map(deviation_of, sections))
 
 
-def further_load_outputs(n_sections: int) -> dict[str, str]:
-    """Return name and unit of the outputs that :func:`with_further_outputs` adds, in its order."""
+def other_load_outputs(n_sections: int) -> dict[str, str]:
+    """Return name and unit of the outputs that :func:`with_other_load_outputs` adds, in its order."""
     sections = {
         f"section.{name}[{i}]": unit for name, (_, unit) in SECTION_LOADS.items() for i in range(1, n_sections + 1)
     }
@@ -72,15 +72,15 @@ def further_load_outputs(n_sections: int) -> dict[str, str]:
     }
 
 
-def further_outputs(estimate: Estimate) -> list[float]:
-    """Return the outputs that :func:`with_further_outputs` adds, in its order."""
+def other_load_values(estimate: Estimate) -> list[float]:
+    """Return the outputs that :func:`with_other_load_outputs` adds, in its order."""
     body = (
-        estimate.further_coefficients[0],
-        estimate.further_coefficients_std[0],
-        estimate.further_loads[0],
-        estimate.further_loads_std[0],
+        estimate.other_coefficients[0],
+        estimate.other_coefficients_std[0],
+        estimate.other_loads[0],
+        estimate.other_loads_std[0],
     )
-    sections = np.concatenate([estimate.further_loads[1:], estimate.further_loads_std[1:]])
+    sections = np.concatenate([estimate.other_loads[1:], estimate.other_loads_std[1:]])
     return [*map(float, body), *sections.tolist()]
 
 

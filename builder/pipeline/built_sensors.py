@@ -1,0 +1,134 @@
+"""The auxiliary sensors of a vehicle that flies: the section [sensors], errors of the stated sizes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from builder.inverse.sensors.row import SensorRow
+from builder.inverse.sensors.sensor_set import base_area, surface_rows
+from builder.inverse.sensors.structural import rows_on_surface
+from builder.truth.as_built import AsBuilt
+from builder.truth.revolution.sensors import BuiltSensors, sensor_response
+from builder.vehicle.file import Vehicle
+from builder.vehicle.shape.geometry import SurfaceGrid, surface_grid
+from strainfmu.arrays import FloatArray
+
+PERCENT = 0.01
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FlownSensors:
+    """The sensors of a vehicle, solved at the resolution of the independent model.
+
+    Attributes
+    ----------
+    vehicle : with its section [sensors].
+    surface : the pressure nodes.
+    rows : of the sensors there.
+    """
+
+    vehicle: Vehicle
+    surface: SurfaceGrid
+    rows: tuple[SensorRow, ...]
+
+    @property
+    def std(self) -> FloatArray:
+        """(n_s,) standard deviations of the noise [unit]."""
+        return np.array([row.std for row in self.rows])
+
+    def built(self, built: AsBuilt, random: np.random.Generator | None) -> BuiltSensors:
+        """Return the sensors of a vehicle as ``built``, their own errors drawn; without errors of theirs for None.
+
+        Errors of the wall, and of the pressure inside, are those of the gauges.
+        """
+        vehicle, rows, entry = self.vehicle, self.rows, self.vehicle.sensors
+        assert entry is not None
+        own = self._draws(random, [*(f"gain {row.name}" for row in rows), *_names(rows), *_NUISANCES])
+        noise = vehicle.noise
+        of_wall = {
+            "common gain": _over(built.common_gain, PERCENT * noise.common_gain_percent),
+            "wall thickness": _over(built.wall_thickness, PERCENT * noise.wall_thickness_percent),
+        }
+        operator = np.array(
+            [
+                row.operator * (1.0 + row.gain * own[f"gain {row.name}"])
+                + sum(own[name] * error for name, error in row.errors.items())
+                + sum(of_wall[name] * error for name, error in row.shared.items())
+                for row in rows
+            ]
+        )
+        response = sensor_response(operator, self.surface, vehicle.resolution.truth.harmonics)
+        per_force = np.array([row.per_axial_force for row in rows])
+        inside = np.array([row.follows_inside for row in rows]) * float(np.mean(built.internal_pressure))
+        suction = 1.0 - entry.base_pressure_ratio + PERCENT * entry.base_pressure_percent * own["base pressure"]
+        friction = entry.friction_C_A + entry.friction_C_A_std * own["friction"]
+        thrust = 0.0 if entry.imu is None else entry.imu.thrust_std_N * own["thrust"]
+        drift = [sum(std * own[name] for name, std in row.drift.items()) for row in rows]
+        return BuiltSensors(
+            names=tuple(row.name for row in rows),
+            kind=tuple(row.kind for row in rows),
+            unit=tuple(row.unit for row in rows),
+            response=response,
+            per_ambient=per_force * base_area(vehicle) * suction - inside * response[:, 0, :, 0].sum(axis=1),
+            per_dynamic=per_force * friction * vehicle.reference_quantities().area,
+            offset=np.array(drift) - per_force * thrust,
+            std=self.std,
+            largest=np.array([row.largest for row in rows]),
+            thrust_response=-per_force,
+        )
+
+    def _draws(self, random: np.random.Generator | None, names: Sequence[str]) -> dict[str, float]:
+        """Return standard normal numbers by name, 0 without ``random``."""
+        drawn = np.zeros(len(names)) if random is None else random.standard_normal(len(names))
+        return dict(zip(names, drawn.tolist(), strict=True))
+
+
+_NUISANCES = ("base pressure", "friction", "thrust")
+
+
+def flown_sensors(vehicle: Vehicle, surface: SurfaceGrid) -> FlownSensors | None:
+    """Return the sensors of ``vehicle`` on the ``surface`` of its independent model; None without any.
+
+    Raises
+    ------
+    InputError
+        A sensor lies off the body.
+    """
+    entry = vehicle.sensors
+    if entry is None:
+        return None
+    settings = vehicle.resolution.truth
+    finer = vehicle.model_copy(update={"resolution": vehicle.resolution.model_copy(update={"map": settings})})
+    rows = surface_rows(entry, surface)
+    if entry.of_structure:
+        rows += rows_on_surface(finer, surface, settings.harmonics)
+    return FlownSensors(vehicle=vehicle, surface=surface, rows=tuple(rows))
+
+
+def sensor_names_of(vehicle: Vehicle) -> tuple[str, ...]:
+    """Return the names of the sensors of ``vehicle``, in the order of the rows of its map.
+
+    Raises
+    ------
+    InputError
+        A sensor lies off the body.
+    """
+    entry, settings = vehicle.sensors, vehicle.resolution.map
+    if entry is None:
+        return ()
+    surface = surface_grid(vehicle.body(), settings.surface_stations, settings.surface_roll_angles)
+    of_structure = () if not entry.of_structure else rows_on_surface(vehicle, surface, settings.harmonics)
+    return tuple(row.name for row in (*surface_rows(entry, surface), *of_structure))
+
+
+def _names(rows: Sequence[SensorRow]) -> list[str]:
+    """Return the names of errors and drifts that sensors have in common."""
+    return list(dict.fromkeys(name for row in rows for name in (*row.errors, *row.drift)))
+
+
+def _over(value: float | FloatArray, std: float) -> float:
+    """Return ``value`` in standard deviations, its mean where it differs from gauge to gauge; 0 if not stated."""
+    return float(np.mean(value)) / std if std > 0.0 else 0.0
