@@ -239,7 +239,7 @@ def test_command_refuses_a_field_without_a_publisher(
     options = ["--interface", "virtual", "--channel", "field", "--publish-field", synthetic.map_1]
     code, _, error = run("bridge", synthetic.estimator_1, *options)
     assert code != 0
-    assert "--publish-field: expected with --publish alone" in error
+    assert "--publish-field: expected with --publish, got it alone" in error
     code, _, error = run("bridge", synthetic.estimator_1, *options, "--publish", "127.0.0.1:9870")
     assert code != 0
     assert "expected a map built with estimator = 'manifold' and keep_field = true" in error

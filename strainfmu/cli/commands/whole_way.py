@@ -23,7 +23,6 @@ from strainfmu.cli.commands.maps import (
 )
 from strainfmu.cli.commands.number_ranges import within
 from strainfmu.cli.named_vehicle import naming
-from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 
 if TYPE_CHECKING:
@@ -39,7 +38,7 @@ def demo(
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder for the results.")] = Path("demo"),
     vehicle: VehicleArgument = None,
     can: Annotated[
-        bool, typer.Option("--can", help="Then fly once more over a CAN bus: sender and bridge as two processes.")
+        bool, typer.Option("--can", help="Fly once more over a CAN bus: sender and bridge as two processes.")
     ] = False,
     can_duration: Annotated[
         float,
@@ -53,7 +52,10 @@ def demo(
     structure: Annotated[Path | None, STRUCTURE_OPTION] = None,
     rebuild: Annotated[bool, REBUILD_OPTION] = False,
     perfect: Annotated[
-        bool, typer.Option("--perfect", help="Fly the vehicle of the file exactly, without hardware errors.")
+        bool,
+        typer.Option(
+            "--perfect", help="Fly the vehicle of the file, without installation errors. Not with --as-built."
+        ),
     ] = False,
     as_built: Annotated[
         int | None,
@@ -61,16 +63,16 @@ def demo(
             "--as-built",
             metavar="SEED",
             callback=within(0, 2**31 - 1),
-            help="Draw the vehicle by its tolerances, test it on the ground, calibrate the map, and fly.",
+            help="Draw a vehicle within tolerances, test it on the ground, calibrate, fly; not with --perfect.",
         ),
     ] = None,
     estimator: Annotated[Estimator | None, ESTIMATOR_OPTION] = None,
 ) -> None:
-    """From a vehicle file to an FMU flying in a system simulation.
+    """Build the map of a vehicle, package it as an FMU, and fly the FMU in a system simulation.
 
-    Solves the flow, builds the inverse map, packages it as an FMU, and flies it against an independent, finer
-    model of the vehicle as built: gains, gauge placement, wall and more are drawn at the sizes that the map's
-    sigmas hold. A second run reuses what is up to date. Snapshots and structure are taken as by `build`.
+    Solves the flow, builds the inverse map, exports the FMU and flies it against the truth model of the
+    vehicle. The vehicle flown has installation errors: gains, gauge places, wall and more are drawn at their
+    specified sizes. A second run reuses the files that are up to date.
 
     Examples:
 
@@ -92,16 +94,12 @@ def demo(
 
     console = Console()
     start = perf_counter()
-    if can_authenticated and not can:
-        raise InputError("--can-authenticated: expected with --can, got it alone")
     if can:
         from strainfmu.can.tools.two_processes import check_multicast, private_port
 
         # Refused before the long work, not after it.
         check_multicast(private_port())
     given = FilesGiven(snapshots=snapshots, structure=structure, rebuild=rebuild)
-    if perfect and as_built is not None:
-        raise InputError("--as-built: expected without --perfect, got both")
     with naming(vehicle or IC3X):
         result = run_demo(
             vehicle or IC3X,
@@ -233,7 +231,7 @@ def _show_result(console: Console, result: DemoResult) -> None:
 def check(vehicle: Annotated[Path, typer.Argument(help="Vehicle file (TOML).")]) -> None:
     """Check a vehicle file, its gauges, the reach of the flow solver, and the manoeuvre of the demonstration.
 
-    Of the flows, those of least and greatest Mach number and incidence are solved, which takes seconds.
+    Solves the flows at the lowest and highest Mach number and angle of attack, which takes seconds.
 
     Example:
 
