@@ -10,7 +10,7 @@ from builder.compare.candidate import (
     GIVEN,
     NO_DYNAMIC_PRESSURE,
     PRESSURE_ALONE,
-    ManifoldCandidate,
+    NonlinearCandidate,
 )
 from builder.compare.flights import GAUGE_NOISE, HARDWARE
 
@@ -66,7 +66,7 @@ def aims(entries: Sequence[Mapping[str, Any]], is_shipped: bool) -> list[Aim]:
             if (one["estimator"], one["errors"], one["navigation"]) == (estimator, errors, navigation)
         )
 
-    name = ManifoldCandidate.name
+    name = NonlinearCandidate.name
     noise, hardware = (entry(name, errors, GIVEN) for errors in (GAUGE_NOISE, HARDWARE))
     found: list[Aim] = []
     if is_shipped:

@@ -14,7 +14,7 @@ from builder.compare.candidate import (
     NO_DYNAMIC_PRESSURE,
     Candidate,
     LinearCandidate,
-    ManifoldCandidate,
+    NonlinearCandidate,
 )
 from builder.compare.flights import ERRORS, GAUGE_NOISE, Effort, altitudes, readings, with_errors
 from builder.compare.random_walk import RandomWalkCandidate
@@ -150,7 +150,7 @@ def candidates_of(
     full = with_manifold(
         inverse_map=maps[1], vehicle=of_case[1], snapshots=trial.snapshots, structure=trial.structure
     )
-    manifold = ManifoldCandidate(full)
+    manifold = NonlinearCandidate(full)
     known: list[Candidate] = [
         LinearCandidate("linear Case 1", maps[1]),
         LinearCandidate("linear Case 2", maps[2]),

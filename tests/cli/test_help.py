@@ -113,6 +113,15 @@ def test_options_that_do_not_go_together_are_refused(command: str) -> None:
         check_together(command, {group[0], *NEEDS.get(command, {}).get(group[0], ())}, options)
 
 
+@pytest.mark.parametrize("command", ["build v.toml", "demo", "stress"])
+@pytest.mark.parametrize("words", ["--estimator manifold", "--estimator=manifold"])
+def test_the_old_name_of_an_estimator_is_answered_with_the_new_one(command: str, words: str, run: Run) -> None:
+    code, _, errors = run(*command.split(), *words.split())
+    name = command.split()[0]
+    text = f"--estimator: 'manifold' is now called 'nonlinear'; see 'strainfmu {name} --help'"
+    assert (code, errors) == (2, f"strainfmu: {text}\n")
+
+
 @pytest.mark.parametrize(
     ("arguments", "help_of"),
     [

@@ -147,15 +147,15 @@ def entries(rms: float, coverage: float = 100.0) -> list[dict[str, Any]]:
             "estimator": name,
             "errors": errors,
             "navigation": navigation,
-            "rms": dict.fromkeys(COEFFICIENT_NAMES, rms if name == "manifold" else 1e-3),
+            "rms": dict.fromkeys(COEFFICIENT_NAMES, rms if name == "nonlinear" else 1e-3),
             "rms_of_tenths": {
-                by: {one: [2.0 * rms if name == "manifold" else 1e-3, *([None] * 9)] for one in COEFFICIENT_NAMES}
+                by: {one: [2.0 * rms if name == "nonlinear" else 1e-3, *([None] * 9)] for one in COEFFICIENT_NAMES}
                 for by in ("total_incidence", "mach_number")
             },
             **common,
         }
         for errors in (GAUGE_NOISE, HARDWARE)
-        for name in ("manifold", "linear Case 1", "linear Case 2")
+        for name in ("nonlinear", "linear Case 1", "linear Case 2")
         for navigation in ("given", "q_inf only", "M and p_inf only")
     ]
 
@@ -193,7 +193,7 @@ def test_the_figure_shows_every_estimator() -> None:
     assert figure.axes[0].get_xticklabels()[0].get_text() == "$C_A$"
     legend = [one.get_text() for one in figure.legends[0].get_texts()]
     assert "nonlinear estimator" in legend
-    assert "manifold" not in legend
+    assert "nonlinear" not in legend
 
 
 def test_conditions_are_inside_the_envelope_and_the_flows(shipped: Vehicle) -> None:
@@ -262,6 +262,6 @@ def test_maps_know_of_the_errors_that_are_drawn(shipped: Vehicle) -> None:
     exact, whole = (with_errors(shipped, errors, 2) for errors in (GAUGE_NOISE, HARDWARE))
     assert exact.noise.gauge_gain_percent == exact.noise.dynamic_pressure_percent == 0.0
     assert whole.noise == shipped.noise
-    assert (exact.map.case, exact.map.estimator, exact.map.keep_field) == (2, "manifold", True)
+    assert (exact.map.case, exact.map.estimator, exact.map.keep_field) == (2, "nonlinear", True)
     assert exact.map.discrepancy_percent == 0.8
     assert whole.map.discrepancy_percent == shipped.map.discrepancy_percent

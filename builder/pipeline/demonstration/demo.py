@@ -414,7 +414,7 @@ def _errors_figure(recording: Recording, flown: dict[str, FlownEstimates], title
     errors = {
         name: (one.coefficients - one.true_coefficients, one.coefficients_std) for name, one in flown.items()
     }
-    error, std = flown["manifold"].air_data_errors()
+    error, std = flown["nonlinear"].air_data_errors()
     return estimator_errors(recording.time, errors, (error[:, :2], std[:, :2]), title)
 
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import pairwise
 from typing import Any
 
 from typer.core import TyperCommand, TyperGroup
 
-from strainfmu.cli.commands.help_layout import COMMANDS, EXCLUDES, NEEDS, OPTIONS
+from strainfmu.cli.commands.help_layout import COMMANDS, EXCLUDES, NEEDS, OLD_VALUES, OPTIONS
 from strainfmu.cli.commands.outputs import check_outputs
 from strainfmu.errors import InputError
 
@@ -46,6 +47,12 @@ class ProgramCommand(TyperCommand):
         """Return ``--help``, shown without a type."""
         return _without_type(super().get_help_option(ctx))
 
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Refuse values under their old names, then read the arguments."""
+        refuse_old_values(args)
+        read: list[str] = super().parse_args(ctx, args)
+        return read
+
     def invoke(self, ctx: Any) -> Any:
         """Check the parameters and run the command."""
         check_outputs(ctx.params)
@@ -77,6 +84,21 @@ def check_together(command: str, given: set[str], options: Mapping[str, str]) ->
         several = [options[name] for name in group if name in given]
         if len(several) > 1:
             raise InputError(f"{several[-1]}: expected without {several[0]}, got both")
+
+
+def refuse_old_values(arguments: list[str]) -> None:
+    """Refuse the value of an option that has a new name.
+
+    Raises
+    ------
+    InputError
+        There is one; the message has the new name.
+    """
+    words = [word for argument in arguments for word in argument.split("=", 1)]
+    for pair in pairwise(words):
+        if pair in OLD_VALUES:
+            option, value = pair
+            raise InputError(f"{option}: '{value}' is now called '{OLD_VALUES[pair]}'")
 
 
 def unwrapped(text: str) -> str:

@@ -173,6 +173,9 @@ NEEDS: dict[str, dict[str, tuple[str, ...]]] = {
 }
 """Options that are refused without one of others, by the names of the parameters."""
 
+OLD_VALUES = {("--estimator", "manifold"): "nonlinear"}
+"""Values of options that have a new name."""
+
 EXCLUDES: dict[str, tuple[tuple[str, ...], ...]] = {
     "demo": (("perfect", "as_built"),),
     "structure": (("export_loads", "export_influence"),),

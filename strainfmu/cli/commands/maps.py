@@ -24,7 +24,7 @@ STRUCTURE_OPTION = typer.Option(
 REBUILD_OPTION = typer.Option(
     "--rebuild", help="Make the files of the folder again from the vehicle file, whatever options made them."
 )
-Estimator = Literal["linear", "manifold"]
+Estimator = Literal["linear", "nonlinear"]
 ESTIMATOR_OPTION = typer.Option("--estimator", help="Estimator, instead of the vehicle file's.")
 
 
@@ -50,7 +50,7 @@ def build(
 
         strainfmu build my_vehicle.toml -o results --snapshots flows/fine.h5 --structure meshed/structure.h5
 
-        strainfmu build my_vehicle.toml -o results --estimator manifold
+        strainfmu build my_vehicle.toml -o results --estimator nonlinear
     """
     from builder.pipeline.map_files import run_build
     from builder.pipeline.pipeline import FilesGiven
@@ -126,7 +126,7 @@ def export(
     )
     found = export_estimator(inverse_map, output, options)
     Console().print(f"{output}: written", highlight=False, markup=False, soft_wrap=True)
-    if kind == "native" and found == "manifold":
+    if kind == "native" and found == "nonlinear":
         note = "note: for co-simulation alone; --estimator linear has model exchange"
         Console().print(note, highlight=False, markup=False, soft_wrap=True)
     if kind == "python":

@@ -148,7 +148,7 @@ def _show_estimators(console: Console, estimators: dict[str, Any]) -> None:
     """Show the accuracy of each estimator on the same strains."""
     in_words = {estimator_in_words(name): scores for name, scores in estimators.items()}
     table = _accuracy_table("Linear and nonlinear estimator on the same strains", in_words)
-    air = estimators["manifold"]["air_data"]
+    air = estimators["nonlinear"]["air_data"]
     for name in ("angle_of_attack", "sideslip_angle"):
         cells = [f"{degrees(air['rms'][name]):.3f}", f"{air['coverage_percent'][name]:.2f} %"]
         table.add_row(escape(f"{name.replace('_', ' ')} [deg]"), "-", "-", *cells)
