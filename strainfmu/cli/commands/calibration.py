@@ -37,7 +37,8 @@ def calibrate(
     tolerances can have are refused: check loads, units and signs.
 
     The new map includes what the test left unknown in its noise. A report of the same name is written with it.
-    `strainfmu loadtest` proposes a test.
+    `strainfmu loadtest` proposes a test; `strainfmu loadtest --template` writes the file for a test of
+    your own.
 
     Examples:
 

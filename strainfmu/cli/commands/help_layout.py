@@ -5,6 +5,7 @@ from __future__ import annotations
 COMMANDS: dict[str, dict[str, str]] = {
     "Use a map": {
         "estimate": "docs/howto/estimate_recorded.md",
+        "channels": "docs/howto/recorder_channels.md",
         "export": "docs/tutorials/fmu_in_tools.md",
         "bridge": "docs/howto/run_bridge.md",
         "tare": "docs/howto/tare.md",
@@ -178,6 +179,7 @@ OLD_VALUES = {("--estimator", "manifold"): "nonlinear"}
 
 EXCLUDES: dict[str, tuple[tuple[str, ...], ...]] = {
     "demo": (("perfect", "as_built"),),
+    "loadtest": tuple((name, "template") for name in ("cases", "snapshots", *OPTIONS["loadtest"]["Loads"])),
     "structure": (("export_loads", "export_influence"),),
     "send": (("plant", "scenario", "data"),),
     "stress": tuple((name, "inverse_map") for name in (*FILES, "estimator")),

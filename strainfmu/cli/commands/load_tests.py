@@ -23,6 +23,10 @@ if TYPE_CHECKING:
 
 def loadtest(
     vehicle: Annotated[Path, typer.Argument(help="Vehicle file (TOML).")],
+    template: Annotated[
+        bool,
+        typer.Option("--template", help="Write a file to fill in for a test of your own. Not with other loads."),
+    ] = False,
     cases: Annotated[
         int, typer.Option(metavar="N", callback=within(1, 200), help="Load cases, in addition to own weight.")
     ] = 12,
@@ -63,7 +67,11 @@ def loadtest(
     weight comes first, in each attitude; it needs material.density_kg_per_m3 in the vehicle file. Section
     `calibration` of the vehicle file states the tolerances of the vehicle as built.
 
+    With --template, writes a file of examples instead, for a test that you have designed or done yourself.
+
     Examples:
+
+        strainfmu loadtest my_vehicle.toml --template -o loadtest.toml
 
         strainfmu loadtest my_vehicle.toml --cases 12 -o loadtest.toml
 
@@ -73,9 +81,16 @@ def loadtest(
     from builder.calibration.ground_test.load_test import LoadErrors
     from builder.figures.calibration.load_plan import load_plan_figure
     from builder.figures.drawing.canvas import save
-    from builder.pipeline.load_test_proposal import propose_load_test, write_proposal
+    from builder.pipeline.load_test_proposal import propose_load_test, write_proposal, write_template
 
     console, start = Console(), perf_counter()
+    errors = LoadErrors(load=0.01 * load_error, common=0.01 * cell_error)
+    if template:
+        write_template(vehicle, output, errors)
+        lines = (f"{output}: written", f"fill it in, then: strainfmu calibrate map.h5 {output} -o calibrated.h5")
+        for line in lines:
+            console.print(line, highlight=False, markup=False, soft_wrap=True)
+        return
     limits = LoadLimits(
         force=force,
         stations=tuple(_numbers("--stations", stations)) if stations else None,
@@ -88,7 +103,6 @@ def loadtest(
         attitudes=tuple(np.deg2rad(_numbers("--attitudes", attitudes)).tolist()),
         largest_strain=1e-6 * largest_strain,
     )
-    errors = LoadErrors(load=0.01 * load_error, common=0.01 * cell_error)
     plan = propose_load_test(vehicle, cases, limits, errors, ConsoleReporter(console), snapshots)
     write_proposal(plan, vehicle, output, errors)
     picture = output.with_suffix(".png")
