@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import isnan
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 from rich.console import Console
@@ -89,6 +89,12 @@ def estimate(
             help="Dynamic pressure of the whole file, instead of its column; nan: not known.",
         ),
     ] = None,
+    columns: Annotated[
+        Literal["plain", "all"] | None,
+        typer.Option(
+            help="plain: time, loads, angles in degrees, health in words. Default: plain for CSV, all for HDF5."
+        ),
+    ] = None,
     residuals: Annotated[
         bool, typer.Option("--residuals", help="Write the standardised residual of every gauge.")
     ] = False,
@@ -171,6 +177,7 @@ def estimate(
             option = "--channels" if channels is not None else "--filter"
             raise InputError(f"{data}: {option}: expected none with a CAN log")
         refused = {
+            "--columns": columns,
             "--residuals": residuals,
             "--ignore-columns": ignore_columns,
             "--accept-strain-level": accept_strain_level,
@@ -204,6 +211,7 @@ def estimate(
             zeros=zeros,
             accept_held=accept_held,
             exclude=_names(exclude),
+            columns=columns or ("plain" if output.suffix.lower() == ".csv" else "all"),
         )
     for line in _estimate_lines(summary, data):
         console.print(line, highlight=False, markup=False, soft_wrap=True)

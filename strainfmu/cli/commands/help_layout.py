@@ -50,7 +50,7 @@ OPTIONS: dict[str, dict[str, tuple[str, ...]]] = {
         "Recording": ("channels", "ignore_columns", "exclude", "zeros", "dynamic_pressure"),
         "Filter": ("filter_seconds", "smooth"),
         "Checks of the data": ("accept_strain_level", "accept_held"),
-        "More results": ("residuals", "field", "field_every"),
+        "Results": ("columns", "residuals", "field", "field_every"),
     },
     "export": {
         "Kind of FMU": ("kind", "fmi", "scalars", "platforms", "estimator"),
