@@ -87,7 +87,7 @@ def all_entries(trial: Trial, reporter: Reporter) -> list[dict[str, Any]]:
                 progress(done, effort.draws)
         example = _example_fields(trial, errors, candidates)
         for one in found:
-            of_example = example.get((one["estimator"], one["navigation"]))
+            of_example = example.get((one["estimator"], one["air_data_inputs"]))
             entries.append(
                 {
                     "estimator": one["estimator"],
@@ -136,7 +136,7 @@ def _example_fields(
         draws=1,
         random=np.random.default_rng([trial.effort.seed, len(ERRORS)]),
     )
-    return {(one["estimator"], one["navigation"]): one["field_p95_percent"] for one in next(found)}
+    return {(one["estimator"], one["air_data_inputs"]): one["field_p95_percent"] for one in next(found)}
 
 
 def candidates_of(

@@ -41,7 +41,7 @@ def test_table_figure_and_second_run(tmp_path: Path, run: Run, monkeypatch: pyte
     entries = json.loads((folder / "compare.json").read_text(encoding="utf-8"))
     names = (*PRODUCT, "regression tree")
     assert [
-        one["estimator"] for one in entries if one["errors"] == "hardware" and one["navigation"] == "given"
+        one["estimator"] for one in entries if one["errors"] == "hardware" and one["air_data_inputs"] == "given"
     ] == [*names]
     assert len(entries) == 2 * (2 * len(names) + 1)
     for one in entries:
@@ -52,7 +52,7 @@ def test_table_figure_and_second_run(tmp_path: Path, run: Run, monkeypatch: pyte
         assert (one["field_median_percent"] is not None) == has_field
         has_example = has_field and one["errors"] == "gauge noise"
         assert (one["example_field_p95_percent"] is not None) == has_example
-    of = {(one["estimator"], one["errors"], one["navigation"]): one for one in entries}
+    of = {(one["estimator"], one["errors"], one["air_data_inputs"]): one for one in entries}
     nonlinear, linear = of["nonlinear", "gauge noise", "given"], of["linear Case 1", "gauge noise", "given"]
     assert all(nonlinear["rms"][name] < linear["rms"][name] for name in nonlinear["rms"])
     assert nonlinear["field_median_percent"] < 0.5 * linear["field_median_percent"]

@@ -113,7 +113,8 @@ def test_the_rolling_moment_counts_where_the_body_has_one() -> None:
     assert without["rms"][ROLLING] is without["coverage_percent"][ROLLING] is None
     assert set(without["coverage_percent"].values()) == {100.0, None}
     entries = [
-        {**entry, "estimator": "one", "errors": "hardware", "navigation": "given"} for entry in (with_it, without)
+        {**entry, "estimator": "one", "errors": "hardware", "air_data_inputs": "given"}
+        for entry in (with_it, without)
     ]
     for one in entries:
         one |= {"example_field_p95_percent": None, "step_microseconds": 1.0}
@@ -146,7 +147,7 @@ def entries(rms: float, coverage: float = 100.0) -> list[dict[str, Any]]:
         {
             "estimator": name,
             "errors": errors,
-            "navigation": navigation,
+            "air_data_inputs": navigation,
             "rms": dict.fromkeys(COEFFICIENT_NAMES, rms if name == "nonlinear" else 1e-3),
             "rms_of_tenths": {
                 by: {one: [2.0 * rms if name == "nonlinear" else 1e-3, *([None] * 9)] for one in COEFFICIENT_NAMES}
@@ -168,7 +169,7 @@ def test_aims_are_met_or_named() -> None:
     assert len(other) == 6 + 5 + 4
     assert not any(aim.is_met for aim in other)
     assert other[0].line.startswith(
-        "MISSED: least 3 sigma coverage [%], gauge noise, navigation given: 98, at least"
+        "MISSED: least 3 sigma coverage [%], gauge noise, air-data inputs given: 98, at least"
     )
 
 
@@ -184,7 +185,7 @@ def test_the_table_has_a_row_per_entry_and_none_is_empty() -> None:
 
 def test_the_figure_shows_every_estimator() -> None:
     pytest.importorskip("matplotlib")
-    given = [one for one in entries(1e-3) if one["navigation"] == "given"]
+    given = [one for one in entries(1e-3) if one["air_data_inputs"] == "given"]
     given[0]["field_percentiles_percent"] = None
     figure = compare_figure(given, "body")
     assert len(figure.axes) == 6

@@ -41,7 +41,7 @@ def test_estimators_are_scored_with_the_rolling_moment_and_the_field() -> None:
         effort=effort,
         has_rivals=False,
     )
-    of = {(one["estimator"], one["errors"], one["navigation"]): one for one in all_entries(trial, Silent())}
+    of = {(one["estimator"], one["errors"], one["air_data_inputs"]): one for one in all_entries(trial, Silent())}
     assert len(of) == 2 * 9
     for errors in (GAUGE_NOISE, HARDWARE):
         nonlinear, linear = (of[name, errors, "given"] for name in ("nonlinear", "linear Case 2"))
@@ -92,7 +92,7 @@ def test_the_finned_body_from_file_to_table(tmp_path: Path, run: Run, monkeypatc
     assert code == 0
     assert "structure.h5" in {path.name for path in tmp_path.iterdir()}
     of = {
-        (one["estimator"], one["errors"], one["navigation"]): one
+        (one["estimator"], one["errors"], one["air_data_inputs"]): one
         for one in json.loads((tmp_path / "compare.json").read_text(encoding="utf-8"))
     }
     nonlinear, linear = (of[name, "hardware", "given"] for name in ("nonlinear", "linear Case 2"))

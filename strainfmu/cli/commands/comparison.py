@@ -98,7 +98,7 @@ def _show(console: Console, result: CompareResult) -> None:
             table.add_column(heading, justify="right", min_width=4)
         for one in result.entries:
             if one["errors"] == errors:
-                known = "" if one["navigation"] == "given" else f", {one['navigation']}"
+                known = "" if one["air_data_inputs"] == "given" else f", {one['air_data_inputs']}"
                 table.add_row(escape(estimator_in_words(one["estimator"]) + known), *_cells(one))
         console.print(table)
     for aim in result.aims:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from builder.pipeline.demonstration.demo import DemoResult
 
 README = "README.txt"
-WIDTH = 110
+WIDTH = 130
 """Columns of the tables in it."""
 
 
@@ -137,7 +137,7 @@ def _show_states(console: Console, states: dict[str, Any]) -> None:
 def _score_table(score: dict[str, Any]) -> Table:
     """Return a table of a score, as files of results hold it."""
     table = Table(box=None, pad_edge=False, padding=(0, 3, 0, 0))
-    headings = ("coefficient [1]", "rms error", "stated uncertainty, 1 sigma", "error of its range in flight")
+    headings = ("coefficient", "rms error [1]", "uncertainty, 1 sigma [1]", "of range in flight")
     for heading in headings:
         table.add_column(escape(heading), justify="left" if heading.startswith("coefficient") else "right")
     for name, error in score["rms_error"].items():

@@ -102,16 +102,16 @@ def stress(
 
 
 def _show(console: Console, result: StressResult) -> None:
-    table = Table(title=escape(f"{result.vehicle}: errors on the independent model, share of the samples [%]"))
-    for heading in ("error", "size", "class", "flagged", "silent", ""):
-        table.add_column(heading, justify="right" if heading in ("flagged", "silent") else "left")
+    table = Table(title=escape(f"{result.vehicle}: errors on the truth model, samples [%]"))
+    for heading in ("error", "size", "class", "detected", "undetected", ""):
+        table.add_column(heading, justify="right" if heading in ("detected", "undetected") else "left")
     for one in result.entries:
         table.add_row(
             escape(one["error"]),
             escape(one["size"]),
             one["class"],
-            f"{one['flagged_percent']:.2f}",
-            f"{one['silent_percent']:.2f}",
+            f"{one['detected_percent']:.2f}",
+            f"{one['undetected_percent']:.2f}",
             "missed" if one["missed"] else "",
         )
     console.print(table)
