@@ -14,6 +14,23 @@ from typing import NoReturn
 
 from strainfmu.errors import StrainfmuError
 
+EXTRAS = {
+    **dict.fromkeys(("typer", "rich"), "cli"),
+    **dict.fromkeys(("scipy", "skfem", "numba", "pydantic"), "build"),
+    **dict.fromkeys(("fmpy", "pythonfmu"), "fmu"),
+    **dict.fromkeys(("can", "cantools", "msgpack"), "can"),
+    **dict.fromkeys(("matplotlib", "plotly"), "report"),
+    **dict.fromkeys(("dask", "distributed"), "campaign"),
+    **dict.fromkeys(("gmsh", "meshio"), "mesh"),
+    "cryptography": "auth",
+    "asammdf": "mf4",
+    "nptdms": "tdms",
+    "pyarrow": "parquet",
+    "vtk": "cfd",
+    "sklearn": "rivals",
+}
+"""The smallest extra of this package that has a module."""
+
 INTERRUPTED = 130
 """Exit code of a command that Ctrl-C ended, as a shell has it."""
 
@@ -32,9 +49,7 @@ def main(arguments: list[str] | None = None) -> NoReturn:
     except StrainfmuError as error:
         _fail_with([_with_help(line, given) for line in error.lines], error.exit_code)
     except ImportError as error:
-        _fail(
-            f"'{(error.name or str(error)).partition('.')[0]}' is not installed: pip install 'strainfmu[all]'", 1
-        )
+        _fail(missing_text((error.name or str(error)).partition(".")[0]), 1)
     except OSError as error:
         _fail(f"{error.filename or 'file system'}: {error.strerror or error}", 1)
     except Exception as error:
@@ -51,6 +66,13 @@ def main(arguments: list[str] | None = None) -> NoReturn:
     if code == INTERRUPTED:  # by typer, which says nothing
         _fail("interrupted; what was finished is kept", INTERRUPTED)
     sys.exit(code if isinstance(code, int) else 0)
+
+
+def missing_text(module: str) -> str:
+    """Return what to install for a module that is missing: the smallest extra, or all."""
+    extra = EXTRAS.get(module, "all")
+    use = "; it is enough to estimate with a map, inspect and export it" if extra == "cli" else ""
+    return f"'{module}' is not installed: pip install 'strainfmu[{extra}]'{use}"
 
 
 def _with_help(line: str, arguments: list[str]) -> str:
