@@ -10,7 +10,7 @@ from builder.compare.candidate import (
     GIVEN,
     NO_DYNAMIC_PRESSURE,
     PRESSURE_ALONE,
-    ManifoldCandidate,
+    NonlinearCandidate,
 )
 from builder.compare.flights import GAUGE_NOISE, HARDWARE
 
@@ -63,10 +63,10 @@ def aims(entries: Sequence[Mapping[str, Any]], is_shipped: bool) -> list[Aim]:
         return next(
             one
             for one in entries
-            if (one["estimator"], one["errors"], one["navigation"]) == (estimator, errors, navigation)
+            if (one["estimator"], one["errors"], one["air_data_inputs"]) == (estimator, errors, navigation)
         )
 
-    name = ManifoldCandidate.name
+    name = NonlinearCandidate.name
     noise, hardware = (entry(name, errors, GIVEN) for errors in (GAUGE_NOISE, HARDWARE))
     found: list[Aim] = []
     if is_shipped:
@@ -77,13 +77,13 @@ def aims(entries: Sequence[Mapping[str, Any]], is_shipped: bool) -> list[Aim]:
             for one, limit in ANGLES.items()
         ]
         blind = entry(name, GAUGE_NOISE, NO_DYNAMIC_PRESSURE)["air_data_p95"]["dynamic_pressure_percent"]
-        what = f"p95 q_inf [%], navigation {NO_DYNAMIC_PRESSURE}"
+        what = f"p95 q_inf [%], air-data inputs {NO_DYNAMIC_PRESSURE}"
         found.append(Aim(what=what, limit=DYNAMIC_PRESSURE_PERCENT, found=blind))
     for errors in (GAUGE_NOISE, HARDWARE):
         for navigation in (GIVEN, PRESSURE_ALONE, NO_DYNAMIC_PRESSURE):
             shares = entry(name, errors, navigation)["coverage_percent"].values()
             least = min(share for share in shares if share is not None)
-            what = f"least 3 sigma coverage [%], {errors}, navigation {navigation}"
+            what = f"least 3 sigma coverage [%], {errors}, air-data inputs {navigation}"
             found.append(Aim(what=what, limit=COVERAGE, found=least, at_least=True))
     for one, value in hardware["rms"].items():
         linear = min(entry(which, HARDWARE, GIVEN)["rms"][one] for which in LINEAR)

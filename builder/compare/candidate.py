@@ -92,10 +92,10 @@ class LinearCandidate:
         )
 
 
-class ManifoldCandidate:
+class NonlinearCandidate:
     """The nonlinear estimator, each reading on its own."""
 
-    name = "manifold"
+    name = "nonlinear"
     has_field = True
 
     def __init__(self, inverse_map: InverseMap) -> None:

@@ -69,7 +69,7 @@ def with_errors(vehicle: Vehicle, errors: str, case: int) -> Vehicle:
         case=case,
         form="dynamic_pressure",
         symmetry="full" if vehicle.is_of_revolution else "listed",
-        estimator="manifold",
+        estimator="nonlinear",
         gamma=1.0,
         keep_field=True,
     )

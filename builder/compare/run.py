@@ -30,7 +30,7 @@ from strainfmu.files import write_bytes_atomically
 
 JSON, CSV, FIGURE = "compare.json", "compare.csv", "compare.png"
 
-VERSION = 6
+VERSION = 7
 """Raised whenever the scores change otherwise than by their inputs, so that they are made again."""
 
 
@@ -133,7 +133,7 @@ def _scores(pipeline: Pipeline, vehicle: Vehicle, effort: Effort) -> None:
 
 
 def table_csv(entries: list[dict[str, Any]]) -> str:
-    """Return the table of ``compare.json`` as CSV: a row per estimator, errors and navigation."""
+    """Return the table of ``compare.json`` as CSV: a row per estimator, errors and air-data inputs."""
     columns = {
         **{f"rms_{name}": ("rms", name) for name in entries[0]["rms"]},
         **{f"coverage_percent_{name}": ("coverage_percent", name) for name in entries[0]["coverage_percent"]},
@@ -148,10 +148,11 @@ def table_csv(entries: list[dict[str, Any]]) -> str:
     )
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(["estimator", "errors", "navigation", *columns, *plain])
+    writer.writerow(["estimator", "errors", "air_data_inputs", *columns, *plain, "navigation"])
     for one in entries:
         inner = [one[group][name] for group, name in columns.values()]
-        row = [one["estimator"], one["errors"], one["navigation"], *inner, *(one[name] for name in plain)]
+        known = one["air_data_inputs"]
+        row = [one["estimator"], one["errors"], known, *inner, *(one[name] for name in plain), known]
         writer.writerow(["" if value is None else value for value in row])
     return stream.getvalue()
 
@@ -162,5 +163,5 @@ def _figure(pipeline: Pipeline, entries: list[dict[str, Any]]) -> None:
         return
     name = pipeline.vehicle.name
     inputs = {"scores": entries, "title": name}
-    shown = [one for one in entries if one["navigation"] == GIVEN]
+    shown = [one for one in entries if one["air_data_inputs"] == GIVEN]
     pipeline.make(FIGURE, "the same as a figure", inputs, lambda path: save(compare_figure(shown, name), path))

@@ -170,9 +170,10 @@ def scored(
         yield [
             {
                 "estimator": candidate.name,
-                "navigation": navigation,
+                "air_data_inputs": navigation,
                 **tally.entry(),
                 "step_microseconds": rounded(cost),
+                "navigation": navigation,  # the former name of the key
             }
             for (candidate, navigation), tally, cost in zip(candidates, tallies, costs, strict=True)
         ]

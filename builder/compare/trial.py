@@ -14,7 +14,7 @@ from builder.compare.candidate import (
     NO_DYNAMIC_PRESSURE,
     Candidate,
     LinearCandidate,
-    ManifoldCandidate,
+    NonlinearCandidate,
 )
 from builder.compare.flights import ERRORS, GAUGE_NOISE, Effort, altitudes, readings, with_errors
 from builder.compare.random_walk import RandomWalkCandidate
@@ -87,7 +87,7 @@ def all_entries(trial: Trial, reporter: Reporter) -> list[dict[str, Any]]:
                 progress(done, effort.draws)
         example = _example_fields(trial, errors, candidates)
         for one in found:
-            of_example = example.get((one["estimator"], one["navigation"]))
+            of_example = example.get((one["estimator"], one["air_data_inputs"]))
             entries.append(
                 {
                     "estimator": one["estimator"],
@@ -136,7 +136,7 @@ def _example_fields(
         draws=1,
         random=np.random.default_rng([trial.effort.seed, len(ERRORS)]),
     )
-    return {(one["estimator"], one["navigation"]): one["field_p95_percent"] for one in next(found)}
+    return {(one["estimator"], one["air_data_inputs"]): one["field_p95_percent"] for one in next(found)}
 
 
 def candidates_of(
@@ -150,7 +150,7 @@ def candidates_of(
     full = with_manifold(
         inverse_map=maps[1], vehicle=of_case[1], snapshots=trial.snapshots, structure=trial.structure
     )
-    manifold = ManifoldCandidate(full)
+    manifold = NonlinearCandidate(full)
     known: list[Candidate] = [
         LinearCandidate("linear Case 1", maps[1]),
         LinearCandidate("linear Case 2", maps[2]),

@@ -59,7 +59,7 @@ def flow_amplitudes(snapshots: Snapshots, max_harmonic: int = MAX_HARMONIC) -> F
     """
     grid = snapshots.grid
     if grid is None:
-        raise InputError("manifold: snapshots on a free surface found, expected those of a body of revolution")
+        raise InputError("nonlinear estimator: expected snapshots of a body of revolution, got a free surface")
     conditions = snapshots.conditions()
     first: dict[tuple[float, ...], int] = {}
     for row, condition in enumerate(conditions):
@@ -72,7 +72,7 @@ def flow_amplitudes(snapshots: Snapshots, max_harmonic: int = MAX_HARMONIC) -> F
             key = (one_mach, one_incidence)
             if key not in first:
                 raise InputError(
-                    f"manifold: no flow at Mach number {one_mach:g} and total incidence "
+                    f"nonlinear estimator: no flow at Mach number {one_mach:g} and total incidence "
                     f"{np.degrees(one_incidence):.4g} deg; every incidence must be there at every Mach number"
                 )
             condition = conditions[first[key]]

@@ -57,7 +57,7 @@ def snapshot_grid(snapshots: Snapshots) -> SnapshotGrid:
         if key not in first:
             mach, alpha, beta = key[:3]
             raise InputError(
-                f"map.estimator: 'manifold' needs every combination of the conditions, got none of Mach number "
+                f"map.estimator: 'nonlinear' needs every combination of the conditions, got none of Mach number "
                 f"{mach:g}, angle of attack {np.degrees(alpha):.4g} deg, sideslip {np.degrees(beta):.4g} deg"
                 + (f", parameters {', '.join(f'{one:g}' for one in key[3])}" if key[3] else "")
             )
@@ -73,5 +73,5 @@ def _check_numbers(found: list[int]) -> None:
             for numbers in (MIN_VALUES, found)
         )
         raise InputError(
-            f"map.estimator: 'manifold' needs {needed} at least, got {got}; estimator 'linear' takes them"
+            f"map.estimator: 'nonlinear' needs {needed} at least, got {got}; estimator 'linear' takes them"
         )

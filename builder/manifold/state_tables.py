@@ -140,7 +140,7 @@ def _check_flows(flows: FlowAmplitudes) -> None:
     found = len(flows.mach), int(np.sum(flows.incidence > 1e-9))
     if found[0] < MIN_FLOWS[0] or found[1] < MIN_FLOWS[1]:
         raise InputError(
-            f"map.estimator: 'manifold' needs {MIN_FLOWS[0]} Mach numbers and {MIN_FLOWS[1]} total incidences "
+            f"map.estimator: 'nonlinear' needs {MIN_FLOWS[0]} Mach numbers and {MIN_FLOWS[1]} total incidences "
             f"above 0 at least, got {found[0]} and {found[1]}"
         )
 

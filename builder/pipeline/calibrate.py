@@ -216,7 +216,7 @@ def _vehicle(file: LoadTestFile, path: Path | None, drawn: InverseMap, map_path:
         )
     if "calibration" in drawn.provenance:
         raise InputError(f"{map_path}: already calibrated; expected the map that the vehicle file makes")
-    estimator = "linear" if drawn.manifold is None else "manifold"
+    estimator = "linear" if drawn.manifold is None else "nonlinear"
     return vehicle.model_copy(update={"map": vehicle.map.model_copy(update={"estimator": estimator})})
 
 

@@ -1,13 +1,14 @@
-"""The estimator of a map by an option, in place of that of the vehicle file."""
+"""The estimator of a map by an option, instead of the vehicle file's."""
 
 from __future__ import annotations
 
 from typing import Literal
 
 from builder.vehicle.file import Vehicle
+from builder.vehicle.map.options import wrong_estimator
 from strainfmu.errors import InputError
 
-Estimators = Literal["linear", "manifold"]
+Estimators = Literal["linear", "nonlinear"]
 
 
 def with_estimator(vehicle: Vehicle, estimator: Estimators | None) -> Vehicle:
@@ -16,12 +17,14 @@ def with_estimator(vehicle: Vehicle, estimator: Estimators | None) -> Vehicle:
     Raises
     ------
     InputError
-        The vehicle file does not fit the nonlinear estimator.
+        There is no estimator of this name, or the vehicle file does not fit the nonlinear estimator.
     """
     if estimator is None:
         return vehicle
+    if (reason := wrong_estimator(estimator)) is not None:
+        raise InputError(f"--estimator: {reason}")
     entry = vehicle.map
-    if estimator == "manifold":
+    if estimator == "nonlinear":
         found = {
             "map.form": (entry.form, "dynamic_pressure"),
             "strains per snapshot": ("none" if vehicle.structure.strain_per_snapshot is None else "some", "none"),
@@ -30,5 +33,5 @@ def with_estimator(vehicle: Vehicle, estimator: Estimators | None) -> Vehicle:
             found["map.symmetry"] = (entry.symmetry, "full")
         for name, (got, needed) in found.items():
             if got != needed:
-                raise InputError(f"--estimator manifold: needs {name} {needed!r}, got {got!r}")
+                raise InputError(f"--estimator nonlinear: needs {name} {needed!r}, got {got!r}")
     return vehicle.model_copy(update={"map": entry.model_copy(update={"estimator": estimator})})

@@ -18,6 +18,7 @@ from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.pipeline.stages import fourier_structure, take_snapshots
 from builder.reporting import Reporter
 from builder.structure.fourier.model import refuse_beyond_fourier
+from builder.structure.loads.applied import Load, PadPressure, PointForce, SectionLoad, SurfacePressure, Weight
 from builder.vehicle.file import Vehicle, load_vehicle
 from builder.vehicle.map_needs import used_layouts
 from builder.workspace import refuse_misfits
@@ -26,6 +27,14 @@ from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 HEAD = (
     "Proposed by strainfmu loadtest. To be filled in after the test: the recording, its channels.toml, and when",
     "each case was recorded (window_s, or row). Loads as they were measured replace those stated here.",
+)
+
+
+TEMPLATE_HEAD = (
+    "Template of a ground test, written by strainfmu loadtest --template. It has a case of each usual kind: keep,",
+    "copy and change what your test has, delete the rest. Fill in the recording, its channels.toml (written by",
+    "strainfmu channels), when each case was recorded (window_s, or row), and every load as it was measured.",
+    "Axes: x aft, y starboard, z up. All entries and kinds of load: docs/reference/load_test_file.md",
 )
 
 
@@ -76,6 +85,41 @@ def write_proposal(plan: LoadPlan, vehicle_path: Path, path: Path, errors: LoadE
         readings={"recording": None, "channels": None},
         errors=error_entries(errors),
         head=HEAD,
+        vehicle=Path(os.path.relpath(vehicle_path, path.parent)).as_posix(),
+    )
+
+
+def write_template(vehicle_path: Path, path: Path, errors: LoadErrors) -> None:
+    """Write ``loadtest.toml`` with an example of each usual load, to be changed to a test of the user's own.
+
+    Raises
+    ------
+    InputError
+        The vehicle file is wrong.
+    """
+    vehicle = load_vehicle(vehicle_path)
+    length = round(vehicle.body().length, 4)
+    weight = () if vehicle.material.density_kg_per_m3 is None else (Weight(),)
+    without = "" if weight else "; own weight needs material.density_kg_per_m3 in the vehicle file"
+    side = (Weight(up_roll_angle=0.5 * np.pi),) if weight else ()
+    half = 0.5 * length
+    pad = PadPressure(station=half, roll_angle=0.0, half_length=0.05, half_angle=np.pi / 6.0, push=1000.0)
+    moment = SectionLoad(station=length, force=(0.0, 0.0, 500.0), moment=(0.0, 100.0, 0.0))
+    rows: list[tuple[str, tuple[Load, ...], str]] = [
+        ("level", weight, f"what acts in every case stands in every case, own weight first{without}"),
+        ("on its side", side, "the meridian at roll angle 90 deg points up"),
+        ("push on a pad", (*weight, pad), "a soft pad; push_N is the reading of the load cell behind it"),
+        ("force on a point", (*weight, PointForce(station=half, roll_angle=0.0, force=(0.0, 0.0, -500.0))), ""),
+        ("force and moment on a ring", (*weight, moment), "as an end fitting applies them"),
+        ("internal pressure", (*weight, SurfacePressure(surface="inner", pressure=5e4)), "above the ambient one"),
+    ]
+    write_load_test(
+        path,
+        f"{vehicle.name}: ground test",
+        [WrittenCase(name=name, loads=loads, remark=text) for name, loads, text in rows],
+        readings={"recording": None, "channels": None, "reading_std_um_per_m": None},
+        errors=error_entries(errors),
+        head=TEMPLATE_HEAD,
         vehicle=Path(os.path.relpath(vehicle_path, path.parent)).as_posix(),
     )
 

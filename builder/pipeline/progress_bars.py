@@ -16,12 +16,22 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
+ALWAYS_SHOWN = ("warning", "no score on held-out", "held-out conditions")
+"""Beginnings of the notes that are shown in any case, as are files used as they are."""
+
 
 class ConsoleReporter:
-    """A reporter that shows stages as progress bars and notes as lines."""
+    """A reporter that shows stages as progress bars and notes as lines.
 
-    def __init__(self, console: Console) -> None:
-        self.console = console
+    Attributes
+    ----------
+    is_verbose : whether finished stages and all notes are shown; otherwise warnings, and files used as they are.
+    lines : one for each finished stage and note, shown or not.
+    """
+
+    def __init__(self, console: Console, is_verbose: bool = True) -> None:
+        self.console, self.is_verbose = console, is_verbose
+        self.lines: list[str] = []
 
     @contextmanager
     def stage(self, title: str) -> Iterator[Callable[[int, int], None]]:
@@ -33,11 +43,16 @@ class ConsoleReporter:
             TimeRemainingColumn(),
         )
         start = perf_counter()
-        with Progress(*columns, console=self.console, transient=True) as bars:
+        is_shown = self.console.is_terminal  # elsewhere a bar leaves an empty line
+        with Progress(*columns, console=self.console, transient=True, disable=not is_shown) as bars:
             task = bars.add_task(title, total=None)
             yield lambda done, of: bars.update(task, completed=done, total=of)
         took = f"{title:<40} {perf_counter() - start:6.1f} s"
-        self.console.print(took, highlight=False, markup=False, soft_wrap=True)
+        self.lines.append(took)
+        if self.is_verbose:
+            self.console.print(took, highlight=False, markup=False, soft_wrap=True)
 
     def note(self, text: str) -> None:
-        self.console.print(f"  {text}", style="dim", highlight=False, markup=False, soft_wrap=True)
+        self.lines.append(f"  {text}")
+        if self.is_verbose or text.startswith(ALWAYS_SHOWN) or "used as it is" in text:
+            self.console.print(f"  {text}", style="dim", highlight=False, markup=False, soft_wrap=True)

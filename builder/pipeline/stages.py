@@ -245,7 +245,7 @@ def map_from(
         )
     problem = inverse_problem(vehicle, snapshots, structure)
     inverse_map = build_inverse_map(vehicle, snapshots, structure, problem=problem)
-    if vehicle.map.estimator == "manifold":
+    if vehicle.map.estimator == "nonlinear":
         inverse_map = with_manifold(inverse_map, vehicle, snapshots, structure, problem=problem)
     inverse_map = replace(inverse_map, provenance=_with_sources(inverse_map.provenance, vehicle, snapshots, solid))
     held, noise_std = inverse_map.provenance, float(inverse_map.noise_std[0])

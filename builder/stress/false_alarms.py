@@ -30,6 +30,7 @@ from builder.truth.levels.read_flights import CONDITIONS, ReadFlights, read_flig
 from builder.truth.revolution.flow_table import FlowTable, load_flow_table
 from builder.truth.revolution.strain import TrueStructure, true_structure
 from builder.vehicle.file import Vehicle, load_vehicle
+from builder.vehicle.map.options import wrong_estimator
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, HealthState
@@ -140,14 +141,16 @@ def main() -> None:
     parser.add_argument("--samples", type=int, default=1_000_000)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument(
-        "--estimator", choices=("linear", "manifold"), help="linear: the linear map of a file of both"
+        "--estimator", metavar="linear|nonlinear", help="linear: the linear estimator of a map that includes both"
     )
     parser.add_argument("--search", action="store_true", help="find each flight from the tables alone")
     options = parser.parse_args()
     if options.samples < 1 or options.seed < 0:
         raise InputError("expected --samples from 1 on and --seed from 0 on")
+    if options.estimator is not None and (reason := wrong_estimator(options.estimator)) is not None:
+        raise InputError(f"--estimator: {reason}")
     inverse_map, table = load_inverse_map(options.map), load_flow_table(options.flows)
-    if options.estimator == "manifold" and inverse_map.manifold is None:
+    if options.estimator == "nonlinear" and inverse_map.manifold is None:
         raise InputError(f"{options.map}: holds no tables of the nonlinear estimator")
     if options.estimator == "linear":
         inverse_map = inverse_map.without_tables()
@@ -175,4 +178,5 @@ if __name__ == "__main__":
     try:
         main()
     except StrainfmuError as error:
-        sys.exit(f"strainfmu: {error}")
+        print(f"strainfmu: {error}", file=sys.stderr)
+        sys.exit(error.exit_code)

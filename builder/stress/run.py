@@ -44,10 +44,14 @@ from strainfmu.flight_condition import FlightCondition
 
 FLOWS, JSON, CSV, FIGURE = "stress_flows.h5", "stress.json", "stress.csv", "stress.png"
 
-VERSION = 2
+VERSION = 3
 """Raised whenever the scores change otherwise than by their inputs, so that they are made again."""
 
-CSV_COLUMNS = ("error", "size", "class", "flagged_percent", "silent_percent", "wrong_percent", "samples", "missed")
+CSV_COLUMNS = (
+    *("error", "size", "class", "detected_percent", "undetected_percent", "wrong_percent", "samples", "missed"),
+    *("flagged_percent", "silent_percent"),
+)
+"""Columns of the table; the last two are former names of the fourth and fifth."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -197,7 +201,7 @@ def _scores(pipeline: Pipeline, vehicle: Vehicle, inverse_map: InverseMap, effor
         "effort": asdict(effort),
         "vehicle": vehicle.model_dump(exclude={"description", "truth"}),
     }
-    pipeline.make(JSON, "flagged and silent shares of every kind of error", inputs, write)
+    pipeline.make(JSON, "samples detected and undetected by health, of every kind of error", inputs, write)
 
 
 def check_fit(vehicle: Vehicle, inverse_map: InverseMap, path: Path) -> None:

@@ -74,26 +74,26 @@ class Score:
         kind, outside = self.kind, self.health.get(HealthState.OUTSIDE.name, 0.0)
         found = []
         if kind.silent_target is not None and self.silent > kind.silent_target:
-            found.append(f"silent {self.silent:.2f} %, at most {kind.silent_target:g} % aimed at")
+            found.append(f"undetected {self.silent:.2f} %, at most {kind.silent_target:g} % aimed at")
         if kind.flagged_target is not None and self.flagged < kind.flagged_target:
-            found.append(f"flagged {self.flagged:.2f} %, at least {kind.flagged_target:g} % aimed at")
+            found.append(f"detected {self.flagged:.2f} %, at least {kind.flagged_target:g} % aimed at")
         if kind.outside_target is not None and outside > kind.outside_target:
             found.append(f"OUTSIDE {outside:.3g} %, at most {kind.outside_target:g} % aimed at")
         return tuple(found)
 
     def entry(self) -> dict[str, Any]:
-        """Return the entry of ``stress.json``."""
+        """Return the entry of ``stress.json``; former names of keys stand at its end."""
         kind = self.kind
         targets = {
-            "silent_percent_at_most": kind.silent_target,
-            "flagged_percent_at_least": kind.flagged_target,
+            "undetected_percent_at_most": kind.silent_target,
+            "detected_percent_at_least": kind.flagged_target,
             "outside_percent_at_most": kind.outside_target,
         }
         return {
             "error": kind.error,
             "size": kind.size,
-            "flagged_percent": round(self.flagged, 4),
-            "silent_percent": round(self.silent, 4),
+            "detected_percent": round(self.flagged, 4),
+            "undetected_percent": round(self.silent, 4),
             "class": kind.group,
             "wrong_percent": round(self.wrong, 4),
             "health": {name: round(share, 4) for name, share in self.health.items()},
@@ -102,6 +102,8 @@ class Score:
             "what": kind.what,
             "targets": {name: value for name, value in targets.items() if value is not None},
             "missed": list(self.missed),
+            "flagged_percent": round(self.flagged, 4),
+            "silent_percent": round(self.silent, 4),
         }
 
 

@@ -137,15 +137,15 @@ class Vehicle(Section):
 
     def _estimator_faults(self) -> list[str]:
         """Return what the nonlinear estimator does not take."""
-        if self.map.estimator != "manifold":
+        if self.map.estimator != "nonlinear":
             return []
         faults = []
         if self.shape_kind == "profile" and self.map.symmetry != "full":
             faults.append(
-                f"map.estimator: 'manifold' needs map.symmetry 'full' with a profile, got '{self.map.symmetry}'"
+                f"map.estimator: 'nonlinear' needs map.symmetry 'full' with a profile, got '{self.map.symmetry}'"
             )
         if self.structure.strain_per_snapshot is not None:
-            faults.append("map.estimator: expected 'linear' with structure.strain_per_snapshot, got 'manifold'")
+            faults.append("map.estimator: expected 'linear' with structure.strain_per_snapshot, got 'nonlinear'")
         return faults
 
     def _wall_faults(self) -> list[str]:

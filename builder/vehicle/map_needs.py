@@ -34,7 +34,7 @@ def unused_entries(vehicle: Vehicle) -> Iterator[str]:
     if entry.estimator == "linear":
         for name in OF_THE_NONLINEAR:
             if name in entry.model_fields_set:
-                yield f"map.{name}: not used, it is for estimator 'manifold', and the map's is 'linear'"
+                yield f"map.{name}: not used, it is for estimator 'nonlinear', and the map's is 'linear'"
     if entry.case == 1 and entry.prior_modes is not None:
         yield "map.prior_modes: not used, it is for case 2, and the map's is 1"
 

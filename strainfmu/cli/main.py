@@ -14,12 +14,30 @@ from typing import NoReturn
 
 from strainfmu.errors import StrainfmuError
 
+EXTRAS = {
+    **dict.fromkeys(("typer", "rich"), "cli"),
+    **dict.fromkeys(("scipy", "skfem", "numba", "pydantic"), "build"),
+    **dict.fromkeys(("fmpy", "pythonfmu"), "fmu"),
+    **dict.fromkeys(("can", "cantools", "msgpack"), "can"),
+    **dict.fromkeys(("matplotlib", "plotly"), "report"),
+    **dict.fromkeys(("dask", "distributed"), "campaign"),
+    **dict.fromkeys(("gmsh", "meshio"), "mesh"),
+    "cryptography": "auth",
+    "asammdf": "mf4",
+    "nptdms": "tdms",
+    "pyarrow": "parquet",
+    "vtk": "cfd",
+    "sklearn": "rivals",
+}
+"""The smallest extra of this package that has a module."""
+
 INTERRUPTED = 130
 """Exit code of a command that Ctrl-C ended, as a shell has it."""
 
 
 def main(arguments: list[str] | None = None) -> NoReturn:
     """Run the command line and leave the process with its exit code."""
+    given = sys.argv[1:] if arguments is None else arguments
     try:
         from typer.main import get_command
 
@@ -29,17 +47,17 @@ def main(arguments: list[str] | None = None) -> NoReturn:
     except KeyboardInterrupt:
         _fail("interrupted; what was finished is kept", INTERRUPTED)
     except StrainfmuError as error:
-        _fail_with(error.lines, error.exit_code)
+        _fail_with([_with_help(line, given) for line in error.lines], error.exit_code)
     except ImportError as error:
-        _fail(
-            f"'{(error.name or str(error)).partition('.')[0]}' is not installed: pip install 'strainfmu[all]'", 1
-        )
+        _fail(missing_text((error.name or str(error)).partition(".")[0]), 1)
     except OSError as error:
         _fail(f"{error.filename or 'file system'}: {error.strerror or error}", 1)
     except Exception as error:
         message = getattr(error, "format_message", None)  # a wrong option or argument
         if message is not None and message():
-            _fail(f"{message()} Try 'strainfmu --help'.", 2)
+            command = getattr(getattr(error, "ctx", None), "command_path", "strainfmu")
+            text = message().rstrip(".").replace("Value error, ", "")
+            _fail(f"{text}{' See' if text.endswith('?') else '; see'} '{command} --help'", 2)
         if message is not None:
             sys.exit(2)  # no arguments at all: the help has been printed
         if type(error).__name__ == "Abort":
@@ -48,6 +66,19 @@ def main(arguments: list[str] | None = None) -> NoReturn:
     if code == INTERRUPTED:  # by typer, which says nothing
         _fail("interrupted; what was finished is kept", INTERRUPTED)
     sys.exit(code if isinstance(code, int) else 0)
+
+
+def missing_text(module: str) -> str:
+    """Return what to install for a module that is missing: the smallest extra, or all."""
+    extra = EXTRAS.get(module, "all")
+    use = "; it is enough to estimate with a map, inspect and export it" if extra == "cli" else ""
+    return f"'{module}' is not installed: pip install 'strainfmu[{extra}]'{use}"
+
+
+def _with_help(line: str, arguments: list[str]) -> str:
+    """Return a line that refuses an option, with the help of the command that takes it; another line as it is."""
+    command = next((one for one in arguments if not one.startswith("-")), "")
+    return f"{line}; see 'strainfmu {command} --help'" if line.startswith("--") and command else line
 
 
 def _fail(message: str, exit_code: int) -> NoReturn:

@@ -159,7 +159,7 @@ class ExportOptions:
 
 def export_estimator(
     map_path: str | PathLike[str], fmu_path: str | PathLike[str], options: ExportOptions | None = None
-) -> Literal["linear", "manifold"]:
+) -> Literal["linear", "nonlinear"]:
     """Write the estimator FMU of the map at ``map_path`` to ``fmu_path``; None takes the native kind of FMI 2.0.
 
     Returns which estimator it holds. Of kind "c" ``fmu_path`` is a new folder.
@@ -175,7 +175,7 @@ def export_estimator(
     Example
     -------
     >>> export_estimator(Path("demo/map.h5"), Path("arrays.fmu"), ExportOptions(fmi_version="3"))
-    'manifold'
+    'nonlinear'
     """
     options = options or ExportOptions()
     map_path, fmu_path = Path(map_path), Path(fmu_path)
@@ -195,7 +195,7 @@ def export_estimator(
     else:
         make = _native_estimator if options.kind == "native" else _python_estimator
         write_archive(fmu_path, make(map_path, inverse_map, content_hash, options))
-    return "linear" if inverse_map.manifold is None else "manifold"
+    return "linear" if inverse_map.manifold is None else "nonlinear"
 
 
 def _listed(scalars: Sequence[Variable], inverse_map: InverseMap, options: ExportOptions) -> tuple[Variable, ...]:

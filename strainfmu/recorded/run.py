@@ -8,6 +8,7 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
 from os import PathLike
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -23,11 +24,11 @@ from strainfmu.recorded.estimates.health_account import HealthAccount
 from strainfmu.recorded.estimates.smoothed_blocks import estimated_blocks, filter_attributes, with_filter
 from strainfmu.recorded.output.estimate_files import (
     ESTIMATE_COLUMNS,
-    EstimateWriter,
     check_output,
     estimate_writer,
 )
 from strainfmu.recorded.output.field_series import FieldSeriesWriter, check_field_output, field_series_writer
+from strainfmu.recorded.output.plain_columns import HEALTH_COLUMN, plain_columns
 from strainfmu.recorded.strains.data_checks import DataChecks
 from strainfmu.recorded.strains.strain_files import open_strains
 
@@ -113,6 +114,7 @@ def estimate_file(
     zeros: str | PathLike[str] | None = None,
     accept_held: bool = False,
     exclude: Sequence[str] = (),
+    columns: Literal["plain", "all"] = "all",
 ) -> EstimationSummary:
     """Estimate every sample of ``data`` with the FMU or map ``source`` and write ``output``.
 
@@ -132,6 +134,7 @@ def estimate_file(
     zeros : file of what the gauges read without strain (zeros.toml), None for 0.
     accept_held : whether to estimate rows in which no gauge changes, too; else they are INVALID.
     exclude : gauges to leave out: names of the map, ``strain[i]``, or names of their columns or channels.
+    columns : "all", or "plain": time, loads, angles in degrees, health in words.
 
     Raises
     ------
@@ -173,14 +176,20 @@ def estimate_file(
             summary = EstimationSummary(unused=plan.unused, notes=notes)
             names = _columns(plan, estimator.other_columns, estimator.row_names if residuals else ())
             made = filter_attributes(estimator)
+            plain = plain_columns(names) if columns == "plain" else None
+            of_text = (SUSPECTS_COLUMN, FAULTS_COLUMN) if plain is None else (HEALTH_COLUMN,)
             with (
                 estimate_writer(
-                    output, names, text_columns=(SUSPECTS_COLUMN, FAULTS_COLUMN), attributes=made
+                    output, names if plain is None else plain.columns, text_columns=of_text, attributes=made
                 ) as writer,
                 _field_series(field_output, estimator.inverse_map, field_every) as series,
             ):
                 for block, done, found in estimated_blocks(checks.without_faults(opened.blocks), estimator):
-                    _write(writer, block, found=found, estimator=estimator, residuals=residuals)
+                    rows = _rows(block, found=found, estimator=estimator, residuals=residuals)
+                    if plain is None:
+                        writer.write(rows, _texts(block, found, estimator))
+                    else:
+                        writer.write(plain.rows(rows), {HEALTH_COLUMN: plain.health(rows)})
                     _count(summary, block, found=found, estimator=estimator)
                     if series is not None and found.estimates is not None:
                         series.write_block(block.time, found.estimates)
@@ -265,15 +274,8 @@ def _columns(
     )
 
 
-def _write(
-    writer: EstimateWriter,
-    block: StrainBlock,
-    *,
-    found: BlockEstimates,
-    estimator: BlockEstimator,
-    residuals: bool,
-) -> None:
-    """Write the rows of a block."""
+def _rows(block: StrainBlock, *, found: BlockEstimates, estimator: BlockEstimator, residuals: bool) -> FloatArray:
+    """Return the rows of a block, all columns."""
     columns: list[FloatArray] = [
         block.time,
         *found.coefficients.T,
@@ -294,8 +296,13 @@ def _write(
     if residuals and found.make_residual is not None:
         residual, limit = found.make_residual()
         columns += [limit, *residual.T]
+    return np.column_stack(columns)
+
+
+def _texts(block: StrainBlock, found: BlockEstimates, estimator: BlockEstimator) -> dict[str, Sequence[str]]:
+    """Return the texts of the rows of a block."""
     names = [";".join([estimator.row_names[i] for i in one]) if one else "" for one in found.suspects]
-    writer.write(np.column_stack(columns), {SUSPECTS_COLUMN: names, FAULTS_COLUMN: block.faults})
+    return {SUSPECTS_COLUMN: names, FAULTS_COLUMN: block.faults}
 
 
 def _count(

@@ -43,16 +43,35 @@ def test_proposal_lowers_sigmas_case_by_case_and_reads_back(tmp_path: Path, run:
 
 
 @pytest.mark.fast
+@pytest.mark.parametrize("has_density", [True, False])
+def test_a_template_reads_back_with_one_case_of_each_usual_kind(
+    has_density: bool, tmp_path: Path, run: Run
+) -> None:
+    vehicle, output = with_density(tmp_path) if has_density else OGIVE, tmp_path / "loadtest.toml"
+    code, said, _ = run("loadtest", vehicle, "--template", "-o", output)
+    assert (code, f"strainfmu calibrate map.h5 {output}" in said) == (0, True)
+    file = load_test_file(output)
+    kinds = [load.kind for case in file.case for load in case.load if load.kind != "weight"]
+    assert kinds == ["push", "point", "section", "internal_pressure"]
+    weights = [load.kind for case in file.case for load in case.load].count("weight")
+    assert weights == (6 if has_density else 0)
+    text = output.read_text(encoding="utf-8")
+    assert text.count("# window_s = ") == len(file.case) == 6
+    assert "# recording = " in text
+
+
+@pytest.mark.fast
 @pytest.mark.parametrize(
     ("options", "words"),
     [
+        (("--template", "--force", "3"), "--template: expected without --force, got both"),
         (("--stations", "a,b"), "--stations: expected numbers with commas, got 'a,b'"),
         (("--directions", "up"), "--directions: expected some of in, out, axial, around, got 'up'"),
         (("--cases", "0"), "--cases: expected 1 .. 200"),
         (("--roll-angles", "0,inf"), "--roll-angles: expected finite numbers, got '0,inf'"),
     ],
 )
-def test_wrong_options_are_one_line(options: tuple[str, str], words: str, tmp_path: Path, run: Run) -> None:
+def test_wrong_options_are_one_line(options: tuple[str, ...], words: str, tmp_path: Path, run: Run) -> None:
     code, _, message = run("loadtest", OGIVE, *options, "-o", tmp_path / "loadtest.toml")
     assert code == 2
     assert message.count("\n") == 1

@@ -48,7 +48,7 @@ def test_loads_lie_within_three_sigma(name: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["elliptic_cone", "finned_body", "blunt_cone"])
 def test_loads_of_the_nonlinear_estimator_lie_within_three_sigma(name: str, tmp_path: Path) -> None:
-    run_demo(VEHICLES / f"{name}.toml", tmp_path, Silent(), estimator="manifold")
+    run_demo(VEHICLES / f"{name}.toml", tmp_path, Silent(), estimator="nonlinear")
     assert min(coverage(tmp_path).values()) >= 0.99
     assert json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))["healthy"] >= 0.99
     assert validate_fmu(str(tmp_path / "estimator.fmu")) == []

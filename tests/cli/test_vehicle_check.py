@@ -97,7 +97,7 @@ def test_a_manoeuvre_beyond_the_map_is_warned_of(vehicle: Path, run: Run) -> Non
     assert (code, message) == (0, "")
     warnings = [line for line in printed.splitlines() if line.startswith("warning: ")]
     assert [line.partition(": outside")[0] for line in warnings] == [
-        "warning: map.discrepancy_percent: not used, it is for estimator 'manifold', and the map's is 'linear'",
+        "warning: map.discrepancy_percent: not used, it is for estimator 'nonlinear', and the map's is 'linear'",
         "warning: the manoeuvre flies total incidence 1 to 5.099 deg, the map covers 0 to 4.242 deg",
         "warning: the manoeuvre flies altitude 22 to 22 km, the map covers 5 to 20 km",
     ]

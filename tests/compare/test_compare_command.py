@@ -18,7 +18,7 @@ from builder.compare.rivals import RIVALS
 
 Run = Callable[..., tuple[int, str, str]]
 
-PRODUCT = ("linear Case 1", "linear Case 2", "manifold", "Kalman filter, random walk")
+PRODUCT = ("linear Case 1", "linear Case 2", "nonlinear", "Kalman filter, random walk")
 
 
 @pytest.fixture
@@ -41,7 +41,7 @@ def test_table_figure_and_second_run(tmp_path: Path, run: Run, monkeypatch: pyte
     entries = json.loads((folder / "compare.json").read_text(encoding="utf-8"))
     names = (*PRODUCT, "regression tree")
     assert [
-        one["estimator"] for one in entries if one["errors"] == "hardware" and one["navigation"] == "given"
+        one["estimator"] for one in entries if one["errors"] == "hardware" and one["air_data_inputs"] == "given"
     ] == [*names]
     assert len(entries) == 2 * (2 * len(names) + 1)
     for one in entries:
@@ -52,12 +52,12 @@ def test_table_figure_and_second_run(tmp_path: Path, run: Run, monkeypatch: pyte
         assert (one["field_median_percent"] is not None) == has_field
         has_example = has_field and one["errors"] == "gauge noise"
         assert (one["example_field_p95_percent"] is not None) == has_example
-    of = {(one["estimator"], one["errors"], one["navigation"]): one for one in entries}
-    nonlinear, linear = of["manifold", "gauge noise", "given"], of["linear Case 1", "gauge noise", "given"]
+    of = {(one["estimator"], one["errors"], one["air_data_inputs"]): one for one in entries}
+    nonlinear, linear = of["nonlinear", "gauge noise", "given"], of["linear Case 1", "gauge noise", "given"]
     assert all(nonlinear["rms"][name] < linear["rms"][name] for name in nonlinear["rms"])
     assert nonlinear["field_median_percent"] < 0.5 * linear["field_median_percent"]
     assert min(nonlinear["coverage_percent"].values()) > 95.0
-    assert of["manifold", "gauge noise", "M and p_inf only"]["air_data_p95"]["dynamic_pressure_percent"] < 6.0
+    assert of["nonlinear", "gauge noise", "M and p_inf only"]["air_data_p95"]["dynamic_pressure_percent"] < 6.0
     with (folder / "compare.csv").open(encoding="utf-8", newline="") as stream:
         assert len(list(csv.DictReader(stream))) == len(entries)
     assert (folder / "compare.png").read_bytes().startswith(b"\x89PNG")

@@ -113,7 +113,8 @@ def test_the_rolling_moment_counts_where_the_body_has_one() -> None:
     assert without["rms"][ROLLING] is without["coverage_percent"][ROLLING] is None
     assert set(without["coverage_percent"].values()) == {100.0, None}
     entries = [
-        {**entry, "estimator": "one", "errors": "hardware", "navigation": "given"} for entry in (with_it, without)
+        {**entry, "estimator": "one", "errors": "hardware", "air_data_inputs": "given"}
+        for entry in (with_it, without)
     ]
     for one in entries:
         one |= {"example_field_p95_percent": None, "step_microseconds": 1.0}
@@ -146,16 +147,16 @@ def entries(rms: float, coverage: float = 100.0) -> list[dict[str, Any]]:
         {
             "estimator": name,
             "errors": errors,
-            "navigation": navigation,
-            "rms": dict.fromkeys(COEFFICIENT_NAMES, rms if name == "manifold" else 1e-3),
+            "air_data_inputs": navigation,
+            "rms": dict.fromkeys(COEFFICIENT_NAMES, rms if name == "nonlinear" else 1e-3),
             "rms_of_tenths": {
-                by: {one: [2.0 * rms if name == "manifold" else 1e-3, *([None] * 9)] for one in COEFFICIENT_NAMES}
+                by: {one: [2.0 * rms if name == "nonlinear" else 1e-3, *([None] * 9)] for one in COEFFICIENT_NAMES}
                 for by in ("total_incidence", "mach_number")
             },
             **common,
         }
         for errors in (GAUGE_NOISE, HARDWARE)
-        for name in ("manifold", "linear Case 1", "linear Case 2")
+        for name in ("nonlinear", "linear Case 1", "linear Case 2")
         for navigation in ("given", "q_inf only", "M and p_inf only")
     ]
 
@@ -168,7 +169,7 @@ def test_aims_are_met_or_named() -> None:
     assert len(other) == 6 + 5 + 4
     assert not any(aim.is_met for aim in other)
     assert other[0].line.startswith(
-        "MISSED: least 3 sigma coverage [%], gauge noise, navigation given: 98, at least"
+        "MISSED: least 3 sigma coverage [%], gauge noise, air-data inputs given: 98, at least"
     )
 
 
@@ -184,7 +185,7 @@ def test_the_table_has_a_row_per_entry_and_none_is_empty() -> None:
 
 def test_the_figure_shows_every_estimator() -> None:
     pytest.importorskip("matplotlib")
-    given = [one for one in entries(1e-3) if one["navigation"] == "given"]
+    given = [one for one in entries(1e-3) if one["air_data_inputs"] == "given"]
     given[0]["field_percentiles_percent"] = None
     figure = compare_figure(given, "body")
     assert len(figure.axes) == 6
@@ -193,7 +194,7 @@ def test_the_figure_shows_every_estimator() -> None:
     assert figure.axes[0].get_xticklabels()[0].get_text() == "$C_A$"
     legend = [one.get_text() for one in figure.legends[0].get_texts()]
     assert "nonlinear estimator" in legend
-    assert "manifold" not in legend
+    assert "nonlinear" not in legend
 
 
 def test_conditions_are_inside_the_envelope_and_the_flows(shipped: Vehicle) -> None:
@@ -262,6 +263,6 @@ def test_maps_know_of_the_errors_that_are_drawn(shipped: Vehicle) -> None:
     exact, whole = (with_errors(shipped, errors, 2) for errors in (GAUGE_NOISE, HARDWARE))
     assert exact.noise.gauge_gain_percent == exact.noise.dynamic_pressure_percent == 0.0
     assert whole.noise == shipped.noise
-    assert (exact.map.case, exact.map.estimator, exact.map.keep_field) == (2, "manifold", True)
+    assert (exact.map.case, exact.map.estimator, exact.map.keep_field) == (2, "nonlinear", True)
     assert exact.map.discrepancy_percent == 0.8
     assert whole.map.discrepancy_percent == shipped.map.discrepancy_percent

@@ -41,17 +41,17 @@ def test_estimators_are_scored_with_the_rolling_moment_and_the_field() -> None:
         effort=effort,
         has_rivals=False,
     )
-    of = {(one["estimator"], one["errors"], one["navigation"]): one for one in all_entries(trial, Silent())}
+    of = {(one["estimator"], one["errors"], one["air_data_inputs"]): one for one in all_entries(trial, Silent())}
     assert len(of) == 2 * 9
     for errors in (GAUGE_NOISE, HARDWARE):
-        nonlinear, linear = (of[name, errors, "given"] for name in ("manifold", "linear Case 2"))
+        nonlinear, linear = (of[name, errors, "given"] for name in ("nonlinear", "linear Case 2"))
         assert set(nonlinear["rms"]) == {"C_A", "C_N", "C_Y", "M_P", "M_Y", ROLLING}
         assert min(nonlinear["coverage_percent"].values()) > 99.0
         assert nonlinear["rms"]["C_A"] < linear["rms"]["C_A"]
         assert 0.0 < nonlinear["field_median_percent"] < 1.0
         assert nonlinear["air_data_p95"]["angle_of_attack_deg"] < 0.2
         assert of["Kalman filter, random walk", errors, "given"]["rms"][ROLLING] is None
-    assert of["manifold", GAUGE_NOISE, "given"]["example_field_p95_percent"] < 2.0
+    assert of["nonlinear", GAUGE_NOISE, "given"]["example_field_p95_percent"] < 2.0
 
 
 @pytest.mark.fast
@@ -92,10 +92,10 @@ def test_the_finned_body_from_file_to_table(tmp_path: Path, run: Run, monkeypatc
     assert code == 0
     assert "structure.h5" in {path.name for path in tmp_path.iterdir()}
     of = {
-        (one["estimator"], one["errors"], one["navigation"]): one
+        (one["estimator"], one["errors"], one["air_data_inputs"]): one
         for one in json.loads((tmp_path / "compare.json").read_text(encoding="utf-8"))
     }
-    nonlinear, linear = (of[name, "hardware", "given"] for name in ("manifold", "linear Case 2"))
+    nonlinear, linear = (of[name, "hardware", "given"] for name in ("nonlinear", "linear Case 2"))
     assert min(nonlinear["coverage_percent"].values()) >= 97.5
     assert nonlinear["rms"]["C_A"] < 0.5 * linear["rms"]["C_A"]
     assert nonlinear["field_median_percent"] < 1.5

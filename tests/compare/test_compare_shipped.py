@@ -24,9 +24,9 @@ def test_aims_on_the_shipped_vehicle(tmp_path: Path) -> None:
     result = run_compare(IC3X, tmp_path / "compare", Silent(), effort=effort)
     missed = {aim.what for aim in result.aims if not aim.is_met}
     assert missed <= KNOWN
-    of = {(one["estimator"], one["errors"]): one for one in result.entries if one["navigation"] == "given"}
+    of = {(one["estimator"], one["errors"]): one for one in result.entries if one["air_data_inputs"] == "given"}
     for errors, worst in (("gauge noise", 1.0), ("hardware", 1.4)):
-        nonlinear = of["manifold", errors]["rms"]
+        nonlinear = of["nonlinear", errors]["rms"]
         for rival in RIVALS:
             assert all(nonlinear[name] < worst * of[rival, errors]["rms"][name] for name in nonlinear)
     # A filter that takes lasting errors for noise is too sure of itself.

@@ -178,7 +178,7 @@ KINDS: dict[str, Kind] = {
         lambda: with_errors_of_parameters(with_parameter_tables(with_further_tables(whole_map())))
     ),
     "deflected_surface": _nonlinear(known_map),
-    "calibrated": _nonlinear(lambda: calibrated("manifold"), digits=1e-9),
+    "calibrated": _nonlinear(lambda: calibrated("nonlinear"), digits=1e-9),
 }
 
 

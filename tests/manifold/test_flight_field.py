@@ -27,7 +27,7 @@ from strainfmu.estimator.tables.flight_field import FlightField
 
 def exact_vehicle(vehicle: Vehicle, **entry: object) -> Vehicle:
     """``vehicle`` without hardware errors, with a map that holds the field."""
-    held = {"estimator": "manifold", "keep_field": True, "discrepancy_percent": 0.8, **entry}
+    held = {"estimator": "nonlinear", "keep_field": True, "discrepancy_percent": 0.8, **entry}
     return vehicle.model_copy(
         update={
             "map": vehicle.map.model_copy(

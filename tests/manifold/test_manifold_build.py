@@ -24,7 +24,7 @@ from strainfmu.estimator.numerics.spline import basis
 
 
 def with_entry(vehicle: Vehicle, **entry: object) -> Vehicle:
-    return vehicle.model_copy(update={"map": vehicle.map.model_copy(update={"estimator": "manifold", **entry})})
+    return vehicle.model_copy(update={"map": vehicle.map.model_copy(update={"estimator": "nonlinear", **entry})})
 
 
 @pytest.fixture(scope="module")

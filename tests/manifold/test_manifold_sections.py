@@ -41,7 +41,7 @@ class Flights(NamedTuple):
 
 @pytest.fixture(scope="module")
 def inverse_map(vehicle: Vehicle, structure: StructuralModel, snapshots: Snapshots) -> InverseMap:
-    entry = {"estimator": "manifold", "section_stations_m": STATIONS}
+    entry = {"estimator": "nonlinear", "section_stations_m": STATIONS}
     changed = vehicle.model_copy(update={"map": vehicle.map.model_copy(update=entry)})
     problem = inverse_problem(changed, snapshots, structure)
     linear = build_inverse_map(changed, snapshots, structure, problem=problem)

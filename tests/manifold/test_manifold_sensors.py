@@ -45,7 +45,7 @@ DRAWS = 250
 
 
 def with_sensors(vehicle: Vehicle, sensors: Sensors | None) -> Vehicle:
-    changed = vehicle.map.model_copy(update={"estimator": "manifold"})
+    changed = vehicle.map.model_copy(update={"estimator": "nonlinear"})
     return vehicle.model_copy(update={"map": changed, "sensors": sensors})
 
 
@@ -276,7 +276,7 @@ def test_map_is_kept_in_a_file_and_its_fmu_gives_the_same(
     assert loaded_map.manifold is not None
     np.testing.assert_array_equal(loaded_map.manifold.gain_std, inverse_map.manifold.gain_std)
     options = ExportOptions(platforms=["linux64"])
-    assert export_estimator(tmp_path / "map.h5", tmp_path / "e.fmu", options) == "manifold"
+    assert export_estimator(tmp_path / "map.h5", tmp_path / "e.fmu", options) == "nonlinear"
     lost = ["none", "port_90deg", "imu_axial", "imu_pitch", "cell_axial", "tip_up", "fibre_90deg_1"]
     flown = flights(with_sensors(vehicle, EVERY_KIND), inverse_map, problem, held_out, len(lost))
     sensors, thrust, tracker = inverse_map.sensors, 250.0, Estimator(inverse_map)

@@ -166,7 +166,9 @@ def test_maps_that_do_not_fit_are_refused(tmp_path: Path) -> None:
     assert isinstance(field_messages(tmp_path / "map.h5", names), FieldMessages)
     with pytest.raises(InputError, match=r"map.h5: expected a map of the estimator's gauges"):
         field_messages(tmp_path / "map.h5", names[::-1])
-    with pytest.raises(InputError, match=r"linear.h5: expected a map built with estimator = 'manifold' and keep_"):
+    with pytest.raises(
+        InputError, match=r"linear.h5: expected a map built with estimator = 'nonlinear' and keep_"
+    ):
         field_messages(tmp_path / "linear.h5", names)
 
 
@@ -239,7 +241,7 @@ def test_command_refuses_a_field_without_a_publisher(
     options = ["--interface", "virtual", "--channel", "field", "--publish-field", synthetic.map_1]
     code, _, error = run("bridge", synthetic.estimator_1, *options)
     assert code != 0
-    assert "--publish-field: expected with --publish alone" in error
+    assert "--publish-field: expected with --publish, got it alone" in error
     code, _, error = run("bridge", synthetic.estimator_1, *options, "--publish", "127.0.0.1:9870")
     assert code != 0
-    assert "expected a map built with estimator = 'manifold' and keep_field = true" in error
+    assert "expected a map built with estimator = 'nonlinear' and keep_field = true" in error

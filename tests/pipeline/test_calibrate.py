@@ -41,7 +41,7 @@ def coarse_vehicle_file(folder: Path) -> Path:
     text = IC3X.read_text(encoding="utf-8")
     text = re.sub(r"\[resolution\.map\].*?(?=\[resolution\.truth\])", COARSE, text, flags=re.DOTALL)
     text = text.replace('engine = "euler"', 'engine = "newtonian"')
-    text = text.replace('estimator = "manifold"', 'estimator = "linear"')
+    text = text.replace('estimator = "nonlinear"', 'estimator = "linear"')
     text = text.replace('manoeuvre = "ic3x', f'manoeuvre = "{IC3X.parent.as_posix()}/ic3x')
     path = folder / "vehicle.toml"
     path.write_text(text, encoding="utf-8")

@@ -46,8 +46,8 @@ def flight() -> Recording:
 def test_the_nonlinear_estimator_is_beside_the_linear_one(tmp_path: Path) -> None:
     whole = replace(scaled_map(2, 1, N_D), manifold=flight_map(discrepancy=1e-3))
     flown = flown_estimators(whole, flight())
-    assert list(flown) == ["linear", "manifold"]
-    entry = estimator_entry(flown["manifold"])
+    assert list(flown) == ["linear", "nonlinear"]
+    entry = estimator_entry(flown["nonlinear"])
     assert min(entry["coverage_percent"].values()) >= 90.0
     assert entry["healthy_percent"] > 90.0
     assert set(entry["air_data"]["rms"]) == set(COMPARED_AIR_DATA)
@@ -56,7 +56,7 @@ def test_the_nonlinear_estimator_is_beside_the_linear_one(tmp_path: Path) -> Non
     errors = {
         name: (one.coefficients - one.true_coefficients, one.coefficients_std) for name, one in flown.items()
     }
-    error, std = flown["manifold"].air_data_errors()
+    error, std = flown["nonlinear"].air_data_errors()
     save(estimator_errors(flight().time, errors, (error[:, :2], std[:, :2]), "test"), tmp_path / "errors.png")
     assert (tmp_path / "errors.png").stat().st_size > 10_000
 
@@ -68,11 +68,13 @@ def test_a_map_without_tables_has_the_linear_one_alone() -> None:
 def test_the_estimator_of_a_vehicle_file_may_be_replaced() -> None:
     vehicle = load_vehicle(IC3X)
     assert with_estimator(vehicle, "linear").map.estimator == "linear"
-    assert with_estimator(with_estimator(vehicle, "linear"), "manifold").map.estimator == "manifold"
+    assert with_estimator(with_estimator(vehicle, "linear"), "nonlinear").map.estimator == "nonlinear"
     assert with_estimator(vehicle, None) is vehicle
     entry = vehicle.map.model_copy(update={"symmetry": "listed", "estimator": "linear"})
     listed = vehicle.model_copy(update={"map": entry})
-    with pytest.raises(InputError, match=r"--estimator manifold: needs map.symmetry 'full', got 'listed'"):
-        with_estimator(listed, "manifold")
+    with pytest.raises(InputError, match=r"--estimator nonlinear: needs map.symmetry 'full', got 'listed'"):
+        with_estimator(listed, "nonlinear")
+    with pytest.raises(InputError, match=r"^--estimator: .* got 'manifold', now called 'nonlinear'$"):
+        with_estimator(vehicle, "manifold")  # type: ignore[arg-type]
     shape = load_vehicle(VEHICLES / "elliptic_cone.toml")
-    assert with_estimator(shape, "manifold").map.estimator == "manifold"
+    assert with_estimator(shape, "nonlinear").map.estimator == "nonlinear"

@@ -25,7 +25,7 @@ from builder.structure.fourier.model import StructuralModel
 from builder.truth.independent_model import FlownPhysics, flown_physics, other_physics
 from builder.vehicle.file import VEHICLES
 from builder.vehicle.model_entries import Aerodynamics
-from strainfmu.cli.commands.whole_way import _show_result
+from strainfmu.cli.commands.demo_results import show_result, write_readme
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 
 Run = Callable[..., tuple[int, str, str]]
@@ -131,15 +131,16 @@ def test_what_flies_is_named() -> None:
 
 
 @pytest.mark.fast
-def test_the_flight_of_another_physics_is_the_second_score() -> None:
+def test_the_flight_of_another_physics_is_the_second_score(tmp_path: Path) -> None:
     random = np.random.default_rng(1)
     error, sigma = random.normal(size=(50, 5)), np.ones((50, 5))
     score = score_of(COEFFICIENT_NAMES, 4.0 * error, sigma, error, np.ones(50, dtype=bool))
     held = {**score_of(COEFFICIENT_NAMES, error, sigma, error, np.ones(50, dtype=bool)).record()}
     result = SimpleNamespace(
         vehicle="ogive",
-        folder=Path("out"),
-        files={},
+        folder=tmp_path,
+        flight="20 s at 100 Hz",
+        files={"overview.png": "a figure", "estimator.fmu": "an FMU", "flight.csv": "the flight"},
         reused=(),
         physics=FlownPhysics(flies="euler", of_map="table"),
         score=score,
@@ -149,7 +150,7 @@ def test_the_flight_of_another_physics_is_the_second_score() -> None:
         states={},
     )
     out = StringIO()
-    _show_result(Console(file=out, width=120), cast(Any, result))
+    show_result(Console(file=out, width=120), cast(Any, result))
     printed = out.getvalue()
     first, second = (
         printed.index(text) for text in ("Held-out conditions of the imported", "another physics, the")
@@ -160,6 +161,17 @@ def test_the_flight_of_another_physics_is_the_second_score() -> None:
     silent = f"C_A {score.undetected[0]:.2%}"
     assert score.undetected[0] > 0.2
     assert silent in printed
+    result.held_out, result.physics = {}, FlownPhysics(flies="euler", of_map="euler")
+    out = StringIO()
+    show_result(Console(file=out, width=120), cast(Any, result))
+    lines = out.getvalue().splitlines()
+    assert len(lines) == 13
+    assert lines[0].startswith("ogive: 20 s at 100 Hz; ")
+    assert [line.split(":")[0] for line in lines[-4:]] == ["Picture", "FMU", "Next", "More"]
+    written = write_readme(cast(Any, result), ["Figures  1.0 s"]).read_text(encoding="utf-8")
+    assert all(text in written for text in ("Figures  1.0 s", "includes: gauge noise", "overview.png   a figure"))
+    result.reused = tuple(result.files)
+    assert write_readme(cast(Any, result), []).read_text(encoding="utf-8") == written, "a run that made nothing"
 
 
 @pytest.mark.slow

@@ -312,7 +312,7 @@ def test_demo_flies_a_map_of_files_made_before(run: Run, made: Path, tmp_path: P
     found = provenance(folder)
     assert (found["flow"]["engine"], found["structure"]["resolution"]) == ("newtonian", "coarse")
     assert (folder / "snapshots.h5").read_bytes() == (made / "newtonian.h5").read_bytes()
-    code, printed, _ = run("demo", "--vehicle", vehicle, "-o", folder)
+    code, printed, _ = run("demo", "--vehicle", vehicle, "-o", folder, "--verbose")
     assert code == 0
     for name in ("map.h5", "estimator.fmu", "flight.h5", "overview.png"):
         assert f"{name}: up to date, reused" in printed

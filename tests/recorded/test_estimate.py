@@ -102,7 +102,7 @@ def test_missing_strains_are_left_out_and_counted(
     strain[3, 2] = np.nan
     pressure[5] = np.nan
     data = write_csv(tmp_path / "d.csv", ["time", *NAMES, "dynamic_pressure"], time, strain, pressure)
-    code, out, errors = run("estimate", synthetic.map_1, data, "-o", tmp_path / "o.csv")
+    code, out, errors = run("estimate", synthetic.map_1, data, "-o", tmp_path / "o.csv", "--columns", "all")
     assert (code, errors) == (0, "")
     assert "1 strains without a value in 1 gauges, the largest number in 'G2' (1)" in out
     assert "1 samples without a dynamic pressure" in out

@@ -172,7 +172,7 @@ def test_a_filtered_linear_map_gives_columns_too(tmp_path: Path) -> None:
 
 
 def test_smoothing_needs_a_filter_and_a_filter_a_map(map_path: Path, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="--smooth: expected --filter SECONDS beside it, got none"):
+    with pytest.raises(InputError, match="--smooth: expected with --filter, got it alone"):
         estimate_file(map_path, tmp_path / "flight.h5", tmp_path / "out.h5", smooth=True)
 
 

@@ -107,3 +107,6 @@ def test_no_samples_are_refused(monkeypatch: pytest.MonkeyPatch, tmp_path: Path)
     monkeypatch.setattr(sys, "argv", ["false_alarms", "v.toml", "m.h5", str(tmp_path / "f.h5"), "--samples", "0"])
     with pytest.raises(InputError, match="--samples from 1 on"):
         module.main()
+    monkeypatch.setattr(sys, "argv", ["false_alarms", "v.toml", "m.h5", "f.h5", "--estimator", "manifold"])
+    with pytest.raises(InputError, match=r"^--estimator: .*, got 'manifold', now called 'nonlinear'$"):
+        module.main()

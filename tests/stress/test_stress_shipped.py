@@ -40,5 +40,5 @@ def test_targets_of_the_shipped_vehicle(
     missed = {name: one for name, one in entries.items() if one["missed"]}
     assert missed.keys() <= known.keys(), missed
     for name, largest in known.items():
-        assert entries[name]["silent_percent"] <= largest
-    assert all(one["silent_percent"] <= 3.0 for one in entries.values() if one["class"] == "within")
+        assert entries[name]["undetected_percent"] <= largest
+    assert all(one["undetected_percent"] <= 3.0 for one in entries.values() if one["class"] == "within")

@@ -131,7 +131,7 @@ def test_demo_on_the_solid_model(both_maps: tuple[Path, Path], run: Run, tmp_pat
     """The vehicle that flies stays the Fourier model: data and map come of two discretisations."""
     folder = tmp_path / "demo"
     shutil.copytree(both_maps[1], folder)
-    code, out, _ = run("demo", "--vehicle", both_maps[0].parent / "solid.toml", "-o", folder)
+    code, out, _ = run("demo", "--vehicle", both_maps[0].parent / "solid.toml", "-o", folder, "--verbose")
     assert code == 0
     assert "structure.h5" in out
     assert "Structure: the vehicle that flies" in out

@@ -55,7 +55,7 @@ def _parts() -> tuple[Vehicle, Snapshots, AsBuiltStructure, Remaining]:
 
 @cache
 def calibrated(estimator: str) -> InverseMap:
-    """Return the calibrated map with tables, ``estimator`` "manifold", or without, "linear"."""
+    """Return the calibrated map with tables, ``estimator`` "nonlinear", or without, "linear"."""
     vehicle, snapshots, structure, remaining = _parts()
     entry = vehicle.map.model_copy(update={"estimator": estimator})
     vehicle = vehicle.model_copy(update={"map": entry})

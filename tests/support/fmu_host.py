@@ -29,7 +29,7 @@ def exported_kinds(inverse_map: InverseMap, folder: Path) -> dict[str, Path]:
     found = {kind: folder / f"{kind}.fmu" for kind in OPTIONS}
     for kind, options in OPTIONS.items():
         holds = export_estimator(folder / "map.h5", found[kind], options)
-        assert holds == ("linear" if inverse_map.manifold is None else "manifold")
+        assert holds == ("linear" if inverse_map.manifold is None else "nonlinear")
     return found
 
 

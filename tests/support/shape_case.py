@@ -36,7 +36,7 @@ MIRRORED = np.arange(N_D).reshape(2, len(STATIONS), -1)[:, :, [0, 3, 2, 1]].rave
 """The gauge that is the mirror image of each in the plane y = 0."""
 
 
-def shape_vehicle(estimator: str = "manifold", **entry: object) -> Vehicle:
+def shape_vehicle(estimator: str = "nonlinear", **entry: object) -> Vehicle:
     """Return the elliptic cone's file with gauge noise alone and small pressures off the tables."""
     vehicle = load_vehicle(VEHICLES / "elliptic_cone.toml")
     small = dict.fromkeys(("discrepancy_of_prior_percent", "discrepancy_of_overpressure_percent"), 1.0)

@@ -31,7 +31,7 @@ from strainfmu.flight_condition import FlightCondition
 
 ALTITUDES = (12e3, 15e3, 20e3, 25e3, 30e3)
 
-KINDS = ("linear", pytest.param("manifold", marks=pytest.mark.slow))
+KINDS = ("linear", pytest.param("nonlinear", marks=pytest.mark.slow))
 """Estimators; an estimate of the nonlinear one takes a hundred times as long."""
 
 
@@ -61,7 +61,7 @@ def whole_map(ic3x_demo: Path) -> InverseMap:
 @pytest.fixture
 def inverse_map(kind: str, whole_map: InverseMap) -> InverseMap:
     """The map for the estimator ``kind``."""
-    return whole_map if kind == "manifold" else replace(whole_map, manifold=None)
+    return whole_map if kind == "nonlinear" else replace(whole_map, manifold=None)
 
 
 def flown(
@@ -229,7 +229,7 @@ def test_a_map_of_sideslip_to_one_side_holds_on_both(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["linear", "manifold"])
+@pytest.mark.parametrize("kind", ["linear", "nonlinear"])
 def test_false_alarms_are_as_stated(
     inverse_map: InverseMap, shipped: Vehicle, whole: TrueStructure, flows: FlowTable
 ) -> None:

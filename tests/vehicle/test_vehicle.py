@@ -341,9 +341,9 @@ def test_entries_that_the_map_does_not_use_are_named(tmp_path: Path) -> None:
     """Of the nonlinear estimator with the linear one, of Case 2 with Case 1; what stands by default is not."""
     text = IC3X.read_text(encoding="utf-8")
     assert not list(unused_entries(load_vehicle(IC3X)))
-    both = 'estimator = "manifold"\nlevel_by_strain = true'
+    both = 'estimator = "nonlinear"\nlevel_by_strain = true'
     for old, new, named in (
-        ('estimator = "manifold"', 'estimator = "linear"', ["map.level_by_strain"]),
+        ('estimator = "nonlinear"', 'estimator = "linear"', ["map.level_by_strain"]),
         (both, "discrepancy_length = 0.3", ["map.discrepancy_length"]),
         (both, "prior_modes = 20", ["map.prior_modes"]),
         (both, "case = 2\nprior_modes = 20", []),
@@ -360,6 +360,12 @@ def test_entries_that_the_map_does_not_use_are_named(tmp_path: Path) -> None:
     ("section", "entries", "message"),
     [
         ("map", {"modes": "many"}, "MapEntry: modes: expected a whole number, 1 .. 1000, got 'many'"),
+        (
+            "map",
+            {"estimator": "manifold"},
+            "MapEntry: estimator: expected 'linear' or 'nonlinear', got 'manifold', now called 'nonlinear'",
+        ),
+        ("map", {"estimator": "kalman"}, "MapEntry: estimator: expected 'linear' or 'nonlinear', got 'kalman'"),
         ("map", {"modes": 0}, "MapEntry: modes: expected 1 .. 1000, got 0"),
         ("map", {"modess": 3}, "MapEntry: modess: unknown entry, did you mean modes?"),
         ("map", {"case": 2, "gamma": 3.0}, "MapEntry: gamma: expected 1 with form 'dynamic_pressure', got 3"),

@@ -90,7 +90,7 @@ def calibrated_map(
         left = left_by_test(structure, remaining, ensemble_of(known, snapshots))
     problem = inverse_problem(known, snapshots, mapped, left.zeros, left.errors)
     found = build_inverse_map(known, snapshots, mapped, left.zeros, problem)
-    if vehicle.map.estimator == "manifold":
+    if vehicle.map.estimator == "nonlinear":
         found = with_manifold(found, known, snapshots, mapped, left.zeros, problem)
     return found
 

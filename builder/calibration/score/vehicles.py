@@ -47,7 +47,7 @@ from strainfmu.files import write_bytes_atomically
 KINDS: dict[str, dict[str, Any]] = {
     "case 1": {"case": 1},
     "case 2": {"case": 2},
-    "manifold": {"estimator": "manifold"},
+    "nonlinear": {"estimator": "nonlinear"},
 }
 """Entries of [map] of the maps that are scored."""
 
@@ -169,7 +169,7 @@ class Score:
         read = np.repeat(strain, setup.draws, axis=0)
         read = read + inverse_map.noise_std * random.standard_normal(read.shape)
         truth = np.repeat(setup.flights.coefficients, setup.draws, axis=0)
-        if kind == "manifold":
+        if kind == "nonlinear":
             flight = Estimator(inverse_map).estimate(read, q, mach_number=mach, static_pressure=ambient)
             return errors_of(flight.coefficients - truth, flight.coefficients_std, np.asarray(flight.health))
         known = Estimator(inverse_map.without_tables()).estimate(read, q, mach_number=mach, altitude=altitude)

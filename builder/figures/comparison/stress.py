@@ -1,4 +1,4 @@
-"""Figure of the stress test: per kind of error the shares that are right, flagged and silent."""
+"""Figure of the stress test: per kind of error the samples that are right, detected and undetected."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ TITLES = {
     "outside": "Beyond: health must show it, or the estimate be right",
     "unobservable": "Unobservable: the strain is that of another flight",
 }
-COLOURS = {"right, health OK": "#9ecae1", "flagged": "#bdbdbd", "silent: wrong, health OK": "#d7301f"}
+COLOURS = {"right, health OK": "#9ecae1", "detected": "#bdbdbd", "undetected: wrong, health OK": "#d7301f"}
 ROW = 0.21
 """Height of a row [in]."""
 
@@ -34,21 +34,21 @@ def stress_figure(entries: Sequence[dict[str, Any]], title: str) -> Figure:
     ]
     for axis, (name, found) in zip(panels, groups.items(), strict=True):
         place = np.arange(len(found))
-        flagged = np.array([one["flagged_percent"] for one in found])
-        silent = np.array([one["silent_percent"] for one in found])
+        flagged = np.array([one["detected_percent"] for one in found])
+        silent = np.array([one["undetected_percent"] for one in found])
         start = np.zeros(len(found))
         parts = zip(COLOURS.items(), (100.0 - flagged - silent, flagged, silent), strict=True)
         for (label, colour), share in parts:
             axis.barh(place, share, left=start, color=colour, label=label, height=0.8)
             start = start + share
         for y, one in enumerate(found):
-            text = f"{one['silent_percent']:.1f}{'  target missed' if one['missed'] else ''}"
+            text = f"{one['undetected_percent']:.1f}{'  target missed' if one['missed'] else ''}"
             axis.text(101.0, y, text, va="center", fontsize=7, clip_on=False)
         axis.set_yticks(place, [with_signs(f"{one['error']}, {one['size']}") for one in found], fontsize=7)
         axis.set_ylim(len(found) - 0.5, -0.5)
         axis.set_xlim(0.0, 100.0)
         axis.set_title(TITLES[name], fontsize=9, loc="left")
-    panels[-1].set_xlabel("share of the samples [%]; right of the bars the silent share")
+    panels[-1].set_xlabel("samples [%]; right of the bars the undetected ones")
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=3, fontsize=8)
     figure.suptitle(f"What the map notices: {title}")

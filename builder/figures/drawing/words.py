@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-ESTIMATORS = {"manifold": "nonlinear estimator", "linear": "linear map"}
+ESTIMATORS = {"nonlinear": "nonlinear estimator", "linear": "linear map"}
 """What documents say, by the name in files."""
 
 _COEFFICIENT = re.compile(r"\b(C_[ANY]|M_[PYR])\b")

@@ -244,5 +244,5 @@ class AsBuiltRun:
         for name, file in (("before", MAP), ("after", CALIBRATED), ("exact", EXACT)):
             inverse_map = load_inverse_map(self.pipeline.path(file))
             flown = flown_estimators(inverse_map, recording, zeros=zeros[name])
-            found[name] = flown["linear" if inverse_map.manifold is None else "manifold"]
+            found[name] = flown["linear" if inverse_map.manifold is None else "nonlinear"]
         return found

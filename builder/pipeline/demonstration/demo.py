@@ -79,6 +79,7 @@ class DemoResult:
     ----------
     vehicle : name of the vehicle.
     folder : where the files are.
+    flight : duration and rate of the flight, in words.
     files : names of the files, in the order of the stages, with what each holds.
     reused : files that were up to date.
     physics : the flow model that flies, and that of the map.
@@ -94,6 +95,7 @@ class DemoResult:
 
     vehicle: str
     folder: Path
+    flight: str
     files: dict[str, str]
     reused: tuple[str, ...]
     physics: FlownPhysics
@@ -174,6 +176,7 @@ def run_demo(
     return DemoResult(
         vehicle=vehicle.name,
         folder=folder,
+        flight=_flight_in_words(recording),
         files=pipeline.files,
         reused=tuple(pipeline.reused),
         physics=physics,
@@ -199,6 +202,7 @@ def _free_demo(pipeline: Pipeline, as_built: int | None) -> DemoResult:
     return DemoResult(
         vehicle=vehicle.name,
         folder=pipeline.workspace.path("summary.json").parent,
+        flight=_flight_in_words(recording),
         files=pipeline.files,
         reused=tuple(pipeline.reused),
         physics=physics,
@@ -208,6 +212,10 @@ def _free_demo(pipeline: Pipeline, as_built: int | None) -> DemoResult:
         estimators={},
         states={},
     )
+
+
+def _flight_in_words(recording: Recording) -> str:
+    return f"{recording.time[-1]:.6g} s at {1.0 / COMMUNICATION_STEP_SIZE:g} Hz"
 
 
 def _flight_model(pipeline: Pipeline, built: AsBuilt, seed: int | None) -> None:
@@ -408,7 +416,11 @@ def _estimators(pipeline: Pipeline, recording: Recording, physics: FlownPhysics)
         write_bytes_atomically(path, json.dumps(_without_nan(entries), indent=1, allow_nan=False).encode())
         save(_errors_figure(recording, flown, _title(pipeline, physics)), path.with_suffix(".png"))
 
-    inputs = {"map": pipeline.made_from(MAP), "flight": pipeline.made_from("flight.h5")}
+    inputs = {
+        "map": pipeline.made_from(MAP),
+        "flight": pipeline.made_from("flight.h5"),
+        "names": ["linear", "nonlinear"],
+    }
     holds = "linear and nonlinear estimator on the same strains, as numbers (and as a figure, estimators.png)"
     pipeline.make("estimators.json", holds, inputs, make)
     entries: dict[str, Any] = json.loads(pipeline.path("estimators.json").read_text(encoding="utf-8"))
@@ -419,7 +431,7 @@ def _errors_figure(recording: Recording, flown: dict[str, FlownEstimates], title
     errors = {
         name: (one.coefficients - one.true_coefficients, one.coefficients_std) for name, one in flown.items()
     }
-    error, std = flown["manifold"].air_data_errors()
+    error, std = flown["nonlinear"].air_data_errors()
     return estimator_errors(recording.time, errors, (error[:, :2], std[:, :2]), title)
 
 

@@ -77,7 +77,7 @@ def flown_estimators(
         return found
     true_air_data = _columns(recording, plant, COMPARED_AIR_DATA)
     if estimator is not None:
-        found["manifold"] = FlownEstimates(
+        found["nonlinear"] = FlownEstimates(
             coefficients=_columns(recording, estimator, COEFFICIENT_NAMES),
             coefficients_std=_columns(recording, f"{estimator}.sigma", COEFFICIENT_NAMES),
             true_coefficients=truth,
@@ -89,7 +89,7 @@ def flown_estimators(
         return found
     one = Estimator(inverse_map).estimate(strain, q, mach_number=mach, altitude=altitude)
     columns = [AIR_DATA_NAMES.index(name) for name in COMPARED_AIR_DATA]
-    found["manifold"] = FlownEstimates(
+    found["nonlinear"] = FlownEstimates(
         coefficients=one.coefficients,
         coefficients_std=one.coefficients_std,
         true_coefficients=truth,

@@ -16,6 +16,17 @@ SectionStation = Annotated[float, Field(gt=0.0, le=1000.0)]
 StrainStd = Annotated[float, Field(ge=1e-6, le=1e4)]
 
 
+ESTIMATORS = ("linear", "nonlinear")
+
+
+def wrong_estimator(name: object) -> str | None:
+    """Return why ``name`` is no estimator of a map, with the new name of an old one; None if it is one."""
+    if name in ESTIMATORS:
+        return None
+    text = f"expected {' or '.join(map(repr, ESTIMATORS))}, got {name!r}"
+    return f"{text}, now called 'nonlinear'" if name == "manifold" else text
+
+
 class MapEntry(Section):
     """The inverse map.
 
@@ -33,7 +44,7 @@ class MapEntry(Section):
     model with hardware errors drawn, where engine and structure allow, "always" also where its flows cost more
     than the build, as of sections by ``euler``; "nominal" leaves those of the theory.
 
-    ``estimator`` "manifold" adds tables over the flight state for the nonlinear estimator; the linear map stays
+    ``estimator`` "nonlinear" adds tables over the flight state for the nonlinear estimator; the linear map stays
     in the file, for strain that does not fit them. Pressure off the tables is expected: a Gaussian process of
     ``discrepancy_percent`` of p_inf (left out: 0.08 % of q_inf, at most 2 % of p_inf), with correlation lengths of
     ``discrepancy_length`` times the body's length along it and ``discrepancy_roll_deg`` round it;
@@ -48,7 +59,7 @@ class MapEntry(Section):
     form: Literal["dynamic_pressure", "absolute"] = "dynamic_pressure"
     symmetry: Literal["full", "listed"] = "full"
     alarm_levels: Literal["calibrated", "always", "nominal"] = "calibrated"
-    estimator: Literal["linear", "manifold"] = "linear"
+    estimator: Literal["linear", "nonlinear"] = "linear"
     valid_altitude_km: tuple[Altitude, Altitude] = (0.0, 40.0)
     section_stations_m: tuple[SectionStation, ...] = Field(default=(), max_length=50)
     modes: int = Field(default=5, ge=1, le=1000)
@@ -64,6 +75,13 @@ class MapEntry(Section):
     discrepancy_of_overpressure_percent: float = Field(default=10.0, ge=0.0, le=100.0)
     discrepancy_of_leeward_percent: float = Field(default=25.0, ge=0.0, le=100.0)
     level_by_strain: bool = False
+
+    @field_validator("estimator", mode="before")
+    @classmethod
+    def _named_estimator(cls, value: Any) -> Any:
+        if (reason := wrong_estimator(value)) is not None:
+            raise ValueError(reason)
+        return value
 
     @field_validator("case", mode="before")
     @classmethod
@@ -94,8 +112,8 @@ class MapEntry(Section):
             raise ValueError(f"section_stations_m: expected rising numbers, got {list(stations)}")
         if self.form == "dynamic_pressure" and self.gamma != 1.0:
             raise ValueError(f"gamma: expected 1 with form 'dynamic_pressure', got {self.gamma!r}")
-        if self.estimator == "manifold" and self.form != "dynamic_pressure":
-            raise ValueError(f"estimator: 'manifold' needs form 'dynamic_pressure', got '{self.form}'")
+        if self.estimator == "nonlinear" and self.form != "dynamic_pressure":
+            raise ValueError(f"estimator: 'nonlinear' needs form 'dynamic_pressure', got '{self.form}'")
         return self
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Annotated
 
 import typer
@@ -11,6 +12,7 @@ from strainfmu.cli.commands import (
     can_bus,
     can_data,
     can_send,
+    channel_files,
     comparison,
     flights,
     flows,
@@ -23,10 +25,12 @@ from strainfmu.cli.commands import (
     taring,
     whole_way,
 )
-from strainfmu.cli.commands.outputs import CheckedCommand
+from strainfmu.cli.commands.command import ProgramCommand, ProgramGroup
+from strainfmu.cli.commands.help_layout import COMMANDS
 from strainfmu.version import __version__
 
 app = typer.Typer(
+    cls=ProgramGroup,
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -51,32 +55,40 @@ def _root(
     """Aerodynamic loads in real time from structural strain."""
 
 
-for command in (
-    whole_way.demo,
-    whole_way.check,
-    reproduction.reproduce,
-    flows.snapshots,
-    flows.surface,
-    flows.convert,
-    structures.structure,
-    maps.build,
-    calibration.calibrate,
-    maps.export,
-    maps.crosscheck,
-    maps.inspect,
-    maps.bench,
-    pictures.picture,
-    load_tests.loadtest,
-    stress.stress,
-    comparison.compare,
-    flights.fly,
-    flights.plant,
-    can_bus.bridge,
-    can_bus.dbc,
-    can_send.send,
-    can_data.replay,
-    can_data.estimate,
-    taring.tare,
-    can_data.monitor,
-):
-    app.command(cls=CheckedCommand)(command)
+FUNCTIONS: dict[str, Callable[..., None]] = {
+    function.__name__: function
+    for function in (
+        calibration.calibrate,
+        can_bus.bridge,
+        can_bus.dbc,
+        can_data.estimate,
+        can_data.monitor,
+        can_data.replay,
+        can_send.send,
+        channel_files.channels,
+        comparison.compare,
+        flights.fly,
+        flights.plant,
+        flows.convert,
+        flows.snapshots,
+        flows.surface,
+        load_tests.loadtest,
+        maps.bench,
+        maps.build,
+        maps.crosscheck,
+        maps.export,
+        maps.inspect,
+        pictures.picture,
+        reproduction.reproduce,
+        stress.stress,
+        structures.structure,
+        taring.tare,
+        whole_way.check,
+        whole_way.demo,
+    )
+}
+"""The commands by their names; :data:`~help_layout.COMMANDS` has their order in the help."""
+
+for panel, names in COMMANDS.items():
+    for name in names:
+        app.command(cls=ProgramCommand, rich_help_panel=panel)(FUNCTIONS[name])

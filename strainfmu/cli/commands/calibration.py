@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def calibrate(
-    inverse_map: Annotated[Path, typer.Argument(metavar="MAP", help="Map of the vehicle as drawn.")],
+    inverse_map: Annotated[Path, typer.Argument(metavar="MAP", help="Map of the vehicle as drawn (map.h5).")],
     test: Annotated[Path, typer.Argument(metavar="TEST", help="File of the ground test (loadtest.toml).")],
     output: Annotated[Path, typer.Option("-o", "--output", help="The calibrated map.")] = Path("calibrated.h5"),
     vehicle: Annotated[
@@ -24,19 +24,21 @@ def calibrate(
     ] = None,
     snapshots: Annotated[Path | None, SNAPSHOTS_OPTION] = None,
     accept: Annotated[
-        bool, typer.Option("--accept", help="Write the map although no error with a name explains the readings.")
+        bool, typer.Option("--accept", help="Write the map although no known error explains the readings.")
     ] = False,
 ) -> None:
     """Estimate the vehicle as built from a ground test and make its map.
 
-    The model tells what every gauge should read under the loads of the test, the test what it did read. Gains,
-    directions and places of the gauges, wall, modulus and the errors of the loads follow by Bayes' rule from
-    the tolerances of the vehicle file's section `calibration`. Gauges and load cases that do not fit are named
-    and left out. Taper and second harmonic of the wall are taken for zero, and noise for what is stated: a
-    warning says by how much they are not, and what to do. Readings that no vehicle near its tolerances has, and
-    that no fault or noise with a name explains, are refused: check loads, units and signs. The map has the strain
-    operator as built, and in its noise what the test left unknown; a report of the same name is written beside
-    it. Snapshots are taken from the map's folder.
+    The model predicts the reading of every gauge under the loads of the test. Gains, directions and places of
+    the gauges, wall, modulus and errors of the loads follow by Bayes' rule from the tolerances of the vehicle
+    file's section `calibration`.
+
+    Gauges and load cases that do not fit are named and left out. Readings that no vehicle within its
+    tolerances can have are refused: check loads, units and signs.
+
+    The new map includes what the test left unknown in its noise. A report of the same name is written with it.
+    `strainfmu loadtest` proposes a test; `strainfmu loadtest --template` writes the file for a test of
+    your own.
 
     Examples:
 

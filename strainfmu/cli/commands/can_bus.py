@@ -37,11 +37,11 @@ FreshnessOption = Annotated[
 ]
 ContextOption = Annotated[
     str | None,
-    typer.Option(metavar="NAME", help="Section of python-can's configuration files for further bus options."),
+    typer.Option(metavar="NAME", help="Section of python-can's configuration files with more bus options."),
 ]
 ZerosOption = Annotated[
     Path | None,
-    typer.Option(metavar="TOML", help="What the gauges read without strain, of 'strainfmu tare'; taken off."),
+    typer.Option(metavar="TOML", help="Zero offsets of the gauges, of 'strainfmu tare'; subtracted."),
 ]
 ExtendedOption = Annotated[bool, typer.Option("--extended", help="29 bit identifiers.")]
 
@@ -53,19 +53,23 @@ def bridge(
     option: Annotated[
         list[str] | None,
         typer.Option(
-            "--bus-option", metavar="KEY=VALUE", help="Further option of the interface, as bitrate=500000."
+            "--bus-option",
+            metavar="KEY=VALUE",
+            help="Option of the interface, such as bitrate=500000; may be given several times.",
         ),
     ] = None,
     context: ContextOption = None,
     profile: ProfileOption = "fd64",
-    dbc: Annotated[Path | None, typer.Option(help="DBC file of the strain frames, instead of a profile.")] = None,
-    mapping: Annotated[Path | None, typer.Option(help="Which signal is which gauge (TOML); with --dbc.")] = None,
+    dbc: Annotated[
+        Path | None, typer.Option(help="DBC file of the strain frames. With --mapping, not with --cycle-time.")
+    ] = None,
+    mapping: Annotated[Path | None, typer.Option(help="Which signal is which gauge (TOML). With --dbc.")] = None,
     cycle_time: Annotated[
         float | None,
         typer.Option(
             metavar="MS",
             callback=within(0.1, 10_000.0, "ms"),
-            help="Period of the strain frames of a profile. Default: 10.",
+            help="Period of the strain frames of a profile. Not with --dbc. Default: 10.",
         ),
     ] = None,
     id_base: BaseOption = "0x300",
@@ -86,7 +90,7 @@ def bridge(
     ] = None,
     duration: Annotated[
         float | None,
-        typer.Option(metavar="S", callback=within(*DURATION_S, "s"), help="Stop after so long."),
+        typer.Option(metavar="S", callback=within(*DURATION_S, "s"), help="Stop after this time."),
     ] = None,
     stuck_cycles: Annotated[
         int | None,
@@ -107,7 +111,7 @@ def bridge(
         typer.Option(
             metavar="UM/M",
             callback=within(1e-4, 1000.0, "um/m"),
-            help="Standard deviation of the gauges' noise at rest. Default: that of the estimator.",
+            help="Standard deviation of the gauges' noise at rest. Default: the estimator's.",
         ),
     ] = None,
     max_age: Annotated[
@@ -123,7 +127,7 @@ def bridge(
         typer.Option(
             metavar="PPM",
             callback=within(-10_000.0, 10_000.0, "ppm"),
-            help="Known rate by which the sender's clock is slower than the bridge's.",
+            help="Known rate error of the sender's clock; positive: slower than the bridge's.",
         ),
     ] = 0.0,
     clock_tolerance: Annotated[
@@ -131,7 +135,7 @@ def bridge(
         typer.Option(
             metavar="PPM",
             callback=within(0.0, 10_000.0, "ppm"),
-            help="Largest difference from that rate; a delay that grows faster is age.",
+            help="Largest difference from --clock-rate. A delay that grows faster counts as age.",
         ),
     ] = 100.0,
     hidden_age: Annotated[
@@ -139,7 +143,7 @@ def bridge(
         typer.Option(
             metavar="MS",
             callback=within(0.0, 1e6, "ms"),
-            help="Largest sum of delays that is taken for a slow clock; from then on results are UNCONFIRMED.",
+            help="Largest sum of delays explained by a slow clock. Beyond it, results are UNCONFIRMED.",
         ),
     ] = 10.0,
     max_uncertainty: Annotated[
@@ -155,14 +159,14 @@ def bridge(
         typer.Option(
             metavar="MS",
             callback=within(0.0, 1e6, "ms"),
-            help="The sender's sample times are the system's time (PTP, NTP), to so much.",
+            help="Accuracy to which the sender's clock agrees with the system time (PTP, NTP).",
         ),
     ] = None,
     record: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Record the bus: X.blf, X.asc or X.log (candump).")
     ] = None,
     publish: Annotated[
-        str | None, typer.Option(metavar="HOST:PORT", help="Send results as UDP-JSON: to 'strainfmu monitor' ...")
+        str | None, typer.Option(metavar="HOST:PORT", help="Send results as UDP-JSON, for 'strainfmu monitor'.")
     ] = None,
     publish_rate: Annotated[
         float,
@@ -174,28 +178,30 @@ def bridge(
     ] = 50.0,
     publish_field: Annotated[
         Path | None,
-        typer.Option(metavar="MAP", help="With --publish: the pressure on the surface too, by this map.h5."),
+        typer.Option(metavar="MAP", help="With --publish: map.h5 for the pressure on the surface, sent too."),
     ] = None,
     zeros: ZerosOption = None,
     tare: Annotated[
         Path | None,
-        typer.Option(metavar="MAP", help="Take tares that the sender asks for; map.h5 of the same gauges."),
+        typer.Option(metavar="MAP", help="Tare when the sender asks for it; map.h5 of the same gauges."),
     ] = None,
     tare_cycles: Annotated[
-        int, typer.Option(callback=within(64, 100_000), help="With --tare: cycles of a tare.")
+        int, typer.Option(callback=within(64, 100_000), help="With --tare: number of cycles of a tare.")
     ] = 500,
     tare_known: Annotated[
         Path | None,
-        typer.Option(metavar="TOML", help="With --tare: strain of own weight and air, of 'tare --known-output'."),
+        typer.Option(
+            metavar="TOML", help="With --tare: strain of own weight and air, from 'tare --known-output'."
+        ),
     ] = None,
     tare_output: Annotated[
-        Path | None, typer.Option(metavar="TOML", help="With --tare: zeros to write. Default: zeros.toml.")
+        Path | None, typer.Option(metavar="TOML", help="With --tare: zero offsets to write. Default: zeros.toml.")
     ] = None,
 ) -> None:
     """Estimate loads from strain frames on a CAN bus, and send them back as frames.
 
-    Ends on SIGINT or SIGTERM with a summary. SIGUSR1 confirms a sender whose restart is not proven.
-    What is on the bus: docs/reference/can.md, or 'strainfmu dbc'.
+    Ends on SIGINT or SIGTERM with a summary. SIGUSR1 confirms a sender whose restart is not proven. The frames are
+    described in docs/reference/can.md; `strainfmu dbc` writes them as a DBC file.
 
     Examples:
 
@@ -210,8 +216,6 @@ def bridge(
     from strainfmu.can.bridge.summary import summary_table
     from strainfmu.can.tools.observed import observed_bridge
 
-    if (dbc is None) != (mapping is None):
-        raise InputError("--dbc and --mapping: expected both or none, got one")
     refuse_cycle_time(cycle_time, dbc)
     options = BridgeOptions(
         interface=interface,
@@ -242,9 +246,6 @@ def bridge(
         tare_known=tare_known,
         tare_output=tare_output,
     )
-    for name, path in (("--tare-output", tare_output), ("--tare-known", tare_known)):
-        if tare is None and path is not None:
-            raise InputError(f"{name}: expected with --tare alone")
     check_bus_options(interface, bus_settings(options).options)
     console = Console()
     with observed_bridge(
@@ -282,7 +283,7 @@ def dbc(
     id_base: BaseOption = "0x300",
     result_base: ResultBaseOption = "0x380",
     extended: ExtendedOption = False,
-    tare: Annotated[bool, typer.Option("--tare", help="With the frame that asks a bridge for a tare.")] = False,
+    tare: Annotated[bool, typer.Option("--tare", help="Include the frame that asks a bridge for a tare.")] = False,
 ) -> None:
     """Write the DBC file of the bridge's frames: strains in, results out.
 

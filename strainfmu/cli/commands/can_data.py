@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import isnan
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 from rich.console import Console
@@ -28,11 +28,15 @@ def replay(
     fmu: Annotated[Path, typer.Argument(metavar="FMU", help="Estimator FMU, or inverse map.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="Results to write: CSV or HDF5.")],
     profile: Annotated[str | None, typer.Option(help="fd64, classic-le, classic-be, float2 or fd64-sec.")] = None,
-    dbc: Annotated[Path | None, typer.Option(help="DBC file of the strain frames.")] = None,
-    mapping: Annotated[Path | None, typer.Option(help="Which signal is which gauge (TOML); with --dbc.")] = None,
+    dbc: Annotated[
+        Path | None, typer.Option(help="DBC file of the strain frames. With --mapping, not with --cycle-time.")
+    ] = None,
+    mapping: Annotated[Path | None, typer.Option(help="Which signal is which gauge (TOML). With --dbc.")] = None,
     cycle_time: Annotated[
         float | None,
-        typer.Option(metavar="MS", callback=within(0.1, 10_000.0, "ms"), help="Period of the strain frames."),
+        typer.Option(
+            metavar="MS", callback=within(0.1, 10_000.0, "ms"), help="Period of the strain frames. Not with --dbc."
+        ),
     ] = None,
     id_base: Annotated[str | None, typer.Option(metavar="ID", help="First input identifier.")] = None,
     result_base: Annotated[str | None, typer.Option(metavar="ID", help="First result identifier.")] = None,
@@ -44,9 +48,9 @@ def replay(
     ] = None,
     zeros: ZerosOption = None,
 ) -> None:
-    """Give the results of a recorded run again, off line, from its time stamps alone.
+    """Compute the results of a recorded run again, off line, from its time stamps.
 
-    What 'strainfmu bridge --record' wrote needs no options; other logs need those of the bridge.
+    A log of 'strainfmu bridge --record' needs no options; other logs need the options of the bridge.
 
     Examples:
 
@@ -82,29 +86,43 @@ def estimate(
         typer.Option(
             metavar="PA",
             callback=within(*PRESSURE_PA, "Pa", takes_nan=True),
-            help="Of the whole file, instead of its column; nan where it is not known.",
+            help="Dynamic pressure of the whole file, instead of its column; nan: not known.",
+        ),
+    ] = None,
+    columns: Annotated[
+        Literal["plain", "all"] | None,
+        typer.Option(
+            help="plain: time, loads, angles in degrees, health in words. Default: plain for CSV, all for HDF5."
         ),
     ] = None,
     residuals: Annotated[
-        bool, typer.Option("--residuals", help="Write the standardised residual of every gauge too.")
+        bool, typer.Option("--residuals", help="Write the standardised residual of every gauge.")
     ] = False,
     ignore_columns: Annotated[
         str | None, typer.Option(metavar="NAME,..", help="Columns not to read; * for all unknown ones.")
     ] = None,
     accept_strain_level: Annotated[
-        bool, typer.Option("--accept-strain-level", help="Estimate although strains are far from the map's.")
+        bool,
+        typer.Option(
+            "--accept-strain-level", help="Estimate although the strains are far from the range of the map."
+        ),
     ] = False,
     accept_held: Annotated[
-        bool, typer.Option("--accept-held", help="Estimate rows in which no gauge changes, too; else INVALID.")
+        bool,
+        typer.Option("--accept-held", help="Estimate rows in which no gauge changes; they are INVALID otherwise."),
     ] = False,
     exclude: Annotated[
         str | None, typer.Option(metavar="CHANNEL,..", help="Gauges to leave out, by name, number or column.")
     ] = None,
     field: Annotated[
-        Path | None, typer.Option(metavar="X.vtkhdf", help="Write the pressure on the surface, for ParaView.")
+        Path | None,
+        typer.Option(
+            metavar="X.vtkhdf", help="Write the surface pressure, for ParaView. The map needs keep_field = true."
+        ),
     ] = None,
     field_every: Annotated[
-        int | None, typer.Option(metavar="N", callback=within(1, 1_000_000), help="--field: of every N-th sample.")
+        int | None,
+        typer.Option(metavar="N", callback=within(1, 1_000_000), help="With --field: write every N-th sample."),
     ] = None,
     channels: Annotated[
         Path | None,
@@ -116,7 +134,7 @@ def estimate(
             "--filter",
             metavar="SECONDS",
             callback=within(1e-9, 1e6, "s"),
-            help="Filter over time: time constant of errors of pressure off the map.",
+            help="Filter over time; time constant of the model discrepancy.",
         ),
     ] = None,
     smooth: Annotated[
@@ -126,9 +144,11 @@ def estimate(
 ) -> None:
     """Estimate loads from recorded strains.
 
-    Columns are named by the gauges or strain[1] .., the unit in brackets: 'strain[1] \\[um/m]'; without one they
-    are in m/m, Pa, m and s. Also read: dynamic_pressure_std, mach_number, altitude. HDF5: data sets strain
-    (n, n_d), time, dynamic_pressure .. with the attribute unit. --field needs a map built with keep_field = true.
+    Columns have the names of the gauges or strain[1] .., with the unit in brackets: 'strain[1] \\[um/m]'.
+    Without a unit they are in m/m, Pa, m and s. Other names and units stand in a channel file: --channels.
+
+    Further columns: dynamic_pressure, dynamic_pressure_std, mach_number, altitude. HDF5: data sets strain (n,
+    n_d), time, dynamic_pressure .. with the attribute unit.
 
     Examples:
 
@@ -152,15 +172,12 @@ def estimate(
     from strainfmu.recorded.run import estimate_file
 
     console = Console()
-    if field_every is not None and field is None:
-        raise InputError("--field-every: expected with --field alone")
-    if smooth and filter_seconds is None:
-        raise InputError("--smooth: expected --filter SECONDS beside it, got none")
     if is_bus_log(data):
         if channels is not None or filter_seconds is not None:
             option = "--channels" if channels is not None else "--filter"
             raise InputError(f"{data}: {option}: expected none with a CAN log")
         refused = {
+            "--columns": columns,
             "--residuals": residuals,
             "--ignore-columns": ignore_columns,
             "--accept-strain-level": accept_strain_level,
@@ -194,6 +211,7 @@ def estimate(
             zeros=zeros,
             accept_held=accept_held,
             exclude=_names(exclude),
+            columns=columns or ("plain" if output.suffix.lower() == ".csv" else "all"),
         )
     for line in _estimate_lines(summary, data):
         console.print(line, highlight=False, markup=False, soft_wrap=True)
@@ -245,8 +263,6 @@ def _given_options(
     dynamic_pressure: float | None,
 ) -> dict[str, Any]:
     """Return the bridge's options that were stated."""
-    if (dbc is None) != (mapping is None):
-        raise InputError("--dbc and --mapping: expected both or none, got one")
     refuse_cycle_time(cycle_time, dbc)
     given: dict[str, Any] = {
         "profile": profile,
@@ -307,10 +323,10 @@ def _replay(
 
 def monitor(
     listen: Annotated[
-        str, typer.Option(metavar="HOST:PORT", help="Where 'strainfmu bridge --publish' sends to.")
+        str, typer.Option(metavar="HOST:PORT", help="Address to which 'strainfmu bridge --publish' sends.")
     ] = "127.0.0.1:9870",
     http: Annotated[
-        str, typer.Option(metavar="HOST:PORT", help="Address of the page; beyond loopback it is open to all.")
+        str, typer.Option(metavar="HOST:PORT", help="Address of the page. Beyond loopback, everyone can read it.")
     ] = "127.0.0.1:8780",
 ) -> None:
     """Show live strains, coefficients, health and the frame account in a browser.

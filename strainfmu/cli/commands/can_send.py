@@ -40,22 +40,31 @@ def send(
     source: Annotated[Path, typer.Argument(metavar="MAP", help="Inverse map (map.h5), or the FMU made of it.")],
     interface: Annotated[str, typer.Option(help="python-can interface: socketcan, udp_multicast, pcan ...")],
     channel: Annotated[str, typer.Option(help="Its channel: can0, 239.74.163.2 ...")],
-    plant: Annotated[Path | None, typer.Option(metavar="X.fmu", help="Plant FMU whose strains are sent.")] = None,
+    plant: Annotated[
+        Path | None,
+        typer.Option(metavar="X.fmu", help="Plant FMU whose strains are sent. Not with --scenario, --data."),
+    ] = None,
     scenario: Annotated[
-        Path | None, typer.Option(metavar="X.toml", help="Scenario, flown in closed loop first, then sent.")
+        Path | None,
+        typer.Option(
+            metavar="X.toml", help="Scenario, flown in closed loop, then sent. Not with --plant, --data."
+        ),
     ] = None,
     files: Annotated[
         Path | None, typer.Option(metavar="DIR", help="With --scenario: folder of map.h5 and flight_model.h5.")
     ] = None,
     data: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Recorded strains (CSV, HDF5 ...), one row per cycle.")
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="Recorded strains (CSV, HDF5 ...), a row per cycle. Not with --plant, --scenario."
+        ),
     ] = None,
     dynamic_pressure: Annotated[
         float | None,
         typer.Option(
             metavar="PA",
             callback=within(*PRESSURE_PA, "Pa"),
-            help="With --data: fixed, instead of its column.",
+            help="With --data: fixed dynamic pressure, instead of its column.",
         ),
     ] = None,
     option: Annotated[
@@ -77,27 +86,32 @@ def send(
         typer.Option(metavar="N", callback=within(0, 100_000), help="Faults to inject, spread over the flight."),
     ] = 0,
     fault: Annotated[
-        list[str] | None, typer.Option(metavar="KIND", help="Kind of fault, several allowed; default: all.")
+        list[str] | None,
+        typer.Option(
+            metavar="KIND", help="With --faults: kind of fault; may be given several times. Default: all."
+        ),
     ] = None,
     seed: Annotated[
         int,
-        typer.Option(callback=within(0, 2**31 - 1), help="Of the faults: the same seed, the same faults."),
+        typer.Option(callback=within(0, 2**31 - 1), help="Seed of the faults."),
     ] = 1,
     tare_at: Annotated[
         float | None,
         typer.Option(
-            metavar="S", callback=within(*DURATION_S, "s"), help="Ask for a tare then; with 'bridge --tare'."
+            metavar="S",
+            callback=within(*DURATION_S, "s"),
+            help="Time at which to ask for a tare; with 'bridge --tare'.",
         ),
     ] = None,
     report: Annotated[
         Path | None,
-        typer.Option(metavar="X.json", help="Write what the bridge's results were worth, against the truth."),
+        typer.Option(metavar="X.json", help="Write the errors of the bridge's results, if the truth is known."),
     ] = None,
 ) -> None:
-    """Send strains on a CAN bus as a vehicle would, with faults if asked for.
+    """Send strains on a CAN bus as a vehicle would, with faults on request.
 
-    Listens to the bridge's results meanwhile (profiles fd64 and fd64-sec), and holds them against the truth, where
-    it is known.
+    Receives the bridge's results meanwhile (profiles fd64 and fd64-sec), and compares them with the truth
+    where it is known.
 
     Examples:
 

@@ -32,14 +32,16 @@ def compare(
     ] = 300,
     draws: Annotated[
         int,
-        typer.Option(metavar="N", callback=within(1, 10_000), help="Vehicles, and noise, at every condition."),
+        typer.Option(
+            metavar="N", callback=within(1, 10_000), help="Draws of vehicle and noise at every condition."
+        ),
     ] = 8,
     training: Annotated[
         int,
         typer.Option(
             metavar="N",
             callback=within(1200, 10_000_000),
-            help="Flights that each learning estimator learns from.",
+            help="Flights that train each learning estimator.",
         ),
     ] = 12_000,
     seed: Annotated[int, typer.Option(callback=within(0, 2**31 - 1), help="Seed of all draws.")] = 1,
@@ -47,18 +49,17 @@ def compare(
     structure: Annotated[Path | None, STRUCTURE_OPTION] = None,
     rebuild: Annotated[bool, REBUILD_OPTION] = False,
 ) -> None:
-    """Score estimators of eight kinds on the same readings of an independent, finer model of the vehicle.
+    """Score estimators of eight kinds on the same readings of a truth model of the vehicle.
 
-    The linear maps of both cases, the nonlinear estimator, a Kalman filter with a random walk and, with the extra
-    `rivals`, regression tree, random forest, gradient boosting and multi-layer perceptron: rms errors,
-    coverage of 3 sigma, error of the pressure field, air data, cost of a step in Python. With gauge noise alone,
-    and with errors of the hardware drawn at their stated sizes; with navigation, and with q_inf only.
+    The kinds are the linear maps of both cases, the nonlinear estimator and a Kalman filter with a random
+    walk. The extra `rivals` adds regression tree, random forest, gradient boosting and multi-layer perceptron.
 
-    Of sections or a surface, every condition has a flow of its own and the structure is another mesh; the rolling
-    moment stands beside the other coefficients.
+    The scores are rms errors, coverage of 3 sigma, error of the pressure field, air data and cost of a step in
+    Python. Each is given for gauge noise alone and for installation errors, with all air-data inputs and with
+    q_inf only.
 
-    Writes compare.json, compare.csv and compare.png. Flows are kept as they are solved: an ended run goes on, a
-    second run reuses what is up to date. Snapshots and structure are taken as by `build`.
+    Writes compare.json, compare.csv and compare.png. Flows are kept as they are solved: an interrupted run
+    continues, and a second run reuses what is up to date.
 
     Examples:
 
@@ -97,7 +98,7 @@ def _show(console: Console, result: CompareResult) -> None:
             table.add_column(heading, justify="right", min_width=4)
         for one in result.entries:
             if one["errors"] == errors:
-                known = "" if one["navigation"] == "given" else f", {one['navigation']}"
+                known = "" if one["air_data_inputs"] == "given" else f", {one['air_data_inputs']}"
                 table.add_row(escape(estimator_in_words(one["estimator"]) + known), *_cells(one))
         console.print(table)
     for aim in result.aims:

@@ -32,16 +32,14 @@ def fly(
     ] = None,
     ssp: Annotated[
         Path | None,
-        typer.Option(
-            metavar="X.ssp", help="Write the system as an SSP package too, and X_connectors.ssp beside it."
-        ),
+        typer.Option(metavar="X.ssp", help="Write the system as an SSP package too, and X_connectors.ssp."),
     ] = None,
     figures: Annotated[bool, typer.Option(help="Draw every run.")] = True,
 ) -> None:
     """Fly a scenario in closed loop: plant, estimator and autopilot, each an FMU.
 
-    One run per feedback, the plant's true coefficients or the estimator's: a table, recordings, figures.
-    Ends with exit code 1 if the loop does not hold its angle of attack.
+    One run per feedback, with the plant's true coefficients or the estimator's: a table, recordings, figures. Ends
+    with exit code 1 if the loop does not hold its angle of attack.
 
     Examples:
 
@@ -105,26 +103,41 @@ def plant(
     flight_model: Annotated[Path, typer.Argument(metavar="FLIGHT_MODEL", help="flight_model.h5 of a demo.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="FMU to write.")] = Path("plant.fmu"),
     motion: Annotated[
-        str, typer.Option(help="inputs: flown by its inputs; trajectory; short_period: under a control moment.")
+        str, typer.Option(help="inputs, trajectory, or short_period (responds to a control moment).")
     ] = "inputs",
     trajectory: Annotated[
         Path | None, typer.Option(metavar="FILE.csv", help="With --motion trajectory: the table to fly.")
     ] = None,
     mach_number: Annotated[
         float | None,
-        typer.Option(callback=within(1.01, 30.0), help="Start value; the middle of the model's if not given."),
+        typer.Option(
+            callback=within(1.01, 30.0),
+            help="Start value. Default: the middle of the model's. Not with --motion trajectory.",
+        ),
     ] = None,
     altitude: Annotated[
         float | None,
-        typer.Option(metavar="KM", callback=within(0.0, 71.0, "km"), help="Start value; 20 if not given."),
+        typer.Option(
+            metavar="KM",
+            callback=within(0.0, 71.0, "km"),
+            help="Start value. Default: 20. Not with --motion trajectory.",
+        ),
     ] = None,
     angle_of_attack: Annotated[
         float | None,
-        typer.Option(metavar="DEG", callback=within(-60.0, 60.0, "deg"), help="Start value; 0 if not given."),
+        typer.Option(
+            metavar="DEG",
+            callback=within(-60.0, 60.0, "deg"),
+            help="Start value. Default: 0. Not with --motion trajectory.",
+        ),
     ] = None,
     sideslip: Annotated[
         float | None,
-        typer.Option(metavar="DEG", callback=within(-60.0, 60.0, "deg"), help="Start value; 0 if not given."),
+        typer.Option(
+            metavar="DEG",
+            callback=within(-60.0, 60.0, "deg"),
+            help="Start value. Default: 0. Not with --motion trajectory.",
+        ),
     ] = None,
 ) -> None:
     """Package a flight model as a native FMU: strains with noise and gauge faults, and the true coefficients.

@@ -22,7 +22,7 @@ def snapshots(
             "--set",
             metavar="P1|P2|FILE.csv",
             help="Flight conditions: a set of the source or a CSV file; may be given several times. "
-            "Default: those of the vehicle file.",
+            "Default: the vehicle file's.",
         ),
     ] = None,
     engine: Annotated[
@@ -47,8 +47,9 @@ def snapshots(
 ) -> None:
     """Solve the flow at many flight conditions: surface pressure in one HDF5 file.
 
-    Every distinct flow is solved once and kept: an ended run goes on, a finished file is reused. Conditions
-    outside the engine's reach are listed and left out: exit code 3; a further run tries them again.
+    Every distinct flow is solved once and kept: an interrupted run continues, a finished file is reused.
+    Conditions outside the reach of the flow model are listed and left out, with exit code 3. Another run tries
+    them again.
 
     Examples:
 

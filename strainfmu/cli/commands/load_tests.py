@@ -23,43 +23,55 @@ if TYPE_CHECKING:
 
 def loadtest(
     vehicle: Annotated[Path, typer.Argument(help="Vehicle file (TOML).")],
+    template: Annotated[
+        bool,
+        typer.Option("--template", help="Write a file to fill in for a test of your own. Not with other loads."),
+    ] = False,
     cases: Annotated[
-        int, typer.Option(metavar="N", callback=within(1, 200), help="Load cases, beside those of own weight.")
+        int, typer.Option(metavar="N", callback=within(1, 200), help="Load cases, in addition to own weight.")
     ] = 12,
     output: Annotated[Path, typer.Option("-o", "--output", help="File to write.")] = Path("loadtest.toml"),
     force: Annotated[float, number(0.0, 1e7, "N", "Largest force on a pad.")] = 1500.0,
     directions: Annotated[
-        str, typer.Option(help="Of a pad's force: some of in, out, axial, around, with commas.")
+        str, typer.Option(help="Directions of a pad's force: some of in, out, axial, around, with commas.")
     ] = "in",
     stations: Annotated[
-        str, typer.Option(help="Of pads in m, with commas. Default: ten along the hollow part.")
+        str, typer.Option(help="Stations of the pads in m, with commas. Default: ten along the hollow part.")
     ] = "",
-    roll_angles: Annotated[str, typer.Option(help="Of pads in deg, with commas.")] = "0,45,90,135,180,225,270,315",
+    roll_angles: Annotated[
+        str, typer.Option(help="Roll angles of the pads in deg, with commas.")
+    ] = "0,45,90,135,180,225,270,315",
     attitudes: Annotated[
         str,
         typer.Option(
-            help="Roll angles of the meridian that points up in which the vehicle lies, deg, with commas."
+            help="Attitudes of the vehicle: roll angles in deg of the meridian that points up, with commas."
         ),
     ] = "0,90,180,270",
     pad_length: Annotated[float, number(1.0, 1e4, "mm", "Length of a pad.")] = 100.0,
     pad_angle: Annotated[float, number(1.0, 180.0, "deg", "Angle that a pad spans.")] = 60.0,
     pressure: Annotated[float, number(0.0, 1e5, "kPa", "Internal pressure; 0: none.")] = 0.0,
     axial: Annotated[float, number(0.0, 1e7, "N", "Axial force; 0: none.")] = 0.0,
-    largest_strain: Annotated[float, number(1.0, 1e5, "um/m", "Of any gauge; loads are lowered to it.")] = 1000.0,
+    largest_strain: Annotated[
+        float, number(1.0, 1e5, "um/m", "Largest strain of any gauge; loads are lowered to it.")
+    ] = 1000.0,
     load_error: Annotated[float, number(0.0, 100.0, "%", "Error of each load, 1 sigma.")] = 0.5,
     cell_error: Annotated[float, number(0.0, 100.0, "%", "Error of all loads together, 1 sigma.")] = 0.5,
     snapshots: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Flows to judge by (snapshots.h5). Default: local inclination."),
+        typer.Option(metavar="FILE", help="Flows in flight (snapshots.h5). Default: local inclination."),
     ] = None,
 ) -> None:
-    """Propose the load cases of a ground test: each is the one that most lowers the sigmas in flight.
+    """Propose the load cases of a ground test, in the order in which they lower the uncertainty in flight.
 
-    Prints what each case buys, writes a loadtest.toml to be filled in after the test, and a figure beside it. Own
-    weight comes first, in each attitude; it needs material.density_kg_per_m3 in the vehicle file. What may differ
-    from the drawing, and how far, is the section `calibration` of that file.
+    Prints the gain of each case and writes a file of the test, to be filled in after the test, and a figure. Own
+    weight comes first, in each attitude; it needs material.density_kg_per_m3 in the vehicle file. Section
+    `calibration` of the vehicle file states the tolerances of the vehicle as built.
+
+    With --template, writes a file of examples instead, for a test that you have designed or done yourself.
 
     Examples:
+
+        strainfmu loadtest my_vehicle.toml --template -o loadtest.toml
 
         strainfmu loadtest my_vehicle.toml --cases 12 -o loadtest.toml
 
@@ -69,9 +81,16 @@ def loadtest(
     from builder.calibration.ground_test.load_test import LoadErrors
     from builder.figures.calibration.load_plan import load_plan_figure
     from builder.figures.drawing.canvas import save
-    from builder.pipeline.load_test_proposal import propose_load_test, write_proposal
+    from builder.pipeline.load_test_proposal import propose_load_test, write_proposal, write_template
 
     console, start = Console(), perf_counter()
+    errors = LoadErrors(load=0.01 * load_error, common=0.01 * cell_error)
+    if template:
+        write_template(vehicle, output, errors)
+        lines = (f"{output}: written", f"fill it in, then: strainfmu calibrate map.h5 {output} -o calibrated.h5")
+        for line in lines:
+            console.print(line, highlight=False, markup=False, soft_wrap=True)
+        return
     limits = LoadLimits(
         force=force,
         stations=tuple(_numbers("--stations", stations)) if stations else None,
@@ -84,7 +103,6 @@ def loadtest(
         attitudes=tuple(np.deg2rad(_numbers("--attitudes", attitudes)).tolist()),
         largest_strain=1e-6 * largest_strain,
     )
-    errors = LoadErrors(load=0.01 * load_error, common=0.01 * cell_error)
     plan = propose_load_test(vehicle, cases, limits, errors, ConsoleReporter(console), snapshots)
     write_proposal(plan, vehicle, output, errors)
     picture = output.with_suffix(".png")

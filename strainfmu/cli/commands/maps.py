@@ -22,12 +22,10 @@ STRUCTURE_OPTION = typer.Option(
     "--structure", metavar="FILE", help="Structure to use, from anywhere. Default: structure.h5 of the folder."
 )
 REBUILD_OPTION = typer.Option(
-    "--rebuild", help="Make the folder's files by the vehicle file, in place of those made with other options."
+    "--rebuild", help="Make the files of the folder again from the vehicle file, whatever options made them."
 )
-Estimator = Literal["linear", "manifold"]
-ESTIMATOR_OPTION = typer.Option(
-    "--estimator", help="Instead of the vehicle file's: linear, or manifold, the nonlinear one."
-)
+Estimator = Literal["linear", "nonlinear"]
+ESTIMATOR_OPTION = typer.Option("--estimator", help="Estimator, instead of the vehicle file's.")
 
 
 def build(
@@ -38,13 +36,13 @@ def build(
     rebuild: Annotated[bool, REBUILD_OPTION] = False,
     estimator: Annotated[Estimator | None, ESTIMATOR_OPTION] = None,
 ) -> None:
-    """Build the inverse map of a vehicle: snapshots.h5, map.h5, and report.html on what the gauges can measure.
+    """Build the inverse map of a vehicle, and a report on what the gauges can measure.
 
-    A snapshots.h5 or structure.h5 that the commands of these names left in the folder is used, whatever their
-    options; one that does not fit the vehicle file is refused in one line.
+    Writes snapshots.h5, map.h5 and report.html. A snapshots.h5 or structure.h5 of the folder is used again if
+    it fits the vehicle file. If it does not fit, the command ends with one line that says why.
 
-    The report states what the layout observes, what it cannot observe, the uncertainty of each coefficient, what
-    each gauge contributes and what its loss costs. Its numbers are in report.json and, as CSV, in report_tables.
+    The report states what the layout observes, the uncertainty of each coefficient, the contribution of each
+    gauge and the cost of its loss. The numbers are in report.json and, as CSV, in the folder report_tables.
 
     Examples:
 
@@ -52,7 +50,7 @@ def build(
 
         strainfmu build my_vehicle.toml -o results --snapshots flows/fine.h5 --structure meshed/structure.h5
 
-        strainfmu build my_vehicle.toml -o results --estimator manifold
+        strainfmu build my_vehicle.toml -o results --estimator nonlinear
     """
     from builder.pipeline.map_files import run_build
     from builder.pipeline.pipeline import FilesGiven
@@ -81,22 +79,26 @@ def export(
     fmi: Annotated[str, typer.Option(help="Version of FMI: 2 or, native only, 3.")] = "2",
     scalars: Annotated[
         bool,
-        typer.Option("--scalars", help="With --fmi 3: the variables of FMI 2, for tools that take no arrays."),
+        typer.Option("--scalars", help="With --fmi 3: the scalar variables of FMI 2, for tools without arrays."),
     ] = False,
     platforms: Annotated[
         str, typer.Option(help="Native: all, or some of linux64, win64, darwin64, aarch64-linux, aarch64-darwin.")
     ] = "all",
     estimator: Annotated[
         Literal["linear"] | None,
-        typer.Option(help="linear: the linear estimator of a map that holds the nonlinear one too."),
+        typer.Option(help="linear: the linear estimator of a map that includes both."),
     ] = None,
     zero_inputs: Annotated[
         bool,
-        typer.Option("--zero-inputs", help="FMI 2 and --scalars: inputs for the zeros of the gauges."),
+        typer.Option(
+            "--zero-inputs", help="Add inputs for the zero offsets of the gauges. With FMI 2, or with --scalars."
+        ),
     ] = False,
     tare_known: Annotated[
         Path | None,
-        typer.Option(metavar="TOML", help="Strain of own weight and air during a tare, of 'tare --known-output'."),
+        typer.Option(
+            metavar="TOML", help="Strain of own weight and air during a tare, from 'tare --known-output'."
+        ),
     ] = None,
 ) -> None:
     """Package an inverse map as an FMU, or as C sources. Two exports of one map are equal to the byte.
@@ -135,7 +137,7 @@ def export(
     )
     found = export_estimator(inverse_map, output, options)
     Console().print(f"{output}: written", highlight=False, markup=False, soft_wrap=True)
-    if kind == "native" and found == "manifold":
+    if kind == "native" and found == "nonlinear":
         note = "note: for co-simulation alone; --estimator linear has model exchange"
         Console().print(note, highlight=False, markup=False, soft_wrap=True)
     if kind == "python":
@@ -154,8 +156,8 @@ def crosscheck(
 ) -> None:
     """Run an FMU in every importer that is installed; leave input, reference, options and results.
 
-    Importers: fmpy; ecospy and libcosimpy where they are installed. Ends with exit code 1 if a result differs from
-    the reference.
+    Importers: fmpy, and ecospy and libcosimpy if they are installed. Ends with exit code 1 if a result differs
+    from the reference.
 
     Example:
 
@@ -181,15 +183,15 @@ def inspect(
         ),
     ] = None,
 ) -> None:
-    """Show what a map, a structure, a file of snapshots or an FMU holds.
+    """Show the content of a map, a structure, a file of snapshots or an FMU.
 
-    Of a map: gauges, validity range, uncertainty, provenance; with -o figures of what gauges are worth.
+    Map: gauges, validity range, uncertainty, provenance; with -o, figures of the value of each gauge.
 
-    Of a structure: gauges, what each layout can see, strain patterns.
+    Structure: gauges, what each layout observes, strain patterns.
 
-    Of snapshots: conditions, coefficients, health of the flows; figures of pressure and forces.
+    Snapshots: conditions, coefficients, health of the flows; figures of pressure and forces.
 
-    Of an FMU, whoever made it: kind, platforms, variables, files; of an estimator also its map and validity.
+    FMU of any maker: kind, platforms, variables, files; for an estimator also its map and validity.
 
     Examples:
 
@@ -210,28 +212,32 @@ def bench(
     ] = Path("demo"),
     structure: Annotated[
         Path | None,
-        typer.Option(metavar="VEHICLE", help="Time the 3-D structure of this vehicle file instead, size by size."),
+        typer.Option(
+            metavar="VEHICLE", help="Vehicle file whose structure is timed. Not with --mesh, --bus, --worst."
+        ),
     ] = None,
     solver: Annotated[
-        list[str] | None, typer.Option(help="Solver of the structure; may be given several times.")
+        list[str] | None,
+        typer.Option(metavar="NAME", help="With --structure or --mesh: solver; may be given several times."),
     ] = None,
     largest: Annotated[
-        int, typer.Option(callback=within(1, 10**9), help="Largest number of degrees of freedom.")
+        int,
+        typer.Option(callback=within(1, 10**9), help="With --structure: largest number of degrees of freedom."),
     ] = 5_000_000,
     mesh: Annotated[
         Path | None,
         typer.Option(
-            metavar="VEHICLE", help="Compare meshes of this vehicle file instead: strains, and maps built on them."
+            metavar="VEHICLE", help="Vehicle file whose meshes are compared. Not with --structure, --bus, --worst."
         ),
     ] = None,
     snapshots: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="With --mesh: its snapshots.h5, of `strainfmu build`.")
+        Path | None, typer.Option(metavar="FILE", help="With --mesh, required: snapshots.h5 of `strainfmu build`.")
     ] = None,
     output: Annotated[
         Path, typer.Option("-o", "--output", metavar="FILE", help="With --mesh: table to write (CSV).")
     ] = Path("mesh_study.csv"),
     bus: Annotated[
-        bool, typer.Option("--bus", help="Time the CAN bridge instead, in virtual time and over udp_multicast.")
+        bool, typer.Option("--bus", help="Time the CAN bridge. Not with --structure, --mesh, --worst.")
     ] = False,
     rate: Annotated[
         float,
@@ -242,24 +248,31 @@ def bench(
     ] = 20.0,
     burners: Annotated[
         int,
-        typer.Option(callback=within(0, 64), help="With --bus: niced processes that compete for the processors."),
+        typer.Option(
+            callback=within(0, 64), help="With --bus: processes of low priority that compete for the processors."
+        ),
     ] = 0,
     worst: Annotated[
-        bool, typer.Option("--worst", help="Time the dearest steps of the native FMUs instead, event by event.")
+        bool,
+        typer.Option(
+            "--worst", help="Time the slowest steps of the native FMUs. Not with --structure, --mesh, --bus."
+        ),
     ] = False,
 ) -> None:
-    """Time what runs in the loop: bare product, Python estimator, FMUs through fmpy. Or the structure's growth.
+    """Time the steps of the estimator: in Python, and as FMUs through fmpy.
 
-    With the extra `rivals`, learning estimators of scikit-learn beside them.
+    The table compares each with the bare product of matrix and strains. With the extra `rivals`, it includes
+    learning estimators of scikit-learn.
 
-    Or measure the dearest steps of the native FMUs: gauges lost, a zero offset changed, an instance's first step.
+    One other measurement is chosen by an option:
 
-    Or run the CAN bridge, with page and recorder, against a sender whose own lateness is measured and taken out,
-    and python-can's own loop of receiving and counting after it: processor time, and what became of each cycle.
+    --worst: the slowest steps of the native FMUs, such as the loss of gauges or a changed zero offset.
 
-    Or measure the errors due to the mesh of the structure: gauge strains of the snapshots against the Fourier
-    model, in units of the gauges' noise, and the errors of a map built on each mesh and fed with the Fourier
-    model's strains.
+    --bus: the CAN bridge with page and recorder against a sender, and python-can's own loop for comparison.
+
+    --mesh: errors due to the mesh of the structure, in gauge strains and in a map built on each mesh.
+
+    --structure: time and memory of the three-dimensional structure, size by size.
 
     Examples:
 

@@ -6,21 +6,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from typer.core import TyperCommand
-
 from strainfmu.errors import InputError
 
 WRITTEN = ("output", "known_output", "field", "export_influence", "record", "report")
 """Parameters that name a file to write; ``bridge --tare-output`` may be the file of ``--zeros``."""
-
-
-class CheckedCommand(TyperCommand):
-    """A command that refuses to write over its own input, before it begins."""
-
-    def invoke(self, ctx: Any) -> Any:  # the context of the click that typer comes with, in some versions its own
-        """Check the parameters and run the command."""
-        check_outputs(ctx.params)
-        return super().invoke(ctx)
 
 
 def check_outputs(parameters: Mapping[str, Any]) -> None:

@@ -19,10 +19,11 @@ def reproduce(
         bool, typer.Option("--quick", help="Coarse grids: minutes instead of a quarter of an hour.")
     ] = False,
 ) -> None:
-    """Do the source paper again, always on the shipped vehicle: every table and figure, published beside ours.
+    """Reproduce the tables and figures of the source paper with the shipped vehicle.
 
-    Three set-ups: linear tetrahedra as the paper's, a converged mesh, and data of another mesh than the map's.
-    Writes report.html, numbers.json, tables/*.csv and figures/*.png. A second run reuses what is up to date.
+    Three set-ups: linear tetrahedra as in the paper, a converged mesh, and data of another mesh than the
+    map's. Writes report.html, numbers.json, tables/*.csv and figures/*.png. A second run reuses what is up to
+    date.
 
     Examples:
 

@@ -34,7 +34,9 @@ def stress(
     inverse_map: Annotated[
         Path | None,
         typer.Option(
-            "--map", metavar="MAP", help="Map to test (map.h5). Default: the vehicle's, built in the folder."
+            "--map",
+            metavar="MAP",
+            help="Map to test (map.h5). Default: built in the folder. Not with the options of a build.",
         ),
     ] = None,
     conditions: Annotated[
@@ -45,7 +47,7 @@ def stress(
         typer.Option(
             metavar="N",
             callback=within(1, 10_000),
-            help="Vehicles, and noise, at every condition; of the nonlinear estimator a fourth.",
+            help="Draws of vehicle and noise at every condition; a quarter for the nonlinear estimator.",
         ),
     ] = 20,
     seed: Annotated[int, typer.Option(callback=within(0, 2**31 - 1), help="Seed of all draws.")] = 1,
@@ -54,16 +56,20 @@ def stress(
     rebuild: Annotated[bool, REBUILD_OPTION] = False,
     estimator: Annotated[Estimator | None, ESTIMATOR_OPTION] = None,
 ) -> None:
-    """Try some sixty kinds of error on a map: how many samples health flags, how many are wrong without a word.
+    """Try some sixty kinds of error on a map: how many samples health detects, how many wrong ones it does not.
 
-    Flies an independent, finer model of the vehicle: each hardware error, gauges off, temperature, flights beyond
-    the envelope, another engine's pressure. Silent is a sample with a coefficient outside 3 sigma while health is
-    OK; flagged is any other health, DEGRADED too. Classes: within (envelope, and twice the stated sizes), outside
-    (beyond), unobservable (the strain is that of another flight). Of sections or a surface every flight has a flow
-    of its own; beyond the envelope fly a quarter of them.
+    Flies a truth model of the vehicle with installation errors, failed gauges, temperature, flights beyond the
+    envelope, and the pressure of another flow model.
 
-    Writes stress.json, stress.csv and stress.png. Flows are kept as they are solved: an ended run goes on, a
-    second run reuses what is up to date. Without --map, snapshots and structure are taken as by `build`.
+    Undetected: a coefficient is outside 3 sigma and health is OK. Detected: health is anything else, DEGRADED
+    too.
+
+    Classes: within (the envelope, up to twice the specified sizes), outside (beyond), unobservable (the strain
+    is equal to the strain of another flight). A vehicle given by sections or a surface needs a flow for every
+    flight; it flies a quarter of them beyond the envelope.
+
+    Writes stress.json, stress.csv and stress.png. Flows are kept as they are solved: an interrupted run
+    continues, and a second run reuses what is up to date.
 
     Examples:
 
@@ -75,14 +81,8 @@ def stress(
     from builder.stress.run import run_stress
     from builder.stress.score import Effort
     from builder.vehicle.file import IC3X
-    from strainfmu.errors import InputError
 
     given = FilesGiven(snapshots=snapshots, structure=structure, rebuild=rebuild)
-    of_build = {**given.as_text(), **({"--rebuild": ""} if rebuild else {})}
-    of_build |= {} if estimator is None else {"--estimator": estimator}
-    if inverse_map is not None and of_build:
-        named = next(iter(of_build))
-        raise InputError(f"--map: expected without {named}, which is for building a map, got both")
     console, start = Console(), perf_counter()
     with naming(vehicle or IC3X):
         result = run_stress(
@@ -102,16 +102,16 @@ def stress(
 
 
 def _show(console: Console, result: StressResult) -> None:
-    table = Table(title=escape(f"{result.vehicle}: errors on the independent model, share of the samples [%]"))
-    for heading in ("error", "size", "class", "flagged", "silent", ""):
-        table.add_column(heading, justify="right" if heading in ("flagged", "silent") else "left")
+    table = Table(title=escape(f"{result.vehicle}: errors on the truth model, samples [%]"))
+    for heading in ("error", "size", "class", "detected", "undetected", ""):
+        table.add_column(heading, justify="right" if heading in ("detected", "undetected") else "left")
     for one in result.entries:
         table.add_row(
             escape(one["error"]),
             escape(one["size"]),
             one["class"],
-            f"{one['flagged_percent']:.2f}",
-            f"{one['silent_percent']:.2f}",
+            f"{one['detected_percent']:.2f}",
+            f"{one['undetected_percent']:.2f}",
             "missed" if one["missed"] else "",
         )
     console.print(table)

@@ -57,7 +57,9 @@ def structure(
     ] = None,
     solver: Annotated[
         str | None,
-        typer.Option(metavar="NAME", help="Solver. Default: by sectors on a swept mesh, else the best installed."),
+        typer.Option(
+            metavar="NAME", help="Solver. Default: by sectors on a swept mesh, else the fastest installed."
+        ),
     ] = None,
     model: Annotated[
         str,
@@ -65,7 +67,11 @@ def structure(
     ] = "swept",
     layouts: Annotated[
         list[str] | None,
-        typer.Option("--layout", help="Gauge layout; may be given several times. Default: those a map needs."),
+        typer.Option(
+            "--layout",
+            metavar="NAME",
+            help="Gauge layout; may be given several times. Default: all that a map needs.",
+        ),
     ] = None,
     allow_locking: Annotated[
         bool, typer.Option("--allow-locking", help="Go on with elements that lose over 10 % of the bending.")
@@ -73,22 +79,31 @@ def structure(
     mesh_unit: Annotated[
         float,
         typer.Option(
-            metavar="METRES", callback=within(1e-6, 1e3, "m"), help="Length of FILE's unit; 0.001 for mm."
+            metavar="METRES",
+            callback=within(1e-6, 1e3, "m"),
+            help="With --model FILE: length of its unit; 0.001 for mm.",
         ),
     ] = 1.0,
     by_position: Annotated[
-        bool, typer.Option("--surfaces-by-position", help="Find FILE's surfaces by position, not by name.")
+        bool,
+        typer.Option(
+            "--surfaces-by-position", help="With --model FILE: find its surfaces by position, not by name."
+        ),
     ] = False,
     export_loads: Annotated[
         Path | None,
-        typer.Option(metavar="DIR", help="Write the snapshots' pressures as load cases for another code instead."),
+        typer.Option(
+            metavar="DIR", help="Write the snapshots' pressures as load cases. Not with --export-influence."
+        ),
     ] = None,
     export_influence: Annotated[
         Path | None,
-        typer.Option(metavar="FILE.h5", help="Write the strain per force at each outer node of the mesh instead."),
+        typer.Option(
+            metavar="FILE.h5", help="Write the strain per force at each outer node. Not with --export-loads."
+        ),
     ] = None,
     load_format: Annotated[
-        str, typer.Option(help="Of the load cases: csv, vtu (ParaView) or bdf (Nastran).")
+        str, typer.Option(help="With --export-loads: csv, vtu (ParaView) or bdf (Nastran).")
     ] = "csv",
     snapshots: Annotated[
         Path | None,
@@ -97,8 +112,8 @@ def structure(
 ) -> None:
     """Compute the strain of gauges per surface pressure by three-dimensional elasticity.
 
-    The mesh is checked, described and tested for locking before anything is solved. A file that is up to date is
-    not computed again; after a change of gauges the mesh is not checked again.
+    The mesh is checked, described and tested for locking before anything is solved. A file that is up to date
+    is not computed again; after a change of gauges the mesh is not checked again.
 
     Examples:
 

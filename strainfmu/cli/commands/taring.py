@@ -26,39 +26,51 @@ def tare(
         typer.Argument(metavar="RECORDING", help="CSV, HDF5, MF4, TDMS, MAT, Parquet, as for `estimate`."),
     ],
     window: Annotated[
-        str, typer.Option(metavar="FROM:TO", help="Times of the recording, in s, while loads are known.")
+        str, typer.Option(metavar="FROM:TO", help="Times of the recording, in s, in which the loads are known.")
     ],
-    output: Annotated[Path, typer.Option("-o", "--output", help="Zeros to write (TOML).")] = Path("zeros.toml"),
+    output: Annotated[Path, typer.Option("-o", "--output", help="Zero offsets to write (TOML).")] = Path(
+        "zeros.toml"
+    ),
     channels: Annotated[
         Path | None, typer.Option(metavar="TOML", help="Which channel of the recorder is which gauge.")
     ] = None,
-    max_dynamic_pressure: Annotated[float, number(0.0, 1e5, "Pa", "Largest dynamic pressure meanwhile.")] = 100.0,
-    largest_zero: Annotated[float, number(1.0, 5e4, "um/m", "Largest plausible zero.")] = 2000.0,
+    max_dynamic_pressure: Annotated[
+        float, number(0.0, 1e5, "Pa", "Largest dynamic pressure in the window.")
+    ] = 100.0,
+    largest_zero: Annotated[float, number(1.0, 5e4, "um/m", "Largest plausible zero offset.")] = 2000.0,
     largest_drift: Annotated[float, number(0.0, 5e4, "um/m", "Largest drift over the window.")] = 2.0,
     vehicle: Annotated[
         Path | None,
-        typer.Option(metavar="TOML", help="Vehicle file: takes off the strain of own weight and of ambient air."),
+        typer.Option(
+            metavar="TOML", help="Vehicle file: subtracts the strain of own weight or air, of the options below."
+        ),
     ] = None,
     weight_up_roll_deg: Annotated[
-        float | None, number(-360.0, 360.0, "deg", "Roll angle of the meridian that is up.")
+        float | None, number(-360.0, 360.0, "deg", "With --vehicle: roll angle of the meridian that is up.")
     ] = None,
-    weight_nose_deg: Annotated[float, number(-90.0, 90.0, "deg", "Elevation of the nose.")] = 0.0,
-    ambient_pressure: Annotated[float, number(0.0, 1e6, "Pa", "Of the air inside and outside.")] = 0.0,
+    weight_nose_deg: Annotated[
+        float, number(-90.0, 90.0, "deg", "With --weight-up-roll-deg: elevation of the nose.")
+    ] = 0.0,
+    ambient_pressure: Annotated[
+        float, number(0.0, 1e6, "Pa", "With --vehicle: pressure of the air inside and outside.")
+    ] = 0.0,
     known_output: Annotated[
         Path | None,
         typer.Option(
-            metavar="TOML", help="With --vehicle: write the strain of its loads, for 'bridge --tare-known'."
+            metavar="TOML", help="With --vehicle: write the strain of the known loads, for 'bridge --tare-known'."
         ),
     ] = None,
     accept: Annotated[
-        bool, typer.Option("--accept", help="Write the zeros although something speaks against them.")
+        bool, typer.Option("--accept", help="Write the zero offsets although a check refuses them.")
     ] = False,
 ) -> None:
-    """Find the zeros of the gauges: mean of a window of a recording, with standard deviations.
+    """Find the zero offsets of the gauges: mean of a window of a recording, with standard deviations.
 
-    The window holds 64 samples or more. Refused while loads are not known: dynamic pressure, readings that drift
-    or move, values that are no zeros or look like those of a flight. Own weight and
-    ambient pressure are loads too: state them with --vehicle, or the estimates count them with the other sign.
+    The window has 64 samples or more. The command refuses a window in which the loads are not known: with
+    dynamic pressure, with readings that drift or move, or with values too large for zero offsets.
+
+    Own weight and ambient pressure are loads too. State them with --vehicle, or every estimate includes them
+    with the wrong sign.
 
     Examples:
 
@@ -75,11 +87,6 @@ def tare(
     from strainfmu.recorded.tare_window import tare_file
 
     chosen = _window(window)
-    known_loads = weight_up_roll_deg is not None or ambient_pressure > 0.0
-    if known_loads != (vehicle is not None):
-        raise InputError("--vehicle: expected with --weight-up-roll-deg or --ambient-pressure, and they with it")
-    if known_output is not None and vehicle is None:
-        raise InputError("--known-output: expected with --vehicle alone")
     held = load_inverse_map(inverse_map)
     limits = TareLimits(
         dynamic_pressure=max_dynamic_pressure, zero=1e-6 * largest_zero, drift=1e-6 * largest_drift

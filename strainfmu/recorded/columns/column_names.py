@@ -51,10 +51,13 @@ _AIR_DATA = "air_data."
 _OF_FLIGHT = ("autopilot.valid[", "schedule.fault_kind[", "schedule.fault_value[")
 """The same of what else the FMUs of ``strainfmu fly`` put out; of another instance it may be a mask to heed."""
 
+CHANNEL_FILE_HINT = "name the gauges in a channel file: see 'strainfmu channels --help'"
+"""What to do where a recording has names of its own."""
+
 _INDEX = re.compile(r"strain\[([0-9]+)\]")
 _UNIT = re.compile(r"(?P<name>.*?)\s*\[(?P<unit>[^\[\]]*)\]")
 
-_OTHER_NAMES = {
+OTHER_NAMES = {
     **dict.fromkeys(("mach", "ma", "machnumber", "machinf"), "mach_number"),
     **dict.fromkeys(("q", "qinf", "qbar", "pdyn", "pressure"), "dynamic_pressure"),
     **dict.fromkeys(("qstd", "qinfstd", "sigmaq", "qsigma", "dynamicpressuresigma"), "dynamic_pressure_std"),
@@ -163,7 +166,7 @@ def columns_to_read(
         elif is_read(name, wanted) if known is None else name in known:
             read.append(column)
         elif (
-            _is_signal(name)
+            is_signal(name)
             or last_part(name) in wanted.passed
             or (is_temperature(name) and not wanted.sensors)
             or any(pattern.fullmatch(name) for pattern in patterns)
@@ -226,7 +229,7 @@ def is_read(name: str, wanted: Wanted) -> bool:
     return number is not None and 1 <= number <= len(wanted.gauge_names)
 
 
-def _is_signal(name: str) -> bool:
+def is_signal(name: str) -> bool:
     """Return whether this is an output of an estimator, a plant or an autopilot; an instance may stand ahead."""
     of_instance = name.partition(".")[2]
     return _is_output(name) or name.startswith(_OF_FLIGHT) or name in SIGNALS or of_instance in SIGNALS
@@ -240,7 +243,7 @@ def _is_output(name: str) -> bool:
 
 def _unknown_text(unknown: Sequence[str], names: Sequence[str], wanted: Wanted) -> str:
     """Return what to say of unknown columns: the names, the nearest known ones, the ways to pass over them."""
-    first, way = unknown[0], "state by --channels TOML which channel is which gauge"
+    first, way = unknown[0], CHANNEL_FILE_HINT
     if not first:
         return (
             f"column {list(names).index(first) + 1}: no name found; leave it out by --ignore-columns '*', or {way}"
@@ -262,7 +265,7 @@ def _nearest(name: str, names: Sequence[str], wanted: Wanted) -> str | None:
     there = {quantity_of(other, wanted.readings) for other in names} | set(names)
     known = [one for one in ("time", *wanted.flow, *wanted.gauge_names) if one not in there]
     plain = last_part(name).lower()
-    other = _OTHER_NAMES.get(re.sub("[^a-z0-9]", "", plain))
+    other = OTHER_NAMES.get(re.sub("[^a-z0-9]", "", plain))
     if other in known:
         return other
     by_small = {one.lower(): one for one in reversed(known)}

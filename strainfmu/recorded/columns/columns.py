@@ -11,6 +11,7 @@ import numpy as np
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.recorded.columns.column_names import (
+    CHANNEL_FILE_HINT,
     FLOW_NAMES,
     NAVIGATION_NAMES,
     STATIC_PRESSURE,
@@ -389,7 +390,8 @@ def _gauge_columns(
         found = [*own[gauge], *by_number.get(number, ())]
         if not found:
             raise InputError(
-                f"{path}: no column '{gauge}' or 'strain[{number}]' found for a gauge, it holds {some_of(names)}"
+                f"{path}: no column '{gauge}' or 'strain[{number}]' found for a gauge, it holds {some_of(names)}; "
+                f"{CHANNEL_FILE_HINT}"
             )
         indices.append(_only(path, found, what=gauge, names=headings))
     return tuple(indices)

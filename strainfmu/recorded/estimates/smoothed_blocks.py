@@ -73,7 +73,7 @@ def with_filter(source: Path, static: BlockEstimator, time_constant: float | Non
     """
     if time_constant is None:
         if smooth:
-            raise InputError("--smooth: expected --filter SECONDS beside it, got none")
+            raise InputError("--smooth: expected with --filter, got it alone")
         return static
     if not isinstance(static, MapBlocks):
         raise InputError(f"{source}: --filter: expected an inverse map, got an FMU")

@@ -95,7 +95,7 @@ def csv_layout(path: Path, is_known: Callable[[str], bool]) -> CsvLayout:
     """Return the layout of a CSV file.
 
     The headings are the line with most known names, the first of several. Without any, they are the line ahead
-    of the first line of numbers, or else the first line.
+    of the first line of numbers, and of a row of units, or else the first line.
 
     Parameters
     ----------
@@ -168,11 +168,18 @@ def _heading_line(lines: Sequence[str], is_known: Callable[[str], bool]) -> tupl
     if best:
         return found
     for at, line in enumerate(lines[1:]):
-        delimiter = max(DELIMITERS, key=line.count)
-        cells = [cell.strip() for cell in _cells(line, delimiter)]
-        if len(cells) > 1 and any(cells) and all(not cell or NUMBER.fullmatch(cell) for cell in cells):
-            return at, max(DELIMITERS, key=lines[at].count)
+        if any(_is_row_of_numbers(_cells(line, delimiter)) for delimiter in DELIMITERS):
+            filled = [index for index in range(at + 1) if lines[index].strip()] or [0]
+            delimiter = max(DELIMITERS, key=lines[filled[-1]].count)
+            is_units = len(filled) > 1 and _is_row_of_units(_cells(lines[filled[-1]], delimiter))
+            return filled[-2 if is_units else -1], delimiter
     return 0, max(DELIMITERS, key=lines[0].count) if lines else ","
+
+
+def _is_row_of_numbers(cells: Sequence[str]) -> bool:
+    """Return whether there are several cells, all of them numbers or empty."""
+    held = [cell.strip() for cell in cells]
+    return len(held) > 1 and any(held) and all(not cell or NUMBER.fullmatch(cell) for cell in held)
 
 
 def _cells(line: str, delimiter: str) -> list[str]:

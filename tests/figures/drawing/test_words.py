@@ -24,5 +24,5 @@ def test_quantities_are_set_as_mathematics(text: str, shown: str) -> None:
 
 
 def test_estimators_are_called_as_in_the_documents() -> None:
-    assert estimator_in_words("manifold") == "nonlinear estimator"
+    assert estimator_in_words("nonlinear") == "nonlinear estimator"
     assert estimator_in_words("random forest") == "random forest"

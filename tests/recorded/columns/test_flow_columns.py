@@ -60,7 +60,7 @@ def test_navigation_decides_on_the_envelope(synthetic: SyntheticFiles, tmp_path:
     data = write_flight(tmp_path / "d.csv", **more)
     found = Estimator(held).estimate(strain, pressure, mach_number=mach, altitude=altitude)
     assert np.flatnonzero(found.health == HealthState.OUTSIDE).tolist() == [3, 5, 6]
-    code, out, errors = run("estimate", tmp_path / "map.h5", data, "-o", tmp_path / "o.csv")
+    code, out, errors = run("estimate", tmp_path / "map.h5", data, "-o", tmp_path / "o.csv", "--columns", "all")
     assert (code, errors) == (0, "")
     np.testing.assert_array_equal(read_csv(tmp_path / "o.csv")["health.state [1]"], found.health)
     np.testing.assert_allclose(read_csv(tmp_path / "o.csv")["altitude [m]"], altitude)
@@ -80,7 +80,7 @@ def test_coefficients_beyond_the_envelope_are_told_apart(
     held = replace(held, envelope_score_limit=40.0)
     save_inverse_map(held, tmp_path / "map.h5")
     data = write_flight(tmp_path / "d.csv")
-    _, out, _ = run("estimate", tmp_path / "map.h5", data, "-o", tmp_path / "o.csv")
+    _, out, _ = run("estimate", tmp_path / "map.h5", data, "-o", tmp_path / "o.csv", "--columns", "all")
     assert "OUTSIDE: 4 of 20 samples (20 %)" in out
     assert "by the estimated coefficients in 4, by the flow alone in 0" in out
     found = read_csv(tmp_path / "o.csv")

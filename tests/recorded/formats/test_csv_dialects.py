@@ -101,7 +101,7 @@ def test_dynamic_pressure_from_altitude_is_computed_and_said(
     headings = ["time", *NAMES, "mach_number", "altitude [ft]"]
     table = np.column_stack([time, strain, mach, np.full(20, 20e3 / 0.3048)])
     np.savetxt(path, table, delimiter=",", header=",".join(headings), comments="", fmt="%.17g")
-    code, out, _ = run("estimate", synthetic.map_1, path, "-o", tmp_path / "o.csv")
+    code, out, _ = run("estimate", synthetic.map_1, path, "-o", tmp_path / "o.csv", "--columns", "all")
     assert code == 0
     assert "d.csv: no dynamic_pressure found: computed from mach_number and altitude" in out
     expected = [dynamic_pressure(one, 20e3) for one in mach]

@@ -134,7 +134,7 @@ def test_refusals_are_one_line(run: Run, map_path: Path, data: Path, tmp_path: P
         estimate_file(map_path, data, output, field_output=tmp_path / "a.vtu")
     code, _, error = run("estimate", map_path, data, "-o", output, "--field-every", 2)
     assert code != 0
-    assert "--field-every: expected with --field alone" in error
+    assert "--field-every: expected with --field, got it alone" in error
     code, _, error = run("estimate", map_path, data, "-o", output, "--field", series, "--field-every", 0)
     assert code != 0
     assert "--field-every: expected 1 .. 1000000, got 0" in error

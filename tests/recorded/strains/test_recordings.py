@@ -27,7 +27,10 @@ def test_recordings_give_equal_estimates(name: str, synthetic: SyntheticFiles, t
     plain = write_csv(tmp_path / "plain.csv", ["time", *NAMES, "dynamic_pressure"], time, strain, pressure)
     estimate_file(synthetic.map_1, plain, tmp_path / "plain_out.csv")
     data, channels = RECORDINGS[name](tmp_path)
-    code, out, errors = run("estimate", synthetic.map_1, data, "-o", tmp_path / "o.csv", "--channels", channels)
+    code, out, errors = run(
+        *("estimate", synthetic.map_1, data, "-o", tmp_path / "o.csv", "--channels", channels),
+        *("--columns", "all"),
+    )
     assert (code, errors) == (0, ""), errors
     assert "left out" not in out
     found, expected = read_csv(tmp_path / "o.csv"), read_csv(tmp_path / "plain_out.csv")

@@ -68,7 +68,7 @@ def test_held_rows_are_estimated_on_demand(synthetic: SyntheticFiles, tmp_path: 
     time, strain, pressure = samples(30)
     strain[:] = strain[0]
     data, out = write_csv(tmp_path / "d.csv", HEADINGS, time, strain, pressure), tmp_path / "o.csv"
-    code, printed, _ = run("estimate", synthetic.map_1, data, "-o", out, "--accept-held")
+    code, printed, _ = run("estimate", synthetic.map_1, data, "-o", out, "--accept-held", "--columns", "all")
     assert code == 0
     assert "no gauge changes in 30 rows" in printed  # nothing shows that the first is new
     assert "estimated all the same" in printed
@@ -198,7 +198,15 @@ def test_excluded_gauges_need_no_column(synthetic: SyntheticFiles, tmp_path: Pat
     rows = [[*row[:5], "OVL" if k else row[5], *row[6:]] for k, row in enumerate(lines)]  # G4
     (tmp_path / "d.csv").write_text("\n".join(",".join([row[0], row[1], *row[3:]]) for row in rows) + "\n")
     code, printed, errors = run(
-        "estimate", synthetic.map_1, tmp_path / "d.csv", "-o", out, "--exclude", "G1, strain[5]"
+        "estimate",
+        synthetic.map_1,
+        tmp_path / "d.csv",
+        "-o",
+        out,
+        "--exclude",
+        "G1, strain[5]",
+        "--columns",
+        "all",
     )
     assert (code, errors) == (0, "")
     assert f"{tmp_path / 'd.csv'}: left out by --exclude: G1, G4\n" in printed

@@ -109,7 +109,7 @@ def field_messages(path: Path, gauge_names: tuple[str, ...]) -> FieldMessages:
         raise InputError(f"--publish-field {path}: expected a map of the estimator's gauges, got others")
     if held.manifold is None or held.manifold.surface_field is None:
         raise InputError(
-            f"--publish-field {path}: expected a map built with estimator = 'manifold' and keep_field = true"
+            f"--publish-field {path}: expected a map built with estimator = 'nonlinear' and keep_field = true"
         )
     return FieldMessages(held)
 

@@ -261,7 +261,7 @@ def test_wrong_options_are_one_line(
     code, _, errors = run("bridge", synthetic.estimator_1, *bus, "--tare", tmp_path / "none.h5")
     assert (code, errors.count("\n")) == (2, 1)
     code, _, errors = run("bridge", synthetic.estimator_1, *bus, "--tare-output", "x.toml")
-    assert (code, errors) == (2, "strainfmu: --tare-output: expected with --tare alone\n")
+    assert (code, "--tare-output: expected with --tare, got it alone" in errors) == (2, True)
     (tmp_path / "a.dbc").write_text("")
     options = BridgeOptions(
         interface="virtual", channel="x", dbc=tmp_path / "a.dbc", mapping=tmp_path / "a.toml", tare=Path("m.h5")

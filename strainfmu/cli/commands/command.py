@@ -1,0 +1,117 @@
+"""A command of the program: its help in panels, and options refused that do not go together."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import pairwise
+from typing import Any
+
+from typer.core import TyperCommand, TyperGroup
+
+from strainfmu.cli.commands.help_layout import COMMANDS, EXCLUDES, NEEDS, OLD_VALUES, OPTIONS
+from strainfmu.cli.commands.outputs import check_outputs
+from strainfmu.errors import InputError
+
+PAGES = {name: page for commands in COMMANDS.values() for name, page in commands.items()}
+
+
+class ProgramGroup(TyperGroup):
+    """The program: its commands in the order of their panels."""
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(**settings)
+        for parameter in self.params:
+            _without_type(parameter)
+
+    def get_help_option(self, ctx: Any) -> Any:
+        """Return ``--help``, shown without a type."""
+        return _without_type(super().get_help_option(ctx))
+
+
+class ProgramCommand(TyperCommand):
+    """A command that checks which options were given together and which files it writes, before it begins."""
+
+    def __init__(self, name: str | None, **settings: Any) -> None:
+        super().__init__(name, **settings)
+        self.help = unwrapped(self.help or "")
+        self.epilog = f"Documentation: {PAGES[name]}" if name in PAGES else None
+        panels = {option: panel for panel, options in OPTIONS.get(name or "", {}).items() for option in options}
+        for parameter in self.params:
+            if parameter.name in panels:
+                parameter.rich_help_panel = panels[parameter.name]  # type: ignore[attr-defined]
+            if parameter.param_type_name == "argument" and not parameter.metavar:
+                parameter.metavar = (parameter.name or "").upper()
+            _without_type(parameter)
+
+    def get_help_option(self, ctx: Any) -> Any:  # the context of the click that typer comes with
+        """Return ``--help``, shown without a type."""
+        return _without_type(super().get_help_option(ctx))
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Refuse values under their old names, then read the arguments."""
+        refuse_old_values(args)
+        read: list[str] = super().parse_args(ctx, args)
+        return read
+
+    def invoke(self, ctx: Any) -> Any:
+        """Check the parameters and run the command."""
+        check_outputs(ctx.params)
+        sources = {one.name: ctx.get_parameter_source(one.name) for one in self.params if one.name}
+        given = {name for name, source in sources.items() if getattr(source, "name", "") == "COMMANDLINE"}
+        check_together(self.name or "", given, {one.name or "": max(one.opts, key=len) for one in self.params})
+        return super().invoke(ctx)
+
+
+def check_together(command: str, given: set[str], options: Mapping[str, str]) -> None:
+    """Refuse options of a command that need or exclude each other, by :data:`~help_layout.NEEDS` and its like.
+
+    Parameters
+    ----------
+    command : name of the command.
+    given : names of the parameters that the user stated.
+    options : the option of each parameter.
+
+    Raises
+    ------
+    InputError
+        An option was given without one that it needs, or with one that it excludes.
+    """
+    for name, needed in NEEDS.get(command, {}).items():
+        if name in given and not given.intersection(needed):
+            listed = " or ".join(options[one] for one in needed)
+            raise InputError(f"{options[name]}: expected with {listed}, got it alone")
+    for group in EXCLUDES.get(command, ()):
+        several = [options[name] for name in group if name in given]
+        if len(several) > 1:
+            raise InputError(f"{several[-1]}: expected without {several[0]}, got both")
+
+
+def refuse_old_values(arguments: list[str]) -> None:
+    """Refuse the value of an option that has a new name.
+
+    Raises
+    ------
+    InputError
+        There is one; the message has the new name.
+    """
+    words = [word for argument in arguments for word in argument.split("=", 1)]
+    for pair in pairwise(words):
+        if pair in OLD_VALUES:
+            option, value = pair
+            raise InputError(f"{option}: '{value}' is now called '{OLD_VALUES[pair]}'")
+
+
+def unwrapped(text: str) -> str:
+    """Return ``text`` with one line per paragraph, each with its indent: the terminal wraps them."""
+    paragraphs = [paragraph.rstrip() for paragraph in text.split("\n\n")]
+    return "\n\n".join(
+        paragraph[: len(paragraph) - len(paragraph.lstrip())].strip("\n") + " ".join(paragraph.split())
+        for paragraph in paragraphs
+    )
+
+
+def _without_type(parameter: Any) -> Any:
+    """Show no type for a flag, whose name says all."""
+    if getattr(parameter, "is_flag", False) and not parameter.metavar:
+        parameter.metavar = ""
+    return parameter

@@ -1,0 +1,188 @@
+"""The order of the help: commands in panels with their pages, options in panels, and options that go together."""
+
+from __future__ import annotations
+
+COMMANDS: dict[str, dict[str, str]] = {
+    "Use a map": {
+        "estimate": "docs/howto/estimate_recorded.md",
+        "channels": "docs/howto/recorder_channels.md",
+        "export": "docs/tutorials/fmu_in_tools.md",
+        "bridge": "docs/howto/run_bridge.md",
+        "tare": "docs/howto/tare.md",
+        "inspect": "docs/reference/files.md",
+        "monitor": "docs/howto/watch_live.md",
+        "crosscheck": "docs/explanation/verification.md",
+    },
+    "Build": {
+        "demo": "docs/tutorials/first_map.md",
+        "check": "docs/tutorials/your_vehicle.md",
+        "build": "docs/tutorials/your_vehicle.md",
+        "snapshots": "docs/howto/run_campaigns.md",
+        "structure": "docs/explanation/structure.md",
+        "surface": "docs/howto/bring_cfd.md",
+        "convert": "docs/howto/bring_cfd.md",
+        "picture": "docs/explanation/reports.md",
+    },
+    "Ground test": {
+        "loadtest": "docs/howto/design_ground_test.md",
+        "calibrate": "docs/explanation/calibration.md",
+    },
+    "Bus": {
+        "dbc": "docs/reference/can.md",
+        "send": "docs/howto/send_strains.md",
+        "replay": "docs/howto/record_and_replay.md",
+    },
+    "Studies": {
+        "stress": "docs/howto/what_a_map_notices.md",
+        "compare": "docs/explanation/comparison.md",
+        "fly": "docs/howto/fly_closed_loop.md",
+        "plant": "docs/explanation/flight.md",
+        "bench": "docs/reference/step_time.md",
+        "reproduce": "docs/explanation/reproduction.md",
+    },
+}
+"""Panels of ``strainfmu --help`` in their order, the commands of each, and the page of each."""
+
+FILES = ("snapshots", "structure", "rebuild")
+
+OPTIONS: dict[str, dict[str, tuple[str, ...]]] = {
+    "estimate": {
+        "Recording": ("channels", "ignore_columns", "exclude", "zeros", "dynamic_pressure"),
+        "Filter": ("filter_seconds", "smooth"),
+        "Checks of the data": ("accept_strain_level", "accept_held"),
+        "Results": ("columns", "residuals", "field", "field_every"),
+    },
+    "export": {
+        "Kind of FMU": ("kind", "fmi", "scalars", "platforms", "estimator"),
+        "Zero offsets": ("zero_inputs", "tare_known"),
+    },
+    "bridge": {
+        "Bus": ("interface", "channel", "option", "context"),
+        "Frames": ("profile", "dbc", "mapping", "cycle_time", "id_base", "result_base", "extended", "result"),
+        "Authentication": ("key", "freshness"),
+        "Gauges": ("dynamic_pressure", "stuck_cycles", "zero_cycles", "gauge_noise"),
+        "Age of strains": (
+            "max_age",
+            "clock_rate",
+            "clock_tolerance",
+            "hidden_age",
+            "max_uncertainty",
+            "synchronised",
+        ),
+        "Zero offsets": ("zeros", "tare", "tare_cycles", "tare_known", "tare_output"),
+        "Record and show": ("record", "publish", "publish_rate", "publish_field"),
+    },
+    "tare": {
+        "Limits": ("max_dynamic_pressure", "largest_zero", "largest_drift", "accept"),
+        "Known loads": (
+            "vehicle",
+            "weight_up_roll_deg",
+            "weight_nose_deg",
+            "ambient_pressure",
+            "known_output",
+        ),
+    },
+    "demo": {
+        "Vehicle as flown": ("perfect", "as_built"),
+        "CAN bus": ("can", "can_duration", "can_authenticated"),
+        "Files": FILES,
+    },
+    "build": {"Files": FILES},
+    "snapshots": {
+        "Flow": ("sets", "engine", "grid"),
+        "Processes": ("scheduler", "workers"),
+    },
+    "structure": {
+        "Mesh": ("resolution", "model", "mesh_unit", "by_position", "allow_locking", "solver"),
+        "Another code": ("export_loads", "load_format", "snapshots", "export_influence"),
+    },
+    "loadtest": {
+        "Loads": (
+            "force",
+            "directions",
+            "stations",
+            "roll_angles",
+            "attitudes",
+            "pad_length",
+            "pad_angle",
+            "pressure",
+            "axial",
+            "largest_strain",
+        ),
+        "Errors of the loads": ("load_error", "cell_error"),
+    },
+    "send": {
+        "Strains (one of the first three)": ("plant", "scenario", "data", "files", "dynamic_pressure"),
+        "Bus": ("interface", "channel", "option", "context"),
+        "Frames": ("profile", "cycle_time", "id_base", "result_base", "extended"),
+        "Authentication": ("key", "freshness"),
+        "Faults": ("faults", "fault", "seed"),
+    },
+    "replay": {
+        "Frames": ("profile", "dbc", "mapping", "cycle_time", "id_base", "result_base", "extended", "key"),
+        "Gauges": ("dynamic_pressure", "zeros"),
+    },
+    "stress": {"Effort": ("conditions", "draws", "seed"), "Files": FILES},
+    "compare": {"Effort": ("conditions", "draws", "training", "seed"), "Files": FILES},
+    "plant": {
+        "Motion": ("motion", "trajectory"),
+        "Start values": ("mach_number", "altitude", "angle_of_attack", "sideslip"),
+    },
+    "bench": {
+        "Structure": ("structure", "solver", "largest"),
+        "Mesh": ("mesh", "snapshots", "output"),
+        "Bus": ("bus", "rate", "duration", "burners"),
+    },
+}
+"""Panels of the options of a command; options in none of them stand in the first panel, *Options*."""
+
+NEEDS: dict[str, dict[str, tuple[str, ...]]] = {
+    "estimate": {"smooth": ("filter_seconds",), "field_every": ("field",)},
+    "bridge": {
+        "dbc": ("mapping",),
+        "mapping": ("dbc",),
+        "publish_rate": ("publish",),
+        "publish_field": ("publish",),
+        "tare_cycles": ("tare",),
+        "tare_known": ("tare",),
+        "tare_output": ("tare",),
+    },
+    "tare": {
+        "vehicle": ("weight_up_roll_deg", "ambient_pressure"),
+        "weight_up_roll_deg": ("vehicle",),
+        "weight_nose_deg": ("weight_up_roll_deg",),
+        "ambient_pressure": ("vehicle",),
+        "known_output": ("vehicle",),
+    },
+    "demo": {"can_duration": ("can",), "can_authenticated": ("can",)},
+    "structure": {"load_format": ("export_loads",)},
+    "send": {
+        "files": ("scenario",),
+        "dynamic_pressure": ("data",),
+        "fault": ("faults",),
+    },
+    "replay": {"dbc": ("mapping",), "mapping": ("dbc",)},
+    "bench": {
+        "solver": ("structure", "mesh"),
+        "largest": ("structure",),
+        "snapshots": ("mesh",),
+        "output": ("mesh",),
+        "rate": ("bus",),
+        "duration": ("bus",),
+        "burners": ("bus",),
+    },
+}
+"""Options that are refused without one of others, by the names of the parameters."""
+
+OLD_VALUES = {("--estimator", "manifold"): "nonlinear"}
+"""Values of options that have a new name."""
+
+EXCLUDES: dict[str, tuple[tuple[str, ...], ...]] = {
+    "demo": (("perfect", "as_built"),),
+    "loadtest": tuple((name, "template") for name in ("cases", "snapshots", *OPTIONS["loadtest"]["Loads"])),
+    "structure": (("export_loads", "export_influence"),),
+    "send": (("plant", "scenario", "data"),),
+    "stress": tuple((name, "inverse_map") for name in (*FILES, "estimator")),
+    "bench": (("structure", "mesh", "bus", "worst"),),
+}
+"""Options of which one at most is given, by the names of the parameters."""
