@@ -16,7 +16,14 @@ from strainfmu.arrays import FloatArray
 from strainfmu.cosim.estimators.zeros_file import load_zeros
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.recorded.columns.column_names import FLOW_NAMES, NAVIGATION_NAMES, STATIC_PRESSURE, STD, Wanted
+from strainfmu.recorded.columns.column_names import (
+    FLOW_NAMES,
+    NAVIGATION_NAMES,
+    STATIC_PRESSURE,
+    STD,
+    DateOrder,
+    Wanted,
+)
 from strainfmu.recorded.columns.columns import ColumnPlan, StrainBlock
 from strainfmu.recorded.estimates.block_estimates import BlockEstimates, BlockEstimator, dropped_navigation
 from strainfmu.recorded.estimates.estimator_files import open_block_estimator
@@ -115,6 +122,7 @@ def estimate_file(
     accept_held: bool = False,
     exclude: Sequence[str] = (),
     columns: Literal["plain", "all"] = "all",
+    date_order: DateOrder | None = None,
 ) -> EstimationSummary:
     """Estimate every sample of ``data`` with the FMU or map ``source`` and write ``output``.
 
@@ -135,6 +143,7 @@ def estimate_file(
     accept_held : whether to estimate rows in which no gauge changes, too; else they are INVALID.
     exclude : gauges to leave out: names of the map, ``strain[i]``, or names of their columns or channels.
     columns : "all", or "plain": time, loads, angles in degrees, health in words.
+    date_order : what stands first in dates of figures, such as 03/04/2026; None where the file has none.
 
     Raises
     ------
@@ -160,7 +169,11 @@ def estimate_file(
             raise InputError(
                 f"{data}: --ignore-columns: expected none beside --channels, which names what is read"
             )
-        wanted = replace(_wanted(source, estimator, dynamic_pressure, ignore_columns), excluded=tuple(exclude))
+        wanted = replace(
+            _wanted(source, estimator, dynamic_pressure, ignore_columns),
+            excluded=tuple(exclude),
+            date_order=date_order,
+        )
         with open_strains(data, wanted, None if channels is None else Path(channels)) as opened:
             plan = opened.plan
             checks = DataChecks(
@@ -197,7 +210,7 @@ def estimate_file(
                     if progress is not None:
                         progress(done, opened.length)
                 summary.missing_strains = checks.missing
-                summary.notes += checks.notes()
+                summary.notes += [*opened.remarks, *checks.notes()]
     return summary
 
 

@@ -15,7 +15,7 @@ from strainfmu.estimator.map.flow_parameters import flow_parameters
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.zeros.tare import KnownStrain, Tare, TareLimits
 from strainfmu.interface.sensor_variables import reading_units
-from strainfmu.recorded.columns.column_names import FLOW_NAMES, NAVIGATION_NAMES, STD, Wanted
+from strainfmu.recorded.columns.column_names import FLOW_NAMES, NAVIGATION_NAMES, STD, DateOrder, Wanted
 from strainfmu.recorded.columns.sensor_readings import recorded_readings
 from strainfmu.recorded.strains.strain_files import open_strains
 
@@ -40,6 +40,7 @@ def tare_file(
     known: KnownStrain | None = None,
     *,
     channels: str | PathLike[str] | None = None,
+    date_order: DateOrder | None = None,
 ) -> Tare:
     """Return the zeros of ``inverse_map``'s strain gauges from ``window`` of ``recording``.
 
@@ -47,6 +48,7 @@ def tare_file(
     ----------
     known : strain of the loads that act meanwhile, None for none.
     channels : file that tells which channel is which gauge (channels.toml).
+    date_order : what stands first in dates of figures, such as 03/04/2026; None where the recording has none.
 
     Raises
     ------
@@ -56,7 +58,7 @@ def tare_file(
         The reader of its kind is not installed, or there is no compiled estimator.
     """
     path = Path(recording)
-    strain, pressure = _read(inverse_map, path, window, None if channels is None else Path(channels))
+    strain, pressure = _read(inverse_map, path, window, None if channels is None else Path(channels), date_order)
     try:
         return Estimator(inverse_map.without_tables()).tare(strain, pressure, limits, known)
     except InputError as error:
@@ -64,7 +66,7 @@ def tare_file(
 
 
 def _read(
-    inverse_map: InverseMap, path: Path, window: Window, channels: Path | None
+    inverse_map: InverseMap, path: Path, window: Window, channels: Path | None, date_order: DateOrder | None
 ) -> tuple[FloatArray, FloatArray]:
     """Return strain (n, n_d) and q_inf (n,) in the window; NaN where the recording holds no q_inf."""
     n, readings = inverse_map.n_strain_gauges, recorded_readings(reading_units(inverse_map))
@@ -77,6 +79,7 @@ def _read(
         readings=readings,
         needs_pressure=False,
         computes_pressure=True,
+        date_order=date_order,
     )
     strains, pressures, times = [np.empty((0, n))], [np.empty(0)], [np.empty(0)]
     with open_strains(path, wanted, channels) as opened:

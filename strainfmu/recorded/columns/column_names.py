@@ -7,12 +7,14 @@ from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from pathlib import Path
+from typing import Literal
 
 from strainfmu.errors import InputError
 from strainfmu.interface.fmi_variables import COEFFICIENTS
 from strainfmu.interface.sensor_variables import identifier
 from strainfmu.recorded.columns.strain_level import LevelReference
 from strainfmu.recorded.columns.temperature_columns import is_temperature, sensor_of
+from strainfmu.units import ALL_UNITS
 
 TIME_NAMES = ("time", "t", "timestamps", "time_s")
 
@@ -28,6 +30,9 @@ pressure that is missing."""
 
 NAVIGATION_NAMES = ("mach_number_std", STATIC_PRESSURE, "static_pressure_std")
 """What the nonlinear estimator takes of navigation beside ``FLOW_NAMES``."""
+
+DateOrder = Literal["day", "month"]
+"""What stands first in a date of figures."""
 
 SIGNALS = frozenset(
     {
@@ -56,6 +61,7 @@ CHANNEL_FILE_HINT = "name the gauges in a channel file: see 'strainfmu channels 
 
 _INDEX = re.compile(r"strain\[([0-9]+)\]")
 _UNIT = re.compile(r"(?P<name>.*?)\s*\[(?P<unit>[^\[\]]*)\]")
+_ROUND_UNIT = re.compile(r"(?P<name>.*\S)\s*\((?P<unit>[^()]*[^()0-9])\)")
 
 OTHER_NAMES = {
     **dict.fromkeys(("mach", "ma", "machnumber", "machinf"), "mach_number"),
@@ -87,6 +93,7 @@ class Wanted:
     readings : SI unit, as FMI has it, of each auxiliary sensor and of thrust, by name; they are among ``flow``.
     passed : quantities that are known and not read, since another estimator takes them.
     excluded : gauges to leave out, as the user names them: see :func:`excluded_gauges`.
+    date_order : of day and month in dates of figures, None where it is not stated.
     """
 
     gauge_names: tuple[str, ...]
@@ -102,6 +109,7 @@ class Wanted:
     readings: Mapping[str, str] = field(default_factory=dict)
     passed: tuple[str, ...] = ()
     excluded: tuple[str, ...] = ()
+    date_order: DateOrder | None = None
 
     @property
     def pressure_option(self) -> str:
@@ -110,8 +118,14 @@ class Wanted:
 
 
 def split_heading(heading: str) -> tuple[str, str | None]:
-    """Return name and unit of ``name [unit]``; ``strain[3]`` is a name alone."""
+    """Return name and unit of ``name [unit]`` or ``name (unit)``; ``strain[3]`` is a name alone.
+
+    Round brackets belong to the name unless they hold a known unit.
+    """
     heading = heading.strip()
+    rounded = _ROUND_UNIT.fullmatch(heading)
+    if rounded is not None and rounded["unit"].strip() in ALL_UNITS:
+        return rounded["name"], rounded["unit"].strip()
     match = _UNIT.fullmatch(heading)
     if match is None:
         return heading, None
@@ -119,6 +133,12 @@ def split_heading(heading: str) -> tuple[str, str | None]:
     if is_index:
         return heading, None
     return match["name"].strip(), match["unit"].strip()
+
+
+def name_and_unit(heading: str) -> tuple[str, str | None]:
+    """Return name and unit of a heading; brackets that hold no unit belong to the name."""
+    name, unit = split_heading(heading)
+    return (name, unit) if unit in ALL_UNITS else (heading.strip(), None)
 
 
 def last_part(name: str) -> str:

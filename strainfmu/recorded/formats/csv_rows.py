@@ -1,28 +1,30 @@
-"""The samples of a CSV file as numbers: decimal point or comma, relative and ISO 8601 times."""
+"""The samples of a CSV file as numbers, in pieces: what each cell means, and in which line it is wrong."""
 
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+import io
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from pathlib import Path
+from typing import TextIO
 
+import numpy as np
+
+from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
-from strainfmu.recorded.formats.csv_layout import NUMBER, CsvLayout
+from strainfmu.recorded.formats.cells import Numerals
+from strainfmu.recorded.formats.channel_file import Rows
+from strainfmu.recorded.formats.csv_arrow import arrow_columns
+from strainfmu.recorded.formats.csv_layout import CsvLayout
+from strainfmu.recorded.formats.date_times import TimeForm
 
+PIECE = 1 << 21
+"""Characters that are read at a time, before the end of a line."""
 
-def iso_time(text: str) -> datetime | None:
-    """Return an ISO 8601 date and time, or a time of day, of a day in 1970; None for any other text."""
-    text = text.strip()
-    for candidate in (text, f"1970-01-01T{text}"):
-        try:
-            found = datetime.fromisoformat(candidate)
-        except ValueError:
-            continue
-        # A compact date, such as 20260101, is a number here.
-        return found if ":" in text or "-" in text[1:] else None
-    return None
+DAY = 86400.0
+"""[s]"""
 
 
 @dataclass
@@ -33,22 +35,25 @@ class RowReader:
     ----------
     names : of all columns, for messages.
     columns : those that are read, in this order.
-    time : the one of the times, -1 without one.
-    time_unit : [s], divides ISO times, which are in seconds from the first one on.
+    dated : form of those of dates and times, which become seconds from the first one on.
+    remarks : takes lines for the user on what the cells have shown.
     """
 
     path: Path
     layout: CsvLayout
     names: Sequence[str]
     columns: Sequence[int]
-    time: int
-    time_unit: float = 1.0
-    done: int = 0
-    _mark: str = field(default="", init=False)
-    _start: datetime | None = field(default=None, init=False)
+    dated: Mapping[int, TimeForm] = field(default_factory=dict)
+    remarks: list[str] = field(default_factory=list)
+    _numerals: Numerals = field(init=False)
+    _starts: dict[int, datetime] = field(default_factory=dict, init=False)
+    _lasts: dict[int, float] = field(default_factory=dict, init=False)
 
-    def rows(self) -> Iterator[tuple[int, list[float]]]:
-        """Yield the line and the numbers of each sample; ``done`` counts the bytes.
+    def __post_init__(self) -> None:
+        self._numerals = replace(self.layout.numerals)
+
+    def pieces(self) -> Iterator[Rows]:
+        """Yield the samples, some thousand at a time, with their lines.
 
         Raises
         ------
@@ -56,21 +61,51 @@ class RowReader:
             A line has too few or too many cells, or a cell is no number.
         """
         width = 4 if "32" in self.layout.encoding else 2 if "16" in self.layout.encoding else 1
+        line, done = self.layout.lines_ahead, 0
         with self.layout.samples(self.path) as stream:
+            while text := _piece(stream):
+                found = self._whole(text, line) or self._samples(text, line)
+                line += text.count("\n")
+                done = done + width * len(text) if len(text) > PIECE else self.path.stat().st_size
+                if len(found[0]):
+                    yield Rows(*found, done)
 
-            def counted() -> Iterator[str]:
-                for text in stream:
-                    self.done += width * len(text)
-                    yield text
+    def _whole(self, text: str, ahead: int) -> tuple[IntArray, FloatArray] | None:
+        """Return line and numbers of each sample of a piece of plain numbers by pyarrow, None of any other."""
+        mark, delimiter = self._numerals.mark, self.layout.delimiter
+        if not mark and ("." in text or "," in text):  # the cells are to show which is the decimal mark
+            return None
+        surplus = range(len(self.names), len(self.layout.first_row))
+        columns = [*self.columns, *surplus]
+        found = arrow_columns(
+            text,
+            width=max(len(self.names), len(self.layout.first_row)),
+            columns=columns,
+            texts={*self.dated, *surplus},
+            delimiter=delimiter,
+            mark=mark,
+        )
+        if found is None or any(cell.strip() for column in found[len(self.columns) :] for cell in column):
+            return None
+        lines = np.arange(ahead + 1, ahead + 1 + len(found[0]))
+        for i, column in enumerate(self.columns):
+            if column in self.dated:
+                texts = zip(found[i], lines.tolist(), strict=True)
+                found[i] = np.array([self._number(cell.strip(), column, line) for cell, line in texts])
+        return lines, np.column_stack(found[: len(self.columns)])
 
-            reader = csv.reader(counted(), delimiter=self.layout.delimiter)
-            ahead = self.layout.lines_ahead
-            try:
-                for line, cells in enumerate(reader, start=ahead + 1):
-                    if cells and (len(cells) > 1 or cells[0].strip()):
-                        yield line, self._numbers(cells, line)
-            except csv.Error as error:
-                raise InputError(f"{self.path}: line {ahead + reader.line_num}: {error}") from error
+    def _samples(self, text: str, ahead: int) -> tuple[IntArray, FloatArray]:
+        """Return line and numbers of each sample of a piece; ``ahead`` lines stand above it."""
+        reader = csv.reader(io.StringIO(text, newline=""), delimiter=self.layout.delimiter)
+        lines, values = list[int](), list[list[float]]()
+        try:
+            for cells in reader:
+                if cells and (len(cells) > 1 or cells[0].strip()):
+                    lines.append(ahead + reader.line_num)
+                    values.append(self._numbers(cells, lines[-1]))
+        except csv.Error as error:
+            raise InputError(f"{self.path}: line {ahead + reader.line_num}: {error}") from error
+        return np.array(lines, dtype=int), np.array(values)
 
     def _numbers(self, cells: Sequence[str], line: int) -> list[float]:
         """Return the cells in use as numbers; an empty cell is no value."""
@@ -82,41 +117,45 @@ class RowReader:
     def _number(self, text: str, column: int, line: int) -> float:
         if not text:
             return float("nan")
-        if NUMBER.fullmatch(text) is None:
-            is_time = column == self.time
-            moment = iso_time(text) if is_time else None
-            if moment is not None:
-                return self._seconds(moment, line)
-            allowed = "a number or a time of ISO 8601" if is_time and self._start else "a number"
-            raise self._fault(line, column, f"expected {allowed}, got '{text[:40]}'")
-        if column == self.time and self._start is not None:
-            raise self._fault(line, column, f"expected a time of ISO 8601, as at the start, got '{text[:40]}'")
-        mark = "," if "," in text else "." if "." in text else ""
-        if mark == "," and self.layout.delimiter == ",":
-            raise self._fault(line, column, f"expected a number with a decimal point, got '{text[:40]}'")
-        if mark and self._mark and mark != self._mark:
-            raise self._fault(
-                line, column, f"expected a number with a decimal '{self._mark}', as before, got '{text[:40]}'"
-            )
-        self._mark = self._mark or mark
-        return float(text.replace(",", "."))
-
-    def _seconds(self, moment: datetime, line: int) -> float:
-        """Return the time since the first one in the file's unit."""
-        if self._start is None:
-            self._start = moment
+        if column in self.dated:
+            return self._seconds(text, column, line)
+        was_grouped = self._numerals.grouped
         try:
-            return (moment - self._start).total_seconds() / self.time_unit
+            found = self._numerals.number(text)
+        except ValueError as error:
+            raise self._fault(line, column, f"{error}, got '{text[:40]}'") from error
+        if self._numerals.grouped != was_grouped:
+            self.remarks.append(
+                f"{self.path}: line {line}, column '{self.names[column]}': '{text}' read as {found:.12g}: numbers "
+                "with separators of thousands"
+            )
+        return found
+
+    def _seconds(self, text: str, column: int, line: int) -> float:
+        """Return the time since the first one of a column; times of day go on behind midnight."""
+        form = self.dated[column]
+        moment = form.moment(text)
+        if moment is None:
+            raise self._fault(
+                line, column, f"expected a time {form.order.value}, as at the start, got '{text[:40]}'"
+            )
+        try:
+            found = (moment - self._starts.setdefault(column, moment)).total_seconds()
         except TypeError as error:
-            raise self._fault(line, self.time, "expected a time zone everywhere or nowhere, got both") from error
+            raise self._fault(line, column, "expected a time zone everywhere or nowhere, got both") from error
+        if not form.has_date:
+            last = self._lasts.get(column, found)
+            found += DAY * max(0, round((last - found) / DAY))
+            self._lasts[column] = found
+        return found
 
     def _fault(self, line: int, column: int, text: str) -> InputError:
         return InputError(f"{self.path}: line {line}, column '{self.names[column]}': {text}")
 
 
-def time_notes(path: Path, layout: CsvLayout, names: Sequence[str], time: int) -> tuple[str, ...]:
-    """Return what is to be said of ISO times: the zero of the seconds that stand for them."""
-    text = layout.first_row[time].strip() if 0 <= time < len(layout.first_row) else ""
-    if NUMBER.fullmatch(text) or iso_time(text) is None:
-        return ()
-    return (f"{path}: column '{names[time]}': times of ISO 8601, read as seconds since {text}",)
+def _piece(stream: TextIO) -> str:
+    """Return the next whole lines of a text, "" at its end; a cell in quotes may hold the end of a line."""
+    text = stream.read(PIECE) + stream.readline()
+    while text.count('"') % 2 and len(text) < 2 * PIECE and (more := stream.readline()):
+        text += more
+    return text

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -24,8 +24,14 @@ from strainfmu.recorded.channels.channel_conversion import (
 )
 from strainfmu.recorded.channels.channel_entries import COMPENSATIONS, ChannelMap
 from strainfmu.recorded.channels.rasters import Channel, on_one_raster
-from strainfmu.recorded.columns.column_names import FLOW_NAMES, NAVIGATION_NAMES, Wanted, excluded_gauges
-from strainfmu.recorded.columns.columns import flow_factor
+from strainfmu.recorded.columns.column_names import (
+    FLOW_NAMES,
+    NAVIGATION_NAMES,
+    TIME_NAMES,
+    Wanted,
+    excluded_gauges,
+)
+from strainfmu.recorded.columns.columns import StrainBlock, flow_factor
 from strainfmu.recorded.columns.flight_pressure import pressure_sources
 from strainfmu.recorded.columns.temperature_columns import (
     is_temperature,
@@ -33,13 +39,17 @@ from strainfmu.recorded.columns.temperature_columns import (
     sensor_of,
     temperature_quantities,
 )
-from strainfmu.recorded.formats.channel_file import ChannelFile, last_name
-from strainfmu.recorded.formats.channel_readers import open_channels
+from strainfmu.recorded.formats.channel_file import ChannelFile, Reading, Rows, last_name
 from strainfmu.recorded.formats.name_match import matched, plain_name, suggestion
-from strainfmu.recorded.strains.sample_blocks import StrainFile, column_file
-from strainfmu.units import STRAIN_UNITS, TIME_UNITS
+from strainfmu.recorded.formats.registry import open_channels
+from strainfmu.recorded.strains.channel_clock import ChannelClock
+from strainfmu.recorded.strains.sample_blocks import SampleBlocks, StrainFile, column_file
+from strainfmu.units import STRAIN_UNITS
 
 _QUANTITIES = (*FLOW_NAMES, *NAVIGATION_NAMES)
+
+LARGEST_WHOLE = 64 * 2**20
+"""Length [bytes] of a text up to which it is read whole."""
 
 SPARSE = 0.5
 """Part of a channel's samples without a value above which those with one are its own, slower raster."""
@@ -47,7 +57,10 @@ SPARSE = 0.5
 
 @dataclass
 class _Found:
-    """What was found so far: values by channel, which channel is what, and lines for the user."""
+    """What was found so far: values by channel, which channel is what, and lines for the user.
+
+    ``slow`` are the channels that are mostly empty, None where that is still to be found.
+    """
 
     channels: dict[str, Channel] = field(default_factory=dict)
     strain: dict[str, str] = field(default_factory=dict)
@@ -55,11 +68,12 @@ class _Found:
     flow: dict[str, str] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     used: set[str] = field(default_factory=set)
+    slow: Mapping[str, Channel] | None = None
 
 
 @contextmanager
 def mapped_strains(path: Path, wanted: Wanted, mapping: ChannelMap) -> Iterator[StrainFile]:
-    """Open recorded strains whose channels ``mapping`` tells; the file is read whole.
+    """Open recorded strains whose channels ``mapping`` tells; a long text is read in pieces, other files whole.
 
     Raises
     ------
@@ -71,18 +85,124 @@ def mapped_strains(path: Path, wanted: Wanted, mapping: ChannelMap) -> Iterator[
     stated += [one for one in (mapping.time, mapping.raster) if one is not None]
     stated += [*temperature_quantities(wanted.sensors), *wanted.sensors]
     stated += _parameters(wanted)
-    with open_channels(path, {plain_name(name) for name in (*stated, *_QUANTITIES)}) as file:
+    known = {plain_name(name) for name in (*stated, *_QUANTITIES, *TIME_NAMES)}
+    order = mapping.date_order or wanted.date_order
+    with open_channels(path, Reading(is_known=lambda name: plain_name(name) in known, date_order=order)) as file:
         gauges = _gauges(mapping, wanted)
         channels = {entry.name: gauges[entry.gauge] for entry in mapping.channels}
         excluded = excluded_gauges(mapping.path, wanted, channels)
         kept = tuple(entry for entry in mapping.channels if gauges[entry.gauge] not in excluded)
         of_map = tuple(gauge for gauge in wanted.gauge_names if gauge in excluded)  # others are legs of rosettes
         wanted, mapping = replace(wanted, excluded=of_map), replace(mapping, channels=kept)
-        found = _Found()
-        clock = _Clock(file, mapping, found)
-        _read_strains(file, mapping, gauges, clock, found)
-        _read_flow(file, mapping, wanted, clock, found)
-        yield _strain_file(file, mapping, wanted, found)
+        of_pieces = None
+        if file.rows is not None and file.length > LARGEST_WHOLE:
+            names = [name for name in file.names if plain_name(name) in known]
+            of_pieces = _of_pieces(file, names, mapping, wanted, gauges)
+        yield of_pieces or _strains_of(file, mapping, wanted, gauges)
+
+
+def _strains_of(
+    file: ChannelFile,
+    mapping: ChannelMap,
+    wanted: Wanted,
+    gauges: dict[str, str],
+    *,
+    ahead: int = 0,
+    slow: Mapping[str, Channel] | None = None,
+    samples: SampleBlocks | None = None,
+) -> StrainFile:
+    """Return the samples of a file, or of a piece of it with ``ahead`` samples above it.
+
+    ``slow`` are the channels of the whole file that are mostly empty, None where they are still to be found.
+    """
+    found = _Found(slow=slow)
+    clock = _clock(file, mapping, ahead)
+    _read_strains(file, mapping, gauges, clock, found)
+    _read_flow(file, mapping, wanted, clock, found)
+    found.notes += [*file.remarks, *clock.notes]
+    found.used.update(clock.used)
+    return _strain_file(file, mapping, wanted, found, samples)
+
+
+def _clock(file: ChannelFile, mapping: ChannelMap, ahead: int) -> ChannelClock:
+    return ChannelClock(
+        file, mapping.path, channel=mapping.time, unit=mapping.time_unit, rate=mapping.rate, ahead=ahead
+    )
+
+
+def _of_pieces(
+    file: ChannelFile, names: Sequence[str], mapping: ChannelMap, wanted: Wanted, gauges: dict[str, str]
+) -> StrainFile | None:
+    """Return the samples of a text that is read in pieces, twice; None where it must be read whole.
+
+    That is where a gauge is mostly empty, so that the samples may be those of a slower channel.
+    """
+    assert file.rows is not None
+    read_rows = file.rows
+
+    def pieces() -> Iterator[tuple[ChannelFile, int, int]]:
+        """Yield each piece as a file, the number of samples ahead of it, and the position behind it."""
+        ahead = 0
+        for rows in read_rows(names):
+            yield _piece(file, names, rows), ahead, rows.done
+            ahead += len(rows.lines)
+
+    slow = _slow_channels(pieces, names, mapping)
+    stated = [entry.name for entry in mapping.channels] + ([mapping.raster] if mapping.raster else [])
+    if slow and any(matched(file.path, "channel", name, [*slow]) for name in stated):
+        return None
+    first = next(pieces(), None)
+    if first is None:
+        return None
+    opened = _strains_of(first[0], mapping, wanted, gauges, slow=slow)
+    notes = tuple(dict.fromkeys(opened.notes))
+    file.remarks.clear()
+    samples = SampleBlocks(opened.plan, file.remarks)
+
+    def blocks() -> Iterator[tuple[StrainBlock, int]]:
+        done = 0
+        for piece, ahead, end in pieces():
+            part = _strains_of(piece, mapping, wanted, gauges, ahead=ahead, slow=slow, samples=samples)
+            for block, row in part.blocks:
+                yield block, done + (end - done) * row // part.length
+            done = end
+        samples.finish()
+        file.remarks[:] = [line for line in file.remarks if line not in notes]
+
+    return StrainFile(file.length, blocks(), opened.plan, notes, file.remarks)
+
+
+def _piece(file: ChannelFile, names: Sequence[str], rows: Rows) -> ChannelFile:
+    """Return a piece of a text as a file."""
+    column = {name: i for i, name in reversed(list(enumerate(names)))}
+    return replace(file, values=lambda name: rows.values[:, column[name]], rows=None, lines=lambda: rows.lines)
+
+
+def _slow_channels(
+    pieces: Callable[[], Iterator[tuple[ChannelFile, int, int]]], names: Sequence[str], mapping: ChannelMap
+) -> dict[str, Channel]:
+    """Return those of the channels ``names`` of a whole text that are mostly empty: their samples with a value."""
+    n, known = 0, np.zeros(len(names))
+    for piece, _, _ in pieces():
+        table = np.column_stack([piece.numbers(name) for name in names])
+        n, known = n + len(table), known + np.isfinite(table).sum(axis=0)
+    slow = [name for name, count in zip(names, known.tolist(), strict=True) if _is_slow(count, n)]
+    parts: dict[str, list[Channel]] = {name: [] for name in slow}
+    for piece, ahead, _ in pieces() if slow else ():
+        clock = _clock(piece, mapping, ahead)
+        for name in slow:
+            values = piece.numbers(name)
+            has_value = np.isfinite(values)
+            parts[name].append(Channel(clock.of(name, len(values))[has_value], values[has_value]))
+    return {
+        name: Channel(np.concatenate([one.time for one in held]), np.concatenate([one.values for one in held]))
+        for name, held in parts.items()
+    }
+
+
+def _is_slow(known: float, n: int) -> bool:
+    """Return whether ``known`` of n samples have so few values that these are a slower raster."""
+    return 2 <= known < (1.0 - SPARSE) * n
 
 
 def _parameters(wanted: Wanted) -> list[str]:
@@ -118,87 +238,26 @@ def _gauges(mapping: ChannelMap, wanted: Wanted) -> dict[str, str]:
     return gauges
 
 
-class _Clock:
-    """The times of channels: their own, those of a channel of time, or those of a rate."""
-
-    def __init__(self, file: ChannelFile, mapping: ChannelMap, found: _Found) -> None:
-        self._file, self._mapping, self._found = file, mapping, found
-        self._times: dict[str, FloatArray] = {}
-
-    def of(self, name: str, n: int) -> FloatArray:
-        """Return (n,) times [s] of a channel of n samples."""
-        own = None if self._mapping.time is not None else self._file.clock(name)
-        if own is None and self._mapping.rate is not None:
-            return np.arange(n) / self._mapping.rate
-        time = self._time(self._name(name)) if own is None else own
-        if len(time) != n:
-            raise InputError(
-                f"{self._file.path}: channel '{name}': expected {len(time)} values, as many as times, got {n}"
-            )
-        return time
-
-    def _time(self, name: str) -> FloatArray:
-        """Return a channel of time [s], read once."""
-        if name not in self._times:
-            file, mapping = self._file, self._mapping
-            unit = mapping.time_unit or file.units.get(name) or "s"
-            if unit not in TIME_UNITS:
-                raise InputError(
-                    f"{file.path}: channel '{name}': unit: expected one of {', '.join(TIME_UNITS)}, got '{unit}'"
-                )
-            values = file.numbers(name)
-            wrong = np.flatnonzero(~np.isfinite(values))
-            if len(wrong):
-                raise InputError(
-                    f"{file.path}: channel '{name}', sample {wrong[0] + 1}: expected a time, got none"
-                )
-            self._found.used.add(name)
-            self._found.notes += [file.notes[name]] if name in file.notes else []
-            self._times[name] = values * (1.0 if name in file.notes else TIME_UNITS[unit])
-        return self._times[name]
-
-    def _name(self, channel: str) -> str:
-        """Return the channel of time for a channel: the stated one, that of its group, or the only one."""
-        file, mapping = self._file, self._mapping
-        if mapping.time is not None:
-            name = matched(file.path, "channel of time", mapping.time, file.names)
-            if name is None:
-                near = suggestion(mapping.time, file.names)
-                raise InputError(
-                    f"{file.path}: no channel '{mapping.time}' of {mapping.path}: time.channel, {near}"
-                )
-            return name
-        own = file.time_of(channel)
-        if own is not None:
-            return own
-        held = file.time_channels()
-        if len(held) != 1:
-            got = " and ".join(f"'{name}'" for name in held) or "none"
-            raise InputError(
-                f"{file.path}: channel of time: expected one, got {got}; state [time] channel or rate_hz in "
-                f"{mapping.path}"
-            )
-        return held[0]
-
-
-def _read(file: ChannelFile, name: str, clock: _Clock) -> Channel:
+def _read(file: ChannelFile, name: str, clock: ChannelClock, found: _Found) -> Channel:
     """Return times and values of a channel; of one that is mostly empty those that have a value."""
     values = file.numbers(name)
     infinite = np.flatnonzero(np.isinf(values))
     if len(infinite):
         raise InputError(
-            f"{file.path}: channel '{name}', sample {infinite[0] + 1}: expected a finite number or NaN, "
+            f"{file.path}: channel '{name}', {file.place(int(infinite[0]))}: expected a finite number or NaN, "
             f"got {values[infinite[0]]:g}"
         )
     time = clock.of(name, len(values))
     has_value = np.isfinite(values)
-    if 2 <= has_value.sum() < (1.0 - SPARSE) * len(values):
+    if found.slow is not None:
+        return found.slow.get(name, Channel(time, values))
+    if _is_slow(has_value.sum(), len(values)):
         return Channel(time[has_value], values[has_value])
     return Channel(time, values)
 
 
 def _read_strains(
-    file: ChannelFile, mapping: ChannelMap, gauges: dict[str, str], clock: _Clock, found: _Found
+    file: ChannelFile, mapping: ChannelMap, gauges: dict[str, str], clock: ChannelClock, found: _Found
 ) -> None:
     """Read the channels of strain, in m/m."""
     other_units, taken = [], dict[str, str]()
@@ -219,7 +278,7 @@ def _read_strains(
         unit = unit_of_channel(mapping.path, entry, recorded)
         if differs(unit, recorded):
             other_units.append(f"'{name}' {unit}, not {recorded}")
-        raw = _read(file, name, clock)
+        raw = _read(file, name, clock, found)
         found.channels[name] = Channel(raw.time, channel_strain(mapping.path, entry, raw.values, unit))
         found.strain[gauges[entry.gauge]], found.unit[gauges[entry.gauge]] = name, unit
         found.used.add(name)
@@ -246,7 +305,7 @@ def _compensation(mapping: ChannelMap) -> list[str]:
     return [f"{mapping.path}: temperature compensation of the channels: {kinds}{rest}; nothing else is taken off"]
 
 
-def _read_flow(file: ChannelFile, mapping: ChannelMap, wanted: Wanted, clock: _Clock, found: _Found) -> None:
+def _read_flow(file: ChannelFile, mapping: ChannelMap, wanted: Wanted, clock: ChannelClock, found: _Found) -> None:
     """Read the channels of the flow, in SI units: those of ``[[flow]]``, then those with a quantity's own name."""
     stated = set[str]()
     for entry in mapping.flow:
@@ -310,13 +369,13 @@ def _add_flow(
     quantity: str,
     *,
     unit: str | None,
-    clock: _Clock,
+    clock: ChannelClock,
     found: _Found,
     readings: Mapping[str, str],
 ) -> None:
     if name in found.used:
         raise InputError(f"{file.path}: channel '{name}': expected one use, got two, the second as {quantity}")
-    raw = _read(file, name, clock)
+    raw = _read(file, name, clock, found)
     is_warm = is_temperature(quantity)
     factor, offset = (
         kelvin(file.path, name, unit) if is_warm else (flow_factor(file.path, name, quantity, unit, readings), 0.0)
@@ -326,7 +385,9 @@ def _add_flow(
     found.used.add(name)
 
 
-def _strain_file(file: ChannelFile, mapping: ChannelMap, wanted: Wanted, found: _Found) -> StrainFile:
+def _strain_file(
+    file: ChannelFile, mapping: ChannelMap, wanted: Wanted, found: _Found, samples: SampleBlocks | None
+) -> StrainFile:
     """Return the samples of the map's gauges on one raster."""
     raster = None
     if mapping.raster is not None:
@@ -356,7 +417,9 @@ def _strain_file(file: ChannelFile, mapping: ChannelMap, wanted: Wanted, found: 
             np.full(len(merged.time), np.nan) if values is None else values / STRAIN_UNITS[units[gauge] or "1"]
         )
     columns |= {quantity: merged.values[name] for quantity, name in found.flow.items()}
-    opened = column_file(file.path, columns, units=units, wanted=wanted, notes=(*found.notes, *merged.notes))
+    lines = None if file.lines is None else file.lines()
+    notes = (*found.notes, *merged.notes)
+    opened = column_file(file.path, columns, units=units, wanted=wanted, notes=notes, lines=lines, samples=samples)
     unused = tuple(name for name in file.names if name not in found.used)
     return replace(opened, plan=replace(opened.plan, unused=(*unused, *opened.plan.unused)))
 
