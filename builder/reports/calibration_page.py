@@ -6,18 +6,21 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from builder.calibration.as_built.parameters import HELD_KINDS, in_words, slices
+from builder.calibration.as_built.parameters import in_words, slices
 from builder.calibration.estimate.cross_validation import LeftOut
 from builder.calibration.estimate.faults import Fault, load_shifts
 from builder.calibration.estimate.load_equations import LoadEquation
 from builder.calibration.estimate.outside_terms import NOISE, OutsideModel
+from builder.calibration.estimate.remarks import remarks
 from builder.calibration.estimate.vehicle import Estimate
 from builder.reports.page.html import Block, Cards, Items, Page, Paragraph, Section
 from builder.reports.page.tables import Column, Table, make_table
+from builder.structure.as_built_kinds import KINDS
 
 CANNOT_SEE = (
-    "An error that all loads share is not seen: a load cell that reads too much makes a stiffer vehicle. Its "
-    "stated size stays in the covariance; a second load cell would show it.",
+    "An error that all loads have in common is not seen: a load cell that reads too much makes a stiffer and "
+    "heavier vehicle. Its stated size stays in the covariance; a second load cell, or a scale, would show it.",
+    "The clamp of the test is taken as the one in flight; how it yields as a whole strains nothing.",
     "Young's modulus and the common gain are not told apart; their difference is what counts in flight.",
     "A zero that drifts after the test is not seen; take the tare before each flight.",
 )
@@ -32,7 +35,7 @@ def calibration_page(
     equations: Sequence[LoadEquation],
 ) -> Page:
     """Return the page."""
-    agrees = found.agrees
+    agrees, said = found.agrees, remarks(found)
     facts = (
         f"{found.n_readings} readings, {len(found.vector)} parameters, {found.steps} steps",
         f"chi-square per reading {found.per_reading:.3g}; 1 is expected",
@@ -43,6 +46,7 @@ def calibration_page(
     cards = (
         (verdict, "green" if agrees else "red", facts),
         ("Left out", "amber" if faults else "green", tuple(one.line for one in faults)),
+        ("As stated", "amber" if said else "green", said or ("mass, load cells and chi-square",)),
         ("Outside the model", "red" if outside.found else "green", outside.lines or ("nothing found",)),
     )
     opening: tuple[Block, ...] = (Cards(cards),)
@@ -114,7 +118,7 @@ def _cross(left_out: Sequence[LeftOut]) -> Table:
 def _gauges(found: Estimate) -> Table:
     before, after = _left(found, found.before), _left(found, found.after)
     std, part = found.model.test.reading_stds, found.parameters
-    where = slices(part.n_gauges, part.n_regions)
+    where = slices(part.counts)
     sigma = found.std
     rows: list[list[str | float]] = []
     for g, name in enumerate(found.model.structure.gauges.names):
@@ -144,35 +148,28 @@ def _gauges(found: Estimate) -> Table:
     return make_table("gauges", "Measured less predicted, gauge by gauge, over all cases.", columns, rows)
 
 
-UNITS = {
-    "gauge_gain": ("%", 100.0),
-    "orientation": ("deg", float(np.rad2deg(1.0))),
-    "axial_shift": ("mm", 1e3),
-    "circumferential_shift": ("mm", 1e3),
-    "transverse_sensitivity": ("%", 100.0),
-    "zero": ("um/m", 1e6),
-    "common_gain": ("%", 100.0),
-    "layout_roll": ("deg", float(np.rad2deg(1.0))),
-    "youngs_modulus": ("%", 100.0),
-    "wall_thickness": ("%", 100.0),
-    "wall_cosine": ("%", 100.0),
-    "wall_sine": ("%", 100.0),
-    **dict.fromkeys(HELD_KINDS, ("%", 100.0)),
-}
-
-
 def _identified(found: Estimate) -> Table:
     """Return prior and posterior sigma side by side; of gauges and regions the root mean square."""
     part, sigma, before = found.parameters, found.std, found.model.std
     rows = []
-    for kind, at in slices(part.n_gauges, part.n_regions).items():
-        if kind in HELD_KINDS and not before[at].any():
+    for kind, at in slices(part.counts).items():
+        if not before[at].any():
             continue
-        unit, scale = UNITS[kind]
+        unit, scale = KINDS[kind].unit, 1.0 / KINDS[kind].scale
         prior, after = (float(np.sqrt(np.mean(value[at] ** 2))) for value in (before, sigma))
         identified = 100.0 * (1.0 - (after / prior) ** 2) if prior > 0.0 else 0.0
         size = float(np.sqrt(np.mean(found.vector[at] ** 2)))
         rows.append([in_words(kind), unit, scale * size, scale * prior, scale * after, identified])
+    model = found.model
+    for number, cell in enumerate(range(model.cell_entries.start, model.cell_entries.stop)):
+        of_cell = KINDS["common" if number < len(model.cells) else "cell_offset"]
+        if before[cell] > 0.0:
+            size, prior, after = (
+                float(value[cell]) / of_cell.scale for value in (np.abs(found.vector), before, sigma)
+            )
+            rows.append(
+                [model.names[cell], of_cell.unit, size, prior, after, 100.0 * (1.0 - (after / prior) ** 2)]
+            )
     columns = (
         Column("parameter"),
         Column("unit"),

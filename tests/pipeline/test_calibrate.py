@@ -20,6 +20,7 @@ from builder.pipeline.calibrate import run_calibrate
 from builder.pipeline.stages import build_map, take_snapshots
 from builder.reporting import Silent
 from builder.vehicle.file import IC3X, load_vehicle
+from strainfmu.cosim.estimators.zeros_file import load_zeros
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.estimator.map.inverse_map import load_inverse_map, save_inverse_map
 
@@ -57,7 +58,7 @@ def test_a_ground_test_calibrates_a_map(tmp_path: Path) -> None:
     save_inverse_map(before, tmp_path / "map.h5")
     structure = as_built_structure(vehicle, vehicle.gauges.layout)
     random = np.random.default_rng(3)
-    std = prior_std(vehicle.calibration, structure.n_gauges, structure.n_regions)
+    std = prior_std(vehicle.calibration, structure.counts)
     built, errors = drawn(std, random), LoadErrors(common=0.002)
     cases = [
         Candidate(name=name, loads=tuple(one.load for one in loads))
@@ -78,6 +79,9 @@ def test_a_ground_test_calibrates_a_map(tmp_path: Path) -> None:
     assert [(fault.where, fault.kind) for fault in result.faults] == [(structure.gauges.names[7], "sign")]
     assert 0.9 <= result.estimate.chi_square / result.estimate.n_readings <= 1.1
     found = load_inverse_map(output)
+    zeros = load_zeros(tmp_path / "calibrated_zeros.toml", found.gauge_names)
+    np.testing.assert_allclose(zeros.value, result.estimate.parameters.zero, atol=1e-15)
+    assert any("--zeros calibrated_zeros.toml" in line for line in result.notes)
     truth = structure.strain_operator(built)
     after = structure.strain_operator(result.estimate.parameters)
     drawing = structure.strain_operator(structure.exactly_built())
@@ -90,6 +94,7 @@ def test_a_ground_test_calibrates_a_map(tmp_path: Path) -> None:
     page = output.with_suffix(".html").read_text(encoding="utf-8")
     assert "Regression load equations" in page
     assert "wrong sign" in page
+    assert all(f">{kind}<" in page for kind in ("mass", "clamp axial", "clamp transverse", "load cell"))
     larger = replace(test, strain=1.5 * test.strain)
     (tmp_path / "larger").mkdir()
     wrong, refused = write_ground_test(larger, tmp_path / "larger", "all times 1.5"), tmp_path / "refused.h5"

@@ -1,36 +1,35 @@
-"""What a vehicle as built may have different from its drawing, as one vector."""
+"""What a vehicle as built may have different from its drawing, as one vector.
+
+The kinds are those of the table :data:`builder.structure.as_built_kinds.AS_BUILT`, in its order.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from typing import NamedTuple
 
 import numpy as np
 
+from builder.structure.as_built_kinds import AS_BUILT, KINDS
 from builder.vehicle.map.calibration import Calibration
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 
-MICRO = 1e-6
-
-GAUGE_KINDS = (
-    "gauge_gain",
-    "orientation",
-    "axial_shift",
-    "circumferential_shift",
-    "transverse_sensitivity",
-    "zero",
-)
+GAUGE_KINDS = tuple(kind.name for kind in AS_BUILT if kind.extent == "gauge")
 """Parameters of each gauge on its own."""
 
-VEHICLE_KINDS = ("common_gain", "layout_roll", "youngs_modulus")
-"""One number each."""
-
-HELD_KINDS = ("wall_taper", "wall_second_cosine", "wall_second_sine")
+HELD_KINDS = tuple(kind.name for kind in AS_BUILT if kind.taken_for_zero)
 """Parameters of each region that the section [calibration] takes for zero unless it says otherwise."""
 
-REGION_KINDS = ("wall_thickness", "wall_cosine", "wall_sine", *HELD_KINDS)
-"""Parameters of each region of the wall."""
+
+class Counts(NamedTuple):
+    """Numbers of gauges, regions of the wall, rows of gauges at one roll angle, and joints: extents of kinds."""
+
+    gauge: int
+    region: int
+    row: int = 0
+    joint: int = 0
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -52,6 +51,13 @@ class AsBuiltParameters:
     wall_taper : (n_r,) relative thickness by which a region is thicker at its aft end, and thinner at its fore end
         [1].
     wall_second_cosine, wall_second_sine : (n_r,) relative thickness that goes as cos 2 phi and sin 2 phi [1].
+    mass : (1,) relative error of own weight and inertia [1].
+    region_mass : (n_r,) the same of each region, besides [1].
+    clamp_axial, clamp_transverse : (1,) length of the wall's material that yields under the same traction as the
+        clamp does, along and across the body [m].
+    region_modulus : (n_r,) relative error of Young's modulus of each region, besides [1].
+    row_orientation : (n_rows,) turn of all gauges at one roll angle, besides [rad].
+    joint_softness : (n_joints,) length of the wall's material that yields as each joint does [m].
     """
 
     gauge_gain: FloatArray
@@ -69,10 +75,16 @@ class AsBuiltParameters:
     wall_taper: FloatArray
     wall_second_cosine: FloatArray
     wall_second_sine: FloatArray
+    mass: FloatArray
+    region_mass: FloatArray
+    clamp_axial: FloatArray
+    clamp_transverse: FloatArray
+    region_modulus: FloatArray
+    row_orientation: FloatArray
+    joint_softness: FloatArray
 
     def __post_init__(self) -> None:
-        n_d, n_r = len(self.gauge_gain), len(self.wall_thickness)
-        for kind, size in _sizes(n_d, n_r).items():
+        for kind, size in _sizes(self.counts).items():
             if np.shape(getattr(self, kind)) != (size,):
                 raise InputError(f"{kind}: expected ({size},) values, got {np.shape(getattr(self, kind))}")
 
@@ -80,6 +92,12 @@ class AsBuiltParameters:
     def vector(self) -> FloatArray:
         """(n,) all parameters, in the order of the attributes."""
         return np.concatenate([getattr(self, one.name) for one in fields(self)])
+
+    @property
+    def counts(self) -> Counts:
+        """Numbers of what has parameters of its own."""
+        parts = self.gauge_gain, self.wall_thickness, self.row_orientation, self.joint_softness
+        return Counts(*(len(one) for one in parts))
 
     @property
     def n_gauges(self) -> int:
@@ -91,64 +109,47 @@ class AsBuiltParameters:
 
     def of_vector(self, vector: FloatArray) -> AsBuiltParameters:
         """Return the parameters of ``vector`` (n,), as many of each kind as here."""
-        parts = slices(self.n_gauges, self.n_regions)
+        parts = slices(self.counts)
         return AsBuiltParameters(**{kind: np.asarray(vector[part], dtype=float) for kind, part in parts.items()})
 
 
-def _sizes(n_gauges: int, n_regions: int) -> dict[str, int]:
-    sizes = dict.fromkeys(GAUGE_KINDS, n_gauges) | dict.fromkeys(VEHICLE_KINDS, 1)
-    return sizes | dict.fromkeys(REGION_KINDS, n_regions)
+def _sizes(counts: Counts) -> dict[str, int]:
+    of = {"vehicle": 1, **counts._asdict()}
+    return {kind.name: of[kind.extent] for kind in AS_BUILT}
 
 
-def slices(n_gauges: int, n_regions: int) -> dict[str, slice]:
+def slices(counts: Counts) -> dict[str, slice]:
     """Return where each kind stands in the vector."""
     found, start = {}, 0
-    for kind, size in _sizes(n_gauges, n_regions).items():
+    for kind, size in _sizes(counts).items():
         found[kind] = slice(start, start + size)
         start += size
     return found
 
 
-def parameter_names(gauge_names: Sequence[str], n_regions: int) -> tuple[str, ...]:
+def parameter_names(gauge_names: Sequence[str], counts: Counts) -> tuple[str, ...]:
     """Return a name for every entry of the vector."""
-    regions = [f"region {k + 1}" for k in range(n_regions)]
-    found = [f"{in_words(kind)} {gauge}" for kind in GAUGE_KINDS for gauge in gauge_names]
-    found += [in_words(kind) for kind in VEHICLE_KINDS]
-    return (*found, *(f"{in_words(kind)} {region}" for kind in REGION_KINDS for region in regions))
+    of: dict[str, Sequence[str]] = {
+        extent: [f"{extent} {k + 1}" for k in range(count)] for extent, count in counts._asdict().items()
+    }
+    of["gauge"] = gauge_names
+    return tuple(f"{kind.in_words} {one}".rstrip() for kind in AS_BUILT for one in of.get(kind.extent, [""]))
 
 
 def in_words(kind: str) -> str:
     """Return the name of a kind as it is printed."""
-    return kind.replace("_", " ")
+    return KINDS[kind].in_words
 
 
-def exactly_built(n_gauges: int, n_regions: int) -> AsBuiltParameters:
+def exactly_built(counts: Counts) -> AsBuiltParameters:
     """Return the vehicle of the file, without errors."""
-    return AsBuiltParameters(**{kind: np.zeros(size) for kind, size in _sizes(n_gauges, n_regions).items()})
+    return AsBuiltParameters(**{kind: np.zeros(size) for kind, size in _sizes(counts).items()})
 
 
-def prior_std(entry: Calibration, n_gauges: int, n_regions: int) -> AsBuiltParameters:
+def prior_std(entry: Calibration, counts: Counts) -> AsBuiltParameters:
     """Return the standard deviation of every parameter before a test, from the section [calibration]."""
-    wall, second = 0.01 * entry.wall_harmonic_percent, 0.01 * entry.wall_second_harmonic_percent
-    std = {
-        "gauge_gain": 0.01 * entry.gauge_gain_percent,
-        "orientation": float(np.deg2rad(entry.gauge_orientation_deg)),
-        "axial_shift": 1e-3 * entry.gauge_position_mm,
-        "circumferential_shift": 1e-3 * entry.gauge_position_mm,
-        "transverse_sensitivity": 0.01 * entry.transverse_sensitivity_percent,
-        "zero": MICRO * entry.zero_um_per_m,
-        "common_gain": 0.01 * entry.common_gain_percent,
-        "layout_roll": float(np.deg2rad(entry.layout_roll_deg)),
-        "youngs_modulus": 0.01 * entry.youngs_modulus_percent,
-        "wall_thickness": 0.01 * entry.wall_thickness_percent,
-        "wall_cosine": wall,
-        "wall_sine": wall,
-        "wall_taper": 0.01 * entry.wall_taper_percent,
-        "wall_second_cosine": second,
-        "wall_second_sine": second,
-    }
     return AsBuiltParameters(
-        **{kind: np.full(size, std[kind]) for kind, size in _sizes(n_gauges, n_regions).items()}
+        **{kind: np.full(size, KINDS[kind].prior_std(entry)) for kind, size in _sizes(counts).items()}
     )
 
 

@@ -12,6 +12,7 @@ An uneven wall changes it to first order, see :mod:`builder.calibration.as_built
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.sparse import csc_array
@@ -22,11 +23,18 @@ from builder.structure.fourier.fourier_elasticity import (
     HarmonicSolver,
     assemble_stiffness,
     factor_harmonic,
+    ring_products,
 )
-from builder.structure.fourier.meridian_mesh import MeridianMesh
+from builder.structure.fourier.meridian_mesh import MeridianMesh, line_edges
 from builder.structure.fourier.strain_operator import strain_rows
 from builder.structure.wall import Material
 from strainfmu.arrays import FloatArray, IntArray
+
+CLAMP_LENGTH = 2e-3
+"""Length of wall that yields as the clamp does, at which its effect is solved for [m]."""
+
+FAINT = 1e-9
+"""Part of the largest entry of a stiffness below which one is none."""
 
 
 class ExpectedWall:
@@ -122,6 +130,67 @@ def _without_zeros(pattern: FourierStiffness, term: FloatArray) -> FourierStiffn
 def _times(rows: FloatArray, matrix: csc_array) -> FloatArray:
     """Return rows (.., n_dof) times a symmetric matrix."""
     return np.asarray((matrix @ rows.reshape(-1, rows.shape[-1]).T).T.reshape(rows.shape))
+
+
+class ElasticClamp:
+    """The clamp that holds the aft ring, as a layer of the wall's material that yields along or across the body.
+
+    With traction t on the ring a layer of length l and modulus E moves by t l / E. With M the integral of two
+    shape functions over the ring, P what the wall does as its nodes move, K the stiffness, the nodes move by
+    (E M / l + P' K P)^-1 P' f under forces f, and the adjoint a = b K^-1 of strain rows b changes by
+
+        da = (b P) (E M / l + P' K P)^-1 P'.
+
+    It is a line through no change and that of :data:`CLAMP_LENGTH`. A motion of the whole ring, as the clamp's
+    rotation, strains nothing: P is a rigid motion then.
+    """
+
+    def __init__(self, mesh: MeridianMesh, material: Material) -> None:
+        self._node, edge = mesh.clamped_node, line_edges(mesh.clamped_node)
+        product = np.zeros((len(self._node), len(self._node)))
+        for number, block in enumerate(ring_products(mesh, edge)):
+            at = slice(2 * number, 2 * number + 3)
+            product[at, at] += block
+        self._springs = product * material.youngs_modulus / CLAMP_LENGTH
+
+    def adjoints(
+        self, stiffness: FourierStiffness, solver: HarmonicSolver, rows: FloatArray, n: int
+    ) -> FloatArray:
+        """Return (2, n_s, 3, n_dof) change of the adjoint of harmonic ``n`` per length along and across the body;
+        ``rows`` (n_s, 3, n_dof) are the strain rows."""
+        matrix, found = stiffness.matrix(n), np.zeros((2, *rows.shape))
+        for which, components in enumerate(((0,), (1, 2))):
+            held = np.concatenate([3 * self._node + component for component in components])
+            motion = -solver.solve(matrix[:, held].toarray())
+            motion[held] += np.eye(len(held))
+            springs = np.kron(np.eye(len(components)), self._springs)
+            yields = np.linalg.solve(springs + (matrix @ motion)[held], motion.T)
+            found[which] = (rows @ motion) @ yields / CLAMP_LENGTH
+        return found
+
+
+class StifferRegion:
+    """A wall whose modulus is larger by ``size`` where ``weight`` (n_e,) of its elements is 1: to first order."""
+
+    def __init__(
+        self,
+        mesh: MeridianMesh,
+        material: Material,
+        weight: FloatArray,
+        even: FourierStiffness,
+        size: float = 1.0,
+    ) -> None:
+        # A material has some stiffness; where the weight is 0 it is far below what counts.
+        moduli = np.maximum(weight, FAINT**2) * material.youngs_modulus
+        own = tuple(replace(material, youngs_modulus=one) for one in moduli.tolist())
+        each = replace(mesh, materials=own, material_of=np.arange(1, len(own) + 1))
+        term = size * assemble_stiffness(each, material).term
+        term[:, np.abs(term).max(axis=0) < FAINT * np.abs(term).max()] = 0.0
+        self._stiffness = _without_zeros(even, term)
+
+    def adjoint(self, zeroth: FloatArray, solver: HarmonicSolver, n: int) -> FloatArray:
+        """Return the derivative (n_s, 3, n_dof) of the adjoint ``zeroth`` by the change."""
+        return solved(solver, -_times(zeroth, self._stiffness.matrix(n)))
 
 
 class UnevenChange:

@@ -15,10 +15,11 @@ import numpy as np
 
 from builder.calibration.as_built.parameters import AsBuiltParameters
 from builder.calibration.ground_test.candidate_cases import Candidate
-from builder.calibration.ground_test.load_changes import as_applied, scaled
+from builder.calibration.ground_test.load_changes import CellErrors, as_applied, scaled
 from builder.calibration.ground_test.load_entries import NO_LOAD_CELL, entry_of
 from builder.calibration.ground_test.load_test import KnownLoad, LoadErrors
 from builder.calibration.ground_test.load_test_writer import WrittenCase, write_load_test
+from builder.structure.as_built_kinds import OF_LOADS
 from builder.structure.loads.applied import Load
 from builder.vehicle.gauges.layout import GaugeLayout
 from strainfmu.arrays import FloatArray
@@ -114,10 +115,11 @@ def ground_test(
     noise_std : (n_d,) of one sample [m/m].
     faults : what went wrong; nothing by default.
     """
-    faults, common = faults or TestFaults(), errors.common * float(random.standard_normal())
+    faults, (gain, offset) = faults or TestFaults(), random.standard_normal(2).tolist()
+    cell = CellErrors(gain=errors.common * gain, offset=errors.cell_offset * offset)
     strain = []
     for number, case in enumerate(cases):
-        loads = [as_applied(known, errors, common, random) for known in known_loads(case, errors)]
+        loads = [as_applied(known, errors, cell, random) for known in known_loads(case, errors)]
         if faults.wrong_load is not None and faults.wrong_load[0] == number:
             loads = [scaled(load, faults.wrong_load[1]) for load in loads]
         reading = structure.reading(parameters, loads)
@@ -166,14 +168,11 @@ def write_ground_test(test: GroundTest, folder: Path, name: str, vehicle: str | 
 
 
 def error_entries(errors: LoadErrors) -> dict[str, object]:
-    """Return the section [errors] of a file."""
-    return {
-        "load_percent": _rounded(100.0 * errors.load),
-        "load_cell_percent": _rounded(100.0 * errors.common),
-        "pad_position_mm": _rounded(1e3 * errors.pad_position),
-        "pad_roll_deg": _rounded(float(np.rad2deg(errors.pad_roll))),
-        "pad_shape_percent": _rounded(100.0 * errors.pad_shape),
+    """Return the section [errors] of a file; a mass that is not stated is left to be filled in."""
+    found: dict[str, object] = {
+        kind.errors: _rounded(getattr(errors, kind.name) / kind.scale) for kind in OF_LOADS
     }
+    return found | {"mass_percent": None if errors.mass is None else _rounded(100.0 * errors.mass)}
 
 
 def _recording(test: GroundTest) -> tuple[FloatArray, FloatArray, list[tuple[float, float]]]:

@@ -19,8 +19,7 @@ from builder.calibration.after_test.calibrated_map import calibrated_map
 from builder.calibration.after_test.left_by_test import Remaining
 from builder.calibration.as_built.parameters import AsBuiltParameters, drawn, prior_std
 from builder.calibration.as_built.plant_gauges import plant_gauges
-from builder.calibration.as_built.structure import AsBuiltStructure, as_built_structure
-from builder.calibration.as_built.wall_regions import wall_regions
+from builder.calibration.as_built.structure import AsBuiltStructure, as_built_structure, counts_of
 from builder.calibration.ground_test.candidate_cases import Candidate
 from builder.calibration.ground_test.load_test import LoadErrors, LoadTest
 from builder.calibration.ground_test.load_test_file import load_test_file
@@ -36,6 +35,7 @@ from builder.pipeline.calibrate import (
     calibration_by,
     with_levels,
     write_report,
+    write_zeros_of,
 )
 from builder.pipeline.demonstration.flown_estimators import FlownEstimates, estimator_entry, flown_estimators
 from builder.pipeline.map_files import true_structure_of
@@ -46,12 +46,11 @@ from builder.structure.loads.applied import Weight
 from builder.truth.revolution.flight_tables import plant_flight_model
 from builder.truth.revolution.flow_table import load_flow_table
 from strainfmu.arrays import FloatArray
-from strainfmu.cosim.estimators.zeros_file import load_zeros, write_zeros
+from strainfmu.cosim.estimators.zeros_file import load_zeros
 from strainfmu.cosim.models import flight_model as flight_model_file
 from strainfmu.cosim.models.flight_model import save_flight_model
 from strainfmu.cosim.systems.recording import Recording
 from strainfmu.estimator.map.inverse_map import load_inverse_map, save_inverse_map
-from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 from strainfmu.files import write_bytes_atomically
 
 CASES = 12
@@ -79,7 +78,7 @@ class AsBuiltRun:
     def built(self) -> AsBuiltParameters:
         """The vehicle that flies."""
         vehicle = self.pipeline.vehicle
-        std = prior_std(vehicle.calibration, self._n_gauges, len(wall_regions(vehicle)))
+        std = prior_std(vehicle.calibration, counts_of(vehicle, vehicle.gauges.layout))
         return drawn(std, np.random.default_rng(self.seed))
 
     @cached_property
@@ -95,10 +94,6 @@ class AsBuiltRun:
                 known_taper=self.built.wall_taper,
                 progress=progress,
             )
-
-    @property
-    def _n_gauges(self) -> int:
-        return load_inverse_map(self.pipeline.path(MAP)).n_gauges
 
     @property
     def inputs(self) -> dict[str, Any]:
@@ -148,8 +143,7 @@ class AsBuiltRun:
             title = f"{vehicle.name}: calibration by {TEST}"
             write_report(made, title, vehicle.reference.moment_station_m, path.with_suffix(".html"))
             save_inverse_map(made.inverse_map, path)
-            zeros = GaugeZeros(value=found.parameters.zero, std=np.zeros(test.readings.shape[1]))
-            write_zeros(path.with_name(ZEROS), test.gauge_names, zeros, {"calibration": CALIBRATED})
+            write_zeros_of(found, path.with_name(ZEROS), CALIBRATED)
 
         def exact(path: Path) -> None:
             none = np.zeros((len(self.built.vector),) * 2)

@@ -30,14 +30,15 @@ def calibrate(
     """Estimate the vehicle as built from a ground test and make its map.
 
     The model predicts the reading of every gauge under the loads of the test. Gains, directions and places of
-    the gauges, wall, modulus and errors of the loads follow by Bayes' rule from the tolerances of the vehicle
-    file's section `calibration`.
+    the gauges, wall, modulus, mass, support and errors of the loads follow by Bayes' rule from the tolerances
+    of the vehicle file's section `calibration`. A mass that differs is named.
 
     Gauges and load cases that do not fit are named and left out. Readings that no vehicle within its
     tolerances can have are refused: check loads, units and signs.
 
-    The new map includes what the test left unknown in its noise. A report of the same name is written with it.
-    `strainfmu loadtest` proposes a test; `strainfmu loadtest --template` writes the file for a test of
+    The new map includes what the test left unknown in its noise. A report of the same name is written with it,
+    and the zero offsets of the gauges (calibrated_zeros.toml), which `estimate`, `bridge` and `replay` take by
+    --zeros. `strainfmu loadtest` proposes a test; `strainfmu loadtest --template` writes the file for a test of
     your own.
 
     Examples:
@@ -62,18 +63,15 @@ def calibrate(
 
 
 def _show(console: Console, result: Calibration) -> None:
+    from builder.calibration.estimate.remarks import remarks
+
     found = result.estimate
     lines = [*result.notes, *(fault.line for fault in result.faults)]
     lines.append(
         f"{found.n_readings} readings in {len(found.model.test.cases)} cases, chi-square per reading "
         f"{found.per_reading:.3g} (1 is expected)"
     )
-    if not found.agrees:
-        lines.append(
-            "warning: test and model do not agree: the vehicle errs in a way that the model has no parameter for, "
-            "or noise, loads or tolerances are not as stated; the sigmas of the map need not hold"
-        )
-    lines += [f"warning: {line}" for line in result.outside.lines]
+    lines += [f"warning: {line}" for line in (*remarks(found), *result.outside.lines)]
     lines.append(", ".join(str(path) for path in result.files))
     for line in lines:
         console.print(line, highlight=False, markup=False, soft_wrap=True)
