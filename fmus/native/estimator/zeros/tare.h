@@ -41,13 +41,13 @@ typedef struct {
 typedef struct {
     double faults; /* sum of the bits */
     double samples;
-    double memory;                                 /* factor on deviations by which readings depend on each other */
-    double gauges, rms, largest_std;               /* gauges that have a zero; rms of those, and the largest deviation */
-    double dynamic_pressure, samples_without;      /* the largest one [Pa] or that of the step; samples without one */
-    double drifting_gauge, drift;                  /* the largest rise over the window that is one */
-    double moving_gauge, scatter;                  /* the largest by the noise of the gauge */
-    double largest_gauge, largest;                 /* the largest reading less known strain */
-    double along, along_limit;                     /* part along the strain of the mean flight, and of random zeros */
+    double memory;                            /* factor on deviations by which readings depend on each other */
+    double gauges, rms, largest_std;          /* gauges that have a zero; rms of the zeros, their largest deviation */
+    double dynamic_pressure, samples_without; /* the largest one [Pa] or that of the step; samples without one */
+    double drifting_gauge, drift;             /* the largest rise over the window that is one */
+    double moving_gauge, scatter;             /* the largest by the noise of the gauge */
+    double largest_gauge, largest;            /* the largest reading less known strain */
+    double along, along_limit;                /* part along the strain of the mean flight, and of random zeros */
 } TareVerdict;
 
 typedef struct {
@@ -87,9 +87,10 @@ static inline int tare_is_averaging(const Tare *tare) {
     return tare->flags.state == TARE_AVERAGING;
 }
 
-/* Judge a window of `count` samples at once: strain (count, n_gauges), dynamic_pressure (count) [Pa], NaN where there is
-   none. The outcome is in judged and verdict; the state of a tare by edges stays, its window does not. */
-void tare_whole(Tare *tare, const double *mean_strain, size_t count, const double *strain, const double *dynamic_pressure);
+/* Judge a window of `count` samples at once: strain (count, n_gauges), dynamic_pressure (count) [Pa], NaN where there
+   is none. The outcome is in judged and verdict; the state of a tare by edges stays, its window does not. */
+void tare_whole(Tare *tare, const double *mean_strain, size_t count, const double *strain,
+                const double *dynamic_pressure);
 
 /* Set tare->reading; what is not finite, or so large that its square might not be, is none. */
 void tare_set_reading(Tare *tare, const double *strain);
