@@ -123,3 +123,13 @@ def test_silent_and_frozen_gauges_are_named() -> None:
 def test_a_few_samples_are_no_window() -> None:
     with pytest.raises(InputError, match="window: expected at least 64 samples, got 20"):
         taken(readings(1)[1][:20])
+
+
+def test_arrays_of_other_gauges_are_refused() -> None:
+    _, strain = readings(1)
+    with pytest.raises(InputError, match=r"^strain: expected \(k, 54\) values, got \(1000, 53\)"):
+        ESTIMATOR.tare(strain[:, 1:], 0.0)
+    with pytest.raises(InputError, match=r"^dynamic_pressure: expected a number or 1000 numbers, got shape"):
+        ESTIMATOR.tare(strain, np.zeros(2))
+    with pytest.raises(InputError, match=r"^known strain: expected \(54,\) values, got \(53,\)"):
+        ESTIMATOR.tare(strain, 0.0, known=KnownStrain(value=np.zeros(53)))

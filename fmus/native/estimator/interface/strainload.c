@@ -379,8 +379,8 @@ int sl_restore(StrainLoad *handle, const unsigned char *bytes, char text[SL_TEXT
     return 1;
 }
 
-void sl_tare(StrainLoad *handle, const double *limits, size_t count, const double *strain, const double *dynamic_pressure,
-             double *outcome) {
+void sl_tare(StrainLoad *handle, const double *limits, size_t count, const double *strain,
+             const double *dynamic_pressure, double *outcome) {
     const Estimator *e = handle->estimator;
     Tare *tare = &handle->whole;
     if (tare->present) {
@@ -392,8 +392,8 @@ void sl_tare(StrainLoad *handle, const double *limits, size_t count, const doubl
     }
 }
 
-int sl_tare_step(StrainLoad *handle, const double *limits, int is_up, const double *strain, double dynamic_pressure,
-                 double *outcome) {
+int sl_tare_step(StrainLoad *handle, const double *limits, int is_up, const double *strain,
+                 double dynamic_pressure, double *outcome) {
     const Estimator *e = handle->estimator;
     Tare *tare = &handle->steps;
     if (!tare->present) {

@@ -98,25 +98,25 @@ enum {
     SL_DRIFTS = 8,      /* drifting_gauge rises by drift over the window */
     SL_MOVES = 16,      /* moving_gauge scatters by moving_scatter */
     SL_TOO_LARGE = 32,  /* largest_gauge reads largest, less known strain */
-    SL_LIKE_LOAD = 64,  /* along is the part of the readings along the strain of the mean flight, more than along_limit */
+    SL_LIKE_LOAD = 64,  /* along, the part along the strain of the mean flight, is more than along_limit */
     SL_FEW_GAUGES = 128 /* fewer than half of the gauges have a zero */
 };
 
 /* The field "state" of SL_TARE. */
 enum { SL_TARE_IDLE, SL_TARE_AVERAGING, SL_TARE_DONE, SL_TARE_REFUSED };
 
-/* Zero offsets from a window of `count` samples at rest: strain (count, strain gauges) [1], dynamic_pressure (count) [Pa],
-   NaN where there is none. limits (SL_TARE_LIMITS), NULL for the limits of the map. outcome (SL_TARE) is written: zero
-   offsets also where something speaks against them, 0 with the largest deviation of gauges that do not read. Gauges are
-   counted from 1. The handle goes on with the zero offsets of its settings: sl_set gives it others. */
+/* Zero offsets from a window of `count` samples at rest: strain (count, strain gauges) [1], dynamic_pressure (count)
+   [Pa], NaN where there is none. limits (SL_TARE_LIMITS), NULL for the limits of the map. outcome (SL_TARE) is written:
+   zero offsets also where something speaks against them, 0 with the largest deviation of gauges that do not read.
+   Gauges are counted from 1. The handle goes on with the zero offsets of its settings: sl_set gives it others. */
 SL_API void sl_tare(StrainLoad *handle, const double *limits, size_t count, const double *strain,
                     const double *dynamic_pressure, double *outcome);
 
-/* A tare by steps: samples while `is_up` are averaged, then judged in the first step without. strain (strain gauges) and
-   dynamic_pressure of the step, which must be known. outcome (SL_TARE) is written, with the zero offsets of the last tare
-   that was not refused. 1 if there are other zero offsets; 0 if not. */
-SL_API int sl_tare_step(StrainLoad *handle, const double *limits, int is_up, const double *strain, double dynamic_pressure,
-                        double *outcome);
+/* A tare by steps: samples while `is_up` are averaged, then judged in the first step without. strain (strain gauges)
+   and dynamic_pressure of the step, which must be known. outcome (SL_TARE) is written, with the zero offsets of the
+   last tare that was not refused. 1 if there are other zero offsets; 0 if not. */
+SL_API int sl_tare_step(StrainLoad *handle, const double *limits, int is_up, const double *strain,
+                        double dynamic_pressure, double *outcome);
 
 /* Forget the zero offsets of tares by steps: others are given. */
 SL_API void sl_tare_drop(StrainLoad *handle, double *outcome);

@@ -1,8 +1,8 @@
 /* The records of a tare: what it is given, and what it found.
 
-   Limits: dynamic_pressure [Pa], zero, drift; then (n_gauges) known_strain and known_strain_std. The outcome: (n_gauges)
-   zero, zero_std, one zero_common_std, (n_gauges) whether a gauge reads, scatter; then the flags and the verdict, in the
-   order of TareFlags and TareVerdict. */
+   Limits: dynamic_pressure [Pa], zero, drift; then (n_gauges) known_strain and known_strain_std. The outcome:
+   (n_gauges) zero, zero_std, one zero_common_std, (n_gauges) whether a gauge reads, scatter; then the flags and the
+   verdict, in the order of TareFlags and TareVerdict. */
 
 #ifndef TARE_RECORD_H
 #define TARE_RECORD_H

@@ -146,7 +146,8 @@ void tare_set_reading(Tare *tare, const double *strain) {
     }
 }
 
-void tare_whole(Tare *tare, const double *mean_strain, size_t count, const double *strain, const double *dynamic_pressure) {
+void tare_whole(Tare *tare, const double *mean_strain, size_t count, const double *strain,
+                const double *dynamic_pressure) {
     double largest = 0.0, without = 0.0;
     window_begin(&tare->window);
     for (size_t k = 0; k < count; k++) {

@@ -27,9 +27,10 @@ static inline int tare_is_averaging(const Tare *tare) {
     return tare->flags.state == (double)TARE_AVERAGING;
 }
 
-/* Judge a window of `count` samples at once: strain (count, n_gauges), dynamic_pressure (count) [Pa], NaN where there is
-   none. The outcome is in judged and verdict; the state of a tare by edges stays, its window does not. */
-void tare_whole(Tare *tare, const double *mean_strain, size_t count, const double *strain, const double *dynamic_pressure);
+/* Judge a window of `count` samples at once: strain (count, n_gauges), dynamic_pressure (count) [Pa], NaN where there
+   is none. The outcome is in judged and verdict; the state of a tare by edges stays, its window does not. */
+void tare_whole(Tare *tare, const double *mean_strain, size_t count, const double *strain,
+                const double *dynamic_pressure);
 
 /* Set tare->reading; what is not finite, or so large that its square might not be, is none. */
 void tare_set_reading(Tare *tare, const double *strain);

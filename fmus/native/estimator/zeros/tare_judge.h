@@ -15,8 +15,8 @@
 /* Number of doubles of its scratch. */
 size_t judge_doubles(size_t n_gauges);
 
-/* Set tare->judged and tare->verdict from tare->found; all that speaks against the zeros is in the verdict. A gauge that
-   does not read gets 0 with the largest deviation there is. */
+/* Set tare->judged and tare->verdict from tare->found; all that speaks against the zeros is in the verdict. A gauge
+   that does not read gets 0 with the largest deviation there is. */
 void tare_judge(Tare *tare, const double *mean_strain);
 
 #endif

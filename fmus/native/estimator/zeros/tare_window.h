@@ -1,7 +1,8 @@
 /* Readings of a window in few numbers: means of stretches of equal length, which tell noise from drift.
 
-   A window of n readings falls into stretches of L = 2^k readings each, so that 16 to 31 of them are whole; an even number
-   of those counts. What does not fill them joins the mean and the scatter alone. So a longer window needs no more room.
+   A window of n readings falls into stretches of L = 2^k readings each, so that 16 to 31 of them are whole; an even
+   number of those counts. What does not fill them joins the mean and the scatter alone. So a longer window needs no
+   more room.
 
    Numbers are about the first reading of each gauge: zeros are up to 10^5 times the noise. */
 
