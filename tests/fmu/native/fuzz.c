@@ -14,6 +14,7 @@
 #include "core/state.h"
 #include "core/uri_path.h"
 #include "estimator/estimator.h"
+#include "estimator/estimator_derivative.h"
 #include "estimator/numerics/triangles.h"
 
 #define MOST_GAUGES 64
@@ -224,17 +225,17 @@ static void put_number(unsigned char *bytes, const char *name, double value) {
 
 /* Suspects must be there exactly where some z is above the threshold, whatever the result of the screen in float. */
 static void check_suspects(const Estimator *e) {
-    const MaskedMap *m = e->masked;
+    const MaskedMap *m = e->linear.prepared.masked;
     if (e->map.scaled || !m->identified || !(e->output[CHI_SQUARE] < INFINITY)) {
         return;
     }
-    const double scale = e->input[e->map.n_gauges + ALARM_SCALE] * e->map.outlier_scale;
+    const double scale = e->inputs.value[e->map.n_gauges + ALARM_SCALE] * e->map.outlier_scale;
     const double threshold = sqrt(scale) * m->outlier_threshold;
     int above = 0;
     for (size_t k = 0; k < m->n_used; k++) {
         double z = 0.0;
         for (size_t i = 0; i <= k; i++) {
-            z += m->triangle[triangle_column(k) + i] * e->whitened[i];
+            z += m->triangle[triangle_column(k) + i] * e->linear.absolute.whitened[i];
         }
         above |= fabs(z * m->z_scale[k]) > threshold;
     }
@@ -248,33 +249,34 @@ static void use(Estimator *e) {
     char text[MODEL_TEXT_SIZE];
     for (unsigned step = 0; step < 10; step++) {
         for (size_t i = 0; i < e->map.n_gauges; i++) {
-            e->input[i] = step == 3 && i == 1 ? NAN : 1e-4 * (double)((i * 7 + step) % 5);
-            e->given[i] = 1;
-            e->valid[i] = step < 8 ? (unsigned char)((i + step) % 5 != 0) : step == 9;
+            e->inputs.value[i] = step == 3 && i == 1 ? NAN : 1e-4 * (double)((i * 7 + step) % 5);
+            e->inputs.given[i] = 1;
+            e->inputs.valid[i] = step < 8 ? (unsigned char)((i + step) % 5 != 0) : step == 9;
         }
-        e->n_given = e->map.n_gauges;
-        double *scalar = e->input + e->map.n_gauges;
+        e->inputs.n_given = e->map.n_gauges;
+        double *scalar = e->inputs.value + e->map.n_gauges;
         scalar[DYNAMIC_PRESSURE] = e->map.dynamic_pressure * (1.0 + 0.4 * step);
         scalar[DYNAMIC_PRESSURE_STD] = step % 3 ? NAN : 0.1 * e->map.dynamic_pressure;
         scalar[MACH_NUMBER] = step % 2 ? NAN : 6.0;
         scalar[ALTITUDE] = step % 4 ? 3e3 * step : NAN;
         if (e->flight.filter.present) { /* off, then on from the fifth step to the last but one */
-            e->input[filter_setting(e)] = step < 4 || step == 9 ? 0.0 : 1.0;
+            e->inputs.value[filter_setting(&e->inputs)] = step < 4 || step == 9 ? 0.0 : 1.0;
         }
         for (size_t t = 0; e->thermal.present && t < e->thermal.map.n_sensors; t++) { /* others read in every third step */
             const int reads = (t + step / 3) % 3 != 0;
-            e->input[first_temperature(e) + t] = reads ? e->thermal.map.reference + 3.0 * (double)(t + step) : NAN;
+            const double reading = e->thermal.map.reference + 3.0 * (double)(t + step);
+            e->inputs.value[first_temperature(&e->inputs) + t] = reads ? reading : NAN;
         }
-        flight_before_change(e);
+        estimator_before_change(e);
         if (e->flight.present) {
-            flight_step(e, 0.01 * step);
+            estimator_step(e, 0.01 * step);
         }
         const int health = (int)estimator_outputs(e)[HEALTH_STATE];
         if (health < OK || health > OUTSIDE) {
             abort();
         }
         check_suspects(e);
-        for (size_t i = 0; i < estimator_inputs(e); i++) {
+        for (size_t i = 0; i < inputs_count(&e->inputs); i++) {
             e->direction[i] = 1.0;
         }
         estimator_derivative(e, e->direction, e->derivative, text);

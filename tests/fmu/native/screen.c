@@ -14,22 +14,24 @@
 #include "estimator/estimator.h"
 #include "estimator/numerics/panels.h"
 #include "estimator/numerics/triangles.h"
+#include "estimator/sample/readings.h"
 
 #define MAX_GAUGES 64
 
 static long tried, screened;
 
 static double threshold_of(const Estimator *e) {
-    return sqrt(e->input[e->map.n_gauges + ALARM_SCALE] * e->map.outlier_scale) * e->masked->outlier_threshold;
+    const double scale = scalar_input(&e->inputs, ALARM_SCALE) * e->map.outlier_scale;
+    return sqrt(scale) * e->linear.prepared.masked->outlier_threshold;
 }
 
 /* z (n_used) by the product in double. */
 static void exact_z(const Estimator *e, double *z) {
-    const MaskedMap *m = e->masked;
+    const MaskedMap *m = e->linear.prepared.masked;
     for (size_t k = 0; k < m->n_used; k++) {
         z[k] = 0.0;
         for (size_t i = 0; i <= k; i++) {
-            z[k] += m->triangle[triangle_column(k) + i] * e->whitened[i];
+            z[k] += m->triangle[triangle_column(k) + i] * e->linear.absolute.whitened[i];
         }
         z[k] *= m->z_scale[k];
     }
@@ -38,11 +40,11 @@ static void exact_z(const Estimator *e, double *z) {
 /* Strains of the mean state and up to one deviation more or less, in the measure of the alarm level. */
 static void set_background(Estimator *e, double size) {
     unsigned long random = 1;
-    for (size_t k = 0; k < e->masked->n_used; k++) {
+    for (size_t k = 0; k < e->linear.prepared.masked->n_used; k++) {
         random = (random * 1103515245u + 12345u) & 0x7FFFFFFFu;
         const double part = 2.0 * (double)random / 2147483647.0 - 1.0;
-        const size_t gauge = e->masked->used[k];
-        e->input[gauge] = e->map.mean_strain[gauge] + size * part * e->masked->z_scale[k];
+        const size_t gauge = e->linear.prepared.masked->used[k];
+        e->inputs.value[gauge] = e->map.mean_strain[gauge] + size * part * e->linear.prepared.masked->z_scale[k];
     }
 }
 
@@ -51,9 +53,9 @@ static void compare(Estimator *e) {
     double z[MAX_GAUGES], largest = 0.0;
     size_t worst = 0, suspects = 0;
     e->outdated = 1;
-    e->z[0] = -1e300; /* stays if the screen alone decides */
+    e->linear.absolute.z[0] = -1e300; /* stays if the screen alone decides */
     const double *output = estimator_outputs(e);
-    const MaskedMap *m = e->masked;
+    const MaskedMap *m = e->linear.prepared.masked;
     exact_z(e, z);
     for (size_t k = 0; k < m->n_used; k++) {
         worst = fabs(z[k]) > largest ? k : worst;
@@ -65,7 +67,7 @@ static void compare(Estimator *e) {
     }
     const double gauge = above ? (double)(m->used[m->group[worst]] + 1) : 0.0;
     tried++;
-    screened += e->z[0] == -1e300;
+    screened += e->linear.absolute.z[0] == -1e300;
     if (output[SUSPECT_GAUGE] != gauge || output[SUSPECTS] != (double)suspects) {
         fprintf(stderr, "|z| %.17g at threshold %.17g: gauge %g, %g suspects, exactly %g, %lu\n", largest,
                 threshold_of(e), output[SUSPECT_GAUGE], output[SUSPECTS], gauge, (unsigned long)suspects);
@@ -76,8 +78,8 @@ static void compare(Estimator *e) {
 /* |z| of gauge k of those in use, which reads off by bias. */
 static double z_of(Estimator *e, size_t k, double bias) {
     double z[MAX_GAUGES];
-    const MaskedMap *m = e->masked;
-    e->input[m->used[k]] = e->map.mean_strain[m->used[k]] + bias;
+    const MaskedMap *m = e->linear.prepared.masked;
+    e->inputs.value[m->used[k]] = e->map.mean_strain[m->used[k]] + bias;
     compare(e);
     exact_z(e, z);
     return fabs(z[k]);
@@ -85,7 +87,7 @@ static double z_of(Estimator *e, size_t k, double bias) {
 
 /* Biases on both sides of the one at which gauge k crosses the threshold. */
 static void scan(Estimator *e, size_t k) {
-    double low = 0.0, high = 100.0 * threshold_of(e) * e->masked->z_scale[k];
+    double low = 0.0, high = 100.0 * threshold_of(e) * e->linear.prepared.masked->z_scale[k];
     if (!(z_of(e, k, high) > threshold_of(e))) { /* no other gauge checks this one */
         return;
     }
@@ -111,16 +113,16 @@ int main(int argc, char **argv) {
     }
     const size_t n = e->map.n_gauges;
     for (int run = 0; run < 4; run++) {
-        e->wide = run % 2 ? panels_wide() : 0;
+        e->linear.wide = run % 2 ? panels_wide() : 0;
         for (size_t s = 0; s < sizeof SCALES / sizeof *SCALES; s++) {
             estimator_reset(e);
-            estimator_note_given(e, 0, n);
-            e->valid[n / 2] = run < 2;
-            e->input[n + SENSOR_RANGE] = 1e100;
-            e->input[n + ALARM_SCALE] = SCALES[s];
-            memcpy(e->input, e->map.mean_strain, n * sizeof *e->input);
+            readings_note_given(&e->inputs, 0, n);
+            e->inputs.valid[n / 2] = run < 2;
+            e->inputs.value[n + SENSOR_RANGE] = 1e100;
+            e->inputs.value[n + ALARM_SCALE] = SCALES[s];
+            memcpy(e->inputs.value, e->map.mean_strain, n * sizeof *e->inputs.value);
             compare(e);
-            for (size_t k = 0; k < e->masked->n_used; k++) {
+            for (size_t k = 0; k < e->linear.prepared.masked->n_used; k++) {
                 set_background(e, (double)(k % 3) * sqrt(SCALES[s]));
                 scan(e, k);
             }

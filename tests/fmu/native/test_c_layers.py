@@ -31,7 +31,7 @@ LAYERS: tuple[tuple[str, ...], ...] = (
 )
 """Folders from the lowest layer to the highest; those of one line do not know each other.
 
-``map`` is data, ``sample`` what is given and what is put out, ``update`` prepares a set of rows and conditions samples,
+``map`` is data, ``sample`` what is given and put out, ``update`` prepares a set of rows and conditions samples,
 ``policies`` decide: search or go on, drop air data, fall back, return. ``estimator`` puts the parts together.
 """
 
@@ -43,7 +43,9 @@ INTERFACES = {"core/model"}
 
 _INCLUDE = re.compile(r'^#include "([^"]+)"', re.MULTILINE)
 _COMMENT = re.compile(r"/\*.*?\*/|^[ \t]*#(?:[^\n]*\\\n)*[^\n]*", re.DOTALL | re.MULTILINE)
-_FUNCTION = re.compile(r"^(?!static|EVERYWHERE|AVX|typedef|else|return)\w[\w \*]*?\b(\w+)\([^;{}]*\)\s*([;{])", re.MULTILINE)
+_FUNCTION = re.compile(
+    r"^(?!static|EVERYWHERE|AVX|typedef|else|return)\w[\w \*]*?\b(\w+)\([^;{}]*\)\s*([;{])", re.MULTILINE
+)
 
 
 def sources() -> dict[str, str]:
@@ -92,7 +94,7 @@ def circles(graph: set[tuple[str, str]]) -> Iterator[tuple[str, ...]]:
     while grows:
         before = sum(map(len, reached.values()))
         for found in reached.values():
-            found |= {further for one in found for further in reached.get(one, ())}
+            found |= {beyond for one in found for beyond in reached.get(one, ())}
         grows = sum(map(len, reached.values())) > before
     seen = set[str]()
     for module in sorted(reached):
