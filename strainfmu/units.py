@@ -58,3 +58,18 @@ TEMPERATURE_UNITS = {
 
 NUMBER_UNITS = {"1": 1.0, "-": 1.0}
 """Units of a quantity without dimension."""
+
+ALL_UNITS = frozenset(
+    {
+        *STRAIN_UNITS,
+        *PRESSURE_UNITS,
+        *TIME_UNITS,
+        *LENGTH_UNITS,
+        *NUMBER_UNITS,
+        *RATIO_UNITS,
+        *VOLTAGE_UNITS,
+        *TEMPERATURE_UNITS,
+        *(unit for units in READING_UNITS.values() for unit in units),
+    }
+)
+"""All of these."""

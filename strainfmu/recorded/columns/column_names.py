@@ -13,6 +13,7 @@ from strainfmu.interface.fmi_variables import COEFFICIENTS
 from strainfmu.interface.sensor_variables import identifier
 from strainfmu.recorded.columns.strain_level import LevelReference
 from strainfmu.recorded.columns.temperature_columns import is_temperature, sensor_of
+from strainfmu.units import ALL_UNITS
 
 TIME_NAMES = ("time", "t", "timestamps", "time_s")
 
@@ -116,6 +117,12 @@ def split_heading(heading: str) -> tuple[str, str | None]:
     if is_index:
         return heading, None
     return match["name"].strip(), match["unit"].strip()
+
+
+def name_and_unit(heading: str) -> tuple[str, str | None]:
+    """Return name and unit of a heading; brackets that hold no unit belong to the name."""
+    name, unit = split_heading(heading)
+    return (name, unit) if unit in ALL_UNITS else (heading.strip(), None)
 
 
 def last_part(name: str) -> str:

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from strainfmu.arrays import FloatArray
+from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.recorded.columns.column_names import TIME_NAMES
 from strainfmu.recorded.formats.name_match import plain_name
@@ -19,26 +20,72 @@ LARGEST_MATRIX = 4096
 
 
 @dataclass(frozen=True, kw_only=True)
+class Reading:
+    """What a reader of a format needs to know of the channels.
+
+    Attributes
+    ----------
+    is_known : whether a name is that of a channel to be read; texts find their headings by it.
+    """
+
+    is_known: Callable[[str], bool] = lambda _: False
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Successive samples of some channels of a text: (n,) lines, (n, k) values, and the position reached in it."""
+
+    lines: IntArray
+    values: FloatArray
+    done: int
+
+
+@dataclass(frozen=True, kw_only=True)
 class ChannelFile:
     """An open recording.
 
     Attributes
     ----------
     names : of all channels; those of groups behind the group's name and a slash.
+    headings : names as they stand in the file, with units, for messages; empty where they are ``names``.
+    own_names : names without that of the group, of the channels that have one.
     units : of the channels that state one.
-    values : returns (n,) values of a channel; an error of numpy's where they are no numbers.
+    values : returns (n,) values of a channel, or what gives them by slices; an error of numpy's where they are no
+        numbers.
     clock : returns (n,) times [s] that a channel has itself, None where a channel of time is needed.
     time_of : returns the channel of time that belongs to a channel, None where there is none of its group.
     notes : lines for the user on channels of dates and times, which ``values`` returns as seconds.
+    rows : yields the samples of some channels in pieces; None of a format whose channels are read one by one.
+    length : position at the end of ``rows``.
+    lines : returns the line of each sample, of a text that has one sample a line.
+    remarks : further lines for the user; some are known when the samples have been read.
     """
 
     path: Path
     names: tuple[str, ...]
+    headings: tuple[str, ...] = ()
+    own_names: Mapping[str, str] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
     values: Callable[[str], Any]
     clock: Callable[[str], FloatArray | None] = lambda _: None
     time_of: Callable[[str], str | None] = lambda _: None
     notes: Mapping[str, str] = field(default_factory=dict)
+    rows: Callable[[Sequence[str]], Iterator[Rows]] | None = None
+    length: int = 0
+    lines: Callable[[], IntArray] | None = None
+    remarks: list[str] = field(default_factory=list)
+
+    def series(self, name: str) -> Any:
+        """Return (n,) values of a channel, or what gives them by slices where the format reads in pieces.
+
+        Raises
+        ------
+        InputError
+            As :meth:`numbers`.
+        """
+        with self._readable(name):
+            found = self.values(name)
+        return self.numbers(name) if isinstance(found, np.ndarray) else found
 
     def numbers(self, name: str) -> FloatArray:
         """Return (n,) values of a channel.
@@ -48,20 +95,25 @@ class ChannelFile:
         InputError
             They are no numbers, or cannot be read.
         """
-        try:
-            found = np.asarray(self.values(name))
+        with self._readable(name):
+            found = np.asarray(self.values(name)[:])
             if found.dtype.kind not in "fiub":
                 found = found.astype(float) if found.dtype.kind == "O" else np.array("x").astype(float)
             found = np.asarray(found, dtype=float)
+        if found.ndim != 1:
+            raise InputError(f"{self.path}: channel '{name}': expected one number a sample, got {found.shape}")
+        return found
+
+    @contextmanager
+    def _readable(self, name: str) -> Iterator[None]:
+        try:
+            yield
         except (TypeError, ValueError) as error:
             raise InputError(f"{self.path}: channel '{name}': values that are no numbers") from error
         except StrainfmuError:
             raise
         except Exception as error:  # the libraries of the formats raise whatever their parsers do
             raise InputError(f"{self.path}: channel '{name}': damaged, cannot be read") from error
-        if found.ndim != 1:
-            raise InputError(f"{self.path}: channel '{name}': expected one number a sample, got {found.shape}")
-        return found
 
     def time_channels(self) -> list[str]:
         """Return the channels whose names are those of times."""

@@ -17,36 +17,12 @@ from typing import TextIO
 
 from strainfmu.errors import InputError
 from strainfmu.recorded.columns.column_names import split_heading
-from strainfmu.units import (
-    LENGTH_UNITS,
-    NUMBER_UNITS,
-    PRESSURE_UNITS,
-    RATIO_UNITS,
-    READING_UNITS,
-    STRAIN_UNITS,
-    TEMPERATURE_UNITS,
-    TIME_UNITS,
-    VOLTAGE_UNITS,
-)
+from strainfmu.units import ALL_UNITS, NUMBER_UNITS
 
 LONGEST_HEADER = 200
 """Lines among which the headings must be."""
 
 DELIMITERS = ",;\t"
-
-ALL_UNITS = frozenset(
-    {
-        *STRAIN_UNITS,
-        *PRESSURE_UNITS,
-        *TIME_UNITS,
-        *LENGTH_UNITS,
-        *NUMBER_UNITS,
-        *RATIO_UNITS,
-        *VOLTAGE_UNITS,
-        *TEMPERATURE_UNITS,
-        *(unit for units in READING_UNITS.values() for unit in units),
-    }
-)
 
 NUMBER = re.compile(r"[+-]?([0-9]+[.,]?[0-9]*|[.,][0-9]+)([eE][+-]?[0-9]+)?|[+-]?nan", re.IGNORECASE)
 """A number in a cell: ASCII digits, a decimal point or comma, or NaN. float() accepts more, such as 1_0 for 10."""
@@ -85,7 +61,7 @@ class CsvLayout:
     @contextmanager
     def samples(self, path: Path) -> Iterator[TextIO]:
         """Open the file at the line of the first sample."""
-        with path.open(newline="", encoding=self.encoding, errors="replace") as stream:
+        with path.open(encoding=self.encoding, errors="replace") as stream:  # every end of a line as "\n"
             for _ in range(self.lines_ahead):
                 stream.readline()
             yield stream

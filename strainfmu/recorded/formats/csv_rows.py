@@ -3,13 +3,21 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterator, Sequence
+import io
+from collections.abc import Container, Iterator, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
+from typing import TextIO
+
+import numpy as np
 
 from strainfmu.errors import InputError
+from strainfmu.recorded.formats.channel_file import Rows
 from strainfmu.recorded.formats.csv_layout import NUMBER, CsvLayout
+
+PIECE = 1 << 21
+"""Characters that are read at a time, before the end of a line."""
 
 
 def iso_time(text: str) -> datetime | None:
@@ -33,22 +41,19 @@ class RowReader:
     ----------
     names : of all columns, for messages.
     columns : those that are read, in this order.
-    time : the one of the times, -1 without one.
-    time_unit : [s], divides ISO times, which are in seconds from the first one on.
+    dated : those of dates and times, which become seconds from the first one on.
     """
 
     path: Path
     layout: CsvLayout
     names: Sequence[str]
     columns: Sequence[int]
-    time: int
-    time_unit: float = 1.0
-    done: int = 0
+    dated: Container[int] = ()
     _mark: str = field(default="", init=False)
-    _start: datetime | None = field(default=None, init=False)
+    _starts: dict[int, datetime] = field(default_factory=dict, init=False)
 
-    def rows(self) -> Iterator[tuple[int, list[float]]]:
-        """Yield the line and the numbers of each sample; ``done`` counts the bytes.
+    def pieces(self) -> Iterator[Rows]:
+        """Yield the samples, some thousand at a time, with their lines.
 
         Raises
         ------
@@ -56,21 +61,27 @@ class RowReader:
             A line has too few or too many cells, or a cell is no number.
         """
         width = 4 if "32" in self.layout.encoding else 2 if "16" in self.layout.encoding else 1
+        line, done = self.layout.lines_ahead, 0
         with self.layout.samples(self.path) as stream:
+            while text := _piece(stream):
+                lines, values = self._samples(text, line)
+                line += text.count("\n")
+                done = done + width * len(text) if len(text) > PIECE else self.path.stat().st_size
+                if len(lines):
+                    yield Rows(np.array(lines), np.array(values), done)
 
-            def counted() -> Iterator[str]:
-                for text in stream:
-                    self.done += width * len(text)
-                    yield text
-
-            reader = csv.reader(counted(), delimiter=self.layout.delimiter)
-            ahead = self.layout.lines_ahead
-            try:
-                for line, cells in enumerate(reader, start=ahead + 1):
-                    if cells and (len(cells) > 1 or cells[0].strip()):
-                        yield line, self._numbers(cells, line)
-            except csv.Error as error:
-                raise InputError(f"{self.path}: line {ahead + reader.line_num}: {error}") from error
+    def _samples(self, text: str, ahead: int) -> tuple[list[int], list[list[float]]]:
+        """Return line and numbers of each sample of a piece; ``ahead`` lines stand above it."""
+        reader = csv.reader(io.StringIO(text, newline=""), delimiter=self.layout.delimiter)
+        lines, values = list[int](), list[list[float]]()
+        try:
+            for cells in reader:
+                if cells and (len(cells) > 1 or cells[0].strip()):
+                    lines.append(ahead + reader.line_num)
+                    values.append(self._numbers(cells, lines[-1]))
+        except csv.Error as error:
+            raise InputError(f"{self.path}: line {ahead + reader.line_num}: {error}") from error
+        return lines, values
 
     def _numbers(self, cells: Sequence[str], line: int) -> list[float]:
         """Return the cells in use as numbers; an empty cell is no value."""
@@ -82,15 +93,10 @@ class RowReader:
     def _number(self, text: str, column: int, line: int) -> float:
         if not text:
             return float("nan")
+        if column in self.dated:
+            return self._seconds(text, column, line)
         if NUMBER.fullmatch(text) is None:
-            is_time = column == self.time
-            moment = iso_time(text) if is_time else None
-            if moment is not None:
-                return self._seconds(moment, line)
-            allowed = "a number or a time of ISO 8601" if is_time and self._start else "a number"
-            raise self._fault(line, column, f"expected {allowed}, got '{text[:40]}'")
-        if column == self.time and self._start is not None:
-            raise self._fault(line, column, f"expected a time of ISO 8601, as at the start, got '{text[:40]}'")
+            raise self._fault(line, column, f"expected a number, got '{text[:40]}'")
         mark = "," if "," in text else "." if "." in text else ""
         if mark == "," and self.layout.delimiter == ",":
             raise self._fault(line, column, f"expected a number with a decimal point, got '{text[:40]}'")
@@ -101,17 +107,26 @@ class RowReader:
         self._mark = self._mark or mark
         return float(text.replace(",", "."))
 
-    def _seconds(self, moment: datetime, line: int) -> float:
-        """Return the time since the first one in the file's unit."""
-        if self._start is None:
-            self._start = moment
+    def _seconds(self, text: str, column: int, line: int) -> float:
+        """Return the time since the first one of a column."""
+        moment = iso_time(text) if NUMBER.fullmatch(text) is None else None
+        if moment is None:
+            raise self._fault(line, column, f"expected a time of ISO 8601, as at the start, got '{text[:40]}'")
         try:
-            return (moment - self._start).total_seconds() / self.time_unit
+            return (moment - self._starts.setdefault(column, moment)).total_seconds()
         except TypeError as error:
-            raise self._fault(line, self.time, "expected a time zone everywhere or nowhere, got both") from error
+            raise self._fault(line, column, "expected a time zone everywhere or nowhere, got both") from error
 
     def _fault(self, line: int, column: int, text: str) -> InputError:
         return InputError(f"{self.path}: line {line}, column '{self.names[column]}': {text}")
+
+
+def _piece(stream: TextIO) -> str:
+    """Return the next whole lines of a text, "" at its end; a cell in quotes may hold the end of a line."""
+    text = stream.read(PIECE) + stream.readline()
+    while text.count('"') % 2 and len(text) < 2 * PIECE and (more := stream.readline()):
+        text += more
+    return text
 
 
 def time_notes(path: Path, layout: CsvLayout, names: Sequence[str], time: int) -> tuple[str, ...]:

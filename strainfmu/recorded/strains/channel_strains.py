@@ -1,93 +1,97 @@
-"""Recorded strains in the channels of measurement files: MF4, TDMS, MAT and Parquet."""
+"""Recorded strains in channels that the gauges name: read in pieces, or brought to one raster."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.recorded.channels.rasters import Channel, on_one_raster
-from strainfmu.recorded.columns.column_names import Wanted, columns_to_read, quantity_of
-from strainfmu.recorded.columns.columns import plan_columns
+from strainfmu.recorded.columns.column_names import Wanted, columns_to_read, is_read, quantity_of
+from strainfmu.recorded.columns.columns import ColumnPlan, StrainBlock, plan_columns
 from strainfmu.recorded.columns.temperature_columns import sensor_of
-from strainfmu.recorded.formats.channel_readers import open_channels
-from strainfmu.recorded.formats.mdf_file import opened_mdf
-from strainfmu.recorded.formats.tdms_file import opened_tdms
-from strainfmu.recorded.strains.sample_blocks import StrainFile, column_file
-
-
-@contextmanager
-def mf4_strains(path: Path, wanted: Wanted) -> Iterator[StrainFile]:
-    """Open an MF4 file; the rest as :func:`~strainfmu.recorded.strains.strain_files.open_strains`."""
-    with opened_mdf(path) as file:
-        if (
-            all(name.startswith(("CAN_", "t", "T")) for name in file.channels_db)
-            and "CAN_DataFrame" in file.channels_db
-        ):
-            raise InputError(f"{path}: holds CAN frames, and no channels of gauges: use 'strainfmu replay'")
-        names = [name for name in file.channels_db if name.lower() not in ("time", "t", "timestamps")]
-        read, _ = columns_to_read(path, names, wanted)
-        signals = {}
-        for name in (names[column] for column in read):
-            if len(file.channels_db[name]) > 1:
-                raise InputError(f"{path}: expected one channel '{name}', got {len(file.channels_db[name])}")
-            signals[name] = file.get(name)
-        if not signals:
-            raise InputError(f"{path}: no channel of a gauge found, it holds {', '.join(names[:6])}")
-        channels = {name: _channel(path, name, signal) for name, signal in signals.items()}
-        strains = [
-            name
-            for name in channels
-            if quantity_of(name, wanted.readings) not in wanted.flow and sensor_of(name, wanted.sensors) is None
-        ]
-        merged = on_one_raster(path, channels, strains)
-        columns: dict[str, Any] = {"time": merged.time, **dict.fromkeys(names), **merged.values}
-        units: dict[str, str | None] = {"time": "s", **{name: signal.unit for name, signal in signals.items()}}
-        yield column_file(path, columns, units=units, wanted=wanted, notes=merged.notes)
-
-
-def _channel(path: Path, name: str, signal: Any) -> Channel:
-    """Return the numbers of a channel of asammdf."""
-    try:
-        return Channel(np.asarray(signal.timestamps, dtype=float), np.asarray(signal.samples, dtype=float))
-    except (TypeError, ValueError) as error:
-        raise InputError(f"{path}: channel '{name}': values that are no numbers") from error
+from strainfmu.recorded.formats.channel_file import ChannelFile, Reading, Rows
+from strainfmu.recorded.formats.registry import open_channels
+from strainfmu.recorded.strains.channel_clock import ChannelClock
+from strainfmu.recorded.strains.sample_blocks import BLOCK_ROWS, StrainFile, checked_block, column_file
 
 
 @contextmanager
 def channel_strains(path: Path, wanted: Wanted) -> Iterator[StrainFile]:
-    """Open a MAT or Parquet file, whose channels share one channel of time."""
-    with open_channels(path) as file:
-        times = file.time_channels()
-        plan = plan_columns(path, file.names, wanted, units=[file.units.get(name) for name in file.names])
-        read = [file.names[column] for column in plan.columns]
-        columns: dict[str, Any] = {name: file.numbers(name) if name in read else None for name in file.names}
-        units: dict[str, str | None] = {name: file.units.get(name) for name in file.names}
-        units |= dict.fromkeys(file.notes, "s")
-        notes = tuple(file.notes[name] for name in times if name in file.notes)
-        yield column_file(path, columns, units=units, wanted=wanted, notes=notes)
+    """Open a recording; the rest as :func:`~strainfmu.recorded.strains.strain_files.open_strains`."""
+    with open_channels(path, Reading(is_known=lambda name: is_read(name, wanted))) as file:
+        yield _of_columns(file, wanted) if file.rows is None else _of_rows(file, wanted)
 
 
-@contextmanager
-def tdms_strains(path: Path, wanted: Wanted) -> Iterator[StrainFile]:
-    """Open a TDMS file; the rest as :func:`~strainfmu.recorded.strains.strain_files.open_strains`."""
-    with opened_tdms(path) as file:
-        channels = [channel for group in file.groups() for channel in group.channels()]
-        columns: dict[str, Any] = {}
-        units: dict[str, str | None] = {}
-        for channel in channels:
-            if channel.name in columns:
-                raise InputError(f"{path}: expected one channel '{channel.name}', got two")
-            columns[channel.name] = channel
-            units[channel.name] = channel.properties.get("unit_string") or None
-        if not any(name.lower() == "time" for name in columns):
-            step = next((c.properties["wf_increment"] for c in channels if "wf_increment" in c.properties), None)
-            if step is None:
-                raise InputError(f"{path}: neither a channel 'time' nor the property 'wf_increment' found")
-            columns["time"] = float(step) * np.arange(len(channels[0]))
-            units["time"] = "s"
-        yield column_file(path, columns, units=units, wanted=wanted)
+def _of_rows(file: ChannelFile, wanted: Wanted) -> StrainFile:
+    """Return the samples of a text, read in pieces."""
+    assert file.rows is not None
+    units = {**file.units, **dict.fromkeys(file.notes, "s")}
+    headings = file.headings or file.names
+    plan = plan_columns(file.path, headings, wanted, units=[units.get(name) for name in file.names])
+    rows = file.rows([file.names[column] for column in plan.columns])
+    note = file.notes.get(file.names[plan.time])
+    notes = (*file.remarks, *((note,) if note else ()))
+    return StrainFile(file.length, _row_blocks(rows, plan), plan, notes)
+
+
+def _row_blocks(pieces: Iterator[Rows], plan: ColumnPlan) -> Iterator[tuple[StrainBlock, int]]:
+    """Yield blocks; rows are counted as lines of the file."""
+    # The last time of a block is kept, so that times are compared across blocks.
+    last, done = -np.inf, 0
+    for piece in pieces:
+        n = len(piece.lines)
+        for first in range(0, n, BLOCK_ROWS):
+            rows = slice(first, min(first + BLOCK_ROWS, n))
+            block, last = checked_block(plan, piece.values[rows], first_row=int(piece.lines[first]), last=last)
+            yield block, done + (piece.done - done) * rows.stop // n
+        done = piece.done
+
+
+def _of_columns(file: ChannelFile, wanted: Wanted) -> StrainFile:
+    """Return the samples of channels that are read one by one, those of several rates on one raster."""
+    path, times = file.path, file.time_channels()
+    names = [name for name in file.names if name not in times]
+    shown = {name: file.own_names.get(name, name) for name in file.names}
+    columns, _ = columns_to_read(path, [shown[name] for name in names], wanted)
+    read = [names[column] for column in columns]
+    if not read:
+        raise InputError(f"{path}: no channel of a gauge found, it holds {', '.join(file.names[:6]) or 'none'}")
+    for name in read:
+        if sum(shown[one] == shown[name] for one in read) > 1:
+            raise InputError(f"{path}: expected one channel '{shown[name]}', got two")
+    clock = ChannelClock(file)
+    values = {name: file.series(name) for name in read}
+    at = {name: clock.of(name, len(values[name])) for name in read}
+    units = {shown[name]: file.units.get(name) for name in names}
+    others = dict.fromkeys(shown[name] for name in names if name not in values)
+    if len({id(time) for time in at.values()}) == 1:
+        time = shown[clock.used[0]] if clock.used else "time"
+        held: dict[str, Any] = {time: at[read[0]], **others, **{shown[name]: values[name] for name in read}}
+        return column_file(path, held, units={**units, time: "s"}, wanted=wanted, notes=tuple(clock.notes))
+    of_channels = {shown[name]: Channel(at[name], file.numbers(name)) for name in read}
+    return _of_rasters(path, of_channels, others, units, wanted, tuple(clock.notes))
+
+
+def _of_rasters(
+    path: Path,
+    channels: Mapping[str, Channel],
+    others: Mapping[str, FloatArray | None],
+    units: Mapping[str, str | None],
+    wanted: Wanted,
+    notes: tuple[str, ...],
+) -> StrainFile:
+    """Return the samples of channels on the raster of most gauges."""
+    strains = [
+        name
+        for name in channels
+        if quantity_of(name, wanted.readings) not in wanted.flow and sensor_of(name, wanted.sensors) is None
+    ]
+    merged = on_one_raster(path, channels, strains)
+    columns = {"time": merged.time, **others, **merged.values}
+    return column_file(path, columns, units={**units, "time": "s"}, wanted=wanted, notes=(*notes, *merged.notes))

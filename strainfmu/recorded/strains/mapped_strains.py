@@ -24,7 +24,13 @@ from strainfmu.recorded.channels.channel_conversion import (
 )
 from strainfmu.recorded.channels.channel_entries import COMPENSATIONS, ChannelMap
 from strainfmu.recorded.channels.rasters import Channel, on_one_raster
-from strainfmu.recorded.columns.column_names import FLOW_NAMES, NAVIGATION_NAMES, Wanted, excluded_gauges
+from strainfmu.recorded.columns.column_names import (
+    FLOW_NAMES,
+    NAVIGATION_NAMES,
+    TIME_NAMES,
+    Wanted,
+    excluded_gauges,
+)
 from strainfmu.recorded.columns.columns import flow_factor
 from strainfmu.recorded.columns.flight_pressure import pressure_sources
 from strainfmu.recorded.columns.temperature_columns import (
@@ -33,11 +39,12 @@ from strainfmu.recorded.columns.temperature_columns import (
     sensor_of,
     temperature_quantities,
 )
-from strainfmu.recorded.formats.channel_file import ChannelFile, last_name
-from strainfmu.recorded.formats.channel_readers import open_channels
+from strainfmu.recorded.formats.channel_file import ChannelFile, Reading, last_name
 from strainfmu.recorded.formats.name_match import matched, plain_name, suggestion
+from strainfmu.recorded.formats.registry import open_channels
+from strainfmu.recorded.strains.channel_clock import ChannelClock
 from strainfmu.recorded.strains.sample_blocks import StrainFile, column_file
-from strainfmu.units import STRAIN_UNITS, TIME_UNITS
+from strainfmu.units import STRAIN_UNITS
 
 _QUANTITIES = (*FLOW_NAMES, *NAVIGATION_NAMES)
 
@@ -71,7 +78,8 @@ def mapped_strains(path: Path, wanted: Wanted, mapping: ChannelMap) -> Iterator[
     stated += [one for one in (mapping.time, mapping.raster) if one is not None]
     stated += [*temperature_quantities(wanted.sensors), *wanted.sensors]
     stated += _parameters(wanted)
-    with open_channels(path, {plain_name(name) for name in (*stated, *_QUANTITIES)}) as file:
+    known = {plain_name(name) for name in (*stated, *_QUANTITIES, *TIME_NAMES)}
+    with open_channels(path, Reading(is_known=lambda name: plain_name(name) in known)) as file:
         gauges = _gauges(mapping, wanted)
         channels = {entry.name: gauges[entry.gauge] for entry in mapping.channels}
         excluded = excluded_gauges(mapping.path, wanted, channels)
@@ -79,9 +87,11 @@ def mapped_strains(path: Path, wanted: Wanted, mapping: ChannelMap) -> Iterator[
         of_map = tuple(gauge for gauge in wanted.gauge_names if gauge in excluded)  # others are legs of rosettes
         wanted, mapping = replace(wanted, excluded=of_map), replace(mapping, channels=kept)
         found = _Found()
-        clock = _Clock(file, mapping, found)
+        clock = ChannelClock(file, mapping.path, channel=mapping.time, unit=mapping.time_unit, rate=mapping.rate)
         _read_strains(file, mapping, gauges, clock, found)
         _read_flow(file, mapping, wanted, clock, found)
+        found.notes += clock.notes
+        found.used.update(clock.used)
         yield _strain_file(file, mapping, wanted, found)
 
 
@@ -118,70 +128,7 @@ def _gauges(mapping: ChannelMap, wanted: Wanted) -> dict[str, str]:
     return gauges
 
 
-class _Clock:
-    """The times of channels: their own, those of a channel of time, or those of a rate."""
-
-    def __init__(self, file: ChannelFile, mapping: ChannelMap, found: _Found) -> None:
-        self._file, self._mapping, self._found = file, mapping, found
-        self._times: dict[str, FloatArray] = {}
-
-    def of(self, name: str, n: int) -> FloatArray:
-        """Return (n,) times [s] of a channel of n samples."""
-        own = None if self._mapping.time is not None else self._file.clock(name)
-        if own is None and self._mapping.rate is not None:
-            return np.arange(n) / self._mapping.rate
-        time = self._time(self._name(name)) if own is None else own
-        if len(time) != n:
-            raise InputError(
-                f"{self._file.path}: channel '{name}': expected {len(time)} values, as many as times, got {n}"
-            )
-        return time
-
-    def _time(self, name: str) -> FloatArray:
-        """Return a channel of time [s], read once."""
-        if name not in self._times:
-            file, mapping = self._file, self._mapping
-            unit = mapping.time_unit or file.units.get(name) or "s"
-            if unit not in TIME_UNITS:
-                raise InputError(
-                    f"{file.path}: channel '{name}': unit: expected one of {', '.join(TIME_UNITS)}, got '{unit}'"
-                )
-            values = file.numbers(name)
-            wrong = np.flatnonzero(~np.isfinite(values))
-            if len(wrong):
-                raise InputError(
-                    f"{file.path}: channel '{name}', sample {wrong[0] + 1}: expected a time, got none"
-                )
-            self._found.used.add(name)
-            self._found.notes += [file.notes[name]] if name in file.notes else []
-            self._times[name] = values * (1.0 if name in file.notes else TIME_UNITS[unit])
-        return self._times[name]
-
-    def _name(self, channel: str) -> str:
-        """Return the channel of time for a channel: the stated one, that of its group, or the only one."""
-        file, mapping = self._file, self._mapping
-        if mapping.time is not None:
-            name = matched(file.path, "channel of time", mapping.time, file.names)
-            if name is None:
-                near = suggestion(mapping.time, file.names)
-                raise InputError(
-                    f"{file.path}: no channel '{mapping.time}' of {mapping.path}: time.channel, {near}"
-                )
-            return name
-        own = file.time_of(channel)
-        if own is not None:
-            return own
-        held = file.time_channels()
-        if len(held) != 1:
-            got = " and ".join(f"'{name}'" for name in held) or "none"
-            raise InputError(
-                f"{file.path}: channel of time: expected one, got {got}; state [time] channel or rate_hz in "
-                f"{mapping.path}"
-            )
-        return held[0]
-
-
-def _read(file: ChannelFile, name: str, clock: _Clock) -> Channel:
+def _read(file: ChannelFile, name: str, clock: ChannelClock) -> Channel:
     """Return times and values of a channel; of one that is mostly empty those that have a value."""
     values = file.numbers(name)
     infinite = np.flatnonzero(np.isinf(values))
@@ -198,7 +145,7 @@ def _read(file: ChannelFile, name: str, clock: _Clock) -> Channel:
 
 
 def _read_strains(
-    file: ChannelFile, mapping: ChannelMap, gauges: dict[str, str], clock: _Clock, found: _Found
+    file: ChannelFile, mapping: ChannelMap, gauges: dict[str, str], clock: ChannelClock, found: _Found
 ) -> None:
     """Read the channels of strain, in m/m."""
     other_units, taken = [], dict[str, str]()
@@ -246,7 +193,7 @@ def _compensation(mapping: ChannelMap) -> list[str]:
     return [f"{mapping.path}: temperature compensation of the channels: {kinds}{rest}; nothing else is taken off"]
 
 
-def _read_flow(file: ChannelFile, mapping: ChannelMap, wanted: Wanted, clock: _Clock, found: _Found) -> None:
+def _read_flow(file: ChannelFile, mapping: ChannelMap, wanted: Wanted, clock: ChannelClock, found: _Found) -> None:
     """Read the channels of the flow, in SI units: those of ``[[flow]]``, then those with a quantity's own name."""
     stated = set[str]()
     for entry in mapping.flow:
@@ -310,7 +257,7 @@ def _add_flow(
     quantity: str,
     *,
     unit: str | None,
-    clock: _Clock,
+    clock: ChannelClock,
     found: _Found,
     readings: Mapping[str, str],
 ) -> None:

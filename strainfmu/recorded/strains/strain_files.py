@@ -10,13 +10,12 @@ from strainfmu.errors import InputError
 from strainfmu.recorded.channels.channel_entries import load_channels
 from strainfmu.recorded.columns.column_names import Wanted
 from strainfmu.recorded.columns.columns import StrainBlock
-from strainfmu.recorded.strains.channel_strains import channel_strains, mf4_strains, tdms_strains
-from strainfmu.recorded.strains.csv_strains import csv_strains
+from strainfmu.recorded.formats.hdf5_channels import hdf5_channels
+from strainfmu.recorded.formats.registry import format_of
+from strainfmu.recorded.strains.channel_strains import channel_strains
 from strainfmu.recorded.strains.hdf5_strains import hdf5_strains
 from strainfmu.recorded.strains.mapped_strains import mapped_strains
 from strainfmu.recorded.strains.sample_blocks import StrainFile
-
-TABLE_SUFFIXES = (".csv", ".txt", ".h5", ".hdf5", ".mat", ".mf4", ".parquet", ".tdms")
 
 
 @contextmanager
@@ -31,22 +30,9 @@ def open_strains(path: Path, wanted: Wanted, channels: Path | None = None) -> It
     StrainfmuError
         The reader of its kind is not installed.
     """
-    readers = {
-        ".csv": csv_strains,
-        ".txt": csv_strains,
-        ".h5": hdf5_strains,
-        ".hdf5": hdf5_strains,
-        ".mat": channel_strains,
-        ".mf4": mf4_strains,
-        ".parquet": channel_strains,
-        ".tdms": tdms_strains,
-    }
-    reader = readers.get(path.suffix.lower())
-    if reader is None:
-        raise InputError(f"{path}: expected one of {', '.join(TABLE_SUFFIXES)}, got '{path.suffix}'")
-    if not path.is_file():
-        raise InputError(f"{path}: no such file")
+    is_hdf5 = hdf5_channels is format_of(path).open  # arrays and recorded simulations, layouts of this product
     mapping = None if channels is None else load_channels(channels)
+    reader = hdf5_strains if is_hdf5 else channel_strains
     with reader(path, wanted) if mapping is None else mapped_strains(path, wanted, mapping) as opened:
         notes = (*opened.notes, *opened.plan.notes)
         yield StrainFile(opened.length, _not_empty(path, opened.blocks), opened.plan, notes)

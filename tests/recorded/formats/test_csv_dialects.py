@@ -74,7 +74,7 @@ REFUSED = {
     ): "line 3, column 'G0': expected a number with a decimal point, got '1,5e-6'",
     ISO.replace(".5+00:00", ".5"): "line 3, column 'time': expected a time zone everywhere or nowhere, got both",
     ISO.replace("2026-03-01T12:00:00.5+00:00", "0.5"): "expected a time of ISO 8601, as at the start, got '0.5'",
-    ISO.replace("2026-03-01T12:00:00.5+00:00", "noon"): "expected a number or a time of ISO 8601, got 'noon'",
+    ISO.replace("2026-03-01T12:00:00.5+00:00", "noon"): "expected a time of ISO 8601, as at the start, got 'noon'",
     ISO.replace("-01T12:00:00.5", "-01T11:00:00"): "column 'time', row 3: expected increasing times, got -3600 s",
     UNITS.replace("µm/m", "furlong"): "column 'G0': unit: expected one of um/m, ",
     UNITS.replace("G0", "G0 [mm/m]"): "unit: expected one, got 'mm/m' in the heading and 'µm/m' below",
