@@ -15,7 +15,14 @@ from strainfmu.arrays import FloatArray
 from strainfmu.cosim.estimators.zeros_file import load_zeros
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.recorded.columns.column_names import FLOW_NAMES, NAVIGATION_NAMES, STATIC_PRESSURE, STD, Wanted
+from strainfmu.recorded.columns.column_names import (
+    FLOW_NAMES,
+    NAVIGATION_NAMES,
+    STATIC_PRESSURE,
+    STD,
+    DateOrder,
+    Wanted,
+)
 from strainfmu.recorded.columns.columns import ColumnPlan, StrainBlock
 from strainfmu.recorded.estimates.block_estimates import BlockEstimates, BlockEstimator, dropped_navigation
 from strainfmu.recorded.estimates.estimator_files import open_block_estimator
@@ -113,6 +120,7 @@ def estimate_file(
     zeros: str | PathLike[str] | None = None,
     accept_held: bool = False,
     exclude: Sequence[str] = (),
+    date_order: DateOrder | None = None,
 ) -> EstimationSummary:
     """Estimate every sample of ``data`` with the FMU or map ``source`` and write ``output``.
 
@@ -132,6 +140,7 @@ def estimate_file(
     zeros : file of what the gauges read without strain (zeros.toml), None for 0.
     accept_held : whether to estimate rows in which no gauge changes, too; else they are INVALID.
     exclude : gauges to leave out: names of the map, ``strain[i]``, or names of their columns or channels.
+    date_order : what stands first in dates of figures, such as 03/04/2026; None where the file has none.
 
     Raises
     ------
@@ -157,7 +166,11 @@ def estimate_file(
             raise InputError(
                 f"{data}: --ignore-columns: expected none beside --channels, which names what is read"
             )
-        wanted = replace(_wanted(source, estimator, dynamic_pressure, ignore_columns), excluded=tuple(exclude))
+        wanted = replace(
+            _wanted(source, estimator, dynamic_pressure, ignore_columns),
+            excluded=tuple(exclude),
+            date_order=date_order,
+        )
         with open_strains(data, wanted, None if channels is None else Path(channels)) as opened:
             plan = opened.plan
             checks = DataChecks(
@@ -188,7 +201,7 @@ def estimate_file(
                     if progress is not None:
                         progress(done, opened.length)
                 summary.missing_strains = checks.missing
-                summary.notes += checks.notes()
+                summary.notes += [*opened.remarks, *checks.notes()]
     return summary
 
 

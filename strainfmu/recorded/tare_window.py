@@ -14,7 +14,7 @@ from strainfmu.estimator.map.flow_parameters import flow_parameters
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.zeros.tare import KnownStrain, Tare, TareLimits, tare
 from strainfmu.interface.sensor_variables import reading_units
-from strainfmu.recorded.columns.column_names import FLOW_NAMES, NAVIGATION_NAMES, STD, Wanted
+from strainfmu.recorded.columns.column_names import FLOW_NAMES, NAVIGATION_NAMES, STD, DateOrder, Wanted
 from strainfmu.recorded.columns.sensor_readings import recorded_readings
 from strainfmu.recorded.strains.strain_files import open_strains
 
@@ -39,6 +39,7 @@ def tare_file(
     known: KnownStrain | None = None,
     *,
     channels: str | PathLike[str] | None = None,
+    date_order: DateOrder | None = None,
 ) -> Tare:
     """Return the zeros of ``inverse_map``'s strain gauges from ``window`` of ``recording``.
 
@@ -46,6 +47,7 @@ def tare_file(
     ----------
     known : strain of the loads that act meanwhile, None for none.
     channels : file that tells which channel is which gauge (channels.toml).
+    date_order : what stands first in dates of figures, such as 03/04/2026; None where the recording has none.
 
     Raises
     ------
@@ -55,7 +57,7 @@ def tare_file(
         The reader of its kind is not installed.
     """
     path = Path(recording)
-    strain, pressure = _read(inverse_map, path, window, None if channels is None else Path(channels))
+    strain, pressure = _read(inverse_map, path, window, None if channels is None else Path(channels), date_order)
     try:
         return tare(inverse_map, strain, pressure, limits, known)
     except InputError as error:
@@ -63,7 +65,7 @@ def tare_file(
 
 
 def _read(
-    inverse_map: InverseMap, path: Path, window: Window, channels: Path | None
+    inverse_map: InverseMap, path: Path, window: Window, channels: Path | None, date_order: DateOrder | None
 ) -> tuple[FloatArray, FloatArray]:
     """Return strain (n, n_d) and q_inf (n,) in the window; NaN where the recording holds no q_inf."""
     n, readings = inverse_map.n_strain_gauges, recorded_readings(reading_units(inverse_map))
@@ -76,6 +78,7 @@ def _read(
         readings=readings,
         needs_pressure=False,
         computes_pressure=True,
+        date_order=date_order,
     )
     strains, pressures, times = [np.empty((0, n))], [np.empty(0)], [np.empty(0)]
     with open_strains(path, wanted, channels) as opened:

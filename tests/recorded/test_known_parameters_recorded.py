@@ -87,7 +87,7 @@ def test_a_column_of_deviations_sharpens_the_pressure_field(tmp_path: Path) -> N
         *(
             (
                 {NAME: 1.0, f"{NAME}_std": -0.05},
-                rf"column '{NAME}_std', row 2: expected at least 0, got -0\.05",
+                rf"column '{NAME}_std', line 2: expected at least 0, got -0\.05",
                 of,
             )
             for of in ("map.h5", "e.fmu")

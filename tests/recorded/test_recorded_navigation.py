@@ -151,7 +151,7 @@ def test_an_fmu_takes_the_same(tmp_path: Path, fmu: Path) -> None:
 
 
 def test_a_negative_deviation_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="'static_pressure_std', row 2: expected at least 0, got -1"):
+    with pytest.raises(InputError, match="'static_pressure_std', line 2: expected at least 0, got -1"):
         estimated(tmp_path, {"mach_number": MACH, "static_pressure": STATIC, "static_pressure_std": -1.0})
 
 

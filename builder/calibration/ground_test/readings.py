@@ -121,7 +121,7 @@ def _samples(
     wanted = Wanted(gauge_names=gauge_names, fixed_pressure=0.0, ignored=("*",))
     with open_strains(recording, wanted, channels) as opened:
         blocks = [block for block, _ in opened.blocks]
-        notes += opened.notes
+        notes += [*opened.notes, *opened.remarks]
     return np.concatenate([one.time for one in blocks]), np.concatenate([one.strain for one in blocks])
 
 

@@ -15,6 +15,7 @@ from strainfmu.cli.commands.bus_options import cycle_time_of, refuse_cycle_time
 from strainfmu.cli.commands.can_bus import KeyOption, ZerosOption, identifiers_of
 from strainfmu.cli.commands.can_send import stop_request
 from strainfmu.cli.commands.number_ranges import PRESSURE_PA, within
+from strainfmu.cli.commands.taring import DateOrderOption
 from strainfmu.errors import InputError, StrainfmuError
 
 if TYPE_CHECKING:
@@ -110,6 +111,7 @@ def estimate(
         Path | None,
         typer.Option(metavar="TOML", help="Which channel of the recorder is which gauge, and its unit or bridge."),
     ] = None,
+    date_order: DateOrderOption = None,
     filter_seconds: Annotated[
         float | None,
         typer.Option(
@@ -166,6 +168,7 @@ def estimate(
             "--accept-strain-level": accept_strain_level,
             "--accept-held": accept_held,
             "--exclude": exclude,
+            "--date-order": date_order,
             "--field": field,
         }
         for option, value in refused.items():
@@ -194,6 +197,7 @@ def estimate(
             zeros=zeros,
             accept_held=accept_held,
             exclude=_names(exclude),
+            date_order=date_order,
         )
     for line in _estimate_lines(summary, data):
         console.print(line, highlight=False, markup=False, soft_wrap=True)

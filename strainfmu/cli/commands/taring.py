@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import radians
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 import typer
@@ -18,12 +18,17 @@ if TYPE_CHECKING:
     from strainfmu.estimator.zeros.tare import KnownStrain, Tare
     from strainfmu.recorded.tare_window import Window
 
+DateOrderOption = Annotated[
+    Literal["day", "month"] | None,
+    typer.Option("--date-order", help="What stands first in dates of figures, such as 03/04/2026."),
+]
+
 
 def tare(
     inverse_map: Annotated[Path, typer.Argument(metavar="MAP", help="Inverse map (map.h5).")],
     recording: Annotated[
         Path,
-        typer.Argument(metavar="RECORDING", help="CSV, HDF5, MF4, TDMS, MAT, Parquet, as for `estimate`."),
+        typer.Argument(metavar="RECORDING", help="CSV, HDF5, MDF, TDMS, MAT, Parquet, as for `estimate`."),
     ],
     window: Annotated[
         str, typer.Option(metavar="FROM:TO", help="Times of the recording, in s, while loads are known.")
@@ -32,6 +37,7 @@ def tare(
     channels: Annotated[
         Path | None, typer.Option(metavar="TOML", help="Which channel of the recorder is which gauge.")
     ] = None,
+    date_order: DateOrderOption = None,
     max_dynamic_pressure: Annotated[float, number(0.0, 1e5, "Pa", "Largest dynamic pressure meanwhile.")] = 100.0,
     largest_zero: Annotated[float, number(1.0, 5e4, "um/m", "Largest plausible zero.")] = 2000.0,
     largest_drift: Annotated[float, number(0.0, 5e4, "um/m", "Largest drift over the window.")] = 2.0,
@@ -97,7 +103,7 @@ def tare(
             GaugeZeros(value=known.value, std=known.std),
             stated,
         )
-    found = tare_file(held, recording, chosen, limits, known, channels=channels)
+    found = tare_file(held, recording, chosen, limits, known, channels=channels, date_order=date_order)
     console = Console()
     for note in found.notes:
         console.print(f"{recording}: {note}", highlight=False, markup=False, soft_wrap=True)

@@ -6,6 +6,7 @@ from collections.abc import Collection
 from dataclasses import dataclass, field
 from math import inf
 from pathlib import Path
+from typing import get_args
 
 from strainfmu.cosim.toml_table import TomlTable, read_toml
 from strainfmu.interface.parameter_variables import PREFIX
@@ -13,7 +14,7 @@ from strainfmu.interface.sensor_variables import PREFIX as SENSOR_PREFIX
 from strainfmu.interface.sensor_variables import THRUST
 from strainfmu.recorded.channels.bridges import BENDING, BRIDGES, POISSON, WIRES
 from strainfmu.recorded.channels.rasters import JOINS, Join
-from strainfmu.recorded.columns.column_names import FLOW_NAMES, NAVIGATION_NAMES
+from strainfmu.recorded.columns.column_names import FLOW_NAMES, NAVIGATION_NAMES, DateOrder
 from strainfmu.recorded.columns.temperature_columns import is_temperature
 from strainfmu.units import RATIO_UNITS, STRAIN_UNITS, TIME_UNITS, VOLTAGE_UNITS
 
@@ -100,6 +101,7 @@ class ChannelMap:
     time : channel of the time, None for 'time', 't' or the times that a channel has itself.
     time_unit : of it, None for that of the recording.
     rate : samples per second of a recording without times [Hz], None if it has them.
+    date_order : of day and month in dates of figures, None where it is not stated.
     join : how channels of other rates are brought to one raster.
     raster : channel whose samples are those of the estimates, None for the raster of most gauges.
     """
@@ -108,6 +110,7 @@ class ChannelMap:
     time: str | None = None
     time_unit: str | None = None
     rate: float | None = None
+    date_order: DateOrder | None = None
     join: Join = field(default_factory=Join)
     raster: str | None = None
     channels: tuple[ChannelEntry, ...] = ()
@@ -132,11 +135,13 @@ def load_channels(path: Path) -> ChannelMap:
     items, rosettes = root.tables("channel"), root.tables("rosette")
     if not items:
         raise root.fault("channel", "expected at least one [[channel]]")
+    order = _one_of(time, "date_order", get_args(DateOrder), None)
     found = ChannelMap(
         path=path,
         time=time.text("channel", "") if "channel" in time.entries else None,
         time_unit=_one_of(time, "unit", TIME_UNITS, None),
         rate=time.number("rate_hz", None, 1e-6, 1e9) if "rate_hz" in time.entries else None,
+        date_order="day" if order == "day" else "month" if order == "month" else None,
         join=Join(
             rule=_one_of(join, "rule", JOINS, "linear") or "linear",
             limit=join.number("limit_s", None, 0.0, 1e9) if "limit_s" in join.entries else None,

@@ -102,8 +102,12 @@ def on_one_raster(
 
 def _check(path: Path, name: str, channel: Channel) -> None:
     """Refuse times that do not increase."""
-    if not np.isfinite(channel.time).all() or (np.diff(channel.time) <= 0.0).any():
-        raise InputError(f"{path}: channel '{name}': expected finite times that increase")
+    wrong = np.flatnonzero(~(np.diff(channel.time, prepend=-np.inf) > 0.0) | ~np.isfinite(channel.time))
+    if len(wrong):
+        raise InputError(
+            f"{path}: channel '{name}', sample {wrong[0] + 1}: expected finite times that increase, "
+            f"got {channel.time[wrong[0]]:.9g} s"
+        )
 
 
 def _base(channels: Mapping[str, Channel], candidates: list[str]) -> str:

@@ -7,6 +7,7 @@ from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from pathlib import Path
+from typing import Literal
 
 from strainfmu.errors import InputError
 from strainfmu.interface.fmi_variables import COEFFICIENTS
@@ -29,6 +30,9 @@ pressure that is missing."""
 
 NAVIGATION_NAMES = ("mach_number_std", STATIC_PRESSURE, "static_pressure_std")
 """What the nonlinear estimator takes of navigation beside ``FLOW_NAMES``."""
+
+DateOrder = Literal["day", "month"]
+"""What stands first in a date of figures."""
 
 SIGNALS = frozenset(
     {
@@ -54,6 +58,7 @@ _OF_FLIGHT = ("autopilot.valid[", "schedule.fault_kind[", "schedule.fault_value[
 
 _INDEX = re.compile(r"strain\[([0-9]+)\]")
 _UNIT = re.compile(r"(?P<name>.*?)\s*\[(?P<unit>[^\[\]]*)\]")
+_ROUND_UNIT = re.compile(r"(?P<name>.*\S)\s*\((?P<unit>[^()]*[^()0-9])\)")
 
 _OTHER_NAMES = {
     **dict.fromkeys(("mach", "ma", "machnumber", "machinf"), "mach_number"),
@@ -85,6 +90,7 @@ class Wanted:
     readings : SI unit, as FMI has it, of each further sensor and of thrust, by its name; they are among ``flow``.
     passed : quantities that are known and not read, since another estimator takes them.
     excluded : gauges to leave out, as the user names them: see :func:`excluded_gauges`.
+    date_order : of day and month in dates of figures, None where it is not stated.
     """
 
     gauge_names: tuple[str, ...]
@@ -100,6 +106,7 @@ class Wanted:
     readings: Mapping[str, str] = field(default_factory=dict)
     passed: tuple[str, ...] = ()
     excluded: tuple[str, ...] = ()
+    date_order: DateOrder | None = None
 
     @property
     def pressure_option(self) -> str:
@@ -108,8 +115,14 @@ class Wanted:
 
 
 def split_heading(heading: str) -> tuple[str, str | None]:
-    """Return name and unit of ``name [unit]``; ``strain[3]`` is a name alone."""
+    """Return name and unit of ``name [unit]`` or ``name (unit)``; ``strain[3]`` is a name alone.
+
+    Round brackets belong to the name unless they hold a known unit.
+    """
     heading = heading.strip()
+    rounded = _ROUND_UNIT.fullmatch(heading)
+    if rounded is not None and rounded["unit"].strip() in ALL_UNITS:
+        return rounded["name"], rounded["unit"].strip()
     match = _UNIT.fullmatch(heading)
     if match is None:
         return heading, None

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from strainfmu.arrays import FloatArray
+from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 from strainfmu.recorded.columns.column_names import (
     FLOW_NAMES,
@@ -104,6 +104,7 @@ class ColumnPlan:
     temperature : column of each temperature sensor of the map, None of one without.
     sensors : names of those sensors.
     readings : names of further sensors of the map, and thrust, which may be in ``flow``.
+    counted : what the samples are counted by in messages, "row", or "line" of a text.
     """
 
     path: Path
@@ -120,6 +121,7 @@ class ColumnPlan:
     sensors: tuple[str, ...] = ()
     readings: tuple[str, ...] = ()
     navigates: bool = False
+    counted: str = "row"
 
     @property
     def columns(self) -> tuple[int, ...]:
@@ -155,8 +157,10 @@ class ColumnPlan:
             notes.append(f"{self.path}: no column for {shown}: sensors are left out, thrust is 0")
         return (*notes, *temperature_note(self.path, self.temperature, self.sensors))
 
-    def block(self, table: FloatArray, first_row: int = 1) -> StrainBlock:
-        """Return the samples of ``table`` (n, k), whose k columns are :attr:`columns`; its rows count from 1.
+    def block(self, table: FloatArray, places: IntArray) -> StrainBlock:
+        """Return the samples of ``table`` (n, k), whose k columns are :attr:`columns`.
+
+        ``places`` are their (n,) rows or lines in the file, for messages.
 
         Raises
         ------
@@ -164,7 +168,7 @@ class ColumnPlan:
             A number is infinite, a time is no number or not later than the one before, a quantity is negative that
             cannot be, or strains are in another unit than stated.
         """
-        self._check_finite(table, first_row)
+        self._check_finite(table, places)
         n_d, read = len(self.strain), [gauge for gauge, column in enumerate(self.strain) if column is not None]
         time = table[:, 0] * self.time_factor
         strain = table[:, 1 : 1 + len(read)] * self.strain_factor[read]
@@ -173,13 +177,13 @@ class ColumnPlan:
             strain[:, read] = of_read
         behind = table[:, 1 + len(read) :]
         flow = {name: behind[:, i] * factor for i, (name, (_, factor)) in enumerate(self.flow.items())}
-        self._check_time(time, first_row)
-        self._check_signs(flow, first_row)
+        self._check_time(time, places)
+        self._check_signs(flow, places)
         large = np.abs(strain) > LARGEST_STRAIN  # none is infinite
         if large.any() and self._is_other_unit(strain):
             row, gauge = divmod(int(np.argmax(large)), n_d)
             raise InputError(
-                f"{self.path}: column '{self.names[self.strain[gauge] or 0]}', row {first_row + row}: "
+                f"{self.path}: column '{self.names[self.strain[gauge] or 0]}', {self.counted} {places[row]}: "
                 f"expected at most {LARGEST_STRAIN:g} m/m, got {strain[row, gauge]:g}; {self._unit_hint(strain)}"
             )
         if self.computed_from:
@@ -212,37 +216,38 @@ class ColumnPlan:
             return "state the unit, as in 'name [um/m]'"
         return f"likely in {' or '.join(units)}, by the map's strains; state the unit, as in 'name [{units[0]}]'"
 
-    def _check_signs(self, flow: Mapping[str, FloatArray], first_row: int) -> None:
+    def _check_signs(self, flow: Mapping[str, FloatArray], places: IntArray) -> None:
         deviations = (f"{name}{STD}" for name in flow)
         for name in dict.fromkeys((*_NOT_NEGATIVE, *deviations)):
             negative = np.flatnonzero(flow.get(name, np.empty(0)) < 0.0)
             if len(negative):
                 row = int(negative[0])
                 raise InputError(
-                    f"{self.path}: column '{self.names[self.flow[name][0]]}', row {first_row + row}: "
+                    f"{self.path}: column '{self.names[self.flow[name][0]]}', {self.counted} {places[row]}: "
                     f"expected at least 0, got {flow[name][row]:g}"
                 )
 
-    def _check_finite(self, table: FloatArray, first_row: int) -> None:
+    def _check_finite(self, table: FloatArray, places: IntArray) -> None:
         """Refuse infinity: NaN stands for "no value" in a file, an overflow does not."""
         infinite = np.isinf(table)
         if infinite.any():
             row, column = (int(one) for one in np.argwhere(infinite)[0])
             raise InputError(
-                f"{self.path}: column '{self.names[self.columns[column]]}', row {first_row + row}: "
+                f"{self.path}: column '{self.names[self.columns[column]]}', {self.counted} {places[row]}: "
                 f"expected a finite number or NaN, got {table[row, column]:g}"
             )
 
-    def _check_time(self, time: FloatArray, first_row: int) -> None:
+    def _check_time(self, time: FloatArray, places: IntArray) -> None:
         wrong = np.flatnonzero(~np.isfinite(time))
         if len(wrong):
             raise InputError(
-                f"{self.path}: column '{self.names[self.time]}', row {first_row + wrong[0]}: no number found"
+                f"{self.path}: column '{self.names[self.time]}', {self.counted} {places[wrong[0]]}: "
+                "no number found"
             )
         back = np.flatnonzero(np.diff(time) <= 0.0)
         if len(back):
             raise InputError(
-                f"{self.path}: column '{self.names[self.time]}', row {first_row + 1 + back[0]}: "
+                f"{self.path}: column '{self.names[self.time]}', {self.counted} {places[back[0] + 1]}: "
                 f"expected increasing times, got {time[back[0] + 1]:.9g} s after {time[back[0]]:.9g} s"
             )
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError, StrainfmuError
-from strainfmu.recorded.columns.column_names import TIME_NAMES
+from strainfmu.recorded.columns.column_names import TIME_NAMES, DateOrder
 from strainfmu.recorded.formats.name_match import plain_name
 
 LARGEST_MATRIX = 4096
@@ -26,9 +26,11 @@ class Reading:
     Attributes
     ----------
     is_known : whether a name is that of a channel to be read; texts find their headings by it.
+    date_order : of day and month in dates of figures, None where it is not stated.
     """
 
     is_known: Callable[[str], bool] = lambda _: False
+    date_order: DateOrder | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,6 +105,10 @@ class ChannelFile:
         if found.ndim != 1:
             raise InputError(f"{self.path}: channel '{name}': expected one number a sample, got {found.shape}")
         return found
+
+    def place(self, sample: int) -> str:
+        """Return where a sample, counted from 0, stands in the file."""
+        return f"sample {sample + 1}" if self.lines is None else f"line {self.lines()[sample]}"
 
     @contextmanager
     def _readable(self, name: str) -> Iterator[None]:

@@ -7,7 +7,6 @@ row of units, no decimal comma.
 from __future__ import annotations
 
 import csv
-import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -17,15 +16,20 @@ from typing import TextIO
 
 from strainfmu.errors import InputError
 from strainfmu.recorded.columns.column_names import split_heading
+from strainfmu.recorded.formats.cells import NUMBER, Numerals, is_number
+from strainfmu.recorded.formats.date_times import time_form
 from strainfmu.units import ALL_UNITS, NUMBER_UNITS
 
 LONGEST_HEADER = 200
 """Lines among which the headings must be."""
 
+SEEN = 400
+"""Lines of the file that are looked at for its layout, its first samples among them."""
+
 DELIMITERS = ",;\t"
 
-NUMBER = re.compile(r"[+-]?([0-9]+[.,]?[0-9]*|[.,][0-9]+)([eE][+-]?[0-9]+)?|[+-]?nan", re.IGNORECASE)
-"""A number in a cell: ASCII digits, a decimal point or comma, or NaN. float() accepts more, such as 1_0 for 10."""
+_UNIT_LABELS = ("unit", "units", "einheit", "einheiten")
+"""What stands ahead of a row of units in a column of labels, in small letters."""
 
 _MARKS = (
     (b"\xef\xbb\xbf", "utf-8-sig"),
@@ -49,6 +53,9 @@ class CsvLayout:
     units : unit of each column by a row of its own, None without such a row.
     lines_ahead : lines ahead of the first sample.
     first_row : cells of the first sample, empty without one.
+    first_line : its line.
+    numerals : how numbers are written, by the first samples.
+    passed_over : lines of channel information between headings and samples, with their first cells.
     """
 
     encoding: str
@@ -57,6 +64,9 @@ class CsvLayout:
     units: tuple[str | None, ...] | None
     lines_ahead: int
     first_row: tuple[str, ...]
+    first_line: int
+    numerals: Numerals
+    passed_over: tuple[tuple[int, str], ...] = ()
 
     @contextmanager
     def samples(self, path: Path) -> Iterator[TextIO]:
@@ -84,36 +94,63 @@ def csv_layout(path: Path, is_known: Callable[[str], bool]) -> CsvLayout:
     """
     encoding = _encoding(path)
     with path.open(newline="", encoding=encoding, errors="replace") as stream:
-        lines = list(islice(stream, LONGEST_HEADER))
+        lines = list(islice(stream, SEEN))
     if any("\x00" in line for line in lines):
         raise InputError(f"{path}: damaged, or not a CSV file: expected text, got bytes of 0")
-    at, delimiter = _heading_line(lines, is_known)
+    at, delimiter = _heading_line(lines[:LONGEST_HEADER], is_known)
     headings = list(_cells(lines[at], delimiter)) if lines else []
     while headings and not headings[-1].strip():
         headings.pop()  # what stands below is refused unless it is empty too
     if not headings:
         raise InputError(f"{path}: no headings found in the first line")
-    ahead, units = at + 1, None
-    for line in lines[at + 1 :]:
-        cells = _cells(line, delimiter)
-        if any(cell.strip() for cell in cells):
-            if units is None and _is_row_of_units(cells):
-                units = _units(path, headings, cells)
-            else:
-                break
-        elif units is None and not _units_follow(lines[ahead + 1 :], delimiter):
-            break
-        ahead += 1
-    rest = [_cells(line, delimiter) for line in lines[ahead:]]
-    first = next((cells for cells in rest if any(cell.strip() for cell in cells)), ())
+    used = [i for i, heading in enumerate(headings) if is_known(split_heading(heading)[0])]
+    used = used or list(range(len(headings)))
+    rows = [tuple(_cells(line, delimiter)) for line in lines[at + 1 :]]
+    ahead, units, passed = _rows_of_information(path, headings, rows, used)
+    filled = [row for row in rows[ahead:] if any(cell.strip() for cell in row)]
+    numerals = Numerals(delimiter)
+    numerals.learn(row[i].strip() for row in filled for i in used if i < len(row))
     return CsvLayout(
         encoding=encoding,
         delimiter=delimiter,
         headings=tuple(headings),
         units=units,
-        lines_ahead=ahead,
-        first_row=tuple(first),
+        lines_ahead=at + 1 + ahead,
+        first_row=filled[0] if filled else (),
+        first_line=at + 2 + next((i for i, row in enumerate(rows) if i >= ahead and row in filled[:1]), ahead),
+        numerals=numerals,
+        passed_over=tuple((at + 2 + row, first) for row, first in passed),
     )
+
+
+def _rows_of_information(
+    path: Path, headings: Sequence[str], rows: Sequence[tuple[str, ...]], used: Sequence[int]
+) -> tuple[int, tuple[str | None, ...] | None, list[tuple[int, str]]]:
+    """Return the number of rows ahead of the first sample, the units by a row of them, and the other rows.
+
+    Ahead of the samples may stand, for each channel, its unit, rate, range or date. No row is passed over where no
+    sample follows it: what is wrong in a file without samples is said of its first row.
+    """
+    samples = (at for at, row in enumerate(rows) if _is_sample(row, used) and not _is_row_of_units(row))
+    first = next(samples, None)
+    units, passed, ahead = None, [], 0
+    for at, row in enumerate(rows[:first]):
+        if not any(cell.strip() for cell in row):
+            continue
+        if units is None and _is_row_of_units(row):
+            units, ahead = _units(path, headings, row), at + 1
+        elif first is not None:
+            passed.append((at, row[0].strip()))
+    return (ahead if first is None else first), units, passed
+
+
+def _is_sample(row: Sequence[str], used: Sequence[int]) -> bool:
+    """Return whether a row is a sample rather than a text for each channel, or numbers behind a label."""
+    cells = [row[i].strip() if i < len(row) else "" for i in used]
+    values = [is_number(cell) or time_form(cell, None) is not None for cell in cells]
+    label = row[0].strip() if row else ""
+    has_label = bool(label) and used[0] == 0 and not values[0]
+    return any(values) and not has_label
 
 
 def _encoding(path: Path) -> str:
@@ -160,23 +197,18 @@ def _cells(line: str, delimiter: str) -> list[str]:
 
 
 def _unit(cell: str) -> str:
-    """Return the unit that a cell states, without brackets."""
+    """Return the unit that a cell states, without brackets; "" for a label of such a row."""
     text = cell.strip()
+    if text.casefold().rstrip(":") in _UNIT_LABELS:
+        return ""
     return text[1:-1].strip() if text[:1] + text[-1:] in ("[]", "()") else text
 
 
 def _is_row_of_units(cells: Sequence[str]) -> bool:
     """Return whether the cells are units: at least one known unit that is no number, and no number."""
-    units = [_unit(cell) for cell in cells if cell.strip()]
+    units = [unit for cell in cells if (unit := _unit(cell))]
     is_number = [NUMBER.fullmatch(unit) is not None and unit != "1" for unit in units]
     return not any(is_number) and any(unit in ALL_UNITS and unit not in NUMBER_UNITS for unit in units)
-
-
-def _units_follow(lines: Sequence[str], delimiter: str) -> bool:
-    """Return whether a row of units is the next line that is not empty."""
-    rest = (_cells(line, delimiter) for line in lines)
-    filled = next((cells for cells in rest if any(cell.strip() for cell in cells)), [])
-    return _is_row_of_units(filled)
 
 
 def _units(path: Path, headings: Sequence[str], cells: Sequence[str]) -> tuple[str | None, ...]:

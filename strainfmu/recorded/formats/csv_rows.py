@@ -1,11 +1,11 @@
-"""The samples of a CSV file as numbers: decimal point or comma, relative and ISO 8601 times."""
+"""The samples of a CSV file as numbers, in pieces: what each cell means, and in which line it is wrong."""
 
 from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Container, Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from pathlib import Path
 from typing import TextIO
@@ -13,24 +13,16 @@ from typing import TextIO
 import numpy as np
 
 from strainfmu.errors import InputError
+from strainfmu.recorded.formats.cells import Numerals
 from strainfmu.recorded.formats.channel_file import Rows
-from strainfmu.recorded.formats.csv_layout import NUMBER, CsvLayout
+from strainfmu.recorded.formats.csv_layout import CsvLayout
+from strainfmu.recorded.formats.date_times import TimeForm
 
 PIECE = 1 << 21
 """Characters that are read at a time, before the end of a line."""
 
-
-def iso_time(text: str) -> datetime | None:
-    """Return an ISO 8601 date and time, or a time of day, of a day in 1970; None for any other text."""
-    text = text.strip()
-    for candidate in (text, f"1970-01-01T{text}"):
-        try:
-            found = datetime.fromisoformat(candidate)
-        except ValueError:
-            continue
-        # A compact date, such as 20260101, is a number here.
-        return found if ":" in text or "-" in text[1:] else None
-    return None
+DAY = 86400.0
+"""[s]"""
 
 
 @dataclass
@@ -41,16 +33,22 @@ class RowReader:
     ----------
     names : of all columns, for messages.
     columns : those that are read, in this order.
-    dated : those of dates and times, which become seconds from the first one on.
+    dated : form of those of dates and times, which become seconds from the first one on.
+    remarks : takes lines for the user on what the cells have shown.
     """
 
     path: Path
     layout: CsvLayout
     names: Sequence[str]
     columns: Sequence[int]
-    dated: Container[int] = ()
-    _mark: str = field(default="", init=False)
+    dated: Mapping[int, TimeForm] = field(default_factory=dict)
+    remarks: list[str] = field(default_factory=list)
+    _numerals: Numerals = field(init=False)
     _starts: dict[int, datetime] = field(default_factory=dict, init=False)
+    _lasts: dict[int, float] = field(default_factory=dict, init=False)
+
+    def __post_init__(self) -> None:
+        self._numerals = replace(self.layout.numerals)
 
     def pieces(self) -> Iterator[Rows]:
         """Yield the samples, some thousand at a time, with their lines.
@@ -95,27 +93,35 @@ class RowReader:
             return float("nan")
         if column in self.dated:
             return self._seconds(text, column, line)
-        if NUMBER.fullmatch(text) is None:
-            raise self._fault(line, column, f"expected a number, got '{text[:40]}'")
-        mark = "," if "," in text else "." if "." in text else ""
-        if mark == "," and self.layout.delimiter == ",":
-            raise self._fault(line, column, f"expected a number with a decimal point, got '{text[:40]}'")
-        if mark and self._mark and mark != self._mark:
-            raise self._fault(
-                line, column, f"expected a number with a decimal '{self._mark}', as before, got '{text[:40]}'"
+        was_grouped = self._numerals.grouped
+        try:
+            found = self._numerals.number(text)
+        except ValueError as error:
+            raise self._fault(line, column, f"{error}, got '{text[:40]}'") from error
+        if self._numerals.grouped != was_grouped:
+            self.remarks.append(
+                f"{self.path}: line {line}, column '{self.names[column]}': '{text}' read as {found:.12g}: numbers "
+                "with separators of thousands"
             )
-        self._mark = self._mark or mark
-        return float(text.replace(",", "."))
+        return found
 
     def _seconds(self, text: str, column: int, line: int) -> float:
-        """Return the time since the first one of a column."""
-        moment = iso_time(text) if NUMBER.fullmatch(text) is None else None
+        """Return the time since the first one of a column; times of day go on behind midnight."""
+        form = self.dated[column]
+        moment = form.moment(text)
         if moment is None:
-            raise self._fault(line, column, f"expected a time of ISO 8601, as at the start, got '{text[:40]}'")
+            raise self._fault(
+                line, column, f"expected a time {form.order.value}, as at the start, got '{text[:40]}'"
+            )
         try:
-            return (moment - self._starts.setdefault(column, moment)).total_seconds()
+            found = (moment - self._starts.setdefault(column, moment)).total_seconds()
         except TypeError as error:
             raise self._fault(line, column, "expected a time zone everywhere or nowhere, got both") from error
+        if not form.has_date:
+            last = self._lasts.get(column, found)
+            found += DAY * max(0, round((last - found) / DAY))
+            self._lasts[column] = found
+        return found
 
     def _fault(self, line: int, column: int, text: str) -> InputError:
         return InputError(f"{self.path}: line {line}, column '{self.names[column]}': {text}")
@@ -127,11 +133,3 @@ def _piece(stream: TextIO) -> str:
     while text.count('"') % 2 and len(text) < 2 * PIECE and (more := stream.readline()):
         text += more
     return text
-
-
-def time_notes(path: Path, layout: CsvLayout, names: Sequence[str], time: int) -> tuple[str, ...]:
-    """Return what is to be said of ISO times: the zero of the seconds that stand for them."""
-    text = layout.first_row[time].strip() if 0 <= time < len(layout.first_row) else ""
-    if NUMBER.fullmatch(text) or iso_time(text) is None:
-        return ()
-    return (f"{path}: column '{names[time]}': times of ISO 8601, read as seconds since {text}",)

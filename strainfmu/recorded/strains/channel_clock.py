@@ -78,9 +78,16 @@ class ChannelClock:
             wrong = np.flatnonzero(~np.isfinite(values))
             if len(wrong):
                 raise InputError(
-                    f"{file.path}: channel '{name}', sample {wrong[0] + 1}: expected a time, got none"
+                    f"{file.path}: channel '{name}', {file.place(int(wrong[0]))}: expected a time, got none"
                 )
-            self._times[name] = values * (1.0 if name in file.notes else TIME_UNITS[unit])
+            time = values * (1.0 if name in file.notes else TIME_UNITS[unit])
+            back = np.flatnonzero(np.diff(time) <= 0.0)
+            if len(back):
+                raise InputError(
+                    f"{file.path}: channel '{name}', {file.place(int(back[0]) + 1)}: expected increasing times, "
+                    f"got {time[back[0] + 1]:.9g} s after {time[back[0]]:.9g} s"
+                )
+            self._times[name] = time
         return self._times[name]
 
     def _name(self, channel: str) -> str:

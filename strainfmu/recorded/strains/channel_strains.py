@@ -4,27 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.recorded.channels.rasters import Channel, on_one_raster
 from strainfmu.recorded.columns.column_names import Wanted, columns_to_read, is_read, quantity_of
-from strainfmu.recorded.columns.columns import ColumnPlan, StrainBlock, plan_columns
+from strainfmu.recorded.columns.columns import StrainBlock, plan_columns
 from strainfmu.recorded.columns.temperature_columns import sensor_of
 from strainfmu.recorded.formats.channel_file import ChannelFile, Reading, Rows
 from strainfmu.recorded.formats.registry import open_channels
 from strainfmu.recorded.strains.channel_clock import ChannelClock
-from strainfmu.recorded.strains.sample_blocks import BLOCK_ROWS, StrainFile, checked_block, column_file
+from strainfmu.recorded.strains.sample_blocks import BLOCK_ROWS, SampleBlocks, StrainFile, column_file
 
 
 @contextmanager
 def channel_strains(path: Path, wanted: Wanted) -> Iterator[StrainFile]:
     """Open a recording; the rest as :func:`~strainfmu.recorded.strains.strain_files.open_strains`."""
-    with open_channels(path, Reading(is_known=lambda name: is_read(name, wanted))) as file:
+    reading = Reading(is_known=lambda name: is_read(name, wanted), date_order=wanted.date_order)
+    with open_channels(path, reading) as file:
         yield _of_columns(file, wanted) if file.rows is None else _of_rows(file, wanted)
 
 
@@ -34,23 +34,24 @@ def _of_rows(file: ChannelFile, wanted: Wanted) -> StrainFile:
     units = {**file.units, **dict.fromkeys(file.notes, "s")}
     headings = file.headings or file.names
     plan = plan_columns(file.path, headings, wanted, units=[units.get(name) for name in file.names])
+    plan = replace(plan, counted="line")
     rows = file.rows([file.names[column] for column in plan.columns])
     note = file.notes.get(file.names[plan.time])
     notes = (*file.remarks, *((note,) if note else ()))
-    return StrainFile(file.length, _row_blocks(rows, plan), plan, notes)
+    file.remarks.clear()  # what follows is known when the samples have been read
+    return StrainFile(file.length, _row_blocks(rows, SampleBlocks(plan, file.remarks)), plan, notes, file.remarks)
 
 
-def _row_blocks(pieces: Iterator[Rows], plan: ColumnPlan) -> Iterator[tuple[StrainBlock, int]]:
-    """Yield blocks; rows are counted as lines of the file."""
-    # The last time of a block is kept, so that times are compared across blocks.
-    last, done = -np.inf, 0
+def _row_blocks(pieces: Iterator[Rows], samples: SampleBlocks) -> Iterator[tuple[StrainBlock, int]]:
+    """Yield blocks of at most BLOCK_ROWS samples."""
+    done = 0
     for piece in pieces:
         n = len(piece.lines)
         for first in range(0, n, BLOCK_ROWS):
             rows = slice(first, min(first + BLOCK_ROWS, n))
-            block, last = checked_block(plan, piece.values[rows], first_row=int(piece.lines[first]), last=last)
-            yield block, done + (piece.done - done) * rows.stop // n
+            yield samples.block(piece.values[rows], piece.lines[rows]), done + (piece.done - done) * rows.stop // n
         done = piece.done
+    samples.finish()
 
 
 def _of_columns(file: ChannelFile, wanted: Wanted) -> StrainFile:
@@ -68,14 +69,17 @@ def _of_columns(file: ChannelFile, wanted: Wanted) -> StrainFile:
     clock = ChannelClock(file)
     values = {name: file.series(name) for name in read}
     at = {name: clock.of(name, len(values[name])) for name in read}
+    notes = (*file.remarks, *clock.notes)
     units = {shown[name]: file.units.get(name) for name in names}
     others = dict.fromkeys(shown[name] for name in names if name not in values)
     if len({id(time) for time in at.values()}) == 1:
         time = shown[clock.used[0]] if clock.used else "time"
         held: dict[str, Any] = {time: at[read[0]], **others, **{shown[name]: values[name] for name in read}}
-        return column_file(path, held, units={**units, time: "s"}, wanted=wanted, notes=tuple(clock.notes))
+        return column_file(
+            path, held, units={**units, time: "s"}, wanted=wanted, notes=(*file.remarks, *clock.notes)
+        )
     of_channels = {shown[name]: Channel(at[name], file.numbers(name)) for name in read}
-    return _of_rasters(path, of_channels, others, units, wanted, tuple(clock.notes))
+    return _of_rasters(path, of_channels, others, units, wanted, notes)
 
 
 def _of_rasters(

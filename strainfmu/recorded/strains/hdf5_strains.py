@@ -24,7 +24,7 @@ from strainfmu.recorded.columns.columns import (
 from strainfmu.recorded.columns.flight_pressure import pressure_sources
 from strainfmu.recorded.columns.temperature_columns import TemperatureColumn, kelvin
 from strainfmu.recorded.formats.hdf5_file import opened_hdf5, reading
-from strainfmu.recorded.strains.sample_blocks import BLOCK_ROWS, StrainFile, checked_block, column_file
+from strainfmu.recorded.strains.sample_blocks import BLOCK_ROWS, SampleBlocks, StrainFile, column_file
 
 _SLASH = "%2F"
 _ARRAYS = ("strain", "time", "gauge_names")
@@ -104,7 +104,10 @@ def _hdf5_arrays(path: Path, file: h5py.File, wanted: Wanted) -> StrainFile:
         readings=tuple(wanted.readings),
         navigates=wanted.navigates,
     )
-    return StrainFile(len(time), _hdf5_blocks(plan, time, strain=strain, flow=flow, warm=warm), plan)
+    remarks = list[str]()
+    samples = SampleBlocks(plan, remarks)
+    blocks = _hdf5_blocks(plan, samples, time, strain=strain, flow=flow, warm=warm)
+    return StrainFile(len(time), blocks, plan, remarks=remarks)
 
 
 def _data_sets(path: Path, names: list[str], wanted: Wanted) -> dict[str, str]:
@@ -151,9 +154,9 @@ def _check_shapes(path: Path, file: h5py.File, n_d: int, held: list[str]) -> Non
 
 
 def _hdf5_blocks(
-    plan: ColumnPlan, time: Any, strain: Any, flow: list[Any], warm: Any
+    plan: ColumnPlan, samples: SampleBlocks, time: Any, strain: Any, flow: list[Any], warm: Any
 ) -> Iterator[tuple[StrainBlock, int]]:
-    last, kept = -np.inf, [gauge for gauge, column in enumerate(plan.strain) if column is not None]
+    kept = [gauge for gauge, column in enumerate(plan.strain) if column is not None]
     has_all = len(kept) == len(plan.strain)
     for first in range(0, len(time), BLOCK_ROWS):
         rows = slice(first, min(first + BLOCK_ROWS, len(time)))
@@ -165,8 +168,8 @@ def _hdf5_blocks(
                 parts.append(np.broadcast_to(np.asarray(value, dtype=float), parts[0].shape))
             if warm is not None:
                 parts.append(np.asarray(warm[rows], dtype=float))
-        block, last = checked_block(plan, np.column_stack(parts), first_row=first + 1, last=last)
-        yield block, rows.stop
+        yield samples.block(np.column_stack(parts), np.arange(first + 1, rows.stop + 1)), rows.stop
+    samples.finish()
 
 
 def _check_gauge_order(path: Path, file: h5py.File, gauge_names: tuple[str, ...]) -> None:

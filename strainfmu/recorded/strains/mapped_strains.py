@@ -79,7 +79,8 @@ def mapped_strains(path: Path, wanted: Wanted, mapping: ChannelMap) -> Iterator[
     stated += [*temperature_quantities(wanted.sensors), *wanted.sensors]
     stated += _parameters(wanted)
     known = {plain_name(name) for name in (*stated, *_QUANTITIES, *TIME_NAMES)}
-    with open_channels(path, Reading(is_known=lambda name: plain_name(name) in known)) as file:
+    order = mapping.date_order or wanted.date_order
+    with open_channels(path, Reading(is_known=lambda name: plain_name(name) in known, date_order=order)) as file:
         gauges = _gauges(mapping, wanted)
         channels = {entry.name: gauges[entry.gauge] for entry in mapping.channels}
         excluded = excluded_gauges(mapping.path, wanted, channels)
@@ -90,7 +91,7 @@ def mapped_strains(path: Path, wanted: Wanted, mapping: ChannelMap) -> Iterator[
         clock = ChannelClock(file, mapping.path, channel=mapping.time, unit=mapping.time_unit, rate=mapping.rate)
         _read_strains(file, mapping, gauges, clock, found)
         _read_flow(file, mapping, wanted, clock, found)
-        found.notes += clock.notes
+        found.notes += [*file.remarks, *clock.notes]
         found.used.update(clock.used)
         yield _strain_file(file, mapping, wanted, found)
 
@@ -134,7 +135,7 @@ def _read(file: ChannelFile, name: str, clock: ChannelClock) -> Channel:
     infinite = np.flatnonzero(np.isinf(values))
     if len(infinite):
         raise InputError(
-            f"{file.path}: channel '{name}', sample {infinite[0] + 1}: expected a finite number or NaN, "
+            f"{file.path}: channel '{name}', {file.place(int(infinite[0]))}: expected a finite number or NaN, "
             f"got {values[infinite[0]]:g}"
         )
     time = clock.of(name, len(values))
@@ -303,7 +304,9 @@ def _strain_file(file: ChannelFile, mapping: ChannelMap, wanted: Wanted, found: 
             np.full(len(merged.time), np.nan) if values is None else values / STRAIN_UNITS[units[gauge] or "1"]
         )
     columns |= {quantity: merged.values[name] for quantity, name in found.flow.items()}
-    opened = column_file(file.path, columns, units=units, wanted=wanted, notes=(*found.notes, *merged.notes))
+    lines = None if file.lines is None else file.lines()
+    notes = (*found.notes, *merged.notes)
+    opened = column_file(file.path, columns, units=units, wanted=wanted, notes=notes, lines=lines)
     unused = tuple(name for name in file.names if name not in found.used)
     return replace(opened, plan=replace(opened.plan, unused=(*unused, *opened.plan.unused)))
 

@@ -35,7 +35,7 @@ def open_strains(path: Path, wanted: Wanted, channels: Path | None = None) -> It
     reader = hdf5_strains if is_hdf5 else channel_strains
     with reader(path, wanted) if mapping is None else mapped_strains(path, wanted, mapping) as opened:
         notes = (*opened.notes, *opened.plan.notes)
-        yield StrainFile(opened.length, _not_empty(path, opened.blocks), opened.plan, notes)
+        yield StrainFile(opened.length, _not_empty(path, opened.blocks), opened.plan, notes, opened.remarks)
 
 
 def _not_empty(path: Path, blocks: Iterator[tuple[StrainBlock, int]]) -> Iterator[tuple[StrainBlock, int]]:

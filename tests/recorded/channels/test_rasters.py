@@ -66,7 +66,7 @@ def test_rounding_makes_no_other_raster() -> None:
 
 @pytest.mark.parametrize("time", [[0.0, 0.0, 1.0], [0.0, 2.0, 1.0], [0.0, np.nan, 1.0]])
 def test_times_that_do_not_increase_are_refused(time: list[float]) -> None:
-    with pytest.raises(InputError, match=r"f\.mf4: channel 'b': expected finite times that increase"):
+    with pytest.raises(InputError, match=r"f\.mf4: channel 'b', sample [23]: expected finite times that increase"):
         on_one_raster(FILE, {"a": Channel(FAST, FAST), "b": Channel(np.array(time), np.ones(3))}, ["a"])
 
 

@@ -129,7 +129,7 @@ def test_an_empty_cell_is_a_quantity_that_is_not_known(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("columns", "line"),
     [
-        ({"dynamic_pressure_std": -1.0}, "column 'dynamic_pressure_std', row 2: expected at least 0, got -1"),
+        ({"dynamic_pressure_std": -1.0}, "column 'dynamic_pressure_std', line 2: expected at least 0, got -1"),
         ({"altitude [mi]": 1.0}, "column 'altitude [mi]': unit: expected one of m, km, ft, got 'mi'"),
         ({"mach_number [m/s]": 1.0}, "unit: expected one of 1, -, got 'm/s'"),
         ({"a.mach_number": 1.0, "b.mach_number": 1.0}, "expected one column for mach_number, got 2"),

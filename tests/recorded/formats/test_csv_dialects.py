@@ -68,14 +68,14 @@ REFUSED = {
     COMMA.replace(
         "0,5;", "0.5;"
     ): "line 3, column 'time': expected a number with a decimal ',', as before, got '0.5'",
-    COMMA.replace("1,5E-06", "1.234,5"): "line 3, column 'G0': expected a number, got '1.234,5'",
+    COMMA.replace("1,5E-06", "1.23,5"): "line 3, column 'G0': expected a number, got '1.23,5'",
     PLAIN.replace(
         "1.5e-6", '"1,5e-6"'
     ): "line 3, column 'G0': expected a number with a decimal point, got '1,5e-6'",
     ISO.replace(".5+00:00", ".5"): "line 3, column 'time': expected a time zone everywhere or nowhere, got both",
     ISO.replace("2026-03-01T12:00:00.5+00:00", "0.5"): "expected a time of ISO 8601, as at the start, got '0.5'",
     ISO.replace("2026-03-01T12:00:00.5+00:00", "noon"): "expected a time of ISO 8601, as at the start, got 'noon'",
-    ISO.replace("-01T12:00:00.5", "-01T11:00:00"): "column 'time', row 3: expected increasing times, got -3600 s",
+    ISO.replace("-01T12:00:00.5", "-01T11:00:00"): "column 'time', line 3: expected increasing times, got -3600 s",
     UNITS.replace("µm/m", "furlong"): "column 'G0': unit: expected one of um/m, ",
     UNITS.replace("G0", "G0 [mm/m]"): "unit: expected one, got 'mm/m' in the heading and 'µm/m' below",
     PLAIN.replace("0.5,", "0.5,\x00"): "damaged, or not a CSV file: expected text, got bytes of 0",

@@ -112,19 +112,19 @@ TEXTS: dict[str, tuple[tuple[str, str], str]] = {
     ),
     "backward": (
         (CSV.replace("\n2,2", "\n0.5,2"), TOML),
-        "{data}: channel 'ch0': expected finite times that increase",
+        "{data}: channel 'time', line 4: expected increasing times, got 0.5 s after 1 s",
     ),
     "no time at a sample": (
         (CSV.replace("\n2,2", "\n,2"), TOML),
-        "{data}: channel 'time', sample 3: expected a time",
+        "{data}: channel 'time', line 4: expected a time",
     ),
     "text": (
-        (CSV.replace("\n2,2", "\n2,OVL"), TOML),
-        "{data}: line 4, column 'ch0': expected a number, got 'OVL'",
+        (CSV.replace("\n2,2", "\n2,OVK"), TOML),
+        "{data}: line 4, column 'ch0': expected a number, got 'OVK'",
     ),
     "infinite": (
         (CSV.replace("\n2,2", "\n2,1e999"), TOML),
-        "{data}: channel 'ch0', sample 3: expected a finite number",
+        "{data}: channel 'ch0', line 4: expected a finite number",
     ),
     "cut line": ((CSV + "4,4,2\n", TOML), "{data}: line 6: expected 8 cells, got 3"),
     "headings alone": ((HEADINGS, TOML), "{data}: no samples found"),
