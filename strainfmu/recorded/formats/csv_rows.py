@@ -12,9 +12,11 @@ from typing import TextIO
 
 import numpy as np
 
+from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 from strainfmu.recorded.formats.cells import Numerals
 from strainfmu.recorded.formats.channel_file import Rows
+from strainfmu.recorded.formats.csv_arrow import arrow_columns
 from strainfmu.recorded.formats.csv_layout import CsvLayout
 from strainfmu.recorded.formats.date_times import TimeForm
 
@@ -62,13 +64,37 @@ class RowReader:
         line, done = self.layout.lines_ahead, 0
         with self.layout.samples(self.path) as stream:
             while text := _piece(stream):
-                lines, values = self._samples(text, line)
+                found = self._whole(text, line) or self._samples(text, line)
                 line += text.count("\n")
                 done = done + width * len(text) if len(text) > PIECE else self.path.stat().st_size
-                if len(lines):
-                    yield Rows(np.array(lines), np.array(values), done)
+                if len(found[0]):
+                    yield Rows(*found, done)
 
-    def _samples(self, text: str, ahead: int) -> tuple[list[int], list[list[float]]]:
+    def _whole(self, text: str, ahead: int) -> tuple[IntArray, FloatArray] | None:
+        """Return line and numbers of each sample of a piece of plain numbers by pyarrow, None of any other."""
+        mark, delimiter = self._numerals.mark, self.layout.delimiter
+        if not mark and ("." in text or "," in text):  # the cells are to show which is the decimal mark
+            return None
+        surplus = range(len(self.names), len(self.layout.first_row))
+        columns = [*self.columns, *surplus]
+        found = arrow_columns(
+            text,
+            width=max(len(self.names), len(self.layout.first_row)),
+            columns=columns,
+            texts={*self.dated, *surplus},
+            delimiter=delimiter,
+            mark=mark,
+        )
+        if found is None or any(cell.strip() for column in found[len(self.columns) :] for cell in column):
+            return None
+        lines = np.arange(ahead + 1, ahead + 1 + len(found[0]))
+        for i, column in enumerate(self.columns):
+            if column in self.dated:
+                texts = zip(found[i], lines.tolist(), strict=True)
+                found[i] = np.array([self._number(cell.strip(), column, line) for cell, line in texts])
+        return lines, np.column_stack(found[: len(self.columns)])
+
+    def _samples(self, text: str, ahead: int) -> tuple[IntArray, FloatArray]:
         """Return line and numbers of each sample of a piece; ``ahead`` lines stand above it."""
         reader = csv.reader(io.StringIO(text, newline=""), delimiter=self.layout.delimiter)
         lines, values = list[int](), list[list[float]]()
@@ -79,7 +105,7 @@ class RowReader:
                     values.append(self._numbers(cells, lines[-1]))
         except csv.Error as error:
             raise InputError(f"{self.path}: line {ahead + reader.line_num}: {error}") from error
-        return lines, values
+        return np.array(lines, dtype=int), np.array(values)
 
     def _numbers(self, cells: Sequence[str], line: int) -> list[float]:
         """Return the cells in use as numbers; an empty cell is no value."""
