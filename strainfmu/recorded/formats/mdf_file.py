@@ -18,6 +18,11 @@ from strainfmu.recorded.formats.channel_file import ChannelFile, Reading
 from strainfmu.recorded.formats.name_match import plain_name
 
 
+def is_mdf(head: bytes) -> bool:
+    """Return whether the first bytes of a file are an MDF file's, of any version."""
+    return head.startswith((b"MDF ", b"UnFinMF "))
+
+
 @contextmanager
 def mdf_channels(path: Path, reading: Reading) -> Iterator[ChannelFile]:
     """Open an MDF file, whose channels have times themselves.
@@ -52,7 +57,7 @@ def mdf_channels(path: Path, reading: Reading) -> Iterator[ChannelFile]:
 
 @contextmanager
 def opened_mdf(path: Path) -> Iterator[Any]:
-    """Open an MF4 file; yield asammdf's object.
+    """Open an MDF file; yield asammdf's object.
 
     Raises
     ------
@@ -69,7 +74,8 @@ def opened_mdf(path: Path) -> Iterator[Any]:
         raise InputError(f"{path}: no such file")
     file = _opened(MDF, path)
     if file is None:
-        raise InputError(f"{path}: damaged, or not an MF4 file")
+        kind = "MF4" if path.suffix.lower() == ".mf4" else "MDF"
+        raise InputError(f"{path}: damaged, or not an {kind} file")
     with file:
         yield file
 

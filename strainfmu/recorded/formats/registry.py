@@ -12,7 +12,7 @@ from strainfmu.recorded.formats.channel_file import ChannelFile, Reading
 from strainfmu.recorded.formats.csv_file import csv_channels
 from strainfmu.recorded.formats.hdf5_channels import hdf5_channels
 from strainfmu.recorded.formats.mat_file import mat_channels
-from strainfmu.recorded.formats.mdf_file import mdf_channels
+from strainfmu.recorded.formats.mdf_file import is_mdf, mdf_channels
 from strainfmu.recorded.formats.parquet_file import parquet_channels
 from strainfmu.recorded.formats.tdms_file import tdms_channels
 
@@ -34,10 +34,10 @@ class RecorderFormat:
 
 
 FORMATS = (
-    RecorderFormat(suffixes=(".csv", ".txt"), open=csv_channels),
+    RecorderFormat(suffixes=(".mf4", ".mdf", ".dat"), open=mdf_channels, begins=is_mdf),
+    RecorderFormat(suffixes=(".csv", ".txt", ".dat"), open=csv_channels),
     RecorderFormat(suffixes=(".h5", ".hdf5"), open=hdf5_channels),
     RecorderFormat(suffixes=(".mat",), open=mat_channels),
-    RecorderFormat(suffixes=(".mf4",), open=mdf_channels),
     RecorderFormat(suffixes=(".parquet",), open=parquet_channels),
     RecorderFormat(suffixes=(".tdms",), open=tdms_channels),
 )

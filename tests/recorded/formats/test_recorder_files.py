@@ -1,0 +1,84 @@
+"""Binary files of recorders, written from the description of their formats: several rates, wrong and cut files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from recorder_files import Mdf3Channel, mdf3
+
+from strainfmu.errors import InputError
+from strainfmu.recorded.columns.column_names import Wanted
+from strainfmu.recorded.columns.columns import StrainBlock
+from strainfmu.recorded.strains.strain_files import open_strains
+
+pytestmark = pytest.mark.fast
+
+FAST, SLOW = 0.01 * np.arange(50), 0.05 * np.arange(11)
+STRAIN = np.column_stack([100.0 + FAST, -5.0 - FAST])
+INTERPOLATED = "1 channels of 50 ms ('dynamic_pressure') interpolated at the samples of 'G0', every 10 ms"
+
+
+def read(path: Path) -> tuple[StrainBlock, tuple[str, ...]]:
+    with open_strains(path, Wanted(gauge_names=("G0", "G1"))) as opened:
+        ((block, _),) = opened.blocks
+    return block, opened.notes
+
+
+def check(path: Path, resolution: float = 1e-12) -> None:
+    """Compare with the two rasters above: strains in um/m, and q_inf of 90 kPa + 1 kPa/s."""
+    block, notes = read(path)
+    np.testing.assert_allclose(block.time, FAST, atol=1e-12)
+    np.testing.assert_allclose(block.strain, 1e-6 * STRAIN, atol=1e-6 * resolution)
+    np.testing.assert_allclose(block.dynamic_pressure, 9e4 + 1e3 * FAST, atol=1e3 * resolution)
+    assert notes == (f"{path}: {INTERPOLATED}",)
+
+
+@pytest.fixture(scope="module")
+def mdf3_bytes() -> bytes:
+    gauges = [
+        Mdf3Channel("G0", "um/m", STRAIN[:, 0], 0.005),
+        Mdf3Channel("G1", "µm/m", STRAIN[:, 1], 0.005, -3.0),
+    ]
+    return mdf3([(FAST, gauges), (SLOW, [Mdf3Channel("dynamic_pressure", "kPa", 90.0 + SLOW, 0.005)])])
+
+
+@pytest.mark.parametrize("suffix", [".mdf", ".dat"])
+def test_mdf_3_with_two_rasters(suffix: str, mdf3_bytes: bytes, tmp_path: Path) -> None:
+    pytest.importorskip("asammdf")
+    path = tmp_path / f"run{suffix}"
+    path.write_bytes(mdf3_bytes)
+    check(path, 0.0026)
+
+
+def test_a_cut_mdf_3_file_gets_one_line(mdf3_bytes: bytes, tmp_path: Path) -> None:
+    pytest.importorskip("asammdf")
+    path = tmp_path / "run.mdf"
+    for n in range(0, len(mdf3_bytes), 331):
+        path.write_bytes(mdf3_bytes[:n])
+        with pytest.raises(InputError) as error:
+            read(path)
+        assert str(error.value) == f"{path}: damaged, or not an MDF file"
+
+
+def test_a_text_named_dat_is_read_as_text(tmp_path: Path) -> None:
+    path = tmp_path / "run.dat"
+    path.write_text("time\tG0 (um/m)\tG1 (um/m)\tdynamic_pressure\n0\t1\t2\t90000\n")
+    np.testing.assert_allclose(read(path)[0].strain, [[1e-6, 2e-6]])
+
+
+def test_tdms_channels_of_two_rates_need_no_channels_toml(tmp_path: Path) -> None:
+    nptdms = pytest.importorskip("nptdms")
+    path = tmp_path / "run.tdms"
+    objects = [
+        nptdms.ChannelObject(group, name, values, {"wf_increment": step, "unit_string": unit})
+        for group, name, values, step, unit in (
+            ("strain", "G0", STRAIN[:, 0], 0.01, "um/m"),
+            ("strain", "G1", STRAIN[:, 1], 0.01, "um/m"),
+            ("air", "dynamic_pressure", 90.0 + SLOW, 0.05, "kPa"),
+        )
+    ]
+    with nptdms.TdmsWriter(path) as file:
+        file.write_segment(objects)
+    check(path)
