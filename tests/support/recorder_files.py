@@ -23,8 +23,8 @@ class Mdf3Channel:
 def mdf3(groups: Sequence[tuple[np.ndarray, Sequence[Mdf3Channel]]]) -> bytes:
     """Return an MDF file of version 3.30, one data group for each raster: (n,) times [s] and its channels.
 
-    Source: Vector, MDF specification 3.3, blocks ID, HD, DG, CG, CN, CC; little-endian, records of a double for the
-    time and 16 bits for each channel.
+    Source: Vector, MDF specification 3.3, blocks ID, HD, DG, CG, CN, CC; little-endian, a record is a double for
+    the time and 16 bits for each channel.
     """
     file = bytearray(64 + 208)
     struct.pack_into("<8s8s8s4H", file, 0, b"MDF     ", b"3.30    ", b"by hand ", 0, 0, 330, 1252)

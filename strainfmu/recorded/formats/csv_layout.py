@@ -92,7 +92,7 @@ def csv_layout(path: Path, is_known: Callable[[str], bool]) -> CsvLayout:
     InputError
         There are no headings, the file is no text, or two units are stated for a column.
     """
-    encoding = _encoding(path)
+    encoding = text_encoding(path)
     with path.open(newline="", encoding=encoding, errors="replace") as stream:
         lines = list(islice(stream, SEEN))
     if any("\x00" in line for line in lines):
@@ -153,7 +153,7 @@ def _is_sample(row: Sequence[str], used: Sequence[int]) -> bool:
     return any(values) and not has_label
 
 
-def _encoding(path: Path) -> str:
+def text_encoding(path: Path) -> str:
     """Return the encoding: by a byte-order mark, by zeros of UTF-16, UTF-8 where that is valid, else Latin-1."""
     with path.open("rb") as stream:
         head = stream.read(1 << 18)
