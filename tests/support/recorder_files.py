@@ -81,3 +81,54 @@ def _channel(
     links = (after, conversion, 0, 0, 0)
     head = struct.pack("<2sH5IH32s128s", b"CN", 228, *links, is_time, name.encode("latin-1"), b"")
     return _add(file, head + struct.pack("<4H3d2IH", start, bits, kind, 0, 0.0, 0.0, 0.0, 0, 0, 0))
+
+
+def lvm(
+    segments: Sequence[tuple[str, Sequence[tuple[str, str, np.ndarray, np.ndarray]]]],
+    x_columns: str,
+    *,
+    between: str = "\t",
+    decimal: str = ".",
+    headings: str = "Yes",
+) -> str:
+    """Return a LabVIEW measurement file: segments with their time of day; name, unit, (n,) x and (n,) values each.
+
+    Source: National Instruments, Specification for the LabVIEW Measurement File (.lvm). Channels of a segment are
+    side by side, "No" column of x, "One" or "Multi"; the cells of a tag stand above the values of their channel.
+    """
+
+    def line(*cells: object) -> str:
+        return between.join(str(cell) for cell in cells)
+
+    def number(value: float) -> str:
+        return f"{value:.9f}".replace(".", decimal)
+
+    separator = {"\t": "Tab", ",": "Comma"}[between]
+    lines = ["LabVIEW Measurement" + between, line("Writer_Version", 2), line("Reader_Version", 2)]
+    lines += [line("Separator", separator), line("Decimal_Separator", decimal), line("Multi_Headings", headings)]
+    lines += [line("X_Columns", x_columns), line("Time_Pref", "Relative"), line("Operator", "test")]
+    lines += [line("Date", "2026/03/01"), line("Time", "12:00:00"), "***End_of_Header***" + between, between]
+    for number_of, (start, channels) in enumerate(segments):
+        wide = x_columns == "Multi"
+
+        def above(tag: str, cells: Sequence[object], is_wide: bool = wide) -> str:
+            return line(tag, *(one for cell in cells for one in ((cell, "") if is_wide else (cell,))))
+
+        if number_of == 0 or headings == "Yes":
+            lines += [line("Channels", len(channels)), above("Samples", [len(one[2]) for one in channels])]
+            lines += [above("Date", ["2026/03/01"] * len(channels)), above("Time", [start] * len(channels))]
+            lines += [above("Y_Unit_Label", [one[1] for one in channels])]
+            lines += [above("X_Dimension", ["Time"] * len(channels))]
+            lines += [above("X0", [number(one[2][0]) for one in channels])]
+            lines += [above("Delta_X", [number(one[2][1] - one[2][0]) for one in channels]), "***End_of_Header***"]
+            heads = [cell for one in channels for cell in (("X_Value", one[0]) if wide else (one[0],))]
+            lines += [line(*(heads if wide else ["X_Value", *heads]), "Comment")]
+        longest = max((one[2] for one in channels), key=len)
+        for row in range(len(longest)):
+            cells = [] if wide else [number(longest[row]) if x_columns == "One" else ""]
+            for _, _, x, values in channels:
+                held = (number(x[row]), number(values[row])) if row < len(x) else ("", "")
+                cells += held if wide else held[1:]
+            lines += [line(*cells, "a comment" if row == 0 else "")]
+        lines += [between] if headings == "Yes" else []
+    return "\r\n".join(lines)

@@ -11,6 +11,7 @@ from strainfmu.errors import InputError
 from strainfmu.recorded.formats.channel_file import ChannelFile, Reading
 from strainfmu.recorded.formats.csv_file import csv_channels
 from strainfmu.recorded.formats.hdf5_channels import hdf5_channels
+from strainfmu.recorded.formats.lvm_file import lvm_channels
 from strainfmu.recorded.formats.mat_file import mat_channels
 from strainfmu.recorded.formats.mdf_file import is_mdf, mdf_channels
 from strainfmu.recorded.formats.parquet_file import parquet_channels
@@ -37,6 +38,7 @@ FORMATS = (
     RecorderFormat(suffixes=(".mf4", ".mdf", ".dat"), open=mdf_channels, begins=is_mdf),
     RecorderFormat(suffixes=(".csv", ".txt", ".dat"), open=csv_channels),
     RecorderFormat(suffixes=(".h5", ".hdf5"), open=hdf5_channels),
+    RecorderFormat(suffixes=(".lvm",), open=lvm_channels),
     RecorderFormat(suffixes=(".mat",), open=mat_channels),
     RecorderFormat(suffixes=(".parquet",), open=parquet_channels),
     RecorderFormat(suffixes=(".tdms",), open=tdms_channels),

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from recorder_files import Mdf3Channel, mdf3
+from recorder_files import Mdf3Channel, lvm, mdf3
 
 from strainfmu.errors import InputError
 from strainfmu.recorded.columns.column_names import Wanted
@@ -20,8 +20,8 @@ STRAIN = np.column_stack([100.0 + FAST, -5.0 - FAST])
 INTERPOLATED = "1 channels of 50 ms ('dynamic_pressure') interpolated at the samples of 'G0', every 10 ms"
 
 
-def read(path: Path) -> tuple[StrainBlock, tuple[str, ...]]:
-    with open_strains(path, Wanted(gauge_names=("G0", "G1"))) as opened:
+def read(path: Path, *ignored: str) -> tuple[StrainBlock, tuple[str, ...]]:
+    with open_strains(path, Wanted(gauge_names=("G0", "G1"), ignored=ignored)) as opened:
         ((block, _),) = opened.blocks
     return block, opened.notes
 
@@ -82,3 +82,64 @@ def test_tdms_channels_of_two_rates_need_no_channels_toml(tmp_path: Path) -> Non
     with nptdms.TdmsWriter(path) as file:
         file.write_segment(objects)
     check(path)
+
+
+def lvm_text(x_columns: str, **more: str) -> str:
+    """Return the two rasters; the strains in two segments, the second a quarter of a second later."""
+    slow = ("dynamic_pressure", "kPa", SLOW, 90.0 + SLOW)
+    first = [(f"G{i}", "um/m", FAST[:25], STRAIN[:25, i]) for i in range(2)]
+    second = [(f"G{i}", "um/m", FAST[:25], STRAIN[25:, i]) for i in range(2)]
+    return lvm([("11:59:59.9", [*first, slow]), ("12:00:00.15", second)], x_columns, **more)
+
+
+@pytest.mark.parametrize("x_columns", ["No", "Multi"])
+@pytest.mark.parametrize("more", [{}, {"decimal": ","}, {"between": ","}], ids=["tab", "decimal comma", "comma"])
+def test_lvm_with_segments_and_two_rasters(x_columns: str, more: dict[str, str], tmp_path: Path) -> None:
+    path = tmp_path / "run.lvm"
+    path.write_text(lvm_text(x_columns, **more), encoding="latin-1")
+    check(path)
+
+
+def test_lvm_with_one_column_of_times_and_one_heading(tmp_path: Path) -> None:
+    path = tmp_path / "run.lvm"
+    pressure = ("dynamic_pressure", "kPa", FAST, 90.0 + FAST)
+    both = [*((f"G{i}", "µm/m", FAST, STRAIN[:, i]) for i in range(2)), pressure]
+    both.insert(0, ("short", "V", FAST[:7], FAST[:7]))
+    cut = [[(name, unit, x[rows], y[rows]) for name, unit, x, y in both] for rows in (slice(20), slice(20, 50))]
+    text = lvm([("12:00:00", cut[0]), ("12:00:00", cut[1])], "One", headings="No")
+    special = "***Start_Special***\r\nG0\t7\r\n***End_Special***\r\n"
+    path.write_text(text.replace("Channels", f"{special}Channels", 1), encoding="latin-1")
+    block, notes = read(path, "short")
+    np.testing.assert_allclose(block.time, FAST, atol=1e-12)
+    np.testing.assert_allclose(block.strain, 1e-6 * STRAIN, atol=1e-15)
+    np.testing.assert_allclose(block.dynamic_pressure, 9e4 + 1e3 * FAST, rtol=1e-9)
+    assert notes == ()
+
+
+LVM = lvm_text("Multi")
+WRONG_LVM = {
+    "no such file": (LVM.replace("LabVIEW Measurement", "LabVIEW"), "does not begin with that name"),
+    "no names": (LVM.replace("X_Value", "Y"), "line 23: expected the names of channels behind X_Value, got 'Y"),
+    "no segment": (LVM.partition("Channels")[0], "without segment headers: no names of channels behind X_Value"),
+    "text": (LVM.replace("100.010000000", "high"), "line 25, column 'G0': expected a number, got 'high'"),
+    "two units": ("mm/m".join(LVM.rsplit("um/m", 1)), "channel 'G1': unit: expected one, got 'um/m' and 'mm/m'"),
+    "no time": (LVM.replace("Dimension\tTime", "Dimension\tFrequency"), "channel of time: expected one, got none"),
+    "rows": (LVM[: LVM.rindex("\r\n0.24")], "line 83: expected 25 samples in the segment, got 24"),
+    "cells": (LVM[: LVM.rindex("\t-5.49")], "line 84: expected a cell of 'G1', got 3 cells"),
+    "times": (
+        LVM.replace("12:00:00.15", "12:00:00.13"),
+        "sample 26: expected finite times that increase",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", WRONG_LVM)
+def test_a_wrong_lvm_file_gets_one_line(name: str, tmp_path: Path) -> None:
+    text, line = WRONG_LVM[name]
+    path = tmp_path / "run.lvm"
+    path.write_bytes(text.encode())
+    with pytest.raises(InputError) as error:
+        read(path)
+    assert line in str(error.value)
+    assert str(error.value).startswith(f"{path}: ")
+    assert "\n" not in str(error.value)

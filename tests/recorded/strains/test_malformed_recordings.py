@@ -171,10 +171,12 @@ BROKEN = {
     ".csv": ("", "damaged, or not a CSV file"),
     ".h5": ("h5py", "damaged, or not an HDF5 file"),
     ".mat": ("scipy", "damaged, or not a MAT file"),
+    ".lvm": ("", "damaged, or not a LabVIEW measurement file: it does not begin with that name"),
+    ".mdf": ("asammdf", "damaged, or not an MDF file"),
     ".mf4": ("asammdf", "damaged, or not an MF4 file"),
     ".parquet": ("pyarrow", "damaged, or not a Parquet file"),
     ".tdms": ("nptdms", "damaged, or not a TDMS file"),
-    ".xls": ("", "expected one of .csv, "),
+    ".xls": ("", "expected one of .mf4, .mdf, .dat, .csv, .txt, "),
 }
 
 
