@@ -41,8 +41,13 @@ _PARAMETER = "parameters."
 _TEXT_KEYS = ("file", "quantity", "unit", "length_unit", "array", "location", "axes")
 
 
+_VALUES = ("quantity", "unit", "array", "location")
+_FRAME = ("length_unit", "axes", "rotation", "translation_m", "mirrored")
+"""Entries that a case of another code states itself, all of a group or none of it."""
+
+
 class CaseEntry(Section):
-    """One file and the flight condition that it holds."""
+    """One file and the flight condition that it holds; how it is written, where that is not as in the others."""
 
     file: str = Field(min_length=1)
     mach_number: float = Field(gt=0.0)
@@ -50,6 +55,15 @@ class CaseEntry(Section):
     sideslip_angle_deg: float = Field(gt=-90.0, lt=90.0)
     altitude_km: float = Field(ge=0.0, le=71.0)
     parameters: dict[str, float] = Field(default_factory=dict)
+    quantity: str | None = None
+    unit: str | None = None
+    array: str | None = None
+    location: str | None = None
+    length_unit: str | None = None
+    axes: str | None = None
+    rotation: list[list[float]] | None = None
+    translation_m: list[float] | None = None
+    mirrored: bool | None = None
 
     @property
     def condition(self) -> FlightCondition:
@@ -62,8 +76,8 @@ class CaseEntry(Section):
         )
 
 
-class ManifestEntries(Section):
-    """A manifest as it is written; docs/howto/bring_cfd.md explains the entries."""
+class FileEntries(Section):
+    """How files of results are written; docs/howto/bring_cfd.md explains the entries."""
 
     quantity: str
     unit: str | None = None
@@ -74,7 +88,6 @@ class ManifestEntries(Section):
     rotation: list[list[float]] | None = None
     translation_m: list[float] = Field(default=[0.0, 0.0, 0.0], min_length=3, max_length=3)
     mirrored: bool = False
-    case: list[CaseEntry] = Field(min_length=1)
 
     @field_validator("quantity")
     @classmethod
@@ -115,7 +128,7 @@ class ManifestEntries(Section):
         return value
 
     @model_validator(mode="after")
-    def _pressure_has_a_unit(self) -> ManifestEntries:
+    def _pressure_has_a_unit(self) -> FileEntries:
         dimensional = self.quantity in ("p", "p - p_inf")
         if dimensional and self.unit is None:
             raise ValueError(
@@ -126,8 +139,8 @@ class ManifestEntries(Section):
         return self
 
     def settings(self) -> dict[str, Any]:
-        """Return what is common to all cases, as JSON can hold it."""
-        return self.model_dump(exclude={"case"})
+        """Return these entries, as JSON can hold them."""
+        return self.model_dump(include=set(FileEntries.model_fields))
 
     def to_body_axes(self) -> tuple[FloatArray, FloatArray]:
         """Return (3, 3) and (3,) [m]: a file's point x [m] lies at M x + t in body axes.
@@ -136,6 +149,26 @@ class ManifestEntries(Section):
         """
         turn = np.eye(3) if self.rotation is None else np.array(self.rotation)
         return turn @ _matrix_of(self.axes), np.array(self.translation_m)
+
+
+class ManifestEntries(FileEntries):
+    """A manifest as it is written: how its files are written, but for those of cases that say otherwise."""
+
+    case: list[CaseEntry] = Field(min_length=1)
+
+    def of_case(self, case: CaseEntry) -> FileEntries:
+        """Return how the file of a case is written.
+
+        Raises
+        ------
+        ValidationError
+            The case states an entry of a group, and not those that the group needs.
+        """
+        found: dict[str, Any] = {}
+        for group in (_VALUES, _FRAME):
+            own = {name: value for name in group if (value := getattr(case, name)) is not None}
+            found |= own or {name: getattr(self, name) for name in group}
+        return FileEntries.model_validate(found)
 
 
 @dataclass(frozen=True)
@@ -147,11 +180,13 @@ class CfdCase:
     file : its path.
     condition : the flight condition it holds.
     content : the first 48 bits of the SHA-256 of the file, a whole number that a float holds exactly.
+    written : how the file is written.
     """
 
     file: Path
     condition: FlightCondition
     content: int
+    written: FileEntries
 
 
 @dataclass(frozen=True)
@@ -202,10 +237,11 @@ def load_manifest(path: Path, parameters: Sequence[str] = ()) -> Manifest:
         raise InputError(f"{path}: {_first_fault(error, lines)}") from error
     labels = [f"case {i + 1}" if lines is None else f"line {lines[i]}" for i in range(len(entries.case))]
     entries = _with_ordered_parameters(path, entries, labels, tuple(parameters))
-    _check_cases(path, entries, labels)
+    written = [_written(path, entries, entry, label) for entry, label in zip(entries.case, labels, strict=True)]
+    _check_cases(path, entries, labels, written)
     cases = [
-        CfdCase(path.parent / entry.file, entry.condition, _content(path, label, path.parent / entry.file))
-        for entry, label in zip(entries.case, labels, strict=True)
+        CfdCase(path.parent / entry.file, entry.condition, _content(path, label, path.parent / entry.file), how)
+        for entry, label, how in zip(entries.case, labels, written, strict=True)
     ]
     return Manifest(path, entries, tuple(cases))
 
@@ -237,6 +273,17 @@ def _with_ordered_parameters(
     return entries.model_copy(update={"case": cases})
 
 
+def _written(path: Path, entries: ManifestEntries, entry: CaseEntry, label: str) -> FileEntries:
+    """Return how the file of a case is written."""
+    try:
+        return entries.of_case(entry)
+    except ValidationError as error:
+        fault = _first_fault(error, None)
+        group = next((one for one in (_VALUES, _FRAME) if fault.startswith(one)), None)
+        rule = "" if group is None else f"; a case that states one of {', '.join(group)} states all that it needs"
+        raise InputError(f"{path}: {label}: {fault}{rule}") from error
+
+
 def _content(path: Path, label: str, file: Path) -> int:
     try:
         return file_content(file)
@@ -245,20 +292,22 @@ def _content(path: Path, label: str, file: Path) -> int:
         raise InputError(f"{path}: {label}: {file}: {reason}") from error
 
 
-def _check_cases(path: Path, entries: ManifestEntries, labels: list[str]) -> None:
+def _check_cases(path: Path, entries: ManifestEntries, labels: list[str], written: Sequence[FileEntries]) -> None:
     conditions: dict[tuple[float, ...], str] = {}
-    files: dict[str, tuple[str, tuple[float, ...]]] = {}
-    for entry, label in zip(entries.case, labels, strict=True):
+    files: dict[str, tuple[str, tuple[float, ...], FileEntries]] = {}
+    for entry, label, how in zip(entries.case, labels, written, strict=True):
         key = condition_key(entry.condition)
         if key in conditions:
             raise InputError(f"{path}: {label}: {entry.condition} is already that of {conditions[key]}")
         conditions[key] = label
         # One file may serve several altitudes, since only p/p_inf is taken from it, but nothing else.
         flow_of = (*key[:3], *key[4:])
-        first, flow = files.setdefault(entry.file, (label, flow_of))
+        first, flow, as_first = files.setdefault(entry.file, (label, flow_of, how))
         if flow != flow_of:
             raise InputError(f"{path}: {label}: file '{entry.file}' is already that of {first}, another condition")
-        if entries.mirrored and entry.sideslip_angle_deg != 0.0:
+        if as_first != how:
+            raise InputError(f"{path}: {label}: file '{entry.file}' is already that of {first}, written otherwise")
+        if how.mirrored and entry.sideslip_angle_deg != 0.0:
             raise InputError(
                 f"{path}: {label}: sideslip_angle_deg {entry.sideslip_angle_deg:g} found, a mirrored half model "
                 "has 0"
@@ -275,7 +324,8 @@ def _from_toml(path: Path, content: bytes) -> dict[str, Any]:
 def _from_csv(path: Path, content: bytes) -> tuple[dict[str, Any], list[int]]:
     """Return the entries as the TOML form has them, and the line of each case.
 
-    Columns other than the case's own must hold the same in every line, since they hold for all cases.
+    Columns other than the case's own hold for all cases in the first line; in another line that differs they are
+    those of its case.
     """
     rows = list(csv.reader(content.decode("utf-8-sig", "replace").splitlines(), skipinitialspace=True))
     start = next(number for number, row in enumerate(rows) if row)
@@ -303,7 +353,17 @@ def _from_csv(path: Path, content: bytes) -> tuple[dict[str, Any], list[int]]:
         shared = {name: value for name, value in entries.items() if name not in (*_CASE_KEYS, *further)}
         if len(cases) == 1:
             common = shared
-        for name in common.keys() | shared.keys():
+        for group in (_VALUES, _FRAME):
+            own, first = ({name: one[name] for name in group if name in one} for one in (shared, common))
+            if own != first:
+                case |= own
+            if first and not own:
+                name = next(iter(first))
+                raise InputError(
+                    f"{path}: line {line}: column '{name}': nothing found, {first[name]!r} in the first line; "
+                    "state it in every line"
+                )
+        for name in (common.keys() | shared.keys()) - {*_VALUES, *_FRAME}:
             if common.get(name) != shared.get(name):
                 raise InputError(
                     f"{path}: line {line}: column '{name}': {shared.get(name)!r} found, {common.get(name)!r} in "

@@ -59,10 +59,14 @@ class TableEngine:
         return [case.condition for case in self.manifest.cases]
 
     def inputs(self) -> Mapping[str, Any]:
+        common = self.manifest.entries.settings()
+        written = {str(case.content): case.written.settings() for case in self.manifest.cases}
+        others = {content: how for content, how in written.items() if how != common}
         return {
             "engine": self.name,
             "method_version": METHOD_VERSION,
-            "manifest": self.manifest.entries.settings(),
+            "manifest": common,
+            **({"written": others} if others else {}),
             "surface": self.surface.digest(),
         }
 
@@ -94,7 +98,7 @@ class TableEngine:
         case = self._case_of[key[:-1]]
         if not case.file.exists() or float(file_content(case.file)) != key[-1]:
             raise InputError(f"{case.file}: changed since {self.manifest.path} was read; start again")
-        entries = self.manifest.entries
+        entries = case.written
         field = read_field(case.file, entries.array, entries.location, METRES[entries.length_unit])
         ratio = pressure_ratio(field.values, entries.quantity, entries.unit, case.condition)
         where = f"{case.file}: array '{field.array}'"

@@ -42,7 +42,7 @@ class Rows:
     done: int
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class ChannelFile:
     """An open recording.
 

@@ -150,6 +150,9 @@ def test_values_that_are_not_finite(tmp_path: Path, capfd: pytest.CaptureFixture
     refused(capfd, lambda: read_field(path, None, None, 1.0), "'p'", "2 of 4 values", "point 1 ")
 
 
+CASE_COLUMNS = "file,mach_number,angle_of_attack_deg,sideslip_angle_deg,altitude_km"
+
+
 @pytest.mark.fast
 @pytest.mark.parametrize(
     ("text", "words"),
@@ -173,6 +176,18 @@ def test_values_that_are_not_finite(tmp_path: Path, capfd: pytest.CaptureFixture
         (manifest_text(case_text(mach_number=-1.0)), ("case 1: mach_number", "-1.0 found", "greater than 0")),
         (manifest_text(case_text(altitude_km=80.0)), ("altitude_km", "80.0 found", "71")),
         (manifest_text(case_text(altitude_km=float("nan"))), ("altitude_km", "nan found", "finite")),
+        (
+            manifest_text(case_text() + case_text("other.vtu", mach_number=6.0) + 'axes = "aft up port"\n'),
+            ("case 2: length_unit: entry is missing", "; a case that states one of length_unit, axes, rotation"),
+        ),
+        (
+            manifest_text(case_text() + case_text("other.vtu", mach_number=6.0) + 'unit = "kPa"\n'),
+            ("case 2: quantity: entry is missing", "; a case that states one of quantity, unit, array, location"),
+        ),
+        (
+            manifest_text(case_text() + case_text(altitude_km=25.0) + 'length_unit = "mm"\n'),
+            ("case 2: file 'field.vtu' is already that of case 1, written otherwise",),
+        ),
         (manifest_text(mirrored=True), ("sideslip_angle_deg 5 found", "half model")),
         ("quantity = ", ("not a TOML file",)),
         (manifest_text().replace("[[case]]", "rotation = [[1, 0], [0, 1]]\n[[case]]"), ("rotation", "three rows")),
@@ -196,7 +211,14 @@ def test_manifest(tmp_path: Path, capfd: pytest.CaptureFixture[str], text: str, 
     [
         ("quantity,length_unit,file\n", ("no case after the column names",)),
         ("file,mach_number\na,5,6\n", ("line 2", "3 columns found", "2")),
-        ("quantity,length_unit,file\nCp,m,a\np,m,a\n", ("line 3", "column 'quantity'", "'p' found", "'Cp'")),
+        (
+            "quantity,length_unit,file\nCp,m,a\n,m,a\n",
+            ("line 3", "column 'quantity'", "nothing found", "'Cp'", "state it in every line"),
+        ),
+        (
+            f"quantity,length_unit,{CASE_COLUMNS}\nCp,m,field.vtu,5,6,5,20\np,m,other.vtu,6,6,5,20\n",
+            ("line 3: unit: entry is missing, quantity 'p' needs one of",),
+        ),
         ("quantity,length_unit,file,mach_number\nCp,m,a,fast\n", ("line 2: mach_number: 'fast' found", "number")),
     ],
 )

@@ -60,6 +60,43 @@ def test_points_without_normals(snapshots: Snapshots, other_grid: SurfaceGrid, t
     assert_same_loads(imported_ratio(tmp_path / "manifest.toml", other_grid, CONDITION), other_grid, snapshots)
 
 
+@pytest.mark.parametrize("suffix", [".toml", ".csv"])
+def test_two_codes_in_one_manifest(
+    snapshots: Snapshots, other_grid: SurfaceGrid, tmp_path: Path, suffix: str
+) -> None:
+    """p in Pa with x aft in m; and Cp with x forward in mm, in a table of decimal commas.
+
+    The second code's origin lies at x = 2 m, but at the nose where the manifest's columns hold no translation.
+    """
+    mesh, (first, second) = snapshots.surface, snapshots.conditions()
+    one = np.column_stack([mesh.point, mesh.node_normal, snapshots.pressure[0]])
+    names = ["x", "y", "z", "normal_x", "normal_y", "normal_z"]
+    np.savetxt(tmp_path / "one.csv", one, "%.12g", ",", header=",".join([*names, "Pressure"]), comments="")
+    turn, origin = np.array([-1.0, -1.0, 1.0]), np.array([2.0 if suffix == ".toml" else 0.0, 0.0, 0.0])
+    cp = (snapshots.pressure[1] / second.ambient_pressure - 1.0) / (0.7 * second.mach_number**2)
+    two = np.column_stack([cp, 1e3 * (mesh.point - origin) * turn, mesh.node_normal * turn])
+    rows = [";".join(f"{value:.12g}" for value in row).replace(".", ",") for row in two]
+    (tmp_path / "two.csv").write_text("\n".join([";".join(["cp_wall", *names]), *rows]))
+    angle, path = degrees(second.angle_of_attack), tmp_path / f"m{suffix}"
+    if suffix == ".toml":
+        case = case_text("two.csv", angle_of_attack_deg=angle, sideslip_angle_deg=0.0)
+        case += "quantity = 'Cp'\narray = 'cp_wall'\nlength_unit = 'mm'\naxes = 'forward port up'\n"
+        path.write_text(manifest_text(case_text("one.csv") + case + "translation_m = [2.0, 0.0, 0.0]\n"))
+    else:
+        head = (
+            "file,mach_number,angle_of_attack_deg,sideslip_angle_deg,altitude_km,quantity,unit,array,length_unit"
+        )
+        lines = [f"{head},axes", "one.csv,5,6,5,20,p,Pa,Pressure,m,aft starboard up"]
+        lines += [f"two.csv,5,{angle!r},0,20,Cp,,cp_wall,mm,forward port up"]
+        path.write_text("\n".join(lines))
+    engine = table_on(path, other_grid)
+    assert engine.conditions()[0] == first
+    assert len(engine.inputs()["written"]) == 1
+    for number, condition in enumerate(engine.conditions()):
+        ratio = engine.pressure_ratio(engine.solve(engine.flow_key(condition)), condition)
+        assert_same_loads(ratio, other_grid, snapshots, number)
+
+
 def quads(snapshots: Snapshots) -> tuple[np.ndarray, np.ndarray]:
     """Return the quadrilaterals (m, 4) of the snapshots' grid between stations apart, and p at their middles."""
     grid = snapshots.grid

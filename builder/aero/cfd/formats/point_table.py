@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import csv
+from collections.abc import Callable
 from dataclasses import dataclass
+from math import isfinite
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +14,13 @@ from builder.aero.cfd.formats.text_numbers import read_file
 from builder.aero.cfd.units import METRES
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
+from strainfmu.recorded.formats.cells import Numerals
 from strainfmu.text_files import shown_columns
 
 _AXES = ("x", "y", "z")
+_SEEN = 100
+"""Lines whose numbers show the decimal mark."""
+
 NORMALS = ("normal_x", "normal_y", "normal_z")
 
 
@@ -40,7 +46,7 @@ def read_point_table(path: Path, column: str | None, metres_per_unit: float) -> 
     """Read points and the values of ``column``, which may be None if there is only one besides the coordinates.
 
     Coordinates are in columns x, y, z, with or without a unit (x_mm), or as ParaView names them (Points:0). A
-    unit in a name must be ``metres_per_unit``.
+    unit in a name must be ``metres_per_unit``. Between semicolons or tabs numbers may have decimal commas.
 
     Raises
     ------
@@ -49,8 +55,12 @@ def read_point_table(path: Path, column: str | None, metres_per_unit: float) -> 
         finite number: file, line, column, what was found.
     """
     text = read_file(path).decode("utf-8-sig", "replace")
-    rows = list(csv.reader(text.splitlines(), skipinitialspace=True))
+    lines = text.splitlines()
+    head = next((line for line in lines if line.strip()), "")
+    numerals = Numerals(max(",;\t", key=head.count))
+    rows = list(csv.reader(lines, delimiter=numerals.delimiter, skipinitialspace=True))
     start = next(number for number, row in enumerate(rows) if row)
+    numerals.learn(cell.strip() for row in rows[start + 1 : start + 1 + _SEEN] for cell in row)
     header = [name.strip() for name in rows[start]]
     repeated = sorted({name for name in header if header.count(name) > 1})
     if repeated:
@@ -59,7 +69,7 @@ def read_point_table(path: Path, column: str | None, metres_per_unit: float) -> 
     normals = [header.index(name) for name in NORMALS if name in header]
     named = _value_column(path, header, column, axes)
     chosen = [*axes, header.index(named), *(normals if len(normals) == 3 else [])]
-    table = _numbers(path, rows, start, header, chosen)
+    table = _numbers(path, rows, start, header, chosen, numerals)
     if not len(table):
         raise InputError(f"{path}: no line of numbers after the column names")
     return PointTable(
@@ -101,20 +111,20 @@ def _value_column(path: Path, header: list[str], column: str | None, axes: list[
     return column or rest[0]
 
 
-def _numbers(path: Path, rows: list[list[str]], start: int, header: list[str], chosen: list[int]) -> FloatArray:
+def _numbers(
+    path: Path, rows: list[list[str]], start: int, header: list[str], chosen: list[int], numerals: Numerals
+) -> FloatArray:
     """Return the chosen columns (n, k) of all lines behind the header."""
+    number = float if numerals.delimiter == "," else numerals.number
     table = []
     for line, row in enumerate(rows[start + 1 :], start=start + 2):
         if not row:
             continue
         if len(row) != len(header):
             raise InputError(f"{path}: line {line}: {len(row)} columns found, must be {len(header)}")
-        try:
-            table.append([float(row[index]) for index in chosen])
-        except ValueError:
-            table.append([np.nan])
-        if not np.isfinite(table[-1]).all():
-            index = next(index for index in chosen if not _is_finite(row[index]))
+        table.append([_finite(row[index], number) for index in chosen])
+        if None in table[-1]:
+            index = chosen[table[-1].index(None)]
             raise InputError(
                 f"{path}: line {line}: column '{header[index]}': {row[index][:40]!r} found, must be a finite "
                 "number"
@@ -122,8 +132,10 @@ def _numbers(path: Path, rows: list[list[str]], start: int, header: list[str], c
     return np.array(table, dtype=np.float64).reshape(-1, len(chosen))
 
 
-def _is_finite(word: str) -> bool:
+def _finite(word: str, number: Callable[[str], float]) -> float | None:
+    """Return the number in a cell, None where there is none that is finite."""
     try:
-        return bool(np.isfinite(float(word)))
+        value = number(word.strip())
     except ValueError:
-        return False
+        return None
+    return value if isfinite(value) else None
