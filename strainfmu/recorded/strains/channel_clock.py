@@ -22,6 +22,7 @@ class ChannelClock:
     channel : of the times, None for that of a channel's group, or the only one.
     unit : of it, None for that of the recording.
     rate : samples per second of a recording without times [Hz], None if it has them.
+    ahead : samples of the recording ahead of those of the file, which is a piece of it.
     """
 
     def __init__(
@@ -32,8 +33,9 @@ class ChannelClock:
         channel: str | None = None,
         unit: str | None = None,
         rate: float | None = None,
+        ahead: int = 0,
     ) -> None:
-        self._file, self._stated = file, stated
+        self._file, self._stated, self._ahead = file, stated, ahead
         self._channel, self._unit, self._rate = channel, unit, rate
         self._times: dict[str, FloatArray] = {}
 
@@ -57,7 +59,7 @@ class ChannelClock:
         """
         own = None if self._channel is not None else self._file.clock(name)
         if own is None and self._rate is not None:
-            return np.arange(n) / self._rate
+            return np.arange(self._ahead, self._ahead + n) / self._rate
         time = self._time(self._name(name)) if own is None else own
         if len(time) != n:
             raise InputError(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -31,7 +31,7 @@ from strainfmu.recorded.columns.column_names import (
     Wanted,
     excluded_gauges,
 )
-from strainfmu.recorded.columns.columns import flow_factor
+from strainfmu.recorded.columns.columns import StrainBlock, flow_factor
 from strainfmu.recorded.columns.flight_pressure import pressure_sources
 from strainfmu.recorded.columns.temperature_columns import (
     is_temperature,
@@ -39,14 +39,17 @@ from strainfmu.recorded.columns.temperature_columns import (
     sensor_of,
     temperature_quantities,
 )
-from strainfmu.recorded.formats.channel_file import ChannelFile, Reading, last_name
+from strainfmu.recorded.formats.channel_file import ChannelFile, Reading, Rows, last_name
 from strainfmu.recorded.formats.name_match import matched, plain_name, suggestion
 from strainfmu.recorded.formats.registry import open_channels
 from strainfmu.recorded.strains.channel_clock import ChannelClock
-from strainfmu.recorded.strains.sample_blocks import StrainFile, column_file
+from strainfmu.recorded.strains.sample_blocks import SampleBlocks, StrainFile, column_file
 from strainfmu.units import STRAIN_UNITS
 
 _QUANTITIES = (*FLOW_NAMES, *NAVIGATION_NAMES)
+
+LARGEST_WHOLE = 64 * 2**20
+"""Length [bytes] of a text up to which it is read whole."""
 
 SPARSE = 0.5
 """Part of a channel's samples without a value above which those with one are its own, slower raster."""
@@ -54,7 +57,10 @@ SPARSE = 0.5
 
 @dataclass
 class _Found:
-    """What was found so far: values by channel, which channel is what, and lines for the user."""
+    """What was found so far: values by channel, which channel is what, and lines for the user.
+
+    ``slow`` are the channels that are mostly empty, None where that is still to be found.
+    """
 
     channels: dict[str, Channel] = field(default_factory=dict)
     strain: dict[str, str] = field(default_factory=dict)
@@ -62,11 +68,12 @@ class _Found:
     flow: dict[str, str] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     used: set[str] = field(default_factory=set)
+    slow: Mapping[str, Channel] | None = None
 
 
 @contextmanager
 def mapped_strains(path: Path, wanted: Wanted, mapping: ChannelMap) -> Iterator[StrainFile]:
-    """Open recorded strains whose channels ``mapping`` tells; the file is read whole.
+    """Open recorded strains whose channels ``mapping`` tells; a long text is read in pieces, other files whole.
 
     Raises
     ------
@@ -87,13 +94,115 @@ def mapped_strains(path: Path, wanted: Wanted, mapping: ChannelMap) -> Iterator[
         kept = tuple(entry for entry in mapping.channels if gauges[entry.gauge] not in excluded)
         of_map = tuple(gauge for gauge in wanted.gauge_names if gauge in excluded)  # others are legs of rosettes
         wanted, mapping = replace(wanted, excluded=of_map), replace(mapping, channels=kept)
-        found = _Found()
-        clock = ChannelClock(file, mapping.path, channel=mapping.time, unit=mapping.time_unit, rate=mapping.rate)
-        _read_strains(file, mapping, gauges, clock, found)
-        _read_flow(file, mapping, wanted, clock, found)
-        found.notes += [*file.remarks, *clock.notes]
-        found.used.update(clock.used)
-        yield _strain_file(file, mapping, wanted, found)
+        of_pieces = None
+        if file.rows is not None and file.length > LARGEST_WHOLE:
+            names = [name for name in file.names if plain_name(name) in known]
+            of_pieces = _of_pieces(file, names, mapping, wanted, gauges)
+        yield of_pieces or _strains_of(file, mapping, wanted, gauges)
+
+
+def _strains_of(
+    file: ChannelFile,
+    mapping: ChannelMap,
+    wanted: Wanted,
+    gauges: dict[str, str],
+    *,
+    ahead: int = 0,
+    slow: Mapping[str, Channel] | None = None,
+    samples: SampleBlocks | None = None,
+) -> StrainFile:
+    """Return the samples of a file, or of a piece of it with ``ahead`` samples above it.
+
+    ``slow`` are the channels of the whole file that are mostly empty, None where they are still to be found.
+    """
+    found = _Found(slow=slow)
+    clock = _clock(file, mapping, ahead)
+    _read_strains(file, mapping, gauges, clock, found)
+    _read_flow(file, mapping, wanted, clock, found)
+    found.notes += [*file.remarks, *clock.notes]
+    found.used.update(clock.used)
+    return _strain_file(file, mapping, wanted, found, samples)
+
+
+def _clock(file: ChannelFile, mapping: ChannelMap, ahead: int) -> ChannelClock:
+    return ChannelClock(
+        file, mapping.path, channel=mapping.time, unit=mapping.time_unit, rate=mapping.rate, ahead=ahead
+    )
+
+
+def _of_pieces(
+    file: ChannelFile, names: Sequence[str], mapping: ChannelMap, wanted: Wanted, gauges: dict[str, str]
+) -> StrainFile | None:
+    """Return the samples of a text that is read in pieces, twice; None where it must be read whole.
+
+    That is where a gauge is mostly empty, so that the samples may be those of a slower channel.
+    """
+    assert file.rows is not None
+    read_rows = file.rows
+
+    def pieces() -> Iterator[tuple[ChannelFile, int, int]]:
+        """Yield each piece as a file, the number of samples ahead of it, and the position behind it."""
+        ahead = 0
+        for rows in read_rows(names):
+            yield _piece(file, names, rows), ahead, rows.done
+            ahead += len(rows.lines)
+
+    slow = _slow_channels(pieces, names, mapping)
+    stated = [entry.name for entry in mapping.channels] + ([mapping.raster] if mapping.raster else [])
+    if slow and any(matched(file.path, "channel", name, [*slow]) for name in stated):
+        return None
+    first = next(pieces(), None)
+    if first is None:
+        return None
+    opened = _strains_of(first[0], mapping, wanted, gauges, slow=slow)
+    notes = tuple(dict.fromkeys(opened.notes))
+    file.remarks.clear()
+    samples = SampleBlocks(opened.plan, file.remarks)
+
+    def blocks() -> Iterator[tuple[StrainBlock, int]]:
+        done = 0
+        for piece, ahead, end in pieces():
+            part = _strains_of(piece, mapping, wanted, gauges, ahead=ahead, slow=slow, samples=samples)
+            for block, row in part.blocks:
+                yield block, done + (end - done) * row // part.length
+            done = end
+        samples.finish()
+        file.remarks[:] = [line for line in file.remarks if line not in notes]
+
+    return StrainFile(file.length, blocks(), opened.plan, notes, file.remarks)
+
+
+def _piece(file: ChannelFile, names: Sequence[str], rows: Rows) -> ChannelFile:
+    """Return a piece of a text as a file."""
+    column = {name: i for i, name in reversed(list(enumerate(names)))}
+    return replace(file, values=lambda name: rows.values[:, column[name]], rows=None, lines=lambda: rows.lines)
+
+
+def _slow_channels(
+    pieces: Callable[[], Iterator[tuple[ChannelFile, int, int]]], names: Sequence[str], mapping: ChannelMap
+) -> dict[str, Channel]:
+    """Return those of the channels ``names`` of a whole text that are mostly empty: their samples with a value."""
+    n, known = 0, np.zeros(len(names))
+    for piece, _, _ in pieces():
+        table = np.column_stack([piece.numbers(name) for name in names])
+        n, known = n + len(table), known + np.isfinite(table).sum(axis=0)
+    slow = [name for name, count in zip(names, known.tolist(), strict=True) if _is_slow(count, n)]
+    parts: dict[str, list[Channel]] = {name: [] for name in slow}
+    for piece, ahead, _ in pieces() if slow else ():
+        clock = _clock(piece, mapping, ahead)
+        for name in slow:
+            values = piece.numbers(name)
+            has_value = np.isfinite(values)
+            parts[name].append(Channel(clock.of(name, len(values))[has_value], values[has_value]))
+    return {
+        name: Channel(np.concatenate([one.time for one in held]), np.concatenate([one.values for one in held]))
+        for name, held in parts.items()
+    }
+
+
+def _is_slow(known: float, n: int) -> bool:
+    """Return whether ``known`` of n samples have so few values that these are a slower raster."""
+    return 2 <= known < (1.0 - SPARSE) * n
 
 
 def _parameters(wanted: Wanted) -> list[str]:
@@ -129,7 +238,7 @@ def _gauges(mapping: ChannelMap, wanted: Wanted) -> dict[str, str]:
     return gauges
 
 
-def _read(file: ChannelFile, name: str, clock: ChannelClock) -> Channel:
+def _read(file: ChannelFile, name: str, clock: ChannelClock, found: _Found) -> Channel:
     """Return times and values of a channel; of one that is mostly empty those that have a value."""
     values = file.numbers(name)
     infinite = np.flatnonzero(np.isinf(values))
@@ -140,7 +249,9 @@ def _read(file: ChannelFile, name: str, clock: ChannelClock) -> Channel:
         )
     time = clock.of(name, len(values))
     has_value = np.isfinite(values)
-    if 2 <= has_value.sum() < (1.0 - SPARSE) * len(values):
+    if found.slow is not None:
+        return found.slow.get(name, Channel(time, values))
+    if _is_slow(has_value.sum(), len(values)):
         return Channel(time[has_value], values[has_value])
     return Channel(time, values)
 
@@ -167,7 +278,7 @@ def _read_strains(
         unit = unit_of_channel(mapping.path, entry, recorded)
         if differs(unit, recorded):
             other_units.append(f"'{name}' {unit}, not {recorded}")
-        raw = _read(file, name, clock)
+        raw = _read(file, name, clock, found)
         found.channels[name] = Channel(raw.time, channel_strain(mapping.path, entry, raw.values, unit))
         found.strain[gauges[entry.gauge]], found.unit[gauges[entry.gauge]] = name, unit
         found.used.add(name)
@@ -264,7 +375,7 @@ def _add_flow(
 ) -> None:
     if name in found.used:
         raise InputError(f"{file.path}: channel '{name}': expected one use, got two, the second as {quantity}")
-    raw = _read(file, name, clock)
+    raw = _read(file, name, clock, found)
     is_warm = is_temperature(quantity)
     factor, offset = (
         kelvin(file.path, name, unit) if is_warm else (flow_factor(file.path, name, quantity, unit, readings), 0.0)
@@ -274,7 +385,9 @@ def _add_flow(
     found.used.add(name)
 
 
-def _strain_file(file: ChannelFile, mapping: ChannelMap, wanted: Wanted, found: _Found) -> StrainFile:
+def _strain_file(
+    file: ChannelFile, mapping: ChannelMap, wanted: Wanted, found: _Found, samples: SampleBlocks | None
+) -> StrainFile:
     """Return the samples of the map's gauges on one raster."""
     raster = None
     if mapping.raster is not None:
@@ -306,7 +419,7 @@ def _strain_file(file: ChannelFile, mapping: ChannelMap, wanted: Wanted, found: 
     columns |= {quantity: merged.values[name] for quantity, name in found.flow.items()}
     lines = None if file.lines is None else file.lines()
     notes = (*found.notes, *merged.notes)
-    opened = column_file(file.path, columns, units=units, wanted=wanted, notes=notes, lines=lines)
+    opened = column_file(file.path, columns, units=units, wanted=wanted, notes=notes, lines=lines, samples=samples)
     unused = tuple(name for name in file.names if name not in found.used)
     return replace(opened, plan=replace(opened.plan, unused=(*unused, *opened.plan.unused)))
 

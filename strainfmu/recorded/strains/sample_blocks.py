@@ -98,10 +98,14 @@ def column_file(
     wanted: Wanted,
     notes: tuple[str, ...] = (),
     lines: IntArray | None = None,
+    samples: SampleBlocks | None = None,
 ) -> StrainFile:
     """Read columns that a library provides one by one; all must have the same length.
 
-    ``lines`` are the (n,) lines of a text in which the samples are.
+    Parameters
+    ----------
+    lines : (n,) lines of a text in which the samples are.
+    samples : makes the blocks of a file of which these are a piece; None where they are all.
     """
     names = list(columns)
     plan = plan_columns(path, names, wanted, units=[units.get(name) for name in names])
@@ -121,7 +125,7 @@ def column_file(
     remarks = list[str]()
 
     def blocks() -> Iterator[tuple[StrainBlock, int]]:
-        samples = SampleBlocks(plan, remarks)
+        made = samples or SampleBlocks(plan, remarks)
         for first in range(0, n, BLOCK_ROWS):
             rows = slice(first, min(first + BLOCK_ROWS, n))
             try:
@@ -130,7 +134,8 @@ def column_file(
                 raise InputError(f"{path}: rows {first + 1} to {rows.stop}: values that are no numbers") from error
             except Exception as error:  # the libraries of the formats raise whatever their parsers do
                 raise InputError(f"{path}: rows {first + 1} to {rows.stop}: damaged, cannot be read") from error
-            yield samples.block(table, places[rows]), rows.stop
-        samples.finish()
+            yield made.block(table, places[rows]), rows.stop
+        if samples is None:
+            made.finish()
 
     return StrainFile(n, blocks(), plan, notes, remarks)
