@@ -50,7 +50,7 @@ class ChannelFile:
     ----------
     names : of all channels; those of groups behind the group's name and a slash.
     headings : names as they stand in the file, with units, for messages; empty where they are ``names``.
-    own_names : names without that of the group, of the channels that have one.
+    own_names : names without the group's, of the channels of groups.
     units : of the channels that state one.
     values : returns (n,) values of a channel, or what gives them by slices; an error of numpy's where they are no
         numbers.

@@ -48,7 +48,7 @@ SUFFIXES = tuple(dict.fromkeys(suffix for one in FORMATS for suffix in one.suffi
 """Of all formats."""
 
 _HEAD = 4096
-"""Bytes by which formats of one suffix are told apart."""
+"""Bytes that distinguish formats of one suffix."""
 
 
 def format_of(path: Path) -> RecorderFormat:

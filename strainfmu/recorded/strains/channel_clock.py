@@ -19,8 +19,8 @@ class ChannelClock:
     Parameters
     ----------
     stated : file that states the channel of time, its unit or a rate; None where nothing is stated.
-    channel : of the times, None for that of a channel's group, or the only one.
-    unit : of it, None for that of the recording.
+    channel : of the times, None for the one of a channel's group, or the only one.
+    unit : of it, None for the recording's.
     rate : samples per second of a recording without times [Hz], None if it has them.
     ahead : samples of the recording ahead of those of the file, which is a piece of it.
     """

@@ -73,7 +73,7 @@ class _Found:
 
 @contextmanager
 def mapped_strains(path: Path, wanted: Wanted, mapping: ChannelMap) -> Iterator[StrainFile]:
-    """Open recorded strains whose channels ``mapping`` tells; a long text is read in pieces, other files whole.
+    """Open recorded strains whose channels ``mapping`` states; a long text is read in pieces, other files whole.
 
     Raises
     ------

@@ -17,10 +17,9 @@ pytestmark = pytest.mark.fast
 
 N = 240
 HEAD = "[defaults]\nunit = 'um/m'\n"
-CHANNELS = "".join(
-    f"[[channel]]\nname = 'ch{i}'\ngauge = '{gauge}'\n" for i, gauge in enumerate(("A", "b", "c", "d"))
-)
-ROSETTE = "[[rosette]]\nlegs = ['b', 'c', 'd']\nangles_deg = [0, 45, 90]\ngauges_deg = { B = 10.0, C = 60.0 }\n"
+LEGS = ("leg b", "leg c", "leg d")
+CHANNELS = "".join(f"[[channel]]\nname = 'ch{i}'\ngauge = '{gauge}'\n" for i, gauge in enumerate(["A", *LEGS]))
+ROSETTE = f"[[rosette]]\nlegs = {[*LEGS]}\nangles_deg = [0, 45, 90]\ngauges_deg.B = 10.0\ngauges_deg.C = 60.0\n"
 FLOW = "[[flow]]\nname = 'q'\nquantity = 'dynamic_pressure'\nunit = 'kPa'\n"
 
 
@@ -76,6 +75,7 @@ def test_pieces_are_the_whole(name: str, tmp_path: Path, monkeypatch: pytest.Mon
     found = outcome(data, toml)
     assert isinstance(expected, str) == (name in ("a time that repeats", "text", "infinite", "no samples"))
     if isinstance(expected, str) or isinstance(found, str):
+        assert str(expected).startswith(f"{data}: ")
         # A time that repeats over the end of a piece is found by the column of the samples.
         assert str(found).replace("column 'time'", "channel 'time'") == expected
         return
