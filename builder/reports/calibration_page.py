@@ -14,6 +14,7 @@ from builder.calibration.estimate.outside_terms import NOISE, OutsideModel
 from builder.calibration.estimate.vehicle import Estimate
 from builder.reports.page.html import Block, Cards, Items, Page, Paragraph, Section
 from builder.reports.page.tables import Column, Table, make_table
+from builder.structure.as_built_kinds import KINDS
 
 CANNOT_SEE = (
     "An error that all loads share is not seen: a load cell that reads too much makes a stiffer vehicle. Its "
@@ -144,23 +145,6 @@ def _gauges(found: Estimate) -> Table:
     return make_table("gauges", "Measured less predicted, gauge by gauge, over all cases.", columns, rows)
 
 
-UNITS = {
-    "gauge_gain": ("%", 100.0),
-    "orientation": ("deg", float(np.rad2deg(1.0))),
-    "axial_shift": ("mm", 1e3),
-    "circumferential_shift": ("mm", 1e3),
-    "transverse_sensitivity": ("%", 100.0),
-    "zero": ("um/m", 1e6),
-    "common_gain": ("%", 100.0),
-    "layout_roll": ("deg", float(np.rad2deg(1.0))),
-    "youngs_modulus": ("%", 100.0),
-    "wall_thickness": ("%", 100.0),
-    "wall_cosine": ("%", 100.0),
-    "wall_sine": ("%", 100.0),
-    **dict.fromkeys(HELD_KINDS, ("%", 100.0)),
-}
-
-
 def _identified(found: Estimate) -> Table:
     """Return prior and posterior sigma side by side; of gauges and regions the root mean square."""
     part, sigma, before = found.parameters, found.std, found.model.std
@@ -168,7 +152,7 @@ def _identified(found: Estimate) -> Table:
     for kind, at in slices(part.n_gauges, part.n_regions).items():
         if kind in HELD_KINDS and not before[at].any():
             continue
-        unit, scale = UNITS[kind]
+        unit, scale = KINDS[kind].unit, 1.0 / KINDS[kind].scale
         prior, after = (float(np.sqrt(np.mean(value[at] ** 2))) for value in (before, sigma))
         identified = 100.0 * (1.0 - (after / prior) ** 2) if prior > 0.0 else 0.0
         size = float(np.sqrt(np.mean(found.vector[at] ** 2)))

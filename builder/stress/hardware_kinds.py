@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from builder.stress.kind import Build, Filtered, Hardware, Kind, KindClass, as_stated, exact
+from builder.structure.as_built_kinds import KINDS, UNIT
 from builder.truth.as_built import AsBuilt, drawn
 from builder.vehicle.map.options import Noise
 
@@ -18,112 +19,24 @@ MANY = 5
 """Draws of the vehicles as stated, times those of the other kinds: their false alarms are rare."""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Stated:
-    """An error that [noise] states.
+DEGREE = UNIT["deg"]
 
-    Attributes
-    ----------
-    error : its name in the table.
-    entry : of [noise].
-    field : of :class:`builder.truth.as_built.AsBuilt`.
-    unit : of the entry, as text with its number.
-    scale : from the entry's unit to the field's.
-    of_each : whether every gauge has its own.
-    """
-
-    error: str
-    entry: str
-    field: str
-    unit: str
-    scale: float
-    of_each: bool
-
-
-DEGREE, MICRO = float(np.pi / 180.0), 1e-6
-
-STATED = (
-    Stated(
-        error="gain of each gauge",
-        entry="gauge_gain_percent",
-        field="gauge_gain",
-        unit=" %",
-        scale=0.01,
-        of_each=True,
-    ),
-    Stated(
-        error="gain of all gauges",
-        entry="common_gain_percent",
-        field="common_gain",
-        unit=" %",
-        scale=0.01,
-        of_each=False,
-    ),
-    Stated(
-        error="wall thickness",
-        entry="wall_thickness_percent",
-        field="wall_thickness",
-        unit=" %",
-        scale=0.01,
-        of_each=False,
-    ),
-    Stated(
-        error="axial position of each gauge",
-        entry="gauge_position_mm",
-        field="axial_shift",
-        unit=" mm",
-        scale=1e-3,
-        of_each=True,
-    ),
-    Stated(
-        error="circumferential position of each gauge",
-        entry="gauge_position_mm",
-        field="circumferential_shift",
-        unit=" mm",
-        scale=1e-3,
-        of_each=True,
-    ),
-    Stated(
-        error="orientation of each gauge",
-        entry="gauge_orientation_deg",
-        field="orientation",
-        unit=" deg",
-        scale=DEGREE,
-        of_each=True,
-    ),
-    Stated(
-        error="roll of the layout",
-        entry="layout_roll_deg",
-        field="layout_roll",
-        unit=" deg",
-        scale=DEGREE,
-        of_each=False,
-    ),
-    Stated(
-        error="apparent strain of all gauges",
-        entry="apparent_strain_um_per_m",
-        field="apparent_strain",
-        unit=" um/m",
-        scale=MICRO,
-        of_each=False,
-    ),
-    Stated(
-        error="internal pressure",
-        entry="internal_pressure_percent",
-        field="internal_pressure",
-        unit=" % of p_inf",
-        scale=0.01,
-        of_each=False,
-    ),
-    Stated(
-        error="dynamic pressure",
-        entry="dynamic_pressure_percent",
-        field="dynamic_pressure",
-        unit=" %",
-        scale=0.01,
-        of_each=False,
-    ),
+STATED = tuple(
+    KINDS[name]
+    for name in (
+        "gauge_gain",
+        "common_gain",
+        "wall_thickness",
+        "axial_shift",
+        "circumferential_shift",
+        "orientation",
+        "layout_roll",
+        "apparent_strain",
+        "internal_pressure",
+        "dynamic_pressure",
+    )
 )
+"""Errors that [noise] states, in the order of the table."""
 
 
 def stated_class(size: float, stated: float) -> KindClass:
@@ -183,17 +96,18 @@ def stated_kinds(noise: Noise) -> list[Kind]:
     """Return each stated error alone at twice its size, where it is stated at all."""
     found = []
     for one in STATED:
-        size = 2.0 * float(getattr(noise, one.entry))
+        size, of_each = 2.0 * float(getattr(noise, one.noise)), one.extent == "gauge"
         if size == 0.0:
             continue
-        whose = "each with its own sign" if one.of_each else "the sign drawn"
+        whose = "each with its own sign" if of_each else "the sign drawn"
+        unit = f"{one.unit} of {one.relative_to}" if one.relative_to else one.unit
         found.append(
             Kind(
                 error=one.error,
-                size=f"+-{size:g}{one.unit}",
+                size=f"+-{size:g} {unit}",
                 group="within",
-                what=f"Twice the size that {one.entry} states, {whose}; all else exact.",
-                build=with_error(one.field, size * one.scale, of_each=one.of_each, sign=True),
+                what=f"Twice the size that {one.noise} states, {whose}; all else exact.",
+                build=with_error(one.name, size * one.scale, of_each=of_each, sign=True),
             )
         )
     return found

@@ -7,10 +7,23 @@ from typing import Any
 
 import numpy as np
 
+from builder.structure.as_built_kinds import KINDS
 from builder.vehicle.map.options import Noise
 from strainfmu.arrays import FloatArray
 
-MICRO = 1e-6
+DRAWN = (
+    "gauge_gain",
+    "common_gain",
+    "axial_shift",
+    "circumferential_shift",
+    "orientation",
+    "layout_roll",
+    "wall_thickness",
+    "apparent_strain",
+    "internal_pressure",
+    "dynamic_pressure",
+)
+"""Kinds in the order in which they are drawn. The wall's thickness is one number, that of all regions."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -78,22 +91,11 @@ def _drawn(
     random: np.random.Generator,
     scale: float,
 ) -> AsBuilt:
-    def each(std: float) -> FloatArray:
-        return scale * std * random.standard_normal(of_gauges)
-
-    def one(std: float) -> Any:
-        value = scale * std * random.standard_normal(of_vehicle)
-        return value if of_vehicle else float(value)
-
-    return AsBuilt(
-        gauge_gain=each(0.01 * entry.gauge_gain_percent),
-        common_gain=one(0.01 * entry.common_gain_percent),
-        axial_shift=each(1e-3 * entry.gauge_position_mm),
-        circumferential_shift=each(1e-3 * entry.gauge_position_mm),
-        orientation=each(float(np.deg2rad(entry.gauge_orientation_deg))),
-        layout_roll=one(float(np.deg2rad(entry.layout_roll_deg))),
-        wall_thickness=one(0.01 * entry.wall_thickness_percent),
-        apparent_strain=one(MICRO * entry.apparent_strain_um_per_m) + np.zeros(of_gauges),
-        internal_pressure=one(0.01 * entry.internal_pressure_percent),
-        dynamic_pressure=one(0.01 * entry.dynamic_pressure_percent),
-    )
+    found = dict[str, Any]()
+    for name in DRAWN:
+        kind = KINDS[name]
+        size = of_gauges if kind.extent == "gauge" else of_vehicle
+        value = scale * kind.noise_std(entry) * random.standard_normal(size)
+        found[name] = value if size else float(value)
+    found["apparent_strain"] = found["apparent_strain"] + np.zeros(of_gauges)
+    return AsBuilt(**found)

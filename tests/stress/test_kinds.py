@@ -41,7 +41,7 @@ def test_there_are_many_and_each_is_another(shipped: Vehicle) -> None:
 
 
 def test_every_stated_error_is_tried_alone() -> None:
-    assert {one.entry for one in STATED} == set(HARDWARE_ERRORS)
+    assert {one.noise for one in STATED} == set(HARDWARE_ERRORS)
 
 
 def test_what_is_not_stated_is_not_tried_at_twice_its_size() -> None:
@@ -111,9 +111,9 @@ def test_a_stated_error_is_built_at_twice_its_size(hardware: Hardware) -> None:
     random = np.random.default_rng(2)
     for one, kind in zip(STATED, stated_kinds(hardware.noise), strict=True):
         built = kind.build(hardware, random)
-        size = 2.0 * getattr(hardware.noise, one.entry) * one.scale
-        np.testing.assert_allclose(np.abs(getattr(built, one.field)), size)
+        size = 2.0 * getattr(hardware.noise, one.noise) * one.scale
+        np.testing.assert_allclose(np.abs(getattr(built, one.name)), size)
         clean = exact(hardware, random)
-        others = replace(built, **{one.field: getattr(clean, one.field)})
+        others = replace(built, **{one.name: getattr(clean, one.name)})
         for entry in ("gauge_gain", "orientation", "wall_thickness", "dynamic_pressure", "apparent_strain"):
             np.testing.assert_array_equal(getattr(others, entry), 0.0)

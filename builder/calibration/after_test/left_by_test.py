@@ -53,8 +53,8 @@ class Remaining:
 
     @property
     def uncertain(self) -> list[Key]:
-        """Keys of the parameters that are not known exactly."""
-        return uncertain_keys(self.parameters.of_vector(np.sqrt(np.diag(self.covariance))))
+        """Keys of the parameters that strain in flight depends on and that are not known exactly."""
+        return uncertain_keys(self.parameters.of_vector(np.sqrt(np.diag(self.covariance))), in_flight=True)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

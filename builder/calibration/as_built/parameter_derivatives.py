@@ -11,21 +11,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from builder.calibration.as_built.parameters import GAUGE_KINDS, HELD_KINDS, REGION_KINDS, AsBuiltParameters
+from builder.calibration.as_built.parameters import REGION_KINDS, AsBuiltParameters
+from builder.structure.as_built_kinds import AS_BUILT, KINDS
 from strainfmu.arrays import FloatArray
-
-STEPS = {
-    "orientation": 1e-3,
-    "axial_shift": 1e-4,
-    "circumferential_shift": 1e-4,
-    "transverse_sensitivity": 1e-3,
-    "layout_roll": 1e-3,
-    "wall_thickness": 1e-3,
-    "wall_cosine": 1e-3,
-    "wall_sine": 1e-3,
-    **dict.fromkeys(HELD_KINDS, 1e-3),
-}
-"""Steps of central differences [rad, m, 1]; gains, Young's modulus and zeros need none."""
 
 Key = tuple[str, int]
 """Kind of a parameter, and the number of the region of the wall or 0."""
@@ -33,23 +21,28 @@ Key = tuple[str, int]
 
 def derivative_keys(n_regions: int) -> list[Key]:
     """Return the keys in the order of the vector, without the zeros."""
-    kinds = [kind for kind in GAUGE_KINDS if kind != "zero"]
-    whole = [(kind, 0) for kind in (*kinds, "common_gain", "layout_roll", "youngs_modulus")]
-    return whole + [(kind, region) for kind in REGION_KINDS for region in range(n_regions)]
+    return [
+        (kind.name, region)
+        for kind in AS_BUILT
+        if kind.name != "zero"
+        for region in range(n_regions if kind.extent == "region" else 1)
+    ]
 
 
-def uncertain_keys(std: AsBuiltParameters) -> list[Key]:
-    """Return the keys of parameters whose standard deviation is not zero."""
+def uncertain_keys(std: AsBuiltParameters, in_flight: bool = False) -> list[Key]:
+    """Return the keys of parameters whose standard deviation is not zero; those alone that strain in flight
+    depends on, where it is ``in_flight`` that they are needed."""
     return [
         key
         for key in derivative_keys(std.n_regions)
-        if np.any(getattr(std, key[0]) if of_gauges(key) else getattr(std, key[0])[key[1]])
+        if (KINDS[key[0]].flight or not in_flight)
+        and np.any(getattr(std, key[0]) if of_gauges(key) else getattr(std, key[0])[key[1]])
     ]
 
 
 def of_gauges(key: Key) -> bool:
     """Return whether every gauge has its own parameter of a kind."""
-    return key[0] in GAUGE_KINDS
+    return KINDS[key[0]].extent == "gauge"
 
 
 def parameter_derivatives(
@@ -81,8 +74,9 @@ def _difference(
     evaluate: Callable[[AsBuiltParameters], FloatArray], parameters: AsBuiltParameters, kind: str, region: int
 ) -> FloatArray:
     held = getattr(parameters, kind)
-    change = np.full(len(held), STEPS[kind])
+    step = KINDS[kind].step
+    change = np.full(len(held), step)
     if kind in REGION_KINDS:
         change[np.arange(len(held)) != region] = 0.0
     plus, minus = (evaluate(replace(parameters, **{kind: held + sign * change})) for sign in (1.0, -1.0))
-    return np.asarray((plus - minus) / (2.0 * STEPS[kind]))
+    return np.asarray((plus - minus) / (2.0 * step))

@@ -1,4 +1,7 @@
-"""What a vehicle as built may have different from its drawing, as one vector."""
+"""What a vehicle as built may have different from its drawing, as one vector.
+
+The kinds are those of the table :data:`builder.structure.as_built_kinds.AS_BUILT`, in its order.
+"""
 
 from __future__ import annotations
 
@@ -7,30 +10,19 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
+from builder.structure.as_built_kinds import AS_BUILT, KINDS
 from builder.vehicle.map.calibration import Calibration
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 
-MICRO = 1e-6
-
-GAUGE_KINDS = (
-    "gauge_gain",
-    "orientation",
-    "axial_shift",
-    "circumferential_shift",
-    "transverse_sensitivity",
-    "zero",
-)
+GAUGE_KINDS = tuple(kind.name for kind in AS_BUILT if kind.extent == "gauge")
 """Parameters of each gauge on its own."""
 
-VEHICLE_KINDS = ("common_gain", "layout_roll", "youngs_modulus")
-"""One number each."""
-
-HELD_KINDS = ("wall_taper", "wall_second_cosine", "wall_second_sine")
-"""Parameters of each region that the section [calibration] takes for zero unless it says otherwise."""
-
-REGION_KINDS = ("wall_thickness", "wall_cosine", "wall_sine", *HELD_KINDS)
+REGION_KINDS = tuple(kind.name for kind in AS_BUILT if kind.extent == "region")
 """Parameters of each region of the wall."""
+
+HELD_KINDS = tuple(kind.name for kind in AS_BUILT if kind.taken_for_zero)
+"""Parameters of each region that the section [calibration] takes for zero unless it says otherwise."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -96,8 +88,8 @@ class AsBuiltParameters:
 
 
 def _sizes(n_gauges: int, n_regions: int) -> dict[str, int]:
-    sizes = dict.fromkeys(GAUGE_KINDS, n_gauges) | dict.fromkeys(VEHICLE_KINDS, 1)
-    return sizes | dict.fromkeys(REGION_KINDS, n_regions)
+    of = {"gauge": n_gauges, "vehicle": 1, "region": n_regions}
+    return {kind.name: of[kind.extent] for kind in AS_BUILT}
 
 
 def slices(n_gauges: int, n_regions: int) -> dict[str, slice]:
@@ -112,14 +104,13 @@ def slices(n_gauges: int, n_regions: int) -> dict[str, slice]:
 def parameter_names(gauge_names: Sequence[str], n_regions: int) -> tuple[str, ...]:
     """Return a name for every entry of the vector."""
     regions = [f"region {k + 1}" for k in range(n_regions)]
-    found = [f"{in_words(kind)} {gauge}" for kind in GAUGE_KINDS for gauge in gauge_names]
-    found += [in_words(kind) for kind in VEHICLE_KINDS]
-    return (*found, *(f"{in_words(kind)} {region}" for kind in REGION_KINDS for region in regions))
+    of = {"gauge": gauge_names, "region": regions}
+    return tuple(f"{kind.in_words} {one}".rstrip() for kind in AS_BUILT for one in of.get(kind.extent, [""]))
 
 
 def in_words(kind: str) -> str:
     """Return the name of a kind as it is printed."""
-    return kind.replace("_", " ")
+    return KINDS[kind].in_words
 
 
 def exactly_built(n_gauges: int, n_regions: int) -> AsBuiltParameters:
@@ -129,26 +120,8 @@ def exactly_built(n_gauges: int, n_regions: int) -> AsBuiltParameters:
 
 def prior_std(entry: Calibration, n_gauges: int, n_regions: int) -> AsBuiltParameters:
     """Return the standard deviation of every parameter before a test, from the section [calibration]."""
-    wall, second = 0.01 * entry.wall_harmonic_percent, 0.01 * entry.wall_second_harmonic_percent
-    std = {
-        "gauge_gain": 0.01 * entry.gauge_gain_percent,
-        "orientation": float(np.deg2rad(entry.gauge_orientation_deg)),
-        "axial_shift": 1e-3 * entry.gauge_position_mm,
-        "circumferential_shift": 1e-3 * entry.gauge_position_mm,
-        "transverse_sensitivity": 0.01 * entry.transverse_sensitivity_percent,
-        "zero": MICRO * entry.zero_um_per_m,
-        "common_gain": 0.01 * entry.common_gain_percent,
-        "layout_roll": float(np.deg2rad(entry.layout_roll_deg)),
-        "youngs_modulus": 0.01 * entry.youngs_modulus_percent,
-        "wall_thickness": 0.01 * entry.wall_thickness_percent,
-        "wall_cosine": wall,
-        "wall_sine": wall,
-        "wall_taper": 0.01 * entry.wall_taper_percent,
-        "wall_second_cosine": second,
-        "wall_second_sine": second,
-    }
     return AsBuiltParameters(
-        **{kind: np.full(size, std[kind]) for kind, size in _sizes(n_gauges, n_regions).items()}
+        **{kind: np.full(size, KINDS[kind].prior_std(entry)) for kind, size in _sizes(n_gauges, n_regions).items()}
     )
 
 

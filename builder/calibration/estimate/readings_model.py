@@ -23,11 +23,16 @@ from builder.calibration.as_built.parameters import HELD_KINDS, AsBuiltParameter
 from builder.calibration.as_built.response_tables import LoadResponse, together
 from builder.calibration.as_built.structure import AsBuiltStructure
 from builder.calibration.ground_test.load_test import LoadTest
+from builder.structure.as_built_kinds import KINDS
 from builder.structure.loads.applied import Load, PadForce, PadPressure
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 
-PAD_STEPS = {"place": 1e-3, "roll": 5e-3, "shape": 0.02}
+PAD_STEPS = {
+    "place": KINDS["pad_position"].step,
+    "roll": KINDS["pad_roll"].step,
+    "shape": KINDS["pad_shape"].step,
+}
 """Steps of the differences for pads [m, rad, 1]."""
 
 

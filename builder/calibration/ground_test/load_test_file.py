@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
 from pydantic import AfterValidator, Field, PrivateAttr, field_validator, model_validator
 
 from builder.calibration.ground_test.load_entries import NO_LOAD_CELL, AnyLoadEntry
 from builder.calibration.ground_test.load_test import KnownLoad, LoadErrors
+from builder.structure.as_built_kinds import OF_LOADS
 from builder.vehicle.toml.faults import Faults
 from builder.vehicle.toml.limits import one_line
 from builder.vehicle.toml.reading import read_sections
@@ -35,13 +35,7 @@ class ErrorEntries(Section):
 
     def errors(self) -> LoadErrors:
         """Return the same in SI units."""
-        return LoadErrors(
-            load=0.01 * self.load_percent,
-            common=0.01 * self.load_cell_percent,
-            pad_position=1e-3 * self.pad_position_mm,
-            pad_roll=float(np.deg2rad(self.pad_roll_deg)),
-            pad_shape=0.01 * self.pad_shape_percent,
-        )
+        return LoadErrors(**{kind.name: kind.error_std(self) for kind in OF_LOADS})
 
 
 class ReadingEntries(Section):

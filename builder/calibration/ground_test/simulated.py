@@ -19,6 +19,7 @@ from builder.calibration.ground_test.load_changes import as_applied, scaled
 from builder.calibration.ground_test.load_entries import NO_LOAD_CELL, entry_of
 from builder.calibration.ground_test.load_test import KnownLoad, LoadErrors
 from builder.calibration.ground_test.load_test_writer import WrittenCase, write_load_test
+from builder.structure.as_built_kinds import OF_LOADS
 from builder.structure.loads.applied import Load
 from builder.vehicle.gauges.layout import GaugeLayout
 from strainfmu.arrays import FloatArray
@@ -167,13 +168,7 @@ def write_ground_test(test: GroundTest, folder: Path, name: str, vehicle: str | 
 
 def error_entries(errors: LoadErrors) -> dict[str, object]:
     """Return the section [errors] of a file."""
-    return {
-        "load_percent": _rounded(100.0 * errors.load),
-        "load_cell_percent": _rounded(100.0 * errors.common),
-        "pad_position_mm": _rounded(1e3 * errors.pad_position),
-        "pad_roll_deg": _rounded(float(np.rad2deg(errors.pad_roll))),
-        "pad_shape_percent": _rounded(100.0 * errors.pad_shape),
-    }
+    return {kind.errors: _rounded(getattr(errors, kind.name) / kind.scale) for kind in OF_LOADS}
 
 
 def _recording(test: GroundTest) -> tuple[FloatArray, FloatArray, list[tuple[float, float]]]:

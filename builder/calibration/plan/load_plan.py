@@ -143,7 +143,9 @@ def _flight(parts: PlanParts, exact: InverseMap) -> FlightSensitivity:
 
     std = prior_std(vehicle.calibration, as_built.n_gauges, as_built.n_regions)
     found = parameter_derivatives(
-        lambda one: as_built.strain_operator(one) @ net, as_built.exactly_built(), uncertain_keys(std)
+        lambda one: as_built.strain_operator(one) @ net,
+        as_built.exactly_built(),
+        uncertain_keys(std, in_flight=True),
     )
     jacobian = np.zeros((FLIGHTS, as_built.n_gauges, len(std.vector) + 1))
     where, gauge = slices(as_built.n_gauges, as_built.n_regions), np.arange(as_built.n_gauges)

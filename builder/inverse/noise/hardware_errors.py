@@ -13,13 +13,12 @@ import numpy as np
 from builder.inverse.modes.ensemble import Ensemble
 from builder.inverse.noise.gauge_derivatives import gauge_derivatives, wall_thickness_derivative
 from builder.inverse.noise.model import NoiseTerm, common_error, gauge_errors, nuisance_modes
+from builder.structure.as_built_kinds import KINDS
 from builder.structure.fourier.model import StructuralModel
 from builder.structure.mapped_structure import MappedStructure
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.map.proportional_errors import PAIRS, ErrorModel
-
-MICRO = 1e-6
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -62,19 +61,19 @@ def hardware_errors(
         A gauge lies within a step of the end of its surface, or the structure holds no displaced gauges.
     """
     entry, layout = vehicle.noise, vehicle.gauges.layout
-    each = {"gauge gain": 0.01 * entry.gauge_gain_percent * strain_operator}
-    common = {"common gain": 0.01 * entry.common_gain_percent * strain_operator}
+    each = {"gauge gain": KINDS["gauge_gain"].noise_std(entry) * strain_operator}
+    common = {"common gain": KINDS["common_gain"].noise_std(entry) * strain_operator}
     common["modulus with temperature"] = modulus_std * strain_operator
     if entry.moves_gauges:
         by = gauge_derivatives(vehicle, structure, layout)
-        position = 1e-3 * entry.gauge_position_mm
-        each["gauge position, axial"] = position * by.axial
-        each["gauge position, circumferential"] = position * by.circumferential
-        each["gauge orientation"] = np.deg2rad(entry.gauge_orientation_deg) * by.orientation
-        common["layout roll"] = np.deg2rad(entry.layout_roll_deg) * by.layout_roll
+        each["gauge position, axial"] = KINDS["axial_shift"].noise_std(entry) * by.axial
+        around = KINDS["circumferential_shift"].noise_std(entry)
+        each["gauge position, circumferential"] = around * by.circumferential
+        each["gauge orientation"] = KINDS["orientation"].noise_std(entry) * by.orientation
+        common["layout roll"] = KINDS["layout_roll"].noise_std(entry) * by.layout_roll
     if entry.wall_thickness_percent > 0.0:
         by_thickness = wall_thickness_derivative(vehicle, structure, layout)
-        common["wall thickness"] = 0.01 * entry.wall_thickness_percent * by_thickness
+        common["wall thickness"] = KINDS["wall_thickness"].noise_std(entry) * by_thickness
     operators = {name: operator for name, operator in {**each, **common}.items() if np.any(operator)}
     if not operators:
         return []
@@ -92,12 +91,12 @@ def hardware_terms(
     """Return the noise terms of ``errors``, averaged over the ensemble, and of those that do not follow strain."""
     entry, terms = vehicle.noise, error_terms(errors, ensemble)
     if entry.apparent_strain_um_per_m > 0.0:
-        column, std = np.ones((len(strain_operator), 1)), np.array([MICRO * entry.apparent_strain_um_per_m])
+        column, std = np.ones((len(strain_operator), 1)), np.array([KINDS["apparent_strain"].noise_std(entry)])
         terms.append(replace(nuisance_modes("apparent strain", column, std), hardware=True))
     if entry.internal_pressure_percent > 0.0:
         rms = rms_ambient_pressure(ensemble)
         column = strain_operator.sum(axis=1)[:, None]
-        std = np.array([0.01 * entry.internal_pressure_percent * rms])
+        std = np.array([KINDS["internal_pressure"].noise_std(entry) * rms])
         terms.append(replace(nuisance_modes("internal pressure", column, std), hardware=True, scales=True))
     return terms
 

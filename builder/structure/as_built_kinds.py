@@ -1,0 +1,300 @@
+"""The table of what a vehicle as built, and its test, may have different from what the files state.
+
+A kind has one name, one unit and one size in all uses: the prior of a calibration ([calibration] of the vehicle
+file), vehicles that are drawn as truth and error columns of a map ([noise]), cases of the fault detection study at
+twice the stated size, and errors of the loads of a ground test ([errors] of its file). The sections state standard
+deviations, with their defaults; the table says which entry belongs to which kind.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+Extent = Literal["gauge", "vehicle", "region", "load"]
+"""Whether each gauge, the vehicle, each region of the wall, or each load has its own parameter."""
+
+UNIT = {"%": 0.01, "mm": 1e-3, "um/m": 1e-6, "deg": float(np.pi / 180.0), "N": 1.0}
+"""Size of the units of entries, in SI."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ParameterKind:
+    """One kind of error.
+
+    Attributes
+    ----------
+    name : of the kind, and of the field that holds it.
+    error : name of the kind in the fault detection study; empty where that has no case of it.
+    extent : what has its own parameter of this kind.
+    unit : of its entries, one of :data:`UNIT`; parameters themselves are in SI.
+    acts_on : what it changes, for pages.
+    relative_to : what a size in percent is a part of, where the kind's name does not say so.
+    calibration, noise, errors : entry of the section of this name that states its standard deviation; empty where
+        the section has none.
+    step : of central differences of the readings by it; 0 where the derivative has a closed form.
+    flight : whether strain in flight depends on it; a ground test alone does otherwise.
+    taken_for_zero : whether the standard deviation is 0 by default, and the test says whether that holds.
+    """
+
+    name: str
+    extent: Extent
+    unit: str
+    acts_on: str
+    error: str = ""
+    relative_to: str = ""
+    calibration: str = ""
+    noise: str = ""
+    errors: str = ""
+    step: float = 0.0
+    flight: bool = True
+    taken_for_zero: bool = False
+
+    @property
+    def scale(self) -> float:
+        """Size of the unit, in SI."""
+        return UNIT[self.unit]
+
+    @property
+    def in_words(self) -> str:
+        """The name as it is printed."""
+        return self.name.replace("_", " ")
+
+    def prior_std(self, section: object) -> float:
+        """Return the standard deviation before a test, in SI, from the section [calibration]."""
+        return self.scale * float(getattr(section, self.calibration))
+
+    def noise_std(self, section: object) -> float:
+        """Return the standard deviation in flight, in SI, from the section [noise]."""
+        return self.scale * float(getattr(section, self.noise))
+
+    def error_std(self, section: object) -> float:
+        """Return the standard deviation in a ground test, in SI, from the section [errors]."""
+        return self.scale * float(getattr(section, self.errors))
+
+
+AS_BUILT = (
+    ParameterKind(
+        name="gauge_gain",
+        error="gain of each gauge",
+        extent="gauge",
+        unit="%",
+        acts_on="reading of the gauge",
+        calibration="gauge_gain_percent",
+        noise="gauge_gain_percent",
+    ),
+    ParameterKind(
+        name="orientation",
+        error="orientation of each gauge",
+        extent="gauge",
+        unit="deg",
+        acts_on="direction of the gauge in the surface",
+        calibration="gauge_orientation_deg",
+        noise="gauge_orientation_deg",
+        step=1e-3,
+    ),
+    ParameterKind(
+        name="axial_shift",
+        error="axial position of each gauge",
+        extent="gauge",
+        unit="mm",
+        acts_on="place of the gauge along the surface",
+        calibration="gauge_position_mm",
+        noise="gauge_position_mm",
+        step=1e-4,
+    ),
+    ParameterKind(
+        name="circumferential_shift",
+        error="circumferential position of each gauge",
+        extent="gauge",
+        unit="mm",
+        acts_on="place of the gauge round the body",
+        calibration="gauge_position_mm",
+        noise="gauge_position_mm",
+        step=1e-4,
+    ),
+    ParameterKind(
+        name="transverse_sensitivity",
+        extent="gauge",
+        unit="%",
+        acts_on="reading of strain across the gauge",
+        calibration="transverse_sensitivity_percent",
+        step=1e-3,
+    ),
+    ParameterKind(
+        name="zero",
+        extent="gauge",
+        unit="um/m",
+        acts_on="reading without load",
+        calibration="zero_um_per_m",
+    ),
+    ParameterKind(
+        name="common_gain",
+        error="gain of all gauges",
+        extent="vehicle",
+        unit="%",
+        acts_on="readings of all gauges",
+        calibration="common_gain_percent",
+        noise="common_gain_percent",
+    ),
+    ParameterKind(
+        name="layout_roll",
+        error="roll of the layout",
+        extent="vehicle",
+        unit="deg",
+        acts_on="roll angle of all gauges",
+        calibration="layout_roll_deg",
+        noise="layout_roll_deg",
+        step=1e-3,
+    ),
+    ParameterKind(
+        name="youngs_modulus",
+        extent="vehicle",
+        unit="%",
+        acts_on="stiffness of the whole wall",
+        calibration="youngs_modulus_percent",
+    ),
+    ParameterKind(
+        name="wall_thickness",
+        error="wall thickness",
+        extent="region",
+        unit="%",
+        acts_on="mean thickness round the body",
+        calibration="wall_thickness_percent",
+        noise="wall_thickness_percent",
+        step=1e-3,
+    ),
+    ParameterKind(
+        name="wall_cosine",
+        extent="region",
+        unit="%",
+        acts_on="thickness as cos phi",
+        calibration="wall_harmonic_percent",
+        step=1e-3,
+    ),
+    ParameterKind(
+        name="wall_sine",
+        extent="region",
+        unit="%",
+        acts_on="thickness as sin phi",
+        calibration="wall_harmonic_percent",
+        step=1e-3,
+    ),
+    ParameterKind(
+        name="wall_taper",
+        extent="region",
+        unit="%",
+        acts_on="thickness from the fore to the aft end",
+        calibration="wall_taper_percent",
+        step=1e-3,
+        taken_for_zero=True,
+    ),
+    ParameterKind(
+        name="wall_second_cosine",
+        extent="region",
+        unit="%",
+        acts_on="thickness as cos 2 phi",
+        calibration="wall_second_harmonic_percent",
+        step=1e-3,
+        taken_for_zero=True,
+    ),
+    ParameterKind(
+        name="wall_second_sine",
+        extent="region",
+        unit="%",
+        acts_on="thickness as sin 2 phi",
+        calibration="wall_second_harmonic_percent",
+        step=1e-3,
+        taken_for_zero=True,
+    ),
+)
+"""Kinds of the vehicle as a calibration estimates it, in the order of its vector. New ones go to the end, so that
+the same seed draws the same vehicle."""
+
+IN_FLIGHT = (
+    ParameterKind(
+        name="apparent_strain",
+        error="apparent strain of all gauges",
+        extent="vehicle",
+        unit="um/m",
+        acts_on="readings of all gauges",
+        noise="apparent_strain_um_per_m",
+    ),
+    ParameterKind(
+        name="internal_pressure",
+        error="internal pressure",
+        extent="vehicle",
+        unit="%",
+        acts_on="pressure inside",
+        relative_to="p_inf",
+        noise="internal_pressure_percent",
+    ),
+    ParameterKind(
+        name="dynamic_pressure",
+        error="dynamic pressure",
+        extent="vehicle",
+        unit="%",
+        acts_on="stated q_inf",
+        noise="dynamic_pressure_percent",
+    ),
+)
+"""Kinds that no ground test knows."""
+
+OF_LOADS = (
+    ParameterKind(
+        name="load",
+        extent="load",
+        unit="%",
+        acts_on="size of each load",
+        errors="load_percent",
+        flight=False,
+    ),
+    ParameterKind(
+        name="common",
+        extent="vehicle",
+        unit="%",
+        acts_on="size of all loads of a load cell",
+        errors="load_cell_percent",
+        flight=False,
+    ),
+    ParameterKind(
+        name="pad_position",
+        extent="load",
+        unit="mm",
+        acts_on="station of each load",
+        errors="pad_position_mm",
+        step=1e-3,
+        flight=False,
+    ),
+    ParameterKind(
+        name="pad_roll",
+        extent="load",
+        unit="deg",
+        acts_on="roll angle of each load",
+        errors="pad_roll_deg",
+        step=5e-3,
+        flight=False,
+    ),
+    ParameterKind(
+        name="pad_shape",
+        extent="load",
+        unit="%",
+        acts_on="length of each pad",
+        errors="pad_shape_percent",
+        step=0.02,
+        flight=False,
+    ),
+)
+"""Kinds of the loads of a ground test."""
+
+
+def by_name(kinds: Iterable[ParameterKind]) -> dict[str, ParameterKind]:
+    """Return kinds by their names, in order."""
+    return {kind.name: kind for kind in kinds}
+
+
+KINDS = by_name((*AS_BUILT, *IN_FLIGHT, *OF_LOADS))
+"""The whole table."""

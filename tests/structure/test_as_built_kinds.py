@@ -1,0 +1,37 @@
+"""The table of kinds of error: every use has the table's kinds, and every entry that it names exists."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+
+import pytest
+
+from builder.calibration.as_built.parameters import AsBuiltParameters
+from builder.calibration.ground_test.load_test import LoadErrors
+from builder.calibration.ground_test.load_test_file import ErrorEntries
+from builder.structure.as_built_kinds import AS_BUILT, IN_FLIGHT, KINDS, OF_LOADS
+from builder.truth.as_built import DRAWN, AsBuilt
+from builder.vehicle.map.calibration import Calibration
+from builder.vehicle.map.options import HARDWARE_ERRORS, Noise
+
+pytestmark = pytest.mark.fast
+
+
+def test_every_use_holds_the_kinds_of_the_table() -> None:
+    assert len(KINDS) == len(AS_BUILT) + len(IN_FLIGHT) + len(OF_LOADS)
+    assert [one.name for one in fields(AsBuiltParameters)] == [kind.name for kind in AS_BUILT]
+    assert {one.name for one in fields(AsBuilt)} == set(DRAWN) == {k.name for k in KINDS.values() if k.noise}
+    assert {kind.name for kind in OF_LOADS} <= {one.name for one in fields(LoadErrors)}
+    assert {kind.noise for kind in KINDS.values() if kind.noise} == set(HARDWARE_ERRORS)
+
+
+def test_sizes_are_those_of_the_sections() -> None:
+    prior, loads, noise = Calibration(), ErrorEntries(), Noise(std_um_per_m=1.0)
+    for kind in AS_BUILT:
+        assert kind.prior_std(prior) == pytest.approx(kind.scale * getattr(prior, kind.calibration), rel=1e-12)
+        assert (kind.prior_std(prior) == 0.0) >= kind.taken_for_zero
+    assert loads.errors() == LoadErrors()
+    assert KINDS["orientation"].noise_std(noise) == pytest.approx(
+        0.0174533 * noise.gauge_orientation_deg, rel=1e-5
+    )
+    assert KINDS["axial_shift"].noise_std(noise) == 1e-3 * noise.gauge_position_mm
