@@ -22,6 +22,7 @@ from builder.calibration.estimate.faults import Fault, calibrate_with_faults
 from builder.calibration.estimate.load_equations import load_equations
 from builder.calibration.estimate.outside_terms import OutsideModel, outside_model
 from builder.calibration.estimate.readings_model import ReadingsModel
+from builder.calibration.estimate.remarks import remarks
 from builder.calibration.estimate.vehicle import Estimate
 from builder.calibration.ground_test.load_test import LoadTest
 from builder.calibration.ground_test.load_test_file import LoadTestFile, load_test_file
@@ -285,6 +286,11 @@ def _facts(found: Estimate, faults: tuple[Fault, ...], outside: OutsideModel, te
         "chi_square_per_reading": found.per_reading,
         "faults": [one.line for one in faults],
         "outside_the_model": list(outside.lines),
+        "remarks": list(remarks(found)),
+        "mass_percent": round(100.0 * float(part.mass[0]), 4),
+        "load_cell_percent": (100.0 * found.vector[found.model.cell_entries][: len(found.model.cells)])
+        .round(4)
+        .tolist(),
         "zero_um_per_m": (1e6 * part.zero).round(6).tolist(),
         "zero_std_um_per_m": (1e6 * sigma[where["zero"]]).round(6).tolist(),
         "wall_thickness_percent": (100.0 * part.wall_thickness).round(4).tolist(),

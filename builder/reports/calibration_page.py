@@ -6,11 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from builder.calibration.as_built.parameters import HELD_KINDS, in_words, slices
+from builder.calibration.as_built.parameters import in_words, slices
 from builder.calibration.estimate.cross_validation import LeftOut
 from builder.calibration.estimate.faults import Fault, load_shifts
 from builder.calibration.estimate.load_equations import LoadEquation
 from builder.calibration.estimate.outside_terms import NOISE, OutsideModel
+from builder.calibration.estimate.remarks import remarks
 from builder.calibration.estimate.vehicle import Estimate
 from builder.reports.page.html import Block, Cards, Items, Page, Paragraph, Section
 from builder.reports.page.tables import Column, Table, make_table
@@ -33,7 +34,7 @@ def calibration_page(
     equations: Sequence[LoadEquation],
 ) -> Page:
     """Return the page."""
-    agrees = found.agrees
+    agrees, said = found.agrees, remarks(found)
     facts = (
         f"{found.n_readings} readings, {len(found.vector)} parameters, {found.steps} steps",
         f"chi-square per reading {found.per_reading:.3g}; 1 is expected",
@@ -44,6 +45,7 @@ def calibration_page(
     cards = (
         (verdict, "green" if agrees else "red", facts),
         ("Left out", "amber" if faults else "green", tuple(one.line for one in faults)),
+        ("As stated", "amber" if said else "green", said or ("mass, load cells and chi-square",)),
         ("Outside the model", "red" if outside.found else "green", outside.lines or ("nothing found",)),
     )
     opening: tuple[Block, ...] = (Cards(cards),)
@@ -150,13 +152,23 @@ def _identified(found: Estimate) -> Table:
     part, sigma, before = found.parameters, found.std, found.model.std
     rows = []
     for kind, at in slices(part.n_gauges, part.n_regions).items():
-        if kind in HELD_KINDS and not before[at].any():
+        if not before[at].any():
             continue
         unit, scale = KINDS[kind].unit, 1.0 / KINDS[kind].scale
         prior, after = (float(np.sqrt(np.mean(value[at] ** 2))) for value in (before, sigma))
         identified = 100.0 * (1.0 - (after / prior) ** 2) if prior > 0.0 else 0.0
         size = float(np.sqrt(np.mean(found.vector[at] ** 2)))
         rows.append([in_words(kind), unit, scale * size, scale * prior, scale * after, identified])
+    model = found.model
+    for number, cell in enumerate(range(model.cell_entries.start, model.cell_entries.stop)):
+        of_cell = KINDS["common" if number < len(model.cells) else "cell_offset"]
+        if before[cell] > 0.0:
+            size, prior, after = (
+                float(value[cell]) / of_cell.scale for value in (np.abs(found.vector), before, sigma)
+            )
+            rows.append(
+                [model.names[cell], of_cell.unit, size, prior, after, 100.0 * (1.0 - (after / prior) ** 2)]
+            )
     columns = (
         Column("parameter"),
         Column("unit"),

@@ -12,12 +12,12 @@ import pytest
 
 from builder.calibration.as_built.structure import AsBuiltStructure
 from builder.calibration.ground_test.candidate_cases import Candidate, LoadLimits, attitude_cases, candidate_cases
-from builder.calibration.ground_test.load_changes import as_applied, moved, scaled
+from builder.calibration.ground_test.load_changes import CellErrors, as_applied, moved, scaled, tilted
 from builder.calibration.ground_test.load_test import KnownLoad, LoadErrors
 from builder.calibration.ground_test.load_test_file import load_test_file
 from builder.calibration.ground_test.readings import load_test
 from builder.calibration.ground_test.simulated import TestFaults, ground_test, write_ground_test
-from builder.structure.loads.applied import Load, PadForce, PadPressure, SurfacePressure, Weight
+from builder.structure.loads.applied import Load, PadForce, PadPressure, PointForce, SurfacePressure, Weight
 from builder.vehicle.file import IC3X, load_vehicle
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
@@ -87,14 +87,15 @@ def test_drawn_errors_have_their_sizes() -> None:
     """Size, place and length of a pad scatter as stated; the load cell's error is in every case alike."""
     random, errors = np.random.default_rng(5), LoadErrors()
     known = KnownLoad(load=PAD, std=0.01)
-    drawn = cast("list[PadPressure]", [as_applied(known, errors, 0.02, random) for _ in range(2000)])
+    cell = CellErrors(gain=0.02)
+    drawn = cast("list[PadPressure]", [as_applied(known, errors, cell, random) for _ in range(2000)])
     push = np.array([one.push for one in drawn]) / PAD.push
     assert push.mean() == pytest.approx(1.02, abs=1e-3)
     assert push.std() == pytest.approx(0.0102, rel=0.06)
     assert np.std([one.station for one in drawn]) == pytest.approx(0.002, rel=0.06)
     assert np.std([one.roll_angle for one in drawn]) == pytest.approx(np.deg2rad(0.3), rel=0.06)
     assert np.std([one.half_length for one in drawn]) == pytest.approx(0.005, rel=0.06)
-    off_cell = as_applied(KnownLoad(load=Weight(), on_load_cell=False), errors, 0.02, random)
+    off_cell = as_applied(KnownLoad(load=Weight(), on_load_cell=False), errors, cell, random)
     assert off_cell == Weight()
 
 
@@ -106,6 +107,29 @@ def test_moved_pads_keep_their_force_and_other_loads_stay() -> None:
     assert scaled(SurfacePressure(surface="inner", pressure=10.0), 2.0) == SurfacePressure(
         surface="inner", pressure=20.0
     )
+
+
+def test_a_load_cell_off_by_newtons_counts_by_the_force_it_reads() -> None:
+    exact = LoadErrors(load=0.0, pad_position=0.0, pad_roll=0.0, pad_shape=0.0, tilt=0.0)
+    random, cell = np.random.default_rng(1), CellErrors(gain=0.01, offset=4.0)
+    pushed = cast(PadPressure, as_applied(KnownLoad(load=replace(PAD, push=200.0)), exact, cell, random))
+    assert pushed.push == pytest.approx(200.0 * 1.01 + 4.0)
+    inside = KnownLoad(load=SurfacePressure(surface="inner", pressure=1e5))
+    assert cast(SurfacePressure, as_applied(inside, exact, cell, random)).pressure == pytest.approx(1.01e5)
+
+
+def test_forces_are_turned_about_both_axes_across_them() -> None:
+    """By the stated size each, without a change of the force; a pad that presses along the normal is not."""
+    point = PointForce(station=1.0, roll_angle=0.0, force=(0.0, 30.0, -40.0))
+    errors, random = LoadErrors(), np.random.default_rng(2)
+    applied = [as_applied(KnownLoad(load=point), errors, CellErrors(), random) for _ in range(2000)]
+    force = np.array([cast(PointForce, one).force for one in applied])
+    np.testing.assert_allclose(np.linalg.norm(force, axis=1), 50.0, rtol=1e-12)
+    across = np.array([[1.0, 0.0, 0.0], [0.0, 0.8, 0.6]])
+    np.testing.assert_allclose((force @ across.T).std(axis=0) / 50.0, np.deg2rad(1.0), rtol=0.06)
+    assert np.std([cast(PointForce, one).station for one in applied]) == pytest.approx(0.002, rel=0.06)
+    assert tilted(PAD, 0.1, 0.1) is PAD
+    assert tilted(Weight(), 0.1) == Weight()
 
 
 def test_candidates_are_pads_in_all_directions_and_what_else_the_rig_can_do() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -11,6 +13,7 @@ from builder.calibration.estimate.disagreement import unexplained
 from builder.calibration.estimate.faults import calibrate_with_faults, load_shifts
 from builder.calibration.estimate.outside_terms import outside_model
 from builder.calibration.estimate.readings_model import ReadingsModel
+from builder.calibration.estimate.remarks import remarks
 from builder.calibration.estimate.vehicle import Estimate, estimate, usable
 from builder.calibration.ground_test.load_test import KnownLoad, LoadCase, LoadErrors, LoadTest
 from builder.calibration.ground_test.standard_cases import standard_cases
@@ -78,6 +81,72 @@ def test_the_estimate_is_as_good_as_it_says(
 def test_sound_readings_raise_no_alarm(found: Estimate) -> None:
     shift, _ = load_shifts(found)
     assert np.abs(shift).max() < 4.0
+
+
+@pytest.mark.parametrize(("mass", "named"), [(0.0, False), (0.03, True), (-0.05, True)])
+def test_a_mass_that_differs_is_found_and_named(
+    model: tuple[ReadingsModel, np.ndarray], mass: float, named: bool
+) -> None:
+    built, vector = model
+    at = built.names.index("mass")
+    other = np.where(np.arange(len(vector)) == at, mass, vector)
+    noise = built.test.readings - built.readings(vector)
+    found = estimate(built.with_readings(built.readings(other) + noise), usable(built))
+    assert found.std[at] < 0.25 * built.std[at]
+    assert abs(found.vector[at] - mass) < 3.0 * found.std[at]
+    said = [line for line in remarks(found) if line.startswith("mass: ")]
+    assert len(said) == named
+    if named:
+        assert f"% {'more' if mass > 0.0 else 'less'} than the vehicle file states" in said[0]
+
+
+def test_a_test_states_its_mass_or_has_no_part_in_it(
+    model: tuple[ReadingsModel, np.ndarray], as_built: AsBuiltStructure, prior: AsBuiltParameters
+) -> None:
+    test = model[0].test
+    weighed = ReadingsModel(as_built, replace(test, errors=replace(ERRORS, mass=0.001)), prior)
+    assert weighed.std[weighed.names.index("mass")] == 0.001
+    pads = tuple(
+        replace(case, loads=tuple(one for one in case.loads if isinstance(one.load, PadForce)))
+        for case in test.cases[:2]
+    )
+    light = ReadingsModel(as_built, replace(test, cases=pads), prior)
+    assert light.std[light.names.index("mass")] == 0.0
+
+
+def test_two_load_cells_have_gains_and_offsets_of_their_own(
+    model: tuple[ReadingsModel, np.ndarray], as_built: AsBuiltStructure, prior: AsBuiltParameters
+) -> None:
+    """Cell B reads 2 % too little, cell A 15 N: both are found, and a cell that is far off is named."""
+    built, vector = model
+    cells = tuple(
+        replace(case, loads=tuple(replace(one, load_cell="AB"[k % 2]) for one in case.loads))
+        for k, case in enumerate(built.test.cases)
+    )
+    errors = LoadErrors(common=0.02, cell_offset=10.0)
+    two = ReadingsModel(as_built, replace(built.test, cases=cells, errors=errors), prior)
+    truth = np.zeros(len(two.std))
+    truth[: two.n_built] = vector[: built.n_built]
+    at = two.cell_entries
+    assert two.names[at] == ("load cell A", "load cell B", "load cell offset A", "load cell offset B")
+    truth[at] = 0.0, 0.02, 15.0, 0.0
+    noise = built.test.readings - built.readings(vector)
+    found = estimate(two.with_readings(two.readings(truth) + noise), usable(two))
+    assert np.all(np.abs(found.vector[at] - truth[at]) < 3.0 * found.std[at])
+    assert np.all(found.std[at] < 0.9 * two.std[at])
+    off = found.vector + 0.1 * (np.arange(len(truth)) == at.start + 1)
+    assert any(line.startswith("load cell B: loads are") for line in remarks(replace(found, vector=off)))
+
+
+@pytest.mark.parametrize(("factor", "said"), [(0.2, "too low"), (5.0, "too high")])
+def test_a_chi_square_counts_on_both_sides(
+    model: tuple[ReadingsModel, np.ndarray], found: Estimate, factor: float, said: str
+) -> None:
+    assert found.disagreement == ""
+    other = replace(found, chi_square=factor * found.chi_square)
+    assert not other.agrees
+    assert said in other.disagreement
+    assert other.disagreement in remarks(other)
 
 
 @pytest.mark.parametrize("factor", [-1.0, 1e3])

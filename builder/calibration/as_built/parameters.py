@@ -44,6 +44,11 @@ class AsBuiltParameters:
     wall_taper : (n_r,) relative thickness by which a region is thicker at its aft end, and thinner at its fore end
         [1].
     wall_second_cosine, wall_second_sine : (n_r,) relative thickness that goes as cos 2 phi and sin 2 phi [1].
+    mass : (1,) relative error of own weight and inertia [1].
+    region_mass : (n_r,) the same of each region, besides [1].
+    clamp_axial, clamp_transverse : (1,) length of the wall's material that yields under the same traction as the
+        clamp does, along and across the body [m].
+    region_modulus : (n_r,) relative error of Young's modulus of each region, besides [1].
     """
 
     gauge_gain: FloatArray
@@ -61,6 +66,11 @@ class AsBuiltParameters:
     wall_taper: FloatArray
     wall_second_cosine: FloatArray
     wall_second_sine: FloatArray
+    mass: FloatArray
+    region_mass: FloatArray
+    clamp_axial: FloatArray
+    clamp_transverse: FloatArray
+    region_modulus: FloatArray
 
     def __post_init__(self) -> None:
         n_d, n_r = len(self.gauge_gain), len(self.wall_thickness)

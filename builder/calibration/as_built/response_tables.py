@@ -30,8 +30,11 @@ class ResponseTable:
         squares.
     uneven : (n_w, 2, n_r, 3 sides, .., n_m, n_s, 3) per wall harmonic w as cos(w phi) and, in a frame rolled by a
         quarter of its period, as sin(w phi); the strain goes round the body by n + w side.
+    soft : (n_soft, .., n_m, n_s, 3) per compliance of the clamp along and across the body, then per modulus of
+        each region, where that is not known.
     uneven_load : (n_w, 2, n_r, .., n_m, n_s, 3) per wall harmonic, through the load itself; None where it does not
         change.
+    region_mass : (n_r, .., n_m, n_s, 3) per mass of each region; None where the load is none of mass.
     """
 
     nominal: FloatArray
@@ -40,7 +43,9 @@ class ResponseTable:
     wall: FloatArray
     wall_twice: FloatArray
     uneven: FloatArray
+    soft: FloatArray
     uneven_load: FloatArray | None = None
+    region_mass: FloatArray | None = None
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -52,11 +57,13 @@ class LoadResponse:
     table : amplitudes; the two families of harmonics lead.
     constant : (n_d,) reading that no parameter changes, as apparent strain [m/m].
     by_stress : whether strain goes with 1 / E; strain of a temperature does not.
+    by_mass : whether strain goes with the vehicle's mass.
     """
 
     table: ResponseTable
     constant: FloatArray
     by_stress: bool | BoolArray = True
+    by_mass: bool | BoolArray = False
 
 
 def nominal_table(amplitude: FloatArray, n_regions: int) -> ResponseTable:
@@ -69,6 +76,7 @@ def nominal_table(amplitude: FloatArray, n_regions: int) -> ResponseTable:
         wall=none,
         wall_twice=none,
         uneven=np.zeros((len(WAVES), 2, n_regions, 3, *amplitude.shape)),
+        soft=none,
     )
 
 
@@ -78,7 +86,6 @@ def stacked_tables(tables: Sequence[ResponseTable]) -> ResponseTable:
     What one load has no part of, as harmonics or the wall's thickness, is zero.
     """
     n_m = max(one.nominal.shape[1] for one in tables)
-    n_r = max(len(one.wall) for one in tables)
 
     def stacked(parts: Sequence[FloatArray]) -> FloatArray:
         # What leads is the table's; 2, n_m, n_s, 3 are the load's.
@@ -89,13 +96,19 @@ def stacked_tables(tables: Sequence[ResponseTable]) -> ResponseTable:
 
     def by_region(name: str) -> FloatArray:
         parts = [(getattr(one, name), one.nominal.shape) for one in tables]
-        return stacked([one if len(one) else np.zeros((n_r, *shape)) for one, shape in parts])
+        n = max(len(one) for one, _ in parts)
+        return stacked([one if len(one) else np.zeros((n, *shape)) for one, shape in parts])
 
     uneven = [
         np.zeros((*one.uneven.shape[:3], *one.nominal.shape)) if one.uneven_load is None else one.uneven_load
         for one in tables
     ]
+    mass = [
+        np.zeros((one.uneven.shape[2], *one.nominal.shape)) if one.region_mass is None else one.region_mass
+        for one in tables
+    ]
     changes = any(one.uneven_load is not None for one in tables)
+    weighs = any(one.region_mass is not None for one in tables)
     return ResponseTable(
         nominal=stacked([one.nominal for one in tables]),
         along=stacked([one.along for one in tables]),
@@ -103,7 +116,9 @@ def stacked_tables(tables: Sequence[ResponseTable]) -> ResponseTable:
         wall=by_region("wall"),
         wall_twice=by_region("wall_twice"),
         uneven=stacked([one.uneven for one in tables]),
+        soft=by_region("soft"),
         uneven_load=stacked(uneven) if changes else None,
+        region_mass=stacked(mass) if weighs else None,
     )
 
 
@@ -113,6 +128,7 @@ def together(responses: Sequence[LoadResponse]) -> LoadResponse:
         table=stacked_tables([one.table for one in responses]),
         constant=np.array([one.constant for one in responses]),
         by_stress=np.array([one.by_stress for one in responses]),
+        by_mass=np.array([one.by_mass for one in responses]),
     )
 
 
@@ -128,6 +144,10 @@ def even_amplitudes(
         found = found + np.tensordot(thickness, table.wall, 1) + np.tensordot(thickness**2, table.wall_twice, 1)
     if table.uneven_load is not None:
         found = found + np.tensordot(_waves(parameters), table.uneven_load, 3)
+    if table.region_mass is not None:
+        found = found + np.tensordot(parameters.region_mass, table.region_mass, 1)
+    if len(table.soft):
+        found = found + np.tensordot(_softness(parameters)[: len(table.soft)], table.soft, 1)
     shift = parameters.axial_shift[:, None]
     return np.asarray(
         found[..., station, :]
@@ -146,6 +166,15 @@ def uneven_amplitudes(
         for turned, (size, part) in enumerate(zip(by_frame, tables, strict=True)):
             if size.any():
                 yield wave, turned, np.tensordot(size, part, 1)[..., station, :]
+
+
+def _softness(parameters: AsBuiltParameters) -> FloatArray:
+    """Return (2 + n_r,) what the rows of :attr:`ResponseTable.soft` are multiplied by.
+
+    A region's strain goes with its compliance, 1 / (1 + e), nearly in proportion; so the line is one in that.
+    """
+    stiffer = parameters.region_modulus / (1.0 + parameters.region_modulus)
+    return np.concatenate([parameters.clamp_axial, parameters.clamp_transverse, stiffer])
 
 
 def _waves(parameters: AsBuiltParameters) -> FloatArray:

@@ -3,9 +3,12 @@
 The semi-analytic model is solved once, for the wall of the drawing, for every region thinner and thicker, for
 tapered and uneven walls, and at stations ahead of and behind the gauges. What a vehicle as built reads follows by
 parabolas in the thickness of each region and along the meridian, to second order in taper, to first order in the
-uneven wall, and exactly in gains, Young's modulus, direction, transverse sensitivity and roll angle of the gauges:
+uneven wall and the compliance of the clamp, and exactly in gains, mass, Young's modulus, direction, transverse
+sensitivity and roll angle of the gauges:
 
-    reading = (1 + common) (1 + gain) / (1 + E) a(theta) . strain(theta) + zero.
+    reading = (1 + common) (1 + gain) / (1 + E) a(theta) . strain(theta) + zero,
+
+times 1 + mass under own weight and inertia.
 
 Any resolution will do, so that a finer one plays the vehicle that is tested.
 """
@@ -55,6 +58,9 @@ SHIFT = 1e-3
 
 MAX_HARMONIC = 24
 """Highest harmonic in roll angle of known loads; those of pressure are the resolution's."""
+
+OF_MASS = (Weight, Acceleration)
+"""Loads that go with the vehicle's mass."""
 
 WITHIN_THE_WALL = (Weight, Acceleration, TemperatureField)
 """Loads whose forces change with the wall."""
@@ -162,7 +168,8 @@ class AsBuiltStructure:
         normal, shear = direction_weights(self.placed.meridional, self.placed.circumferential, parameters)
         reading = (normal * strain[..., :2]).sum(axis=-1) + shear * strain[..., 2]
         stiffness = 1.0 + parameters.youngs_modulus * np.asarray(response.by_stress)[..., None]
-        return np.asarray(gain_of(parameters) * reading / stiffness + response.constant)
+        weight = 1.0 + parameters.mass * np.asarray(response.by_mass)[..., None]
+        return np.asarray(gain_of(parameters) * reading * weight / stiffness + response.constant)
 
     def nominal_response(self, load: Load) -> LoadResponse:
         """Return what ``load`` strains on the wall that was solved for, alone: for differences between loads.
@@ -185,7 +192,7 @@ class AsBuiltStructure:
         force = nodal_force(even, load)
         within = isinstance(load, WITHIN_THE_WALL) or (isinstance(load, SurfacePressure) and load.surface == INNER)
         lighter, heavier = ([nodal_force(one, load) for one in part] if within else [] for part in (thin, thick))
-        amplitude, uneven_load = states.nominal.strain(split(force)), None
+        amplitude, uneven_load, region_mass = states.nominal.strain(split(force)), None, None
         of_thin, of_thick = (
             np.array([one.strain(split(f)) for one, f in zip(part, forces or [force] * len(part), strict=False)])
             for part, forces in ((states.thin, lighter), (states.thick, heavier))
@@ -195,6 +202,9 @@ class AsBuiltStructure:
             waved = [times_waves((b - a) / (2.0 * WALL_STEP)) for a, b in pairs]  # region, wave, cosine or sine
             strain = [[[states.nominal.strain(split(f)) for f in parts] for parts in region] for region in waved]
             uneven_load = np.moveaxis(np.array(strain), 0, 2)
+        if isinstance(load, OF_MASS):
+            share = self.regions.mass_share(even.mesh.node[:, 0]).T[:, :, None]
+            region_mass = np.array([states.nominal.strain(split(one * force)) for one in share])
         table = _table(
             amplitude,
             (states.fore.strain(split(force)), states.aft.strain(split(force))),
@@ -205,15 +215,17 @@ class AsBuiltStructure:
                     for wave, one in zip(WAVES, states.uneven, strict=True)
                 ]
             ),
+            np.array([one.strain(split(force)) for one in states.soft]),
         )
         constant = np.zeros(self.n_gauges)
         if isinstance(load, TemperatureField):
             at = load.at(self.placed.x, self.placed.roll_angle, np.zeros(self.n_gauges))
             constant = -np.asarray(even.properties.compensation * at)
         return LoadResponse(
-            table=replace(table, uneven_load=uneven_load),
+            table=replace(table, uneven_load=uneven_load, region_mass=region_mass),
             constant=constant,
             by_stress=not isinstance(load, TemperatureField),
+            by_mass=isinstance(load, OF_MASS),
         )
 
     def _pressure_parts(self, parameters: AsBuiltParameters) -> tuple[FloatArray, FloatArray]:
@@ -249,6 +261,8 @@ class AsBuiltStructure:
         )
         if not len(self.states.thin) and np.abs(one - other).max() > 1e-12:
             raise InputError("this structure was solved for one wall; its thickness cannot change")
+        if len(self.states.soft) == 2 and parameters.region_modulus.any():
+            raise InputError("this structure was solved for one modulus; calibration.region_modulus_percent is 0")
         return np.asarray(one - other)
 
     def _roll_angle(self, parameters: AsBuiltParameters) -> FloatArray:
@@ -309,6 +323,7 @@ def as_built_structure(
         properties=properties or LoadProperties(density=vehicle.material.density_kg_per_m3),
         max_harmonic=max(max_harmonic, resolution.harmonics),
         with_regions=known_thickness is None,
+        with_moduli=vehicle.calibration.region_modulus_percent > 0.0,
         progress=progress,
     )
     load = pressure_load(mesh, grid.x).toarray().reshape(len(mesh.node), 3, -1)[states.rows.outer]
@@ -349,6 +364,7 @@ def _table(
     along: tuple[FloatArray, FloatArray],
     wall: tuple[FloatArray, FloatArray],
     uneven: FloatArray,
+    soft: FloatArray,
 ) -> ResponseTable:
     """Return the table through values a step SHIFT before and behind, and WALL_STEP thinner and thicker."""
     fore, aft = along
@@ -360,6 +376,7 @@ def _table(
         wall=(thick - thin) / (2.0 * WALL_STEP),
         wall_twice=(thick - 2.0 * nominal + thin) / (2.0 * WALL_STEP**2) if len(thin) else thin,
         uneven=uneven,
+        soft=soft,
     )
 
 
@@ -376,4 +393,5 @@ def _pressure_table(states: WallStates, load: FloatArray, n_m: int) -> ResponseT
         (of(states.fore), of(states.aft)),
         (np.array([of(one) for one in states.thin]), np.array([of(one) for one in states.thick])),
         np.broadcast_to(uneven[:, None], (uneven.shape[0], 2, *uneven.shape[1:])),
+        np.array([of(one) for one in states.soft]),
     )

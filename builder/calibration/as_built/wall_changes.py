@@ -12,6 +12,7 @@ An uneven wall changes it to first order, see :mod:`builder.calibration.as_built
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.sparse import csc_array
@@ -22,11 +23,15 @@ from builder.structure.fourier.fourier_elasticity import (
     HarmonicSolver,
     assemble_stiffness,
     factor_harmonic,
+    ring_products,
 )
-from builder.structure.fourier.meridian_mesh import MeridianMesh
+from builder.structure.fourier.meridian_mesh import MeridianMesh, line_edges
 from builder.structure.fourier.strain_operator import strain_rows
 from builder.structure.wall import Material
 from strainfmu.arrays import FloatArray, IntArray
+
+FAINT = 1e-9
+"""Part of the largest entry of a stiffness below which one is none."""
 
 
 class ExpectedWall:
@@ -122,6 +127,57 @@ def _without_zeros(pattern: FourierStiffness, term: FloatArray) -> FourierStiffn
 def _times(rows: FloatArray, matrix: csc_array) -> FloatArray:
     """Return rows (.., n_dof) times a symmetric matrix."""
     return np.asarray((matrix @ rows.reshape(-1, rows.shape[-1]).T).T.reshape(rows.shape))
+
+
+class ElasticClamp:
+    """The clamp that holds the aft ring, as a layer that yields: by the derivatives of the adjoint.
+
+    With traction t on the ring a layer of length l and modulus E moves by u = t l / E. The nodes of the ring then
+    move by (l / E) M^-1 r, r their reactions and M the integral of two shape functions over the ring; what the
+    wall does as they move is P. To first order in l,
+
+        da / dl = (b P) (E M)^-1 P'.
+
+    A motion of the whole ring, as the clamp's rotation, strains nothing: P is a rigid motion then.
+    """
+
+    def __init__(self, mesh: MeridianMesh, material: Material) -> None:
+        self._node, edge = mesh.clamped_node, line_edges(mesh.clamped_node)
+        product = np.zeros((len(self._node), len(self._node)))
+        for number, block in enumerate(ring_products(mesh, edge)):
+            at = slice(2 * number, 2 * number + 3)
+            product[at, at] += block
+        self._yields = np.linalg.inv(product) / material.youngs_modulus
+
+    def adjoints(
+        self, stiffness: FourierStiffness, solver: HarmonicSolver, rows: FloatArray, n: int
+    ) -> FloatArray:
+        """Return (2, n_s, 3, n_dof) derivatives of the adjoint of harmonic ``n`` by the layer's length along and
+        across the body; ``rows`` (n_s, 3, n_dof) are the strain rows."""
+        matrix, found = stiffness.matrix(n), np.zeros((2, *rows.shape))
+        for component, which in ((0, 0), (1, 1), (2, 1)):
+            held = 3 * self._node + component
+            motion = -solver.solve(matrix[:, held].toarray())
+            motion[held] += np.eye(len(held))
+            found[which] += (rows @ motion) @ self._yields @ motion.T
+        return found
+
+
+class StifferRegion:
+    """A wall whose modulus is larger in a region, where ``weight`` (n_e,) of its elements is 1: to first order."""
+
+    def __init__(self, mesh: MeridianMesh, material: Material, weight: FloatArray, even: FourierStiffness) -> None:
+        # A material has some stiffness; where the weight is 0 it is far below what counts.
+        moduli = np.maximum(weight, FAINT**2) * material.youngs_modulus
+        own = tuple(replace(material, youngs_modulus=one) for one in moduli.tolist())
+        each = replace(mesh, materials=own, material_of=np.arange(1, len(own) + 1))
+        term = assemble_stiffness(each, material).term
+        term[:, np.abs(term).max(axis=0) < FAINT * np.abs(term).max()] = 0.0
+        self._stiffness = _without_zeros(even, term)
+
+    def adjoint(self, zeroth: FloatArray, solver: HarmonicSolver, n: int) -> FloatArray:
+        """Return the derivative (n_s, 3, n_dof) of the adjoint ``zeroth`` by the relative modulus."""
+        return solved(solver, -_times(zeroth, self._stiffness.matrix(n)))
 
 
 class UnevenChange:

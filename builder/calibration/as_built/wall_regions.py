@@ -44,6 +44,11 @@ class WallRegions:
         begun = np.clip((x[:, None] - start) / blend, 0.0, 1.0)
         return np.asarray(begun - np.column_stack([begun[:, 1:], np.zeros(len(x))]))
 
+    def mass_share(self, x: FloatArray) -> FloatArray:
+        """Return (n, n_r) of the mass at stations ``x`` (n,): the solid tip belongs to the first region."""
+        whole = self.end[0] + BLEND * (self.end[-1] - self.end[0])
+        return self.share(np.maximum(x, whole))
+
     def slope(self, x: FloatArray) -> FloatArray:
         """Return (n, n_r) shares that grow from -1 at a region's fore end to 1 at its aft end."""
         middle, half = 0.5 * (self.end[1:] + self.end[:-1]), 0.5 * np.diff(self.end)

@@ -12,7 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from builder.calibration.as_built.wall_changes import (
+    ElasticClamp,
     ExpectedWall,
+    StifferRegion,
     TaperedWall,
     ThickerWall,
     UnevenChange,
@@ -24,7 +26,7 @@ from builder.reporting import Progress
 from builder.structure.fourier.fourier_elasticity import FourierStiffness
 from builder.structure.fourier.gauges import PlacedGauges
 from builder.structure.fourier.meridian_mesh import MeridianMesh, line_nodes
-from builder.structure.fourier.strain_operator import distinct_stations, station_index
+from builder.structure.fourier.strain_operator import distinct_stations, station_index, strain_rows
 from builder.structure.loads.fourier import FourierStructure
 from builder.structure.loads.loaded_structure import LoadProperties
 from builder.structure.wall import Wall
@@ -124,6 +126,8 @@ class WallStates:
     uneven : for each of :data:`~builder.calibration.as_built.wall_harmonics.WAVES`, (n_r, 3 sides) per region of a
         wall whose thickness goes as cos(wave phi), as in
         :data:`~builder.calibration.as_built.wall_harmonics.SIDES`.
+    soft : derivatives by the clamp's compliance along and across the body, then by the modulus of each region; of
+        the clamp alone where the modulus of regions is known.
     forces : structures that give nodal forces only: of the wall as expected, thin ones, thick ones.
     station : (n_d,) of each gauge.
     """
@@ -135,6 +139,7 @@ class WallStates:
     thin: tuple[Adjoint, ...]
     thick: tuple[Adjoint, ...]
     uneven: tuple[Adjoint, ...]
+    soft: tuple[Adjoint, ...]
     forces: tuple[FourierStructure, tuple[FourierStructure, ...], tuple[FourierStructure, ...]]
     station: IntArray
 
@@ -148,6 +153,7 @@ def wall_states(
     properties: LoadProperties,
     max_harmonic: int,
     with_regions: bool = True,
+    with_moduli: bool = False,
     progress: Progress | None = None,
 ) -> WallStates:
     """Solve every state of the wall for the strains at the gauges.
@@ -162,6 +168,7 @@ def wall_states(
     properties : density and what else loads need.
     max_harmonic : highest harmonic in roll angle.
     with_regions : whether thickness and taper by regions are not known.
+    with_moduli : whether Young's modulus by regions is not known.
     progress : called with (harmonics done, harmonics in all).
     """
     rows = ForceRows(outer=np.unique(line_nodes(mesh.outer_edge)), n_nodes=len(mesh.node))
@@ -176,8 +183,11 @@ def wall_states(
     thicker = [[ThickerWall(one, wall.material) for one in pairs[k]] for k in unknown]
     tapered = [_tapered(mesh, wall, regions, k, expected.stiffness) for k in unknown]
     uneven = [_uneven_change(mesh, wall, regions, k) for k in range(len(regions))]
+    clamp = ElasticClamp(mesh, wall.material)
+    stiffer = _stiffer_regions(mesh, wall, regions, expected.stiffness) if with_moduli else []
     whole = _Kept.of((), n_m, len(stations), rows)
     of_thin, of_thick = (_Kept.of((count if with_regions else 0,), n_m, len(x), rows) for _ in range(2))
+    of_soft = _Kept.of((2 + len(stiffer),), n_m, len(x), rows)
     of_uneven = _Kept.of((len(WAVES), len(regions), len(SIDES)), n_m, len(x), rows)
     for n in range(n_m):
         solver = expected.solver(n)
@@ -187,6 +197,8 @@ def wall_states(
             walls += [one.adjoints(expected, solver, n, (-WALL_STEP, WALL_STEP)) for one in tapered]
             of_thin.take(n, np.array([thin for thin, _ in walls]))
             of_thick.take(n, np.array([thick for _, thick in walls]))
+        held = clamp.adjoints(expected.stiffness, solver, strain_rows(mesh, x, n), n)
+        of_soft.take(n, np.array([*held, *(one.adjoint(expected.at_gauges(n), solver, n) for one in stiffer)]))
         of_uneven.take(n, uneven_adjoint(uneven, expected, solver, n))
         if progress is not None:
             progress(n + 1, n_m)
@@ -199,6 +211,7 @@ def wall_states(
         thin=of_thin.each,
         thick=of_thick.each,
         uneven=of_uneven.each,
+        soft=of_soft.each,
         forces=(bare[0], tuple(bare[1::2]), tuple(bare[2::2])),
         station=station_index(x, gauges.x),
     )
@@ -220,6 +233,14 @@ def _tapered(mesh: MeridianMesh, wall: Wall, regions: WallRegions, k: int, even:
         thickened(mesh, wall, regions, none, sign * TAPER_STEP * np.eye(len(regions))[k]) for sign in (-1.0, 1.0)
     )
     return TaperedWall(minus, plus, TAPER_STEP, even, wall.material)
+
+
+def _stiffer_regions(
+    mesh: MeridianMesh, wall: Wall, regions: WallRegions, even: FourierStiffness
+) -> list[StifferRegion]:
+    """Return the walls whose modulus is larger in one region each."""
+    share = regions.share(mesh.node[mesh.element, 0].mean(axis=1))
+    return [StifferRegion(mesh, wall.material, one, even) for one in share.T]
 
 
 def _uneven_change(mesh: MeridianMesh, wall: Wall, regions: WallRegions, k: int) -> UnevenChange:

@@ -12,8 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from builder.calibration.as_built.structure import OF_MASS
 from builder.calibration.estimate.readings_model import ReadingsModel
 from builder.calibration.estimate.vehicle import Estimate
+from builder.calibration.ground_test.load_changes import scaled
 from builder.structure.loads.applied import Load
 from builder.structure.loads.gauge_strain import load_resultant
 from builder.structure.loads.temperature import TemperatureField
@@ -67,16 +69,20 @@ def load_equations(found: Estimate, moment_station: float) -> list[LoadEquation]
     errors = model.errors(found.vector)
     group = [model.groups.index(case.group) for case in model.test.cases]
     strain = (model.test.readings - errors.zero[group])[rows]
-    loads = applied_loads(model, moment_station)[rows]
+    loads = applied_loads(model, moment_station, float(found.parameters.mass[0]))[rows]
     return [_equation(name, strain, loads[:, k], good) for k, name in enumerate(LOAD_NAMES)]
 
 
-def applied_loads(model: ReadingsModel, moment_station: float) -> FloatArray:
-    """Return the five loads (n_cases, 5) of every case as stated [N, N m]."""
+def applied_loads(model: ReadingsModel, moment_station: float, mass: float = 0.0) -> FloatArray:
+    """Return the five loads (n_cases, 5) of every case as stated [N, N m]; ``mass`` is the vehicle's error [1]."""
     structure = model.structure.states.forces[0]
     found = np.zeros((len(model.test.cases), 5))
     for k, case in enumerate(model.test.cases):
-        acting: list[Load] = [one.load for one in case.loads if not isinstance(one.load, TemperatureField)]
+        acting: list[Load] = [
+            scaled(one.load, 1.0 + mass) if isinstance(one.load, OF_MASS) else one.load
+            for one in case.loads
+            if not isinstance(one.load, TemperatureField)
+        ]
         x, y, z, _, about_y, about_z = load_resultant(structure, acting)
         nose_up, nose_port = about_y + moment_station * z, about_z - moment_station * y
         found[k] = x, z, y, nose_up, -nose_port

@@ -3,11 +3,12 @@
     reading = sum over the loads of (1 + own error + load cell's) (strain + pad errors) + zero of the recorder.
 
 The vector of a test is the vehicle's parameters, then the zeros of further groups of cases, the relative error of
-every load, that of the load cell, and place, roll and shape of every pad.
+every load, gain and offset of every load cell, and place, roll, shape and direction of every load.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass, replace
 
@@ -21,10 +22,11 @@ from builder.calibration.as_built.parameter_derivatives import (
 )
 from builder.calibration.as_built.parameters import HELD_KINDS, AsBuiltParameters, parameter_names, slices
 from builder.calibration.as_built.response_tables import LoadResponse, together
-from builder.calibration.as_built.structure import AsBuiltStructure
+from builder.calibration.as_built.structure import OF_MASS, AsBuiltStructure
+from builder.calibration.ground_test.load_changes import PLACED, cell_force, moved, tilted
 from builder.calibration.ground_test.load_test import LoadTest
 from builder.structure.as_built_kinds import KINDS
-from builder.structure.loads.applied import Load, PadForce, PadPressure
+from builder.structure.loads.applied import Load
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 
@@ -32,8 +34,10 @@ PAD_STEPS = {
     "place": KINDS["pad_position"].step,
     "roll": KINDS["pad_roll"].step,
     "shape": KINDS["pad_shape"].step,
+    "first tilt": KINDS["tilt"].step,
+    "second tilt": KINDS["tilt"].step,
 }
-"""Steps of the differences for pads [m, rad, 1]."""
+"""Steps of the differences for the place of pads and points and the direction of forces [m, rad, 1]."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -44,7 +48,7 @@ class StatedErrors:
     ----------
     zero : (n_groups, n_d) [m/m].
     scale : (n_loads,) relative, own and of the load cell [1].
-    pad : (n_loads, 3) place [m], roll [rad], shape [1].
+    pad : (n_loads, 5) place [m], roll [rad], shape [1], two tilts [rad].
     """
 
     zero: FloatArray
@@ -62,16 +66,18 @@ class ReadingsModel:
     """
 
     def __init__(self, structure: AsBuiltStructure, test: LoadTest, prior: AsBuiltParameters) -> None:
-        self.structure, self.test, self.prior = structure, test, prior
+        self.structure, self.test, self.prior = structure, test, _of_test(prior, test)
         self.n_built = len(prior.vector)
         self.groups = list(dict.fromkeys(case.group for case in test.cases))
         self.loads = [(k, one) for k, case in enumerate(test.cases) for one in case.loads]
+        self.cells = list(dict.fromkeys(one.load_cell for _, one in self.loads if one.on_load_cell)) or ["1"]
+        self._on_cell = self._load_cells()
         self._pads = [self._checked_pad_columns(test.cases[k].name, one.load) for k, one in self.loads]
         self._together: LoadResponse | None = None
         self._at_drawing: tuple[FloatArray, FloatArray] | None = None
         built = parameter_names(structure.gauges.names, structure.n_regions)
         extra, std = self._extra_names(), self._extra_std()
-        self.names, self.std = (*built, *extra), np.concatenate([prior.vector, std])
+        self.names, self.std = (*built, *extra), np.concatenate([self.prior.vector, std])
 
     def with_readings(self, readings: FloatArray) -> ReadingsModel:
         """Return the model of the same loads with other readings (n_cases, n_d) [m/m]; solved parts are shared."""
@@ -100,12 +106,19 @@ class ReadingsModel:
         """Return the test's part of a vector."""
         n_d, n_l, n_g = self.structure.n_gauges, len(self.loads), len(self.groups)
         rest = vector[self.n_built :]
-        more, scale, cell, pad = np.split(rest, np.cumsum([(n_g - 1) * n_d, n_l, 1]))
+        more, scale, cell, pad = np.split(rest, np.cumsum([(n_g - 1) * n_d, n_l, 2 * len(self.cells)]))
         own = self.built(vector).zero
-        on_cell = np.array([one.on_load_cell for _, one in self.loads], dtype=float)
         return StatedErrors(
-            zero=np.vstack([own, more.reshape(-1, n_d)]), scale=scale + on_cell * cell, pad=pad.reshape(n_l, 3)
+            zero=np.vstack([own, more.reshape(-1, n_d)]),
+            scale=scale + self._on_cell @ cell,
+            pad=pad.reshape(n_l, len(PAD_STEPS)),
         )
+
+    @property
+    def cell_entries(self) -> slice:
+        """Where gains, then offsets, of the load cells stand in the vector."""
+        first = self.n_built + (len(self.groups) - 1) * self.structure.n_gauges + len(self.loads)
+        return slice(first, first + 2 * len(self.cells))
 
     def load_strains(self, built: AsBuiltParameters) -> FloatArray:
         """Return (n_loads, n_d) readings of every load as stated, without zeros [m/m]."""
@@ -170,13 +183,22 @@ class ReadingsModel:
 
     def _load_derivatives(self, found: FloatArray, strain: FloatArray) -> None:
         first = self.n_built + (len(self.groups) - 1) * self.structure.n_gauges
-        n_l = len(self.loads)
-        for number, (case, one) in enumerate(self.loads):
+        cells, n_p = self.cell_entries, len(PAD_STEPS)
+        for number, (case, _) in enumerate(self.loads):
             found[case, :, first + number] += strain[number]
+            found[case, :, cells] += np.outer(strain[number], self._on_cell[number])
+            pad = cells.stop + n_p * number
+            found[case, :, pad : pad + n_p] += self._pads[number].T
+
+    def _load_cells(self) -> FloatArray:
+        """Return (n_loads, 2 n_cells) relative change of every load by gain [1] and offset [N] of every cell."""
+        gain, offset = np.zeros((2, len(self.loads), len(self.cells)))
+        for number, (_, one) in enumerate(self.loads):
             if one.on_load_cell:
-                found[case, :, first + n_l] += strain[number]
-            pad = first + n_l + 1 + 3 * number
-            found[case, :, pad : pad + 3] += self._pads[number].T
+                cell, force = self.cells.index(one.load_cell), cell_force(one.load)
+                gain[number, cell] = 1.0
+                offset[number, cell] = 1.0 / force if force > 0.0 else 0.0
+        return np.hstack([gain, offset])
 
     def _checked_pad_columns(self, case: str, load: Load) -> FloatArray:
         """Return :meth:`_pad_columns`; a load that the structure refuses is named by its case, as it is stated."""
@@ -187,13 +209,14 @@ class ReadingsModel:
             raise InputError(f"load case '{case}': {error}") from error
 
     def _pad_columns(self, load: Load) -> FloatArray:
-        """Return (3, n_d) change of the readings by place, roll and shape of a pad; zeros for other loads."""
-        if not isinstance(load, PadForce | PadPressure):
-            return np.zeros((3, self.structure.n_gauges))
-        changes = {
-            "place": lambda h: replace(load, station=load.station + h),
-            "roll": lambda h: replace(load, roll_angle=load.roll_angle + h),
-            "shape": lambda h: replace(load, half_length=load.half_length * (1.0 + h)),
+        """Return (5, n_d) change of the readings by place, roll, shape and both tilts of a load; zeros for what it
+        does not have."""
+        changes: dict[str, Callable[[float], Load]] = {
+            "place": lambda h: moved(load, along=h),
+            "roll": lambda h: moved(load, around=h),
+            "shape": lambda h: moved(load, longer=h),
+            "first tilt": lambda h: tilted(load, first=h),
+            "second tilt": lambda h: tilted(load, second=h),
         }
 
         def strain(one: Load) -> FloatArray:
@@ -202,7 +225,11 @@ class ReadingsModel:
         rows = []
         for name, changed in changes.items():
             low, high = -PAD_STEPS[name], PAD_STEPS[name]
+            if changed(high) is load:
+                rows.append(np.zeros(self.structure.n_gauges))
+                continue
             if name == "place":  # a pad at an end of the body stays on it
+                assert isinstance(load, PLACED)
                 front, aft = self.structure.outer_span
                 low, high = max(low, front - load.station), min(high, aft - load.station)
             rows.append((strain(changed(high)) - strain(changed(low))) / (high - low))
@@ -215,17 +242,24 @@ class ReadingsModel:
             f"{type(one.load).__name__} {number} of {self.test.cases[case].name}"
             for number, (case, one) in enumerate(self.loads, start=1)
         ]
-        names += [f"load {label}" for label in labels] + ["load cell"]
+        cells = [""] if self.cells == ["1"] else [f" {cell}" for cell in self.cells]
+        names += [f"load {label}" for label in labels]
+        names += [f"load cell{cell}" for cell in cells] + [f"load cell offset{cell}" for cell in cells]
         return names + [f"pad {what} {label}" for label in labels for what in PAD_STEPS]
 
     def _extra_std(self) -> FloatArray:
         errors = self.test.errors
         zero = np.tile(self.prior.zero, len(self.groups) - 1)
         own = [one.std for _, one in self.loads]
-        pad = [errors.pad_position, errors.pad_roll, errors.pad_shape]
-        of_pads = [
-            value if isinstance(one.load, PadForce | PadPressure) else 0.0
-            for _, one in self.loads
-            for value in pad
-        ]
-        return np.concatenate([zero, own, [errors.common], of_pads])
+        pad = np.array([errors.pad_position, errors.pad_roll, errors.pad_shape, errors.tilt, errors.tilt])
+        of_pads = [pad * columns.any(axis=1) for columns in self._pads]
+        n_k = len(self.cells)
+        cells = np.repeat([errors.common, errors.cell_offset], n_k) * self._on_cell.any(axis=0)
+        return np.concatenate([zero, own, cells, *of_pads])
+
+
+def _of_test(prior: AsBuiltParameters, test: LoadTest) -> AsBuiltParameters:
+    """Return ``prior`` with the mass as the test states it; without a load of mass that is not in the readings."""
+    if not any(isinstance(one.load, OF_MASS) for case in test.cases for one in case.loads):
+        return replace(prior, mass=np.zeros(1), region_mass=np.zeros(prior.n_regions))
+    return prior if test.errors.mass is None else replace(prior, mass=np.full(1, test.errors.mass))

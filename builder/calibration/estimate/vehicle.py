@@ -61,9 +61,25 @@ class Estimate:
 
     @property
     def agrees(self) -> bool:
-        """Whether test and model agree: if not, the vehicle errs in a way that no parameter describes, or the
-        readings are not as exact as stated, and the covariance is too small."""
+        """Whether test and model agree: chi-square is neither too high nor too low."""
         return abs(self.per_reading - 1.0) <= FITS[0] + FITS[1] * float(np.sqrt(2.0 / self.n_readings))
+
+    @property
+    def disagreement(self) -> str:
+        """What a chi-square that does not fit means, in one line; empty where test and model agree."""
+        if self.agrees:
+            return ""
+        low = self.per_reading < 1.0
+        why = (
+            "readings are more exact than stated or tolerances too wide; the sigmas of the map are too large"
+            if low
+            else "the vehicle errs in a way that the model has no parameter for, or noise, loads or tolerances "
+            "are not as stated; the sigmas of the map need not hold"
+        )
+        return (
+            f"test and model do not agree: chi-square per reading {self.per_reading:.3g} is too "
+            f"{'low' if low else 'high'} (1 is expected); {why}"
+        )
 
     @property
     def has_diverged(self) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -10,6 +10,12 @@ from builder.calibration.ground_test.load_test import KnownLoad, LoadErrors
 from builder.structure.loads import applied
 from builder.structure.loads.applied import Load, Vector
 from builder.structure.loads.temperature import TemperatureField
+
+DIRECTED = applied.PadForce | applied.PointForce | applied.SurfaceForce | applied.SectionLoad
+"""Loads that are a force of a direction of their own."""
+
+PLACED = applied.PadForce | applied.PadPressure | applied.PointForce
+"""Loads that have a place on the outer surface."""
 
 
 def scaled(load: Load, factor: float) -> Load:
@@ -36,12 +42,17 @@ def scaled(load: Load, factor: float) -> Load:
 
 
 def moved(load: Load, along: float = 0.0, around: float = 0.0, longer: float = 0.0) -> Load:
-    """Return a pad moved ``along`` the body [m] and ``around`` it [rad] and ``longer`` by a factor 1 + it.
+    """Return a pad or point moved ``along`` the body [m] and ``around`` it [rad], a pad ``longer`` by a factor 1 +
+    it.
 
-    A force keeps its direction; loads that are no pads stay as they are.
+    A force keeps its direction; loads that have no place stay as they are.
     """
-    if not isinstance(load, applied.PadForce | applied.PadPressure):
+    if not isinstance(load, PLACED):
         return load
+    if isinstance(load, applied.PointForce):
+        if not (along or around):
+            return load
+        return replace(load, station=load.station + along, roll_angle=load.roll_angle + around)
     return replace(
         load,
         station=load.station + along,
@@ -50,12 +61,44 @@ def moved(load: Load, along: float = 0.0, around: float = 0.0, longer: float = 0
     )
 
 
-def as_applied(known: KnownLoad, errors: LoadErrors, common: float, random: np.random.Generator) -> Load:
-    """Return a load whose errors are drawn; ``common`` is the relative error of the load cell."""
-    own, along, around, longer = random.standard_normal(4).tolist()
-    factor = (1.0 + known.std * own) * (1.0 + common * known.on_load_cell)
+def tilted(load: Load, first: float = 0.0, second: float = 0.0) -> Load:
+    """Return a load whose force is turned by small angles [rad] about the two axes across it; its size stays.
+
+    Loads without a force of a direction of their own stay as they are.
+    """
+    if not isinstance(load, DIRECTED) or not any(load.force):
+        return load
+    force = np.asarray(load.force)
+    size = float(np.linalg.norm(force))
+    across = np.linalg.svd(force[None] / size)[2][1:]
+    turned = force / size + first * across[0] + second * across[1]
+    x, y, z = (size * turned / np.linalg.norm(turned)).tolist()
+    return replace(load, force=(x, y, z))
+
+
+def cell_force(load: Load) -> float:
+    """Return the force that a load cell reads of a load [N]; 0 where it reads none, as of a pressure."""
+    if isinstance(load, applied.PadPressure):
+        return abs(load.push)
+    return float(np.linalg.norm(load.force)) if isinstance(load, DIRECTED) else 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class CellErrors:
+    """Errors of a load cell: relative gain [1], and reading without load [N]."""
+
+    gain: float = 0.0
+    offset: float = 0.0
+
+
+def as_applied(known: KnownLoad, errors: LoadErrors, cell: CellErrors, random: np.random.Generator) -> Load:
+    """Return a load whose errors are drawn; those of its load cell are ``cell``."""
+    own, along, around, longer, first, second = random.standard_normal(6).tolist()
+    factor, force = 1.0 + known.std * own, cell_force(known.load)
+    if known.on_load_cell:
+        factor = factor * (1.0 + cell.gain) + (cell.offset / force if force > 0.0 else 0.0)
     return moved(
-        scaled(known.load, factor),
+        tilted(scaled(known.load, factor), errors.tilt * first, errors.tilt * second),
         along=errors.pad_position * along,
         around=errors.pad_roll * around,
         longer=errors.pad_shape * max(longer, -3.0),

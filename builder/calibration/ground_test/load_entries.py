@@ -36,9 +36,11 @@ Station = Annotated[float, Field(ge=-1e3, le=1e3)]
 
 
 class LoadEntry(Section):
-    """What every load has: how exactly it is known, one standard deviation; None takes that of the file."""
+    """What every load has: how exactly it is known, one standard deviation (None takes that of the file), and the
+    load cell that reads it: loads of one name have the errors of that load cell in common."""
 
     std_percent: float | None = Field(default=None, ge=0.0, le=100.0)
+    load_cell: str = Field(default="1", min_length=1, max_length=200)
 
 
 class PadPlace(LoadEntry):

@@ -19,12 +19,14 @@ class KnownLoad:
     ----------
     load : as stated.
     std : relative error of its size, on its own [1].
-    on_load_cell : whether the error common to all cases touches it, :attr:`LoadErrors.common`.
+    on_load_cell : whether the errors of its load cell touch it, :attr:`LoadErrors.common` and ``cell_offset``.
+    load_cell : name of that; loads of one load cell have its errors in common.
     """
 
     load: Load
     std: float = 0.0
     on_load_cell: bool = True
+    load_cell: str = "1"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,17 +36,23 @@ class LoadErrors:
     Attributes
     ----------
     load : relative error of each load, where it states none of its own [1].
-    common : relative error of all loads together, as of their load cell [1].
-    pad_position : of each pad along the body [m].
-    pad_roll : of each pad round it [rad].
+    common : relative error of all loads of a load cell together [1].
+    cell_offset : error of all loads of a load cell, whatever their size [N].
+    pad_position : of each pad and point along the body [m].
+    pad_roll : of each pad and point round it [rad].
     pad_shape : relative error of each pad's length [1].
+    tilt : of each force about both axes across it [rad]; a pad that presses along the normal has none.
+    mass : relative error of the vehicle's own weight and inertia [1]; None for the section [calibration]'s.
     """
 
     load: float = 0.005
     common: float = 0.005
+    cell_offset: float = 0.0
     pad_position: float = 0.002
     pad_roll: float = float(np.deg2rad(0.3))
     pad_shape: float = 0.1
+    tilt: float = float(np.deg2rad(1.0))
+    mass: float | None = None
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

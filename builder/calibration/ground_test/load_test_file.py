@@ -22,20 +22,27 @@ Percent = Annotated[float, Field(ge=0.0, le=100.0)]
 class ErrorEntries(Section):
     """How exactly the loads are known, one standard deviation each.
 
-    ``load_percent`` is of each load on its own where it states no ``std_percent``, ``load_cell_percent`` common
-    to all loads of all cases: the calibration of the load cell. Weight, acceleration and temperature have no part
-    in either: an error of the mass is the same in all attitudes, and no scatter.
+    ``load_percent`` is of each load on its own where it states no ``std_percent``. ``load_cell_percent`` and
+    ``load_cell_offset_N`` are common to all loads of one ``load_cell``: its gain and its reading without load.
+    Weight, acceleration and temperature have no part in these: ``mass_percent`` is the vehicle's, the same in all
+    attitudes, by default that of its section [calibration]. Pads and points stand ``pad_position_mm`` and
+    ``pad_roll_deg`` off, and forces point ``load_direction_deg`` off about both axes across them, except those of
+    pads that press along the normal.
     """
 
     load_percent: Percent = 0.5
     load_cell_percent: Percent = 0.5
+    load_cell_offset_N: float = Field(default=0.0, ge=0.0, le=1e6)
     pad_position_mm: float = Field(default=2.0, ge=0.0, le=1e3)
     pad_roll_deg: float = Field(default=0.3, ge=0.0, le=90.0)
     pad_shape_percent: Percent = 10.0
+    load_direction_deg: float = Field(default=1.0, ge=0.0, le=45.0)
+    mass_percent: Percent | None = None
 
     def errors(self) -> LoadErrors:
         """Return the same in SI units."""
-        return LoadErrors(**{kind.name: kind.error_std(self) for kind in OF_LOADS})
+        mass = None if self.mass_percent is None else 0.01 * self.mass_percent
+        return LoadErrors(mass=mass, **{kind.name: kind.error_std(self) for kind in OF_LOADS})
 
 
 class ReadingEntries(Section):
@@ -88,7 +95,7 @@ class CaseEntry(Section):
             on_cell = entry.kind not in NO_LOAD_CELL
             own = errors.load if on_cell else 0.0
             std = own if entry.std_percent is None else 0.01 * entry.std_percent
-            found.append(KnownLoad(load=entry.load(), std=std, on_load_cell=on_cell))
+            found.append(KnownLoad(load=entry.load(), std=std, on_load_cell=on_cell, load_cell=entry.load_cell))
         return tuple(found)
 
 

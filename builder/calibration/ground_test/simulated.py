@@ -15,7 +15,7 @@ import numpy as np
 
 from builder.calibration.as_built.parameters import AsBuiltParameters
 from builder.calibration.ground_test.candidate_cases import Candidate
-from builder.calibration.ground_test.load_changes import as_applied, scaled
+from builder.calibration.ground_test.load_changes import CellErrors, as_applied, scaled
 from builder.calibration.ground_test.load_entries import NO_LOAD_CELL, entry_of
 from builder.calibration.ground_test.load_test import KnownLoad, LoadErrors
 from builder.calibration.ground_test.load_test_writer import WrittenCase, write_load_test
@@ -115,10 +115,11 @@ def ground_test(
     noise_std : (n_d,) of one sample [m/m].
     faults : what went wrong; nothing by default.
     """
-    faults, common = faults or TestFaults(), errors.common * float(random.standard_normal())
+    faults, (gain, offset) = faults or TestFaults(), random.standard_normal(2).tolist()
+    cell = CellErrors(gain=errors.common * gain, offset=errors.cell_offset * offset)
     strain = []
     for number, case in enumerate(cases):
-        loads = [as_applied(known, errors, common, random) for known in known_loads(case, errors)]
+        loads = [as_applied(known, errors, cell, random) for known in known_loads(case, errors)]
         if faults.wrong_load is not None and faults.wrong_load[0] == number:
             loads = [scaled(load, faults.wrong_load[1]) for load in loads]
         reading = structure.reading(parameters, loads)

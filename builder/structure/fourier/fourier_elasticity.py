@@ -97,11 +97,7 @@ def _on_foundation(mesh: MeridianMesh, stiffness: FourierStiffness) -> FourierSt
     """
     assert mesh.foundation is not None
     normal, tangential, edge = mesh.foundation
-    xi, weight = np.polynomial.legendre.leggauss(4)
-    shape, slope = quadratic_shape(xi)
-    r = mesh.node[edge, 1] @ shape.T
-    length = np.linalg.norm(np.einsum("qa,eac->eqc", slope, mesh.node[edge]), axis=2)
-    block = np.einsum("eq,qa,qb->eab", r * length * weight, shape, shape, optimize=True)
+    block = ring_products(mesh, edge)
     term = stiffness.term.copy()
     for component, spring in enumerate((normal, tangential, tangential)):
         row = np.broadcast_to(3 * edge[:, :, None] + component, block.shape).ravel()
@@ -110,6 +106,15 @@ def _on_foundation(mesh: MeridianMesh, stiffness: FourierStiffness) -> FourierSt
             first, last = stiffness.indptr[j : j + 2]
             term[0, first + np.searchsorted(stiffness.indices[first:last], i)] += value
     return FourierStiffness(stiffness.indices, stiffness.indptr, term)
+
+
+def ring_products(mesh: MeridianMesh, edge: IntArray) -> FloatArray:
+    """Return the integrals of two shape functions over the area of edges (n, 3), (n, 3, 3) [m2] per radian."""
+    xi, weight = np.polynomial.legendre.leggauss(4)
+    shape, slope = quadratic_shape(xi)
+    r = mesh.node[edge, 1] @ shape.T
+    length = np.linalg.norm(np.einsum("qa,eac->eqc", slope, mesh.node[edge]), axis=2)
+    return np.asarray(np.einsum("eq,qa,qb->eab", r * length * weight, shape, shape, optimize=True))
 
 
 def _virtual_work(strain: FloatArray, stress: FloatArray) -> FloatArray:

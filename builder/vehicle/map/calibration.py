@@ -19,6 +19,11 @@ class Calibration(Section):
     layout roll of all gauges together. The wall's thickness is one number for each region of the wall, and so
     are cosine and sine part of its first harmonic round the body. The taper of a region, what it is thicker at
     its aft end, and both parts of the second harmonic are taken for zero, and the test says whether they are.
+    ``mass_percent`` is of the vehicle's own weight and inertia, which load it in the attitudes of a test,
+    ``region_mass_percent`` of each region's on its own. The clamp yields along and across the body as
+    ``clamp_compliance_mm`` of the wall's material would under the same traction; its motion as a whole strains
+    nothing. ``region_modulus_percent`` is the error of Young's modulus of each region in addition to the common
+    one.
     ``wall_region_ends_m`` are the stations between the regions behind the solid tip; by default there are four
     regions of one length.
     """
@@ -35,6 +40,10 @@ class Calibration(Section):
     wall_harmonic_percent: Percent = 2.0
     wall_taper_percent: Percent = 0.0
     wall_second_harmonic_percent: Percent = 0.0
+    mass_percent: Percent = 3.0
+    region_mass_percent: Percent = 0.0
+    clamp_compliance_mm: float = Field(default=2.0, ge=0.0, le=1e3)
+    region_modulus_percent: Percent = 0.0
     wall_region_ends_m: Annotated[list[Station], Field(max_length=50)] | None = None
 
     @model_validator(mode="after")

@@ -60,18 +60,15 @@ def calibrate(
 
 
 def _show(console: Console, result: Calibration) -> None:
+    from builder.calibration.estimate.remarks import remarks
+
     found = result.estimate
     lines = [*result.notes, *(fault.line for fault in result.faults)]
     lines.append(
         f"{found.n_readings} readings in {len(found.model.test.cases)} cases, chi-square per reading "
         f"{found.per_reading:.3g} (1 is expected)"
     )
-    if not found.agrees:
-        lines.append(
-            "warning: test and model do not agree: the vehicle errs in a way that the model has no parameter for, "
-            "or noise, loads or tolerances are not as stated; the sigmas of the map need not hold"
-        )
-    lines += [f"warning: {line}" for line in result.outside.lines]
+    lines += [f"warning: {line}" for line in (*remarks(found), *result.outside.lines)]
     lines.append(", ".join(str(path) for path in result.files))
     for line in lines:
         console.print(line, highlight=False, markup=False, soft_wrap=True)

@@ -1,0 +1,92 @@
+"""Mass, support and modulus by region of a vehicle as built: against closed forms and a solved support."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from as_built_case import LAYOUT, TITANIUM
+
+from builder.calibration.as_built.structure import AsBuiltStructure, as_built_structure
+from builder.calibration.as_built.wall_changes import ElasticClamp, solved
+from builder.structure.fourier.fourier_elasticity import assemble_stiffness, factor_harmonic
+from builder.structure.fourier.meridian_mesh import NO_NODES, line_edges
+from builder.structure.fourier.strain_operator import strain_rows
+from builder.structure.loads.applied import Acceleration, Load, PadForce, SectionLoad, Weight
+from builder.structure.wall import wall_of
+from builder.vehicle.file import Vehicle
+from builder.vehicle.model_entries import Resolution
+from strainfmu.errors import InputError
+
+PAD = PadForce(station=2.9, roll_angle=0.3, half_length=0.05, half_angle=0.5, force=(100.0, 200.0, -1500.0))
+WEIGHTS: tuple[Load, ...] = (Weight(up_roll_angle=1.0), Acceleration(linear=(3.0, 0.0, -20.0)))
+
+
+def test_mass_scales_weight_and_inertia_alone(as_built: AsBuiltStructure) -> None:
+    nominal, n_r = as_built.exactly_built(), as_built.n_regions
+    heavier = replace(nominal, mass=np.array([0.05]))
+    in_parts = replace(nominal, region_mass=np.full(n_r, 0.05))
+    for load in WEIGHTS:
+        plain = as_built.load_strain(nominal, [load])
+        for one in (heavier, in_parts):
+            found = as_built.load_strain(one, [load])
+            np.testing.assert_allclose(found, 1.05 * plain, atol=1e-12 * np.abs(plain).max())
+    for one in (heavier, in_parts):
+        np.testing.assert_array_equal(as_built.load_strain(one, [PAD]), as_built.load_strain(nominal, [PAD]))
+        np.testing.assert_array_equal(as_built.strain_operator(one), as_built.strain_operator(nominal))
+
+
+def test_mass_of_a_region_strains_what_is_aft_of_it(as_built: AsBuiltStructure) -> None:
+    nominal = as_built.exactly_built()
+    last = np.eye(as_built.n_regions)[-1] * 0.05
+    change = as_built.load_strain(replace(nominal, region_mass=last), WEIGHTS) - as_built.load_strain(
+        nominal, WEIGHTS
+    )
+    fore = as_built.placed.x < 2.0
+    assert np.abs(change[fore]).max() < 0.02 * np.abs(change).max()
+
+
+def test_a_clamp_that_yields_is_an_elastic_foundation(vehicle: Vehicle, as_built: AsBuiltStructure) -> None:
+    """Against the ring on springs, solved; a rotation and a shift of the whole ring strain nothing."""
+    mesh, material, x = as_built.states.forces[0].mesh, wall_of(vehicle).material, np.array([3.0, 3.5])
+    stiffness, clamp = assemble_stiffness(mesh, material), ElasticClamp(mesh, material)
+    length, springs = 1e-5, line_edges(mesh.clamped_node)
+    for n in (0, 2, 5):
+        rows = strain_rows(mesh, x, n)
+        solver = factor_harmonic(mesh, stiffness, n, twist=True)
+        along, across = clamp.adjoints(stiffness, solver, rows, n)
+        spring = material.youngs_modulus / length
+        held = replace(mesh, clamped_node=NO_NODES, foundation=(spring, spring, springs))
+        yields = factor_harmonic(held, assemble_stiffness(held, material), n, twist=True)
+        change = (solved(yields, rows) - solved(solver, rows)) / length
+        np.testing.assert_allclose(along + across, change, atol=0.02 * np.abs(change).max())
+    nominal, bent = as_built.exactly_built(), SectionLoad(station=0.5, force=(0.0, 0.0, -1e3))
+    softer = replace(nominal, clamp_axial=np.array([0.002]), clamp_transverse=np.array([0.002]))
+    fore = as_built.placed.x < 2.5
+    plain, found = (as_built.load_strain(one, [bent])[fore] for one in (nominal, softer))
+    assert np.abs(found - plain).max() < 2e-4 * np.abs(plain).max()
+
+
+def test_the_modulus_of_all_regions_is_that_of_the_wall(vehicle: Vehicle, as_built: AsBuiltStructure) -> None:
+    coarse = Resolution(
+        radial_cells=12,
+        circumferential_cells=16,
+        surface_stations=24,
+        surface_roll_angles=16,
+        harmonics=4,
+        element_length_mm=80.0,
+        wall_layers=1,
+    )
+    entry = vehicle.calibration.model_copy(update={"region_modulus_percent": 2.0})
+    unknown = vehicle.model_copy(update={"calibration": entry})
+    structure = as_built_structure(unknown, LAYOUT, coarse, TITANIUM, max_harmonic=4)
+    nominal = structure.exactly_built()
+    stiffer = replace(nominal, region_modulus=np.full(structure.n_regions, 0.03))
+    for load in (SectionLoad(station=2.0, force=(0.0, 0.0, -1e3)), WEIGHTS[0]):
+        plain, found = (structure.load_strain(one, [load]) for one in (nominal, stiffer))
+        np.testing.assert_allclose(found, plain / 1.03, atol=3e-4 * np.abs(plain).max())
+    z, changed = structure.strain_operator(nominal), structure.strain_operator(stiffer)
+    np.testing.assert_allclose(changed, z / 1.03, atol=3e-4 * np.abs(z).max())
+    with pytest.raises(InputError, match="region_modulus_percent is 0"):
+        as_built.load_strain(replace(as_built.exactly_built(), region_modulus=np.full(4, 0.01)), [PAD])
