@@ -41,11 +41,16 @@ from builder.truth.revolution.strain import TrueStructure
 from builder.vehicle.file import Vehicle, load_vehicle
 from builder.workspace import refuse_misfits
 from strainfmu.arrays import FloatArray
+from strainfmu.cosim.estimators.zeros_file import write_zeros
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map, save_inverse_map
+from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 
 PAGE = ".html"
 """Suffix of the report beside the map."""
+
+ZEROS = "_zeros.toml"
+"""End of the name of the file of zeros beside the map."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -97,7 +102,7 @@ def run_calibrate(
     ----------
     map_path : the map as built from the drawing.
     test_path : ``loadtest.toml``.
-    output : of the calibrated map.
+    output : of the calibrated map. The zeros of the gauges are written beside it, ``.._zeros.toml``.
     vehicle_path : the vehicle file; by default the one that the test names.
     snapshots_path : snapshots of the map; by default those beside it. The flows of the independent model, which
         alarm levels are measured with, are those beside the snapshots.
@@ -129,10 +134,26 @@ def run_calibrate(
     )
     made = calibration_by(test, test_path, parts, reporter, accept)
     save_inverse_map(made.inverse_map, output)
-    page = output.with_suffix(PAGE)
+    page, zeros = output.with_suffix(PAGE), zeros_beside(output)
+    write_zeros_of(made.estimate, zeros, output.name)
+    start = (
+        f"zeros of the {structure.n_gauges} gauges as the test found them: {zeros}; subtract them with --zeros "
+        f"{zeros.name} (estimate, bridge, replay), or take the tare; their standard deviations stand in the map"
+    )
     with reporter.stage("Report"):
         write_report(made, f"{vehicle.name}: calibration by {file.name}", vehicle.reference.moment_station_m, page)
-    return replace(made, files=(output, page), notes=(*notes, *missing, *made.notes))
+    return replace(made, files=(output, page, zeros), notes=(*notes, *missing, *made.notes, start))
+
+
+def zeros_beside(output: Path) -> Path:
+    """Return where the zeros of a calibrated map are written."""
+    return output.with_name(f"{output.stem}{ZEROS}")
+
+
+def write_zeros_of(found: Estimate, path: Path, map_name: str) -> None:
+    """Write the zeros that a test found, as zeros.toml; their covariance stands in the map, and is 0 here."""
+    zeros = GaugeZeros(value=found.parameters.zero, std=np.zeros(found.parameters.n_gauges))
+    write_zeros(path, found.model.structure.gauges.names, zeros, {"calibration": map_name})
 
 
 def calibration_by(
@@ -198,7 +219,7 @@ def check_output(path: Path) -> None:
     """
     if path.suffix == PAGE:
         raise InputError(f"{path}: --output: expected another suffix than {PAGE}, which is the report's")
-    for one in (path, path.with_suffix(PAGE)):
+    for one in (path, path.with_suffix(PAGE), zeros_beside(path)):
         if one.is_dir():
             raise InputError(f"{one}: is a folder, must be a file")
 

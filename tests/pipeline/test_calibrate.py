@@ -20,6 +20,7 @@ from builder.pipeline.calibrate import run_calibrate
 from builder.pipeline.stages import build_map, take_snapshots
 from builder.reporting import Silent
 from builder.vehicle.file import IC3X, load_vehicle
+from strainfmu.cosim.estimators.zeros_file import load_zeros
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.estimator.map.inverse_map import load_inverse_map, save_inverse_map
 
@@ -78,6 +79,9 @@ def test_a_ground_test_calibrates_a_map(tmp_path: Path) -> None:
     assert [(fault.where, fault.kind) for fault in result.faults] == [(structure.gauges.names[7], "sign")]
     assert 0.9 <= result.estimate.chi_square / result.estimate.n_readings <= 1.1
     found = load_inverse_map(output)
+    zeros = load_zeros(tmp_path / "calibrated_zeros.toml", found.gauge_names)
+    np.testing.assert_allclose(zeros.value, result.estimate.parameters.zero, atol=1e-15)
+    assert any("--zeros calibrated_zeros.toml" in line for line in result.notes)
     truth = structure.strain_operator(built)
     after = structure.strain_operator(result.estimate.parameters)
     drawing = structure.strain_operator(structure.exactly_built())

@@ -36,6 +36,7 @@ from builder.pipeline.calibrate import (
     calibration_by,
     with_levels,
     write_report,
+    write_zeros_of,
 )
 from builder.pipeline.demonstration.flown_estimators import FlownEstimates, estimator_entry, flown_estimators
 from builder.pipeline.map_files import true_structure_of
@@ -46,12 +47,11 @@ from builder.structure.loads.applied import Weight
 from builder.truth.revolution.flight_tables import plant_flight_model
 from builder.truth.revolution.flow_table import load_flow_table
 from strainfmu.arrays import FloatArray
-from strainfmu.cosim.estimators.zeros_file import load_zeros, write_zeros
+from strainfmu.cosim.estimators.zeros_file import load_zeros
 from strainfmu.cosim.models import flight_model as flight_model_file
 from strainfmu.cosim.models.flight_model import save_flight_model
 from strainfmu.cosim.systems.recording import Recording
 from strainfmu.estimator.map.inverse_map import load_inverse_map, save_inverse_map
-from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 from strainfmu.files import write_bytes_atomically
 
 CASES = 12
@@ -148,8 +148,7 @@ class AsBuiltRun:
             title = f"{vehicle.name}: calibration by {TEST}"
             write_report(made, title, vehicle.reference.moment_station_m, path.with_suffix(".html"))
             save_inverse_map(made.inverse_map, path)
-            zeros = GaugeZeros(value=found.parameters.zero, std=np.zeros(test.readings.shape[1]))
-            write_zeros(path.with_name(ZEROS), test.gauge_names, zeros, {"calibration": CALIBRATED})
+            write_zeros_of(found, path.with_name(ZEROS), CALIBRATED)
 
         def exact(path: Path) -> None:
             none = np.zeros((len(self.built.vector),) * 2)

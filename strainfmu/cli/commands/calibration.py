@@ -30,13 +30,15 @@ def calibrate(
     """Estimate the vehicle as built from a ground test and make its map.
 
     The model tells what every gauge should read under the loads of the test, the test what it did read. Gains,
-    directions and places of the gauges, wall, modulus and the errors of the loads follow by Bayes' rule from
-    the tolerances of the vehicle file's section `calibration`. Gauges and load cases that do not fit are named
-    and left out. Taper and second harmonic of the wall are taken for zero, and noise for what is stated: a
-    warning says by how much they are not, and what to do. Readings that no vehicle near its tolerances has, and
-    that no fault or noise with a name explains, are refused: check loads, units and signs. The map has the strain
-    operator as built, and in its noise what the test left unknown; a report of the same name is written beside
-    it. Snapshots are taken from the map's folder.
+    directions and places of the gauges, wall, modulus, mass, support and the errors of the loads follow by
+    Bayes' rule from the tolerances of the vehicle file's section `calibration`. A mass that differs is named.
+    Gauges and load cases that do not fit are named and left out. Taper and second harmonic of the wall are
+    taken for zero, and noise for what is stated: a warning says by how much they are not, and what to do.
+    Readings that no vehicle near its tolerances has, and that no fault or noise with a name explains, are
+    refused: check loads, units and signs. The map has the strain operator as built, and in its noise what the
+    test left unknown; a report of the same name is written beside it, and the zeros of the gauges
+    (calibrated_zeros.toml), which `estimate`, `bridge` and `replay` take by --zeros. Snapshots are taken from
+    the map's folder.
 
     Examples:
 
