@@ -169,7 +169,7 @@ def calibration_by(
         No error with a name explains the readings, and ``accept`` is false.
     """
     vehicle, structure = parts.vehicle, parts.structure
-    prior = prior_std(vehicle.calibration, structure.n_gauges, structure.n_regions)
+    prior = prior_std(vehicle.calibration, structure.counts)
     with reporter.stage("Estimate: the vehicle as built"), _naming(test_path):
         found, faults = calibrate_with_faults(ReadingsModel(structure, test, prior))
         outside = outside_model(found)
@@ -299,7 +299,7 @@ def with_levels_of(made: InverseMap, drawn: InverseMap) -> InverseMap:
 def _facts(found: Estimate, faults: tuple[Fault, ...], outside: OutsideModel, test_path: Path) -> dict[str, Any]:
     """Return what the map's provenance says of the calibration."""
     part, sigma = found.parameters, found.std
-    where = slices(part.n_gauges, part.n_regions)
+    where = slices(part.counts)
     return {
         "test": test_path.name,
         "cases": [case.name for k, case in enumerate(found.model.test.cases) if found.used[k].any()],

@@ -118,7 +118,7 @@ def _cross(left_out: Sequence[LeftOut]) -> Table:
 def _gauges(found: Estimate) -> Table:
     before, after = _left(found, found.before), _left(found, found.after)
     std, part = found.model.test.reading_stds, found.parameters
-    where = slices(part.n_gauges, part.n_regions)
+    where = slices(part.counts)
     sigma = found.std
     rows: list[list[str | float]] = []
     for g, name in enumerate(found.model.structure.gauges.names):
@@ -152,7 +152,7 @@ def _identified(found: Estimate) -> Table:
     """Return prior and posterior sigma side by side; of gauges and regions the root mean square."""
     part, sigma, before = found.parameters, found.std, found.model.std
     rows = []
-    for kind, at in slices(part.n_gauges, part.n_regions).items():
+    for kind, at in slices(part.counts).items():
         if not before[at].any():
             continue
         unit, scale = KINDS[kind].unit, 1.0 / KINDS[kind].scale

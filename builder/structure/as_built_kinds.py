@@ -14,8 +14,9 @@ from typing import Literal
 
 import numpy as np
 
-Extent = Literal["gauge", "vehicle", "region", "load"]
-"""Whether each gauge, the vehicle, each region of the wall, or each load has its own parameter."""
+Extent = Literal["gauge", "vehicle", "region", "row", "joint", "load"]
+"""What has its own parameter: each gauge, the vehicle, each region of the wall, each row of gauges at one roll
+angle, each joint, or each load."""
 
 UNIT = {"%": 0.01, "mm": 1e-3, "um/m": 1e-6, "deg": float(np.pi / 180.0), "N": 1.0}
 """Size of the units of entries, in SI."""
@@ -250,6 +251,22 @@ AS_BUILT = (
         unit="%",
         acts_on="stiffness of the region",
         calibration="region_modulus_percent",
+        step=1e-3,
+    ),
+    ParameterKind(
+        name="row_orientation",
+        extent="row",
+        unit="deg",
+        acts_on="direction of all gauges at one roll angle",
+        calibration="row_orientation_deg",
+        step=1e-3,
+    ),
+    ParameterKind(
+        name="joint_softness",
+        extent="joint",
+        unit="mm",
+        acts_on="length of wall that yields as the joint does",
+        calibration="joint_softness_mm",
         step=1e-3,
     ),
 )

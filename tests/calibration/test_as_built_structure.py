@@ -28,7 +28,7 @@ LOADS: tuple[Load, ...] = (
 
 @pytest.fixture(scope="module")
 def errors(vehicle: Vehicle, as_built: AsBuiltStructure) -> AsBuiltParameters:
-    std = prior_std(vehicle.calibration, as_built.n_gauges, as_built.n_regions)
+    std = prior_std(vehicle.calibration, as_built.counts)
     return drawn(std, np.random.default_rng(4))
 
 
@@ -124,7 +124,7 @@ def test_gains_zeros_and_stiffness(as_built: AsBuiltStructure) -> None:
 
 @pytest.mark.fast
 def test_parameters_pack_into_a_vector(as_built: AsBuiltStructure, errors: AsBuiltParameters) -> None:
-    names = parameter_names(as_built.gauges.names, as_built.n_regions)
+    names = parameter_names(as_built.gauges.names, as_built.counts)
     assert len(names) == len(set(names)) == len(errors.vector)
     np.testing.assert_array_equal(errors.of_vector(errors.vector).vector, errors.vector)
     assert names[list(errors.vector).index(errors.wall_sine[1])] == "wall sine region 2"

@@ -25,7 +25,7 @@ def test_what_the_vehicle_differs_by_is_no_error_of_the_mesh(
     vehicle: Vehicle, as_built: AsBuiltStructure, snapshots: Snapshots
 ) -> None:
     """The mesh's error of a map is that of the drawing, however far the vehicle as built is from it."""
-    std = prior_std(vehicle.calibration, as_built.n_gauges, as_built.n_regions)
+    std = prior_std(vehicle.calibration, as_built.counts)
     nothing, sizes = np.zeros((len(std.vector),) * 2), []
     for built in (as_built.exactly_built(), drawn(std, np.random.default_rng(5))):
         made = calibrated_map(vehicle, snapshots, as_built, Remaining(parameters=built, covariance=nothing))

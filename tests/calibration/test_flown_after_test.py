@@ -23,7 +23,7 @@ COUNT = 4000
 @pytest.fixture(scope="module")
 def tested(vehicle: Vehicle, as_built: AsBuiltStructure) -> Remaining:
     """An estimate, and a covariance in which the first gains go against the common one."""
-    std = prior_std(vehicle.calibration, as_built.n_gauges, as_built.n_regions)
+    std = prior_std(vehicle.calibration, as_built.counts)
     root = np.diag(0.05 * std.vector)
     root[: as_built.n_gauges, 0] -= 0.02 * std.vector[: as_built.n_gauges]
     built = drawn(std, np.random.default_rng(6))

@@ -32,7 +32,7 @@ def ensemble(as_built: AsBuiltStructure) -> Ensemble:
 @pytest.fixture(scope="module")
 def tested(vehicle: Vehicle, as_built: AsBuiltStructure) -> Remaining:
     """An estimate, and the covariance of a test: small errors of gauges, and gains that go against E."""
-    std = prior_std(vehicle.calibration, as_built.n_gauges, as_built.n_regions)
+    std = prior_std(vehicle.calibration, as_built.counts)
     n, n_d = len(std.vector), as_built.n_gauges
     root = np.diag(0.2 * std.vector)
     root[:n_d, 0] -= 0.2 * std.vector[:n_d]

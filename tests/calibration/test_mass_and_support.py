@@ -68,6 +68,17 @@ def test_a_clamp_that_yields_is_an_elastic_foundation(vehicle: Vehicle, as_built
     assert np.abs(found - plain).max() < 2e-4 * np.abs(plain).max()
 
 
+def test_a_row_turns_as_its_gauges_do(as_built: AsBuiltStructure) -> None:
+    nominal, number = as_built.exactly_built(), as_built.row
+    assert as_built.counts.row == 4
+    turned = 0.02 * (np.arange(4) == 2)
+    by_row = replace(nominal, row_orientation=turned)
+    by_gauge = replace(nominal, orientation=turned[number])
+    found, expected = (as_built.load_strain(one, [PAD]) for one in (by_row, by_gauge))
+    np.testing.assert_array_equal(found, expected)
+    assert np.abs(as_built.placed.roll_angle[number == 2] - np.pi).max() < 1e-6
+
+
 def test_the_modulus_of_all_regions_is_that_of_the_wall(vehicle: Vehicle, as_built: AsBuiltStructure) -> None:
     coarse = Resolution(
         radial_cells=12,
@@ -78,7 +89,8 @@ def test_the_modulus_of_all_regions_is_that_of_the_wall(vehicle: Vehicle, as_bui
         element_length_mm=80.0,
         wall_layers=1,
     )
-    entry = vehicle.calibration.model_copy(update={"region_modulus_percent": 2.0})
+    joints = {"joint_stations_m": (1.2, 2.5), "joint_softness_mm": 5.0}
+    entry = vehicle.calibration.model_copy(update={"region_modulus_percent": 2.0, **joints})
     unknown = vehicle.model_copy(update={"calibration": entry})
     structure = as_built_structure(unknown, LAYOUT, coarse, TITANIUM, max_harmonic=4)
     nominal = structure.exactly_built()
@@ -88,5 +100,16 @@ def test_the_modulus_of_all_regions_is_that_of_the_wall(vehicle: Vehicle, as_bui
         np.testing.assert_allclose(found, plain / 1.03, atol=3e-4 * np.abs(plain).max())
     z, changed = structure.strain_operator(nominal), structure.strain_operator(stiffer)
     np.testing.assert_allclose(changed, z / 1.03, atol=3e-4 * np.abs(z).max())
+    _check_joints(structure)
     with pytest.raises(InputError, match="region_modulus_percent is 0"):
         as_built.load_strain(replace(as_built.exactly_built(), region_modulus=np.full(4, 0.01)), [PAD])
+
+
+def _check_joints(structure: AsBuiltStructure) -> None:
+    """A joint that is softer strains the wall beside it, and what is aft of a bent body or fore of it hardly."""
+    nominal = structure.exactly_built()
+    assert structure.counts.joint == 2
+    softer = replace(nominal, joint_softness=np.array([0.0, 0.01]))
+    change = np.abs(structure.strain_operator(softer) - structure.strain_operator(nominal)).max(axis=1)
+    beside = np.abs(structure.placed.x - 2.5) < 0.4
+    assert change[beside].max() > 3.0 * change[~beside].max() > 0.0

@@ -24,7 +24,7 @@ REGION = 2
 
 @pytest.fixture(scope="module")
 def prior(vehicle: Vehicle, as_built: AsBuiltStructure) -> AsBuiltParameters:
-    return prior_std(vehicle.calibration, as_built.n_gauges, as_built.n_regions)
+    return prior_std(vehicle.calibration, as_built.counts)
 
 
 @pytest.fixture(scope="module")

@@ -17,7 +17,7 @@ HARMONICS = 5
 def test_gauges_read_any_flow_at_any_roll_angle(vehicle: Vehicle, as_built: AsBuiltStructure) -> None:
     """Harmonics of a pressure whose crest is at several roll angles, against Z_p times the nodes' pressure."""
     random = np.random.default_rng(2)
-    built = drawn(prior_std(vehicle.calibration, as_built.n_gauges, as_built.n_regions), random)
+    built = drawn(prior_std(vehicle.calibration, as_built.counts), random)
     gauges = plant_gauges(as_built, built, HARMONICS)
     grid, operator = as_built.surface, as_built.strain_operator(built)
     amplitude, m = random.normal(size=(len(grid.x), HARMONICS + 1)), np.arange(HARMONICS + 1)

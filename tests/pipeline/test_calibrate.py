@@ -58,7 +58,7 @@ def test_a_ground_test_calibrates_a_map(tmp_path: Path) -> None:
     save_inverse_map(before, tmp_path / "map.h5")
     structure = as_built_structure(vehicle, vehicle.gauges.layout)
     random = np.random.default_rng(3)
-    std = prior_std(vehicle.calibration, structure.n_gauges, structure.n_regions)
+    std = prior_std(vehicle.calibration, structure.counts)
     built, errors = drawn(std, random), LoadErrors(common=0.002)
     cases = [
         Candidate(name=name, loads=tuple(one.load for one in loads))

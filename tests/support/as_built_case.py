@@ -26,7 +26,7 @@ def strain_covariances(
     """J C J' (n, n_d, n_d) under each of the fields (n, n_p), J by differences of every single parameter."""
     n_d = structure.n_gauges
     jacobian = np.zeros((len(pressure), n_d, len(covariance)))
-    where, std = slices(n_d, structure.n_regions), parameters.of_vector(np.sqrt(np.diag(covariance)))
+    where, std = slices(structure.counts), parameters.of_vector(np.sqrt(np.diag(covariance)))
     for (kind, region), slope in parameter_derivatives(
         lambda one: structure.strain_operator(one) @ pressure.T, parameters, uncertain_keys(std)
     ).items():

@@ -49,7 +49,7 @@ def _parts() -> tuple[Vehicle, Snapshots, AsBuiltStructure, Remaining]:
     conditions = condition_grid([5.0, 6.0, 7.0], [0.0, 5.0, 10.0], [0.0, 5.0, 10.0], 20e3)
     snapshots = snapshots_at(make_engine(vehicle, "newtonian", COARSEST), vehicle, conditions)
     clamped = vehicle.calibration.model_copy(update={"clamp_compliance_mm": 0.0})
-    std = prior_std(clamped, structure.n_gauges, structure.n_regions)
+    std = prior_std(clamped, structure.counts)
     built = drawn(std, np.random.default_rng(5))
     return vehicle, snapshots, structure, Remaining(parameters=built, covariance=np.diag((LEFT * std.vector) ** 2))
 

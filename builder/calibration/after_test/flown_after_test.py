@@ -99,7 +99,7 @@ def allowed_vehicles(
         change=change.T,
         slope={key: np.ascontiguousarray(one.T) for key, one in slope.items()},
         factor=vector * np.sqrt(np.maximum(value, 0.0)),
-        where=slices(structure.n_gauges, structure.n_regions),
+        where=slices(structure.counts),
     )
 
 

@@ -69,7 +69,7 @@ def left_by_test(structure: AsBuiltStructure, remaining: Remaining, ensemble: En
     """Return what a test left, for the flows of ``ensemble``; nothing where everything is known."""
     if not remaining.covariance.any():
         return LeftByTest()
-    where = slices(structure.n_gauges, structure.n_regions)
+    where = slices(structure.counts)
     zero = remaining.covariance[where["zero"], where["zero"]]
     return LeftByTest(
         errors=tuple(_errors(structure, remaining, ensemble)),
@@ -79,7 +79,7 @@ def left_by_test(structure: AsBuiltStructure, remaining: Remaining, ensemble: En
 
 def _errors(structure: AsBuiltStructure, remaining: Remaining, ensemble: Ensemble) -> list[HardwareError]:
     by_key = parameter_derivatives(structure.strain_operator, remaining.parameters, remaining.uncertain)
-    n_d, where = structure.n_gauges, slices(structure.n_gauges, structure.n_regions)
+    n_d, where = structure.n_gauges, slices(structure.counts)
     factor = _factor(remaining.covariance)
     # (n_d, n_keys, r): what one deviation of column r changes of the parameters that gauge g reads with.
     change = np.stack(

@@ -11,21 +11,21 @@ from dataclasses import replace
 
 import numpy as np
 
-from builder.calibration.as_built.parameters import REGION_KINDS, AsBuiltParameters
+from builder.calibration.as_built.parameters import AsBuiltParameters, Counts
 from builder.structure.as_built_kinds import AS_BUILT, KINDS
 from strainfmu.arrays import FloatArray
 
 Key = tuple[str, int]
-"""Kind of a parameter, and the number of the region of the wall or 0."""
+"""Kind of a parameter, and the number of the region, row or joint, or 0."""
 
 
-def derivative_keys(n_regions: int) -> list[Key]:
+def derivative_keys(counts: Counts) -> list[Key]:
     """Return the keys in the order of the vector, without the zeros."""
     return [
-        (kind.name, region)
+        (kind.name, number)
         for kind in AS_BUILT
         if kind.name != "zero"
-        for region in range(n_regions if kind.extent == "region" else 1)
+        for number in range(1 if kind.extent in ("gauge", "vehicle") else getattr(counts, kind.extent))
     ]
 
 
@@ -34,7 +34,7 @@ def uncertain_keys(std: AsBuiltParameters, in_flight: bool = False) -> list[Key]
     depends on, where it is ``in_flight`` that they are needed."""
     return [
         key
-        for key in derivative_keys(std.n_regions)
+        for key in derivative_keys(std.counts)
         if (KINDS[key[0]].flight or not in_flight)
         and np.any(getattr(std, key[0]) if of_gauges(key) else getattr(std, key[0])[key[1]])
     ]
@@ -57,7 +57,7 @@ def parameter_derivatives(
     value = evaluate(parameters)
     scale = (1.0 + parameters.gauge_gain).reshape(-1, *[1] * (value.ndim - 1))
     found: dict[Key, FloatArray] = {}
-    for key in derivative_keys(parameters.n_regions) if keys is None else keys:
+    for key in derivative_keys(parameters.counts) if keys is None else keys:
         kind, region = key
         if kind == "gauge_gain":
             found[key] = value / scale
@@ -76,7 +76,7 @@ def _difference(
     held = getattr(parameters, kind)
     step = KINDS[kind].step
     change = np.full(len(held), step)
-    if kind in REGION_KINDS:
+    if KINDS[kind].extent not in ("gauge", "vehicle"):
         change[np.arange(len(held)) != region] = 0.0
     plus, minus = (evaluate(replace(parameters, **{kind: held + sign * change})) for sign in (1.0, -1.0))
     return np.asarray((plus - minus) / (2.0 * step))

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,11 +19,17 @@ from strainfmu.errors import InputError
 GAUGE_KINDS = tuple(kind.name for kind in AS_BUILT if kind.extent == "gauge")
 """Parameters of each gauge on its own."""
 
-REGION_KINDS = tuple(kind.name for kind in AS_BUILT if kind.extent == "region")
-"""Parameters of each region of the wall."""
-
 HELD_KINDS = tuple(kind.name for kind in AS_BUILT if kind.taken_for_zero)
 """Parameters of each region that the section [calibration] takes for zero unless it says otherwise."""
+
+
+class Counts(NamedTuple):
+    """Numbers of gauges, regions of the wall, rows of gauges at one roll angle, and joints: extents of kinds."""
+
+    gauge: int
+    region: int
+    row: int = 0
+    joint: int = 0
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -49,6 +56,8 @@ class AsBuiltParameters:
     clamp_axial, clamp_transverse : (1,) length of the wall's material that yields under the same traction as the
         clamp does, along and across the body [m].
     region_modulus : (n_r,) relative error of Young's modulus of each region, besides [1].
+    row_orientation : (n_rows,) turn of all gauges at one roll angle, besides [rad].
+    joint_softness : (n_joints,) length of the wall's material that yields as each joint does [m].
     """
 
     gauge_gain: FloatArray
@@ -71,10 +80,11 @@ class AsBuiltParameters:
     clamp_axial: FloatArray
     clamp_transverse: FloatArray
     region_modulus: FloatArray
+    row_orientation: FloatArray
+    joint_softness: FloatArray
 
     def __post_init__(self) -> None:
-        n_d, n_r = len(self.gauge_gain), len(self.wall_thickness)
-        for kind, size in _sizes(n_d, n_r).items():
+        for kind, size in _sizes(self.counts).items():
             if np.shape(getattr(self, kind)) != (size,):
                 raise InputError(f"{kind}: expected ({size},) values, got {np.shape(getattr(self, kind))}")
 
@@ -82,6 +92,12 @@ class AsBuiltParameters:
     def vector(self) -> FloatArray:
         """(n,) all parameters, in the order of the attributes."""
         return np.concatenate([getattr(self, one.name) for one in fields(self)])
+
+    @property
+    def counts(self) -> Counts:
+        """Numbers of what has parameters of its own."""
+        parts = self.gauge_gain, self.wall_thickness, self.row_orientation, self.joint_softness
+        return Counts(*(len(one) for one in parts))
 
     @property
     def n_gauges(self) -> int:
@@ -93,28 +109,30 @@ class AsBuiltParameters:
 
     def of_vector(self, vector: FloatArray) -> AsBuiltParameters:
         """Return the parameters of ``vector`` (n,), as many of each kind as here."""
-        parts = slices(self.n_gauges, self.n_regions)
+        parts = slices(self.counts)
         return AsBuiltParameters(**{kind: np.asarray(vector[part], dtype=float) for kind, part in parts.items()})
 
 
-def _sizes(n_gauges: int, n_regions: int) -> dict[str, int]:
-    of = {"gauge": n_gauges, "vehicle": 1, "region": n_regions}
+def _sizes(counts: Counts) -> dict[str, int]:
+    of = {"vehicle": 1, **counts._asdict()}
     return {kind.name: of[kind.extent] for kind in AS_BUILT}
 
 
-def slices(n_gauges: int, n_regions: int) -> dict[str, slice]:
+def slices(counts: Counts) -> dict[str, slice]:
     """Return where each kind stands in the vector."""
     found, start = {}, 0
-    for kind, size in _sizes(n_gauges, n_regions).items():
+    for kind, size in _sizes(counts).items():
         found[kind] = slice(start, start + size)
         start += size
     return found
 
 
-def parameter_names(gauge_names: Sequence[str], n_regions: int) -> tuple[str, ...]:
+def parameter_names(gauge_names: Sequence[str], counts: Counts) -> tuple[str, ...]:
     """Return a name for every entry of the vector."""
-    regions = [f"region {k + 1}" for k in range(n_regions)]
-    of = {"gauge": gauge_names, "region": regions}
+    of: dict[str, Sequence[str]] = {
+        extent: [f"{extent} {k + 1}" for k in range(count)] for extent, count in counts._asdict().items()
+    }
+    of["gauge"] = gauge_names
     return tuple(f"{kind.in_words} {one}".rstrip() for kind in AS_BUILT for one in of.get(kind.extent, [""]))
 
 
@@ -123,15 +141,15 @@ def in_words(kind: str) -> str:
     return KINDS[kind].in_words
 
 
-def exactly_built(n_gauges: int, n_regions: int) -> AsBuiltParameters:
+def exactly_built(counts: Counts) -> AsBuiltParameters:
     """Return the vehicle of the file, without errors."""
-    return AsBuiltParameters(**{kind: np.zeros(size) for kind, size in _sizes(n_gauges, n_regions).items()})
+    return AsBuiltParameters(**{kind: np.zeros(size) for kind, size in _sizes(counts).items()})
 
 
-def prior_std(entry: Calibration, n_gauges: int, n_regions: int) -> AsBuiltParameters:
+def prior_std(entry: Calibration, counts: Counts) -> AsBuiltParameters:
     """Return the standard deviation of every parameter before a test, from the section [calibration]."""
     return AsBuiltParameters(
-        **{kind: np.full(size, KINDS[kind].prior_std(entry)) for kind, size in _sizes(n_gauges, n_regions).items()}
+        **{kind: np.full(size, KINDS[kind].prior_std(entry)) for kind, size in _sizes(counts).items()}
     )
 
 

@@ -30,8 +30,8 @@ class ResponseTable:
         squares.
     uneven : (n_w, 2, n_r, 3 sides, .., n_m, n_s, 3) per wall harmonic w as cos(w phi) and, in a frame rolled by a
         quarter of its period, as sin(w phi); the strain goes round the body by n + w side.
-    soft : (n_soft, .., n_m, n_s, 3) per compliance of the clamp along and across the body, then per modulus of
-        each region, where that is not known.
+    soft : (n_soft, .., n_m, n_s, 3) per compliance of the clamp along and across the body, then of each joint,
+        then per modulus of each region, where that is not known.
     uneven_load : (n_w, 2, n_r, .., n_m, n_s, 3) per wall harmonic, through the load itself; None where it does not
         change.
     region_mass : (n_r, .., n_m, n_s, 3) per mass of each region; None where the load is none of mass.
@@ -169,12 +169,13 @@ def uneven_amplitudes(
 
 
 def _softness(parameters: AsBuiltParameters) -> FloatArray:
-    """Return (2 + n_r,) what the rows of :attr:`ResponseTable.soft` are multiplied by.
+    """Return (2 + n_joints + n_r,) what the rows of :attr:`ResponseTable.soft` are multiplied by.
 
     A region's strain goes with its compliance, 1 / (1 + e), nearly in proportion; so the line is one in that.
     """
     stiffer = parameters.region_modulus / (1.0 + parameters.region_modulus)
-    return np.concatenate([parameters.clamp_axial, parameters.clamp_transverse, stiffer])
+    soft = parameters.clamp_axial, parameters.clamp_transverse, parameters.joint_softness
+    return np.concatenate([*soft, stiffer])
 
 
 def _waves(parameters: AsBuiltParameters) -> FloatArray:
@@ -184,14 +185,15 @@ def _waves(parameters: AsBuiltParameters) -> FloatArray:
 
 
 def direction_weights(
-    meridional: FloatArray, circumferential: FloatArray, parameters: AsBuiltParameters
+    meridional: FloatArray, circumferential: FloatArray, parameters: AsBuiltParameters, row: IntArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return what a gauge makes of meridional, hoop and shear strain: (n_d, 2) and (n_d,).
 
-    The arguments (n_d,) are the stated direction cosines. A gauge reads strain along itself and, times its
-    transverse sensitivity, across.
+    The first arguments (n_d,) are the stated direction cosines, ``row`` (n_d,) is the row of each gauge. A gauge
+    reads strain along itself and, times its transverse sensitivity, across.
     """
-    turn_c, turn_s = np.cos(parameters.orientation), np.sin(parameters.orientation)
+    turn = parameters.orientation + parameters.row_orientation[row]
+    turn_c, turn_s = np.cos(turn), np.sin(turn)
     c = turn_c * meridional - turn_s * circumferential
     s = turn_s * meridional + turn_c * circumferential
     across = parameters.transverse_sensitivity

@@ -21,7 +21,7 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from builder.calibration.as_built.parameters import AsBuiltParameters, exactly_built
+from builder.calibration.as_built.parameters import AsBuiltParameters, Counts, exactly_built
 from builder.calibration.as_built.response_tables import (
     QUARTER,
     LoadResponse,
@@ -50,7 +50,7 @@ from builder.vehicle.file import Vehicle
 from builder.vehicle.gauges.layout import GaugeLayout
 from builder.vehicle.model_entries import Resolution
 from builder.vehicle.shape.geometry import SurfaceGrid, surface_grid
-from strainfmu.arrays import FloatArray
+from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 
 SHIFT = 1e-3
@@ -77,6 +77,7 @@ class AsBuiltStructure:
     gauges : names, positions and directions by the drawing.
     placed : the gauges on the inner surface.
     radius : (n_d,) of the inner surface at the gauges [m].
+    row : (n_d,) number of the row of each gauge: those at one roll angle.
     solved : the vehicle whose wall was solved for, without other errors; others are taken from there.
     states : adjoint solutions.
     pressure : table per pressure at the stations of ``surface`` [1/Pa], which lead.
@@ -88,6 +89,7 @@ class AsBuiltStructure:
     gauges: GaugeLayout
     placed: PlacedGauges
     radius: FloatArray
+    row: IntArray
     solved: AsBuiltParameters
     states: WallStates
     pressure: ResponseTable
@@ -107,13 +109,18 @@ class AsBuiltStructure:
         return len(self.regions)
 
     @property
+    def counts(self) -> Counts:
+        """Numbers of what has parameters of its own."""
+        return self.solved.counts
+
+    @property
     def outer_span(self) -> tuple[float, float]:
         """First and last station of the outer surface [m]."""
         return self.states.forces[0].outer_span
 
     def exactly_built(self) -> AsBuiltParameters:
         """Return the parameters of the vehicle of the file: zeros."""
-        return exactly_built(self.n_gauges, self.n_regions)
+        return exactly_built(self.counts)
 
     def strain_operator(self, parameters: AsBuiltParameters) -> FloatArray:
         """Return Z_p (n_d, n_p) [1/Pa]: reading, without zeros, per pressure at every node of ``surface``."""
@@ -165,7 +172,7 @@ class AsBuiltStructure:
             phases = side_phases(roll - turned * QUARTER / wave, n_m, wave)
             for (cosine, sine, factor), part in zip(phases, parts, strict=True):
                 strain = strain + factor[:, None] * _at_roll(part, cosine, sine)
-        normal, shear = direction_weights(self.placed.meridional, self.placed.circumferential, parameters)
+        normal, shear = self._direction_weights(parameters)
         reading = (normal * strain[..., :2]).sum(axis=-1) + shear * strain[..., 2]
         stiffness = 1.0 + parameters.youngs_modulus * np.asarray(response.by_stress)[..., None]
         weight = 1.0 + parameters.mass * np.asarray(response.by_mass)[..., None]
@@ -232,7 +239,7 @@ class AsBuiltStructure:
         """Return (n_x, n_m, n_d) strain in the gauges' directions per cos(m phi) and sin(m phi) of a pressure."""
         thickness, station = self._thickness(parameters), self.states.station
         roll = self._roll_angle(parameters)
-        normal, shear = direction_weights(self.placed.meridional, self.placed.circumferential, parameters)
+        normal, shear = self._direction_weights(parameters)
 
         def directed(amplitude: FloatArray, cosine: FloatArray, sine: FloatArray) -> tuple[FloatArray, FloatArray]:
             even = (amplitude[..., :2] * normal).sum(axis=-1)
@@ -254,6 +261,10 @@ class AsBuiltStructure:
             sine = sine + s * sums[0] + c * sums[1]
         return cosine, sine
 
+    def _direction_weights(self, parameters: AsBuiltParameters) -> tuple[FloatArray, FloatArray]:
+        placed = self.placed
+        return direction_weights(placed.meridional, placed.circumferential, parameters, self.row)
+
     def _thickness(self, parameters: AsBuiltParameters) -> FloatArray:
         """Return (2 n_r,) thickness and taper of the regions over those that were solved for."""
         one, other = (
@@ -261,7 +272,7 @@ class AsBuiltStructure:
         )
         if not len(self.states.thin) and np.abs(one - other).max() > 1e-12:
             raise InputError("this structure was solved for one wall; its thickness cannot change")
-        if len(self.states.soft) == 2 and parameters.region_modulus.any():
+        if len(self.states.soft) == 2 + self.counts.joint and parameters.region_modulus.any():
             raise InputError("this structure was solved for one modulus; calibration.region_modulus_percent is 0")
         return np.asarray(one - other)
 
@@ -307,7 +318,7 @@ def as_built_structure(
     drawing = shell_mesh(vehicle.body(), wall, 1e-3 * resolution.element_length_mm, resolution.wall_layers)
     layouts, all_placed = place_layouts(vehicle, drawing, [layout])
     placed, mesh = all_placed[layout], drawing
-    built = exactly_built(len(placed.x), len(regions))
+    built = exactly_built(_counts(vehicle, placed))
     if known_thickness is not None:
         taper = np.zeros(len(regions)) if known_taper is None else np.asarray(known_taper, dtype=float)
         built = replace(built, wall_thickness=np.asarray(known_thickness, dtype=float), wall_taper=taper)
@@ -323,6 +334,7 @@ def as_built_structure(
         properties=properties or LoadProperties(density=vehicle.material.density_kg_per_m3),
         max_harmonic=max(max_harmonic, resolution.harmonics),
         with_regions=known_thickness is None,
+        joints=vehicle.calibration.joint_stations_m,
         with_moduli=vehicle.calibration.region_modulus_percent > 0.0,
         progress=progress,
     )
@@ -333,11 +345,33 @@ def as_built_structure(
         gauges=layouts[layout],
         placed=placed,
         radius=at_gauge.radius,
+        row=_rows(placed),
         solved=built,
         states=states,
         pressure=_pressure_table(states, load.reshape(-1, load.shape[-1]), resolution.harmonics + 1),
         _mesh_error=partial(_mesh_error, vehicle, grid, resolution, layout),
     )
+
+
+def counts_of(vehicle: Vehicle, layout: str) -> Counts:
+    """Return the numbers of what has parameters of its own in a vehicle with the gauges of ``layout``."""
+    resolution = vehicle.resolution.map
+    mesh = shell_mesh(
+        vehicle.body(), wall_of(vehicle), 1e-3 * resolution.element_length_mm, resolution.wall_layers
+    )
+    return _counts(vehicle, place_layouts(vehicle, mesh, [layout])[1][layout])
+
+
+def _counts(vehicle: Vehicle, placed: PlacedGauges) -> Counts:
+    joints = vehicle.calibration.joint_stations_m
+    row = int(_rows(placed).max()) + 1
+    return Counts(gauge=len(placed.x), region=len(wall_regions(vehicle)), row=row, joint=len(joints))
+
+
+def _rows(placed: PlacedGauges) -> IntArray:
+    """Return (n_d,) the row of each gauge, numbered by roll angle."""
+    rounded = np.mod(np.round(np.mod(placed.roll_angle, 2.0 * np.pi), 6), np.round(2.0 * np.pi, 6))
+    return np.unique(rounded, return_inverse=True)[1]
 
 
 def _mesh_error(vehicle: Vehicle, grid: SurfaceGrid, resolution: Resolution, layout: str) -> FloatArray | None:

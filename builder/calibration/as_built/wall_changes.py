@@ -164,19 +164,26 @@ class ElasticClamp:
 
 
 class StifferRegion:
-    """A wall whose modulus is larger in a region, where ``weight`` (n_e,) of its elements is 1: to first order."""
+    """A wall whose modulus is larger by ``size`` where ``weight`` (n_e,) of its elements is 1: to first order."""
 
-    def __init__(self, mesh: MeridianMesh, material: Material, weight: FloatArray, even: FourierStiffness) -> None:
+    def __init__(
+        self,
+        mesh: MeridianMesh,
+        material: Material,
+        weight: FloatArray,
+        even: FourierStiffness,
+        size: float = 1.0,
+    ) -> None:
         # A material has some stiffness; where the weight is 0 it is far below what counts.
         moduli = np.maximum(weight, FAINT**2) * material.youngs_modulus
         own = tuple(replace(material, youngs_modulus=one) for one in moduli.tolist())
         each = replace(mesh, materials=own, material_of=np.arange(1, len(own) + 1))
-        term = assemble_stiffness(each, material).term
+        term = size * assemble_stiffness(each, material).term
         term[:, np.abs(term).max(axis=0) < FAINT * np.abs(term).max()] = 0.0
         self._stiffness = _without_zeros(even, term)
 
     def adjoint(self, zeroth: FloatArray, solver: HarmonicSolver, n: int) -> FloatArray:
-        """Return the derivative (n_s, 3, n_dof) of the adjoint ``zeroth`` by the relative modulus."""
+        """Return the derivative (n_s, 3, n_dof) of the adjoint ``zeroth`` by the change."""
         return solved(solver, -_times(zeroth, self._stiffness.matrix(n)))
 
 

@@ -7,6 +7,7 @@ these rows of the adjoint solutions are kept.
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -126,8 +127,8 @@ class WallStates:
     uneven : for each of :data:`~builder.calibration.as_built.wall_harmonics.WAVES`, (n_r, 3 sides) per region of a
         wall whose thickness goes as cos(wave phi), as in
         :data:`~builder.calibration.as_built.wall_harmonics.SIDES`.
-    soft : derivatives by the clamp's compliance along and across the body, then by the modulus of each region; of
-        the clamp alone where the modulus of regions is known.
+    soft : derivatives by the clamp's compliance along and across the body, then by the softness of each joint,
+        then by the modulus of each region, where that is not known.
     forces : structures that give nodal forces only: of the wall as expected, thin ones, thick ones.
     station : (n_d,) of each gauge.
     """
@@ -154,6 +155,7 @@ def wall_states(
     max_harmonic: int,
     with_regions: bool = True,
     with_moduli: bool = False,
+    joints: Sequence[float] = (),
     progress: Progress | None = None,
 ) -> WallStates:
     """Solve every state of the wall for the strains at the gauges.
@@ -169,6 +171,7 @@ def wall_states(
     max_harmonic : highest harmonic in roll angle.
     with_regions : whether thickness and taper by regions are not known.
     with_moduli : whether Young's modulus by regions is not known.
+    joints : stations at which the wall may be softer [m].
     progress : called with (harmonics done, harmonics in all).
     """
     rows = ForceRows(outer=np.unique(line_nodes(mesh.outer_edge)), n_nodes=len(mesh.node))
@@ -184,7 +187,8 @@ def wall_states(
     tapered = [_tapered(mesh, wall, regions, k, expected.stiffness) for k in unknown]
     uneven = [_uneven_change(mesh, wall, regions, k) for k in range(len(regions))]
     clamp = ElasticClamp(mesh, wall.material)
-    stiffer = _stiffer_regions(mesh, wall, regions, expected.stiffness) if with_moduli else []
+    stiffer = [_soft_joint(mesh, wall, station, expected.stiffness) for station in joints]
+    stiffer += _stiffer_regions(mesh, wall, regions, expected.stiffness) if with_moduli else []
     whole = _Kept.of((), n_m, len(stations), rows)
     of_thin, of_thick = (_Kept.of((count if with_regions else 0,), n_m, len(x), rows) for _ in range(2))
     of_soft = _Kept.of((2 + len(stiffer),), n_m, len(x), rows)
@@ -241,6 +245,29 @@ def _stiffer_regions(
     """Return the walls whose modulus is larger in one region each."""
     share = regions.share(mesh.node[mesh.element, 0].mean(axis=1))
     return [StifferRegion(mesh, wall.material, one, even) for one in share.T]
+
+
+def _soft_joint(mesh: MeridianMesh, wall: Wall, station: float, even: FourierStiffness) -> StifferRegion:
+    """Return the wall with a joint at ``station`` [m], per length of wall that it yields like.
+
+    It is in the elements through the wall that are nearest.
+
+    Raises
+    ------
+    InputError
+        The station is not on the hollow part of the wall.
+    """
+    x = mesh.node[mesh.element, 0]
+    first, last = mesh.node[line_nodes(mesh.inner_edge)[[0, -1]], 0]
+    if not first < station < last:
+        raise InputError(
+            f"calibration.joint_stations_m: expected stations of the wall, {first:g} .. {last:g} m, "
+            f"got {station:g}"
+        )
+    distance = np.abs(x.mean(axis=1) - station)
+    length = float(np.ptp(x[distance.argmin()]))
+    there = distance < distance.min() + 0.25 * length
+    return StifferRegion(mesh, wall.material, there.astype(np.float64), even, size=-1.0 / length)
 
 
 def _uneven_change(mesh: MeridianMesh, wall: Wall, regions: WallRegions, k: int) -> UnevenChange:

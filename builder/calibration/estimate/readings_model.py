@@ -75,7 +75,7 @@ class ReadingsModel:
         self._pads = [self._checked_pad_columns(test.cases[k].name, one.load) for k, one in self.loads]
         self._together: LoadResponse | None = None
         self._at_drawing: tuple[FloatArray, FloatArray] | None = None
-        built = parameter_names(structure.gauges.names, structure.n_regions)
+        built = parameter_names(structure.gauges.names, structure.counts)
         extra, std = self._extra_names(), self._extra_std()
         self.names, self.std = (*built, *extra), np.concatenate([self.prior.vector, std])
 
@@ -138,7 +138,7 @@ class ReadingsModel:
         strain = self.load_strains(built)
         n_c, n_d = len(self.test.cases), self.structure.n_gauges
         found = np.zeros((n_c, n_d, len(vector)))
-        gauge, where = np.arange(n_d), slices(n_d, self.structure.n_regions)
+        gauge, where = np.arange(n_d), slices(self.structure.counts)
         derivatives = parameter_derivatives(
             lambda one: self.load_strains(one).T, built, uncertain_keys(self.prior)
         )

@@ -24,7 +24,7 @@ def _differs(size: float, std: float) -> bool:
 
 def _of_mass(found: Estimate) -> str:
     part = found.parameters
-    at = slices(part.n_gauges, part.n_regions)["mass"].start
+    at = slices(part.counts)["mass"].start
     size, std = float(found.vector[at]), float(found.std[at])
     if not _differs(size, std):
         return ""

@@ -108,7 +108,7 @@ def load_plan(
     for one in first:
         known = known.after(one)
     if attitudes:
-        bare = [_together(one, first[0], slices(as_built.n_gauges, as_built.n_regions)["zero"]) for one in bare]
+        bare = [_together(one, first[0], slices(as_built.counts)["zero"]) for one in bare]
     chosen = select_cases(known, bare, count, progress)
     return LoadPlan(
         attitudes=tuple(attitudes),
@@ -141,14 +141,14 @@ def _flight(parts: PlanParts, exact: InverseMap) -> FlightSensitivity:
     chosen = np.random.default_rng(FLIGHTS).choice(len(pressure), FLIGHTS, p=ensemble.member_weight)
     net = (pressure[chosen] - ensemble.fixed_pressure).T
 
-    std = prior_std(vehicle.calibration, as_built.n_gauges, as_built.n_regions)
+    std = prior_std(vehicle.calibration, as_built.counts)
     found = parameter_derivatives(
         lambda one: as_built.strain_operator(one) @ net,
         as_built.exactly_built(),
         uncertain_keys(std, in_flight=True),
     )
     jacobian = np.zeros((FLIGHTS, as_built.n_gauges, len(std.vector) + 1))
-    where, gauge = slices(as_built.n_gauges, as_built.n_regions), np.arange(as_built.n_gauges)
+    where, gauge = slices(as_built.counts), np.arange(as_built.n_gauges)
     for key, value in found.items():
         first = where[key[0]].start
         if of_gauges(key):
@@ -180,7 +180,7 @@ def _sensitivities(
         ),
         errors=errors,
     )
-    prior = prior_std(parts.vehicle.calibration, as_built.n_gauges, as_built.n_regions)
+    prior = prior_std(parts.vehicle.calibration, as_built.counts)
     model = ReadingsModel(as_built, test, prior)
     _, jacobian = model.jacobian(np.zeros(len(model.std)))
     jacobian = jacobian * model.std

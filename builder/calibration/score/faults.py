@@ -164,7 +164,7 @@ def main() -> None:
     layout, properties = vehicle.gauges.layout, properties_of(vehicle)
     structure = as_built_structure(vehicle, layout, properties=properties, max_harmonic=HARMONICS)
     errors = LoadErrors(common=0.0)
-    prior = prior_std(vehicle.calibration, structure.n_gauges, structure.n_regions)
+    prior = prior_std(vehicle.calibration, structure.counts)
     model = ReadingsModel(structure, blank_test(vehicle, structure, options.cases, errors), prior)
     for row in gauge_statistics(model, options.draws, options.calibrations, options.faults):
         print(json.dumps(row), flush=True)

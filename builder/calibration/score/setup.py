@@ -118,7 +118,7 @@ def setup_of(vehicle: Vehicle, snapshots: Snapshots, table: FlowTable, options: 
     structure = as_built_structure(vehicle, layout, vehicle.resolution.map, properties, max_harmonic=HARMONICS)
     known = np.zeros(structure.n_regions) if options.solve_walls else None
     truth = as_built_structure(vehicle, layout, vehicle.resolution.truth, properties, known, HARMONICS)
-    std = prior_std(vehicle.calibration, structure.n_gauges, structure.n_regions)
+    std = prior_std(vehicle.calibration, structure.counts)
     return Setup(
         vehicle=vehicle,
         snapshots=snapshots_on(snapshots, structure.surface),

@@ -19,8 +19,7 @@ from builder.calibration.after_test.calibrated_map import calibrated_map
 from builder.calibration.after_test.left_by_test import Remaining
 from builder.calibration.as_built.parameters import AsBuiltParameters, drawn, prior_std
 from builder.calibration.as_built.plant_gauges import plant_gauges
-from builder.calibration.as_built.structure import AsBuiltStructure, as_built_structure
-from builder.calibration.as_built.wall_regions import wall_regions
+from builder.calibration.as_built.structure import AsBuiltStructure, as_built_structure, counts_of
 from builder.calibration.ground_test.candidate_cases import Candidate
 from builder.calibration.ground_test.load_test import LoadErrors, LoadTest
 from builder.calibration.ground_test.load_test_file import load_test_file
@@ -79,7 +78,7 @@ class AsBuiltRun:
     def built(self) -> AsBuiltParameters:
         """The vehicle that flies."""
         vehicle = self.pipeline.vehicle
-        std = prior_std(vehicle.calibration, self._n_gauges, len(wall_regions(vehicle)))
+        std = prior_std(vehicle.calibration, counts_of(vehicle, vehicle.gauges.layout))
         return drawn(std, np.random.default_rng(self.seed))
 
     @cached_property
@@ -95,10 +94,6 @@ class AsBuiltRun:
                 known_taper=self.built.wall_taper,
                 progress=progress,
             )
-
-    @property
-    def _n_gauges(self) -> int:
-        return load_inverse_map(self.pipeline.path(MAP)).n_gauges
 
     @property
     def inputs(self) -> dict[str, Any]:

@@ -23,7 +23,8 @@ class Calibration(Section):
     ``region_mass_percent`` of each region's on its own. The clamp yields along and across the body as
     ``clamp_compliance_mm`` of the wall's material would under the same traction; its motion as a whole strains
     nothing. ``region_modulus_percent`` is the error of Young's modulus of each region in addition to the common
-    one.
+    one. ``row_orientation_deg`` is a turn of all gauges at one roll angle. Joints at ``joint_stations_m`` of the
+    wall yield as ``joint_softness_mm`` of its material would in addition; there are none by default.
     ``wall_region_ends_m`` are the stations between the regions behind the solid tip; by default there are four
     regions of one length.
     """
@@ -44,6 +45,9 @@ class Calibration(Section):
     region_mass_percent: Percent = 0.0
     clamp_compliance_mm: float = Field(default=2.0, ge=0.0, le=1e3)
     region_modulus_percent: Percent = 0.0
+    row_orientation_deg: float = Field(default=0.0, ge=0.0, le=45.0)
+    joint_stations_m: tuple[Station, ...] = Field(default=(), max_length=50)
+    joint_softness_mm: float = Field(default=5.0, ge=0.0, le=1e3)
     wall_region_ends_m: Annotated[list[Station], Field(max_length=50)] | None = None
 
     @model_validator(mode="after")
