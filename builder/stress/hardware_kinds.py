@@ -34,6 +34,8 @@ STATED = tuple(
         "apparent_strain",
         "internal_pressure",
         "dynamic_pressure",
+        "clamp_axial",
+        "clamp_transverse",
     )
 )
 """Errors that [noise] states, in the order of the table."""

@@ -231,18 +231,22 @@ AS_BUILT = (
     ),
     ParameterKind(
         name="clamp_axial",
+        error="clamp that yields along the body",
         extent="vehicle",
         unit="mm",
         acts_on="support: length of wall that yields along the body as the clamp does",
         calibration="clamp_compliance_mm",
+        noise="clamp_compliance_mm",
         step=1e-3,
     ),
     ParameterKind(
         name="clamp_transverse",
+        error="clamp that yields across the body",
         extent="vehicle",
         unit="mm",
         acts_on="support: length of wall that yields across the body as the clamp does",
         calibration="clamp_compliance_mm",
+        noise="clamp_compliance_mm",
         step=1e-3,
     ),
     ParameterKind(

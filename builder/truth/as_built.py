@@ -22,8 +22,13 @@ DRAWN = (
     "apparent_strain",
     "internal_pressure",
     "dynamic_pressure",
+    "clamp_axial",
+    "clamp_transverse",
 )
 """Kinds in the order in which they are drawn. The wall's thickness is one number, that of all regions."""
+
+DRAWN_IF_STATED = ("clamp_axial", "clamp_transverse")
+"""Kinds of these whose size is 0 by default: they take no number of the sequence then."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -41,6 +46,8 @@ class AsBuilt:
     apparent_strain : (n_d,) strain that is no strain [m/m].
     internal_pressure : error of the internal pressure over p_inf [1].
     dynamic_pressure : relative error of the stated q_inf [1].
+    clamp_axial, clamp_transverse : length of the wall's material that yields as the clamp does, along and across
+        the body [m].
     """
 
     gauge_gain: FloatArray
@@ -53,6 +60,8 @@ class AsBuilt:
     apparent_strain: FloatArray
     internal_pressure: float | FloatArray
     dynamic_pressure: float | FloatArray
+    clamp_axial: float | FloatArray = 0.0
+    clamp_transverse: float | FloatArray = 0.0
 
 
 def exactly_built(n_gauges: int) -> AsBuilt:
@@ -95,6 +104,9 @@ def _drawn(
     for name in DRAWN:
         kind = KINDS[name]
         size = of_gauges if kind.extent == "gauge" else of_vehicle
+        if name in DRAWN_IF_STATED and kind.noise_std(entry) == 0.0:
+            found[name] = np.zeros(size) if size else 0.0
+            continue
         value = scale * kind.noise_std(entry) * random.standard_normal(size)
         found[name] = value if size else float(value)
     found["apparent_strain"] = found["apparent_strain"] + np.zeros(of_gauges)

@@ -9,9 +9,11 @@ import pytest
 from as_built_case import LAYOUT, TITANIUM
 
 from builder.calibration.as_built.structure import AsBuiltStructure, as_built_structure
-from builder.calibration.as_built.wall_changes import ElasticClamp, solved
+from builder.calibration.as_built.wall_changes import CLAMP_LENGTH, ElasticClamp, solved
+from builder.inverse.noise.gauge_derivatives import clamp_derivatives
 from builder.structure.fourier.fourier_elasticity import assemble_stiffness, factor_harmonic
-from builder.structure.fourier.meridian_mesh import NO_NODES, line_edges
+from builder.structure.fourier.model import StructuralModel
+from builder.structure.fourier.shell_mesh import yielding_clamp
 from builder.structure.fourier.strain_operator import strain_rows
 from builder.structure.loads.applied import Acceleration, Load, PadForce, SectionLoad, Weight
 from builder.structure.wall import wall_of
@@ -51,21 +53,34 @@ def test_a_clamp_that_yields_is_an_elastic_foundation(vehicle: Vehicle, as_built
     """Against the ring on springs, solved; a rotation and a shift of the whole ring strain nothing."""
     mesh, material, x = as_built.states.forces[0].mesh, wall_of(vehicle).material, np.array([3.0, 3.5])
     stiffness, clamp = assemble_stiffness(mesh, material), ElasticClamp(mesh, material)
-    length, springs = 1e-5, line_edges(mesh.clamped_node)
+    length, stiff = CLAMP_LENGTH, 1e-7
     for n in (0, 2, 5):
         rows = strain_rows(mesh, x, n)
         solver = factor_harmonic(mesh, stiffness, n, twist=True)
         along, across = clamp.adjoints(stiffness, solver, rows, n)
-        spring = material.youngs_modulus / length
-        held = replace(mesh, clamped_node=NO_NODES, foundation=(spring, spring, springs))
-        yields = factor_harmonic(held, assemble_stiffness(held, material), n, twist=True)
-        change = (solved(yields, rows) - solved(solver, rows)) / length
-        np.testing.assert_allclose(along + across, change, atol=0.02 * np.abs(change).max())
+        for found, lengths in ((along, (length, stiff)), (across, (stiff, length))):
+            held = yielding_clamp(mesh, material, *lengths)
+            yields = factor_harmonic(held, assemble_stiffness(held, material), n, twist=True)
+            change = (solved(yields, rows) - solved(solver, rows)) / length
+            np.testing.assert_allclose(found, change, atol=0.01 * np.abs(change).max())
     nominal, bent = as_built.exactly_built(), SectionLoad(station=0.5, force=(0.0, 0.0, -1e3))
     softer = replace(nominal, clamp_axial=np.array([0.002]), clamp_transverse=np.array([0.002]))
     fore = as_built.placed.x < 2.5
     plain, found = (as_built.load_strain(one, [bent])[fore] for one in (nominal, softer))
     assert np.abs(found - plain).max() < 2e-4 * np.abs(plain).max()
+
+
+def test_a_clamp_that_yields_in_flight_is_that_of_the_error_columns(
+    vehicle: Vehicle, as_built: AsBuiltStructure, structure: StructuralModel
+) -> None:
+    """The derivative of the calibration is that of a map's error columns, by a ring on springs."""
+    nominal = as_built.exactly_built()
+    z = as_built.strain_operator(nominal)
+    for kind, expected in zip(
+        ("clamp_axial", "clamp_transverse"), clamp_derivatives(vehicle, structure, LAYOUT), strict=True
+    ):
+        found = (as_built.strain_operator(replace(nominal, **{kind: np.array([CLAMP_LENGTH])})) - z) / CLAMP_LENGTH
+        np.testing.assert_allclose(found, expected, atol=0.01 * np.abs(expected).max())
 
 
 def test_a_row_turns_as_its_gauges_do(as_built: AsBuiltStructure) -> None:

@@ -29,10 +29,12 @@ from builder.truth.revolution.strain import (
     one_flight,
     true_flights,
     true_strain,
+    true_structure,
 )
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map.options import Noise
 from strainfmu.arrays import FloatArray
+from strainfmu.errors import InputError
 from strainfmu.flight_condition import FlightCondition
 
 N_GAUGES = 54
@@ -258,6 +260,30 @@ def test_a_vehicle_is_drawn_at_the_stated_sizes() -> None:
     assert np.ptp(one.gauge_gain) > 0.0
     none = drawn(entry.without_hardware_errors(), 50, random)
     assert not any(np.any(getattr(none, name)) for name in vars(none))
+
+
+def test_a_clamp_that_yields_is_drawn_flown_and_in_the_noise(
+    vehicle: Vehicle, true_model: TrueStructure, table: FlowTable, flights: TrueFlights, pressure: FloatArray
+) -> None:
+    """Its error columns predict what a vehicle reads whose clamp yields; a structure without it refuses one."""
+    layout = vehicle.gauges.layout
+    noise = vehicle.noise.without_hardware_errors().model_copy(update={"clamp_compliance_mm": 2.0})
+    yields = vehicle.model_copy(update={"noise": noise})
+    drawn_one, same = (drawn(one, N_GAUGES, np.random.default_rng(4)) for one in (noise, vehicle.noise))
+    assert 0.0 < abs(float(drawn_one.clamp_axial)) < 8e-3
+    assert same.clamp_axial == same.clamp_transverse == 0.0
+    model = structural_model(vehicle, vehicle.resolution.map, [layout])
+    net = pressure - np.array([[one.ambient_pressure] for one in CONDITIONS])
+    found = hardware_errors(yields, model, model.strain_operator(layout), listed_ensemble(net))
+    assert [one.name for one in found] == ["clamp, along", "clamp, across"]
+    structure = true_structure(yields)
+    flown = true_flights(yields, structure, table, CONDITIONS)
+    for one, kind in zip(found, ("clamp_axial", "clamp_transverse"), strict=True):
+        change = true_strain(structure, flown, built(**{kind: 2e-3})) - true_strain(structure, flown, built())
+        assert np.linalg.norm(one.strain - change) < 3e-3 * np.linalg.norm(change)
+        assert np.linalg.norm(change) > 0.0
+    with pytest.raises(InputError, match="clamp_compliance_mm is 0"):
+        true_strain(true_model, flights, built(clamp_axial=1e-3))
 
 
 @pytest.mark.parametrize(

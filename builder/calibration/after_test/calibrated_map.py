@@ -15,20 +15,14 @@ from builder.inverse.build import build_inverse_map
 from builder.inverse.modes.ensemble import ensemble_of
 from builder.inverse.problem import inverse_problem, on_structure
 from builder.manifold.build import with_manifold
+from builder.structure.as_built_kinds import AS_BUILT
 from builder.structure.fourier.model import StructuralModel
 from builder.structure.mapped_structure import MappedStructure
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.map.inverse_map import InverseMap
 
-CALIBRATED = (
-    "gauge_gain_percent",
-    "common_gain_percent",
-    "gauge_position_mm",
-    "gauge_orientation_deg",
-    "layout_roll_deg",
-    "wall_thickness_percent",
-)
+CALIBRATED = tuple(dict.fromkeys(kind.noise for kind in AS_BUILT if kind.noise))
 """Entries of [noise] that the test takes the place of."""
 
 

@@ -30,6 +30,9 @@ from builder.structure.fourier.strain_operator import strain_rows
 from builder.structure.wall import Material
 from strainfmu.arrays import FloatArray, IntArray
 
+CLAMP_LENGTH = 2e-3
+"""Length of wall that yields as the clamp does, at which its effect is solved for [m]."""
+
 FAINT = 1e-9
 """Part of the largest entry of a stiffness below which one is none."""
 
@@ -130,15 +133,16 @@ def _times(rows: FloatArray, matrix: csc_array) -> FloatArray:
 
 
 class ElasticClamp:
-    """The clamp that holds the aft ring, as a layer that yields: by the derivatives of the adjoint.
+    """The clamp that holds the aft ring, as a layer of the wall's material that yields along or across the body.
 
-    With traction t on the ring a layer of length l and modulus E moves by u = t l / E. The nodes of the ring then
-    move by (l / E) M^-1 r, r their reactions and M the integral of two shape functions over the ring; what the
-    wall does as they move is P. To first order in l,
+    With traction t on the ring a layer of length l and modulus E moves by t l / E. With M the integral of two
+    shape functions over the ring, P what the wall does as its nodes move, K the stiffness, the nodes move by
+    (E M / l + P' K P)^-1 P' f under forces f, and the adjoint a = b K^-1 of strain rows b changes by
 
-        da / dl = (b P) (E M)^-1 P'.
+        da = (b P) (E M / l + P' K P)^-1 P'.
 
-    A motion of the whole ring, as the clamp's rotation, strains nothing: P is a rigid motion then.
+    It is a line through no change and that of :data:`CLAMP_LENGTH`. A motion of the whole ring, as the clamp's
+    rotation, strains nothing: P is a rigid motion then.
     """
 
     def __init__(self, mesh: MeridianMesh, material: Material) -> None:
@@ -147,19 +151,21 @@ class ElasticClamp:
         for number, block in enumerate(ring_products(mesh, edge)):
             at = slice(2 * number, 2 * number + 3)
             product[at, at] += block
-        self._yields = np.linalg.inv(product) / material.youngs_modulus
+        self._springs = product * material.youngs_modulus / CLAMP_LENGTH
 
     def adjoints(
         self, stiffness: FourierStiffness, solver: HarmonicSolver, rows: FloatArray, n: int
     ) -> FloatArray:
-        """Return (2, n_s, 3, n_dof) derivatives of the adjoint of harmonic ``n`` by the layer's length along and
-        across the body; ``rows`` (n_s, 3, n_dof) are the strain rows."""
+        """Return (2, n_s, 3, n_dof) change of the adjoint of harmonic ``n`` per length along and across the body;
+        ``rows`` (n_s, 3, n_dof) are the strain rows."""
         matrix, found = stiffness.matrix(n), np.zeros((2, *rows.shape))
-        for component, which in ((0, 0), (1, 1), (2, 1)):
-            held = 3 * self._node + component
+        for which, components in enumerate(((0,), (1, 2))):
+            held = np.concatenate([3 * self._node + component for component in components])
             motion = -solver.solve(matrix[:, held].toarray())
             motion[held] += np.eye(len(held))
-            found[which] += (rows @ motion) @ self._yields @ motion.T
+            springs = np.kron(np.eye(len(components)), self._springs)
+            yields = np.linalg.solve(springs + (matrix @ motion)[held], motion.T)
+            found[which] = (rows @ motion) @ yields / CLAMP_LENGTH
         return found
 
 

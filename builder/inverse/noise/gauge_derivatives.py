@@ -9,8 +9,8 @@ import numpy as np
 from builder.inverse.noise.model import central_difference
 from builder.structure.fourier.gauges import PlacedGauges
 from builder.structure.fourier.inner_surface import inner_surface_points
-from builder.structure.fourier.model import StructuralModel, structural_model
-from builder.structure.fourier.shell_mesh import shell_mesh
+from builder.structure.fourier.model import StructuralModel, place_layouts, structural_model
+from builder.structure.fourier.shell_mesh import shell_mesh, yielding_clamp
 from builder.structure.fourier.strain_operator import harmonic_response, strain_operator
 from builder.structure.mapped_structure import MappedStructure
 from builder.structure.solid.gauges import displaced_gauges as displaced
@@ -25,6 +25,9 @@ STEP = 1e-3
 
 WALL_STEP = 0.01
 """Step of the wall's thickness, relative to it."""
+
+CLAMP_STEP, RIGID = 2e-3, 1e-7
+"""Length of wall that yields as the clamp does, for its slope, and one that counts as none [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,6 +115,36 @@ def wall_thickness_derivative(
     placed = thin.placed[layout]
     after, before = (strain_operator(model.response, placed, surface) for model in (thick, thin))
     return central_difference(after, before, WALL_STEP)
+
+
+def clamp_derivatives(
+    vehicle: Vehicle, structure: StructuralModel | MappedStructure, layout: str
+) -> tuple[FloatArray, FloatArray]:
+    """Return the derivatives of Z_p (n_d, n_p) by the clamp's compliance along and across the body [1/(Pa m)].
+
+    By the semi-analytic model, as :func:`wall_thickness_derivative`.
+
+    Raises
+    ------
+    InputError
+        The body is not one of revolution that is clamped aft.
+    """
+    surface = structure.surface
+    if not isinstance(surface, SurfaceGrid):
+        raise InputError("noise.clamp_compliance_mm: expected 0 but for a body of revolution that is clamped aft")
+    inside, resolution = _with_points_inside(vehicle, layout), vehicle.resolution.map
+    wall = wall_of(inside)
+    mesh = shell_mesh(inside.body(), wall, 1e-3 * resolution.element_length_mm, resolution.wall_layers)
+    placed = place_layouts(inside, mesh, [layout])[1][layout]
+
+    def operator(axial: float, transverse: float) -> FloatArray:
+        held = yielding_clamp(mesh, wall.material, axial, transverse)
+        response = harmonic_response(held, wall.material, placed.x, surface.x, resolution.harmonics)
+        return strain_operator(response, placed, surface)
+
+    rigid = operator(RIGID, RIGID)
+    along, across = operator(CLAMP_STEP, RIGID), operator(RIGID, CLAMP_STEP)
+    return (along - rigid) / CLAMP_STEP, (across - rigid) / CLAMP_STEP
 
 
 def with_wall(vehicle: Vehicle, factor: float) -> Vehicle:

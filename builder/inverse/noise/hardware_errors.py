@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from builder.inverse.modes.ensemble import Ensemble
-from builder.inverse.noise.gauge_derivatives import gauge_derivatives, wall_thickness_derivative
+from builder.inverse.noise.gauge_derivatives import clamp_derivatives, gauge_derivatives, wall_thickness_derivative
 from builder.inverse.noise.model import NoiseTerm, common_error, gauge_errors, nuisance_modes
 from builder.structure.as_built_kinds import KINDS
 from builder.structure.fourier.model import StructuralModel
@@ -74,6 +74,10 @@ def hardware_errors(
     if entry.wall_thickness_percent > 0.0:
         by_thickness = wall_thickness_derivative(vehicle, structure, layout)
         common["wall thickness"] = KINDS["wall_thickness"].noise_std(entry) * by_thickness
+    if entry.clamp_compliance_mm > 0.0:
+        along, across = clamp_derivatives(vehicle, structure, layout)
+        common["clamp, along"] = KINDS["clamp_axial"].noise_std(entry) * along
+        common["clamp, across"] = KINDS["clamp_transverse"].noise_std(entry) * across
     operators = {name: operator for name, operator in {**each, **common}.items() if np.any(operator)}
     if not operators:
         return []

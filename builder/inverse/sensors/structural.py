@@ -100,6 +100,11 @@ def _operators(vehicle: Vehicle, mesh: MeridianMesh, structure: StructuralModel)
 def _shared_errors(vehicle: Vehicle, structure: StructuralModel, operator: FloatArray) -> dict[str, FloatArray]:
     """Return (n, n_p) operators of the errors that gauges have too, one standard deviation [unit/Pa]."""
     entry = vehicle.noise
+    if entry.clamp_compliance_mm > 0.0:
+        raise InputError(
+            "noise.clamp_compliance_mm: expected 0 with sensors.displacement or sensors.fibre, whose readings "
+            f"with a clamp that yields are not known, got {entry.clamp_compliance_mm:g}"
+        )
     found = {"common gain": 0.01 * entry.common_gain_percent * operator}
     if entry.wall_thickness_percent > 0.0:
         thin, thick = (

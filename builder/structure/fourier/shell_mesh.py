@@ -7,11 +7,13 @@ harmless, because they lie in the solid tip, tens of wall thicknesses ahead of t
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 
 from builder.structure.fourier.meridian_mesh import (
+    NO_NODES,
     MeridianMesh,
     check_resolution,
     grid_elements,
@@ -19,7 +21,7 @@ from builder.structure.fourier.meridian_mesh import (
     with_middles,
 )
 from builder.structure.fourier.wall_layup import SHORTEST_PIECE, furnished, layup_stations, outer_station, steps
-from builder.structure.wall import Wall
+from builder.structure.wall import Material, Wall
 from builder.vehicle.shape.geometry import STEEP, BodyOfRevolution
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
@@ -77,6 +79,21 @@ def shell_mesh(body: BodyOfRevolution, wall: Wall, element_length: float, n_laye
     if wall.is_plain and wall.flight is None and wall.foundation is None:
         return bare
     return furnished(bare, wall, element_length)
+
+
+def yielding_clamp(mesh: MeridianMesh, material: Material, axial: float, transverse: float) -> MeridianMesh:
+    """Return ``mesh`` whose clamped aft ring yields as lengths of the wall's material would [m], both positive.
+
+    Raises
+    ------
+    InputError
+        The mesh has no clamped ring.
+    """
+    if not len(mesh.clamped_node):
+        raise InputError("clamp: expected a body that is clamped aft (structure.support), found another support")
+    springs = material.youngs_modulus / axial, material.youngs_modulus / transverse
+    ring = line_edges(mesh.clamped_node)
+    return replace(mesh, clamped_node=NO_NODES, foundation=(*springs, ring))
 
 
 def _outer_end_of_tip(body: BodyOfRevolution, wall: Wall) -> float:

@@ -18,7 +18,7 @@ from builder.structure.fourier.gauges import PlacedGauges
 from builder.structure.fourier.inner_surface import inner_surface_points
 from builder.structure.fourier.meridian_mesh import MeridianMesh
 from builder.structure.fourier.model import place_layouts
-from builder.structure.fourier.shell_mesh import shell_mesh
+from builder.structure.fourier.shell_mesh import shell_mesh, yielding_clamp
 from builder.structure.fourier.strain_operator import HarmonicResponse, harmonic_response
 from builder.structure.wall import wall_of
 from builder.truth.as_built import AsBuilt
@@ -27,6 +27,7 @@ from builder.vehicle.file import Vehicle
 from builder.vehicle.model_entries import Resolution
 from builder.vehicle.shape.geometry import SurfaceGrid, surface_grid
 from strainfmu.arrays import FloatArray
+from strainfmu.errors import InputError
 from strainfmu.flight_condition import FlightCondition
 
 WALL_STEP = 0.04
@@ -34,6 +35,9 @@ WALL_STEP = 0.04
 
 SHIFT = 1e-3
 """Step along the meridian [m]."""
+
+CLAMP_STEP, RIGID = 2e-3, 1e-7
+"""Length of wall that yields as the clamp does, for its slope, and one that counts as none [m]."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -44,6 +48,8 @@ class TrueStructure:
     ----------
     nominal, thin, thick, fore, aft : of the wall of the file, of thinner and thicker ones, and 1 mm along the
         surface.
+    soft : (2, 3, n_d, n_m, n_x) change by the clamp's compliance along and across the body [1/(Pa m)]; (0, ..)
+        where [noise] states none.
     names : of the gauges.
     placed : gauges on the inner surface.
     radius : (n_d,) of the inner surface there [m].
@@ -55,6 +61,7 @@ class TrueStructure:
     thick: FloatArray
     fore: FloatArray
     aft: FloatArray
+    soft: FloatArray
     names: tuple[str, ...]
     placed: PlacedGauges
     radius: FloatArray
@@ -81,6 +88,10 @@ def true_structure(vehicle: Vehicle, progress: Progress | None = None) -> TrueSt
     def solve(resolution: Resolution, factor: float, x: FloatArray) -> HarmonicResponse:
         return harmonic_response(mesh_of(resolution, factor), wall.material, x, surface.x, settings.harmonics)
 
+    def clamped(axial: float, across: float) -> FloatArray:
+        held = yielding_clamp(mesh_of(vehicle.resolution.map, 1.0), wall.material, axial, across)
+        return _at(harmonic_response(held, wall.material, placed.x, surface.x, settings.harmonics), placed.x)
+
     mesh = mesh_of(settings, 1.0)
     layouts, all_placed = place_layouts(vehicle, mesh, [layout])
     placed = all_placed[layout]
@@ -98,7 +109,11 @@ def true_structure(vehicle: Vehicle, progress: Progress | None = None) -> TrueSt
         _at(solve(coarse, factor, placed.x), placed.x) - _at(response, placed.x)
         for factor in (1.0 - WALL_STEP, 1.0 + WALL_STEP)
     )
+    soft = np.zeros((0, *nominal.shape))
+    if vehicle.noise.clamp_compliance_mm > 0.0:
+        soft = np.array([clamped(CLAMP_STEP, RIGID), clamped(RIGID, CLAMP_STEP)]) - clamped(RIGID, RIGID)
     return TrueStructure(
+        soft=soft / CLAMP_STEP,
         nominal=nominal,
         fore=nominal + fore,
         aft=nominal + aft,
@@ -124,9 +139,9 @@ class TrueFlights:
     Attributes
     ----------
     conditions : k flight conditions.
-    strain : (5, 3, k, n_d, n_m) strain of the five states of :class:`TrueStructure` per harmonic, of p / p_inf
+    strain : (n, 3, k, n_d, n_m) strain of the n states of :class:`TrueStructure` per harmonic, of p / p_inf
         [1/Pa].
-    unit_strain : (5, 3, n_d, 1) of the same states, per uniform outer pressure [1/Pa].
+    unit_strain : (n, 3, n_d, 1) of the same states, per uniform outer pressure [1/Pa].
     coefficients : (k, 5) C_A, C_N, C_Y, M_P, M_Y [1].
     ambient_pressure, dynamic_pressure : (k,) p_inf and q_inf [Pa].
     internal_pressure : (k,) stated pressure inside [Pa].
@@ -166,7 +181,7 @@ def flights_of_harmonics(
     """
     ambient = np.array([condition.ambient_pressure for condition in conditions])
     inside = np.array([vehicle.internal_pressure(condition) for condition in conditions])
-    states = (structure.nominal, structure.thin, structure.thick, structure.fore, structure.aft)
+    states = (structure.nominal, structure.thin, structure.thick, structure.fore, structure.aft, *structure.soft)
     strain = np.array(
         [[np.einsum("gmx,kxm->kgm", part, harmonic, optimize=True) for part in state] for state in states]
     )
@@ -222,22 +237,32 @@ class BuiltGauges:
 def built_gauges(structure: TrueStructure, built: AsBuilt, states: FloatArray | None = None) -> BuiltGauges:
     """Return the gauges of a vehicle as ``built``, or of v vehicles at once.
 
-    ``states`` (5, 3, .., n_d, n_m) holds quantities of the five states of the structure to combine; None takes the
-    responses themselves, (5, 3, n_d, n_m, n_x) [1/Pa].
+    ``states`` (n, 3, .., n_d, n_m) holds quantities of the n states of the structure to combine, 5 or, with a
+    clamp that yields, 7; None takes the responses themselves, (n, 3, n_d, n_m, n_x) [1/Pa].
+
+    Raises
+    ------
+    InputError
+        The clamp of ``built`` yields, but the structure's was not solved for that.
     """
     if states is None:
-        states = np.stack([structure.nominal, structure.thin, structure.thick, structure.fore, structure.aft])
+        five = structure.nominal, structure.thin, structure.thick, structure.fore, structure.aft
+        states = np.stack([*five, *structure.soft])
         inner: tuple[EllipsisType | None, ...] = (..., None, None)
     else:
         inner = (..., None)
     t = np.asarray(built.wall_thickness)[inner] / WALL_STEP
     along = built.axial_shift[inner] / SHIFT
-    nominal, thin, thick, fore, aft = states
+    nominal, thin, thick, fore, aft, *soft = states
+    yields = [np.asarray(one)[inner] for one in (built.clamp_axial, built.clamp_transverse)]
+    if not soft and any(one.any() for one in yields):
+        raise InputError("this structure was solved for a rigid clamp; noise.clamp_compliance_mm is 0")
 
     def part(which: int) -> FloatArray:
         slope, bend = thick[which] - thin[which], thick[which] - 2.0 * nominal[which] + thin[which]
         of_wall = nominal[which] + 0.5 * t * slope + 0.5 * t * t * bend
-        return np.asarray(of_wall + 0.5 * along * (aft[which] - fore[which]))
+        of_clamp = sum((size * one[which] for size, one in zip(yields, soft, strict=False)), np.zeros(()))
+        return np.asarray(of_wall + 0.5 * along * (aft[which] - fore[which]) + of_clamp)
 
     placed = structure.placed
     turn_c, turn_s = np.cos(built.orientation), np.sin(built.orientation)

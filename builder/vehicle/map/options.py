@@ -109,6 +109,7 @@ HARDWARE_ERRORS = (
     "apparent_strain_um_per_m",
     "internal_pressure_percent",
     "dynamic_pressure_percent",
+    "clamp_compliance_mm",
 )
 """Entries of [noise] that are errors of the hardware, one standard deviation each."""
 
@@ -121,10 +122,11 @@ class Noise(Section):
     it with ``model`` "paper". Every other entry is one standard deviation. Gain, position and orientation errors
     are those of each gauge on its own. Common gain is of all gauges, as from Young's modulus or the lot's gauge
     factor; ``layout_roll_deg`` turns all gauges round the axis; apparent strain is the same for all, as an
-    uncompensated temperature causes it. Internal pressure is in percent of p_inf. ``dynamic_pressure_percent`` is
-    the error of q_inf where the estimator is told no other; ``navigation_mach_number`` and
-    ``navigation_static_pressure_percent`` are those of M and p_inf, ``standard_atmosphere_percent`` that of p_inf
-    by an altitude.
+    uncompensated temperature causes it. The clamp yields along and across the body as ``clamp_compliance_mm`` of
+    the wall's material would, by default not at all. Internal pressure is in percent of p_inf.
+    ``dynamic_pressure_percent`` is the error of q_inf where the estimator is told no other;
+    ``navigation_mach_number`` and ``navigation_static_pressure_percent`` are those of M and p_inf,
+    ``standard_atmosphere_percent`` that of p_inf by an altitude.
 
     ``nuisance_file`` is a CSV file beside the vehicle file with the strain of further modes, such as temperature
     distributions, at one standard deviation.
@@ -147,6 +149,7 @@ class Noise(Section):
     apparent_strain_um_per_m: float = Field(default=5.0, ge=0.0, le=1e4)
     internal_pressure_percent: float = Field(default=5.0, ge=0.0, le=1000.0)
     dynamic_pressure_percent: float = Field(default=1.0, ge=0.0, le=50.0)
+    clamp_compliance_mm: float = Field(default=0.0, ge=0.0, le=1e3)
     navigation_mach_number: float = Field(default=0.05, ge=1e-4, le=10.0)
     navigation_static_pressure_percent: float = Field(default=2.0, ge=1e-3, le=100.0)
     standard_atmosphere_percent: float = Field(default=100.0 * DEVIATION_OF_AIR, ge=1e-3, le=100.0)

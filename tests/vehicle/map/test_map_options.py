@@ -90,7 +90,7 @@ def test_noise_entries_that_contradict_are_refused(entries: dict[str, Any], mess
 
 
 def test_hardware_errors_are_on_by_default_and_off_in_the_source() -> None:
-    """Sizes of the documentation; model "paper" and without_hardware_errors set all nine to 0."""
+    """Sizes of the documentation; model "paper" and without_hardware_errors set all to 0."""
     stated = {
         "gauge_gain_percent": 1.0,
         "common_gain_percent": 1.0,
@@ -101,6 +101,7 @@ def test_hardware_errors_are_on_by_default_and_off_in_the_source() -> None:
         "apparent_strain_um_per_m": 5.0,
         "internal_pressure_percent": 5.0,
         "dynamic_pressure_percent": 1.0,
+        "clamp_compliance_mm": 0.0,
     }
     assert set(stated) == set(HARDWARE_ERRORS)
     plain = Noise(std_um_per_m=0.4)
