@@ -94,6 +94,7 @@ def test_a_ground_test_calibrates_a_map(tmp_path: Path) -> None:
     page = output.with_suffix(".html").read_text(encoding="utf-8")
     assert "Regression load equations" in page
     assert "wrong sign" in page
+    assert all(f">{kind}<" in page for kind in ("mass", "clamp axial", "clamp transverse", "load cell"))
     larger = replace(test, strain=1.5 * test.strain)
     (tmp_path / "larger").mkdir()
     wrong, refused = write_ground_test(larger, tmp_path / "larger", "all times 1.5"), tmp_path / "refused.h5"

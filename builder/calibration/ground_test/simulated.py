@@ -168,8 +168,11 @@ def write_ground_test(test: GroundTest, folder: Path, name: str, vehicle: str | 
 
 
 def error_entries(errors: LoadErrors) -> dict[str, object]:
-    """Return the section [errors] of a file."""
-    return {kind.errors: _rounded(getattr(errors, kind.name) / kind.scale) for kind in OF_LOADS}
+    """Return the section [errors] of a file; a mass that is not stated is left to be filled in."""
+    found: dict[str, object] = {
+        kind.errors: _rounded(getattr(errors, kind.name) / kind.scale) for kind in OF_LOADS
+    }
+    return found | {"mass_percent": None if errors.mass is None else _rounded(100.0 * errors.mass)}
 
 
 def _recording(test: GroundTest) -> tuple[FloatArray, FloatArray, list[tuple[float, float]]]:
