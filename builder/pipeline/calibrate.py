@@ -142,7 +142,7 @@ def run_calibrate(
     )
     with reporter.stage("Report"):
         write_report(made, f"{vehicle.name}: calibration by {file.name}", vehicle.reference.moment_station_m, page)
-    return replace(made, files=(output, page, zeros), notes=(*notes, *missing, *made.notes, start))
+    return replace(made, files=(output, page, zeros), notes=(*notes, *missing, start, *made.notes))
 
 
 def zeros_beside(output: Path) -> Path:

@@ -26,9 +26,9 @@ from strainfmu.recorded.columns.column_names import (
 from strainfmu.recorded.columns.temperature_columns import is_temperature, temperature_quantities
 from strainfmu.recorded.estimates.block_estimates import BlockEstimator
 from strainfmu.recorded.estimates.estimator_files import open_block_estimator
-from strainfmu.recorded.formats.channel_file import ChannelFile
-from strainfmu.recorded.formats.channel_readers import open_channels
+from strainfmu.recorded.formats.channel_file import ChannelFile, Reading
 from strainfmu.recorded.formats.name_match import plain_name
+from strainfmu.recorded.formats.registry import open_channels
 from strainfmu.units import STRAIN_UNITS, TIME_UNITS
 
 BY_NAME, BY_ORDER = "by name", "by order"
@@ -162,10 +162,9 @@ def channel_draft(source: Path, recording: Path) -> ChannelDraft:
     """
     with open_block_estimator(source) as estimator:
         gauges, quantities = estimator.gauge_names, _quantities(estimator)
-    known = {plain_name(name) for name in gauges}
-    with open_channels(recording, known) as file:
+    with open_channels(recording, _reading(gauges)) as file:
         names = file.names
-    with open_channels(recording, {plain_name(name) for name in names}) as file:
+    with open_channels(recording, _reading(names)) as file:
         units = {name: unit for name, unit in file.units.items() if unit}
         time, has_time = _time(file, units)
     others = [name for name in names if name != time and not _is_other(name, quantities)]
@@ -205,6 +204,11 @@ def _quantities(estimator: BlockEstimator) -> tuple[str, ...]:
         *(f"{PREFIX}{name}" for name in estimator.parameter_names),
         *(name if name == THRUST else f"{SENSOR_PREFIX}{name}" for name in estimator.readings),
     )
+
+
+def _reading(names: Sequence[str]) -> Reading:
+    known = {plain_name(name) for name in names}
+    return Reading(is_known=lambda name: plain_name(name) in known)
 
 
 def _time(file: ChannelFile, units: Mapping[str, str]) -> tuple[str | None, bool]:

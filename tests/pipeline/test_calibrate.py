@@ -95,17 +95,17 @@ def test_a_ground_test_calibrates_a_map(tmp_path: Path) -> None:
     assert "Regression load equations" in page
     assert "wrong sign" in page
     assert all(f">{kind}<" in page for kind in ("mass", "clamp axial", "clamp transverse", "load cell"))
-    larger = replace(test, strain=1.5 * test.strain)
-    (tmp_path / "larger").mkdir()
-    wrong, refused = write_ground_test(larger, tmp_path / "larger", "all times 1.5"), tmp_path / "refused.h5"
-    line = r"loadtest.toml: load test: .* 1\.[3456]\d* times the drawing's .*; no map written, --accept writes it$"
+    smaller = replace(test, strain=0.5 * test.strain)
+    (tmp_path / "smaller").mkdir()
+    wrong, refused = write_ground_test(smaller, tmp_path / "smaller", "all times 0.5"), tmp_path / "refused.h5"
+    line = r"loadtest.toml: load test: .* 0\.[456]\d* times the drawing's .*; no map written, --accept writes it$"
     with pytest.raises(StrainfmuError, match=line) as caught:
         run_calibrate(tmp_path / "map.h5", wrong, refused, Silent(), vehicle_path=file)
     assert caught.value.exit_code == 1
     assert not refused.exists()
     taken = run_calibrate(tmp_path / "map.h5", wrong, refused, Silent(), vehicle_path=file, accept=True)
     assert taken.notes[-1].startswith("accepted: no vehicle near the drawing")
-    assert "1 is expected" in load_inverse_map(refused).provenance["calibration"]["accepted"]
+    assert "standard deviations" in load_inverse_map(refused).provenance["calibration"]["accepted"]
     with pytest.raises(InputError, match="already calibrated"):
         run_calibrate(output, written, tmp_path / "twice.h5", Silent(), vehicle_path=file)
     with pytest.raises(InputError, match=r"vehicle: entry is missing"):
