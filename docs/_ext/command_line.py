@@ -16,6 +16,8 @@ from sphinx.application import Sphinx
 from typer.models import ArgumentInfo
 
 from strainfmu.cli.commands import app as program
+from strainfmu.cli.commands.command import PAGES
+from strainfmu.cli.commands.help_layout import COMMANDS
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,8 +34,10 @@ class Entry:
 def command_page() -> str:
     """Return every command with its arguments and options, in MyST Markdown."""
     commands = [(command_name(info), info.callback) for info in program.registered_commands]
-    overview = ["## Commands", "", "| command | |", "|---|---|"]
-    overview += [f"| [`{name}`](#command-{name}) | {_first_line(call)} |" for name, call in commands]
+    of_name, overview = dict(commands), ["## Commands"]
+    for panel, names in COMMANDS.items():
+        overview += ["", f"**{panel}**", "", "| command | |", "|---|---|"]
+        overview += [f"| [`{name}`](#command-{name}) | {_first_line(of_name[name])} |" for name in names]
     return "\n".join([*overview, "", *(_section(name, call) for name, call in commands)])
 
 
@@ -98,6 +102,7 @@ def _section(name: str, command: Callable[..., None]) -> str:
     usage = " ".join(entry.names[0] for entry in listed if entry.is_argument)
     lines = [f"(command-{name})=", f"## {name}", ""]
     lines += [f"```text\nstrainfmu {name} [OPTIONS] {usage}".rstrip() + "\n```", "", _prose(_help(command)), ""]
+    lines += [f"More: [{PAGES[name]}](../{PAGES[name].removeprefix('docs/')})", ""]
     for title, wanted in (("argument", True), ("option", False)):
         rows = [_row(entry) for entry in listed if entry.is_argument is wanted]
         if rows:
@@ -111,7 +116,7 @@ def _row(entry: Entry) -> str:
 
 
 def _help(command: Callable[..., None]) -> str:
-    return inspect.getdoc(command) or ""
+    return (inspect.getdoc(command) or "").replace("\\[", "[")  # escaped for rich
 
 
 def _prose(text: str) -> str:

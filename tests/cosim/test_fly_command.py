@@ -125,7 +125,7 @@ def test_the_plant_alone(files: SlenderFiles, tmp_path: Path, run: Run) -> None:
     # C_N = c1 a without sideslip.
     assert found["C_N"][0] == pytest.approx(3.0 * radians(3.0), rel=1e-12)
     for arguments, message in (
-        (["--motion", "loop"], "motion: 'loop' found, must be one of inputs, trajectory, short_period"),
+        (["--motion", "loop"], "--motion: expected one of inputs, trajectory, short_period, got 'loop'"),
         (["--motion", "trajectory"], "a trajectory is needed"),
         (["--trajectory", "none.csv"], "only for that"),
         (["--motion", "trajectory", "--trajectory", "t.csv", "--altitude", 3], "--altitude: not with --motion"),

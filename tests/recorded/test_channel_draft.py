@@ -36,6 +36,7 @@ def test_numbers_of_names_count_as_numbers() -> None:
     }
     assert similarity("axial_1", "axial_11") < similarity("axial_1", "ax 1")
     assert likely_pairs(["axial_1"], ["axial-1", "axial 1", "other"]) == {}, "two that fit equally well"
+    assert likely_pairs(["axial_0deg_1"], ["AI0/ch1", "1.0.1"]) == {}, "numbers alone"
 
 
 def test_a_recording_of_other_names_is_read_by_its_draft(

@@ -152,6 +152,8 @@ def estimate(
     Further columns: dynamic_pressure, dynamic_pressure_std, mach_number, altitude. HDF5: data sets strain (n,
     n_d), time, dynamic_pressure .. with the attribute unit.
 
+    A CAN log takes --dynamic-pressure and --zeros alone.
+
     Examples:
 
         strainfmu estimate map.h5 flight.csv -o loads.csv

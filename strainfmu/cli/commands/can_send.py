@@ -126,7 +126,7 @@ def send(
     from strainfmu.can.bridge.setup import bus_settings, input_layout, map_gauge_names, map_reading_units
 
     if sum(item is not None for item in (plant, scenario, data)) != 1:
-        raise InputError("expected one of --plant, --scenario, --data")
+        raise InputError("--plant, --scenario, --data: expected one of them, got none")
     period = cycle_time_of(cycle_time)
     if not cycle_time <= 1e3 * duration:
         raise InputError(

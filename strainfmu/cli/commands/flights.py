@@ -155,7 +155,7 @@ def plant(
 
     names = [item.name.lower() for item in Motion]
     if motion not in names:
-        raise InputError(f"motion: '{motion}' found, must be one of {', '.join(names)}")
+        raise InputError(f"--motion: expected one of {', '.join(names)}, got '{motion}'")
     given = {
         "--mach-number": mach_number,
         "--altitude": altitude,

@@ -6,25 +6,33 @@ import re
 from collections.abc import Sequence
 from difflib import SequenceMatcher
 from functools import lru_cache
+from itertools import product
 
 MIN_SIMILARITY = 0.6
 """Similarity below which two names are no match."""
+
+MIN_LIKENESS, ABBREVIATED = 0.5, 0.8
+"""Likeness of words below which names are not similar, whatever their numbers; of a word and its abbreviation."""
 
 _WORDS_OR_NUMBERS = re.compile(r"[^\W\d_]+|[0-9]+")
 
 
 def similarity(one: str, other: str) -> float:
-    """Return how similar two names are, from 0 to 1.
+    """Return how similar two names are, from 0 to 1; 0 for names whose words have nothing in common.
 
     Numbers count as numbers, from the last to the first, and as much as all letters: 'axial_180deg_2' is more like
-    'AX-180-2' than like 'axial_180deg_3'.
+    'AX-180-2' than like 'axial_180deg_3'. Equal numbers alone make no two names similar.
 
     >>> similarity("axial_180deg_2", "AX-180-2") > similarity("axial_180deg_2", "axial_180deg_3")
     True
+    >>> similarity("axial_0deg_1", "AI0/ch1")
+    0.0
     """
     words, numbers = _parts(one)
     other_words, other_numbers = _parts(other)
-    alike = _ratio(words, other_words)
+    alike = _likeness(words, other_words)
+    if alike < MIN_LIKENESS:
+        return 0.0
     if not numbers and not other_numbers:
         return alike
     pairs = zip(reversed(numbers), reversed(other_numbers), strict=False)
@@ -33,14 +41,18 @@ def similarity(one: str, other: str) -> float:
 
 
 @lru_cache(maxsize=4096)  # gauges of one kind have the same words
-def _ratio(one: str, other: str) -> float:
-    return SequenceMatcher(None, one, other, autojunk=False).ratio()
+def _likeness(words: tuple[str, ...], others: tuple[str, ...]) -> float:
+    """Return how similar the words of two names are, from 0 to 1; an abbreviation counts much."""
+    alike = SequenceMatcher(None, "".join(words), "".join(others), autojunk=False).ratio()
+    pairs = [sorted(pair, key=len) for pair in product(words, others)]
+    is_short = any(len(short) > 1 and long.startswith(short) for short, long in pairs)
+    return max(alike, ABBREVIATED) if is_short else alike
 
 
-def _parts(name: str) -> tuple[str, list[int]]:
-    """Return the letters of a name in one text, and its numbers."""
+def _parts(name: str) -> tuple[tuple[str, ...], list[int]]:
+    """Return the words and the numbers of a name."""
     found = _WORDS_OR_NUMBERS.findall(name.casefold())
-    return "".join(one for one in found if not one.isdecimal()), [int(one) for one in found if one.isdecimal()]
+    return tuple(one for one in found if not one.isdecimal()), [int(one) for one in found if one.isdecimal()]
 
 
 def likely_pairs(wanted: Sequence[str], channels: Sequence[str]) -> dict[str, str]:
