@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
-from strainfmu.arrays import BoolArray, FloatArray, IntArray
+from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.can.cycle.core import BridgeCore
 from strainfmu.can.cycle.estimate.held_flow import HeldValue
 from strainfmu.can.cycle.estimate.result import CycleResult
@@ -16,7 +17,7 @@ from strainfmu.can.cycle.frames.acceptance import Acceptance
 from strainfmu.can.cycle.frames.account import FrameClass
 from strainfmu.can.cycle.frames.arrival_pace import ArrivalPace
 from strainfmu.can.cycle.frames.assembler import Arrival, Cycle, CycleAssembler, Verdict
-from strainfmu.can.cycle.frames.decoder import DecodedCycle, StrainDecoder
+from strainfmu.can.cycle.frames.decoder import StrainDecoder
 from strainfmu.can.cycle.frames.own_frames import OwnFrames
 from strainfmu.can.cycle.frames.reception import Reception
 from strainfmu.can.cycle.frames.restart_proof import RestartProof
@@ -30,6 +31,7 @@ from strainfmu.can.e2e.check import E2EStatus, ReceptionCheck
 from strainfmu.can.e2e.sample_clock import ClockLimits, ClockReading, SampleClock, SenderClock
 from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.wire.crc import Protection, counter_in, protect
+from strainfmu.can.wire.cycle_plan import CyclePlan, DecodedCycle
 from strainfmu.can.wire.frame import EXTENDED_FLAG, Frame
 from strainfmu.can.wire.frame_layout import InputLayout
 from strainfmu.cosim.estimators.step import StepResult
@@ -227,16 +229,28 @@ class AnswersNoSilence(BridgeCore):
 # --- strains --------------------------------------------------------------------------------------------------
 
 
+class NoCodes(CyclePlan):
+    def codes(self) -> dict[str, np.ndarray]:
+        return {name: np.zeros_like(numbers) for name, numbers in super().codes().items()}
+
+
+class NoLimits(CyclePlan):
+    def limits(self) -> dict[str, np.ndarray]:
+        n = len(self.signals)
+        ends = {name: np.zeros(n, dtype=np.int64) for name in ("has_ends", "first", "last")}
+        return {"low": np.full(n, -np.inf), "high": np.full(n, np.inf), **ends}
+
+
 class DecodesNoValueCodes(StrainDecoder):
     """Takes raw numbers that stand for "no value" for strains."""
 
-    def _without_value(self, raw: IntArray) -> BoolArray:
-        return np.zeros(raw.shape, dtype=bool)
+    def new_plan(self, *given: Any) -> CyclePlan:
+        return NoCodes(*given)
 
 
 class DecodesAnyRange(StrainDecoder):
-    def _out_of_range(self, raw: IntArray, value: FloatArray) -> BoolArray:
-        return np.zeros(raw.shape, dtype=bool)
+    def new_plan(self, *given: Any) -> CyclePlan:
+        return NoLimits(*given)
 
 
 class HearsNoStatus(StrainDecoder):
@@ -245,32 +259,34 @@ class HearsNoStatus(StrainDecoder):
 
 
 class AcceptsAnyRange(GaugeChecks):
-    def _out_of_range(self, strain: FloatArray) -> BoolArray:
-        return np.zeros(strain.shape, dtype=bool)
+    def limits(self) -> dict[str, float]:
+        return {**super().limits(), "sensor_range": np.inf}
 
 
 class AcceptsJumps(GaugeChecks):
-    def _jumping(self, strain: FloatArray) -> BoolArray:
-        return np.zeros(strain.shape, dtype=bool)
+    def limits(self) -> dict[str, float]:
+        return {**super().limits(), "rate_limit": np.inf}
 
 
 class AcceptsStuck(GaugeChecks):
-    def _stuck(self, raw: IntArray, present: BoolArray, now: float) -> BoolArray:
-        return np.zeros_like(super()._stuck(raw, present, now))
+    def _count_on(self, noise_ratio: FloatArray) -> None:
+        super()._count_on(noise_ratio)
+        self._stuck_cycles[:] = np.inf
 
 
 class AcceptsZero(GaugeChecks):
-    def _dropped_to_zero(self, strain: FloatArray, raw: IntArray, present: BoolArray) -> BoolArray:
-        return np.zeros_like(super()._dropped_to_zero(strain, raw, present))
+    def limits(self) -> dict[str, float]:
+        return {**super().limits(), "zero_jump": np.inf}
+
+    def _count_on(self, noise_ratio: FloatArray) -> None:
+        super()._count_on(noise_ratio)
+        self._zero_cycles[:] = np.iinfo(np.int64).max
 
 
 class IgnoresWatch(FreezeWatch):
     """Finds no gauges that are frozen together."""
 
-    def update(
-        self, strain: FloatArray, difference: FloatArray, run: IntArray, present: BoolArray | None = None
-    ) -> None:
-        return None
+    limit, scatter_limit = -np.inf, np.inf
 
 
 class RepeatsTogether(GaugeChecks):
@@ -281,9 +297,7 @@ class RepeatsTogether(GaugeChecks):
 class IgnoresScatter(FreezeWatch):
     """Finds gauges that repeat their readings, not those that scatter too little."""
 
-    def _watch_scatter(self, difference: FloatArray, run: IntArray, is_whole: bool) -> None:
-        super()._watch_scatter(difference, run, is_whole)
-        self._any_too_little = False
+    scatter_limit = np.inf
 
 
 class ScattersTooLittle(GaugeChecks):
@@ -294,7 +308,7 @@ class ScattersTooLittle(GaugeChecks):
 class NeverFrozen(RepeatsTogether):
     """Finds neither a cycle nor gauges that do not change."""
 
-    def frozen(self, present: BoolArray, now: float) -> tuple[float, float]:
+    def frozen(self, cycle: DecodedCycle, now: float) -> tuple[float, float]:
         return 0.0, 0.0
 
 
@@ -341,7 +355,9 @@ class HoldsMissingGauges(CycleJudge):
         verdicts: GaugeVerdicts | None,
     ) -> CycleResult:
         last = np.full_like(decoded.strain, np.nan) if self._last is None else self._last
-        held = replace(decoded, strain=np.where(decoded.present, decoded.strain, last))
+        held = DecodedCycle(len(last))
+        held.present[:], held.status = decoded.present, decoded.status
+        held.strain[:] = np.where(decoded.present, decoded.strain, last)
         result = super()._answer(
             cycle,
             now,

@@ -1,0 +1,133 @@
+/* What the bridge does with every frame and every cycle of strains, compiled.
+
+   The caller owns all memory: each state machine is a record of numbers and pointers to arrays, which live as long as
+   it is used. Nothing is allocated, records share nothing, and a record serves one thread at a time. Every function
+   with a record of its own returns at once; sb_sizes guards against a caller whose records are of another shape.
+
+   n_d is the number of gauges. Masks are bytes, 1 for true. Times are those of the local monotonic clock [s]. */
+
+#ifndef STRAINBUS_H
+#define STRAINBUS_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#ifdef _WIN32
+#define SB_API __declspec(dllexport)
+#elif defined(__GNUC__)
+#define SB_API __attribute__((visibility("default")))
+#else
+#define SB_API
+#endif
+
+/* Changes when a function or the meaning of a field does. */
+#define SB_VERSION 1
+
+SB_API int64_t sb_version(void);
+
+/* Bytes of each record in the order of this file; returns their number. */
+SB_API int64_t sb_sizes(int64_t *size);
+
+/* --- decoder of the signals of a cycle ------------------------------------------------------------------------- */
+
+enum { SB_UNSIGNED, SB_SIGNED, SB_FLOAT };
+
+/* Signals (n) in the bytes of a cycle's frames, one frame behind the other. A signal lies in `count` bytes from `byte`
+   on; read as one number, first byte lowest unless `is_big`, it begins `shift` bits above the lowest. */
+typedef struct {
+    int64_t n;
+    const int64_t *byte, *count, *shift, *length, *is_big, *kind;
+    const double *scale, *offset, *to_strain; /* value = raw scale + offset in the signal's unit, to m/m */
+    const double *low, *high;                 /* values outside are refused */
+    const int64_t *has_ends, *first, *last;   /* a converter's ends, which are refused too */
+    const int64_t *n_codes, *code;            /* raw numbers for "no value": so many of each in turn */
+    const int64_t *frame;                     /* of each signal */
+} SbDecoder;
+
+/* What a cycle holds of each gauge. */
+typedef struct {
+    double *strain;            /* [m/m], NaN where not present */
+    int64_t *raw;              /* raw number, of a float its bit pattern */
+    uint8_t *present;          /* its frame has arrived */
+    uint8_t *refused;          /* no value, or outside its signal's limits */
+} SbCycle;
+
+/* Raw numbers (n) in `data`, sign extended. */
+SB_API void sb_raw(const SbDecoder *decoder, const uint8_t *data, int64_t *raw);
+
+/* Values (n) of raw numbers in the signals' units; NaN of a float that is NaN. */
+SB_API void sb_physical(const SbDecoder *decoder, const int64_t *raw, double *value);
+
+/* Decode a cycle. `here` says which frames have arrived; data of others are zero. With `refuse_all` no gauge has a
+   value that may be used. */
+SB_API void sb_decode(const SbDecoder *decoder, const uint8_t *data, const uint8_t *here, int64_t refuse_all,
+                      SbCycle *cycle);
+
+/* --- watch for gauges that are frozen together ------------------------------------------------------------------- */
+
+#define SB_LONGEST_RUN 63 /* repetitions in the tables; longer runs count as so many */
+
+/* See strainfmu/can/cycle/gauges/freeze_watch.py for what is tested. Groups are the frames, then all gauges. */
+typedef struct {
+    int64_t n, n_groups, shortest_run, block, alive, is_known;
+    double limit, scatter_limit;                /* logarithm of the false-alarm probability; evidence beyond which */
+    double log_ratio, slope, margin, smallest_scatter, largest_learned, memory_length;
+    double held_evidence, largest_evidence;
+    const int64_t *order, *group_first;         /* gauges by group; group_first (n_groups + 1) */
+    const int64_t *frame;                       /* group of each gauge's frame */
+    const double *choices;                      /* log of the choices of 1 .. k gauges of each group, as `order` lies */
+    const double *step, *weight, *largest;      /* of each gauge */
+    const double *steps_squared;                /* of each group */
+    const double *log_repeated, *log_repeated_zero; /* (rows, SB_LONGEST_RUN + 1) */
+    const int64_t *row;                         /* of each gauge */
+    const double *least;                        /* (SB_LONGEST_RUN + 1) smallest logarithm of any gauge */
+    double *difference, *squares, *counts;      /* state of each gauge */
+    uint8_t *has_moved, *too_little, *found;
+    double *level, *learned, *memory, *evidence; /* state of each group */
+    double *log_probability, *ranked;           /* scratch (n) */
+    double *mean;                               /* scratch (2, n_groups) */
+    int64_t blocked, any_too_little;
+} SbWatch;
+
+/* Take in the readings' second differences; 1 if the usual scatter has changed so much that `row` and `least` are to
+   be derived again before sb_watch_find. */
+SB_API int64_t sb_watch_scatter(SbWatch *watch, const double *difference, const int64_t *run);
+
+/* Find which of the gauges `present` are frozen: 1 and the mask `found`; 0 if none is. */
+SB_API int64_t sb_watch_find(SbWatch *watch, const double *strain, const int64_t *run, const uint8_t *present);
+
+/* --- checks of each gauge by its values --------------------------------------------------------------------------- */
+
+enum {
+    SB_ALL_VALID = 1,  /* every gauge may be used */
+    SB_HAS_FROZEN = 2, /* gauges are frozen together */
+    SB_ALL_ZERO = 4,   /* all present gauges read exactly zero */
+    SB_LEARNED = 8     /* stopped half way: derive what follows from the usual scatter, then call sb_checks_end */
+};
+
+enum { SB_OUT_OF_RANGE, SB_JUMPS, SB_FROZEN, SB_ZERO, SB_N_FAULTS };
+
+/* See strainfmu/can/cycle/gauges/plausibility.py. */
+typedef struct {
+    int64_t n, heal_cycles, looks_for_frozen;
+    double cycle_time, sensor_range, rate_limit, zero_jump, round_off, pace_factor, fading;
+    const double *period, *cycles_apart, *stuck_cycles;
+    const int64_t *zero_cycles;
+    const uint8_t *is_fast;                     /* comes in every cycle, where others come more slowly */
+    double *difference, *last_strain, *last_good, *good_time, *pace, *changed, *heard, *unheard; /* state */
+    int64_t *last_raw, *repeats, *zeros, *good;
+    uint8_t *seen, *stuck;
+    uint8_t *fault;                             /* (SB_N_FAULTS, n) */
+    uint8_t *valid;                             /* (n) */
+    double *frozen_for;                         /* (2) result of sb_checks_frozen [s] */
+    SbWatch *watch;
+} SbChecks;
+
+/* Check a cycle that came at `now`; the flags above. */
+SB_API int64_t sb_checks_update(SbChecks *checks, const SbCycle *cycle, const double *now);
+SB_API int64_t sb_checks_end(SbChecks *checks, const SbCycle *cycle, const double *now);
+
+/* For how long none of the cycle's gauges has changed, and for how much longer that may be: frozen_for. */
+SB_API void sb_checks_frozen(SbChecks *checks, const SbCycle *cycle, const double *now);
+
+#endif
