@@ -190,6 +190,7 @@ class AgelessClock:
         self._clock = clock
         self.reset, self.accept, self.anchor = clock.reset, clock.accept, clock.anchor
         self.seconds, self.seconds_ahead, self.range = clock.seconds, clock.seconds_ahead, clock.range
+        self.record = clock.record
 
     def read(self, local: float, ticks: int) -> ClockReading:
         return replace(self._clock.read(local, ticks), age=0.0)
@@ -229,28 +230,29 @@ class AnswersNoSilence(BridgeCore):
 # --- strains --------------------------------------------------------------------------------------------------
 
 
-class NoCodes(CyclePlan):
-    def codes(self) -> dict[str, np.ndarray]:
-        return {name: np.zeros_like(numbers) for name, numbers in super().codes().items()}
+def without_codes(plan: CyclePlan) -> CyclePlan:
+    """Return ``plan`` whose signals have no raw number for "no value"."""
+    plan.record.kept["first_code"][:] = 0
+    return plan
 
 
-class NoLimits(CyclePlan):
-    def limits(self) -> dict[str, np.ndarray]:
-        n = len(self.signals)
-        ends = {name: np.zeros(n, dtype=np.int64) for name in ("has_ends", "first", "last")}
-        return {"low": np.full(n, -np.inf), "high": np.full(n, np.inf), **ends}
+def without_limits(plan: CyclePlan) -> CyclePlan:
+    """Return ``plan`` whose signals have neither limits nor a converter's ends."""
+    kept = plan.record.kept
+    kept["low"][:], kept["high"][:], kept["has_ends"][:] = -np.inf, np.inf, 0
+    return plan
 
 
 class DecodesNoValueCodes(StrainDecoder):
     """Takes raw numbers that stand for "no value" for strains."""
 
     def new_plan(self, *given: Any) -> CyclePlan:
-        return NoCodes(*given)
+        return without_codes(super().new_plan(*given))
 
 
 class DecodesAnyRange(StrainDecoder):
     def new_plan(self, *given: Any) -> CyclePlan:
-        return NoLimits(*given)
+        return without_limits(super().new_plan(*given))
 
 
 class HearsNoStatus(StrainDecoder):
@@ -316,18 +318,22 @@ class NeverFrozen(RepeatsTogether):
 
 
 class HoldsNoValueCodes(HeldValue):
-    def _has_no_value(self, code: int) -> bool:
-        return False
+    def new_plan(self, *given: Any) -> CyclePlan:
+        return without_codes(super().new_plan(*given))
 
 
 class HoldsAnyRange(HeldValue):
-    def _is_out_of_range(self, code: int, value: float) -> bool:
-        return False
+    def new_plan(self, *given: Any) -> CyclePlan:
+        return without_limits(super().new_plan(*given))
+
+    def sensible(self) -> tuple[float, float]:
+        return -np.inf, np.inf
 
 
 class HoldsWhateverStatus(HeldValue):
-    def _is_refused_by_sender(self, raw: Sequence[int]) -> bool:
-        return False
+    @property
+    def status(self) -> None:
+        return None
 
 
 class HoldsForEver(HeldValue):

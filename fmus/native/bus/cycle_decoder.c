@@ -1,7 +1,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "strainbus.h"
+#include "signals.h"
 
 /* The number in `count` bytes, of which the lowest `shift` bits are left out. Nine bytes hold one of 64 bits that does
    not begin with a byte. */
@@ -15,7 +15,7 @@ static uint64_t bits_of(const uint8_t *data, int64_t count, int64_t shift, int i
     return count < 9 ? low : low | (uint64_t)data[is_big ? 0 : 8] << (64 - shift);
 }
 
-static int64_t raw_number(const SbDecoder *d, int64_t i, const uint8_t *data) {
+int64_t signal_raw(const SbDecoder *d, int64_t i, const uint8_t *data) {
     const int64_t unused = 64 - d->length[i];
     const uint64_t number = bits_of(data + d->byte[i], d->count[i], d->shift[i], d->is_big[i] != 0) << unused;
     if (d->kind[i] != SB_SIGNED || !(number >> 63)) {
@@ -54,7 +54,7 @@ static double float_value(uint64_t bits, int64_t length) {
     return value;
 }
 
-static double value_of(const SbDecoder *d, int64_t i, int64_t raw) {
+double signal_value(const SbDecoder *d, int64_t i, int64_t raw) {
     double number = (double)raw;
     if (d->kind[i] == SB_FLOAT) {
         number = float_value((uint64_t)raw, d->length[i]);
@@ -64,40 +64,45 @@ static double value_of(const SbDecoder *d, int64_t i, int64_t raw) {
     return number * d->scale[i] + d->offset[i];
 }
 
-/* A code for "no value", beyond the limits, or at a converter's end: it is overdriven, or its wire is broken. */
-static int is_refused(const SbDecoder *d, int64_t i, int64_t raw, double value, const int64_t *code) {
-    for (int64_t k = 0; k < d->n_codes[i]; k++) {
-        if (raw == code[k]) {
+int signal_is_code(const SbDecoder *d, int64_t i, int64_t raw) {
+    for (int64_t k = d->first_code[i]; k < d->first_code[i + 1]; k++) {
+        if (raw == d->code[k]) {
             return 1;
         }
     }
+    return 0;
+}
+
+int signal_is_outside(const SbDecoder *d, int64_t i, int64_t raw, double value) {
     const int is_end = d->has_ends[i] && (raw == d->first[i] || raw == d->last[i]);
     return is_end || !(value >= d->low[i] && value <= d->high[i]);
 }
 
+static int is_refused(const SbDecoder *d, int64_t i, int64_t raw, double value) {
+    return signal_is_code(d, i, raw) || signal_is_outside(d, i, raw, value);
+}
+
 void sb_raw(const SbDecoder *decoder, const uint8_t *data, int64_t *raw) {
     for (int64_t i = 0; i < decoder->n; i++) {
-        raw[i] = raw_number(decoder, i, data);
+        raw[i] = signal_raw(decoder, i, data);
     }
 }
 
 void sb_physical(const SbDecoder *decoder, const int64_t *raw, double *value) {
     for (int64_t i = 0; i < decoder->n; i++) {
-        value[i] = value_of(decoder, i, raw[i]);
+        value[i] = signal_value(decoder, i, raw[i]);
     }
 }
 
-void sb_decode(const SbDecoder *decoder, const uint8_t *data, const uint8_t *here, int64_t refuse_all, SbCycle *cycle) {
+void sb_decode(const SbDecoder *decoder, const uint8_t *data, const uint8_t *here, int refuse_all, SbCycle *cycle) {
     const SbDecoder *d = decoder;
-    const int64_t *code = d->code;
     for (int64_t i = 0; i < d->n; i++) {
-        const int64_t raw = raw_number(d, i, data);
-        const double value = value_of(d, i, raw);
+        const int64_t raw = signal_raw(d, i, data);
+        const double value = signal_value(d, i, raw);
         const uint8_t present = here[d->frame[i]];
         cycle->raw[i] = raw;
         cycle->strain[i] = present ? value * d->to_strain[i] : NAN;
         cycle->present[i] = present;
-        cycle->refused[i] = present && (refuse_all || is_refused(d, i, raw, value, code));
-        code += d->n_codes[i];
+        cycle->refused[i] = present && (refuse_all || is_refused(d, i, raw, value));
     }
 }

@@ -1,15 +1,10 @@
 #include <math.h>
-#include <string.h>
 
+#include "rounding.h"
 #include "strainbus.h"
 
 static double larger(double a, double b) {
     return a > b ? a : b;
-}
-
-/* The nearest whole number of 0 <= x < 2^51, half to even: larger ones have no fraction that matters here. */
-static double nearest(double x) {
-    return x < 0x1p51 ? (x + 0x1p52) - 0x1p52 : x;
 }
 
 /* The time [s] of whole periods that are missing in the time between two frames; 0 where it is not known. */

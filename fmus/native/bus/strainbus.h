@@ -1,8 +1,8 @@
 /* What the bridge does with every frame and every cycle of strains, compiled.
 
    The caller owns all memory: each state machine is a record of numbers and pointers to arrays, which live as long as
-   it is used. Nothing is allocated, records share nothing, and a record serves one thread at a time. Every function
-   with a record of its own returns at once; sb_sizes guards against a caller whose records are of another shape.
+   it is used. Nothing is allocated, records share nothing, and a record serves one thread at a time. sb_sizes guards
+   against a caller whose records are of another shape.
 
    n_d is the number of gauges. Masks are bytes, 1 for true. Times are those of the local monotonic clock [s]. */
 
@@ -40,7 +40,7 @@ typedef struct {
     const double *scale, *offset, *to_strain; /* value = raw scale + offset in the signal's unit, to m/m */
     const double *low, *high;                 /* values outside are refused */
     const int64_t *has_ends, *first, *last;   /* a converter's ends, which are refused too */
-    const int64_t *n_codes, *code;            /* raw numbers for "no value": so many of each in turn */
+    const int64_t *first_code, *code;         /* raw numbers for "no value"; first_code (n + 1) says whose they are */
     const int64_t *frame;                     /* of each signal */
 } SbDecoder;
 
@@ -60,7 +60,7 @@ SB_API void sb_physical(const SbDecoder *decoder, const int64_t *raw, double *va
 
 /* Decode a cycle. `here` says which frames have arrived; data of others are zero. With `refuse_all` no gauge has a
    value that may be used. */
-SB_API void sb_decode(const SbDecoder *decoder, const uint8_t *data, const uint8_t *here, int64_t refuse_all,
+SB_API void sb_decode(const SbDecoder *decoder, const uint8_t *data, const uint8_t *here, int refuse_all,
                       SbCycle *cycle);
 
 /* --- watch for gauges that are frozen together ------------------------------------------------------------------- */
@@ -95,6 +95,72 @@ SB_API int64_t sb_watch_scatter(SbWatch *watch, const double *difference, const 
 
 /* Find which of the gauges `present` are frozen: 1 and the mask `found`; 0 if none is. */
 SB_API int64_t sb_watch_find(SbWatch *watch, const double *strain, const int64_t *run, const uint8_t *present);
+
+/* --- frames that have been received before ------------------------------------------------------------------------ */
+
+#define SB_SEEN_WORDS (1 << 20) /* of 64 bits */
+
+/* Remember `count` bytes; 1 if they are new. See strainfmu/can/cycle/frames/restart_proof.py. */
+SB_API int64_t sb_seen_add(uint64_t *words, const uint8_t *data, int count);
+
+/* --- clock of the sender -------------------------------------------------------------------------------------------- */
+
+enum { SB_JUMPED = 1, SB_RESTARTED = 2, SB_HIDES_DELAY = 4, SB_RESUMED = 8 };
+
+#define SB_MINIMA 60 /* windows whose smallest delays are kept */
+
+/* One clock that the readings may be of. */
+typedef struct {
+    int64_t is_set, ticks, readings;
+    double source, local; /* of the last reading, by that clock and by ours [s] */
+    double floor;         /* smallest delay, raised with time [s] */
+    double lowest;        /* least value of the floor, less what was hidden before a restart [s] */
+    double start;         /* our time of the first reading [s] */
+    double fastest;       /* delay at the start of the fastest clock that no reading contradicts [s] */
+} SbModel;
+
+/* See strainfmu/can/e2e/sample_clock.py and synchronised_clock.py. */
+typedef struct {
+    int64_t bits, confirmations, is_synchronised;
+    double tick, range, pace, tolerance, hidden, jump_tolerance, steady, round_off, window;
+    double shift, accuracy;            /* of a synchronised clock */
+    SbModel known, jumped, before;     /* state */
+    double window_start, window_min;
+    int64_t n_minima;                  /* windows so far; the last SB_MINIMA of them are kept */
+    double minimum[2 * SB_MINIMA];     /* start and smallest delay of each, in turn */
+    double age, uncertainty;           /* of the last reading [s] */
+} SbClock;
+
+/* Take in a sample time that arrived at `local`; the flags above. */
+SB_API int64_t sb_clock_read(SbClock *clock, const double *local, const int64_t *ticks);
+SB_API void sb_clock_reset(SbClock *clock);
+
+/* --- flow and navigation between their frames ---------------------------------------------------------------------- */
+
+/* One quantity. See strainfmu/can/cycle/estimate/held_flow.py. */
+typedef struct {
+    int64_t index;                                      /* of its signal in the frame */
+    double to_si, si_offset, smallest, largest, tolerance;
+    SbClock *clock;                                     /* NULL without sample time */
+    int64_t new_frames;                                 /* in a row, which prove a sender */
+    double value, sampled, stated, stated_at;           /* state [SI] and [s] */
+    int64_t to_be_proven, n_new, shares_clock, hides_delay, was_known;
+} SbValue;
+
+typedef struct {
+    const SbDecoder *signals;
+    int64_t sample_time, status;                        /* indices of signals, -1 without */
+    int64_t worst_status;                               /* with which values are used */
+    const uint8_t *prefix;                              /* (4) what distinguishes its data from those of others */
+    int64_t length;
+    uint64_t *seen;
+    int64_t n_values;
+    SbValue *const *value;
+} SbFlow;
+
+/* Take in a frame received at time[0]; time[1] is the present time by the clock of a proven sender of strains, NaN if it
+   is not known. 1 if any value of it may be used. */
+SB_API int64_t sb_flow_take(SbFlow *flow, const uint8_t *data, const double *time);
 
 /* --- checks of each gauge by its values --------------------------------------------------------------------------- */
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Callable
 from functools import cache
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,18 +38,28 @@ class Record(ctypes.Structure):
 
     def __init__(self, **fields: Any) -> None:
         """Make a record of numbers, and of arrays and other records that it points to."""
-        self.kept = fields
+        self.kept: Any = fields
         named = {field[0]: field[1] for field in self._fields_}
         assert named.keys() == fields.keys(), set(named) ^ set(fields)
-        super().__init__(**{n: _address(v) if named[n] is ARRAY else v for n, v in fields.items()})
+        super().__init__(**{n: address(v) if named[n] is ARRAY else v for n, v in fields.items()})
+
+    @classmethod
+    def empty(cls) -> Self:
+        """Return a record of zeros that points to nothing."""
+        made = cls.__new__(cls)
+        ctypes.Structure.__init__(made)
+        return made
 
 
-def pointer(held: NDArray[Any] | ctypes.Structure | ctypes.c_double) -> Any:
+_Data = ctypes.Structure | ctypes.Array[Any] | ctypes.c_double | ctypes.c_int64
+
+
+def pointer(held: NDArray[Any] | _Data) -> Any:
     """Return the address of an array or a record as an argument of a :data:`Function`.
 
     It is converted here once, in place of every call; ``held`` must outlive it.
     """
-    return ctypes.c_void_p.from_param(_address(held))
+    return ctypes.c_void_p.from_param(address(held))
 
 
 def function(name: str, record: type[Record] | None = None) -> Function:
@@ -89,7 +99,8 @@ def _sizes() -> list[int]:
     return sizes[:count].tolist()
 
 
-def _address(held: Any) -> int:
+def address(held: Any) -> int:
+    """Return where an array, or a record, begins."""
     if isinstance(held, np.ndarray):
         assert held.flags.c_contiguous
         return int(held.ctypes.data)

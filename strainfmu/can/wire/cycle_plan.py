@@ -24,7 +24,7 @@ class _Decoder(Record):
         ("n", INTEGER),
         *((name, ARRAY) for name in ("byte", "count", "shift", "length", "is_big", "kind")),
         *((name, ARRAY) for name in ("scale", "offset", "to_strain", "low", "high")),
-        *((name, ARRAY) for name in ("has_ends", "first", "last", "n_codes", "code", "frame")),
+        *((name, ARRAY) for name in ("has_ends", "first", "last", "first_code", "code", "frame")),
     )
 
 
@@ -84,6 +84,8 @@ class CyclePlan:
             checked_signal(signal, frames[frame])
         starts = np.cumsum([0, *(frame.length for frame in frames)]).tolist()
         places = [_place(signal) for signal in self.signals]
+        ends = [raw_ends(signal) for signal in self.signals]
+        codes = [signal.no_value_codes for signal in self.signals]
         self.record = _Decoder(
             n=len(chosen),
             byte=_integers([starts[frame] + place[0] for (frame, _), place in zip(chosen, places, strict=True)]),
@@ -96,31 +98,17 @@ class CyclePlan:
             offset=np.array([signal.offset for signal in self.signals]),
             to_strain=np.array([1.0] * len(chosen) if to_strain is None else to_strain),
             frame=_integers([frame for frame, _ in chosen]),
-            **self.limits(),
-            **self.codes(),
+            low=np.array([-inf if s.minimum is None else s.minimum for s in self.signals]),
+            high=np.array([inf if s.maximum is None else s.maximum for s in self.signals]),
+            has_ends=_integers([end is not None for end in ends]),
+            first=_integers([(end or (0, 0))[0] for end in ends]),
+            last=_integers([(end or (0, 0))[1] for end in ends]),
+            first_code=np.cumsum([0, *map(len, codes)], dtype=np.int64),
+            code=np.array([code % _WHOLE for own in codes for code in own], dtype=np.uint64).view(np.int64),
         )
         self._size = starts[-1]
         self._at = pointer(self.record)
         self._raw, self._physical = function("sb_raw", _Decoder), function("sb_physical", _Decoder)
-
-    def limits(self) -> dict[str, np.ndarray]:
-        """Return what values and raw numbers are held against, by the fields of the record."""
-        ends = [raw_ends(signal) for signal in self.signals]
-        return {
-            "low": np.array([-inf if s.minimum is None else s.minimum for s in self.signals]),
-            "high": np.array([inf if s.maximum is None else s.maximum for s in self.signals]),
-            "has_ends": _integers([end is not None for end in ends]),
-            "first": _integers([(end or (0, 0))[0] for end in ends]),
-            "last": _integers([(end or (0, 0))[1] for end in ends]),
-        }
-
-    def codes(self) -> dict[str, np.ndarray]:
-        """Return the raw numbers that stand for "no value", by the fields of the record."""
-        codes = [signal.no_value_codes for signal in self.signals]
-        return {
-            "n_codes": _integers([len(own) for own in codes]),
-            "code": np.array([code % _WHOLE for own in codes for code in own], dtype=np.uint64).view(np.int64),
-        }
 
     def raw(self, data: Sequence[bytes]) -> IntArray:
         """Return the (n,) raw numbers in the ``data`` of all frames; sign extended, of floats the bit patterns."""

@@ -40,7 +40,7 @@ _FAULTS = (OUT_OF_RANGE, JUMPS, FROZEN, ZERO)
 
 
 class _Checks(Record):
-    place = 3
+    place = 6
     _fields_ = (
         *((name, INTEGER) for name in ("n", "heal_cycles", "looks_for_frozen")),
         *((name, NUMBER) for name in ("cycle_time", "sensor_range", "rate_limit", "zero_jump", "round_off")),

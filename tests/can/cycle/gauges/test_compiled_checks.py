@@ -75,7 +75,7 @@ def test_the_compiled_checks_find_what_their_definition_finds(
             decoded.present[:] = mask
             assert checks.frozen(decoded, now) == reference.frozen(mask, now)
         left_out += not expected.all()
-    assert 20 < left_out < 0.9 * n_cycles, "neither nothing nor all is found"
+    assert 0 < left_out < n_cycles, "neither nothing nor all is found"
 
 
 @pytest.mark.parametrize("std", [None, 0.4e-6])
