@@ -27,10 +27,9 @@ from strainfmu.can.cycle.gauges.plausibility import GaugeChecks
 from strainfmu.can.cycle.gauges.verdicts import GaugeVerdicts
 from strainfmu.can.cycle.judgement import CycleJudge
 from strainfmu.can.cycle.states.quality import Cause, Quality
-from strainfmu.can.e2e.check import E2EStatus, ReceptionCheck
 from strainfmu.can.e2e.sample_clock import ClockLimits, ClockReading, SampleClock, SenderClock
 from strainfmu.can.settings import BridgeSettings
-from strainfmu.can.wire.crc import Protection, counter_in, protect
+from strainfmu.can.wire.crc import Protection, counter_in, crc_in, crc_of, protect
 from strainfmu.can.wire.cycle_plan import CyclePlan, DecodedCycle
 from strainfmu.can.wire.frame import EXTENDED_FLAG, Frame
 from strainfmu.can.wire.frame_layout import InputLayout
@@ -99,32 +98,38 @@ class ReceivesAnyFormat(Reception):
         return super().take(of_any_format(self._layout, frame))
 
 
-class AnyCrc(ReceptionCheck):
+class Altered(Reception):
+    """Takes frames with another counter and a CRC that fits."""
+
+    def take(self, frame: Frame) -> Arrival | FrameClass:
+        slot = self._single[frame.key]
+        protection = self._layout.frames[slot.index].layout.protection
+        assert protection is not None
+        assert slot.check is not None
+        own = counter_in(frame.data, protection)
+        altered = self.altered(frame.data, protection, own, slot.check.record.counter)
+        found = super().take(replace(frame, data=altered))
+        if isinstance(found, Arrival):
+            found.frame, found.counter = frame, own
+        return found
+
+    def altered(self, data: bytes, protection: Protection, own: int, last: int) -> bytes:
+        raise NotImplementedError
+
+
+class ReceivesAnyCrc(Altered):
     """Finds every CRC right."""
 
-    def check(self, data: bytes, covered: bytes = b"") -> E2EStatus:
-        protection = self._protection
-        return super().check(
-            protect(data, protection, counter=counter_in(data, protection), covered=covered), covered
-        )
+    def altered(self, data: bytes, protection: Protection, own: int, last: int) -> bytes:
+        return protect(data, protection, counter=own)
 
 
-class AnyCounter(ReceptionCheck):
-    """Finds every counter the next in sequence."""
+class ReceivesAnyCounter(Altered):
+    """Finds every counter the next in sequence, where the CRC is right."""
 
-    def check(self, data: bytes, covered: bytes = b"") -> E2EStatus:
-        status = super().check(data, covered)
-        return E2EStatus.ERROR if status is E2EStatus.ERROR else E2EStatus.OK
-
-
-class ReceivesAnyCrc(Reception):
-    def new_check(self, protection: Protection, max_delta: int) -> ReceptionCheck:
-        return AnyCrc(protection, max_delta)
-
-
-class ReceivesAnyCounter(Reception):
-    def new_check(self, protection: Protection, max_delta: int) -> ReceptionCheck:
-        return AnyCounter(protection, max_delta)
+    def altered(self, data: bytes, protection: Protection, own: int, last: int) -> bytes:
+        fits = crc_in(data, protection) == crc_of(data, protection)
+        return protect(data, protection, counter=last + 1) if fits else data
 
 
 class HearsOneSender(Reception):
@@ -137,8 +142,10 @@ class HearsOneSender(Reception):
 class ReceivesAnyConfiguration(Reception):
     """Takes frames of another gauge assignment."""
 
-    def _is_of_other_configuration(self) -> bool:
-        return False
+    def __init__(self, layout: InputLayout, settings: BridgeSettings) -> None:
+        super().__init__(layout, settings)
+        for slot in self._slots:
+            slot.record.place[2] = -1
 
 
 class TrustsEveryState(Reception):
@@ -310,7 +317,8 @@ class ScattersTooLittle(GaugeChecks):
 class NeverFrozen(RepeatsTogether):
     """Finds neither a cycle nor gauges that do not change."""
 
-    def frozen(self, cycle: DecodedCycle, now: float) -> tuple[float, float]:
+    @property
+    def ages(self) -> tuple[float, float]:
         return 0.0, 0.0
 
 
@@ -337,8 +345,9 @@ class HoldsWhateverStatus(HeldValue):
 
 
 class HoldsForEver(HeldValue):
-    def _expires(self) -> bool:
-        return False
+    def __init__(self, *given: Any, **named: Any) -> None:
+        super().__init__(*given, **named)
+        self.record.max_age = np.inf
 
 
 # --- judgement ------------------------------------------------------------------------------------------------

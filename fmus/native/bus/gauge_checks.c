@@ -9,8 +9,10 @@ static double larger(double a, double b) {
 
 /* The time [s] of whole periods that are missing in the time between two frames; 0 where it is not known. */
 static double lost_time(double pause, double period) {
-    const double periods = pause / period;
-    return periods > 1.0 ? (nearest(periods) - 1.0) * period : 0.0;
+    if (!(pause > 1.4 * period)) {
+        return 0.0; /* the nearest number of periods is at most 1; most cycles need no division */
+    }
+    return (nearest(pause / period) - 1.0) * period;
 }
 
 /* Find gauges that have repeated their reading too often. Readings count, not the time: in a pause a healthy gauge
@@ -67,10 +69,13 @@ static int64_t find_zeros(SbChecks *c, const SbCycle *cycle) {
 
 /* Keep a good strain and its rate of change [m/m per cycle]; the first good strain has none. */
 static void keep_pace(SbChecks *c, int64_t i, double strain, double now) {
-    const double cycles = larger((now - c->good_time[i]) / c->cycle_time, 1.0);
-    const double pace = fabs(strain - c->last_good[i]) / cycles;
-    if (isfinite(pace)) {
-        c->pace[i] = larger(pace, c->fading * c->pace[i]);
+    const double change = fabs(strain - c->last_good[i]), since = now - c->good_time[i];
+    const double faded = c->fading * c->pace[i];
+    if (change > faded) { /* a smaller change has a smaller pace, whatever the time: it needs no division */
+        const double pace = since > c->cycle_time ? change / (since / c->cycle_time) : change;
+        c->pace[i] = larger(pace, faded);
+    } else if (change <= faded) {
+        c->pace[i] = faded;
     }
     c->last_good[i] = strain;
     c->good_time[i] = now;
@@ -170,4 +175,12 @@ void sb_checks_frozen(SbChecks *checks, const SbCycle *cycle, const double *now)
     }
     c->frozen_for[0] = known;
     c->frozen_for[1] = larger(possible - known, 0.0);
+}
+
+int64_t sb_judge(const SbDecoder *decoder, const uint8_t *data, const uint8_t *here, int refuse_all, SbCycle *cycle,
+                 SbChecks *checks, const double *now) {
+    sb_decode(decoder, data, here, refuse_all, cycle);
+    const int64_t flags = sb_checks_update(checks, cycle, now);
+    sb_checks_frozen(checks, cycle, now);
+    return flags;
 }

@@ -67,3 +67,13 @@ int64_t sb_flow_take(SbFlow *flow, const uint8_t *data, const double *time) {
     }
     return is_usable;
 }
+
+int64_t sb_flow_known(SbValue *const *value, int count, const double *now, double *known) {
+    int64_t flags = 0;
+    for (int k = 0; k < count; k++) {
+        const SbValue *v = value[k];
+        known[k] = *now - v->sampled > v->max_age ? NAN : v->value;
+        flags |= (v->hides_delay ? SB_DELAY_HIDDEN : 0) | (v->was_known && isnan(known[k]) ? SB_LOST : 0);
+    }
+    return flags;
+}

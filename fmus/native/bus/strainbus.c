@@ -5,8 +5,8 @@ int64_t sb_version(void) {
 }
 
 int64_t sb_sizes(int64_t *size) {
-    const size_t sizes[] = {sizeof(SbDecoder), sizeof(SbCycle), sizeof(SbWatch), sizeof(SbClock),
-                            sizeof(SbValue),   sizeof(SbFlow),  sizeof(SbChecks)};
+    const size_t sizes[] = {sizeof(SbDecoder), sizeof(SbCycle), sizeof(SbWatch), sizeof(SbClock), sizeof(SbValue),
+                            sizeof(SbFlow),    sizeof(SbChecks), sizeof(SbCheck), sizeof(SbMachine), sizeof(SbSlot)};
     const int64_t count = sizeof sizes / sizeof *sizes;
     for (int64_t k = 0; k < count; k++) {
         size[k] = (int64_t)sizes[k];

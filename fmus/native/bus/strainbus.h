@@ -63,6 +63,62 @@ SB_API void sb_physical(const SbDecoder *decoder, const int64_t *raw, double *va
 SB_API void sb_decode(const SbDecoder *decoder, const uint8_t *data, const uint8_t *here, int refuse_all,
                       SbCycle *cycle);
 
+/* --- end-to-end protection of a frame ------------------------------------------------------------------------------- */
+
+/* Result of one check, as E2EStatus of strainfmu/can/e2e/check.py. */
+enum { SB_OK, SB_SOME_LOST, SB_REPEATED, SB_WRONG_SEQUENCE, SB_ERROR, SB_NO_NEW_DATA };
+
+/* CRC and counter of successive receptions of one frame; profiles 1 and 5 of AUTOSAR. */
+typedef struct {
+    int64_t profile, data_id, end;              /* bytes under the CRC, itself included; -1 for all */
+    int64_t counter_byte, counter_bits, modulus, max_delta;
+    int64_t capacity;                           /* of each content */
+    uint8_t *content, *content_before;          /* data and covered bytes of the last two counters */
+    int64_t n_content, n_content_before;        /* state; -1 for none */
+    int64_t counter, before;
+    int64_t conflicts, alternates;              /* what the last check found, see ReceptionCheck */
+} SbCheck;
+
+/* Check a frame with `covered`, bytes of other frames under the same CRC. */
+SB_API int64_t sb_check(SbCheck *check, const uint8_t *data, int n_data, const uint8_t *covered, int n_covered);
+
+/* State of the communication, as E2EState of strainfmu/can/e2e/state_machine.py. */
+enum { SB_NO_DATA, SB_INIT, SB_VALID, SB_INVALID };
+
+typedef struct {
+    int64_t window_size, min_ok_init, max_error_init, min_ok_valid, max_error_valid, min_ok_invalid, max_error_invalid;
+    uint8_t *window;                            /* (window_size) the last checks, a ring */
+    int64_t state, next, count, ok, errors;
+} SbMachine;
+
+/* Take in the status of a check; the state. */
+SB_API int64_t sb_machine_add(SbMachine *machine, int status);
+
+enum { SB_CONFIGURATION_OF = 8 }; /* beside the status: the frame is of another configuration */
+
+enum { SB_NUMBER_STATUS, SB_NUMBER_SAMPLE_TIME, SB_NUMBER_CONFIGURATION, SB_NUMBER_COUNTER, SB_N_NUMBERS };
+
+/* What reads and checks one frame of an input. */
+typedef struct {
+    const SbDecoder *signals;                   /* of the frame */
+    int64_t length;
+    int64_t place[SB_NUMBER_COUNTER];           /* of the signals of the first numbers, -1 without */
+    int64_t expected;                           /* configuration */
+    SbCheck *check;                             /* NULL without protection */
+    SbMachine *machine;
+    int64_t *number;                            /* (SB_N_NUMBERS) of the last frame, 0 of what it does not hold */
+} SbSlot;
+
+/* Read the numbers about a frame; 0 if its length is another. */
+SB_API int64_t sb_slot_read(SbSlot *slot, const uint8_t *data, int n_data);
+
+/* Check a frame whose numbers have been read, and take the result into its state: the status, and
+   SB_CONFIGURATION_OF. */
+SB_API int64_t sb_slot_check(SbSlot *slot, const uint8_t *data, int n_data);
+
+/* Both at once; -1 if its length is another. */
+SB_API int64_t sb_slot_receive(SbSlot *slot, const uint8_t *data, int n_data);
+
 /* --- watch for gauges that are frozen together ------------------------------------------------------------------- */
 
 #define SB_LONGEST_RUN 63 /* repetitions in the tables; longer runs count as so many */
@@ -141,6 +197,7 @@ SB_API void sb_clock_reset(SbClock *clock);
 typedef struct {
     int64_t index;                                      /* of its signal in the frame */
     double to_si, si_offset, smallest, largest, tolerance;
+    double max_age;                                     /* for which it is held [s] */
     SbClock *clock;                                     /* NULL without sample time */
     int64_t new_frames;                                 /* in a row, which prove a sender */
     double value, sampled, stated, stated_at;           /* state [SI] and [s] */
@@ -161,6 +218,12 @@ typedef struct {
 /* Take in a frame received at time[0]; time[1] is the present time by the clock of a proven sender of strains, NaN if it
    is not known. 1 if any value of it may be used. */
 SB_API int64_t sb_flow_take(SbFlow *flow, const uint8_t *data, const double *time);
+
+enum { SB_DELAY_HIDDEN = 1, SB_LOST = 2 };
+
+/* What is known of `count` quantities at `now`: known (count) [SI], NaN of what may not be used. The flags say whether
+   more delay may hide than is allowed in any, and whether any was known before and is not any more. */
+SB_API int64_t sb_flow_known(SbValue *const *value, int count, const double *now, double *known);
 
 /* --- checks of each gauge by its values --------------------------------------------------------------------------- */
 
@@ -192,6 +255,10 @@ typedef struct {
 /* Check a cycle that came at `now`; the flags above. */
 SB_API int64_t sb_checks_update(SbChecks *checks, const SbCycle *cycle, const double *now);
 SB_API int64_t sb_checks_end(SbChecks *checks, const SbCycle *cycle, const double *now);
+
+/* Decode a cycle, check it, and find for how long it has not changed, all at once; the flags of sb_checks_update. */
+SB_API int64_t sb_judge(const SbDecoder *decoder, const uint8_t *data, const uint8_t *here, int refuse_all,
+                        SbCycle *cycle, SbChecks *checks, const double *now);
 
 /* For how long none of the cycle's gauges has changed, and for how much longer that may be: frozen_for. */
 SB_API void sb_checks_frozen(SbChecks *checks, const SbCycle *cycle, const double *now);

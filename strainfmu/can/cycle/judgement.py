@@ -153,8 +153,12 @@ class CycleJudge:
         strains = list(arrivals.values()) if trailer.refused in _READABLE else []
         if self._trailer is not None:
             strains = [arrival for arrival in strains if arrival.slot < reception.n_strain]
-        decoded = self._decoder.decode(strains, trailer.status, self._decoded)
-        plausible = self._plausible(decoded, cycle, whole)
+        decoded = self._decoded
+        if whole is None:
+            arguments = self._decoder.arguments(strains, trailer.status, decoded)
+            plausible = self._gauges.judge_frames(arguments, decoded, cycle.first_time)
+        else:
+            plausible = self._plausible(self._decoder.decode(strains, trailer.status, decoded), cycle, whole)
         if self._gauges.all_zero and self._is_dead(decoded, now):
             plausible = self._gauges.refuse_zeros(decoded.present)
         age, uncertainty, of_time = self._age(cycle, now, decoded, trailer)
@@ -201,11 +205,10 @@ class CycleJudge:
             answer.causes |= self._taring.take(answer, self._flow.stated_pressure(now))
         return answer, classes
 
-    def _plausible(self, decoded: DecodedCycle, cycle: Cycle, whole: WholeCycle | None) -> BoolArray:
+    def _plausible(self, decoded: DecodedCycle, cycle: Cycle, whole: WholeCycle) -> BoolArray:
         """Return (n_d,) which gauges of a cycle are plausible; held ones are checked once, when they have come."""
+        assert self._held is not None
         present, now = decoded.present, cycle.first_time
-        if whole is None or self._held is None:
-            return self._gauges.judge(decoded, now)
         checked = self._gauges.update(
             np.where(whole.fresh, decoded.strain, np.nan),
             decoded.raw,
@@ -257,7 +260,9 @@ class CycleJudge:
             causes |= Cause.OLD
         if self._settings.stuck_cycles != 0:
             # Strains that the sender repeats have the age of their first occurrence.
-            frozen, unheard = self._gauges.frozen(decoded, cycle.first_time)
+            frozen, unheard = (
+                self._gauges.ages if self._held is None else self._gauges.frozen(decoded, cycle.first_time)
+            )
             age += frozen
             if frozen > 0.0 and age > limit:
                 causes |= Cause.FROZEN

@@ -121,7 +121,7 @@ class _Model(ctypes.Structure):
 class ClockRecord(Record):
     """A clock for compiled code."""
 
-    place = 3
+    position = 3
     _fields_ = (
         *((name, INTEGER) for name in ("bits", "confirmations", "is_synchronised")),
         *((name, NUMBER) for name in ("tick", "range", "pace", "tolerance", "hidden", "jump_tolerance")),

@@ -33,8 +33,8 @@ class Record(ctypes.Structure):
     Subclasses state ``_fields_`` in the order of strainbus.h.
     """
 
-    place: ClassVar[int]
-    """Position of its size in what ``sb_sizes`` returns."""
+    position: ClassVar[int]
+    """Place of its size in what ``sb_sizes`` returns."""
 
     def __init__(self, **fields: Any) -> None:
         """Make a record of numbers, and of arrays and other records that it points to."""
@@ -72,7 +72,7 @@ def function(name: str, record: type[Record] | None = None) -> Function:
     """
     functions = _library()
     if record is not None:
-        size = _sizes()[record.place]
+        size = _sizes()[record.position]
         assert ctypes.sizeof(record) == size, f"{record.__name__}: {ctypes.sizeof(record)} bytes, must be {size}"
     # By its name as an item it is an object of its own: types declared here are those of no other.
     found = functions[name]
@@ -100,7 +100,9 @@ def _sizes() -> list[int]:
 
 
 def address(held: Any) -> int:
-    """Return where an array, or a record, begins."""
+    """Return where an array or a record begins, 0 of None."""
+    if held is None:
+        return 0
     if isinstance(held, np.ndarray):
         assert held.flags.c_contiguous
         return int(held.ctypes.data)

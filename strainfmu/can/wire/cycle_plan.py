@@ -19,7 +19,7 @@ _KINDS = (UNSIGNED, SIGNED, FLOAT)
 
 
 class _Decoder(Record):
-    place = 0
+    position = 0
     _fields_ = (
         ("n", INTEGER),
         *((name, ARRAY) for name in ("byte", "count", "shift", "length", "is_big", "kind")),
@@ -29,7 +29,7 @@ class _Decoder(Record):
 
 
 class _Cycle(Record):
-    place = 1
+    position = 1
     _fields_ = tuple((name, ARRAY) for name in ("strain", "raw", "present", "refused"))
 
 
@@ -106,15 +106,15 @@ class CyclePlan:
             first_code=np.cumsum([0, *map(len, codes)], dtype=np.int64),
             code=np.array([code % _WHOLE for own in codes for code in own], dtype=np.uint64).view(np.int64),
         )
-        self._size = starts[-1]
+        self.size = starts[-1]
         self._at = pointer(self.record)
         self._raw, self._physical = function("sb_raw", _Decoder), function("sb_physical", _Decoder)
 
     def raw(self, data: Sequence[bytes]) -> IntArray:
         """Return the (n,) raw numbers in the ``data`` of all frames; sign extended, of floats the bit patterns."""
         joined, raw = b"".join(data), np.empty(len(self.signals), dtype=np.int64)
-        if len(joined) != self._size:
-            raise ValueError(f"expected {self._size} bytes, got {len(joined)}")
+        if len(joined) != self.size:
+            raise ValueError(f"expected {self.size} bytes, got {len(joined)}")
         self._raw(self._at, joined, pointer(raw))
         return raw
 

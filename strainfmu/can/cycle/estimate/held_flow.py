@@ -20,9 +20,11 @@ from strainfmu.can.wire.cycle_plan import CyclePlan
 from strainfmu.can.wire.frame_layout import (
     ALTITUDE,
     DYNAMIC_PRESSURE,
+    FLOW_QUANTITIES,
     FLOW_STDS,
     LARGEST_PARAMETER,
     MACH_NUMBER,
+    NAVIGATION,
     STATIC_PRESSURE,
     FlowSignal,
     InputFrame,
@@ -46,6 +48,9 @@ _SENSIBLE_TEMPERATURE = (1.0, 5e3)
 """The same of a temperature [K]."""
 
 _NOTHING_LOST = Cause.NONE
+
+_DELAY_HIDDEN, _LOST = 1, 2
+"""Flags of strainbus.h."""
 
 _NEW_FRAMES = 3
 """Frames in a row that were not received before, which prove that a sender behind a restart is no recording."""
@@ -75,10 +80,10 @@ class FlowState:
 
 
 class _Value(Record):
-    place = 4
+    position = 4
     _fields_ = (
         ("index", INTEGER),
-        *((name, NUMBER) for name in ("to_si", "si_offset", "smallest", "largest", "tolerance")),
+        *((name, NUMBER) for name in ("to_si", "si_offset", "smallest", "largest", "tolerance", "max_age")),
         ("clock", ARRAY),
         ("new_frames", INTEGER),
         *((name, NUMBER) for name in ("value", "sampled", "stated", "stated_at")),
@@ -87,7 +92,7 @@ class _Value(Record):
 
 
 class _Flow(Record):
-    place = 5
+    position = 5
     _fields_ = (
         ("signals", ARRAY),
         *((name, INTEGER) for name in ("sample_time", "status", "worst_status")),
@@ -119,13 +124,13 @@ class HeldValue:
         tolerance: float,
     ) -> None:
         self.frame, self._source = frame, source
-        self._max_age, self._clock = max_age, clock
+        self._clock = clock
         self.quantity = source.quantity
         smallest, largest = self.sensible()
         self.record = record = _Value.empty()
         record.index, record.to_si, record.si_offset = source.index, source.to_si, source.offset
         record.smallest, record.largest, record.tolerance = smallest, largest, tolerance
-        record.new_frames = _NEW_FRAMES
+        record.new_frames, record.max_age = _NEW_FRAMES, max_age
         if clock is not None and frame.sample_time is not None:
             record.clock = address(clock.record)
         self._forget()
@@ -167,27 +172,13 @@ class HeldValue:
         """A value has been taken since the start or the last reset."""
         return bool(self.record.was_known)
 
-    @property
-    def hides_delay(self) -> bool:
-        """More delay may hide than is allowed."""
-        return bool(self.record.hides_delay)
-
-    def value(self, now: float) -> float:
-        """Return the quantity [SI] at ``now`` [s]; NaN if none may be used."""
-        record = self.record
-        return nan if now - record.sampled > self._max_age and self._expires() else record.value
-
     def stated(self, now: float) -> float:
         """Return what the sender states [SI] at ``now`` [s]; NaN if that is nothing, or old.
 
         Air at rest is stated as 0, which is of no use for coefficients.
         """
         record = self.record
-        return record.stated if now - record.stated_at <= self._max_age else nan
-
-    def _expires(self) -> bool:
-        """Return whether a value may be too old to be used."""
-        return True
+        return record.stated if now - record.stated_at <= record.max_age else nan
 
 
 class FlowFrame:
@@ -218,6 +209,8 @@ class FlowFrame:
 
     def take(self, data: bytes, time: float, strain_time: float | None) -> bool:
         """Take in a frame received at ``time`` [s]; return whether any value of it may be used."""
+        if len(data) != self._record.length:
+            raise ValueError(f"expected {self._record.length} bytes, got {len(data)}")
         times = self._times
         times[0], times[1] = time, nan if strain_time is None else strain_time
         return self._take(self._at, data, self._at_times) != 0
@@ -247,16 +240,25 @@ class HeldFlow:
         for value in values:
             by_frame.setdefault(id(value.frame), []).append(value)
         self._by_frame = {key: FlowFrame(own, seen) for key, own in by_frame.items()}
-        by_quantity = {value.quantity: value for value in values}
-        self._pressure = by_quantity.get(DYNAMIC_PRESSURE)
-        self._mach_number, self._altitude = by_quantity.get(MACH_NUMBER), by_quantity.get(ALTITUDE)
+        self._addresses = np.array([address(value.record) for value in values], dtype=np.uint64)
+        known, now = np.full(len(values), nan), NUMBER()
+        self._known, self._now = known.data, now
+        self._find = function("sb_flow_known", _Value)
+        self._at = pointer(self._addresses), len(values), pointer(now), pointer(known)
+        places = {value.quantity: index for index, value in enumerate(values)}
+        self._pressure = places.get(DYNAMIC_PRESSURE)
+        self._mach_number, self._altitude = places.get(MACH_NUMBER), places.get(ALTITUDE)
         of_loss = {
+            NAVIGATION.__contains__: Cause.NAVIGATION,
             is_temperature: Cause.TEMPERATURE,
             is_parameter: Cause.NAVIGATION,
             is_parameter_std: Cause.NAVIGATION,
             FURTHER_FLOW.__contains__: Cause.NAVIGATION,
         }
-        self._further = [(one, cause) for one in values for has, cause in of_loss.items() if has(one.quantity)]
+        self._losses = [
+            (place, cause) for name, place in places.items() for has, cause in of_loss.items() if has(name)
+        ]
+        self._further = [(one, place) for one, place in places.items() if one not in FLOW_QUANTITIES]
         self._state = FlowState(further=dict(constants))
 
     @property
@@ -284,34 +286,36 @@ class HeldFlow:
 
     def state(self, now: float) -> FlowState:
         """Return what is known at ``now`` [s]."""
-        state, pressure, hides_delay, lost = self._state, self._fixed, False, _NOTHING_LOST
-        if pressure is None:
-            pressure = nan if self._pressure is None else self._pressure.value(now)
-            for value in self._values:
-                if value.hides_delay:
-                    hides_delay = True
-        state.dynamic_pressure, state.hides_delay = pressure, hides_delay
-        mach_number, altitude = self._mach_number, self._altitude
-        if mach_number is not None:
-            state.mach_number = mach_number.value(now)
-            if mach_number.was_known and isnan(state.mach_number):
-                lost = Cause.NAVIGATION
-        if altitude is not None:
-            state.altitude = altitude.value(now)
-            if altitude.was_known and isnan(state.altitude):
-                lost = Cause.NAVIGATION
-        for held, cause in self._further:
-            number = state.further[held.quantity] = held.value(now)
-            if held.was_known and isnan(number):
-                lost |= cause
-        state.lost = lost
+        state, known, fixed = self._state, self._known, self._fixed
+        self._now.value = now
+        flags = self._find(*self._at)
+        if fixed is None:
+            state.dynamic_pressure = nan if self._pressure is None else known[self._pressure]
+            state.hides_delay = flags & _DELAY_HIDDEN != 0
+        else:
+            state.dynamic_pressure = fixed
+        if self._mach_number is not None:
+            state.mach_number = known[self._mach_number]
+        if self._altitude is not None:
+            state.altitude = known[self._altitude]
+        for name, place in self._further:
+            state.further[name] = known[place]
+        state.lost = self._lost() if flags & _LOST else _NOTHING_LOST
         return state
+
+    def _lost(self) -> Cause:
+        """Return the causes of what was known before and is not any more."""
+        lost = _NOTHING_LOST
+        for place, cause in self._losses:
+            if self._values[place].was_known and isnan(self._known[place]):
+                lost |= cause
+        return lost
 
     def stated_pressure(self, now: float) -> float:
         """Return q_inf as it is stated [Pa] at ``now`` [s], also of air at rest; NaN if it is not known."""
         if self._fixed is not None:
             return self._fixed
-        return nan if self._pressure is None else self._pressure.stated(now)
+        return nan if self._pressure is None else self._values[self._pressure].stated(now)
 
 
 def _sensible(quantity: str) -> tuple[float, float]:

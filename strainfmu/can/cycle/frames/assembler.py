@@ -56,11 +56,7 @@ class Cycle:
     @property
     def last_time(self) -> float:
         """When the last frame came [s]."""
-        latest = self.first_time
-        for arrival in self.arrivals.values():
-            if arrival.frame.time > latest:
-                latest = arrival.frame.time
-        return latest
+        return max([arrival.frame.time for arrival in self.arrivals.values()], default=self.first_time)
 
 
 class Verdict(Enum):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 from strainfmu.can.cycle.frames.assembler import Arrival
 from strainfmu.can.wire.compiled import function, pointer
@@ -47,16 +48,22 @@ class StrainDecoder:
 
     def decode(self, arrivals: Sequence[Arrival], trailer_status: int, cycle: DecodedCycle) -> DecodedCycle:
         """Decode the ``arrivals`` of a cycle into ``cycle``; ``trailer_status`` is that in the trailer, or 0."""
+        self._decode(*self.arguments(arrivals, trailer_status, cycle))
+        return cycle
+
+    def arguments(self, arrivals: Sequence[Arrival], trailer_status: int, cycle: DecodedCycle) -> tuple[Any, ...]:
+        """Return what compiled code decodes the ``arrivals`` by; set the worst status of ``cycle``."""
         data, here = self._nothing.copy(), self._all_here
         for arrival in arrivals:
             data[arrival.slot] = arrival.frame.data
         if len(arrivals) != self._n_frames:
             slots = [arrival.slot for arrival in arrivals]
             here = bytes([slot in slots for slot in range(self._n_frames)])
-        status = self._worst_status(arrivals, trailer_status)
-        self._decode(self._at, b"".join(data), here, status > STATUS_DEGRADED, cycle.address)
-        cycle.status = status
-        return cycle
+        cycle.status = status = self._worst_status(arrivals, trailer_status)
+        joined = b"".join(data)
+        if len(joined) != self._plan.size:
+            raise ValueError(f"expected {self._plan.size} bytes, got {len(joined)}")
+        return self._at, joined, here, status > STATUS_DEGRADED, cycle.address
 
     def _worst_status(self, arrivals: Sequence[Arrival], trailer_status: int) -> int:
         """Return the worst status of the sender in a cycle."""

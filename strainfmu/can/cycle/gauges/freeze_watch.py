@@ -64,7 +64,7 @@ _MARGIN = 0.9
 
 
 class _Watch(Record):
-    place = 2
+    position = 2
     _fields_ = (
         *((name, INTEGER) for name in ("n", "n_groups", "shortest_run", "block", "alive", "is_known")),
         *((name, NUMBER) for name in ("limit", "scatter_limit", "log_ratio", "slope", "margin")),

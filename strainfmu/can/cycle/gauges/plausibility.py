@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+from typing import Any
 
 import numpy as np
 
@@ -40,7 +41,7 @@ _FAULTS = (OUT_OF_RANGE, JUMPS, FROZEN, ZERO)
 
 
 class _Checks(Record):
-    place = 6
+    position = 6
     _fields_ = (
         *((name, INTEGER) for name in ("n", "heal_cycles", "looks_for_frozen")),
         *((name, NUMBER) for name in ("cycle_time", "sensor_range", "rate_limit", "zero_jump", "round_off")),
@@ -115,6 +116,7 @@ class GaugeChecks:
         self._now = ctypes.c_double()
         self._at, self._at_now = pointer(self._record), pointer(self._now)
         self._begin, self._end = function("sb_checks_update", _Checks), function("sb_checks_end", _Checks)
+        self._all_at_once = function("sb_judge", _Checks)
         self._find_age = function("sb_checks_frozen", _Checks)
         self._ages = self._frozen_for.data
         self._own = DecodedCycle(n)
@@ -160,11 +162,20 @@ class GaugeChecks:
     def judge(self, cycle: DecodedCycle, now: float) -> BoolArray:
         """Return (n_d,) which gauges are valid of a cycle that came at ``now`` [s]; not to be written to."""
         self._now.value = now
-        flags = self._begin(self._at, cycle.address, self._at_now)
+        return self._judged(self._begin(self._at, cycle.address, self._at_now), cycle)
+
+    def judge_frames(self, arguments: tuple[Any, ...], cycle: DecodedCycle, now: float) -> BoolArray:
+        """Decode ``cycle`` by the ``arguments`` of its decoder, and judge it; :attr:`ages` are those of it."""
+        self._now.value = now
+        return self._judged(self._all_at_once(*arguments, self._at, self._at_now), cycle)
+
+    def _judged(self, flags: int, cycle: DecodedCycle) -> BoolArray:
+        """Return (n_d,) which gauges are valid by what compiled code found."""
         if flags == _LEARNED:
             self._watch.learn()
             self._count_on(self._watch.noise_ratio)
             flags = self._end(self._at, cycle.address, self._at_now)
+            self._find_age(self._at, cycle.address, self._at_now)
         self.has_frozen, self.all_zero = flags & _HAS_FROZEN != 0, flags & _ALL_ZERO != 0
         return self.every_gauge if flags & _ALL_VALID else self._valid.copy()
 
@@ -200,6 +211,11 @@ class GaugeChecks:
         """
         self._now.value = now
         self._find_age(self._at, cycle.address, self._at_now)
+        return self.ages
+
+    @property
+    def ages(self) -> tuple[float, float]:
+        """What :meth:`frozen` returned last, or would return of the cycle that was decoded and judged last."""
         return self._ages[0], self._ages[1]
 
     def refuse_zeros(self, present: BoolArray) -> BoolArray:
