@@ -144,6 +144,10 @@ def clock_record(tick: float, bits: int, **limits: float) -> ClockRecord:
     return record
 
 
+_without_fields = object.__new__
+"""Makes a reading whose fields are all still to be set, in half the time of making one by them."""
+
+
 class ClockReader:
     """Reads the sample times of one record."""
 
@@ -156,15 +160,11 @@ class ClockReader:
     def __call__(self, local: float, ticks: int) -> ClockReading:
         """Take in a sample time that arrived at ``local`` on our clock [s]."""
         self._local.value, self._ticks.value = local, ticks
-        flags, record = self._read(*self._at), self._record
-        return ClockReading(
-            record.age,
-            flags & _JUMPED != 0,
-            flags & _RESTARTED != 0,
-            record.uncertainty,
-            flags & _HIDES_DELAY != 0,
-            flags & _RESUMED != 0,
-        )
+        flags, record, reading = self._read(*self._at), self._record, _without_fields(ClockReading)
+        reading.age, reading.uncertainty = record.age, record.uncertainty
+        reading.jumped, reading.restarted = flags & _JUMPED != 0, flags & _RESTARTED != 0
+        reading.hides_delay, reading.resumed = flags & _HIDES_DELAY != 0, flags & _RESUMED != 0
+        return reading
 
 
 class SampleClock:

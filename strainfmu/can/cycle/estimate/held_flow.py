@@ -281,8 +281,8 @@ class HeldFlow:
 
         ``strain_time`` is the present time by the clock of the strains [s], None if it is not known.
         """
-        own = self._by_frame.get(id(item))
-        return own is not None and own.take(arrival.frame.data, arrival.frame.time, strain_time)
+        own, frame = self._by_frame.get(id(item)), arrival.frame
+        return own is not None and own.take(frame.data, frame.time, strain_time)
 
     def state(self, now: float) -> FlowState:
         """Return what is known at ``now`` [s]."""

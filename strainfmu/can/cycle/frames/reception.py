@@ -140,7 +140,10 @@ class Reception:
             for index, frame in enumerate(layout.frames)
         ]
         self._checks, self._machines = [slot.check for slot in slots], [slot.machine for slot in slots]
-        self._states = [slot.machine.record for slot in slots]
+        # A strain frame has the state of its trailer, if there is one.
+        of_strains = self._machines[: self.n_strain] if self.trailer is None else [self._machines[self.trailer]]
+        of_strains *= self.n_strain // len(of_strains)
+        self._states = [machine.record for machine in (*of_strains, *self._machines[self.n_strain :])]
         self._receive, self._read, self._check = (
             function(name, _SlotRecord) for name in ("sb_slot_receive", "sb_slot_read", "sb_slot_check")
         )
@@ -168,7 +171,7 @@ class Reception:
             if isinstance(verdict, FrameClass):
                 return verdict
             found = verdict
-        status, sample_time, _, counter = slot.numbers
+        status, sample_time, _, counter = slot.numbers.tolist()
         arrival = arrival_without_fields(Arrival)
         arrival.slot, arrival.frame, arrival.plan = slot.index, frame, slot.plan
         arrival.sample_time = sample_time if slot.is_timed else None
@@ -241,8 +244,6 @@ class Reception:
 
     def is_trusted(self, slot: int) -> bool:
         """Return whether the E2E state of a frame is VALID; a strain frame has that of its trailer, if any."""
-        if self.trailer is not None and slot < self.n_strain:
-            slot = self.trailer
         return self._states[slot].state == VALID
 
     def trusted_gauges(self, arrivals: Mapping[int, Arrival]) -> BoolArray:
