@@ -373,7 +373,7 @@ def _declared(found: ctypes.CDLL) -> ctypes.CDLL:
 def _compiled(fault: str) -> Path:
     """Return the library that the system's compiler makes of the sources, which is kept in the user's cache."""
     native = _native_folder()
-    sources = [file for part in ("core", "estimator") for file in sorted((native / part).rglob("*.[ch]"))]
+    sources = [file for part in ("core", "estimator", "bus") for file in sorted((native / part).rglob("*.[ch]"))]
     digest = hashlib.sha256(" ".join((*_FLAGS, platform.machine())).encode())
     for source in sources:
         digest.update(source.read_bytes())

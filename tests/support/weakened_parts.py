@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
-from strainfmu.arrays import BoolArray, FloatArray, IntArray
+from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.can.cycle.core import BridgeCore
 from strainfmu.can.cycle.estimate.held_flow import HeldValue
 from strainfmu.can.cycle.estimate.result import CycleResult
@@ -16,7 +17,7 @@ from strainfmu.can.cycle.frames.acceptance import Acceptance
 from strainfmu.can.cycle.frames.account import FrameClass
 from strainfmu.can.cycle.frames.arrival_pace import ArrivalPace
 from strainfmu.can.cycle.frames.assembler import Arrival, Cycle, CycleAssembler, Verdict
-from strainfmu.can.cycle.frames.decoder import DecodedCycle, StrainDecoder
+from strainfmu.can.cycle.frames.decoder import StrainDecoder
 from strainfmu.can.cycle.frames.own_frames import OwnFrames
 from strainfmu.can.cycle.frames.reception import Reception
 from strainfmu.can.cycle.frames.restart_proof import RestartProof
@@ -26,10 +27,10 @@ from strainfmu.can.cycle.gauges.plausibility import GaugeChecks
 from strainfmu.can.cycle.gauges.verdicts import GaugeVerdicts
 from strainfmu.can.cycle.judgement import CycleJudge
 from strainfmu.can.cycle.states.quality import Cause, Quality
-from strainfmu.can.e2e.check import E2EStatus, ReceptionCheck
 from strainfmu.can.e2e.sample_clock import ClockLimits, ClockReading, SampleClock, SenderClock
 from strainfmu.can.settings import BridgeSettings
-from strainfmu.can.wire.crc import Protection, counter_in, protect
+from strainfmu.can.wire.crc import Protection, counter_in, crc_in, crc_of, protect
+from strainfmu.can.wire.cycle_plan import CyclePlan, DecodedCycle
 from strainfmu.can.wire.frame import EXTENDED_FLAG, Frame
 from strainfmu.can.wire.frame_layout import InputLayout
 from strainfmu.cosim.estimators.step import StepResult
@@ -97,32 +98,38 @@ class ReceivesAnyFormat(Reception):
         return super().take(of_any_format(self._layout, frame))
 
 
-class AnyCrc(ReceptionCheck):
+class Altered(Reception):
+    """Takes frames with another counter and a CRC that fits."""
+
+    def take(self, frame: Frame) -> Arrival | FrameClass:
+        slot = self._single[frame.key]
+        protection = self._layout.frames[slot.index].layout.protection
+        assert protection is not None
+        assert slot.check is not None
+        own = counter_in(frame.data, protection)
+        altered = self.altered(frame.data, protection, own, slot.check.record.counter)
+        found = super().take(replace(frame, data=altered))
+        if isinstance(found, Arrival):
+            found.frame, found.counter = frame, own
+        return found
+
+    def altered(self, data: bytes, protection: Protection, own: int, last: int) -> bytes:
+        raise NotImplementedError
+
+
+class ReceivesAnyCrc(Altered):
     """Finds every CRC right."""
 
-    def check(self, data: bytes, covered: bytes = b"") -> E2EStatus:
-        protection = self._protection
-        return super().check(
-            protect(data, protection, counter=counter_in(data, protection), covered=covered), covered
-        )
+    def altered(self, data: bytes, protection: Protection, own: int, last: int) -> bytes:
+        return protect(data, protection, counter=own)
 
 
-class AnyCounter(ReceptionCheck):
-    """Finds every counter the next in sequence."""
+class ReceivesAnyCounter(Altered):
+    """Finds every counter the next in sequence, where the CRC is right."""
 
-    def check(self, data: bytes, covered: bytes = b"") -> E2EStatus:
-        status = super().check(data, covered)
-        return E2EStatus.ERROR if status is E2EStatus.ERROR else E2EStatus.OK
-
-
-class ReceivesAnyCrc(Reception):
-    def new_check(self, protection: Protection, max_delta: int) -> ReceptionCheck:
-        return AnyCrc(protection, max_delta)
-
-
-class ReceivesAnyCounter(Reception):
-    def new_check(self, protection: Protection, max_delta: int) -> ReceptionCheck:
-        return AnyCounter(protection, max_delta)
+    def altered(self, data: bytes, protection: Protection, own: int, last: int) -> bytes:
+        fits = crc_in(data, protection) == crc_of(data, protection)
+        return protect(data, protection, counter=last + 1) if fits else data
 
 
 class HearsOneSender(Reception):
@@ -135,8 +142,10 @@ class HearsOneSender(Reception):
 class ReceivesAnyConfiguration(Reception):
     """Takes frames of another gauge assignment."""
 
-    def _is_of_other_configuration(self) -> bool:
-        return False
+    def __init__(self, layout: InputLayout, settings: BridgeSettings) -> None:
+        super().__init__(layout, settings)
+        for slot in self._slots:
+            slot.record.place[2] = -1
 
 
 class TrustsEveryState(Reception):
@@ -188,6 +197,7 @@ class AgelessClock:
         self._clock = clock
         self.reset, self.accept, self.anchor = clock.reset, clock.accept, clock.anchor
         self.seconds, self.seconds_ahead, self.range = clock.seconds, clock.seconds_ahead, clock.range
+        self.record = clock.record
 
     def read(self, local: float, ticks: int) -> ClockReading:
         return replace(self._clock.read(local, ticks), age=0.0)
@@ -227,16 +237,29 @@ class AnswersNoSilence(BridgeCore):
 # --- strains --------------------------------------------------------------------------------------------------
 
 
+def without_codes(plan: CyclePlan) -> CyclePlan:
+    """Return ``plan`` whose signals have no raw number for "no value"."""
+    plan.record.kept["first_code"][:] = 0
+    return plan
+
+
+def without_limits(plan: CyclePlan) -> CyclePlan:
+    """Return ``plan`` whose signals have neither limits nor a converter's ends."""
+    kept = plan.record.kept
+    kept["low"][:], kept["high"][:], kept["has_ends"][:] = -np.inf, np.inf, 0
+    return plan
+
+
 class DecodesNoValueCodes(StrainDecoder):
     """Takes raw numbers that stand for "no value" for strains."""
 
-    def _without_value(self, raw: IntArray) -> BoolArray:
-        return np.zeros(raw.shape, dtype=bool)
+    def new_plan(self, *given: Any) -> CyclePlan:
+        return without_codes(super().new_plan(*given))
 
 
 class DecodesAnyRange(StrainDecoder):
-    def _out_of_range(self, raw: IntArray, value: FloatArray) -> BoolArray:
-        return np.zeros(raw.shape, dtype=bool)
+    def new_plan(self, *given: Any) -> CyclePlan:
+        return without_limits(super().new_plan(*given))
 
 
 class HearsNoStatus(StrainDecoder):
@@ -245,32 +268,34 @@ class HearsNoStatus(StrainDecoder):
 
 
 class AcceptsAnyRange(GaugeChecks):
-    def _out_of_range(self, strain: FloatArray) -> BoolArray:
-        return np.zeros(strain.shape, dtype=bool)
+    def limits(self) -> dict[str, float]:
+        return {**super().limits(), "sensor_range": np.inf}
 
 
 class AcceptsJumps(GaugeChecks):
-    def _jumping(self, strain: FloatArray) -> BoolArray:
-        return np.zeros(strain.shape, dtype=bool)
+    def limits(self) -> dict[str, float]:
+        return {**super().limits(), "rate_limit": np.inf}
 
 
 class AcceptsStuck(GaugeChecks):
-    def _stuck(self, raw: IntArray, present: BoolArray, now: float) -> BoolArray:
-        return np.zeros_like(super()._stuck(raw, present, now))
+    def _count_on(self, noise_ratio: FloatArray) -> None:
+        super()._count_on(noise_ratio)
+        self._stuck_cycles[:] = np.inf
 
 
 class AcceptsZero(GaugeChecks):
-    def _dropped_to_zero(self, strain: FloatArray, raw: IntArray, present: BoolArray) -> BoolArray:
-        return np.zeros_like(super()._dropped_to_zero(strain, raw, present))
+    def limits(self) -> dict[str, float]:
+        return {**super().limits(), "zero_jump": np.inf}
+
+    def _count_on(self, noise_ratio: FloatArray) -> None:
+        super()._count_on(noise_ratio)
+        self._zero_cycles[:] = np.iinfo(np.int64).max
 
 
 class IgnoresWatch(FreezeWatch):
     """Finds no gauges that are frozen together."""
 
-    def update(
-        self, strain: FloatArray, difference: FloatArray, run: IntArray, present: BoolArray | None = None
-    ) -> None:
-        return None
+    limit, scatter_limit = -np.inf, np.inf
 
 
 class RepeatsTogether(GaugeChecks):
@@ -281,9 +306,7 @@ class RepeatsTogether(GaugeChecks):
 class IgnoresScatter(FreezeWatch):
     """Finds gauges that repeat their readings, not those that scatter too little."""
 
-    def _watch_scatter(self, difference: FloatArray, run: IntArray, is_whole: bool) -> None:
-        super()._watch_scatter(difference, run, is_whole)
-        self._any_too_little = False
+    scatter_limit = np.inf
 
 
 class ScattersTooLittle(GaugeChecks):
@@ -294,7 +317,8 @@ class ScattersTooLittle(GaugeChecks):
 class NeverFrozen(RepeatsTogether):
     """Finds neither a cycle nor gauges that do not change."""
 
-    def frozen(self, present: BoolArray, now: float) -> tuple[float, float]:
+    @property
+    def ages(self) -> tuple[float, float]:
         return 0.0, 0.0
 
 
@@ -302,23 +326,28 @@ class NeverFrozen(RepeatsTogether):
 
 
 class HoldsNoValueCodes(HeldValue):
-    def _has_no_value(self, code: int) -> bool:
-        return False
+    def new_plan(self, *given: Any) -> CyclePlan:
+        return without_codes(super().new_plan(*given))
 
 
 class HoldsAnyRange(HeldValue):
-    def _is_out_of_range(self, code: int, value: float) -> bool:
-        return False
+    def new_plan(self, *given: Any) -> CyclePlan:
+        return without_limits(super().new_plan(*given))
+
+    def sensible(self) -> tuple[float, float]:
+        return -np.inf, np.inf
 
 
 class HoldsWhateverStatus(HeldValue):
-    def _is_refused_by_sender(self, raw: Sequence[int]) -> bool:
-        return False
+    @property
+    def status(self) -> None:
+        return None
 
 
 class HoldsForEver(HeldValue):
-    def _expires(self) -> bool:
-        return False
+    def __init__(self, *given: Any, **named: Any) -> None:
+        super().__init__(*given, **named)
+        self.record.max_age = np.inf
 
 
 # --- judgement ------------------------------------------------------------------------------------------------
@@ -341,7 +370,9 @@ class HoldsMissingGauges(CycleJudge):
         verdicts: GaugeVerdicts | None,
     ) -> CycleResult:
         last = np.full_like(decoded.strain, np.nan) if self._last is None else self._last
-        held = replace(decoded, strain=np.where(decoded.present, decoded.strain, last))
+        held = DecodedCycle(len(last))
+        held.present[:], held.status = decoded.present, decoded.status
+        held.strain[:] = np.where(decoded.present, decoded.strain, last)
         result = super()._answer(
             cycle,
             now,

@@ -11,7 +11,7 @@ from strainfmu.can.cycle.estimate.result import CycleResult, no_numbers, result_
 from strainfmu.can.cycle.estimate.step import EstimatorStep
 from strainfmu.can.cycle.frames.account import FrameClass
 from strainfmu.can.cycle.frames.assembler import Arrival, Cycle
-from strainfmu.can.cycle.frames.decoder import STATUS_DEGRADED, DecodedCycle
+from strainfmu.can.cycle.frames.decoder import STATUS_DEGRADED
 from strainfmu.can.cycle.frames.held_strains import WholeCycle
 from strainfmu.can.cycle.frames.reception import TrailerVerdict
 from strainfmu.can.cycle.gauges.plausibility import ROUND_OFF
@@ -20,6 +20,7 @@ from strainfmu.can.cycle.parts import CycleParts
 from strainfmu.can.cycle.states.quality import Cause, Quality
 from strainfmu.can.e2e.sample_clock import ClockReading, SenderClock
 from strainfmu.can.settings import BridgeSettings
+from strainfmu.can.wire.cycle_plan import DecodedCycle
 from strainfmu.can.wire.frame_layout import InputLayout
 from strainfmu.cosim.estimators.step import ENVELOPE_SCORE
 
@@ -54,6 +55,10 @@ class CycleJudge:
         self._clock, self._pace = parts.clock, parts.pace
         self._seen, self._proof = parts.seen, parts.proof
         self._decoder, self._gauges = parts.decoder, parts.gauges
+        # The cycle that is judged, and one that is looked at beside it.
+        self._decoded, self._beside = parts.decoder.new_cycle(), parts.decoder.new_cycle()
+        self._no_gauge = np.zeros(layout.n_gauges, dtype=bool)
+        self._no_gauge.setflags(write=False)
         self._held, self._taring = parts.held, parts.taring
         self._may_be_held_back = False
         self._passed_over: Cycle | None = None
@@ -101,7 +106,7 @@ class CycleJudge:
         self._held.take(arrival)
         if not self._reception.is_trusted(arrival.slot):
             return FrameClass.NOT_TRUSTED
-        own = self._decoder.decode([arrival], 0)
+        own = self._decoder.decode([arrival], 0, self._beside)
         usable = own.present & ~own.refused & np.isfinite(own.strain)
         return FrameClass.USED if usable.any() else FrameClass.NOT_USABLE
 
@@ -148,8 +153,12 @@ class CycleJudge:
         strains = list(arrivals.values()) if trailer.refused in _READABLE else []
         if self._trailer is not None:
             strains = [arrival for arrival in strains if arrival.slot < reception.n_strain]
-        decoded = self._decoder.decode(strains, trailer.status)
-        plausible = self._plausible(decoded, cycle, whole)
+        decoded = self._decoded
+        if whole is None:
+            arguments = self._decoder.arguments(strains, trailer.status, decoded)
+            plausible = self._gauges.judge_frames(arguments, decoded, cycle.first_time)
+        else:
+            plausible = self._plausible(self._decoder.decode(strains, trailer.status, decoded), cycle, whole)
         if self._gauges.all_zero and self._is_dead(decoded, now):
             plausible = self._gauges.refuse_zeros(decoded.present)
         age, uncertainty, of_time = self._age(cycle, now, decoded, trailer)
@@ -173,9 +182,9 @@ class CycleJudge:
             valid = np.zeros_like(plausible) if refused else plausible & trusted
             classes = [self._class_of(arrival, refused, valid) for arrival in cycle.arrivals.values()]
             verdicts = GaugeVerdicts(
-                present=decoded.present,
+                present=decoded.present.copy(),
                 trusted=trusted,
-                refused=decoded.refused,
+                refused=decoded.refused.copy(),
                 plausible=plausible,
                 faults=self._gauges.faults,
                 cycle="" if refused is None else refused.value,
@@ -196,13 +205,10 @@ class CycleJudge:
             answer.causes |= self._taring.take(answer, self._flow.stated_pressure(now))
         return answer, classes
 
-    def _plausible(self, decoded: DecodedCycle, cycle: Cycle, whole: WholeCycle | None) -> BoolArray:
+    def _plausible(self, decoded: DecodedCycle, cycle: Cycle, whole: WholeCycle) -> BoolArray:
         """Return (n_d,) which gauges of a cycle are plausible; held ones are checked once, when they have come."""
+        assert self._held is not None
         present, now = decoded.present, cycle.first_time
-        if whole is None or self._held is None:
-            return self._gauges.update(
-                decoded.strain, decoded.raw, present, decoded.refused, now, decoded.is_clean
-            )
         checked = self._gauges.update(
             np.where(whole.fresh, decoded.strain, np.nan),
             decoded.raw,
@@ -219,10 +225,10 @@ class CycleJudge:
 
     def silence(self, time: float, quality: Quality, causes: Cause) -> CycleResult:
         """Return the result at ``time`` [s] of a cycle in which nothing came."""
-        none = self._decoder.empty()
         if self._reception.has_second_sender(time):
             causes |= Cause.SECOND_SENDER
-        return CycleResult(time=time, quality=quality, causes=causes, valid=none.present, strain=none.strain)
+        strain = np.full(self._layout.n_gauges, np.nan)
+        return CycleResult(time=time, quality=quality, causes=causes, valid=self._no_gauge, strain=strain)
 
     def _age(
         self, cycle: Cycle, now: float, decoded: DecodedCycle, trailer: TrailerVerdict
@@ -254,7 +260,9 @@ class CycleJudge:
             causes |= Cause.OLD
         if self._settings.stuck_cycles != 0:
             # Strains that the sender repeats have the age of their first occurrence.
-            frozen, unheard = self._gauges.frozen(decoded.present, cycle.first_time)
+            frozen, unheard = (
+                self._gauges.ages if self._held is None else self._gauges.frozen(decoded, cycle.first_time)
+            )
             age += frozen
             if frozen > 0.0 and age > limit:
                 causes |= Cause.FROZEN
@@ -271,7 +279,7 @@ class CycleJudge:
         if passed is None or cycle.first_time - passed.first_time > 1.5 * self._period:
             return False
         strains = [arrival for arrival in passed.arrivals.values() if arrival.slot < self._reception.n_strain]
-        before = self._decoder.decode(strains, 0)
+        before = self._decoder.decode(strains, 0, self._beside)
         return bool(((before.raw != decoded.raw) & before.present & decoded.present).any())
 
     def _prove(self, cycle: Cycle, clock: SenderClock, reading: ClockReading, ticks: int, is_new: bool) -> None:
@@ -332,7 +340,8 @@ class CycleJudge:
         if flow.hides_delay:
             causes |= Cause.HIDDEN_DELAY
         # Without verdicts all gauges are valid.
-        strain = decoded.strain if verdicts is None or _is_full(valid) else np.where(valid, decoded.strain, np.nan)
+        is_whole = verdicts is None or _is_full(valid)
+        strain = decoded.strain.copy() if is_whole else np.where(valid, decoded.strain, np.nan)
         step = None
         if verdicts is None or np.count_nonzero(valid):
             step, quality, causes = self._step(strain, flow, now, causes)

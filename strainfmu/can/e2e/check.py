@@ -8,7 +8,10 @@ from __future__ import annotations
 
 from enum import Enum
 
-from strainfmu.can.wire.crc import Protection, crc_check
+import numpy as np
+
+from strainfmu.can.wire.compiled import ARRAY, INTEGER, Record, function, pointer
+from strainfmu.can.wire.crc import Protection
 
 
 class E2EStatus(Enum):
@@ -31,52 +34,77 @@ class E2EStatus(Enum):
 
 
 USABLE = frozenset({E2EStatus.OK, E2EStatus.OK_SOME_LOST})
-_OK = E2EStatus.OK
+STATUSES = tuple(E2EStatus)
+"""In the order of strainbus.h."""
+
+_LONGEST = 64
+"""Bytes of a frame, for which there is room from the start."""
+
+
+class CheckRecord(Record):
+    """CRC and counter of one frame for compiled code."""
+
+    position = 7
+    _fields_ = (
+        *((name, INTEGER) for name in ("profile", "data_id", "end", "counter_byte", "counter_bits", "modulus")),
+        *((name, INTEGER) for name in ("max_delta", "capacity")),
+        *((name, ARRAY) for name in ("content", "content_before")),
+        *((name, INTEGER) for name in ("n_content", "n_content_before", "counter", "before")),
+        *((name, INTEGER) for name in ("conflicts", "alternates")),
+    )
 
 
 class ReceptionCheck:
-    """CRC and counter of successive receptions of one frame.
+    """CRC and counter of successive receptions of one frame, in compiled code.
 
     Parameters
     ----------
     protection : of this frame.
     max_delta : maximum counter step that is accepted (MaxDeltaCounter).
+    n_covered : maximum number of bytes of other frames under the same CRC.
     """
 
-    def __init__(self, protection: Protection, max_delta: int) -> None:
-        self._protection = protection
-        self._max_delta = max_delta
-        self._modulus = protection.counter_modulus
-        self._fits = crc_check(protection)
-        self._byte, self._bits = protection.counter_place
-        self.counter = self._before = self._modulus - 1
-        self._content: tuple[bytes, bytes] | None = None
-        self._content_before: tuple[bytes, bytes] | None = None
-        self.conflicts = self.alternates = False
-        """The last frame had a correct CRC and the counter of one of the two before, with other data; or the
-        counter next to that of the one before the last, as with two senders in turns."""
+    def __init__(self, protection: Protection, max_delta: int, n_covered: int = 0) -> None:
+        byte, bits = protection.counter_place
+        modulus, capacity = protection.counter_modulus, _LONGEST + n_covered
+        self.record = CheckRecord(
+            profile=protection.profile,
+            data_id=protection.data_id,
+            end=-1 if protection.end is None else protection.end,
+            counter_byte=byte,
+            counter_bits=bits,
+            modulus=modulus,
+            max_delta=max_delta,
+            capacity=capacity,
+            content=np.zeros(capacity, dtype=np.uint8),
+            content_before=np.zeros(capacity, dtype=np.uint8),
+            n_content=-1,
+            n_content_before=-1,
+            counter=modulus - 1,
+            before=modulus - 1,
+            conflicts=0,
+            alternates=0,
+        )
+        self._at, self._check = pointer(self.record), function("sb_check", CheckRecord)
 
     def check(self, data: bytes, covered: bytes = b"") -> E2EStatus:
-        """Return the status of ``data`` (with ``covered``, bytes of other frames under the same CRC)."""
-        self.conflicts = self.alternates = False
-        fits = self._fits  # a function, not a method: called as one it is looked up twice
-        if not fits(data, covered):
-            return E2EStatus.ERROR
-        counter, modulus = data[self._byte] & self._bits, self._modulus
-        if counter >= modulus:
-            return E2EStatus.ERROR
-        last = self.counter
-        delta = (counter - last) % modulus
-        if delta == 0:
-            self.conflicts = self._content is not None and self._content != (data, covered)
-            return E2EStatus.REPEATED
-        before, self._before, self.counter = self._before, last, counter
-        content, self._content_before = self._content_before, self._content
-        self._content = data, covered
-        if delta == 1:
-            return _OK
-        if delta <= self._max_delta:
-            return E2EStatus.OK_SOME_LOST
-        self.alternates = 1 <= (counter - before) % self._modulus <= self._max_delta
-        self.conflicts = counter == before and content is not None and content != self._content
-        return E2EStatus.WRONG_SEQUENCE
+        """Return the status of ``data`` (with ``covered``, bytes of other frames under the same CRC).
+
+        Raises
+        ------
+        ValueError
+            They are longer than a frame and ``n_covered``.
+        """
+        if len(data) + len(covered) > self.record.capacity:
+            raise ValueError(f"expected up to {self.record.capacity} bytes, got {len(data) + len(covered)}")
+        return STATUSES[self._check(self._at, data, len(data), covered, len(covered))]
+
+    @property
+    def conflicts(self) -> bool:
+        """The last frame had a correct CRC and the counter of one of the two before, with other data."""
+        return bool(self.record.conflicts)
+
+    @property
+    def alternates(self) -> bool:
+        """It had the counter next to that of the one before the last, as with two senders in turns."""
+        return bool(self.record.alternates)

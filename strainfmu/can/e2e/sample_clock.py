@@ -8,16 +8,22 @@ delay that a fast clock hides cannot be seen at all, it is part of the uncertain
 
 from __future__ import annotations
 
-from collections import deque
+import ctypes
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
+from strainfmu.can.wire.compiled import INTEGER, NUMBER, Record, function, pointer
+
 _WINDOW = 1.0
 """Length of the windows [s]; the drift is fitted to the smallest delays of these."""
 
 _WINDOWS = 60
+"""``SB_MINIMA`` of strainbus.h."""
+
+_JUMPED, _RESTARTED, _HIDES_DELAY, _RESUMED = 1, 2, 4, 8
+"""Flags of strainbus.h."""
 
 _STEADY = 0.5
 """Fraction of the jump tolerance by which the delay may shrink while a jump is confirmed."""
@@ -69,14 +75,11 @@ class ClockReading:
     resumed: bool = False
 
 
-_without_fields = object.__new__
-"""Makes a reading whose fields are all still to be set, in half the time of making one by them."""
-
-
 class SenderClock(Protocol):
-    """A clock that dates samples; ``range`` is the time after which it wraps [s]."""
+    """A clock that dates samples; ``range`` is the time after which it wraps [s], ``record`` for compiled code."""
 
     range: float
+    record: ClockRecord
 
     def read(self, local: float, ticks: int) -> ClockReading:
         """Take in a sample time that arrived at ``local`` on our clock [s]."""
@@ -108,27 +111,60 @@ class SenderClock(Protocol):
         ...
 
 
-@dataclass(kw_only=True, slots=True)
-class _Model:
-    """State of a clock.
+class _Model(ctypes.Structure):
+    _fields_ = (
+        *((name, INTEGER) for name in ("is_set", "ticks", "readings")),
+        *((name, NUMBER) for name in ("source", "local", "floor", "lowest", "start", "fastest")),
+    )
 
-    Attributes
-    ----------
-    ticks, source, local : last reading [ticks], its time by that clock and by ours [s].
-    floor : smallest delay, raised with time [s].
-    lowest : least value of the floor, less what was hidden before a restart [s].
-    start : our time of the first reading [s].
-    fastest : delay at the start of the fastest clock that no reading contradicts [s].
-    """
 
-    ticks: int
-    source: float
-    local: float
-    floor: float
-    lowest: float
-    start: float
-    fastest: float
-    readings: int = 1
+class ClockRecord(Record):
+    """A clock for compiled code."""
+
+    position = 3
+    _fields_ = (
+        *((name, INTEGER) for name in ("bits", "confirmations", "is_synchronised")),
+        *((name, NUMBER) for name in ("tick", "range", "pace", "tolerance", "hidden", "jump_tolerance")),
+        *((name, NUMBER) for name in ("steady", "round_off", "window", "shift", "accuracy")),
+        *((name, _Model) for name in ("known", "jumped", "before")),
+        *((name, NUMBER) for name in ("window_start", "window_min")),
+        ("n_minima", INTEGER),
+        ("minimum", NUMBER * (2 * _WINDOWS)),
+        ("age", NUMBER),
+        ("uncertainty", NUMBER),
+    )
+
+
+def clock_record(tick: float, bits: int, **limits: float) -> ClockRecord:
+    """Return the record of a clock that nothing is known of; ``limits`` are fields that are not 0."""
+    record = ClockRecord.empty()
+    record.tick, record.bits, record.range = tick, bits, tick * (1 << bits)
+    for name, value in limits.items():
+        setattr(record, name, value)
+    return record
+
+
+_without_fields = object.__new__
+"""Makes a reading whose fields are all still to be set, in half the time of making one by them."""
+
+
+class ClockReader:
+    """Reads the sample times of one record."""
+
+    def __init__(self, record: ClockRecord) -> None:
+        self._record = record
+        self._local, self._ticks = NUMBER(), INTEGER()
+        self._at = pointer(record), pointer(self._local), pointer(self._ticks)
+        self._read = function("sb_clock_read", ClockRecord)
+
+    def __call__(self, local: float, ticks: int) -> ClockReading:
+        """Take in a sample time that arrived at ``local`` on our clock [s]."""
+        self._local.value, self._ticks.value = local, ticks
+        flags, record, reading = self._read(*self._at), self._record, _without_fields(ClockReading)
+        reading.age, reading.uncertainty = record.age, record.uncertainty
+        reading.jumped, reading.restarted = flags & _JUMPED != 0, flags & _RESTARTED != 0
+        reading.hides_delay, reading.resumed = flags & _HIDES_DELAY != 0, flags & _RESUMED != 0
+        return reading
 
 
 class SampleClock:
@@ -142,152 +178,60 @@ class SampleClock:
     """
 
     def __init__(self, tick: float, bits: int, limits: ClockLimits) -> None:
-        self._tick, self._half, self._whole = tick, 1 << (bits - 1), 1 << bits
-        self.range = self._whole * tick
+        self._rate = limits.rate
+        self.record = record = clock_record(
+            tick,
+            bits,
+            confirmations=limits.confirmations,
+            pace=1.0 - limits.rate,
+            tolerance=limits.tolerance,
+            hidden=limits.hidden,
+            jump_tolerance=limits.jump_tolerance,
+            steady=_STEADY,
+            round_off=_ROUND_OFF,
+            window=_WINDOW,
+        )
+        self.range = record.range
         """Time after which it wraps [s]."""
-        # Time [s] below which it has not wrapped for certain, whatever the round-off.
-        self._unwrapped = (self._half - 1) * tick
-        self._limits = limits
-        # Read for every frame with a sample time.
-        self._pace, self._tolerance, self._hidden = 1.0 - limits.rate, limits.tolerance, limits.hidden
-        self._jump_tolerance, self._sums_hide = limits.jump_tolerance, limits.hidden - _ROUND_OFF
-        self._minima: deque[tuple[float, float]] = deque(maxlen=_WINDOWS)
-        self._window_start = self._window_min = np.inf
+        self.read = ClockReader(record)
+        self._begin = function("sb_clock_reset", ClockRecord)
         self.reset()
 
     def reset(self) -> None:
         """Forget the sender."""
-        self._known: _Model | None = None
-        self._jumped: _Model | None = None
-        self._before: _Model | None = None
-        self._begin_drift(np.inf, np.inf)
-
-    def read(self, local: float, ticks: int) -> ClockReading:
-        """Take in a sample time that arrived at ``local`` on our clock [s]."""
-        local *= self._pace
-        known = self._known
-        if known is None:
-            self._known = known = self._new(local, ticks)
-            self._begin_drift(local, known.floor)
-            return ClockReading(0.0)
-        offset = self._follow(known, local, ticks)
-        if offset is not None:
-            self._jumped = None
-            if offset < self._window_min:
-                self._window_min = offset
-            if local - self._window_start >= _WINDOW:
-                self._minima.append((self._window_start, self._window_min))
-                self._window_start, self._window_min = local, offset
-            return self._reading(known, offset, False)
-        if self._before is not None and (offset := self._follow(self._before, local, ticks)) is not None:
-            self._known, self._before, self._jumped = self._before, None, None
-            self._begin_drift(local, self._known.floor)
-            return self._reading(self._known, offset, True)
-        return self._jump(local, ticks)
-
-    def _jump(self, local: float, ticks: int) -> ClockReading:
-        """Take in a sample time that does not fit."""
-        assert self._known is not None
-        # Cycles that were held back come one behind the other, each a cycle less late than the one before.
-        if self._jumped is None or self._follow(self._jumped, local, ticks, _STEADY) is None:
-            self._jumped = self._new(local, ticks)
-        if self._jumped.readings < self._limits.confirmations:
-            return ClockReading(0.0, jumped=True)
-        old = self._before or self._known
-        # A queue on the way outlives a restart of the sender: what may hide in it still may.
-        self._jumped.lowest -= old.floor - old.lowest
-        self._jumped.fastest -= self._uncertainty(old, local)
-        self._known, self._before, self._jumped = self._jumped, old, None
-        self._begin_drift(local, self._known.floor)
-        return ClockReading(0.0, jumped=True, restarted=True)
+        self._begin(pointer(self.record))
 
     def accept(self) -> None:
         """Take the time of the last restart for the sender's: that of before does not come back."""
-        self._before = None
+        self.record.before.is_set = 0
 
     def anchor(self) -> None:
         """Take the delay of the last reading for the smallest one: somebody has checked it."""
-        if (known := self._known) is not None:
-            known.lowest = known.fastest = known.floor = known.local - known.source
-            known.start = known.local
+        known = self.record.known
+        known.lowest = known.fastest = known.floor = known.local - known.source
+        known.start = known.local
 
     def seconds(self, ticks: int) -> float:
         """Return a sample time [s]."""
-        return ticks * self._tick
+        return ticks * self.record.tick
 
     def seconds_ahead(self, local: float, ticks: int) -> float:
         """Return by how much a sample time is ahead of the accepted clock at ``local`` [s]."""
-        model = self._before or self._known
-        if model is None:
+        record = self.record
+        model = record.before if record.before.is_set else record.known
+        if not model.is_set:
             return 0.0
-        expected = model.ticks + round((local * (1.0 - self._limits.rate) - model.local) / self._tick)
-        return ((ticks - expected + self._half) % (2 * self._half) - self._half) * self._tick
-
-    def _new(self, local: float, ticks: int) -> _Model:
-        source = ticks * self._tick
-        delay = local - source
-        return _Model(
-            ticks=ticks, source=source, local=local, floor=delay, lowest=delay, start=local, fastest=delay
-        )
-
-    def _follow(self, model: _Model, local: float, ticks: int, tolerated: float = 1.0) -> float | None:
-        """Update ``model`` with a reading and return its delay [s]; None, with no update, if they do not fit.
-
-        ``tolerated`` is the fraction of the jump tolerance by which the delay may shrink.
-        """
-        # Without min() and max(), as calls are what this takes most of its time for.
-        elapsed, half, floor, lowest = local - model.local, self._half, model.floor, model.lowest
-        if elapsed < 0.0:
-            elapsed = 0.0
-        if elapsed < self._unwrapped:
-            since = (ticks - model.ticks + half) % self._whole - half
-        else:
-            # After half the range our clock tells how often the time wrapped.
-            expected = round(elapsed / self._tick)
-            if expected < half:
-                expected = 0
-            since = expected + (ticks - model.ticks - expected + half) % self._whole - half
-        source = model.source + since * self._tick
-        offset, tolerance = local - source, self._tolerance
-        drift = tolerance * elapsed
-        if source < model.source or offset < floor - drift - tolerated * self._jump_tolerance:
-            return None
-        raised, highest = floor + drift, lowest + self._hidden
-        if highest < raised:
-            raised = highest
-        if raised > floor:
-            floor = raised
-        if offset < floor:
-            floor = offset
-        model.ticks, model.source, model.local, model.floor = ticks, source, local, floor
-        if floor < lowest:
-            model.lowest = floor
-        fastest = offset + tolerance * (local - model.start)
-        if fastest < model.fastest:
-            model.fastest = fastest
-        model.readings += 1
-        return offset
-
-    def _reading(self, model: _Model, offset: float, resumed: bool) -> ClockReading:
-        floor, reading = model.floor, _without_fields(ClockReading)
-        reading.age, reading.jumped, reading.restarted, reading.resumed = offset - floor, False, False, resumed
-        reading.uncertainty = floor - model.fastest + self._tolerance * (model.local - model.start)
-        reading.hides_delay = floor - model.lowest >= self._sums_hide
-        return reading
-
-    def _uncertainty(self, model: _Model, local: float) -> float:
-        """Return by how much delays may be larger than stated [s]: as much as with the fastest clock possible."""
-        return model.floor - model.fastest + self._limits.tolerance * (local - model.start)
-
-    def _begin_drift(self, local: float, offset: float) -> None:
-        self._minima.clear()
-        self._window_start, self._window_min = local, offset
+        half = 1 << (record.bits - 1)
+        expected = model.ticks + round((local * record.pace - model.local) / record.tick)
+        return ((ticks - expected + half) % (2 * half) - half) * record.tick
 
     @property
     def drift_ppm(self) -> float:
         """How much slower than ours the sender's clock runs [ppm]; NaN before there are enough readings."""
-        if len(self._minima) < 5:
+        count = self.record.n_minima
+        if count < 5:
             return float("nan")
-        time, minimum = np.array(self._minima).T
+        kept = np.array(self.record.minimum).reshape(-1, 2)[:count]
+        time, minimum = np.roll(kept, -count if count > _WINDOWS else 0, axis=0).T  # the oldest first
         slope = np.polyfit(time - time[0], minimum - minimum[0], 1)[0]
-        return float(1e6 * (slope + self._limits.rate))
+        return float(1e6 * (slope + self._rate))

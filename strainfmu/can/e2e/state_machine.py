@@ -6,11 +6,13 @@ and OKSOMELOST count as good, ERROR counts as bad, all others count as neither.
 
 from __future__ import annotations
 
-from collections import deque
 from enum import Enum
 
-from strainfmu.can.e2e.check import USABLE, E2EStatus
+import numpy as np
+
+from strainfmu.can.e2e.check import STATUSES, E2EStatus
 from strainfmu.can.settings import StateMachineSettings
+from strainfmu.can.wire.compiled import ARRAY, INTEGER, Record, function, pointer
 
 
 class E2EState(Enum):
@@ -22,57 +24,50 @@ class E2EState(Enum):
     INVALID = "INVALID"
 
 
-_OK, _VALID = E2EStatus.OK, E2EState.VALID
+STATES = tuple(E2EState)
+"""In the order of strainbus.h."""
+
+VALID = STATES.index(E2EState.VALID)
+
+_CODES = {status: code for code, status in enumerate(STATUSES)}
+_LIMITS = (
+    *("window_size", "min_ok_init", "max_error_init", "min_ok_valid", "max_error_valid"),
+    *("min_ok_invalid", "max_error_invalid"),
+)
+
+
+class MachineRecord(Record):
+    """The state of the communication of one frame for compiled code."""
+
+    position = 8
+    _fields_ = (
+        *((name, INTEGER) for name in _LIMITS),
+        ("window", ARRAY),
+        *((name, INTEGER) for name in ("state", "next", "count", "ok", "errors")),
+    )
 
 
 class E2EStateMachine:
-    """NODATA -> INIT -> VALID <-> INVALID over the statuses of successive checks."""
+    """NODATA -> INIT -> VALID <-> INVALID over the statuses of successive checks, in compiled code."""
 
     def __init__(self, settings: StateMachineSettings) -> None:
-        self._settings = settings
-        self._window: deque[E2EStatus] = deque()
-        self._ok = self._errors = 0
-        self._size = settings.window_size
-        self.state = E2EState.NO_DATA
-        self.is_steady = False
-        """A window full of good checks stays one with another: it changes nothing."""
+        self.record = MachineRecord(
+            **{name: getattr(settings, name) for name in _LIMITS},
+            window=np.zeros(settings.window_size, dtype=np.uint8),
+            **dict.fromkeys(("state", "next", "count", "ok", "errors"), 0),
+        )
+        self._at, self._add = pointer(self.record), function("sb_machine_add", MachineRecord)
 
     def reset(self) -> None:
         """Forget all checks, as after a restart of the sender or of the bus."""
-        self._window.clear()
-        self._ok = self._errors = 0
-        self.state, self.is_steady = E2EState.NO_DATA, False
+        record = self.record
+        record.state = record.next = record.count = record.ok = record.errors = 0
+
+    @property
+    def state(self) -> E2EState:
+        """State of the communication."""
+        return STATES[self.record.state]
 
     def add(self, status: E2EStatus) -> E2EState:
         """Take in the status of one check and return the state."""
-        if status is _OK and self.is_steady:
-            return self.state  # what leaves the window counts as what enters it
-        limits = self._settings
-        if self.state is E2EState.NO_DATA:
-            if status not in (E2EStatus.ERROR, E2EStatus.NO_NEW_DATA):
-                self.state = E2EState.INIT
-            return self.state
-        self._slide(status)
-        ok, errors = self._ok, self._errors
-        if self.state is E2EState.INIT:
-            if errors > limits.max_error_init:
-                self.state = E2EState.INVALID
-            elif ok >= limits.min_ok_init:
-                self.state = E2EState.VALID
-        elif self.state is E2EState.VALID:
-            if errors > limits.max_error_valid or ok < limits.min_ok_valid:
-                self.state = E2EState.INVALID
-        elif errors <= limits.max_error_invalid and ok >= limits.min_ok_invalid:
-            self.state = E2EState.VALID
-        self.is_steady = self._ok == self._size and self.state is _VALID
-        return self.state
-
-    def _slide(self, status: E2EStatus) -> None:
-        """Take ``status`` into the window, and the oldest out of it if it is full."""
-        self._window.append(status)
-        self._ok += status in USABLE
-        self._errors += status is E2EStatus.ERROR
-        if len(self._window) > self._settings.window_size:
-            oldest = self._window.popleft()
-            self._ok -= oldest in USABLE
-            self._errors -= oldest is E2EStatus.ERROR
+        return STATES[self._add(self._at, _CODES[status])]

@@ -6,7 +6,7 @@ old as it is.
 
 from __future__ import annotations
 
-from strainfmu.can.e2e.sample_clock import ClockReading
+from strainfmu.can.e2e.sample_clock import ClockReader, clock_record
 
 
 class SynchronisedClock:
@@ -23,24 +23,18 @@ class SynchronisedClock:
     drift_ppm = float("nan")
 
     def __init__(self, tick: float, bits: int, shift: float, accuracy: float) -> None:
-        self._tick, self.range = tick, tick * (1 << bits)
-        self._shift, self._accuracy = shift, accuracy
-
-    def read(self, local: float, ticks: int) -> ClockReading:
-        """Take in a sample time that arrived at ``local`` on our clock [s]."""
-        age = -self.seconds_ahead(local, ticks)
-        if age < -self._accuracy:
-            return ClockReading(0.0, jumped=True)
-        return ClockReading(max(age, 0.0), uncertainty=self._accuracy)
+        self.record = clock_record(tick, bits, is_synchronised=1, shift=shift, accuracy=accuracy)
+        self.range = self.record.range
+        self.read = ClockReader(self.record)
 
     def seconds_ahead(self, local: float, ticks: int) -> float:
         """Return by how much a sample time is ahead of ours at ``local`` [s]."""
         half = 0.5 * self.range
-        return (self.seconds(ticks) - (local + self._shift) + half) % self.range - half
+        return (self.seconds(ticks) - (local + self.record.shift) + half) % self.range - half
 
     def seconds(self, ticks: int) -> float:
         """Return a sample time [s]."""
-        return ticks * self._tick
+        return ticks * self.record.tick
 
     def reset(self) -> None:
         """Do nothing: there is nothing to forget."""

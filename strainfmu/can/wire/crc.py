@@ -9,7 +9,6 @@ Source: AUTOSAR PRS_E2EProtocol (document 849), E2E profiles 1 (both bytes of th
 from __future__ import annotations
 
 from binascii import crc_hqx
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
@@ -68,21 +67,6 @@ def crc_of(data: bytes | bytearray, protection: Protection, covered: bytes = b""
     if covered:
         crc = crc_hqx(covered, crc)
     return crc_hqx(protection.data_id.to_bytes(2, "little"), crc)
-
-
-def crc_check(protection: Protection) -> Callable[[bytes, bytes], bool]:
-    """Return a function of data and covered bytes that says whether :func:`crc_in` is :func:`crc_of` of them."""
-    if protection.profile == 1:
-        return lambda data, covered: crc_in(data, protection) == crc_of(data, protection, covered)
-    end, data_id = protection.end, protection.data_id.to_bytes(2, "little")
-
-    def fits(data: bytes, covered: bytes) -> bool:
-        crc = crc_hqx(data[2:end], 0xFFFF)
-        if covered:
-            crc = crc_hqx(covered, crc)
-        return crc_hqx(data_id, crc) == data[0] | data[1] << 8
-
-    return fits
 
 
 def crc_in(data: bytes | bytearray, protection: Protection) -> int:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import ceil, floor, nan
 from operator import itemgetter
 
@@ -259,28 +259,6 @@ class _Encoder:
                 f"got {value:g}{unit}"
             )
         return signal.not_available
-
-
-def number_reader(layout: FrameLayout, indices: Sequence[int | None]) -> Callable[[bytes], tuple[int | None, ...]]:
-    """Return a function from a frame's data to the raw numbers of its signals ``indices``, as of :meth:`raw`.
-
-    It reads these alone, where the frame is of whole bytes. An index None gives None.
-    """
-    known = sorted((index for index in indices if index is not None), key=lambda i: layout.signals[i].start)
-    chosen = replace(layout, signals=tuple(layout.signals[index] for index in known))
-    packed = _packed(chosen) if known else None
-    places = [None if index is None else known.index(index) for index in indices]
-    if packed is not None:
-        unpack = packed.unpack
-        if places == list(range(len(places))):
-            return unpack
-        return lambda data: _picked(unpack(data), places)
-    plan = SignalPlan(chosen)
-    return lambda data: _picked(plan.raw(data).tolist(), places)
-
-
-def _picked(numbers: Sequence[int], places: Sequence[int | None]) -> tuple[int | None, ...]:
-    return tuple([None if place is None else numbers[place] for place in places])
 
 
 def _encoder(signal: SignalLayout, n_bytes: int) -> _Encoder:

@@ -136,6 +136,9 @@ class FmuStep:
             self._inputs[self._place[variable.name]] = start
         self._zeros: tuple[list[Any], FloatArray] = [], np.zeros(0)
         self._values = np.zeros(len(self._get))
+        self._further_places = [(name, FIRST_NUMBER + 1 + k) for k, name in enumerate(self.further_outputs)]
+        self._estimate = self._values[:5], self._values[5:FIRST_NUMBER]
+        self._finite = np.ones(self.n_gauges, dtype=bool)
         self._python_path = list(sys.path)
         self._stack = ExitStack()
         try:
@@ -190,15 +193,15 @@ class FmuStep:
         try:
             self._set_inputs()
             if self._mask_setters:
-                self._set_mask(np.isfinite(strain))
+                self._set_mask(np.isfinite(strain, self._finite))
             self._step(begin, step_size)
             self._get_outputs()
         except StrainfmuError as error:
             raise self._after(error) from error
         values = self._values.tolist()
-        further = dict(zip(self.further_outputs, values[FIRST_NUMBER + 1 :], strict=False))
-        estimate = self._values[:FIRST_NUMBER].copy()
-        return StepResult(estimate[:5], estimate[5:], int(values[-1]), values[FIRST_NUMBER], further)
+        found = {name: values[place] for name, place in self._further_places}
+        coefficients, deviations = self._estimate
+        return StepResult(coefficients.copy(), deviations.copy(), int(values[-1]), values[FIRST_NUMBER], found)
 
     def set_zeros(self, zeros: GaugeZeros) -> None:
         """Let the FMU take ``zeros`` off its strains, from the next step on.

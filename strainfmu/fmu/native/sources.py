@@ -20,6 +20,9 @@ LIBRARIES = {
 }
 """Folders below ``fmus/native`` of the models in each library; ``plant`` serves autopilot and schedule too."""
 
+BESIDE = {"estimator": ("bus",)}
+"""Folders that the built library holds beside the model, for Python alone: FMUs bring no sources of them."""
+
 FRONTS = {"2": "fmi2", "3": "fmi3"}
 """Folder below ``fmus/native`` of the front of each FMI version; a library holds both."""
 
@@ -40,7 +43,7 @@ _INCLUDE = re.compile(rb'^#include "([^"]+)"', re.MULTILINE)
 
 def library_folders(library: str) -> tuple[str, ...]:
     """Return the folders that make ``library``, a key of :data:`LIBRARIES`."""
-    return (*FRONTS.values(), *LIBRARIES[library])
+    return (*FRONTS.values(), *LIBRARIES[library], *BESIDE.get(library, ()))
 
 
 def native_sources(library: str, fmi_version: str) -> dict[str, bytes]:

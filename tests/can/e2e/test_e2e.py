@@ -62,9 +62,26 @@ def test_every_single_flipped_bit_and_every_other_data_id_bit_is_found(profile: 
         wrong = bytearray(data)
         wrong[bit // 8] ^= 1 << bit % 8
         assert crc_in(wrong, protection) != crc_of(wrong, protection)
+        assert ReceptionCheck(protection, 3).check(bytes(wrong)) is ERROR
+    assert ReceptionCheck(protection, 3).check(data) is WRONG, "the first reception"
     for bit in range(16):
         other = Protection(profile, 0x1234 ^ 1 << bit)
         assert crc_in(data, other) != crc_of(data, other)
+        assert ReceptionCheck(other, 3).check(data) is ERROR
+
+
+@pytest.mark.parametrize("profile", [1, 5])
+def test_bytes_behind_the_end_are_under_no_crc_and_short_frames_have_none(profile: int) -> None:
+    protection = Protection(profile, 0x1234, end=6)
+    data = bytearray(protect(bytes(range(8)), protection, 1))
+    data[6] ^= 1
+    assert ReceptionCheck(protection, 3).check(bytes(data)) is not ERROR
+    data[5] ^= 1
+    assert ReceptionCheck(protection, 3).check(bytes(data)) is ERROR
+    for length in range(2 if profile == 1 else 3):
+        assert ReceptionCheck(Protection(profile, 0), 3).check(bytes(length)) is ERROR
+    with pytest.raises(ValueError, match="expected up to 64 bytes, got 65"):
+        ReceptionCheck(protection, 3).check(bytes(65))
 
 
 def test_bytes_of_other_frames_are_under_the_crc() -> None:
@@ -72,6 +89,8 @@ def test_bytes_of_other_frames_are_under_the_crc() -> None:
     data = protect(bytes(8), protection, 1, covered=b"strains")
     assert crc_in(data, protection) == crc_of(data, protection, b"strains")
     assert crc_in(data, protection) != crc_of(data, protection, b"strainz")
+    for covered, status in ((b"strains", LOST), (b"strainz", ERROR)):
+        assert ReceptionCheck(protection, 3, n_covered=7).check(data, covered) is status
     # Equal to one frame of all these bytes: data behind the CRC, then the covered ones.
     joined = bytearray(data + b"strains")
     assert p05.e2e_p05_check(bytes(joined), 9)

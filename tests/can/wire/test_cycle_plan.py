@@ -8,9 +8,22 @@ import numpy as np
 import pytest
 from can_case import layout_of
 
-from strainfmu.can.wire.cycle_plan import CyclePlan, InnerRange
-from strainfmu.can.wire.frame_layout import BIG, FLOAT, LITTLE, SIGNED, UNSIGNED, FrameLayout, SignalLayout
-from strainfmu.can.wire.signal_plan import SignalPlan, number_reader
+from strainfmu.can.cycle.frames.assembler import Arrival
+from strainfmu.can.cycle.frames.decoder import StrainDecoder
+from strainfmu.can.wire.cycle_plan import CyclePlan
+from strainfmu.can.wire.frame import Frame
+from strainfmu.can.wire.frame_layout import (
+    BIG,
+    FLOAT,
+    LITTLE,
+    SIGNED,
+    UNSIGNED,
+    FrameLayout,
+    InputFrame,
+    InputLayout,
+    SignalLayout,
+)
+from strainfmu.can.wire.signal_plan import SignalPlan
 
 pytestmark = pytest.mark.fast
 
@@ -59,10 +72,9 @@ def test_single_numbers_are_read_as_all_are(name: str) -> None:
         for _ in range(20):
             data = random.bytes(frame.length)
             picked = random.permutation(len(frame.signals))[:3].tolist()
-            wanted: list[int | None] = [*picked[:1], None, *picked[1:]]
             raw = plan.raw(data).tolist()
-            found = number_reader(frame, wanted)(data)
-            assert list(found) == [None if index is None else raw[index] for index in wanted]
+            found = CyclePlan([frame], [(0, index) for index in picked]).raw([data])
+            assert found.tolist() == [raw[index] for index in picked]
 
 
 @pytest.mark.parametrize(
@@ -77,16 +89,50 @@ def test_single_numbers_are_read_as_all_are(name: str) -> None:
         SignalLayout(name="s", start=0, length=16, kind=FLOAT),
     ],
 )
-def test_what_is_inside_a_range_is_usable(signal: SignalLayout) -> None:
-    inner = InnerRange([signal])
-    first, last = (-128, 127) if signal.kind == SIGNED else (0, 255)
-    inside = [number for number in range(first, last + 1) if inner.holds(np.array([number]))]
-    for number in inside:
-        value = number * signal.scale + signal.offset
-        assert number not in (first, last, *signal.no_value_codes)
-        assert signal.minimum is None or value >= signal.minimum
-        assert signal.maximum is None or value <= signal.maximum
-    assert bool(inside) == (signal.kind != FLOAT and signal.minimum != 0.1 and signal.scale != 1e-9)
+def test_what_is_refused_is_what_the_signal_forbids(signal: SignalLayout) -> None:
+    """Raw numbers: outside the limits, a code for "no value", or an end of a converter's range."""
+    frame = FrameLayout(name="f", identifier=1, length=2, signals=(signal,))
+    item = InputFrame(layout=frame, indices=(0,), gauges=(0,), to_strain=(1e-6,))
+    layout = InputLayout(name="one", n_gauges=1, strain_frames=(item,))
+    decoder = StrainDecoder(layout)
+    cycle, plan, seen = decoder.new_cycle(), SignalPlan(frame), set[bool]()
+    ends = (-128, 127) if signal.kind == SIGNED else (0, 255)
+    for number in range(0, 1 << signal.length, 1 if signal.length == 8 else 61):
+        data = number.to_bytes(2, "little")
+        arrival = Arrival(slot=0, frame=Frame(identifier=1, data=data), plan=plan)
+        decoder.decode([arrival], 0, cycle)
+        raw = int(plan.raw(data)[0])
+        value = float(plan.physical(plan.raw(data))[0])
+        low = -np.inf if signal.minimum is None else signal.minimum
+        high = np.inf if signal.maximum is None else signal.maximum
+        is_end = signal.kind != FLOAT and raw in ends
+        assert cycle.raw[0] == raw
+        np.testing.assert_array_equal(cycle.strain[0], value * 1e-6)
+        assert cycle.refused[0] == (is_end or raw in signal.no_value_codes or not low <= value <= high), raw
+        seen.add(bool(cycle.refused[0]))
+    assert seen == ({True} if signal.minimum == 0.1 else {False, True})
+
+
+def test_frames_that_are_missing_and_a_bad_status() -> None:
+    layout = layout_of("classic-le", 6)
+    decoder = StrainDecoder(layout)
+    cycle, frames = decoder.new_cycle(), layout.strain_frames
+    data = bytes(range(1, 9))
+    arrivals = [
+        Arrival(slot=k, frame=Frame(identifier=1, data=data, time=0.0), plan=SignalPlan(frame.layout))
+        for k, frame in enumerate(frames)
+    ]
+    second = np.isin(np.arange(6), frames[1].gauges)
+    decoder.decode(arrivals[1:], 0, cycle)
+    np.testing.assert_array_equal(cycle.present, second)
+    np.testing.assert_array_equal(np.isnan(cycle.strain), ~second)
+    assert not cycle.refused.any()
+    decoder.decode(arrivals[1:], 2, cycle)
+    np.testing.assert_array_equal(cycle.refused, second)
+    assert cycle.status == 2
+    decoder.decode(arrivals, 1, cycle)
+    assert cycle.present.all()
+    assert not cycle.refused.any()
 
 
 def test_floats_side_by_side_are_encoded_as_each_alone() -> None:

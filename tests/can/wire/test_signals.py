@@ -203,7 +203,8 @@ def test_profiles_carry_strains_to_half_a_quantum(profile: str) -> None:
     taken = [reception.take(frames[item.layout.key]) for item in layout.strain_frames]
     arrivals = [one for one in taken if isinstance(one, Arrival)]
     assert len(arrivals) == len(layout.strain_frames)
-    cycle = StrainDecoder(layout).decode(arrivals, 0)
+    decoder = StrainDecoder(layout)
+    cycle = decoder.decode(arrivals, 0, decoder.new_cycle())
     assert cycle.present.all()
     assert np.flatnonzero(cycle.refused).tolist() == [5]
     # 0.125 um/m of 16 bits; float32 keeps 24 bits of 8191 um/m.

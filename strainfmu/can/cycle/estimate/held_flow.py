@@ -5,20 +5,26 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from math import inf, isfinite, isnan, nan
+from math import isnan, nan
+from typing import Any
+
+import numpy as np
 
 from strainfmu.can.cycle.frames.assembler import Arrival
 from strainfmu.can.cycle.frames.decoder import STATUS_DEGRADED
 from strainfmu.can.cycle.frames.restart_proof import SeenFrames
 from strainfmu.can.cycle.states.quality import Cause
 from strainfmu.can.e2e.sample_clock import SenderClock
-from strainfmu.can.wire.cycle_plan import raw_ends
+from strainfmu.can.wire.compiled import ARRAY, INTEGER, NUMBER, Record, address, function, pointer
+from strainfmu.can.wire.cycle_plan import CyclePlan
 from strainfmu.can.wire.frame_layout import (
     ALTITUDE,
     DYNAMIC_PRESSURE,
+    FLOW_QUANTITIES,
     FLOW_STDS,
     LARGEST_PARAMETER,
     MACH_NUMBER,
+    NAVIGATION,
     STATIC_PRESSURE,
     FlowSignal,
     InputFrame,
@@ -28,7 +34,6 @@ from strainfmu.can.wire.frame_layout import (
     is_temperature,
 )
 from strainfmu.can.wire.profile_signals import LARGEST_DYNAMIC_PRESSURE, LEAST_DYNAMIC_PRESSURE
-from strainfmu.can.wire.signal_plan import SignalPlan
 from strainfmu.interface.input_names import OTHER_AIR_DATA
 
 _SENSIBLE = {
@@ -44,6 +49,9 @@ _SENSIBLE_TEMPERATURE = (1.0, 5e3)
 """The same of a temperature [K]."""
 
 _NOTHING_LOST = Cause.NONE
+
+_DELAY_HIDDEN, _LOST = 1, 2
+"""Flags of strainbus.h."""
 
 _NEW_FRAMES = 3
 """Frames in a row that were not received before, which prove that a sender behind a restart is no recording."""
@@ -72,8 +80,33 @@ class FlowState:
     further: dict[str, float] = field(default_factory=dict)
 
 
+class _Value(Record):
+    position = 4
+    _fields_ = (
+        ("index", INTEGER),
+        *((name, NUMBER) for name in ("to_si", "si_offset", "smallest", "largest", "tolerance", "max_age")),
+        ("clock", ARRAY),
+        ("new_frames", INTEGER),
+        *((name, NUMBER) for name in ("value", "sampled", "stated", "stated_at")),
+        *((name, INTEGER) for name in ("to_be_proven", "n_new", "shares_clock", "hides_delay", "was_known")),
+    )
+
+
+class _Flow(Record):
+    position = 5
+    _fields_ = (
+        ("signals", ARRAY),
+        *((name, INTEGER) for name in ("sample_time", "status", "worst_status")),
+        ("prefix", ARRAY),
+        ("length", INTEGER),
+        ("seen", ARRAY),
+        ("n_values", INTEGER),
+        ("value", ARRAY),
+    )
+
+
 class HeldValue:
-    """Holds one quantity between its frames, up to a maximum age.
+    """Holds one quantity between its frames, up to a maximum age; compiled code takes in the frames.
 
     Parameters
     ----------
@@ -91,133 +124,97 @@ class HeldValue:
         clock: SenderClock | None,
         tolerance: float,
     ) -> None:
-        self._tolerance = tolerance
-        self._frame, self._source = frame, source
-        self._max_age, self._clock = max_age, clock
-        self._value = nan
-        self._sampled = nan
-        self._stated = self._stated_at = nan
-        self._to_be_proven, self._new = False, 0
-        self._shares_clock = False
-        self.hides_delay = False
-        """More delay may hide than is allowed."""
-        self._plan = SignalPlan(frame.layout)
-        signal = frame.layout.signals[source.index]
-        self._no_value = signal.no_value_codes
-        self._low = -inf if signal.minimum is None else signal.minimum
-        self._high = inf if signal.maximum is None else signal.maximum
-        self._smallest, self._largest = _sensible(source.quantity)
-        self._ends = raw_ends(signal) or ()
-        self._value_of = self._plan.value_reader(source.index)
-        self._doubtful = frozenset((*self._no_value, *self._ends))
+        self.frame, self._source = frame, source
+        self._clock = clock
         self.quantity = source.quantity
-        self.was_known = False
-        """A value has been taken since the start or the last reset."""
+        smallest, largest = self.sensible()
+        self.record = record = _Value.empty()
+        record.index, record.to_si, record.si_offset = source.index, source.to_si, source.offset
+        record.smallest, record.largest, record.tolerance = smallest, largest, tolerance
+        record.new_frames, record.max_age = _NEW_FRAMES, max_age
+        if clock is not None and frame.sample_time is not None:
+            record.clock = address(clock.record)
+        self._forget()
+
+    def new_plan(self, *given: Any) -> CyclePlan:
+        """Return the plan of the frame's signals."""
+        return CyclePlan(*given)
+
+    def sensible(self) -> tuple[float, float]:
+        """Return the smallest and the largest value that may be used [SI]."""
+        return _sensible(self.quantity)
+
+    @property
+    def status(self) -> int | None:
+        """Index of the sender's own status in the frame, None where it has none."""
+        return self.frame.status
+
+    def _forget(self) -> None:
+        record = self.record
+        record.value = record.sampled = record.stated = record.stated_at = nan
+        record.was_known = record.n_new = 0
 
     def reset(self) -> None:
         """Forget the sender."""
-        self._value = self._sampled = self._stated = self._stated_at = nan
-        self.was_known = False
-        self._to_be_proven, self._new = True, 0
+        self._forget()
+        self.record.to_be_proven = 1
         if self._clock is not None:
             self._clock.reset()
 
     def confirm(self) -> None:
         """Take the sender for proven, and its present delay for the smallest."""
-        self._to_be_proven = False
+        self.record.to_be_proven = 0
         if self._clock is not None:
             self._clock.accept()
             self._clock.anchor()
 
     @property
-    def frame(self) -> InputFrame:
-        """The frame that holds the quantity."""
-        return self._frame
-
-    def take(self, raw: Sequence[int], time: float, is_new: bool = True, strain_time: float | None = None) -> bool:
-        """Take in the raw numbers of a frame received at ``time`` [s]; return whether its value may be used.
-
-        ``is_new`` says that the frame has not been received before in this run; ``strain_time`` is the present
-        time by the clock of a proven sender of strains [s], None if it is not known.
-        """
-        index = self._source.index
-        code, value_of = raw[index], self._value_of
-        value, delay = value_of(code), 0.0
-        if self._clock is not None and self._frame.sample_time is not None:
-            ticks = int(raw[self._frame.sample_time])
-            reading = self._clock.read(time, ticks)
-            self._new = self._new + 1 if is_new else 0
-            self._to_be_proven = (self._to_be_proven or reading.restarted) and not reading.resumed
-            if reading.jumped:
-                return False  # a repeated old frame or a restart: the next frames decide
-            agrees = self._agrees(self._clock, ticks, strain_time)
-            # A frame behind a restart is no recording if it is new, or at the time of the strains.
-            if self._to_be_proven and not agrees and (self._shares_clock or self._new < _NEW_FRAMES):
-                return False
-            if self._to_be_proven:
-                self._accept(self._clock)
-            self._shares_clock = agrees if strain_time is not None else self._shares_clock
-            delay, self.hides_delay = reading.age, reading.hides_delay
-        sampled, in_si = time - delay, self._source.si(value)
-        status = self._frame.status
-        is_inside = self._low <= value <= self._high and self._smallest <= in_si <= self._largest
-        if is_inside and code not in self._doubtful and (status is None or 0 <= raw[status] <= STATUS_DEGRADED):
-            # What every check below would find, too.
-            self._stated = self._value = in_si
-            self._stated_at = self._sampled = sampled
-            self.was_known = True
-            return True
-        is_stated = isfinite(value) and not (self._has_no_value(code) or self._is_refused_by_sender(raw))
-        is_usable = is_stated and not self._is_out_of_range(code, value)
-        self._stated, self._stated_at = in_si if is_stated else nan, sampled
-        self._value, self._sampled = (in_si, sampled) if is_usable else (nan, nan)
-        self.was_known = self.was_known or is_usable
-        return is_usable
-
-    def _agrees(self, clock: SenderClock, ticks: int, strain_time: float | None) -> bool:
-        """Return whether a sample time is that of the strains, as far as the clock's range tells."""
-        if strain_time is None:
-            return False
-        whole = clock.range
-        half = 0.5 * whole
-        difference = (clock.seconds(ticks) - strain_time + half) % whole - half
-        return abs(difference) <= self._tolerance
-
-    def _accept(self, clock: SenderClock) -> None:
-        """Take the sender for proven after a restart."""
-        self._to_be_proven = False
-        clock.accept()
-
-    def value(self, now: float) -> float:
-        """Return the quantity [SI] at ``now`` [s]; NaN if none may be used."""
-        return nan if now - self._sampled > self._max_age and self._expires() else self._value
+    def was_known(self) -> bool:
+        """A value has been taken since the start or the last reset."""
+        return bool(self.record.was_known)
 
     def stated(self, now: float) -> float:
         """Return what the sender states [SI] at ``now`` [s]; NaN if that is nothing, or old.
 
         Air at rest is stated as 0, which is of no use for coefficients.
         """
-        return self._stated if now - self._stated_at <= self._max_age else nan
+        record = self.record
+        return record.stated if now - record.stated_at <= record.max_age else nan
 
-    def _expires(self) -> bool:
-        """Return whether a value may be too old to be used."""
-        return True
 
-    def _has_no_value(self, code: int) -> bool:
-        """Return whether the raw number ``code`` stands for "no value"."""
-        return code in self._no_value
+class FlowFrame:
+    """Takes the values of one frame, which :class:`HeldValue` holds."""
 
-    def _is_out_of_range(self, code: int, value: float) -> bool:
-        """Return whether a value is outside the limits, or at either end of its converter's range."""
-        is_sensible = self._smallest <= self._source.si(value) <= self._largest
-        # As of strains: a converter at either end is overdriven, or its wire is broken.
-        return not (self._low <= value <= self._high and is_sensible) or code in self._ends
+    def __init__(self, values: Sequence[HeldValue], seen: SeenFrames) -> None:
+        first = values[0]
+        frame = first.frame
+        n = len(frame.layout.signals)
+        plan = first.new_plan([frame.layout], [(0, index) for index in range(n)])
+        status, sample_time = first.status, frame.sample_time
+        self._kept = values, plan
+        self._record = _Flow(
+            signals=plan.record,
+            sample_time=-1 if sample_time is None else sample_time,
+            status=-1 if status is None else status,
+            worst_status=STATUS_DEGRADED,
+            # What distinguishes the data of a frame from those of another one.
+            prefix=np.frombuffer(frame.layout.key.to_bytes(4, "little"), dtype=np.uint8),
+            length=frame.layout.length,
+            seen=seen.words,
+            n_values=len(values),
+            value=np.array([address(value.record) for value in values], dtype=np.uint64),
+        )
+        times = (NUMBER * 2)()
+        self._times, self._take = times, function("sb_flow_take", _Flow)
+        self._at, self._at_times = pointer(self._record), pointer(times)
 
-    def _is_refused_by_sender(self, raw: Sequence[int]) -> bool:
-        """Return whether the sender's own status forbids to use the value."""
-        status = self._frame.status
-        # Of 64 bits the largest come as negative numbers.
-        return status is not None and not 0 <= raw[status] <= STATUS_DEGRADED
+    def take(self, data: bytes, time: float, strain_time: float | None) -> bool:
+        """Take in a frame received at ``time`` [s]; return whether any value of it may be used."""
+        if len(data) != self._record.length:
+            raise ValueError(f"expected {self._record.length} bytes, got {len(data)}")
+        times = self._times
+        times[0], times[1] = time, nan if strain_time is None else strain_time
+        return self._take(self._at, data, self._at_times) != 0
 
 
 class HeldFlow:
@@ -238,27 +235,32 @@ class HeldFlow:
         seen: SeenFrames,
         constants: Sequence[tuple[str, float]] = (),
     ) -> None:
-        self._seen = seen
         self._values, self._fixed = tuple(values), fixed
         # By identity, as two frames may be alike; the values keep the frames alive.
-        self._by_frame: dict[int, list[HeldValue]] = {}
+        by_frame: dict[int, list[HeldValue]] = {}
         for value in values:
-            self._by_frame.setdefault(id(value.frame), []).append(value)
-        # What distinguishes the data of a frame from those of another one.
-        self._prefix = {
-            key: value.frame.layout.key.to_bytes(4, "little") for key, (value, *_) in self._by_frame.items()
-        }
-        by_quantity = {value.quantity: value for value in values}
-        self._pressure = by_quantity.get(DYNAMIC_PRESSURE)
-        self._mach_number, self._altitude = by_quantity.get(MACH_NUMBER), by_quantity.get(ALTITUDE)
+            by_frame.setdefault(id(value.frame), []).append(value)
+        self._by_frame = {key: FlowFrame(own, seen) for key, own in by_frame.items()}
+        self._addresses = np.array([address(value.record) for value in values], dtype=np.uint64)
+        known, now = np.full(len(values), nan), NUMBER()
+        self._known, self._now = known.data, now
+        self._find = function("sb_flow_known", _Value)
+        self._at = pointer(self._addresses), len(values), pointer(now), pointer(known)
+        places = {value.quantity: index for index, value in enumerate(values)}
+        self._pressure = places.get(DYNAMIC_PRESSURE)
+        self._mach_number, self._altitude = places.get(MACH_NUMBER), places.get(ALTITUDE)
         of_loss = {
+            NAVIGATION.__contains__: Cause.NAVIGATION,
             is_temperature: Cause.TEMPERATURE,
             is_reading: Cause.SENSOR,
             is_parameter: Cause.NAVIGATION,
             is_parameter_std: Cause.NAVIGATION,
             OTHER_AIR_DATA.__contains__: Cause.NAVIGATION,
         }
-        self._further = [(one, cause) for one in values for has, cause in of_loss.items() if has(one.quantity)]
+        self._losses = [
+            (place, cause) for name, place in places.items() for has, cause in of_loss.items() if has(name)
+        ]
+        self._further = [(one, place) for one, place in places.items() if one not in FLOW_QUANTITIES]
         self._state = FlowState(further=dict(constants))
 
     @property
@@ -281,46 +283,41 @@ class HeldFlow:
 
         ``strain_time`` is the present time by the clock of the strains [s], None if it is not known.
         """
-        values = self._by_frame.get(id(item))
-        if values is None:
-            return False
-        frame, data = arrival.frame, arrival.frame.data
-        raw, time, is_usable = arrival.plan.numbers(data), frame.time, False
-        is_new = self._seen.add((self._prefix[id(item)] + data,))
-        for value in values:
-            is_usable |= value.take(raw, time, is_new, strain_time)
-        return is_usable
+        own, frame = self._by_frame.get(id(item)), arrival.frame
+        return own is not None and own.take(frame.data, frame.time, strain_time)
 
     def state(self, now: float) -> FlowState:
         """Return what is known at ``now`` [s]."""
-        state, pressure, hides_delay, lost = self._state, self._fixed, False, _NOTHING_LOST
-        if pressure is None:
-            pressure = nan if self._pressure is None else self._pressure.value(now)
-            for value in self._values:
-                if value.hides_delay:
-                    hides_delay = True
-        state.dynamic_pressure, state.hides_delay = pressure, hides_delay
-        mach_number, altitude = self._mach_number, self._altitude
-        if mach_number is not None:
-            state.mach_number = mach_number.value(now)
-            if mach_number.was_known and isnan(state.mach_number):
-                lost = Cause.NAVIGATION
-        if altitude is not None:
-            state.altitude = altitude.value(now)
-            if altitude.was_known and isnan(state.altitude):
-                lost = Cause.NAVIGATION
-        for held, cause in self._further:
-            number = state.further[held.quantity] = held.value(now)
-            if held.was_known and isnan(number):
-                lost |= cause
-        state.lost = lost
+        state, known, fixed = self._state, self._known, self._fixed
+        self._now.value = now
+        flags = self._find(*self._at)
+        if fixed is None:
+            state.dynamic_pressure = nan if self._pressure is None else known[self._pressure]
+            state.hides_delay = flags & _DELAY_HIDDEN != 0
+        else:
+            state.dynamic_pressure = fixed
+        if self._mach_number is not None:
+            state.mach_number = known[self._mach_number]
+        if self._altitude is not None:
+            state.altitude = known[self._altitude]
+        for name, place in self._further:
+            state.further[name] = known[place]
+        state.lost = self._lost() if flags & _LOST else _NOTHING_LOST
         return state
+
+    def _lost(self) -> Cause:
+        """Return the causes of what was known before and is not any more."""
+        lost = _NOTHING_LOST
+        for place, cause in self._losses:
+            if self._values[place].was_known and isnan(self._known[place]):
+                lost |= cause
+        return lost
 
     def stated_pressure(self, now: float) -> float:
         """Return q_inf as it is stated [Pa] at ``now`` [s], also of air at rest; NaN if it is not known."""
         if self._fixed is not None:
             return self._fixed
-        return nan if self._pressure is None else self._pressure.stated(now)
+        return nan if self._pressure is None else self._values[self._pressure].stated(now)
 
 
 def _sensible(quantity: str) -> tuple[float, float]:

@@ -47,20 +47,12 @@ arrival_without_fields = object.__new__
 
 @dataclass(eq=False, slots=True)
 class Cycle:
-    """Frames of one cycle by slot; ``first`` is the one that came first, at ``first_time`` [s]."""
+    """Frames of one cycle by slot; ``first`` came at ``first_time``, the last one at ``last_time`` [s]."""
 
     first: Arrival
     first_time: float
+    last_time: float
     arrivals: dict[int, Arrival] = field(default_factory=dict)
-
-    @property
-    def last_time(self) -> float:
-        """When the last frame came [s]."""
-        latest = self.first_time
-        for arrival in self.arrivals.values():
-            if arrival.frame.time > latest:
-                latest = arrival.frame.time
-        return latest
 
 
 class Verdict(Enum):
@@ -135,10 +127,12 @@ class CycleAssembler:
             closed.append(current)
             current = None
         self._late = 0
+        time = arrival.frame.time
         if current is None:
-            time = arrival.frame.time
-            self._open = current = Cycle(arrival, time, {})
+            self._open = current = Cycle(arrival, time, time, {})
             self.deadline, self._newest = time + self._deadline, arrival.sample_time
+        elif time > current.last_time:
+            current.last_time = time
         arrivals = current.arrivals
         arrivals[slot] = arrival
         if len(arrivals) == self._n_slots or slot == self._trailer:

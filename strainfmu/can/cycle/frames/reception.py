@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,13 +13,15 @@ from strainfmu.can.cycle.frames.assembler import Arrival, arrival_without_fields
 from strainfmu.can.cycle.frames.second_sender import SecondSender
 from strainfmu.can.cycle.states.quality import Cause
 from strainfmu.can.e2e.authentication import Authentication, Authenticity
-from strainfmu.can.e2e.check import USABLE, E2EStatus, ReceptionCheck
-from strainfmu.can.e2e.state_machine import E2EState, E2EStateMachine
+from strainfmu.can.e2e.check import STATUSES, USABLE, E2EStatus, ReceptionCheck
+from strainfmu.can.e2e.state_machine import VALID, E2EStateMachine
 from strainfmu.can.settings import BridgeSettings
-from strainfmu.can.wire.crc import Protection, crc_in, crc_of
+from strainfmu.can.wire.compiled import ARRAY, INTEGER, Record, function, pointer
+from strainfmu.can.wire.crc import crc_in, crc_of
+from strainfmu.can.wire.cycle_plan import CyclePlan
 from strainfmu.can.wire.frame import Frame
 from strainfmu.can.wire.frame_layout import InputFrame, InputLayout
-from strainfmu.can.wire.signal_plan import SignalPlan, number_reader
+from strainfmu.can.wire.signal_plan import SignalPlan
 from strainfmu.errors import InputError
 
 _CLASS_OF_STATUS = {
@@ -49,7 +51,17 @@ class TrailerVerdict:
     status: int = 0
 
 
-@dataclass(eq=False, slots=True, kw_only=True)
+class _SlotRecord(Record):
+    position = 9
+    _fields_ = (
+        ("signals", ARRAY),
+        ("length", INTEGER),
+        ("place", INTEGER * 3),
+        ("expected", INTEGER),
+        *((name, ARRAY) for name in ("check", "machine", "number")),
+    )
+
+
 class _Slot:
     """What reads and checks one frame of the layout, all in one place as it is used for every frame.
 
@@ -57,29 +69,50 @@ class _Slot:
     ----------
     index : of the slot.
     plan : its signals.
-    numbers : reads status, sample time and configuration, all that is needed before the cycle is closed.
     selector : multiplexer's signal and value, None of a frame without.
-    configuration : number of the gauge assignment that is expected, None for any.
-    counter_place : byte and bits of the counter, None without protection.
     check : of CRC and counter, None without protection.
     machine : E2E state.
+    record : all of it for compiled code.
+    numbers : status, sample time, configuration and counter of the last frame; 0 of what it does not hold.
+    is_timed, is_counted : the frame holds a sample time, and a counter.
+    address : of the record.
     """
 
-    index: int
-    plan: SignalPlan
-    numbers: Callable[[bytes], tuple[int | None, ...]]
-    selector: tuple[SignalPlan, int] | None
-    configuration: int | None
-    counter_place: tuple[int, int] | None
-    check: ReceptionCheck | None
-    machine: E2EStateMachine
+    __slots__ = (
+        *("address", "check", "index", "is_counted", "is_timed", "machine", "numbers", "plan", "record"),
+        "selector",
+    )
+
+    def __init__(self, index: int, frame: InputFrame, n_covered: int, settings: BridgeSettings) -> None:
+        layout, protection = frame.layout, frame.layout.protection
+        self.index, self.plan, self.selector = index, SignalPlan(layout), _selector(frame)
+        self.check = None if protection is None else ReceptionCheck(protection, settings.max_delta, n_covered)
+        self.machine = E2EStateMachine(settings.state_machine)
+        self.is_timed, self.is_counted = frame.sample_time is not None, protection is not None
+        places = [-1 if at is None else at for at in (frame.status, frame.sample_time, frame.configuration)]
+        at, number = frame.configuration, np.zeros(len(places) + 1, dtype=np.int64)
+        expected = None if at is None else layout.signals[at].initial
+        self.record = _SlotRecord(
+            signals=CyclePlan([layout], [(0, k) for k in range(len(layout.signals))]).record,
+            length=layout.length,
+            place=(INTEGER * len(places))(*places),
+            expected=expected or 0,
+            check=None if self.check is None else self.check.record,
+            machine=self.machine.record,
+            number=number,
+        )
+        self.numbers: memoryview = number.data
+        self.address = pointer(self.record)
 
 
 _NOTHING_TO_CHECK = TrailerVerdict()
 # Members of an Enum by name: through its class each use takes as long as a call.
-_OK, _VALID = E2EStatus.OK, E2EState.VALID
+_OK = E2EStatus.OK
+_OTHER_CONFIGURATION = 8
+"""Flag of strainbus.h."""
+
 _ALL_BITS = (1 << 64) - 1
-"""Of a number that a plan returns as int64."""
+"""Of a number that compiled code returns as int64."""
 
 
 class Reception:
@@ -101,8 +134,19 @@ class Reception:
         self.every_gauge = np.ones(layout.n_gauges, dtype=bool)
         """(n_d,) True."""
         self.every_gauge.setflags(write=False)
-        slots = [self._slot(index, frame, settings) for index, frame in enumerate(layout.frames)]
+        n_covered = sum(frame.layout.length for frame in layout.strain_frames)
+        self._slots = slots = [
+            _Slot(index, frame, n_covered if frame.is_trailer else 0, settings)
+            for index, frame in enumerate(layout.frames)
+        ]
         self._checks, self._machines = [slot.check for slot in slots], [slot.machine for slot in slots]
+        # A strain frame has the state of its trailer, if there is one.
+        of_strains = self._machines[: self.n_strain] if self.trailer is None else [self._machines[self.trailer]]
+        of_strains *= self.n_strain // len(of_strains)
+        self._states = [machine.record for machine in (*of_strains, *self._machines[self.n_strain :])]
+        self._receive, self._read, self._check = (
+            function(name, _SlotRecord) for name in ("sb_slot_receive", "sb_slot_read", "sb_slot_check")
+        )
         self._by_key: dict[int, list[_Slot]] = {}
         for slot in slots:
             self._by_key.setdefault(layout.frames[slot.index].layout.key, []).append(slot)
@@ -111,23 +155,6 @@ class Reception:
         self.authentication = _authentication(layout)
         self._second = SecondSender(settings.alarm_cycles * layout.cycle_time)
 
-    def new_check(self, protection: Protection, max_delta: int) -> ReceptionCheck:
-        """Return the check of one frame's CRC and counter."""
-        return ReceptionCheck(protection, max_delta)
-
-    def _slot(self, index: int, frame: InputFrame, settings: BridgeSettings) -> _Slot:
-        layout, protection, at = frame.layout, frame.layout.protection, frame.configuration
-        return _Slot(
-            index=index,
-            plan=SignalPlan(layout),
-            numbers=number_reader(layout, (frame.status, frame.sample_time, at)),
-            selector=_selector(frame),
-            configuration=None if at is None else layout.signals[at].initial,
-            counter_place=None if protection is None else protection.counter_place,
-            check=None if protection is None else self.new_check(protection, settings.max_delta),
-            machine=E2EStateMachine(settings.state_machine),
-        )
-
     def take(self, frame: Frame) -> Arrival | FrameClass:
         """Return a frame with the numbers about it, or its class if it is refused by itself."""
         data, slot = frame.data, self._single.get(frame.key)
@@ -135,25 +162,30 @@ class Reception:
             slot = self._selected(self._by_key[frame.key], data)
             if slot is None:
                 return FrameClass.NOT_USABLE  # its multiplexer's value belongs to no frame of the layout
-        place, check, numbers = slot.counter_place, slot.check, slot.numbers
-        status, sample_time, configuration = numbers(data)
+        if self.authentication is None and slot.index != self.trailer:
+            found = self._receive(slot.address, data, len(data))
+            if found < 0:
+                raise ValueError(f"expected {slot.record.length} bytes, got {len(data)}")
+        else:
+            verdict = self._read_first(slot, data)
+            if isinstance(verdict, FrameClass):
+                return verdict
+            found = verdict
+        status, sample_time, _, counter = slot.numbers.tolist()
         arrival = arrival_without_fields(Arrival)
-        arrival.slot = index = slot.index
-        arrival.frame, arrival.plan, arrival.sample_time = frame, slot.plan, sample_time
-        arrival.counter = None if place is None else data[place[0]] & place[1]
+        arrival.slot, arrival.frame, arrival.plan = slot.index, frame, slot.plan
+        arrival.sample_time = sample_time if slot.is_timed else None
+        arrival.counter = counter if slot.is_counted else None
         arrival.status = status & _ALL_BITS if status else 0
-        if index == self.trailer:
-            return arrival  # its CRC covers frames that may not have come yet
-        if self.authentication is not None:
-            forged = self._not_authentic(index, data)
-            if forged is not None:
-                return forged
-        found = _OK if check is None else check.check(data)
-        if found is _OK and (configuration is None or configuration & _ALL_BITS == slot.configuration):
-            if not slot.machine.is_steady:
-                slot.machine.add(_OK)
-            return arrival
-        return self._refused(slot, frame, configuration, found) or arrival
+        return arrival if not found else self._refused(slot, frame, found) or arrival
+
+    def _read_first(self, slot: _Slot, data: bytes) -> int | FrameClass:
+        """Read the numbers about a frame; return what its check finds, or the class if it is forged."""
+        if not self._read(slot.address, data, len(data)):
+            raise ValueError(f"expected {slot.record.length} bytes, got {len(data)}")
+        if slot.index == self.trailer:
+            return 0  # its CRC covers frames that may not have come yet
+        return self._not_authentic(slot.index, data) or self._check(slot.address, data, len(data))
 
     def _selected(self, slots: Sequence[_Slot], data: bytes) -> _Slot | None:
         """Return the slot of a frame by its multiplexer's value."""
@@ -162,27 +194,12 @@ class Reception:
                 return slot
         return None
 
-    def _refused(
-        self, slot: _Slot, frame: Frame, configuration: int | None, status: E2EStatus
-    ) -> FrameClass | None:
-        """Take in the ``status`` of a frame by itself; return its class if it is refused."""
-        check = slot.check
-        wrong = (
-            configuration is not None
-            and status is not E2EStatus.ERROR
-            and configuration & _ALL_BITS != slot.configuration
-            and self._is_of_other_configuration()
-        )
-        slot.machine.add(E2EStatus.ERROR if wrong else status)
-        if status is E2EStatus.OK and not wrong:
-            return None
-        if check is not None:
-            self._second.take(check, slot.index, frame.time)
-        return FrameClass.WRONG_CONFIGURATION if wrong else _CLASS_OF_STATUS.get(status)
-
-    def _is_of_other_configuration(self) -> bool:
-        """Return whether another number is that of a sender with another assignment of gauges."""
-        return True
+    def _refused(self, slot: _Slot, frame: Frame, found: int) -> FrameClass | None:
+        """Return the class of a frame by what its check has found, None if it is not refused."""
+        if slot.check is not None:
+            self._second.take(slot.check, slot.index, frame.time)
+        is_other = found >= _OTHER_CONFIGURATION
+        return FrameClass.WRONG_CONFIGURATION if is_other else _CLASS_OF_STATUS.get(STATUSES[found])
 
     def _not_authentic(self, slot: int, data: bytes) -> FrameClass | None:
         """Return the class of a frame that is not of the sender, or not new; None if its CRC does not fit either.
@@ -227,9 +244,7 @@ class Reception:
 
     def is_trusted(self, slot: int) -> bool:
         """Return whether the E2E state of a frame is VALID; a strain frame has that of its trailer, if any."""
-        if self.trailer is not None and slot < self.n_strain:
-            slot = self.trailer
-        return self._machines[slot].state is _VALID
+        return self._states[slot].state == VALID
 
     def trusted_gauges(self, arrivals: Mapping[int, Arrival]) -> BoolArray:
         """Return (n_d,) gauges whose frame has arrived and is trusted; the array is not to be written to."""

@@ -8,12 +8,13 @@ confirms it. A recording of an earlier run can give all of this: only authentica
 
 from __future__ import annotations
 
-from array import array
 from collections.abc import Iterable
 from dataclasses import dataclass
-from zlib import crc32
+
+import numpy as np
 
 from strainfmu.can.e2e.sample_clock import ClockReading, SenderClock
+from strainfmu.can.wire.compiled import function, pointer
 
 _WORDS = 1 << 20
 """Of 64 bits: the place of a word takes 20 bits of a CRC-32, and those of two bits in it the other 12."""
@@ -28,19 +29,15 @@ class SeenFrames:
     """
 
     def __init__(self) -> None:
-        self._words = array("Q", bytes(8 * _WORDS))
+        self.words = np.zeros(_WORDS, dtype=np.uint64)
+        self._at, self._add = pointer(self.words), function("sb_seen_add")
 
     def add(self, frames: Iterable[bytes]) -> bool:
         """Remember ``frames``; return whether all of them are new."""
-        words, are_new = self._words, True
+        add, at, are_new = self._add, self._at, True
         for data in frames:
-            mixed = crc32(data)
-            own, place = 1 << (mixed & 63) | 1 << (mixed >> 6 & 63), mixed >> 12
-            held = words[place]
-            if held & own == own:
+            if not add(at, data, len(data)):
                 are_new = False
-            else:
-                words[place] = held | own
         return are_new
 
 

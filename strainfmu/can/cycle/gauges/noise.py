@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import inf
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from strainfmu.arrays import FloatArray, IntArray
-from strainfmu.can.wire.cycle_plan import raw_ends
 from strainfmu.can.wire.frame_layout import FLOAT, InputLayout
 from strainfmu.errors import InputError
 
@@ -32,16 +30,12 @@ class GaugeNoise:
     std : (n_d,) standard deviation of the noise [m/m].
     is_known : ``std`` is stated, not assumed.
     frame : (n_d,) number of the frame that holds each gauge, 0, 1 ...
-    largest : largest |strain| of any raw number [m/m]; infinite of floats.
-    smallest : smallest |strain| of any raw number but 0 [m/m]; 0 of floats and of signals with an offset.
     """
 
     step: FloatArray
     std: FloatArray
     is_known: bool
     frame: IntArray
-    largest: float = inf
-    smallest: float = 0.0
 
     @property
     def ratio(self) -> FloatArray:
@@ -62,7 +56,6 @@ def gauge_noise(layout: InputLayout, noise_std: ArrayLike | None) -> GaugeNoise:
         A standard deviation is not positive, or there are too few or too many.
     """
     n = layout.n_gauges
-    largest, smallest = _extremes(layout)
     step, frame = np.empty(n), np.empty(n, dtype=np.int64)
     for number, item in enumerate(layout.strain_frames):
         for index, gauge, factor in zip(item.indices, item.gauges, item.to_strain, strict=True):
@@ -72,29 +65,11 @@ def gauge_noise(layout: InputLayout, noise_std: ArrayLike | None) -> GaugeNoise:
                 resolution = _USUAL_STRAIN * 2.0 ** -_MANTISSA_BITS[signal.length]
             step[gauge], frame[gauge] = resolution, number
     if noise_std is None:
-        std, is_known = UNKNOWN_NOISE * step, False
-        return GaugeNoise(step=step, std=std, is_known=is_known, frame=frame, largest=largest, smallest=smallest)
+        return GaugeNoise(step=step, std=UNKNOWN_NOISE * step, is_known=False, frame=frame)
     std = np.asarray(noise_std, dtype=float)
     if std.shape not in ((), (n,)) or not (np.isfinite(std) & (std > 0.0)).all():
         raise InputError(f"gauge noise: expected one or {n} positive numbers, got {str(noise_std)[:60]}")
-    return GaugeNoise(
-        step=step, std=np.full(n, std), is_known=True, frame=frame, largest=largest, smallest=smallest
-    )
-
-
-def _extremes(layout: InputLayout) -> tuple[float, float]:
-    """Return the largest |strain| of the raw numbers of ``layout`` [m/m], and the smallest of those but 0."""
-    largest, smallest = 0.0, inf
-    for item in layout.strain_frames:
-        for index, factor in zip(item.indices, item.to_strain, strict=True):
-            signal = item.layout.signals[index]
-            ends = raw_ends(signal)
-            if ends is None:
-                return inf, 0.0
-            reached = [abs(factor * (end * signal.scale + signal.offset)) for end in ends]
-            largest = max(largest, *reached)
-            smallest = min(smallest, abs(factor * signal.scale) if signal.offset == 0.0 else 0.0)
-    return largest, smallest
+    return GaugeNoise(step=step, std=np.full(n, std), is_known=True, frame=frame)
 
 
 def like_gauges(n_gauges: int, step: float = 0.25e-6, std: float | None = None) -> GaugeNoise:

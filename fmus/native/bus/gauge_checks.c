@@ -1,0 +1,186 @@
+#include <math.h>
+
+#include "rounding.h"
+#include "strainbus.h"
+
+static double larger(double a, double b) {
+    return a > b ? a : b;
+}
+
+/* The time [s] of whole periods that are missing in the time between two frames; 0 where it is not known. */
+static double lost_time(double pause, double period) {
+    if (!(pause > 1.4 * period)) {
+        return 0.0; /* the nearest number of periods is at most 1; most cycles need no division */
+    }
+    return (nearest(pause / period) - 1.0) * period;
+}
+
+/* Find gauges that have repeated their reading too often. Readings count, not the time: in a pause a healthy gauge
+   gives none that could differ. */
+static void find_stuck(SbChecks *c, const SbCycle *cycle, double now) {
+    for (int64_t i = 0; i < c->n; i++) {
+        c->stuck[i] = 0;
+        if (!cycle->present[i]) {
+            continue;
+        }
+        const double lost = lost_time(now - c->heard[i], c->period[i]);
+        if (c->seen[i] && cycle->raw[i] == c->last_raw[i]) {
+            c->repeats[i]++;
+            c->stuck[i] = (double)c->repeats[i] >= c->stuck_cycles[i];
+        } else {
+            c->repeats[i] = 0;
+            c->changed[i] = now;
+            c->unheard[i] = lost;
+        }
+        c->heard[i] = now;
+        c->last_raw[i] = cycle->raw[i];
+        c->seen[i] = 1;
+    }
+}
+
+/* Whether a gauge at exactly zero has fallen to it, or been there for too long. Amplifiers send zero on an error (HBK
+   QuantumX: default for integers). A strain that passes through zero may well meet it: only a fall faster than its own
+   pace counts at once. */
+static int is_fault_of_zero(SbChecks *c, int64_t i, double strain) {
+    const double usual = c->zero_jump + c->pace_factor * c->pace[i] * c->cycles_apart[i];
+    return fabs(strain - c->last_good[i]) > usual || c->zeros[i] >= c->zero_cycles[i];
+}
+
+/* Count the zeros in a row; with an offset, raw zero and strain zero differ, and both count. */
+static int64_t find_zeros(SbChecks *c, const SbCycle *cycle) {
+    uint8_t *fault = c->fault + SB_ZERO * c->n;
+    int64_t any_present = 0, all_zero = 1;
+    for (int64_t i = 0; i < c->n; i++) {
+        fault[i] = 0;
+        if (!cycle->present[i]) {
+            continue;
+        }
+        any_present = 1;
+        if (cycle->raw[i] == 0 || fabs(cycle->strain[i]) <= c->round_off) {
+            c->zeros[i]++;
+            fault[i] = (uint8_t)is_fault_of_zero(c, i, cycle->strain[i]);
+        } else {
+            c->zeros[i] = 0;
+            all_zero = 0;
+        }
+    }
+    return any_present && all_zero;
+}
+
+/* Keep a good strain and its rate of change [m/m per cycle]; the first good strain has none. */
+static void keep_pace(SbChecks *c, int64_t i, double strain, double now) {
+    const double change = fabs(strain - c->last_good[i]), since = now - c->good_time[i];
+    const double faded = c->fading * c->pace[i];
+    if (change > faded) { /* a smaller change has a smaller pace, whatever the time: it needs no division */
+        const double pace = since > c->cycle_time ? change / (since / c->cycle_time) : change;
+        c->pace[i] = larger(pace, faded);
+    } else if (change <= faded) {
+        c->pace[i] = faded;
+    }
+    c->last_good[i] = strain;
+    c->good_time[i] = now;
+}
+
+/* The verdict on one gauge by all that was found of it. A bad one is used again after heal_cycles good values. */
+static uint8_t judge_gauge(SbChecks *c, const SbCycle *cycle, int64_t i, double now) {
+    if (!cycle->present[i]) {
+        return 0;
+    }
+    const double strain = cycle->strain[i];
+    int bad = cycle->refused[i] || !isfinite(strain);
+    for (int64_t k = 0; k < SB_N_FAULTS; k++) {
+        bad |= c->fault[k * c->n + i];
+    }
+    if (isfinite(strain)) {
+        c->last_strain[i] = strain;
+    }
+    if (bad) {
+        c->good[i] = 0;
+        return 0;
+    }
+    c->good[i]++;
+    keep_pace(c, i, strain, now);
+    return c->good[i] >= c->heal_cycles;
+}
+
+int64_t sb_checks_update(SbChecks *checks, const SbCycle *cycle, const double *now) {
+    SbChecks *c = checks;
+    for (int64_t i = 0; i < c->n; i++) {
+        c->difference[i] = cycle->strain[i] - c->last_strain[i];
+    }
+    find_stuck(c, cycle, *now);
+    if (sb_watch_scatter(c->watch, c->difference, c->repeats)) {
+        return SB_LEARNED;
+    }
+    return sb_checks_end(c, cycle, now);
+}
+
+int64_t sb_checks_end(SbChecks *checks, const SbCycle *cycle, const double *now) {
+    SbChecks *c = checks;
+    const int64_t n = c->n;
+    const int64_t frozen =
+        sb_watch_find(c->watch, cycle->strain, c->repeats, cycle->present) && c->looks_for_frozen;
+    for (int64_t i = 0; i < n; i++) {
+        c->fault[SB_OUT_OF_RANGE * n + i] = !(fabs(cycle->strain[i]) <= c->sensor_range);
+        c->fault[SB_JUMPS * n + i] = fabs(c->difference[i]) > c->rate_limit;
+        c->fault[SB_FROZEN * n + i] = c->stuck[i] || (frozen && c->watch->found[i]);
+    }
+    int64_t flags = (frozen ? SB_HAS_FROZEN : 0) | (find_zeros(c, cycle) ? SB_ALL_ZERO : 0) | SB_ALL_VALID;
+    for (int64_t i = 0; i < n; i++) {
+        c->valid[i] = judge_gauge(c, cycle, i, *now);
+        flags &= c->valid[i] ? ~0 : ~SB_ALL_VALID;
+    }
+    return flags;
+}
+
+/* Whether healthy gauges, those that are fast and present, may all repeat their readings `run` times in a row. */
+static int may_be_chance(const SbChecks *c, const uint8_t *present, int64_t run) {
+    const SbWatch *w = c->watch;
+    const int64_t place = run < SB_LONGEST_RUN ? run : SB_LONGEST_RUN;
+    double sum = 0.0;
+    for (int64_t i = 0; i < c->n; i++) {
+        if (c->is_fast[i] && present[i]) {
+            sum += w->log_repeated[w->row[i] * (SB_LONGEST_RUN + 1) + place];
+        }
+    }
+    return sum >= w->limit;
+}
+
+void sb_checks_frozen(SbChecks *checks, const SbCycle *cycle, const double *now) {
+    SbChecks *c = checks;
+    const uint8_t *present = cycle->present;
+    double known = INFINITY, possible = INFINITY, fast = INFINITY;
+    int64_t run = INT64_MAX;
+    for (int64_t i = 0; i < c->n; i++) {
+        if (!present[i]) {
+            continue;
+        }
+        /* By the clock, which lost cycles do not shorten, or by the number of cycles, which those held back do not. */
+        const double since = larger(*now - c->changed[i], (double)c->repeats[i] * c->period[i]);
+        const double repeated = since + (c->repeats[i] > 0 ? c->unheard[i] : 0.0);
+        known = repeated < known ? repeated : known;
+        possible = since + c->unheard[i] < possible ? since + c->unheard[i] : possible;
+        if (c->is_fast[i]) {
+            fast = repeated < fast ? repeated : fast;
+            run = c->repeats[i] < run ? c->repeats[i] : run;
+        }
+    }
+    if (known == INFINITY) {
+        c->frozen_for[0] = c->frozen_for[1] = 0.0;
+        return;
+    }
+    /* A slow gauge that has just come is not newer than fast ones that have not changed for cycles. */
+    if (run != INT64_MAX && run > 0 && !may_be_chance(c, present, run)) {
+        known = larger(known, fast);
+    }
+    c->frozen_for[0] = known;
+    c->frozen_for[1] = larger(possible - known, 0.0);
+}
+
+int64_t sb_judge(const SbDecoder *decoder, const uint8_t *data, const uint8_t *here, int refuse_all, SbCycle *cycle,
+                 SbChecks *checks, const double *now) {
+    sb_decode(decoder, data, here, refuse_all, cycle);
+    const int64_t flags = sb_checks_update(checks, cycle, now);
+    sb_checks_frozen(checks, cycle, now);
+    return flags;
+}

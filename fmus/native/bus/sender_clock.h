@@ -1,0 +1,11 @@
+/* The clock of a sender, read from compiled code. */
+
+#ifndef SENDER_CLOCK_H
+#define SENDER_CLOCK_H
+
+#include "strainbus.h"
+
+/* Take in a sample time that arrived at `local` [s]; the flags of sb_clock_read. */
+int64_t clock_read(SbClock *clock, double local, int64_t ticks);
+
+#endif

@@ -1,0 +1,266 @@
+/* What the bridge does with every frame and every cycle of strains, compiled.
+
+   The caller owns all memory: each state machine is a record of numbers and pointers to arrays, which live as long as
+   it is used. Nothing is allocated, records share nothing, and a record serves one thread at a time. sb_sizes guards
+   against a caller whose records are of another shape.
+
+   n_d is the number of gauges. Masks are bytes, 1 for true. Times are those of the local monotonic clock [s]. */
+
+#ifndef STRAINBUS_H
+#define STRAINBUS_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#ifdef _WIN32
+#define SB_API __declspec(dllexport)
+#elif defined(__GNUC__)
+#define SB_API __attribute__((visibility("default")))
+#else
+#define SB_API
+#endif
+
+/* Changes when a function or the meaning of a field does. */
+#define SB_VERSION 1
+
+SB_API int64_t sb_version(void);
+
+/* Bytes of each record in the order of this file; returns their number. */
+SB_API int64_t sb_sizes(int64_t *size);
+
+/* --- decoder of the signals of a cycle ------------------------------------------------------------------------- */
+
+enum { SB_UNSIGNED, SB_SIGNED, SB_FLOAT };
+
+/* Signals (n) in the bytes of a cycle's frames, one frame behind the other. A signal lies in `count` bytes from `byte`
+   on; read as one number, first byte lowest unless `is_big`, it begins `shift` bits above the lowest. */
+typedef struct {
+    int64_t n;
+    const int64_t *byte, *count, *shift, *length, *is_big, *kind;
+    const double *scale, *offset, *to_strain; /* value = raw scale + offset in the signal's unit, to m/m */
+    const double *low, *high;                 /* values outside are refused */
+    const int64_t *has_ends, *first, *last;   /* a converter's ends, which are refused too */
+    const int64_t *first_code, *code;         /* raw numbers for "no value"; first_code (n + 1) says whose they are */
+    const int64_t *frame;                     /* of each signal */
+} SbDecoder;
+
+/* What a cycle holds of each gauge. */
+typedef struct {
+    double *strain;            /* [m/m], NaN where not present */
+    int64_t *raw;              /* raw number, of a float its bit pattern */
+    uint8_t *present;          /* its frame has arrived */
+    uint8_t *refused;          /* no value, or outside its signal's limits */
+} SbCycle;
+
+/* Raw numbers (n) in `data`, sign extended. */
+SB_API void sb_raw(const SbDecoder *decoder, const uint8_t *data, int64_t *raw);
+
+/* Values (n) of raw numbers in the signals' units; NaN of a float that is NaN. */
+SB_API void sb_physical(const SbDecoder *decoder, const int64_t *raw, double *value);
+
+/* Decode a cycle. `here` says which frames have arrived; data of others are zero. With `refuse_all` no gauge has a
+   value that may be used. */
+SB_API void sb_decode(const SbDecoder *decoder, const uint8_t *data, const uint8_t *here, int refuse_all,
+                      SbCycle *cycle);
+
+/* --- end-to-end protection of a frame ------------------------------------------------------------------------------- */
+
+/* Result of one check, as E2EStatus of strainfmu/can/e2e/check.py. */
+enum { SB_OK, SB_SOME_LOST, SB_REPEATED, SB_WRONG_SEQUENCE, SB_ERROR, SB_NO_NEW_DATA };
+
+/* CRC and counter of successive receptions of one frame; profiles 1 and 5 of AUTOSAR. */
+typedef struct {
+    int64_t profile, data_id, end;              /* bytes under the CRC, itself included; -1 for all */
+    int64_t counter_byte, counter_bits, modulus, max_delta;
+    int64_t capacity;                           /* of each content */
+    uint8_t *content, *content_before;          /* data and covered bytes of the last two counters */
+    int64_t n_content, n_content_before;        /* state; -1 for none */
+    int64_t counter, before;
+    int64_t conflicts, alternates;              /* what the last check found, see ReceptionCheck */
+} SbCheck;
+
+/* Check a frame with `covered`, bytes of other frames under the same CRC. */
+SB_API int64_t sb_check(SbCheck *check, const uint8_t *data, int n_data, const uint8_t *covered, int n_covered);
+
+/* State of the communication, as E2EState of strainfmu/can/e2e/state_machine.py. */
+enum { SB_NO_DATA, SB_INIT, SB_VALID, SB_INVALID };
+
+typedef struct {
+    int64_t window_size, min_ok_init, max_error_init, min_ok_valid, max_error_valid, min_ok_invalid, max_error_invalid;
+    uint8_t *window;                            /* (window_size) the last checks, a ring */
+    int64_t state, next, count, ok, errors;
+} SbMachine;
+
+/* Take in the status of a check; the state. */
+SB_API int64_t sb_machine_add(SbMachine *machine, int status);
+
+enum { SB_CONFIGURATION_OF = 8 }; /* beside the status: the frame is of another configuration */
+
+enum { SB_NUMBER_STATUS, SB_NUMBER_SAMPLE_TIME, SB_NUMBER_CONFIGURATION, SB_NUMBER_COUNTER, SB_N_NUMBERS };
+
+/* What reads and checks one frame of an input. */
+typedef struct {
+    const SbDecoder *signals;                   /* of the frame */
+    int64_t length;
+    int64_t place[SB_NUMBER_COUNTER];           /* of the signals of the first numbers, -1 without */
+    int64_t expected;                           /* configuration */
+    SbCheck *check;                             /* NULL without protection */
+    SbMachine *machine;
+    int64_t *number;                            /* (SB_N_NUMBERS) of the last frame, 0 of what it does not hold */
+} SbSlot;
+
+/* Read the numbers about a frame; 0 if its length is another. */
+SB_API int64_t sb_slot_read(SbSlot *slot, const uint8_t *data, int n_data);
+
+/* Check a frame whose numbers have been read, and take the result into its state: the status, and
+   SB_CONFIGURATION_OF. */
+SB_API int64_t sb_slot_check(SbSlot *slot, const uint8_t *data, int n_data);
+
+/* Both at once; -1 if its length is another. */
+SB_API int64_t sb_slot_receive(SbSlot *slot, const uint8_t *data, int n_data);
+
+/* --- watch for gauges that are frozen together ------------------------------------------------------------------- */
+
+#define SB_LONGEST_RUN 63 /* repetitions in the tables; longer runs count as so many */
+
+/* See strainfmu/can/cycle/gauges/freeze_watch.py for what is tested. Groups are the frames, then all gauges. */
+typedef struct {
+    int64_t n, n_groups, shortest_run, block, alive, is_known;
+    double limit, scatter_limit;                /* logarithm of the false-alarm probability; evidence beyond which */
+    double log_ratio, slope, margin, smallest_scatter, largest_learned, memory_length;
+    double held_evidence, largest_evidence;
+    const int64_t *order, *group_first;         /* gauges by group; group_first (n_groups + 1) */
+    const int64_t *frame;                       /* group of each gauge's frame */
+    const double *choices;                      /* log of the choices of 1 .. k gauges of each group, as `order` lies */
+    const double *step, *weight, *largest;      /* of each gauge */
+    const double *steps_squared;                /* of each group */
+    const double *log_repeated, *log_repeated_zero; /* (rows, SB_LONGEST_RUN + 1) */
+    const int64_t *row;                         /* of each gauge */
+    const double *least;                        /* (SB_LONGEST_RUN + 1) smallest logarithm of any gauge */
+    double *difference, *squares, *counts;      /* state of each gauge */
+    uint8_t *has_moved, *too_little, *found;
+    double *level, *learned, *memory, *evidence; /* state of each group */
+    double *log_probability, *ranked;           /* scratch (n) */
+    double *mean;                               /* scratch (2, n_groups) */
+    int64_t blocked, any_too_little;
+} SbWatch;
+
+/* Take in the readings' second differences; 1 if the usual scatter has changed so much that `row` and `least` are to
+   be derived again before sb_watch_find. */
+SB_API int64_t sb_watch_scatter(SbWatch *watch, const double *difference, const int64_t *run);
+
+/* Find which of the gauges `present` are frozen: 1 and the mask `found`; 0 if none is. */
+SB_API int64_t sb_watch_find(SbWatch *watch, const double *strain, const int64_t *run, const uint8_t *present);
+
+/* --- frames that have been received before ------------------------------------------------------------------------ */
+
+#define SB_SEEN_WORDS (1 << 20) /* of 64 bits */
+
+/* Remember `count` bytes; 1 if they are new. See strainfmu/can/cycle/frames/restart_proof.py. */
+SB_API int64_t sb_seen_add(uint64_t *words, const uint8_t *data, int count);
+
+/* --- clock of the sender -------------------------------------------------------------------------------------------- */
+
+enum { SB_JUMPED = 1, SB_RESTARTED = 2, SB_HIDES_DELAY = 4, SB_RESUMED = 8 };
+
+#define SB_MINIMA 60 /* windows whose smallest delays are kept */
+
+/* One clock that the readings may be of. */
+typedef struct {
+    int64_t is_set, ticks, readings;
+    double source, local; /* of the last reading, by that clock and by ours [s] */
+    double floor;         /* smallest delay, raised with time [s] */
+    double lowest;        /* least value of the floor, less what was hidden before a restart [s] */
+    double start;         /* our time of the first reading [s] */
+    double fastest;       /* delay at the start of the fastest clock that no reading contradicts [s] */
+} SbModel;
+
+/* See strainfmu/can/e2e/sample_clock.py and synchronised_clock.py. */
+typedef struct {
+    int64_t bits, confirmations, is_synchronised;
+    double tick, range, pace, tolerance, hidden, jump_tolerance, steady, round_off, window;
+    double shift, accuracy;            /* of a synchronised clock */
+    SbModel known, jumped, before;     /* state */
+    double window_start, window_min;
+    int64_t n_minima;                  /* windows so far; the last SB_MINIMA of them are kept */
+    double minimum[2 * SB_MINIMA];     /* start and smallest delay of each, in turn */
+    double age, uncertainty;           /* of the last reading [s] */
+} SbClock;
+
+/* Take in a sample time that arrived at `local`; the flags above. */
+SB_API int64_t sb_clock_read(SbClock *clock, const double *local, const int64_t *ticks);
+SB_API void sb_clock_reset(SbClock *clock);
+
+/* --- flow and navigation between their frames ---------------------------------------------------------------------- */
+
+/* One quantity. See strainfmu/can/cycle/estimate/held_flow.py. */
+typedef struct {
+    int64_t index;                                      /* of its signal in the frame */
+    double to_si, si_offset, smallest, largest, tolerance;
+    double max_age;                                     /* for which it is held [s] */
+    SbClock *clock;                                     /* NULL without sample time */
+    int64_t new_frames;                                 /* in a row, which prove a sender */
+    double value, sampled, stated, stated_at;           /* state [SI] and [s] */
+    int64_t to_be_proven, n_new, shares_clock, hides_delay, was_known;
+} SbValue;
+
+typedef struct {
+    const SbDecoder *signals;
+    int64_t sample_time, status;                        /* indices of signals, -1 without */
+    int64_t worst_status;                               /* with which values are used */
+    const uint8_t *prefix;                              /* (4) what distinguishes its data from those of others */
+    int64_t length;
+    uint64_t *seen;
+    int64_t n_values;
+    SbValue *const *value;
+} SbFlow;
+
+/* Take in a frame received at time[0]; time[1] is the present time by the clock of a proven sender of strains, NaN if it
+   is not known. 1 if any value of it may be used. */
+SB_API int64_t sb_flow_take(SbFlow *flow, const uint8_t *data, const double *time);
+
+enum { SB_DELAY_HIDDEN = 1, SB_LOST = 2 };
+
+/* What is known of `count` quantities at `now`: known (count) [SI], NaN of what may not be used. The flags say whether
+   more delay may hide than is allowed in any, and whether any was known before and is not any more. */
+SB_API int64_t sb_flow_known(SbValue *const *value, int count, const double *now, double *known);
+
+/* --- checks of each gauge by its values --------------------------------------------------------------------------- */
+
+enum {
+    SB_ALL_VALID = 1,  /* every gauge may be used */
+    SB_HAS_FROZEN = 2, /* gauges are frozen together */
+    SB_ALL_ZERO = 4,   /* all present gauges read exactly zero */
+    SB_LEARNED = 8     /* stopped half way: derive what follows from the usual scatter, then call sb_checks_end */
+};
+
+enum { SB_OUT_OF_RANGE, SB_JUMPS, SB_FROZEN, SB_ZERO, SB_N_FAULTS };
+
+/* See strainfmu/can/cycle/gauges/plausibility.py. */
+typedef struct {
+    int64_t n, heal_cycles, looks_for_frozen;
+    double cycle_time, sensor_range, rate_limit, zero_jump, round_off, pace_factor, fading;
+    const double *period, *cycles_apart, *stuck_cycles;
+    const int64_t *zero_cycles;
+    const uint8_t *is_fast;                     /* comes in every cycle, where others come more slowly */
+    double *difference, *last_strain, *last_good, *good_time, *pace, *changed, *heard, *unheard; /* state */
+    int64_t *last_raw, *repeats, *zeros, *good;
+    uint8_t *seen, *stuck;
+    uint8_t *fault;                             /* (SB_N_FAULTS, n) */
+    uint8_t *valid;                             /* (n) */
+    double *frozen_for;                         /* (2) result of sb_checks_frozen [s] */
+    SbWatch *watch;
+} SbChecks;
+
+/* Check a cycle that came at `now`; the flags above. */
+SB_API int64_t sb_checks_update(SbChecks *checks, const SbCycle *cycle, const double *now);
+SB_API int64_t sb_checks_end(SbChecks *checks, const SbCycle *cycle, const double *now);
+
+/* Decode a cycle, check it, and find for how long it has not changed, all at once; the flags of sb_checks_update. */
+SB_API int64_t sb_judge(const SbDecoder *decoder, const uint8_t *data, const uint8_t *here, int refuse_all,
+                        SbCycle *cycle, SbChecks *checks, const double *now);
+
+/* For how long none of the cycle's gauges has changed, and for how much longer that may be: frozen_for. */
+SB_API void sb_checks_frozen(SbChecks *checks, const SbCycle *cycle, const double *now);
+
+#endif
