@@ -11,15 +11,9 @@ import numpy as np
 
 from builder.calibration.as_built.parameters import AsBuiltParameters
 from builder.calibration.estimate.readings_model import ReadingsModel
+from builder.calibration.estimate.steps import minimum
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import InputError
-
-STEPS = 6
-"""Most Gauss-Newton steps; from the third on with the derivatives of the second."""
-
-SETTLED = 0.1
-"""Largest change of a parameter, in its standard deviations after the test, that ends the steps."""
-
 
 FITS = (0.02, 3.0)
 """Chi-square per reading within which test and model agree: 1 by this much, and so many standard deviations.
@@ -39,6 +33,7 @@ class Estimate:
     before, after : (n_cases, n_d) readings predicted by the drawing, zeros estimated alone, and by the estimate.
     chi_square : of readings and priors together; its expectation is ``n_readings``.
     steps : Gauss-Newton steps.
+    settled : whether they ended at a minimum of the cost.
     """
 
     model: ReadingsModel
@@ -49,6 +44,7 @@ class Estimate:
     after: FloatArray
     chi_square: float
     steps: int
+    settled: bool
 
     @property
     def n_readings(self) -> int:
@@ -83,10 +79,10 @@ class Estimate:
 
     @property
     def has_diverged(self) -> bool:
-        """Whether the steps led away from the readings: it fits them and the priors less than the drawing does."""
+        """Whether the steps found no minimum, or one that fits readings and priors less than the drawing does."""
         model, used = self.model, self.used
         left = (model.test.readings - drawing_readings(model, used))[used] / model.test.reading_stds[used]
-        return not self.chi_square <= float(np.sum(left**2))
+        return not (self.settled and self.chi_square <= float(np.sum(left**2)))
 
     @property
     def far_off(self) -> str:
@@ -149,27 +145,10 @@ def estimate(model: ReadingsModel, used: BoolArray, start: FloatArray | None = N
     """
     if not used.any():
         raise InputError("load test: no reading is left to calibrate with")
+    end = minimum(model, used, start)
+    vector, covariance = end.vector, end.covariance
     test, free = model.test, model.std > 0.0
-    vector = np.zeros(len(model.std)) if start is None else start * free
     reading, noise = test.readings[used], test.reading_stds[used]
-    covariance: FloatArray = np.zeros((0, 0))
-    steps = 0
-    predicted, jacobian = model.at_drawing() if start is None else model.jacobian(vector)
-    while steps < STEPS:
-        steps += 1
-        rows = jacobian[used][:, free] * (model.std[free] / noise[:, None])
-        target = (reading - predicted[used]) / noise + rows @ (vector[free] / model.std[free])
-        precision = rows.T @ rows + np.eye(rows.shape[1])
-        covariance = np.asarray(np.linalg.inv(precision), dtype=np.float64)
-        change = covariance @ (rows.T @ target) * model.std[free] - vector[free]
-        vector = vector.copy()
-        vector[free] += change
-        if np.max(np.abs(change) / (model.std[free] * np.sqrt(np.diag(covariance)))) < SETTLED:
-            break
-        if steps == 1:
-            predicted, jacobian = model.jacobian(vector)
-        else:
-            predicted = model.readings(vector)
     after = model.readings(vector)
     misfit = float(np.sum(((reading - after[used]) / noise) ** 2))
     full = np.zeros((len(vector), len(vector)))
@@ -182,7 +161,8 @@ def estimate(model: ReadingsModel, used: BoolArray, start: FloatArray | None = N
         before=drawing_readings(model, used),
         after=after,
         chi_square=misfit + float(np.sum((vector[free] / model.std[free]) ** 2)),
-        steps=steps,
+        steps=end.steps,
+        settled=end.settled,
     )
 
 
