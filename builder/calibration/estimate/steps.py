@@ -19,6 +19,9 @@ STEPS = 20
 SETTLED = 0.1
 """Largest change of a parameter, in its standard deviations after the test, that ends the steps."""
 
+NEAR = 1.0
+"""The same where the cost falls no more, or too slowly."""
+
 SHRINKS = 0.5
 """Length of a step over the last one up to which the derivatives are kept."""
 
@@ -39,7 +42,8 @@ class Minimum:
     vector : (n,) of the model.
     covariance : (n_free, n_free) of what is not known exactly, in its standard deviations before the test.
     steps : number of steps.
-    settled : whether that is a minimum of the cost.
+    settled : whether the last step was shorter than :data:`SETTLED`, or than :data:`NEAR` where the cost falls no
+        more.
     """
 
     vector: FloatArray
@@ -70,7 +74,7 @@ def minimum(model: ReadingsModel, used: BoolArray, start: FloatArray | None = No
             vector, predicted, value = found.vector, found.predicted, found.value
             damping = found.damping / MORE_DAMPING if found.damping > FIRST_DAMPING else 0.0
         if steps == STEPS or flat or (found is None and fresh):
-            return Minimum(vector=vector, covariance=step.covariance, steps=steps, settled=flat)
+            return Minimum(vector=vector, covariance=step.covariance, steps=steps, settled=step.length < NEAR)
         fresh = found is None or steps == 1 or damping > 0.0 or not step.length <= SHRINKS * last
         last = step.length
         if fresh:
