@@ -180,7 +180,7 @@ def test_a_factor_on_all_readings_has_no_name(
         assert near == pytest.approx(factor, rel=0.1)
 
 
-@pytest.mark.parametrize("factor", [1.5, 0.5])
+@pytest.mark.parametrize("factor", [pytest.param(1.5, marks=pytest.mark.slow), 0.5])
 def test_a_factor_and_a_gauge_of_the_wrong_sign(model: tuple[ReadingsModel, np.ndarray], factor: float) -> None:
     """No gauge is named then, and no vehicle fits: the steps end at a minimum, whose misfit is named."""
     built = model[0]

