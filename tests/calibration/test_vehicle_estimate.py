@@ -180,6 +180,18 @@ def test_a_factor_on_all_readings_has_no_name(
         assert near == pytest.approx(factor, rel=0.1)
 
 
+@pytest.mark.parametrize("factor", [pytest.param(1.5, marks=pytest.mark.slow), 0.5])
+def test_a_factor_and_a_gauge_of_the_wrong_sign(model: tuple[ReadingsModel, np.ndarray], factor: float) -> None:
+    """No gauge is named then, and no vehicle fits: the steps end at a minimum, whose misfit is named."""
+    built = model[0]
+    reading = factor * built.test.readings
+    reading[:, 7] *= -1.0
+    found = estimate(built.with_readings(reading), usable(built))
+    assert not found.has_diverged
+    near = float(unexplained(found, outside_model(found)).split("case to case are ")[1].split()[0])
+    assert near == pytest.approx(factor, rel=0.1)
+
+
 def test_noise_larger_than_stated_has_a_name(model: tuple[ReadingsModel, np.ndarray]) -> None:
     """Chi-square per reading is 15 then; the warning of the noise says what to do."""
     built, random = model[0], np.random.default_rng(3)

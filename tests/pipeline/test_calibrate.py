@@ -95,10 +95,10 @@ def test_a_ground_test_calibrates_a_map(tmp_path: Path) -> None:
     assert "Regression load equations" in page
     assert "wrong sign" in page
     assert all(f">{kind}<" in page for kind in ("mass", "clamp axial", "clamp transverse", "load cell"))
-    smaller = replace(test, strain=0.7 * test.strain)
-    (tmp_path / "smaller").mkdir()
-    wrong, refused = write_ground_test(smaller, tmp_path / "smaller", "all times 0.7"), tmp_path / "refused.h5"
-    line = r"loadtest.toml: load test: .* 0\.[67]\d* times the drawing's .*; no map written, --accept writes it$"
+    larger = replace(test, strain=1.5 * test.strain)  # the gauge of the wrong sign is not named then
+    (tmp_path / "larger").mkdir()
+    wrong, refused = write_ground_test(larger, tmp_path / "larger", "all times 1.5"), tmp_path / "refused.h5"
+    line = r"loadtest.toml: load test: .* 1\.[345]\d* times the drawing's .*; no map written, --accept writes it$"
     with pytest.raises(StrainfmuError, match=line) as caught:
         run_calibrate(tmp_path / "map.h5", wrong, refused, Silent(), vehicle_path=file)
     assert caught.value.exit_code == 1

@@ -10,21 +10,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from builder.calibration.as_built.parameters import AsBuiltParameters
+from builder.calibration.as_built.structure import gain_of
 from builder.calibration.estimate.readings_model import ReadingsModel
+from builder.calibration.estimate.steps import minimum
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import InputError
-
-STEPS = 6
-"""Most Gauss-Newton steps; from the third on with the derivatives of the second."""
-
-SETTLED = 0.1
-"""Largest change of a parameter, in its standard deviations after the test, that ends the steps."""
-
 
 FITS = (0.02, 3.0)
 """Chi-square per reading within which test and model agree: 1 by this much, and so many standard deviations.
 
 None of 128 tests of vehicles on another mesh left it."""
+
+
+NEAR_DRAWING = 1.0 / 20.0
+"""Chi-square over the drawing's from which steps that have not settled found nothing."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -39,6 +38,7 @@ class Estimate:
     before, after : (n_cases, n_d) readings predicted by the drawing, zeros estimated alone, and by the estimate.
     chi_square : of readings and priors together; its expectation is ``n_readings``.
     steps : Gauss-Newton steps.
+    settled : whether they ended at a minimum, to one standard deviation.
     """
 
     model: ReadingsModel
@@ -49,6 +49,7 @@ class Estimate:
     after: FloatArray
     chi_square: float
     steps: int
+    settled: bool
 
     @property
     def n_readings(self) -> int:
@@ -83,10 +84,13 @@ class Estimate:
 
     @property
     def has_diverged(self) -> bool:
-        """Whether the steps led away from the readings: it fits them and the priors less than the drawing does."""
+        """Whether the steps found no vehicle: a misfit near the drawing's, or gauges that read the reverse."""
         model, used = self.model, self.used
         left = (model.test.readings - drawing_readings(model, used))[used] / model.test.reading_stds[used]
-        return not self.chi_square <= float(np.sum(left**2))
+        most = float(np.sum(left**2)) * (1.0 if self.settled else NEAR_DRAWING)
+        built = self.parameters
+        reads = float(np.median(gain_of(built))) / (1.0 + float(built.youngs_modulus[0]))
+        return not (self.chi_square <= most and reads > 0.0)
 
     @property
     def far_off(self) -> str:
@@ -149,27 +153,10 @@ def estimate(model: ReadingsModel, used: BoolArray, start: FloatArray | None = N
     """
     if not used.any():
         raise InputError("load test: no reading is left to calibrate with")
+    end = minimum(model, used, start)
+    vector, covariance = end.vector, end.covariance
     test, free = model.test, model.std > 0.0
-    vector = np.zeros(len(model.std)) if start is None else start * free
     reading, noise = test.readings[used], test.reading_stds[used]
-    covariance: FloatArray = np.zeros((0, 0))
-    steps = 0
-    predicted, jacobian = model.at_drawing() if start is None else model.jacobian(vector)
-    while steps < STEPS:
-        steps += 1
-        rows = jacobian[used][:, free] * (model.std[free] / noise[:, None])
-        target = (reading - predicted[used]) / noise + rows @ (vector[free] / model.std[free])
-        precision = rows.T @ rows + np.eye(rows.shape[1])
-        covariance = np.asarray(np.linalg.inv(precision), dtype=np.float64)
-        change = covariance @ (rows.T @ target) * model.std[free] - vector[free]
-        vector = vector.copy()
-        vector[free] += change
-        if np.max(np.abs(change) / (model.std[free] * np.sqrt(np.diag(covariance)))) < SETTLED:
-            break
-        if steps == 1:
-            predicted, jacobian = model.jacobian(vector)
-        else:
-            predicted = model.readings(vector)
     after = model.readings(vector)
     misfit = float(np.sum(((reading - after[used]) / noise) ** 2))
     full = np.zeros((len(vector), len(vector)))
@@ -182,7 +169,8 @@ def estimate(model: ReadingsModel, used: BoolArray, start: FloatArray | None = N
         before=drawing_readings(model, used),
         after=after,
         chi_square=misfit + float(np.sum((vector[free] / model.std[free]) ** 2)),
-        steps=steps,
+        steps=end.steps,
+        settled=end.settled,
     )
 
 
