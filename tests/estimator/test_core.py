@@ -106,6 +106,19 @@ def test_numpy_behind_the_same_interface(linear: InverseMap) -> None:
     np.testing.assert_allclose(found / size, expected / size, atol=1e-8)
 
 
+def test_a_time_that_is_no_number_is_that_of_the_sample_before(linear: InverseMap, nonlinear: InverseMap) -> None:
+    for one in (linear, nonlinear):
+        core = Estimator(one).core
+        inputs = np.full((3, core.n_inputs), np.nan)
+        inputs[:, : one.n_gauges] = one.mean_strain
+        known = core.series(1, inputs, time=np.array([1.0, 1.0, 1.0]))
+        state = core.state
+        core.restart()
+        np.testing.assert_array_equal(core.series(1, inputs, time=np.array([1.0, np.nan, -np.inf])), known)
+        assert core.state == state
+        core.state = state  # it is accepted
+
+
 def test_one_sample_and_a_series_are_the_same(linear: InverseMap, nonlinear: InverseMap) -> None:
     for held, q in ((linear, NOMINAL), (nonlinear, 1.2e5)):
         estimator = Estimator(held)

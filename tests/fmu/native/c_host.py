@@ -9,11 +9,13 @@ from pathlib import Path
 import pytest
 from native_case import NativeCase
 from platforms import clang
-from raw_fmu import GUID
+from raw_fmu import GUID, first_zero, of_filter
 
 from strainfmu.fmu.native.build import NATIVE, compile_with_zig, fmi_headers, source_files
 
 HOST = Path(__file__).parent / "host.c"
+FUZZ = Path(__file__).parent / "fuzz.c"
+MEMORY = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all")
 
 
 def program_by_zig(target: str, output: Path, sources: list[Path], *flags: str) -> Path:
@@ -47,4 +49,24 @@ def run_host(command: list[str], case: NativeCase, *task: object, location: str 
     environment = os.environ | {"WINEDEBUG": "-all", "UBSAN_OPTIONS": "print_stacktrace=1"}
     finished = subprocess.run(arguments, capture_output=True, check=False, env=environment)
     assert finished.returncode == 0, finished.stderr.decode(errors="replace")[-4000:]
+    return finished.stdout
+
+
+def tare_input(case: NativeCase) -> int:
+    """Value reference of the input of the tare; its state and the zeros in use follow."""
+    return first_zero(case.n) + 2 * case.n + 1 + of_filter(case.inverse_map)
+
+
+def fuzz_program(output: Path) -> Path:
+    """``fuzz.c`` and the estimator under AddressSanitizer and UndefinedBehaviorSanitizer."""
+    core = tuple(path for path in source_files() if not path.parent.name.startswith("fmi"))
+    wrapped = "-Wl,--wrap=malloc,--wrap=calloc"
+    return host_by_clang(output, *MEMORY, wrapped, sources=(FUZZ, *core))
+
+
+def run_fuzz(program: Path, *arguments: object) -> str:
+    """Standard output of :func:`fuzz_program`."""
+    command = [str(program), *map(str, arguments)]
+    finished = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert finished.returncode == 0, finished.stderr[-4000:]
     return finished.stdout

@@ -7,7 +7,7 @@
      host GUID LOCATION GAUGES many STEPS          200 instances, interleaved, states, freed out of order
      host GUID LOCATION GAUGES foreign 0 OTHER     states of the map in LOCATION and of that in OTHER, with one GUID
      host GUID LOCATION GAUGES endure STEPS        memory of one instance over many steps
-     host GUID LOCATION GAUGES tare STEPS          what becomes of a tare, and the first zero
+     host GUID LOCATION GAUGES tare STEPS FIRST    what becomes of a tare, whose input has the number FIRST; its first zero
      host GUID LOCATION GAUGES threads STEPS       8 threads, each with instances of its own
 
    It is linked with the library's sources, so that sanitizers need no loader. With -DHOST_LOADS it loads a library
@@ -351,9 +351,9 @@ static void endure(const Setup *setup, long steps) {
 }
 
 /* A window of random zeros; in its middle the state goes to the other instance, which ends it. */
-static void tare(const Setup *setup, long steps) {
+static void tare(const Setup *setup, long steps, fmi2ValueReference asked) {
     fmi2Component one = started(setup), other = started(setup);
-    const fmi2ValueReference asked = N_OUTPUTS + 4 * setup->gauges + 10, said = asked + 1, used = asked + 2;
+    const fmi2ValueReference said = asked + 1, used = asked + 2;
     const fmi2ValueReference pressure = N_OUTPUTS + 2 * setup->gauges;
     const fmi2Boolean yes = fmi2True, no = fmi2False;
     const double rest = 0.0;
@@ -371,7 +371,7 @@ static void tare(const Setup *setup, long steps) {
             fmi2SetReal(c, &gauge, 1, &strain);
         }
         fmi2SetReal(c, &pressure, 1, &rest);
-        fmi2SetBoolean(c, &asked, 1, k < steps ? &yes : &no);
+        check(fmi2SetBoolean(c, &asked, 1, k < steps ? &yes : &no) == fmi2OK, "fmi2SetBoolean of the tare");
         check(fmi2DoStep(c, (double)k, 1.0, 1) == fmi2OK, "fmi2DoStep");
     }
     fmi2Integer outcome = -1;
@@ -441,8 +441,8 @@ int main(int argc, char **argv) {
         foreign(&setup, argv[6]);
     } else if (strcmp(task, "endure") == 0) {
         endure(&setup, steps);
-    } else if (strcmp(task, "tare") == 0) {
-        tare(&setup, steps);
+    } else if (strcmp(task, "tare") == 0 && argc > 6) {
+        tare(&setup, steps, (fmi2ValueReference)strtoul(argv[6], NULL, 10));
 #ifndef _WIN32
     } else if (strcmp(task, "time") == 0) {
         measure(&setup, steps);

@@ -182,7 +182,8 @@ void filter_follow_known(Filter *filter, const Known *known) {
 }
 
 int filter_knows_as(const Filter *filter, const Law *law) {
-    return filter->zeros.may_move || memcmp(law->stated, filter->stated, filter->n_parameters * sizeof *law->stated) == 0;
+    return filter->zeros.may_move || filter->n_parameters == 0 /* without arrays: memcmp takes no NULL */
+        || memcmp(law->stated, filter->stated, filter->n_parameters * sizeof *law->stated) == 0;
 }
 
 void filter_note_known(const Filter *filter, Law *law) {

@@ -345,12 +345,13 @@ void sl_series(StrainLoad *handle, int how, int with_fit, size_t count, const do
     char text[MODEL_TEXT_SIZE];
     const Floating host = floating_enter();
     for (size_t k = 0; k < count; k++) {
-        const double now = time != NULL ? time[k] : 0.0;
+        const double given = time != NULL ? time[k] : 0.0;
         if (how == SL_EACH) {
             begin(handle, start != NULL ? start + k * N_STATES : NULL);
         }
         set_sample(handle, input + k * n_inputs, valid != NULL ? valid + k * handle->estimator->map.n_gauges : NULL);
         if (how == SL_TRACK) {
+            const double now = isfinite(given) ? given : handle->model->time;
             model_step(handle->model, now, now, text);
         }
         double *result = output + k * stride;

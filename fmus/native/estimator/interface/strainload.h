@@ -80,9 +80,9 @@ SL_API void sl_restart(StrainLoad *handle);
    (SL_OUTPUTS) is written. */
 SL_API void sl_step(StrainLoad *handle, double time, const double *input, const unsigned char *valid, double *output);
 
-/* `count` samples at once. time (count) [s], NULL for 0; valid (count, rows) or NULL. start (count, 4) is the flight state
-   from which each sample of SL_EACH starts, NULL for a search of the tables. output (count, SL_OUTPUTS), or with the fit
-   (count, SL_OUTPUTS + SL_FIT). */
+/* `count` samples at once. time (count) [s], NULL for 0; one that is not finite is the time of the sample before. valid
+   (count, rows) or NULL. start (count, 4) is the flight state from which each sample of SL_EACH starts, NULL for a search
+   of the tables. output (count, SL_OUTPUTS), or with the fit (count, SL_OUTPUTS + SL_FIT). */
 SL_API void sl_series(StrainLoad *handle, int how, int with_fit, size_t count, const double *time, const double *input,
                       const unsigned char *valid, const double *start, double *output);
 

@@ -47,15 +47,16 @@ static void take_form(MapFile *file, size_t n, ScaledForm *form) {
     }
 }
 
+/* Start values lie within the limits of settings: the state of an instance that holds them is accepted. */
 static void take_settings(MapFile *file, Map *map) {
-    map->reference_area = map_positive(file, "settings.reference_area");
-    map->reference_length = map_positive(file, "settings.reference_length");
-    map->moment_station = map_number(file, "settings.moment_station");
-    map->sensor_range = map_positive(file, "settings.sensor_range");
+    const double smallest = map->smallest_setting = map_between(file, "settings.smallest", DBL_MIN, 1.0);
+    const double largest = map->largest_setting = map_between(file, "settings.largest", 1.0, DBL_MAX);
+    map->reference_area = map_between(file, "settings.reference_area", smallest, largest);
+    map->reference_length = map_between(file, "settings.reference_length", smallest, largest);
+    map->moment_station = map_between(file, "settings.moment_station", -largest, largest);
+    map->sensor_range = map_between(file, "settings.sensor_range", smallest, largest);
     map->dynamic_pressure = map_positive(file, "settings.dynamic_pressure");
-    map->smallest_setting = map_positive(file, "settings.smallest");
-    map->largest_setting = map_number(file, "settings.largest");
-    map->largest_zero = map_number(file, "settings.largest_zero");
+    map->largest_zero = map_between(file, "settings.largest_zero", 0.0, DBL_MAX);
     map->not_known = map_number(file, "settings.not_known");
 }
 

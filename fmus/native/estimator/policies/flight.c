@@ -156,8 +156,22 @@ void flight_renew(Flight *flight) {
     flight_solver_add_noise(&flight->solver, noise->own, noise->added);
 }
 
+static int is_state(const double state[N_STATES]) {
+    int good = 1;
+    for (size_t k = 0; k < N_STATES; k++) {
+        good = good && isfinite(state[k]);
+    }
+    return good;
+}
+
 void flight_take_next(Flight *flight, double time) {
     Filter *filter = &flight->filter;
+    if (!is_state(flight->next.state)) { /* a map of extreme numbers: nothing to go on from */
+        memset(&flight->next, 0, sizeof flight->next);
+        if (filter->present) {
+            forget_law(filter);
+        }
+    }
     const Law law = filter->law;
     flight->base = flight->next;
     flight->base.stepped = 0.0;
@@ -171,10 +185,7 @@ int flight_track_fits(const Flight *flight, const Track *track) {
     int good = (track->has_state == 0.0 || track->has_state == 1.0)
             && (track->stepped == 0.0 || track->stepped == 1.0)
             && track->since_search >= 0.0 && track->since_search <= flight->map.search_every
-            && track->to_return >= 0.0 && track->to_return <= flight->map.return_after;
-    for (size_t k = 0; k < N_STATES; k++) {
-        good = good && isfinite(track->state[k]);
-    }
+            && track->to_return >= 0.0 && track->to_return <= flight->map.return_after && is_state(track->state);
     const int is_widened = track->widening[0] != 0.0;
     for (size_t k = 0; k < N_WIDENING; k++) {
         const double factor = track->widening[k];
