@@ -162,7 +162,7 @@ void tare_whole(Tare *tare, const double *mean_strain, size_t count, const doubl
     judge_window(tare, mean_strain);
     tare->verdict.dynamic_pressure = largest;
     tare->verdict.samples_without = without;
-    tare->verdict.faults += largest > tare->limits.dynamic_pressure ? TARE_PRESSURE : 0.0;
+    tare->verdict.faults += largest > tare->limits.dynamic_pressure ? (double)TARE_PRESSURE : 0.0;
     window_begin(&tare->window);
 }
 
