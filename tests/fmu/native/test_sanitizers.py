@@ -26,7 +26,7 @@ pytestmark = pytest.mark.slow
 
 CORPUS = Path(__file__).parent / "corpus"
 TESTS = Path(__file__).parents[2]
-COMPILED_IN_PYTHON = ("can/cycle", "can/e2e", "can/fuzz", "can/wire/test_compiled.py", "estimator/zeros")
+COMPILED_IN_PYTHON = ("can/cycle", "can/e2e", "can/fuzz", "can/wire/test_bus_library.py", "estimator/zeros")
 """Tests of what Python calls in the library: samples, tares, and the bridge."""
 
 
