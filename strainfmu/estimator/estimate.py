@@ -151,7 +151,8 @@ class Estimate(NamedLoads):
         found = self._fit(name)
         return found.reshape(*found.shape[:-1], order, order)
 
-    # Rolling moment and section loads; zeros and none of a map without.
+    # Rolling moment and section loads; zeros and none of a map without. NamedLoads has two of them as
+    # attributes, for which mypy accepts no property without a setter.
 
     def _other(self, name: str) -> FloatArray:
         found = self._field(name)

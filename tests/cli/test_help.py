@@ -20,6 +20,7 @@ pytestmark = pytest.mark.fast
 Run = Callable[..., tuple[int, str, str]]
 
 ROOT = Path(__file__).parents[2]
+# get_command returns the group of all commands; its type is that of any command.
 PROGRAM: dict[str, Any] = get_command(app).commands  # type: ignore[attr-defined]
 
 AVOIDED = re.compile(

@@ -66,6 +66,7 @@ def test_a_map_is_used_with_the_smallest_extra(synthetic: SyntheticFiles, tmp_pa
 
 
 def test_a_missing_package_is_named_with_its_extra(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    # None in sys.modules makes the import fail, which its type does not foresee.
     monkeypatch.setitem(sys.modules, "typer.main", None)  # type: ignore[arg-type]
     code, _, errors = run("estimate", "map.h5", "flight.csv", "-o", "o.csv")
     text = "'typer' is not installed: pip install 'strainfmu[cli]'; it is enough to estimate with a map, inspect"

@@ -75,6 +75,7 @@ def test_the_estimator_of_a_vehicle_file_may_be_replaced() -> None:
     with pytest.raises(InputError, match=r"--estimator nonlinear: needs map.symmetry 'full', got 'listed'"):
         with_estimator(listed, "nonlinear")
     with pytest.raises(InputError, match=r"^--estimator: .* got 'manifold', now called 'nonlinear'$"):
+        # The former name, which the type no longer has.
         with_estimator(vehicle, "manifold")  # type: ignore[arg-type]
     shape = load_vehicle(VEHICLES / "elliptic_cone.toml")
     assert with_estimator(shape, "nonlinear").map.estimator == "nonlinear"

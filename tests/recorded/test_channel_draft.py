@@ -62,6 +62,26 @@ def test_a_recording_of_other_names_is_read_by_its_draft(
     assert "written, 3 samples" in out, "a recording at rest, but all of its channels are read"
 
 
+def test_a_recorded_simulation_is_read_by_its_draft_as_without(
+    synthetic: SyntheticFiles, tmp_path: Path, run: Run
+) -> None:
+    """The flow is the plant's, behind the name of its instance, not what the estimator made of it."""
+    strains = [f"plant.strain[{i}]" for i in range(1, len(NAMES) + 1)]
+    flow = {"plant.dynamic_pressure": 9e4, "plant.altitude": 2e4, "estimator.air_data.dynamic_pressure": 1e4}
+    rows = [",".join(["time", *strains, *flow])]
+    for sample in range(40):
+        values = [(1.0 + 0.01 * sample) * 1e-6 * (gauge % 7 + 1) for gauge in range(len(NAMES))]
+        rows.append(",".join(map(repr, [0.01 * sample, *values, *flow.values()])))
+    data = tmp_path / "flight.csv"
+    data.write_text("\n".join(rows) + "\n")
+    channels, loads = tmp_path / "channels.toml", [tmp_path / "without.csv", tmp_path / "by_draft.csv"]
+    assert run("channels", synthetic.map_1, data, "-o", channels)[0] == 0
+    for output, options in zip(loads, ([], ["--channels", channels]), strict=True):
+        code, _, errors = run("estimate", synthetic.map_1, data, "-o", output, *options)
+        assert (code, errors) == (0, "")
+    assert loads[0].read_bytes() == loads[1].read_bytes()
+
+
 def test_ports_are_taken_in_their_order_and_said_to_be(synthetic: SyntheticFiles, tmp_path: Path) -> None:
     ports = [f"AI{i // 4}/ch{i % 4}" for i in range(len(NAMES))]
     data = recording(tmp_path / "r.csv", ["t", *ports], ["s", *["mV/V"] * len(NAMES)])

@@ -114,7 +114,7 @@ class Altered(Reception):
         return found
 
     def altered(self, data: bytes, protection: Protection, own: int, last: int) -> bytes:
-        raise NotImplementedError
+        raise NotImplementedError  # each subclass alters the frame in its own way
 
 
 class ReceivesAnyCrc(Altered):

@@ -152,7 +152,7 @@ class FileEntries(Section):
 
 
 class ManifestEntries(FileEntries):
-    """A manifest as it is written: how its files are written, but for those of cases that say otherwise."""
+    """The entries of a manifest: the format of all files, which a case may state for its own file."""
 
     case: list[CaseEntry] = Field(min_length=1)
 
@@ -306,7 +306,9 @@ def _check_cases(path: Path, entries: ManifestEntries, labels: list[str], writte
         if flow != flow_of:
             raise InputError(f"{path}: {label}: file '{entry.file}' is already that of {first}, another condition")
         if as_first != how:
-            raise InputError(f"{path}: {label}: file '{entry.file}' is already that of {first}, written otherwise")
+            raise InputError(
+                f"{path}: {label}: file '{entry.file}' is already used by {first}, with another format"
+            )
         if how.mirrored and entry.sideslip_angle_deg != 0.0:
             raise InputError(
                 f"{path}: {label}: sideslip_angle_deg {entry.sideslip_angle_deg:g} found, a mirrored half model "
@@ -324,8 +326,8 @@ def _from_toml(path: Path, content: bytes) -> dict[str, Any]:
 def _from_csv(path: Path, content: bytes) -> tuple[dict[str, Any], list[int]]:
     """Return the entries as the TOML form has them, and the line of each case.
 
-    Columns other than the case's own hold for all cases in the first line; in another line that differs they are
-    those of its case.
+    The first line states columns other than the case's own for all cases; a later line that differs states them
+    for its case alone.
     """
     rows = list(csv.reader(content.decode("utf-8-sig", "replace").splitlines(), skipinitialspace=True))
     start = next(number for number, row in enumerate(rows) if row)

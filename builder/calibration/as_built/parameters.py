@@ -1,6 +1,6 @@
 """What a vehicle as built may have different from its drawing, as one vector.
 
-The kinds are those of the table :data:`builder.structure.as_built_kinds.AS_BUILT`, in its order.
+The kinds are listed in :data:`builder.structure.as_built_kinds.AS_BUILT`; the vector has their order.
 """
 
 from __future__ import annotations

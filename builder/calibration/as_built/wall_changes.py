@@ -141,8 +141,8 @@ class ElasticClamp:
 
         da = (b P) (E M / l + P' K P)^-1 P'.
 
-    It is a line through no change and that of :data:`CLAMP_LENGTH`. A motion of the whole ring, as the clamp's
-    rotation, strains nothing: P is a rigid motion then.
+    The change is taken as linear between a rigid clamp and a length of :data:`CLAMP_LENGTH`. A motion of the
+    whole ring, as the clamp's rotation, strains nothing: P is a rigid motion then.
     """
 
     def __init__(self, mesh: MeridianMesh, material: Material) -> None:

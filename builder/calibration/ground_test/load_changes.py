@@ -92,7 +92,7 @@ class CellErrors:
 
 
 def as_applied(known: KnownLoad, errors: LoadErrors, cell: CellErrors, random: np.random.Generator) -> Load:
-    """Return a load whose errors are drawn; those of its load cell are ``cell``."""
+    """Return a load with drawn errors; ``cell`` holds the errors of its load cell."""
     own, along, around, longer, first, second = random.standard_normal(6).tolist()
     factor, force = 1.0 + known.std * own, cell_force(known.load)
     if known.on_load_cell:

@@ -38,6 +38,7 @@ class ProgramCommand(TyperCommand):
         panels = {option: panel for panel, options in OPTIONS.get(name or "", {}).items() for option in options}
         for parameter in self.params:
             if parameter.name in panels:
+                # An attribute of typer's parameters, which click's type does not have.
                 parameter.rich_help_panel = panels[parameter.name]  # type: ignore[attr-defined]
             if parameter.param_type_name == "argument" and not parameter.metavar:
                 parameter.metavar = (parameter.name or "").upper()

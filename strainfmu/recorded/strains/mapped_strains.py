@@ -30,6 +30,7 @@ from strainfmu.recorded.columns.column_names import (
     TIME_NAMES,
     Wanted,
     excluded_gauges,
+    is_signal,
 )
 from strainfmu.recorded.columns.columns import StrainBlock, flow_factor
 from strainfmu.recorded.columns.flight_pressure import pressure_sources
@@ -86,8 +87,12 @@ def mapped_strains(path: Path, wanted: Wanted, mapping: ChannelMap) -> Iterator[
     stated += [*temperature_quantities(wanted.sensors), *wanted.sensors]
     stated += _parameters(wanted)
     known = {plain_name(name) for name in (*stated, *_QUANTITIES, *TIME_NAMES)}
+
+    def is_known(name: str) -> bool:  # or behind the name of an instance, as in recorded simulations
+        return plain_name(name) in known or last_name(name) in known
+
     order = mapping.date_order or wanted.date_order
-    with open_channels(path, Reading(is_known=lambda name: plain_name(name) in known, date_order=order)) as file:
+    with open_channels(path, Reading(is_known=is_known, date_order=order)) as file:
         gauges = _gauges(mapping, wanted)
         channels = {entry.name: gauges[entry.gauge] for entry in mapping.channels}
         excluded = excluded_gauges(mapping.path, wanted, channels)
@@ -96,7 +101,7 @@ def mapped_strains(path: Path, wanted: Wanted, mapping: ChannelMap) -> Iterator[
         wanted, mapping = replace(wanted, excluded=of_map), replace(mapping, channels=kept)
         of_pieces = None
         if file.rows is not None and file.length > LARGEST_WHOLE:
-            names = [name for name in file.names if plain_name(name) in known]
+            names = [name for name in file.names if is_known(name)]
             of_pieces = _of_pieces(file, names, mapping, wanted, gauges)
         yield of_pieces or _strains_of(file, mapping, wanted, gauges)
 
@@ -345,7 +350,8 @@ def _read_flow(file: ChannelFile, mapping: ChannelMap, wanted: Wanted, clock: Ch
         _add_flow(file, name, quantity, unit=unit, clock=clock, found=found, readings=wanted.readings)
     of_flow = [quantity for quantity in _QUANTITIES if quantity in wanted.flow]
     for quantity in (*of_flow, *_parameters(wanted), *temperature_quantities(wanted.sensors)):
-        own = [name for name in file.names if last_name(name) in _own_names(quantity, wanted.sensors)]
+        names = _own_names(quantity, wanted.sensors)
+        own = [name for name in file.names if last_name(name) in names and not is_signal(name)]
         if quantity not in stated and len(own) == 1:
             unit = file.units.get(own[0])
             _add_flow(file, own[0], quantity, unit=unit, clock=clock, found=found, readings=wanted.readings)

@@ -186,7 +186,7 @@ CASE_COLUMNS = "file,mach_number,angle_of_attack_deg,sideslip_angle_deg,altitude
         ),
         (
             manifest_text(case_text() + case_text(altitude_km=25.0) + 'length_unit = "mm"\n'),
-            ("case 2: file 'field.vtu' is already that of case 1, written otherwise",),
+            ("case 2: file 'field.vtu' is already used by case 1, with another format",),
         ),
         (manifest_text(mirrored=True), ("sideslip_angle_deg 5 found", "half model")),
         ("quantity = ", ("not a TOML file",)),
