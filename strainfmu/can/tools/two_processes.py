@@ -18,6 +18,7 @@ from strainfmu.can.bridge.bus.opening import BusSettings, open_bus, shut_down
 from strainfmu.can.tools.answers import Score
 from strainfmu.can.wire.profiles import SECURED_PROFILE
 from strainfmu.errors import StrainfmuError
+from strainfmu.files import write_bytes_atomically
 
 GROUP = "239.74.163.9"
 """Multicast group of the demonstration, of those free for use within an organisation (RFC 2365)."""
@@ -55,7 +56,7 @@ def fly_over_bus(folder: Path, duration: float, is_authenticated: bool = False) 
     with tempfile.TemporaryDirectory(prefix="strainfmu_") as temporary:
         if is_authenticated:
             key = Path(temporary) / "key.txt"
-            key.write_text(secrets.token_hex(16))
+            write_bytes_atomically(key, secrets.token_hex(16).encode(), is_private=True)
             cycle = (*cycle, "--profile", SECURED_PROFILE, "--key", str(key))
         report = Path(temporary) / "score.json"
         # Wide enough for the tables on any terminal.

@@ -21,6 +21,7 @@ from strainfmu.can.tools.sender import planned_faults
 from strainfmu.can.wire.authenticator import load_key
 from strainfmu.can.wire.frame import to_message
 from strainfmu.errors import InputError
+from strainfmu.files import write_bytes_atomically
 
 SECRET = bytes(range(16)).hex()
 
@@ -28,7 +29,7 @@ SECRET = bytes(range(16)).hex()
 @pytest.fixture
 def key(tmp_path: Path) -> Path:
     path = tmp_path / "bus.key"
-    path.write_text(SECRET)
+    write_bytes_atomically(path, SECRET.encode(), is_private=True)
     return path
 
 

@@ -27,6 +27,7 @@ from strainfmu.cosim.estimators.zeros_file import load_zeros, write_zeros
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
+from strainfmu.files import write_bytes_atomically
 
 NAMES = [f"G{i}" for i in range(N_GAUGES)]
 ZERO = 1e-6 * np.array([180.0, -95.0, 240.0, -160.0, 20.0, 310.0])
@@ -99,7 +100,7 @@ def test_zeros_are_taken_at_rest_and_used_in_flight(
 ) -> None:
     """On the bus, and by a replay, which writes no file of zeros."""
     key = tmp_path / "bus.key"
-    key.write_text(bytes(range(16)).hex())
+    write_bytes_atomically(key, bytes(range(16)).hex().encode(), is_private=True)
     secured = {"key_file": key} if profile == "fd64-sec" else {}
     samples = at_rest(150) + in_flight(60)
     live = Run(synthetic, tmp_path, samples, f"tare-{profile}", profile=profile, **secured)
