@@ -25,8 +25,17 @@ _LENGTHS = re.compile(
 """A message with its length [bytes]; a signal with its start and length [bits]."""
 
 
+MAPPING_TABLE = "input"
+"""Table of a bus file whose entries map the signals of a DBC file."""
+
+OTHER_ENTRIES = frozenset(
+    {"profile", "dbc", "mapping", "id_base", "extended", "key", "freshness", "dynamic_pressure_pa", "gauges"}
+)
+"""Entries of that table that map no signal."""
+
+
 def load_mapping(path: Path) -> dict[str, Any]:
-    """Return the mapping file at ``path``.
+    """Return the mapping in the file at ``path``, a mapping file or a bus file.
 
     Raises
     ------
@@ -39,7 +48,10 @@ def load_mapping(path: Path) -> dict[str, Any]:
         raise InputError(f"{path}: no such file") from error
     except (OSError, ValueError, RecursionError) as error:
         raise InputError(f"{path}: cannot be read: {error}") from error
-    return mapping
+    of_bus = mapping.get(MAPPING_TABLE)
+    if not isinstance(of_bus, dict):
+        return mapping
+    return {name: value for name, value in of_bus.items() if name not in OTHER_ENTRIES}
 
 
 def load_database(path: Path) -> Any:

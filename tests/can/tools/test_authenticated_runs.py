@@ -89,11 +89,11 @@ def test_a_log_needs_its_key(
     code, _, errors = run("replay", log, synthetic.estimator_1, "-o", out)
     assert code == 2
     assert f"{key}: the key could not be read: No such file or directory" in errors
-    code, printed, errors = run("replay", log, synthetic.estimator_1, "-o", out, "--key", moved)
+    code, printed, errors = run("replay", log, synthetic.estimator_1, "-o", out, "--set", f"input.key={moved}")
     assert (code, errors) == (0, "")
     assert "results VALID" in printed
     moved.write_text("00" * 16)
-    code, printed, errors = run("replay", log, synthetic.estimator_1, "-o", out, "--key", moved)
+    code, printed, errors = run("replay", log, synthetic.estimator_1, "-o", out, "--set", f"input.key={moved}")
     assert code == 1
     assert "results has coefficients, 0 of " in errors
     assert "results VALID" not in printed

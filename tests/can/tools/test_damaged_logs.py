@@ -42,7 +42,9 @@ def write_log(
 def replayed(run: Run, log: Path, fmu: Path) -> tuple[int, str, dict[str, np.ndarray]]:
     """Return exit code, all that is printed, and the columns of the estimates of a log."""
     out = log.with_suffix(".csv")
-    code, printed, errors = run("replay", log, fmu, "-o", out, "--profile", "fd64", "--cycle-time", 1e3 * CYCLE)
+    code, printed, errors = run(
+        "replay", log, fmu, "-o", out, "--profile", "fd64", "--set", f"input.cycle_time_ms={1e3 * CYCLE:g}"
+    )
     return code, printed + errors, read_csv(out)
 
 
@@ -113,7 +115,16 @@ def check_damaged(seed: int, synthetic: SyntheticFiles, folder: Path, run: Run) 
     out = folder / "o.csv"
     out.unlink(missing_ok=True)
     code = ends_in_one_line(
-        run, "replay", log, synthetic.map_1, "-o", out, "--profile", "fd64", "--cycle-time", 1e3 * CYCLE
+        run,
+        "replay",
+        log,
+        synthetic.map_1,
+        "-o",
+        out,
+        "--profile",
+        "fd64",
+        "--set",
+        f"input.cycle_time_ms={1e3 * CYCLE:g}",
     )
     assert out.exists() == (code < 2)
     if out.exists():

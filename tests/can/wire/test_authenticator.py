@@ -179,7 +179,5 @@ def test_a_key_that_others_may_read_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "bus.key"
     path.write_text(bytes(range(16)).hex())
     path.chmod(0o644)
-    with pytest.raises(
-        InputError, match=r"expected a file of its owner alone, mode 600, got 644: chmod"
-    ):
+    with pytest.raises(InputError, match=r"expected a file of its owner alone, mode 600, got 644: chmod"):
         load_key(path)

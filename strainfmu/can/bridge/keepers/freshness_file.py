@@ -56,7 +56,7 @@ def load_freshness(path: Path, key: AuthenticationKey) -> int | None:
     if found.get("key_check_value") != key.check_value:
         raise InputError(
             f"{path}: is of another key, check value {str(found.get('key_check_value'))[:20]!r}, not "
-            f"{key.check_value!r}; state another file by --freshness"
+            f"{key.check_value!r}; state another file as input.freshness"
         )
     return freshness_of(*numbers)
 
