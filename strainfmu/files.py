@@ -45,8 +45,10 @@ def read_bytes(path: Path) -> bytes:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
 
 
-def write_bytes_atomically(path: str | PathLike[str], content: bytes) -> None:
+def write_bytes_atomically(path: str | PathLike[str], content: bytes, *, is_private: bool = False) -> None:
     """Write ``content`` to a temporary file beside ``path``, then rename it into place.
+
+    A private file can be read and written by its owner alone (:func:`check_private`).
 
     Raises
     ------
@@ -62,12 +64,27 @@ def write_bytes_atomically(path: str | PathLike[str], content: bytes) -> None:
             stream.write(content)
             stream.flush()
             os.fsync(stream.fileno())
-        os.chmod(temporary, 0o666 & ~_current_umask())
+        os.chmod(temporary, 0o600 if is_private else 0o666 & ~_current_umask())
         os.replace(temporary, path)
     except OSError as error:
         if temporary is not None and os.path.exists(temporary):
             os.unlink(temporary)
         raise StrainfmuError(f"{path}: could not be written: {error.strerror or error}") from error
+
+
+def check_private(path: Path) -> None:
+    """Refuse a file that others than its owner may read or write; systems without POSIX modes check nothing.
+
+    Raises
+    ------
+    InputError
+        Its mode allows access by the group or by all.
+    """
+    if os.name != "posix" or not path.is_file():
+        return
+    mode = stat.S_IMODE(path.stat().st_mode)
+    if mode & (stat.S_IRWXG | stat.S_IRWXO):
+        raise InputError(f"{path}: expected a file of its owner alone, mode 600, got {mode:o}: chmod 600 '{path}'")
 
 
 def _current_umask() -> int:

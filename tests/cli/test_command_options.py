@@ -12,9 +12,10 @@ from typing import Annotated, Any, get_args, get_origin, get_type_hints
 import pytest
 from typer.main import get_command
 
+from strainfmu.can.bridge.bus_file import TABLES, read_bus
 from strainfmu.can.settings import BridgeSettings
 from strainfmu.cli.commands import app
-from strainfmu.cli.commands.bus_options import check_bus_options, cycle_time_of, known_bus_options
+from strainfmu.cli.commands.bus_options import OLD_OPTIONS, OLD_SOURCES, check_bus_options, known_bus_options
 from strainfmu.errors import InputError
 
 pytestmark = pytest.mark.fast
@@ -22,17 +23,29 @@ pytestmark = pytest.mark.fast
 Run = Callable[..., tuple[int, str, str]]
 
 WRONG = {
-    ("--stuck-cycles", "-5"): "--stuck-cycles: expected 0 .. 1000000, got -5",
-    ("--zero-cycles", "0"): "--zero-cycles: expected 1 .. 1000000, got 0",
-    ("--gauge-noise", "0"): "--gauge-noise: expected 0.0001 .. 1000 um/m, got 0",
+    ("--set", "trust.stuck_cycles=-5"): "--set trust.stuck_cycles: expected 0 to 1,000,000 cycles, got -5",
+    ("--set", "trust.zero_cycles=0"): "--set trust.zero_cycles: expected 1 to 1,000,000 cycles, got 0",
+    ("--set", "trust.gauge_noise_um_per_m=0"): "gauge_noise_um_per_m: expected 0.0001 to 1,000 um/m, got 0",
+    (
+        "--set",
+        "trust.max_age_cycles=nan",
+    ): "--set trust.max_age_cycles: expected 0.01 to 1,000,000 cycles, got nan",
+    ("--set", "input.dynamic_pressure_pa=nan"): "input.dynamic_pressure_pa: expected 1 to 100,000,000 Pa, got nan",
+    ("--set", "input.cycle_time_ms=1e-12"): "--set input.cycle_time_ms: expected 0.1 to 10,000 ms, got 1e-12",
+    ("--set", "input.cycle_time_ms=true"): "--set input.cycle_time_ms: expected a number [ms], got 'True'",
+    ("--set", "trust.max_age=3"): "--set: trust.max_age: unknown entry, did you mean 'max_age_cycles'",
+    ("--set", "trsut.max_age=3"): "--set: trsut: unknown table, did you mean 'trust'",
+    ("--set", "max_age=3"): "--set: expected TABLE.ENTRY=VALUE such as clock.hidden_ms=5, got 'max_age=3'",
+    ("--set", "faults.kinds=1"): "--set faults.kinds: expected an array of texts, got '1'",
+    ("--set", "input.profile=fd65"): "--set input.profile: expected one of fd64, classic-le, classic-be, float2,",
+    (
+        "--clock-rate",
+        "3",
+    ): "--clock-rate: state it as entry rate_ppm of [clock] in the bus file, or by --set clock.",
     ("--duration", "nan"): "--duration: expected 0.001 .. 100000000 s, got nan",
     ("--duration", "-3"): "--duration: expected 0.001 .. 100000000 s, got -3",
     ("--duration", "inf"): "--duration: expected 0.001 .. 100000000 s, got inf",
-    ("--max-age", "nan"): "--max-age: expected 0.01 .. 1000000 cycles, got nan",
-    ("--dynamic-pressure", "nan"): "--dynamic-pressure: expected 1 .. 100000000 Pa, got nan",
-    ("--cycle-time", "1e-12"): "--cycle-time: expected 0.1 .. 10000 ms, got 1e-12",
-    ("--cycle-time", "10001"): "--cycle-time: expected 0.1 .. 10000 ms, got 10001",
-    ("--bus-option", "foo=1"): "--bus-option: virtual knows no 'foo'; it takes can_filters, preserve_timestamps,",
+    ("--bus-option", "foo=1"): "--bus-option: expected an option of virtual (can_filters, preserve_timestamps,",
 }
 
 
@@ -59,19 +72,36 @@ def test_ctrl_c_within_a_command_ends_in_one_line(
 
 
 def test_the_other_commands_hold_the_same_limits(run: Run, tmp_path: Path) -> None:
-    bus = ("--interface", "virtual", "--channel", "x", "--data", "none.csv")
+    bus = ("none.csv", "--map", "none.h5", "--interface", "virtual", "--channel", "x")
     commands: tuple[tuple[str, ...], ...] = (
         ("dbc", "none.h5", "-o", str(tmp_path / "x.dbc")),
-        ("send", "none.h5", *bus),
+        ("send", *bus),
         ("replay", "none.blf", "none.fmu", "-o", str(tmp_path / "x.csv")),
     )
     for command in commands:
-        code, _, errors = run(*command, "--cycle-time", "0.09")
-        assert (code, "--cycle-time: expected 0.1 .. 10000 ms, got 0.09" in errors) == (2, True), command
-    code, _, errors = run("send", "none.h5", *bus, "--bus-option", "prot=1")
-    assert (code, "virtual knows no 'prot'" in errors) == (2, True)
-    code, _, errors = run(*commands[2], "--dynamic-pressure", "inf")
-    assert (code, "--dynamic-pressure: expected 1 .. 100000000 Pa, got inf" in errors) == (2, True)
+        code, _, errors = run(*command, "--set", "input.cycle_time_ms=0.09")
+        assert (code, "--set input.cycle_time_ms: expected 0.1 to 10,000 ms" in errors) == (2, True), command
+    code, _, errors = run("send", *bus, "--bus-option", "prot=1")
+    assert (code, "expected an option of virtual" in errors) == (2, True)
+
+
+@pytest.mark.parametrize("command", OLD_OPTIONS)
+def test_old_options_name_the_entry_that_replaces_them(command: str, run: Run) -> None:
+    """Each is an entry of the bus file, and no option of the command any more."""
+    parameters = {option for one in get_command(app).commands[command].params for option in one.opts}  # type: ignore[attr-defined]
+    for option, entry in {**OLD_OPTIONS[command]}.items():
+        table, _, name = entry.partition(".")
+        assert name in TABLES[table], entry
+        assert option not in parameters
+        code, _, errors = run(command, option, "1")
+        assert (code, errors.count("\n")) == (2, 1)
+        assert f"{option}: state it as entry {name} of [{table}] in the bus file" in errors
+
+
+@pytest.mark.parametrize("option", OLD_SOURCES)
+def test_old_sources_of_send_name_what_replaces_them(option: str, run: Run) -> None:
+    code, _, errors = run("send", option, "x")
+    assert (code, f"{option}: is replaced by {OLD_SOURCES[option]}" in errors) == (2, True)
 
 
 def number_options() -> dict[str, Any]:
@@ -109,10 +139,9 @@ def test_a_described_run_holds_them_too() -> None:
 
 
 def test_the_limits_of_the_cycle_time_are_allowed() -> None:
-    assert cycle_time_of(0.1) == 0.1e-3
-    assert cycle_time_of(10_000.0) == 10.0
-    with pytest.raises(InputError, match="nan ms found"):
-        cycle_time_of(float("nan"))
+    for milliseconds in (0.1, 10_000.0):
+        described = read_bus(None, [f"input.cycle_time_ms={milliseconds}"])
+        assert described.stated["cycle_time"] == pytest.approx(1e-3 * milliseconds, rel=1e-15)
 
 
 def test_options_that_an_interface_reads_are_allowed() -> None:

@@ -131,7 +131,7 @@ def test_the_old_name_of_an_estimator_is_answered_with_the_new_one(command: str,
         (("estimate", "a.h5", "b.csv", "-o", "c.csv", "--smooth"), "strainfmu estimate --help"),
         (("demo", "--can-duration", "4"), "strainfmu demo --help"),
         (
-            ("bridge", "a.fmu", "--interface", "virtual", "--channel", "x", "--max-age", "0"),
+            ("bridge", "a.fmu", "--interface", "virtual", "--channel", "x", "--set", "trust.max_age_cycles=0"),
             "strainfmu bridge --help",
         ),
         (("estimat",), "strainfmu --help"),

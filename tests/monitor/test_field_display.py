@@ -238,10 +238,10 @@ def test_page_gets_a_field_once() -> None:
 def test_command_refuses_a_field_without_a_publisher(
     run: Callable[..., tuple[int, str, str]], synthetic: SyntheticFiles
 ) -> None:
-    options = ["--interface", "virtual", "--channel", "field", "--publish-field", synthetic.map_1]
+    options = ["--interface", "virtual", "--channel", "field", "--set", f"page.field={synthetic.map_1}"]
     code, _, error = run("bridge", synthetic.estimator_1, *options)
     assert code != 0
-    assert "--publish-field: expected with --publish, got it alone" in error
-    code, _, error = run("bridge", synthetic.estimator_1, *options, "--publish", "127.0.0.1:9870")
+    assert "--set: page.field: expected with page.publish, got it alone" in error
+    code, _, error = run("bridge", synthetic.estimator_1, *options, "--set", "page.publish=127.0.0.1:9870")
     assert code != 0
     assert "expected a map built with estimator = 'nonlinear' and keep_field = true" in error

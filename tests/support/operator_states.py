@@ -124,10 +124,8 @@ def running_range(fmu: Path, samples: Sequence[FlownSample], record: Path | None
         state.url = found[1]
         recording = [] if record is None else ["--record", str(record)]
         bus_options = ("--interface", "udp_multicast", "--channel", GROUP, "--bus-option", f"port={port}")
-        cycle_time = ("--cycle-time", f"{1e3 * CYCLE:g}")
-        state.bridge = stack.enter_context(
-            _process("bridge", str(fmu), *bus_options, *cycle_time, "--publish", found[2], *recording)
-        )
+        entries = ("--set", f"input.cycle_time_ms={1e3 * CYCLE:g}", "--set", f"page.publish={found[2]}")
+        state.bridge = stack.enter_context(_process("bridge", str(fmu), *bus_options, *entries, *recording))
         assert _first_line(state.bridge)
         bus = open_bus(BusSettings(interface="udp_multicast", channel=GROUP, options={"port": port}))
         stack.callback(bus.shutdown)

@@ -58,7 +58,7 @@ from strainfmu.cosim.systems.system import System
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map
 from strainfmu.files import write_bytes_atomically
-from strainfmu.fmu.export import export_estimator, export_plant
+from strainfmu.fmu.export import ExportOptions, export_estimator, export_plant
 from strainfmu.fmu.native.package import shipped_libraries
 
 AS_BUILT_SEED = 1
@@ -164,7 +164,7 @@ def run_demo(
         run.make_maps()
         make_independent_flows(pipeline)
         run.make_flight_model()
-    _fmus(pipeline, MAP if run is None else CALIBRATED)
+    _fmus(pipeline, MAP if run is None else CALIBRATED, takes_zeros=run is not None)
     recording = _flight(pipeline, {} if run is None else run.start_values())
     score = score_flight(recording)
     held_out = _held_out(pipeline) if snapshots.engine == "table" else {}
@@ -259,15 +259,22 @@ def vehicle_as_built(vehicle: Vehicle, seed: int | None) -> AsBuilt:
     return drawn(vehicle.noise, n, np.random.default_rng(seed))
 
 
-def _fmus(pipeline: Pipeline, map_name: str) -> None:
+def _fmus(pipeline: Pipeline, map_name: str, takes_zeros: bool) -> None:
+    """Package the map ``map_name``, with inputs for zero offsets where a ground test gives some, and the plant."""
     workspace, vehicle = pipeline.workspace, pipeline.vehicle
+    options = ExportOptions(zero_inputs=takes_zeros)
     trajectory = vehicle.manoeuvre()
     with pipeline.reporter.stage("FMUs") as progress:
         pipeline.make(
             "estimator.fmu",
             "FMI 2.0 co-simulation FMU, native: strains in, coefficients out",
-            {"map": pipeline.made_from(map_name), "kind": "native", "library": _digest("estimator")},
-            lambda path: export_estimator(workspace.path(map_name), path),
+            {
+                "map": pipeline.made_from(map_name),
+                "kind": "native",
+                "library": _digest("estimator"),
+                **({"zero_inputs": True} if takes_zeros else {}),
+            },
+            lambda path: export_estimator(workspace.path(map_name), path, options),
         )
         progress(1, 2)
         pipeline.make(

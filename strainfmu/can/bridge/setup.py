@@ -45,7 +45,7 @@ UNPROTECTED_TEXT = (
 """Word at the start of a bridge whose input is not protected end to end."""
 
 UNLOADED_TEXT = (
-    "tare: strains of own weight and of ambient air count as zeros; state them by --tare-known where they matter"
+    "tare: strains of own weight and of ambient air count as zeros; state them as tare.known where they matter"
 )
 """Word at the start of a bridge that takes tares without knowing of loads on the ground."""
 
@@ -180,17 +180,9 @@ def make_core(
         synchronised=options.synchronised,
         synchronised_shift=options.synchronised_shift,
     )
-    layout, configuration = input_layout(
-        options,
-        gauge_names,
-        sensor_names=sensor_names_of(step),
-        parameter_names=parameter_names_of(step),
-        parameter_std_names=parameter_std_names_of(step),
-        flow_names=further_inputs(step),
-        readings=reading_units_of(step),
-    )
+    layout, configuration = step_input_layout(step, options, gauge_names)
     stations = section_stations_of(step)
-    results = result_layouts(_result_form(options, layout), options.identifiers, layout.cycle_time, stations)
+    results = result_layouts(result_form(options, layout), options.identifiers, layout.cycle_time, stations)
     options.identifiers.checked(1, len(results))
     own_keys = [frame.key for frame in results]
     core = bridge_core(
@@ -213,7 +205,7 @@ def _taring(
         return None
     set_zeros = getattr(step, "set_zeros", None)
     if set_zeros is None:
-        raise InputError("--tare: expected an estimator that takes zeros of its gauges")
+        raise InputError("tare.map: expected an estimator that takes zero offsets of its gauges")
     require_zero_inputs = getattr(step, "require_zero_inputs", None)  # of an FMU
     if require_zero_inputs is not None:
         require_zero_inputs()
@@ -267,7 +259,7 @@ def input_layout(
         )
         return layout, configuration_of(options.profile, of_all)
     if options.tare is not None:
-        raise InputError("--tare: expected with a profile, whose frames hold the command, got it with --dbc")
+        raise InputError("tare.map: expected with a profile, whose frames hold the command, got it with input.dbc")
     from strainfmu.can.wire.dbc_files import load_database, load_mapping
     from strainfmu.can.wire.dbc_mapping import mapped_layout
 
@@ -285,6 +277,36 @@ def input_layout(
     return layout, configuration_of(options.dbc.name, of_all)
 
 
+def map_input_layout(options: BridgeOptions, source: Path) -> tuple[InputLayout, tuple[str, ...], dict[str, str]]:
+    """Return the input frames for the gauges of a map or an FMU, their names, and the units of its other readings.
+
+    Raises
+    ------
+    InputError
+        A file or an option is wrong.
+    """
+    from strainfmu.cosim.estimators.source import open_step
+
+    names, readings = map_gauge_names(source), map_reading_units(source)
+    if options.dbc is None:
+        return input_layout(options, names, readings=readings)[0], names, readings
+    with open_step(source) as ready:  # a mapping may name every input of the estimator
+        return step_input_layout(ready.step, options, names)[0], names, readings
+
+
+def step_input_layout(step: Step, options: BridgeOptions, gauge_names: Sequence[str]) -> tuple[InputLayout, int]:
+    """Return what :func:`input_layout` does for the inputs of an estimator."""
+    return input_layout(
+        options,
+        gauge_names,
+        sensor_names=sensor_names_of(step),
+        parameter_names=parameter_names_of(step),
+        parameter_std_names=parameter_std_names_of(step),
+        flow_names=further_inputs(step),
+        readings=reading_units_of(step),
+    )
+
+
 def key_of(options: BridgeOptions) -> AuthenticationKey | None:
     """Return the key of authenticated frames, None of others.
 
@@ -296,13 +318,13 @@ def key_of(options: BridgeOptions) -> AuthenticationKey | None:
         The package cryptography is not installed.
     """
     is_needed = options.dbc is None and options.profile == SECURED_PROFILE
-    for name, path in (("--key", options.key_file), ("--freshness", options.freshness_file)):
+    for name, path in (("input.key", options.key_file), ("input.freshness", options.freshness_file)):
         if path is not None and not is_needed:
-            raise InputError(f"{name}: expected with --profile {SECURED_PROFILE} alone, got it with other frames")
+            raise InputError(f"{name}: expected with profile {SECURED_PROFILE} alone, got it with other frames")
     if not is_needed:
         return None
     if options.key_file is None:
-        raise InputError(f"--key: expected with --profile {SECURED_PROFILE}, got none")
+        raise InputError(f"input.key: expected a key file for profile {SECURED_PROFILE}, got none")
     return load_key(options.key_file)
 
 
@@ -347,14 +369,21 @@ def form_of_profile(profile: str) -> str:
     return {"fd64": "fd", SECURED_PROFILE: "fd", "classic-be": "classic-be"}.get(profile, "classic-le")
 
 
-def _result_form(options: BridgeOptions, layout: InputLayout) -> str:
+def result_form(options: BridgeOptions, layout: InputLayout) -> str:
+    """Return the form of the result frames, stated or that of the input.
+
+    Raises
+    ------
+    InputError
+        There is no such form.
+    """
     form = options.result_form
     if form is None:
         if options.dbc is None:
             return form_of_profile(options.profile)
         return "fd" if any(frame.layout.is_fd for frame in layout.frames) else "classic-le"
     if form not in RESULT_FORMS:
-        raise InputError(f"result: expected one of {', '.join(RESULT_FORMS)}, got '{form}'")
+        raise InputError(f"results.form: expected one of {', '.join(RESULT_FORMS)}, got '{form}'")
     return form
 
 

@@ -1,8 +1,8 @@
 """The check of authenticated frames: authenticator and freshness value of all frames of one sender.
 
-A freshness value is accepted once per frame, never below the last one of that frame, never of an earlier trip than
-the newest, and never at or below the value that earlier runs have reached. So a recording is refused, whenever it
-was made, and a sender that was restarted shows itself by a new trip.
+A freshness value is accepted once per frame: the values of a frame rise strictly, and are never of an earlier trip
+than the newest, and never at or below the value that earlier runs have reached. So a recording is refused,
+whenever it was made, and a sender that was restarted shows itself by a new trip.
 """
 
 from __future__ import annotations
@@ -48,10 +48,7 @@ class Authentication:
         self._last = [NOTHING] * len(self._secured)
 
     def check(self, slot: int, data: bytes) -> Authenticity:
-        """Return the verdict on ``data`` of the frame ``slot``, and remember its freshness value if it is used.
-
-        The value of the frame before is accepted, for the counter below tells a repetition.
-        """
+        """Return the verdict on ``data`` of the frame ``slot``, and store its freshness value if it is used."""
         secured = self._secured[slot]
         if secured is None:
             return Authenticity.AUTHENTIC
@@ -59,7 +56,7 @@ class Authentication:
         if not is_authentic(data, secured, self._key, freshness=freshness):
             return Authenticity.FORGED
         trip, newest_trip = freshness >> MESSAGE_BITS, self.newest >> MESSAGE_BITS
-        if trip < newest_trip or freshness <= self.floor or freshness < self._last[slot]:
+        if trip < newest_trip or freshness <= self.floor or freshness <= self._last[slot]:
             return Authenticity.NOT_FRESH
         if (trip > newest_trip or self.newest == self.floor) and self.on_first is not None:
             self.on_first(freshness)

@@ -72,11 +72,11 @@ def observed_bridge(
         As :func:`~strainfmu.can.bridge.setup.make_bridge`, :class:`Recorder` and :class:`Publisher`.
     """
     if publish is not None and not 0.0 < publish_rate <= 10_000.0:
-        raise InputError(f"--publish-rate: {publish_rate:g} Hz found, more than 0 to 10,000 Hz allowed")
-    address = None if publish is None else parsed_address(publish, "--publish")
+        raise InputError(f"page.rate_hz: expected more than 0 and at most 10,000 Hz, got {publish_rate:g}")
+    address = None if publish is None else parsed_address(publish, "page.publish")
     positions = () if address is None else gauge_positions(fmu)
     if publish_field is not None and address is None:
-        raise InputError("--publish-field: expected with --publish alone")
+        raise InputError("page.field: expected with page.publish, got it alone")
     names = tuple(position.name for position in positions)
     field = None if publish_field is None else field_messages(publish_field, names)
     watchers = [] if also is None else [also]

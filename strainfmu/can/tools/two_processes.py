@@ -18,6 +18,7 @@ from strainfmu.can.bridge.bus.opening import BusSettings, open_bus, shut_down
 from strainfmu.can.tools.answers import Score
 from strainfmu.can.wire.profiles import SECURED_PROFILE
 from strainfmu.errors import StrainfmuError
+from strainfmu.files import write_bytes_atomically
 
 GROUP = "239.74.163.9"
 """Multicast group of the demonstration, of those free for use within an organisation (RFC 2365)."""
@@ -51,19 +52,19 @@ def fly_over_bus(folder: Path, duration: float, is_authenticated: bool = False) 
     port = private_port()
     check_multicast(port)
     bus = ("--interface", "udp_multicast", "--channel", GROUP, "--bus-option", f"port={port}")
-    cycle: tuple[str, ...] = ("--cycle-time", f"{1e3 * CYCLE_TIME:g}")
+    cycle: tuple[str, ...] = ("--set", f"input.cycle_time_ms={1e3 * CYCLE_TIME:g}")
     with tempfile.TemporaryDirectory(prefix="strainfmu_") as temporary:
         if is_authenticated:
             key = Path(temporary) / "key.txt"
-            key.write_text(secrets.token_hex(16))
-            cycle = (*cycle, "--profile", SECURED_PROFILE, "--key", str(key))
+            write_bytes_atomically(key, secrets.token_hex(16).encode(), is_private=True)
+            cycle = (*cycle, "--profile", SECURED_PROFILE, "--set", f"input.key={key}")
         report = Path(temporary) / "score.json"
         # Wide enough for the tables on any terminal.
         environment = {**os.environ, "COLUMNS": "120"}
         with _running([*_COMMAND, "bridge", str(folder / "estimator.fmu"), *bus, *cycle], environment) as bridge:
             sender = subprocess.run(
                 [
-                    *(*_COMMAND, "send", str(folder / "map.h5"), "--plant", str(folder / "plant.fmu")),
+                    *(*_COMMAND, "send", "--map", str(folder / "map.h5"), "--plant", str(folder / "plant.fmu")),
                     *(*bus, *cycle, "--duration", f"{duration:g}", "--report", str(report)),
                 ],
                 capture_output=True,

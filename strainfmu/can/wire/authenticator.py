@@ -16,6 +16,7 @@ from pathlib import Path
 
 from strainfmu.can.wire.libraries import import_cmac
 from strainfmu.errors import InputError
+from strainfmu.files import check_private
 
 FRESHNESS_BYTES = 6
 """Bytes of the freshness value in a frame: 4 of the message counter, 2 of the trip counter, low byte first."""
@@ -86,7 +87,8 @@ def load_key(path: Path) -> AuthenticationKey:
     Raises
     ------
     InputError
-        The file is missing or holds anything else; the message does not show what.
+        The file is missing, may be read or written by others than its owner, or holds anything else; the message
+        does not show what.
     StrainfmuError
         The package cryptography is not installed.
     """
@@ -94,6 +96,7 @@ def load_key(path: Path) -> AuthenticationKey:
         content = path.read_bytes()
     except OSError as error:
         raise InputError(f"{path}: the key could not be read: {error.strerror or error}") from error
+    check_private(path)
     digits = b"".join(content.split())
     if not re.fullmatch(rb"[0-9A-Fa-f]{32}", digits):
         are_hex = re.fullmatch(rb"[0-9A-Fa-f]*", digits) is not None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -10,9 +11,31 @@ from strainfmu.can.wire.libraries import error_line, import_cantools
 from strainfmu.errors import InputError
 from strainfmu.files import read_bytes
 
+LARGEST_FILE = 5_000_000
+"""Characters of a DBC file beyond which it is not read: cantools takes seconds for a million."""
+
+LONGEST_MESSAGE = 1785
+"""Bytes of the longest message, of a transport protocol (SAE J1939-21); cantools lists every bit."""
+
+_LENGTHS = re.compile(
+    r"^\s*(?:BO_\s+\d+\s+(?P<message>\w+)\s*:\s*(?P<bytes>\d+)"
+    r"|SG_\s+(?P<signal>\w+)[^:\n]*:\s*(?P<start>\d+)\|(?P<bits>\d+)@)",
+    re.MULTILINE,
+)
+"""A message with its length [bytes]; a signal with its start and length [bits]."""
+
+
+MAPPING_TABLE = "input"
+"""Table of a bus file whose entries map the signals of a DBC file."""
+
+OTHER_ENTRIES = frozenset(
+    {"profile", "dbc", "mapping", "id_base", "extended", "key", "freshness", "dynamic_pressure_pa", "gauges"}
+)
+"""Entries of that table that map no signal."""
+
 
 def load_mapping(path: Path) -> dict[str, Any]:
-    """Return the mapping file at ``path``.
+    """Return the mapping in the file at ``path``, a mapping file or a bus file.
 
     Raises
     ------
@@ -25,7 +48,10 @@ def load_mapping(path: Path) -> dict[str, Any]:
         raise InputError(f"{path}: no such file") from error
     except (OSError, ValueError, RecursionError) as error:
         raise InputError(f"{path}: cannot be read: {error}") from error
-    return mapping
+    of_bus = mapping.get(MAPPING_TABLE)
+    if not isinstance(of_bus, dict):
+        return mapping
+    return {name: value for name, value in of_bus.items() if name not in OTHER_ENTRIES}
 
 
 def load_database(path: Path) -> Any:
@@ -55,12 +81,36 @@ def database_of(text: str, name: str) -> Any:
     Raises
     ------
     InputError
-        It cannot be read.
+        It cannot be read, or is too large.
     StrainfmuError
         cantools is not installed.
     """
     cantools = import_cantools()
+    _check_sizes(text, name)
     try:
         return cantools.database.load_string(text, database_format="dbc")
     except Exception as error:  # its parser raises exceptions of many types
         raise InputError(f"{name}: cannot be read as a DBC file: {error_line(error)[:300]}") from error
+
+
+def _check_sizes(text: str, name: str) -> None:
+    """Refuse what cantools would read for minutes: a file, a message or a signal of an absurd size.
+
+    Raises
+    ------
+    InputError
+        One of them is above its limit.
+    """
+    if len(text) > LARGEST_FILE:
+        raise InputError(
+            f"{name}: expected at most {LARGEST_FILE / 1e6:g} MB, got {len(text) / 1e6:.1f} MB: keep the messages "
+            "that the mapping names"
+        )
+    for size in _LENGTHS.finditer(text):
+        is_message = size["message"] is not None
+        what = f"message {size['message']}" if is_message else f"signal {size['signal']}"
+        digits, limit = (size["bytes"], LONGEST_MESSAGE) if is_message else (size["bits"], 8 * LONGEST_MESSAGE)
+        for number in (digits,) if is_message else (digits, size["start"]):
+            if len(number) > 6 or int(number) > limit:
+                unit = "bytes" if is_message else "bits"
+                raise InputError(f"{name}: {what}: expected at most {limit:,} {unit}, got {number[:20]}")

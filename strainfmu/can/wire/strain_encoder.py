@@ -56,7 +56,9 @@ class StrainEncoder:
 
     def __init__(self, layout: InputLayout, trip: int = 1) -> None:
         if layout.is_authenticated and layout.key is None:
-            raise InputError(f"{layout.name}: frames are authenticated, and no key is given: state it by --key")
+            raise InputError(
+                f"{layout.name}: frames are authenticated, and no key is given: state it as input.key"
+            )
         self._layout = layout
         self.trip = trip
         self._plans = [SignalPlan(frame.layout) for frame in layout.frames]

@@ -13,7 +13,7 @@ from strainfmu.can.wire.profile_signals import (
 )
 
 _TARE_DATA_ID = 0x5201
-_TEXT = "Asks for a tare: mean of the strains from now on as zeros of the gauges; the bridge needs --tare"
+_TEXT = "Asks for a tare: mean of the strains from now on as zeros of the gauges; the bridge needs tare.map"
 
 
 def tare_frame(

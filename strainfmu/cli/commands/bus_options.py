@@ -7,36 +7,99 @@ import re
 from collections.abc import Iterable
 from importlib import import_module
 
-from strainfmu.can.settings import checked_cycle_time
 from strainfmu.errors import InputError
 
 _QUOTED = re.compile(r"""(["'])(\w+)\1""")
 
 
-def cycle_time_of(milliseconds: float) -> float:
-    """Return ``--cycle-time`` [ms] in seconds.
+OLD_OPTIONS: dict[str, dict[str, str]] = {
+    "bridge": {
+        "--context": "bus.context",
+        "--dbc": "input.dbc",
+        "--mapping": "input.mapping",
+        "--cycle-time": "input.cycle_time_ms",
+        "--id-base": "input.id_base",
+        "--result-base": "results.id_base",
+        "--extended": "input.extended",
+        "--key": "input.key",
+        "--freshness": "input.freshness",
+        "--dynamic-pressure": "input.dynamic_pressure_pa",
+        "--result": "results.form",
+        "--stuck-cycles": "trust.stuck_cycles",
+        "--zero-cycles": "trust.zero_cycles",
+        "--gauge-noise": "trust.gauge_noise_um_per_m",
+        "--max-age": "trust.max_age_cycles",
+        "--max-uncertainty": "trust.max_uncertainty_ms",
+        "--clock-rate": "clock.rate_ppm",
+        "--clock-tolerance": "clock.tolerance_ppm",
+        "--hidden-age": "clock.hidden_ms",
+        "--synchronised": "clock.synchronised_ms",
+        "--publish": "page.publish",
+        "--publish-rate": "page.rate_hz",
+        "--publish-field": "page.field",
+        "--zeros": "zeros.file",
+        "--tare": "tare.map",
+        "--tare-cycles": "tare.cycles",
+        "--tare-known": "tare.known",
+        "--tare-output": "tare.output",
+    },
+    "send": {
+        "--context": "bus.context",
+        "--cycle-time": "input.cycle_time_ms",
+        "--id-base": "input.id_base",
+        "--result-base": "results.id_base",
+        "--extended": "input.extended",
+        "--key": "input.key",
+        "--freshness": "input.freshness",
+        "--dynamic-pressure": "input.dynamic_pressure_pa",
+        "--faults": "faults.number",
+        "--fault": "faults.kinds",
+        "--seed": "faults.seed",
+        "--tare-at": "tare.at_s",
+    },
+    "dbc": {
+        "--cycle-time": "input.cycle_time_ms",
+        "--id-base": "input.id_base",
+        "--result-base": "results.id_base",
+        "--extended": "input.extended",
+        "--tare": "tare.map",
+    },
+    "replay": {
+        "--dbc": "input.dbc",
+        "--mapping": "input.mapping",
+        "--cycle-time": "input.cycle_time_ms",
+        "--id-base": "input.id_base",
+        "--result-base": "results.id_base",
+        "--extended": "input.extended",
+        "--key": "input.key",
+        "--dynamic-pressure": "input.dynamic_pressure_pa",
+        "--zeros": "zeros.file",
+    },
+}
+"""Options that a command had, and the entry of the bus file that replaces each."""
+
+OLD_SOURCES = {"--data": "the argument DATA", "--scenario": "the argument DATA", "--files": "the folder of --map"}
+"""Options that ``send`` had, and what replaces each."""
+
+
+def refuse_old_options(command: str, arguments: Iterable[str]) -> None:
+    """Refuse an option that is an entry of the bus file by now.
 
     Raises
     ------
     InputError
-        It is shorter or longer than the bridge allows.
+        There is one; the message has the entry.
     """
-    return checked_cycle_time(milliseconds / 1e3, "--cycle-time")
-
-
-def refuse_cycle_time(cycle_time: float | None, dbc: object) -> None:
-    """Refuse ``--cycle-time`` beside a DBC file, whose own periods are used.
-
-    Raises
-    ------
-    InputError
-        Both were given.
-    """
-    if cycle_time is not None and dbc is not None:
-        raise InputError(
-            "--cycle-time: expected with a profile alone, got it with --dbc, whose period is cycle_time_ms of the "
-            "mapping, or GenMsgCycleTime of the DBC file"
-        )
+    for argument in arguments:
+        option = argument.partition("=")[0]
+        entry = OLD_OPTIONS.get(command, {}).get(option)
+        if entry is not None:
+            table, _, name = entry.partition(".")
+            raise InputError(
+                f"{option}: state it as entry {name} of [{table}] in the bus file, or by --set {entry}=VALUE"
+            )
+        if command == "send" and option in OLD_SOURCES:
+            raise InputError(f"{option}: is replaced by {OLD_SOURCES[option]}: strainfmu send DATA --map map.h5")
 
 
 def check_bus_options(interface: str, names: Iterable[str]) -> None:
@@ -51,7 +114,7 @@ def check_bus_options(interface: str, names: Iterable[str]) -> None:
     for name in names:
         if known is not None and name not in known:
             stated = ", ".join(sorted(_parameters(interface)))
-            raise InputError(f"--bus-option: {interface} knows no '{name}'; it takes {stated}")
+            raise InputError(f"--bus-option: expected an option of {interface} ({stated}), got '{name}'")
 
 
 def known_bus_options(interface: str) -> frozenset[str] | None:

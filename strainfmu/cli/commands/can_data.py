@@ -4,22 +4,28 @@ from __future__ import annotations
 
 from math import isnan
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 from rich.console import Console
 from rich.table import Table
 
 from builder.pipeline.progress_bars import ConsoleReporter
-from strainfmu.cli.commands.bus_options import cycle_time_of, refuse_cycle_time
-from strainfmu.cli.commands.can_bus import KeyOption, ZerosOption, identifiers_of
+from strainfmu.cli.commands.can_bus import BusOption, ProfileOption, SetOption
 from strainfmu.cli.commands.can_send import stop_request
 from strainfmu.cli.commands.number_ranges import PRESSURE_PA, within
 from strainfmu.cli.commands.taring import DateOrderOption
 from strainfmu.errors import InputError, StrainfmuError
 
 if TYPE_CHECKING:
+    from strainfmu.can.bridge.bus_file import BusDescription
     from strainfmu.recorded.run import EstimationSummary
+
+
+ZerosOption = Annotated[
+    Path | None,
+    typer.Option(metavar="TOML", help="Zero offsets of the gauges, of 'strainfmu tare'; subtracted."),
+]
 
 
 def replay(
@@ -28,49 +34,26 @@ def replay(
     ],
     fmu: Annotated[Path, typer.Argument(metavar="FMU", help="Estimator FMU, or inverse map.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="Results to write: CSV or HDF5.")],
-    profile: Annotated[str | None, typer.Option(help="fd64, classic-le, classic-be, float2 or fd64-sec.")] = None,
-    dbc: Annotated[
-        Path | None, typer.Option(help="DBC file of the strain frames. With --mapping, not with --cycle-time.")
-    ] = None,
-    mapping: Annotated[Path | None, typer.Option(help="Which signal is which gauge (TOML). With --dbc.")] = None,
-    cycle_time: Annotated[
-        float | None,
-        typer.Option(
-            metavar="MS", callback=within(0.1, 10_000.0, "ms"), help="Period of the strain frames. Not with --dbc."
-        ),
-    ] = None,
-    id_base: Annotated[str | None, typer.Option(metavar="ID", help="First input identifier.")] = None,
-    result_base: Annotated[str | None, typer.Option(metavar="ID", help="First result identifier.")] = None,
-    extended: Annotated[bool | None, typer.Option("--extended", help="29 bit identifiers.")] = None,
-    key: KeyOption = None,
-    dynamic_pressure: Annotated[
-        float | None,
-        typer.Option(metavar="PA", callback=within(*PRESSURE_PA, "Pa"), help="Fixed dynamic pressure."),
-    ] = None,
-    zeros: ZerosOption = None,
+    bus: BusOption = None,
+    settings: SetOption = None,
+    profile: ProfileOption = None,
 ) -> None:
     """Compute the results of a recorded run again, off line, from its time stamps.
 
-    A log of 'strainfmu bridge --record' needs no options; other logs need the options of the bridge.
+    A log of 'strainfmu bridge --record' needs no options; other logs need the bus file of the bridge.
 
     Examples:
 
         strainfmu replay run.blf estimator.fmu -o run.csv
 
-        strainfmu replay foreign.asc estimator.fmu -o run.h5 --profile classic-be --cycle-time 20
+        strainfmu replay foreign.asc estimator.fmu -o run.h5 --profile classic-be --set input.cycle_time_ms=20
+
+        strainfmu replay rack.blf map.h5 -o run.csv --bus bus.toml
     """
-    given = _given_options(
-        profile=profile,
-        dbc=dbc,
-        mapping=mapping,
-        cycle_time=cycle_time,
-        id_base=id_base,
-        result_base=result_base,
-        extended=extended,
-        key_file=key,
-        dynamic_pressure=dynamic_pressure,
-    )
-    _replay(Console(), log, fmu, output, given, zeros=zeros)
+    from strainfmu.can.bridge.bus_file import read_bus
+
+    described = read_bus(bus, settings or (), {"input.profile": profile})
+    _replay(Console(), log, fmu, output, described)
 
 
 def channels(
@@ -173,6 +156,10 @@ def estimate(
         bool, typer.Option("--smooth", help="With --filter: use later samples too (Rauch-Tung-Striebel).")
     ] = False,
     zeros: ZerosOption = None,
+    bus: Annotated[
+        Path | None,
+        typer.Option("--bus", metavar="TOML", help="Bus file of a CAN log that strainfmu did not record."),
+    ] = None,
 ) -> None:
     """Estimate loads from recorded strains.
 
@@ -182,7 +169,7 @@ def estimate(
     Further columns: dynamic_pressure, dynamic_pressure_std, mach_number, altitude. HDF5: data sets strain (n,
     n_d), time, dynamic_pressure .. with the attribute unit.
 
-    A CAN log takes --dynamic-pressure and --zeros alone.
+    A CAN log takes --bus, --dynamic-pressure and --zeros alone.
 
     Examples:
 
@@ -202,6 +189,7 @@ def estimate(
 
         strainfmu estimate map.h5 flight.csv -o loads.h5 --field pressure.vtkhdf --field-every 10
     """
+    from strainfmu.can.bridge.bus_file import read_bus
     from strainfmu.can.tools.log_frames import is_bus_log
     from strainfmu.recorded.run import estimate_file
 
@@ -225,9 +213,11 @@ def estimate(
                 raise InputError(f"{data}: {option}: expected none with a CAN log")
         if dynamic_pressure is not None and isnan(dynamic_pressure):
             raise InputError(f"{data}: --dynamic-pressure: expected a pressure with a CAN log, got nan")
-        given = {} if dynamic_pressure is None else {"dynamic_pressure": dynamic_pressure}
-        _replay(console, data, source, output, given, zeros=zeros)
+        given = {"input.dynamic_pressure_pa": dynamic_pressure, "zeros.file": zeros}
+        _replay(console, data, source, output, read_bus(bus, (), given))
         return
+    if bus is not None:
+        raise InputError(f"{data}: --bus: expected with a CAN log, got it with columns")
     with ConsoleReporter(console).stage(f"Estimate: {data.name}") as progress:
         summary = estimate_file(
             source,
@@ -286,38 +276,8 @@ def _estimate_lines(summary: EstimationSummary, data: Path) -> list[str]:
     return lines
 
 
-def _given_options(
-    *,
-    profile: str | None,
-    dbc: Path | None,
-    mapping: Path | None,
-    cycle_time: float | None,
-    id_base: str | None,
-    result_base: str | None,
-    extended: bool | None,
-    key_file: Path | None,
-    dynamic_pressure: float | None,
-) -> dict[str, Any]:
-    """Return the bridge's options that were stated."""
-    refuse_cycle_time(cycle_time, dbc)
-    given: dict[str, Any] = {
-        "profile": profile,
-        "dbc": dbc,
-        "mapping": mapping,
-        "cycle_time": None if cycle_time is None else cycle_time_of(cycle_time),
-        "dynamic_pressure": dynamic_pressure,
-        "key_file": key_file,
-    }
-    if id_base is not None or result_base is not None or extended is not None:
-        given["identifiers"] = identifiers_of(id_base or "0x300", result_base or "0x380", bool(extended))
-    return {name: value for name, value in given.items() if value is not None}
-
-
-def _replay(
-    console: Console, log: Path, fmu: Path, output: Path, given: dict[str, Any], *, zeros: Path | None
-) -> None:
-    """Replay a log and print the result."""
-    from dataclasses import replace as replaced
+def _replay(console: Console, log: Path, fmu: Path, output: Path, described: BusDescription) -> None:
+    """Replay a log and print the result; what ``described`` does not state is as in the recorded run."""
     from time import perf_counter
 
     from strainfmu.can.bridge.options import BridgeOptions
@@ -326,10 +286,9 @@ def _replay(
     from strainfmu.can.tools.log_estimates import estimate_log
 
     def options(recorded: BridgeOptions | None) -> BridgeOptions:
-        merged = replaced(recorded or BridgeOptions(interface="replay", channel=log.name), **given)
-        refuse_cycle_time(given.get("cycle_time"), merged.dbc)
-        return merged
+        return described.options(recorded or BridgeOptions(interface="replay", channel=log.name))
 
+    zeros = described.stated.get("zeros")
     begin = perf_counter()
     with ConsoleReporter(console).stage(f"Replay: {log.name}") as progress:
         summary = estimate_log(fmu, log, output=output, options=options, progress=progress, zeros=zeros)
@@ -359,11 +318,20 @@ def _replay(
 
 def monitor(
     listen: Annotated[
-        str, typer.Option(metavar="HOST:PORT", help="Address to which 'strainfmu bridge --publish' sends.")
-    ] = "127.0.0.1:9870",
+        str | None,
+        typer.Option(metavar="HOST:PORT", help="Address to which the bridge publishes. Default: 127.0.0.1:9870."),
+    ] = None,
     http: Annotated[
-        str, typer.Option(metavar="HOST:PORT", help="Address of the page. Beyond loopback, everyone can read it.")
-    ] = "127.0.0.1:8780",
+        str | None,
+        typer.Option(
+            metavar="HOST:PORT",
+            help="Address of the page. Beyond loopback, everyone can read it. Default: 127.0.0.1:8780.",
+        ),
+    ] = None,
+    bus: Annotated[
+        Path | None,
+        typer.Option("--bus", metavar="TOML", help="Bus file; both addresses are entries of its table [page]."),
+    ] = None,
 ) -> None:
     """Show live strains, coefficients, health and the frame account in a browser.
 
@@ -373,16 +341,20 @@ def monitor(
 
         strainfmu monitor
 
-        strainfmu bridge estimator.fmu --interface socketcan --channel can0 --publish 127.0.0.1:9870
+        strainfmu bridge estimator.fmu --bus bus.toml --set page.publish=127.0.0.1:9870
     """
     from time import sleep
 
+    from strainfmu.can.bridge.bus_file import read_bus
     from strainfmu.can.bridge.displays.publisher import parsed_address
     from strainfmu.monitor.server import Monitor, shown_address
 
+    described = read_bus(bus)
+    listen_at = listen or described.publish or "127.0.0.1:9870"
+    page_at = http or described.http or "127.0.0.1:8780"
     console = Console()
     with stop_request() as stopped:
-        running = Monitor(parsed_address(listen, "--listen"), parsed_address(http, "--http"))
+        running = Monitor(parsed_address(listen_at, "--listen"), parsed_address(page_at, "--http"))
         try:
             address = shown_address(running.listens_at)
             line = f"{running.url}: open it in a browser; it listens for datagrams at {address}; stop with Ctrl-C"

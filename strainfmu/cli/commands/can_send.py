@@ -6,7 +6,7 @@ import json
 import signal
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -14,19 +14,17 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from strainfmu.cli.commands.bus_options import check_bus_options, cycle_time_of
+from strainfmu.cli.commands.bus_options import check_bus_options
 from strainfmu.cli.commands.can_bus import (
-    BaseOption,
-    ContextOption,
-    CycleTimeOption,
-    ExtendedOption,
-    FreshnessOption,
-    KeyOption,
+    BusOption,
+    BusOptionsOption,
+    ChannelOption,
+    InterfaceOption,
     ProfileOption,
-    ResultBaseOption,
-    identifiers_of,
+    SetOption,
+    described_bus,
 )
-from strainfmu.cli.commands.number_ranges import DURATION_S, PRESSURE_PA, within
+from strainfmu.cli.commands.number_ranges import DURATION_S, within
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 
@@ -37,72 +35,31 @@ if TYPE_CHECKING:
 
 
 def send(
-    source: Annotated[Path, typer.Argument(metavar="MAP", help="Inverse map (map.h5), or the FMU made of it.")],
-    interface: Annotated[str, typer.Option(help="python-can interface: socketcan, udp_multicast, pcan ...")],
-    channel: Annotated[str, typer.Option(help="Its channel: can0, 239.74.163.2 ...")],
-    plant: Annotated[
-        Path | None,
-        typer.Option(metavar="X.fmu", help="Plant FMU whose strains are sent. Not with --scenario, --data."),
-    ] = None,
-    scenario: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="X.toml", help="Scenario, flown in closed loop, then sent. Not with --plant, --data."
-        ),
-    ] = None,
-    files: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="With --scenario: folder of map.h5 and flight_model.h5.")
-    ] = None,
     data: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FILE", help="Recorded strains (CSV, HDF5 ...), a row per cycle. Not with --plant, --scenario."
+        typer.Argument(
+            metavar="DATA",
+            help="Recorded strains (CSV, HDF5 ..), a row per cycle, or a scenario (TOML), flown in closed loop.",
         ),
     ] = None,
-    dynamic_pressure: Annotated[
-        float | None,
+    bus: BusOption = None,
+    settings: SetOption = None,
+    interface: InterfaceOption = None,
+    channel: ChannelOption = None,
+    option: BusOptionsOption = None,
+    profile: ProfileOption = None,
+    plant: Annotated[
+        Path | None, typer.Option(metavar="X.fmu", help="Plant FMU whose strains are sent, instead of DATA.")
+    ] = None,
+    gauges: Annotated[
+        Path | None,
         typer.Option(
-            metavar="PA",
-            callback=within(*PRESSURE_PA, "Pa"),
-            help="With --data: fixed dynamic pressure, instead of its column.",
+            "--map", metavar="MAP", help="Map or FMU whose gauges the frames hold; entry gauges of [input]."
         ),
     ] = None,
-    option: Annotated[
-        list[str] | None, typer.Option("--bus-option", metavar="KEY=VALUE", help="Option of the interface.")
-    ] = None,
-    context: ContextOption = None,
-    profile: ProfileOption = "fd64",
-    cycle_time: CycleTimeOption = 10.0,
-    id_base: BaseOption = "0x300",
-    result_base: ResultBaseOption = "0x380",
-    extended: ExtendedOption = False,
-    key: KeyOption = None,
-    freshness: FreshnessOption = None,
     duration: Annotated[
         float, typer.Option(metavar="S", callback=within(*DURATION_S, "s"), help="Longest duration.")
     ] = 20.0,
-    faults: Annotated[
-        int,
-        typer.Option(metavar="N", callback=within(0, 100_000), help="Faults to inject, spread over the flight."),
-    ] = 0,
-    fault: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="KIND", help="With --faults: kind of fault; may be given several times. Default: all."
-        ),
-    ] = None,
-    seed: Annotated[
-        int,
-        typer.Option(callback=within(0, 2**31 - 1), help="Seed of the faults."),
-    ] = 1,
-    tare_at: Annotated[
-        float | None,
-        typer.Option(
-            metavar="S",
-            callback=within(*DURATION_S, "s"),
-            help="Time at which to ask for a tare; with 'bridge --tare'.",
-        ),
-    ] = None,
     report: Annotated[
         Path | None,
         typer.Option(metavar="X.json", help="Write the errors of the bridge's results, if the truth is known."),
@@ -111,62 +68,49 @@ def send(
     """Send strains on a CAN bus as a vehicle would, with faults on request.
 
     Receives the bridge's results meanwhile (profiles fd64 and fd64-sec), and compares them with the truth
-    where it is known.
+    where it is known. Faults, a tare, a DBC file and all else are entries of the bus file.
 
     Examples:
 
-        strainfmu send demo/map.h5 --plant demo/plant.fmu --interface socketcan --channel vcan0
+        strainfmu send --plant demo/plant.fmu --map demo/map.h5 --interface socketcan --channel vcan0
 
-        strainfmu send map.h5 --scenario ic3x_flight.toml --files demo --interface socketcan --channel vcan0
+        strainfmu send flight.h5 --bus bus.toml --set faults.number=20 --set faults.seed=7
 
-        strainfmu send map.h5 --data flight.h5 --faults 20 --seed 7 --interface socketcan --channel vcan0
+        strainfmu send ic3x_flight.toml --map demo/map.h5 --interface socketcan --channel vcan0
     """
     from strainfmu.can.bridge.bus.opening import configured
-    from strainfmu.can.bridge.options import BridgeOptions
-    from strainfmu.can.bridge.setup import bus_settings, input_layout, map_gauge_names, map_reading_units
+    from strainfmu.can.bridge.setup import bus_settings, map_input_layout
 
-    if sum(item is not None for item in (plant, scenario, data)) != 1:
-        raise InputError("--plant, --scenario, --data: expected one of them, got none")
-    period = cycle_time_of(cycle_time)
-    if not cycle_time <= 1e3 * duration:
+    if (plant is None) == (data is None):
+        raise InputError(f"DATA, --plant: expected one of them, got {'none' if plant is None else 'both'}")
+    described = described_bus(bus, settings, interface, channel, option, profile, {"input.gauges": gauges})
+    options, source = described.options(), described.gauges
+    if source is None:
+        raise InputError("--map: expected the map or FMU of the gauges, or input.gauges of the bus file, got none")
+    if described.tare_at is not None and options.tare is None:
+        options = replace(options, tare=source)
+    check_bus_options(options.interface, bus_settings(options).options)
+    layout, names, readings = map_input_layout(options, source)
+    if not layout.cycle_time <= duration:
         raise InputError(
-            f"--cycle-time {cycle_time:g} ms, --duration {duration:g} s: the duration must hold a cycle"
+            f"--duration: expected at least the period of {1e3 * layout.cycle_time:g} ms, got {duration:g} s"
         )
-    identifiers = identifiers_of(id_base, result_base, extended)
-    options = BridgeOptions(
-        interface=interface,
-        channel=channel,
-        bus_options=tuple(option or ()),
-        bus_context=context,
-        profile=profile,
-        dbc=None,
-        mapping=None,
-        cycle_time=period,
-        identifiers=identifiers,
-        key_file=key,
-        freshness_file=freshness,
-        tare=None if tare_at is None else source,
-    )
-    check_bus_options(interface, bus_settings(options).options)
-    names, readings = map_gauge_names(source), map_reading_units(source)
-    layout, _ = input_layout(options, names, readings=readings)
     from strainfmu.can.tools.sender import planned_faults
 
     planned = planned_faults(
-        fault or (),
-        faults,
-        seed=seed,
+        described.fault_kinds,
+        described.faults,
+        seed=described.fault_seed,
         n_cycles=round(duration / layout.cycle_time),
         is_authenticated=layout.is_authenticated,
     )
     samples = _samples(
         names,
         readings,
+        source=source,
         plant=plant,
-        scenario=scenario,
-        files=files,
         data=data,
-        dynamic_pressure=dynamic_pressure,
+        dynamic_pressure=options.dynamic_pressure,
         cycle_time=layout.cycle_time,
         duration=duration,
     )
@@ -174,7 +118,7 @@ def send(
     for line in configured(bus_settings(options)):
         console.print(str(line), highlight=False, markup=False, soft_wrap=True)
     with samples as opened:
-        sent, score = _send(options, layout, opened, planned, duration, tare_at)
+        sent, score = _send(options, layout, opened, planned, duration, described.tare_at)
     console.print(_sent_table(sent))
     if score is not None:
         console.print(score_table(score, "Results heard on the bus against truth"))
@@ -190,22 +134,21 @@ def _samples(
     names: tuple[str, ...],
     readings: dict[str, str],
     *,
+    source: Path,
     plant: Path | None,
-    scenario: Path | None,
-    files: Path | None,
     data: Path | None,
     dynamic_pressure: float | None,
     cycle_time: float,
     duration: float,
 ) -> AbstractContextManager[Iterator[FlownSample]]:
-    """Return the source that the options name."""
+    """Return the source that the options name; files of a scenario are next to the map ``source``."""
     from strainfmu.can.tools.strain_sources import plant_samples, recorded_samples, scenario_samples
 
     if plant is not None:
         return plant_samples(plant, len(names), cycle_time=cycle_time, duration=duration, readings=tuple(readings))
-    if scenario is not None:
-        return scenario_samples(scenario, files, cycle_time)
     assert data is not None
+    if data.suffix.lower() == ".toml":
+        return scenario_samples(data, source.parent, cycle_time)
     return recorded_samples(data, names, dynamic_pressure, readings)
 
 
@@ -223,14 +166,14 @@ def _send(
 
     from strainfmu.can.bridge.bus.opening import open_bus, shut_down
     from strainfmu.can.bridge.results.layouts import result_layouts
-    from strainfmu.can.bridge.setup import bus_settings, form_of_profile
+    from strainfmu.can.bridge.setup import bus_settings, result_form
     from strainfmu.can.tools.answers import Listener, score_answers
     from strainfmu.can.tools.sender import send_flight
     from strainfmu.can.wire.strain_encoder import frame_of
 
     settings = bus_settings(options)
     trip = _first_trip(options, layout, faults)
-    form = "fd" if form_of_profile(options.profile) == "fd" else "classic-le"
+    form = result_form(options, layout)
     answer = result_layouts(form, options.identifiers, layout.cycle_time)[0]
     own = frame_of(answer, bytes(answer.length))
     bus = open_bus(settings)

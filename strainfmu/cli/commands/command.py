@@ -8,6 +8,7 @@ from typing import Any
 
 from typer.core import TyperCommand, TyperGroup
 
+from strainfmu.cli.commands.bus_options import refuse_old_options
 from strainfmu.cli.commands.help_layout import COMMANDS, EXCLUDES, NEEDS, OLD_VALUES, OPTIONS
 from strainfmu.cli.commands.outputs import check_outputs
 from strainfmu.errors import InputError
@@ -49,8 +50,9 @@ class ProgramCommand(TyperCommand):
         return _without_type(super().get_help_option(ctx))
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Refuse values under their old names, then read the arguments."""
+        """Refuse values and options under their old names, then read the arguments."""
         refuse_old_values(args)
+        refuse_old_options(self.name or "", args)
         read: list[str] = super().parse_args(ctx, args)
         return read
 

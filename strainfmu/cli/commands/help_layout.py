@@ -56,22 +56,7 @@ OPTIONS: dict[str, dict[str, tuple[str, ...]]] = {
         "Kind of FMU": ("kind", "fmi", "scalars", "platforms", "estimator"),
         "Zero offsets": ("zero_inputs", "tare_known"),
     },
-    "bridge": {
-        "Bus": ("interface", "channel", "option", "context"),
-        "Frames": ("profile", "dbc", "mapping", "cycle_time", "id_base", "result_base", "extended", "result"),
-        "Authentication": ("key", "freshness"),
-        "Gauges": ("dynamic_pressure", "stuck_cycles", "zero_cycles", "gauge_noise"),
-        "Age of strains": (
-            "max_age",
-            "clock_rate",
-            "clock_tolerance",
-            "hidden_age",
-            "max_uncertainty",
-            "synchronised",
-        ),
-        "Zero offsets": ("zeros", "tare", "tare_cycles", "tare_known", "tare_output"),
-        "Record and show": ("record", "publish", "publish_rate", "publish_field"),
-    },
+    "bridge": {"Bus": ("bus", "settings", "interface", "channel", "option", "profile")},
     "tare": {
         "Limits": ("max_dynamic_pressure", "largest_zero", "largest_drift", "accept"),
         "Known loads": (
@@ -111,17 +96,7 @@ OPTIONS: dict[str, dict[str, tuple[str, ...]]] = {
         ),
         "Errors of the loads": ("load_error", "cell_error"),
     },
-    "send": {
-        "Strains (one of the first three)": ("plant", "scenario", "data", "files", "dynamic_pressure"),
-        "Bus": ("interface", "channel", "option", "context"),
-        "Frames": ("profile", "cycle_time", "id_base", "result_base", "extended"),
-        "Authentication": ("key", "freshness"),
-        "Faults": ("faults", "fault", "seed"),
-    },
-    "replay": {
-        "Frames": ("profile", "dbc", "mapping", "cycle_time", "id_base", "result_base", "extended", "key"),
-        "Gauges": ("dynamic_pressure", "zeros"),
-    },
+    "send": {"Bus": ("bus", "settings", "interface", "channel", "option", "profile")},
     "stress": {"Effort": ("conditions", "draws", "seed"), "Files": FILES},
     "compare": {"Effort": ("conditions", "draws", "training", "seed"), "Files": FILES},
     "plant": {
@@ -138,15 +113,6 @@ OPTIONS: dict[str, dict[str, tuple[str, ...]]] = {
 
 NEEDS: dict[str, dict[str, tuple[str, ...]]] = {
     "estimate": {"smooth": ("filter_seconds",), "field_every": ("field",)},
-    "bridge": {
-        "dbc": ("mapping",),
-        "mapping": ("dbc",),
-        "publish_rate": ("publish",),
-        "publish_field": ("publish",),
-        "tare_cycles": ("tare",),
-        "tare_known": ("tare",),
-        "tare_output": ("tare",),
-    },
     "tare": {
         "vehicle": ("weight_up_roll_deg", "ambient_pressure"),
         "weight_up_roll_deg": ("vehicle",),
@@ -156,12 +122,6 @@ NEEDS: dict[str, dict[str, tuple[str, ...]]] = {
     },
     "demo": {"can_duration": ("can",), "can_authenticated": ("can",)},
     "structure": {"load_format": ("export_loads",)},
-    "send": {
-        "files": ("scenario",),
-        "dynamic_pressure": ("data",),
-        "fault": ("faults",),
-    },
-    "replay": {"dbc": ("mapping",), "mapping": ("dbc",)},
     "bench": {
         "solver": ("structure", "mesh"),
         "largest": ("structure",),
@@ -181,7 +141,6 @@ EXCLUDES: dict[str, tuple[tuple[str, ...], ...]] = {
     "demo": (("perfect", "as_built"),),
     "loadtest": tuple((name, "template") for name in ("cases", "snapshots", *OPTIONS["loadtest"]["Loads"])),
     "structure": (("export_loads", "export_influence"),),
-    "send": (("plant", "scenario", "data"),),
     "stress": tuple((name, "inverse_map") for name in (*FILES, "estimator")),
     "bench": (("structure", "mesh", "bus", "worst"),),
 }

@@ -1,25 +1,20 @@
 """HDF5 files of anybody, opened after a look that a damaged one cannot turn into a hang or a crash.
 
 HDF5 reads some damaged heaps for ever, and crashes on others. So everything but the numbers is read once in a
-child process, which may take a few seconds and no more; on systems that do not fork the file is opened without it.
+child process.
 """
 
 from __future__ import annotations
 
-import os
-import select
-import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 import h5py
 
 from strainfmu.errors import InputError, StrainfmuError
-
-PATIENCE = 8.0
-"""How long the structure of a file may take to be read [s]."""
+from strainfmu.recorded.formats.first_look import reads_well
 
 _LARGEST_TEXT = 1_000_000
 """Entries of a data set of texts beyond which they are not looked at."""
@@ -35,7 +30,7 @@ def opened_hdf5(path: Path, kind: str = "an HDF5 file") -> Iterator[h5py.File]:
         It is damaged, or not ``kind``.
     """
     with reading(path, kind):
-        if not _is_readable(path):
+        if not reads_well(path, lambda: _read_structure(path)):
             raise InputError(f"{path}: damaged, or not {kind}")
         file = h5py.File(path, "r")
     with file:
@@ -59,35 +54,11 @@ def reading(path: Path, kind: str = "an HDF5 file") -> Iterator[None]:
         raise InputError(f"{path}: damaged, or not {kind}") from error
 
 
-def _is_readable(path: Path) -> bool:
-    """Return whether the structure of a file can be read, by a child process that does so."""
-    if not hasattr(os, "fork"):
-        return True
-    ended, end = os.pipe()
-    child = os.fork()
-    if child == 0:
-        _leave_after_reading(path)
-    os.close(end)
-    try:
-        in_time, _, _ = select.select([ended], [], [], PATIENCE)
-        if not in_time:
-            os.kill(child, signal.SIGKILL)
-    finally:
-        os.close(ended)
-        _, status = os.waitpid(child, 0)
-    return status == 0
-
-
-def _leave_after_reading(path: Path) -> NoReturn:
-    """Read all of a file but its numbers, and end this process with exit code 0, or 1 if that fails."""
-    code = 1
-    try:
-        with h5py.File(path, "r") as file:
-            _read(file)
-            file.visititems(lambda _, item: _read(item))
-        code = 0
-    finally:
-        os._exit(code)
+def _read_structure(path: Path) -> None:
+    """Read all of a file but its numbers."""
+    with h5py.File(path, "r") as file:
+        _read(file)
+        file.visititems(lambda _, item: _read(item))
 
 
 def _read(item: Any) -> None:

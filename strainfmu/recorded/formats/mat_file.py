@@ -12,6 +12,7 @@ import numpy as np
 
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.recorded.formats.channel_file import ChannelFile, Reading, matrix_columns
+from strainfmu.recorded.formats.first_look import reads_well
 from strainfmu.recorded.formats.hdf5_channels import hdf5_channels
 
 
@@ -29,7 +30,12 @@ def mat_channels(path: Path, reading: Reading) -> Iterator[ChannelFile]:
     except ImportError as error:
         raise StrainfmuError("scipy is not installed: pip install 'strainfmu[mat]'") from error
     try:
+        # scipy's parser, compiled, ends the process by some damaged files.
+        if not reads_well(path, lambda: loadmat(path, simplify_cells=True)):
+            raise InputError(f"{path}: damaged, or not a MAT file")
         entries = loadmat(path, simplify_cells=True)
+    except InputError:
+        raise
     except Exception as error:  # scipy raises whatever its parsers do
         raise InputError(f"{path}: damaged, or not a MAT file") from error
     held: dict[str, Any] = {}

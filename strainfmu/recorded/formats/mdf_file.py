@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import logging
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -15,6 +16,7 @@ import numpy as np
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.recorded.columns.column_names import TIME_NAMES
 from strainfmu.recorded.formats.channel_file import ChannelFile, Reading
+from strainfmu.recorded.formats.first_look import reads_well
 from strainfmu.recorded.formats.name_match import plain_name
 
 
@@ -72,7 +74,7 @@ def opened_mdf(path: Path) -> Iterator[Any]:
         raise StrainfmuError("asammdf is not installed: pip install 'strainfmu[mf4]'") from error
     if not path.is_file():
         raise InputError(f"{path}: no such file")
-    file = _opened(MDF, path)
+    file = _opened(MDF, path) if reads_well(path, lambda: MDF(str(path)).close()) else None
     if file is None:
         kind = "MF4" if path.suffix.lower() == ".mf4" else "MDF"
         raise InputError(f"{path}: damaged, or not an {kind} file")
@@ -83,10 +85,11 @@ def opened_mdf(path: Path) -> Iterator[Any]:
 def _opened(mdf: Any, path: Path) -> Any:
     """Return asammdf's object, None if it cannot read the file.
 
-    An object that was made in part fails in its destructor as well, which Python reports on standard error.
+    An object that was made in part fails in its destructor as well, which Python reports on standard error, as
+    asammdf's log does what is damaged.
     """
-    hook = sys.unraisablehook
-    sys.unraisablehook = lambda _: None
+    hook, log = sys.unraisablehook, logging.getLogger("asammdf")
+    sys.unraisablehook, log.disabled = lambda _: None, True
     try:
         try:
             return mdf(str(path))
@@ -95,4 +98,4 @@ def _opened(mdf: Any, path: Path) -> Any:
         gc.collect()
         return None
     finally:
-        sys.unraisablehook = hook
+        sys.unraisablehook, log.disabled = hook, False

@@ -28,11 +28,20 @@ def test_the_command_ends_on_a_signal_with_a_summary(number: int, tmp_path: Path
         "bridge",
         str(tmp_path / "e.fmu"),
     ]
-    command += ["--interface", "virtual", "--channel", "x", "--profile", "classic-be", "--dynamic-pressure", "1e5"]
+    command += [
+        "--interface",
+        "virtual",
+        "--channel",
+        "x",
+        "--profile",
+        "classic-be",
+        "--set",
+        "input.dynamic_pressure_pa=1e5",
+    ]
     ears = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     ears.bind(("127.0.0.1", 0))
     ears.settimeout(120.0)
-    command += ["--publish", "{}:{}".format(*ears.getsockname())]
+    command += ["--set", "page.publish={}:{}".format(*ears.getsockname())]
     with ears, subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as bridge:
         assert bridge.stdout is not None
         assert "6 gauges, classic-be" in bridge.stdout.readline()
@@ -52,25 +61,28 @@ BUS = ["bridge", "x.fmu", "--interface", "virtual", "--channel", "x"]
     ("arguments", "text"),
     [
         (["bridge", "nowhere.fmu", "--interface", "virtual", "--channel", "x"], "nowhere.fmu: no such FMU"),
-        (["bridge", "x.fmu", "--interface", "virtual", "--channel", "x", "--dbc", "a.dbc"], "--mapping"),
-        (["bridge", "x.fmu", "--interface", "virtual", "--channel", "x", "--id-base", "z"], "0x300, got 'z'"),
-        ([*BUS, "--profile", "fd64-sec"], "--key: expected with --profile fd64-sec, got none"),
+        ([*BUS, "--set", "input.dbc=a.dbc"], "input.strain: expected a signal for each gauge of input.dbc"),
+        ([*BUS, "--set", "input.id_base=z"], "--set input.id_base: expected a whole number, got 'z'"),
+        ([*BUS, "--profile", "fd64-sec"], "input.key: expected a key file for profile fd64-sec, got none"),
         (
-            [*BUS, "--profile", "fd64-sec", "--key", "nowhere.key"],
+            [*BUS, "--profile", "fd64-sec", "--set", "input.key=nowhere.key"],
             "nowhere.key: the key could not be read: No such",
         ),
         (
-            [*BUS, "--profile", "fd64-sec", "--key", "/dev/null"],
+            [*BUS, "--profile", "fd64-sec", "--set", "input.key=/dev/null"],
             "/dev/null: expected a key of AES-128, 32 hexadec",
         ),
         (
-            [*BUS, "--key", "nowhere.key"],
-            "--key: expected with --profile fd64-sec alone, got it with other frames",
+            [*BUS, "--set", "input.key=nowhere.key"],
+            "input.key: expected with profile fd64-sec alone, got it with other frames",
         ),
-        ([*BUS, "--freshness", "x"], "--freshness: expected with --profile fd64-sec alone"),
+        ([*BUS, "--set", "input.freshness=x"], "input.freshness: expected with profile fd64-sec alone"),
         (["demo", "--can-authenticated"], "--can-authenticated: expected with --can, got it alone"),
         (["dbc", "nowhere.h5"], "nowhere.h5: no such file"),
-        (["dbc", "x.h5", "--cycle-time", "0.09"], "--cycle-time: expected 0.1 .. 10000 ms, got 0.09"),
+        (
+            ["dbc", "x.h5", "--set", "input.cycle_time_ms=0.09"],
+            "input.cycle_time_ms: expected 0.1 to 10,000 ms, got 0.09",
+        ),
     ],
 )
 def test_wrong_arguments_are_one_line_and_exit_code_2(
@@ -90,7 +102,8 @@ def test_the_dbc_command_writes_a_file(run: Callable[..., tuple[int, str, str]],
 
     save_inverse_map(synthetic_inverse_map(1, 54), tmp_path / "map.h5")
     code, printed, _ = run(
-        "dbc", tmp_path / "map.h5", "-o", tmp_path / "x.dbc", "--extended", "--id-base", "0x18FF0000"
+        *("dbc", tmp_path / "map.h5", "-o", tmp_path / "x.dbc"),
+        *("--set", "input.extended=true", "--set", "input.id_base=0x18FF0000"),
     )
     assert (code, printed) == (0, f"{tmp_path / 'x.dbc'}: written, 7 frames\n")
     database = cantools.database.load_file(tmp_path / "x.dbc")
@@ -98,6 +111,6 @@ def test_the_dbc_command_writes_a_file(run: Callable[..., tuple[int, str, str]],
     code, _, errors = run("dbc", tmp_path / "map.h5", "--profile", "fd65")
     assert code == 2
     assert "expected one of fd64, classic-le, classic-be, float2, fd64-sec, got 'fd65'" in errors
-    code, _, errors = run("dbc", tmp_path / "map.h5", "--result-base", "0x301")
+    code, _, errors = run("dbc", tmp_path / "map.h5", "--set", "results.id_base=0x301")
     assert code == 2
     assert "got 0x301 and " in errors

@@ -31,7 +31,7 @@ def checked(authentication: Authentication, trip: int, message: int, slot: int =
 def test_messages_and_trips_only_go_up() -> None:
     check = Authentication(SECURED, KEY)
     assert checked(check, 2, 10) is Authenticity.AUTHENTIC
-    assert checked(check, 2, 10) is Authenticity.AUTHENTIC  # a repetition, which the counter tells
+    assert checked(check, 2, 10) is Authenticity.NOT_FRESH  # a value is used once
     assert checked(check, 2, 9) is Authenticity.NOT_FRESH
     assert checked(check, 2, 10_000_000) is Authenticity.AUTHENTIC
     assert checked(check, 3, 0) is Authenticity.AUTHENTIC

@@ -27,6 +27,7 @@ from strainfmu.can.wire.profiles import PROFILES, SECURED_PROFILE, profile_layou
 from strainfmu.can.wire.strain_encoder import StrainEncoder
 from strainfmu.cosim.estimators.step import StepResult
 from strainfmu.errors import InputError
+from strainfmu.files import write_bytes_atomically
 
 N_GAUGES = 6
 NAMES = tuple(f"g{i}" for i in range(N_GAUGES))
@@ -204,7 +205,7 @@ def _files_from(data: bytes) -> None:
     """Take bytes for a key file and a freshness file: a key, a number or one line."""
     with TemporaryDirectory(prefix="strainfmu_") as folder:
         path = Path(folder) / "file"
-        path.write_bytes(data)
+        write_bytes_atomically(path, data, is_private=True)
         key = AuthenticationKey(bytes(16))
         for read in (load_key, lambda file: load_freshness(file, key)):
             text = ""

@@ -21,6 +21,7 @@ from strainfmu.can.tools.sender import planned_faults
 from strainfmu.can.wire.authenticator import load_key
 from strainfmu.can.wire.frame import to_message
 from strainfmu.errors import InputError
+from strainfmu.files import write_bytes_atomically
 
 SECRET = bytes(range(16)).hex()
 
@@ -28,7 +29,7 @@ SECRET = bytes(range(16)).hex()
 @pytest.fixture
 def key(tmp_path: Path) -> Path:
     path = tmp_path / "bus.key"
-    path.write_text(SECRET)
+    write_bytes_atomically(path, SECRET.encode(), is_private=True)
     return path
 
 
@@ -88,11 +89,11 @@ def test_a_log_needs_its_key(
     code, _, errors = run("replay", log, synthetic.estimator_1, "-o", out)
     assert code == 2
     assert f"{key}: the key could not be read: No such file or directory" in errors
-    code, printed, errors = run("replay", log, synthetic.estimator_1, "-o", out, "--key", moved)
+    code, printed, errors = run("replay", log, synthetic.estimator_1, "-o", out, "--set", f"input.key={moved}")
     assert (code, errors) == (0, "")
     assert "results VALID" in printed
     moved.write_text("00" * 16)
-    code, printed, errors = run("replay", log, synthetic.estimator_1, "-o", out, "--key", moved)
+    code, printed, errors = run("replay", log, synthetic.estimator_1, "-o", out, "--set", f"input.key={moved}")
     assert code == 1
     assert "results has coefficients, 0 of " in errors
     assert "results VALID" not in printed

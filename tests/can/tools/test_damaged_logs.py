@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import signal
 from collections.abc import Callable
 from pathlib import Path
 
@@ -10,13 +12,16 @@ import numpy as np
 import pytest
 from bus_run import CYCLE, flight
 from can_case import OWN
-from mutations import ends_in_one_line, mutated
+from mutations import ends_in_one_line, limited, mutated
 from recorded_case import NAMES, read_csv
 from synthetic_vehicle import SyntheticFiles
 
 from strainfmu.can.tools.fault_injection import FaultySender
+from strainfmu.can.wire.dbc_files import database_of
 from strainfmu.can.wire.frame import to_message
 from strainfmu.can.wire.profiles import Identifiers, profile_layout
+from strainfmu.errors import InputError
+from strainfmu.recorded.formats.first_look import reads_well
 
 Run = Callable[..., tuple[int, str, str]]
 
@@ -42,7 +47,9 @@ def write_log(
 def replayed(run: Run, log: Path, fmu: Path) -> tuple[int, str, dict[str, np.ndarray]]:
     """Return exit code, all that is printed, and the columns of the estimates of a log."""
     out = log.with_suffix(".csv")
-    code, printed, errors = run("replay", log, fmu, "-o", out, "--profile", "fd64", "--cycle-time", 1e3 * CYCLE)
+    code, printed, errors = run(
+        "replay", log, fmu, "-o", out, "--profile", "fd64", "--set", f"input.cycle_time_ms={1e3 * CYCLE:g}"
+    )
     return code, printed + errors, read_csv(out)
 
 
@@ -113,8 +120,45 @@ def check_damaged(seed: int, synthetic: SyntheticFiles, folder: Path, run: Run) 
     out = folder / "o.csv"
     out.unlink(missing_ok=True)
     code = ends_in_one_line(
-        run, "replay", log, synthetic.map_1, "-o", out, "--profile", "fd64", "--cycle-time", 1e3 * CYCLE
+        run,
+        "replay",
+        log,
+        synthetic.map_1,
+        "-o",
+        out,
+        "--profile",
+        "fd64",
+        "--set",
+        f"input.cycle_time_ms={1e3 * CYCLE:g}",
     )
     assert out.exists() == (code < 2)
     if out.exists():
         assert len(out.read_text().splitlines()) < 3000
+
+
+def test_a_file_that_ends_its_reader_is_damaged(tmp_path: Path) -> None:
+    """A crash, a loop or a full memory of the parser stays in the child process that looks first."""
+    path = tmp_path / "file"
+    path.write_bytes(b"x")
+    assert reads_well(path, lambda: None)
+    assert not reads_well(path, lambda: os.kill(os.getpid(), signal.SIGKILL))
+    assert not reads_well(path, lambda: [None for _ in iter(int, 1)], patience=0.3)
+    assert not reads_well(path, lambda: bytearray(3 << 30))
+    assert not reads_well(path, lambda: path.joinpath("none").read_bytes())
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("R: 8 A", "R: 65536 A", "message R: expected at most 1,785 bytes, got 65536"),
+        ("0|16@1-", "0|4294967296@1-", "signal S: expected at most 14,280 bits, got 4294967296"),
+        ("0|16@1-", "99999999|16@1-", "signal S: expected at most 14,280 bits, got 99999999"),
+        ("BU_:", "BU_:" + " A" * 2_600_000, "expected at most 5 MB, got 5.2 MB: keep the messages"),
+    ],
+)
+def test_an_absurd_dbc_file_is_refused_before_it_is_read(old: str, new: str, message: str) -> None:
+    """cantools lists every bit: of a signal of 4e9 of them, for ever."""
+    text = 'VERSION ""\nBU_: A B\nBO_ 1 R: 8 A\n SG_ S : 0|16@1- (1,0) [0|0] "um/m" B\n'
+    assert database_of(text, "a.dbc").messages[0].length == 8
+    with limited(), pytest.raises(InputError, match=f"^a.dbc: {message}"):
+        database_of(text.replace(old, new), "a.dbc")

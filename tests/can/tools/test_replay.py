@@ -147,7 +147,7 @@ def test_replay_is_deterministic_and_needs_no_description_of_a_foreign_log(
     sidecar(log).unlink()
     outputs = []
     for name in ("a.csv", "b.csv"):
-        code, out, errors = run("replay", log, synthetic.estimator_1, "-o", tmp_path / name, "--cycle-time", "10")
+        code, out, errors = run("replay", log, synthetic.estimator_1, "-o", tmp_path / name, "--profile", "fd64")
         assert (code, errors) == (0, "")
         assert "no description beside it" in " ".join(out.split())
         outputs.append((tmp_path / name).read_bytes())

@@ -230,14 +230,24 @@ def test_score_by_hand() -> None:
 
 
 def test_send_needs_exactly_one_source(run: Run, synthetic: SyntheticFiles) -> None:
-    code, _, errors = run("send", synthetic.map_1, "--interface", "virtual", "--channel", "s1")
-    assert (code, "--plant, --scenario, --data: expected one of them, got none; see" in errors) == (2, True)
+    code, _, errors = run("send", "--map", synthetic.map_1, "--interface", "virtual", "--channel", "s1")
+    assert (code, "DATA, --plant: expected one of them, got none" in errors) == (2, True)
 
 
 def test_send_over_a_virtual_bus(run: Run, synthetic: SyntheticFiles) -> None:
     ears = open_bus(BusSettings(interface="virtual", channel="s2"))
     code, out, errors = run(
-        *("send", synthetic.map_1, "--plant", synthetic.plant, "--interface", "virtual", "--channel", "s2"),
+        *(
+            "send",
+            "--map",
+            synthetic.map_1,
+            "--plant",
+            synthetic.plant,
+            "--interface",
+            "virtual",
+            "--channel",
+            "s2",
+        ),
         *("--duration", "0.1", "--profile", "classic-be"),
     )
     assert (code, errors) == (0, "")

@@ -83,7 +83,7 @@ def fly(vehicle: tuple[InverseMap, Path], port: int, cycle_time: float, n_cycles
         [
             *STRAINFMU,
             *("bridge", str(fmu), "--interface", "udp_multicast", "--channel", GROUP),
-            *("--bus-option", f"port={port}", "--cycle-time", str(1e3 * cycle_time)),
+            *("--bus-option", f"port={port}", "--set", f"input.cycle_time_ms={1e3 * cycle_time:g}"),
         ],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,

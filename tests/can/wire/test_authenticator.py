@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from pathlib import Path
 
@@ -25,6 +26,7 @@ from strainfmu.can.wire.profiles import profile_layout
 from strainfmu.can.wire.signal_plan import SignalPlan
 from strainfmu.can.wire.strain_encoder import StrainEncoder
 from strainfmu.errors import InputError, StrainfmuError
+from strainfmu.files import write_bytes_atomically
 
 pytestmark = pytest.mark.fast
 
@@ -128,7 +130,7 @@ def test_no_flipped_bit_is_authentic() -> None:
 @pytest.mark.parametrize("text", ["000102030405060708090a0b0c0d0e0f", "00010203 04050607\n08090A0B 0C0D0E0F\n"])
 def test_a_key_is_read_from_a_file(tmp_path: Path, text: str) -> None:
     path = tmp_path / "bus.key"
-    path.write_text(text)
+    write_bytes_atomically(path, text.encode(), is_private=True)
     assert load_key(path).mac(b"x") == KEY.mac(b"x")
     assert "0102" not in repr(load_key(path))
 
@@ -147,7 +149,7 @@ def test_a_key_is_read_from_a_file(tmp_path: Path, text: str) -> None:
 def test_a_file_without_a_key_is_refused_in_one_line(tmp_path: Path, content: bytes | None, message: str) -> None:
     path = tmp_path / "bus.key"
     if content is not None:
-        path.write_bytes(content)
+        write_bytes_atomically(path, content, is_private=True)
     with pytest.raises(InputError, match=message) as caught:
         load_key(path)
     assert "\n" not in str(caught.value)
@@ -170,3 +172,12 @@ def test_keys_belong_to_authenticated_frames_alone() -> None:
         AuthenticationKey(bytes(15))
     with pytest.raises(InputError, match="64 bits allowed: "):
         freshness_of(1 << 32, 0)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="other systems have no POSIX modes")
+def test_a_key_that_others_may_read_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "bus.key"
+    path.write_text(bytes(range(16)).hex())
+    path.chmod(0o644)
+    with pytest.raises(InputError, match=r"expected a file of its owner alone, mode 600, got 644: chmod"):
+        load_key(path)

@@ -11,7 +11,7 @@ from mutations import ends_in_one_line, limited, mutated
 from recorded_case import NAMES, samples
 from synthetic_vehicle import SyntheticFiles
 
-import strainfmu.recorded.formats.hdf5_file as hdf5_file
+import strainfmu.recorded.formats.first_look as first_look
 from strainfmu.errors import InputError
 from strainfmu.recorded.formats.hdf5_file import opened_hdf5
 
@@ -83,7 +83,7 @@ def test_a_heap_that_hdf5_reads_for_ever_is_damaged(
     size: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The size of an object in the heap that holds the texts of attributes: HDF5 never ends with some."""
-    monkeypatch.setattr(hdf5_file, "PATIENCE", 0.5)
+    monkeypatch.setattr(first_look.reads_well, "__defaults__", (0.5,))
     path = write_signals(tmp_path / "d.h5")
     content = bytearray(path.read_bytes())
     content[content.index(b"GCOL") + 96] = size

@@ -106,10 +106,10 @@ def field_messages(path: Path, gauge_names: tuple[str, ...]) -> FieldMessages:
     """
     held = load_inverse_map(path)
     if held.gauge_names[: held.n_strain_gauges] != gauge_names:
-        raise InputError(f"--publish-field {path}: expected a map of the estimator's gauges, got others")
+        raise InputError(f"page.field {path}: expected a map of the estimator's gauges, got others")
     if held.manifold is None or held.manifold.surface_field is None:
         raise InputError(
-            f"--publish-field {path}: expected a map built with estimator = 'nonlinear' and keep_field = true"
+            f"page.field {path}: expected a map built with estimator = 'nonlinear' and keep_field = true"
         )
     return FieldMessages(held)
 

@@ -100,7 +100,7 @@ class Publisher:
             family, kind, protocol, _, target = socket.getaddrinfo(*address, type=socket.SOCK_DGRAM)[0]
             self._socket = socket.socket(family, kind, protocol)
         except OSError as error:
-            raise StrainfmuError(f"--publish {address[0]}:{address[1]}: {error.strerror or error}") from error
+            raise StrainfmuError(f"page.publish {address[0]}:{address[1]}: {error.strerror or error}") from error
         self._socket.setblocking(False)
         self._target = target
         self._gauges, self._period = tuple(gauges), 1.0 / rate

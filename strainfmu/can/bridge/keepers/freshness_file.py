@@ -15,7 +15,7 @@ from typing import Any
 from strainfmu.can.e2e.authentication import Authentication
 from strainfmu.can.wire.authenticator import MESSAGE_BITS, AuthenticationKey, freshness_of
 from strainfmu.errors import InputError, StrainfmuError
-from strainfmu.files import write_bytes_atomically
+from strainfmu.files import check_private, write_bytes_atomically
 
 FIRST_TRIP = 2
 """Trip counter of a sender without a file: there was an earlier trip, for the fault that repeats one."""
@@ -39,8 +39,9 @@ def load_freshness(path: Path, key: AuthenticationKey) -> int | None:
     Raises
     ------
     InputError
-        The file is damaged, or belongs to another key.
+        The file is damaged, belongs to another key, or others than its owner may read or write it.
     """
+    check_private(path)
     try:
         found = json.loads(path.read_text())
     except FileNotFoundError:
@@ -55,7 +56,7 @@ def load_freshness(path: Path, key: AuthenticationKey) -> int | None:
     if found.get("key_check_value") != key.check_value:
         raise InputError(
             f"{path}: is of another key, check value {str(found.get('key_check_value'))[:20]!r}, not "
-            f"{key.check_value!r}; state another file by --freshness"
+            f"{key.check_value!r}; state another file as input.freshness"
         )
     return freshness_of(*numbers)
 
@@ -86,7 +87,7 @@ def save_freshness(path: Path, key: AuthenticationKey, freshness: int) -> None:
         "trip": freshness >> MESSAGE_BITS,
         "message": freshness % (1 << MESSAGE_BITS),
     }
-    write_bytes_atomically(path, json.dumps(content, indent=1).encode())
+    write_bytes_atomically(path, json.dumps(content, indent=1).encode(), is_private=True)
 
 
 def next_trip(path: Path, key: AuthenticationKey, count: int = 1) -> int:

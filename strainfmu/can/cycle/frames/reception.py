@@ -293,7 +293,7 @@ def _authentication(layout: InputLayout) -> Authentication | None:
     if not layout.is_authenticated:
         return None
     if layout.key is None:
-        raise InputError(f"{layout.name}: frames are authenticated, and no key is given: state it by --key")
+        raise InputError(f"{layout.name}: frames are authenticated, and no key is given: state it as input.key")
     return Authentication([frame.layout.secured for frame in layout.frames], layout.key)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,6 @@ from synthetic_vehicle import N_GAUGES, SyntheticFiles
 from strainfmu.can.bridge.bus.opening import BusSettings, configured, open_bus
 from strainfmu.can.bridge.options import BridgeOptions
 from strainfmu.can.bridge.setup import UNPROTECTED_TEXT, bus_settings, make_bridge
-from strainfmu.cli.main import main
 from strainfmu.errors import InputError
 
 
@@ -119,19 +117,3 @@ def test_a_bridge_without_protection_says_so_at_the_start(
     plain = BridgeOptions(**bus, **dbc_of_all(tmp_path), dynamic_pressure=9e4)
     with make_bridge(synthetic.estimator_1, plain) as ready:
         assert ready.start_lines == (UNPROTECTED_TEXT,)
-
-
-@pytest.mark.parametrize(
-    "command",
-    [["bridge", "x.fmu", "--interface", "virtual", "--channel", "x"], ["replay", "x.blf", "x.fmu", "-o", "x.csv"]],
-)
-def test_a_period_beside_a_dbc_file_is_refused(
-    command: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    files = dbc_of_all(tmp_path)
-    stated = ["--dbc", str(files["dbc"]), "--mapping", str(files["mapping"]), "--cycle-time", "20"]
-    monkeypatch.setattr(sys, "argv", ["strainfmu", *command, *stated])
-    with pytest.raises(SystemExit) as ended:
-        main()
-    assert ended.value.code == 2
-    assert "--cycle-time: expected with a profile alone, got it with --dbc" in capsys.readouterr().err

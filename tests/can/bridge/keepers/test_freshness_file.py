@@ -20,6 +20,7 @@ from strainfmu.can.bridge.keepers.freshness_file import (
 from strainfmu.can.e2e.authentication import Authentication, Authenticity
 from strainfmu.can.wire.authenticator import AuthenticationKey, Secured, authenticated, freshness_of
 from strainfmu.errors import InputError, StrainfmuError
+from strainfmu.files import write_bytes_atomically
 
 pytestmark = pytest.mark.fast
 
@@ -110,7 +111,7 @@ def test_a_run_without_frames_leaves_the_value(tmp_path: Path) -> None:
 )
 def test_a_damaged_file_is_one_line_and_never_a_fresh_start(tmp_path: Path, content: str, message: str) -> None:
     path = tmp_path / "f.json"
-    path.write_bytes(content.encode("utf-8", "surrogateescape"))
+    write_bytes_atomically(path, content.encode("utf-8", "surrogateescape"), is_private=True)
     with pytest.raises(InputError, match=message) as caught:
         keeper_of(path)
     assert "\n" not in str(caught.value)
@@ -151,3 +152,15 @@ def test_a_sender_takes_the_next_trip_at_every_start(tmp_path: Path) -> None:
     trips = [next_trip(path, KEY), next_trip(path, KEY, 4), next_trip(path, KEY)]
     assert trips == [2, 3, 7]
     assert json.loads(path.read_text())["trip"] == 7
+
+
+@pytest.mark.skipif(os.name != "posix", reason="other systems have no POSIX modes")
+@pytest.mark.parametrize("mode", [0o640, 0o602, 0o644])
+def test_a_file_that_others_may_read_or_write_is_refused(tmp_path: Path, mode: int) -> None:
+    """Whoever writes it turns the freshness value back; whoever reads the key forges frames."""
+    path = tmp_path / "f.json"
+    save_freshness(path, KEY, freshness_of(4, 9))
+    assert path.stat().st_mode & 0o777 == 0o600
+    path.chmod(mode)
+    with pytest.raises(InputError, match=f"expected a file of its owner alone, mode 600, got {mode:o}: chmod 600"):
+        load_freshness(path, KEY)

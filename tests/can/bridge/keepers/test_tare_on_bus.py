@@ -27,6 +27,7 @@ from strainfmu.cosim.estimators.zeros_file import load_zeros, write_zeros
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
+from strainfmu.files import write_bytes_atomically
 
 NAMES = [f"G{i}" for i in range(N_GAUGES)]
 ZERO = 1e-6 * np.array([180.0, -95.0, 240.0, -160.0, 20.0, 310.0])
@@ -99,7 +100,7 @@ def test_zeros_are_taken_at_rest_and_used_in_flight(
 ) -> None:
     """On the bus, and by a replay, which writes no file of zeros."""
     key = tmp_path / "bus.key"
-    key.write_text(bytes(range(16)).hex())
+    write_bytes_atomically(key, bytes(range(16)).hex().encode(), is_private=True)
     secured = {"key_file": key} if profile == "fd64-sec" else {}
     samples = at_rest(150) + in_flight(60)
     live = Run(synthetic, tmp_path, samples, f"tare-{profile}", profile=profile, **secured)
@@ -202,7 +203,9 @@ def test_the_frame_is_in_the_dbc_file_as_it_is_sent(
     synthetic: SyntheticFiles, tmp_path: Path, profile: str, run: Callable[..., tuple[int, str, str]]
 ) -> None:
     out = tmp_path / "x.dbc"
-    code, _, errors = run("dbc", synthetic.map_1, "-o", out, "--profile", profile, "--tare")
+    code, _, errors = run(
+        "dbc", synthetic.map_1, "-o", out, "--profile", profile, "--set", f"tare.map={synthetic.map_1}"
+    )
     assert (code, errors) == (0, "")
     message = cantools.database.load_file(out).get_message_by_name("TareCommand")
     layout = profile_layout(profile, NAMES, CYCLE, has_tare=True)
@@ -258,15 +261,15 @@ def test_wrong_options_are_one_line(
     synthetic: SyntheticFiles, tmp_path: Path, run: Callable[..., tuple[int, str, str]]
 ) -> None:
     bus = ("--interface", "virtual", "--channel", "tare-wrong", "--duration", "0.1")
-    code, _, errors = run("bridge", synthetic.estimator_1, *bus, "--tare", tmp_path / "none.h5")
+    code, _, errors = run("bridge", synthetic.estimator_1, *bus, "--set", f"tare.map={tmp_path / 'none.h5'}")
     assert (code, errors.count("\n")) == (2, 1)
-    code, _, errors = run("bridge", synthetic.estimator_1, *bus, "--tare-output", "x.toml")
-    assert (code, "--tare-output: expected with --tare, got it alone" in errors) == (2, True)
+    code, _, errors = run("bridge", synthetic.estimator_1, *bus, "--set", "tare.output=x.toml")
+    assert (code, "--set: tare.output: expected with tare.map, got it alone" in errors) == (2, True)
     (tmp_path / "a.dbc").write_text("")
     options = BridgeOptions(
         interface="virtual", channel="x", dbc=tmp_path / "a.dbc", mapping=tmp_path / "a.toml", tare=Path("m.h5")
     )
-    with pytest.raises(InputError, match="--tare: expected with a profile"):
+    with pytest.raises(InputError, match=r"tare\.map: expected with a profile"):
         input_layout(options, NAMES)
 
 

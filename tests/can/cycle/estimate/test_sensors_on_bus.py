@@ -41,6 +41,7 @@ from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import InverseMap, save_inverse_map
+from strainfmu.files import write_bytes_atomically
 from strainfmu.fmu.export import ExportOptions, export_estimator
 from strainfmu.interface.sensor_variables import THRUST, reading_units, sensor_names
 
@@ -282,7 +283,7 @@ def test_every_profile_holds_them(profile: str, tmp_path: Path) -> None:
     save_inverse_map(held, tmp_path / "map.h5")
     key = None
     if profile == "fd64-sec":
-        (key := tmp_path / "key").write_text(bytes(range(16)).hex())
+        write_bytes_atomically(key := tmp_path / "key", bytes(range(16)).hex().encode(), is_private=True)
     options = BridgeOptions(
         interface="virtual", channel="sensors", profile=profile, cycle_time=CYCLE, key_file=key
     )

@@ -1,0 +1,74 @@
+"""A first look at a file in a child process, which ends where a damaged file would hang, crash or fill the memory.
+
+Parsers of binary formats loop, crash or allocate without limit on some damaged files. What the child survives is
+then read in this process; systems that do not fork go without the look.
+"""
+
+from __future__ import annotations
+
+import os
+import select
+import signal
+from collections.abc import Callable
+from pathlib import Path
+from typing import NoReturn
+
+PATIENCE = 8.0
+"""How long the first look at a file may take [s], and a second more for each 20 MB of it."""
+
+_PER_BYTE = 1.0 / 20e6
+
+MEMORY = 1 << 30
+"""Memory that the first look may take in addition to the size of the file [bytes]."""
+
+
+def reads_well(path: Path, read: Callable[[], object], patience: float = PATIENCE) -> bool:
+    """Return whether ``read``, called in a child process, returns in time, within its memory and without an error.
+
+    Parameters
+    ----------
+    path : of the file that ``read`` reads; its size extends both limits.
+    patience : time for a small file [s].
+    """
+    if not hasattr(os, "fork"):
+        return True
+    size = path.stat().st_size
+    ended, end = os.pipe()
+    child = os.fork()
+    if child == 0:
+        _leave_after(read, MEMORY + 2 * size)
+    os.close(end)
+    try:
+        in_time, _, _ = select.select([ended], [], [], patience + _PER_BYTE * size)
+        if not in_time:
+            os.kill(child, signal.SIGKILL)
+    finally:
+        os.close(ended)
+        _, status = os.waitpid(child, 0)
+    return status == 0
+
+
+def _leave_after(read: Callable[[], object], memory: int) -> NoReturn:
+    """Call ``read``, silently, and end this process with exit code 0, or 1 if that fails."""
+    code = 1
+    try:
+        silent = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(silent, 1)
+        os.dup2(silent, 2)
+        _limit_memory(memory)
+        read()
+        code = 0
+    finally:
+        os._exit(code)
+
+
+def _limit_memory(additional: int) -> None:
+    """Limit the address space to what it is now and ``additional`` bytes, where the system states what it is."""
+    import resource  # POSIX alone
+
+    try:
+        pages = int(Path("/proc/self/statm").read_text().split()[0])
+    except (OSError, ValueError):
+        return
+    limit = pages * resource.getpagesize() + additional
+    resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
