@@ -9,7 +9,7 @@ from typing import Any
 from strainfmu.errors import InputError
 
 WRITTEN = ("output", "known_output", "field", "export_influence", "record", "report")
-"""Parameters that name a file to write; ``bridge --tare-output`` may be the file of ``--zeros``."""
+"""Parameters that name a file to write; ``tare.output`` of a bus file may be the file of ``zeros.file``."""
 
 
 def check_outputs(parameters: Mapping[str, Any]) -> None:

@@ -58,7 +58,7 @@ def found_options(given: Mapping[str, Any], context: str | None = None) -> list[
                 kept[name] = FoundOption(name=name, value=value, place=place)
     if not is_context_known:
         places = ", ".join([*map(str, _files()), f"CAN_CONFIG_{context}"])
-        raise InputError(f"--context: no '{context}' found in {places}")
+        raise InputError(f"bus.context: no '{context}' found in {places}")
     return list(kept.values())
 
 
