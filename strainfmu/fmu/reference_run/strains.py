@@ -7,6 +7,7 @@ import numpy as np
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.map.inverse_map import InverseMap, map_references
 from strainfmu.estimator.other_loads import FIVE_LOADS
+from strainfmu.estimator.reference.gain import residual_precision
 from strainfmu.estimator.reference.linear import excess_covariance
 from strainfmu.fmu.reference_run.flight_path import FlightPath
 from strainfmu.fmu.reference_run.reference_flight import ReferenceFlight, white_noise
@@ -70,7 +71,7 @@ def flight_of_states(inverse_map: InverseMap, path: FlightPath) -> ReferenceFlig
         loads=loads,
         load_per_coefficient=load_per_coefficient,
         covariance=error_covariance(inverse_map, loads / load_per_coefficient, ratio[:, 0]),
-        residual_precision=inverse_map.residual_whitening.T @ inverse_map.residual_whitening,
+        residual_precision=residual_precision(inverse_map),
         noise_std=white_noise(inverse_map.noise_std, inverse_map.gauge_covariance),
         load_strain_covariance=ratio[:, :, None] ** 2 * inverse_map.strain_load_covariance[:, FIVE_LOADS].T,
     )
