@@ -11,7 +11,7 @@ import numpy as np
 from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, static_pressure_at
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.reference.tables import LOG_PRESSURE, MACH, MIN_INCIDENCE, N_STATES
+from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, MIN_INCIDENCE, N_STATES
 
 N_AIR, LEAST_RELATIVE_STD = 3, 1e-3
 """Number of air data, and their smallest standard deviation over the value."""

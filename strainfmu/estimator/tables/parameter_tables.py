@@ -153,9 +153,12 @@ def with_known(manifold: ManifoldMap, value: FloatArray, std: FloatArray) -> Man
 
     Parameters
     ----------
-    value, std : (n_p,) of each parameter and its standard deviation, NaN of what is not known.
+    value, std : (n_p,) of each parameter and its standard deviation, NaN of what is not known; ``manifold`` itself
+        where nothing is.
     """
     tables = manifold.parameters
+    if not np.any(np.isfinite(value) & np.isfinite(std)):
+        return manifold
     assert tables is not None
     known = known_powers(tables.powers, value, std)
     errors = [tables.error, *known.errors(tables.unit_error, tables.spread_error)]
