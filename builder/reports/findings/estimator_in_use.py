@@ -29,7 +29,7 @@ HARDWARE = (
     "gain of each gauge",
     "position and direction of each gauge",
     "gain of all gauges",
-    "further errors of all gauges, as of clocking and wall",
+    "other errors of all gauges, as of clocking and wall",
 )
 NAVIGATION = ("Mach number", "static pressure", "dynamic pressure", "ranges of the map")
 """The sources of the nonlinear estimator's variance, with :data:`NOISE` and :data:`OFF_TABLES`."""

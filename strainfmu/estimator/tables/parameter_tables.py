@@ -1,4 +1,4 @@
-"""What further parameters of the flow, such as deflections, change, and errors once they are known.
+"""What flow parameters, such as deflections, change, and errors once they are known.
 
 Strain and loads are y(x) + p_inf sum_j (z^j - offset_j) s_j(x): z the parameter less its mean, over its spread in
 the snapshots, s_j tables over the flight state. A value that is stated with a deviation counts together with the

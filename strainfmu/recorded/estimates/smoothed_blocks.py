@@ -42,7 +42,7 @@ class SmoothedBlocks(MapBlocks):
             self.block_estimates(found),
             coefficients=known.coefficients,
             coefficients_std=known.coefficients_std,
-            further=np.hstack([*of_air, of_loads]),
+            other_values=np.hstack([*of_air, of_loads]),
             estimates=None,
         )
 
