@@ -219,6 +219,11 @@ class InverseMap:
         of_five = [unit == "N m" for unit in LOAD_UNITS]
         return np.append(of_five, is_moment(len(self.section_station)))[: self.n_loads]
 
+    @cached_property
+    def references(self) -> FloatArray:
+        """(n_f,) S of forces and S L of moments [m2, m3]: loads are coefficients times q_inf times these."""
+        return self.reference_area * np.where(self.is_moment, self.reference_length, 1.0)
+
     @property
     def follows_pressure(self) -> bool:
         """Whether strain, loads and errors but the gauges' own follow the dynamic pressure."""
@@ -319,9 +324,3 @@ def load_inverse_map(path: str | PathLike[str]) -> InverseMap:
         The file is missing, damaged, altered, or of another schema version.
     """
     return load_record(InverseMap, Path(path), SCHEMA, SCHEMA_VERSION)
-
-
-def map_references(inverse_map: InverseMap) -> FloatArray:
-    """Return (5,) S and S L [m2, m3] that coefficients times q_inf are multiplied with to give loads."""
-    length = inverse_map.reference_length
-    return inverse_map.reference_area * np.array([1.0, 1.0, 1.0, length, length])

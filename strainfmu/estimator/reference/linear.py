@@ -39,11 +39,6 @@ class LinearEstimate(NamedTuple):
     standardised: FloatArray
 
 
-def references(inverse_map: InverseMap) -> FloatArray:
-    """Return (n_f,) S of forces and S L of moments [m2, m3]."""
-    return inverse_map.reference_area * np.where(inverse_map.is_moment, inverse_map.reference_length, 1.0)
-
-
 def models(inverse_map: InverseMap) -> tuple[Model, Model]:
     """Return the model that the gain of ``inverse_map`` is made for, and the truth.
 
@@ -79,7 +74,7 @@ def estimate(
     found = condition(prepare(for_gain, used), rows, s)
     residual = condition(prepare(truth, used), rows, s)
 
-    scale = 1.0 / (dynamic_pressure[:, None] * references(inverse_map))
+    scale = 1.0 / (dynamic_pressure[:, None] * inverse_map.references)
     loads, coefficients = found.mean, scale * found.mean
     added = (s * s)[:, None, None] * excess_covariance(inverse_map, coefficients[:, :LOADS])
     covariance = joseph(truth, found.gain, s, added)

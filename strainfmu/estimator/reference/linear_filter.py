@@ -18,9 +18,9 @@ from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.reference import kalman
 from strainfmu.estimator.reference.kalman import Law, Rows, measured, predicted
+from strainfmu.estimator.reference.linear import LOADS
 from strainfmu.estimator.reference.readings import Zeros, zero_columns
 
-LOADS = 5
 ROUND_OFF = 1e-9
 """Variance of an error over that of the noise below which it is round-off."""
 

@@ -18,7 +18,6 @@ from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.reference.air import DROPPED, N_AIR, AirInputs, air_data, air_rows, lognormal_std, without
-from strainfmu.estimator.reference.linear import references
 from strainfmu.estimator.reference.update import Model, Posterior, condition, model_of, prepare
 from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, N_STATES, U, W, evaluate
 from strainfmu.estimator.tables.manifold_map import ManifoldMap
@@ -114,7 +113,7 @@ class NonlinearReference:
         """
         self.manifold, self.noise, self.n_d = manifold, noise, len(noise)
         self.rows = manifold.tables_of(manifold.n_loads)
-        self.references = references(inverse_map)[: manifold.n_loads]
+        self.references = inverse_map.references[: manifold.n_loads]
         self.prior_mean, self.prior_std = manifold.state_prior
 
     # The model about a state.
