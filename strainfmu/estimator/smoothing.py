@@ -25,6 +25,7 @@ from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.temperature import known_sensors
 from strainfmu.estimator.other_loads import is_moment
+from strainfmu.estimator.policies import BAND, LARGEST_WIDENING, NARROW, WIDEN, WINDOW
 from strainfmu.estimator.reference.air import AirInputs, air_data, air_inputs, without
 from strainfmu.estimator.reference.flight_filter import ITERATIONS, SEEN, FilteredSample, FlightFilterReference
 from strainfmu.estimator.reference.kalman import Law, measured
@@ -41,9 +42,6 @@ FIRST_STEP, LONGEST_STEP = 1.0, 1e6
 
 AGREES = 1e-4
 """Difference of the flight state, and relative one of its deviations, up to which an explanation agrees [1]."""
-
-WINDOW, BAND, WIDEN, NARROW, WIDEST = 100, 2.576, 1.05, 0.995, 1e4
-"""The core's window of normalised innovations, its band, and factors on the variance off the tables."""
 
 UNFILTERED = (HealthState.INVALID, HealthState.UNIDENTIFIED, HealthState.NO_COEFFICIENTS)
 """States of a linear estimate in which nothing was measured."""
@@ -410,7 +408,7 @@ class _Window(NamedTuple):
         mean = self.mean + (min(chi_square / expected, 1.0 + 0.5 * WINDOW * band) - self.mean) / WINDOW
         steps, widening = self.steps + 1, self.widening
         if steps >= WINDOW and mean > 1.0 + band:
-            widening = min(WIDEN * widening, WIDEST)
+            widening = min(WIDEN * widening, LARGEST_WIDENING)
         elif mean < 1.0:
             widening = max(NARROW * widening, 1.0)
         return _Window(mean, steps, widening)

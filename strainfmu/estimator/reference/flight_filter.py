@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.estimator import policies
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.reference import kalman, nonlinear
 from strainfmu.estimator.reference.air import N_AIR, air_rows
@@ -30,15 +31,11 @@ AIR_ERRORS = slice(2 * N_STATES, 2 * N_STATES + N_AIR)
 SEEN = AIR_ERRORS.stop
 """Places of dx/dt and b, and of the first state of c."""
 
-RATE_STD, RATE_TIME = np.array([0.2, 0.1, 0.1, 0.1]), 0.05
-"""Standard deviations of dx/dt [1/s], and the time constant [s] at which they count twice."""
+RATE_STD = np.array([policies.MACH_NUMBER_RATE, *2 * [policies.ANGLE_RATE], policies.LOG_PRESSURE_RATE])
+"""Standard deviations of dx/dt [1/s]."""
 
-WHITE = 0.2
-"""Part of the variance of air data that is independent from sample to sample."""
-
-SLOPE_TIME, OF_AGE, LONGEST, NOTICED = 0.2, 0.25, 0.7, 3.0
-"""Time constant [s] by which the state of slopes follows the estimate, at most that part of the filter's age; step
-over it from which each iteration takes its own slopes; deviations of a rate at which half of its motion counts."""
+NOTICED = 3.0
+"""Deviations of a rate at which half of its motion counts in the flight state of slopes."""
 
 ITERATIONS = 2
 
@@ -80,7 +77,7 @@ class FlightFilterReference:
         n = self.hardware + 1 + len(manifold.common_error) + self.common.shape[1]
         mean, std = np.zeros(n), np.ones(n)
         mean[:N_STATES], std[:N_STATES] = self.static.prior_mean, self.static.prior_std
-        std[RATES] = RATE_STD * (1.0 + RATE_TIME / time_constant)
+        std[RATES] = RATE_STD * (1.0 + policies.RATE_TIME / time_constant)
         self.of_zeros = zero_columns(inverse_map, zeros)
         n_decaying = n_d * (2 + self.of_gauge.shape[1])
         self.constant = np.arange(n_decaying + self.of_zeros.shape[1]) >= n_decaying
@@ -134,7 +131,7 @@ class FlightFilterReference:
         turn = rate * time_step
         decay = np.exp(-turn)
         matrix = np.eye(len(std)) * float(np.exp(-time_step / self.time_constant))
-        of_air = float(np.exp(-time_step / (kalman.NAVIGATION_TIME * self.time_constant)))
+        of_air = float(np.exp(-time_step / (policies.SLOW * self.time_constant)))
         matrix[AIR_ERRORS, AIR_ERRORS] = np.eye(N_AIR) * of_air
         matrix[:N_STATES, :N_STATES] = np.diag(decay * (1.0 + turn))
         matrix[:N_STATES, RATES] = np.diag(decay * time_step)
@@ -148,8 +145,8 @@ class FlightFilterReference:
         It knows nothing of the sample that it weighs: it follows the estimate, and moves as predicted as far as
         the rates are noticed.
         """
-        time_constant = min(SLOPE_TIME, self.time_constant, OF_AGE * self.age)
-        if self.law is None or time_step >= LONGEST * time_constant:
+        time_constant = min(policies.SLOPE_TIME, self.time_constant, policies.OF_AGE * self.age)
+        if self.law is None or time_step >= policies.LONGEST_STEP * time_constant:
             return None
         square = self.law.mean[RATES] ** 2
         noticed = square / (square + NOTICED**2 * np.diag(self.law.covariance)[RATES])
@@ -239,17 +236,17 @@ class FlightFilterReference:
         by_state = columns.copy()
         by_state[:, :N_STATES] = self.static.at(sloped)[1][:n_d]
         known, air = np.isfinite(doubted.air.value), sample.air
-        std = air.log_std
+        std, white = air.log_std, policies.WHITE_NAVIGATION
         of_air = np.zeros((N_AIR, columns.shape[1]))
         of_air[:, :N_STATES] = air_rows(sloped)[1] / std[:, None]
-        of_air[:, AIR_ERRORS] = np.sqrt(1.0 - WHITE) * np.eye(N_AIR)
+        of_air[:, AIR_ERRORS] = np.sqrt(1.0 - white) * np.eye(N_AIR)
         apart = (air.log_value - air_rows(at)[0]) / std
         jacobian = np.vstack([by_state[used], of_air[known]])
         about = law.mean.copy()
         about[:N_STATES] -= at
         innovation = np.append((sample.rows - self.static.at(at)[0][:n_d])[used], apart[known])
         n, n_used = len(innovation), int(used.sum())
-        whole = np.diag(np.append(np.zeros(n_used), WHITE - 1.0 + (doubted.air.std / air.std)[known] ** 2))
+        whole = np.diag(np.append(np.zeros(n_used), white - 1.0 + (doubted.air.std / air.std)[known] ** 2))
         whole[:n_used, :n_used] = noise[np.ix_(used, used)]
         of_gauges = np.zeros((n, considered.shape[1]))
         of_gauges[:n_used] = considered[used]

@@ -20,9 +20,6 @@ from strainfmu.arrays import FloatArray
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.reference.update import Posterior, condition, model_of, prepare
 
-NAVIGATION_TIME = 100.0
-"""Time constant of errors of air data, and of errors in common of linear maps, over the others' [1]."""
-
 LARGEST_SEEN, SMALLEST_SEEN = 18, 0.2
 """Number of directions of pressure errors that are estimated, and the size [standard deviations of the other
 errors] from which one is."""

@@ -14,11 +14,10 @@ import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.policies import MIN_EXPECTED_RATIO
 from strainfmu.estimator.reference.update import Model, condition, joseph, model_of, prepare
 
 LOADS = 5
-LEAST_EXPECTED = 0.1
-"""Smallest expected chi-square over its degrees of freedom: the linear model of the errors could give less."""
 
 
 class LinearEstimate(NamedTuple):
@@ -85,7 +84,7 @@ def estimate(
     freedom = inverse_map.residual_degrees_of_freedom - int(np.sum(~used))
     expected = 1.0 + np.einsum("kij,kji->k", residual.precision, added) / max(freedom, 1)
     of_coefficients = scale[:, :, None] * covariance * scale[:, None] + _outer(of_both)
-    of_fit = residual.chi_square, np.full(len(rows), freedom), np.maximum(expected, LEAST_EXPECTED)
+    of_fit = residual.chi_square, np.full(len(rows), freedom), np.maximum(expected, MIN_EXPECTED_RATIO)
     covariance = covariance + _outer(of_pressure)
     return LinearEstimate(loads, covariance, coefficients, of_coefficients, *of_fit, residual.standardised)
 

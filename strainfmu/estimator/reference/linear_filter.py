@@ -16,6 +16,7 @@ import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.policies import SLOW
 from strainfmu.estimator.reference import kalman
 from strainfmu.estimator.reference.kalman import Law, Rows, measured, predicted
 from strainfmu.estimator.reference.linear import LOADS
@@ -58,7 +59,7 @@ class LinearFilterReference:
             largest = np.max(np.abs(states) / reached[:, None], axis=0)
             std[: states.shape[1]] = 1.0 / largest
         lasts = (np.arange(n) >= n_scaled) & (np.arange(n) < n - len(of_modes))
-        self.time_constants = np.where(lasts, kalman.NAVIGATION_TIME, 1.0) * time_constant
+        self.time_constants = np.where(lasts, SLOW, 1.0) * time_constant
         self.lasting, self.rest = (_root(one, self.noise) for one in (lasting, self.seen.rest_strain))
         self.of_zeros = zero_columns(inverse_map, zeros)
         n_decaying, n_zeros = self.lasting.shape[1] + self.rest.shape[1], self.of_zeros.shape[1]

@@ -17,13 +17,11 @@ import numpy as np
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.policies import LARGEST_STEP
 from strainfmu.estimator.reference.air import DROPPED, N_AIR, AirInputs, air_data, air_rows, lognormal_std, without
 from strainfmu.estimator.reference.update import Model, Posterior, condition, model_of, prepare
 from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, N_STATES, U, W, evaluate
 from strainfmu.estimator.tables.manifold_map import ManifoldMap
-
-LARGEST_STEP = np.array([0.5, 0.05, 0.05, 1.0])
-"""Largest change of M [1], u, w [rad] and ln p_inf in one iteration."""
 
 SMALLEST_PART = 0.25
 """Smallest part of a Gauss-Newton step that is taken."""
