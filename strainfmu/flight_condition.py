@@ -22,7 +22,7 @@ class FlightCondition:
     angle_of_attack : alpha [rad], positive nose-up.
     sideslip_angle : beta [rad], positive with the wind from starboard.
     altitude : H, geopotential [m].
-    parameters : further parameters of the flow, such as deflections of control surfaces, in the order and the
+    parameters : flow parameters, such as deflections of control surfaces, in the order and the
         units of the vehicle file.
 
     Example
@@ -78,7 +78,7 @@ class FlightCondition:
         return self.mach_number, self.angle_of_attack, self.sideslip_angle, self.altitude
 
     def as_row(self) -> tuple[float, ...]:
-        """Return :meth:`as_tuple` and the further parameters after it."""
+        """Return :meth:`as_tuple` and the flow parameters after it."""
         return (*self.as_tuple(), *self.parameters)
 
     def __str__(self) -> str:

@@ -51,7 +51,7 @@ class Campaign:
     internal_pressure : (N,) pressure inside the body [Pa].
     reference : what coefficients are referred to.
     grid : the vehicle's own surface nodes, stored as such where the engine's surface is made of them.
-    settings : further entries for the file's ``settings``.
+    settings : more entries for the file's ``settings``.
     """
 
     vehicle: str

@@ -46,7 +46,7 @@ class Snapshots:
     settings : the engine's inputs, and the version that wrote the file; under ``failed`` the conditions of the
         campaign that are not here, where there are any.
     condition : (N, 4 + k) Mach number [1], angle of attack [rad], sideslip angle [rad], altitude [m], then the
-        values of k further parameters, whose names are ``settings["parameters"]``.
+        values of k flow parameters, whose names are ``settings["parameters"]``.
     pressure : (N, n_p) absolute pressure at the surface nodes [Pa].
     internal_pressure : (N,) pressure inside the body [Pa].
     reference : (3,) S [m2], L [m], moment station [m].
@@ -90,7 +90,7 @@ class Snapshots:
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
-        """Names of the further parameters of the flow."""
+        """Names of the flow parameters."""
         return tuple(self.settings.get("parameters", ()))
 
     @property

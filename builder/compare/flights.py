@@ -118,7 +118,7 @@ def altitudes(vehicle: Vehicle) -> tuple[float, float]:
 def random_conditions(vehicle: Vehicle, count: int, random: np.random.Generator) -> list[FlightCondition]:
     """Return conditions uniform in Mach number, altitude and both angles, or in the disc of total incidence.
 
-    Of another shape than a profile they are uniform in the ranges of the file, further parameters too.
+    Of another shape than a profile they are uniform in the ranges of the file, flow parameters too.
     """
     if not vehicle.is_of_revolution:
         return conditions_in_ranges(vehicle, altitudes(vehicle), count, random)

@@ -14,7 +14,7 @@ import numpy as np
 from builder.compare.candidate import Answer, median_microseconds
 from builder.compare.flights import Readings, one_condition
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.map.inverse_map import InverseMap, map_references
+from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.other_loads import FIVE_LOADS
 
 STEP_STD = 0.1
@@ -81,7 +81,7 @@ class RandomWalkCandidate:
         loads = self._fixed_load + s * (of_mean - self._fixed_load + state.mean @ per_state.T)
         of_state = per_state @ state.covariance @ per_state.T
         covariance = (s * s)[:, :, None] * (of_state + self._error_load @ self._error_load.T)
-        scale = 1.0 / (q[:, None] * map_references(found))
+        scale = 1.0 / (q[:, None] * found.references[FIVE_LOADS])
         coefficients = scale * loads
         relative = found.dynamic_pressure_error
         if not np.isnan(read.dynamic_pressure_std):

@@ -83,7 +83,7 @@ def with_drawn_errors(
 ) -> tuple[FloatArray, FloatArray]:
     """Return ``strain`` (k, n_d) and ``loads`` (k, 5) of the tables at ``pressure`` (k,) with all errors drawn.
 
-    Strain then has the covariance of :func:`~strainfmu.estimator.map.strain_covariance.strain_covariance`.
+    Strain then has the covariance of :func:`~strainfmu.estimator.reference.nonlinear.strain_covariance`.
     """
     k, n_d = strain.shape
     p = pressure[:, None]

@@ -112,8 +112,8 @@ def inverse_problem(
     vehicle : the vehicle file.
     snapshots : surface pressure at the flight conditions.
     structure : strain per pressure.
-    nuisance : further noise terms, such as thermal strain.
-    left : further errors in proportion to strain, such as what a ground test left.
+    nuisance : other noise terms, such as thermal strain.
+    left : other errors in proportion to strain, such as what a ground test left.
 
     Raises
     ------

@@ -40,7 +40,7 @@ def with_manifold(
 ) -> InverseMap:
     """Return ``inverse_map`` with the tables of the nonlinear estimator, made from the same inputs.
 
-    ``nuisance`` holds the further noise terms of the map, ``problem`` what it was solved from where it is known.
+    ``nuisance`` holds the other noise terms of the map, ``problem`` what it was solved from where it is known.
 
     Raises
     ------
@@ -187,7 +187,7 @@ def _spread_of_flows(ensemble: Ensemble, operator: FloatArray) -> FloatArray:
 
 
 def _scaled_nuisance(nuisance: Sequence[NoiseTerm], problem: Problem) -> dict[str, FloatArray]:
-    """Return columns (n_d + n_f, k) per p_inf of the further terms that scale, by name."""
+    """Return columns (n_d + n_f, k) per p_inf of the other terms that scale, by name."""
     ensemble = problem.ensemble
     pressure = ensemble.mean_ambient_pressure
     found = {}

@@ -54,7 +54,7 @@ class ConditionTables:
     crossflow_range : (2, 2) least and largest u and w of the snapshots [rad].
     incidence_limit : total incidence in the farthest corner of these [rad].
     overpressure : (n_p,) p / p_inf - 1 at the least total incidence, the mean of these.
-    slopes : by further parameters of the flow; None where the snapshots have none that changes.
+    slopes : by flow parameters; None where the snapshots have none that changes.
     """
 
     mach_knots: FloatArray
@@ -95,7 +95,7 @@ def condition_tables(
         off = all_values - values[:, :, :, None]
         slope = condition_slopes(off, [conditions[row].parameters for row in grid.row[0, 0, 0]])
         errors[FLOW_PARAMETERS] = np.hstack(slope.spread_error())
-        errors["further parameters, the rest"] = slope.rest_error()
+        errors["flow parameters, the rest"] = slope.rest_error()
     mach = grid.mach
     if len(mach) == 2:
         mach, values = with_middle_mach(mach, values)

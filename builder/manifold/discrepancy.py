@@ -14,7 +14,7 @@ from builder.vehicle.file import Vehicle
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO
-from strainfmu.estimator.map.strain_covariance import strain_covariance_at
+from strainfmu.estimator.reference.nonlinear import strain_covariance
 from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, U
 from strainfmu.estimator.tables.manifold_map import ManifoldMap
 
@@ -143,7 +143,7 @@ def tested_shapes(manifold: ManifoldMap) -> FloatArray | None:
     state = np.zeros((1, 4))
     state[0, MACH], state[0, U] = manifold.mach_range.mean(), 0.5 * manifold.incidence_limit
     state[0, LOG_PRESSURE] = np.log(manifold.pressure_range).mean()
-    covariance = strain_covariance_at(manifold, state)[0]
+    covariance = strain_covariance(manifold, manifold.gauge_covariance, state)[0]
     of_shapes = float(np.exp(2.0 * state[0, LOG_PRESSURE])) * manifold.scaled_covariance
     root = np.linalg.cholesky(covariance - of_shapes)
     half = np.linalg.solve(root, of_shapes)

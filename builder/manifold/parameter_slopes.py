@@ -1,4 +1,4 @@
-"""What further parameters of the flow change at every condition of the snapshots, by polynomials of each."""
+"""What flow parameters change at every condition of the snapshots, by polynomials of each."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import numpy as np
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.tables.parameter_tables import Powers
 
-FLOW_PARAMETERS = "further parameters of the flow"
-"""Error of tables of the mean over further parameters: what follows from these once they are known."""
+FLOW_PARAMETERS = "flow parameters"
+"""Error of tables of the mean over flow parameters: what follows from these once they are known."""
 
 MAX_POWER = 3
 """Highest power of a parameter; less where the snapshots hold fewer values of it."""

@@ -1,4 +1,4 @@
-"""Snapshots of any shape as a grid of Mach number, angle of attack, sideslip and further parameters."""
+"""Snapshots of any shape as a grid of Mach number, angle of attack, sideslip and flow parameters."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class SnapshotGrid:
     Attributes
     ----------
     mach, angle_of_attack, sideslip : (n_M,), (n_a,), (n_b,) increasing [1, rad, rad].
-    row : (n_M, n_a, n_b, n_k) of the snapshots, n_k combinations of the further parameters, 1 without.
+    row : (n_M, n_a, n_b, n_k) of the snapshots, n_k combinations of the flow parameters, 1 without.
     """
 
     mach: FloatArray

@@ -45,7 +45,7 @@ class StateTables:
     incidence_limit : largest total incidence of the flows [rad].
     crossflow_range : (2, 2) least and largest u and w of the flows [rad]; None where they are all round.
     field : pressure on the surface, of either kind; None where the map does not hold it.
-    slopes : by further parameters of the flow; None for none.
+    slopes : by flow parameters; None for none.
     """
 
     mach_knots: FloatArray

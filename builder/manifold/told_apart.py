@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from strainfmu.errors import InputError
-from strainfmu.estimator.map.strain_covariance import strain_covariance_at
+from strainfmu.estimator.reference.nonlinear import strain_covariance
 from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, N_STATES, U, W, evaluate
 from strainfmu.estimator.tables.manifold_map import ManifoldMap
 
@@ -56,7 +56,7 @@ def winds_read_alike(manifold: ManifoldMap) -> tuple[float, float] | None:
         for centre, size, wave in zip(middle, half, (np.cos(roll), np.sin(roll)), strict=True)
     )
     response = evaluate(manifold.tables, state)
-    factors = np.linalg.cholesky(strain_covariance_at(manifold, state))
+    factors = np.linalg.cholesky(strain_covariance(manifold, manifold.gauge_covariance, state))
     far = np.abs(np.angle(np.exp(1j * (roll[:, None] - roll)))) >= APART
     worst, pair = 0.0, None
     for i, factor in enumerate(factors):

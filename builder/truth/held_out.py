@@ -69,7 +69,7 @@ def held_out_conditions(
 def conditions_in_ranges(
     vehicle: Vehicle, altitudes: tuple[float, float], count: int, random: np.random.Generator
 ) -> list[FlightCondition]:
-    """Return ``count`` conditions, uniform in what the file lists: Mach number, both angles, further parameters.
+    """Return ``count`` conditions, uniform in what the file lists: Mach number, both angles, flow parameters.
 
     ``altitudes`` are the lowest and highest that are drawn [m]. For vehicles of any shape: nothing is rolled.
     """

@@ -177,7 +177,7 @@ class Vehicle(Section):
         ]
 
     def _parameter_faults(self) -> list[str]:
-        """Return further parameters of the flow that its engine does not know."""
+        """Return flow parameters that its engine does not know."""
         engine, kind, faults = self.aerodynamics.engine, self.shape_kind, []
         for name, one in self.conditions.parameters.items():
             where = f"conditions.parameters.{name}"

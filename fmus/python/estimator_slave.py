@@ -267,12 +267,12 @@ class EstimatorSlave(Fmi2Slave):
         return self._estimator.is_nonlinear or self._estimator.filter_time_constant > 0.0
 
     def _given_parameters(self) -> dict[str, float]:
-        """Return the further parameters of the flow by name, NaN where not known."""
+        """Return the flow parameters by name, NaN where not known."""
         values = known_values(self._values[self._flow_parameters].tolist())
         return dict(zip(self._estimator.parameters.names, values, strict=True))
 
     def _given_deviations(self) -> dict[str, float]:
-        """Return the standard deviations of further parameters of the flow by name, NaN where not stated."""
+        """Return the standard deviations of flow parameters by name, NaN where not stated."""
         stds = self._values[self._parameter_stds]
         stated = np.where((stds > 0.0) & (stds < np.inf), stds, np.nan).tolist()
         return dict(zip(self._estimator.parameters.names, stated, strict=bool(stated)))

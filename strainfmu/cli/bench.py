@@ -16,6 +16,7 @@ from strainfmu.cosim.systems.system import System
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap, load_inverse_map
 from strainfmu.estimator.other_loads import FIVE_LOADS
+from strainfmu.estimator.reference.gain import load_gain
 from strainfmu.fmu.checks.step_cost import step_costs
 
 STOP_TIME = 2.0
@@ -50,7 +51,7 @@ def bench_loop(map_path: Path, estimator_path: Path, plant_path: Path) -> dict[s
     inverse_map = load_inverse_map(map_path)
     estimator = Estimator(inverse_map.without_tables())
     n = inverse_map.n_gauges
-    rows = inverse_map.load_gain[FIVE_LOADS]
+    rows = load_gain(inverse_map)[FIVE_LOADS]
     strain, pressure = inverse_map.mean_strain, inverse_map.nominal_dynamic_pressure
     broken = strain.copy()
     broken[: min(LOST, n - 1)] = np.nan

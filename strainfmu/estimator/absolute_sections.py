@@ -6,7 +6,7 @@ import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.reference.linear import LOADS, estimate, references
+from strainfmu.estimator.reference.linear import LOADS, estimate
 from strainfmu.estimator.reference.readings import Zeros, row_noise, rows_of
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 
@@ -42,7 +42,7 @@ def other_loads(
     known = np.isfinite(dynamic_pressure)
     q = np.where(known, dynamic_pressure, 1.0)
     std = np.where(np.isnan(pressure_std), inverse_map.dynamic_pressure_error * q, pressure_std)
-    scale = references(inverse_map)[LOADS:] / (area * np.where(inverse_map.is_moment[LOADS:], length, 1.0))
+    scale = inverse_map.references[LOADS:] / (area * np.where(inverse_map.is_moment[LOADS:], length, 1.0))
     found = {name: np.full((len(rows), len(scale)), np.nan) for name in _NAMES}
     masks, which = np.unique(valid, axis=0, return_inverse=True)
     for number, used in enumerate(masks):

@@ -9,7 +9,7 @@ from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import InputError
 
 NOT_KNOWN = -9999.0
-"""Start value of further parameters of the flow, in the unit of each: they may be 0, and have either sign.
+"""Start value of flow parameters, in the unit of each: they may be 0, and have either sign.
 
 The same of thrust where it is not known. NaN means the same.
 

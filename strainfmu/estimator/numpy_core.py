@@ -39,7 +39,7 @@ from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.map.offers import has_other_outputs
 from strainfmu.estimator.map.temperature import known_sensors
 from strainfmu.estimator.policies import MIN_INFORMATION
-from strainfmu.estimator.reference.linear import LOADS, LinearEstimate, estimate, references
+from strainfmu.estimator.reference.linear import LOADS, LinearEstimate, estimate
 from strainfmu.estimator.reference.readings import Zeros, amplitudes, row_noise, rows_of, without_thrust
 from strainfmu.estimator.settings import EstimatorSettings, default_settings
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
@@ -305,7 +305,7 @@ class NumpyCore:
         transfer = np.eye(m)
         shift = of_setting["moment_station"] - default_settings(self._map).moment_station
         transfer[3, 1] = transfer[4, 2] = shift
-        own = references(self._map)
+        own = self._map.references
         is_long = own != self._map.reference_area
         area, length = of_setting["reference_area"], of_setting["reference_length"]
         # Coefficients of the map's references are turned as loads are, then scaled to other references.

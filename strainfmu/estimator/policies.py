@@ -54,7 +54,7 @@ MIN_INCIDENCE_SCORE = 3.0
 """Standard deviations of the total incidence above zero from which the wind has a roll angle."""
 
 LARGEST_USED_SCORE = 1.0
-"""Part of its range by which a further parameter of the flow may leave it and still be used.
+"""Part of its range by which a flow parameter may leave it and still be used.
 
 It is ``OUTSIDE`` much earlier; cubes of what is far off are no numbers.
 """

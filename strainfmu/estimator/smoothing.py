@@ -5,6 +5,9 @@ reference's filter goes over the same samples with the same decisions, and its l
 explanations of what the core did with a sample, the one whose flight state agrees with the core's is taken.
 A sample that the core did not filter stays as it is, and so does one with zeros or flow parameters of stated
 deviations.
+
+Laws are smoothed from the last sample back, each with what later samples say of it. Source: Rauch, Tung and
+Striebel, Maximum likelihood estimates of linear dynamic systems, AIAA Journal 3 (1965).
 """
 
 from __future__ import annotations
@@ -12,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from math import sqrt
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -22,15 +25,16 @@ from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.temperature import known_sensors
 from strainfmu.estimator.other_loads import is_moment
+from strainfmu.estimator.policies import BAND, LARGEST_WIDENING, NARROW, WIDEN, WINDOW
 from strainfmu.estimator.reference.air import AirInputs, air_data, air_inputs, without
-from strainfmu.estimator.reference.flight_filter import ITERATIONS, FilteredSample, FlightFilterReference
-from strainfmu.estimator.reference.kalman import Law, measured, with_modes
+from strainfmu.estimator.reference.flight_filter import ITERATIONS, SEEN, FilteredSample, FlightFilterReference
+from strainfmu.estimator.reference.kalman import Law, measured
 from strainfmu.estimator.reference.linear_filter import LinearFilterReference
 from strainfmu.estimator.reference.nonlinear import Sample
 from strainfmu.estimator.reference.readings import Zeros, amplitudes, rows_of
-from strainfmu.estimator.reference.tables import N_STATES
 from strainfmu.estimator.settings import default_settings
 from strainfmu.estimator.surface_pressure import LARGEST_USED_SCORE
+from strainfmu.estimator.tables.flight_tables import N_STATES
 
 LOADS = 5
 FIRST_STEP, LONGEST_STEP = 1.0, 1e6
@@ -39,11 +43,24 @@ FIRST_STEP, LONGEST_STEP = 1.0, 1e6
 AGREES = 1e-4
 """Difference of the flight state, and relative one of its deviations, up to which an explanation agrees [1]."""
 
-WINDOW, BAND, WIDEN, NARROW, WIDEST = 100, 2.576, 1.05, 0.995, 1e4
-"""The core's window of normalised innovations, its band, and factors on the variance off the tables."""
-
 UNFILTERED = (HealthState.INVALID, HealthState.UNIDENTIFIED, HealthState.NO_COEFFICIENTS)
 """States of a linear estimate in which nothing was measured."""
+
+
+class Filtered(Protocol):
+    """A sample of a filter: laws ``before`` and ``after`` it, and the ``transition`` F (n, n) to it from the last.
+
+    It ``continues`` where ``before`` follows from the last sample.
+    """
+
+    @property
+    def before(self) -> Law: ...
+    @property
+    def after(self) -> Law: ...
+    @property
+    def transition(self) -> FloatArray: ...
+    @property
+    def continues(self) -> bool: ...
 
 
 class Warm(NamedTuple):
@@ -56,7 +73,7 @@ class Warm(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Step:
-    """A sample of a filter, see :class:`~strainfmu.estimator.reference.smoothing.Filtered`.
+    """A sample of a filter, see :class:`Filtered`.
 
     ``of_loads`` is what loads by a law of its states follow from; None where the estimate stays the core's.
     """
@@ -98,6 +115,37 @@ class Smoothed:
             air=np.array(air.value),
             air_std=np.array(air.std),
         )
+
+
+def smoothed(samples: Sequence[Filtered]) -> list[Law]:
+    """Return the laws of ``samples`` given all of them; the last one is as it was filtered."""
+    out: list[Law] = []
+    for i in range(len(samples) - 1, -1, -1):
+        later = samples[i + 1] if i + 1 < len(samples) else None
+        if later is None or not later.continues:
+            out.append(samples[i].after)
+        else:
+            out.append(_smoothed(samples[i].after, later, out[-1]))
+    return out[::-1]
+
+
+def _smoothed(law: Law, later: Filtered, known: Law) -> Law:
+    """Return ``law`` given that the sample after it, ``later``, has the law ``known``: B = P F' (P-)^-1."""
+    before = later.before
+    size = np.sqrt(np.diag(before.covariance))
+    # States have units of their own: equal diagonals keep the digits.
+    scaled = before.covariance / np.outer(size, size)
+    back = (np.linalg.solve(scaled, (later.transition @ law.covariance) / size[:, None]) / size[:, None]).T
+    covariance = law.covariance + back @ (known.covariance - before.covariance) @ back.T
+    mean = law.mean + back @ (known.mean - before.mean)
+    return Law(mean, 0.5 * (covariance + covariance.T), law.cross)
+
+
+def with_modes(law: Law, covariance: FloatArray) -> Law:
+    """Return the stationary ``law`` with ``covariance`` (k, k) of its last states, the temperature modes."""
+    first, whole = len(law.mean) - len(covariance), law.covariance.copy()
+    whole[first:, first:] = covariance
+    return law._replace(covariance=whole)
 
 
 def smoother_of(estimator: Estimator) -> FlightSmoother | LinearSmoother:
@@ -187,7 +235,7 @@ class FlightSmoother(_Records):
     def _step(self, seconds: float, record: FloatArray, core: _Core) -> Step:
         reference, used = self.reference, core.valid
         warm, transition = self.warm_of(record), reference.transition(seconds)
-        own = reference.widened(1.0, warm.covariance)
+        own = self._widened(1.0, warm.covariance)
         if not self.smooths or self._is_sharpened(record, core):
             reference.law, self.window, self.warm = None, _Window(), warm
             self.left_out = np.zeros(3, dtype=bool)
@@ -197,7 +245,8 @@ class FlightSmoother(_Records):
             self.warm = warm
         else:
             reference.law = self.carried(reference.law, warm)
-            law = reference.predicted(seconds, reference.widened(self.window.widening, warm.covariance))
+            stationary = self._widened(self.window.widening, warm.covariance)
+            law = reference.predicted(reference.law, seconds, stationary)
             slopes = reference.slopes_after(seconds, law)
             errors = law.mean[len(law.mean) - len(errors) :]
         air = self._air(record)
@@ -213,6 +262,12 @@ class FlightSmoother(_Records):
         before = own if begins or law is None else law
         kept = explained if not core.is_linear else None
         return Step(before=before, after=after.law, transition=transition, continues=not begins, of_loads=kept)
+
+    def _widened(self, factor: float, of_modes: FloatArray) -> Law:
+        """Return the prior with ``factor`` on the variance of pressure errors; ``of_modes`` (k, k) is of modes."""
+        found, seen = with_modes(self.reference.prior, of_modes), slice(SEEN, self.reference.hardware)
+        found.covariance[seen, seen] *= factor
+        return found
 
     def _is_sharpened(self, record: FloatArray, core: _Core) -> bool:
         """Return whether a flow parameter is known with a deviation, about which the core begins again."""
@@ -353,7 +408,7 @@ class _Window(NamedTuple):
         mean = self.mean + (min(chi_square / expected, 1.0 + 0.5 * WINDOW * band) - self.mean) / WINDOW
         steps, widening = self.steps + 1, self.widening
         if steps >= WINDOW and mean > 1.0 + band:
-            widening = min(WIDEN * widening, WIDEST)
+            widening = min(WIDEN * widening, LARGEST_WIDENING)
         elif mean < 1.0:
             widening = max(NARROW * widening, 1.0)
         return _Window(mean, steps, widening)

@@ -284,8 +284,8 @@ def _python_estimator(
 def _described(inverse_map: InverseMap) -> str:
     """Return in one line what the FMU of ``inverse_map`` does."""
     n = inverse_map.n_strain_gauges
-    further = inverse_map.n_gauges - n
-    sensors = f" and {further} auxiliary sensor{'s' if further > 1 else ''}" if further else ""
+    auxiliary = inverse_map.n_gauges - n
+    sensors = f" and {auxiliary} auxiliary sensor{'s' if auxiliary > 1 else ''}" if auxiliary else ""
     return f"Aerodynamic loads from the strain of {n} gauges{sensors}: {inverse_map.vehicle}"
 
 

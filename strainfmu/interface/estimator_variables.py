@@ -76,8 +76,8 @@ def output_values(estimate: Estimate, with_other_loads: bool = False) -> list[fl
     (:func:`~strainfmu.interface.other_load_variables.has_other_outputs`).
     """
     of_flight = flight_outputs(estimate) if len(estimate.air_data_used) > 0 else ()
-    further = other_load_values(estimate) if with_other_loads else ()
-    return [*_linear_outputs(estimate), *of_flight, *further, *estimate.parameter_score.tolist()]
+    others = other_load_values(estimate) if with_other_loads else ()
+    return [*_linear_outputs(estimate), *of_flight, *others, *estimate.parameter_score.tolist()]
 
 
 def _linear_outputs(estimate: Estimate) -> list[float]:

@@ -12,7 +12,7 @@ from strainfmu.arrays import FloatArray
 from strainfmu.estimator.arguments import NOT_KNOWN as NOT_KNOWN
 
 FLOW_INPUTS = ("dynamic_pressure", "dynamic_pressure_std", "mach_number", "altitude")
-"""Flow and navigation, the further arguments of :meth:`strainfmu.estimator.estimator.Estimator.step`."""
+"""Flow and navigation, arguments beside strain of :meth:`strainfmu.estimator.estimator.Estimator.step`."""
 
 NOT_GIVEN = "0 or below (or NaN)"
 """What :data:`FLOW_INPUTS`, :data:`NAVIGATION_INPUTS` and temperatures are where they are not given, in words.
@@ -25,7 +25,7 @@ PARAMETERS = ("sensor_range", "alarm_scale", "reference_area", "reference_length
 
 
 NAVIGATION_INPUTS = ("mach_number_std", "static_pressure", "static_pressure_std")
-"""Further navigation of a map with tables over the flight state, as :data:`FLOW_INPUTS`."""
+"""More navigation of a map with tables over the flight state, as :data:`FLOW_INPUTS`."""
 
 OTHER_AIR_DATA = (FLOW_INPUTS[1], *NAVIGATION_INPUTS)
 """Deviations of q_inf and navigation, and p_inf: what not every sender knows, and not every estimator takes."""
@@ -55,5 +55,5 @@ def given_thrust(inputs: Mapping[str, float]) -> dict[str, float]:
 
 
 def known_values(values: Sequence[float]) -> tuple[float, ...]:
-    """Return ``values`` of further parameters of the flow, or of thrust, NaN for those that are not known."""
+    """Return ``values`` of flow parameters, or of thrust, NaN for those that are not known."""
     return tuple(nan if value == NOT_KNOWN else value for value in values)

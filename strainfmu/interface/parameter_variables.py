@@ -1,4 +1,4 @@
-"""Inputs of an FMU for further parameters of the flow, and outputs that state which of them leaves its range.
+"""Inputs of an FMU for flow parameters, and outputs that state which of them leaves its range.
 
 A map whose tables follow them has their standard deviations as inputs besides.
 """

@@ -50,11 +50,11 @@ FIELD_UNITS = {"timestamp": "s since 1970", "x": "m", "roll_angle": "deg", "pres
 
 _NUMBERS = ("quality", "dynamic_pressure_Pa", "age_ms", "health", "chi_square")
 _TEXTS = ("quality_name", "health_name", "bus_state")
-_FURTHER_NUMBERS = (
+_LATER_NUMBERS = (
     *("sequence", "uptime_s", "mach_number", "altitude_m", "envelope_score", "envelope_score_limit"),
     *("chi_square_limit", "gauges_used", "suspects", "age_uncertainty_ms"),
 )
-_FURTHER_TEXTS = ("health_text", "suspect_gauge")
+_LATER_TEXTS = ("health_text", "suspect_gauge")
 """Keys that a bridge of an earlier version does not send."""
 
 
@@ -82,8 +82,8 @@ def _result(content: dict[str, Any]) -> dict[str, Any]:
         "timestamp": timestamp,
         **{name: _number(content[name]) for name in _NUMBERS},
         **{name: _text(content[name]) for name in _TEXTS},
-        **{name: _number(content.get(name)) for name in _FURTHER_NUMBERS},
-        **{name: _text(content.get(name)) for name in _FURTHER_TEXTS},
+        **{name: _number(content.get(name)) for name in _LATER_NUMBERS},
+        **{name: _text(content.get(name)) for name in _LATER_TEXTS},
         "causes": [_text(cause) for cause in content["causes"]],
         "causes_since": [_text(cause) for cause in content.get("causes_since", [])],
         "coefficients": _numbers(content["coefficients"], COEFFICIENT_NAMES),

@@ -273,7 +273,7 @@ def _unused_inputs(source: Path, estimator: BlockEstimator, plan: ColumnPlan) ->
 
 
 def _columns(
-    plan: ColumnPlan, further: Sequence[tuple[str, str]], residuals: Sequence[str]
+    plan: ColumnPlan, others: Sequence[tuple[str, str]], residuals: Sequence[str]
 ) -> tuple[tuple[str, str], ...]:
     """Return names and units of the output's columns, with the residuals of the gauges named."""
     limit = (("health.residual_limit", "1"),) if residuals else ()
@@ -281,7 +281,7 @@ def _columns(
         *ESTIMATE_COLUMNS,
         *HEALTH_COLUMNS,
         *((name, _FLOW_UNITS[name]) for name in _FLOW_UNITS if name in plan.stated),
-        *further,
+        *others,
         *limit,
         *((f"residual.{gauge}", "1") for gauge in residuals),
     )
@@ -304,8 +304,8 @@ def _rows(block: StrainBlock, *, found: BlockEstimates, estimator: BlockEstimato
         np.full(len(block.time), estimator.envelope_score_limit),
         *(block.flow[name] for name in _FLOW_UNITS if name in block.flow),
     ]
-    if found.further is not None:
-        columns += [*found.further.T]
+    if found.other_values is not None:
+        columns += [*found.other_values.T]
     if residuals and found.make_residual is not None:
         residual, limit = found.make_residual()
         columns += [limit, *residual.T]

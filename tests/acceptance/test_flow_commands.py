@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from changed_vehicle import change
 from ogive import copied_ogive
+from state_estimates import state_gain
 
 from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.pipeline.map_files import make_map
@@ -60,7 +61,7 @@ def test_out_to_another_program_and_back_to_a_map(
     assert imported.solved.all()
     np.testing.assert_allclose(imported.coefficients(), ours.coefficients(), rtol=2e-3, atol=1e-5)
     first, second = (load_inverse_map(tmp_path / name / "map.h5") for name in ("own", "map"))
-    gain = [found.load_per_state @ found.strain_gain for found in (first, second)]
+    gain = [found.load_per_state @ state_gain(found) for found in (first, second)]
     np.testing.assert_allclose(gain[1], gain[0], rtol=0.0, atol=0.01 * np.abs(gain[0]).max())
 
 

@@ -44,6 +44,7 @@ from strainfmu.cosim.models.trajectory import load_trajectory
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
+from strainfmu.estimator.reference.gain import load_covariance, load_gain
 from strainfmu.flight_condition import FlightCondition
 
 DRAWS = 50
@@ -97,11 +98,11 @@ def errors(
     random = np.random.default_rng(5)
     noise = random.normal(size=(len(strain), DRAWS, inverse_map.n_gauges)) * inverse_map.noise_std
     deviation = strain[:, None] + noise - inverse_map.mean_strain
-    loads = deviation @ inverse_map.load_gain.T + inverse_map.load_of_mean
+    loads = deviation @ load_gain(inverse_map).T + inverse_map.load_of_mean
     area, length = inverse_map.reference_area, inverse_map.reference_length
     reference = area * np.array([1.0, 1.0, 1.0, length, length])
     scale = 1.0 / (np.array([one.dynamic_pressure for one in conditions])[:, None] * reference)
-    sigma = scale * np.sqrt(np.diag(inverse_map.load_covariance))
+    sigma = scale * np.sqrt(np.diag(load_covariance(inverse_map)))
     return scale[:, None] * loads - truth[:, None], sigma
 
 
@@ -247,7 +248,7 @@ def test_ten_sigma_on_any_gauge_are_found_and_blamed_on_it(
     random, n = np.random.default_rng(1), 20_000
     deviation = random.normal(size=(n, inverse_map.n_gauges)) @ np.linalg.cholesky(inverse_map.noise_covariance).T
     if inverse_map.case == 2:  # of Case 1's states the residual is free
-        deviation += random.normal(size=(n, len(inverse_map.state_offset))) @ inverse_map.state_operator.T
+        deviation += random.normal(size=(n, inverse_map.n_states)) @ inverse_map.state_operator.T
     gauge = random.integers(inverse_map.n_gauges, size=n)
     deviation[np.arange(n), gauge] += 10.0 * inverse_map.noise_std[gauge]
     of_core = Estimator(inverse_map).estimate(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from state_estimates import state_gain, state_offset
 
 from builder.compare import random_walk
 from builder.compare.flights import Readings
@@ -34,7 +35,7 @@ def test_one_reading_without_a_walk_is_case_2(gaussian: InverseMap, monkeypatch:
     filter_ = RandomWalkCandidate(gaussian)
     read, _ = readings_of(gaussian, cycles=1)
     found = filter_.after(filter_.start(3), read.last, np.ones(3))
-    expected = read.last @ gaussian.strain_gain.T + gaussian.state_offset
+    expected = read.last @ state_gain(gaussian).T + state_offset(gaussian)
     np.testing.assert_allclose(found.mean, expected, atol=1e-6 * np.abs(expected).max())
 
 

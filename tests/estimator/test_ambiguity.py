@@ -11,8 +11,8 @@ from scaled_maps import scaled_map
 
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
-from strainfmu.estimator.map.strain_covariance import strain_covariance
 from strainfmu.estimator.policies import SEARCH_EVERY
+from strainfmu.estimator.reference.nonlinear import strain_covariance
 from strainfmu.estimator.tables.flight_tables import MACH, evaluate
 from strainfmu.estimator.tables.manifold_map import ManifoldMap
 
@@ -48,7 +48,7 @@ def flights(estimator: Estimator) -> Flights:
     state = np.column_stack([mach, incidence * np.cos(roll), incidence * np.sin(roll), log_pressure])
     response = evaluate(manifold.tables, state).value
     strain, loads = response[:, :N_D], response[:, N_D:]
-    covariance = strain_covariance(manifold, np.full(k, PRESSURE), strain, loads)
+    covariance = strain_covariance(manifold, manifold.gauge_covariance, state)
     error = (np.linalg.cholesky(covariance) @ random.standard_normal((k, N_D, 1)))[:, :, 0]
     gain = PRESSURE**2 * manifold.load_strain_covariance
     left = PRESSURE**2 * manifold.load_covariance - gain @ np.linalg.solve(covariance, gain.T)

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_map import N_GAUGES, map_of, missing, random_map, random_model
+from state_estimates import state_gain, state_offset
 
 from builder.aero.loads.operator import load_operator
 from builder.inverse.loads.covariance import coefficient_covariance
@@ -21,6 +22,7 @@ from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, HealthState
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.reference.gain import load_covariance, residual_precision
 from strainfmu.estimator.settings import (
     LARGEST_SETTING,
     SENSOR_RANGE,
@@ -39,16 +41,16 @@ def test_step_is_the_stated_formula() -> None:
     inverse_map = random_map()
     strain = inverse_map.mean_strain + 1e-7 * np.random.default_rng(3).normal(size=N_GAUGES)
     found = Estimator(inverse_map).estimate(strain, Q)
-    state = inverse_map.strain_gain @ strain + inverse_map.state_offset
+    state = state_gain(inverse_map) @ strain + state_offset(inverse_map)
     loads = inverse_map.load_per_state @ state + inverse_map.load_of_mean
     scale = np.array([Q * 0.2] * 3 + [Q * 0.2 * 0.5] * 2)
-    std = np.sqrt(np.diag(inverse_map.load_covariance))
+    std = np.sqrt(np.diag(load_covariance(inverse_map)))
     np.testing.assert_allclose(found.loads, loads, rtol=0.0, atol=1e-10 * np.abs(loads).max())
     np.testing.assert_allclose(found.coefficients, found.loads / scale, rtol=1e-14)
     np.testing.assert_allclose(found.loads_std, std, rtol=1e-14)
     np.testing.assert_allclose(found.coefficients_std, std / scale, rtol=1e-14)
-    residual = inverse_map.residual_whitening @ (strain - inverse_map.mean_strain)
-    assert found.chi_square == pytest.approx(float(np.sum(residual**2)), rel=1e-12)
+    residual = strain - inverse_map.mean_strain
+    assert found.chi_square == pytest.approx(residual @ residual_precision(inverse_map) @ residual, rel=1e-12)
     assert found.health is HealthState.OK
 
 
@@ -135,7 +137,7 @@ def test_alarm_scale_moves_both_alarm_levels() -> None:
     inverse_map = random_map()
     plain = Estimator(inverse_map)
     strain = inverse_map.mean_strain.copy()
-    strain[2] += 6.0 / np.linalg.norm(inverse_map.residual_whitening[:, 2])  # |z| of 6, chi-square of 36
+    strain[2] += 6.0 / np.sqrt(residual_precision(inverse_map)[2, 2])  # |z| of 6, chi-square of 36
     before = plain.estimate(strain, Q)
     assert before.health is HealthState.INCONSISTENT
     assert 2 in before.suspects
@@ -147,7 +149,7 @@ def test_alarm_scale_moves_both_alarm_levels() -> None:
         np.testing.assert_array_equal(getattr(after, name), getattr(before, name))
     for factor, alarm in ((0.999, False), (1.001, True)):
         level = factor * 2.0 * outlier_threshold(N_GAUGES, FALSE_ALARM_PROBABILITY)
-        strain[2] = inverse_map.mean_strain[2] + level / np.linalg.norm(inverse_map.residual_whitening[:, 2])
+        strain[2] = inverse_map.mean_strain[2] + level / np.sqrt(residual_precision(inverse_map)[2, 2])
         found = Estimator(inverse_map, changed(inverse_map, alarm_scale=4.0)).estimate(strain, Q)
         assert bool(found.suspects) is alarm
 
@@ -367,7 +369,7 @@ def test_repeat_is_bit_identical_and_leaves_the_strain_alone() -> None:
 def test_what_is_handed_out_is_the_caller_s() -> None:
     """Whatever is done to one estimate, the next and the map stay as they were."""
     estimator = Estimator(random_map())
-    strain, kept = np.full(estimator.inverse_map.n_gauges, 1e-6), estimator.inverse_map.load_covariance.copy()
+    strain, kept = np.full(estimator.inverse_map.n_gauges, 1e-6), load_covariance(estimator.inverse_map).copy()
     first = estimator.estimate(strain, 9e4)
     before = first.loads_std.copy(), first.load_covariance.copy()
     for array in (first.loads_std, first.load_covariance, first.valid):
@@ -376,7 +378,7 @@ def test_what_is_handed_out_is_the_caller_s() -> None:
     np.testing.assert_array_equal(second.loads_std, before[0])
     np.testing.assert_array_equal(second.load_covariance, before[1])
     assert second.valid.all()
-    np.testing.assert_array_equal(estimator.inverse_map.load_covariance, kept)
+    np.testing.assert_array_equal(load_covariance(estimator.inverse_map), kept)
 
 
 @pytest.mark.parametrize(

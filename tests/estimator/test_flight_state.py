@@ -11,7 +11,7 @@ from scaled_maps import scaled_map
 
 from strainfmu.estimator.air_data import NAVIGATION
 from strainfmu.estimator.estimator import Estimator
-from strainfmu.estimator.map.strain_covariance import strain_covariance_at
+from strainfmu.estimator.reference.nonlinear import strain_covariance
 from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, U, W, evaluate
 from strainfmu.estimator.tables.manifold_map import ManifoldMap
 
@@ -74,7 +74,7 @@ def test_a_warm_start_ends_where_the_search_ends() -> None:
 
 def drawn(manifold: ManifoldMap, state: np.ndarray, seed: int) -> np.ndarray:
     """Return strain of the tables with the errors that the map expects."""
-    factor = np.linalg.cholesky(strain_covariance_at(manifold, state))
+    factor = np.linalg.cholesky(strain_covariance(manifold, manifold.gauge_covariance, state))
     noise = np.random.default_rng(seed).standard_normal((len(state), N_D))
     return np.asarray(evaluate(manifold.tables, state).value[:, :N_D] + np.einsum("kij,kj->ki", factor, noise))
 

@@ -36,7 +36,7 @@ def readings(inverse_map: InverseMap, k: int = 9) -> tuple[np.ndarray, np.ndarra
     """Return strains, dynamic pressures, and masks of which every third loses gauges."""
     rng = np.random.default_rng(5)
     ratio = rng.uniform(0.3, 2.0, k)
-    states = rng.standard_normal((k, len(inverse_map.state_offset)))
+    states = rng.standard_normal((k, inverse_map.n_states))
     strain = ratio[:, None] * (inverse_map.mean_strain + states @ inverse_map.state_operator.T)
     valid = np.ones((k, inverse_map.n_gauges), dtype=bool)
     valid[::3, [2, 5]] = False

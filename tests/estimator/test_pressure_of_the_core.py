@@ -18,7 +18,7 @@ from thermal_maps import with_temperature
 from strainfmu.estimator.estimates.pressure_field import PressureField
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.reference.tables import evaluate, tables_of
+from strainfmu.estimator.tables.flight_tables import evaluate
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 
 pytestmark = pytest.mark.fast
@@ -45,7 +45,7 @@ def field_of(kind: str) -> PressureField:
     if manifold is not None:
         middle, half = (np.broadcast_to(one, 2) for one in manifold.crossflow)
         state = np.array([manifold.mach_range.mean(), *(middle + 0.3 * half), np.log(5000.0)])
-        strain, q = evaluate(tables_of(held), state)[0][:n], 0.7 * state[0] ** 2 * 5000.0
+        strain, q = evaluate(manifold.tables, state[None]).value[0, :n], 0.7 * state[0] ** 2 * 5000.0
         given = {"mach_number": 1.005 * state[0], "static_pressure": 5050.0}
     if held.has_temperature:
         given["temperature"] = held.thermal.reference_temperature + np.array([2.0, -1.0, np.nan, 3.0])

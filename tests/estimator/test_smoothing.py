@@ -21,8 +21,7 @@ from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.reference.kalman import Law, Rows, measured, predicted
-from strainfmu.estimator.reference.smoothing import smoothed
-from strainfmu.estimator.smoothing import FlightSmoother, LinearSmoother, Smoothed, Step, smoother_of
+from strainfmu.estimator.smoothing import FlightSmoother, LinearSmoother, Smoothed, Step, smoothed, smoother_of
 
 pytestmark = pytest.mark.fast
 DATA = Path(__file__).parents[1] / "golden" / "data"

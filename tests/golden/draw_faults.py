@@ -19,6 +19,7 @@ from draw import (
 from inputs import Inputs
 
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.reference.gain import residual_precision
 from strainfmu.estimator.tables.manifold_map import ManifoldMap
 
 Random = np.random.Generator
@@ -184,7 +185,7 @@ def one_gauge_off(m: InverseMap, seed: int) -> Inputs:
     """Every gauge in turn is off by 4 to 12 standard deviations of what the others predict for it."""
     random, bias = np.random.default_rng(seed), np.linspace(4.0, 12.0, 9)
     n = m.n_gauges
-    precision = np.sum(m.residual_whitening**2, axis=0)
+    precision = np.diag(residual_precision(m))
     strain = np.repeat(m.mean_strain[None], n * len(bias), axis=0)
     strain += 0.2 * m.noise_std * random.standard_normal(strain.shape)
     gauge = np.repeat(np.arange(n), len(bias))

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from coarse_vehicle import with_paper_map
 from inverse_case import Case
+from state_estimates import state_gain, state_offset
 
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
@@ -24,6 +25,7 @@ from strainfmu.errors import InputError
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map, save_inverse_map
+from strainfmu.estimator.reference.gain import load_covariance
 from strainfmu.estimator.settings import SENSOR_RANGE, default_settings
 
 DYNAMIC_PRESSURE = 137970.0
@@ -96,7 +98,7 @@ def test_map_is_small_saved_whole_and_says_what_it_is(
     save_inverse_map(inverse_map, tmp_path / "map.h5")
     assert (tmp_path / "map.h5").stat().st_size < 2**20
     loaded = load_inverse_map(tmp_path / "map.h5")
-    np.testing.assert_array_equal(loaded.strain_gain, inverse_map.strain_gain)
+    np.testing.assert_array_equal(state_gain(loaded), state_gain(inverse_map))
     assert (loaded.case, loaded.state_operator.shape, loaded.has_field) == (2, (54, 54), False)
     assert loaded.regularisation == pytest.approx(1.0, rel=1e-3)
     facts = loaded.provenance
@@ -127,7 +129,7 @@ def test_field_of_the_map_is_the_estimate(
     save_inverse_map(inverse_map, tmp_path / "map.h5")
     loaded = load_inverse_map(tmp_path / "map.h5")
     strain = loaded.mean_strain + 1e-6 * np.random.default_rng(3).normal(size=54)
-    state = loaded.strain_gain @ strain + loaded.state_offset
+    state = state_gain(loaded) @ strain + state_offset(loaded)
     found = loaded.field_mean + loaded.field_modes @ state
     of_prior = gaussian_map(case.strain_operator @ prior.factor, loaded.mean_strain, loaded.noise_covariance)
     expected = estimated_field(prior, of_prior, strain)
@@ -140,20 +142,20 @@ def test_cut_prior_counts_what_is_cut(
 ) -> None:
     """10 modes: the rest is noise with its load, unless the noise model is the paper's."""
     cut = built(vehicle, prior_snapshots, structure, prior_modes=10)
-    assert cut.strain_gain.shape == (10, 54)
+    assert state_gain(cut).shape == (10, 54)
     assert [term["name"] for term in cut.provenance["noise_terms"]] == ["gauge noise", "truncated modes"]
     assert np.all(np.abs(cut.strain_load_covariance).max(axis=0) > 0.0)
     assert 0.99 < cut.provenance["energy_of_modes"] < 1.0
     whole = built(vehicle, prior_snapshots, structure)
     # What is not estimated stays uncertain: the cut map cannot be surer than the whole one.
-    ratio = np.diag(cut.load_covariance) / np.diag(whole.load_covariance)
+    ratio = np.diag(load_covariance(cut)) / np.diag(load_covariance(whole))
     assert np.all(ratio > 1.0 - 1e-9)
     paper = Noise(percent_of_median_strain=1.0, of_layout="configuration_2", model="paper")
     alone = built(vehicle, prior_snapshots, structure, paper, prior_modes=10)
     size = (np.linalg.norm(one, axis=1) for one in (alone.error_strain, alone.error_load))
     assert np.all(np.abs(alone.strain_load_covariance) <= 1e-12 * np.outer(*size))
     np.testing.assert_allclose(alone.noise_covariance, np.diag(alone.noise_std**2), rtol=1e-12)
-    assert np.all(np.diag(alone.load_covariance) < np.diag(cut.load_covariance))
+    assert np.all(np.diag(load_covariance(alone)) < np.diag(load_covariance(cut)))
 
 
 def test_nuisance_handed_in_widens_the_uncertainty(
@@ -167,7 +169,7 @@ def test_nuisance_handed_in_widens_the_uncertainty(
     np.testing.assert_allclose(
         warm.noise_covariance - plain.noise_covariance, np.full((54, 54), 1e-10), rtol=0.0, atol=1e-20
     )
-    assert warm.load_covariance[0, 0] > plain.load_covariance[0, 0]
+    assert load_covariance(warm)[0, 0] > load_covariance(plain)[0, 0]
     assert [term["name"] for term in warm.provenance["noise_terms"]][-1] == "thermal strain"
     assert default_settings(warm).sensor_range == pytest.approx(3e-3)  # by the vehicle file
     assert default_settings(replace(warm, provenance={})).sensor_range == SENSOR_RANGE

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from coarse_vehicle import with_paper_map
 from random_map import random_map
+from state_estimates import state_gain, state_offset
 
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
@@ -47,7 +48,7 @@ def test_sigma_covers_flights_between_the_snapshots(
 
 def test_strain_of_a_state_gives_its_field_at_any_dynamic_pressure(inverse_map: InverseMap) -> None:
     size = 1e4 if inverse_map.case == 1 else 1.0
-    state = size * np.random.default_rng(2).standard_normal(len(inverse_map.state_offset))
+    state = size * np.random.default_rng(2).standard_normal(inverse_map.n_states)
     for ratio in (0.3, 2.0):
         strain = ratio * (inverse_map.mean_strain + inverse_map.state_operator @ state)
         found = Estimator(inverse_map).step(strain, ratio * inverse_map.nominal_dynamic_pressure).pressure()
@@ -88,7 +89,7 @@ def test_the_map_of_the_source_gives_absolute_pressure(
     found = build_inverse_map(with_paper_map(vehicle, keep_field=True), snapshots, structure)
     strain = 1.05 * found.mean_strain
     field = Estimator(found).step(strain, found.nominal_dynamic_pressure).pressure()
-    wanted = found.field_mean + found.field_modes @ (found.strain_gain @ strain + found.state_offset)
+    wanted = found.field_mean + found.field_modes @ (state_gain(found) @ strain + state_offset(found))
     np.testing.assert_allclose(field.pressure, wanted, rtol=1e-6)
     assert not field.is_net
 
@@ -104,7 +105,7 @@ def test_a_map_without_a_field_refuses() -> None:
         replace(
             held,
             field_mean=point[0],
-            field_modes=np.zeros((3, len(held.state_offset)), dtype=np.float32),
+            field_modes=np.zeros((3, held.n_states), dtype=np.float32),
             field_std=-1.0 - point[0],
             point=point,
             triangle=np.array([[0, 1, 2]], dtype=np.int32),

@@ -27,6 +27,7 @@ from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, HealthState
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.map.neutral import nothing_of
+from strainfmu.estimator.reference.gain import load_covariance, load_gain, residual_precision
 
 N_GAUGES = 54
 N_DRAWS = 4000
@@ -97,9 +98,9 @@ def drawn_strain(inverse_map: InverseMap, n: int, seed: int) -> tuple[np.ndarray
     root = np.linalg.cholesky(gamma)
     # Load outside the states: what its correlation with the strain makes of it, and the rest.
     of_strain = np.linalg.solve(root, x).T
-    covariance = inverse_map.load_covariance
-    left = inverse_map.load_per_state - inverse_map.load_gain @ a
-    of_gain = inverse_map.load_gain @ root - of_strain
+    covariance = load_covariance(inverse_map)
+    left = inverse_map.load_per_state - load_gain(inverse_map) @ a
+    of_gain = load_gain(inverse_map) @ root - of_strain
     rest = covariance - of_gain @ of_gain.T - (left @ left.T if inverse_map.case == 2 else 0.0)
     values, vectors = np.linalg.eigh(0.5 * (rest + rest.T))
     normal = random.normal(size=(n, N_GAUGES))
@@ -138,15 +139,15 @@ def test_masked_step_is_that_of_the_map_rebuilt(maps: Maps, inverse_map: Inverse
         rebuilt = maps.of(keep)
         found = estimator.estimate(strain, inverse_map.nominal_dynamic_pressure, valid=keep)
         deviation = strain[keep] - rebuilt.mean_strain
-        assert_equal_to(rebuilt.load_gain @ deviation + rebuilt.load_of_mean, found.loads)
-        sigma = np.sqrt(np.diag(rebuilt.load_covariance))
+        assert_equal_to(load_gain(rebuilt) @ deviation + rebuilt.load_of_mean, found.loads)
+        sigma = np.sqrt(np.diag(load_covariance(rebuilt)))
         np.testing.assert_allclose(
             found.load_covariance / np.outer(sigma, sigma),
-            rebuilt.load_covariance / np.outer(sigma, sigma),
+            load_covariance(rebuilt) / np.outer(sigma, sigma),
             rtol=0.0,
             atol=1e-9,
         )
-        chi_square = float(np.sum((rebuilt.residual_whitening @ deviation) ** 2))
+        chi_square = deviation @ residual_precision(rebuilt) @ deviation
         assert found.chi_square == pytest.approx(chi_square, rel=1e-9)
         assert found.degrees_of_freedom == rebuilt.residual_degrees_of_freedom
 
@@ -198,7 +199,7 @@ def test_step_covers_and_its_chi_square_is_one(inverse_map: InverseMap) -> None:
 
 def isolable_bias(inverse_map: InverseMap) -> np.ndarray:
     """(54,) bias of each gauge, in its sigmas, that is attributed to it in 99 % of cases."""
-    precision = inverse_map.residual_whitening.T @ inverse_map.residual_whitening
+    precision = residual_precision(inverse_map)
     threshold = outlier_threshold(N_GAUGES, FALSE_ALARM_PROBABILITY)
     return minimal_isolable_bias(precision, correlations(precision), threshold, 0.01) / inverse_map.noise_std
 

@@ -1,4 +1,4 @@
-"""Further parameters of the flow that are known with a deviation sharpen the nonlinear estimate of any shape."""
+"""Flow parameters that are known with a deviation sharpen the nonlinear estimate of any shape."""
 
 from functools import cache
 from pathlib import Path

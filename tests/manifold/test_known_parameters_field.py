@@ -1,4 +1,4 @@
-"""Further parameters of the flow that are known with a deviation sharpen the pressure on the surface."""
+"""Flow parameters that are known with a deviation sharpen the pressure on the surface."""
 
 from dataclasses import replace
 from functools import cache

@@ -1,4 +1,4 @@
-"""Further parameters of the flow that are known with a deviation, in the filter of the nonlinear estimator."""
+"""Flow parameters that are known with a deviation, in the filter of the nonlinear estimator."""
 
 from functools import cache
 from typing import Any

@@ -23,6 +23,7 @@ from builder.vehicle.file import IC3X, load_vehicle
 from strainfmu.cosim.estimators.zeros_file import load_zeros
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.estimator.map.inverse_map import load_inverse_map, save_inverse_map
+from strainfmu.estimator.reference.gain import load_covariance
 
 pytestmark = pytest.mark.slow
 
@@ -90,7 +91,7 @@ def test_a_ground_test_calibrates_a_map(tmp_path: Path) -> None:
     names = {one["name"] for one in found.provenance["noise_terms"]}
     assert "left by the ground test" in names
     assert "gauge gain" not in names
-    assert np.trace(found.load_covariance) < np.trace(before.load_covariance)
+    assert np.trace(load_covariance(found)) < np.trace(load_covariance(before))
     page = output.with_suffix(".html").read_text(encoding="utf-8")
     assert "Regression load equations" in page
     assert "wrong sign" in page

@@ -1,4 +1,4 @@
-"""Columns of a further parameter of the flow and of its standard deviation."""
+"""Columns of a flow parameter and of its standard deviation."""
 
 from pathlib import Path
 

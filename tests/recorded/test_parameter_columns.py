@@ -1,4 +1,4 @@
-"""Further parameters of the flow as columns of recorded data: health follows them, through map, FMU and filter."""
+"""Flow parameters as columns of recorded data: health follows them, through map, FMU and filter."""
 
 from __future__ import annotations
 

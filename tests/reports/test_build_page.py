@@ -37,6 +37,7 @@ from builder.vehicle.map.options import MapEntry
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, save_inverse_map
 from strainfmu.estimator.map.sensors import STRAIN, SensorRows
+from strainfmu.estimator.reference.gain import load_covariance
 from strainfmu.version import __version__
 
 Parts = tuple[Vehicle, Snapshots, StructuralModel]
@@ -157,12 +158,12 @@ def test_tables_say_what_the_map_says(case: ReportCase, report: BuildReport) -> 
     """Sigma, 3 sigma and range of each coefficient; fractions add up to 100 %; every gauge has its row."""
     tables, one = report_tables(report), case.inverse_map
     area, length, q = one.reference_area, one.reference_length, one.nominal_dynamic_pressure
-    std = np.sqrt(np.diag(one.load_covariance)) / (q * area * np.array([1, 1, 1, length, length]))
+    std = np.sqrt(np.diag(load_covariance(one))) / (q * area * np.array([1, 1, 1, length, length]))
     for i, row in enumerate(tables["coefficients"].rows):
         low, high = one.coefficient_range[i]
         assert row[0] == COEFFICIENT_NAMES[i]
         assert row[1:6] == pytest.approx((std[i], 3.0 * std[i], low, high, 100.0 * std[i] / (high - low)))
-        assert row[7] == pytest.approx(np.sqrt(one.load_covariance[i, i]))
+        assert row[7] == pytest.approx(np.sqrt(load_covariance(one)[i, i]))
     sources = np.array([row[1:] for row in tables["sources"].rows], dtype=float)
     np.testing.assert_allclose(sources.sum(axis=0), 100.0, rtol=1e-9)
     noise = np.array([row[1] for row in tables["noise"].rows], dtype=float)

@@ -24,6 +24,7 @@ from strainfmu.cli.inspection.inverse_map import detectable_bias, hessian_eigenv
 from strainfmu.estimator.map.inverse_map import load_inverse_map, save_inverse_map
 from strainfmu.estimator.map.neutral import nothing_of
 from strainfmu.estimator.map.validity import ValidRange, valid_ranges
+from strainfmu.estimator.reference.gain import load_covariance
 
 Parts = tuple[Vehicle, Snapshots, StructuralModel]
 Run = Callable[..., tuple[int, str, str]]
@@ -106,7 +107,7 @@ def test_a_map_is_shown_with_units(case: ReportCase, tmp_path: Path) -> None:
     assert row[1] == f"{one.gauge_position[0, 0]:.4g}"
     assert row[5:] == ["0.3", f"{1e6 * bias[0]:.3g}", f"{1e6 * one.strain_range[0]:.3g}"]
     row_of = {line[0]: line for line in lines if line[:1] and line[0].startswith(("C_", "M_"))}
-    sigma = np.sqrt(one.load_covariance[0, 0]) / (one.nominal_dynamic_pressure * one.reference_area)
+    sigma = np.sqrt(load_covariance(one)[0, 0]) / (one.nominal_dynamic_pressure * one.reference_area)
     assert row_of["C_A"][3] == f"{sigma:.4f}"
     assert ("gamma, found by" in printed) == (one.case == 2)
     assert not list(tmp_path.glob("*figures*"))

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from report_case import CASE_1, CASE_2, ReportCase, case_of, map_of_some, others, solved_on_same_modes, with_gauges
 from scipy.stats import norm
+from state_estimates import state_gain
 
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.cases.observable_states import on_observable_states
@@ -16,6 +17,7 @@ from builder.reports.findings.gauge_value import gauge_value, loss_growth
 from builder.structure.fourier.model import StructuralModel
 from builder.vehicle.file import Vehicle
 from strainfmu.estimator.estimator import Estimator
+from strainfmu.estimator.reference.gain import load_covariance
 
 pytestmark = pytest.mark.fast
 
@@ -36,7 +38,7 @@ def rebuilt_std(case: ReportCase, lost: list[int]) -> np.ndarray:
 
 def test_growth_of_sigma_is_that_of_a_map_built_without_the_gauge(case: ReportCase) -> None:
     """Every single gauge; the same algebra in another order, so to round-off: 1e-7."""
-    std = np.sqrt(np.diag(case.inverse_map.load_covariance))
+    std = np.sqrt(np.diag(load_covariance(case.inverse_map)))
     found = gauge_value(case.inverse_map).growth
     for gauge in range(case.inverse_map.n_gauges):
         np.testing.assert_allclose(found[gauge], rebuilt_std(case, [gauge]) / std, rtol=1e-7)
@@ -48,14 +50,14 @@ def test_growth_of_pairs(case: ReportCase) -> None:
     value = gauge_value(case.inverse_map)
     n = case.inverse_map.n_gauges
     assert len(value.pairs) == n * (n - 1) // 2
-    std = np.sqrt(np.diag(case.inverse_map.load_covariance))
+    std = np.sqrt(np.diag(load_covariance(case.inverse_map)))
     for i in np.random.default_rng(3).choice(len(value.pairs), 40, replace=False):
         expected = rebuilt_std(case, value.pairs[i].tolist()) / std
         np.testing.assert_allclose(value.pair_growth[i], expected, rtol=1e-7)
 
 
 def test_growth_of_triples(case: ReportCase) -> None:
-    std = np.sqrt(np.diag(case.inverse_map.load_covariance))
+    std = np.sqrt(np.diag(load_covariance(case.inverse_map)))
     sets = np.array([[0, 7, 12], [3, 4, 5], [1, 20, 29]])
     for lost, found in zip(sets, loss_growth(case.inverse_map, sets), strict=True):
         np.testing.assert_allclose(found, rebuilt_std(case, lost.tolist()) / std, rtol=1e-7)
@@ -94,7 +96,7 @@ def test_leverage_is_the_diagonal_of_the_hat_matrix(parts: Parts) -> None:
     noise = vehicle.noise.without_hardware_errors().model_copy(update={"truncated_modes": False})
     case = case_of((vehicle.model_copy(update={"noise": noise}), snapshots, structure), CASE_1)
     leverage = gauge_value(case.inverse_map).leverage
-    hat = case.inverse_map.state_operator @ case.inverse_map.strain_gain
+    hat = case.inverse_map.state_operator @ state_gain(case.inverse_map)
     np.testing.assert_allclose(leverage, np.diag(hat), rtol=1e-8, atol=1e-12)
     assert leverage.sum() == pytest.approx(case.solution.facts["modes"], rel=1e-8)
 
@@ -117,7 +119,7 @@ def test_effect_of_an_unnoticed_bias_is_the_estimators(case: ReportCase) -> None
     """A bias of one gauge in the estimator's input moves its loads by as many sigmas as stated, to 1e-9."""
     one = case.inverse_map
     value, estimator = gauge_value(one), Estimator(one)
-    std = np.sqrt(np.diag(one.load_covariance))
+    std = np.sqrt(np.diag(load_covariance(one)))
     q = one.nominal_dynamic_pressure
     at_rest = np.array(estimator.estimate(one.mean_strain, q).loads)
     for gauge in (0, 11, 29):

@@ -1,4 +1,4 @@
-"""The elliptic cone of :mod:`shape_case` with a further parameter of the flow that rolls it."""
+"""The elliptic cone of :mod:`shape_case` with a flow parameter that rolls it."""
 
 from __future__ import annotations
 

@@ -51,7 +51,7 @@ def field_map(linear: bool = False) -> InverseMap:
         whole,
         manifold=None if linear else replace(flight_map(discrepancy=1e-3), pressure_field=held),
         field_mean=random.normal(1e4, 1e3, size=n_p).astype(np.float32),
-        field_modes=random.normal(size=(n_p, len(whole.state_offset))).astype(np.float32),
+        field_modes=random.normal(size=(n_p, whole.n_states)).astype(np.float32),
         field_std=np.full(n_p, 10.0, dtype=np.float32),
         field_is_net=True,
         point=point.astype(np.float32),

@@ -1,4 +1,4 @@
-"""Maps whose snapshots have further parameters of the flow."""
+"""Maps whose snapshots have flow parameters."""
 
 from __future__ import annotations
 

@@ -208,7 +208,7 @@ class Manifest:
 def load_manifest(path: Path, parameters: Sequence[str] = ()) -> Manifest:
     """Read a manifest (.toml or .csv) and look at the files it names, relative to it.
 
-    ``parameters`` are the names of the further parameters of the flow that each case has a value of; a CSV file
+    ``parameters`` are the names of the flow parameters that each case has a value of; a CSV file
     has them as columns ``parameters.NAME``.
 
     Raises
@@ -253,10 +253,10 @@ def file_content(file: Path) -> int:
 
 
 def condition_key(condition: FlightCondition) -> tuple[float, ...]:
-    """Return M, angles of attack and sideslip [rad], altitude [m], further parameters, all rounded."""
+    """Return M, angles of attack and sideslip [rad], altitude [m], flow parameters, all rounded."""
     m, a, b, h = condition.as_tuple()
-    further = (round(value, 9) + 0.0 for value in condition.parameters)
-    return (round(m, 9), round(a, 9) + 0.0, round(b, 9) + 0.0, round(h, 6), *further)
+    parameters = (round(value, 9) + 0.0 for value in condition.parameters)
+    return (round(m, 9), round(a, 9) + 0.0, round(b, 9) + 0.0, round(h, 6), *parameters)
 
 
 def _with_ordered_parameters(
@@ -347,12 +347,12 @@ def _from_csv(path: Path, content: bytes) -> tuple[dict[str, Any], list[int]]:
             name: _plain(name, word.strip()) for name, word in zip(header, row, strict=True) if word.strip()
         }
         case = {name: entries[name] for name in _CASE_KEYS if name in entries}
-        further = {name: value for name, value in entries.items() if name.startswith(_PARAMETER)}
-        if further:
-            case["parameters"] = {name.removeprefix(_PARAMETER): value for name, value in further.items()}
+        parameters = {name: value for name, value in entries.items() if name.startswith(_PARAMETER)}
+        if parameters:
+            case["parameters"] = {name.removeprefix(_PARAMETER): value for name, value in parameters.items()}
         cases.append(case)
         lines.append(line)
-        shared = {name: value for name, value in entries.items() if name not in (*_CASE_KEYS, *further)}
+        shared = {name: value for name, value in entries.items() if name not in (*_CASE_KEYS, *parameters)}
         if len(cases) == 1:
             common = shared
         for group in (_VALUES, _FRAME):

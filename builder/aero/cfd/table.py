@@ -120,7 +120,7 @@ class TableEngine:
 
 
 def table_engine(manifest: Path, surface: SurfaceMesh, parameters: Sequence[str] = ()) -> TableEngine:
-    """Return the engine of a manifest file for a vehicle's surface; ``parameters`` are further ones of its cases.
+    """Return the engine of a manifest file for a vehicle's surface; ``parameters`` are its cases' own of the flow.
 
     Raises
     ------

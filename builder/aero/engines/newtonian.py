@@ -49,7 +49,7 @@ class NewtonianEngine:
     surface : nodes doubled at sharp edges, triangles facing outward (:func:`newtonian_engine` makes it so).
     stagnation : one of :data:`builder.aero.engines.local_inclination.STAGNATION`.
     leeward : one of :data:`builder.aero.engines.local_inclination.LEEWARD`.
-    deflections : how the surface moves with each further parameter of the flow, in the order of a condition's.
+    deflections : how the surface moves with each flow parameter, in the order of a condition's.
 
     Raises
     ------
@@ -90,7 +90,7 @@ class NewtonianEngine:
         return None
 
     def flow_key(self, condition: FlightCondition) -> FlowKey:
-        """Return (M, alpha [rad], beta [rad], further parameters), rounded; altitude does not change p/p_inf."""
+        """Return (M, alpha [rad], beta [rad], flow parameters), rounded; altitude does not change p/p_inf."""
         values = (
             *(condition.mach_number, condition.angle_of_attack, condition.sideslip_angle),
             *condition.parameters[: len(self.deflections)],
@@ -111,7 +111,7 @@ class NewtonianEngine:
         return Flow(key=key, arrays={"pressure_ratio": np.where(base & (sine < 0.0), 1.0, ratio)})
 
     def _moved(self, parameters: tuple[float, ...]) -> SurfaceMesh:
-        """Return the surface at values of the further parameters; those that are not given leave it as it is."""
+        """Return the surface at values of the flow parameters; those that are not given leave it as it is."""
         shifts = [one.at(value) for one, value in zip(self.deflections, parameters, strict=False)]
         return SurfaceMesh(self.surface.point + sum(shifts), self.surface.triangle) if shifts else self.surface
 

@@ -35,7 +35,7 @@ def remaining_after(found: Estimate) -> Remaining:
 def calibrated_structure(
     structure: AsBuiltStructure, parameters: AsBuiltParameters, layout: str, others: Mapping[str, FloatArray]
 ) -> MappedStructure:
-    """Return the structure that maps are built on; ``others`` are operators of further layouts, as drawn."""
+    """Return the structure that maps are built on; ``others`` are operators of other layouts, as drawn."""
     return MappedStructure(
         surface=structure.surface,
         description="fourier, calibrated",
@@ -68,7 +68,7 @@ def calibrated_map(
     snapshots : surface pressure at the flight conditions.
     structure : with what may differ from the drawing.
     remaining : what the test says.
-    others : operators (n_d, n_p) of further layouts that the section [noise] names.
+    others : operators (n_d, n_p) of other layouts that the section [noise] names.
     left : what the test left, by :func:`~builder.calibration.after_test.left_by_test.left_by_test`; found here by
         default.
 

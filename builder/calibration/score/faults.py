@@ -30,15 +30,15 @@ Spoil = Callable[[FloatArray, np.random.Generator], dict[str, str]]
 
 
 def drawn_readings(
-    model: ReadingsModel, random: np.random.Generator, further: FloatArray | None = None
+    model: ReadingsModel, random: np.random.Generator, added: FloatArray | None = None
 ) -> tuple[FloatArray, FloatArray]:
     """Return the readings (n_cases, n_d) of a vehicle, loads and pads drawn from their tolerances, and its vector.
 
-    ``further`` (n,) is added to the vector.
+    ``added`` (n,) is added to the vector.
     """
     vector = model.std * random.standard_normal(len(model.std))
-    if further is not None:
-        vector = vector + further
+    if added is not None:
+        vector = vector + added
     noise = model.test.reading_stds
     return model.readings(vector) + noise * random.standard_normal(noise.shape), vector
 

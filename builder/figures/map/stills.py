@@ -18,6 +18,7 @@ from builder.structure.observability import SYMMETRIES
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
 from strainfmu.estimator.other_loads import FIVE_LOADS
+from strainfmu.estimator.reference.gain import load_covariance
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -186,7 +187,7 @@ def coefficients(
 
 def correlations(inverse_map: InverseMap) -> Figure:
     """Draw the correlation of the coefficients' errors."""
-    covariance = inverse_map.load_covariance[FIVE_LOADS, FIVE_LOADS]
+    covariance = load_covariance(inverse_map)[FIVE_LOADS, FIVE_LOADS]
     std = np.sqrt(np.diag(covariance))
     figure = blank_figure(4.4, 3.6)
     _draw_correlation(figure, figure.subplots(), covariance / np.outer(std, std))

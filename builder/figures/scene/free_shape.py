@@ -74,6 +74,6 @@ def shape_with_gauges(snapshots: Snapshots, inverse_map: InverseMap, title: str)
     figure.colorbar(patches, ax=axes, label=with_signs("p/p_inf [1]"), extend=beyond(patches, ratio), aspect=40)
     axes[0].legend(loc="upper left", fontsize="small")
     named = zip(snapshots.parameter_names, condition.parameters, strict=True)
-    further = "".join(f", {name} {value:g}" for name, value in named)
-    figure.suptitle(f"{title}: {replace(condition, parameters=())}{further}", fontsize="medium")
+    values = "".join(f", {name} {value:g}" for name, value in named)
+    figure.suptitle(f"{title}: {replace(condition, parameters=())}{values}", fontsize="medium")
     return figure

@@ -142,8 +142,8 @@ def scene_of_snapshot(
     condition = snapshots.conditions()[chosen]
     ratio = snapshots.pressure[chosen] / condition.ambient_pressure
     named = zip(snapshots.parameter_names, condition.parameters, strict=True)
-    further = "".join(f", {name} {value:g}" for name, value in named)
-    text = f"{title}: {replace(condition, parameters=())}{further}"
+    values = "".join(f", {name} {value:g}" for name, value in named)
+    text = f"{title}: {replace(condition, parameters=())}{values}"
     return scene_of(snapshots.surface, ratio, "p/p_inf [1]", inverse_map, text, excluded)
 
 

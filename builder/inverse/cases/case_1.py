@@ -11,12 +11,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import solve_triangular
 
 from builder.inverse.cases.state_map import StateMap
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-from strainfmu.estimator.map.innovation import innovation_whitening, inverse_cholesky
+from strainfmu.estimator.map.inverse_map_checks import check_covariance
+from strainfmu.estimator.reference.gain import nominal, state_model
+from strainfmu.estimator.reference.update import inverse_root
 
 MAX_CONDITION_NUMBER = 1e10
 """Of the whitened, scaled Z: above it the gauges do not identify the states."""
@@ -39,14 +40,14 @@ class LeastSquaresMap(StateMap):
 def least_squares_map(
     state_operator: FloatArray, mean_strain: FloatArray, noise_covariance: FloatArray, state_std: FloatArray
 ) -> LeastSquaresMap:
-    """Build the map by QR of the whitened Z (paper, eq. ls-solution with gamma = 0, the mean's strain taken off).
+    """Build the map (paper, eq. ls-solution with gamma = 0, the mean's strain subtracted).
 
     Parameters
     ----------
     state_operator : (n_d, r) Z [1/Pa].
     mean_strain : (n_d,) Z_p (p_mean - p_internal) [m/m].
     noise_covariance : (n_d, n_d) Gamma [(m/m)^2].
-    state_std : (r,) standard deviation of the states [Pa]. It scales the columns and cancels in the result.
+    state_std : (r,) standard deviation of the states [Pa], which the condition number depends on alone.
 
     Raises
     ------
@@ -56,18 +57,16 @@ def least_squares_map(
     n_gauges, n_states = state_operator.shape
     if n_states > n_gauges:
         raise InputError(f"map.modes: {n_states} found, at most {n_gauges} with {n_gauges} gauges")
-    whitening = inverse_cholesky(noise_covariance)
+    check_covariance(noise_covariance)
     # Columns are scaled by the states' spread: the condition number then depends on gauges, not on units.
-    whitened = whitening @ (state_operator * state_std)
-    condition_number = float(np.linalg.cond(whitened))
+    condition_number = float(np.linalg.cond(inverse_root(noise_covariance) @ (state_operator * state_std)))
     if not condition_number < MAX_CONDITION_NUMBER:
         raise InputError(
             f"map.modes: the {n_gauges} gauges do not identify {n_states} modes "
             f"(condition number {condition_number:.1e}); keep fewer modes or move gauges to other roll angles"
         )
-    q, r = np.linalg.qr(whitened)
-    scaled_inverse = state_std[:, None] * solve_triangular(r, np.eye(n_states))
-    gain = scaled_inverse @ (q.T @ whitening)
+    found = nominal(state_model(state_operator, noise_covariance, 0.0))
+    gain = found.gain[0]
     return LeastSquaresMap(
         state_operator=state_operator,
         mean_strain=mean_strain,
@@ -75,10 +74,8 @@ def least_squares_map(
         regularisation=0.0,
         strain_gain=gain,
         state_offset=-gain @ mean_strain,
-        residual_whitening=innovation_whitening(state_operator * state_std, noise_covariance, 0.0),
-        residual_degrees_of_freedom=n_gauges - n_states,
         unresolved=np.zeros((n_states, 0)),
-        state_covariance=scaled_inverse @ scaled_inverse.T,
+        state_covariance=found.covariance[0],
         condition_number=condition_number,
     )
 

@@ -14,7 +14,9 @@ import numpy as np
 from builder.inverse.cases.state_map import StateMap
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-from strainfmu.estimator.map.innovation import innovation_whitening, inverse_cholesky
+from strainfmu.estimator.map.inverse_map_checks import check_covariance
+from strainfmu.estimator.reference.gain import nominal, state_model
+from strainfmu.estimator.reference.update import inverse_root
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -57,7 +59,8 @@ def whitened_spectrum(state_operator: FloatArray, noise_covariance: FloatArray) 
     InputError
         The covariance is not positive definite.
     """
-    whitening = inverse_cholesky(noise_covariance)
+    check_covariance(noise_covariance)
+    whitening = inverse_root(noise_covariance)
     left, singular_values, right = np.linalg.svd(whitening @ state_operator)
     return WhitenedSpectrum(whitening=whitening, left=left, singular_values=singular_values, right=right.T)
 
@@ -127,9 +130,7 @@ def gaussian_map(
         raise InputError(f"map.gamma: {regularisation} found, must be positive and finite")
     if spectrum is None:
         spectrum = whitened_spectrum(state_operator, noise_covariance)
-    eigenvalues, k = spectrum.eigenvalues, len(spectrum.singular_values)
-    filtered = spectrum.singular_values / (eigenvalues + regularisation)
-    gain = (spectrum.right[:, :k] * filtered) @ (spectrum.left[:, :k].T @ spectrum.whitening)
+    gain = nominal(state_model(state_operator, noise_covariance, regularisation)).gain[0]
     return GaussianMap(
         state_operator=state_operator,
         mean_strain=mean_strain,
@@ -137,9 +138,6 @@ def gaussian_map(
         regularisation=regularisation,
         strain_gain=gain,
         state_offset=-gain @ mean_strain,
-        # With gamma = 1, the model's: the chi-square tests strains against the prior, not against gamma.
-        residual_whitening=innovation_whitening(state_operator, noise_covariance, 1.0),
-        residual_degrees_of_freedom=len(state_operator),
         unresolved=spectrum.right * (regularisation / (spectrum.state_eigenvalues + regularisation)),
         spectrum=spectrum,
     )

@@ -19,8 +19,6 @@ class StateMap:
     regularisation : gamma [1], 0 in Case 1.
     strain_gain : (n_q, n_d) T = (A^T Gamma^-1 A + gamma I)^-1 A^T Gamma^-1.
     state_offset : (n_q,) k = -T m.
-    residual_whitening : (n_d, n_d) W: |W (d - m)|^2 is the chi-square of the residual, for any gamma.
-    residual_degrees_of_freedom : expected value of that chi-square.
     unresolved : (n_q, j) factor E of the part of q that the gain does not resolve: E E^T = (I - T A)(I - T A)^T.
     """
 
@@ -30,6 +28,4 @@ class StateMap:
     regularisation: float
     strain_gain: FloatArray
     state_offset: FloatArray
-    residual_whitening: FloatArray
-    residual_degrees_of_freedom: int
     unresolved: FloatArray

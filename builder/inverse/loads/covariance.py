@@ -11,8 +11,8 @@ from builder.inverse.cases.state_map import StateMap
 from builder.inverse.noise.model import NoiseModel
 from builder.vehicle.shape.reference_quantities import ReferenceQuantities
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.map.innovation import inverse_cholesky
-from strainfmu.estimator.map.load_errors import load_gain, residual_load_gain
+from strainfmu.estimator.reference.gain import nominal, state_model
+from strainfmu.estimator.reference.update import model_of
 
 
 def load_covariance_by_terms(
@@ -25,24 +25,20 @@ def load_covariance_by_terms(
 
     The sum of the squares of :func:`load_error_factors` (Joseph's form) holds for any gain and cannot be negative.
     With gamma = 1 it is the posterior covariance.
-    :func:`strainfmu.estimator.map.load_errors.load_error_covariance` gives the same from a finished map, which no
-    longer holds the terms.
+    :func:`strainfmu.estimator.reference.gain.load_covariance` gives the same from a finished map, which no longer
+    holds the terms.
 
     Parameters
     ----------
     solved : the state map.
     load_per_state : (n_f, n_q) M [N, N m per state].
     noise : the terms that occur; they may differ from those that the gain was weighted with.
-    strain_load_covariance : (n_d, n_f) X of the gain G (:func:`~strainfmu.estimator.map.load_errors.load_gain`);
+    strain_load_covariance : (n_d, n_f) X of the gain G (:func:`~strainfmu.estimator.reference.gain.state_model`);
         None for G = M T.
     """
-    gain = load_gain(
-        load_per_state=load_per_state,
-        strain_gain=solved.strain_gain,
-        state_operator=solved.state_operator,
-        noise_whitening=inverse_cholesky(solved.noise_covariance),
-        strain_load_covariance=strain_load_covariance,
-    )
+    operator, noise_covariance = solved.state_operator, solved.noise_covariance
+    model = state_model(operator, noise_covariance, solved.regularisation, load_per_state, strain_load_covariance)
+    gain = nominal(model).gain[0]
     factors = load_error_factors(solved, load_per_state, gain, noise, strain_load_covariance)
     factor = np.hstack([factors.of_states, *factors.of_noise])
     covariance: FloatArray = factor @ factor.T
@@ -76,7 +72,9 @@ def load_error_factors(
     of_states = load_per_state
     if strain_load_covariance is not None:
         # G A - M = (M - X' Gamma^-1 A) (T A - I), whose last factor is known without cancellation.
-        of_residual = residual_load_gain(inverse_cholesky(solved.noise_covariance), strain_load_covariance)
+        gauges, loads = strain_load_covariance.shape
+        without_states = model_of(gauges, loads, noise=solved.noise_covariance, cross=strain_load_covariance)
+        of_residual = nominal(without_states).gain[0]
         of_states = load_per_state - of_residual @ solved.state_operator
     return LoadErrorFactors(
         of_states @ solved.unresolved,

@@ -41,7 +41,7 @@ class FlowsBetween:
 
     Attributes
     ----------
-    conditions : c n_k of them, the n_k listed combinations of further parameters of a cell one after another.
+    conditions : c n_k of them, the n_k listed combinations of flow parameters of a cell one after another.
     ratio : (c n_k, n_p) p / p_inf at the snapshots' nodes.
     cells : their number c.
     """
@@ -51,7 +51,7 @@ class FlowsBetween:
     cells: int
 
     def of_cells(self, operator: FloatArray) -> FloatArray:
-        """Return (c, n) ``operator`` (n, n_p) times p / p_inf - 1, the mean over the further parameters."""
+        """Return (c, n) ``operator`` (n, n_p) times p / p_inf - 1, the mean over the flow parameters."""
         found = (self.ratio - 1.0) @ operator.T
         return np.asarray(found.reshape(self.cells, -1, len(operator)).mean(axis=1))
 

@@ -15,7 +15,8 @@ import numpy as np
 from builder.inverse.modes.pod import PressureModes
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-from strainfmu.estimator.map.innovation import inverse_cholesky
+from strainfmu.estimator.map.inverse_map_checks import check_covariance
+from strainfmu.estimator.reference.update import inverse_root
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +80,8 @@ class NoiseModel:
         InputError
             The covariance is not positive definite.
         """
-        whitening = inverse_cholesky(self.covariance)
+        check_covariance(self.covariance)
+        whitening = inverse_root(self.covariance)
         n_gauges = len(whitening)
         return [
             NoiseFraction(
@@ -99,7 +101,7 @@ def gauge_noise(covariance: FloatArray) -> NoiseTerm:
     InputError
         The matrix is not symmetric and positive definite.
     """
-    inverse_cholesky(covariance)  # refuses a matrix that is no covariance
+    check_covariance(covariance)
     return NoiseTerm("gauge noise", np.asarray(np.linalg.cholesky(covariance), dtype=np.float64))
 
 

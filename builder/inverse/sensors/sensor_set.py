@@ -414,11 +414,11 @@ def joined_errors(
     def of_gauges(one: HardwareError) -> HardwareError:
         if one.name not in sensors.shared:
             return padded(one, 0, n_s)
-        further = sensors.shared[one.name]
+        auxiliary = sensors.shared[one.name]
         return replace(
             one,
-            operator=np.vstack([one.operator, further]),
-            strain=np.hstack([one.strain, ensemble.responses(further)]),
+            operator=np.vstack([one.operator, auxiliary]),
+            strain=np.hstack([one.strain, ensemble.responses(auxiliary)]),
         )
 
     return [*map(of_gauges, errors), *(padded(one, n_g, 0) for one in sensors.errors)]

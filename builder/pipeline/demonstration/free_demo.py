@@ -126,16 +126,16 @@ def _recording(pipeline: Pipeline, flown: FlownPath, built: AsBuilt) -> Recordin
     pressure = np.array([condition.dynamic_pressure for condition in flown.conditions])
     stated = pressure * (1.0 + float(built.dynamic_pressure))
     parameters = tuple(pipeline.vehicle.conditions.parameters)
-    further = ("mach_number", "altitude", *(f"{PREFIX}{name}" for name in parameters))
+    flow = ("mach_number", "altitude", *(f"{PREFIX}{name}" for name in parameters))
     rows, cost = [], []
     with (
         pipeline.reporter.stage("Flight: the estimator FMU") as progress,
-        FmuStep(pipeline.path("estimator.fmu"), further, (LIMIT, *OF_ROLLING)) as step,
+        FmuStep(pipeline.path("estimator.fmu"), flow, (LIMIT, *OF_ROLLING)) as step,
     ):
-        of_rolling = [name for name in OF_ROLLING if name in step.further_outputs]
+        of_rolling = [name for name in OF_ROLLING if name in step.other_outputs]
         for i, condition in enumerate(flown.conditions):
             values = dict(
-                zip(further, (condition.mach_number, condition.altitude, *condition.parameters), strict=True)
+                zip(flow, (condition.mach_number, condition.altitude, *condition.parameters), strict=True)
             )
             begun = perf_counter()
             result = step(strain[i], stated[i], STEP_SIZE, **{n: values[n] for n in step.further_inputs})

@@ -22,7 +22,7 @@ Covered = tuple[str, str, list[float], list[float]]
 def check_parameters(
     vehicle: Vehicle, trajectory: Trajectory, conditions: Sequence[FlightCondition], path: Path
 ) -> None:
-    """Refuse a manoeuvre that takes a further parameter out of the range of ``conditions``, the snapshots'.
+    """Refuse a manoeuvre that takes a flow parameter out of the range of ``conditions``, the snapshots'.
 
     Health would be OUTSIDE there, as the parameters are inputs of the estimator. Mach number and incidence beyond
     those of the snapshots get a warning.

@@ -12,6 +12,7 @@ from builder.inverse.solution import Problem, Solution
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.other_loads import FIVE_LOADS
+from strainfmu.estimator.reference.gain import load_covariance, load_gain
 
 OF_STATES = "prior and gamma"
 
@@ -67,7 +68,7 @@ def coefficient_sources(inverse_map: InverseMap, problem: Problem, solution: Sol
     The sources are the factors of :func:`builder.inverse.loads.covariance.load_error_factors`: each noise term,
     and in Case 2 what the gain does not resolve of the states, which depends on the prior and gamma.
     """
-    scale, gain = coefficient_scales(inverse_map), inverse_map.load_gain
+    scale, gain = coefficient_scales(inverse_map), load_gain(inverse_map)
     # The solution's own states: the map may hold only the observable ones.
     load_per_state = problem.load_operator @ solution.field_modes
     factors = load_error_factors(
@@ -76,7 +77,7 @@ def coefficient_sources(inverse_map: InverseMap, problem: Problem, solution: Sol
     parts = {term.name: part for term, part in zip(solution.noise.terms, factors.of_noise, strict=True)}
     if inverse_map.case == 2:
         parts[OF_STATES] = factors.of_states
-    covariance = inverse_map.load_covariance[FIVE_LOADS, FIVE_LOADS]
+    covariance = load_covariance(inverse_map)[FIVE_LOADS, FIVE_LOADS]
     std = np.sqrt(np.diag(covariance))
     return CoefficientSources(
         std=scale * std,

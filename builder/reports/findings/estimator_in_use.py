@@ -22,14 +22,14 @@ from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.other_loads import FIVE_LOADS
 from strainfmu.estimator.reference.air import N_AIR, air_inputs
 from strainfmu.estimator.reference.nonlinear import NonlinearReference, Sample, coefficient_slopes
-from strainfmu.estimator.reference.tables import LOG_PRESSURE, evaluate, tables_of
+from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE
 
 NOISE, OFF_TABLES = "gauge noise and apparent strain", "pressure off the tables"
 HARDWARE = (
     "gain of each gauge",
     "position and direction of each gauge",
     "gain of all gauges",
-    "further errors of all gauges, as of clocking and wall",
+    "other errors of all gauges, as of clocking and wall",
 )
 NAVIGATION = ("Mach number", "static pressure", "dynamic pressure", "ranges of the map")
 """The sources of the nonlinear estimator's variance, with :data:`NOISE` and :data:`OFF_TABLES`."""
@@ -121,7 +121,7 @@ def source_variances(inverse_map: InverseMap, flown: FloatArray) -> tuple[dict[s
     """
     manifold = inverse_map.manifold
     assert manifold is not None
-    reference = NonlinearReference(inverse_map, tables_of(inverse_map), manifold.gauge_covariance)
+    reference = NonlinearReference(inverse_map, manifold, manifold.gauge_covariance)
     strain, air = strain_at(manifold, flown), air_data_at(flown, ALL)
     used, unknown = np.ones(inverse_map.n_gauges, dtype=bool), np.full(N_AIR, np.nan)
     samples = [
@@ -139,7 +139,7 @@ def _sources_of(
     """Return (5,) contribution of each source for ``sample`` at ``state``, and the covariance (5, 5)."""
     manifold, n_d = reference.manifold, reference.n_d
     found = reference.posterior(state, sample, reference.strain_covariance(state))
-    pressure, at_state = np.exp(state[LOG_PRESSURE]), evaluate(reference.tables, state)[0]
+    pressure, at_state = np.exp(state[LOG_PRESSURE]), reference.at(state)[0]
     joint = found.covariance[0]
     slopes, scale, wider = coefficient_slopes(state, at_state[n_d:], joint, reference.references)
     gain = slopes @ found.gain[0]

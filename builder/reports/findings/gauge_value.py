@@ -24,11 +24,11 @@ from strainfmu.estimator.alarm_limits import (
     outlier_threshold,
 )
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY
-from strainfmu.estimator.map.innovation import inverse_cholesky
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.policies import MIN_INFORMATION
+from strainfmu.estimator.reference.gain import nominal, residual_precision
 from strainfmu.estimator.reference.linear import LOADS, models
-from strainfmu.estimator.reference.update import condition, prepare
+from strainfmu.estimator.reference.update import inverse_root
 
 MISS_PROBABILITY = 0.01
 """Probability that a bias of the stated detectable or isolable size is missed."""
@@ -81,9 +81,8 @@ class _Gains(NamedTuple):
 
 
 def _gains(inverse_map: InverseMap) -> _Gains:
-    n, one = inverse_map.n_gauges, np.ones(1)
     for_gain, truth = models(inverse_map)
-    found = condition(prepare(for_gain, np.ones(n, dtype=bool)), inverse_map.mean_strain[None], one)
+    found = nominal(for_gain)
     gain, precision = found.gain[0, :LOADS], found.precision[0]
     root = np.linalg.cholesky(truth.noise)
     error = np.hstack([gain @ root, gain @ truth.columns - truth.output_columns[:LOADS]])
@@ -94,9 +93,8 @@ def _gains(inverse_map: InverseMap) -> _Gains:
 def gauge_value(inverse_map: InverseMap) -> GaugeValue:
     """Return the value of each gauge of ``inverse_map``, at the estimator's probability of false alarms."""
     gains, n = _gains(inverse_map), inverse_map.n_gauges
-    whitening = inverse_map.residual_whitening
-    precision = whitening.T @ whitening
-    information = np.sum(inverse_cholesky(inverse_map.noise_covariance) ** 2, axis=0)
+    precision = residual_precision(inverse_map)
+    information = np.sum(inverse_root(inverse_map.noise_covariance) ** 2, axis=0)
     minimum = MIN_INFORMATION * information
     # The precision of a gauge that no other checks is round-off.
     precision_checked = np.where(np.eye(n, dtype=bool) & (precision <= minimum), 0.0, precision)
@@ -127,7 +125,7 @@ def loss_growth(inverse_map: InverseMap, lost: IntArray) -> FloatArray:
 
 def _growth(inverse_map: InverseMap, gains: _Gains, lost: IntArray) -> FloatArray:
     gain, precision, error, change, variance = gains
-    whitening = inverse_cholesky(inverse_map.noise_covariance)
+    whitening = inverse_root(inverse_map.noise_covariance)
     weight = whitening.T @ whitening
     cross, square = error @ change.T, change @ change.T
     block = lost[:, :, None], lost[:, None, :]

@@ -1,1 +1,1 @@
-"""Flight conditions at which snapshots are taken, and further parameters of the flow such as deflections."""
+"""Flight conditions at which snapshots are taken, and flow parameters such as deflections."""

@@ -1,4 +1,4 @@
-"""Section [conditions] of the vehicle file: flight conditions, and further parameters such as deflections."""
+"""Section [conditions] of the vehicle file: flight conditions, and flow parameters such as deflections."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def checked_names(parameters: dict[str, FlowParameter]) -> dict[str, FlowParamet
 class Conditions(Section):
     """Flight conditions of the snapshots: all combinations. ``altitude_km`` is one number or a list.
 
-    ``parameters`` are further ones of the flow, each a section with a name of the user's.
+    ``parameters`` are flow parameters, each a section with a name of the user's.
     """
 
     mach_number: list[MachNumber] = Field(min_length=1)

@@ -113,12 +113,12 @@ def condition_grid(
 ) -> list[FlightCondition]:
     """Return all combinations, the last quantity running fastest, altitude [m] slowest; angles in degrees.
 
-    ``parameters`` holds the values of each further parameter of the flow.
+    ``parameters`` holds the values of each flow parameter.
     """
     altitudes = (altitude,) if isinstance(altitude, int | float) else altitude
     return [
-        FlightCondition(mach, radians(alpha), radians(beta), height, tuple(further))
-        for height, mach, alpha, beta, *further in product(
+        FlightCondition(mach, radians(alpha), radians(beta), height, tuple(of_flow))
+        for height, mach, alpha, beta, *of_flow in product(
             altitudes, mach_numbers, angles_of_attack_deg, sideslip_angles_deg, *parameters
         )
     ]

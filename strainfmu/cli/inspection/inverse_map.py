@@ -17,7 +17,6 @@ from strainfmu.cli.inspection.provenance import provenance_rows
 from strainfmu.cli.inspection.temperature import temperature_sensors, temperature_table
 from strainfmu.estimator.alarm_limits import detectable_noncentrality, minimal_detectable_bias
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY
-from strainfmu.estimator.map.innovation import inverse_cholesky
 from strainfmu.estimator.map.inverse_map import (
     COEFFICIENT_NAMES,
     LOAD_NAMES,
@@ -31,6 +30,8 @@ from strainfmu.estimator.map.sensors import shown_units
 from strainfmu.estimator.map.validity import valid_ranges
 from strainfmu.estimator.other_loads import FIVE_LOADS
 from strainfmu.estimator.policies import MIN_INFORMATION
+from strainfmu.estimator.reference.gain import load_covariance, residual_precision
+from strainfmu.estimator.reference.update import inverse_root
 from strainfmu.estimator.tables.manifold_map import ManifoldMap
 from strainfmu.files import content_hash_of
 
@@ -94,7 +95,7 @@ def inspect_map(path: Path, folder: Path | None, console: Console) -> None:
 
 def hessian_eigenvalues(inverse_map: InverseMap) -> FloatArray:
     """Return (k,) lambda of the prior-preconditioned Hessian of a map of Case 2, falling [1]."""
-    whitened = inverse_cholesky(inverse_map.noise_covariance) @ inverse_map.state_operator
+    whitened = inverse_root(inverse_map.noise_covariance) @ inverse_map.state_operator
     return np.asarray(np.linalg.svd(whitened, compute_uv=False) ** 2)
 
 
@@ -103,9 +104,8 @@ def detectable_bias(inverse_map: InverseMap) -> FloatArray:
 
     At the estimator's rate of false alarms, shared among the gauges; infinite where no other gauge checks one.
     """
-    whitening = inverse_map.residual_whitening
-    precision = np.diag(np.sum(whitening**2, axis=0))
-    floor = MIN_INFORMATION * np.sum(inverse_cholesky(inverse_map.noise_covariance) ** 2, axis=0)
+    precision = np.diag(np.diag(residual_precision(inverse_map)))
+    floor = MIN_INFORMATION * np.sum(inverse_root(inverse_map.noise_covariance) ** 2, axis=0)
     precision[precision < floor] = 0.0
     level = FALSE_ALARM_PROBABILITY / inverse_map.n_gauges
     return minimal_detectable_bias(precision, detectable_noncentrality(1, level, MISS_PROBABILITY))
@@ -193,7 +193,7 @@ def _coefficients(loaded: InverseMap) -> Table:
     q = loaded.nominal_dynamic_pressure
     per_force = q * loaded.reference_area
     scale = per_force * np.array([1.0, 1.0, 1.0, loaded.reference_length, loaded.reference_length])
-    std = np.sqrt(np.diag(loaded.load_covariance)[FIVE_LOADS])
+    std = np.sqrt(np.diag(load_covariance(loaded))[FIVE_LOADS])
     numbers = ("minimum [1]", "maximum [1]", "sigma [1]", "of range [%]", "sigma of load")
     whose = "" if loaded.manifold is None else " of the linear map"  # those of the other follow the flight
     title = f"Coefficients over the snapshots, and sigma{whose} at q_inf = {1e-3 * q:.4g} kPa"

@@ -11,7 +11,7 @@ from rich.table import Table
 
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.map.temperature import ThermalMap
-from strainfmu.estimator.reference.readings import modes_left
+from strainfmu.estimator.reference.readings import amplitudes
 
 MICRO = 1e6
 
@@ -26,8 +26,9 @@ def temperature_table(thermal: ThermalMap) -> Table:
         table.add_row(name, f"{1e4 * slope:.3g} % per 100 K")
     coefficients = ", ".join(f"{MICRO * one:.3g}" for one in thermal.apparent_strain)
     table.add_row(escape("apparent strain by powers of the rise [um/m, K]"), coefficients or "none")
+    at_rest, strain = np.full((1, thermal.n_sensors), thermal.reference_temperature), thermal.linear_strain
     for name, known in (("no sensor", False), ("all sensors", True)):
-        left, strain = modes_left(thermal, np.full(thermal.n_sensors, known)), thermal.linear_strain
+        left = amplitudes(thermal, at_rest, np.full(thermal.n_sensors, known)).covariance
         rms = MICRO * sqrt(max(float(np.mean(np.sum((strain @ left) * strain, axis=1))), 0.0))
         table.add_row(escape(f"thermal strain left with {name}, rms of the gauges [um/m]"), f"{rms:.3g}")
     return table

@@ -60,7 +60,7 @@ class FmuStep:
 
     Attributes
     ----------
-    further_inputs, further_outputs : names, of those that were asked for, that the FMU has.
+    further_inputs, other_outputs : names, of those that were asked for, that the FMU has.
     sensor_names : of the temperature sensors in order, if :data:`TEMPERATURE` was asked for; their inputs are
         ``temperature[k]`` [K].
     reading_units : unit of auxiliary sensors and thrust by name of the input.
@@ -80,9 +80,7 @@ class FmuStep:
         It cannot be loaded on this machine.
     """
 
-    def __init__(
-        self, path: Path, further_inputs: Sequence[str] = (), further_outputs: Sequence[str] = ()
-    ) -> None:
+    def __init__(self, path: Path, further_inputs: Sequence[str] = (), other_outputs: Sequence[str] = ()) -> None:
         self.path = path
         self._description = read_description(path)
         inputs = estimator_inputs(path, self._description)
@@ -113,15 +111,15 @@ class FmuStep:
         self._set = (*strains, pressure, *of_flow, *valid)
         self._place = {v.name: self.n_gauges + index for index, v in enumerate((pressure, *of_flow))}
         self._first_mask = self.n_gauges + 1 + len(of_flow)
-        wanted = [name for name in further_outputs if name != OTHER_LOAD_OUTPUTS]
+        wanted = [name for name in other_outputs if name != OTHER_LOAD_OUTPUTS]
         wanted += [name.replace(PARAMETER_PREFIX, OUTSIDE_PREFIX, 1) for name in parameters]
         self.section_stations = (
-            section_stations(self._description) if OTHER_LOAD_OUTPUTS in further_outputs else None
+            section_stations(self._description) if OTHER_LOAD_OUTPUTS in other_outputs else None
         )
         if self.section_stations is not None:
             wanted += other_load_outputs(len(self.section_stations))
         self._get = estimator_outputs(path, self._description, dict.fromkeys(wanted))
-        self.further_outputs = tuple(variable.name for variable in self._get[len(OUTPUTS) - 1 : -1])
+        self.other_outputs = tuple(variable.name for variable in self._get[len(OUTPUTS) - 1 : -1])
         self.strain_nominal = np.array([float(variable.nominal or 1.0) for variable in strains])
         self.pressure_nominal = float(pressure.nominal or 1.0)
         self.sensor_range = sensor_range_of(self._description)
@@ -136,7 +134,7 @@ class FmuStep:
             self._inputs[self._place[variable.name]] = start
         self._zeros: tuple[list[Any], FloatArray] = [], np.zeros(0)
         self._values = np.zeros(len(self._get))
-        self._further_places = [(name, FIRST_NUMBER + 1 + k) for k, name in enumerate(self.further_outputs)]
+        self._other_places = [(name, FIRST_NUMBER + 1 + k) for k, name in enumerate(self.other_outputs)]
         self._estimate = self._values[:5], self._values[5:FIRST_NUMBER]
         self._finite = np.ones(self.n_gauges, dtype=bool)
         self._python_path = list(sys.path)
@@ -199,7 +197,7 @@ class FmuStep:
         except StrainfmuError as error:
             raise self._after(error) from error
         values = self._values.tolist()
-        found = {name: values[place] for name, place in self._further_places}
+        found = {name: values[place] for name, place in self._other_places}
         coefficients, deviations = self._estimate
         return StepResult(coefficients.copy(), deviations.copy(), int(values[-1]), values[FIRST_NUMBER], found)
 

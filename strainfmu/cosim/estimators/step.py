@@ -48,7 +48,7 @@ ENVELOPE_SCORE = "health.envelope_score"
 """Output of :attr:`StepResult.further`: deviations by which the coefficients leave what the map covers [1]."""
 
 PARAMETERS = "parameters"
-"""Name that stands for all further parameters of the flow among the further inputs that are asked for, and their
+"""Name that stands for all flow parameters among the further inputs that are asked for, and their
 standard deviations."""
 
 OTHER_LOAD_OUTPUTS = "other_loads"
@@ -89,7 +89,7 @@ def reading_units_of(step: Step) -> dict[str, str]:
 
 
 def parameter_names_of(step: Step) -> tuple[str, ...]:
-    """Return the inputs ``parameter.NAME`` of further parameters of the flow among :func:`further_inputs`."""
+    """Return the inputs ``parameter.NAME`` of flow parameters among :func:`further_inputs`."""
     return tuple(name for name in further_inputs(step) if name.startswith(PARAMETER_PREFIX))
 
 

@@ -31,7 +31,7 @@ class Trajectory:
     Attributes
     ----------
     time : (n,) increasing from 0 [s].
-    conditions : (n, 4 + k) columns in the order and units of :class:`FlightCondition`, k further parameters last.
+    conditions : (n, 4 + k) columns in the order and units of :class:`FlightCondition`, k flow parameters last.
     slopes : (n, 4 + k) their derivatives at ``time`` [per s].
     """
 

@@ -14,15 +14,14 @@ import numpy as np
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.estimator.estimates.linear_field import linear_pressure, no_field
 from strainfmu.estimator.estimates.pressure_field import FieldInputs, PressureField, unknown_field
-from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.numerics.spline import local_basis
 from strainfmu.estimator.reference.air import lognormal_std
-from strainfmu.estimator.reference.nonlinear import NonlinearReference
-from strainfmu.estimator.reference.tables import Tables, evaluate, tables_of, with_known_parameters
+from strainfmu.estimator.reference.nonlinear import strain_covariance
 from strainfmu.estimator.tables import flight_tables
 from strainfmu.estimator.tables.flight_field import FlightField
 from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, MIN_INCIDENCE, FlightTables, U, W
 from strainfmu.estimator.tables.manifold_map import ManifoldMap
+from strainfmu.estimator.tables.parameter_tables import with_known
 from strainfmu.estimator.tables.shape_field import ShapeField, field_with_known
 
 MIN_LEFT = 0.05
@@ -62,9 +61,9 @@ def pressure_of(estimate: Solved, with_std: bool = True) -> PressureField:
     if not np.any(estimate.valid):
         return unknown_field(field.n_nodes, is_net=False)
     if not estimate.is_linear:
-        tables, field = _at_parameters(inputs, field)
+        tables, field = _at_parameters(inputs, manifold, field)
         return flight_pressure(
-            inputs.inverse_map,
+            manifold,
             tables,
             field,
             state=estimate.state,
@@ -84,17 +83,15 @@ def pressure_of(estimate: Solved, with_std: bool = True) -> PressureField:
 
 
 def _at_parameters(
-    inputs: FieldInputs, field: FlightField | ShapeField
-) -> tuple[Tables, FlightField | ShapeField]:
-    """Return tables and field for what ``inputs`` of one sample know of further parameters of the flow."""
-    value, std, manifold = inputs.parameter_value, inputs.parameter_std, inputs.inverse_map.manifold
-    tables, held = tables_of(inputs.inverse_map), None if manifold is None else manifold.parameters
+    inputs: FieldInputs, manifold: ManifoldMap, field: FlightField | ShapeField
+) -> tuple[ManifoldMap, FlightField | ShapeField]:
+    """Return tables and field for what ``inputs`` of one sample know of flow parameters."""
+    value, std, held = inputs.parameter_value, inputs.parameter_std, manifold.parameters
     if held is None or not isinstance(field, ShapeField) or field.parameters is None:
-        return tables, field
+        return manifold, field
     if not np.isfinite(std).any():
-        return tables, field
-    known = with_known_parameters(inputs.inverse_map, tables, value, std)
-    return known, field_with_known(field, held.powers, value, std)
+        return manifold, field
+    return with_known(manifold, value, std), field_with_known(field, held.powers, value, std)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -161,8 +158,8 @@ def _of_rings(manifold: ManifoldMap, field: FlightField, state: FloatArray) -> T
 
 
 def flight_pressure(
-    inverse_map: InverseMap,
-    tables: Tables,
+    manifold: ManifoldMap,
+    tables: ManifoldMap,
     field: FlightField | ShapeField,
     *,
     state: FloatArray,
@@ -175,16 +172,14 @@ def flight_pressure(
 
     Parameters
     ----------
-    inverse_map, tables, field : the map with the noise of the sample, tables and field with what is known of it.
+    manifold, tables, field : the map's, with the noise of the sample; tables and field with what is known of it.
     state, state_covariance : (4,), (4, 4) of the estimate.
     strain, used : (n_d,) strain [m/m], and the gauges that the state follows from.
     with_std : false leaves the standard deviation NaN.
     """
-    manifold = inverse_map.manifold
-    assert manifold is not None
-    table, (value, by_state_of_rows) = table_pressure(manifold, field, state), evaluate(tables, state)
-    n_d = len(strain)
-    covariance = NonlinearReference(inverse_map, tables, manifold.gauge_covariance).strain_covariance(state)
+    table, n_d = table_pressure(manifold, field, state), len(strain)
+    value, by_state_of_rows = (one[0] for one in flight_tables.evaluate(tables.tables, state[None]))
+    covariance = strain_covariance(tables, manifold.gauge_covariance, state[None])[0]
     factor = np.linalg.cholesky(np.where(used[:, None] & used, covariance, np.eye(n_d)))
     residual = np.where(used, strain - value[:n_d], 0.0)
     jacobian = np.where(used[:, None], by_state_of_rows[:n_d], 0.0)

@@ -14,7 +14,7 @@ import numpy as np
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimates.pressure_field import FieldInputs, PressureField, unknown_field
-from strainfmu.estimator.map.inverse_map import InverseMap, map_references
+from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.other_loads import FIVE_LOADS
 from strainfmu.estimator.reference.linear import excess_covariance
 
@@ -105,7 +105,7 @@ def _excess(held: InverseMap, state: FloatArray, valid: BoolArray) -> FloatArray
     """Return what errors in proportion to strain add to the covariance of the ``valid`` gauges at ``state``."""
     mean = held.load_of_mean - held.fixed_load
     loads = mean[FIVE_LOADS] + held.load_per_state[FIVE_LOADS] @ state
-    coefficients = loads / (held.nominal_dynamic_pressure * map_references(held))
+    coefficients = loads / (held.nominal_dynamic_pressure * held.references[FIVE_LOADS])
     return excess_covariance(held, coefficients[None])[0][np.ix_(valid, valid)]
 
 

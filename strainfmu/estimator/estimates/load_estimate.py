@@ -10,7 +10,7 @@ from strainfmu.arrays import BoolArray, FloatArray
 
 class NamedLoads:
     """Loads and coefficients by name: views of the last axis of ``loads`` and ``coefficients`` (.., 5), and of the
-    further ones (.., m), the first of which is the rolling moment."""
+    other ones (.., m), the first of which is the rolling moment."""
 
     loads: FloatArray
     coefficients: FloatArray
@@ -81,7 +81,7 @@ class NamedLoads:
 @dataclass(frozen=True, eq=False)
 class Sigma(NamedLoads):
     """Standard deviations by name: of the ``loads`` (.., 5) [N, N m], of the ``coefficients`` (.., 5) [1], and of
-    the further ones (.., m)."""
+    the others (.., m)."""
 
     loads: FloatArray
     coefficients: FloatArray

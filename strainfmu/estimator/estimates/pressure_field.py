@@ -36,7 +36,7 @@ class FieldInputs:
     strain : (k, n_d) [m/m].
     dynamic_pressure, dynamic_pressure_std : (k,) q_inf and its standard deviation [Pa], NaN where not known.
     static_pressure, static_pressure_std : the same of p_inf by navigation.
-    parameter_value, parameter_std : (k, n_p) of what is known of further parameters of the flow with a deviation,
+    parameter_value, parameter_std : (k, n_p) of what is known of flow parameters with a deviation,
         NaN of all else.
     """
 

@@ -1,4 +1,4 @@
-"""Further parameters of the flow, such as deflections of controls: their ranges in the snapshots of a map.
+"""Flow parameters, such as deflections of controls: their ranges in the snapshots of a map.
 
 The linear estimate does not use them: the prior holds all values of the snapshots. The nonlinear one does where
 their deviation is stated (:mod:`strainfmu.estimator.tables.parameter_tables`). A value that is known and out of

@@ -3,13 +3,12 @@
 Model: d = m + A q + e with cov(e) = Gamma; m is the strain of the mean pressure. Case 1: A = Z V with the kept
 POD modes V, q free [Pa]. Case 2: A = Z F with the factor F of the prior covariance, q standard normal [1]. The
 estimate q = T d + k, k = -T m, minimises |L^-1 (d - m - A q)|^2 + gamma |q|^2, L L' = Gamma (Pham et al., eq.
-segmented-ls-solution). The loads are f = M q + f_mean and what the residual reveals of load outside the states
-(:mod:`strainfmu.estimator.map.load_errors`).
+segmented-ls-solution). The loads are f = M q + f_mean and what the residual reveals of load outside the states.
 
 Errors are columns: e = e_g + N y and the load outside the states g = N_f y, with cov(e_g) = Gamma_g and y standard
 normal; so Gamma = Gamma_g + N N'. A column may have strain and no load, load and no strain, or both, as that of a
-truncated mode. The file holds primary quantities alone; what follows from them (Gamma, T, the residual whitening,
-the covariance of the loads) is computed where it is read.
+truncated mode. The file holds primary quantities alone. The compiled core computes what follows from them as it
+opens a map; :mod:`strainfmu.estimator.reference.gain` gives gains and covariances to reports.
 
 Form "absolute" is the paper's: the model holds as it stands. In form "dynamic_pressure" it holds at the nominal
 dynamic pressure; at s times that, d = d_0 + s (m - d_0 + A q + N y) + e_g and f = f_0 + s (..)
@@ -28,9 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from strainfmu.arrays import BoolArray, FloatArray
-from strainfmu.estimator.map.innovation import estimate_gain, innovation_whitening, inverse_cholesky
 from strainfmu.estimator.map.inverse_map_checks import check_arrays, check_groups, check_inverse_map
-from strainfmu.estimator.map.load_errors import load_error_covariance, load_error_model, load_gain
 from strainfmu.estimator.map.neutral import (
     fill,
     neutral_arrays,
@@ -222,6 +219,11 @@ class InverseMap:
         of_five = [unit == "N m" for unit in LOAD_UNITS]
         return np.append(of_five, is_moment(len(self.section_station)))[: self.n_loads]
 
+    @cached_property
+    def references(self) -> FloatArray:
+        """(n_f,) S of forces and S L of moments [m2, m3]: loads are coefficients times q_inf times these."""
+        return self.reference_area * np.where(self.is_moment, self.reference_length, 1.0)
+
     @property
     def follows_pressure(self) -> bool:
         """Whether strain, loads and errors but the gauges' own follow the dynamic pressure."""
@@ -262,53 +264,10 @@ class InverseMap:
         """(n_d, n_f) X = N N_f' [(m/m) (N, N m)], of strain and load that no state holds."""
         return product(self.error_strain, self.error_load.T)
 
-    @cached_property
-    def strain_gain(self) -> FloatArray:
-        """(n_q, n_d) T = (A' Gamma^-1 A + gamma I)^-1 A' Gamma^-1 [state/(m/m)]."""
-        return estimate_gain(self.state_operator, self.noise_covariance, self.regularisation)
-
-    @cached_property
-    def state_offset(self) -> FloatArray:
-        """(n_q,) k = -T m [state]."""
-        return -self.strain_gain @ self.mean_strain
-
-    @cached_property
-    def residual_whitening(self) -> FloatArray:
-        """(n_d, n_d) W [1/(m/m)]; chi-square of strain d is |W (d - m)|^2.
-
-        W' W is the precision of d - m under the model, (A A' + Gamma)^-1 in Case 2 whatever gamma, its limit for a
-        free state in Case 1.
-        """
-        return innovation_whitening(self.state_operator, self.noise_covariance, float(self.case == 2))
-
     @property
     def residual_degrees_of_freedom(self) -> int:
-        """Expected value of that chi-square."""
+        """Expected value of the chi-square of the residual of all gauges."""
         return self.n_gauges - (self.n_states if self.case == 1 else 0)
-
-    @cached_property
-    def load_covariance(self) -> FloatArray:
-        """(n_f, n_f) covariance of the error of the estimated loads [(N, N m)^2]."""
-        model = load_error_model(
-            gauge_covariance=self.gauge_covariance,
-            error_strain=self.error_strain,
-            error_load=self.error_load,
-            state_operator=self.state_operator,
-            load_per_state=self.load_per_state,
-            known_prior=self.case == 2,
-        )
-        return load_error_covariance(model, self.load_gain)
-
-    @cached_property
-    def load_gain(self) -> FloatArray:
-        """(n_f, n_d) G, loads per strain [N, N m]: f = G (d - m) + f_mean."""
-        return load_gain(
-            load_per_state=self.load_per_state,
-            strain_gain=self.strain_gain,
-            state_operator=self.state_operator,
-            noise_whitening=inverse_cholesky(self.noise_covariance),
-            strain_load_covariance=self.strain_load_covariance,
-        )
 
 
 def _units(case: int) -> dict[str, str]:
@@ -365,9 +324,3 @@ def load_inverse_map(path: str | PathLike[str]) -> InverseMap:
         The file is missing, damaged, altered, or of another schema version.
     """
     return load_record(InverseMap, Path(path), SCHEMA, SCHEMA_VERSION)
-
-
-def map_references(inverse_map: InverseMap) -> FloatArray:
-    """Return (5,) S and S L [m2, m3] that coefficients times q_inf are multiplied with to give loads."""
-    length = inverse_map.reference_length
-    return inverse_map.reference_area * np.array([1.0, 1.0, 1.0, length, length])

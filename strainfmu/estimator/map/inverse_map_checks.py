@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-from strainfmu.estimator.map.innovation import inverse_cholesky
 from strainfmu.estimator.other_loads import FIVE_LOADS, SECTION_LOADS
 
 if TYPE_CHECKING:
@@ -200,11 +200,37 @@ def _check_values(inverse_map: InverseMap) -> None:
 def _check_covariance(inverse_map: InverseMap) -> None:
     """Check that Gamma_g is a covariance, Gamma holds the gauges' noise, and gauges identify the states."""
     try:
-        inverse_cholesky(inverse_map.gauge_covariance)
+        check_covariance(inverse_map.gauge_covariance)
         total = np.diag(inverse_map.noise_covariance)
         if not np.all(total >= (1.0 - _ROUND_OFF) * inverse_map.noise_std**2):
             raise InputError("gauge_covariance has variances below noise_std squared, must hold the gauge noise")
-        if inverse_map.case == 1 and not np.all(np.isfinite(inverse_map.strain_gain)):
-            raise InputError("state_operator does not identify the states: its columns are dependent")
+        if inverse_map.case == 1:
+            _check_rank(inverse_map.state_operator, inverse_map.noise_std)
     except InputError as error:
         raise InputError(f"inverse map: {error}") from error
+
+
+def _check_rank(state_operator: FloatArray, noise_std: FloatArray) -> None:
+    """Check that the strains of the states, (n_d, n_q) over the gauges' noise, are independent."""
+    whitened = state_operator / noise_std[:, None]
+    size = np.linalg.norm(whitened, axis=0)
+    if not (np.all(size > 0.0) and np.linalg.matrix_rank(whitened / size) == len(size)):
+        raise InputError("state_operator does not identify the states: its columns are dependent")
+
+
+def check_covariance(covariance: FloatArray) -> None:
+    """Check that ``covariance`` (n_d, n_d) of gauges is one.
+
+    Raises
+    ------
+    InputError
+        The matrix is not symmetric positive definite.
+    """
+    try:
+        variance = np.diag(covariance)
+        if not (np.all(variance > 0.0) and np.allclose(covariance, covariance.T, rtol=1e-9, atol=0.0)):
+            raise np.linalg.LinAlgError
+        std = np.sqrt(variance)  # gauges of unlike noise cost no digits
+        np.linalg.cholesky(covariance / np.outer(std, std))
+    except np.linalg.LinAlgError as error:
+        raise InputError("noise_covariance must be symmetric and positive definite") from error

@@ -10,6 +10,7 @@ from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 from strainfmu.estimator.map.validity import valid_ranges
 from strainfmu.estimator.notebook import html_table
 from strainfmu.estimator.other_loads import FIVE_LOADS
+from strainfmu.estimator.reference.gain import load_covariance
 
 if TYPE_CHECKING:
     from strainfmu.estimator.map.inverse_map import InverseMap
@@ -25,7 +26,7 @@ def map_html(inverse_map: InverseMap) -> str:
         inverse_map.reference_length,
     )
     scale = 1.0 / (q * area * np.array([1.0, 1.0, 1.0, length, length]))
-    sigma = scale * np.sqrt(np.diag(inverse_map.load_covariance)[FIVE_LOADS])
+    sigma = scale * np.sqrt(np.diag(load_covariance(inverse_map))[FIVE_LOADS])
     rows = [
         ("method", f"Case {inverse_map.case}, {_METHODS[inverse_map.case]}"),
         ("gauges", f"{inverse_map.n_gauges}"),

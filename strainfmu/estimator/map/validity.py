@@ -70,7 +70,7 @@ def valid_conditions(ranges: dict[str, list[float]]) -> list[ValidRange]:
 
 
 def parameter_ranges(names: Sequence[str], conditions: Sequence[FlightCondition]) -> dict[str, list[float]]:
-    """Return minimum and maximum of each further parameter of the flow over ``conditions``, by its name."""
+    """Return minimum and maximum of each flow parameter over ``conditions``, by its name."""
     values = zip(*(one.parameters for one in conditions), strict=True)
     return {name: [min(found), max(found)] for name, found in zip(names, values, strict=True)}
 

@@ -5,14 +5,13 @@ rows, columns and outputs are:
 
 ============================  =====================================================================
 ``linear``                    a linear map, in both forms; errors at the current strain
+``gain``                      gains, covariances and precisions of a linear map, as reports state them
 ``readings``                  zero offsets, auxiliary sensors, temperature: readings become rows
-``tables``                    strain and loads over the flight state, and flow parameters
 ``air``                       air data: what is known of them, and what a flight state says of them
-``nonlinear``                 the flight state by Gauss-Newton iterations, and the loads there
+``nonlinear``                 strain about the tables; the flight state by Gauss-Newton iterations, loads there
 ``kalman``                    the update over time, with errors that are never estimated
 ``linear_filter``             the filter of linear maps
 ``flight_filter``             the filter of the flight state
-``smoothing``                 laws of a filter with what later samples say of them
 ============================  =====================================================================
 
 It has no alarms and no state machines. Tests compare the core with it; of the package, only what runs off the

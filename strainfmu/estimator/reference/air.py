@@ -4,23 +4,24 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import log
-from statistics import NormalDist
 
 import numpy as np
 
 from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, static_pressure_at
+from strainfmu.estimator.alarm_limits import outlier_threshold
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.reference.tables import LOG_PRESSURE, MACH, MIN_INCIDENCE, N_STATES
+from strainfmu.estimator.policies import FALSE_ALARMS, NAVIGATION_ALARM
+from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, MIN_INCIDENCE, N_STATES
 
 N_AIR, LEAST_RELATIVE_STD = 3, 1e-3
 """Number of air data, and their smallest standard deviation over the value."""
 
-DROPPED = np.array([-NormalDist().inv_cdf(0.5 * rate) for rate in (1e-2, 1e-2, 1e-6)])
+DROPPED = np.array([outlier_threshold(1, rate) for rate in FALSE_ALARMS])
 """|z| of M, p_inf and q_inf from which they are dropped."""
 
-ALARM, DISCERNED = -NormalDist().inv_cdf(0.5 * 1e-4 / N_AIR), 16.0
-"""|z| of the dropped one up to which any other is doubted, and difference of z squared up to which one is."""
+DISCERNED = 16.0
+"""Difference of z squared up to which another one is doubted; any is where the dropped one is no alarm."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -64,7 +65,7 @@ def without(air: AirInputs, z: FloatArray, dropped: int) -> AirInputs:
     These count with deviations larger by |z| of the dropped one, and one more for the noise in it.
     """
     size, gone = abs(z[dropped]), np.arange(N_AIR) == dropped
-    doubted = (size <= ALARM) | (size**2 - z**2 < DISCERNED)
+    doubted = (size <= NAVIGATION_ALARM) | (size**2 - z**2 < DISCERNED)
     std = air.std * np.where(doubted, size + 1.0, 1.0)
     return AirInputs(value=np.where(gone, np.nan, air.value), std=np.where(gone, np.nan, std))
 

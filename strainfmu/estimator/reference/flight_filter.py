@@ -10,39 +10,32 @@ are amplitudes along the same directions.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.estimator import policies
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.reference import kalman, nonlinear
-from strainfmu.estimator.reference.air import DROPPED, N_AIR, air_rows, without
+from strainfmu.estimator.reference.air import N_AIR, air_rows
 from strainfmu.estimator.reference.kalman import Law, Rows, measured
 from strainfmu.estimator.reference.nonlinear import FlightLoads, Sample
 from strainfmu.estimator.reference.readings import Zeros, row_noise, zero_columns
-from strainfmu.estimator.reference.tables import (
-    LOG_PRESSURE,
-    N_STATES,
-    evaluate,
-    tables_of,
-    with_known_parameters,
-)
+from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, N_STATES
+from strainfmu.estimator.tables.manifold_map import ManifoldMap
+from strainfmu.estimator.tables.parameter_tables import with_known
 
 RATES = slice(N_STATES, 2 * N_STATES)
 AIR_ERRORS = slice(2 * N_STATES, 2 * N_STATES + N_AIR)
 SEEN = AIR_ERRORS.stop
 """Places of dx/dt and b, and of the first state of c."""
 
-RATE_STD, RATE_TIME = np.array([0.2, 0.1, 0.1, 0.1]), 0.05
-"""Standard deviations of dx/dt [1/s], and the time constant [s] at which they count twice."""
+RATE_STD = np.array([policies.MACH_NUMBER_RATE, *2 * [policies.ANGLE_RATE], policies.LOG_PRESSURE_RATE])
+"""Standard deviations of dx/dt [1/s]."""
 
-WHITE = 0.2
-"""Part of the variance of air data that is independent from sample to sample."""
-
-SLOPE_TIME, OF_AGE, LONGEST, NOTICED = 0.2, 0.25, 0.7, 3.0
-"""Time constant [s] by which the state of slopes follows the estimate, at most that part of the filter's age; step
-over it from which each iteration takes its own slopes; deviations of a rate at which half of its motion counts."""
+NOTICED = 3.0
+"""Deviations of a rate at which half of its motion counts in the flight state of slopes."""
 
 ITERATIONS = 2
 
@@ -66,20 +59,16 @@ class FlightFilterReference:
         manifold = inverse_map.manifold
         assert manifold is not None
         self.map, self.manifold, self.time_constant = inverse_map, manifold, time_constant
-        self.tables = self.plain = tables_of(inverse_map)
         whole = row_noise(inverse_map, manifold.gauge_covariance, zeros)
-        self.static = nonlinear.NonlinearReference(inverse_map, self.tables, whole)
-        covariance, modes, prior_of_modes = kalman.without_modes(inverse_map, manifold.gauge_covariance)
-        white, common, lasting = kalman.white_and_lasting(covariance, inverse_map.noise_std)
-        self.common = np.hstack([common, modes])
+        self.static = nonlinear.NonlinearReference(inverse_map, manifold, whole)
+        white, self.common, lasting = kalman.gauge_errors(inverse_map, manifold.gauge_covariance)
         diagonal = np.diag(lasting)
         # What is left beside a diagonal that dominates is a covariance (Gershgorin).
         self.own = np.sqrt(np.maximum(2.0 * diagonal - np.sum(np.abs(lasting), axis=1), 0.0))
         self.noise = np.diag(white - self.own**2) + lasting
         middle = float(np.exp(np.log(manifold.pressure_range).mean()))
         self.beside = np.sqrt(white + diagonal)
-        errors = self.plain.error_strain, self.plain.cross, self.plain.output_variance
-        self.seen = self.of_map = kalman.seen_errors(*errors, middle, self.beside)
+        self.seen = self.of_map = kalman.seen_errors(*_pressure_errors(manifold), middle, self.beside)
         self.known_std = np.zeros(0)
         self.of_gauge = _gauge_terms(manifold.gauge_error_product)
 
@@ -88,12 +77,12 @@ class FlightFilterReference:
         n = self.hardware + 1 + len(manifold.common_error) + self.common.shape[1]
         mean, std = np.zeros(n), np.ones(n)
         mean[:N_STATES], std[:N_STATES] = self.static.prior_mean, self.static.prior_std
-        std[RATES] = RATE_STD * (1.0 + RATE_TIME / time_constant)
+        std[RATES] = RATE_STD * (1.0 + policies.RATE_TIME / time_constant)
         self.of_zeros = zero_columns(inverse_map, zeros)
         n_decaying = n_d * (2 + self.of_gauge.shape[1])
         self.constant = np.arange(n_decaying + self.of_zeros.shape[1]) >= n_decaying
-        none = np.zeros((n, len(self.constant)))
-        self.prior = kalman.with_modes(Law(mean, np.diag(std**2), none), prior_of_modes)
+        std[n - inverse_map.thermal.n_modes :] = inverse_map.thermal.prior_std
+        self.prior = Law(mean, np.diag(std**2), np.zeros((n, len(self.constant))))
         self.law: Law | None = None
         self.slopes: FloatArray | None = None
         self.state, self.age = mean[:N_STATES], 0.0
@@ -105,7 +94,7 @@ class FlightFilterReference:
             found = self.dropped(self.prior, sample, start, 0, None)
             self.slopes, self.age = None, 0.0
         else:
-            before = self.predicted(time_step, self.prior)
+            before = self.predicted(self.law, time_step, self.prior)
             self.slopes = self.slopes_after(time_step, before) if sample.used.any() else None
             self.age += time_step
             found = self.dropped(before, sample, self.state, ITERATIONS, self.slopes)
@@ -120,28 +109,20 @@ class FlightFilterReference:
         It begins again where other parameters are known, or to other deviations.
         """
         std = np.where(np.isfinite(value), std, np.nan)
-        self.tables, self.seen = with_known_parameters(self.map, self.plain, value, std), self.of_map
-        if self.tables is not self.plain:
-            errors = self.tables.error_strain, self.tables.cross, self.tables.output_variance
-            self.seen = kalman.seen_left(self.of_map, *errors, self.beside)
-        self.static = nonlinear.NonlinearReference(self.map, self.tables, self.static.noise)
+        known, self.seen = with_known(self.manifold, value, std), self.of_map
+        if known is not self.manifold:
+            self.seen = kalman.seen_left(self.of_map, *_pressure_errors(known), self.beside)
+        self.static = nonlinear.NonlinearReference(self.map, known, self.static.noise)
         if len(self.known_std) and not np.array_equal(std, self.known_std, equal_nan=True):
             self.law = None
         self.known_std = std
 
     # The law over time.
 
-    def predicted(self, time_step: float, stationary: Law) -> Law:
-        """Return the law ``time_step`` [s] after the last sample; ``stationary`` is that of no sample."""
-        assert self.law is not None
+    def predicted(self, law: Law, time_step: float, stationary: Law) -> Law:
+        """Return ``law`` after ``time_step`` [s]; ``stationary`` is that of no sample."""
         kept = np.where(self.constant, 1.0, np.exp(-time_step / self.time_constant))
-        return kalman.predicted(self.law, self.transition(time_step), stationary, kept)
-
-    def widened(self, factor: float, of_modes: FloatArray) -> Law:
-        """Return the prior with ``factor`` on the variance of c, and ``of_modes`` (k, k) the covariance of da."""
-        found = kalman.with_modes(self.prior, of_modes)
-        found.covariance[SEEN : self.hardware, SEEN : self.hardware] *= factor
-        return found
+        return kalman.predicted(law, self.transition(time_step), stationary, kept)
 
     def transition(self, time_step: float) -> FloatArray:
         """Return F (n, n): x and its rates are a Matern 3/2 process, all else decays."""
@@ -150,9 +131,8 @@ class FlightFilterReference:
         turn = rate * time_step
         decay = np.exp(-turn)
         matrix = np.eye(len(std)) * float(np.exp(-time_step / self.time_constant))
-        matrix[AIR_ERRORS, AIR_ERRORS] = np.eye(N_AIR) * np.exp(
-            -time_step / (kalman.NAVIGATION_TIME * self.time_constant)
-        )
+        of_air = float(np.exp(-time_step / (policies.SLOW * self.time_constant)))
+        matrix[AIR_ERRORS, AIR_ERRORS] = np.eye(N_AIR) * of_air
         matrix[:N_STATES, :N_STATES] = np.diag(decay * (1.0 + turn))
         matrix[:N_STATES, RATES] = np.diag(decay * time_step)
         matrix[RATES, :N_STATES] = np.diag(-decay * rate * turn)
@@ -165,8 +145,8 @@ class FlightFilterReference:
         It knows nothing of the sample that it weighs: it follows the estimate, and moves as predicted as far as
         the rates are noticed.
         """
-        time_constant = min(SLOPE_TIME, self.time_constant, OF_AGE * self.age)
-        if self.law is None or time_step >= LONGEST * time_constant:
+        time_constant = min(policies.SLOPE_TIME, self.time_constant, policies.OF_AGE * self.age)
+        if self.law is None or time_step >= policies.LONGEST_STEP * time_constant:
             return None
         square = self.law.mean[RATES] ** 2
         noticed = square / (square + NOTICED**2 * np.diag(self.law.covariance)[RATES])
@@ -181,12 +161,8 @@ class FlightFilterReference:
     ) -> FilteredSample:
         """Return the estimate of ``sample``, a second time without air data that do not fit."""
         found = self.filtered(law, sample, sample, start, iterations, slopes)
-        excess = np.abs(found.air_standardised) / DROPPED
-        worst = int(np.argmax(excess))
-        if excess[worst] <= 1.0:
-            return found
-        doubted = replace(sample, air=without(sample.air, found.air_standardised, worst))
-        return self.filtered(law, sample, doubted, start, ITERATIONS, slopes)
+        doubted = nonlinear.without_worst(sample, found.air_standardised)
+        return found if doubted is None else self.filtered(law, sample, doubted, start, ITERATIONS, slopes)
 
     def filtered(
         self,
@@ -204,8 +180,7 @@ class FlightFilterReference:
         errors, state = self._errors(start), start
         for _ in range(iterations):
             after, _ = measured(law, self._rows(law, sample, doubted, errors, state, slopes))
-            step = after.mean[:N_STATES] - state
-            state = self.static.in_reach(state + step / max(np.max(np.abs(step) / nonlinear.LARGEST_STEP), 1.0))
+            state = self.static.moved(state, after.mean[:N_STATES] - state)
         rows = self._rows(law, sample, doubted, errors, state, slopes)
         after, found = measured(law, rows)
         # The other states where the flight state is the iterations' last.
@@ -228,7 +203,7 @@ class FlightFilterReference:
 
     def _errors(self, state: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return columns (n_d, n) of the states of errors at ``state``, considered ones (n_d, k), and noise."""
-        m, (value, _) = self.manifold, evaluate(self.tables, state)
+        m, (value, _) = self.manifold, self.static.at(state)
         n_d, pressure = self.static.n_d, np.exp(state[LOG_PRESSURE])
         strain = value[:n_d]
         c = np.append(1.0, value[n_d : n_d + 5] / (pressure * self.static.references[:5]))
@@ -259,19 +234,19 @@ class FlightFilterReference:
         (columns, considered, noise), n_d, used = errors, self.static.n_d, sample.used
         sloped = at if slopes is None else slopes
         by_state = columns.copy()
-        by_state[:, :N_STATES] = evaluate(self.tables, sloped)[1][:n_d]
+        by_state[:, :N_STATES] = self.static.at(sloped)[1][:n_d]
         known, air = np.isfinite(doubted.air.value), sample.air
-        std = air.log_std
+        std, white = air.log_std, policies.WHITE_NAVIGATION
         of_air = np.zeros((N_AIR, columns.shape[1]))
         of_air[:, :N_STATES] = air_rows(sloped)[1] / std[:, None]
-        of_air[:, AIR_ERRORS] = np.sqrt(1.0 - WHITE) * np.eye(N_AIR)
+        of_air[:, AIR_ERRORS] = np.sqrt(1.0 - white) * np.eye(N_AIR)
         apart = (air.log_value - air_rows(at)[0]) / std
         jacobian = np.vstack([by_state[used], of_air[known]])
         about = law.mean.copy()
         about[:N_STATES] -= at
-        innovation = np.append((sample.rows - evaluate(self.tables, at)[0][:n_d])[used], apart[known])
+        innovation = np.append((sample.rows - self.static.at(at)[0][:n_d])[used], apart[known])
         n, n_used = len(innovation), int(used.sum())
-        whole = np.diag(np.append(np.zeros(n_used), WHITE - 1.0 + (doubted.air.std / air.std)[known] ** 2))
+        whole = np.diag(np.append(np.zeros(n_used), white - 1.0 + (doubted.air.std / air.std)[known] ** 2))
         whole[:n_used, :n_used] = noise[np.ix_(used, used)]
         of_gauges = np.zeros((n, considered.shape[1]))
         of_gauges[:n_used] = considered[used]
@@ -287,7 +262,7 @@ class FlightFilterReference:
         columns, considered, noise = errors or self._errors(law.mean[:N_STATES])
         n_d, used = self.static.n_d, sample.used
         state, of_errors = law.mean[:N_STATES], np.append(np.zeros(N_STATES), law.mean[N_STATES:])
-        (value, jacobian), pressure = evaluate(self.tables, state), np.exp(state[LOG_PRESSURE])
+        (value, jacobian), pressure = self.static.at(state), np.exp(state[LOG_PRESSURE])
         strain = columns.copy()
         strain[:, :N_STATES] = jacobian[:n_d]
         load = np.zeros((len(value) - n_d, len(law.mean)))
@@ -301,6 +276,11 @@ class FlightFilterReference:
         joint = whole @ law.covariance @ whole.T
         joint[N_STATES:, N_STATES:] += pressure**2 * self.seen.rest_load - of_residual @ cross
         return nonlinear.flight_loads(state, loads, joint, self.static.references)
+
+
+def _pressure_errors(manifold: ManifoldMap) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return strain (n_d, k) of pressure off the tables, covariances with loads (n_d, m) and of these (m, m)."""
+    return manifold.error_strain, manifold.load_strain_covariance.T, manifold.load_covariance
 
 
 def _gauge_terms(product: FloatArray) -> FloatArray:

@@ -20,9 +20,6 @@ from strainfmu.arrays import FloatArray
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.reference.update import Posterior, condition, model_of, prepare
 
-NAVIGATION_TIME = 100.0
-"""Time constant of errors of air data, and of errors in common of linear maps, over the others' [1]."""
-
 LARGEST_SEEN, SMALLEST_SEEN = 18, 0.2
 """Number of directions of pressure errors that are estimated, and the size [standard deviations of the other
 errors] from which one is."""
@@ -131,18 +128,12 @@ def white_and_lasting(covariance: FloatArray, std: FloatArray) -> tuple[FloatArr
     return white * std**2, columns[:, common], columns[:, ~common] @ columns[:, ~common].T
 
 
-def without_modes(inverse_map: InverseMap, covariance: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return ``covariance`` (n_d, n_d) of gauges without temperature modes, what they read of each, and the prior.
+def gauge_errors(inverse_map: InverseMap, covariance: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Split ``covariance`` (n_d, n_d) of gauges as :func:`white_and_lasting`, but for temperature modes in it.
 
-    The second is (n_d, k), the prior covariance of the k amplitudes (k, k); k is 0 of a map without modes.
+    These are the last columns in common, per amplitude.
     """
     thermal = inverse_map.thermal
     isothermal = thermal.isothermal_covariance if inverse_map.has_temperature else covariance
-    return isothermal, thermal.linear_strain, np.diag(thermal.prior_std**2)
-
-
-def with_modes(law: Law, covariance: FloatArray) -> Law:
-    """Return the stationary ``law`` with ``covariance`` (k, k) of its last states, the temperature modes."""
-    first, whole = len(law.mean) - len(covariance), law.covariance.copy()
-    whole[first:, first:] = covariance
-    return law._replace(covariance=whole)
+    white, common, lasting = white_and_lasting(isothermal, inverse_map.noise_std)
+    return white, np.hstack([common, thermal.linear_strain]), lasting

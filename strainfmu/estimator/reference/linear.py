@@ -14,11 +14,10 @@ import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.policies import MIN_EXPECTED_RATIO
 from strainfmu.estimator.reference.update import Model, condition, joseph, model_of, prepare
 
 LOADS = 5
-LEAST_EXPECTED = 0.1
-"""Smallest expected chi-square over its degrees of freedom: the linear model of the errors could give less."""
 
 
 class LinearEstimate(NamedTuple):
@@ -37,11 +36,6 @@ class LinearEstimate(NamedTuple):
     degrees_of_freedom: FloatArray
     expected_ratio: FloatArray
     standardised: FloatArray
-
-
-def references(inverse_map: InverseMap) -> FloatArray:
-    """Return (n_f,) S of forces and S L of moments [m2, m3]."""
-    return inverse_map.reference_area * np.where(inverse_map.is_moment, inverse_map.reference_length, 1.0)
 
 
 def models(inverse_map: InverseMap) -> tuple[Model, Model]:
@@ -79,7 +73,7 @@ def estimate(
     found = condition(prepare(for_gain, used), rows, s)
     residual = condition(prepare(truth, used), rows, s)
 
-    scale = 1.0 / (dynamic_pressure[:, None] * references(inverse_map))
+    scale = 1.0 / (dynamic_pressure[:, None] * inverse_map.references)
     loads, coefficients = found.mean, scale * found.mean
     added = (s * s)[:, None, None] * excess_covariance(inverse_map, coefficients[:, :LOADS])
     covariance = joseph(truth, found.gain, s, added)
@@ -90,7 +84,7 @@ def estimate(
     freedom = inverse_map.residual_degrees_of_freedom - int(np.sum(~used))
     expected = 1.0 + np.einsum("kij,kji->k", residual.precision, added) / max(freedom, 1)
     of_coefficients = scale[:, :, None] * covariance * scale[:, None] + _outer(of_both)
-    of_fit = residual.chi_square, np.full(len(rows), freedom), np.maximum(expected, LEAST_EXPECTED)
+    of_fit = residual.chi_square, np.full(len(rows), freedom), np.maximum(expected, MIN_EXPECTED_RATIO)
     covariance = covariance + _outer(of_pressure)
     return LinearEstimate(loads, covariance, coefficients, of_coefficients, *of_fit, residual.standardised)
 

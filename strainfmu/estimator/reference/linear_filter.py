@@ -16,11 +16,12 @@ import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.policies import SLOW
 from strainfmu.estimator.reference import kalman
 from strainfmu.estimator.reference.kalman import Law, Rows, measured, predicted
+from strainfmu.estimator.reference.linear import LOADS
 from strainfmu.estimator.reference.readings import Zeros, zero_columns
 
-LOADS = 5
 ROUND_OFF = 1e-9
 """Variance of an error over that of the noise below which it is round-off."""
 
@@ -41,9 +42,8 @@ class LinearFilterReference:
         errors, load_of_errors = inverse_map.error_strain, inverse_map.error_load[:LOADS]
         self.map, self.time_constant = inverse_map, time_constant
         self.law: Law | None = None
-        covariance, modes, prior_of_modes = kalman.without_modes(inverse_map, inverse_map.gauge_covariance)
-        self.noise, common, lasting = kalman.white_and_lasting(covariance, inverse_map.noise_std)
-        common = np.hstack([common, modes])
+        self.noise, common, lasting = kalman.gauge_errors(inverse_map, inverse_map.gauge_covariance)
+        of_modes = inverse_map.thermal.prior_std
         cross, variance = errors @ load_of_errors.T, load_of_errors @ load_of_errors.T
         self.seen = kalman.seen_errors(errors, cross, variance, 1.0, np.sqrt(self.noise + np.diag(lasting)))
         states, n_d = inverse_map.state_operator, inverse_map.n_gauges
@@ -58,14 +58,14 @@ class LinearFilterReference:
             reached = np.maximum(inverse_map.strain_range, inverse_map.noise_std)
             largest = np.max(np.abs(states) / reached[:, None], axis=0)
             std[: states.shape[1]] = 1.0 / largest
-        lasts = (np.arange(n) >= n_scaled) & (np.arange(n) < n - modes.shape[1])
-        self.time_constants = np.where(lasts, kalman.NAVIGATION_TIME, 1.0) * time_constant
+        lasts = (np.arange(n) >= n_scaled) & (np.arange(n) < n - len(of_modes))
+        self.time_constants = np.where(lasts, SLOW, 1.0) * time_constant
         self.lasting, self.rest = (_root(one, self.noise) for one in (lasting, self.seen.rest_strain))
         self.of_zeros = zero_columns(inverse_map, zeros)
         n_decaying, n_zeros = self.lasting.shape[1] + self.rest.shape[1], self.of_zeros.shape[1]
         self.constant = np.arange(n_decaying + n_zeros) >= n_decaying
-        none = np.zeros((n, len(self.constant)))
-        self.prior = kalman.with_modes(Law(np.zeros(n), np.diag(std**2), none), prior_of_modes)
+        std[n - len(of_modes) :] = of_modes
+        self.prior = Law(np.zeros(n), np.diag(std**2), np.zeros((n, len(self.constant))))
         self.fixed = inverse_map.fixed_strain
 
     def step(self, time_step: float, rows: FloatArray, used: BoolArray, dynamic_pressure: float) -> Change | None:

@@ -17,13 +17,11 @@ import numpy as np
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.policies import LARGEST_STEP
 from strainfmu.estimator.reference.air import DROPPED, N_AIR, AirInputs, air_data, air_rows, lognormal_std, without
-from strainfmu.estimator.reference.linear import references
-from strainfmu.estimator.reference.tables import LOG_PRESSURE, MACH, N_STATES, Tables, U, W, evaluate
 from strainfmu.estimator.reference.update import Model, Posterior, condition, model_of, prepare
-
-LARGEST_STEP = np.array([0.5, 0.05, 0.05, 1.0])
-"""Largest change of M [1], u, w [rad] and ln p_inf in one iteration."""
+from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, N_STATES, U, W, evaluate
+from strainfmu.estimator.tables.manifold_map import ManifoldMap
 
 SMALLEST_PART = 0.25
 """Smallest part of a Gauss-Newton step that is taken."""
@@ -76,46 +74,68 @@ class NonlinearEstimate(FlightLoads):
     step: float
 
 
+def strain_covariance(manifold: ManifoldMap, noise: FloatArray, state: FloatArray) -> FloatArray:
+    """Return S (k, n_d, n_d) [(m/m)^2] about the tables of ``manifold`` at the flight states ``state`` (k, 4).
+
+    It is the sum of ``noise`` (n_d, n_d), which does not scale, of pressure off the tables, and of errors in
+    proportion to strain.
+    """
+    (value, _), n_d = evaluate(manifold.tables, state), manifold.n_gauges
+    pressure, strain = np.exp(state[:, LOG_PRESSURE]), value[:, :n_d]
+    square = (pressure * pressure)[:, None]
+    c = np.hstack([np.ones((len(state), 1)), value[:, n_d:] / (pressure[:, None] * manifold.references)])
+    first, second = np.triu_indices(6)
+    of_gauge = square * np.maximum((c[:, first] * c[:, second]) @ manifold.gauge_error_product, 0.0)
+    gain = manifold.gain_std * strain
+    columns = pressure[:, None, None] * np.einsum("ka,tan->knt", c, manifold.common_error)
+    columns = np.concatenate([columns, (manifold.common_gain * strain)[:, :, None]], axis=2)
+    covariance = noise + square[:, :, None] * manifold.scaled_covariance
+    covariance = covariance + columns @ np.swapaxes(columns, 1, 2)
+    diagonal = np.arange(n_d)
+    covariance[:, diagonal, diagonal] += of_gauge + gain * gain
+    return covariance
+
+
 class NonlinearReference:
     """A nonlinear map with the tables and the noise of a sample.
 
-    See :func:`~strainfmu.estimator.reference.tables.with_known_parameters` and
+    See :func:`~strainfmu.estimator.tables.parameter_tables.with_known` and
     :func:`~strainfmu.estimator.reference.readings.row_noise`.
     """
 
-    def __init__(self, inverse_map: InverseMap, tables: Tables, noise: FloatArray) -> None:
-        """Prepare the map; ``noise`` (n_d, n_d) is the covariance of what does not scale [(m/m)^2]."""
-        assert inverse_map.manifold is not None
-        self.manifold, self.tables, self.noise = inverse_map.manifold, tables, noise
-        self.references = references(inverse_map)[: len(tables.output_variance)]
-        self.n_d = len(noise)
-        self.prior_mean, self.prior_std = self.manifold.state_prior
+    def __init__(self, inverse_map: InverseMap, manifold: ManifoldMap, noise: FloatArray) -> None:
+        """Prepare the map; ``noise`` (n_d, n_d) is the covariance of what does not scale [(m/m)^2].
+
+        ``manifold`` has the tables of ``inverse_map``, with what is known of flow parameters. Their rows are the
+        n_d strains, then the m outputs: five loads, rolling moment and section loads.
+        """
+        self.manifold, self.noise, self.n_d = manifold, noise, len(noise)
+        self.rows = manifold.tables_of(manifold.n_loads)
+        self.references = inverse_map.references[: manifold.n_loads]
+        self.prior_mean, self.prior_std = manifold.state_prior
 
     # The model about a state.
 
+    def at(self, state: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the rows (n_d + m,) at the flight ``state`` (4,), and their derivatives (n_d + m, 4)."""
+        value, jacobian = evaluate(self.rows, state[None])
+        return value[0], jacobian[0]
+
     def strain_covariance(self, state: FloatArray) -> FloatArray:
-        """Return S (n_d, n_d) at ``state``: noise, pressure off the tables, errors in proportion to strain."""
-        m, n_d = self.manifold, self.n_d
-        value, _ = evaluate(self.tables, state)
-        pressure, strain = np.exp(state[LOG_PRESSURE]), value[:n_d]
-        c = np.append(1.0, value[n_d : n_d + 5] / (pressure * self.references[:5]))
-        first, second = np.triu_indices(6)
-        of_gauge = np.maximum((c[first] * c[second]) @ m.gauge_error_product, 0.0)
-        columns = [pressure * self.tables.error_strain, pressure * np.einsum("a,tan->nt", c, m.common_error)]
-        root = np.hstack([*columns, (m.common_gain * strain)[:, None]])
-        return self.noise + root @ root.T + np.diag(pressure**2 * of_gauge + (m.gain_std * strain) ** 2)
+        """Return S (n_d, n_d) at ``state`` (4,)."""
+        return strain_covariance(self.manifold, self.noise, state[None])[0]
 
     def model(self, state: FloatArray, air: AirInputs, covariance: FloatArray) -> Model:
         """Return the model about ``state``, whose strain errs by ``covariance``; outputs: state, then loads."""
-        n_d, (value, jacobian), pressure = self.n_d, evaluate(self.tables, state), np.exp(state[LOG_PRESSURE])
+        n_d, (value, jacobian), pressure = self.n_d, self.at(state), np.exp(state[LOG_PRESSURE])
         m, n = len(value) - n_d, n_d + N_AIR + N_STATES
         of_air, by_state = air_rows(state)
         variance = np.where(np.isnan(air.std), 1.0, air.log_std) ** 2
         noise = np.diag(np.concatenate([np.zeros(n_d), variance, self.prior_std**2]))
         noise[:n_d, :n_d] = covariance
         cross, output_noise = np.zeros((n, N_STATES + m)), np.zeros((N_STATES + m, N_STATES + m))
-        cross[:n_d, N_STATES:] = pressure**2 * self.tables.cross
-        output_noise[N_STATES:, N_STATES:] = pressure**2 * self.tables.output_variance
+        cross[:n_d, N_STATES:] = pressure**2 * self.manifold.load_strain_covariance.T
+        output_noise[N_STATES:, N_STATES:] = pressure**2 * self.manifold.load_covariance
         return model_of(
             n,
             N_STATES + m,
@@ -151,15 +171,15 @@ class NonlinearReference:
             along, size = (state - before[0]) @ turned, shrunk @ turned
             if 0.0 < along < size:
                 step = step * max(float(along / size), SMALLEST_PART)
-        return self.in_reach(state + step / max(np.max(np.abs(step) / LARGEST_STEP), 1.0))
+        return self.moved(state, step)
 
-    def in_reach(self, state: FloatArray) -> FloatArray:
-        """Return ``state`` not farther beyond the tables than their tangents are good for."""
-        m, out = self.manifold, state.copy()
-        out[MACH] = np.clip(state[MACH], 0.7 * m.mach_range[0], 1.3 * m.mach_range[1])
-        out[U : W + 1] *= min(1.0, 1.5 * m.incidence_limit / max(np.hypot(state[U], state[W]), 1e-12))
+    def moved(self, state: FloatArray, step: FloatArray) -> FloatArray:
+        """Return ``state`` after a limited ``step``, not farther beyond the tables than their tangents hold."""
+        m, out = self.manifold, state + step / max(np.max(np.abs(step) / LARGEST_STEP), 1.0)
+        out[MACH] = np.clip(out[MACH], 0.7 * m.mach_range[0], 1.3 * m.mach_range[1])
+        out[U : W + 1] *= min(1.0, 1.5 * m.incidence_limit / max(np.hypot(out[U], out[W]), 1e-12))
         low, high = np.log(m.pressure_range)
-        out[LOG_PRESSURE] = np.clip(state[LOG_PRESSURE], low - 1.0, high + 1.0)
+        out[LOG_PRESSURE] = np.clip(out[LOG_PRESSURE], low - 1.0, high + 1.0)
         return out
 
     def iterated(self, state: FloatArray, sample: Sample, number: int, renewed: int = 1) -> FloatArray:
@@ -184,11 +204,8 @@ class NonlinearReference:
         The one quantity of air data that fits worst is dropped where it does not fit, and the sample solved again.
         """
         found = self.solved(sample, start)
-        excess = np.abs(found.air_standardised) / DROPPED
-        worst = int(np.argmax(excess))
-        if excess[worst] <= 1.0:
-            return found
-        return self.solved(replace(sample, air=without(sample.air, found.air_standardised, worst)), start)
+        doubted = without_worst(sample, found.air_standardised)
+        return found if doubted is None else self.solved(doubted, start)
 
     def solved(self, sample: Sample, start: FloatArray | None = None) -> NonlinearEstimate:
         """Return the estimate of ``sample`` with all its air data."""
@@ -208,16 +225,16 @@ class NonlinearReference:
         of_u, of_w = middle[0] + part * half[0] * np.cos(roll), middle[1] + part * half[1] * np.sin(roll)
         each = np.broadcast_arrays(mach, of_u, of_w, 0.0)
         states = np.stack(each, axis=-1).reshape(INCIDENCES, -1, N_STATES)
-        fixed = self.tables.fixed[: self.n_d]
-        unit = [[evaluate(self.tables, one)[0][: self.n_d] - fixed for one in of_one] for of_one in states]
-        return states, np.array(unit)
+        strain = evaluate(self.rows, states.reshape(-1, N_STATES)).value[:, : self.n_d]
+        unit = strain - self.rows.fixed_response[: self.n_d]
+        return states, unit.reshape(INCIDENCES, -1, self.n_d)
 
     def starts(self, sample: Sample) -> FloatArray:
         """Return (INCIDENCES, 4) the best state of the grid at each incidence, p_inf by strain and air data."""
         states, unit = self.grid
         at = np.append(states[INCIDENCES // 2, 0, :LOG_PRESSURE], self.prior_mean[LOG_PRESSURE])
         weight = np.where(sample.used, 1.0 / np.sqrt(np.diag(self.strain_covariance(at))), 0.0)
-        data = weight * np.where(sample.used, sample.rows - self.tables.fixed[: self.n_d], 0.0)
+        data = weight * np.where(sample.used, sample.rows - self.rows.fixed_response[: self.n_d], 0.0)
         best = []
         for state, strain in zip(states, unit, strict=True):
             cost, log_pressure = self._joined(state[:, MACH], strain * weight, data, sample.air)
@@ -264,6 +281,16 @@ class NonlinearReference:
             deviance=float(found.chi_square[0] + np.linalg.slogdet(covariance[np.ix_(used, used)])[1]),
             step=_size(found.mean[0, :N_STATES] - state, found),
         )
+
+
+def without_worst(sample: Sample, z: FloatArray) -> Sample | None:
+    """Return ``sample`` without the quantity of air data that fits worst by residuals ``z`` (3,).
+
+    None where all fit.
+    """
+    excess = np.abs(z) / DROPPED
+    worst = int(np.argmax(excess))
+    return replace(sample, air=without(sample.air, z, worst)) if excess[worst] > 1.0 else None
 
 
 def flight_loads(state: FloatArray, loads: FloatArray, joint: FloatArray, references: FloatArray) -> FlightLoads:

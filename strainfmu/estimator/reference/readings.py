@@ -90,14 +90,6 @@ def row_noise(
     return covariance + errors @ errors.T
 
 
-def modes_left(thermal: ThermalMap, known: BoolArray) -> FloatArray:
-    """Return (n, n) the covariance of the temperature modes given the sensors ``known`` (n_t,) [K^2]."""
-    if not known.any():
-        return np.diag(thermal.prior_std**2)
-    at_rest = np.full((1, thermal.n_sensors), thermal.reference_temperature)
-    return amplitudes(thermal, at_rest, known).covariance
-
-
 def amplitudes(thermal: ThermalMap, temperature: FloatArray, known: BoolArray) -> Amplitudes:
     """Return the temperature modes by the sensors ``known`` (n_t,), which read ``temperature`` (k, n_t) [K]."""
     n_t, n = thermal.sensor_operator.shape

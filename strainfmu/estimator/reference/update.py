@@ -88,6 +88,12 @@ class Posterior(NamedTuple):
     standardised: FloatArray
 
 
+def inverse_root(covariance: FloatArray) -> FloatArray:
+    """Return (n, n) L^-1, lower triangular, of the positive definite ``covariance`` (n, n) = L L'."""
+    size = np.sqrt(np.diag(covariance))  # rows of unlike units and noise cost no digits
+    return np.tril(np.linalg.inv(np.linalg.cholesky(covariance / np.outer(size, size)))) / size
+
+
 def prepare(model: Model, used: BoolArray) -> Prepared:
     """Return ``model`` decomposed for the rows ``used`` (n,).
 
@@ -102,9 +108,7 @@ def prepare(model: Model, used: BoolArray) -> Prepared:
     n_x, n_w = model.free.shape[1], int(used.sum())
     if n_w < n_x:
         raise InputError(f"{n_x} free states: expected as many rows in use at least, got {n_w}")
-    size = np.sqrt(np.diag(model.noise)[used])  # rows of unlike units and noise cost no digits
-    root = size[:, None] * np.linalg.cholesky(model.noise[np.ix_(used, used)] / np.outer(size, size))
-    inverse = np.linalg.inv(root)
+    inverse = inverse_root(model.noise[np.ix_(used, used)])
     free, columns, cross = (inverse @ one[used] for one in (model.free, model.columns, model.cross))
 
     scale = np.abs(free).max(axis=0, initial=1e-300)

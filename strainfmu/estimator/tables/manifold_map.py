@@ -69,7 +69,7 @@ class ManifoldMap:
         none.
     pressure_field, shape_field : pressure on the surface over the flight state, of a body of revolution, and of
         any other shape; None where the map does not hold it.
-    parameters : what further parameters of the flow change; None where the map holds none.
+    parameters : what flow parameters change; None where the map holds none.
     """
 
     mach_knots: FloatArray

@@ -1,4 +1,4 @@
-"""What further parameters of the flow, such as deflections, change, and errors once they are known.
+"""What flow parameters, such as deflections, change, and errors once they are known.
 
 Strain and loads are y(x) + p_inf sum_j (z^j - offset_j) s_j(x): z the parameter less its mean, over its spread in
 the snapshots, s_j tables over the flight state. A value that is stated with a deviation counts together with the
@@ -153,9 +153,12 @@ def with_known(manifold: ManifoldMap, value: FloatArray, std: FloatArray) -> Man
 
     Parameters
     ----------
-    value, std : (n_p,) of each parameter and its standard deviation, NaN of what is not known.
+    value, std : (n_p,) of each parameter and its standard deviation, NaN of what is not known; ``manifold`` itself
+        where nothing is.
     """
     tables = manifold.parameters
+    if not np.any(np.isfinite(value) & np.isfinite(std)):
+        return manifold
     assert tables is not None
     known = known_powers(tables.powers, value, std)
     errors = [tables.error, *known.errors(tables.unit_error, tables.spread_error)]

@@ -20,7 +20,7 @@ from strainfmu.records import inner_record
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class FieldParameters:
-    """What J powers of n_p further parameters of the flow change of the amplitudes of n_q modes.
+    """What J powers of n_p flow parameters change of the amplitudes of n_q modes.
 
     Attributes
     ----------
@@ -46,7 +46,7 @@ class ShapeField:
     amplitude : (n_M + 2, n_a + 2, n_q, n_m, 2) spline coefficients of their amplitudes, on the tables' knots.
     strain_covariance : (n_p, n_d) covariance C with strain of pressure off the tables, per p_inf^2 [1/Pa].
     error_std : (n_p,) standard deviation of pressure off the tables, per p_inf [1].
-    parameters : what further parameters of the flow change; None where the map holds none.
+    parameters : what flow parameters change; None where the map holds none.
     """
 
     modes: NDArray[np.float32]

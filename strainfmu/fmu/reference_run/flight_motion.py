@@ -7,9 +7,9 @@ import numpy as np
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.air_data import AIR_DATA_NAMES
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.map.strain_covariance import strain_covariance
 from strainfmu.estimator.other_loads import FIVE_LOADS
 from strainfmu.estimator.reference.air import air_data_at
+from strainfmu.estimator.reference.nonlinear import strain_covariance
 from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, N_STATES, U, W, evaluate
 from strainfmu.estimator.tables.manifold_map import ManifoldMap
 from strainfmu.fmu.reference_run.flight_path import FlightPath, flight_path
@@ -38,7 +38,7 @@ def flight_of_tables(inverse_map: InverseMap, path: FlightPath) -> ReferenceFlig
     state, n = flight_states(manifold, path), manifold.tables.n_gauges
     value, jacobian = evaluate(manifold.tables, state)
     strain, loads = value[:, :n], value[:, n:]
-    covariance = strain_covariance(manifold, path.static_pressure, strain, loads)
+    covariance = strain_covariance(manifold, manifold.gauge_covariance, state)
     middle = len(state) // 2
     square = (path.static_pressure**2)[:, None, None]
     air_data = dict(zip(AIR_DATA_NAMES, air_data_at(state).T, strict=True))

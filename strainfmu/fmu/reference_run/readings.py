@@ -11,7 +11,7 @@ from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.added_noise import with_gauge_covariance
 from strainfmu.estimator.map.flow_parameters import flow_parameters
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.reference.readings import modes_left, row_noise
+from strainfmu.estimator.reference.readings import amplitudes, row_noise
 from strainfmu.estimator.tables.parameter_tables import with_known
 from strainfmu.fmu.reference_run.flight_motion import flight_of_tables
 from strainfmu.fmu.reference_run.flight_path import flight_path
@@ -102,7 +102,8 @@ def _with_known(inverse_map: InverseMap, known: dict[str, float]) -> InverseMap:
     """Return ``inverse_map`` as it holds while the inputs ``known`` are."""
     thermal, manifold = inverse_map.thermal, inverse_map.manifold
     if thermal.n_sensors:
-        left = modes_left(thermal, np.ones(thermal.n_sensors, dtype=bool))
+        at_rest = np.full((1, thermal.n_sensors), thermal.reference_temperature)
+        left = amplitudes(thermal, at_rest, np.ones(thermal.n_sensors, dtype=bool)).covariance
         noise = row_noise(inverse_map, inverse_map.gauge_covariance, left=left)
         inverse_map = with_gauge_covariance(inverse_map, noise)
         manifold = inverse_map.manifold

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.map.inverse_map import InverseMap, map_references
+from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.other_loads import FIVE_LOADS
+from strainfmu.estimator.reference.gain import residual_precision
 from strainfmu.estimator.reference.linear import excess_covariance
 from strainfmu.fmu.reference_run.flight_path import FlightPath
 from strainfmu.fmu.reference_run.reference_flight import ReferenceFlight, white_noise
@@ -35,7 +36,7 @@ def true_states(inverse_map: InverseMap, n_rows: int) -> FloatArray:
 
 def largest_states(inverse_map: InverseMap) -> FloatArray:
     """Return (n_q,) the size that each state, up or down, may have alone; 0 where nothing bounds it."""
-    scale = inverse_map.nominal_dynamic_pressure * map_references(inverse_map)
+    scale = inverse_map.nominal_dynamic_pressure * inverse_map.references[FIVE_LOADS]
     mean = inverse_map.load_of_mean[FIVE_LOADS] / scale
     per_state = inverse_map.load_per_state[FIVE_LOADS] / scale[:, None]
     low, high = inverse_map.coefficient_range.T
@@ -64,13 +65,13 @@ def flight_of_states(inverse_map: InverseMap, path: FlightPath) -> ReferenceFlig
     strain = d_0 + ratio * (inverse_map.mean_strain - d_0 + states @ inverse_map.state_operator.T)
     mean, per_state = inverse_map.load_of_mean[FIVE_LOADS], inverse_map.load_per_state[FIVE_LOADS]
     loads = f_0 + ratio * (mean - f_0 + states @ per_state.T)
-    load_per_coefficient = path.dynamic_pressure[:, None] * map_references(inverse_map)
+    load_per_coefficient = path.dynamic_pressure[:, None] * inverse_map.references[FIVE_LOADS]
     return ReferenceFlight(
         strain=strain,
         loads=loads,
         load_per_coefficient=load_per_coefficient,
         covariance=error_covariance(inverse_map, loads / load_per_coefficient, ratio[:, 0]),
-        residual_precision=inverse_map.residual_whitening.T @ inverse_map.residual_whitening,
+        residual_precision=residual_precision(inverse_map),
         noise_std=white_noise(inverse_map.noise_std, inverse_map.gauge_covariance),
         load_strain_covariance=ratio[:, :, None] ** 2 * inverse_map.strain_load_covariance[:, FIVE_LOADS].T,
     )

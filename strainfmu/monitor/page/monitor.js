@@ -64,10 +64,10 @@ function writeVerdict(latest, isOld) {
   byId("causes").replaceChildren(...words.map((word) => element("li", word)));
 }
 
-function tile(id, value, isBad, further = "") {
+function tile(id, value, isBad, beside = "") {
   text(id, value);
   byId(id).closest("div").classList.toggle("bad", Boolean(isBad));
-  if (further !== null) text(further.id, further.text);
+  if (beside !== null) text(beside.id, beside.text);
 }
 
 function writeTiles(layout, latest) {

@@ -19,7 +19,7 @@ from strainfmu.units import ALL_UNITS
 TIME_NAMES = ("time", "t", "timestamps", "time_s")
 
 STD = "_std"
-"""Ends the name of the column with the standard deviation of a further parameter of the flow."""
+"""Ends the name of the column with the standard deviation of a flow parameter."""
 
 FLOW_NAMES = ("dynamic_pressure", "dynamic_pressure_std", "mach_number", "altitude")
 """Quantities beside the strains; all but the first may be missing."""
@@ -82,7 +82,7 @@ class Wanted:
     ----------
     gauge_names : n_d names, the order of the strains in the blocks.
     fixed_pressure : q_inf of the whole file [Pa], NaN where it is not known, None to take it from the file.
-    flow : the quantities of ``FLOW_NAMES`` and ``NAVIGATION_NAMES`` that are read, and further parameters by name.
+    flow : the quantities of ``FLOW_NAMES`` and ``NAVIGATION_NAMES`` that are read, and flow parameters by name.
     combined : gauges that are combinations of positions, which a bending bridge may feed.
     computes_pressure : whether a missing q_inf is computed from Mach number and p_inf or altitude.
     navigates : whether these are navigation by themselves, so that q_inf may be missing and is not computed.

@@ -68,7 +68,7 @@ class StrainBlock:
     dynamic_pressure : (n,) q_inf [Pa], NaN where it is not known.
     flow : (n,) of each other quantity of ``FLOW_NAMES``, and of ``NAVIGATION_NAMES`` for an estimator that takes
         them, that the file holds [Pa, 1, m], NaN where it is not known.
-    parameters, parameters_std : (n,) of each further parameter of the flow that the file holds, as ``flow``, and
+    parameters, parameters_std : (n,) of each flow parameter that the file holds, as ``flow``, and
         its standard deviation.
     readings : (n,) of each auxiliary sensor, and thrust, that the file holds [SI unit], NaN where it has no value.
     temperature : (n, n_t) of the map's sensors [K], NaN where one gives none; None if the file holds none.
@@ -96,7 +96,7 @@ class ColumnPlan:
     time : column of the time.
     strain : n_d columns, order of the map's gauges; None of a gauge that is left out.
     flow : column and factor of each quantity of ``FLOW_NAMES`` that is read, of ``STATIC_PRESSURE``, and of
-        further parameters.
+        flow parameters.
     fixed_pressure : q_inf [Pa] where the file's is not read; NaN where the file's is, and where it is computed or
         not known.
     navigates : as of :class:`~strainfmu.recorded.columns.column_names.Wanted`.
@@ -315,7 +315,7 @@ def plan_columns(
 
 
 def refuse_lone_deviations(path: Path, held: Mapping[str, object], wanted: Wanted) -> None:
-    """Refuse the standard deviation of a further parameter of the flow whose value is not among those ``held``.
+    """Refuse the standard deviation of a flow parameter whose value is not among those ``held``.
 
     Raises
     ------
@@ -324,8 +324,8 @@ def refuse_lone_deviations(path: Path, held: Mapping[str, object], wanted: Wante
     """
     for name in held:
         parameter = name.removesuffix(STD)
-        is_further = parameter in wanted.flow and parameter not in (*FLOW_NAMES, *NAVIGATION_NAMES)
-        if is_further and parameter not in held:
+        is_parameter = parameter in wanted.flow and parameter not in (*FLOW_NAMES, *NAVIGATION_NAMES)
+        if is_parameter and parameter not in held:
             raise InputError(f"{path}: {name}: expected {parameter} beside its standard deviation, got none")
 
 

@@ -39,8 +39,8 @@ class BlockEstimates:
     make_residual : returns (n, n_d) z of each gauge [1], and (n,) the alarm level of the largest |z|; None of an
         FMU.
     estimates : n estimates by a map, for their pressure; None of an FMU.
-    outside : (n,) whether a further parameter of the flow leaves its range, by its name.
-    further : (n, n_f) columns that this kind of estimator has beside, see ``BlockEstimator.other_columns``.
+    outside : (n,) whether a flow parameter leaves its range, by its name.
+    other_values : (n, n_f) what this kind of estimator has in addition, see ``BlockEstimator.other_columns``.
     """
 
     coefficients: FloatArray
@@ -57,7 +57,7 @@ class BlockEstimates:
     worst: IntArray
     make_residual: Callable[[], tuple[FloatArray, FloatArray]] | None = None
     outside: Mapping[str, BoolArray] = field(default_factory=dict)
-    further: FloatArray | None = None
+    other_values: FloatArray | None = None
     estimates: Estimate | None = None
 
 
@@ -70,12 +70,12 @@ class BlockEstimator(Protocol):
     reference : the level of strains that it expects.
     has_residuals : whether it gives the z of each gauge.
     envelope_score_limit : score above which the coefficients are outside, NaN where it is not known.
-    other_columns : names and units of further columns of the output.
+    other_columns : names and units of its own columns of the output, of ``other_values``.
     inverse_map : the map, None of an FMU.
     gauge_names, row_names : strain gauges; the same, then auxiliary sensors.
     readings : unit of each auxiliary sensor, and of thrust, by its name.
     sensor_names : temperature sensors that it takes.
-    parameter_names : further parameters of the flow that it takes.
+    parameter_names : flow parameters that it takes.
     sharpening : those of them whose standard deviation it takes.
     """
 
@@ -104,13 +104,13 @@ def dropped_navigation(
     ``columns`` are the ``other_columns`` of the estimator, which say what is used; {} of one that takes none.
     """
     names = [name for name, _ in columns]
-    if found.further is None or USED_PREFIX + NAVIGATION[0] not in names:
+    if found.other_values is None or USED_PREFIX + NAVIGATION[0] not in names:
         return {}
     unknown = np.full(len(block.time), np.nan)
     flow = {"dynamic_pressure": block.dynamic_pressure, **block.flow}
     given = {name: ~np.isnan(flow.get(name, unknown)) for name in NAVIGATION}
     given[STATIC_PRESSURE] |= ~np.isnan(flow.get("altitude", unknown))
-    used = {name: found.further[:, names.index(USED_PREFIX + name)] > 0.0 for name in NAVIGATION}
+    used = {name: found.other_values[:, names.index(USED_PREFIX + name)] > 0.0 for name in NAVIGATION}
     return {name: given[name] & ~used[name] for name in NAVIGATION}
 
 

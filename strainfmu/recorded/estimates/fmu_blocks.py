@@ -36,15 +36,15 @@ def opened_fmu(source: Path, zeros: Path | None = None) -> Iterator[FmuBlocks]:
     StrainfmuError
         The FMU cannot be loaded on this machine.
     """
-    further = other_outputs_of(outputs_of(source))
-    asked = (*(f"health.{name}" for name in _HEALTH), *(one.output for one in further))
-    scores = [one.output for one in further if one.output.startswith(OUTSIDE_PREFIX)]
+    others = other_outputs_of(outputs_of(source))
+    asked = (*(f"health.{name}" for name in _HEALTH), *(one.output for one in others))
+    scores = [one.output for one in others if one.output.startswith(OUTSIDE_PREFIX)]
     parameters = (one.replace(OUTSIDE_PREFIX, kind, 1) for one in scores for kind in (PREFIX, STD_PREFIX))
     inputs = (*FLOW_NAMES[1:], *NAVIGATION_NAMES, TEMPERATURE, SENSORS, *parameters)
     with FmuStep(source, inputs, asked) as step:
         if zeros is not None:
             step.set_zeros(load_zeros(zeros, step.gauge_names))
-        yield FmuBlocks(step, further)
+        yield FmuBlocks(step, others)
 
 
 class FmuBlocks:
@@ -54,10 +54,10 @@ class FmuBlocks:
     envelope_score_limit = float("nan")
     inverse_map: InverseMap | None = None
 
-    def __init__(self, step: FmuStep, further: Sequence[OtherOutput]) -> None:
+    def __init__(self, step: FmuStep, others: Sequence[OtherOutput]) -> None:
         self._step = step
-        self._further = [one.output for one in further]
-        self.other_columns = tuple((one.column, one.unit) for one in further)
+        self._others = [one.output for one in others]
+        self.other_columns = tuple((one.column, one.unit) for one in others)
         self.gauge_names, self.sensor_names = step.gauge_names, step.sensor_names
         self.readings: Mapping[str, str] = recorded_readings(step.reading_units)
         self._readings = dict(zip(self.readings, step.reading_units, strict=True))
@@ -66,7 +66,7 @@ class FmuBlocks:
         given = (name for name in step.further_inputs if name.startswith(PREFIX))
         self.parameter_names = tuple(name.removeprefix(PREFIX) for name in given)
         self.sharpening = tuple(name for name in self.parameter_names if f"{STD_PREFIX}{name}" in self.inputs)
-        self._scores = [self._further.index(f"{OUTSIDE_PREFIX}{name}") for name in self.parameter_names]
+        self._scores = [self._others.index(f"{OUTSIDE_PREFIX}{name}") for name in self.parameter_names]
         self.reference = LevelReference(
             strain_range=step.strain_nominal,
             noise_std=np.zeros(step.n_gauges) if step.noise_std is None else step.noise_std,
@@ -78,7 +78,7 @@ class FmuBlocks:
         n = len(block.time)
         numbers = np.full((n, 12), np.nan)
         health = np.full((n, len(_HEALTH)), np.nan)
-        further = np.full((n, len(self._further)), np.nan)
+        others = np.full((n, len(self._others)), np.nan)
         flow = {name: values.tolist() for name, values in block.flow.items() if name in self.inputs}
         flow |= {f"{PREFIX}{name}": values.tolist() for name, values in block.parameters.items()}
         flow |= {f"{STD_PREFIX}{name}": values.tolist() for name, values in block.parameters_std.items()}
@@ -95,7 +95,7 @@ class FmuBlocks:
                 continue
             numbers[i] = *found.coefficients, *found.coefficients_std, found.chi_square, found.health
             health[i] = [found.further.get(f"health.{name}", np.nan) for name in _HEALTH]
-            further[i] = [found.further[name] for name in self._further]
+            others[i] = [found.further[name] for name in self._others]
         has_reading = np.isfinite(all_readings(block, self.readings))
         valid = np.hstack([np.abs(block.strain) <= self.reference.sensor_range, has_reading])
         limit, used, suspect, count, score = health.T
@@ -112,8 +112,8 @@ class FmuBlocks:
             suspect_count=count,
             envelope_score=score,
             worst=np.full(n, -1),
-            outside=outside_ranges(self.parameter_names, further[:, self._scores]),
-            further=further,
+            outside=outside_ranges(self.parameter_names, others[:, self._scores]),
+            other_values=others,
         )
 
 

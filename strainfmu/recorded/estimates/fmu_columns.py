@@ -41,7 +41,7 @@ class OtherOutput:
 
 
 def other_outputs_of(outputs: Iterable[tuple[str, str]]) -> tuple[OtherOutput, ...]:
-    """Return the further ones among ``outputs``, names and units, in the order of the columns of a map.
+    """Return the others among ``outputs``, names and units, in the order of the columns of a map.
 
     Loads stand ahead of their deviations; air data have that order already.
     """

@@ -26,7 +26,7 @@ class HealthAccount:
     ----------
     samples : number of samples by state.
     blamed : by state, in how many of its samples a gauge was to blame: it was missing where gauges are missing,
-        and a suspect, or else the one of the largest residual, where the strains do not fit. Of OUTSIDE, a further
+        and a suspect, or else the one of the largest residual, where the strains do not fit. Of OUTSIDE, a flow
         parameter of the flow that left its range; of DEGRADED, a quantity of navigation that is left out, too.
     beyond : number of samples OUTSIDE because of the estimated coefficients; None where that is not known.
     """

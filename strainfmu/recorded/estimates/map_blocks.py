@@ -83,7 +83,7 @@ class MapBlocks:
             worst=worst,
             make_residual=lambda: (found.standardised_residual, found.residual_limit),
             outside=outside_ranges(self.parameter_names, found.parameter_score),
-            further=np.hstack([of_air_data, other_values(found, self.has_loads)]),
+            other_values=np.hstack([of_air_data, other_values(found, self.has_loads)]),
             estimates=found,
         )
 
@@ -124,7 +124,7 @@ class MapBlocks:
 def _other_columns(inverse_map: InverseMap, has_loads: bool) -> tuple[tuple[str, str], ...]:
     """Return M_R, rolling moment and section loads with their deviations; none where the map has no such loads.
 
-    Between the two stand the scores of further parameters of the flow.
+    Between the two stand the scores of flow parameters.
     """
     scores = tuple((f"{OUTSIDE_PREFIX}{name}", "1") for name in flow_parameters(inverse_map).names)
     if not has_loads:

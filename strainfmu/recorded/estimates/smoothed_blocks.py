@@ -15,8 +15,7 @@ import numpy as np
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.reference.kalman import Law
-from strainfmu.estimator.reference.smoothing import smoothed
-from strainfmu.estimator.smoothing import Smoothed, Step, smoother_of
+from strainfmu.estimator.smoothing import Smoothed, Step, smoothed, smoother_of
 from strainfmu.recorded.columns.columns import StrainBlock
 from strainfmu.recorded.estimates.block_estimates import BlockEstimates, BlockEstimator
 from strainfmu.recorded.estimates.map_blocks import MapBlocks, air_data_values, other_values
@@ -43,7 +42,7 @@ class SmoothedBlocks(MapBlocks):
             self.block_estimates(found),
             coefficients=known.coefficients,
             coefficients_std=known.coefficients_std,
-            further=np.hstack([*of_air, of_loads]),
+            other_values=np.hstack([*of_air, of_loads]),
             estimates=None,
         )
 

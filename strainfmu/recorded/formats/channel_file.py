@@ -60,7 +60,7 @@ class ChannelFile:
     rows : yields the samples of some channels in pieces; None of a format whose channels are read one by one.
     length : position at the end of ``rows``.
     lines : returns the line of each sample, of a text that has one sample a line.
-    remarks : further lines for the user; some are known when the samples have been read.
+    remarks : lines for the user; some are known when the samples have been read.
     """
 
     path: Path

@@ -211,7 +211,7 @@ def _is_slow(known: float, n: int) -> bool:
 
 
 def _parameters(wanted: Wanted) -> list[str]:
-    """Return the further parameters of the flow that are read."""
+    """Return the flow parameters that are read."""
     return [name for name in wanted.flow if name not in _QUANTITIES]
 
 

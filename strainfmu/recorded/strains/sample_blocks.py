@@ -23,7 +23,7 @@ BLOCK_ROWS = 2000
 class StrainFile:
     """An open file: length, in any unit; blocks with the position that each reaches in it; columns; notes.
 
-    ``remarks`` are further lines for the user, complete when the blocks have been read.
+    ``remarks`` are lines for the user, complete when the blocks have been read.
     """
 
     length: int

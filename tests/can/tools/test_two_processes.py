@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from host_delays import HostDelays
 from sender_process import FOREIGN
+from state_estimates import state_gain
 from synthetic_vehicle import synthetic_inverse_map
 
 from strainfmu.can.bridge.results.layouts import result_layouts
@@ -149,7 +150,7 @@ def largest_error(inverse_map: InverseMap, n_cycles: int, cycles: np.ndarray, fo
     length = inverse_map.reference_length
     reference = inverse_map.reference_area * np.array([1.0, 1.0, 1.0, length, length])
     # Half a quantum on every strain, all in the worst direction; then float32 of the result and of q_inf.
-    on_loads = 0.125e-6 * np.abs(inverse_map.load_per_state @ inverse_map.strain_gain).sum(axis=1)
+    on_loads = 0.125e-6 * np.abs(inverse_map.load_per_state @ state_gain(inverse_map)).sum(axis=1)
     largest = 0.0
     for cycle, coefficients in zip(cycles.tolist(), found, strict=True):
         direct = estimator.estimate(strain[cycle], float(pressure[cycle])).coefficients

@@ -1,4 +1,4 @@
-"""Further parameters of the flow: out of range they tell that the map does not hold, by name, and nothing else."""
+"""Flow parameters: out of range they tell that the map does not hold, by name, and nothing else."""
 
 from __future__ import annotations
 

@@ -20,8 +20,8 @@ from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.reference.air import AirInputs, air_inputs
 from strainfmu.estimator.reference.nonlinear import NonlinearReference, Sample
 from strainfmu.estimator.reference.readings import Zeros, amplitudes, row_noise, rows_of
-from strainfmu.estimator.reference.tables import evaluate, tables_of, with_known_parameters
 from strainfmu.estimator.settings import default_settings
+from strainfmu.estimator.tables.parameter_tables import with_known
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 
 AIR = ("mach_number", "static_pressure", "dynamic_pressure")
@@ -84,7 +84,7 @@ class Samples:
 
 def drawn(m: InverseMap, kind: Kind, n: int, seed: int) -> Samples:
     """Return ``n`` samples by the tables and errors of ``m``; sensors and air data are missing or wrong."""
-    random, manifold, tables = np.random.default_rng(seed), m.manifold, tables_of(m)
+    random, manifold = np.random.default_rng(seed), m.manifold
     assert manifold is not None
     middle, half = (np.broadcast_to(one, 2) for one in manifold.crossflow)
     scale = 0.65 if manifold.crossflow_range is None else 1.0
@@ -106,12 +106,12 @@ def drawn(m: InverseMap, kind: Kind, n: int, seed: int) -> Samples:
     noise = np.eye(m.n_gauges) * COLD_NOISE**2 if m.has_temperature else manifold.gauge_covariance
     rows = np.empty((n, m.n_gauges))
     for k, at in enumerate(state):
-        known = tables
+        known = manifold
         if "parameter" in more:
-            known = with_known_parameters(m, tables, more["parameter"][k], np.full(len(more["names"]), 1e-9))
-        covariance = NonlinearReference(m, known, noise).strain_covariance(at)
-        root = np.linalg.cholesky(covariance)
-        rows[k] = evaluate(known, at)[0][: m.n_gauges] + root @ random.standard_normal(m.n_gauges)
+            known = with_known(manifold, more["parameter"][k], np.full(len(more["names"]), 1e-9))
+        reference = NonlinearReference(m, known, noise)
+        root = np.linalg.cholesky(reference.strain_covariance(at))
+        rows[k] = reference.at(at)[0][: m.n_gauges] + root @ random.standard_normal(m.n_gauges)
     if m.has_temperature:
         rows, more["temperature"] = _warm(m, random, rows)
     if kind.has_zeros:
@@ -176,7 +176,7 @@ class ByReference:
     """The reference on samples of a map, one by one."""
 
     def __init__(self, m: InverseMap, samples: Samples) -> None:
-        self._map, self._samples, self._tables = m, samples, tables_of(m)
+        self._map, self._samples = m, samples
         self._kept: dict[bytes, NonlinearReference] = {}
         n = len(samples.readings)
         self._thrust = np.zeros(n) if samples.thrust is None else samples.thrust
@@ -202,9 +202,9 @@ class ByReference:
         parameter = s.parameter is not None and s.parameter_std is not None
         key = (k if parameter else 0, None if known is None else known.tobytes()).__repr__().encode()
         if key not in self._kept:
-            tables = self._tables
+            tables = m.manifold
             if s.parameter is not None and s.parameter_std is not None:
-                tables = with_known_parameters(m, tables, s.parameter[k], s.parameter_std[k])
+                tables = with_known(tables, s.parameter[k], s.parameter_std[k])
             noise = row_noise(m, m.manifold.gauge_covariance, s.zeros, left)
             self._kept[key] = NonlinearReference(m, tables, noise)
         return self._kept[key], sample

@@ -23,7 +23,8 @@ from strainfmu.estimator.reference.flight_filter import FlightFilterReference
 from strainfmu.estimator.reference.linear_filter import LinearFilterReference
 from strainfmu.estimator.reference.nonlinear import Sample
 from strainfmu.estimator.reference.readings import Zeros, rows_of
-from strainfmu.estimator.reference.tables import evaluate, tables_of, with_known_parameters
+from strainfmu.estimator.tables.flight_tables import evaluate
+from strainfmu.estimator.tables.parameter_tables import with_known
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 
 DATA = Path(__file__).parents[2] / "golden" / "data"
@@ -180,7 +181,7 @@ class Deflected:
 
 def deflected_flight(inverse_map: InverseMap, n: int, seed: int) -> Deflected:
     """Return ``n`` samples in which flight state and flow parameters move, with errors of all parts of the map."""
-    random, manifold, plain = np.random.default_rng(seed), inverse_map.manifold, tables_of(inverse_map)
+    random, manifold = np.random.default_rng(seed), inverse_map.manifold
     assert manifold is not None
     assert manifold.parameters is not None
     powers, time = manifold.parameters.powers, 0.02 * np.arange(n)
@@ -193,9 +194,9 @@ def deflected_flight(inverse_map: InverseMap, n: int, seed: int) -> Deflected:
     state = np.column_stack([mach, middle + 0.5 * half * np.sin(2.0 * time[:, None] + phase[1:]), log_pressure])
     own, rows = np.linalg.cholesky(manifold.gauge_covariance), np.empty((n, inverse_map.n_gauges))
     for k, at in enumerate(state):
-        tables = with_known_parameters(inverse_map, plain, true[k], np.full(n_p, 1e-9))
+        tables = with_known(manifold, true[k], np.full(n_p, 1e-9))
         error = 0.03 * tables.error_strain @ random.standard_normal(tables.error_strain.shape[1])
-        rows[k] = evaluate(tables, at)[0][: len(error)] + np.exp(at[3]) * error
+        rows[k] = evaluate(tables.tables, at[None]).value[0, : len(error)] + np.exp(at[3]) * error
         rows[k] += own @ random.standard_normal(len(error))
     air = np.column_stack([mach, np.exp(log_pressure), 0.7 * mach**2 * np.exp(log_pressure)])
     air = air * (1.0 + 0.003 * random.standard_normal(3))

@@ -1,4 +1,4 @@
-"""Further parameters of the flow that are known with a deviation, in the native library: the numbers of Python."""
+"""Flow parameters that are known with a deviation, in the native library: the numbers of Python."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Further parameters of the flow in the native library: inputs, health, scores, the cause in the log."""
+"""Flow parameters in the native library: inputs, health, scores, the cause in the log."""
 
 from __future__ import annotations
 

@@ -18,7 +18,8 @@ from thermal_maps import with_temperature
 
 from strainfmu.atmosphere import dynamic_pressure, pressure_and_temperature
 from strainfmu.estimator.estimator import Estimator
-from strainfmu.estimator.map.inverse_map import InverseMap, map_references
+from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.other_loads import FIVE_LOADS
 from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, U, W
 from strainfmu.fmu.reference_run.flight_motion import flight_states
 from strainfmu.fmu.reference_run.flight_path import altitude_of, flight_path
@@ -49,7 +50,7 @@ def made(name: str) -> InverseMap:
 
 def mean_and_spread(raw: InverseMap) -> tuple[np.ndarray, np.ndarray]:
     """(5,) coefficients of the mean, and what one of each state changes [1]."""
-    scale = raw.nominal_dynamic_pressure * map_references(raw)
+    scale = raw.nominal_dynamic_pressure * raw.references[FIVE_LOADS]
     return raw.load_of_mean / scale, np.abs(raw.load_per_state / scale[:, None]).sum(axis=1)
 
 
@@ -242,7 +243,7 @@ def test_strain_scales_with_the_dynamic_pressure_and_fixed_strain_does_not() -> 
         atol=1e-16,
     )
     np.testing.assert_allclose(
-        flight.load_per_coefficient, path.dynamic_pressure[:, None] * map_references(case), rtol=1e-12
+        flight.load_per_coefficient, path.dynamic_pressure[:, None] * case.references[FIVE_LOADS], rtol=1e-12
     )
 
 

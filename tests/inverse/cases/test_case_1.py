@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from coarse_vehicle import with_paper_map
 from inverse_case import Case, least_squares, noise_model
+from state_estimates import precision_of
 
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map, snapshot_coefficients
@@ -113,18 +114,19 @@ def test_rotated_gauges_give_the_same_state(case: Case, solved: LeastSquaresMap)
     expected = solved.strain_gain @ rotation.T
     np.testing.assert_allclose(changed.strain_gain, expected, rtol=0.0, atol=1e-8 * np.abs(expected).max())
     strain = solved.mean_strain + case.noise_std * np.random.default_rng(6).normal(size=n)
-    before = solved.residual_whitening @ (strain - solved.mean_strain)
-    after = changed.residual_whitening @ (rotation @ strain - changed.mean_strain)
-    assert after @ after == pytest.approx(before @ before, rel=1e-8)
+    before, after = strain - solved.mean_strain, rotation @ strain - changed.mean_strain
+    chi_square = before @ precision_of(solved) @ before
+    assert after @ precision_of(changed) @ after == pytest.approx(chi_square, rel=1e-8)
 
 
 def test_residual_does_not_see_the_kept_modes(case: Case, solved: LeastSquaresMap) -> None:
-    """W Z = 0, and W C W' is a projection of rank n_d - r."""
+    """P Z = 0, and L' P L is a projection of rank n_d - r, C = L L'."""
     spread = case.modes.coefficient_std()[:N_MODES]
-    strain = solved.state_operator * spread
-    scale = np.abs(solved.residual_whitening).max() * np.abs(strain).max()
-    np.testing.assert_allclose(solved.residual_whitening @ strain, 0.0, atol=1e-10 * scale)
-    projection = solved.residual_whitening @ solved.noise_covariance @ solved.residual_whitening.T
+    strain, precision = solved.state_operator * spread, precision_of(solved)
+    scale = np.abs(precision).max() * np.abs(strain).max()
+    np.testing.assert_allclose(precision @ strain, 0.0, atol=1e-10 * scale)
+    root = np.linalg.cholesky(solved.noise_covariance)
+    projection = root.T @ precision @ root
     np.testing.assert_allclose(projection @ projection, projection, atol=1e-8)
     assert np.trace(projection) == pytest.approx(len(case.noise_std) - N_MODES, rel=1e-9)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from inverse_case import Case, gaussian
+from state_estimates import precision_of
 
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.cases.baselines import minimum_norm_pressure
@@ -230,7 +231,7 @@ def test_whitening_leaves_the_estimate_alone() -> None:
     np.testing.assert_allclose(after.spectrum.eigenvalues, before.spectrum.eigenvalues, rtol=1e-9)
     strain = m + 1e-6 * random.normal(size=6)
     chi_square = [
-        np.sum((one.residual_whitening @ (d - one.mean_strain)) ** 2)
+        (d - one.mean_strain) @ precision_of(one) @ (d - one.mean_strain)
         for one, d in ((before, strain), (after, change @ strain))
     ]
     assert chi_square[1] == pytest.approx(chi_square[0], rel=1e-9)
@@ -244,9 +245,8 @@ def test_chi_square_of_the_prior_has_as_many_degrees_as_gauges(case: Case, prior
         solved = gaussian(case, prior, gamma)
         deviation = random.normal(size=(4000, prior.n_states)) @ solved.state_operator.T
         deviation += random.normal(size=deviation.shape) * case.noise_std
-        chi_square = np.sum((deviation @ solved.residual_whitening.T) ** 2, axis=1)
+        chi_square = np.sum((deviation @ precision_of(solved)) * deviation, axis=1)
         assert abs(chi_square.mean() - n) < 3.0 * np.sqrt(2.0 * n / 4000)
-        assert solved.residual_degrees_of_freedom == n
 
 
 def test_recoverable_modes_are_those_above_gamma(case: Case, prior: LowRankPrior) -> None:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from coarse_vehicle import with_paper_map
+from state_estimates import state_gain, state_offset
 
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.cases.observable_states import on_observable_states
@@ -57,7 +58,7 @@ def test_every_output_stays_with_gauges_lost_too(
         assert found.health is expected.health
     fields = []
     for one in (before, after):
-        fields.append(one.field_mean + one.field_modes @ (one.strain_gain @ strain + one.state_offset))
+        fields.append(one.field_mean + one.field_modes @ (state_gain(one) @ strain + state_offset(one)))
     np.testing.assert_allclose(fields[1], fields[0], rtol=0.0, atol=1e-6 * np.abs(fields[0]).max())
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from inverse_case import Case, gaussian, least_squares, noise_model
+from state_estimates import load_gain_of, precision_of
 
 from builder.aero.loads.operator import coefficient_scale
 from builder.campaign.snapshots import Snapshots
@@ -17,8 +18,6 @@ from builder.inverse.cases.prior import LowRankPrior, prior_of_modes
 from builder.inverse.loads.covariance import coefficient_covariance, load_covariance_by_terms
 from builder.inverse.noise.model import NoiseModel, gauge_noise
 from builder.vehicle.shape.reference_quantities import ReferenceQuantities
-from strainfmu.estimator.map.innovation import inverse_cholesky
-from strainfmu.estimator.map.load_errors import load_gain
 
 N_MODES = 5
 N_DRAWS = 20_000
@@ -34,13 +33,7 @@ def gain_of(case: Case) -> np.ndarray:
     """(5, n_d) loads per strain of Case 1 with the default noise."""
     per_state, noise = case.loads @ case.modes.modes[:, :N_MODES], noise_model(case, N_MODES)
     solved = least_squares(case, N_MODES)
-    return load_gain(
-        load_per_state=per_state,
-        strain_gain=solved.strain_gain,
-        state_operator=solved.state_operator,
-        noise_whitening=inverse_cholesky(noise.covariance),
-        strain_load_covariance=noise.strain_load_covariance,
-    )
+    return load_gain_of(solved, per_state, noise.strain_load_covariance)
 
 
 def load_errors(case: Case, gain: np.ndarray, held_out: Snapshots, repeats: int = 100) -> np.ndarray:
@@ -85,9 +78,9 @@ def test_covariance_is_that_of_draws(case: Case) -> None:
 
     distance = np.sum(errors * np.linalg.solve(covariance, errors.T).T, axis=1)
     assert abs(distance.mean() - 5.0) < 3.0 * np.sqrt(2.0 * 5.0 / N_DRAWS)
-    residual = strain @ solved.residual_whitening.T
+    chi_square = np.sum((strain @ precision_of(solved)) * strain, axis=1)
     freedom = len(case.noise_std) - N_MODES
-    assert abs((residual**2).sum(axis=1).mean() - freedom) < 3.0 * np.sqrt(2.0 * freedom / N_DRAWS)
+    assert abs(chi_square.mean() - freedom) < 3.0 * np.sqrt(2.0 * freedom / N_DRAWS)
 
 
 def test_covariance_is_symmetric_and_positive(case: Case) -> None:
@@ -142,14 +135,7 @@ def test_case_2_with_a_cut_prior_counts_what_is_cut(case: Case) -> None:
     states = random.normal(size=(4000, case.modes.modes.shape[1])) * case.modes.coefficient_std()
     measured = states @ (case.strain_operator @ case.modes.modes).T
     measured += random.normal(size=measured.shape) * case.noise_std
-    gain = load_gain(
-        load_per_state=per_state,
-        strain_gain=solved.strain_gain,
-        state_operator=solved.state_operator,
-        noise_whitening=inverse_cholesky(noise.covariance),
-        strain_load_covariance=x,
-    )
-    estimate = measured @ gain.T
+    estimate = measured @ load_gain_of(solved, per_state, x).T
     assert_coverage(estimate - states @ (case.loads @ case.modes.modes).T, covariance)
 
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from inverse_case import Case, noise_model
+from state_estimates import load_gain_of
 
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
@@ -35,8 +36,7 @@ from builder.structure.wall import wall_of
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map.options import Noise
 from strainfmu.errors import InputError
-from strainfmu.estimator.map.innovation import inverse_cholesky
-from strainfmu.estimator.map.load_errors import load_gain
+from strainfmu.estimator.reference.gain import load_covariance
 
 pytestmark = pytest.mark.fast
 
@@ -206,13 +206,7 @@ def test_gauge_errors_are_covered_with_their_term_and_not_without(
     for model in (NoiseModel((*default.terms, term)), default):
         solved = least_squares_map(z, np.zeros(54), model.covariance, case.modes.coefficient_std()[:N_MODES])
         x = model.strain_load_covariance
-        gain = load_gain(
-            load_per_state=per_state,
-            strain_gain=solved.strain_gain,
-            state_operator=z,
-            noise_whitening=inverse_cholesky(model.covariance),
-            strain_load_covariance=x,
-        )
+        gain = load_gain_of(solved, per_state, x)
         std = np.sqrt(np.diag(load_covariance_by_terms(solved, per_state, model, x)))
         coverage.append((np.abs(strain @ gain.T - truth) < 3.0 * std).mean(axis=(0, 1)))
     assert np.all(coverage[0] >= 0.99)
@@ -329,7 +323,7 @@ def test_nuisance_file_of_a_vehicle_is_listed_and_widens_the_uncertainty(
     terms = {term["name"]: term for term in warm.provenance["noise_terms"]}
     assert list(terms) == ["gauge noise", "hot nose", "truncated modes"]
     assert terms["hot nose"]["rms_strain"] == pytest.approx(1e-6 * np.sqrt(np.mean(strain**2)), rel=1e-5)
-    assert warm.load_covariance[0, 0] > 1.05 * plain.load_covariance[0, 0]
+    assert load_covariance(warm)[0, 0] > 1.05 * load_covariance(plain)[0, 0]
     np.testing.assert_array_equal(warm.noise_std, plain.noise_std)
 
 

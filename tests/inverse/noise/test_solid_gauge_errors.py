@@ -27,6 +27,7 @@ from builder.structure.wall import wall_of
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map.options import Noise
 from strainfmu.errors import InputError
+from strainfmu.estimator.reference.gain import load_covariance
 
 LAYOUT = "configuration_1"
 PLAIN = Noise(std_um_per_m=0.4).without_hardware_errors()
@@ -83,7 +84,7 @@ def test_the_map_counts_them_and_knows_less(
     plain, counted = (build_inverse_map(one, snapshots, solid) for one in (without, uncertain))
     names = [term["name"] for term in counted.provenance["noise_terms"]]
     assert [name for name in names if not name.startswith("mesh")] == ["gauge noise", *NAMES, "truncated modes"]
-    assert np.all(np.diag(counted.load_covariance) > np.diag(plain.load_covariance))
+    assert np.all(np.diag(load_covariance(counted)) > np.diag(load_covariance(plain)))
 
 
 def test_turned_gauges_are_the_tensor(uncertain: Vehicle, solid: MappedStructure) -> None:

@@ -23,7 +23,7 @@ from builder.structure.loads.temperature import uniform_temperature
 from builder.vehicle.file import Vehicle
 from builder.vehicle.structure.temperature import Temperature, TemperatureSensor
 from strainfmu.estimator.map.temperature import ThermalMap
-from strainfmu.estimator.reference.readings import modes_left
+from strainfmu.estimator.reference.readings import amplitudes
 
 pytestmark = pytest.mark.fast
 
@@ -87,7 +87,8 @@ def test_modes_are_a_term_of_the_noise_that_sensors_lessen(thermal: ThermalMap, 
     scatter = 1e-8 * gauge_rise(thermal)
     np.testing.assert_allclose(held.isothermal_covariance, 1e-14 * np.eye(54) + np.diag(scatter**2), rtol=1e-12)
     strain = held.linear_strain
-    left = (modes_left(held, np.full(2, known)) for known in (False, True))
+    at_rest = np.full((1, 2), held.reference_temperature)
+    left = (amplitudes(held, at_rest, np.full(2, known)).covariance for known in (False, True))
     none, both = (held.isothermal_covariance + strain @ one @ strain.T for one in left)
     whole = sum(term.strain @ term.strain.T for term in (own, *terms))
     np.testing.assert_allclose(none, whole, rtol=1e-10, atol=1e-22)

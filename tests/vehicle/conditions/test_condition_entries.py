@@ -1,4 +1,4 @@
-"""Further parameters of the flow in the section [conditions], and in the manoeuvre."""
+"""Flow parameters in the section [conditions], and in the manoeuvre."""
 
 from __future__ import annotations
 

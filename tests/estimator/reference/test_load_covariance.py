@@ -9,35 +9,37 @@ import pytest
 from random_map import GaussianModel, map_of, missing, random_model
 
 from strainfmu.estimator.estimator import Estimator
-from strainfmu.estimator.map.innovation import inverse_cholesky
-from strainfmu.estimator.map.load_errors import LoadErrorModel, load_error_covariance, load_error_model, load_gain
+from strainfmu.estimator.reference.gain import load_covariance, nominal, state_model
+from strainfmu.estimator.reference.linear import models
+from strainfmu.estimator.reference.update import Model, joseph, model_of
 
 pytestmark = pytest.mark.fast
 
 N_GAUGES = 27
 
 
-def error_model(model: GaussianModel) -> LoadErrorModel:
-    own, error_strain, error_load = model.columns()
-    return load_error_model(
-        gauge_covariance=own,
-        error_strain=error_strain,
-        error_load=error_load,
-        state_operator=model.a,
-        load_per_state=model.load_per_state,
-        known_prior=model.gamma > 0.0,
-    )
+def truth(model: GaussianModel) -> Model:
+    """The model of states and errors, these as columns of strain and load."""
+    return models(map_of(model))[1]
+
+
+def correlated(model: GaussianModel) -> Model:
+    """The same with the errors as noise of strain and load, which are correlated."""
+    prior = {"columns": model.a, "output_columns": model.load_per_state}
+    noise = {"noise": model.noise_covariance, "output_noise": model.load_noise_covariance}
+    cross = model.strain_load_covariance
+    return model_of(N_GAUGES, 5, **noise, cross=cross, **(prior if model.gamma > 0.0 else {}))
+
+
+def by(errors: Model, gain: np.ndarray) -> np.ndarray:
+    """(5, 5) covariance of the loads by ``gain`` (5, n_d)."""
+    return joseph(errors, gain[None], np.ones(1))[0]
 
 
 def gain_of(model: GaussianModel) -> np.ndarray:
     """(5, n_d) G of the function under test."""
-    return load_gain(
-        load_per_state=model.load_per_state,
-        strain_gain=model.gain(),
-        state_operator=model.a,
-        noise_whitening=inverse_cholesky(model.noise_covariance),
-        strain_load_covariance=model.strain_load_covariance,
-    )
+    loads = model.load_per_state, model.strain_load_covariance
+    return nominal(state_model(model.a, model.noise_covariance, model.gamma, *loads)).gain[0]
 
 
 def assert_equal_to(expected: np.ndarray, found: np.ndarray, tolerance: float) -> None:
@@ -72,8 +74,8 @@ def test_gain_is_universal_kriging_without_a_prior() -> None:
 def test_no_other_gain_has_a_smaller_covariance(gamma: float) -> None:
     """20 other gains, in Case 1 unbiased ones: their covariance less the stated one is positive semi-definite."""
     model, random = random_model(gamma), np.random.default_rng(7)
-    errors, best = error_model(model), gain_of(model)
-    stated = load_error_covariance(errors, best)
+    errors, best = truth(model), gain_of(model)
+    stated = by(errors, best)
     size = np.sqrt(np.diag(stated))
     whitening = np.linalg.inv(np.linalg.cholesky(model.noise_covariance))
     blind = np.eye(N_GAUGES)
@@ -82,7 +84,7 @@ def test_no_other_gain_has_a_smaller_covariance(gamma: float) -> None:
         blind -= q @ q.T
     for _ in range(20):
         other = best + 0.3 * size[:, None] * random.normal(size=(5, N_GAUGES)) @ blind @ whitening
-        growth = (load_error_covariance(errors, other) - stated) / np.outer(size, size)
+        growth = (by(errors, other) - stated) / np.outer(size, size)
         assert np.linalg.eigvalsh(growth)[0] > -1e-9
         assert np.trace(growth) > 0.1
 
@@ -102,33 +104,32 @@ def test_every_part_of_the_gain_is_needed(gamma: float, lost: tuple[int, ...]) -
     of_states = rest.load_per_state @ rest.gain()
     found = Estimator(map_of(model)).estimate(strain, 1.2e5, keep)
 
-    def rms(estimated: np.ndarray) -> np.ndarray:
-        return np.asarray(np.sqrt(np.mean((estimated - loads) ** 2, axis=0)) / found.loads_std[0])
+    def rms(of: np.ndarray) -> np.ndarray:
+        return np.asarray(np.sqrt(np.mean((of - loads) ** 2, axis=0)) / found.loads_std[0])
 
-    def by(gain: np.ndarray) -> np.ndarray:
+    def estimated(gain: np.ndarray) -> np.ndarray:
         return np.asarray((strain - model.m)[:, keep] @ gain.T + model.load_of_mean)
 
     np.testing.assert_allclose(rms(found.loads), 1.0, atol=0.05)
-    assert np.all(rms(by(of_states)) > 1.05)
-    assert np.all(rms(by(of_states + of_residual)) > 1.05)
+    assert np.all(rms(estimated(of_states)) > 1.05)
+    assert np.all(rms(estimated(of_states + of_residual)) > 1.05)
 
 
 @pytest.mark.parametrize("gamma", [0.0, 1.0, 10.0])
 def test_no_part_of_the_covariance_is_idle(gamma: float) -> None:
-    """Noise, what it tells of load outside the states, the rest of that load, prior: each changes all sigmas."""
+    """Noise, its correlation with load outside the states, that load, prior: each changes all sigmas."""
     model = random_model(gamma)
-    errors, gain = error_model(model), gain_of(model)
-    stated = np.diag(load_error_covariance(errors, gain))
-    nothing = np.zeros_like
+    errors, gain = correlated(model), gain_of(model)
+    stated = np.diag(by(errors, gain))
     without = [
-        replace(errors, noise_root=nothing(errors.noise_root)),
-        replace(errors, regression=nothing(errors.regression)),
-        replace(errors, remainder=nothing(errors.remainder)),
+        replace(errors, noise=1.01 * errors.noise),
+        replace(errors, cross=0.0 * errors.cross),
+        replace(errors, output_noise=0.0 * errors.output_noise),
     ]
     if gamma > 0.0:
-        without.append(replace(errors, known_prior=False))
+        without.append(replace(errors, columns=errors.columns[:, :0], output_columns=errors.output_columns[:, :0]))
     for changed in without:
-        difference = np.diag(load_error_covariance(changed, gain)) - stated
+        difference = np.diag(by(changed, gain)) - stated
         assert np.all(np.abs(difference) > 1e-6 * stated)
 
 
@@ -160,8 +161,9 @@ def test_without_weight_on_the_prior_the_residual_is_all_that_tells() -> None:
 @pytest.mark.parametrize("gamma", [0.0, 1.0, 10.0])
 def test_covariance_of_the_own_gain_comes_back(gamma: float) -> None:
     model = random_model(gamma)
-    found = load_error_covariance(error_model(model), model.load_gain())
-    np.testing.assert_allclose(found, model.load_covariance(), rtol=0.0, atol=1e-12 * np.abs(found).max())
+    for errors in (truth(model), correlated(model)):
+        found = by(errors, model.load_gain())
+        np.testing.assert_allclose(found, model.load_covariance(), rtol=0.0, atol=1e-12 * np.abs(found).max())
 
 
 @pytest.mark.parametrize("gamma", [1.0, 10.0])
@@ -169,7 +171,7 @@ def test_any_gain_has_the_covariance_of_draws(gamma: float) -> None:
     """A gain 20 % off the best one, 20,000 draws: e' C^-1 e has mean 5 to 3 errors."""
     model, n = random_model(gamma), 20_000
     gain = 0.8 * model.load_gain()
-    covariance = load_error_covariance(error_model(model), gain)
+    covariance = by(truth(model), gain)
     strain, loads = model.draw(n, 3)
     errors = (strain - model.m) @ gain.T + model.load_of_mean - loads
     distance = np.sum(errors * np.linalg.solve(covariance, errors.T).T, axis=1)
@@ -178,25 +180,20 @@ def test_any_gain_has_the_covariance_of_draws(gamma: float) -> None:
 
 def test_a_variance_stays_positive_where_the_difference_would_not() -> None:
     """Load that follows its strain to 1e-9 of its size: the difference of the two variances is round-off."""
-    model, random = random_model(), np.random.default_rng(1)
+    random = np.random.default_rng(1)
     of_strain = random.normal(size=(5, 27)) * 1e9
     strain = 1e-6 * random.normal(size=(27, 27))
     load = np.hstack([of_strain @ strain, 1e-6 * np.eye(5)])
-    found = load_error_model(
-        gauge_covariance=1e-24 * np.eye(27),
-        error_strain=np.hstack([strain, np.zeros((27, 5))]),
-        error_load=load,
-        state_operator=model.a,
-        load_per_state=model.load_per_state,
-        known_prior=True,
-    )
-    assert np.linalg.eigvalsh(found.remainder)[0] >= 0.0
-    assert np.all(np.diag(load_error_covariance(found, of_strain)) > 0.0)
+    columns = np.hstack([strain, np.zeros((27, 5))])
+    errors = model_of(N_GAUGES, 5, noise=1e-24 * np.eye(27), columns=columns, output_columns=load)
+    assert np.all(np.diag(by(errors, of_strain)) > 0.0)
 
 
 @pytest.mark.parametrize("gamma", [0.0, 1.0])
-def test_load_without_strain_is_all_of_the_remainder(gamma: float) -> None:
+def test_load_without_strain_adds_all_of_its_variance(gamma: float) -> None:
     model = random_model(gamma, full=False)
-    found = error_model(model)
-    np.testing.assert_allclose(found.remainder, model.load_noise_covariance, rtol=0.0, atol=1e-15)
-    np.testing.assert_array_equal(found.regression, 0.0)
+    whole = map_of(model)
+    without = load_covariance(replace(whole, error_load=0.0 * whole.error_load))
+    np.testing.assert_allclose(
+        load_covariance(whole) - without, model.load_noise_covariance, rtol=0.0, atol=1e-12 * np.abs(without).max()
+    )

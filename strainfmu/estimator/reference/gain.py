@@ -1,0 +1,70 @@
+"""Gains and covariances of a linear map with all rows in use, at its nominal dynamic pressure.
+
+A finished map holds primary quantities alone. Reports, pages and the builder take from here what follows from
+them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from strainfmu.arrays import FloatArray
+from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.reference.linear import models
+from strainfmu.estimator.reference.update import Model, Posterior, condition, joseph, model_of, prepare
+
+
+def nominal(model: Model) -> Posterior:
+    """Return gain, covariance and precision of one sample with all rows in use, at s = 1."""
+    n = len(model.noise)
+    return condition(prepare(model, np.ones(n, dtype=bool)), np.zeros((1, n)), np.ones(1))
+
+
+def load_gain(inverse_map: InverseMap) -> FloatArray:
+    """Return (n_f, n_d) G, loads per strain [N, N m]: f = G (d - m) + f_mean."""
+    return nominal(models(inverse_map)[0]).gain[0]
+
+
+def load_covariance(inverse_map: InverseMap) -> FloatArray:
+    """Return (n_f, n_f) the covariance of the error of the loads by that gain [(N, N m)^2]."""
+    return joseph(models(inverse_map)[1], load_gain(inverse_map)[None], np.ones(1))[0]
+
+
+def residual_precision(inverse_map: InverseMap) -> FloatArray:
+    """Return (n_d, n_d) P [1/(m/m)^2]; chi-square of strain d is (d - m)' P (d - m).
+
+    P is the inverse of the covariance of d under the model, A A' + Gamma in Case 2 whatever gamma; its limit for a
+    free state in Case 1.
+    """
+    return nominal(models(inverse_map)[1]).precision[0]
+
+
+def state_model(
+    state_operator: FloatArray,
+    noise_covariance: FloatArray,
+    regularisation: float,
+    load_per_state: FloatArray | None = None,
+    strain_load_covariance: FloatArray | None = None,
+) -> Model:
+    """Return the model of d - m = A q + e whose outputs are the states, or the loads M q + g.
+
+    Its gain is T = (A' Gamma^-1 A + gamma I)^-1 A' Gamma^-1 (``eq:segmented-ls-solution``) or, of the loads,
+    (M - X' Gamma^-1 A) T + X' Gamma^-1: X' Gamma^-1 is load outside the states that the residual reveals.
+
+    Parameters
+    ----------
+    state_operator : (n_d, n_q) A [(m/m)/state].
+    noise_covariance : (n_d, n_d) Gamma of e [(m/m)^2].
+    regularisation : gamma [1], 0 where the states are free (Case 1).
+    load_per_state : (m, n_q) M [N/state, N m/state]; None for the states as outputs.
+    strain_load_covariance : (n_d, m) X of e with g; None for none.
+    """
+    n, n_q = state_operator.shape
+    outputs = np.eye(n_q) if load_per_state is None else load_per_state
+    parts = {"noise": noise_covariance}
+    if strain_load_covariance is not None:
+        parts["cross"] = strain_load_covariance
+    if regularisation == 0.0:
+        return model_of(n, len(outputs), **parts, free=state_operator, output_free=outputs)
+    std = 1.0 / np.sqrt(regularisation)
+    return model_of(n, len(outputs), **parts, columns=std * state_operator, output_columns=std * outputs)

@@ -1,0 +1,45 @@
+"""Estimates of the pressure states by a map, of the builder or finished: q = T d + k."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+
+from strainfmu.estimator.reference.gain import nominal, state_model
+
+
+class StateModel(Protocol):
+    """What the gain of states follows from."""
+
+    @property
+    def state_operator(self) -> np.ndarray: ...
+    @property
+    def noise_covariance(self) -> np.ndarray: ...
+    @property
+    def regularisation(self) -> float: ...
+    @property
+    def mean_strain(self) -> np.ndarray: ...
+
+
+def state_gain(held: StateModel) -> np.ndarray:
+    """(n_q, n_d) T."""
+    model = state_model(held.state_operator, held.noise_covariance, held.regularisation)
+    return nominal(model).gain[0]
+
+
+def state_offset(held: StateModel) -> np.ndarray:
+    """(n_q,) k = -T m."""
+    return np.asarray(-state_gain(held) @ held.mean_strain)
+
+
+def precision_of(held: StateModel) -> np.ndarray:
+    """(n_d, n_d) P of d - m, whatever gamma: the prior of states is standard normal, or they are free."""
+    of_prior = float(held.regularisation > 0.0)
+    return nominal(state_model(held.state_operator, held.noise_covariance, of_prior)).precision[0]
+
+
+def load_gain_of(held: StateModel, load_per_state: np.ndarray, cross: np.ndarray | None = None) -> np.ndarray:
+    """(n_f, n_d) G of loads per state (n_f, n_q), ``cross`` (n_d, n_f) their covariance with strain."""
+    operator, noise = held.state_operator, held.noise_covariance
+    return nominal(state_model(operator, noise, held.regularisation, load_per_state, cross)).gain[0]
