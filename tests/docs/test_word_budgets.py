@@ -54,7 +54,7 @@ AVOIDED = {
 
 
 def prose(text: str) -> str:
-    """Return what is written by hand, without front matter, comments and code fences; 0 for a formula in a line."""
+    """Return what is written by hand, without front matter, comments, code fences; 0 for a formula in a line."""
     kept, fence = [], ""
     for line in re.sub(r"\A---\n.*?\n---\n", "", text, flags=re.S).splitlines():
         opening = re.match(r"\s*(`{3,}|~{3,})", line)
