@@ -133,9 +133,9 @@ def gauges(inverse_map: InverseMap, surface: SurfaceGrid) -> Figure:
 def overview(
     snapshots: Snapshots, surface: SurfaceGrid, inverse_map: InverseMap, recording: Recording, title: str
 ) -> Figure:
-    """Draw load and gauges on the body, and two coefficients that were estimated from strain."""
-    figure = blank_figure(10.0, 6.5)
-    body, *panels = figure.subplots(3, 1, height_ratios=(1.1, 1.0, 1.0))
+    """Draw load and gauges on the body, their strain, and two coefficients that were estimated from it."""
+    figure = blank_figure(10.0, 8.0)
+    body, strain, *panels = figure.subplots(4, 1, height_ratios=(1.1, 1.0, 1.0, 1.0))
     index = three_conditions(snapshots)[1]
     condition = snapshots.conditions()[index]
     at_nodes = snapshots.pressure[index] / condition.ambient_pressure
@@ -161,13 +161,29 @@ def overview(
     body.set_title(f"Air load: {condition}, seen from windward", fontsize=9, loc="left")
     body.set_xlabel("station x from the nose tip [m]")
     body.set_ylabel("across [mm]")
+    _draw_strain(strain, recording, inverse_map)
     for axis, name in zip(panels, ("C_N", "C_Y"), strict=True):
         _draw_coefficient(axis, recording, name)
-    panels[0].sharex(panels[1])
+    for axis in (strain, panels[0]):
+        axis.sharex(panels[1])
     panels[1].legend(ncols=3, fontsize=8, loc="lower right")
     panels[1].set_xlabel("time [s]")
     figure.suptitle(f"From strain to air loads: {title}")
     return figure
+
+
+def _draw_strain(axis: Any, recording: Recording, inverse_map: InverseMap) -> None:
+    """Draw the readings of all strain gauges over time, coloured by the station of the gauge."""
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+
+    station = inverse_map.gauge_position[: inverse_map.n_strain_gauges, 0]
+    drawn = ScalarMappable(Normalize(station.min(), station.max()), COLOUR_MAP)
+    for gauge, x in enumerate(station, start=1):
+        axis.plot(recording.time, 1e6 * recording[f"plant.strain[{gauge}]"], color=drawn.to_rgba(x), linewidth=0.5)
+    axis.figure.colorbar(drawn, ax=axis, label="station x [m]", pad=0.01)
+    axis.set_title(f"Strain of {len(station)} gauges, with noise [$\\mu$m/m]", fontsize=9, loc="left")
+    axis.grid(alpha=0.3)
 
 
 def _draw_coefficient(axis: Any, recording: Recording, name: str) -> None:

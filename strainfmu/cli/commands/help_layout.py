@@ -11,7 +11,7 @@ COMMANDS: dict[str, dict[str, str]] = {
         "tare": "docs/howto/tare.md",
         "inspect": "docs/reference/files.md",
         "monitor": "docs/howto/watch_live.md",
-        "crosscheck": "docs/explanation/verification.md",
+        "crosscheck": "docs/evidence/verification.md",
     },
     "Build": {
         "demo": "docs/tutorials/first_map.md",
@@ -34,11 +34,11 @@ COMMANDS: dict[str, dict[str, str]] = {
     },
     "Studies": {
         "stress": "docs/howto/what_a_map_notices.md",
-        "compare": "docs/explanation/comparison.md",
+        "compare": "docs/evidence/comparison.md",
         "fly": "docs/howto/fly_closed_loop.md",
         "plant": "docs/explanation/flight.md",
         "bench": "docs/reference/step_time.md",
-        "reproduce": "docs/explanation/reproduction.md",
+        "reproduce": "docs/evidence/reproduction.md",
     },
 }
 """Panels of ``strainfmu --help`` in their order, the commands of each, and the page of each."""

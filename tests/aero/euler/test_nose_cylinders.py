@@ -30,7 +30,7 @@ MEASURED = {
     ("ogive", 6.28): [(2.12, 2.62), (2.57, 3.13), (2.78, 3.60), (3.01, 4.00), (3.31, 4.32)],
 }
 # Entries outside the stated error, and what this solver gives there. OpenFOAM's rhoCentralFoam, also inviscid,
-# agrees with it (docs/explanation/openfoam.md), so these are listed rather than the tolerance widened.
+# agrees with it (docs/evidence/openfoam.md), so these are listed rather than the tolerance widened.
 OUTSIDE_IN_SLOPE = {
     ("cone", 4.24, 2): 2.63,
     ("cone", 4.24, 4): 3.0,

@@ -20,7 +20,7 @@ from builder.vehicle.shape.geometry import chain_segments
 
 pytestmark = [
     pytest.mark.slow,
-    pytest.mark.skipif(not is_available(), reason=f"{SOLVER} is not installed: see docs/explanation/openfoam.md"),
+    pytest.mark.skipif(not is_available(), reason=f"{SOLVER} is not installed: see docs/evidence/openfoam.md"),
 ]
 
 MACH_NUMBER, INCIDENCE = 5.0, radians(10.0)

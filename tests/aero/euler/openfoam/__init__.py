@@ -1,1 +1,1 @@
-"""Flows by OpenFOAM to compare with: see docs/explanation/openfoam.md."""
+"""Flows by OpenFOAM to compare with: see docs/evidence/openfoam.md."""

@@ -1,4 +1,4 @@
-"""Print what rhoCentralFoam and the marching solver say of two bodies: see docs/explanation/openfoam.md.
+"""Print what rhoCentralFoam and the marching solver say of two bodies: see docs/evidence/openfoam.md.
 
 From the project's root:
 ``PYTHONPATH=tests/aero/euler .venv/bin/python -m openfoam.compare_bodies ic3x DIRECTORY``,

@@ -1,4 +1,4 @@
-"""The flow over an elliptic cone by rhoCentralFoam and by the march: see docs/explanation/openfoam.md.
+"""The flow over an elliptic cone by rhoCentralFoam and by the march: see docs/evidence/openfoam.md.
 
 From the project's root: ``PYTHONPATH=tests/aero/euler .venv/bin/python -m openfoam.elliptic_cone DIRECTORY``
 prints what both say of the flows of :data:`FLOWS`. The directory must be empty.

@@ -1,0 +1,151 @@
+"""Length and words of the pages: sections keep within their budgets, sentences are short, words are plain.
+
+The help of the commands has the same limits in ``tests/cli/test_help.py``.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from snippets import ROOT, pages
+
+pytestmark = pytest.mark.fast
+
+BUDGETS = {
+    "README": 850,
+    "start": 450,
+    "tutorials": 3_300,
+    "howto": 15_400,
+    "explanation": 10_000,
+    "evidence": 3_800,
+    "reference": 8_200,
+    "developers": 2_400,
+}
+"""Words written by hand in each section; "start" is the first page of the site and of its sections."""
+
+LONGEST_SENTENCE = 35
+"""Words of a sentence of README, start page, tutorials and how-to."""
+
+AVOIDED = {
+    "that of": r"\b(?:that|those) of\b",
+    "in place of": r"in place of",
+    "beside": r"\bbeside\b",
+    "told, tells": r"\b(?:told|tells?)\b",
+    "believed": r"\bbelieved\b",
+    "held to": r"\bheld to\b",
+    "let": r"\blet\b",
+    "anew": r"\banew\b",
+    "whichever": r"\bwhichever\b",
+    "without a word": r"\bwithout a word\b",
+    "be it": r"\bbe it\b",
+    "least": r"(?<!at )\bleast\b(?! squares)",
+    "share": r"\b(?:a|an|the|this|same|of|what) shares?\b(?! an?\b)",
+    "at a third": r"\bat a third\b",
+    "of like": r"\bof like\b",
+    "further": r"\bfurther (?:parameters?|sensors?|loads?)\b",
+    "errs by": r"\berrs? by\b",
+    "strains": r"\bstrains (?:the|its|all|by|gauges)\b",
+    "deviation": r"(?<![Ss]tandard )\bdeviations?\b",
+}
+"""What does not belong in prose, by its name: an expression that finds it."""
+
+
+def prose(text: str) -> str:
+    """Return what is written by hand, without front matter, comments, code fences; 0 for a formula in a line."""
+    kept, fence = [], ""
+    for line in re.sub(r"\A---\n.*?\n---\n", "", text, flags=re.S).splitlines():
+        opening = re.match(r"\s*(`{3,}|~{3,})", line)
+        if fence:
+            fence = "" if line.strip() == fence else fence
+        elif opening:
+            fence = opening[1]
+        else:
+            kept.append(line)
+    written = re.sub(r"<!--.*?-->|\$\$.*?\$\$", "", "\n".join(kept), flags=re.S)
+    return re.sub(r"\$[^$\n]*\$", "0", written)
+
+
+def words(text: str) -> int:
+    """Return the number of words; numbers are none."""
+    return sum(re.search(r"[A-Za-z]", token) is not None for token in text.split())
+
+
+def section_of(page: Path) -> str:
+    """Return the section that the words of a page count for."""
+    if page.parent == ROOT:
+        return "README"
+    return "start" if page.name == "index.md" else page.relative_to(ROOT / "docs").parts[0]
+
+
+def paragraphs(text: str) -> Iterator[str]:
+    """Yield paragraphs and items of lists, each in one line, without headings, tables, labels and directives."""
+    lines: list[str] = []
+    for line in [*prose(text).splitlines(), ""]:
+        begins = re.match(r"\s*(?:[-*]|\d+\.)\s+", line)
+        other = not line.strip() or re.match(r"\s*(?:\||#|:|!\[|\([\w-]+\)=$)", line)
+        if lines and (begins or other):
+            yield " ".join(lines)
+            lines = []
+        if begins:
+            lines.append(line[begins.end() :])
+        elif not other:
+            lines.append(line.strip())
+
+
+def sentences(text: str) -> Iterator[str]:
+    """Yield the sentences of the paragraphs."""
+    for paragraph in paragraphs(text):
+        plain = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", paragraph)  # of a link, what is read
+        yield from re.split(r"(?<=[^.][.!?:])[*_)\"]*\s+(?=[\"`*\[(]*[A-Z0-9`])", plain)
+
+
+def name(page: Path) -> str:
+    return page.relative_to(ROOT).as_posix()
+
+
+@pytest.mark.parametrize("section", BUDGETS)
+def test_a_section_keeps_within_its_budget(section: str) -> None:
+    counted = {
+        name(page): words(prose(page.read_text("utf-8"))) for page in pages() if section_of(page) == section
+    }
+    assert counted
+    assert sum(counted.values()) <= BUDGETS[section], counted
+
+
+def test_every_page_belongs_to_a_section() -> None:
+    assert {section_of(page) for page in pages()} == set(BUDGETS)
+
+
+@pytest.mark.parametrize("page", pages(), ids=name)
+def test_sentences_are_short(page: Path) -> None:
+    if section_of(page) not in ("README", "start", "tutorials", "howto"):
+        return
+    long = [one for one in sentences(page.read_text("utf-8")) if words(one) > LONGEST_SENTENCE]
+    assert long == []
+
+
+@pytest.mark.parametrize("page", pages(), ids=name)
+def test_words_are_plain(page: Path) -> None:
+    text = re.sub(r"`[^`\n]*`|\]\([^)\n]*\)", "", prose(page.read_text("utf-8")))
+    text = " ".join(text.split())
+    hits = [(word, hit.span()) for word, pattern in AVOIDED.items() for hit in re.finditer(pattern, text)]
+    found = {word: text[max(first - 40, 0) : last + 40] for word, (first, last) in hits}
+    assert found == {}
+
+
+def test_the_rules_find_what_they_are_for() -> None:
+    text = "A b. C *d*\n\n| e | f |\n\n- g\n  h\n- i: J k\n\n```sh\nx y z\n```\n\nThe [l m](n.md) is $p q$ 1 r.\n"
+    assert list(sentences(text)) == ["A b.", "C *d*", "g h", "i:", "J k", "The l m is 0 1 r."]
+    assert words(prose(text)) == 16
+    bad = "the strain is that of a wall and strains the gauges by a share of 2 deviations at the least"
+    assert {word for word, pattern in AVOIDED.items() if re.search(pattern, bad)} == {
+        "that of",
+        "share",
+        "strains",
+        "deviation",
+        "least",
+    }
+    assert not any(re.search(p, "at least two standard deviations by least squares") for p in AVOIDED.values())
