@@ -176,11 +176,3 @@ void sb_checks_frozen(SbChecks *checks, const SbCycle *cycle, const double *now)
     c->frozen_for[0] = known;
     c->frozen_for[1] = larger(possible - known, 0.0);
 }
-
-int64_t sb_judge(const SbDecoder *decoder, const uint8_t *data, const uint8_t *here, int refuse_all, SbCycle *cycle,
-                 SbChecks *checks, const double *now) {
-    sb_decode(decoder, data, here, refuse_all, cycle);
-    const int64_t flags = sb_checks_update(checks, cycle, now);
-    sb_checks_frozen(checks, cycle, now);
-    return flags;
-}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-from typing import Any
 
 import numpy as np
 
@@ -79,7 +78,7 @@ class GaugeChecks:
         self._stuck_cycles, self._zero_cycles = np.zeros(n), np.zeros(n, dtype=np.int64)
         self._good, self._valid = np.full(n, settings.heal_cycles, dtype=np.int64), np.zeros(n, dtype=bool)
         self._fault, self._frozen_for = np.zeros((len(_FAULTS), n), dtype=bool), np.zeros(2)
-        self._record = _Checks(
+        self.record = _Checks(
             n=n,
             heal_cycles=settings.heal_cycles,
             looks_for_frozen=settings.stuck_cycles != 0,
@@ -114,9 +113,8 @@ class GaugeChecks:
             watch=self._watch.record,
         )
         self._now = ctypes.c_double()
-        self._at, self._at_now = pointer(self._record), pointer(self._now)
+        self._at, self._at_now = pointer(self.record), pointer(self._now)
         self._begin, self._end = function("sb_checks_update", _Checks), function("sb_checks_end", _Checks)
-        self._all_at_once = function("sb_judge", _Checks)
         self._find_age = function("sb_checks_frozen", _Checks)
         self._ages = self._frozen_for.data
         self._own = DecodedCycle(n)
@@ -164,20 +162,18 @@ class GaugeChecks:
         self._now.value = now
         return self._judged(self._begin(self._at, cycle.address, self._at_now), cycle)
 
-    def judge_frames(self, arguments: tuple[Any, ...], cycle: DecodedCycle, now: float) -> BoolArray:
-        """Decode ``cycle`` by the ``arguments`` of its decoder, and judge it; :attr:`ages` are those of it."""
-        self._now.value = now
-        return self._judged(self._all_at_once(*arguments, self._at, self._at_now), cycle)
-
     def _judged(self, flags: int, cycle: DecodedCycle) -> BoolArray:
         """Return (n_d,) which gauges are valid by what compiled code found."""
         if flags == _LEARNED:
-            self._watch.learn()
-            self._count_on(self._watch.noise_ratio)
+            self.learn()
             flags = self._end(self._at, cycle.address, self._at_now)
-            self._find_age(self._at, cycle.address, self._at_now)
         self.has_frozen, self.all_zero = flags & _HAS_FROZEN != 0, flags & _ALL_ZERO != 0
         return self.every_gauge if flags & _ALL_VALID else self._valid.copy()
+
+    def learn(self) -> None:
+        """Derive from the usual scatter what is too many repetitions; compiled code says when."""
+        self._watch.learn()
+        self._count_on(self._watch.noise_ratio)
 
     @property
     def noise_ratio(self) -> FloatArray:
@@ -211,11 +207,6 @@ class GaugeChecks:
         """
         self._now.value = now
         self._find_age(self._at, cycle.address, self._at_now)
-        return self.ages
-
-    @property
-    def ages(self) -> tuple[float, float]:
-        """What :meth:`frozen` returned last, or would return of the cycle that was decoded and judged last."""
         return self._ages[0], self._ages[1]
 
     def refuse_zeros(self, present: BoolArray) -> BoolArray:
