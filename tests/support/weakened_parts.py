@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from strainfmu.arrays import FloatArray
+from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.can.cycle.core import BridgeCore
 from strainfmu.can.cycle.estimate.held_flow import FlowState, HeldValue
 from strainfmu.can.cycle.estimate.result import CycleResult
@@ -350,12 +350,12 @@ class HoldsMissingGauges(EstimatorStep):
     _before: FloatArray | None = None
 
     def __call__(
-        self, strain: FloatArray, flow: FlowState, now: float, causes: Cause
+        self, strain: FloatArray, valid: BoolArray, flow: FlowState, now: float, causes: Cause
     ) -> tuple[StepResult | None, Quality, Cause]:
         if self._before is not None:
             strain = np.where(np.isnan(strain), self._before, strain)
         self._before = strain
-        return super().__call__(strain, flow, now, causes & ~Cause.PARTIAL_CYCLE)
+        return super().__call__(strain, valid, flow, now, causes & ~Cause.PARTIAL_CYCLE)
 
 
 class IgnoresHealth(EstimatorStep):

@@ -147,7 +147,7 @@ typedef struct {
     int64_t open;                               /* state: index of the open cycle, -1 for none */
     int64_t has_newest, newest, late;
     double deadline;                            /* of the open cycle, infinite without [s] */
-    int64_t closed[2];                          /* indices of the cycles that the last frame has closed */
+    int64_t *closed;                            /* (2) indices of the cycles that the last frame has closed */
 } SbAssembler;
 
 enum { SB_IN_CYCLE, SB_TWICE, SB_LATE, SB_RESTARTED_CYCLES };

@@ -342,7 +342,7 @@ class CycleJudge:
         causes = causes | flow.lost if flow.lost else causes
         step = None
         if found[_N_VALID]:
-            step, quality, causes = self._step(strain, flow, now, causes)
+            step, quality, causes = self._step(strain, valid, flow, now, causes)
         elif causes & (Cause.OLD | Cause.FROZEN):
             quality = Quality.STALE
         else:

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 from math import inf
+from typing import Any
 
 import numpy as np
 
@@ -84,7 +85,9 @@ class Cycle:
         n = len(starts) - 1
         self._starts = starts
         self._data, self._here = np.zeros(starts[-1], dtype=np.uint8), np.zeros(n, dtype=np.uint8)
-        self._order, self._time = np.zeros(n, dtype=np.int64), np.zeros(n)
+        order, time = np.zeros(n, dtype=np.int64), np.zeros(n)
+        self._order: Any = order.data
+        self._time: Any = time.data
         self._number = np.zeros((n, _N_NUMBERS), dtype=np.int64)
         self.record = PartsRecord(
             n=0,
@@ -92,8 +95,8 @@ class Cycle:
             last_time=0.0,
             data=self._data,
             here=self._here,
-            order=self._order,
-            time=self._time,
+            order=order,
+            time=time,
             number=self._number,
         )
         self.address = pointer(self.record)
@@ -184,7 +187,7 @@ class AssemblerRecord(Record):
         ("parts", ARRAY),
         *((name, INTEGER) for name in ("open", "has_newest", "newest", "late")),
         ("deadline", NUMBER),
-        ("closed", INTEGER * 2),
+        ("closed", ARRAY),
     )
 
 
@@ -198,7 +201,7 @@ class CycleAssembler:
     """
 
     def __init__(self, limits: Limits, lengths: Sequence[int]) -> None:
-        starts = np.cumsum([0, *lengths], dtype=np.int64)
+        starts, closed = np.cumsum([0, *lengths], dtype=np.int64), np.zeros(2, dtype=np.int64)
         self._lengths = tuple(lengths)
         self._cycles = Cycle(starts.tolist()), Cycle(starts.tolist())
         self.record = AssemblerRecord(
@@ -216,12 +219,13 @@ class CycleAssembler:
             newest=0,
             late=0,
             deadline=inf,
-            closed=(INTEGER * 2)(),
+            closed=closed,
         )
         self._time = NUMBER()
         self._at, self._at_time = pointer(self.record), pointer(self._time)
         self._offer, self._close = function("sb_offer", AssemblerRecord), function("sb_close", AssemblerRecord)
         self._one = [self._cycles[0]], [self._cycles[1]]
+        self._last_closed: Any = closed.data
 
     @property
     def deadline(self) -> float:
@@ -253,12 +257,12 @@ class CycleAssembler:
 
     def outcome(self, found: int) -> tuple[Verdict, list[Cycle]]:
         """Return fate and closed cycles by what compiled code returns of a frame."""
-        count, closed = found // len(_VERDICTS), self.record.closed
+        count, closed = found // len(_VERDICTS), self._last_closed
         return _VERDICTS[found % len(_VERDICTS)], [self._cycles[closed[k]] for k in range(count)]
 
     def closed_one(self) -> list[Cycle]:
         """Return the cycle that the last frame has closed, where it is one."""
-        return self._one[self.record.closed[0]]
+        return self._one[self._last_closed[0]]
 
     def _closed(self) -> list[Cycle]:
         index = self._close(self._at)
