@@ -137,11 +137,19 @@ static int has_changed_since_passed(const SbJudge *j, const SbParts *p) {
     return 0;
 }
 
-/* Strains that the sender repeats have the age of their first occurrence. */
+/* Strains that the sender repeats have the age of their first occurrence. Where the readings of quiet gauges may repeat
+   themselves so often by chance, what makes them too old is doubt instead. */
 static void add_frozen(SbJudge *j, const SbParts *p) {
     const double frozen = j->checks->frozen_for[0], unheard = j->checks->frozen_for[1];
-    j->age[0] += frozen;
-    if (frozen > 0.0 && j->age[0] > j->max_age) {
+    const double room = j->max_age - j->age[0];
+    if (j->checks->may_be_chance && frozen > room && room > 0.0) {
+        j->age[0] = j->max_age;
+        j->age[1] = (isnan(j->age[1]) ? 0.0 : j->age[1]) + (frozen - room);
+        j->found[SB_FOUND_CAUSES] |= j->age[1] > j->max_uncertainty ? SB_HIDDEN_DELAY : 0;
+    } else {
+        j->age[0] += frozen;
+    }
+    if (frozen > 0.0 && !j->checks->may_be_chance && j->age[0] > j->max_age) {
         j->found[SB_FOUND_CAUSES] |= SB_CAUSE_FROZEN;
     }
     if (unheard > 0.0 && !has_changed_since_passed(j, p)) {

@@ -1,7 +1,7 @@
 #include <math.h>
 
+#include "freeze_watch.h"
 #include "rounding.h"
-#include "strainbus.h"
 
 static double larger(double a, double b) {
     return a > b ? a : b;
@@ -133,24 +133,31 @@ int64_t sb_checks_end(SbChecks *checks, const SbCycle *cycle, const double *now)
     return flags;
 }
 
-/* Whether healthy gauges, those that are fast and present, may all repeat their readings `run` times in a row. */
-static int may_be_chance(const SbChecks *c, const uint8_t *present, int64_t run) {
-    const SbWatch *w = c->watch;
-    const int64_t place = run < SB_LONGEST_RUN ? run : SB_LONGEST_RUN;
-    double sum = 0.0;
-    for (int64_t i = 0; i < c->n; i++) {
-        if (c->is_fast[i] && present[i]) {
-            sum += w->log_repeated[w->row[i] * (SB_LONGEST_RUN + 1) + place];
-        }
+static double power(double base, int64_t exponent) {
+    double result = 1.0;
+    for (; exponent > 0; exponent /= 2, base *= base) {
+        result *= exponent % 2 ? base : 1.0;
     }
-    return sum >= w->limit;
+    return result;
+}
+
+/* Whether all gauges may repeat their readings `run` times by chance: by their noise, and by how often they have done so.
+   Noise is underestimated where gauges lie in the middle of a step. What has been seen counts by its root, as cycles
+   without a change come in groups where the load drifts. */
+static int may_be_chance(SbChecks *c, const SbCycle *cycle, int64_t run) {
+    if (run <= c->watch->alive) {
+        c->unchanged += ((run > 0 ? 1.0 : 0.0) - c->unchanged) / c->memory;
+        c->memory += c->memory < c->memory_length ? 1.0 : 0.0;
+    }
+    return run == 0 || (power(c->unchanged, run) >= c->rare &&
+                        watch_may_be_chance(c->watch, cycle->strain, cycle->present, NULL, run));
 }
 
 void sb_checks_frozen(SbChecks *checks, const SbCycle *cycle, const double *now) {
     SbChecks *c = checks;
     const uint8_t *present = cycle->present;
     double known = INFINITY, possible = INFINITY, fast = INFINITY;
-    int64_t run = INT64_MAX;
+    int64_t run = INT64_MAX, shortest = INT64_MAX;
     for (int64_t i = 0; i < c->n; i++) {
         if (!present[i]) {
             continue;
@@ -160,6 +167,7 @@ void sb_checks_frozen(SbChecks *checks, const SbCycle *cycle, const double *now)
         const double repeated = since + (c->repeats[i] > 0 ? c->unheard[i] : 0.0);
         known = repeated < known ? repeated : known;
         possible = since + c->unheard[i] < possible ? since + c->unheard[i] : possible;
+        shortest = c->repeats[i] < shortest ? c->repeats[i] : shortest;
         if (c->is_fast[i]) {
             fast = repeated < fast ? repeated : fast;
             run = c->repeats[i] < run ? c->repeats[i] : run;
@@ -167,11 +175,14 @@ void sb_checks_frozen(SbChecks *checks, const SbCycle *cycle, const double *now)
     }
     if (known == INFINITY) {
         c->frozen_for[0] = c->frozen_for[1] = 0.0;
+        c->may_be_chance = 1;
         return;
     }
+    c->may_be_chance = may_be_chance(c, cycle, shortest);
     /* A slow gauge that has just come is not newer than fast ones that have not changed for cycles. */
-    if (run != INT64_MAX && run > 0 && !may_be_chance(c, present, run)) {
+    if (run != INT64_MAX && run > 0 && !watch_may_be_chance(c->watch, cycle->strain, present, c->is_fast, run)) {
         known = larger(known, fast);
+        c->may_be_chance = 0;
     }
     c->frozen_for[0] = known;
     c->frozen_for[1] = larger(possible - known, 0.0);

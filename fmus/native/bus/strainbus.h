@@ -180,6 +180,7 @@ typedef struct {
     const double *least;                        /* (SB_LONGEST_RUN + 1) smallest logarithm of any gauge */
     double *difference, *squares, *counts;      /* state of each gauge */
     uint8_t *has_moved, *too_little, *found;
+    uint8_t *repeating;                         /* those of `found` that repeat their reading together */
     double *level, *learned, *memory, *evidence; /* state of each group */
     double *log_probability, *ranked;           /* scratch (n) */
     double *mean;                               /* scratch (2, n_groups) */
@@ -309,6 +310,9 @@ typedef struct {
     uint8_t *fault;                             /* (SB_N_FAULTS, n) */
     uint8_t *valid;                             /* (n) */
     double *frozen_for;                         /* (2) result of sb_checks_frozen [s] */
+    int64_t may_be_chance;                      /* so many repetitions are no sign that anything is frozen */
+    double rare;                                /* square of the probability of what is none */
+    double unchanged, memory, memory_length;    /* part of the cycles in which no gauge changed, and their number */
     SbWatch *watch;
 } SbChecks;
 
@@ -316,7 +320,8 @@ typedef struct {
 SB_API int64_t sb_checks_update(SbChecks *checks, const SbCycle *cycle, const double *now);
 SB_API int64_t sb_checks_end(SbChecks *checks, const SbCycle *cycle, const double *now);
 
-/* For how long none of the cycle's gauges has changed, and for how much longer that may be: frozen_for. */
+/* For how long none of the cycle's gauges has changed, and for how much longer that may be: frozen_for. The noise of
+   quiet gauges may give that by chance: may_be_chance. */
 SB_API void sb_checks_frozen(SbChecks *checks, const SbCycle *cycle, const double *now);
 
 /* --- one frame, from its acceptance to its cycle ------------------------------------------------------------------ */

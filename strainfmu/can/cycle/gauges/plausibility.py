@@ -7,7 +7,7 @@ import ctypes
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
-from strainfmu.can.cycle.gauges.freeze_watch import FreezeWatch
+from strainfmu.can.cycle.gauges.freeze_watch import FALSE_ALARM, FreezeWatch
 from strainfmu.can.cycle.gauges.noise import GaugeNoise, like_gauges
 from strainfmu.can.cycle.gauges.verdicts import FROZEN, JUMPS, OUT_OF_RANGE, ZERO
 from strainfmu.can.settings import BridgeSettings
@@ -32,6 +32,9 @@ MIN_STUCK_CYCLES, MIN_ZERO_CYCLES = 25, 5
 
 _LONGEST_COUNT = 1e6
 
+_MEMORY, _FIRST_MEMORY = 1024.0, 16.0
+"""Cycles over which the part is averaged in which no gauge changes, and as many at the start."""
+
 _ALL_VALID, _HAS_FROZEN, _ALL_ZERO, _LEARNED = 1, 2, 4, 8
 """Flags of strainbus.h."""
 
@@ -48,7 +51,10 @@ class _Checks(Record):
         *((name, ARRAY) for name in ("period", "cycles_apart", "stuck_cycles", "zero_cycles", "is_fast")),
         *((name, ARRAY) for name in ("difference", "last_strain", "last_good", "good_time", "pace", "changed")),
         *((name, ARRAY) for name in ("heard", "unheard", "last_raw", "repeats", "zeros", "good")),
-        *((name, ARRAY) for name in ("seen", "stuck", "fault", "valid", "frozen_for", "watch")),
+        *((name, ARRAY) for name in ("seen", "stuck", "fault", "valid", "frozen_for")),
+        ("may_be_chance", INTEGER),
+        *((name, NUMBER) for name in ("rare", "unchanged", "memory", "memory_length")),
+        ("watch", ARRAY),
     )
 
 
@@ -110,6 +116,11 @@ class GaugeChecks:
             fault=self._fault,
             valid=self._valid,
             frozen_for=self._frozen_for,
+            may_be_chance=0,
+            rare=FALSE_ALARM**2,
+            unchanged=0.0,
+            memory=_FIRST_MEMORY,
+            memory_length=_MEMORY,
             watch=self._watch.record,
         )
         self._now = ctypes.c_double()
