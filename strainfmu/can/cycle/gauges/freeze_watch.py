@@ -73,7 +73,10 @@ class _Watch(Record):
         *((name, NUMBER) for name in ("held_evidence", "largest_evidence")),
         *((name, ARRAY) for name in ("order", "group_first", "frame", "choices", "step", "weight", "largest")),
         *((name, ARRAY) for name in ("steps_squared", "log_repeated", "log_repeated_zero", "row", "least")),
-        *((name, ARRAY) for name in ("difference", "squares", "counts", "has_moved", "too_little", "found", "repeating")),
+        *(
+            (name, ARRAY)
+            for name in ("difference", "squares", "counts", "has_moved", "too_little", "found", "repeating")
+        ),
         *((name, ARRAY) for name in ("level", "learned", "memory", "evidence")),
         *((name, ARRAY) for name in ("log_probability", "ranked", "mean")),
         ("blocked", INTEGER),

@@ -70,7 +70,9 @@ def test_living_gauges_beside_frozen_ones_stay_in_use(alive: int) -> None:
 
 
 @pytest.mark.parametrize("stated", [None, NOISE, 0.05e-6])
-def test_quiet_gauges_that_do_not_change_by_chance_are_used_and_frozen_ones_are_found(stated: float | None) -> None:
+def test_quiet_gauges_that_do_not_change_by_chance_are_used_and_frozen_ones_are_found(
+    stated: float | None,
+) -> None:
     """No gauge of 54 near zero changes in half of the cycles: 44 of 2000 were STALE. One gauge sees the load."""
     strains = strains_at_rest(1080, 54, 0.05e-6)
     strains[:, 7] += 3e-6
