@@ -178,7 +178,9 @@ void sb_checks_frozen(SbChecks *checks, const SbCycle *cycle, const double *now)
         c->may_be_chance = 1;
         return;
     }
-    c->may_be_chance = may_be_chance(c, cycle, shortest);
+    /* Lost cycles are no repetitions: what they make old is no chance. */
+    const int is_received = known <= 1.4 * (double)shortest * c->cycle_time;
+    c->may_be_chance = may_be_chance(c, cycle, shortest) && is_received;
     /* A slow gauge that has just come is not newer than fast ones that have not changed for cycles. */
     if (run != INT64_MAX && run > 0 && !watch_may_be_chance(c->watch, cycle->strain, present, c->is_fast, run)) {
         known = larger(known, fast);
