@@ -141,14 +141,26 @@ static double power(double base, int64_t exponent) {
     return result;
 }
 
+static void count_cycle(SbChecks *c, double is_unchanged) {
+    c->unchanged += (is_unchanged - c->unchanged) / c->memory;
+    c->memory += c->memory < c->memory_length ? 1.0 : 0.0;
+}
+
+/* Learn in how many cycles no gauge changes, from runs of them that are over; one that lasts may be a frozen sender. */
+static void learn_unchanged(SbChecks *c, int64_t run) {
+    if (run == 0) {
+        for (int64_t k = 0; k < c->last_run && c->last_run <= c->watch->alive; k++) {
+            count_cycle(c, 1.0);
+        }
+        count_cycle(c, 0.0);
+    }
+    c->last_run = run;
+}
+
 /* Whether all gauges may repeat their readings `run` times by chance: by their noise, and by how often they have done so.
    Noise is underestimated where gauges lie in the middle of a step. What has been seen counts by its root, as cycles
    without a change come in groups where the load drifts. */
-static int may_be_chance(SbChecks *c, const SbCycle *cycle, int64_t run) {
-    if (run <= c->watch->alive) {
-        c->unchanged += ((run > 0 ? 1.0 : 0.0) - c->unchanged) / c->memory;
-        c->memory += c->memory < c->memory_length ? 1.0 : 0.0;
-    }
+static int may_be_chance(const SbChecks *c, const SbCycle *cycle, int64_t run) {
     return run == 0 || (power(c->unchanged, run) >= c->rare &&
                         watch_may_be_chance(c->watch, cycle->strain, cycle->present, NULL, run));
 }
@@ -178,6 +190,7 @@ void sb_checks_frozen(SbChecks *checks, const SbCycle *cycle, const double *now)
         c->may_be_chance = 1;
         return;
     }
+    learn_unchanged(c, shortest);
     /* Lost cycles are no repetitions: what they make old is no chance. */
     const int is_received = known <= 1.4 * (double)shortest * c->cycle_time;
     c->may_be_chance = may_be_chance(c, cycle, shortest) && is_received;

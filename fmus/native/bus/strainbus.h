@@ -313,6 +313,7 @@ typedef struct {
     int64_t may_be_chance;                      /* so many repetitions are no sign that anything is frozen */
     double rare;                                /* square of the probability of what is none */
     double unchanged, memory, memory_length;    /* part of the cycles in which no gauge changed, and their number */
+    int64_t last_run;                           /* repetitions of all gauges up to the last cycle */
     SbWatch *watch;
 } SbChecks;
 

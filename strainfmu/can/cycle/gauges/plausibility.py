@@ -54,6 +54,7 @@ class _Checks(Record):
         *((name, ARRAY) for name in ("seen", "stuck", "fault", "valid", "frozen_for")),
         ("may_be_chance", INTEGER),
         *((name, NUMBER) for name in ("rare", "unchanged", "memory", "memory_length")),
+        ("last_run", INTEGER),
         ("watch", ARRAY),
     )
 
@@ -121,6 +122,7 @@ class GaugeChecks:
             unchanged=0.0,
             memory=_FIRST_MEMORY,
             memory_length=_MEMORY,
+            last_run=0,
             watch=self._watch.record,
         )
         self._now = ctypes.c_double()
