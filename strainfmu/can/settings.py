@@ -54,7 +54,8 @@ class BridgeSettings:
     Attributes
     ----------
     deadline : from the first frame of a cycle until the cycle is closed, complete or not.
-    max_age : maximum age of strains that are used, and maximum time for which a whole cycle may repeat itself.
+    max_age : maximum age of strains that are used, and maximum time for which a whole cycle may repeat itself,
+        longer where quiet gauges do so by chance.
     pressure_max_age : maximum age of q_inf that is used.
     navigation_max_age : maximum age of Mach number and altitude that are used.
     sensor_max_age : maximum age of readings of auxiliary sensors, and of thrust, that are used.

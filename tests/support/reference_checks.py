@@ -51,7 +51,7 @@ class ReferenceWatch:
         quiet = self.table.variance_of(np.minimum(noise.ratio, _QUIET)) / self.variance
         self.level = np.array([quiet[g].mean() for g in self.groups])
         self.memory, self.evidence = np.full(len(self.level), float(_FIRST_MEMORY)), np.zeros(len(self.level))
-        self.too_little = np.zeros(n, dtype=bool)
+        self.too_little, self.repeating_before = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
         self.learn()
 
     def update(
@@ -66,7 +66,8 @@ class ReferenceWatch:
         if self.blocked == _BLOCK:
             self.judge_block(run)
             self.squares, self.counts, self.blocked = np.zeros_like(self.squares), np.zeros_like(self.counts), 0
-        found = self.too_little & present | self.repeating(strain, run, present)
+        self.repeating_before = self.repeating(strain, run, present)
+        found = self.too_little & present | self.repeating_before
         return found if found.any() or self.too_little.any() else None
 
     def repeating(self, strain: np.ndarray, run: np.ndarray, present: np.ndarray) -> np.ndarray:
@@ -87,9 +88,10 @@ class ReferenceWatch:
     def judge_block(self, run: np.ndarray) -> None:
         squares = self.squares * self.weight
         for group, gauges in enumerate(self.groups):
-            count = self.counts[gauges].sum()
+            others = gauges[~self.repeating_before[gauges]]
+            count = self.counts[others].sum()
             usual = min(_MARGIN * self.level[group], 1.0)
-            variance = squares[gauges].sum() / max(count, 1.0)
+            variance = squares[others].sum() / max(count, 1.0)
             increment = 0.25 * count * (_LOG_RATIO - _SLOPE * variance / usual)
             if usual * self.variance[gauges].mean() < _SMALLEST_SCATTER:
                 increment = -_LARGEST_EVIDENCE

@@ -9,17 +9,16 @@ from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 from weakened_parts import (
-    AcceptsAnyFormat,
     AcceptsAnyRange,
     AcceptsJumps,
     AcceptsStuck,
     AcceptsZero,
-    AgelessClock,
+    AgelessCycles,
     AlwaysProven,
     AnswersNoSilence,
     DecodesAnyRange,
     DecodesNoValueCodes,
-    ForgetsDelay,
+    HasNoDoubt,
     HearsNoStatus,
     HearsOneSender,
     HoldsAnyRange,
@@ -30,22 +29,23 @@ from weakened_parts import (
     IgnoresHealth,
     NeverFrozen,
     NeverHeldBack,
-    NeverJumps,
     NeverSheds,
     OwnsEveryResult,
     PublishesAnything,
     ReceivesAnyConfiguration,
     ReceivesAnyCounter,
     ReceivesAnyCrc,
-    ReceivesAnyFormat,
     RepeatsTogether,
     ScattersTooLittle,
     TakesAnyAuthenticator,
+    TakesAnyFormat,
     TakesAnyFreshness,
     TakesAnyOrder,
     TakesErrorFrames,
     TakesRemoteFrames,
     TrustsEveryState,
+    forgets_delay,
+    never_jumps,
 )
 
 from strainfmu.can.cycle.core import BridgeCore
@@ -57,10 +57,18 @@ from strainfmu.can.cycle.frames.assembler import CycleAssembler
 from strainfmu.can.cycle.frames.decoder import StrainDecoder
 from strainfmu.can.cycle.frames.own_frames import OwnFrames
 from strainfmu.can.cycle.frames.reception import Reception
-from strainfmu.can.cycle.frames.restart_proof import RestartProof
+from strainfmu.can.cycle.frames.restart_proof import RestartProof, StrainTime
 from strainfmu.can.cycle.gauges.plausibility import GaugeChecks
 from strainfmu.can.cycle.judgement import CycleJudge
-from strainfmu.can.cycle.parts import cycle_limits, cycle_parts, flow_max_age, gauge_checks, sender_clock
+from strainfmu.can.cycle.parts import (
+    cycle_lengths,
+    cycle_limits,
+    cycle_parts,
+    flow_max_age,
+    gauge_checks,
+    sender_clock,
+)
+from strainfmu.can.e2e.sample_clock import SenderClock
 from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.wire.frame_layout import InputLayout
 from strainfmu.cosim.estimators.step import Step, noise_of
@@ -69,8 +77,10 @@ MakeCore = Callable[..., BridgeCore]
 """Makes a core from what ``bridge_core`` takes."""
 
 
-def core_without(*weak: type, clock: type[AgelessClock] | None = None, ignores_own_keys: bool = False) -> MakeCore:
-    """Return a maker of cores with the subclasses ``weak`` in place of parts and ``clock`` around their clocks."""
+def core_without(
+    *weak: type, clock: Callable[[SenderClock], None] | None = None, ignores_own_keys: bool = False
+) -> MakeCore:
+    """Return a maker of cores with the subclasses ``weak`` as parts, and with clocks that ``clock`` weakens."""
 
     def chosen(part: type) -> type:
         return next((one for one in weak if issubclass(one, part)), part)
@@ -80,15 +90,23 @@ def core_without(*weak: type, clock: type[AgelessClock] | None = None, ignores_o
     ) -> BridgeCore:
         own = OwnFrames(() if ignores_own_keys else own_keys)
         whole = cycle_parts(layout, settings, own=own, dynamic_pressure=None)
-        around = (lambda one: one) if clock is None else (lambda one: None if one is None else clock(one))
+
+        def weakened(one: SenderClock | None) -> SenderClock | None:
+            if clock is not None and one is not None:
+                clock(one)
+            return one
+
+        proof = None if whole.proof is None else chosen(RestartProof)(whole.proof.limits)
+        strain_time = StrainTime(proof)
         parts = replace(
             whole,
             acceptance=chosen(Acceptance)(layout, own, settings),
             reception=chosen(Reception)(layout, settings),
-            assembler=chosen(CycleAssembler)(cycle_limits(layout, settings)),
+            assembler=chosen(CycleAssembler)(cycle_limits(layout, settings), cycle_lengths(layout)),
             pace=chosen(ArrivalPace)(settings.max_age * layout.cycle_time, settings.rate / layout.cycle_time),
-            clock=around(whole.clock),
-            proof=None if whole.proof is None else chosen(RestartProof)(whole.proof.limits),
+            clock=weakened(whole.clock),
+            proof=proof,
+            strain_time=strain_time,
             decoder=chosen(StrainDecoder)(layout),
             gauges=gauge_checks(layout, settings, noise_of(step), chosen(GaugeChecks)),
             flow=HeldFlow(
@@ -97,7 +115,7 @@ def core_without(*weak: type, clock: type[AgelessClock] | None = None, ignores_o
                         frame,
                         source,
                         max_age=flow_max_age(layout, frame, source, settings),
-                        clock=around(sender_clock(frame, layout.cycle_time, settings)),
+                        clock=weakened(sender_clock(frame, layout.cycle_time, settings)),
                         tolerance=settings.jump_tolerance * layout.cycle_time,
                     )
                     for frame in layout.flow_frames
@@ -105,6 +123,7 @@ def core_without(*weak: type, clock: type[AgelessClock] | None = None, ignores_o
                 ],
                 None,
                 whole.seen,
+                strain_time,
             ),
         )
         judge = chosen(CycleJudge)(layout, chosen(EstimatorStep)(layout, step), settings, parts)
@@ -117,11 +136,11 @@ WITHOUT: dict[str, MakeCore] = {
     "own_frames": core_without(ignores_own_keys=True),
     "second_bridge": core_without(OwnsEveryResult),
     "second_sender": core_without(HearsOneSender),
-    "creep": core_without(clock=ForgetsDelay),
+    "creep": core_without(HasNoDoubt, clock=forgets_delay),
     "restart_proof": core_without(AlwaysProven),
     "error_frames": core_without(TakesErrorFrames),
     "remote_frames": core_without(TakesRemoteFrames),
-    "format": core_without(AcceptsAnyFormat, ReceivesAnyFormat),
+    "format": core_without(TakesAnyFormat),
     "babbling": core_without(NeverSheds),
     "crc": core_without(ReceivesAnyCrc),
     "counter": core_without(ReceivesAnyCounter),
@@ -130,9 +149,9 @@ WITHOUT: dict[str, MakeCore] = {
     "order": core_without(TakesAnyOrder),
     "completeness": core_without(HoldsMissingGauges),
     "silence": core_without(AnswersNoSilence),
-    "age": core_without(clock=AgelessClock),
+    "age": core_without(AgelessCycles),
     "pace": core_without(NeverHeldBack),
-    "clock_jump": core_without(clock=NeverJumps),
+    "clock_jump": core_without(clock=never_jumps),
     "frozen": core_without(NeverFrozen),
     "partial_freeze": core_without(RepeatsTogether),
     "dither": core_without(ScattersTooLittle),

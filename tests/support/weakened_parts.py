@@ -2,35 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
-from strainfmu.can.cycle.core import BridgeCore
-from strainfmu.can.cycle.estimate.held_flow import HeldValue
+from strainfmu.can.cycle.core import BridgeCore, PortRecord
+from strainfmu.can.cycle.estimate.held_flow import FlowState, HeldValue
 from strainfmu.can.cycle.estimate.result import CycleResult
 from strainfmu.can.cycle.estimate.step import EstimatorStep
 from strainfmu.can.cycle.frames.acceptance import Acceptance
 from strainfmu.can.cycle.frames.account import FrameClass
 from strainfmu.can.cycle.frames.arrival_pace import ArrivalPace
-from strainfmu.can.cycle.frames.assembler import Arrival, Cycle, CycleAssembler, Verdict
+from strainfmu.can.cycle.frames.assembler import Cycle, CycleAssembler
 from strainfmu.can.cycle.frames.decoder import StrainDecoder
-from strainfmu.can.cycle.frames.own_frames import OwnFrames
 from strainfmu.can.cycle.frames.reception import Reception
 from strainfmu.can.cycle.frames.restart_proof import RestartProof
 from strainfmu.can.cycle.gauges.freeze_watch import FreezeWatch
 from strainfmu.can.cycle.gauges.noise import GaugeNoise
 from strainfmu.can.cycle.gauges.plausibility import GaugeChecks
-from strainfmu.can.cycle.gauges.verdicts import GaugeVerdicts
 from strainfmu.can.cycle.judgement import CycleJudge
+from strainfmu.can.cycle.parts import CycleParts
 from strainfmu.can.cycle.states.quality import Cause, Quality
-from strainfmu.can.e2e.sample_clock import ClockLimits, ClockReading, SampleClock, SenderClock
+from strainfmu.can.e2e.sample_clock import SenderClock
+from strainfmu.can.e2e.state_machine import VALID, E2EStateMachine
 from strainfmu.can.settings import BridgeSettings
-from strainfmu.can.wire.crc import Protection, counter_in, crc_in, crc_of, protect
-from strainfmu.can.wire.cycle_plan import CyclePlan, DecodedCycle
+from strainfmu.can.wire.crc import Protection, counter_in, protect
+from strainfmu.can.wire.cycle_plan import CyclePlan
 from strainfmu.can.wire.frame import EXTENDED_FLAG, Frame
 from strainfmu.can.wire.frame_layout import InputLayout
 from strainfmu.cosim.estimators.step import StepResult
@@ -56,8 +55,10 @@ class TakesRemoteFrames(Acceptance):
 class NeverSheds(Acceptance):
     """Lets a babbling sender through."""
 
-    def _without_token(self) -> FrameClass | None:
-        return None
+    def __init__(self, *given: Any) -> None:
+        super().__init__(*given)
+        for bucket in self.buckets.values():
+            bucket.capacity = bucket.tokens = np.inf
 
 
 class OwnsEveryResult(Acceptance):
@@ -77,59 +78,44 @@ def of_any_format(layout: InputLayout, frame: Frame) -> Frame:
     return replace(frame, is_extended=own.is_extended, is_fd=own.is_fd, data=data)
 
 
-class AcceptsAnyFormat(Acceptance):
+class TakesAnyFormat(BridgeCore):
     """Takes frames of any length, format and identifier width."""
 
-    def __init__(self, layout: InputLayout, own: OwnFrames | Iterable[int], settings: BridgeSettings) -> None:
-        super().__init__(layout, own, settings)
-        self._layout = layout
-
-    def refused(self, frame: Frame) -> FrameClass | None:
-        return super().refused(of_any_format(self._layout, frame))
+    def receive(self, frame: Frame, is_answered: bool = True) -> list[CycleResult]:
+        return super().receive(of_any_format(self.layout, frame), is_answered)
 
 
 # --- reception ------------------------------------------------------------------------------------------------
 
 
-class ReceivesAnyFormat(Reception):
-    """Decodes frames of any length, format and identifier width."""
-
-    def take(self, frame: Frame) -> Arrival | FrameClass:
-        return super().take(of_any_format(self._layout, frame))
-
-
-class Altered(Reception):
-    """Takes frames with another counter and a CRC that fits."""
-
-    def take(self, frame: Frame) -> Arrival | FrameClass:
-        slot = self._single[frame.key]
-        protection = self._layout.frames[slot.index].layout.protection
-        assert protection is not None
-        assert slot.check is not None
-        own = counter_in(frame.data, protection)
-        altered = self.altered(frame.data, protection, own, slot.check.record.counter)
-        found = super().take(replace(frame, data=altered))
-        if isinstance(found, Arrival):
-            found.frame, found.counter = frame, own
-        return found
-
-    def altered(self, data: bytes, protection: Protection, own: int, last: int) -> bytes:
-        raise NotImplementedError  # each subclass alters the frame in its own way
-
-
-class ReceivesAnyCrc(Altered):
+class ReceivesAnyCrc(BridgeCore):
     """Finds every CRC right."""
 
-    def altered(self, data: bytes, protection: Protection, own: int, last: int) -> bytes:
-        return protect(data, protection, counter=own)
+    def receive(self, frame: Frame, is_answered: bool = True) -> list[CycleResult]:
+        protection = protection_of(self.layout, frame)
+        if protection is not None:
+            frame = replace(frame, data=protect(frame.data, protection, counter_in(frame.data, protection)))
+        return super().receive(frame, is_answered)
 
 
-class ReceivesAnyCounter(Altered):
-    """Finds every counter the next in sequence, where the CRC is right."""
+class ReceivesAnyCounter(BridgeCore):
+    """Finds every counter the next in sequence."""
 
-    def altered(self, data: bytes, protection: Protection, own: int, last: int) -> bytes:
-        fits = crc_in(data, protection) == crc_of(data, protection)
-        return protect(data, protection, counter=last + 1) if fits else data
+    def receive(self, frame: Frame, is_answered: bool = True) -> list[CycleResult]:
+        protection = protection_of(self.layout, frame)
+        if protection is not None:
+            slot = next(k for k, item in enumerate(self.layout.frames) if item.layout.key == frame.key)
+            before = (counter_in(frame.data, protection) - 1) % protection.counter_modulus
+            check = self._reception._checks[slot]
+            assert check is not None
+            check.record.counter = before
+        return super().receive(frame, is_answered)
+
+
+def protection_of(layout: InputLayout, frame: Frame) -> Protection | None:
+    """Return the protection of a frame of ``layout``, None of one that is none."""
+    own = {item.layout.key: item.layout for item in layout.frames}.get(frame.key)
+    return None if own is None or len(frame.data) != own.length else own.protection
 
 
 class HearsOneSender(Reception):
@@ -151,8 +137,21 @@ class ReceivesAnyConfiguration(Reception):
 class TrustsEveryState(Reception):
     """Uses data whatever the E2E state."""
 
-    def is_trusted(self, slot: int) -> bool:
-        return True
+    def __init__(self, layout: InputLayout, settings: BridgeSettings) -> None:
+        super().__init__(layout, settings)
+        always = E2EStateMachine(settings.state_machine)
+        always.record.state = VALID
+        for slot in self._slots:
+            slot.trust(always)
+
+
+class HearsNoStatus(Reception):
+    """Takes strains whatever the sender says of them."""
+
+    def __init__(self, layout: InputLayout, settings: BridgeSettings) -> None:
+        super().__init__(layout, settings)
+        for slot in self._slots:
+            slot.record.place[0] = -1
 
 
 class TakesAnyAuthenticator(Reception):
@@ -177,8 +176,9 @@ class TakesAnyFreshness(Reception):
 class TakesAnyOrder(CycleAssembler):
     """Takes frames older than the open cycle."""
 
-    def _in_time(self, arrival: Arrival) -> Verdict:
-        return Verdict.ACCEPTED
+    def __init__(self, *given: Any) -> None:
+        super().__init__(*given)
+        self.record.is_timed = 0
 
 
 class NeverHeldBack(ArrivalPace):
@@ -188,45 +188,51 @@ class NeverHeldBack(ArrivalPace):
         return False
 
 
-class AgelessClock:
-    """A sample clock that finds every sample new."""
+class AgelessCycles(CycleJudge):
+    """Takes every cycle for young enough."""
 
-    drift_ppm = float("nan")
-
-    def __init__(self, clock: SenderClock) -> None:
-        self._clock = clock
-        self.reset, self.accept, self.anchor = clock.reset, clock.accept, clock.anchor
-        self.seconds, self.seconds_ahead, self.range = clock.seconds, clock.seconds_ahead, clock.range
-        self.record = clock.record
-
-    def read(self, local: float, ticks: int) -> ClockReading:
-        return replace(self._clock.read(local, ticks), age=0.0)
+    def __init__(self, *given: Any) -> None:
+        super().__init__(*given)
+        self.record.max_age = self.record.max_uncertainty = np.inf
 
 
-class NeverJumps(AgelessClock):
-    """A sample clock that finds no jump."""
-
-    def read(self, local: float, ticks: int) -> ClockReading:
-        return ClockReading(self._clock.read(local, ticks).age)
+def never_jumps(clock: SenderClock) -> None:
+    """Have ``clock`` find no jump."""
+    clock.record.is_synchronised, clock.record.accuracy = 1, np.inf
 
 
-class ForgetsDelay(AgelessClock):
-    """A sample clock that takes 200 ppm for drift, without end and without doubt."""
+def forgets_delay(clock: SenderClock) -> None:
+    """Have ``clock`` take 200 ppm for drift, without end and without doubt."""
+    record = clock.record
+    record.jump_tolerance, record.tolerance, record.hidden = 0.1, 2e-4, np.inf
 
-    def __init__(self, clock: SenderClock) -> None:
-        assert isinstance(clock, SampleClock)
-        limits = ClockLimits(jump_tolerance=0.1, tolerance=2e-4, hidden=np.inf)
-        super().__init__(SampleClock(1e-6, round(np.log2(clock.range / 1e-6)), limits))
 
-    def read(self, local: float, ticks: int) -> ClockReading:
-        return replace(self._clock.read(local, ticks), uncertainty=0.0, hides_delay=False)
+class HasNoDoubt(CycleJudge):
+    """Takes the age of strains for known."""
+
+    def __init__(self, *given: Any) -> None:
+        super().__init__(*given)
+        self.record.max_uncertainty = np.inf
+
+    def judge(self, cycle: Cycle, now: float, causes: Cause) -> tuple[CycleResult, FrameClass | list[FrameClass]]:
+        result, classes = super().judge(cycle, now, causes)
+        result.age_uncertainty = 0.0
+        return result, classes
 
 
 class AlwaysProven(RestartProof):
     """Takes every jump of the sender's time for a restart."""
 
-    def take(self, clock: SenderClock, reading: ClockReading, **_: object) -> bool:
-        return reading.restarted
+    def __init__(self, *given: Any) -> None:
+        super().__init__(*given)
+        self.record.new_frames, self.record.startup_time, self.record.modulus = 0, np.inf, 0
+
+
+class TakesPartByPart(BridgeCore):
+    """Takes every frame in part by part, none at once in compiled code: no guard is missing."""
+
+    def _new_ports(self, parts: CycleParts) -> dict[int, PortRecord]:
+        return {}
 
 
 class AnswersNoSilence(BridgeCore):
@@ -260,11 +266,6 @@ class DecodesNoValueCodes(StrainDecoder):
 class DecodesAnyRange(StrainDecoder):
     def new_plan(self, *given: Any) -> CyclePlan:
         return without_limits(super().new_plan(*given))
-
-
-class HearsNoStatus(StrainDecoder):
-    def _worst_status(self, arrivals: Sequence[Arrival], trailer_status: int) -> int:
-        return 0
 
 
 class AcceptsAnyRange(GaugeChecks):
@@ -317,9 +318,9 @@ class ScattersTooLittle(GaugeChecks):
 class NeverFrozen(RepeatsTogether):
     """Finds neither a cycle nor gauges that do not change."""
 
-    @property
-    def ages(self) -> tuple[float, float]:
-        return 0.0, 0.0
+    def __init__(self, *given: Any, **named: Any) -> None:
+        super().__init__(*given, **named)
+        self.record.looks_for_frozen = 0
 
 
 # --- flow and navigation --------------------------------------------------------------------------------------
@@ -353,37 +354,18 @@ class HoldsForEver(HeldValue):
 # --- judgement ------------------------------------------------------------------------------------------------
 
 
-class HoldsMissingGauges(CycleJudge):
-    """Takes the last strain of a gauge whose frame is missing."""
+class HoldsMissingGauges(EstimatorStep):
+    """Takes the last strain of a gauge that has none."""
 
-    _last: FloatArray | None = None
+    _before: FloatArray | None = None
 
-    def _answer(
-        self,
-        cycle: Cycle,
-        now: float,
-        *,
-        causes: Cause,
-        valid: BoolArray,
-        decoded: DecodedCycle,
-        age: tuple[float, float],
-        verdicts: GaugeVerdicts | None,
-    ) -> CycleResult:
-        last = np.full_like(decoded.strain, np.nan) if self._last is None else self._last
-        held = DecodedCycle(len(last))
-        held.present[:], held.status = decoded.present, decoded.status
-        held.strain[:] = np.where(decoded.present, decoded.strain, last)
-        result = super()._answer(
-            cycle,
-            now,
-            causes=causes & ~Cause.PARTIAL_CYCLE,
-            valid=valid | ~decoded.present,
-            decoded=held,
-            age=age,
-            verdicts=verdicts,
-        )
-        self._last = result.strain
-        return result
+    def __call__(
+        self, strain: FloatArray, valid: BoolArray, flow: FlowState, now: float, causes: Cause
+    ) -> tuple[StepResult | None, Quality, Cause]:
+        if self._before is not None:
+            strain = np.where(np.isnan(strain), self._before, strain)
+        self._before = strain
+        return super().__call__(strain, valid, flow, now, causes & ~Cause.PARTIAL_CYCLE)
 
 
 class IgnoresHealth(EstimatorStep):

@@ -161,3 +161,8 @@ int64_t sb_machine_add(SbMachine *machine, int status) {
     }
     return m->state;
 }
+
+void sb_machine_reset(SbMachine *machine) {
+    machine->state = SB_NO_DATA;
+    machine->next = machine->count = machine->ok = machine->errors = 0;
+}

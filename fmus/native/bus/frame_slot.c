@@ -8,8 +8,8 @@ int64_t sb_slot_read(SbSlot *slot, const uint8_t *data, int n_data) {
         slot->number[k] = slot->place[k] >= 0 ? signal_raw(slot->signals, slot->place[k], data) : 0;
     }
     const SbCheck *check = slot->check;
-    const int counts = check != NULL && check->counter_byte < n_data;
-    slot->number[SB_NUMBER_COUNTER] = counts ? data[check->counter_byte] & check->counter_bits : 0;
+    const int64_t none = check == NULL ? -1 : 0, counts = check != NULL && check->counter_byte < n_data;
+    slot->number[SB_NUMBER_COUNTER] = counts ? data[check->counter_byte] & check->counter_bits : none;
     return 1;
 }
 

@@ -1,18 +1,19 @@
-#include <math.h>
+#include "freeze_watch.h"
 
-#include "strainbus.h"
+#include <math.h>
+#include <stddef.h>
 
 static double smaller(double a, double b) {
     return a < b ? a : b;
 }
 
-/* The sums of `value` over the gauges of every group; the last group is all gauges. */
-static void sum_groups(const SbWatch *w, const double *value, double *sum) {
+/* The sums of `value` over the gauges of every group but those `left_out`; the last group is all gauges. */
+static void sum_groups(const SbWatch *w, const double *value, const uint8_t *left_out, double *sum) {
     double all = 0.0;
     for (int64_t group = 0; group + 1 < w->n_groups; group++) {
         double own = 0.0;
         for (int64_t k = w->group_first[group]; k < w->group_first[group + 1]; k++) {
-            own += value[w->order[k]];
+            own += left_out != NULL && left_out[w->order[k]] ? 0.0 : value[w->order[k]];
         }
         sum[group] = own;
         all += own;
@@ -35,9 +36,9 @@ static void add_cycle(SbWatch *w, const double *difference) {
 }
 
 /* Mean squares of every group as parts of the usual ones, and their numbers. */
-static void mean_squares(const SbWatch *w, double *variance, double *number) {
-    sum_groups(w, w->squares, variance);
-    sum_groups(w, w->counts, number);
+static void mean_squares(const SbWatch *w, const uint8_t *left_out, double *variance, double *number) {
+    sum_groups(w, w->squares, left_out, variance);
+    sum_groups(w, w->counts, left_out, number);
     for (int64_t group = 0; group < w->n_groups; group++) {
         variance[group] /= number[group] > 1.0 ? number[group] : 1.0;
     }
@@ -84,7 +85,8 @@ static int64_t judge_block(SbWatch *w, const int64_t *run) {
     for (int64_t i = 0; i < w->n; i++) {
         w->squares[i] *= w->weight[i];
     }
-    mean_squares(w, variance, number);
+    /* Gauges that repeat their reading have been found: their lack of scatter must not count against the others. */
+    mean_squares(w, w->repeating, variance, number);
     judge_scatter(w, variance, number);
     for (int64_t i = 0; i < w->n; i++) {
         w->has_moved[i] |= w->squares[i] > 0.0;
@@ -92,7 +94,7 @@ static int64_t judge_block(SbWatch *w, const int64_t *run) {
             w->squares[i] = w->counts[i] = 0.0;
         }
     }
-    mean_squares(w, variance, number);
+    mean_squares(w, NULL, variance, number);
     return learn_level(w, variance, number);
 }
 
@@ -164,7 +166,7 @@ static int64_t find_in_group(SbWatch *w, const int64_t *gauge, int64_t n, const 
         }
     }
     for (int64_t k = 0; count && k < n; k++) {
-        w->found[gauge[k]] |= w->log_probability[gauge[k]] <= w->ranked[count - 1];
+        w->repeating[gauge[k]] |= w->log_probability[gauge[k]] <= w->ranked[count - 1];
     }
     return count > 0;
 }
@@ -172,13 +174,13 @@ static int64_t find_in_group(SbWatch *w, const int64_t *gauge, int64_t n, const 
 int64_t sb_watch_find(SbWatch *watch, const double *strain, const int64_t *run, const uint8_t *present) {
     SbWatch *w = watch;
     const int improbable = may_be_improbable(w, run);
-    if (!improbable && !w->any_too_little) {
+    int64_t any = w->any_too_little;
+    for (int64_t i = 0; i < w->n; i++) {
+        w->repeating[i] = 0;
+    }
+    if (!improbable && !any) {
         return 0;
     }
-    for (int64_t i = 0; i < w->n; i++) {
-        w->found[i] = w->any_too_little && w->too_little[i] && present[i];
-    }
-    int64_t any = w->any_too_little;
     if (improbable) {
         find_probabilities(w, strain, run, present);
         for (int64_t group = 0; group < w->n_groups; group++) {
@@ -186,5 +188,25 @@ int64_t sb_watch_find(SbWatch *watch, const double *strain, const int64_t *run, 
             any |= find_in_group(w, w->order + first, n, w->choices + first);
         }
     }
+    for (int64_t i = 0; i < w->n; i++) {
+        w->found[i] = w->repeating[i] || (w->any_too_little && w->too_little[i] && present[i]);
+    }
     return any;
+}
+
+int watch_may_be_chance(const SbWatch *w, const double *strain, const uint8_t *present, const uint8_t *only,
+                        int64_t run) {
+    double sum = 0.0;
+    const int64_t place = capped(run);
+    for (int64_t i = 0; i < w->n; i++) {
+        if (present[i] && (only == NULL || only[i])) {
+            const int64_t row = w->row[i] * (SB_LONGEST_RUN + 1);
+            const double *zero = w->log_repeated_zero + row;
+            const int is_zero = fabs(strain[i]) < 0.5 * w->step[i];
+            sum += is_zero ? zero[place] : w->log_repeated[row + place];
+            /* Beyond the table every repetition is as probable as in the middle of a step, where it is most. */
+            sum += (double)(run - place) * (zero[SB_LONGEST_RUN] - zero[SB_LONGEST_RUN - 1]);
+        }
+    }
+    return sum >= w->limit;
 }

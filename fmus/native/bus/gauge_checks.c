@@ -1,7 +1,7 @@
 #include <math.h>
 
+#include "freeze_watch.h"
 #include "rounding.h"
-#include "strainbus.h"
 
 static double larger(double a, double b) {
     return a > b ? a : b;
@@ -133,24 +133,43 @@ int64_t sb_checks_end(SbChecks *checks, const SbCycle *cycle, const double *now)
     return flags;
 }
 
-/* Whether healthy gauges, those that are fast and present, may all repeat their readings `run` times in a row. */
-static int may_be_chance(const SbChecks *c, const uint8_t *present, int64_t run) {
-    const SbWatch *w = c->watch;
-    const int64_t place = run < SB_LONGEST_RUN ? run : SB_LONGEST_RUN;
-    double sum = 0.0;
-    for (int64_t i = 0; i < c->n; i++) {
-        if (c->is_fast[i] && present[i]) {
-            sum += w->log_repeated[w->row[i] * (SB_LONGEST_RUN + 1) + place];
-        }
+static double power(double base, int64_t exponent) {
+    double result = 1.0;
+    for (; exponent > 0; exponent /= 2, base *= base) {
+        result *= exponent % 2 ? base : 1.0;
     }
-    return sum >= w->limit;
+    return result;
+}
+
+static void count_cycle(SbChecks *c, double is_unchanged) {
+    c->unchanged += (is_unchanged - c->unchanged) / c->memory;
+    c->memory += c->memory < c->memory_length ? 1.0 : 0.0;
+}
+
+/* Learn in how many cycles no gauge changes, from runs of them that are over; one that lasts may be a frozen sender. */
+static void learn_unchanged(SbChecks *c, int64_t run) {
+    if (run == 0) {
+        for (int64_t k = 0; k < c->last_run && c->last_run <= c->watch->alive; k++) {
+            count_cycle(c, 1.0);
+        }
+        count_cycle(c, 0.0);
+    }
+    c->last_run = run;
+}
+
+/* Whether all gauges may repeat their readings `run` times by chance: by their noise, and by how often they have done so.
+   Noise is underestimated where gauges lie in the middle of a step. What has been seen counts by its root, as cycles
+   without a change come in groups where the load drifts. */
+static int may_be_chance(const SbChecks *c, const SbCycle *cycle, int64_t run) {
+    return run == 0 || (power(c->unchanged, run) >= c->rare &&
+                        watch_may_be_chance(c->watch, cycle->strain, cycle->present, NULL, run));
 }
 
 void sb_checks_frozen(SbChecks *checks, const SbCycle *cycle, const double *now) {
     SbChecks *c = checks;
     const uint8_t *present = cycle->present;
     double known = INFINITY, possible = INFINITY, fast = INFINITY;
-    int64_t run = INT64_MAX;
+    int64_t run = INT64_MAX, shortest = INT64_MAX;
     for (int64_t i = 0; i < c->n; i++) {
         if (!present[i]) {
             continue;
@@ -160,6 +179,7 @@ void sb_checks_frozen(SbChecks *checks, const SbCycle *cycle, const double *now)
         const double repeated = since + (c->repeats[i] > 0 ? c->unheard[i] : 0.0);
         known = repeated < known ? repeated : known;
         possible = since + c->unheard[i] < possible ? since + c->unheard[i] : possible;
+        shortest = c->repeats[i] < shortest ? c->repeats[i] : shortest;
         if (c->is_fast[i]) {
             fast = repeated < fast ? repeated : fast;
             run = c->repeats[i] < run ? c->repeats[i] : run;
@@ -167,20 +187,18 @@ void sb_checks_frozen(SbChecks *checks, const SbCycle *cycle, const double *now)
     }
     if (known == INFINITY) {
         c->frozen_for[0] = c->frozen_for[1] = 0.0;
+        c->may_be_chance = 1;
         return;
     }
+    learn_unchanged(c, shortest);
+    /* Lost cycles are no repetitions: what they make old is no chance. */
+    const int is_received = known <= 1.4 * (double)shortest * c->cycle_time;
+    c->may_be_chance = may_be_chance(c, cycle, shortest) && is_received;
     /* A slow gauge that has just come is not newer than fast ones that have not changed for cycles. */
-    if (run != INT64_MAX && run > 0 && !may_be_chance(c, present, run)) {
+    if (run != INT64_MAX && run > 0 && !watch_may_be_chance(c->watch, cycle->strain, present, c->is_fast, run)) {
         known = larger(known, fast);
+        c->may_be_chance = 0;
     }
     c->frozen_for[0] = known;
     c->frozen_for[1] = larger(possible - known, 0.0);
-}
-
-int64_t sb_judge(const SbDecoder *decoder, const uint8_t *data, const uint8_t *here, int refuse_all, SbCycle *cycle,
-                 SbChecks *checks, const double *now) {
-    sb_decode(decoder, data, here, refuse_all, cycle);
-    const int64_t flags = sb_checks_update(checks, cycle, now);
-    sb_checks_frozen(checks, cycle, now);
-    return flags;
 }

@@ -47,8 +47,12 @@ static int64_t hold(SbValue *v, const SbDecoder *signals, int64_t raw, int is_go
     return is_usable;
 }
 
-int64_t sb_flow_take(SbFlow *flow, const uint8_t *data, const double *time) {
+int64_t sb_flow_take(SbFlow *flow, const uint8_t *data, const double *now) {
     const SbFlow *f = flow;
+    double time[2] = {*now, NAN};
+    if (f->strain_time != NULL) {
+        sb_strain_time(f->strain_time, now, &time[1]);
+    }
     const int is_new = (int)seen_add(f->seen, f->prefix, data, f->length);
     int is_good = 1;
     if (f->status >= 0) {
@@ -76,4 +80,16 @@ int64_t sb_flow_known(SbValue *const *value, int count, const double *now, doubl
         flags |= (v->hides_delay ? SB_DELAY_HIDDEN : 0) | (v->was_known && isnan(known[k]) ? SB_LOST : 0);
     }
     return flags;
+}
+
+void sb_flow_reset(SbValue *const *value, int count) {
+    for (int k = 0; k < count; k++) {
+        SbValue *v = value[k];
+        v->value = v->sampled = v->stated = v->stated_at = NAN;
+        v->was_known = v->n_new = 0;
+        v->to_be_proven = 1;
+        if (v->clock != NULL && !v->clock->is_synchronised) {
+            sb_clock_reset(v->clock);
+        }
+    }
 }

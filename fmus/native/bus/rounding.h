@@ -3,9 +3,19 @@
 #ifndef ROUNDING_H
 #define ROUNDING_H
 
+#include <stdint.h>
+
 /* The nearest whole number of 0 <= x, half to even; numbers from 2^52 on have no fraction. */
 static inline double nearest(double x) {
     return x < 0x1p51 ? (x + 0x1p52) - 0x1p52 : x;
+}
+
+/* The nearest whole number of x, half to even; 0 of what is too large for it, or no number. */
+static inline int64_t whole_number(double x) {
+    if (!(x > -0x1p62 && x < 0x1p62)) {
+        return 0;
+    }
+    return x < 0.0 ? -(int64_t)nearest(-x) : (int64_t)nearest(x);
 }
 
 /* The remainder of x by a positive y, exactly: 0 <= remainder < y, as Python's float % has it. Subtractions of twice and

@@ -40,14 +40,42 @@ static uint32_t crc_32(uint32_t crc, const uint8_t *data, int64_t count) {
     return crc;
 }
 
-int64_t seen_add(uint64_t *words, const uint8_t *prefix, const uint8_t *data, int64_t count) {
-    const uint32_t begin = prefix == NULL ? 0xFFFFFFFF : crc_32(0xFFFFFFFF, prefix, SEEN_PREFIX);
-    const uint32_t mixed = ~crc_32(begin, data, count);
+/* Remember data by their CRC; 1 if they are new. */
+static int64_t add(uint64_t *words, uint32_t mixed) {
     const uint64_t own = UINT64_C(1) << (mixed & 63) | UINT64_C(1) << (mixed >> 6 & 63);
     uint64_t *word = &words[mixed >> 12];
     const int64_t is_new = (*word & own) != own;
     *word |= own;
     return is_new;
+}
+
+int64_t seen_add(uint64_t *words, const uint8_t *prefix, const uint8_t *data, int64_t count) {
+    const uint32_t begin = prefix == NULL ? 0xFFFFFFFF : crc_32(0xFFFFFFFF, prefix, SEEN_PREFIX);
+    return add(words, ~crc_32(begin, data, count));
+}
+
+int64_t seen_add_frames(uint64_t *words, const SbAssembler *a, const SbParts *parts, int together) {
+    uint32_t crc = 0xFFFFFFFF;
+    int64_t are_new = 1;
+    for (int64_t k = 0; k < parts->n; k++) {
+        const int64_t slot = parts->order[k], begin = a->start[slot];
+        if (!together) {
+            are_new &= seen_add(words, NULL, parts->data + begin, a->start[slot + 1] - begin);
+        }
+    }
+    if (!together) {
+        return are_new;
+    }
+    for (int64_t slot = 0; slot < a->n_slots; slot++) {
+        int is_own = 0; /* not one that is held for the cycle */
+        for (int64_t k = 0; k < parts->n; k++) {
+            is_own |= parts->order[k] == slot;
+        }
+        if (is_own) {
+            crc = crc_32(crc, parts->data + a->start[slot], a->start[slot + 1] - a->start[slot]);
+        }
+    }
+    return add(words, ~crc);
 }
 
 int64_t sb_seen_add(uint64_t *words, const uint8_t *data, int count) {

@@ -140,6 +140,19 @@ int64_t clock_read(SbClock *c, double local, int64_t ticks) {
     return take_jump(c, now, ticks);
 }
 
+double clock_seconds_ahead(const SbClock *c, double local, int64_t ticks) {
+    if (c->is_synchronised) {
+        const double half = 0.5 * c->range;
+        return remainder_of((double)ticks * c->tick - (local + c->shift) + half, c->range) - half;
+    }
+    const SbModel *m = c->before.is_set ? &c->before : &c->known;
+    if (!m->is_set) {
+        return 0.0;
+    }
+    const uint64_t since = (uint64_t)whole_number((local * c->pace - m->local) / c->tick);
+    return (double)wrapped((uint64_t)ticks - (uint64_t)m->ticks - since, c->bits) * c->tick;
+}
+
 int64_t sb_clock_read(SbClock *clock, const double *local, const int64_t *ticks) {
     return clock_read(clock, *local, *ticks);
 }

@@ -21,7 +21,7 @@
 #endif
 
 /* Changes when a function or the meaning of a field does. */
-#define SB_VERSION 1
+#define SB_VERSION 2
 
 SB_API int64_t sb_version(void);
 
@@ -106,7 +106,9 @@ typedef struct {
     int64_t expected;                           /* configuration */
     SbCheck *check;                             /* NULL without protection */
     SbMachine *machine;
-    int64_t *number;                            /* (SB_N_NUMBERS) of the last frame, 0 of what it does not hold */
+    const SbMachine *trusted_by;                /* the same, or that of the trailer, which covers frames of strains */
+    int64_t *number;                            /* (SB_N_NUMBERS) of the last frame, 0 of what it does not hold; its
+                                                   counter is -1 without protection */
 } SbSlot;
 
 /* Read the numbers about a frame; 0 if its length is another. */
@@ -118,6 +120,45 @@ SB_API int64_t sb_slot_check(SbSlot *slot, const uint8_t *data, int n_data);
 
 /* Both at once; -1 if its length is another. */
 SB_API int64_t sb_slot_receive(SbSlot *slot, const uint8_t *data, int n_data);
+
+/* Forget all checks, as after a restart of the sender or of the bus. */
+SB_API void sb_machine_reset(SbMachine *machine);
+
+/* --- assembly of cycles --------------------------------------------------------------------------------------------- */
+
+/* The frames of a cycle by slot, strains first. */
+typedef struct {
+    int64_t n;                                  /* frames that have arrived */
+    double first_time, last_time;               /* of their arrival [s] */
+    uint8_t *data;                              /* one frame behind the other; zero where none has arrived */
+    uint8_t *here;                              /* (n_slots) has arrived, or is held for the cycle */
+    int64_t *order;                             /* (n_slots) slots in the order of arrival */
+    double *time;                               /* (n_slots) of arrival [s] */
+    int64_t *number;                            /* (n_slots, SB_N_NUMBERS) */
+} SbParts;
+
+/* See strainfmu/can/cycle/frames/assembler.py. */
+typedef struct {
+    int64_t n_slots, n_whole, trailer;          /* frames; of a complete cycle; slot of the trailer, -1 without */
+    int64_t is_timed, bits, late_limit;
+    double wait;                                /* from the first frame to the deadline [s] */
+    const int64_t *start;                       /* (n_slots + 1) where the bytes of each frame begin */
+    SbParts *const *parts;                      /* (2) */
+    int64_t open;                               /* state: index of the open cycle, -1 for none */
+    int64_t has_newest, newest, late;
+    double deadline;                            /* of the open cycle, infinite without [s] */
+    int64_t *closed;                            /* (2) indices of the cycles that the last frame has closed */
+} SbAssembler;
+
+enum { SB_IN_CYCLE, SB_TWICE, SB_LATE, SB_RESTARTED_CYCLES };
+#define SB_CLOSED 4 /* times the number of cycles that the frame closes, beside what became of it */
+
+/* Put a frame that arrived at `time` into its cycle. What it closes must be done with before the next frame comes. */
+SB_API int64_t sb_offer(SbAssembler *assembler, int slot, const uint8_t *data, const int64_t *number,
+                        const double *time);
+
+/* Close the open cycle: its index, -1 if there is none. */
+SB_API int64_t sb_close(SbAssembler *assembler);
 
 /* --- watch for gauges that are frozen together ------------------------------------------------------------------- */
 
@@ -139,6 +180,7 @@ typedef struct {
     const double *least;                        /* (SB_LONGEST_RUN + 1) smallest logarithm of any gauge */
     double *difference, *squares, *counts;      /* state of each gauge */
     uint8_t *has_moved, *too_little, *found;
+    uint8_t *repeating;                         /* those of `found` that repeat their reading together */
     double *level, *learned, *memory, *evidence; /* state of each group */
     double *log_probability, *ranked;           /* scratch (n) */
     double *mean;                               /* scratch (2, n_groups) */
@@ -191,6 +233,25 @@ typedef struct {
 SB_API int64_t sb_clock_read(SbClock *clock, const double *local, const int64_t *ticks);
 SB_API void sb_clock_reset(SbClock *clock);
 
+/* --- proof of a sender whose time has jumped ------------------------------------------------------------------------ */
+
+/* See strainfmu/can/cycle/frames/restart_proof.py. */
+typedef struct {
+    int64_t new_frames, max_delta, modulus;     /* modulus of the counter, 0 without */
+    double period, startup_time, pause;
+    int64_t is_proven, n_new, begins, has_last, last_counter; /* state; a counter of -1 is none */
+    double last_local, heard;                   /* [s]; never heard: NaN */
+} SbProof;
+
+/* Which time it is by the clock of the strains. */
+typedef struct {
+    double local, seconds;                      /* of the last reading, by our clock and by that; NaN without [s] */
+    const SbProof *proof;                       /* NULL without */
+} SbStrainTime;
+
+/* The time at `now` by the clock of a proven sender of strains [s]; NaN if it is not known. */
+SB_API void sb_strain_time(const SbStrainTime *strain_time, const double *now, double *found);
+
 /* --- flow and navigation between their frames ---------------------------------------------------------------------- */
 
 /* One quantity. See strainfmu/can/cycle/estimate/held_flow.py. */
@@ -213,10 +274,10 @@ typedef struct {
     uint64_t *seen;
     int64_t n_values;
     SbValue *const *value;
+    const SbStrainTime *strain_time;
 } SbFlow;
 
-/* Take in a frame received at time[0]; time[1] is the present time by the clock of a proven sender of strains, NaN if it
-   is not known. 1 if any value of it may be used. */
+/* Take in a frame received at `time`. 1 if any value of it may be used. */
 SB_API int64_t sb_flow_take(SbFlow *flow, const uint8_t *data, const double *time);
 
 enum { SB_DELAY_HIDDEN = 1, SB_LOST = 2 };
@@ -249,6 +310,10 @@ typedef struct {
     uint8_t *fault;                             /* (SB_N_FAULTS, n) */
     uint8_t *valid;                             /* (n) */
     double *frozen_for;                         /* (2) result of sb_checks_frozen [s] */
+    int64_t may_be_chance;                      /* so many repetitions are no sign that anything is frozen */
+    double rare;                                /* square of the probability of what is none */
+    double unchanged, memory, memory_length;    /* part of the cycles in which no gauge changed, and their number */
+    int64_t last_run;                           /* repetitions of all gauges up to the last cycle */
     SbWatch *watch;
 } SbChecks;
 
@@ -256,11 +321,137 @@ typedef struct {
 SB_API int64_t sb_checks_update(SbChecks *checks, const SbCycle *cycle, const double *now);
 SB_API int64_t sb_checks_end(SbChecks *checks, const SbCycle *cycle, const double *now);
 
-/* Decode a cycle, check it, and find for how long it has not changed, all at once; the flags of sb_checks_update. */
-SB_API int64_t sb_judge(const SbDecoder *decoder, const uint8_t *data, const uint8_t *here, int refuse_all,
-                        SbCycle *cycle, SbChecks *checks, const double *now);
-
-/* For how long none of the cycle's gauges has changed, and for how much longer that may be: frozen_for. */
+/* For how long none of the cycle's gauges has changed, and for how much longer that may be: frozen_for. The noise of
+   quiet gauges may give that by chance: may_be_chance. */
 SB_API void sb_checks_frozen(SbChecks *checks, const SbCycle *cycle, const double *now);
+
+/* --- one frame, from its acceptance to its cycle ------------------------------------------------------------------ */
+
+enum { SB_ACCEPTED, SB_WRONG_FORMAT, SB_SHED };
+
+/* One identifier of a layout: its format, and a bucket of tokens that fills with time. */
+typedef struct {
+    int64_t is_fd, length;
+    double rate, capacity;                      /* tokens per second, and at most */
+    double tokens, time;                        /* that are left, and when they were counted [s] */
+} SbBucket;
+
+/* Take a token for a frame received at `time` [s]. */
+SB_API int64_t sb_bucket_take(SbBucket *bucket, int n_data, int is_fd, const double *time);
+
+/* Where the frames of one identifier go: into a cycle, or to what holds the flow. */
+typedef struct {
+    SbBucket *bucket;
+    SbSlot *slot;
+    int64_t index;                              /* of the slot */
+    SbAssembler *assembler;
+    SbFlow *flow;                               /* NULL if none of its values is used */
+    int64_t is_strain;
+    const double *next_status;                  /* when silence is to be answered [s] */
+} SbPort;
+
+/* What becomes of a frame; SB_EVENT_CYCLE + the result of sb_offer, or SB_EVENT_CHECK + that of sb_slot_check. */
+enum {
+    SB_EVENT_DUE,                               /* nothing yet: another thing is due before it */
+    SB_EVENT_WRONG_FORMAT,
+    SB_EVENT_SHED,
+    SB_EVENT_USED,
+    SB_EVENT_NOT_USABLE,
+    SB_EVENT_NOT_TRUSTED,
+    SB_EVENT_CYCLE = 16,
+    SB_EVENT_CHECK = 32
+};
+
+SB_API int64_t sb_receive(SbPort *port, const double *time, const uint8_t *data, int n_data, int is_fd);
+
+/* --- judgement of a closed cycle ----------------------------------------------------------------------------------- */
+
+/* Causes of strainfmu/can/cycle/states/quality.py that are found here. */
+enum {
+    SB_PARTIAL_CYCLE = 1 << 0,
+    SB_GAUGE_INVALID = 1 << 1,
+    SB_CAUSE_NOT_TRUSTED = 1 << 2,
+    SB_CYCLE_CRC = 1 << 3,
+    SB_OLD = 1 << 4,
+    SB_CAUSE_FROZEN = 1 << 5,
+    SB_DYNAMIC_PRESSURE = 1 << 7,
+    SB_CLOCK_JUMP = 1 << 8,
+    SB_SENDER_STATUS = 1 << 9,
+    SB_HIDDEN_DELAY = 1 << 16,
+    SB_UNPROVEN_RESTART = 1 << 17
+};
+
+/* Why no gauge of a cycle is used. */
+enum { SB_REFUSED_NOT, SB_REFUSED_UNVERIFIED, SB_REFUSED_REPEATED, SB_REFUSED_SEQUENCE, SB_REFUSED_UNTRUSTED, SB_REFUSED_OLD };
+
+/* What a judgement found. */
+enum {
+    SB_FOUND_CAUSES,
+    SB_FOUND_REFUSED,
+    SB_FOUND_N_VALID,                           /* gauges that are used */
+    SB_FOUND_LOST,                              /* a quantity of the flow was known and is not any more */
+    SB_FOUND_NAMED,                             /* slot of the frame that identifies the cycle */
+    SB_FOUND_SAMPLE_TIME,                       /* its numbers */
+    SB_FOUND_COUNTER,
+    SB_FOUND_STATUS,                            /* worst status of the sender */
+    SB_FOUND_CHECKED,                           /* the trailer has been checked */
+    SB_N_FOUND
+};
+
+/* The parts that a cycle passes, what is known of the flow, and the result. */
+typedef struct {
+    const SbAssembler *assembler;
+    SbSlot *const *slot;                        /* (n_slots) */
+    int64_t n_strain;
+    const uint8_t *is_held;                     /* (n_slots) need not come in every cycle */
+    const SbDecoder *decoder;
+    SbCycle *cycle;
+    SbChecks *checks;
+    uint64_t *seen;
+    SbClock *clock;                             /* NULL where nothing dates a cycle */
+    SbProof *proof;                             /* NULL without */
+    SbStrainTime *strain_time;
+    SbValue *const *value;                      /* (n_values) */
+    int64_t n_values, pressure;                 /* place of q_inf, -1 without */
+    int64_t is_fixed;                           /* q_inf is the same in the whole run */
+    double period, max_age, max_uncertainty, hidden_age;
+    int64_t worst_status, unusable;             /* status of the sender, and causes, with which strains are not used */
+    SbCycle *passed;                            /* the last cycle that was passed over */
+    int64_t has_passed, may_be_held_back;       /* state; by the pace of cycles without sample time */
+    double passed_time;
+    uint64_t trailer_status;                    /* of the cycle, 0 without */
+    int64_t has_frozen;                         /* gauges of the cycle are frozen together */
+    const uint8_t *nothing;                     /* zeros, as many as a cycle's bytes */
+    uint8_t *plausible, *trusted, *valid;       /* (n) */
+    double *strain;                             /* (n) that may be used, NaN of others [m/m] */
+    double *known;                              /* (n_values) [SI], NaN of what may not be used */
+    double *age;                                /* (2) of the strains, and its uncertainty, NaN if nothing dates them [s] */
+    int64_t *found;                             /* (SB_N_FOUND) */
+} SbJudge;
+
+enum {
+    SB_JUDGED,
+    SB_TO_LEARN,    /* derive what follows from the usual scatter, then call sb_judge_learned */
+    SB_TO_SEE_ZERO  /* all present gauges read exactly zero: none is `plausible` if there is a load; then sb_judge_go_on */
+};
+
+/* Take in which frames are missing, and check the trailer. */
+SB_API void sb_judge_verify(SbJudge *judge, const SbParts *parts);
+
+/* Verify, decode and judge a cycle that was closed at `now`. */
+SB_API int64_t sb_judge_cycle(SbJudge *judge, const SbParts *parts, const double *now);
+SB_API int64_t sb_judge_learned(SbJudge *judge, const SbParts *parts, const double *now);
+
+/* Decode a cycle that has been verified. */
+SB_API void sb_judge_decode(SbJudge *judge, const SbParts *parts);
+
+/* Judge a cycle that has been verified and decoded, and whose `plausible` gauges are known. */
+SB_API void sb_judge_go_on(SbJudge *judge, const SbParts *parts, const double *now);
+
+/* Verify and remember a closed cycle that is not judged: why it is not to be used. */
+SB_API int64_t sb_judge_pass_over(SbJudge *judge, const SbParts *parts);
+
+/* Forget the sender of quantities of the flow. */
+SB_API void sb_flow_reset(SbValue *const *value, int count);
 
 #endif

@@ -8,6 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
+from typing import Any
+
+import numpy as np
 
 from strainfmu.can.cycle.estimate.result import CycleResult
 from strainfmu.can.cycle.estimate.step import EstimatorStep
@@ -21,6 +24,7 @@ from strainfmu.can.cycle.states.bus_state import BusState, state_after
 from strainfmu.can.cycle.states.quality import Cause, Quality
 from strainfmu.can.e2e.authentication import Authentication
 from strainfmu.can.settings import BridgeSettings
+from strainfmu.can.wire.compiled import ARRAY, INTEGER, Record, function, pointer
 from strainfmu.can.wire.frame import Frame
 from strainfmu.can.wire.frame_layout import DYNAMIC_PRESSURE, InputLayout
 from strainfmu.can.wire.profile_signals import LARGEST_DYNAMIC_PRESSURE
@@ -33,6 +37,34 @@ _CATCH_UP = 10
 _KEPT_SKIPS = 10_000
 
 _ACCEPTED, _NOTHING = Verdict.ACCEPTED, Cause.NONE
+
+_DUE, _SHED, _USED, _PENDING, _COMPLETE, _REFUSED = 0, 2, 3, 16, 20, 32
+"""Events of strainbus.h: nothing before another thing; shed; of flow; in a cycle; its last; by its check."""
+
+_CLASSES = {
+    1: FrameClass.WRONG_FORMAT,
+    _SHED: FrameClass.SHED,
+    _USED: FrameClass.USED,
+    4: FrameClass.NOT_USABLE,
+    5: FrameClass.NOT_TRUSTED,
+}
+"""Class of a frame by the other events."""
+
+
+class PortRecord(Record):
+    """Where the frames of one identifier go in compiled code."""
+
+    position = 15
+    _fields_ = (
+        ("bucket", ARRAY),
+        ("slot", ARRAY),
+        ("index", INTEGER),
+        ("assembler", ARRAY),
+        ("flow", ARRAY),
+        ("is_strain", INTEGER),
+        ("next_status", ARRAY),
+    )
+
 
 _REFUSALS, _REFUSALS_PER_CYCLE = 20.0, 2.0
 """Results without coefficients at once, and per cycle for long: a babbling input gets no babbling answer."""
@@ -78,7 +110,29 @@ class BridgeCore:
         )
         self._last_cycle = start
         self._refusals, self._last_refill = _REFUSALS, start
-        self._next_status = start + self._timeout
+        # Time of the present frame, and when silence is to be answered [s]: compiled code compares both.
+        self._kept_times = np.array([start, start + self._timeout])
+        self._times: Any = self._kept_times.data
+        self._at_time, self._receive = pointer(self._kept_times), function("sb_receive", PortRecord)
+        self._kept_ports = self._new_ports(parts)
+        self._ports = {key: pointer(port) for key, port in self._kept_ports.items()}
+
+    def _new_ports(self, parts: CycleParts) -> dict[int, PortRecord]:
+        """Return where compiled code takes frames in, by key; others come by :meth:`_take`."""
+        layout, slots, n_strain = self.layout, parts.reception.slots, len(self.layout.strain_frames)
+        return {
+            key: PortRecord(
+                bucket=parts.acceptance.buckets[key],
+                slot=slots[slot],
+                index=slot,
+                assembler=parts.assembler.record,
+                flow=None if slot < n_strain else parts.flow.record_of(layout.frames[slot]),
+                is_strain=slot < n_strain,
+                next_status=self._kept_times[1:],
+            )
+            for key, slot in parts.reception.direct_slots().items()
+            if slot != self._command_slot and key in parts.acceptance.buckets
+        }
 
     # --- frames and time in -----------------------------------------------------------------------------------
 
@@ -88,18 +142,47 @@ class BridgeCore:
         A cycle that ends with it while ``is_answered`` is False has no result, because there is no time for one:
         its counters and CRCs are checked, so that later cycles are trusted, but the estimator is not stepped.
         """
-        time, deadline = frame.time, self._assembler.deadline
-        is_due = time >= self._next_status or (deadline is not None and time >= deadline)
-        results = self.advance(time) if is_due else []
+        time, port = frame.time, self._ports.get(frame.key)
         if not is_answered or self._skipping:
             self._remember(time, is_answered)
+        if port is None or frame.is_error or frame.is_remote:
+            return self._take(frame, is_answered)
+        self._times[0] = time
+        data, account, results = frame.data, self.account, []
+        event = self._receive(port, self._at_time, data, len(data), frame.is_fd)
+        if event == _DUE:
+            results = self.advance(time)
+            self._times[0] = time
+            event = self._receive(port, self._at_time, data, len(data), frame.is_fd)
+        account.received += 1
+        if event == _PENDING:
+            account.pending += 1
+        elif event == _COMPLETE:
+            account.pending += 1
+            results += self._close(self._assembler.closed_one(), time, is_answered)
+        elif event == _USED:
+            account.settle(FrameClass.USED, time)
+        elif event >= _REFUSED:
+            account.settle(self._reception.refused(frame, event - _REFUSED), time)
+        elif event > _PENDING:
+            verdict, closed = self._assembler.outcome(event - _PENDING)
+            results += self._offered(verdict, closed, time, is_answered)
+        else:
+            account.settle(_CLASSES[event], time)
+            if event == _SHED:
+                self.note(Cause.OVERLOAD)
+        return results
+
+    def _take(self, frame: Frame, is_answered: bool) -> list[CycleResult]:
+        """Take in one frame part by part, which compiled code does not take in at once."""
+        time = frame.time
+        results = self.advance(time)
         self.account.received += 1
         refused = self._acceptance.refused(frame)
         if refused is None:
             arrival = self._reception.take(frame)
             if type(arrival) is Arrival and arrival.slot in self._cycle_slots:
-                taken = self._offer(arrival, time, is_answered)
-                return results + taken if results else taken
+                return results + self._offered(*self._assembler.offer(arrival), time, is_answered)
             self._hold(arrival, time)
             return results
         self.account.refuse(refused, frame.key, time)
@@ -119,10 +202,10 @@ class BridgeCore:
             return []
         results = []
         while True:
-            deadline = self._assembler.deadline
-            if deadline is not None and deadline <= min(now, self._next_status):
+            deadline, next_status = self._assembler.deadline, self._times[1]
+            if deadline <= min(now, next_status):
                 results += self._close(self._assembler.due(deadline), deadline, is_answered=True)
-            elif self._next_status <= now:
+            elif next_status <= now:
                 results += self._be_silent(now)
             else:
                 return results
@@ -130,8 +213,7 @@ class BridgeCore:
     @property
     def next_event(self) -> float:
         """Latest time at which :meth:`advance` has something to do [s]."""
-        deadline = self._assembler.deadline
-        return self._next_status if deadline is None or self._next_status < deadline else deadline
+        return min(self._times[1], self._assembler.deadline)
 
     def note(self, cause: Cause) -> None:
         """Put ``cause`` into the next result, for what the core cannot observe, such as a full queue."""
@@ -151,7 +233,7 @@ class BridgeCore:
     def finish(self, now: float) -> None:
         """Settle the frames of an open cycle at the end."""
         for cycle in self._assembler.reset():
-            for _ in cycle.arrivals:
+            for _ in range(cycle.n):
                 self._settle(FrameClass.UNFINISHED, now)
 
     @property
@@ -190,9 +272,8 @@ class BridgeCore:
             kind = self._judge.take_flow(arrival)
         self.account.settle(kind, time)
 
-    def _offer(self, arrival: Arrival, time: float, is_answered: bool) -> list[CycleResult]:
-        """Put a frame into its cycle; return the results of the cycles that it ends."""
-        verdict, closed = self._assembler.offer(arrival)
+    def _offered(self, verdict: Verdict, closed: list[Cycle], time: float, is_answered: bool) -> list[CycleResult]:
+        """Note what became of a frame of a cycle; return the results of the cycles that it ends."""
         if verdict is not _ACCEPTED:
             if verdict is Verdict.LATE or verdict is Verdict.REPEATED:
                 self.account.settle(FrameClass.LATE if verdict is Verdict.LATE else FrameClass.REPEATED, time)
@@ -210,7 +291,7 @@ class BridgeCore:
         for cycle in cycles:
             self._last_cycle = now
             self._judge.keep_pace(cycle)
-            self._next_status = now + self._timeout
+            self._times[1] = now + self._timeout
             if not is_answered:
                 self._skip(cycle)
                 continue
@@ -236,14 +317,13 @@ class BridgeCore:
         """Have a closed cycle judged, and settle its frames."""
         noted = self._take_noted(now)
         result, classes = self._judge.judge(cycle, now, noted)
-        arrivals = cycle.arrivals.values()
         if isinstance(classes, FrameClass):
-            account, n_frames, last = self.account, len(arrivals), next(reversed(arrivals))
+            account, n_frames = self.account, cycle.n
             account.pending -= n_frames
-            account.settle(classes, cycle.first_time, n_frames, last.frame.time)
+            account.settle(classes, cycle.first_time, n_frames, cycle.time_of_last)
             return result
-        for arrival, kind in zip(arrivals, classes, strict=True):
-            self._settle(kind, arrival.frame.time)
+        for slot, kind in zip(cycle.slots, classes, strict=True):
+            self._settle(kind, cycle.time_of(slot))
         return result
 
     def _take_noted(self, now: float) -> Cause:
@@ -255,11 +335,9 @@ class BridgeCore:
 
     def _skip(self, cycle: Cycle) -> None:
         """Check a closed cycle, and settle its frames without an answer."""
-        self._reception.miss(cycle.arrivals)
-        refused = self._reception.check_trailer(cycle.arrivals).refused
-        self._judge.pass_over(cycle, is_usable=refused is None)
-        for arrival in cycle.arrivals.values():
-            self._settle(refused or FrameClass.SKIPPED, arrival.frame.time)
+        refused = self._judge.pass_over(cycle)
+        for slot in cycle.slots:
+            self._settle(refused or FrameClass.SKIPPED, cycle.time_of(slot))
         self.note(Cause.OVERLOAD)
 
     def _settle(self, kind: FrameClass, time: float) -> None:
@@ -271,13 +349,13 @@ class BridgeCore:
 
     def _be_silent(self, now: float) -> list[CycleResult]:
         """Answer the next cycle in which nothing came."""
-        time, period = self._next_status, self.layout.cycle_time
+        time, period = self._times[1], self.layout.cycle_time
         # After the bridge itself stood still, a status for every cycle of that time is useless.
         behind = int((now - time) / period) - _CATCH_UP
         if behind > 0 and len(self.skips) < _KEPT_SKIPS:
             self.skips.append((time, now))
         time += max(behind, 0) * period
-        self._next_status = time + period
+        self._times[1] = time + period
         return self._answer_silence(time)
 
     def _answer_silence(self, time: float) -> list[CycleResult]:

@@ -18,7 +18,7 @@ from strainfmu.can.cycle.frames.decoder import StrainDecoder
 from strainfmu.can.cycle.frames.held_strains import HeldStrains, gauge_periods, held_strains
 from strainfmu.can.cycle.frames.own_frames import OwnFrames
 from strainfmu.can.cycle.frames.reception import Reception
-from strainfmu.can.cycle.frames.restart_proof import ProofLimits, RestartProof, SeenFrames
+from strainfmu.can.cycle.frames.restart_proof import ProofLimits, RestartProof, SeenFrames, StrainTime
 from strainfmu.can.cycle.gauges.noise import gauge_noise
 from strainfmu.can.cycle.gauges.plausibility import GaugeChecks
 from strainfmu.can.e2e.sample_clock import ClockLimits, SampleClock, SenderClock
@@ -41,6 +41,7 @@ class CycleParts:
     clock : age of the strains by the sender's clock; None where frames have no sample time.
     seen : frames received in this run.
     proof : whether a sender whose time jumped is proven; None where none is needed or none can be given.
+    strain_time : time by the clock of the strains.
     decoder : strains of a closed cycle.
     gauges : plausibility of each gauge.
     flow : dynamic pressure and navigation.
@@ -56,6 +57,7 @@ class CycleParts:
     clock: SenderClock | None
     seen: SeenFrames
     proof: RestartProof | None
+    strain_time: StrainTime
     decoder: StrainDecoder
     gauges: GaugeChecks
     flow: HeldFlow
@@ -78,19 +80,21 @@ def cycle_parts(
     dynamic_pressure : q_inf of the whole run [Pa], or None to take it from its frame.
     noise_std : (n_d,) or one standard deviation of the gauges' noise [m/m], None where not known.
     """
-    period, seen = layout.cycle_time, SeenFrames()
+    period, seen, proof = layout.cycle_time, SeenFrames(), restart_proof(layout, settings)
+    strain_time = StrainTime(proof)
     return CycleParts(
         own=own,
         acceptance=Acceptance(layout, own, settings),
         reception=Reception(layout, settings),
-        assembler=CycleAssembler(cycle_limits(layout, settings)),
+        assembler=CycleAssembler(cycle_limits(layout, settings), cycle_lengths(layout)),
         pace=ArrivalPace(settings.max_age * period, settings.rate / period),
         clock=strain_clock(layout, settings),
         seen=seen,
-        proof=restart_proof(layout, settings),
+        proof=proof,
+        strain_time=strain_time,
         decoder=StrainDecoder(layout),
         gauges=gauge_checks(layout, settings, noise_std),
-        flow=HeldFlow(held_values(layout, settings), dynamic_pressure, seen, layout.constants),
+        flow=HeldFlow(held_values(layout, settings), dynamic_pressure, seen, strain_time, layout.constants),
         held=held_strains(layout),
     )
 
@@ -121,6 +125,13 @@ def cycle_limits(layout: InputLayout, settings: BridgeSettings) -> Limits:
         clock_bits=bits,
         late_limit=settings.late_cycles * n_slots,
     )
+
+
+def cycle_lengths(layout: InputLayout) -> list[int]:
+    """Return the bytes of the frames that a cycle may hold: strains, then the trailer."""
+    return [
+        frame.layout.length for frame in layout.frames[: len(layout.strain_frames) + (layout.trailer is not None)]
+    ]
 
 
 def strain_clock(layout: InputLayout, settings: BridgeSettings) -> SenderClock | None:

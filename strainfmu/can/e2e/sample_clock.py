@@ -101,10 +101,6 @@ class SenderClock(Protocol):
         """Return a sample time [s]."""
         ...
 
-    def seconds_ahead(self, local: float, ticks: int) -> float:
-        """Return by how much a sample time is ahead of the accepted clock at ``local`` [s]."""
-        ...
-
     @property
     def drift_ppm(self) -> float:
         """How much slower than ours the sender's clock runs [ppm]; NaN if not known."""
@@ -214,16 +210,6 @@ class SampleClock:
     def seconds(self, ticks: int) -> float:
         """Return a sample time [s]."""
         return ticks * self.record.tick
-
-    def seconds_ahead(self, local: float, ticks: int) -> float:
-        """Return by how much a sample time is ahead of the accepted clock at ``local`` [s]."""
-        record = self.record
-        model = record.before if record.before.is_set else record.known
-        if not model.is_set:
-            return 0.0
-        half = 1 << (record.bits - 1)
-        expected = model.ticks + round((local * record.pace - model.local) / record.tick)
-        return ((ticks - expected + half) % (2 * half) - half) * record.tick
 
     @property
     def drift_ppm(self) -> float:

@@ -27,11 +27,6 @@ class SynchronisedClock:
         self.range = self.record.range
         self.read = ClockReader(self.record)
 
-    def seconds_ahead(self, local: float, ticks: int) -> float:
-        """Return by how much a sample time is ahead of ours at ``local`` [s]."""
-        half = 0.5 * self.range
-        return (self.seconds(ticks) - (local + self.record.shift) + half) % self.range - half
-
     def seconds(self, ticks: int) -> float:
         """Return a sample time [s]."""
         return ticks * self.record.tick

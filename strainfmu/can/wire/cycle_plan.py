@@ -42,18 +42,16 @@ class DecodedCycle:
     raw : (n_d,) raw numbers.
     present : (n_d,) gauges whose frame has arrived.
     refused : (n_d,) gauges without a value, or outside their signal's limits.
-    status : worst status of the sender.
-    address : of the arrays, for compiled code.
+    record, address : of the arrays, for compiled code.
     """
 
-    __slots__ = ("_record", "address", "present", "raw", "refused", "status", "strain")
+    __slots__ = ("address", "present", "raw", "record", "refused", "strain")
 
     def __init__(self, n_gauges: int) -> None:
         self.strain, self.raw = np.full(n_gauges, np.nan), np.zeros(n_gauges, dtype=np.int64)
         self.present, self.refused = np.zeros(n_gauges, dtype=bool), np.zeros(n_gauges, dtype=bool)
-        self.status = 0
-        self._record = _Cycle(strain=self.strain, raw=self.raw, present=self.present, refused=self.refused)
-        self.address = pointer(self._record)
+        self.record = _Cycle(strain=self.strain, raw=self.raw, present=self.present, refused=self.refused)
+        self.address = pointer(self.record)
 
 
 class CyclePlan:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.arrays import FloatArray
 from strainfmu.cosim.estimators.description import (
     CONTENTS,
     FIRST_NUMBER,
@@ -66,6 +66,7 @@ class FmuStep:
     reading_units : unit of auxiliary sensors and thrust by name of the input.
     section_stations : x of the sections [m] whose loads are among the outputs, if :data:`OTHER_LOAD_OUTPUTS` was
         asked for; None where it was not, or the FMU has neither rolling moment nor sections.
+    takes_mask : it need not look for gauges that are not valid.
     needs_pressure : whether there are no coefficients where q_inf is not known: of a linear estimator.
     strain_nominal : (n_d,) nominal values of the strains [m/m], the largest that are expected; 1 without.
     pressure_nominal : nominal value of q_inf [Pa].
@@ -79,6 +80,8 @@ class FmuStep:
     StrainfmuError
         It cannot be loaded on this machine.
     """
+
+    takes_mask = True
 
     def __init__(self, path: Path, further_inputs: Sequence[str] = (), other_outputs: Sequence[str] = ()) -> None:
         self.path = path
@@ -135,7 +138,7 @@ class FmuStep:
         self._zeros: tuple[list[Any], FloatArray] = [], np.zeros(0)
         self._values = np.zeros(len(self._get))
         self._other_places = [(name, FIRST_NUMBER + 1 + k) for k, name in enumerate(self.other_outputs)]
-        self._estimate = self._values[:5], self._values[5:FIRST_NUMBER]
+        self._outputs: Any = self._values.data
         self._finite = np.ones(self.n_gauges, dtype=bool)
         self._python_path = list(sys.path)
         self._stack = ExitStack()
@@ -163,7 +166,12 @@ class FmuStep:
         self.close()
 
     def __call__(
-        self, strain: FloatArray, dynamic_pressure: float, step_size: float, **further: float
+        self,
+        strain: FloatArray,
+        dynamic_pressure: float,
+        step_size: float,
+        mask: bytes | None = None,
+        **further: float,
     ) -> StepResult:
         """Do one step.
 
@@ -172,6 +180,7 @@ class FmuStep:
         strain : (n_d,) strains [m/m], NaN where not valid.
         dynamic_pressure : q_inf [Pa], NaN if not known.
         step_size : [s].
+        mask : bytes of (n_d,) bool, the gauges whose strains are finite; None to look for them.
         further : values of ``further_inputs``, in SI units; one that is not given stays as it is.
 
         Raises
@@ -191,15 +200,14 @@ class FmuStep:
         try:
             self._set_inputs()
             if self._mask_setters:
-                self._set_mask(np.isfinite(strain, self._finite))
+                self._set_mask(np.isfinite(strain, self._finite).tobytes() if mask is None else mask)
             self._step(begin, step_size)
             self._get_outputs()
         except StrainfmuError as error:
             raise self._after(error) from error
-        values = self._values.tolist()
-        found = {name: values[place] for name, place in self._other_places}
-        coefficients, deviations = self._estimate
-        return StepResult(coefficients.copy(), deviations.copy(), int(values[-1]), values[FIRST_NUMBER], found)
+        values, numbers = self._values.copy(), self._outputs
+        found = {name: numbers[place] for name, place in self._other_places}
+        return StepResult(values[:5], values[5:FIRST_NUMBER], int(numbers[-1]), numbers[FIRST_NUMBER], found)
 
     def set_zeros(self, zeros: GaugeZeros) -> None:
         """Let the FMU take ``zeros`` off its strains, from the next step on.
@@ -264,14 +272,13 @@ class FmuStep:
         blocks = self._instance.block(direction, variables, columns, vector)
         return [(b, None if b.buffer.base is vector else _columns(b.columns)) for b in blocks]
 
-    def _set_mask(self, mask: BoolArray) -> None:
+    def _set_mask(self, mask: bytes) -> None:
         """Set the inputs ``valid[i]`` to a mask other than the one that was set last."""
-        sent = mask.tobytes()
-        if sent == self._mask_sent:
+        if mask == self._mask_sent:
             return
-        self._inputs[self._first_mask :] = mask
+        self._inputs[self._first_mask :] = np.frombuffer(mask, dtype=bool)
         self._transfer(self._mask_setters, self._inputs, into=True)
-        self._mask_sent = sent
+        self._mask_sent = mask
 
     def _after(self, error: StrainfmuError) -> StrainfmuError:
         """Return what an FMI status means: fmi2Discard a lost step, fmi2Error one more try, fmi2Fatal the end."""

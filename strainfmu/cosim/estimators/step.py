@@ -72,6 +72,14 @@ def needs_pressure(step: Step) -> bool:
     return bool(getattr(step, "needs_pressure", True))
 
 
+def takes_mask(step: Step) -> bool:
+    """Return whether ``step`` takes the mask of valid gauges, bytes of (n_d,) bool, behind the step size.
+
+    It is ``step``'s attribute ``takes_mask``; False where it has none.
+    """
+    return bool(getattr(step, "takes_mask", False))
+
+
 def sensor_names_of(step: Step) -> tuple[str, ...]:
     """Return the temperature sensors whose inputs ``temperature[k]`` are among :func:`further_inputs`, in order.
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from can_case import CYCLE, GAP, N_GAUGES, SIZES, Campaign, Projection, layout_of, run_campaign
 from weakened_bus import WITHOUT, MakeCore, core_without
+from weakened_parts import TakesPartByPart
 
 from strainfmu.can.cycle.core import bridge_core
 from strainfmu.can.cycle.frames.account import FrameClass
@@ -194,6 +195,19 @@ def test_a_core_with_nothing_replaced_is_the_shipped_one() -> None:
         shipped, composed = ([repr(result) for result in run.results] for run in runs)
         assert shipped == composed
         assert runs[0].core.account == runs[1].core.account
+
+
+@pytest.mark.parametrize("profile", ["fd64", "classic-le"])
+def test_frames_taken_in_at_once_and_part_by_part_come_to_the_same(profile: str) -> None:
+    """Frames with an authenticator or a multiplexer take the second way alone."""
+    faults = random_faults(12, tuple(FaultKind), seed=6, gap=GAP)
+    runs = [
+        run_campaign(layout_of(profile, SIZES[profile]), faults, 400, make_core=make_core)
+        for make_core in (core_without(), core_without(TakesPartByPart))
+    ]
+    at_once, part_by_part = ([repr(result) for result in run.results] for run in runs)
+    assert at_once == part_by_part
+    assert runs[0].core.account == runs[1].core.account
 
 
 def test_the_oracle_sees_a_single_wrong_strain() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import inf
+
 import numpy as np
 import pytest
 from can_case import CYCLE, layout_of
@@ -37,12 +39,12 @@ def arrival(slot: int, sample_time: int | None, time: float = 0.0, counter: int 
 
 def timed(n_slots: int = 2) -> CycleAssembler:
     return CycleAssembler(
-        Limits(n_slots=n_slots, trailer=None, deadline=5e-3, clock_bits=32, late_limit=3 * n_slots)
+        Limits(n_slots=n_slots, trailer=None, deadline=5e-3, clock_bits=32, late_limit=3 * n_slots), [0] * n_slots
     )
 
 
 def slots(cycles: list) -> list[list[int]]:
-    return [sorted(cycle.arrivals) for cycle in cycles]
+    return [sorted(cycle.slots) for cycle in cycles]
 
 
 def test_a_complete_cycle_is_closed_at_once() -> None:
@@ -50,7 +52,7 @@ def test_a_complete_cycle_is_closed_at_once() -> None:
     assert assembler.offer(arrival(1, 100)) == (Verdict.ACCEPTED, [])
     verdict, closed = assembler.offer(arrival(0, 100))
     assert (verdict, slots(closed)) == (Verdict.ACCEPTED, [[0, 1]])
-    assert assembler.deadline is None
+    assert assembler.deadline == inf
 
 
 def test_a_frame_of_the_next_cycle_closes_a_partial_one_and_late_ones_are_refused() -> None:
@@ -93,11 +95,13 @@ def test_nothing_but_late_frames_is_a_restart() -> None:
 
 
 def test_without_times_a_repeated_frame_or_the_trailer_ends_a_cycle() -> None:
-    plain = CycleAssembler(Limits(n_slots=3, trailer=None, deadline=5e-3, clock_bits=None, late_limit=9))
+    plain = CycleAssembler(
+        Limits(n_slots=3, trailer=None, deadline=5e-3, clock_bits=None, late_limit=9), [0, 0, 0]
+    )
     plain.offer(arrival(0, None))
     plain.offer(arrival(1, None))
     assert slots(plain.offer(arrival(0, None))[1]) == [[0, 1]]
-    closing = CycleAssembler(Limits(n_slots=3, trailer=2, deadline=5e-3, clock_bits=None, late_limit=9))
+    closing = CycleAssembler(Limits(n_slots=3, trailer=2, deadline=5e-3, clock_bits=None, late_limit=9), [0, 0, 0])
     closing.offer(arrival(0, None))
     assert slots(closing.offer(arrival(2, None))[1]) == [[0, 2]]
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from strainfmu.can.cycle.frames.assembler import Arrival
 from strainfmu.can.cycle.frames.decoder import STATUS_DEGRADED
-from strainfmu.can.cycle.frames.restart_proof import SeenFrames
+from strainfmu.can.cycle.frames.restart_proof import SeenFrames, StrainTime
 from strainfmu.can.cycle.states.quality import Cause
 from strainfmu.can.e2e.sample_clock import SenderClock
 from strainfmu.can.wire.compiled import ARRAY, INTEGER, NUMBER, Record, address, function, pointer
@@ -50,9 +50,6 @@ _SENSIBLE_TEMPERATURE = (1.0, 5e3)
 
 _NOTHING_LOST = Cause.NONE
 
-_DELAY_HIDDEN, _LOST = 1, 2
-"""Flags of strainbus.h."""
-
 _NEW_FRAMES = 3
 """Frames in a row that were not received before, which prove that a sender behind a restart is no recording."""
 
@@ -69,14 +66,12 @@ class FlowState:
         flow parameter or its standard deviation.
     further : temperatures [K], readings of auxiliary sensors, thrust [N], p_inf [Pa], deviations of navigation,
         flow parameters and their deviations, by name of the estimator's input.
-    hides_delay : more delay of the dynamic pressure may hide than is allowed.
     """
 
     dynamic_pressure: float = nan
     mach_number: float = nan
     altitude: float = nan
     lost: Cause = Cause.NONE
-    hides_delay: bool = False
     further: dict[str, float] = field(default_factory=dict)
 
 
@@ -102,6 +97,7 @@ class _Flow(Record):
         ("seen", ARRAY),
         ("n_values", INTEGER),
         ("value", ARRAY),
+        ("strain_time", ARRAY),
     )
 
 
@@ -134,7 +130,7 @@ class HeldValue:
         record.new_frames, record.max_age = _NEW_FRAMES, max_age
         if clock is not None and frame.sample_time is not None:
             record.clock = address(clock.record)
-        self._forget()
+        record.value = record.sampled = record.stated = record.stated_at = nan
 
     def new_plan(self, *given: Any) -> CyclePlan:
         """Return the plan of the frame's signals."""
@@ -148,18 +144,6 @@ class HeldValue:
     def status(self) -> int | None:
         """Index of the sender's own status in the frame, None where it has none."""
         return self.frame.status
-
-    def _forget(self) -> None:
-        record = self.record
-        record.value = record.sampled = record.stated = record.stated_at = nan
-        record.was_known = record.n_new = 0
-
-    def reset(self) -> None:
-        """Forget the sender."""
-        self._forget()
-        self.record.to_be_proven = 1
-        if self._clock is not None:
-            self._clock.reset()
 
     def confirm(self) -> None:
         """Take the sender for proven, and its present delay for the smallest."""
@@ -185,14 +169,14 @@ class HeldValue:
 class FlowFrame:
     """Takes the values of one frame, which :class:`HeldValue` holds."""
 
-    def __init__(self, values: Sequence[HeldValue], seen: SeenFrames) -> None:
+    def __init__(self, values: Sequence[HeldValue], seen: SeenFrames, strain_time: StrainTime) -> None:
         first = values[0]
         frame = first.frame
         n = len(frame.layout.signals)
         plan = first.new_plan([frame.layout], [(0, index) for index in range(n)])
         status, sample_time = first.status, frame.sample_time
         self._kept = values, plan
-        self._record = _Flow(
+        self.record = _Flow(
             signals=plan.record,
             sample_time=-1 if sample_time is None else sample_time,
             status=-1 if status is None else status,
@@ -203,18 +187,17 @@ class FlowFrame:
             seen=seen.words,
             n_values=len(values),
             value=np.array([address(value.record) for value in values], dtype=np.uint64),
+            strain_time=strain_time.record,
         )
-        times = (NUMBER * 2)()
-        self._times, self._take = times, function("sb_flow_take", _Flow)
-        self._at, self._at_times = pointer(self._record), pointer(times)
+        self._time, self._take = NUMBER(), function("sb_flow_take", _Flow)
+        self._at, self._at_time = pointer(self.record), pointer(self._time)
 
-    def take(self, data: bytes, time: float, strain_time: float | None) -> bool:
+    def take(self, data: bytes, time: float) -> bool:
         """Take in a frame received at ``time`` [s]; return whether any value of it may be used."""
-        if len(data) != self._record.length:
-            raise ValueError(f"expected {self._record.length} bytes, got {len(data)}")
-        times = self._times
-        times[0], times[1] = time, nan if strain_time is None else strain_time
-        return self._take(self._at, data, self._at_times) != 0
+        if len(data) != self.record.length:
+            raise ValueError(f"expected {self.record.length} bytes, got {len(data)}")
+        self._time.value = time
+        return self._take(self._at, data, self._at_time) != 0
 
 
 class HeldFlow:
@@ -225,6 +208,7 @@ class HeldFlow:
     values : those that the bus gives, at most one of each quantity.
     fixed : q_inf of the whole run [Pa]; None to take it from the bus.
     seen : frames received in this run.
+    strain_time : time by the clock of the strains.
     constants : further inputs of the estimator that stay, and their values.
     """
 
@@ -233,6 +217,7 @@ class HeldFlow:
         values: Sequence[HeldValue],
         fixed: float | None,
         seen: SeenFrames,
+        strain_time: StrainTime,
         constants: Sequence[tuple[str, float]] = (),
     ) -> None:
         self._values, self._fixed = tuple(values), fixed
@@ -240,14 +225,15 @@ class HeldFlow:
         by_frame: dict[int, list[HeldValue]] = {}
         for value in values:
             by_frame.setdefault(id(value.frame), []).append(value)
-        self._by_frame = {key: FlowFrame(own, seen) for key, own in by_frame.items()}
-        self._addresses = np.array([address(value.record) for value in values], dtype=np.uint64)
-        known, now = np.full(len(values), nan), NUMBER()
-        self._known, self._now = known.data, now
-        self._find = function("sb_flow_known", _Value)
-        self._at = pointer(self._addresses), len(values), pointer(now), pointer(known)
+        self._by_frame = {key: FlowFrame(own, seen, strain_time) for key, own in by_frame.items()}
+        self.addresses = np.array([address(value.record) for value in values], dtype=np.uint64)
+        """Of what is held, for compiled code."""
+        self.known = np.full(len(values), nan)
+        """What may be used of it at the last cycle [SI], NaN elsewhere; compiled code writes it."""
+        self._known = self.known.data
         places = {value.quantity: index for index, value in enumerate(values)}
-        self._pressure = places.get(DYNAMIC_PRESSURE)
+        self.pressure = places.get(DYNAMIC_PRESSURE)
+        """Place of q_inf, None without."""
         self._mach_number, self._altitude = places.get(MACH_NUMBER), places.get(ALTITUDE)
         of_loss = {
             NAVIGATION.__contains__: Cause.NAVIGATION,
@@ -264,45 +250,39 @@ class HeldFlow:
         self._state = FlowState(further=dict(constants))
 
     @property
-    def has_pressure(self) -> bool:
-        """q_inf is fixed or among what the bus gives."""
-        return self._fixed is not None or self._pressure is not None
-
-    def reset(self) -> None:
-        """Forget the sender."""
-        for value in self._values:
-            value.reset()
+    def is_fixed(self) -> bool:
+        """q_inf is the same in the whole run."""
+        return self._fixed is not None
 
     def confirm(self) -> None:
         """Take the senders for proven."""
         for value in self._values:
             value.confirm()
 
-    def take(self, item: InputFrame, arrival: Arrival, strain_time: float | None = None) -> bool:
-        """Take in a frame of the layout's ``item``; return whether any value of it may be used.
+    def record_of(self, item: InputFrame) -> Record | None:
+        """Return what takes in the layout's ``item`` in compiled code, None if none of its values is used."""
+        own = self._by_frame.get(id(item))
+        return None if own is None else own.record
 
-        ``strain_time`` is the present time by the clock of the strains [s], None if it is not known.
-        """
+    def take(self, item: InputFrame, arrival: Arrival) -> bool:
+        """Take in a frame of the layout's ``item``; return whether any value of it may be used."""
         own, frame = self._by_frame.get(id(item)), arrival.frame
-        return own is not None and own.take(frame.data, frame.time, strain_time)
+        return own is not None and own.take(frame.data, frame.time)
 
-    def state(self, now: float) -> FlowState:
-        """Return what is known at ``now`` [s]."""
+    def state(self, is_lost: bool) -> FlowState:
+        """Return what is :attr:`known`; ``is_lost`` says whether anything was and is not any more."""
         state, known, fixed = self._state, self._known, self._fixed
-        self._now.value = now
-        flags = self._find(*self._at)
-        if fixed is None:
-            state.dynamic_pressure = nan if self._pressure is None else known[self._pressure]
-            state.hides_delay = flags & _DELAY_HIDDEN != 0
-        else:
+        if fixed is not None:
             state.dynamic_pressure = fixed
+        elif self.pressure is not None:
+            state.dynamic_pressure = known[self.pressure]
         if self._mach_number is not None:
             state.mach_number = known[self._mach_number]
         if self._altitude is not None:
             state.altitude = known[self._altitude]
         for name, place in self._further:
             state.further[name] = known[place]
-        state.lost = self._lost() if flags & _LOST else _NOTHING_LOST
+        state.lost = self._lost() if is_lost else _NOTHING_LOST
         return state
 
     def _lost(self) -> Cause:
@@ -317,7 +297,7 @@ class HeldFlow:
         """Return q_inf as it is stated [Pa] at ``now`` [s], also of air at rest; NaN if it is not known."""
         if self._fixed is not None:
             return self._fixed
-        return nan if self._pressure is None else self._values[self._pressure].stated(now)
+        return nan if self.pressure is None else self._values[self.pressure].stated(now)
 
 
 def _sensible(quantity: str) -> tuple[float, float]:

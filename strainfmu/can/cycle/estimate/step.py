@@ -4,12 +4,19 @@ from __future__ import annotations
 
 from math import isfinite, isnan
 
-from strainfmu.arrays import FloatArray
+from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.can.cycle.estimate.held_flow import FlowState
 from strainfmu.can.cycle.estimate.result import quality_of_step
 from strainfmu.can.cycle.states.quality import Cause, Quality
 from strainfmu.can.wire.frame_layout import NAVIGATION, InputLayout
-from strainfmu.cosim.estimators.step import Step, StepRefused, StepResult, further_inputs, needs_pressure
+from strainfmu.cosim.estimators.step import (
+    Step,
+    StepRefused,
+    StepResult,
+    further_inputs,
+    needs_pressure,
+    takes_mask,
+)
 
 _LONGEST_STEP = 100
 """Maximum number of cycles in one step of the FMU."""
@@ -26,19 +33,20 @@ class EstimatorStep:
 
     def __init__(self, layout: InputLayout, step: Step) -> None:
         self._step, self._is_protected, self._period = step, layout.is_protected, layout.cycle_time
-        self._needs_pressure = needs_pressure(step)
+        self._needs_pressure, self._takes_mask = needs_pressure(step), takes_mask(step)
         self._navigation = tuple(name for name in NAVIGATION if name in further_inputs(step))
         self._further: dict[str, float] = {}
         self._last: float | None = None
 
     def __call__(
-        self, strain: FloatArray, flow: FlowState, now: float, causes: Cause
+        self, strain: FloatArray, valid: BoolArray, flow: FlowState, now: float, causes: Cause
     ) -> tuple[StepResult | None, Quality, Cause]:
         """Return the outputs at ``now`` [s], None if the estimator refused; their quality, and the causes.
 
         Parameters
         ----------
         strain : (n_d,) of a cycle [m/m], NaN for gauges that are not valid.
+        valid : (n_d,) gauges that are.
         causes : noted before.
         """
         further = self._further
@@ -47,7 +55,10 @@ class EstimatorStep:
         for name in self._navigation:
             further[name] = getattr(flow, name)
         try:
-            step = self._step(strain, flow.dynamic_pressure, self._size(now), **further)
+            if self._takes_mask:
+                step = self._step(strain, flow.dynamic_pressure, self._size(now), valid.tobytes(), **further)
+            else:
+                step = self._step(strain, flow.dynamic_pressure, self._size(now), **further)
         except StepRefused:
             return None, Quality.INVALID, causes | Cause.STEP_FAILED
         quality, causes = self._quality_of(step, causes)

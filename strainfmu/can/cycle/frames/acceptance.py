@@ -3,33 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 from strainfmu.can.cycle.frames.account import FrameClass
 from strainfmu.can.cycle.frames.own_frames import OwnFrames, own_frames
 from strainfmu.can.settings import BridgeSettings
+from strainfmu.can.wire.compiled import INTEGER, NUMBER, Record, function, pointer
 from strainfmu.can.wire.frame import EXTENDED_FLAG, Frame
 from strainfmu.can.wire.frame_layout import InputLayout
 
 _OWN, _SECOND_BRIDGE = FrameClass.OWN, FrameClass.SECOND_BRIDGE
 
 
-@dataclass(eq=False, slots=True)
-class _Bucket:
-    """One identifier of the layout: its format, and the bucket of tokens that fills with time.
+_ACCEPTED, _WRONG_FORMAT = 0, 1
+"""Results of strainbus.h."""
 
-    Attributes
-    ----------
-    is_fd, length : of its frames.
-    rate : tokens per second.
-    tokens, time : that are left, and when they were counted [s].
-    """
 
-    is_fd: bool
-    length: int
-    rate: float
-    tokens: float
-    time: float = 0.0
+class BucketRecord(Record):
+    """One identifier of a layout for compiled code: its format, and a bucket of tokens that fills with time."""
+
+    position = 14
+    _fields_ = (
+        *((name, INTEGER) for name in ("is_fd", "length")),
+        *((name, NUMBER) for name in ("rate", "capacity", "tokens", "time")),
+    )
 
 
 class Acceptance:
@@ -43,42 +39,35 @@ class Acceptance:
         self._own_frames = own_frames(own)
         self._own = self._own_frames.keys
         self._cycle_time, self._last_reported = layout.cycle_time, -float("inf")
-        self._capacity = settings.burst
         # Multiplexed frames have one identifier in common: each of them may come once a cycle.
         keys = [f.layout.key for f in layout.frames]
-        self._buckets = {
-            f.layout.key: _Bucket(
+        self.buckets = {
+            f.layout.key: BucketRecord(
                 is_fd=f.layout.is_fd,
                 length=f.layout.length,
                 rate=settings.rate * keys.count(f.layout.key) / layout.cycle_time,
+                capacity=settings.burst,
                 tokens=settings.burst,
+                time=0.0,
             )
             for f in layout.frames
             if f.layout.key not in self._own
         }
+        """By key, for compiled code."""
+        self._at = {key: pointer(bucket) for key, bucket in self.buckets.items()}
+        self._time = NUMBER()
+        self._take, self._at_time = function("sb_bucket_take", BucketRecord), pointer(self._time)
 
     def refused(self, frame: Frame) -> FrameClass | None:
         """Return the class of a frame that is refused, None of one that is accepted."""
-        bucket = self._buckets.get(frame.key)
+        bucket = self._at.get(frame.key)
         if bucket is None or frame.is_error or frame.is_remote:
             return self._why_refused(frame)
-        if frame.is_fd != bucket.is_fd or len(frame.data) != bucket.length:
-            return FrameClass.WRONG_FORMAT
-        tokens, time = bucket.tokens, frame.time
-        if time > bucket.time:
-            tokens += (time - bucket.time) * bucket.rate
-            if tokens > self._capacity:
-                tokens = self._capacity
-        bucket.time = time
-        if tokens >= 1.0:
-            bucket.tokens = tokens - 1.0
+        self._time.value = frame.time
+        found = self._take(bucket, len(frame.data), frame.is_fd, self._at_time)
+        if found == _ACCEPTED:
             return None
-        bucket.tokens = tokens
-        return self._without_token()
-
-    def _without_token(self) -> FrameClass | None:
-        """Return the class of a frame for which its identifier's bucket has no token left."""
-        return FrameClass.SHED
+        return FrameClass.WRONG_FORMAT if found == _WRONG_FORMAT else FrameClass.SHED
 
     def _why_refused(self, frame: Frame) -> FrameClass:
         """Return the class of a frame that is no data frame of the layout."""
@@ -87,8 +76,8 @@ class Acceptance:
             return FrameClass.ERROR_FRAME
         if key in self._own:
             return _OWN if self._comes_back(frame) else _SECOND_BRIDGE
-        if key not in self._buckets:
-            other_width = key ^ EXTENDED_FLAG in self._buckets
+        if key not in self.buckets:
+            other_width = key ^ EXTENDED_FLAG in self.buckets
             return FrameClass.WRONG_FORMAT if other_width else FrameClass.UNKNOWN_IDENTIFIER
         return FrameClass.REMOTE_FRAME
 

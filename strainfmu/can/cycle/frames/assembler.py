@@ -1,4 +1,4 @@
-"""The assembly of frames to cycles: a pure state machine, frames and times in, closed cycles out.
+"""The assembly of frames to cycles: a state machine in compiled code, frames and times in, closed cycles out.
 
 A cycle is closed when it is complete, when a frame of the next one comes, or at its deadline. The sample time
 separates cycles where every frame holds one; elsewhere the trailer does, or a frame that comes a second time.
@@ -6,12 +6,21 @@ separates cycles where every frame holds one; elsewhere the trailer does, or a f
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 from enum import Enum
+from math import inf
+from typing import Any
+
+import numpy as np
 
 from strainfmu.arrays import IntArray
+from strainfmu.can.wire.compiled import ARRAY, INTEGER, NUMBER, Record, address, function, pointer
 from strainfmu.can.wire.frame import Frame
 from strainfmu.can.wire.signal_plan import SignalPlan
+
+_SAMPLE_TIME, _N_NUMBERS = 1, 4
+"""Of strainbus.h."""
 
 
 @dataclass(eq=False, slots=True)  # not frozen: one is made for every frame, and that costs thrice
@@ -36,6 +45,13 @@ class Arrival:
     status: int = 0
 
     @property
+    def numbers(self) -> IntArray:
+        """(4,) the numbers about it for compiled code: status, sample time, configuration, counter."""
+        status = self.status - (1 << 64) if self.status >> 63 else self.status
+        counter = -1 if self.counter is None else self.counter
+        return np.array([status, self.sample_time or 0, 0, counter], dtype=np.int64)
+
+    @property
     def raw(self) -> IntArray:
         """(k,) raw numbers of its k signals."""
         return self.plan.raw(self.frame.data)
@@ -45,14 +61,86 @@ arrival_without_fields = object.__new__
 """Makes an Arrival whose fields are all still to be set, in half the time of making one by them."""
 
 
-@dataclass(eq=False, slots=True)
-class Cycle:
-    """Frames of one cycle by slot; ``first`` came at ``first_time``, the last one at ``last_time`` [s]."""
+class PartsRecord(Record):
+    """The frames of a cycle by slot for compiled code."""
 
-    first: Arrival
-    first_time: float
-    last_time: float
-    arrivals: dict[int, Arrival] = field(default_factory=dict)
+    position = 10
+    _fields_ = (
+        ("n", INTEGER),
+        ("first_time", NUMBER),
+        ("last_time", NUMBER),
+        *((name, ARRAY) for name in ("data", "here", "order", "time", "number")),
+    )
+
+
+class Cycle:
+    """Frames of one cycle. A later cycle takes the same place: it is good until the next frame is offered.
+
+    Parameters
+    ----------
+    starts : where the bytes of each slot's frame begin, and the end of the last.
+    """
+
+    def __init__(self, starts: Sequence[int]) -> None:
+        n = len(starts) - 1
+        self._starts = starts
+        self._data, self._here = np.zeros(starts[-1], dtype=np.uint8), np.zeros(n, dtype=np.uint8)
+        order, time = np.zeros(n, dtype=np.int64), np.zeros(n)
+        self._order: Any = order.data
+        self._time: Any = time.data
+        self._number = np.zeros((n, _N_NUMBERS), dtype=np.int64)
+        self.record = PartsRecord(
+            n=0,
+            first_time=0.0,
+            last_time=0.0,
+            data=self._data,
+            here=self._here,
+            order=order,
+            time=time,
+            number=self._number,
+        )
+        self.address = pointer(self.record)
+
+    @property
+    def n(self) -> int:
+        """Number of frames that have arrived."""
+        return int(self.record.n)
+
+    @property
+    def slots(self) -> list[int]:
+        """Slots of the frames that have arrived, in that order."""
+        return self._order[: self.n].tolist()
+
+    @property
+    def first_time(self) -> float:
+        """Arrival of its first frame [s]."""
+        return float(self.record.first_time)
+
+    @property
+    def last_time(self) -> float:
+        """The latest arrival of a frame [s]."""
+        return float(self.record.last_time)
+
+    @property
+    def time_of_last(self) -> float:
+        """Arrival of the frame that came last [s]; times may go back."""
+        return float(self._time[self._order[self.n - 1]])
+
+    @property
+    def sample_time(self) -> int:
+        """Sender's clock in its first frame [ticks], 0 of a frame without."""
+        return int(self._number[self._order[0], _SAMPLE_TIME])
+
+    def time_of(self, slot: int) -> float:
+        """Return when the frame of a slot arrived [s]."""
+        return float(self._time[slot])
+
+    def hold(self, arrival: Arrival) -> None:
+        """Complete the cycle by a frame that is held for it, and is none of its own."""
+        slot, begin = arrival.slot, self._starts[arrival.slot]
+        self._here[slot] = 1
+        self._data[begin : self._starts[slot + 1]] = np.frombuffer(arrival.frame.data, dtype=np.uint8)
+        self._number[slot] = arrival.numbers
 
 
 class Verdict(Enum):
@@ -64,7 +152,8 @@ class Verdict(Enum):
     RESTARTED = "accepted after a restart of the sender"
 
 
-_ACCEPTED, _REPEATED, _LATE, _RESTARTED = Verdict
+_VERDICTS = (Verdict.ACCEPTED, Verdict.REPEATED, Verdict.LATE, Verdict.RESTARTED)
+"""In the order of strainbus.h."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,75 +176,94 @@ class Limits:
     late_limit: int
 
 
-class CycleAssembler:
-    """Puts frames into cycles. At most one cycle is open; frames of older ones are refused."""
+class AssemblerRecord(Record):
+    """The assembly for compiled code."""
 
-    def __init__(self, limits: Limits) -> None:
-        self._limits = limits
-        self._is_timed = limits.clock_bits is not None
-        self._n_slots, self._trailer, self._deadline = limits.n_slots, limits.trailer, limits.deadline
-        self._half = 1 << ((limits.clock_bits or 1) - 1)
-        self._whole = 2 * self._half
-        self._open: Cycle | None = None
-        self.deadline: float | None = None
-        """Time at which the open cycle ends [s], None if none is open."""
-        self._newest: int | None = None
-        self._late = 0
+    position = 11
+    _fields_ = (
+        *((name, INTEGER) for name in ("n_slots", "n_whole", "trailer", "is_timed", "bits", "late_limit")),
+        ("wait", NUMBER),
+        ("start", ARRAY),
+        ("parts", ARRAY),
+        *((name, INTEGER) for name in ("open", "has_newest", "newest", "late")),
+        ("deadline", NUMBER),
+        ("closed", ARRAY),
+    )
+
+
+class CycleAssembler:
+    """Puts frames into cycles, in compiled code. At most one cycle is open; frames of older ones are refused.
+
+    Parameters
+    ----------
+    limits : what a cycle is.
+    lengths : of the frames by slot: strains, then the trailer.
+    """
+
+    def __init__(self, limits: Limits, lengths: Sequence[int]) -> None:
+        starts, closed = np.cumsum([0, *lengths], dtype=np.int64), np.zeros(2, dtype=np.int64)
+        self._lengths = tuple(lengths)
+        self._cycles = Cycle(starts.tolist()), Cycle(starts.tolist())
+        self.record = AssemblerRecord(
+            n_slots=len(lengths),
+            n_whole=limits.n_slots,
+            trailer=-1 if limits.trailer is None else limits.trailer,
+            is_timed=limits.clock_bits is not None,
+            bits=limits.clock_bits or 1,
+            late_limit=limits.late_limit,
+            wait=limits.deadline,
+            start=starts,
+            parts=np.array([address(cycle.record) for cycle in self._cycles], dtype=np.uint64),
+            open=-1,
+            has_newest=0,
+            newest=0,
+            late=0,
+            deadline=inf,
+            closed=closed,
+        )
+        self._time = NUMBER()
+        self._at, self._at_time = pointer(self.record), pointer(self._time)
+        self._offer, self._close = function("sb_offer", AssemblerRecord), function("sb_close", AssemblerRecord)
+        self._one = [self._cycles[0]], [self._cycles[1]]
+        self._last_closed: Any = closed.data
+
+    @property
+    def deadline(self) -> float:
+        """Time at which the open cycle ends [s], infinite if none is open."""
+        return float(self.record.deadline)
 
     def reset(self) -> list[Cycle]:
         """Forget the sender; return the open cycle, if any."""
-        self._newest, self._late = None, 0
-        return self._close()
+        self.record.has_newest = self.record.late = 0
+        return self._closed()
 
     def due(self, now: float) -> list[Cycle]:
         """Return the open cycle if its deadline is over at ``now`` [s]."""
-        deadline = self.deadline
-        return self._close() if deadline is not None and deadline <= now else []
+        return self._closed() if self.deadline <= now else []
 
     def offer(self, arrival: Arrival) -> tuple[Verdict, list[Cycle]]:
-        """Take in a frame; return its fate and the cycles that it closes, the older first."""
-        verdict, slot, current = _ACCEPTED, arrival.slot, self._open
-        closed: list[Cycle] = []
-        if self._is_timed:
-            verdict = self._in_time(arrival)
-            if verdict is _LATE or verdict is _REPEATED:
-                return verdict, closed
-            is_next = arrival.sample_time != self._newest or verdict is _RESTARTED
-        else:
-            is_next = current is not None and slot in current.arrivals
-        if is_next and current is not None:
-            closed.append(current)
-            current = None
-        self._late = 0
-        time = arrival.frame.time
-        if current is None:
-            self._open = current = Cycle(arrival, time, time, {})
-            self.deadline, self._newest = time + self._deadline, arrival.sample_time
-        elif time > current.last_time:
-            current.last_time = time
-        arrivals = current.arrivals
-        arrivals[slot] = arrival
-        if len(arrivals) == self._n_slots or slot == self._trailer:
-            closed.append(current)
-            self._open = self.deadline = None
-        return verdict, closed
+        """Take in a frame; return its fate and the cycles that it closes, the older first.
 
-    def _in_time(self, arrival: Arrival) -> Verdict:
-        """Compare the sample time of ``arrival`` with that of the newest cycle."""
-        sample_time, newest, current = arrival.sample_time, self._newest, self._open
-        assert sample_time is not None
-        if newest is None:
-            return _ACCEPTED
-        # Its own time if it is ahead by less than half of the range, that of the newest cycle, or an old one.
-        ahead = (sample_time - newest) % self._whole
-        if 0 < ahead < self._half:
-            return _ACCEPTED
-        if current is not None and ahead == 0 and arrival.counter == current.first.counter:
-            return _REPEATED if arrival.slot in current.arrivals else _ACCEPTED
-        self._late += 1
-        return _LATE if self._late <= self._limits.late_limit else _RESTARTED
+        Raises
+        ------
+        ValueError
+            The frame has another length than its slot's.
+        """
+        frame, slot = arrival.frame, arrival.slot
+        if len(frame.data) != self._lengths[slot]:
+            raise ValueError(f"expected {self._lengths[slot]} bytes, got {len(frame.data)}")
+        self._time.value, numbers = frame.time, arrival.numbers
+        return self.outcome(self._offer(self._at, slot, frame.data, pointer(numbers), self._at_time))
 
-    def _close(self) -> list[Cycle]:
-        closed = [] if self._open is None else [self._open]
-        self._open = self.deadline = None
-        return closed
+    def outcome(self, found: int) -> tuple[Verdict, list[Cycle]]:
+        """Return fate and closed cycles by what compiled code returns of a frame."""
+        count, closed = found // len(_VERDICTS), self._last_closed
+        return _VERDICTS[found % len(_VERDICTS)], [self._cycles[closed[k]] for k in range(count)]
+
+    def closed_one(self) -> list[Cycle]:
+        """Return the cycle that the last frame has closed, where it is one."""
+        return self._one[self._last_closed[0]]
+
+    def _closed(self) -> list[Cycle]:
+        index = self._close(self._at)
+        return [] if index < 0 else [self._cycles[index]]

@@ -20,16 +20,14 @@ _ROUND_OFF = 1e-6
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class WholeCycle:
-    """The frames of a cycle and those that are held for it.
+    """What is held for a cycle.
 
     Attributes
     ----------
-    arrivals : by slot.
     fresh : (n_d,) gauges that are not in a held frame, or in one that came since the last cycle.
     held : by how much the oldest held strains are older than the cycle's own [s], 0 if none is.
     """
 
-    arrivals: dict[int, Arrival]
     fresh: BoolArray
     held: float
 
@@ -39,6 +37,7 @@ class HeldStrains:
 
     def __init__(self, layout: InputLayout) -> None:
         self._n_gauges, self._cycle_time = layout.n_gauges, layout.cycle_time
+        self._all = layout.frames
         self._frames: dict[int, InputFrame] = {slot: layout.strain_frames[slot] for slot in layout.held_slots}
         self._gauges = {slot: np.array(frame.gauges) for slot, frame in self._frames.items()}
         self._last: dict[int, Arrival] = {}
@@ -56,8 +55,8 @@ class HeldStrains:
         self._new.clear()
 
     def complete(self, cycle: Cycle) -> WholeCycle:
-        """Return ``cycle`` with the frames that are held for it."""
-        arrivals, oldest = dict(cycle.arrivals), 0.0
+        """Complete ``cycle`` by the frames that are held for it; return what they are."""
+        oldest = 0.0
         fresh = np.ones(self._n_gauges, dtype=bool)
         for slot, frame in self._frames.items():
             if slot not in self._new:
@@ -65,9 +64,10 @@ class HeldStrains:
             last = self._last.get(slot)
             age = None if last is None else self._age(last, cycle, frame)
             if last is not None and age is not None and age <= (frame.hold or 0.0) + _ROUND_OFF:
-                arrivals[slot], oldest = last, max(oldest, age)
+                cycle.hold(last)
+                oldest = max(oldest, age)
         self._new.clear()
-        return WholeCycle(arrivals=arrivals, fresh=fresh, held=oldest)
+        return WholeCycle(fresh=fresh, held=oldest)
 
     def verdicts(self, checked: BoolArray, fresh: BoolArray) -> BoolArray:
         """Return (n_d,) which gauges are plausible: ``checked`` where ``fresh``, elsewhere as when they were."""
@@ -77,7 +77,7 @@ class HeldStrains:
     def _age(self, held: Arrival, cycle: Cycle, frame: InputFrame) -> float | None:
         """Return by how much a held frame is older than ``cycle`` [s]; None if it is of another time."""
         received = max(cycle.first_time - held.frame.time, 0.0)
-        newest = cycle.first.sample_time
+        newest = cycle.sample_time if self._all[cycle.slots[0]].sample_time is not None else None
         if frame.sample_time is None or held.sample_time is None or newest is None:
             return received
         half = 1 << (frame.layout.signals[frame.sample_time].length - 1)

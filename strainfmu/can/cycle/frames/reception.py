@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from strainfmu.arrays import BoolArray
 from strainfmu.can.cycle.frames.account import FrameClass
 from strainfmu.can.cycle.frames.assembler import Arrival, arrival_without_fields
 from strainfmu.can.cycle.frames.second_sender import SecondSender
-from strainfmu.can.cycle.states.quality import Cause
 from strainfmu.can.e2e.authentication import Authentication, Authenticity
-from strainfmu.can.e2e.check import STATUSES, USABLE, E2EStatus, ReceptionCheck
+from strainfmu.can.e2e.check import STATUSES, E2EStatus, ReceptionCheck
 from strainfmu.can.e2e.state_machine import VALID, E2EStateMachine
 from strainfmu.can.settings import BridgeSettings
-from strainfmu.can.wire.compiled import ARRAY, INTEGER, Record, function, pointer
+from strainfmu.can.wire.compiled import ARRAY, INTEGER, Record, address, function, pointer
 from strainfmu.can.wire.crc import crc_in, crc_of
 from strainfmu.can.wire.cycle_plan import CyclePlan
 from strainfmu.can.wire.frame import Frame
@@ -35,30 +33,16 @@ _CLASS_OF_VERDICT = {
 }
 
 
-@dataclass(frozen=True)
-class TrailerVerdict:
-    """Verdict of the trailer on its cycle.
+class SlotRecord(Record):
+    """What reads and checks one frame for compiled code."""
 
-    Attributes
-    ----------
-    refused : class of all frames of the cycle if it cannot be trusted, else None.
-    cause : of the refusal.
-    status : the sender's own status.
-    """
-
-    refused: FrameClass | None = None
-    cause: Cause = Cause.NONE
-    status: int = 0
-
-
-class _SlotRecord(Record):
     position = 9
     _fields_ = (
         ("signals", ARRAY),
         ("length", INTEGER),
         ("place", INTEGER * 3),
         ("expected", INTEGER),
-        *((name, ARRAY) for name in ("check", "machine", "number")),
+        *((name, ARRAY) for name in ("check", "machine", "trusted_by", "number")),
     )
 
 
@@ -72,6 +56,7 @@ class _Slot:
     selector : multiplexer's signal and value, None of a frame without.
     check : of CRC and counter, None without protection.
     machine : E2E state.
+    trusted_by : the same, or that of the trailer, which covers frames of strains.
     record : all of it for compiled code.
     numbers : status, sample time, configuration and counter of the last frame; 0 of what it does not hold.
     is_timed, is_counted : the frame holds a sample time, and a counter.
@@ -80,7 +65,7 @@ class _Slot:
 
     __slots__ = (
         *("address", "check", "index", "is_counted", "is_timed", "machine", "numbers", "plan", "record"),
-        "selector",
+        *("selector", "trusted_by"),
     )
 
     def __init__(self, index: int, frame: InputFrame, n_covered: int, settings: BridgeSettings) -> None:
@@ -92,22 +77,25 @@ class _Slot:
         places = [-1 if at is None else at for at in (frame.status, frame.sample_time, frame.configuration)]
         at, number = frame.configuration, np.zeros(len(places) + 1, dtype=np.int64)
         expected = None if at is None else layout.signals[at].initial
-        self.record = _SlotRecord(
+        self.record = SlotRecord(
             signals=CyclePlan([layout], [(0, k) for k in range(len(layout.signals))]).record,
             length=layout.length,
             place=(INTEGER * len(places))(*places),
             expected=expected or 0,
             check=None if self.check is None else self.check.record,
             machine=self.machine.record,
+            trusted_by=self.machine.record,
             number=number,
         )
         self.numbers: memoryview = number.data
         self.address = pointer(self.record)
+        self.trusted_by = self.machine
+
+    def trust(self, machine: E2EStateMachine) -> None:
+        """Have the state of ``machine`` decide whether the frame is trusted."""
+        self.trusted_by, self.record.trusted_by = machine, address(machine.record)
 
 
-_NOTHING_TO_CHECK = TrailerVerdict()
-# Members of an Enum by name: through its class each use takes as long as a call.
-_OK = E2EStatus.OK
 _OTHER_CONFIGURATION = 8
 """Flag of strainbus.h."""
 
@@ -129,29 +117,25 @@ class Reception:
         self.n_strain = len(layout.strain_frames)
         self.trailer = self.n_strain if layout.trailer is not None else None
         self._held = frozenset(layout.held_slots)
-        self._gauges = [np.array(frame.gauges, dtype=np.intp) for frame in layout.strain_frames]
-        self._n_slots = self.n_strain + (layout.trailer is not None)
-        self.every_gauge = np.ones(layout.n_gauges, dtype=bool)
-        """(n_d,) True."""
-        self.every_gauge.setflags(write=False)
         n_covered = sum(frame.layout.length for frame in layout.strain_frames)
         self._slots = slots = [
             _Slot(index, frame, n_covered if frame.is_trailer else 0, settings)
             for index, frame in enumerate(layout.frames)
         ]
         self._checks, self._machines = [slot.check for slot in slots], [slot.machine for slot in slots]
-        # A strain frame has the state of its trailer, if there is one.
-        of_strains = self._machines[: self.n_strain] if self.trailer is None else [self._machines[self.trailer]]
-        of_strains *= self.n_strain // len(of_strains)
-        self._states = [machine.record for machine in (*of_strains, *self._machines[self.n_strain :])]
+        if self.trailer is not None:  # whose state strain frames have
+            for slot in slots[: self.n_strain]:
+                slot.trust(self._machines[self.trailer])
         self._receive, self._read, self._check = (
-            function(name, _SlotRecord) for name in ("sb_slot_receive", "sb_slot_read", "sb_slot_check")
+            function(name, SlotRecord) for name in ("sb_slot_receive", "sb_slot_read", "sb_slot_check")
         )
         self._by_key: dict[int, list[_Slot]] = {}
         for slot in slots:
             self._by_key.setdefault(layout.frames[slot.index].layout.key, []).append(slot)
         # Of frames that their identifier alone tells.
         self._single = {key: own[0] for key, own in self._by_key.items() if own[0].selector is None}
+        self.slots = [slot.record for slot in slots]
+        """Of every frame for compiled code."""
         self.authentication = _authentication(layout)
         self._second = SecondSender(settings.alarm_cycles * layout.cycle_time)
 
@@ -196,10 +180,31 @@ class Reception:
 
     def _refused(self, slot: _Slot, frame: Frame, found: int) -> FrameClass | None:
         """Return the class of a frame by what its check has found, None if it is not refused."""
-        if slot.check is not None:
-            self._second.take(slot.check, slot.index, frame.time)
+        self.hear(slot.index, frame.time)
         is_other = found >= _OTHER_CONFIGURATION
         return FrameClass.WRONG_CONFIGURATION if is_other else _CLASS_OF_STATUS.get(STATUSES[found])
+
+    def refused(self, frame: Frame, found: int) -> FrameClass:
+        """Return the class of a frame that compiled code has received, and whose check has ``found`` a fault."""
+        kind = self._refused(self._single[frame.key], frame, found)
+        assert kind is not None
+        return kind
+
+    def hear(self, slot: int, time: float) -> None:
+        """Look for a second sender in the last check of the frame ``slot``, received at ``time`` [s]."""
+        check = self._checks[slot]
+        if check is not None:
+            self._second.take(check, slot, time)
+
+    def direct_slots(self) -> dict[int, int]:
+        """Return the slots of frames that compiled code receives at once, by key.
+
+        Others have a multiplexer or an authenticator, are held, or are a trailer, whose CRC covers the others.
+        """
+        if self.authentication is not None:
+            return {}
+        later = {self.trailer, *self._held}
+        return {key: slot.index for key, slot in self._single.items() if slot.index not in later}
 
     def _not_authentic(self, slot: int, data: bytes) -> FrameClass | None:
         """Return the class of a frame that is not of the sender, or not new; None if its CRC does not fit either.
@@ -216,62 +221,13 @@ class Reception:
         is_altered = protection is not None and crc_in(data, protection) != crc_of(data, protection)
         return None if is_altered else found
 
-    def check_trailer(self, arrivals: Mapping[int, Arrival]) -> TrailerVerdict:
-        """Check CRC and counter over a closed cycle; without a trailer in the layout there is nothing to check."""
-        slot = self.trailer
-        if slot is None:
-            return _NOTHING_TO_CHECK
-        arrival, check = arrivals.get(slot), self._checks[slot]
-        complete = all(index in arrivals for index in range(self.n_strain))
-        if arrival is None or check is None or not complete:
-            self._machines[slot].add(E2EStatus.NO_NEW_DATA)
-            return TrailerVerdict(FrameClass.UNVERIFIED, Cause.CYCLE_CRC | Cause.PARTIAL_CYCLE)
-        covered = b"".join(arrivals[index].frame.data for index in range(self.n_strain))
-        status = check.check(arrival.frame.data, covered)
-        self._machines[slot].add(status)
-        status_of_sender = arrival.status
-        self._second.take(check, slot, arrival.frame.time)
-        if status not in USABLE:
-            kind = FrameClass.UNVERIFIED if status is E2EStatus.ERROR else _CLASS_OF_STATUS[status]
-            return TrailerVerdict(kind, Cause.CYCLE_CRC, status_of_sender)
-        if not self.is_trusted(slot):
-            return TrailerVerdict(FrameClass.NOT_TRUSTED, Cause.NOT_TRUSTED, status_of_sender)
-        return TrailerVerdict(status=status_of_sender) if status_of_sender else _NOTHING_TO_CHECK
-
     def has_second_sender(self, now: float) -> bool:
         """Return whether frames that cannot be of one sender have come lately."""
         return self._second.was_heard(now)
 
     def is_trusted(self, slot: int) -> bool:
         """Return whether the E2E state of a frame is VALID; a strain frame has that of its trailer, if any."""
-        return self._states[slot].state == VALID
-
-    def trusted_gauges(self, arrivals: Mapping[int, Arrival]) -> BoolArray:
-        """Return (n_d,) gauges whose frame has arrived and is trusted; the array is not to be written to."""
-        if len(arrivals) == self._n_slots:
-            for slot in arrivals:
-                if not self.is_trusted(slot):
-                    break
-            else:
-                return self.every_gauge
-        trusted = np.zeros(self._layout.n_gauges, dtype=bool)
-        for slot in arrivals:
-            if slot < self.n_strain and self.is_trusted(slot):
-                trusted[self._gauges[slot]] = True
-        return trusted
-
-    def miss(self, arrivals: Mapping[int, Arrival]) -> bool:
-        """Note which strain frames a closed cycle lacks; return whether it lacks any.
-
-        The E2E state of those that need not come in every cycle is left as it is.
-        """
-        if len(arrivals) == self._n_slots:
-            return False
-        missing = [slot for slot in range(self.n_strain) if slot not in arrivals]
-        for slot in missing:
-            if slot not in self._held:
-                self._machines[slot].add(E2EStatus.NO_NEW_DATA)
-        return bool(missing)
+        return self._slots[slot].trusted_by.record.state == VALID
 
     def miss_cycle(self) -> None:
         """Note that a whole cycle did not come."""

@@ -10,11 +10,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from math import nan
 
 import numpy as np
 
-from strainfmu.can.e2e.sample_clock import ClockReading, SenderClock
-from strainfmu.can.wire.compiled import function, pointer
+from strainfmu.can.wire.compiled import ARRAY, INTEGER, NUMBER, Record, function, pointer
 
 _WORDS = 1 << 20
 """Of 64 bits: the place of a word takes 20 bits of a CRC-32, and those of two bits in it the other 12."""
@@ -63,75 +63,67 @@ class ProofLimits:
     counter_modulus: int | None
 
 
+class ProofRecord(Record):
+    """A proof for compiled code, which takes in the cycles."""
+
+    position = 12
+    _fields_ = (
+        *((name, INTEGER) for name in ("new_frames", "max_delta", "modulus")),
+        *((name, NUMBER) for name in ("period", "startup_time", "pause")),
+        *((name, INTEGER) for name in ("is_proven", "n_new", "begins", "has_last", "last_counter")),
+        ("last_local", NUMBER),
+        ("heard", NUMBER),
+    )
+
+
 class RestartProof:
     """Follows whether the sender is proven; at the start it is, as there is nothing to compare it with."""
 
     def __init__(self, limits: ProofLimits) -> None:
         self.limits = limits
-        self._last: tuple[float, int | None] | None = None
-        self._new = 0
-        self._heard: float | None = None
-        self._begins = False
-        self.is_proven = True
-
-    def take(
-        self,
-        clock: SenderClock,
-        reading: ClockReading,
-        *,
-        local: float,
-        ticks: int,
-        counter: int | None,
-        is_new: bool,
-    ) -> bool:
-        """Take in a cycle with sample time; return whether its sender has been proven to be restarted with it.
-
-        Parameters
-        ----------
-        reading : of ``clock`` at ``local`` [s] and ``ticks``.
-        is_new : no frame of the cycle has been received before.
-        """
-        if not reading.jumped and (self.is_proven or reading.resumed):
-            self.is_proven, self._new, self._last = True, 0, (local, counter)
-            self._begins = False
-            return False
-        self._new = self._new + 1 if is_new else 0
-        if reading.jumped:
-            silence = 0.0 if self._last is None else local - self._last[0]
-            self._begins = clock.seconds(ticks) <= self.limits.startup_time + silence
-        if reading.jumped and not reading.restarted:
-            return False
-        self.is_proven = self._new >= self.limits.new_frames and (
-            self._has_begun(clock, ticks, counter) or self._was_set_ahead(clock, local, ticks, counter)
+        self.record = ProofRecord(
+            new_frames=limits.new_frames,
+            max_delta=limits.max_delta,
+            modulus=limits.counter_modulus or 0,
+            period=limits.period,
+            startup_time=limits.startup_time,
+            pause=limits.pause,
+            is_proven=1,
+            n_new=0,
+            begins=0,
+            has_last=0,
+            last_counter=-1,
+            last_local=0.0,
+            heard=nan,
         )
-        if self.is_proven:
-            self._last = local, counter
-        return self.is_proven
 
-    def take_untimed(self, local: float, is_new: bool) -> None:
-        """Take in a cycle without sample time: behind a pause it may be a recording until it is new."""
-        if self._heard is not None and local - self._heard > self.limits.pause:
-            self.is_proven, self._new = False, 0
-        self._heard = local
-        self._new = self._new + 1 if is_new else 0
-        self.is_proven = self.is_proven or self._new >= self.limits.new_frames
+    @property
+    def is_proven(self) -> bool:
+        """Whether the sender is proven."""
+        return bool(self.record.is_proven)
 
     def confirm(self) -> None:
         """Take the sender for proven."""
-        self.is_proven, self._new, self._last = True, 0, None
+        self.record.is_proven, self.record.n_new, self.record.has_last = 1, 0, 0
 
-    def _has_begun(self, clock: SenderClock, ticks: int, counter: int | None) -> bool:
-        """Return whether the clock began after the sender was last heard, and the counter no earlier."""
-        modulus, limits = self.limits.counter_modulus, self.limits
-        largest = clock.seconds(ticks) / limits.period + limits.max_delta
-        return self._begins and (modulus is None or counter is None or counter <= largest or largest >= modulus)
 
-    def _was_set_ahead(self, clock: SenderClock, local: float, ticks: int, counter: int | None) -> bool:
-        """Return whether the time went ahead while the counter continued at its pace."""
-        if self._last is None or clock.seconds_ahead(local, ticks) <= 0.0:
-            return False
-        modulus, (since, last) = self.limits.counter_modulus, self._last
-        if modulus is None or counter is None or last is None:
-            return True
-        error = counter - last - round((local - since) / self.limits.period)
-        return abs((error + modulus // 2) % modulus - modulus // 2) <= self.limits.max_delta
+class _StrainTimeRecord(Record):
+    position = 13
+    _fields_ = (("local", NUMBER), ("seconds", NUMBER), ("proof", ARRAY))
+
+
+class StrainTime:
+    """The present time by the clock of the strains; compiled code takes in the cycles, which state it."""
+
+    def __init__(self, proof: RestartProof | None) -> None:
+        record = None if proof is None else proof.record
+        self.record = _StrainTimeRecord(local=nan, seconds=nan, proof=record)
+        self._now, self._found = NUMBER(), NUMBER()
+        self._at = pointer(self.record), pointer(self._now), pointer(self._found)
+        self._find = function("sb_strain_time", _StrainTimeRecord)
+
+    def at(self, now: float) -> float:
+        """Return it at ``now`` [s] of our clock [s]; NaN if it is not known, or its sender not proven."""
+        self._now.value = now
+        self._find(*self._at)
+        return self._found.value

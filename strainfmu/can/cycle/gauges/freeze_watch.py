@@ -7,7 +7,8 @@ C(n, k) P(m)^k. Those k gauges are frozen where it is below FALSE_ALARM.
 Scatter: a sender that repeats old strains and changes their last bit never repeats a reading. The second
 differences of the readings, in which load hardly appears, then have less variance than noise gives them. A CUSUM
 test of the variance, one for each frame and one for all gauges, has the log-likelihood ratio of LOW_VARIANCE
-times the usual variance against the usual one as its increment (E. S. Page, Biometrika 41, 1954).
+times the usual variance against the usual one as its increment (E. S. Page, Biometrika 41, 1954). Gauges that were
+found by their repeated readings do not count in it: healthy ones beside them stay in use.
 
 The usual variance is that of the stated noise, or what has been seen in this run where that is less.
 """
@@ -72,7 +73,10 @@ class _Watch(Record):
         *((name, NUMBER) for name in ("held_evidence", "largest_evidence")),
         *((name, ARRAY) for name in ("order", "group_first", "frame", "choices", "step", "weight", "largest")),
         *((name, ARRAY) for name in ("steps_squared", "log_repeated", "log_repeated_zero", "row", "least")),
-        *((name, ARRAY) for name in ("difference", "squares", "counts", "has_moved", "too_little", "found")),
+        *(
+            (name, ARRAY)
+            for name in ("difference", "squares", "counts", "has_moved", "too_little", "found", "repeating")
+        ),
         *((name, ARRAY) for name in ("level", "learned", "memory", "evidence")),
         *((name, ARRAY) for name in ("log_probability", "ranked", "mean")),
         ("blocked", INTEGER),
@@ -144,6 +148,7 @@ class FreezeWatch:
             has_moved=np.zeros(n, dtype=bool),
             too_little=np.zeros(n, dtype=bool),
             found=self.found,
+            repeating=np.zeros(n, dtype=bool),
             level=self._level,
             learned=self._learned,
             memory=self._memory,

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import ctypes
-from typing import Any
 
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
-from strainfmu.can.cycle.gauges.freeze_watch import FreezeWatch
+from strainfmu.can.cycle.gauges.freeze_watch import FALSE_ALARM, FreezeWatch
 from strainfmu.can.cycle.gauges.noise import GaugeNoise, like_gauges
 from strainfmu.can.cycle.gauges.verdicts import FROZEN, JUMPS, OUT_OF_RANGE, ZERO
 from strainfmu.can.settings import BridgeSettings
@@ -33,6 +32,9 @@ MIN_STUCK_CYCLES, MIN_ZERO_CYCLES = 25, 5
 
 _LONGEST_COUNT = 1e6
 
+_MEMORY, _FIRST_MEMORY = 1024.0, 16.0
+"""Cycles over which the part is averaged in which no gauge changes, and as many at the start."""
+
 _ALL_VALID, _HAS_FROZEN, _ALL_ZERO, _LEARNED = 1, 2, 4, 8
 """Flags of strainbus.h."""
 
@@ -49,7 +51,11 @@ class _Checks(Record):
         *((name, ARRAY) for name in ("period", "cycles_apart", "stuck_cycles", "zero_cycles", "is_fast")),
         *((name, ARRAY) for name in ("difference", "last_strain", "last_good", "good_time", "pace", "changed")),
         *((name, ARRAY) for name in ("heard", "unheard", "last_raw", "repeats", "zeros", "good")),
-        *((name, ARRAY) for name in ("seen", "stuck", "fault", "valid", "frozen_for", "watch")),
+        *((name, ARRAY) for name in ("seen", "stuck", "fault", "valid", "frozen_for")),
+        ("may_be_chance", INTEGER),
+        *((name, NUMBER) for name in ("rare", "unchanged", "memory", "memory_length")),
+        ("last_run", INTEGER),
+        ("watch", ARRAY),
     )
 
 
@@ -79,7 +85,7 @@ class GaugeChecks:
         self._stuck_cycles, self._zero_cycles = np.zeros(n), np.zeros(n, dtype=np.int64)
         self._good, self._valid = np.full(n, settings.heal_cycles, dtype=np.int64), np.zeros(n, dtype=bool)
         self._fault, self._frozen_for = np.zeros((len(_FAULTS), n), dtype=bool), np.zeros(2)
-        self._record = _Checks(
+        self.record = _Checks(
             n=n,
             heal_cycles=settings.heal_cycles,
             looks_for_frozen=settings.stuck_cycles != 0,
@@ -111,12 +117,17 @@ class GaugeChecks:
             fault=self._fault,
             valid=self._valid,
             frozen_for=self._frozen_for,
+            may_be_chance=0,
+            rare=FALSE_ALARM**2,
+            unchanged=0.0,
+            memory=_FIRST_MEMORY,
+            memory_length=_MEMORY,
+            last_run=0,
             watch=self._watch.record,
         )
         self._now = ctypes.c_double()
-        self._at, self._at_now = pointer(self._record), pointer(self._now)
+        self._at, self._at_now = pointer(self.record), pointer(self._now)
         self._begin, self._end = function("sb_checks_update", _Checks), function("sb_checks_end", _Checks)
-        self._all_at_once = function("sb_judge", _Checks)
         self._find_age = function("sb_checks_frozen", _Checks)
         self._ages = self._frozen_for.data
         self._own = DecodedCycle(n)
@@ -164,20 +175,18 @@ class GaugeChecks:
         self._now.value = now
         return self._judged(self._begin(self._at, cycle.address, self._at_now), cycle)
 
-    def judge_frames(self, arguments: tuple[Any, ...], cycle: DecodedCycle, now: float) -> BoolArray:
-        """Decode ``cycle`` by the ``arguments`` of its decoder, and judge it; :attr:`ages` are those of it."""
-        self._now.value = now
-        return self._judged(self._all_at_once(*arguments, self._at, self._at_now), cycle)
-
     def _judged(self, flags: int, cycle: DecodedCycle) -> BoolArray:
         """Return (n_d,) which gauges are valid by what compiled code found."""
         if flags == _LEARNED:
-            self._watch.learn()
-            self._count_on(self._watch.noise_ratio)
+            self.learn()
             flags = self._end(self._at, cycle.address, self._at_now)
-            self._find_age(self._at, cycle.address, self._at_now)
         self.has_frozen, self.all_zero = flags & _HAS_FROZEN != 0, flags & _ALL_ZERO != 0
         return self.every_gauge if flags & _ALL_VALID else self._valid.copy()
+
+    def learn(self) -> None:
+        """Derive from the usual scatter what is too many repetitions; compiled code says when."""
+        self._watch.learn()
+        self._count_on(self._watch.noise_ratio)
 
     @property
     def noise_ratio(self) -> FloatArray:
@@ -211,11 +220,6 @@ class GaugeChecks:
         """
         self._now.value = now
         self._find_age(self._at, cycle.address, self._at_now)
-        return self.ages
-
-    @property
-    def ages(self) -> tuple[float, float]:
-        """What :meth:`frozen` returned last, or would return of the cycle that was decoded and judged last."""
         return self._ages[0], self._ages[1]
 
     def refuse_zeros(self, present: BoolArray) -> BoolArray:

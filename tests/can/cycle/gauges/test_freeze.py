@@ -59,6 +59,33 @@ def test_gauges_that_are_frozen_beside_living_ones_take_valid_away_within_four_c
     assert max(left) <= alive
 
 
+@pytest.mark.fast
+@pytest.mark.parametrize("alive", [1, 9, 14])
+def test_living_gauges_beside_frozen_ones_stay_in_use(alive: int) -> None:
+    """14 of 54 alive: all were left out from the 42nd cycle on, as the scatter of all gauges was too little."""
+    strains = moving(strains_at_rest(FIRST + 100, 54, NOISE, level=300e-6))
+    results = answers(frozen(strains, slice(alive, None)), NOISE)[FIRST + 4 :]
+    assert {result.quality for result in results} == {Quality.DEGRADED}
+    assert all(result.valid[:alive].all() and not result.valid[alive:].any() for result in results)
+
+
+@pytest.mark.parametrize("stated", [None, NOISE, 0.05e-6])
+def test_quiet_gauges_that_do_not_change_by_chance_are_used_and_frozen_ones_are_found(
+    stated: float | None,
+) -> None:
+    """No gauge of 54 near zero changes in half of the cycles: 44 of 2000 were STALE. One gauge sees the load."""
+    strains = strains_at_rest(1080, 54, 0.05e-6)
+    strains[:, 7] += 3e-6
+    strains[1000:] = strains[1000]
+    results = answers(strains, stated)
+    assert {result.quality for result in results[3:1000]} == {Quality.VALID}
+    assert max(result.age for result in results[3:1000]) <= 5.1 * CYCLE
+    assert results[1030].age_uncertainty == pytest.approx(26 * CYCLE, abs=2.0 * CYCLE)
+    assert {result.quality for result in results[1060:]} == {Quality.STALE}
+    bounded = answers(strains, stated, settings=BridgeSettings(max_uncertainty=0.1))
+    assert bounded[1030].quality is Quality.UNCONFIRMED
+
+
 @pytest.mark.parametrize(
     ("profile", "n_gauges", "held", "limit"),
     [
