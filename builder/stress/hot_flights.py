@@ -12,6 +12,7 @@ import argparse
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -23,8 +24,9 @@ from builder.manifold.build import with_manifold
 from builder.structure.fourier.model import structural_model, with_mesh_error
 from builder.structure.loads.gauge_strain import gauge_strain, gauge_temperature
 from builder.structure.loads.temperature import temperature_mode
+from builder.trial.conditions import held_out_conditions
+from builder.trial.score import Score, score_of
 from builder.truth.as_built import drawn_many
-from builder.truth.held_out import held_out_conditions
 from builder.truth.revolution.flow_table import FlowTable, load_flow_table
 from builder.truth.revolution.strain import TrueStructure, one_flight, true_flights, true_strain, true_structure
 from builder.vehicle.file import Vehicle, load_vehicle
@@ -189,31 +191,25 @@ def lines_of(flights: HotFlights, cold: InverseMap, warm: InverseMap) -> list[st
             ("no sensors", warm, flights.hot, none),
             ("map without temperature", cold, flights.hot, None),
         ):
-            error, sigma, healthy = _errors(flights, held, kind, strain, temperature)
-            rms = np.sqrt(np.nanmean(error**2, axis=0))
-            first = first or float(rms[0])
-            inside = 100.0 * float(np.mean(np.abs(error) <= 3.0 * sigma))
-            text = "".join(f"{1e4 * value:7.1f}" for value in rms)
-            rows.append(f"{kind + ': ' + name:52s}{text}{rms[0] / first:10.2f}{inside:11.2f}{healthy:10.1f}")
+            score = _score(flights, held, kind, strain, temperature)
+            first = first or float(score.rms[0])
+            text = "".join(f"{1e4 * value:7.1f}" for value in score.rms)
+            inside, flagged = 100.0 * score.coverage_3.mean(), 100.0 * score.detected
+            rows.append(f"{kind + ': ' + name:52s}{text}{score.rms[0] / first:10.2f}{inside:11.2f}{flagged:10.1f}")
     return rows
 
 
-def _errors(
+def _score(
     flights: HotFlights, held: InverseMap, kind: str, strain: FloatArray, temperature: FloatArray | None
-) -> tuple[FloatArray, FloatArray, float]:
-    """Return errors and sigmas (n, 5), and how many flights are not OK in percent."""
-    q, mach = flights.dynamic_pressure, flights.mach_number
+) -> Score:
+    known: dict[str, Any] = {"mach_number": flights.mach_number, "temperature": temperature}
     if kind == "linear":
-        found = Estimator(held.without_tables()).estimate(
-            strain, q, mach_number=mach, altitude=flights.altitude, temperature=temperature
-        )
-        health, value, sigma = found.health, found.coefficients, found.coefficients_std
+        held, known["altitude"] = held.without_tables(), flights.altitude
     else:
-        flown = Estimator(held).estimate(
-            strain, q, mach_number=mach, static_pressure=flights.ambient_pressure, temperature=temperature
-        )
-        health, value, sigma = flown.health, flown.coefficients, flown.coefficients_std
-    return value - flights.coefficients, sigma, 100.0 * float(np.mean(np.asarray(health) != 0))
+        known["static_pressure"] = flights.ambient_pressure
+    found = Estimator(held).estimate(strain, flights.dynamic_pressure, **known)
+    error = found.coefficients - flights.coefficients
+    return score_of(COEFFICIENT_NAMES, error, found.coefficients_std, health=found.health)
 
 
 def main() -> None:

@@ -17,10 +17,10 @@ from builder.manifold.build import with_manifold
 from builder.stress import false_alarms as module
 from builder.stress.false_alarms import FalseAlarms, false_alarms
 from builder.structure.fourier.model import StructuralModel
-from builder.truth.levels.alarm_levels import alarm_scales, with_alarm_levels
-from builder.truth.levels.flight_alarm_levels import ratios_and_health, with_flight_alarm_levels
-from builder.truth.levels.flown_vehicles import drawn_vehicles
-from builder.truth.levels.read_flights import ReadFlights, read_flights
+from builder.trial.alarm_levels import alarm_scales, with_alarm_levels
+from builder.trial.flight_alarm_levels import ratios_and_health, with_flight_alarm_levels
+from builder.trial.readings import ReadFlights, read_flights
+from builder.trial.vehicles import drawn_vehicles
 from builder.truth.revolution.flow_table import FlowTable
 from builder.truth.revolution.strain import TrueStructure
 from builder.vehicle.file import Vehicle

@@ -24,7 +24,12 @@ from builder.pipeline.built_sensors import flown_sensors
 from builder.pipeline.chosen_estimator import Estimators, with_estimator
 from builder.pipeline.demonstration.as_built_demo import CALIBRATED, AsBuiltRun
 from builder.pipeline.demonstration.flight_score import FlightScore, score_flight
-from builder.pipeline.demonstration.flown_estimators import FlownEstimates, estimator_entry, flown_estimators
+from builder.pipeline.demonstration.flown_estimators import (
+    FlownEstimates,
+    bound_in_flight,
+    estimator_entry,
+    flown_estimators,
+)
 from builder.pipeline.demonstration.free_demo import fly_free_shape
 from builder.pipeline.demonstration.held_out_score import held_out_score
 from builder.pipeline.demonstration.manoeuvre import manoeuvre_warnings
@@ -166,7 +171,7 @@ def run_demo(
         run.make_flight_model()
     _fmus(pipeline, MAP if run is None else CALIBRATED)
     recording = _flight(pipeline, {} if run is None else run.start_values())
-    score = score_flight(recording)
+    score = score_flight(recording, bound=bound_in_flight(_map(pipeline, run), recording))
     held_out = _held_out(pipeline) if snapshots.engine == "table" else {}
     _figures(pipeline, recording, physics)
     estimators = _estimators(pipeline, recording, physics) if run is None else {}
@@ -182,10 +187,15 @@ def run_demo(
         physics=physics,
         score=score,
         held_out=held_out,
-        errors_in_sigma=errors_in_sigma(load_inverse_map(pipeline.path(MAP if run is None else CALIBRATED))),
+        errors_in_sigma=errors_in_sigma(_map(pipeline, run)),
         estimators=estimators,
         states=states,
     )
+
+
+def _map(pipeline: Pipeline, run: AsBuiltRun | None) -> InverseMap:
+    """Return the map that flies."""
+    return load_inverse_map(pipeline.path(MAP if run is None else CALIBRATED))
 
 
 def _free_demo(pipeline: Pipeline, as_built: int | None) -> DemoResult:

@@ -22,14 +22,15 @@ from builder.campaign.snapshot_transfer import snapshots_on
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.problem import AnyStructure
 from builder.manifold.flow_amplitudes import cosine_amplitudes
-from builder.pipeline.demonstration.flight_score import FlightScore, score_of
+from builder.pipeline.demonstration.flight_score import FlightScore
 from builder.pipeline.stages import map_from
 from builder.reporting import Reporter, Silent
 from builder.structure.structure_file import Structure
+from builder.trial.conditions import wind_angles
+from builder.trial.readings import ReadFlights, readings
+from builder.trial.score import score_of
+from builder.trial.vehicles import DrawnVehicles
 from builder.truth.flights import RevolvedFlights
-from builder.truth.held_out import wind_angles
-from builder.truth.levels.flown_vehicles import DrawnVehicles
-from builder.truth.levels.read_flights import ReadFlights, readings
 from builder.truth.revolution.strain import TrueStructure, flights_of_harmonics, true_structure
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray, IntArray
@@ -148,7 +149,7 @@ def held_out_score(
         return None
     on_grid = snapshots_on(snapshots, own_surface(vehicle, vehicle.resolution.map))
     truth = _true_structure(vehicle)
-    errors, stds, truths, healthy = list[FloatArray](), list[FloatArray](), list[FloatArray](), list[FloatArray]()
+    errors, stds, truths, health = list[FloatArray](), list[FloatArray](), list[FloatArray](), list[IntArray]()
     built, not_built = list[LeftOut](), list[str]()
     with reporter.stage("Held-out conditions: maps made without some results") as progress:
         for number, part in enumerate(parts):
@@ -166,16 +167,19 @@ def held_out_score(
             errors.append(found.coefficients - true)
             stds.append(found.coefficients_std)
             truths.append(true)
-            healthy.append(found.health == 0)
+            health.append(np.asarray(found.health))
             progress(number + 1, len(parts))
     if not built:
         return None
     every = np.concatenate
-    score = score_of(COEFFICIENT_NAMES, every(errors), every(stds), every(truths), every(healthy))
+    score = score_of(COEFFICIENT_NAMES, every(errors), every(stds), truth=every(truths), health=every(health))
     conditions = [snapshots.conditions()[row] for part in built for row in part.flown.tolist()]
     flows = {(round(one.mach_number, 6), round(one.total_incidence, 6)) for one in conditions}
     return HeldOutScore(
-        score=score, parts=tuple(part.name for part in built), flows=len(flows), not_built=tuple(not_built)
+        score=FlightScore(**vars(score)),
+        parts=tuple(part.name for part in built),
+        flows=len(flows),
+        not_built=tuple(not_built),
     )
 
 

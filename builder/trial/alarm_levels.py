@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from builder.truth.levels.read_flights import ReadFlights
-from builder.truth.levels.tail_quantile import tail_quantile
+from builder.trial.readings import ReadFlights
+from builder.trial.tail_quantile import tail_quantile
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.alarm_limits import outlier_threshold
 from strainfmu.estimator.estimator import Estimator

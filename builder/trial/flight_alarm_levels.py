@@ -1,6 +1,6 @@
 """Alarm levels of the nonlinear estimator from flights of the independent model.
 
-As for the linear map, see :mod:`builder.truth.levels.alarm_levels`: the levels of chi-square, of the largest
+As for the linear map, see :mod:`builder.trial.alarm_levels`: the levels of chi-square, of the largest
 leave-one-out residual, and of the shapes of pressure off the tables together.
 """
 
@@ -10,20 +10,20 @@ from dataclasses import replace
 
 import numpy as np
 
-from builder.truth.levels.alarm_levels import LARGEST_SCALE, alarm_scales
-from builder.truth.levels.read_flights import ReadFlights
+from builder.trial.alarm_levels import LARGEST_SCALE, alarm_scales
+from builder.trial.conditions import flight_states
+from builder.trial.readings import ReadFlights
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.estimator.alarm_limits import shape_limit
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.flight_condition import FlightCondition
 
 
 def with_flight_alarm_levels(inverse_map: InverseMap, flights: ReadFlights) -> InverseMap:
     """Return ``inverse_map`` with the levels of its nonlinear estimator that meet the stated rate on ``flights``.
 
-    Levels that would need a factor above :data:`~builder.truth.levels.alarm_levels.LARGEST_SCALE` stay the
+    Levels that would need a factor above :data:`~builder.trial.alarm_levels.LARGEST_SCALE` stay the
     theory's.
     """
     manifold = inverse_map.manifold
@@ -66,7 +66,7 @@ def ratios_and_health(
         flights.dynamic_pressure,
         mach_number=flights.mach_number,
         static_pressure=flights.static_pressure,
-        start=None if search else np.repeat(_states(flights), flights.rows(0).stop, axis=0),
+        start=None if search else np.repeat(flight_states(flights.conditions), flights.rows(0).stop, axis=0),
     )
     tests = [
         found.chi_square / np.asarray(found.chi_square_limit),
@@ -75,18 +75,3 @@ def ratios_and_health(
     if manifold.shapes.shape[1]:
         tests.append(found.discrepancy_chi_square / shape_limit(manifold, scale))
     return np.stack(tests), np.asarray(found.health)
-
-
-def _states(flights: ReadFlights) -> FloatArray:
-    """Return (f, 4) the true states of ``flights``."""
-    return np.array([_state(one) for one in flights.conditions])
-
-
-def _state(condition: FlightCondition) -> list[float]:
-    incidence, roll = condition.total_incidence, condition.leeward_roll_angle
-    return [
-        condition.mach_number,
-        incidence * float(np.cos(roll)),
-        incidence * float(np.sin(roll)),
-        float(np.log(condition.ambient_pressure)),
-    ]
