@@ -81,7 +81,7 @@ class Tally:
 
         unknown = {name: [None] * TENTHS for name in self.names}
 
-        def named(values: FloatArray) -> dict[str, float | None]:
+        def named(values: FloatArray | None) -> dict[str, float | None]:
             return {**dict.fromkeys(self.names), **by_name(asked, values, rounded)}
 
         return {
@@ -98,7 +98,7 @@ class Tally:
             else [_percentile(of_field, one) for one in PERCENTILES],
             "air_data_p95": by_name(AIR_DATA_KEYS, np.quantile(np.abs(air), 0.95, axis=0), rounded),
             "samples": score.samples,
-            "bound": {**dict.fromkeys(self.names), **by_name(COEFFICIENT_NAMES, score.bound, rounded)},
+            "bound": named(score.bound),
             "bias": named(score.bias),
             "coverage_1_percent": named(100.0 * score.coverage_1),
             "rms_z": named(score.rms_z),

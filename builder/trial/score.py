@@ -111,8 +111,8 @@ def score_of(
     error, std : (n, m) estimate less truth, and the stated standard deviation; NaN without an estimate.
     truth : (n, m); None where its range is of no interest.
     health : (n,) states; None where none are stated.
-    bound : (k, m) standard deviations of the Cramer-Rao bound, of the samples or of the flights that they are of,
-        each with as many samples.
+    bound : (k, 5) standard deviations of the Cramer-Rao bound, of the samples or of the flights that they are of,
+        each with as many samples; a sixth load has none.
     """
     within = is_within(error, std)
     wrong = ~within.all(axis=1)
@@ -121,6 +121,7 @@ def score_of(
         states = np.asarray(health).astype(int)
         fractions = {HealthState(one).name: float(np.mean(states == one)) for one in np.unique(states)}
         is_ok, is_alarm = (1.0 * np.isin(states, one) for one in ((HealthState.OK,), ALARMS))
+    unbounded = 0 if bound is None else len(names) - bound.shape[1]
     spread = np.full(len(names), np.nan) if truth is None else np.ptp(truth, axis=0)
     return Score(
         names=tuple(names),
@@ -139,7 +140,7 @@ def score_of(
         false_alarms=float(np.mean(~wrong * is_alarm)),
         undetected_of_load=np.mean(~within * is_ok[:, None], axis=0),
         undetected=float(np.mean(wrong * is_ok)),
-        bound=None if bound is None else np.sqrt(mean_square(bound)),
+        bound=None if bound is None else np.append(np.sqrt(mean_square(bound)), [np.nan] * unbounded),
     )
 
 

@@ -23,7 +23,7 @@ from builder.figures.drawing.canvas import save
 from builder.pipeline.built_sensors import flown_sensors
 from builder.pipeline.chosen_estimator import Estimators, with_estimator
 from builder.pipeline.demonstration.as_built_demo import CALIBRATED, AsBuiltRun
-from builder.pipeline.demonstration.flight_score import FlightScore, score_flight
+from builder.pipeline.demonstration.flight_score import SCORE_VERSION, FlightScore, score_flight
 from builder.pipeline.demonstration.flown_estimators import (
     FlownEstimates,
     bound_in_flight,
@@ -69,7 +69,7 @@ from strainfmu.fmu.native.package import shipped_libraries
 AS_BUILT_SEED = 1
 """Seed of the hardware errors of the vehicle that flies."""
 
-HELD_OUT_VERSION = 1
+HELD_OUT_VERSION = 2
 """Raised whenever the score on held-out conditions is another of the same files."""
 
 COMMUNICATION_STEP_SIZE = 0.01
@@ -206,7 +206,8 @@ def _free_demo(pipeline: Pipeline, as_built: int | None) -> DemoResult:
     flown = load_trajectory(vehicle.manoeuvre(), tuple(vehicle.conditions.parameters))
     for warning in manoeuvre_warnings(vehicle, flown, snapshots.conditions(), False):
         pipeline.reporter.note(warning)
-    score = score_flight(recording)
+    inverse_map = load_inverse_map(pipeline.path(MAP))
+    score = score_flight(recording, bound=bound_in_flight(inverse_map, recording))
     physics = flown_physics(vehicle, vehicle.aerodynamics.engine)
     _summary(pipeline, score, {"physics": physics.record()})
     return DemoResult(
@@ -218,7 +219,7 @@ def _free_demo(pipeline: Pipeline, as_built: int | None) -> DemoResult:
         physics=physics,
         score=score,
         held_out={},
-        errors_in_sigma=errors_in_sigma(load_inverse_map(pipeline.path(MAP))),
+        errors_in_sigma=errors_in_sigma(inverse_map),
         estimators={},
         states={},
     )
@@ -429,7 +430,7 @@ def _estimators(pipeline: Pipeline, recording: Recording, physics: FlownPhysics)
     inputs = {
         "map": pipeline.made_from(MAP),
         "flight": pipeline.made_from("flight.h5"),
-        "names": ["linear", "nonlinear"],
+        "version": SCORE_VERSION,
     }
     holds = "linear and nonlinear estimator on the same strains, as numbers (and as a figure, estimators.png)"
     pipeline.make("estimators.json", holds, inputs, make)
@@ -461,5 +462,5 @@ def _summary(pipeline: Pipeline, score: FlightScore, more: dict[str, dict[str, A
         values = {**score.record(), **{name: entry for name, entry in more.items() if entry}}
         write_bytes_atomically(path, json.dumps(_without_nan(values), indent=1, allow_nan=False).encode())
 
-    inputs = {"flight": pipeline.made_from("flight.h5"), **more}
+    inputs = {"version": SCORE_VERSION, "flight": pipeline.made_from("flight.h5"), **more}
     pipeline.make("summary.json", "accuracy of the flown FMU, as numbers", inputs, make)

@@ -12,6 +12,9 @@ from strainfmu.arrays import FloatArray
 from strainfmu.cosim.systems.recording import Recording
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 
+SCORE_VERSION = 2
+"""Raised whenever scores of flights have other figures of the same files."""
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class FlightScore(Score):

@@ -26,6 +26,7 @@ from builder.pipeline.demonstration.flight_score import FlightScore
 from builder.pipeline.stages import map_from
 from builder.reporting import Reporter, Silent
 from builder.structure.structure_file import Structure
+from builder.trial.bound import KNOWN, cramer_rao_bound
 from builder.trial.conditions import wind_angles
 from builder.trial.readings import ReadFlights, readings
 from builder.trial.score import score_of
@@ -150,6 +151,7 @@ def held_out_score(
     on_grid = snapshots_on(snapshots, own_surface(vehicle, vehicle.resolution.map))
     truth = _true_structure(vehicle)
     errors, stds, truths, health = list[FloatArray](), list[FloatArray](), list[FloatArray](), list[IntArray]()
+    bounds = list[FloatArray | None]()
     built, not_built = list[LeftOut](), list[str]()
     with reporter.stage("Held-out conditions: maps made without some results") as progress:
         for number, part in enumerate(parts):
@@ -167,12 +169,16 @@ def held_out_score(
             errors.append(found.coefficients - true)
             stds.append(found.coefficients_std)
             truths.append(true)
+            bounds.append(cramer_rao_bound(made, flown.conditions, KNOWN))
             health.append(np.asarray(found.health))
             progress(number + 1, len(parts))
     if not built:
         return None
-    every = np.concatenate
-    score = score_of(COEFFICIENT_NAMES, every(errors), every(stds), truth=every(truths), health=every(health))
+    every, known = np.concatenate, [one for one in bounds if one is not None]
+    bound = every(known) if len(known) == len(bounds) else None
+    score = score_of(
+        COEFFICIENT_NAMES, every(errors), every(stds), truth=every(truths), health=every(health), bound=bound
+    )
     conditions = [snapshots.conditions()[row] for part in built for row in part.flown.tolist()]
     flows = {(round(one.mach_number, 6), round(one.total_incidence, 6)) for one in conditions}
     return HeldOutScore(
