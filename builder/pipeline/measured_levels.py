@@ -11,9 +11,8 @@ from builder.campaign.snapshots import Snapshots
 from builder.reporting import Reporter
 from builder.structure.fourier.model import refuse_beyond_fourier
 from builder.structure.structure_file import Structure
-from builder.trial.alarm_levels import with_alarm_levels
+from builder.trial.alarm_levels import with_alarm_levels, with_flight_alarm_levels
 from builder.trial.conditions import conditions_in_ranges, drawn_altitudes_km
-from builder.trial.flight_alarm_levels import with_flight_alarm_levels
 from builder.trial.readings import SEED, ReadFlights, read_flights, readings
 from builder.trial.vehicles import DrawnVehicles, Fly
 from builder.truth.revolution.flow_table import FlowTable

@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from builder.structure.fourier.model import structural_model, with_mesh_error
 from builder.structure.loads.gauge_strain import gauge_strain, gauge_temperature
 from builder.structure.loads.temperature import temperature_mode
 from builder.trial.conditions import held_out_conditions
+from builder.trial.readings import navigation_at
 from builder.trial.score import Score, score_of
 from builder.truth.as_built import drawn_many
 from builder.truth.revolution.flow_table import FlowTable, load_flow_table
@@ -36,6 +37,7 @@ from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
+from strainfmu.flight_condition import FlightCondition
 
 MICRO, PER_100K, CELSIUS = 1e-6, 1e-4, 273.15
 
@@ -60,16 +62,15 @@ class HotFlights:
 
     Attributes
     ----------
-    dynamic_pressure, mach_number, altitude, ambient_pressure : (n,) [Pa, 1, m, Pa].
+    conditions : n flight conditions.
+    dynamic_pressure : (n,) as stated [Pa].
     coefficients : (n, 5) true ones.
     cold, hot : (n, n_d) readings of the same flights with the wall at its reference temperature and warm [m/m].
     temperature : (n, n_t) of the sensors [K].
     """
 
+    conditions: Sequence[FlightCondition]
     dynamic_pressure: FloatArray
-    mach_number: FloatArray
-    altitude: FloatArray
-    ambient_pressure: FloatArray
     coefficients: FloatArray
     cold: FloatArray
     hot: FloatArray
@@ -132,10 +133,8 @@ def hot_flights(
     noise = noise_std * random.standard_normal(cold.shape)
     of_sensors = [one.std_K for one in entry.sensor] * random.standard_normal((count, len(entry.sensor)))
     return HotFlights(
+        conditions=conditions,
         dynamic_pressure=q,
-        mach_number=np.array([one.mach_number for one in conditions]),
-        altitude=np.array([one.altitude for one in conditions]),
-        ambient_pressure=flights.ambient_pressure,
         coefficients=flights.coefficients,
         cold=cold + noise,
         hot=hot + noise,
@@ -202,12 +201,9 @@ def lines_of(flights: HotFlights, cold: InverseMap, warm: InverseMap) -> list[st
 def _score(
     flights: HotFlights, held: InverseMap, kind: str, strain: FloatArray, temperature: FloatArray | None
 ) -> Score:
-    known: dict[str, Any] = {"mach_number": flights.mach_number, "temperature": temperature}
-    if kind == "linear":
-        held, known["altitude"] = held.without_tables(), flights.altitude
-    else:
-        known["static_pressure"] = flights.ambient_pressure
-    found = Estimator(held).estimate(strain, flights.dynamic_pressure, **known)
+    estimator = Estimator(held.without_tables() if kind == "linear" else held)
+    known = navigation_at(flights.conditions, estimator.is_nonlinear)
+    found = estimator.estimate(strain, flights.dynamic_pressure, temperature=temperature, **known)
     error = found.coefficients - flights.coefficients
     return score_of(COEFFICIENT_NAMES, error, found.coefficients_std, health=found.health)
 

@@ -64,7 +64,7 @@ def joined(parts: Sequence[Readings]) -> Readings:
     )
 
 
-def navigation_at(conditions: Sequence[FlightCondition], is_nonlinear: bool) -> dict[str, FloatArray]:
+def navigation_at(conditions: Sequence[FlightCondition], is_nonlinear: bool) -> dict[str, Any]:
     """Return exact Mach number and p_inf as the nonlinear estimator takes them, altitude for a linear one."""
     last = ("static_pressure", "ambient_pressure") if is_nonlinear else ("altitude", "altitude")
     named = (("mach_number", "mach_number"), last)
@@ -72,26 +72,15 @@ def navigation_at(conditions: Sequence[FlightCondition], is_nonlinear: bool) -> 
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class ReadFlights:
-    """Readings of n samples: v vehicles at each of f flights, one flight after another.
-
-    Attributes
-    ----------
-    conditions : f flight conditions.
-    strain : (n, n_d) of the gauges [m/m].
-    dynamic_pressure, mach_number, static_pressure : (n,) as stated [Pa, 1, Pa].
-    """
+class ReadFlights(Readings):
+    """Readings of n samples: as many vehicles at each of f ``conditions``, one flight after another."""
 
     conditions: tuple[FlightCondition, ...]
-    strain: FloatArray
-    dynamic_pressure: FloatArray
-    mach_number: FloatArray
-    static_pressure: FloatArray
 
-    def rows(self, flight: int) -> slice:
-        """Return the samples of a flight."""
-        vehicles = len(self.strain) // len(self.conditions)
-        return slice(flight * vehicles, (flight + 1) * vehicles)
+    @property
+    def vehicles(self) -> int:
+        """Number of vehicles in each flight."""
+        return len(self.strain) // len(self.conditions)
 
 
 def read_flights(
@@ -144,13 +133,8 @@ def readings(
     with ThreadPoolExecutor(processors()) as pool:
         found = list(pool.map(of_flight, range(len(flown.conditions))))
     strain, dynamic, mach, static = (np.concatenate(part) for part in zip(*found, strict=True))
-    return ReadFlights(
-        conditions=tuple(flown.conditions),
-        strain=strain,
-        dynamic_pressure=dynamic,
-        mach_number=mach,
-        static_pressure=static,
-    )
+    known = {"dynamic_pressure": dynamic, "mach_number": mach, "static_pressure": static}
+    return ReadFlights(conditions=tuple(flown.conditions), strain=strain, known=known)
 
 
 def gauge_noise(inverse_map: InverseMap, random: np.random.Generator, shape: tuple[int, ...]) -> FloatArray:

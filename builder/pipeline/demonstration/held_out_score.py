@@ -28,7 +28,8 @@ from builder.reporting import Reporter, Silent
 from builder.structure.structure_file import Structure
 from builder.trial.bound import KNOWN, cramer_rao_bound
 from builder.trial.conditions import wind_angles
-from builder.trial.readings import ReadFlights, readings
+from builder.trial.readings import readings
+from builder.trial.run import estimates
 from builder.trial.score import score_of
 from builder.trial.vehicles import DrawnVehicles
 from builder.truth.flights import RevolvedFlights
@@ -36,7 +37,6 @@ from builder.truth.revolution.strain import TrueStructure, flights_of_harmonics,
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
-from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
 from strainfmu.flight_condition import FlightCondition
@@ -164,13 +164,13 @@ def held_out_score(
             built.append(part)
             random = np.random.default_rng([SEED, number])
             flown = _flown(vehicle, on_grid.chosen(part.flown), truth, made, random)
-            found = _estimates(made, readings(made, vehicle.noise, flown, random, VEHICLES))
+            found = estimates(Estimator(made), readings(made, vehicle.noise, flown, random, VEHICLES))
             true = np.repeat(flown.flights.coefficients, VEHICLES, axis=0)
             errors.append(found.coefficients - true)
-            stds.append(found.coefficients_std)
+            stds.append(found.std)
             truths.append(true)
             bounds.append(cramer_rao_bound(made, flown.conditions, KNOWN))
-            health.append(np.asarray(found.health))
+            health.append(found.health)
             progress(number + 1, len(parts))
     if not built:
         return None
@@ -228,13 +228,3 @@ def _rolled(condition: FlightCondition, random: np.random.Generator) -> FlightCo
     """Return the flow of ``condition`` at an aerodynamic roll angle that is drawn."""
     alpha, beta = wind_angles(condition.total_incidence, float(random.uniform(0.0, 2.0 * np.pi)))
     return FlightCondition(condition.mach_number, alpha, beta, condition.altitude)
-
-
-def _estimates(made: InverseMap, read: ReadFlights) -> Estimate:
-    """Return what the estimator of the map makes of the readings, with all navigation."""
-    return Estimator(made).estimate(
-        read.strain,
-        read.dynamic_pressure,
-        mach_number=read.mach_number,
-        static_pressure=read.static_pressure,
-    )
