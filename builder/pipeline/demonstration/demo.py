@@ -439,10 +439,8 @@ def _estimators(pipeline: Pipeline, recording: Recording, physics: FlownPhysics)
 
 
 def _errors_figure(recording: Recording, flown: dict[str, FlownEstimates], title: str) -> figures.Figure:
-    errors = {
-        name: (one.coefficients - one.true_coefficients, one.coefficients_std) for name, one in flown.items()
-    }
-    error, std = flown["nonlinear"].air_data_errors()
+    errors, last = {name: (one.error, one.std) for name, one in flown.items()}, flown["nonlinear"]
+    error, std = last.air_error, last.air_std
     return estimator_errors(recording.time, errors, (error[:, :2], std[:, :2]), title)
 
 

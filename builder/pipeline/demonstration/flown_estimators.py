@@ -20,38 +20,31 @@ from strainfmu.interface.sensor_variables import reading_names
 COMPARED_AIR_DATA = ("angle_of_attack", "sideslip_angle", "mach_number", "dynamic_pressure")
 """Air data that the plant of a flight states as well."""
 
+AIR_PREFIXES = (".air_data", ".sigma.air_data")
+"""Of the outputs of an estimator FMU, and of their standard deviations."""
+
 EACH = 10
 """The Cramer-Rao bound is taken at one sample of this many: it changes with the flight state alone."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class FlownEstimates:
-    """What an estimator made of a flight of n samples, and the truth.
+    """What an estimator made of a flight of n samples, less the truth, with its standard deviations.
 
     Attributes
     ----------
-    coefficients, coefficients_std, true_coefficients : (n, 5) [1].
+    error, std : (n, 5) of the coefficients [1].
     health : (n,).
-    air_data, air_data_std, true_air_data : (n, 4) of :data:`COMPARED_AIR_DATA` [rad, rad, 1, Pa]; None of the
-        linear one.
+    air_error, air_std : (n, 4) of :data:`COMPARED_AIR_DATA` [rad, rad, 1, Pa]; (n, 0) of the linear one.
     bound : (k, 5) Cramer-Rao bound at some samples [1]; None where it is not known.
     """
 
-    coefficients: FloatArray
-    coefficients_std: FloatArray
-    true_coefficients: FloatArray
+    error: FloatArray
+    std: FloatArray
     health: IntArray
-    air_data: FloatArray | None = None
-    air_data_std: FloatArray | None = None
-    true_air_data: FloatArray | None = None
+    air_error: FloatArray
+    air_std: FloatArray
     bound: FloatArray | None = None
-
-    def air_data_errors(self) -> tuple[FloatArray, FloatArray]:
-        """Return errors and standard deviations (n, 4) of the air data; (n, 0) where there are none."""
-        if self.air_data is None or self.air_data_std is None or self.true_air_data is None:
-            none = np.zeros((len(self.coefficients), 0))
-            return none, none
-        return self.air_data - self.true_air_data, self.air_data_std
 
 
 def flown_estimators(
@@ -72,41 +65,37 @@ def flown_estimators(
     bound = bound_in_flight(inverse_map, recording, plant)
     truth = _columns(recording, plant, COEFFICIENT_NAMES)
     q, mach, altitude = (recording[f"{plant}.{name}"] for name in ("dynamic_pressure", "mach_number", "altitude"))
-    linear = Estimator(inverse_map.without_tables()).estimate(strain, q)
+    linear, none = Estimator(inverse_map.without_tables()).estimate(strain, q), np.zeros((len(strain), 0))
     found = {
         "linear": FlownEstimates(
-            coefficients=linear.coefficients,
-            coefficients_std=linear.coefficients_std,
-            true_coefficients=truth,
+            error=linear.coefficients - truth,
+            std=linear.coefficients_std,
             health=np.asarray(linear.health),
+            air_error=none,
+            air_std=none,
             bound=bound,
         )
     }
     if inverse_map.manifold is None:
         return found
-    true_air_data = _columns(recording, plant, COMPARED_AIR_DATA)
     if estimator is not None:
-        found["nonlinear"] = FlownEstimates(
-            coefficients=_columns(recording, estimator, COEFFICIENT_NAMES),
-            coefficients_std=_columns(recording, f"{estimator}.sigma", COEFFICIENT_NAMES),
-            true_coefficients=truth,
-            health=recording[f"{estimator}.health.state"].astype(np.int64),
-            air_data=_columns(recording, f"{estimator}.air_data", COMPARED_AIR_DATA),
-            air_data_std=_columns(recording, f"{estimator}.sigma.air_data", COMPARED_AIR_DATA),
-            true_air_data=true_air_data,
-            bound=bound,
+        flown, std, air, air_std = (
+            _columns(recording, f"{estimator}{prefix}", names)
+            for names, prefixes in ((COEFFICIENT_NAMES, ("", ".sigma")), (COMPARED_AIR_DATA, AIR_PREFIXES))
+            for prefix in prefixes
         )
-        return found
-    one = Estimator(inverse_map).estimate(strain, q, mach_number=mach, altitude=altitude)
-    columns = [AIR_DATA_NAMES.index(name) for name in COMPARED_AIR_DATA]
+        health = recording[f"{estimator}.health.state"].astype(np.int64)
+    else:
+        one = Estimator(inverse_map).estimate(strain, q, mach_number=mach, altitude=altitude)
+        columns = [AIR_DATA_NAMES.index(name) for name in COMPARED_AIR_DATA]
+        flown, std, health = one.coefficients, one.coefficients_std, np.asarray(one.health)
+        air, air_std = one.air_data.value[:, columns], one.air_data.std[:, columns]
     found["nonlinear"] = FlownEstimates(
-        coefficients=one.coefficients,
-        coefficients_std=one.coefficients_std,
-        true_coefficients=truth,
-        health=np.asarray(one.health),
-        air_data=one.air_data.value[:, columns],
-        air_data_std=one.air_data.std[:, columns],
-        true_air_data=true_air_data,
+        error=flown - truth,
+        std=std,
+        health=health,
+        air_error=air - _columns(recording, plant, COMPARED_AIR_DATA),
+        air_std=air_std,
         bound=bound,
     )
     return found
@@ -128,13 +117,10 @@ def _columns(recording: Recording, prefix: str, names: tuple[str, ...]) -> Float
 
 def estimator_entry(flown: FlownEstimates) -> dict[str, Any]:
     """Return accuracy as numbers: rms errors and coverage of 3 sigma, of coefficients and air data."""
-    error = flown.coefficients - flown.true_coefficients
-    score = score_of(COEFFICIENT_NAMES, error, flown.coefficients_std, health=flown.health, bound=flown.bound)
-    entry: dict[str, Any] = _accuracy(score)
-    entry["healthy_percent"] = 100.0 * score.healthy
-    error, std = flown.air_data_errors()
-    if error.shape[1]:
-        entry["air_data"] = _accuracy(score_of(COMPARED_AIR_DATA, error, std))
+    score = score_of(COEFFICIENT_NAMES, flown.error, flown.std, health=flown.health, bound=flown.bound)
+    entry: dict[str, Any] = {**_accuracy(score), "healthy_percent": 100.0 * score.healthy}
+    if flown.air_error.shape[1]:
+        entry["air_data"] = _accuracy(score_of(COMPARED_AIR_DATA, flown.air_error, flown.air_std))
     return entry
 
 
