@@ -11,6 +11,7 @@ import numpy as np
 
 from builder.compare.field import estimated_fields
 from builder.compare.flights import Readings, one_condition
+from builder.trial.bound import KNOWN
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.air_data import AIR_DATA_NAMES
 from strainfmu.estimator.estimate import Estimate
@@ -21,6 +22,13 @@ GIVEN, PRESSURE_ALONE, NO_DYNAMIC_PRESSURE = "given", "q_inf only", "M and p_inf
 NAVIGATION = (GIVEN, PRESSURE_ALONE)
 """What an estimator knows beside strain: q_inf, M and p_inf; or q_inf alone. Without q_inf only the nonlinear
 estimator has coefficients: what it says of q_inf is scored there."""
+
+STATED = {
+    GIVEN: KNOWN,
+    PRESSURE_ALONE: ("dynamic_pressure",),
+    NO_DYNAMIC_PRESSURE: ("mach_number", "static_pressure"),
+}
+"""What is stated with each, by the names of the estimator's arguments."""
 
 AIR_DATA = ("angle_of_attack", "sideslip_angle", "mach_number", "static_pressure", "dynamic_pressure")
 """Air data that are compared, in this order."""
@@ -49,10 +57,17 @@ class Answer:
 
 
 class Candidate(Protocol):
-    """An estimator under comparison; ``has_field`` states whether it gives the pressure field."""
+    """An estimator under comparison.
+
+    Attributes
+    ----------
+    has_field : whether it gives the pressure field.
+    takes_one_reading : whether its answer is of the last reading alone.
+    """
 
     name: str
     has_field: bool
+    takes_one_reading: bool
 
     def answer(self, read: Readings, navigation: str) -> Answer:
         """Return the estimates of ``read`` with ``navigation``, as in :data:`NAVIGATION`."""
@@ -66,7 +81,7 @@ class Candidate(Protocol):
 class LinearCandidate:
     """A linear map. Navigation decides on its health alone, but a field of p - p_inf needs p_inf."""
 
-    has_field = True
+    has_field, takes_one_reading = True, True
 
     def __init__(self, name: str, inverse_map: InverseMap) -> None:
         self.name, self.inverse_map = name, inverse_map
@@ -96,7 +111,7 @@ class NonlinearCandidate:
     """The nonlinear estimator, each reading on its own."""
 
     name = "nonlinear"
-    has_field = True
+    has_field, takes_one_reading = True, True
 
     def __init__(self, inverse_map: InverseMap) -> None:
         self.estimator = Estimator(inverse_map)

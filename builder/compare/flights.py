@@ -8,9 +8,14 @@ from math import cos, hypot, radians
 
 import numpy as np
 
+from builder.trial.conditions import (
+    conditions_in_ranges,
+    drawn_altitudes_km,
+    drawn_conditions,
+    largest_incidence,
+)
 from builder.truth.as_built import AsBuilt, drawn, exactly_built
 from builder.truth.flights import Flights
-from builder.truth.held_out import conditions_in_ranges, largest_incidence
 from builder.truth.revolution.flows import with_knots
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map.options import MapEntry
@@ -30,8 +35,8 @@ ANGLES = 0.8
 ALTITUDES_KM = (15.0, 28.0)
 """Altitudes that are drawn [km], where the map holds at them."""
 
-EXAMPLE_DRAWS, EXAMPLE_ALTITUDE = 100, 20e3
-"""Draws of noise, and altitude [m], of the example."""
+EXAMPLE_DRAWS, EXAMPLE_ALTITUDE_KM = 100, 20.0
+"""Draws of noise, and altitude, of the example."""
 
 VEHICLES = 10
 """Vehicles of each draw: each flies a part of the conditions. Errors of one vehicle are the same in its flights:
@@ -108,11 +113,9 @@ def vehicle_that_flies(vehicle: Vehicle) -> Vehicle:
     return with_knots(vehicle, mach, largest * np.arange(1, INCIDENCE_KNOTS + 1) / INCIDENCE_KNOTS)
 
 
-def altitudes(vehicle: Vehicle) -> tuple[float, float]:
-    """Return lowest and highest altitude that are drawn [m]."""
-    low, high = vehicle.map.valid_altitude_km
-    bottom, top = max(low, ALTITUDES_KM[0]), min(high, ALTITUDES_KM[1])
-    return (1e3 * bottom, 1e3 * top) if bottom < top else (1e3 * low, 1e3 * high)
+def altitudes_km(vehicle: Vehicle) -> tuple[float, float]:
+    """Return lowest and highest altitude that are drawn [km]: every map of a comparison scales with pressure."""
+    return drawn_altitudes_km(with_errors(vehicle, HARDWARE, 1), ALTITUDES_KM)
 
 
 def random_conditions(vehicle: Vehicle, count: int, random: np.random.Generator) -> list[FlightCondition]:
@@ -121,20 +124,22 @@ def random_conditions(vehicle: Vehicle, count: int, random: np.random.Generator)
     Of another shape than a profile they are uniform in the ranges of the file, flow parameters too.
     """
     if not vehicle.is_of_revolution:
-        return conditions_in_ranges(vehicle, altitudes(vehicle), count, random)
-    listed, (bottom, top) = vehicle.conditions.mach_number, altitudes(vehicle)
-    angle, found = drawn_angle(vehicle), list[FlightCondition]()
-    largest = largest_incidence(vehicle)
+        return conditions_in_ranges(vehicle, altitudes_km(vehicle), count, random)
+    listed, angle, largest = vehicle.conditions.mach_number, drawn_angle(vehicle), largest_incidence(vehicle)
     half = angle if angle is not None else largest
-    while len(found) < count:
+
+    def angles() -> tuple[float, float]:
         alpha, beta = random.uniform(-half, half, 2).tolist()
-        mach, altitude = float(random.uniform(min(listed), max(listed))), float(random.uniform(bottom, top))
-        if angle is None and hypot(alpha, beta) > largest:
-            continue
-        found.append(
-            FlightCondition(mach_number=mach, angle_of_attack=alpha, sideslip_angle=beta, altitude=altitude)
-        )
-    return found
+        return alpha, beta
+
+    return drawn_conditions(
+        count,
+        random,
+        angles=angles,
+        mach_numbers=(min(listed), max(listed)),
+        altitudes_km=altitudes_km(vehicle),
+        is_inside=lambda one: angle is not None or hypot(one.angle_of_attack, one.sideslip_angle) <= largest,
+    )
 
 
 def example_conditions(vehicle: Vehicle) -> list[FlightCondition]:
@@ -145,24 +150,28 @@ def example_conditions(vehicle: Vehicle) -> list[FlightCondition]:
     """
     if not vehicle.is_of_revolution:
         return [_example_of_shape(vehicle)] * EXAMPLE_DRAWS
-    angle, (bottom, top) = drawn_angle(vehicle), altitudes(vehicle)
+    angle = drawn_angle(vehicle)
     half = 0.75 * (largest_incidence(vehicle) / np.sqrt(2.0) if angle is None else angle)
     one = FlightCondition(
         mach_number=min(vehicle.conditions.mach_number),
         angle_of_attack=float(half),
         sideslip_angle=float(half),
-        altitude=float(np.clip(EXAMPLE_ALTITUDE, bottom, top)),
+        altitude=_example_altitude(vehicle),
     )
     return [one] * EXAMPLE_DRAWS
 
 
 def _example_of_shape(vehicle: Vehicle) -> FlightCondition:
-    entry, (bottom, top) = vehicle.conditions, altitudes(vehicle)
+    entry = vehicle.conditions
     listed = [entry.angle_of_attack_deg, entry.sideslip_angle_deg]
     listed += [one.values for one in entry.parameters.values()]
     alpha, beta, *parameters = (0.125 * min(one) + 0.875 * max(one) for one in listed)
-    altitude = float(np.clip(EXAMPLE_ALTITUDE, bottom, top))
-    return FlightCondition(min(entry.mach_number), radians(alpha), radians(beta), altitude, tuple(parameters))
+    angles = radians(alpha), radians(beta)
+    return FlightCondition(min(entry.mach_number), *angles, _example_altitude(vehicle), tuple(parameters))
+
+
+def _example_altitude(vehicle: Vehicle) -> float:
+    return 1e3 * float(np.clip(EXAMPLE_ALTITUDE_KM, *altitudes_km(vehicle)))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -33,7 +33,7 @@ class RandomWalkCandidate:
     """The filter, fed with all readings of a flight; its answer is that of the last one."""
 
     name = "Kalman filter, random walk"
-    has_field = False
+    has_field, takes_one_reading = False, False
 
     def __init__(self, inverse_map: InverseMap) -> None:
         """Prepare ``inverse_map``, of Case 2 and form "dynamic_pressure"."""

@@ -17,9 +17,8 @@ TRAINING = 500
 def rival_costs(manifold: ManifoldMap, seed: int = 1) -> dict[str, float]:
     """Return the median time per step [s] of each learning estimator, in Python; needs scikit-learn."""
     random = np.random.default_rng(seed)
-    low, high = (1e3 * one for one in ALTITUDES_KM)
     training, calibration = (
-        training_flights(manifold=manifold, altitudes=(low, high), count=count, random=random)
+        training_flights(manifold=manifold, altitudes_km=ALTITUDES_KM, count=count, random=random)
         for count in (TRAINING, TRAINING // 4)
     )
     read = Readings(

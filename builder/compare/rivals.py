@@ -79,7 +79,7 @@ def conformal_half_width(residual: FloatArray) -> FloatArray:
 class RivalCandidate:
     """A regression on strain over q_inf, ln q_inf and, where navigation is given, Mach number."""
 
-    has_field = False
+    has_field, takes_one_reading = False, True
 
     def __init__(
         self, name: str, training: TrainingFlights, calibration: TrainingFlights, navigation: str, seed: int

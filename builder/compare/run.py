@@ -30,7 +30,7 @@ from strainfmu.files import write_bytes_atomically
 
 JSON, CSV, FIGURE = "compare.json", "compare.csv", "compare.png"
 
-VERSION = 7
+VERSION = 8
 """Raised whenever the scores change otherwise than by their inputs, so that they are made again."""
 
 
@@ -136,6 +136,7 @@ def table_csv(entries: list[dict[str, Any]]) -> str:
     """Return the table of ``compare.json`` as CSV: a row per estimator, errors and air-data inputs."""
     columns = {
         **{f"rms_{name}": ("rms", name) for name in entries[0]["rms"]},
+        **{f"bound_{name}": ("bound", name) for name in entries[0]["bound"]},
         **{f"coverage_percent_{name}": ("coverage_percent", name) for name in entries[0]["coverage_percent"]},
         **{f"p95_{name}": ("air_data_p95", name) for name in AIR_DATA_KEYS},
     }

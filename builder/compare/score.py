@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -11,14 +11,11 @@ import numpy as np
 from builder.compare.candidate import AIR_DATA, Answer, Candidate
 from builder.compare.field import field_errors
 from builder.compare.flights import Readings
-from builder.pipeline.demonstration.flight_score import ROLLING
+from builder.trial.score import ROLLING, by_name, mean_square, rounded, score_of
 from builder.truth.flights import Flights
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 from strainfmu.flight_condition import FlightCondition
-
-SIGMAS = 3.0
-"""Standard deviations that coverage counts within."""
 
 PERCENTILES = tuple(range(0, 101, 5))
 """Percentiles of the field error in an entry."""
@@ -43,7 +40,7 @@ AIR_DATA_KEYS = (
 
 @dataclass(eq=False, kw_only=True)
 class Tally:
-    """Errors of one estimator, block after block: coefficients, whether inside the band, field, air data.
+    """Errors of one estimator, block after block: coefficients and their sigmas, field, air data.
 
     ``names`` are those of the coefficients. ``tenths`` holds the tenth of every flight, 0 to 9: by total incidence
     and by Mach number.
@@ -51,7 +48,7 @@ class Tally:
 
     names: tuple[str, ...] = COEFFICIENT_NAMES
     error: list[FloatArray] = field(default_factory=list)
-    covered: list[FloatArray] = field(default_factory=list)
+    std: list[FloatArray] = field(default_factory=list)
     of_field: list[FloatArray] = field(default_factory=list)
     air: list[FloatArray] = field(default_factory=list)
     tenths: dict[str, list[IntArray]] = field(default_factory=lambda: {name: [] for name in TENTHS_BY})
@@ -59,45 +56,52 @@ class Tally:
     def add(self, answer: Answer, flights: Flights, true_field: FloatArray) -> None:
         """Count ``answer`` to ``flights`` of k conditions, whose field is ``true_field`` (k, ..) [Pa]."""
         error, std = answer.coefficients - flights.coefficients, answer.std
-        if flights.rolling is not None:
-            unknown = np.full((len(error), 2), np.nan)
-            rolling = unknown if answer.rolling is None else answer.rolling
-            error = np.column_stack([error, rolling[:, 0] - flights.rolling])
-            std = np.column_stack([std, rolling[:, 1]])
+        if flights.rolling is not None and answer.rolling is not None:
+            error = np.column_stack([error, answer.rolling[:, 0] - flights.rolling])
+            std = np.column_stack([std, answer.rolling[:, 1]])
         self.error.append(error)
+        self.std.append(std)
         for name, by in TENTHS_BY.items():
             self.tenths[name].append(tenths(np.array([by(one) for one in flights.conditions])))
-        with np.errstate(invalid="ignore"):
-            inside = np.abs(error) <= SIGMAS * std  # false where there is no estimate
-        covered = inside.astype(np.float64)
-        if answer.rolling is None:
-            covered[:, len(COEFFICIENT_NAMES) :] = np.nan  # not asked for
-        self.covered.append(covered)
         if answer.field is not None:
             self.of_field.append(field_errors(answer.field, true_field))
         if answer.air_data is not None:
             self.air.append(air_data_errors(answer.air_data, flights))
 
-    def entry(self) -> dict[str, Any]:
-        """Return the scores as numbers; None where the estimator has none."""
-        error, covered = np.concatenate(self.error), np.concatenate(self.covered)
-        rms = _rms(error)
+    def entry(self, bound: FloatArray | None = None) -> dict[str, Any]:
+        """Return the scores as numbers; None where the estimator has none.
+
+        ``bound`` (k, 5) is the Cramer-Rao bound of the flights; None where it is not known.
+        """
+        error = np.concatenate(self.error)
+        asked = self.names[: error.shape[1]]
+        score = score_of(asked, error, np.concatenate(self.std), bound=bound)
         of_field = 100.0 * np.concatenate(self.of_field) if self.of_field else None
         air = np.concatenate(self.air) if self.air else np.full((1, len(AIR_DATA)), np.nan)
+
+        unknown = {name: [None] * TENTHS for name in self.names}
+
+        def named(values: FloatArray | None) -> dict[str, float | None]:
+            return {**dict.fromkeys(self.names), **by_name(asked, values, rounded)}
+
         return {
-            "rms": _named(self.names, rms),
+            "rms": named(score.rms),
             "rms_of_tenths": {
-                name: rms_of_tenths(error, np.concatenate(number), self.names)
-                for name, number in self.tenths.items()
+                by: {**unknown, **rms_of_tenths(error, np.concatenate(number), asked)}
+                for by, number in self.tenths.items()
             },
-            "coverage_percent": _named(self.names, 100.0 * covered.mean(axis=0)),
+            "coverage_percent": named(100.0 * score.coverage_3),
             "field_median_percent": _percentile(of_field, 50),
             "field_p95_percent": _percentile(of_field, 95),
             "field_percentiles_percent": None
             if of_field is None
             else [_percentile(of_field, one) for one in PERCENTILES],
-            "air_data_p95": _named(AIR_DATA_KEYS, np.quantile(np.abs(air), 0.95, axis=0)),
-            "samples": len(error),
+            "air_data_p95": by_name(AIR_DATA_KEYS, np.quantile(np.abs(air), 0.95, axis=0), rounded),
+            "samples": score.samples,
+            "bound": named(score.bound),
+            "bias": named(score.bias),
+            "coverage_1_percent": named(100.0 * score.coverage_1),
+            "rms_z": named(score.rms_z),
         }
 
 
@@ -107,19 +111,11 @@ def tenths(values: FloatArray) -> IntArray:
     return np.asarray(rank * TENTHS // max(len(values), 1), dtype=np.int64)
 
 
-def _rms(error: FloatArray) -> FloatArray:
-    """Return the rms (m,) of the columns of ``error`` (n, m) over what is known, NaN where nothing is."""
-    known = np.isfinite(error).any(axis=0)
-    rms = np.full(error.shape[1], np.nan)
-    rms[known] = np.sqrt(np.nanmean(error[:, known] ** 2, axis=0))
-    return rms
-
-
 def rms_of_tenths(
     error: FloatArray, tenth: IntArray, names: tuple[str, ...] = COEFFICIENT_NAMES
 ) -> dict[str, list[float | None]]:
     """Return the rms of ``error`` (n, m) over the samples of each ``tenth`` (n,), by ``names`` of the columns."""
-    rms = np.array([_rms(error[tenth == number]) for number in range(TENTHS)])
+    rms = np.sqrt([mean_square(error[tenth == number]) for number in range(TENTHS)])
     return {name: [rounded(one) for one in values] for name, values in zip(names, rms.T.tolist(), strict=True)}
 
 
@@ -137,17 +133,8 @@ def air_data_errors(found: FloatArray, flights: Flights) -> FloatArray:
     return error
 
 
-def _named(names: tuple[str, ...], values: FloatArray) -> dict[str, float | None]:
-    return {name: rounded(value) for name, value in zip(names, values.tolist(), strict=True)}
-
-
 def _percentile(values: FloatArray | None, percent: float) -> float | None:
     return None if values is None else rounded(float(np.percentile(values, percent)))
-
-
-def rounded(value: float) -> float | None:
-    """Return ``value`` to five digits, None where it is not finite."""
-    return float(f"{value:.5g}") if np.isfinite(value) else None
 
 
 def scored(
@@ -155,10 +142,11 @@ def scored(
     read: Iterator[Readings],
     flights: Flights,
     true_field: FloatArray,
+    bounds: Mapping[str, FloatArray],
 ) -> Iterator[list[dict[str, Any]]]:
     """Return the entries of ``candidates``, each with its navigation, after every block of readings.
 
-    The last ones count.
+    The last ones count. ``bounds`` are the Cramer-Rao bounds (k, 5) of the flights by navigation.
     """
     names = COEFFICIENT_NAMES if flights.rolling is None else (*COEFFICIENT_NAMES, ROLLING)
     tallies = [Tally(names=names) for _ in candidates]
@@ -171,7 +159,7 @@ def scored(
             {
                 "estimator": candidate.name,
                 "air_data_inputs": navigation,
-                **tally.entry(),
+                **tally.entry(bounds.get(navigation) if candidate.takes_one_reading else None),
                 "step_microseconds": rounded(cost),
                 "navigation": navigation,  # the former name of the key
             }

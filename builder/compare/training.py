@@ -36,12 +36,12 @@ class TrainingFlights:
 
 
 def training_flights(
-    manifold: ManifoldMap, altitudes: tuple[float, float], count: int, random: np.random.Generator
+    manifold: ManifoldMap, altitudes_km: tuple[float, float], count: int, random: np.random.Generator
 ) -> TrainingFlights:
     """Return ``count`` flights, uniform in Mach number, ln p_inf and the disc of total incidence.
 
-    In place of the disc it is the ranges of u and w where the tables have those. ``altitudes`` are the lowest and
-    highest [m].
+    In place of the disc it is the ranges of u and w where the tables have those. ``altitudes_km`` are the lowest
+    and highest.
     """
     state = np.empty((count, 4))
     if manifold.crossflow_range is None:
@@ -52,7 +52,7 @@ def training_flights(
         low, high = manifold.crossflow_range.T
         state[:, [U, W]] = low + (high - low) * random.uniform(size=(count, 2))
     state[:, MACH] = random.uniform(manifold.mach_range[0], manifold.mach_range[1], count)
-    high, low = (np.log(pressure_and_temperature(height)[0]) for height in altitudes)
+    high, low = (np.log(pressure_and_temperature(1e3 * height)[0]) for height in altitudes_km)
     state[:, LOG_PRESSURE] = random.uniform(low, high, count)
     response, n_d = evaluate(manifold.tables, state).value, manifold.tables.n_gauges
     pressure = np.exp(state[:, LOG_PRESSURE])

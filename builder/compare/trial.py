@@ -12,11 +12,12 @@ from builder.campaign.snapshots import Snapshots
 from builder.compare.candidate import (
     NAVIGATION,
     NO_DYNAMIC_PRESSURE,
+    STATED,
     Candidate,
     LinearCandidate,
     NonlinearCandidate,
 )
-from builder.compare.flights import ERRORS, GAUGE_NOISE, Effort, altitudes, readings, with_errors
+from builder.compare.flights import ERRORS, GAUGE_NOISE, Effort, altitudes_km, readings, with_errors
 from builder.compare.random_walk import RandomWalkCandidate
 from builder.compare.rivals import RIVALS, RivalCandidate
 from builder.compare.score import scored
@@ -25,6 +26,7 @@ from builder.inverse.build import build_inverse_map
 from builder.inverse.problem import AnyStructure
 from builder.manifold.build import with_manifold
 from builder.reporting import Progress, Reporter
+from builder.trial.bound import cramer_rao_bound
 from builder.truth.flights import Flights
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
@@ -119,7 +121,16 @@ def _scores_of(
         draws=draws,
         random=random,
     )
-    return scored(candidates=candidates, read=read, flights=flown.flights, true_field=flown.field)
+    bounds = _bounds(errors, candidates, flown.flights)
+    return scored(candidates=candidates, read=read, flights=flown.flights, true_field=flown.field, bounds=bounds)
+
+
+def _bounds(errors: str, candidates: list[tuple[Candidate, str]], flights: Flights) -> dict[str, FloatArray]:
+    """Return the Cramer-Rao bound (k, 5) of ``flights`` by navigation, of the nonlinear estimator's tables."""
+    tables = next(one.estimator.inverse_map for one, _ in candidates if isinstance(one, NonlinearCandidate))
+    std = 0.0 if errors == GAUGE_NOISE else np.nan
+    found = {name: cramer_rao_bound(tables, flights.conditions, known, std) for name, known in STATED.items()}
+    return {name: bound for name, bound in found.items() if bound is not None}
 
 
 def _example_fields(
@@ -163,7 +174,7 @@ def candidates_of(
     assert full.manifold is not None
     count = trial.effort.training
     training, calibration = (
-        training_flights(manifold=full.manifold, altitudes=altitudes(trial.vehicle), count=n, random=random)
+        training_flights(manifold=full.manifold, altitudes_km=altitudes_km(trial.vehicle), count=n, random=random)
         for n in (count, count // 3)
     )
     for done, (name, navigation) in enumerate(

@@ -45,8 +45,8 @@ from builder.structure.external.structure import external_inputs, external_struc
 from builder.structure.solid.case import structure_case
 from builder.structure.solid.model import update_structure
 from builder.structure.structure_file import Structure, load_structure, save_structure
+from builder.trial.vehicles import drawn_vehicles
 from builder.truth.independent_model import ENGINES_IN_WORDS
-from builder.truth.levels.flown_vehicles import drawn_vehicles
 from builder.truth.revolution import flow_table as flow_table_file
 from builder.truth.revolution.flow_table import load_flow_table, save_flow_table
 from builder.truth.revolution.flows import independent_flows, truth_inputs

@@ -11,11 +11,10 @@ from builder.campaign.snapshots import Snapshots
 from builder.reporting import Reporter
 from builder.structure.fourier.model import refuse_beyond_fourier
 from builder.structure.structure_file import Structure
-from builder.truth.held_out import conditions_in_ranges, drawn_altitudes_km
-from builder.truth.levels.alarm_levels import with_alarm_levels
-from builder.truth.levels.flight_alarm_levels import with_flight_alarm_levels
-from builder.truth.levels.flown_vehicles import DrawnVehicles, Fly
-from builder.truth.levels.read_flights import SEED, ReadFlights, read_flights, readings
+from builder.trial.alarm_levels import with_alarm_levels, with_flight_alarm_levels
+from builder.trial.conditions import conditions_in_ranges, drawn_altitudes_km
+from builder.trial.readings import SEED, ReadFlights, read_flights, readings
+from builder.trial.vehicles import DrawnVehicles, Fly
 from builder.truth.revolution.flow_table import FlowTable
 from builder.truth.revolution.flows import truth_knots
 from builder.truth.shape.flights import shape_flights
@@ -79,9 +78,9 @@ def _wanted_of_shape(vehicle: Vehicle, reporter: Reporter) -> bool:
 
 def level_conditions(vehicle: Vehicle) -> list[FlightCondition]:
     """Return the conditions that alarm levels of a shape that is none of revolution are set on."""
-    bottom, top = drawn_altitudes_km(vehicle)
-    random = np.random.default_rng(SEED)
-    return conditions_in_ranges(vehicle, (1e3 * bottom, 1e3 * top), SHAPE_CONDITIONS, random)
+    return conditions_in_ranges(
+        vehicle, drawn_altitudes_km(vehicle), SHAPE_CONDITIONS, np.random.default_rng(SEED)
+    )
 
 
 def with_shape_levels(

@@ -47,7 +47,7 @@ from builder.structure.solid.checks.reference_loads import mesh_error_line
 from builder.structure.solid.model import solve_solid_structure
 from builder.structure.structure_file import Structure
 from builder.structure.structure_fit import on_solid_model, structure_misfits, structure_record
-from builder.truth.levels.flown_vehicles import drawn_vehicles
+from builder.trial.vehicles import drawn_vehicles
 from builder.truth.revolution.flows import independent_flows
 from builder.truth.revolution.strain import TrueStructure, true_structure
 from builder.truth.shape.flights import shape_flows

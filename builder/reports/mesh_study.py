@@ -37,6 +37,7 @@ from builder.structure.solid.model import SolidCase
 from builder.structure.solid.operators.surface_triangles import triangulated_surface
 from builder.structure.solid.solution import solve_strain
 from builder.structure.wall import Wall, wall_of
+from builder.trial.score import score_of
 from builder.vehicle.file import Vehicle
 from builder.vehicle.gauges.layout import GaugeLayout
 from builder.vehicle.map_needs import used_layouts
@@ -261,17 +262,16 @@ def _row(
     noise = np.random.default_rng(SEED).standard_normal((NOISE_DRAWS, *truth.strain.shape)) * truth.sigma
     estimator = Estimator(inverse_map)
     estimates = [estimator.estimate(truth.strain + one, truth.dynamic_pressure) for one in noise]
-    error = np.array([draw.coefficients for draw in estimates]) - truth.coefficients
-    std = np.array([draw.coefficients_std for draw in estimates])
-    spread = np.ptp(truth.coefficients, axis=0)
-    rms = np.sqrt(np.mean(error**2, axis=(0, 1)))
+    error = np.concatenate([draw.coefficients - truth.coefficients for draw in estimates])
+    std = np.concatenate([draw.coefficients_std for draw in estimates])
+    score = score_of(COEFFICIENT_NAMES, error, std, truth=truth.coefficients)
     return StudyRow(
         mesh=name,
         n_dof=n_dof,
         strain_rms=float(np.sqrt(np.mean(difference**2))),
         strain_largest=float(np.abs(difference).max()),
-        error_of_range=tuple(np.divide(rms, spread, out=np.full(5, np.nan), where=spread > 0.0).tolist()),
-        coverage=tuple(np.mean(np.abs(error) <= 3.0 * std, axis=(0, 1)).tolist()),
+        error_of_range=tuple(score.rms_of_range.tolist()),
+        coverage=tuple(score.coverage_3.tolist()),
         alarms=float(np.mean([draw.chi_square > draw.chi_square_limit for draw in estimates])),
     )
 

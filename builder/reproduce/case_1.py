@@ -14,6 +14,7 @@ from builder.inverse.cases.case_1 import LeastSquaresMap, least_squares_map, rel
 from builder.inverse.modes.pod import PressureModes, modal_coefficients, proper_orthogonal_decomposition
 from builder.reproduce.protocol import COEFFICIENT_FLOOR, DRAWS, DRAWS_PER_CONDITION, MODES, P1, SEED
 from builder.reproduce.setups import Pressures, SetUp
+from builder.trial.score import SIGMAS, is_within
 from strainfmu.arrays import FloatArray
 from strainfmu.flight_condition import FlightCondition
 
@@ -110,7 +111,7 @@ def study_case_1(
     estimate = _estimates(of, tested - pressures.internal, draws, seed)
     difference = (estimate - true[:, None]).reshape(-1, MODES)
     spread = np.ptp(of.coefficients(pressures.p1), axis=0)
-    bound = 3.0 * np.sqrt(np.diag(solved.state_covariance)) / spread
+    of_noise = np.sqrt(np.diag(solved.state_covariance)) / spread
     weights = 1.0 if modes.weights is None else modes.weights
     size = np.sum(weights * tested**2, axis=1)
     # The remainder of the projection, not a difference of two squares, which would lose digits.
@@ -131,8 +132,8 @@ def study_case_1(
         relative_condition=relative.value,
         scaling=relative.scaling,
         pod_error=difference / spread,
-        pod_bound=bound,
-        covered=np.mean(np.abs(difference / spread) <= bound, axis=0),
+        pod_bound=SIGMAS * of_noise,
+        covered=np.mean(is_within(difference / spread, of_noise), axis=0),
         field_error=np.sqrt(square / size[:, None]).ravel(),
         noise_free_error=np.sqrt(exact / size),
         truncation=np.sqrt(truncated / size),

@@ -23,10 +23,9 @@ from scipy.special import chdtri
 from builder.pipeline.progress_bars import ConsoleReporter
 from builder.reporting import Progress
 from builder.stress.run import check_fit, of_map
-from builder.truth.levels.alarm_levels import alarm_ratios
-from builder.truth.levels.flight_alarm_levels import ratios_and_health
-from builder.truth.levels.flown_vehicles import drawn_vehicles
-from builder.truth.levels.read_flights import CONDITIONS, ReadFlights, read_flights
+from builder.trial.alarm_levels import alarm_ratios, ratios_and_health
+from builder.trial.readings import CONDITIONS, ReadFlights, read_flights
+from builder.trial.vehicles import drawn_vehicles
 from builder.truth.revolution.flow_table import FlowTable, load_flow_table
 from builder.truth.revolution.strain import TrueStructure, true_structure
 from builder.vehicle.file import Vehicle, load_vehicle

@@ -13,7 +13,14 @@ from typing import Any
 
 import numpy as np
 
-from builder.truth.held_out import conditions_in_ranges, held_out_conditions, largest_incidence, wind_angles
+from builder.trial.conditions import (
+    conditions_in_ranges,
+    drawn_altitudes_km,
+    held_out_conditions,
+    largest_incidence,
+    listed_altitudes_km,
+    wind_angles,
+)
 from builder.truth.revolution.flow_table import FlowTable
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
@@ -58,11 +65,11 @@ def inside(
     vehicle: Vehicle, table: FlowTable | None, count: int, random: np.random.Generator
 ) -> list[FlightCondition]:
     """Return conditions inside the envelope, at the altitudes of the file, between the snapshots."""
-    heights = vehicle.conditions.altitudes_km
+    heights = listed_altitudes_km(vehicle)
     if table is None:
-        return conditions_in_ranges(vehicle, (1e3 * min(heights), 1e3 * max(heights)), count, random)
+        return conditions_in_ranges(vehicle, heights, count, random)
     return [
-        replace(one, altitude=1e3 * float(random.uniform(min(heights), max(heights))))
+        replace(one, altitude=1e3 * float(random.uniform(*heights)))
         for one in held_out_conditions(vehicle, table, count, random)
     ]
 
@@ -204,10 +211,8 @@ def mirrored_is_inside(vehicle: Vehicle) -> bool:
 
 def altitude_is_inside(vehicle: Vehicle, altitude: float) -> bool:
     """Return whether ``altitude`` [m] belongs to the envelope of the map."""
-    heights = vehicle.conditions.altitudes_km
-    if vehicle.map.form == "dynamic_pressure":
-        heights = list(vehicle.map.valid_altitude_km)
-    return min(heights) <= 1e-3 * altitude <= max(heights)
+    low, high = drawn_altitudes_km(vehicle, vehicle.map.valid_altitude_km)
+    return low <= 1e-3 * altitude <= high
 
 
 def _refuse_beyond(needed: float, known: float, what: str) -> None:

@@ -12,9 +12,6 @@ from builder.structure.as_built_kinds import KINDS, UNIT
 from builder.truth.as_built import AsBuilt, drawn
 from builder.vehicle.map.options import Noise
 
-FEW_FILTERED = 0.25
-"""Number of draws of a filtered kind over that of another kind: each filtered sample costs a whole flight."""
-
 MANY = 5
 """Draws of the vehicles as stated, times those of the other kinds: their false alarms are rare."""
 
@@ -185,7 +182,6 @@ def filter_kinds() -> list[Kind]:
             what="The zeros are wrong by their stated deviations for the whole flight, of 2 s.",
             build=as_stated,
             filtered=Filtered(zero=zero, common=common),
-            draws=FEW_FILTERED,
         )
         for size, zero, common in (*listed, ("wrong in common by 5 sigma of the noise", 0.0, 5.0))
     ]

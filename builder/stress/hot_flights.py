@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -23,8 +24,10 @@ from builder.manifold.build import with_manifold
 from builder.structure.fourier.model import structural_model, with_mesh_error
 from builder.structure.loads.gauge_strain import gauge_strain, gauge_temperature
 from builder.structure.loads.temperature import temperature_mode
+from builder.trial.conditions import held_out_conditions
+from builder.trial.readings import navigation_at
+from builder.trial.score import Score, score_of
 from builder.truth.as_built import drawn_many
-from builder.truth.held_out import held_out_conditions
 from builder.truth.revolution.flow_table import FlowTable, load_flow_table
 from builder.truth.revolution.strain import TrueStructure, one_flight, true_flights, true_strain, true_structure
 from builder.vehicle.file import Vehicle, load_vehicle
@@ -34,6 +37,7 @@ from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
+from strainfmu.flight_condition import FlightCondition
 
 MICRO, PER_100K, CELSIUS = 1e-6, 1e-4, 273.15
 
@@ -58,16 +62,15 @@ class HotFlights:
 
     Attributes
     ----------
-    dynamic_pressure, mach_number, altitude, ambient_pressure : (n,) [Pa, 1, m, Pa].
+    conditions : n flight conditions.
+    dynamic_pressure : (n,) as stated [Pa].
     coefficients : (n, 5) true ones.
     cold, hot : (n, n_d) readings of the same flights with the wall at its reference temperature and warm [m/m].
     temperature : (n, n_t) of the sensors [K].
     """
 
+    conditions: Sequence[FlightCondition]
     dynamic_pressure: FloatArray
-    mach_number: FloatArray
-    altitude: FloatArray
-    ambient_pressure: FloatArray
     coefficients: FloatArray
     cold: FloatArray
     hot: FloatArray
@@ -130,10 +133,8 @@ def hot_flights(
     noise = noise_std * random.standard_normal(cold.shape)
     of_sensors = [one.std_K for one in entry.sensor] * random.standard_normal((count, len(entry.sensor)))
     return HotFlights(
+        conditions=conditions,
         dynamic_pressure=q,
-        mach_number=np.array([one.mach_number for one in conditions]),
-        altitude=np.array([one.altitude for one in conditions]),
-        ambient_pressure=flights.ambient_pressure,
         coefficients=flights.coefficients,
         cold=cold + noise,
         hot=hot + noise,
@@ -189,31 +190,22 @@ def lines_of(flights: HotFlights, cold: InverseMap, warm: InverseMap) -> list[st
             ("no sensors", warm, flights.hot, none),
             ("map without temperature", cold, flights.hot, None),
         ):
-            error, sigma, healthy = _errors(flights, held, kind, strain, temperature)
-            rms = np.sqrt(np.nanmean(error**2, axis=0))
-            first = first or float(rms[0])
-            inside = 100.0 * float(np.mean(np.abs(error) <= 3.0 * sigma))
-            text = "".join(f"{1e4 * value:7.1f}" for value in rms)
-            rows.append(f"{kind + ': ' + name:52s}{text}{rms[0] / first:10.2f}{inside:11.2f}{healthy:10.1f}")
+            score = _score(flights, held, kind, strain, temperature)
+            first = first or float(score.rms[0])
+            text = "".join(f"{1e4 * value:7.1f}" for value in score.rms)
+            inside, flagged = 100.0 * score.coverage_3.mean(), 100.0 * score.detected
+            rows.append(f"{kind + ': ' + name:52s}{text}{score.rms[0] / first:10.2f}{inside:11.2f}{flagged:10.1f}")
     return rows
 
 
-def _errors(
+def _score(
     flights: HotFlights, held: InverseMap, kind: str, strain: FloatArray, temperature: FloatArray | None
-) -> tuple[FloatArray, FloatArray, float]:
-    """Return errors and sigmas (n, 5), and how many flights are not OK in percent."""
-    q, mach = flights.dynamic_pressure, flights.mach_number
-    if kind == "linear":
-        found = Estimator(held.without_tables()).estimate(
-            strain, q, mach_number=mach, altitude=flights.altitude, temperature=temperature
-        )
-        health, value, sigma = found.health, found.coefficients, found.coefficients_std
-    else:
-        flown = Estimator(held).estimate(
-            strain, q, mach_number=mach, static_pressure=flights.ambient_pressure, temperature=temperature
-        )
-        health, value, sigma = flown.health, flown.coefficients, flown.coefficients_std
-    return value - flights.coefficients, sigma, 100.0 * float(np.mean(np.asarray(health) != 0))
+) -> Score:
+    estimator = Estimator(held.without_tables() if kind == "linear" else held)
+    known = navigation_at(flights.conditions, estimator.is_nonlinear)
+    found = estimator.estimate(strain, flights.dynamic_pressure, temperature=temperature, **known)
+    error = found.coefficients - flights.coefficients
+    return score_of(COEFFICIENT_NAMES, error, found.coefficients_std, health=found.health)
 
 
 def main() -> None:

@@ -27,7 +27,7 @@ from builder.reporting import Reporter
 from builder.stress.flows import stress_flow_inputs, stress_flows
 from builder.stress.kinds import all_kinds
 from builder.stress.model import Model, RevolvedModel, ShapeModel
-from builder.stress.score import Effort, Range, Score
+from builder.stress.score import Effort, KindScore, Range
 from builder.structure.fourier.model import place_layouts
 from builder.structure.gauge_placement import gauge_mesh
 from builder.structure.solid.case import structure_case
@@ -38,20 +38,21 @@ from builder.vehicle.file import Vehicle, load_vehicle
 from builder.workspace import Workspace
 from strainfmu.errors import FlowReachError, InputError
 from strainfmu.estimator.map import inverse_map as inverse_map_file
-from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap, load_inverse_map
 from strainfmu.files import content_hash_of, write_bytes_atomically
 from strainfmu.flight_condition import FlightCondition
 
 FLOWS, JSON, CSV, FIGURE = "stress_flows.h5", "stress.json", "stress.csv", "stress.png"
 
-VERSION = 3
+VERSION = 4
 """Raised whenever the scores change otherwise than by their inputs, so that they are made again."""
 
 CSV_COLUMNS = (
     *("error", "size", "class", "detected_percent", "undetected_percent", "wrong_percent", "samples", "missed"),
     *("flagged_percent", "silent_percent"),
+    *(f"{key}_{name}" for key in ("rms", "bound") for name in COEFFICIENT_NAMES),
 )
-"""Columns of the table; the last two are former names of the fourth and fifth."""
+"""Columns of the table; those of silent and flagged samples are former names of the fourth and fifth."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -238,7 +239,7 @@ def check_fit(vehicle: Vehicle, inverse_map: InverseMap, path: Path) -> None:
             raise InputError(f"{path}: {name}: expected {expected:.6g} of the vehicle, got {found:.6g}")
 
 
-def scores(trial: Range, reporter: Reporter) -> list[Score]:
+def scores(trial: Range, reporter: Reporter) -> list[KindScore]:
     """Return the score of every kind of error; a kind whose flights the flows do not reach is left out, with a
     note."""
     kinds = all_kinds(trial.vehicle)
@@ -259,8 +260,9 @@ def table_csv(entries: list[dict[str, Any]]) -> str:
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(CSV_COLUMNS)
     for one in entries:
-        row = {**one, "missed": "; ".join(one["missed"])}
-        writer.writerow([row[name] for name in CSV_COLUMNS])
+        of_loads = {f"{key}_{name}": value for key in ("rms", "bound") for name, value in one[key].items()}
+        row = {**one, "missed": "; ".join(one["missed"]), **of_loads}
+        writer.writerow(["" if row[name] is None else row[name] for name in CSV_COLUMNS])
     return stream.getvalue()
 
 

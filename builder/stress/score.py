@@ -13,22 +13,19 @@ from builder.stress.flights import DrawConditions
 from builder.stress.flows import OtherFlow
 from builder.stress.kind import Filtered, Hardware, Kind, KnownParameters, exact
 from builder.stress.model import Model, SensedFlights
+from builder.trial.bound import cramer_rao_bound
+from builder.trial.readings import Readings, gauge_noise, navigation_at
+from builder.trial.run import trial_score
+from builder.trial.score import Score, by_name, rounded
 from builder.truth.as_built import AsBuilt
 from builder.truth.flights import Flights
-from builder.truth.levels.read_flights import gauge_noise
 from builder.vehicle.file import Vehicle
-from strainfmu.arrays import BoolArray, FloatArray, IntArray
+from strainfmu.arrays import FloatArray
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 from strainfmu.flight_condition import FlightCondition
-
-COEFFICIENTS = ("coefficients", "coefficients_std")
-
-SIGMAS = 3.0
-"""An estimate is wrong where a coefficient is further from the truth than this many of its standard deviations, or
-is none."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,62 +45,60 @@ class Effort:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Score:
-    """What became of one kind of error; shares in percent of ``samples``.
-
-    Attributes
-    ----------
-    kind : the error.
-    flagged : health is not OK.
-    silent : health is OK, and a coefficient is outside 3 sigma.
-    wrong : a coefficient is outside 3 sigma, or there is none, whatever health says.
-    health : each state that occurred.
-    """
+class KindScore:
+    """The score of one ``kind`` of error, flown at ``conditions`` flight conditions."""
 
     kind: Kind
     conditions: int
-    samples: int
-    flagged: float
-    silent: float
-    wrong: float
-    health: dict[str, float]
+    score: Score
 
     @property
     def missed(self) -> tuple[str, ...]:
         """The targets that are not met, as text."""
-        kind, outside = self.kind, self.health.get(HealthState.OUTSIDE.name, 0.0)
+        kind, outside = self.kind, 100.0 * self.score.health.get(HealthState.OUTSIDE.name, 0.0)
+        detected, undetected = 100.0 * self.score.detected, 100.0 * self.score.undetected
         found = []
-        if kind.silent_target is not None and self.silent > kind.silent_target:
-            found.append(f"undetected {self.silent:.2f} %, at most {kind.silent_target:g} % aimed at")
-        if kind.flagged_target is not None and self.flagged < kind.flagged_target:
-            found.append(f"detected {self.flagged:.2f} %, at least {kind.flagged_target:g} % aimed at")
+        if kind.silent_target is not None and undetected > kind.silent_target:
+            found.append(f"undetected {undetected:.2f} %, at most {kind.silent_target:g} % aimed at")
+        if kind.flagged_target is not None and detected < kind.flagged_target:
+            found.append(f"detected {detected:.2f} %, at least {kind.flagged_target:g} % aimed at")
         if kind.outside_target is not None and outside > kind.outside_target:
             found.append(f"OUTSIDE {outside:.3g} %, at most {kind.outside_target:g} % aimed at")
         return tuple(found)
 
     def entry(self) -> dict[str, Any]:
         """Return the entry of ``stress.json``; former names of keys stand at its end."""
-        kind = self.kind
+        kind, score = self.kind, self.score
         targets = {
             "undetected_percent_at_most": kind.silent_target,
             "detected_percent_at_least": kind.flagged_target,
             "outside_percent_at_most": kind.outside_target,
         }
+        of_loads = {
+            "rms": score.rms,
+            "bound": score.bound,
+            "bias": score.bias,
+            "rms_z": score.rms_z,
+            "coverage_1_percent": 100.0 * score.coverage_1,
+            "coverage_percent": 100.0 * score.coverage_3,
+        }
         return {
             "error": kind.error,
             "size": kind.size,
-            "detected_percent": round(self.flagged, 4),
-            "undetected_percent": round(self.silent, 4),
+            "detected_percent": _percent(score.detected),
+            "undetected_percent": _percent(score.undetected),
             "class": kind.group,
-            "wrong_percent": round(self.wrong, 4),
-            "health": {name: round(share, 4) for name, share in self.health.items()},
+            "wrong_percent": _percent(score.wrong),
+            "health": {name: _percent(part) for name, part in score.health.items()},
             "conditions": self.conditions,
-            "samples": self.samples,
+            "samples": score.samples,
             "what": kind.what,
             "targets": {name: value for name, value in targets.items() if value is not None},
             "missed": list(self.missed),
-            "flagged_percent": round(self.flagged, 4),
-            "silent_percent": round(self.silent, 4),
+            "false_alarms_percent": _percent(score.false_alarms),
+            **{name: by_name(score.names, value, rounded) for name, value in of_loads.items()},
+            "flagged_percent": _percent(score.detected),
+            "silent_percent": _percent(score.undetected),
         }
 
 
@@ -127,6 +122,7 @@ class Range:
             roll_angle=none,
             noise_std=(scale * inverse_map.noise_std)[first:],
         )
+        self._bounds: dict[tuple[tuple[FlightCondition, ...], bool], FloatArray | None] = {}
         self._flights: dict[tuple[DrawConditions, OtherFlow | None], Flights] = {}
 
     def flights(self, kind: Kind) -> Flights:
@@ -143,7 +139,7 @@ class Range:
             self._flights[key] = self.model.flights(kind, self.effort.conditions, random)
         return self._flights[key]
 
-    def score(self, kind: Kind) -> Score:
+    def score(self, kind: Kind) -> KindScore:
         """Fly ``kind`` and return its score; errors as :meth:`flights`.
 
         Draws depend on the kind's own name and size, so that another kind beside it changes nothing.
@@ -151,74 +147,59 @@ class Range:
         flights = self.flights(kind)
         random = np.random.default_rng([self.effort.seed, crc32(f"{kind.error} {kind.size}".encode())])
         count = max(1, round(self.effort.draws * kind.draws))
-        found = [self._one_vehicle(kind, flights, kind.build(self.hardware, random), random) for _ in range(count)]
-        wrong = np.concatenate([one for one, _ in found])
-        health = np.concatenate([one for _, one in found])
-        flagged = health != HealthState.OK
-        return Score(
-            kind=kind,
-            conditions=len(flights.conditions),
-            samples=len(health),
-            flagged=_percent(flagged),
-            silent=_percent(wrong & ~flagged),
-            wrong=_percent(wrong),
-            health={HealthState(i).name: _percent(health == i) for i in np.unique(health)},
-        )
+        built = (kind.build(self.hardware, random) for _ in range(count))
+        read = (self._readings(kind, flights, one, random) for one in built)
+        found = trial_score(self._estimator(kind.filtered), read, flights.coefficients, self._bound(kind, flights))
+        return KindScore(kind=kind, conditions=len(flights.conditions), score=found)
 
-    def _one_vehicle(
-        self, kind: Kind, flights: Flights, built: AsBuilt, random: np.random.Generator
-    ) -> tuple[BoolArray, IntArray]:
-        """Return (k,) whether the estimate is wrong, and health, of one vehicle at all flights."""
+    def _bound(self, kind: Kind, flights: Flights) -> FloatArray | None:
+        """Return (k, 5) the Cramer-Rao bound of a reading in each flight; None for filters, and without tables."""
+        if kind.filtered is not None:
+            return None
+        conditions = tuple(flights.conditions)
+        key = conditions, kind.navigation
+        if key not in self._bounds:
+            known = (*(("mach_number", "static_pressure") if kind.navigation else ()), "dynamic_pressure")
+            self._bounds[key] = cramer_rao_bound(self.inverse_map, conditions, known)
+        return self._bounds[key]
+
+    def _estimator(self, how: Filtered | None) -> Estimator:
+        """Return the estimator, with a filter over time where ``how`` states one."""
+        if how is None:
+            return self.estimator
+        n, (std, common) = self.hardware.n_gauges, self._zeros(how)
+        zeros = GaugeZeros(value=np.zeros(n), std=std, common_std=common)
+        return self.estimator.with_zeros(zeros).filter(how.time_constant)
+
+    def _zeros(self, how: Filtered) -> tuple[FloatArray, float]:
+        """Return the deviations of the zeros: (n_d,) of each gauge, and in common [m/m]."""
+        noise = float(np.mean(self.hardware.noise_std))
+        return np.full(self.hardware.n_gauges, how.zero * noise), how.common * noise
+
+    def _readings(self, kind: Kind, flights: Flights, built: AsBuilt, random: np.random.Generator) -> Readings:
+        """Return what one vehicle reads in all flights."""
         strain = flights.read(built)
         if isinstance(flights, SensedFlights):
             # Errors of the sensors come with those of the gauges.
             sensed = flights.sense(built, None if kind.build is exact else random)
             strain = np.hstack([strain, sensed])
-        navigation = self._navigation(flights.conditions) if kind.navigation else {}
-        navigation |= self._parameters(kind.parameters, flights.conditions, random)
-        navigation["dynamic_pressure"] = flights.dynamic_pressure * (
-            1.0 + np.asarray(built.dynamic_pressure, dtype=float)
-        )
-        if kind.filtered is None:
-            read, n = strain + self._noise(random, strain.shape), self.hardware.n_gauges
-            wind = np.array([[condition.leeward_roll_angle] for condition in flights.conditions])
-            parts = [kind.readings(read[:, :n], wind, self.hardware, random)]
-            if self.sensors.n_gauges:
-                parts.append(kind.sensor_readings(read[:, n:], wind, self.sensors, random))
-            read = np.hstack(parts)
-            estimate = self.estimator.estimate(read, **navigation)
-            found, std, health = estimate.coefficients, estimate.coefficients_std, np.asarray(estimate.health)
-        else:
-            found, std, health = self._filtered(kind.filtered, strain, navigation, random)
-        error: FloatArray = np.abs(found - flights.coefficients)
-        with np.errstate(invalid="ignore"):
-            right = np.all(error <= SIGMAS * std, axis=1)  # false for NaN
-        return ~right, health
-
-    def _filtered(
-        self, how: Filtered, strain: FloatArray, navigation: dict[str, Any], random: np.random.Generator
-    ) -> tuple[FloatArray, FloatArray, IntArray]:
-        """Return (k, 5) coefficients and their deviations, and (k,) health, at the end of a flight at each
-        condition."""
-        n, noise = self.hardware.n_gauges, float(np.mean(self.hardware.noise_std))
-        std, common = np.full(n, how.zero * noise), how.common * noise
-        zeros = GaugeZeros(value=np.zeros(n), std=std, common_std=common)
-        wrong = np.zeros(strain.shape[1])
-        wrong[:n] = std * random.standard_normal(n) + common * random.standard_normal()
-        estimator = self.estimator.with_zeros(zeros).filter(how.time_constant)
-        time, last = how.time_step * np.arange(how.steps), []
-        for k, one in enumerate(strain):
-            estimator.restart()
-            read = one + wrong + self._noise(random, (how.steps, len(one)))
-            of_one: dict[str, Any] = {
-                name: {each: float(of[k]) for each, of in value.items()}
-                if isinstance(value, dict)
-                else float(np.broadcast_to(value, len(strain))[k])
-                for name, value in navigation.items()
-            }
-            last.append(estimator.track(read, time=time, **of_one)[-1])
-        coefficients, deviations = ([getattr(one, name) for one in last] for name in COEFFICIENTS)
-        return np.array(coefficients), np.array(deviations), np.array([int(one.health) for one in last])
+        is_nonlinear = self.estimator.is_nonlinear
+        known: dict[str, Any] = navigation_at(flights.conditions, is_nonlinear) if kind.navigation else {}
+        known |= self._parameters(kind.parameters, flights.conditions, random)
+        stated = 1.0 + np.asarray(built.dynamic_pressure, dtype=float)
+        known["dynamic_pressure"] = flights.dynamic_pressure * stated
+        n, how = self.hardware.n_gauges, kind.filtered
+        if how is not None:
+            std, common = self._zeros(how)
+            strain[:, :n] += std * random.standard_normal(n) + common * random.standard_normal()
+            read = strain[:, None] + self._noise(random, (len(strain), how.steps, strain.shape[1]))
+            return Readings(strain=read, known=known, time=how.time_step * np.arange(float(how.steps)))
+        read = strain + self._noise(random, strain.shape)
+        wind = np.array([[condition.leeward_roll_angle] for condition in flights.conditions])
+        parts = [kind.readings(read[:, :n], wind, self.hardware, random)]
+        if self.sensors.n_gauges:
+            parts.append(kind.sensor_readings(read[:, n:], wind, self.sensors, random))
+        return Readings(strain=np.hstack(parts), known=known)
 
     def _noise(self, random: np.random.Generator, shape: tuple[int, ...]) -> FloatArray:
         """Return draws of the noise of gauges [m/m] and auxiliary sensors [their units], last axis all rows."""
@@ -237,13 +218,6 @@ class Range:
         stds = {name: np.full(len(true), one) for name, one in zip(held.names, std.tolist(), strict=True)}
         return {"parameters": dict(zip(held.names, given.T, strict=True)), "parameters_std": stds}
 
-    def _navigation(self, conditions: Sequence[FlightCondition]) -> dict[str, Any]:
-        """Return Mach number and altitude, p_inf in place of the latter for the nonlinear estimator."""
-        mach = np.array([one.mach_number for one in conditions])
-        if self.inverse_map.manifold is None:
-            return {"mach_number": mach, "altitude": np.array([one.altitude for one in conditions])}
-        return {"mach_number": mach, "static_pressure": np.array([one.ambient_pressure for one in conditions])}
 
-
-def _percent(share: BoolArray) -> float:
-    return 100.0 * float(np.mean(share))
+def _percent(fraction: float) -> float:
+    return round(100.0 * fraction, 4)

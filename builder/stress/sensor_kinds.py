@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from builder.stress.gauge_kinds import SENSORS, frozen, lost, scaled, some
-from builder.stress.hardware_kinds import FEW_FILTERED
 from builder.stress.kind import Filtered, Hardware, Kind, KnownParameters, Readings, as_stated
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
@@ -89,7 +88,6 @@ def parameter_kinds(vehicle: Vehicle) -> list[Kind]:
                 what=more,
                 parameters=wrong,
                 filtered=Filtered(),
-                draws=FEW_FILTERED,
             )
         )
     return found

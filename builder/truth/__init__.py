@@ -1,6 +1,5 @@
 """The independent model of the vehicle, as built: finer flow and structure than the map's, hardware errors drawn.
 
 :mod:`~builder.truth.as_built` draws a vehicle; :mod:`~builder.truth.revolution` and :mod:`~builder.truth.shape`
-are the models, of bodies of revolution and of any shape; :mod:`~builder.truth.held_out` and
-:mod:`~builder.truth.flights` fly them; :mod:`~builder.truth.levels` sets alarm levels from such flights.
+are the models, of bodies of revolution and of any shape; :mod:`~builder.truth.flights` flies them.
 """

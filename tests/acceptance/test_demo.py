@@ -55,9 +55,9 @@ def test_accuracy_of_the_flown_estimator(ic3x_demo: Path) -> None:
     recording = load_recording(ic3x_demo / "flight.h5")
     score = score_flight(recording)
     c_n, c_y = COEFFICIENT_NAMES.index("C_N"), COEFFICIENT_NAMES.index("C_Y")
-    assert score.rms_error_of_range[c_n] < 0.015
-    assert score.rms_error_of_range[c_y] < 0.01
-    assert np.all(score.rms_error_of_range < 0.07)
+    assert score.rms_of_range[c_n] < 0.015
+    assert score.rms_of_range[c_y] < 0.01
+    assert np.all(score.rms_of_range < 0.07)
     assert score.healthy > 0.99
     truth, estimate, sigma = (
         np.column_stack([recording[f"{prefix}.{name}"] for name in COEFFICIENT_NAMES])
@@ -65,7 +65,7 @@ def test_accuracy_of_the_flown_estimator(ic3x_demo: Path) -> None:
     )
     assert np.all(np.abs(estimate - truth) < 4.0 * sigma)
     # Bands that hold everything because they are huge would say nothing.
-    assert np.all(score.mean_sigma < [0.002, 0.008, 0.0065, 0.0115, 0.0115])
+    assert np.all(score.mean_std < [0.002, 0.008, 0.0065, 0.0115, 0.0115])
 
 
 def test_both_estimators_are_in_one_table_and_one_figure(ic3x_demo: Path) -> None:

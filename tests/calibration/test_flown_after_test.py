@@ -11,8 +11,8 @@ from builder.calibration.after_test.flown_after_test import allowed_vehicles, ne
 from builder.calibration.after_test.left_by_test import Remaining
 from builder.calibration.as_built.parameters import drawn, prior_std
 from builder.calibration.as_built.structure import AsBuiltStructure
-from builder.truth.held_out import held_out_conditions
-from builder.truth.levels.flown_vehicles import drawn_vehicles
+from builder.trial.conditions import held_out_conditions
+from builder.trial.vehicles import drawn_vehicles
 from builder.truth.revolution.flow_table import FlowTable
 from builder.truth.revolution.strain import TrueStructure
 from builder.vehicle.file import Vehicle

@@ -27,7 +27,7 @@ from builder.compare.flights import (
 from builder.compare.run import table_csv
 from builder.compare.score import AIR_DATA_KEYS, Tally, rms_of_tenths, tenths
 from builder.figures.comparison.rivals import compare_figure
-from builder.pipeline.demonstration.flight_score import ROLLING
+from builder.trial.score import ROLLING
 from builder.truth.as_built import AsBuilt
 from builder.truth.flights import RevolvedFlights
 from builder.truth.revolution.strain import TrueFlights, TrueStructure
@@ -134,6 +134,7 @@ def test_rms_of_tenths_is_that_of_the_flights_in_increasing_order() -> None:
 def entries(rms: float, coverage: float = 100.0) -> list[dict[str, Any]]:
     """Return entries of the nonlinear estimator of ``rms`` and ``coverage``, and of linear maps of rms 1e-3."""
     common: dict[str, Any] = {
+        "bound": dict.fromkeys(COEFFICIENT_NAMES, 2e-4),
         "coverage_percent": dict.fromkeys(COEFFICIENT_NAMES, coverage),
         "field_median_percent": 1.0,
         "field_p95_percent": 5.0,

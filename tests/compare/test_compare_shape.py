@@ -11,11 +11,18 @@ import pytest
 from shape_case import grid_snapshots, shape_map, shape_structure, shape_vehicle
 from shape_truth import flights_at
 
-from builder.compare.flights import GAUGE_NOISE, HARDWARE, Effort, altitudes, example_conditions, random_conditions
+from builder.compare.flights import (
+    GAUGE_NOISE,
+    HARDWARE,
+    Effort,
+    altitudes_km,
+    example_conditions,
+    random_conditions,
+)
 from builder.compare.training import training_flights
 from builder.compare.trial import Flown, Trial, all_entries
-from builder.pipeline.demonstration.flight_score import ROLLING
 from builder.reporting import Silent
+from builder.trial.score import ROLLING
 from builder.vehicle.file import VEHICLES, load_vehicle
 from strainfmu.flight_condition import FlightCondition
 
@@ -64,7 +71,7 @@ def test_the_example_is_at_three_quarters_of_every_range() -> None:
 def test_learning_estimators_are_trained_inside_the_ranges_of_both_angles() -> None:
     manifold = shape_map().manifold
     assert manifold is not None
-    found = training_flights(manifold, altitudes(shape_vehicle()), 400, np.random.default_rng(1))
+    found = training_flights(manifold, altitudes_km(shape_vehicle()), 400, np.random.default_rng(1))
     angles = np.degrees(found.target[:, 5:])
     assert np.all(np.abs(angles) <= [4.01, 2.01])
     assert np.all(np.ptp(angles, axis=0) > [7.5, 3.7])

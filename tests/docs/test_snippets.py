@@ -23,7 +23,7 @@ import pytest
 from snippets import KINDS, ROOT, Snippet, pages, snippets
 
 from builder.aero.euler.planes.marching_grid import GRID_LEVELS
-from builder.truth.levels.read_flights import read_flights
+from builder.trial.readings import read_flights
 from strainfmu.cli.main import main
 from strainfmu.estimator.map.inverse_map import load_inverse_map
 

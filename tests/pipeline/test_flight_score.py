@@ -36,13 +36,13 @@ def test_errors_and_coverage_of_known_numbers() -> None:
     estimate = truth + 0.02
     estimate[0, 1] += 0.08
     score = score_flight(recording(truth, estimate, 0.01))
-    np.testing.assert_allclose(score.rms_error[1], np.sqrt((0.1**2 + 3 * 0.02**2) / 4), rtol=1e-12)
-    np.testing.assert_allclose(score.rms_error_of_range[1], score.rms_error[1] / 4.0, rtol=1e-12)
-    np.testing.assert_allclose(score.coverage, [1.0, 0.75, 1.0, 1.0, 1.0])
+    np.testing.assert_allclose(score.rms[1], np.sqrt((0.1**2 + 3 * 0.02**2) / 4), rtol=1e-12)
+    np.testing.assert_allclose(score.rms_of_range[1], score.rms[1] / 4.0, rtol=1e-12)
+    np.testing.assert_allclose(score.coverage_3, [1.0, 0.75, 1.0, 1.0, 1.0])
     assert score.step_time == {"plant": 1e-4, "estimator": 2e-5}
 
 
 def test_a_constant_coefficient_has_no_range() -> None:
     score = score_flight(recording(np.zeros((3, 5)), np.full((3, 5), 0.01), 0.01))
-    assert np.all(np.isnan(score.rms_error_of_range))
-    np.testing.assert_allclose(score.rms_error, 0.01)
+    assert np.all(np.isnan(score.rms_of_range))
+    np.testing.assert_allclose(score.rms, 0.01)

@@ -45,25 +45,27 @@ def kind_of(trial: Range, error: str, size: str) -> Kind:
 )
 def test_targets_hold(trial: Range, error: str, size: str) -> None:
     """3 % silent within, 5 % outside, 95 % flagged 20 % beyond: as for the shipped vehicle."""
-    score = trial.score(kind_of(trial, error, size))
+    kind = kind_of(trial, error, size)
+    # The zeros of a filtered flight are wrong alike in all flights of a vehicle: six vehicles would be few.
+    score = trial.score(kind if kind.filtered is None else replace(kind, draws=4.0))
     assert score.missed == ()
-    assert score.flagged + score.silent <= 100.0
-    assert sum(score.health.values()) == pytest.approx(100.0)
+    assert score.score.detected + score.score.undetected <= 1.0
+    assert sum(score.score.health.values()) == pytest.approx(1.0)
 
 
 def test_what_no_strain_shows_is_silent(trial: Range) -> None:
     """A tenth too much q_inf: silent without navigation, flagged with it."""
     without = trial.score(kind_of(trial, "dynamic pressure, no navigation", "+10 %"))
     assert without.kind.group == "unobservable"
-    assert without.silent > 20.0
+    assert without.score.undetected > 0.2
     assert without.missed == ()
-    assert trial.score(kind_of(trial, "dynamic pressure", "+10 %")).flagged == 100.0
+    assert trial.score(kind_of(trial, "dynamic pressure", "+10 %")).score.detected == 1.0
 
 
 def test_lost_gauges_are_flagged_and_their_estimate_is_right(trial: Range) -> None:
     score = trial.score(kind_of(trial, "three gauges lost", "no reading"))
-    assert score.health == {"DEGRADED": 100.0}
-    assert score.wrong < 3.0
+    assert score.score.health == {"DEGRADED": 1.0}
+    assert score.score.wrong < 0.03
 
 
 def test_a_score_is_the_same_each_time_and_whatever_else_is_scored(trial: Range) -> None:

@@ -35,7 +35,7 @@ def test_sensors_sharpen_and_are_honest(sensed_trial: Range, trial: Range) -> No
     kind = kind_of(sensed_trial.vehicle, "auxiliary sensors", "drawn at their stated sizes")
     score = sensed_trial.score(kind)
     assert score.missed == ()
-    assert score.silent < 3.0
+    assert score.score.undetected < 0.03
     std = [float(np.median(one.inverse_map.noise_std)) for one in (sensed_trial, trial)]
     assert std[0] == pytest.approx(std[1])
     assert sensed_trial.inverse_map.n_gauges == trial.inverse_map.n_gauges + 9
@@ -54,15 +54,15 @@ def test_sensors_sharpen_and_are_honest(sensed_trial: Range, trial: Range) -> No
 def test_an_error_of_one_sensor_is_flagged(sensed_trial: Range, error: str, size: str, flagged: float) -> None:
     score = sensed_trial.score(kind_of(sensed_trial.vehicle, error, size))
     assert score.missed == ()
-    assert score.flagged >= flagged
+    assert 100.0 * score.score.detected >= flagged
 
 
 def test_a_lost_sensor_is_left_out(sensed_trial: Range) -> None:
     score = sensed_trial.score(kind_of(sensed_trial.vehicle, "one auxiliary sensor lost", "no reading"))
-    assert score.health == {"DEGRADED": 100.0}
-    assert score.silent == 0.0
+    assert score.score.health == {"DEGRADED": 1.0}
+    assert score.score.undetected == 0.0
     lost = sensed_trial.score(kind_of(sensed_trial.vehicle, "three gauges lost", "no reading"))
-    assert lost.health == {"DEGRADED": 100.0}
+    assert lost.score.health == {"DEGRADED": 1.0}
 
 
 def test_a_map_without_the_sensors_is_refused(sensed_trial: Range, trial: Range) -> None:
@@ -98,10 +98,10 @@ def deflected_trial() -> Range:
 def test_known_parameters_are_honest_and_wrong_ones_are_flagged() -> None:
     trial = deflected_trial()
     right, wrong, filtered = (trial.score(kind) for kind in parameter_kinds(trial.vehicle))
-    assert right.silent <= 3.0
+    assert right.score.undetected <= 0.03
     assert right.kind.group == "within"
-    assert right.flagged < 5.0
+    assert right.score.detected < 0.05
     assert wrong.missed == filtered.missed == ()
-    assert wrong.flagged > 40.0
+    assert wrong.score.detected > 0.4
     assert filtered.kind.filtered is not None
-    assert filtered.samples == EFFORT.conditions
+    assert filtered.score.samples == EFFORT.conditions * EFFORT.draws

@@ -52,16 +52,16 @@ def kind_of(error: str, size: str) -> Kind:
 def test_targets_hold(error: str, size: str) -> None:
     score = trial().score(kind_of(error, size))
     assert score.missed == ()
-    assert score.samples >= 24
+    assert score.score.samples >= 24
 
 
 def test_lost_gauges_are_flagged_and_another_theory_is_noticed() -> None:
-    assert trial().score(kind_of("three gauges lost", "no reading")).health == {"DEGRADED": 100.0}
+    assert trial().score(kind_of("three gauges lost", "no reading")).score.health == {"DEGRADED": 1.0}
     right = trial().score(kind_of("nothing wrong", "vehicle of the file"))
     bump = trial().score(kind_of("local pressure, windward", "+100 % of p_inf"))
-    assert right.flagged < 5.0
-    assert bump.flagged > 20.0
-    assert bump.wrong > 50.0
+    assert right.score.detected < 0.05
+    assert bump.score.detected > 0.2
+    assert bump.score.wrong > 0.5
 
 
 def test_kinds_of_a_shape_have_edges_in_place_of_total_incidence() -> None:

@@ -17,9 +17,9 @@ from builder.manifold.build import with_manifold
 from builder.pipeline.stages import solve_structure
 from builder.stress.false_alarms import false_alarms
 from builder.structure.fourier.model import StructuralModel
+from builder.trial.conditions import held_out_conditions
+from builder.trial.readings import gauge_noise
 from builder.truth.as_built import drawn, exactly_built
-from builder.truth.held_out import held_out_conditions
-from builder.truth.levels.read_flights import gauge_noise
 from builder.truth.revolution.flow_table import FlowTable, load_flow_table
 from builder.truth.revolution.strain import TrueStructure, true_flights, true_strain
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle

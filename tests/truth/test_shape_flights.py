@@ -14,8 +14,8 @@ from shape_truth import beam, flights_at
 from builder.aero.loads.sections import six_loads
 from builder.aero.shapes import sections_mesh
 from builder.campaign.snapshots import Snapshots
+from builder.trial.conditions import conditions_in_ranges
 from builder.truth.as_built import AsBuilt, drawn_many, exactly_built
-from builder.truth.held_out import conditions_in_ranges
 from builder.truth.shape.flights import ShapeFlights, on_nodes
 from builder.truth.shape.structure import refuse_without_other_model
 from builder.vehicle.file import VEHICLES, Vehicle, load_vehicle
@@ -123,13 +123,13 @@ def replace_surface(held: Snapshots, nodes: Any) -> Snapshots:
 @pytest.mark.fast
 def test_conditions_are_inside_all_ranges_of_the_file() -> None:
     vehicle = load_vehicle(VEHICLES / "finned_body.toml")
-    found = conditions_in_ranges(vehicle, (15e3, 28e3), 200, np.random.default_rng(1))
+    found = conditions_in_ranges(vehicle, (15.0, 28.0), 200, np.random.default_rng(1))
     rows = np.array([one.as_row() for one in found])
     rows[:, 1:3] = np.degrees(rows[:, 1:3])
     low, high = np.array([5.0, -6.0, -4.0, 15e3, -4.0]), np.array([6.0, 6.0, 4.0, 28e3, 4.0])
     assert np.all((rows >= low) & (rows <= high))
     assert np.all(np.ptp(rows, axis=0) > 0.9 * (high - low))
-    fewer = conditions_in_ranges(vehicle, (15e3, 28e3), 20, np.random.default_rng(1))
+    fewer = conditions_in_ranges(vehicle, (15.0, 28.0), 20, np.random.default_rng(1))
     assert fewer == found[:20]  # so that more conditions keep the flows of fewer
 
 

@@ -10,7 +10,7 @@ from changed_vehicle import load_changed, write_changed
 
 from builder.structure.gauge_checks import check_gauges
 from builder.structure.wall import wall_of
-from builder.truth.held_out import largest_incidence
+from builder.trial.conditions import largest_incidence
 from builder.vehicle.file import IC3X, load_vehicle
 from builder.vehicle.map_needs import unused_entries, used_layouts
 from strainfmu.errors import InputError

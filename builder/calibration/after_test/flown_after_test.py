@@ -17,7 +17,7 @@ from builder.calibration.after_test.left_by_test import Remaining
 from builder.calibration.as_built.parameter_derivatives import Key, of_gauges, parameter_derivatives
 from builder.calibration.as_built.parameters import slices
 from builder.calibration.as_built.structure import AsBuiltStructure
-from builder.truth.levels.flown_vehicles import DrawnVehicles, drawn_vehicles
+from builder.trial.vehicles import DrawnVehicles, drawn_vehicles
 from builder.truth.revolution.flow_table import FlowTable, harmonics_at, ratio_on
 from builder.truth.revolution.strain import TrueStructure
 from builder.vehicle.file import Vehicle
@@ -27,7 +27,7 @@ from strainfmu.flight_condition import FlightCondition
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class AllowedVehicles:
-    """Vehicles that a test allows at k conditions, as :class:`~builder.truth.levels.flown_vehicles.FlownVehicles`.
+    """Vehicles that a test allows at k conditions, as :class:`~builder.trial.vehicles.FlownVehicles`.
 
     Attributes
     ----------

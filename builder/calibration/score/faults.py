@@ -20,6 +20,7 @@ from builder.calibration.estimate.readings_model import ReadingsModel
 from builder.calibration.estimate.vehicle import Estimate, usable
 from builder.calibration.ground_test.load_test import LoadErrors
 from builder.calibration.score.setup import HARMONICS, blank_test, properties_of
+from builder.trial.score import is_within
 from builder.vehicle.file import load_vehicle
 from strainfmu.arrays import FloatArray
 
@@ -68,7 +69,7 @@ class Calibrations:
             "calibrations": len(self.chi),
             "chi_square_per_reading": float(np.mean(self.chi)),
             "error_over_sigma_rms": float(np.sqrt(np.mean(pull**2))),
-            "within_3_sigma_percent": float(100.0 * np.mean(np.abs(pull) <= 3.0)),
+            "within_3_sigma_percent": float(100.0 * np.mean(is_within(pull, 1.0))),
         }
 
 

@@ -19,7 +19,7 @@ from builder.calibration.ground_test.standard_cases import standard_cases
 from builder.campaign.snapshot_transfer import snapshots_on
 from builder.campaign.snapshots import Snapshots
 from builder.structure.loads.loaded_structure import LoadProperties
-from builder.truth.held_out import held_out_conditions
+from builder.trial.conditions import held_out_conditions
 from builder.truth.revolution.flow_table import FlowTable, harmonics_at, ratio_on
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray

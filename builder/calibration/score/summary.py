@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from builder.trial.score import score_of
 from strainfmu.arrays import FloatArray, IntArray
-from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 
 EXACT, BEFORE = "exact", "before"
@@ -18,28 +18,18 @@ EQUATIONS = "load equations"
 """Stands for a map where loads are sums of readings; its errors are over those of the first map that is scored."""
 
 
-ALARMS = (HealthState.INCONSISTENT, HealthState.SUSPECT)
-"""States that a sound vehicle should be in no oftener than the stated rate."""
-
-
 def errors_of(error: FloatArray, sigma: FloatArray, health: IntArray | None = None) -> dict[str, Any]:
     """Return mean squares, coverage and sigma of errors (n, 5) of the coefficients in one vehicle's flights.
 
     ``health`` (n,) adds how many samples raise an alarm, and how many are not OK.
     """
-    with np.errstate(invalid="ignore"):
-        inside = np.abs(error) <= 3.0 * sigma
-    states = {}
-    if health is not None:
-        states = {
-            "alarm_percent": float(100.0 * np.isin(health, ALARMS).mean()),
-            "not_ok_percent": float(100.0 * np.mean(health != HealthState.OK)),
-        }
+    score = score_of(COEFFICIENT_NAMES, error, sigma, health=health)
+    states = {"alarm_percent": 100.0 * score.alarms, "not_ok_percent": 100.0 * score.detected}
     return {
-        **states,
-        "mean_square": np.nanmean(error**2, axis=0).tolist(),
-        "coverage_percent": (100.0 * inside.mean(axis=0)).tolist(),
-        "sigma": np.nanmean(sigma, axis=0).tolist(),
+        **(states if health is not None else {}),
+        "mean_square": score.mean_square.tolist(),
+        "coverage_percent": (100.0 * score.coverage_3).tolist(),
+        "sigma": score.mean_std.tolist(),
     }
 
 

@@ -36,6 +36,8 @@ from builder.calibration.score.setup import READING_STD, Setup, SetupOptions, ro
 from builder.calibration.score.summary import BEFORE, EQUATIONS, EXACT, errors_of, summary, table
 from builder.campaign.snapshots import load_snapshots
 from builder.inverse.modes.ensemble import Ensemble, ensemble_of
+from builder.trial.readings import Readings, navigation_at
+from builder.trial.run import estimates
 from builder.truth.revolution.flow_table import load_flow_table
 from builder.vehicle.file import load_vehicle
 from strainfmu.arrays import FloatArray
@@ -162,18 +164,16 @@ class Score:
     def _flown(self, inverse_map: InverseMap, kind: str, strain: FloatArray, seed: int) -> dict[str, Any]:
         """Return the errors of a map in the flights, each with several draws of noise."""
         setup, random = self.setup, np.random.default_rng(seed)
-        mach, altitude, q, ambient = (
-            np.repeat([getattr(one, name) for one in setup.flights.conditions], setup.draws)
-            for name in ("mach_number", "altitude", "dynamic_pressure", "ambient_pressure")
-        )
         read = np.repeat(strain, setup.draws, axis=0)
         read = read + inverse_map.noise_std * random.standard_normal(read.shape)
+        estimator = Estimator(inverse_map if kind == "nonlinear" else inverse_map.without_tables())
+        conditions = setup.flights.conditions
+        known = navigation_at(conditions, estimator.is_nonlinear)
+        known["dynamic_pressure"] = np.array([one.dynamic_pressure for one in conditions])
+        every = {name: np.repeat(value, setup.draws) for name, value in known.items()}
+        found = estimates(estimator, Readings(strain=read, known=every))
         truth = np.repeat(setup.flights.coefficients, setup.draws, axis=0)
-        if kind == "nonlinear":
-            flight = Estimator(inverse_map).estimate(read, q, mach_number=mach, static_pressure=ambient)
-            return errors_of(flight.coefficients - truth, flight.coefficients_std, np.asarray(flight.health))
-        known = Estimator(inverse_map.without_tables()).estimate(read, q, mach_number=mach, altitude=altitude)
-        return errors_of(known.coefficients - truth, known.coefficients_std, np.asarray(known.health))
+        return errors_of(found.coefficients - truth, found.std, found.health)
 
     def _by_equations(self, known: Knowledge, seed: int) -> dict[str, Any]:
         """Return the errors of regression load equations in the flights; their sigma is that of the regression."""

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from builder.figures.drawing.canvas import blank_figure
+from builder.trial.score import mean_square
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 
@@ -19,14 +20,12 @@ COLORS = {"before": "tab:red", "exact": "0.45", "after": "tab:blue"}
 
 
 class Flown(Protocol):
-    """What a map made of a flight of n samples: (n, 5) coefficients, their sigmas, and the truth [1]."""
+    """What a map made of a flight of n samples: (n, 5) errors of the coefficients, and their sigmas [1]."""
 
     @property
-    def coefficients(self) -> FloatArray: ...
+    def error(self) -> FloatArray: ...
     @property
-    def coefficients_std(self) -> FloatArray: ...
-    @property
-    def true_coefficients(self) -> FloatArray: ...
+    def std(self) -> FloatArray: ...
 
 
 def as_built_figure(time: FloatArray, flown: Mapping[str, Flown], title: str) -> Figure:
@@ -38,8 +37,8 @@ def as_built_figure(time: FloatArray, flown: Mapping[str, Flown], title: str) ->
         rms = []
         for label, color in COLORS.items():
             one = flown[label]
-            error, std = (one.coefficients - one.true_coefficients)[:, i], one.coefficients_std[:, i]
-            rms.append(float(np.sqrt(np.mean(error**2))))
+            error, std = one.error[:, i], one.std[:, i]
+            rms.append(float(np.sqrt(mean_square(one.error)[i])))
             if label == "after":
                 over_time.fill_between(
                     time, -3.0 * std, 3.0 * std, color=color, alpha=0.15, linewidth=0, label="after $3\\sigma$"

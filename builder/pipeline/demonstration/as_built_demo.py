@@ -37,6 +37,7 @@ from builder.pipeline.calibrate import (
     write_report,
     write_zeros_of,
 )
+from builder.pipeline.demonstration.flight_score import SCORE_VERSION
 from builder.pipeline.demonstration.flown_estimators import FlownEstimates, estimator_entry, flown_estimators
 from builder.pipeline.map_files import true_structure_of
 from builder.pipeline.measured_levels import alarm_levels_wanted
@@ -227,7 +228,11 @@ class AsBuiltRun:
             figure = as_built_figure(recording.time, flown, pipeline.vehicle.name)
             save(figure, path.with_suffix(".png"))
 
-        inputs = {"maps": pipeline.made_from(MAP, CALIBRATED, EXACT), "flight": pipeline.made_from("flight.h5")}
+        inputs = {
+            "version": SCORE_VERSION,
+            "maps": pipeline.made_from(MAP, CALIBRATED, EXACT),
+            "flight": pipeline.made_from("flight.h5"),
+        }
         holds = "map before and after the test, and exact, on the same strains (and as a figure, as_built.png)"
         pipeline.make("as_built.json", holds, inputs, make)
         entries: dict[str, Any] = json.loads(pipeline.path("as_built.json").read_text(encoding="utf-8"))

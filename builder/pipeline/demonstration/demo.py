@@ -23,8 +23,13 @@ from builder.figures.drawing.canvas import save
 from builder.pipeline.built_sensors import flown_sensors
 from builder.pipeline.chosen_estimator import Estimators, with_estimator
 from builder.pipeline.demonstration.as_built_demo import CALIBRATED, AsBuiltRun
-from builder.pipeline.demonstration.flight_score import FlightScore, score_flight
-from builder.pipeline.demonstration.flown_estimators import FlownEstimates, estimator_entry, flown_estimators
+from builder.pipeline.demonstration.flight_score import SCORE_VERSION, FlightScore, score_flight
+from builder.pipeline.demonstration.flown_estimators import (
+    FlownEstimates,
+    bound_in_flight,
+    estimator_entry,
+    flown_estimators,
+)
 from builder.pipeline.demonstration.free_demo import fly_free_shape
 from builder.pipeline.demonstration.held_out_score import held_out_score
 from builder.pipeline.demonstration.manoeuvre import manoeuvre_warnings
@@ -64,7 +69,7 @@ from strainfmu.fmu.native.package import shipped_libraries
 AS_BUILT_SEED = 1
 """Seed of the hardware errors of the vehicle that flies."""
 
-HELD_OUT_VERSION = 1
+HELD_OUT_VERSION = 2
 """Raised whenever the score on held-out conditions is another of the same files."""
 
 COMMUNICATION_STEP_SIZE = 0.01
@@ -166,7 +171,7 @@ def run_demo(
         run.make_flight_model()
     _fmus(pipeline, MAP if run is None else CALIBRATED, takes_zeros=run is not None)
     recording = _flight(pipeline, {} if run is None else run.start_values())
-    score = score_flight(recording)
+    score = score_flight(recording, bound=bound_in_flight(_map(pipeline, run), recording))
     held_out = _held_out(pipeline) if snapshots.engine == "table" else {}
     _figures(pipeline, recording, physics)
     estimators = _estimators(pipeline, recording, physics) if run is None else {}
@@ -182,10 +187,15 @@ def run_demo(
         physics=physics,
         score=score,
         held_out=held_out,
-        errors_in_sigma=errors_in_sigma(load_inverse_map(pipeline.path(MAP if run is None else CALIBRATED))),
+        errors_in_sigma=errors_in_sigma(_map(pipeline, run)),
         estimators=estimators,
         states=states,
     )
+
+
+def _map(pipeline: Pipeline, run: AsBuiltRun | None) -> InverseMap:
+    """Return the map that flies."""
+    return load_inverse_map(pipeline.path(MAP if run is None else CALIBRATED))
 
 
 def _free_demo(pipeline: Pipeline, as_built: int | None) -> DemoResult:
@@ -196,7 +206,8 @@ def _free_demo(pipeline: Pipeline, as_built: int | None) -> DemoResult:
     flown = load_trajectory(vehicle.manoeuvre(), tuple(vehicle.conditions.parameters))
     for warning in manoeuvre_warnings(vehicle, flown, snapshots.conditions(), False):
         pipeline.reporter.note(warning)
-    score = score_flight(recording)
+    inverse_map = load_inverse_map(pipeline.path(MAP))
+    score = score_flight(recording, bound=bound_in_flight(inverse_map, recording))
     physics = flown_physics(vehicle, vehicle.aerodynamics.engine)
     _summary(pipeline, score, {"physics": physics.record()})
     return DemoResult(
@@ -208,7 +219,7 @@ def _free_demo(pipeline: Pipeline, as_built: int | None) -> DemoResult:
         physics=physics,
         score=score,
         held_out={},
-        errors_in_sigma=errors_in_sigma(load_inverse_map(pipeline.path(MAP))),
+        errors_in_sigma=errors_in_sigma(inverse_map),
         estimators={},
         states={},
     )
@@ -426,7 +437,7 @@ def _estimators(pipeline: Pipeline, recording: Recording, physics: FlownPhysics)
     inputs = {
         "map": pipeline.made_from(MAP),
         "flight": pipeline.made_from("flight.h5"),
-        "names": ["linear", "nonlinear"],
+        "version": SCORE_VERSION,
     }
     holds = "linear and nonlinear estimator on the same strains, as numbers (and as a figure, estimators.png)"
     pipeline.make("estimators.json", holds, inputs, make)
@@ -435,10 +446,8 @@ def _estimators(pipeline: Pipeline, recording: Recording, physics: FlownPhysics)
 
 
 def _errors_figure(recording: Recording, flown: dict[str, FlownEstimates], title: str) -> figures.Figure:
-    errors = {
-        name: (one.coefficients - one.true_coefficients, one.coefficients_std) for name, one in flown.items()
-    }
-    error, std = flown["nonlinear"].air_data_errors()
+    errors, last = {name: (one.error, one.std) for name, one in flown.items()}, flown["nonlinear"]
+    error, std = last.air_error, last.air_std
     return estimator_errors(recording.time, errors, (error[:, :2], std[:, :2]), title)
 
 
@@ -458,5 +467,5 @@ def _summary(pipeline: Pipeline, score: FlightScore, more: dict[str, dict[str, A
         values = {**score.record(), **{name: entry for name, entry in more.items() if entry}}
         write_bytes_atomically(path, json.dumps(_without_nan(values), indent=1, allow_nan=False).encode())
 
-    inputs = {"flight": pipeline.made_from("flight.h5"), **more}
+    inputs = {"version": SCORE_VERSION, "flight": pipeline.made_from("flight.h5"), **more}
     pipeline.make("summary.json", "accuracy of the flown FMU, as numbers", inputs, make)

@@ -18,7 +18,6 @@ from builder.campaign.snapshots import load_snapshots
 from builder.figures import demonstration as figures
 from builder.figures.drawing.canvas import save
 from builder.figures.scene.free_shape import shape_with_gauges
-from builder.pipeline.demonstration.flight_score import ROLLING
 from builder.pipeline.demonstration.manoeuvre import check_parameters
 from builder.pipeline.demonstration.pictures import make_pictures
 from builder.pipeline.map_files import make_map
@@ -27,6 +26,7 @@ from builder.pipeline.used_files import MAP, SNAPSHOTS, STRUCTURE
 from builder.structure.solid.case import structure_case
 from builder.structure.solid.free_case import FreeCase
 from builder.structure.structure_file import load_structure
+from builder.trial.score import ROLLING
 from builder.truth.as_built import AsBuilt
 from builder.truth.shape.flight_path import FlownPath, flown_path, flows_along
 from builder.truth.shape.structure import flying_structure

@@ -22,19 +22,21 @@ from builder.campaign.snapshot_transfer import snapshots_on
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.problem import AnyStructure
 from builder.manifold.flow_amplitudes import cosine_amplitudes
-from builder.pipeline.demonstration.flight_score import FlightScore, score_of
+from builder.pipeline.demonstration.flight_score import FlightScore
 from builder.pipeline.stages import map_from
 from builder.reporting import Reporter, Silent
 from builder.structure.structure_file import Structure
+from builder.trial.bound import KNOWN, cramer_rao_bound
+from builder.trial.conditions import wind_angles
+from builder.trial.readings import readings
+from builder.trial.run import estimates
+from builder.trial.score import score_of
+from builder.trial.vehicles import DrawnVehicles
 from builder.truth.flights import RevolvedFlights
-from builder.truth.held_out import wind_angles
-from builder.truth.levels.flown_vehicles import DrawnVehicles
-from builder.truth.levels.read_flights import ReadFlights, readings
 from builder.truth.revolution.strain import TrueStructure, flights_of_harmonics, true_structure
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
-from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
 from strainfmu.flight_condition import FlightCondition
@@ -148,7 +150,8 @@ def held_out_score(
         return None
     on_grid = snapshots_on(snapshots, own_surface(vehicle, vehicle.resolution.map))
     truth = _true_structure(vehicle)
-    errors, stds, truths, healthy = list[FloatArray](), list[FloatArray](), list[FloatArray](), list[FloatArray]()
+    errors, stds, truths, health = list[FloatArray](), list[FloatArray](), list[FloatArray](), list[IntArray]()
+    bounds = list[FloatArray | None]()
     built, not_built = list[LeftOut](), list[str]()
     with reporter.stage("Held-out conditions: maps made without some results") as progress:
         for number, part in enumerate(parts):
@@ -161,21 +164,28 @@ def held_out_score(
             built.append(part)
             random = np.random.default_rng([SEED, number])
             flown = _flown(vehicle, on_grid.chosen(part.flown), truth, made, random)
-            found = _estimates(made, readings(made, vehicle.noise, flown, random, VEHICLES))
+            found = estimates(Estimator(made), readings(made, vehicle.noise, flown, random, VEHICLES))
             true = np.repeat(flown.flights.coefficients, VEHICLES, axis=0)
             errors.append(found.coefficients - true)
-            stds.append(found.coefficients_std)
+            stds.append(found.std)
             truths.append(true)
-            healthy.append(found.health == 0)
+            bounds.append(cramer_rao_bound(made, flown.conditions, KNOWN))
+            health.append(found.health)
             progress(number + 1, len(parts))
     if not built:
         return None
-    every = np.concatenate
-    score = score_of(COEFFICIENT_NAMES, every(errors), every(stds), every(truths), every(healthy))
+    every, known = np.concatenate, [one for one in bounds if one is not None]
+    bound = every(known) if len(known) == len(bounds) else None
+    score = score_of(
+        COEFFICIENT_NAMES, every(errors), every(stds), truth=every(truths), health=every(health), bound=bound
+    )
     conditions = [snapshots.conditions()[row] for part in built for row in part.flown.tolist()]
     flows = {(round(one.mach_number, 6), round(one.total_incidence, 6)) for one in conditions}
     return HeldOutScore(
-        score=score, parts=tuple(part.name for part in built), flows=len(flows), not_built=tuple(not_built)
+        score=FlightScore(**vars(score)),
+        parts=tuple(part.name for part in built),
+        flows=len(flows),
+        not_built=tuple(not_built),
     )
 
 
@@ -218,13 +228,3 @@ def _rolled(condition: FlightCondition, random: np.random.Generator) -> FlightCo
     """Return the flow of ``condition`` at an aerodynamic roll angle that is drawn."""
     alpha, beta = wind_angles(condition.total_incidence, float(random.uniform(0.0, 2.0 * np.pi)))
     return FlightCondition(condition.mach_number, alpha, beta, condition.altitude)
-
-
-def _estimates(made: InverseMap, read: ReadFlights) -> Estimate:
-    """Return what the estimator of the map makes of the readings, with all navigation."""
-    return Estimator(made).estimate(
-        read.strain,
-        read.dynamic_pressure,
-        mach_number=read.mach_number,
-        static_pressure=read.static_pressure,
-    )

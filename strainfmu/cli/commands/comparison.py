@@ -56,7 +56,7 @@ def compare(
 
     The scores are rms errors, coverage of 3 sigma, error of the pressure field, air data and cost of a step in
     Python. Each is given for gauge noise alone and for installation errors, with all air-data inputs and with
-    q_inf only.
+    q_inf only. Rows of the Cramer-Rao bound state what no unbiased estimate of one reading falls below.
 
     Writes compare.json, compare.csv and compare.png. Flows are kept as they are solved: an interrupted run
     continues, and a second run reuses what is up to date.
@@ -98,17 +98,34 @@ def _show(console: Console, result: CompareResult) -> None:
             table.add_column(heading, justify="right", min_width=4)
         for one in result.entries:
             if one["errors"] == errors:
-                known = "" if one["air_data_inputs"] == "given" else f", {one['air_data_inputs']}"
+                known = _known(one)
                 table.add_row(escape(estimator_in_words(one["estimator"]) + known), *_cells(one))
+        for known, bound in _bounds(result.entries, errors).items():
+            table.add_row(escape(f"Cramer-Rao bound{known}"), *_coefficients(bound))
         console.print(table)
     for aim in result.aims:
         console.print(f"aim of the nonlinear estimator {aim.line}", highlight=False, markup=False, soft_wrap=True)
 
 
+def _known(one: dict[str, Any]) -> str:
+    """Return what an estimator is given, where that is not everything."""
+    return "" if one["air_data_inputs"] == "given" else f", {one['air_data_inputs']}"
+
+
+def _bounds(entries: list[dict[str, Any]], errors: str) -> dict[str, dict[str, Any]]:
+    """Return the bound of the coefficients by what is given, the same for every estimator."""
+    stated = [one for one in entries if one["errors"] == errors and any(one["bound"].values())]
+    return {_known(one): one["bound"] for one in stated}
+
+
+def _coefficients(values: dict[str, float | None]) -> list[str]:
+    return [_text(None if value is None else 1e4 * value, "{:.1f}", "{:.2f}") for value in values.values()]
+
+
 def _cells(one: dict[str, Any]) -> list[str]:
     air = one["air_data_p95"]
     return [
-        *(_text(None if value is None else 1e4 * value, "{:.1f}", "{:.2f}") for value in one["rms"].values()),
+        *_coefficients(one["rms"]),
         _text(min(share for share in one["coverage_percent"].values() if share is not None), "{:.1f}"),
         _text(one["field_median_percent"], "{:.2f}"),
         _text(one["field_p95_percent"], "{:.2f}"),

@@ -104,16 +104,22 @@ def _accuracy_table(title: str, scores: dict[str, Any]) -> Table:
     table = Table(title=title)
     table.add_column("")
     for name in scores:
-        table.add_column(f"{name}: rms error", justify="right")
+        table.add_column(f"{name}: rms error (bound)", justify="right")
         table.add_column("truth within 3 sigma", justify="right")
     for coefficient in COEFFICIENT_NAMES:
         cells = [
             text
             for one in scores.values()
-            for text in (f"{one['rms'][coefficient]:.2e}", f"{one['coverage_percent'][coefficient]:.2f} %")
+            for text in (_rms_of(one, coefficient), f"{one['coverage_percent'][coefficient]:.2f} %")
         ]
         table.add_row(f"{coefficient} [1]", *cells)
     return table
+
+
+def _rms_of(scores: dict[str, Any], name: str) -> str:
+    """Return an rms error, with its Cramer-Rao bound where there is one."""
+    bound = scores.get("bound", {}).get(name)
+    return f"{scores['rms'][name]:.2e}" + ("" if bound is None else f" ({bound:.1e})")
 
 
 def _show_estimators(console: Console, estimators: dict[str, Any]) -> None:
@@ -137,7 +143,7 @@ def _show_states(console: Console, states: dict[str, Any]) -> None:
 def _score_table(score: dict[str, Any]) -> Table:
     """Return a table of a score, as files of results hold it."""
     table = Table(box=None, pad_edge=False, padding=(0, 3, 0, 0))
-    headings = ("coefficient", "rms error [1]", "uncertainty, 1 sigma [1]", "of range in flight")
+    headings = ("coefficient", "rms error [1]", "bound [1]", "uncertainty, 1 sigma [1]", "of range")
     for heading in headings:
         table.add_column(escape(heading), justify="left" if heading.startswith("coefficient") else "right")
     for name, error in score["rms_error"].items():
@@ -145,6 +151,7 @@ def _score_table(score: dict[str, Any]) -> Table:
         table.add_row(
             name,
             f"{error:.2e}",
+            "-" if (bound := score["bound"][name]) is None else f"{bound:.2e}",
             f"{score['mean_sigma'][name]:.2e}",
             "constant" if of_range is None else f"{100.0 * of_range:.2f} %",
         )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
@@ -47,7 +47,7 @@ def stress(
         typer.Option(
             metavar="N",
             callback=within(1, 10_000),
-            help="Draws of vehicle and noise at every condition; a quarter for the nonlinear estimator.",
+            help="Draws of vehicle and noise at every condition.",
         ),
     ] = 20,
     seed: Annotated[int, typer.Option(callback=within(0, 2**31 - 1), help="Seed of all draws.")] = 1,
@@ -62,7 +62,7 @@ def stress(
     envelope, and the pressure of another flow model.
 
     Undetected: a coefficient is outside 3 sigma and health is OK. Detected: health is anything else, DEGRADED
-    too.
+    too. rms/bound: the rms error of a coefficient over its Cramer-Rao bound, the largest of the five.
 
     Classes: within (the envelope, up to twice the specified sizes), outside (beyond), unobservable (the strain
     is equal to the strain of another flight). A vehicle given by sections or a surface needs a flow for every
@@ -103,8 +103,8 @@ def stress(
 
 def _show(console: Console, result: StressResult) -> None:
     table = Table(title=escape(f"{result.vehicle}: errors on the truth model, samples [%]"))
-    for heading in ("error", "size", "class", "detected", "undetected", ""):
-        table.add_column(heading, justify="right" if heading in ("detected", "undetected") else "left")
+    for heading in ("error", "size", "class", "detected", "undetected", "rms/bound", ""):
+        table.add_column(heading, justify="left" if heading in ("error", "size", "class", "") else "right")
     for one in result.entries:
         table.add_row(
             escape(one["error"]),
@@ -112,8 +112,15 @@ def _show(console: Console, result: StressResult) -> None:
             one["class"],
             f"{one['detected_percent']:.2f}",
             f"{one['undetected_percent']:.2f}",
+            _of_bound(one),
             "missed" if one["missed"] else "",
         )
     console.print(table)
     for line in result.missed:
         console.print(f"target missed: {line}", highlight=False, markup=False, soft_wrap=True)
+
+
+def _of_bound(one: dict[str, Any]) -> str:
+    """Return the largest rms error over its bound; a dash where the map has no tables, or a filter estimates."""
+    ratios = [one["rms"][name] / bound for name, bound in one["bound"].items() if bound and one["rms"][name]]
+    return f"{max(ratios):.2f}" if ratios else "-"

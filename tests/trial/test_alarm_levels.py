@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, genpareto
 
-from builder.truth.levels.alarm_levels import alarm_levels, alarm_scales
-from builder.truth.levels.tail_quantile import tail_quantile
+from builder.trial.alarm_levels import alarm_levels, alarm_scales
+from builder.trial.tail_quantile import tail_quantile
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, chi_square_limit
 
 pytestmark = pytest.mark.fast

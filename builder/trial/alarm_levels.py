@@ -11,10 +11,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from builder.truth.levels.read_flights import ReadFlights
-from builder.truth.levels.tail_quantile import tail_quantile
-from strainfmu.arrays import FloatArray
-from strainfmu.estimator.alarm_limits import outlier_threshold
+from builder.trial.conditions import flight_states
+from builder.trial.readings import ReadFlights
+from builder.trial.tail_quantile import tail_quantile
+from strainfmu.arrays import FloatArray, IntArray
+from strainfmu.estimator.alarm_limits import outlier_threshold, shape_limit
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, chi_square_limit
 from strainfmu.estimator.map.inverse_map import InverseMap
@@ -90,7 +91,62 @@ def alarm_ratios(inverse_map: InverseMap, flights: ReadFlights) -> tuple[FloatAr
     n, freedom = inverse_map.n_gauges, inverse_map.residual_degrees_of_freedom
     threshold = outlier_threshold(n, FALSE_ALARM_PROBABILITY) ** 2 * inverse_map.outlier_scale
     nominal = inverse_map.chi_square_scale * chi_square_limit(freedom)
-    found = whole.estimate(flights.strain, flights.dynamic_pressure)
+    found = whole.estimate(flights.strain, flights.known["dynamic_pressure"])
     limit = np.asarray(found.chi_square_limit)
     worst = np.max(np.abs(found.standardised_residual), axis=1) ** 2
     return found.chi_square / limit, worst / (threshold * limit / nominal)
+
+
+def with_flight_alarm_levels(inverse_map: InverseMap, flights: ReadFlights) -> InverseMap:
+    """Return ``inverse_map`` with the levels of its nonlinear estimator that meet the stated rate on ``flights``.
+
+    They are those of chi-square, of the largest leave-one-out residual, and of the shapes of pressure off the
+    tables together. Levels that would need a factor above :data:`LARGEST_SCALE` stay the theory's.
+    """
+    manifold = inverse_map.manifold
+    assert manifold is not None
+    ratios, _ = ratios_and_health(inverse_map, flights)
+    scales = alarm_scales(ratios)
+    agrees = bool(scales.max() <= LARGEST_SCALE)
+    facts = {
+        "samples": ratios.shape[1],
+        "stated_rate": FALSE_ALARM_PROBABILITY,
+        "rate_before": float(np.mean(ratios.max(axis=0) > 1.0)),
+        "scales": scales.tolist(),
+        "used": agrees,
+    }
+    if agrees:
+        tested = len(scales) > 2
+        manifold = replace(
+            manifold,
+            chi_square_scale=float(scales[0]),
+            outlier_scale=float(scales[1]),
+            shape_scale=float(scales[2]) if tested else 1.0,
+        )
+    provenance = {**inverse_map.provenance, "flight_alarm_levels": facts}
+    return replace(inverse_map, manifold=manifold, provenance=provenance)
+
+
+def ratios_and_health(
+    inverse_map: InverseMap, flights: ReadFlights, *, search: bool = False
+) -> tuple[FloatArray, IntArray]:
+    """Return chi-square, the square of the largest residual and chi-square of the shapes (2 or 3, n) over their
+    levels, and health (n,), of the nonlinear estimator.
+
+    Estimates start from the states of the flights or, with ``search``, from a search of the tables.
+    """
+    manifold, estimator = inverse_map.manifold, Estimator(inverse_map)
+    assert manifold is not None
+    scale = estimator.settings.alarm_scale
+    found = estimator.estimate(
+        flights.strain,
+        **flights.known,
+        start=None if search else np.repeat(flight_states(flights.conditions), flights.vehicles, axis=0),
+    )
+    tests = [
+        found.chi_square / np.asarray(found.chi_square_limit),
+        (np.max(np.abs(found.standardised_residual), axis=1) / found.residual_limit) ** 2,
+    ]
+    if manifold.shapes.shape[1]:
+        tests.append(found.discrepancy_chi_square / shape_limit(manifold, scale))
+    return np.stack(tests), np.asarray(found.health)

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
-from builder.truth.held_out import held_out_conditions
-from builder.truth.levels.flown_vehicles import FlownVehicles, Fly
+from builder.processors import processors
+from builder.trial.conditions import held_out_conditions
+from builder.trial.vehicles import FlownVehicles, Fly
 from builder.truth.revolution.flow_table import FlowTable
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map.options import Noise
@@ -22,30 +25,62 @@ CONDITIONS, VEHICLES = 1000, 200
 Samples of one vehicle resemble each other, so that every sample gets a vehicle of its own.
 """
 
-SEED, THREADS = 20260, 2
+SEED = 20260
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class ReadFlights:
-    """Readings of n samples: v vehicles at each of f flights, one flight after another.
+class Readings:
+    """What is read in n samples.
 
     Attributes
     ----------
-    conditions : f flight conditions.
-    strain : (n, n_d) of the gauges [m/m].
-    dynamic_pressure, mach_number, static_pressure : (n,) as stated [Pa, 1, Pa].
+    strain : (n, n_d) readings [m/m], of auxiliary sensors in units of their own; (n, s, n_d) where each sample is
+        the last of s readings in a flight of its own.
+    known : what is known beside: arguments of :meth:`strainfmu.estimator.estimator.Estimator.estimate` by name,
+        each one value for all samples, (n,), or a mapping of such.
+    time : (s,) of the readings of a flight [s]; None where each sample is one reading.
     """
 
-    conditions: tuple[FlightCondition, ...]
     strain: FloatArray
-    dynamic_pressure: FloatArray
-    mach_number: FloatArray
-    static_pressure: FloatArray
+    known: Mapping[str, Any]
+    time: FloatArray | None = None
 
-    def rows(self, flight: int) -> slice:
-        """Return the samples of a flight."""
-        vehicles = len(self.strain) // len(self.conditions)
-        return slice(flight * vehicles, (flight + 1) * vehicles)
+
+def joined(parts: Sequence[Readings]) -> Readings:
+    """Return the samples of ``parts`` one after another; what is known in them has the same names."""
+    if len(parts) == 1:
+        return parts[0]
+
+    def one(values: Sequence[Any]) -> Any:
+        if isinstance(values[0], Mapping):
+            return {name: one([value[name] for value in values]) for name in values[0]}
+        counts = [len(part.strain) for part in parts]
+        return np.concatenate([np.broadcast_to(value, n) for value, n in zip(values, counts, strict=True)])
+
+    return replace(
+        parts[0],
+        strain=np.concatenate([part.strain for part in parts]),
+        known={name: one([part.known[name] for part in parts]) for name in parts[0].known},
+    )
+
+
+def navigation_at(conditions: Sequence[FlightCondition], is_nonlinear: bool) -> dict[str, Any]:
+    """Return exact Mach number and p_inf as the nonlinear estimator takes them, altitude for a linear one."""
+    last = ("static_pressure", "ambient_pressure") if is_nonlinear else ("altitude", "altitude")
+    named = (("mach_number", "mach_number"), last)
+    return {name: np.array([getattr(one, of) for one in conditions]) for name, of in named}
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ReadFlights(Readings):
+    """Readings of n samples: as many vehicles at each of f ``conditions``, one flight after another."""
+
+    conditions: tuple[FlightCondition, ...]
+
+    @property
+    def vehicles(self) -> int:
+        """Number of vehicles in each flight."""
+        return len(self.strain) // len(self.conditions)
 
 
 def read_flights(
@@ -95,16 +130,11 @@ def readings(
             condition.ambient_pressure * (1.0 + of_pressure),
         )
 
-    with ThreadPoolExecutor(THREADS) as pool:
+    with ThreadPoolExecutor(processors()) as pool:
         found = list(pool.map(of_flight, range(len(flown.conditions))))
     strain, dynamic, mach, static = (np.concatenate(part) for part in zip(*found, strict=True))
-    return ReadFlights(
-        conditions=tuple(flown.conditions),
-        strain=strain,
-        dynamic_pressure=dynamic,
-        mach_number=mach,
-        static_pressure=static,
-    )
+    known = {"dynamic_pressure": dynamic, "mach_number": mach, "static_pressure": static}
+    return ReadFlights(conditions=tuple(flown.conditions), strain=strain, known=known)
 
 
 def gauge_noise(inverse_map: InverseMap, random: np.random.Generator, shape: tuple[int, ...]) -> FloatArray:

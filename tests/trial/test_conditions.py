@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from builder.truth.held_out import held_out_conditions
+from builder.trial.conditions import held_out_conditions
 from builder.truth.revolution.flow_table import FlowTable
 from builder.vehicle.file import IC3X, load_vehicle
 

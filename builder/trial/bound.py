@@ -1,0 +1,117 @@
+"""The Cramer-Rao bound of the coefficients: no unbiased estimate of one reading has a smaller rms error.
+
+At the true flight state the tables of a map are linear to first order. There strain, navigation and the ranges of
+the map as prior have the information J on the state (Van Trees 1968, section 2.4):
+
+    J = X' S^-1 X + (information of M, ln p_inf, ln q_inf and prior),  bound = sqrt(diag(T J^-1 T'))
+
+X are the derivatives of the strain by the state, T the slopes of the coefficients. S holds gauge noise and the
+errors of the installation at their stated sizes. Errors of the flow are not in it: an estimator that knew the flow
+exactly would not make them. A map holds the error of the internal pressure together with these, and flow
+parameters count as known: both make the bound smaller than it could be. It bounds the rms over many vehicles with
+errors as stated: one vehicle, exactly built ones, or a filter of many readings may be below it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from builder.trial.conditions import flight_states
+from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.atmosphere import HEAT_CAPACITY_RATIO
+from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.map.strain_covariance import strain_covariance
+from strainfmu.estimator.policies import RANGE_TOLERANCE
+from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, U, W, evaluate
+from strainfmu.estimator.tables.manifold_map import ManifoldMap
+from strainfmu.flight_condition import FlightCondition
+
+KNOWN = ("mach_number", "static_pressure", "dynamic_pressure")
+"""Navigation, by the names of the estimator's arguments; ``altitude`` stands for p_inf too."""
+
+EXACT = 1e-4
+"""Relative standard deviation of a q_inf that is known exactly; a smaller one changes nothing."""
+
+PIECE = 500
+"""Flights at a time: their covariances are n_d by n_d each."""
+
+
+def cramer_rao_bound(
+    inverse_map: InverseMap,
+    conditions: Sequence[FlightCondition],
+    known: Collection[str],
+    dynamic_pressure_std: float = np.nan,
+) -> FloatArray | None:
+    """Return (k, 5) standard deviations of the coefficients [1]; None of a map without tables.
+
+    They are NaN at conditions beyond the ranges of the map, where its tables say nothing.
+
+    Parameters
+    ----------
+    conditions : k true flight conditions.
+    known : what the estimator is given beside strain, as in :data:`KNOWN`.
+    dynamic_pressure_std : of the stated q_inf [Pa]; NaN for that of the map.
+    """
+    manifold = inverse_map.manifold
+    if manifold is None:
+        return None
+    n_d, n_f = len(manifold.error_strain), len(manifold.error_load)
+    sound = replace(manifold, error_strain=np.zeros((n_d, 1)), error_load=np.zeros((n_f, 1)), parameters=None)
+    state = flight_states(conditions)
+    of_navigation = _of_navigation(manifold, state, known, dynamic_pressure_std)
+    pieces = [slice(first, first + PIECE) for first in range(0, len(state), PIECE)]
+    bound = np.concatenate([_bound_at(sound, state[piece], of_navigation[piece]) for piece in pieces])
+    return np.where(_inside(manifold, state)[:, None], bound, np.nan)
+
+
+def _bound_at(sound: ManifoldMap, state: FloatArray, of_navigation: FloatArray) -> FloatArray:
+    """Return (k, 5) the bound at ``state`` (k, 4), where navigation has the information (k, 4, 4)."""
+    found, n = evaluate(sound.tables, state), sound.tables.n_gauges
+    mach, pressure = state[:, MACH], np.exp(state[:, LOG_PRESSURE])
+    strain, loads = found.value[:, :n], found.value[:, n:]
+    noise = strain_covariance(sound, pressure=pressure, strain=strain, loads=loads)
+    by_state = found.jacobian[:, :n]
+    information = np.swapaxes(by_state, 1, 2) @ np.linalg.solve(noise, by_state) + of_navigation
+    scale = 1.0 / (0.5 * HEAT_CAPACITY_RATIO * (mach**2 * pressure)[:, None] * sound.references)
+    slope = scale[:, :, None] * (found.jacobian[:, n:] - loads[:, :, None] * _by_log(state)[:, None])
+    covariance = slope @ np.linalg.solve(information, np.swapaxes(slope, 1, 2))
+    return np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+
+
+def _by_log(state: FloatArray) -> FloatArray:
+    """Return (k, 4) derivatives of ln q_inf by ``state`` (k, 4)."""
+    found = np.zeros_like(state)
+    found[:, MACH], found[:, LOG_PRESSURE] = 2.0 / state[:, MACH], 1.0
+    return found
+
+
+def _of_navigation(
+    manifold: ManifoldMap, state: FloatArray, known: Collection[str], dynamic_pressure_std: float
+) -> FloatArray:
+    """Return (k, 4, 4) the information of navigation and of the ranges of the map."""
+    unit = np.eye(state.shape[1])
+    found = np.tile(np.diag(manifold.state_prior.std**-2.0), (len(state), 1, 1))
+    if "mach_number" in known:
+        found += np.outer(unit[MACH], unit[MACH]) / manifold.mach_number_error**2
+    of_pressure = {"static_pressure": manifold.static_pressure_error, "altitude": manifold.altitude_error}
+    for error in (of_pressure[name] for name in known if name in of_pressure):
+        found += np.outer(unit[LOG_PRESSURE], unit[LOG_PRESSURE]) / error**2
+    if "dynamic_pressure" in known:
+        by_log, pressure = _by_log(state), np.exp(state[:, LOG_PRESSURE])
+        stated = dynamic_pressure_std / (0.5 * HEAT_CAPACITY_RATIO * state[:, MACH] ** 2 * pressure)
+        relative = np.maximum(np.where(np.isnan(stated), manifold.dynamic_pressure_error, stated), EXACT)
+        found += by_log[:, :, None] * by_log[:, None] / (relative**2)[:, None, None]
+    return found
+
+
+def _inside(manifold: ManifoldMap, state: FloatArray) -> BoolArray:
+    """Return (k,) whether the ranges of the map hold ``state`` (k, 4)."""
+    middle, half = manifold.crossflow
+    across = (state[:, [U, W]] - middle) / half
+    off = np.abs(across).max(axis=1) if manifold.crossflow_range is not None else np.hypot(*across.T)
+    low, high = manifold.mach_range
+    beyond = np.maximum(low - state[:, MACH], state[:, MACH] - high) / low
+    return (off <= 1.0 + RANGE_TOLERANCE) & (beyond <= RANGE_TOLERANCE)
