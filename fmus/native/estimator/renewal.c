@@ -109,7 +109,7 @@ const double *renewal_zeros(const Renewal *renewal, const double *given) {
     return renewal_pending(renewal, given) ? renewal->held : given;
 }
 
-/* Serialised: under_way, parts, held and target, then the known temperature sensors, 0 or 1. */
+/* Serialised: under_way, parts, held and target, then the known temperature sensors, 0 or 1; 0 before the first step. */
 
 static size_t n_sensors(const Renewal *renewal) {
     return renewal->thermal->present ? renewal->thermal->map.n_sensors : 0;
@@ -128,10 +128,11 @@ void renewal_write_state(const Renewal *renewal, unsigned char *bytes) {
     const double head[2] = {renewal->under_way, renewal->parts};
     memcpy(bytes, head, sizeof head);
     bytes += sizeof head;
-    memset(bytes, 0, 2 * size);
-    if (renewal->under_way != 0.0) {
-        memcpy(bytes, renewal->held, size);
+    memset(bytes, 0, renewal_state_size(renewal) - sizeof head);
+    if (renewal->under_way == 0.0) {
+        return;
     }
+    memcpy(bytes, renewal->held, size);
     if (renewal->parts != 0.0) {
         memcpy(bytes + size, renewal->target, size);
     }
@@ -173,6 +174,7 @@ static int read_sensors(Renewal *renewal, const unsigned char *bytes) {
         other |= renewal->thermal->known[t] != (known != 0.0);
         renewal->thermal->known[t] = known != 0.0;
     }
+    renewal->thermal->outdated |= other;
     return other;
 }
 
