@@ -25,8 +25,8 @@ HEALTH_ITEMS = (
     ),
     (
         HealthState.DEGRADED,
-        "Gauges are missing or navigation is left out, the rest identifies the state: sigma has grown accordingly; "
-        "or matrices for other zero offsets are being made: the old ones are in use",
+        "Gauges are missing or navigation is left out, the rest identifies the state: sigma has grown; "
+        "or matrices for other zero offsets are being made, the old ones in use",
     ),
     (
         HealthState.UNIDENTIFIED,

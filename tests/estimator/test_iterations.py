@@ -32,7 +32,7 @@ def core() -> Core:
 
 
 def hostile(core: Core, seed: int) -> np.ndarray:
-    """(STEPS, n_inputs) a flight with jumps, gauges off or lost for a while, air data that are wrong or missing."""
+    """(STEPS, n_inputs) flights with jumps, gauges off or lost for a while, air data wrong or missing."""
     random, manifold = np.random.default_rng(seed), whole_map().manifold
     assert manifold is not None
     pieces = STEPS // 8

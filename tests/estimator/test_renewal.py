@@ -1,4 +1,4 @@
-"""Matrices for other standard deviations of zero offsets: made over several steps of a track, with the old ones until then."""
+"""Matrices for other standard deviations of zero offsets: made over several steps, the old ones in use."""
 
 from __future__ import annotations
 

@@ -260,7 +260,9 @@ def bench(
     ] = False,
     random_steps: Annotated[
         int,
-        typer.Option("--random-steps", callback=within(1, 10**7), help="With --worst: steps with events at random."),
+        typer.Option(
+            "--random-steps", callback=within(1, 10**7), help="With --worst: steps with events at random."
+        ),
     ] = 20_000,
 ) -> None:
     """Time the steps of the estimator: in Python, and as FMUs through fmpy.
@@ -331,7 +333,7 @@ def bench(
 
 
 def _print_worst_steps(map_path: Path, random_steps: int) -> None:
-    """Measure the dearest steps of the native FMUs of a map, ``random_steps`` with events at random, and print them."""
+    """Measure the dearest steps of the native FMUs of a map, and ``random_steps`` with events at random."""
     from strainfmu.estimator.map.inverse_map import load_inverse_map
     from strainfmu.fmu.checks.worst_step import AT_RANDOM, EVENTS, REPEATS, processor_name, worst_steps
 

@@ -42,7 +42,7 @@ REPEATS = 201
 
 @dataclass(frozen=True)
 class EventCost:
-    """Processor time of the steps with an event [s]: median and largest; of events at random 99.99 % of the steps."""
+    """Processor time of the steps with an event [s]: median and largest; ``rare`` is the quantile of 99.99 %."""
 
     median: float
     largest: float
@@ -50,7 +50,7 @@ class EventCost:
 
 
 def worst_steps(map_path: Path, random_steps: int) -> dict[str, Mapping[str, EventCost]]:
-    """Return the costs by event, :data:`EVENTS` and :data:`AT_RANDOM`, of each estimator, alone and with its filter.
+    """Return the costs by event, :data:`EVENTS` and :data:`AT_RANDOM`, of each estimator, alone and filtered.
 
     ``random_steps`` is the number of steps with events at random.
 
@@ -86,7 +86,13 @@ def worst_steps(map_path: Path, random_steps: int) -> dict[str, Mapping[str, Eve
 
 
 def _costs(
-    program: Path, inverse_map: InverseMap, fmu: Path, description: Any, random_steps: int, *, filtered: bool = False
+    program: Path,
+    inverse_map: InverseMap,
+    fmu: Path,
+    description: Any,
+    random_steps: int,
+    *,
+    filtered: bool = False,
 ) -> dict[str, EventCost]:
     """Return the costs by event of an unzipped FMU, with its filter or without."""
     library = next((fmu / "binaries" / "linux64").glob("*.so"))

@@ -53,7 +53,7 @@ AT_ONCE = 2 ** (8 * ctypes.sizeof(ctypes.c_size_t)) - 1
 def turned(
     library: ctypes.CDLL, matrix: np.ndarray, wide: bool, work: int = AT_ONCE
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The rows of ``matrix`` turned, in parts, and what the turns are: the rows of the unit matrix stand behind."""
+    """The rows of ``matrix`` turned, in parts, and the turns: the rows of the unit matrix stand behind."""
     count, n = matrix.shape
     rows = np.ascontiguousarray(np.hstack([matrix, np.eye(count)]))
     scratch = np.empty(library.orthogonal_rows_doubles(count, n + count))
