@@ -17,20 +17,21 @@ size_t linear_indices(const Map *map) {
     return prepared_indices(map) + (map->scaled ? scaled_indices(map) : 0);
 }
 
+/* Those of every step first: they are aligned as the block is. */
 void linear_arrays(Map *map, size_t n_strains, Linear *linear, double **doubles, size_t **indices, float *narrow,
                    unsigned char **bytes) {
     linear->prepared.noise.wide = linear->prepared.work.wide = linear->wide;
     linear->prepared.noise.other_loads = linear->other_loads->present ? linear->other_loads : NULL;
-    prepared_arrays(map, n_strains, &linear->prepared, doubles, indices, bytes);
-    half_space_arrays(&map->envelope, &linear->half_spaces, doubles);
-    absolute_arrays(map, &linear->absolute, doubles);
-    linear->absolute.narrow = narrow;
     if (map->scaled) {
         linear->scaled.map = map;
         linear->scaled.other_loads = linear->prepared.noise.other_loads;
         linear->scaled.wide = linear->wide;
         scaled_arrays(&linear->scaled, doubles, indices);
     }
+    half_space_arrays(&map->envelope, &linear->half_spaces, doubles);
+    absolute_arrays(map, &linear->absolute, doubles);
+    linear->absolute.narrow = narrow;
+    prepared_arrays(map, n_strains, &linear->prepared, doubles, indices, bytes);
 }
 
 int linear_begin(Linear *linear) {
