@@ -49,6 +49,7 @@ def test_settings_zeros_and_temperatures(fmu: FlightFmu, inverse_map: InverseMap
     random, estimator, linear = np.random.default_rng(2), Estimator(inverse_map), list[bool]()
     noise = float(np.sqrt(inverse_map.gauge_covariance[0, 0]))
     samples = random_flight(inverse_map, 16, seed=34)
+    before = np.nan
     bent = np.random.default_rng(6).normal(size=N_D) * 0.3 * np.abs(samples[0].strain).max()
     for k, one in enumerate(samples):
         if k == 11:

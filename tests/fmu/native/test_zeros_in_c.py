@@ -73,7 +73,7 @@ def test_nonlinear_estimator_as_in_python(tmp_path: Path) -> None:
 
 
 def test_the_log_states_why_health_is_degraded(small: NativeCase) -> None:
-    """Over the steps in which matrices for other deviations are made; what is read between them changes nothing."""
+    """While matrices for other deviations are made; what is read between the steps changes nothing."""
     fmu, other = (Fmu2(small.uri, small.n, logging=True).start() for _ in range(2))
     zeros = GaugeZeros(value=np.zeros(small.n), std=np.full(small.n, 1e-7), common_std=0.0)
     for one in (fmu, other):
