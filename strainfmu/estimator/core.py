@@ -26,7 +26,7 @@ import numpy as np
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import InputError, StrainfmuError
 
-VERSION = 3
+VERSION = 4
 """``SL_VERSION`` of the library that this file calls."""
 
 LIBRARIES_OF_FMU = "native"
@@ -49,6 +49,7 @@ class Record(IntEnum):
     ROWS = 6
     STATE = 7
     TARE_STATE = 8
+    ITERATIONS = 9
 
 
 class Series(IntEnum):
@@ -84,6 +85,7 @@ class Core:
     n_rows : number of sensors of the map.
     inputs, settings, outputs, fit : layouts of its records; those of ``fit`` begin behind the outputs.
     tare_outcome : layout of what a tare finds.
+    most_iterations : Gauss-Newton iterations that no sample exceeds; 0 of a map without tables.
     """
 
     def __init__(self, resource: bytes) -> None:
@@ -110,6 +112,7 @@ class Core:
         self.outputs, self.fit = self._layout(Record.OUTPUTS), self._layout(Record.FIT, self.n_outputs)
         self.tare_outcome = self._layout(Record.TARE)
         self._n_outcome, self._tare_state_size = size[Record.TARE], size[Record.TARE_STATE]
+        self.most_iterations = size[Record.ITERATIONS]
         # One sample: the addresses of these arrays are taken once.
         self.sample = np.full(self.n_inputs, np.nan)
         self._result = np.empty(self.n_outputs + self.n_fit)
@@ -168,6 +171,10 @@ class Core:
         given = np.ascontiguousarray(values, dtype=float)
         if not self._library.sl_set(self._handle, first, given.size, given.ctypes.data, self._text):
             raise InputError(self._text.value.decode())
+
+    def renew(self) -> None:
+        """Follow changed standard deviations of zero offsets at once, not over the next samples of a track."""
+        self._library.sl_renew(self._handle)
 
     def get(self, first: int, count: int) -> FloatArray:
         """Return ``count`` settings from place ``first`` on."""
@@ -353,6 +360,7 @@ def _declared(found: ctypes.CDLL) -> ctypes.CDLL:
         ("sl_field", number, (pointer, number, size, pointer)),
         ("sl_set", number, (pointer, size, size, pointer, text)),
         ("sl_get", None, (pointer, size, size, pointer)),
+        ("sl_renew", None, (pointer,)),
         ("sl_restart", None, (pointer,)),
         ("sl_series", None, (pointer, number, number, size, pointer, pointer, pointer, pointer, pointer)),
         ("sl_state", None, (pointer, text)),

@@ -219,6 +219,12 @@ class Estimate(NamedLoads):
         return found.astype(np.int64) if self.is_series else int(found)
 
     @property
+    def iterations(self) -> Any:
+        """Gauss-Newton iterations of the nonlinear estimator in this sample; 0 of the linear one."""
+        found = self._one("iterations")
+        return found.astype(np.int64) if self.is_series else int(found)
+
+    @property
     def envelope_score(self) -> Any:
         """Standard deviations by which the estimate leaves the envelope of the map; 0 inside, NaN if not known."""
         return self._one("envelope_score")

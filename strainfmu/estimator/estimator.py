@@ -206,6 +206,7 @@ class Estimator:
         constant = core.settings["filter_time_constant"]
         if constant.stop > constant.start:
             core.set(constant.start, np.array([filter_time_constant]))
+        core.renew()
 
     @cached_property
     def linear(self) -> Estimator:

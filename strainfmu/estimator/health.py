@@ -26,7 +26,8 @@ class HealthState(IntEnum):
     sample."""
     DEGRADED = 4
     """Gauges are missing or, of the nonlinear estimator, navigation is left out; the rest identifies the state,
-    fits a known pressure, and sigma has grown accordingly."""
+    fits a known pressure, and sigma has grown accordingly. Or matrices for other standard deviations of zero
+    offsets are being made over several steps: the old ones, and the old zero offsets, are in use."""
     UNIDENTIFIED = 5
     """Gauges are missing and the others do not identify the state: nothing can be computed."""
     SUSPECT = 6

@@ -100,7 +100,7 @@ class NumpyCore:
         more = ("further_loads", "further_loads_std", "further_coefficients", "further_coefficients_std")
         self.outputs = _layout(
             dict.fromkeys(vectors, 5)
-            | dict.fromkeys((*of_health, "envelope_score", "degrees_of_freedom"), 1)
+            | dict.fromkeys((*of_health, "envelope_score", "degrees_of_freedom", "iterations"), 1)
             | dict.fromkeys(("air_data", "air_data_std", "is_identified", "air_data_used", "is_linear"), 0)
             | dict.fromkeys(more, m)
             | {"parameter_score": n_p}
@@ -123,6 +123,9 @@ class NumpyCore:
         other = NumpyCore(self._map, self.resource)
         other.set(0, self._values)
         return other
+
+    def renew(self) -> None:
+        """Nothing to do: matrices follow with every call."""
 
     def set(self, first: int, values: FloatArray) -> None:
         """Set the settings from place ``first`` on; raises InputError for a value that is not allowed."""
@@ -232,7 +235,7 @@ class NumpyCore:
         """Return the fields of samples without an estimate."""
         whole = {**self.outputs, **self.fit}
         found = {name: np.full((k, place.stop - place.start), np.nan) for name, place in whole.items()}
-        for name in ("suspect_gauge", "suspects", "degrees_of_freedom", "fits", "is_suspect"):
+        for name in ("suspect_gauge", "suspects", "degrees_of_freedom", "iterations", "fits", "is_suspect"):
             found[name][:] = 0.0
         found["valid"][:], found["valid_gauges"][:, 0] = used, used.sum(axis=1)
         found["health"][:, 0] = np.where(used.any(axis=1), HealthState.UNIDENTIFIED, HealthState.INVALID)

@@ -80,6 +80,7 @@ _OUTPUTS = {
     "suspects": "number of sensors that may be the one that does not fit",
     "envelope_score": "[sigma] beyond what the map covers; negative inside",
     "degrees_of_freedom": "of chi_square; 0: nothing checks the estimate",
+    "iterations": "of Gauss and Newton, sl_size(handle, SL_ITERATIONS) at most; 0 without tables",
     "air_data": ", ".join(f"{one} [{unit}]" for one, unit in zip(AIR_DATA_NAMES, AIR_DATA_UNITS, strict=True)),
     "air_data_std": "their standard deviations",
     "is_identified": "of each: 1 if strain and air data determine it, 0 if only the ranges of the map do",

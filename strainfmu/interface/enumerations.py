@@ -25,7 +25,8 @@ HEALTH_ITEMS = (
     ),
     (
         HealthState.DEGRADED,
-        "Gauges are missing or navigation is left out, the rest identifies the state: sigma has grown accordingly",
+        "Gauges are missing or navigation is left out, the rest identifies the state: sigma has grown; "
+        "or matrices for other zero offsets are being made, the old ones in use",
     ),
     (
         HealthState.UNIDENTIFIED,
@@ -44,7 +45,7 @@ TARE_TYPE = "TareState"
 TARE_ITEMS = (
     (TareState.IDLE, "No tare was asked for, or zeros were set since"),
     (TareState.AVERAGING, "Strains of the steps are averaged"),
-    (TareState.DONE, "The zeros of the window are in use"),
+    (TareState.DONE, "The zeros of the window are taken: they are in use as soon as their matrices are made"),
     (TareState.REFUSED, "Loads were not known, or the readings are no zeros: zeros as before"),
 )
 

@@ -10,7 +10,6 @@
 #include "linear/linear_other_loads.h"
 #include "numerics/arrays.h"
 #include "numerics/panels.h"
-#include "policies/flight.h"
 #include "policies/flight_filter.h"
 #include "sample/readings.h"
 
@@ -27,6 +26,9 @@ static void connect(Estimator *e) {
     e->linear.output = e->output;
     e->linear.other_loads = &e->other_loads;
     e->linear.wide = panels_wide();
+    e->renewal.linear = &e->linear;
+    e->renewal.flight = &e->flight;
+    e->renewal.thermal = &e->thermal;
     e->flight.inputs = &e->inputs;
     e->flight.output = e->output;
     e->flight.linear = &e->linear;
@@ -39,7 +41,8 @@ static int allocate(Estimator *e) {
     const Map *map = &e->map;
     const size_t n = map->n_gauges, n_inputs = inputs_count(&e->inputs);
     const size_t n_doubles =
-        linear_doubles(&e->linear, e->sensors.n_strains) + 3 * n_inputs + n + 3 * estimator_derivatives(e);
+        linear_doubles(&e->linear, e->sensors.n_strains) + renewal_doubles(e->sensors.n_strains) + 3 * n_inputs + n
+        + 3 * estimator_derivatives(e);
     const size_t n_indices = linear_indices(map);
     e->memory = calloc(1, ALIGNMENT + n_doubles * sizeof(double) + n_indices * sizeof(size_t) + n * sizeof(float)
                               + prepared_bytes(map) + 2 * n);
@@ -52,6 +55,7 @@ static int allocate(Estimator *e) {
     float *narrow = (float *)(void *)(indices + n_indices);
     unsigned char *bytes = (unsigned char *)(narrow + n);
     linear_arrays(&e->map, e->sensors.n_strains, &e->linear, &doubles, &indices, narrow, &bytes);
+    renewal_arrays(e->sensors.n_strains, &e->renewal, &doubles);
     e->inputs.value = taken(&doubles, n_inputs);
     e->inputs.strain = taken(&doubles, n);
     e->inputs.valid = bytes;
@@ -143,12 +147,19 @@ void estimator_free(Estimator *e) {
     }
 }
 
-void estimator_reset(Estimator *e) {
-    inputs_reset(&e->inputs);
+void estimator_restart(Estimator *e) {
     flight_reset(&e->flight);
     linear_filter_reset(&e->linear_filter);
+    e->noise_outdated |= e->renewal.under_way != 0.0;
+    renewal_reset(&e->renewal);
+    e->outdated = 1;
+}
+
+void estimator_reset(Estimator *e) {
+    inputs_reset(&e->inputs);
+    estimator_restart(e);
     tare_reset(&e->tare);
-    e->outdated = e->noise_outdated = 1;
+    e->noise_outdated = 1;
 }
 
 int linear_filters(const Estimator *e) {
@@ -180,9 +191,6 @@ void estimator_before_change(Estimator *e) {
 
 static void step_flight(Estimator *e, double start) {
     Filter *filter = &e->flight.filter;
-    if (e->flight.base.stepped != 0.0) {
-        take_next_flight(e);
-    }
     if (flight_filters(&e->flight) && filter->base.now != start) {
         filter->base.now = start;
         e->outdated = 1;
@@ -193,7 +201,6 @@ static void step_flight(Estimator *e, double start) {
 
 static void step_linear(Estimator *e, double start) {
     LinearFilter *filter = &e->linear_filter;
-    take_next_linear(e);
     if (!linear_filters(e)) {
         filter->base.has_law = 0.0;
         return;
@@ -206,13 +213,34 @@ static void step_linear(Estimator *e, double start) {
     filter->base.stepped = 1.0;
 }
 
+/* The step's part of matrices for the latest zeros. */
+static void step_renewal(Estimator *e) {
+    if (e->noise_outdated || e->renewal.under_way == 0.0) {
+        const double *latest = latest_zeros(e);
+        e->outdated |= renewal_step(&e->renewal, latest);
+        e->noise_outdated = renewal_pending(&e->renewal, latest);
+    }
+}
+
 void estimator_step(Estimator *e, double start) {
+    take_next_linear(e);
+    if (e->flight.base.stepped != 0.0) {
+        take_next_flight(e);
+    }
+    step_renewal(e);
     if (e->flight.present) {
         step_flight(e, start);
     }
     if (e->linear_filter.present) {
         step_linear(e, start);
     }
+}
+
+void estimator_renew(Estimator *e) {
+    estimator_before_change(e);
+    renewal_at_once(&e->renewal, latest_zeros(e), 0);
+    e->noise_outdated = 0;
+    e->outdated = 1;
 }
 
 void estimator_follow_tare(Estimator *e) {
@@ -234,28 +262,16 @@ void estimator_take_readings(Estimator *e) {
     }
 }
 
-/* The matrices for the temperature sensors that are known, and for the deviations of zeros. */
-static void renew_noise(Estimator *e, int other_sensors) {
-    AddedNoise *noise = &e->linear.prepared.noise;
-    e->noise_outdated = 0;
-    if (other_sensors) {
-        thermal_renew(&e->thermal);
-        noise->own = e->thermal.some ? e->thermal.own : NULL;
-        noise->whole = e->thermal.some ? e->thermal.noise : NULL;
-    }
-    if (linear_renew(&e->linear, other_sensors) && e->flight.present) {
-        flight_renew(&e->flight);
-    }
-}
-
 const double *estimator_outputs(Estimator *e) {
     if (e->outdated) {
         const double *temperature = e->inputs.value + first_temperature(&e->inputs);
         const int other_sensors = e->thermal.present && thermal_read(&e->thermal, temperature);
-        e->inputs.zeros = zeros_in_use(e);
-        if (e->noise_outdated || other_sensors) {
-            renew_noise(e, other_sensors);
+        if (other_sensors || (e->noise_outdated && e->renewal.under_way == 0.0)) {
+            renewal_at_once(&e->renewal, latest_zeros(e), other_sensors);
+            e->noise_outdated = 0;
         }
+        const int renews = estimator_renews(e);
+        e->inputs.zeros = renews ? e->renewal.held : latest_zeros(e);
         readings_set_strain(&e->inputs);
         if (e->thermal.present) {
             thermal_correct(&e->thermal, e->inputs.strain);
@@ -267,6 +283,9 @@ const double *estimator_outputs(Estimator *e) {
             if (linear_filters(e)) {
                 linear_filter_outputs(&e->linear_filter, &e->linear);
             }
+        }
+        if (renews && e->output[HEALTH_STATE] == (double)OK) {
+            e->output[HEALTH_STATE] = DEGRADED;
         }
         e->outdated = 0;
         e->other_loads.outdated = 1;

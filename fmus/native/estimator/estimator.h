@@ -9,6 +9,7 @@
 #include "../core/model.h"
 #include "filter/linear_filter.h"
 #include "policies/flight_state.h"
+#include "renewal.h"
 #include "zeros/tare.h"
 
 /* Number of outputs that are whole numbers: the health state, VALID_GAUGES to SUSPECTS, and the state of the tare. */
@@ -28,8 +29,9 @@ typedef struct {
     Inputs inputs;
     double output[N_OUTPUTS];
     int outdated;         /* whether an input has changed since output was computed, */
-    int noise_outdated;   /* and whether zeros or their deviations may be others */
+    int noise_outdated;   /* and whether zeros or their deviations may be others than in use */
     Linear linear;
+    Renewal renewal;
     LinearFilter linear_filter; /* over time, of a map without tables that has one */
     Flight flight;              /* the nonlinear estimator, if the map has tables */
     double *direction;       /* as inputs.value, of derivatives, for estimator_model.c, */
@@ -48,16 +50,32 @@ void estimator_free(Estimator *estimator);
 /* Give inputs and settings their start values, and forget steps and tare. */
 void estimator_reset(Estimator *estimator);
 
-/* Zeros, their deviations, and that in common, in use: those of the last tare, or those of the inputs. */
-static inline const double *zeros_in_use(const Estimator *e) {
+/* Zeros, their deviations, and that in common, to be in use: those of the last tare, or those of the inputs. */
+static inline const double *latest_zeros(const Estimator *e) {
     return e->tare.present && e->tare.flags.has_zeros != 0.0 ? e->tare.zero : zeros_given(&e->inputs);
 }
+
+/* Those in use: renewal.h. */
+static inline const double *zeros_in_use(const Estimator *e) {
+    return renewal_zeros(&e->renewal, latest_zeros(e));
+}
+
+/* Whether the latest zeros are not yet in use. */
+static inline int estimator_renews(const Estimator *e) {
+    return e->noise_outdated && renewal_pending(&e->renewal, latest_zeros(e));
+}
+
+/* Let the latest zeros be in use, however long that takes. */
+void estimator_renew(Estimator *estimator);
 
 /* Whether a linear map's samples are filtered: the time constant is positive, and the instance takes steps. */
 int linear_filters(const Estimator *estimator);
 
 /* An input changes: what follows starts from what the last step left. */
 void estimator_before_change(Estimator *estimator);
+
+/* The next sample is the first one. */
+void estimator_restart(Estimator *estimator);
 
 /* Take a step with the present inputs, from a point in time [s]. */
 void estimator_step(Estimator *estimator, double start);

@@ -258,6 +258,12 @@ def bench(
             "--worst", help="Time the slowest steps of the native FMUs. Not with --structure, --mesh, --bus."
         ),
     ] = False,
+    random_steps: Annotated[
+        int,
+        typer.Option(
+            "--random-steps", callback=within(1, 10**7), help="With --worst: steps with events at random."
+        ),
+    ] = 20_000,
 ) -> None:
     """Time the steps of the estimator: in Python, and as FMUs through fmpy.
 
@@ -266,7 +272,8 @@ def bench(
 
     One other measurement is chosen by an option:
 
-    --worst: the slowest steps of the native FMUs, such as the loss of gauges or a changed zero offset.
+    --worst: the slowest steps of the native FMUs, such as the loss of gauges or a changed zero offset, and steps
+    with events at random.
 
     --bus: the CAN bridge with page and recorder against a sender, and python-can's own loop for comparison.
 
@@ -287,7 +294,7 @@ def bench(
         strainfmu bench demo --worst
     """
     if worst:
-        _print_worst_steps(folder / "map.h5")
+        _print_worst_steps(folder / "map.h5", random_steps)
         return
     if bus:
         from strainfmu.cli.bench_bus import bench_bus
@@ -325,22 +332,27 @@ def bench(
     Console().print(table)
 
 
-def _print_worst_steps(map_path: Path) -> None:
-    """Measure the dearest steps of the native FMUs of a map, and print them."""
+def _print_worst_steps(map_path: Path, random_steps: int) -> None:
+    """Measure the dearest steps of the native FMUs of a map, and ``random_steps`` with events at random."""
     from strainfmu.estimator.map.inverse_map import load_inverse_map
-    from strainfmu.fmu.checks.worst_step import EVENTS, REPEATS, processor_name, worst_steps
+    from strainfmu.fmu.checks.worst_step import AT_RANDOM, EVENTS, REPEATS, processor_name, worst_steps
 
-    found, n = worst_steps(map_path), load_inverse_map(map_path).n_gauges
+    found, n = worst_steps(map_path, random_steps), load_inverse_map(map_path).n_gauges
     title = f"Steps of {n} gauges, {processor_name()}: median and largest of {REPEATS}, processor time in us"
     table = Table(title=escape(title))
     table.add_column("what happens in the step", justify="left")
     for name in found:
         table.add_column(name, justify="right")
-    for event in EVENTS:
+    for event in (*EVENTS, AT_RANDOM):
         costs = [one.get(event) for one in found.values()]
-        pairs = [() if one is None else (one.median, one.largest) for one in costs]
-        table.add_row(event, *(" to ".join(f"{float(f'{1e6 * cost:.3g}'):,g}" for cost in pair) for pair in pairs))
+        parts = [() if one is None else (one.median, *_some(one.rare), one.largest) for one in costs]
+        table.add_row(event, *(" to ".join(f"{float(f'{1e6 * cost:.3g}'):,g}" for cost in part) for part in parts))
+    table.caption = escape(f"The last row: median, 99.99 % and largest of {random_steps:,} steps.")
     Console(width=max(Console().width, 150)).print(table)
+
+
+def _some(value: float | None) -> tuple[float, ...]:
+    return () if value is None else (value,)
 
 
 def _rival_costs(map_path: Path) -> dict[str, float]:

@@ -33,20 +33,26 @@ EVENTS = (
 )
 """What happens in a step, by its number in ``fmus/bench/worst_step.c``."""
 
+AT_RANDOM = "masks, readings that are none, jumps, changed deviations, tares at random"
+"""The last line there."""
+
 REPEATS = 201
 """Steps of each event."""
 
 
 @dataclass(frozen=True)
 class EventCost:
-    """Processor time of the steps with an event: median and largest [s]."""
+    """Processor time of the steps with an event [s]: median and largest; ``rare`` is the quantile of 99.99 %."""
 
     median: float
     largest: float
+    rare: float | None = None
 
 
-def worst_steps(map_path: Path) -> dict[str, Mapping[str, EventCost]]:
-    """Return the costs by event, :data:`EVENTS`, of each estimator of the map, alone and with its filter.
+def worst_steps(map_path: Path, random_steps: int) -> dict[str, Mapping[str, EventCost]]:
+    """Return the costs by event, :data:`EVENTS` and :data:`AT_RANDOM`, of each estimator, alone and filtered.
+
+    ``random_steps`` is the number of steps with events at random.
 
     Raises
     ------
@@ -72,14 +78,21 @@ def worst_steps(map_path: Path) -> dict[str, Mapping[str, EventCost]]:
             export_estimator(fmu.with_suffix(".h5"), fmu, ExportOptions(platforms=("linux64",)))
             import_fmpy().extract(str(fmu), str(fmu.with_suffix("")))
             description = import_fmpy().read_model_description(str(fmu))
-            found[name] = _costs(program, one, fmu.with_suffix(""), description, filtered=False)
+            found[name] = _costs(program, one, fmu.with_suffix(""), description, random_steps)
             if any(variable.name == FILTER_TIME_CONSTANT for variable in description.modelVariables):
-                found[f"{name}, filter"] = _costs(program, one, fmu.with_suffix(""), description, filtered=True)
+                costs = _costs(program, one, fmu.with_suffix(""), description, random_steps, filtered=True)
+                found[f"{name}, filter"] = costs
     return found
 
 
 def _costs(
-    program: Path, inverse_map: InverseMap, fmu: Path, description: Any, *, filtered: bool
+    program: Path,
+    inverse_map: InverseMap,
+    fmu: Path,
+    description: Any,
+    random_steps: int,
+    *,
+    filtered: bool = False,
 ) -> dict[str, EventCost]:
     """Return the costs by event of an unzipped FMU, with its filter or without."""
     library = next((fmu / "binaries" / "linux64").glob("*.so"))
@@ -90,14 +103,17 @@ def _costs(
         0.0 if manifold is None else float(manifold.mach_range.mean()),
         names["zero_std[1]"],
         names[FILTER_TIME_CONSTANT] if filtered else 0,
+        names["tare"],
         REPEATS,
+        random_steps,
         *(value for part in strain_parts(inverse_map) for value in part.tolist()),
     )
     command = [str(program), str(library), description.guid, (fmu / "resources").as_uri()]
     found = {}
     for line in run([*command, *map(repr, numbers)]).splitlines():
-        number, median, largest = line.split()
-        found[EVENTS[int(number)]] = EventCost(float(median), float(largest))
+        number, *times = line.split()
+        median, *rare, largest = map(float, times)
+        found[(*EVENTS, AT_RANDOM)[int(number)]] = EventCost(median, largest, *rare)
     return found
 
 

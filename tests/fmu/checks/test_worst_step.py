@@ -11,7 +11,7 @@ from scaled_maps import whole_scaled_map
 
 from strainfmu.cli.main import main
 from strainfmu.estimator.map.inverse_map import InverseMap, save_inverse_map
-from strainfmu.fmu.checks.worst_step import EVENTS
+from strainfmu.fmu.checks.worst_step import AT_RANDOM, EVENTS
 
 WITHOUT_PRESSURE = "no dynamic pressure, Mach number, static pressure or altitude given"
 
@@ -42,7 +42,7 @@ def test_every_event_is_stepped(
     monkeypatch.setattr("strainfmu.fmu.checks.worst_step.REPEATS", 3)
     save_inverse_map(make(), tmp_path / "map.h5")
     with pytest.raises(SystemExit) as left:
-        main(["bench", str(tmp_path), "--worst"])
+        main(["bench", str(tmp_path), "--worst", "--random-steps", "300"])
     assert left.value.code == 0
     rows = [
         [cell.strip() for cell in line.strip("│┃").split(line[0])]
@@ -51,11 +51,13 @@ def test_every_event_is_stepped(
     ]
     heading, *costs = (row for row in rows if row[0])
     assert heading[1:] == columns
-    assert [row[0] for row in costs] == list(EVENTS)
+    assert [row[0] for row in costs] == [*EVENTS, AT_RANDOM]
     for event, *times in costs:
         for column, pair in zip(columns, times, strict=True):
             if event == WITHOUT_PRESSURE and column.startswith("linear"):
                 assert pair == ""  # it has no estimate then
                 continue
-            median, largest = (float(number.replace(",", "")) for number in pair.split(" to "))
+            median, *rare, largest = (float(number.replace(",", "")) for number in pair.split(" to "))
+            assert len(rare) == (event == AT_RANDOM)
             assert 0.0 < median <= largest
+            assert all(median <= one <= largest for one in rare)

@@ -49,6 +49,7 @@ def test_settings_zeros_and_temperatures(fmu: FlightFmu, inverse_map: InverseMap
     random, estimator, linear = np.random.default_rng(2), Estimator(inverse_map), list[bool]()
     noise = float(np.sqrt(inverse_map.gauge_covariance[0, 0]))
     samples = random_flight(inverse_map, 16, seed=34)
+    before = np.nan
     bent = np.random.default_rng(6).normal(size=N_D) * 0.3 * np.abs(samples[0].strain).max()
     for k, one in enumerate(samples):
         if k == 11:
@@ -62,6 +63,9 @@ def test_settings_zeros_and_temperatures(fmu: FlightFmu, inverse_map: InverseMap
             assert fmu.set_reals(range(FIRST_ZERO, FIRST_ZERO + 2 * N_D + 1), zeros) == OK
         temperature = REFERENCE + 0.3 * random.normal(size=N_T)
         temperature[random.random(N_T) < (0.2 if k > 10 else 1.0)] = np.nan
+        if k == 13:  # another sensor is known: matrices are made at once, for the zeros too
+            temperature[0] = REFERENCE if np.isnan(before) else np.nan
+        before = temperature[0]
         first = FIRST_ZERO + 2 * N_D + 1
         assert fmu.set_reals(range(first, first + N_T), temperature) == OK
         off = one.strain + estimator.zeros.value + (bent if 2 <= k < 6 else 0.0)

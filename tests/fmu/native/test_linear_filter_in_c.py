@@ -21,6 +21,7 @@ from thermal_maps import REFERENCE, with_temperature
 
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
+from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.interface.estimator_variables import estimator_interface
 from strainfmu.interface.filter_variables import FILTER_TIME_CONSTANT
@@ -161,9 +162,14 @@ def test_without_the_filter_nothing_is_remembered(fmu: LinearFmu, inverse_map: I
     fmu.advance(samples[0], 0.9, STEP)
     filtered = fmu.advance(samples[1], 0.91, STEP)
     assert fmu.set_reals([first_zero(N) + N], [1e-12]) == OK
-    without = fmu.advance(samples[1], 0.92, STEP)
+    steps = [fmu.advance(samples[1], 0.92 + 0.01 * k, STEP) for k in range(24)]
+    health = [one[20] for one in steps]
+    begun = health.count(HealthState.DEGRADED)  # in the step in which the matrices for it are made
+    assert begun > 1
+    assert health == [HealthState.DEGRADED] * begun + [HealthState.OK] * (24 - begun)
+    without = steps[begun]
     assert fmu.filter(0.0) == OK
-    assert fmu.advance(samples[1], 0.93, STEP).tobytes() == without.tobytes()
+    assert fmu.advance(samples[1], 1.5, STEP).tobytes() == without.tobytes()
     assert filtered[10:15].tobytes() != without[10:15].tobytes()
 
 

@@ -29,17 +29,39 @@ def library(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
     found = ctypes.CDLL(str(path))
     found.orthogonal_rows_doubles.restype = ctypes.c_size_t
     found.orthogonal_rows_doubles.argtypes = (ctypes.c_size_t,) * 2
-    found.orthogonal_rows.restype = None
-    found.orthogonal_rows.argtypes = (ctypes.c_int, *(ctypes.c_size_t,) * 3, *(ctypes.c_void_p,) * 2)
+    found.orthogonal_rows.restype = ctypes.c_int
+    found.orthogonal_rows.argtypes = (
+        *(ctypes.c_int, *(ctypes.c_size_t,) * 3),
+        *((ctypes.c_void_p,) * 3),
+        ctypes.c_size_t,
+    )
     return found
 
 
-def turned(library: ctypes.CDLL, matrix: np.ndarray, wide: bool) -> tuple[np.ndarray, np.ndarray]:
-    """The rows of ``matrix`` turned, and what the turns are: the rows of the unit matrix stand behind."""
+class Turned(ctypes.Structure):
+    _fields_ = (
+        ("stage", ctypes.c_int),
+        ("row", ctypes.c_size_t),
+        ("round", ctypes.c_int),
+        ("largest", ctypes.c_double),
+    )
+
+
+AT_ONCE = 2 ** (8 * ctypes.sizeof(ctypes.c_size_t)) - 1
+
+
+def turned(
+    library: ctypes.CDLL, matrix: np.ndarray, wide: bool, work: int = AT_ONCE
+) -> tuple[np.ndarray, np.ndarray]:
+    """The rows of ``matrix`` turned, in parts, and the turns: the rows of the unit matrix stand behind."""
     count, n = matrix.shape
     rows = np.ascontiguousarray(np.hstack([matrix, np.eye(count)]))
     scratch = np.empty(library.orthogonal_rows_doubles(count, n + count))
-    library.orthogonal_rows(wide, count, n, n + count, rows.ctypes.data, scratch.ctypes.data)
+    done, parts = Turned(), 1
+    sizes = (wide, count, n, n + count)
+    while not library.orthogonal_rows(*sizes, rows.ctypes.data, scratch.ctypes.data, ctypes.byref(done), work):
+        parts += 1
+    assert (parts > 1) == (work < AT_ONCE)
     return rows[:, :n], rows[:, n:]
 
 
@@ -70,8 +92,9 @@ def test_rows_are_orthogonal(library: ctypes.CDLL, name: str) -> None:
     some = size > 1e-14 * largest  # what is smaller is rounding
     unit = rows[some] / size[some, None]
     assert np.abs(unit @ unit.T - np.eye(some.sum())).max(initial=0.0) < 1e-14
-    alike = turned(library, matrix, wide=False)
-    assert rows.tobytes() + turns.tobytes() == alike[0].tobytes() + alike[1].tobytes()
+    for work in (AT_ONCE, 20_000, 1):
+        alike = turned(library, matrix, wide=False, work=work)
+        assert rows.tobytes() + turns.tobytes() == alike[0].tobytes() + alike[1].tobytes()
 
 
 @pytest.mark.parametrize("count", [1, 2, 3])

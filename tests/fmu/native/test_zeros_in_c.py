@@ -13,6 +13,7 @@ from native_case import NativeCase
 from raw_fmu import ERROR, N_OUTPUTS, OK, VALUES, Fmu2, Fmu3, first_zero, write_resource
 
 from strainfmu.estimator.estimator import Estimator
+from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros, no_zeros
 
 pytestmark = pytest.mark.fast
@@ -69,6 +70,29 @@ def test_nonlinear_estimator_as_in_python(tmp_path: Path) -> None:
         moved = type(sample)(strain=reading, valid=sample.valid, flow=sample.flow)
         assert_same(fmu.advance(moved), tracked(estimator, moved))
     fmu.free()
+
+
+def test_the_log_states_why_health_is_degraded(small: NativeCase) -> None:
+    """While matrices for other deviations are made; what is read between the steps changes nothing."""
+    fmu, other = (Fmu2(small.uri, small.n, logging=True).start() for _ in range(2))
+    zeros = GaugeZeros(value=np.zeros(small.n), std=np.full(small.n, 1e-7), common_std=0.0)
+    for one in (fmu, other):
+        one.set_strain(small.inverse_map.mean_strain)
+        assert one.set_scalars(0, 1e5) == OK
+        assert one.step() == OK
+        assert give(one, zeros, first_zero(small.n)) == OK
+    states = []
+    for _ in range(24):
+        fmu.outputs()
+        assert [fmu.step(), other.step()] == [OK, OK]
+        states.append(int(fmu.outputs()[20]))
+        assert fmu.outputs().tobytes() == other.outputs().tobytes()
+    pending = states.count(HealthState.DEGRADED)
+    assert 0 < pending < 24
+    assert states == [HealthState.DEGRADED] * pending + [HealthState.OK] * (24 - pending)
+    said = [line for _, _, line in fmu.messages if "health DEGRADED" in line]
+    assert len(said) == 1
+    assert said[0].endswith("; matrices for other deviations of zeros are being made")
 
 
 def test_arrays_of_fmi_3(small: NativeCase) -> None:

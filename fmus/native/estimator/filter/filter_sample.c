@@ -220,6 +220,7 @@ void filter_sample(Filter *filter, const Law *law, const double *start, size_t i
         whiten_slopes(filter);
     }
     for (size_t k = 0; k < iterations; k++) {
+        solver->iterations++;
         set_problem(filter, law, state, own_slopes);
         iterate(filter, law, state, next);
         memcpy(state, next, sizeof state);

@@ -123,6 +123,9 @@ static int event(Model *model, char text[MODEL_TEXT_SIZE]) {
                  e->parameters.names + outside * PARAMETER_NAME_SIZE, e->inputs.value[first_parameter(&e->inputs) + outside],
                  e->parameters.minimum[outside], e->parameters.maximum[outside]);
     }
+    if (health == DEGRADED && estimator_renews(e)) {
+        snprintf(text + used, MODEL_TEXT_SIZE - used, "; matrices for other deviations of zeros are being made");
+    }
     e->reported_health = health;
     return 1;
 }

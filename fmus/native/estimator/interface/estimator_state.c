@@ -3,13 +3,14 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "../../core/floating.h"
 #include "../filter/filter.h"
 #include "../policies/flight.h"
 #include "estimator_variables.h"
 
 /* Inputs and settings, then the whole numbers of the last event, as float64; a byte per gauge for valid, and whether its
-   reading was set; the tare; the filter of a linear map; the track of the nonlinear estimator. Masks and outputs follow from
-   them. */
+   reading was set; the tare; matrices that are made; the filter of a linear map; the track of the nonlinear estimator. Masks
+   and outputs follow from them. */
 
 enum { VALID_BIT = 1, GIVEN_BIT = 2 };
 
@@ -17,8 +18,12 @@ static size_t input_size(const Estimator *e) {
     return sizeof(double) * (inputs_count(&e->inputs) + N_WHOLE) + e->map.n_gauges;
 }
 
-static size_t linear_size(const Estimator *e) {
+static size_t tared_size(const Estimator *e) {
     return input_size(e) + tare_state_size(&e->tare);
+}
+
+static size_t linear_size(const Estimator *e) {
+    return tared_size(e) + renewal_state_size(&e->renewal);
 }
 
 /* Of the filter, its track and the law, which is 0 where there is none. */
@@ -52,6 +57,7 @@ void model_write_state(const Model *model, unsigned char *bytes) {
     }
     linear_filter_write_state(&e->linear_filter, bytes + linear_size(e));
     tare_write_state(&e->tare, bytes + input_size(e));
+    renewal_write_state(&e->renewal, bytes + tared_size(e));
     memcpy(bytes, e->inputs.value, sizeof(double) * inputs_count(&e->inputs));
     bytes += sizeof(double) * inputs_count(&e->inputs);
     memcpy(bytes, e->settled, sizeof e->settled);
@@ -99,6 +105,10 @@ int estimator_check_state(const Model *model, const unsigned char *bytes, char t
         snprintf(text, MODEL_TEXT_SIZE, "holds a tare that cannot be");
         return 0;
     }
+    if (!renewal_state_fits(&e->renewal, e->map.largest_zero, bytes + tared_size(e))) {
+        snprintf(text, MODEL_TEXT_SIZE, "holds zero offsets that are not allowed");
+        return 0;
+    }
     if (!linear_filter_state_fits(&e->linear_filter, bytes + linear_size(e))) {
         snprintf(text, MODEL_TEXT_SIZE, "holds a law of the filter that cannot be");
         return 0;
@@ -126,6 +136,9 @@ void model_read_state(Model *model, const unsigned char *bytes) {
     }
     linear_filter_read_state(&e->linear_filter, bytes + linear_size(e));
     tare_read_state(&e->tare, bytes + input_size(e));
+    const Floating host = floating_enter();
+    renewal_read_state(&e->renewal, bytes + tared_size(e));
+    floating_leave(&host);
     memcpy(e->inputs.value, bytes, sizeof(double) * inputs_count(&e->inputs));
     bytes += sizeof(double) * inputs_count(&e->inputs);
     memcpy(e->settled, bytes, sizeof e->settled);

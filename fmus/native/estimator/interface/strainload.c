@@ -102,6 +102,7 @@ static void describe_outputs(StrainLoad *handle) {
     add_field(record, "suspects", 1);
     add_field(record, "envelope_score", 1);
     add_field(record, "degrees_of_freedom", 1);
+    add_field(record, "iterations", 1);
     add_field(record, "air_data", n_flight * N_AIR_DATA);
     add_field(record, "air_data_std", n_flight * N_AIR_DATA);
     add_field(record, "is_identified", n_flight * N_AIR_DATA);
@@ -207,6 +208,9 @@ size_t sl_size(const StrainLoad *handle, int record) {
     if (record == SL_TARE_STATE) {
         return tare_state_size(&handle->steps);
     }
+    if (record == SL_ITERATIONS) {
+        return handle->estimator->flight.present ? flight_most_iterations(&handle->estimator->flight) : 0;
+    }
     return record >= 0 && record < N_RECORDS ? handle->record[record].size : 0;
 }
 
@@ -266,11 +270,14 @@ void sl_get(const StrainLoad *handle, size_t first, size_t count, double *value)
 }
 
 void sl_restart(StrainLoad *handle) {
-    Estimator *e = handle->estimator;
-    flight_reset(&e->flight);
-    linear_filter_reset(&e->linear_filter);
+    estimator_restart(handle->estimator);
     model_set_time(handle->model, 0.0);
-    e->outdated = 1;
+}
+
+void sl_renew(StrainLoad *handle) {
+    const Floating host = floating_enter();
+    estimator_renew(handle->estimator);
+    floating_leave(&host);
 }
 
 /* Take a sample in. */
@@ -302,6 +309,7 @@ static void write_result(StrainLoad *handle, double *output, double *fit) {
     memcpy(output, estimator_outputs(e), N_OUTPUTS * sizeof *output);
     output += N_OUTPUTS;
     *output++ = degrees_of_freedom(e);
+    *output++ = e->flight.present ? (double)e->flight.solver.iterations : 0.0;
     if (e->flight.present) {
         memcpy(output, e->flight.real, sizeof e->flight.real);
         write_flags(e->flight.flag, N_FLIGHT_FLAGS, output + N_FLIGHT_REALS);

@@ -26,7 +26,7 @@
 #endif
 
 /* Changes when a function or the meaning of a field does. */
-#define SL_VERSION 3
+#define SL_VERSION 4
 
 #define SL_TEXT_SIZE 256
 #define SL_NAME_SIZE 64
@@ -43,7 +43,8 @@ enum {
     SL_TARE,        /* outcome of a tare: zero offsets, their deviations, and what speaks against them */
     SL_ROWS,        /* sensors of the map: strain gauges, then the others */
     SL_STATE,       /* bytes of what a sample leaves to the next one */
-    SL_TARE_STATE   /* bytes of a tare by steps */
+    SL_TARE_STATE,  /* bytes of a tare by steps */
+    SL_ITERATIONS   /* most iterations of a sample: the field "iterations" of SL_OUTPUTS never exceeds it; 0 without tables */
 };
 
 /* How the samples of a series follow one another. */
@@ -63,7 +64,7 @@ SL_API int sl_version(void);
 SL_API StrainLoad *sl_open(const void *bytes, size_t length, char text[SL_TEXT_SIZE]);
 SL_API void sl_close(StrainLoad *handle);
 
-/* Number of values of a record, of rows, or of bytes of the state. */
+/* Number of values of a record, of rows, of bytes of the state, or of iterations. */
 SL_API size_t sl_size(const StrainLoad *handle, int record);
 
 /* Field `index` of a record. 1; 0 if there is none. */
@@ -72,6 +73,11 @@ SL_API int sl_field(const StrainLoad *handle, int record, size_t index, SlField 
 /* Settings from position `first` on. 1; 0, after a message, if one is refused: those before it are set then. */
 SL_API int sl_set(StrainLoad *handle, size_t first, size_t count, const double *value, char text[SL_TEXT_SIZE]);
 SL_API void sl_get(const StrainLoad *handle, size_t first, size_t count, double *value);
+
+/* Standard deviations of zero offsets change matrices. After the first sample of SL_TRACK, each of the following ones makes a
+   part of the new matrices, in bounded time: until they are made, the zero offsets of before hold, and health is DEGRADED.
+   This makes them at once, for a caller without a deadline. */
+SL_API void sl_renew(StrainLoad *handle);
 
 /* Forget the samples so far; settings stay. */
 SL_API void sl_restart(StrainLoad *handle);

@@ -8,20 +8,18 @@
 
 size_t linear_doubles(const Linear *linear, size_t n_strains) {
     const Map *map = linear->map;
-    return prepared_doubles(map, n_strains) + absolute_doubles(map) + half_space_doubles(&map->envelope)
-         + (map->scaled ? scaled_doubles(map, linear->other_loads->present ? linear->other_loads->map.n_loads : 0) : 0);
+    const size_t n_other = linear->other_loads->present ? linear->other_loads->map.n_loads : 0;
+    return prepared_doubles(map, n_strains, n_other) + absolute_doubles(map) + half_space_doubles(&map->envelope)
+         + (map->scaled ? scaled_doubles(map, n_other) : 0);
 }
 
 size_t linear_indices(const Map *map) {
     return prepared_indices(map) + (map->scaled ? scaled_indices(map) : 0);
 }
 
+/* Those of every step first: they are aligned as the block is. */
 void linear_arrays(Map *map, size_t n_strains, Linear *linear, double **doubles, size_t **indices, float *narrow,
                    unsigned char **bytes) {
-    prepared_arrays(map, n_strains, &linear->prepared, doubles, indices, bytes);
-    half_space_arrays(&map->envelope, &linear->half_spaces, doubles);
-    absolute_arrays(map, &linear->absolute, doubles);
-    linear->absolute.narrow = narrow;
     linear->prepared.noise.wide = linear->prepared.work.wide = linear->wide;
     linear->prepared.noise.other_loads = linear->other_loads->present ? linear->other_loads : NULL;
     if (map->scaled) {
@@ -30,6 +28,10 @@ void linear_arrays(Map *map, size_t n_strains, Linear *linear, double **doubles,
         linear->scaled.wide = linear->wide;
         scaled_arrays(&linear->scaled, doubles, indices);
     }
+    half_space_arrays(&map->envelope, &linear->half_spaces, doubles);
+    absolute_arrays(map, &linear->absolute, doubles);
+    linear->absolute.narrow = narrow;
+    prepared_arrays(map, n_strains, &linear->prepared, doubles, indices, bytes);
 }
 
 int linear_begin(Linear *linear) {
@@ -40,15 +42,11 @@ int linear_begin(Linear *linear) {
     return good;
 }
 
-int linear_renew(Linear *linear, int other) {
-    const size_t n = linear->inputs->sensors->n_strains;
-    if (!prepared_renew(&linear->prepared, linear->inputs->zeros + n, n, other)) {
-        return 0;
-    }
+void linear_renewed(Linear *linear) {
+    prepared_renewed(&linear->prepared);
     if (linear->map->scaled) {
         scaled_prepare(&linear->scaled);
     }
-    return 1;
 }
 
 /* Flow and navigation of the inputs. */

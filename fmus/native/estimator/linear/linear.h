@@ -15,9 +15,8 @@ void linear_arrays(Map *map, size_t n_strains, Linear *linear, double **doubles,
 /* Give the map its matrices. 0 if the covariance of its gauges is none. */
 int linear_begin(Linear *linear);
 
-/* The same for the zeros in use, and for other errors of the gauges, which are in linear->prepared.noise, if `other`. Whether
-   any are others than before. */
-int linear_renew(Linear *linear, int other);
+/* After the last prepared_part: the map has other matrices, and what follows from them. */
+void linear_renewed(Linear *linear);
 
 /* Set all outputs for the present inputs. */
 void linear_update(Linear *linear);

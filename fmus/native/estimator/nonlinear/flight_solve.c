@@ -274,6 +274,7 @@ void flight_solve_warm(FlightSolver *solver, const double *state) {
     evaluate(solver, state);
     set_factor(solver);
     for (size_t k = 0; k < (size_t)solver->map->warm_iterations; k++) {
+        solver->iterations++;
         linearise(solver);
         next_state(solver, next);
         evaluate(solver, next);
@@ -300,6 +301,7 @@ double flight_iterate_start(FlightSolver *solver, double *state) {
     const size_t iterations = (size_t)solver->map->start_iterations;
     solver->has_before = 0;
     for (size_t k = 0; k < iterations; k++) {
+        solver->iterations++;
         evaluate(solver, state);
         if (k % (iterations / 2) == 0) {
             set_factor(solver);
@@ -318,6 +320,7 @@ void flight_solve_from(FlightSolver *solver, const double *state) {
     solver->has_before = 0;
     flight_linearise_anew(solver, state);
     for (size_t k = 0; k < iterations; k++) {
+        solver->iterations++;
         next_state(solver, next);
         flight_linearise_anew(solver, next);
     }

@@ -24,6 +24,9 @@ typedef struct {
 #define SEARCH_ROLLS 16
 #define SEARCH_STATES (SEARCH_MACHS * SEARCH_ROLLS) /* at each incidence */
 
+/* Iterations to each side of a state, of which navigation does not state the pressure: policies/ambiguity.c. */
+#define ASIDE_ITERATIONS 3
+
 #define N_WIDENING (N_STATES + 2 * N_LOADS) /* flight state, loads, coefficients */
 
 /* Estimates of a sample, about the map's moment point and references. */
@@ -77,6 +80,7 @@ typedef struct {
     double end[SEARCH_STARTS][N_STATES], end_deviance[SEARCH_STARTS]; /* where the iterations of the search ended */
     KeptEnds kept[KEPT_SEARCHES]; /* of the searches of this step: it may repeat them */
     size_t n_kept; /* 0 again with the next strain */
+    size_t iterations; /* Gauss-Newton ones of this step */
     int has_before;              /* whether the iterations have taken a step: from this state, the whole of it this */
     double before[N_STATES], whole_step[N_STATES];
 } FlightSolver;

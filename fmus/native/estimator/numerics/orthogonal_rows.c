@@ -10,6 +10,9 @@
 #define ORTHOGONAL 4e-16 /* |cosine| of two rows that counts as 0 */
 #define QL_STEPS 30      /* for an eigenvalue; two are usual, and what is left of it is left to the rotations */
 #define SMALL 0x1p-53    /* of an element beside the diagonal, over those on it, that counts as 0 */
+#define ROOTS 40         /* multiplications that take the time of the roots and divisions of a rotation */
+
+enum { PRODUCTS, REFLECTIONS, QL, SQUARES, SWEEP, ORTHOGONAL_ROWS };
 
 size_t orthogonal_rows_doubles(size_t count, size_t width) {
     return count * count + 3 * count + width;
@@ -103,35 +106,6 @@ EVERYWHERE void ql_step(size_t l, size_t m, size_t width, double *diagonal, doub
     beside[m] = 0.0;
 }
 
-/* Turn rows by the eigenvectors of their products. */
-EVERYWHERE void turn_by_products(size_t count, size_t n, size_t width, double *rows, double *scratch) {
-    double *gram = scratch, *diagonal = gram + count * count, *beside = diagonal + count;
-    for (size_t i = 0; i < count; i++) {
-        for (size_t j = 0; j <= i; j++) {
-            gram[i * count + j] = gram[j * count + i] = product(n, rows + i * width, rows + j * width);
-        }
-    }
-    for (size_t k = 0; k + 2 < count; k++) {
-        reflect(count, width, k, gram, rows, diagonal);
-    }
-    for (size_t i = 0; i < count; i++) {
-        diagonal[i] = gram[i * count + i];
-        beside[i] = i + 1 < count ? gram[i * count + i + 1] : 0.0;
-    }
-    for (size_t l = 0; l < count; l++) {
-        for (int step = 0; step < QL_STEPS; step++) {
-            size_t m = l;
-            while (m + 1 < count && fabs(beside[m]) > SMALL * (fabs(diagonal[m]) + fabs(diagonal[m + 1]))) {
-                m++;
-            }
-            if (m == l) {
-                break;
-            }
-            ql_step(l, m, width, diagonal, beside, rows);
-        }
-    }
-}
-
 /* One rotation of rows a and b, of squares alpha and beta and a product. */
 EVERYWHERE void turn_pair(size_t width, double alpha, double beta, double gamma, double *a, double *b) {
     const double tau = (beta - alpha) / (2.0 * gamma);
@@ -140,41 +114,137 @@ EVERYWHERE void turn_pair(size_t width, double alpha, double beta, double gamma,
     rotate(width, c, t * c, a, b);
 }
 
-/* Turn all pairs of rows; the largest |cosine| among them. square (count) has their squares. */
-EVERYWHERE double sweep(size_t count, size_t n, size_t width, double *rows, double *square) {
-    double largest = 0.0;
-    for (size_t p = 0; p + 1 < count; p++) {
-        for (size_t q = p + 1; q < count; q++) {
-            double *a = rows + p * width, *b = rows + q * width;
-            const double gamma = product(n, a, b), scale = sqrt(square[p]) * sqrt(square[q]);
-            if (!(fabs(gamma) > ORTHOGONAL * scale)) {
-                continue;
-            }
-            largest = fabs(gamma) / scale > largest ? fabs(gamma) / scale : largest;
-            turn_pair(width, square[p], square[q], gamma, a, b);
-            square[p] = product(n, a, a);
-            square[q] = product(n, b, b);
-        }
+/* Row k of the products. */
+EVERYWHERE size_t set_products(size_t count, size_t n, size_t width, size_t k, const double *rows, double *gram) {
+    for (size_t j = 0; j <= k; j++) {
+        gram[k * count + j] = gram[j * count + k] = product(n, rows + k * width, rows + j * width);
     }
-    return largest;
+    return (k + 1) * n;
 }
 
-EVERYWHERE void turn(size_t count, size_t n, size_t width, double *rows, double *scratch) {
-    turn_by_products(count, n, width, rows, scratch);
-    double *square = scratch;
+/* The diagonal and the elements beside it, of products and rows that are reflected. */
+static void set_diagonal(size_t count, const double *gram, double *diagonal, double *beside) {
     for (size_t i = 0; i < count; i++) {
-        square[i] = product(n, rows + i * width, rows + i * width);
+        diagonal[i] = gram[i * count + i];
+        beside[i] = i + 1 < count ? gram[i * count + i + 1] : 0.0;
     }
-    for (int k = 0; k < SWEEPS && sweep(count, n, width, rows, square) > 8.0 * ORTHOGONAL; k++) {
+}
+
+/* A QL step for eigenvalue `row`, or on to the next one. */
+EVERYWHERE size_t approach(size_t count, size_t width, double *diagonal, double *beside, double *rows, Turned *turned) {
+    const size_t l = turned->row;
+    size_t m = l;
+    while (m + 1 < count && fabs(beside[m]) > SMALL * (fabs(diagonal[m]) + fabs(diagonal[m + 1]))) {
+        m++;
     }
+    if (m == l || turned->round == QL_STEPS) {
+        turned->row++;
+        turned->round = 0;
+        return 0;
+    }
+    ql_step(l, m, width, diagonal, beside, rows);
+    turned->round++;
+    return (m - l) * (2 * width + ROOTS);
+}
+
+/* Turn all pairs of row p with those below it. square (count) has the squares of rows. */
+EVERYWHERE size_t sweep(size_t count, size_t n, size_t width, size_t p, double *rows, double *square, double *largest) {
+    size_t work = 0;
+    for (size_t q = p + 1; q < count; q++) {
+        double *a = rows + p * width, *b = rows + q * width;
+        const double gamma = product(n, a, b), scale = sqrt(square[p]) * sqrt(square[q]);
+        work += n;
+        if (!(fabs(gamma) > ORTHOGONAL * scale)) {
+            continue;
+        }
+        *largest = fabs(gamma) / scale > *largest ? fabs(gamma) / scale : *largest;
+        turn_pair(width, square[p], square[q], gamma, a, b);
+        square[p] = product(n, a, a);
+        square[q] = product(n, b, b);
+        work += 2 * width + 2 * n + ROOTS;
+    }
+    return work;
+}
+
+/* Whether a sweep that has ended is followed by another one. */
+static int sweeps_on(Turned *turned) {
+    const int more = turned->round + 1 < SWEEPS && turned->largest > 8.0 * ORTHOGONAL;
+    turned->round++;
+    turned->row = 0;
+    turned->largest = 0.0;
+    return more;
+}
+
+static void next_stage(Turned *turned) {
+    turned->stage++;
+    turned->row = 0;
+    turned->round = 0;
+}
+
+/* The next row, QL step, or row of a sweep; its multiplications. */
+EVERYWHERE size_t turn_row(size_t count, size_t n, size_t width, double *rows, double *scratch, Turned *turned) {
+    double *gram = scratch, *diagonal = gram + count * count, *beside = diagonal + count, *square = scratch;
+    const size_t row = turned->row, left = count - row;
+    size_t work = 0;
+    switch (turned->stage) {
+    case PRODUCTS:
+        if (row < count) {
+            work = set_products(count, n, width, row, rows, gram);
+            turned->row++;
+        } else {
+            next_stage(turned);
+        }
+        break;
+    case REFLECTIONS:
+        if (row + 2 < count) {
+            reflect(count, width, row, gram, rows, diagonal);
+            work = left * (3 * left + 2 * width);
+            turned->row++;
+        } else {
+            set_diagonal(count, gram, diagonal, beside);
+            next_stage(turned);
+        }
+        break;
+    case QL:
+        if (row < count) {
+            work = approach(count, width, diagonal, beside, rows, turned);
+        } else {
+            next_stage(turned);
+        }
+        break;
+    case SQUARES:
+        for (size_t i = 0; i < count; i++) {
+            square[i] = product(n, rows + i * width, rows + i * width);
+        }
+        work = count * n;
+        next_stage(turned);
+        break;
+    default:
+        if (row + 1 < count) {
+            work = sweep(count, n, width, row, rows, square, &turned->largest);
+            turned->row++;
+        } else if (!sweeps_on(turned)) {
+            turned->stage = ORTHOGONAL_ROWS;
+        }
+    }
+    return work;
+}
+
+EVERYWHERE int turn(size_t count, size_t n, size_t width, double *rows, double *scratch, Turned *turned, size_t work) {
+    size_t done = 0;
+    while (turned->stage < ORTHOGONAL_ROWS && done < work) {
+        done += turn_row(count, n, width, rows, scratch, turned);
+    }
+    return turned->stage == ORTHOGONAL_ROWS;
 }
 
 #if HAS_AVX2
-AVX2 static void turn_avx2(size_t count, size_t n, size_t width, double *rows, double *scratch) {
-    turn(count, n, width, rows, scratch);
+AVX2 static int turn_avx2(size_t count, size_t n, size_t width, double *rows, double *scratch, Turned *turned, size_t work) {
+    return turn(count, n, width, rows, scratch, turned, work);
 }
 #endif
 
-void orthogonal_rows(int wide, size_t count, size_t n, size_t width, double *rows, double *scratch) {
-    CHOSEN(wide, turn)(count, n, width, rows, scratch);
+int orthogonal_rows(int wide, size_t count, size_t n, size_t width, double *rows, double *scratch, Turned *turned,
+                    size_t work) {
+    return CHOSEN(wide, turn)(count, n, width, rows, scratch, turned, work);
 }

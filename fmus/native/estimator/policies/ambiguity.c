@@ -12,7 +12,6 @@
 #define TOLD 100.0
 #define ASIDE 3.0
 #define LARGEST_ASIDE 3.0
-#define ITERATIONS 3
 #define LEAST_EXCESS 4.0
 #define BETTER 9.0
 static const double UNLIKELY[2] = {16.0, 25.0}, UNEXPLAINED[2] = {4.0, 9.0};
@@ -101,7 +100,8 @@ static void look_aside(FlightSolver *solver, const double *state, const double *
     }
     flight_limited(solver->map, next, NONE, next);
     flight_linearise_anew(solver, next);
-    for (int iteration = 0; iteration < ITERATIONS; iteration++) {
+    for (int iteration = 0; iteration < ASIDE_ITERATIONS; iteration++) {
+        solver->iterations++;
         invert_inner(solver, inverse);
         for (size_t i = 0; i < N_INNER; i++) {
             step[i] = 0.0;

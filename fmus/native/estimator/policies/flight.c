@@ -119,6 +119,7 @@ static void forget_slopes(Flight *flight, int changed) {
 void flight_update(Flight *flight) {
     const size_t used = flight_set_strain(&flight->solver, flight->inputs);
     flight->output[VALID_GAUGES] = (double)used;
+    flight->solver.iterations = 0;
     navigation_of(&flight->map, flight->inputs, flight->value, flight->std);
     forget_slopes(flight, known_follow(&flight->known, flight->inputs));
     if (flight_filters(flight)) {
@@ -148,6 +149,17 @@ void flight_other_loads_update(Flight *flight) {
     } else {
         flight_other_loads_at(&flight->other_loads, &flight->solver, flight->inputs, flight->loads);
     }
+}
+
+/* flight_track.c takes three attempts: from the last state, by a search, from the last state again. Each solves twice, with
+   all of navigation and without what is inconsistent. A search is repeated only of other navigation: that of all is one,
+   and what an attempt leaves out is another one, the same for the first and the last. A filter takes fewer. */
+size_t flight_most_iterations(const Flight *flight) {
+    const FlightMap *map = &flight->map;
+    const size_t start = (size_t)map->start_iterations, cold = (size_t)map->cold_iterations;
+    const size_t solutions = 6, from_state = 4, searches = 3, sides = 2;
+    return from_state * (size_t)map->warm_iterations + solutions * (cold + sides * ASIDE_ITERATIONS)
+         + searches * SEARCH_STARTS * start;
 }
 
 void flight_renew(Flight *flight) {

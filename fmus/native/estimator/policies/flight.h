@@ -17,6 +17,9 @@ void flight_update(Flight *flight);
 /* Set flight->loads->value for the last update, by the tables. */
 void flight_other_loads_update(Flight *flight);
 
+/* The most Gauss-Newton iterations of a step; those of the last one are flight->solver.iterations. */
+size_t flight_most_iterations(const Flight *flight);
+
 /* The gauges have other errors: those of the linear estimator. */
 void flight_renew(Flight *flight);
 

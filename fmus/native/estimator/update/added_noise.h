@@ -10,13 +10,20 @@
 #include "masked_map.h"
 #include "noise_state.h"
 
-/* Number of doubles that its arrays take, and handing them out for the map of a file. */
-size_t added_noise_doubles(const Map *map);
+/* Number of doubles that its arrays take, with so many other loads, and handing them out for the map of a file;
+   noise->other_loads is set. */
+size_t added_noise_doubles(const Map *map, size_t n_other);
 void added_noise_arrays(const Map *map, AddedNoise *noise, double **doubles);
 
-/* Let map have the matrices for the errors noise->own, in place of the file's if set, and noise->added besides; `masked` and
-   `work` are scratch. 0 if the sum is no covariance: map is that of the file then, which is one where this has returned 1
-   with neither. */
-int added_noise_apply(AddedNoise *noise, Map *map, MaskedMap *masked, Workspace *work);
+/* Make the matrices for the errors noise->own, in place of the file's if set, and noise->added besides, part by part; those
+   that the map has stay until they are handed out. A part takes about as many multiplications as the first one, or `work`
+   of those whose number is not known before. 1, and nothing is done, after the last part. Where the sum is no covariance, the file's is in its
+   place, from the first part on. */
+void added_noise_begin(AddedNoise *noise);
+int added_noise_part(AddedNoise *noise, size_t work);
+
+/* After the last part: the map has them; `masked` and `prepared` are scratch. 0 if the sum was no covariance, and with
+   that of the file the map stays as it is if that is none. */
+int added_noise_hand_out(AddedNoise *noise, Map *map, MaskedMap *masked, Workspace *prepared);
 
 #endif

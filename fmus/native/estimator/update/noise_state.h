@@ -1,24 +1,34 @@
-/* The arrays of a map that follow from the covariance of its gauges, and scratch to make them. */
+/* The arrays of a map that follow from the covariance of its gauges, and scratch to make them part by part. */
 
 #ifndef NOISE_STATE_H
 #define NOISE_STATE_H
 
+#include "../numerics/orthogonal_rows.h"
 #include "other_loads.h"
 
-/* The arrays of Map and ScaledForm that follow from others. */
+/* The arrays of Map, ScaledForm and OtherLoads that follow from others. */
+typedef struct {
+    double *residual_triangle, *gain_triangle, *noise_whitening, *noise_root; /* as in Map */
+    double *load_gain, *load_covariance, *regression, *remainder, *min_precision;
+    double *whitening, *singular, *load, *unseen, *form_min_precision; /* as in ScaledForm */
+    double *other_load, *other_unseen;                                 /* as in OtherLoads */
+} NoiseMatrices;
+
 typedef struct {
     int wide;        /* panels_wide() */
     Map file;        /* with the arrays of the file alone */
     double *added;   /* (n_gauges, n_gauges) covariance of the other errors [1] */
     const double *own, *whole; /* (n_gauges, n_gauges) covariance of the gauges in place of the file's, and with the
                                   errors that scale; NULL for those of the file */
-    double *residual_triangle, *gain_triangle, *noise_whitening, *noise_root; /* as in Map */
-    double *load_gain, *load_covariance, *regression, *remainder, *min_precision;
-    double *whitening, *singular, *load, *unseen, *form_min_precision; /* as in ScaledForm */
     OtherLoads *other_loads; /* other loads, which follow too; NULL for none */
+    NoiseMatrices set[2], *made; /* those of the map, and those that are made */
+    int stage;       /* of the functions in added_noise.c */
+    int refused;     /* whether own and added were no covariance: they are those of the file then */
+    Turned turned;   /* of pressure_directions.c, */
+    size_t taken;    /* and the directions that it has taken */
     double *large;   /* scratch: see added_noise.c */
     double *head;
-    double *square[3]; /* (n_gauges, n_gauges) each */
+    double *square;    /* (n_gauges, n_gauges) */
     double *rows;      /* (5, n_gauges + n_states), and n_gauges */
 } AddedNoise;
 

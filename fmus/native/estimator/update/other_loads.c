@@ -24,14 +24,12 @@ int other_loads_create(MapFile *file, size_t n_gauges, size_t n_states, OtherLoa
         return 0;
     }
     const size_t m = other_loads->map.n_loads;
-    const size_t count = 3 * n_gauges * m + m + n_gauges + N_OTHER_VALUES * m;
+    const size_t count = 2 * n_gauges * m + n_gauges + N_OTHER_VALUES * m;
     other_loads->memory = calloc(count, sizeof(double));
     if (other_loads->memory == NULL) {
         return map_no_memory(file);
     }
-    other_loads->load = other_loads->memory;
-    other_loads->unseen = other_loads->load + n_gauges * m;
-    other_loads->rows = other_loads->unseen + m;
+    other_loads->rows = other_loads->memory;
     other_loads->growth = other_loads->rows + 2 * m * n_gauges;
     other_loads->value[0] = other_loads->growth + n_gauges;
     for (int k = 1; k < N_OTHER_VALUES; k++) {

@@ -29,8 +29,8 @@ typedef struct {
     int present;         /* whether the map has such loads; if not, nothing else is set */
     OtherLoadsMap map;      /* as the file has it */
     void *memory;
-    double *load;        /* (n_gauges, n_loads) loads of each direction, as ScaledForm has them, by added_noise.h */
-    double *unseen;      /* (n_loads) diagonal of R, the same */
+    const double *load;   /* (n_gauges, n_loads) loads of each direction, as ScaledForm has them, by added_noise.h */
+    const double *unseen; /* (n_loads) diagonal of R, the same */
     double *rows;        /* (2 n_loads, n_gauges) scratch of added_noise.h */
     double *growth;      /* (n_gauges) scratch */
     double *value[N_OTHER_VALUES]; /* (n_loads) [N, N m, 1, 1] */

@@ -5,8 +5,9 @@
 #include "../numerics/arrays.h"
 #include "../sample/readings.h"
 
-size_t prepared_doubles(const Map *map, size_t n_strains) {
-    return CACHED_MASKS * masked_map_doubles(map) + workspace_doubles(map) + added_noise_doubles(map) + n_strains + 1;
+size_t prepared_doubles(const Map *map, size_t n_strains, size_t n_other) {
+    return CACHED_MASKS * masked_map_doubles(map) + workspace_doubles(map) + added_noise_doubles(map, n_other)
+         + 2 * (n_strains + 1);
 }
 
 size_t prepared_indices(const Map *map) {
@@ -29,11 +30,16 @@ void prepared_arrays(Map *map, size_t n_strains, Prepared *prepared, double **do
     *bytes += prepared_bytes(map);
     workspace_arrays(map, &prepared->work, doubles, indices);
     added_noise_arrays(map, &prepared->noise, doubles);
+    prepared->n_strains = n_strains;
     prepared->noise_std = taken(doubles, n_strains + 1);
+    prepared->next_std = taken(doubles, n_strains + 1);
 }
 
 int prepared_begin(Prepared *prepared) {
-    return added_noise_apply(&prepared->noise, prepared->map, &prepared->cache[0], &prepared->work);
+    added_noise_begin(&prepared->noise);
+    while (!added_noise_part(&prepared->noise, SIZE_MAX)) {
+    }
+    return added_noise_hand_out(&prepared->noise, prepared->map, &prepared->cache[0], &prepared->work);
 }
 
 void prepared_follow(Prepared *prepared, const Inputs *inputs) {
@@ -62,27 +68,29 @@ void prepared_follow(Prepared *prepared, const Inputs *inputs) {
     masked_map_prepare(prepared->map, prepared->masked, &prepared->work);
 }
 
-/* The covariance of the errors of the zeros in use; other sensors have none. */
-static void set_added_noise(Prepared *prepared, size_t n) {
-    const size_t stride = prepared->map->n_gauges;
-    const double *std = prepared->noise_std;
+int prepared_holds(const Prepared *prepared, const double *std) {
+    return memcmp(prepared->noise_std, std, (prepared->n_strains + 1) * sizeof *std) == 0;
+}
+
+void prepared_renew(Prepared *prepared, const double *std) {
+    const size_t n = prepared->n_strains, stride = prepared->map->n_gauges;
     const double common = std[n] * std[n];
-    for (size_t i = 0; i < n; i++) {
+    memcpy(prepared->next_std, std, (n + 1) * sizeof *std);
+    for (size_t i = 0; i < n; i++) { /* other sensors have no zeros */
         for (size_t j = 0; j < n; j++) {
             prepared->noise.added[i * stride + j] = common + (i == j ? std[i] * std[i] : 0.0);
         }
     }
+    added_noise_begin(&prepared->noise);
 }
 
-int prepared_renew(Prepared *prepared, const double *std, size_t n_strains, int other) {
-    const size_t size = (n_strains + 1) * sizeof *std;
-    if (!other && memcmp(prepared->noise_std, std, size) == 0) {
-        return 0;
-    }
-    memcpy(prepared->noise_std, std, size);
-    set_added_noise(prepared, n_strains);
+int prepared_part(Prepared *prepared, size_t work) {
+    return added_noise_part(&prepared->noise, work);
+}
+
+void prepared_renewed(Prepared *prepared) {
+    memcpy(prepared->noise_std, prepared->next_std, (prepared->n_strains + 1) * sizeof *prepared->noise_std);
     memset(prepared->last_use, 0, sizeof prepared->last_use);
     prepared->masked = NULL;
-    added_noise_apply(&prepared->noise, prepared->map, &prepared->cache[0], &prepared->work);
-    return 1;
+    added_noise_hand_out(&prepared->noise, prepared->map, &prepared->cache[0], &prepared->work);
 }

@@ -13,7 +13,9 @@
 typedef struct {
     Map *map;
     AddedNoise noise;  /* errors of the zeros, */
-    double *noise_std; /* (n_strains + 1) the deviations that map holds for */
+    size_t n_strains;
+    double *noise_std; /* (n_strains + 1) the deviations that map holds for, */
+    double *next_std;  /* and those that matrices are made for */
     MaskedMap *masked; /* for the gauges in use; NULL before any are known */
     MaskedMap cache[CACHED_MASKS];
     unsigned long last_use[CACHED_MASKS], uses; /* 0 for an empty entry */
@@ -21,9 +23,9 @@ typedef struct {
     unsigned char *mask; /* (n_gauges) gauges in use in this step */
 } Prepared;
 
-/* Number of doubles, of indices and of bytes that the arrays take of a map with n_strains strain gauges, and handing them
-   out. */
-size_t prepared_doubles(const Map *map, size_t n_strains);
+/* Number of doubles, of indices and of bytes that the arrays take of a map with n_strains strain gauges and so many other
+   loads, and handing them out; noise.other_loads is set. */
+size_t prepared_doubles(const Map *map, size_t n_strains, size_t n_other);
 size_t prepared_indices(const Map *map);
 size_t prepared_bytes(const Map *map);
 void prepared_arrays(Map *map, size_t n_strains, Prepared *prepared, double **doubles, size_t **indices,
@@ -35,8 +37,14 @@ int prepared_begin(Prepared *prepared);
 /* Set prepared->masked for the gauges in use. */
 void prepared_follow(Prepared *prepared, const Inputs *inputs);
 
-/* Give the map its matrices for deviations of the zeros, and that in common (n_strains + 1). Whether any are others than
-   before, or `other` is true: noise.own and noise.whole are. */
-int prepared_renew(Prepared *prepared, const double *std, size_t n_strains, int other);
+/* Whether the map holds for deviations of the zeros, and that in common (n_strains + 1). */
+int prepared_holds(const Prepared *prepared, const double *std);
+
+/* Begin to make the matrices for other deviations, and for noise.own and noise.whole; a part of it, as of added_noise.h. */
+void prepared_renew(Prepared *prepared, const double *std);
+int prepared_part(Prepared *prepared, size_t work);
+
+/* After the last part: the map has them, and no set of gauges is prepared. */
+void prepared_renewed(Prepared *prepared);
 
 #endif

@@ -91,75 +91,129 @@ static size_t next_row(size_t count, double *square) {
     return best;
 }
 
-/* Directions, falling by size, of the turned rows; their loads, and the load that no strain shows. */
-static void set_directions(AddedNoise *noise, const double *rows, const LoadRows *five, const LoadRows *other_loads,
-                           double *square) {
+/* The next direction, falling by size, of the turned rows; its loads. */
+static void set_direction(AddedNoise *noise, const double *rows, const LoadRows *five, const LoadRows *other_loads) {
+    const size_t n = noise->file.n_gauges, a = noise->taken;
+    double *square = noise->head;
+    const size_t k = next_row(n - noise->file.form.n_free, square);
+    const double *row = rows + k * 2 * n;
+    const double root = sqrt(square[k]), unit = root > 0.0 ? 1.0 / root : 1.0;
+    square[k] = -1.0;
+    noise->made->singular[a] = root;
+    for (size_t j = 0; j < n; j++) {
+        noise->made->whitening[j * n + a] = row[n + j];
+    }
+    take_direction(five, n, a, unit, row);
+    take_direction(other_loads, n, a, unit, row);
+    noise->taken++;
+}
+
+/* Of the loads that no strain shows. */
+static void set_unseen(const AddedNoise *noise, const LoadRows *five, const LoadRows *other_loads) {
     const Map *file = &noise->file;
-    const size_t n = file->n_gauges, n_free = file->form.n_free, count = n - n_free;
-    for (size_t k = 0; k < count; k++) {
-        square[k] = dot(n, rows + k * 2 * n, rows + k * 2 * n);
-    }
-    for (size_t a = n_free; a < n; a++) {
-        const size_t k = next_row(count, square);
-        const double *row = rows + k * 2 * n;
-        const double root = sqrt(square[k]), unit = root > 0.0 ? 1.0 / root : 1.0;
-        square[k] = -1.0;
-        noise->singular[a] = root;
-        for (size_t j = 0; j < n; j++) {
-            noise->whitening[j * n + a] = row[n + j];
-        }
-        take_direction(five, n, a, unit, row);
-        take_direction(other_loads, n, a, unit, row);
-    }
+    const size_t n = file->n_gauges;
     for (size_t i = 0; i < other_loads->count; i++) {
         const double *left = other_loads->of_spread + i * n;
-        noise->other_loads->unseen[i] = noise->other_loads->map.spread_unseen[i] + dot(n, left, left);
+        noise->made->other_unseen[i] = noise->other_loads->map.spread_unseen[i] + dot(n, left, left);
     }
     for (size_t i = 0; i < N_LOADS; i++) {
         for (size_t j = 0; j < N_LOADS; j++) {
-            noise->unseen[i * N_LOADS + j] =
+            noise->made->unseen[i * N_LOADS + j] =
                 file->form.spread_unseen[i * N_LOADS + j] + dot(n, five->of_spread + i * n, five->of_spread + j * n);
         }
     }
 }
 
-int set_pressure_directions(AddedNoise *noise) {
+/* Parts of the scratch `large`: orthogonal_rows.h has what is left of it. */
+typedef struct {
+    double *whole, *rows, *root, *inverse, *of_free, *of_spread, *scratch;
+} Parts;
+
+static Parts parts_of(const AddedNoise *noise) {
+    const size_t n = noise->file.n_gauges, n_free = noise->file.form.n_free, triangle = n * (n + 1) / 2;
+    Parts parts = {.whole = noise->large};
+    parts.rows = parts.whole + n * (n_free + 2 * n);
+    parts.root = parts.rows + 2 * n * n;
+    parts.inverse = parts.root + triangle;
+    parts.of_free = parts.inverse + triangle;
+    parts.of_spread = parts.of_free + N_LOADS * n;
+    parts.scratch = parts.of_spread + N_LOADS * n;
+    return parts;
+}
+
+static LoadRows five_rows(const AddedNoise *noise, const Parts *parts) {
     const Map *file = &noise->file;
-    const size_t n = file->n_gauges, n_free = file->form.n_free, triangle = n * (n + 1) / 2;
-    double *whole = noise->large, *rows = whole + n * (n_free + 2 * n), *root = rows + 2 * n * n;
-    double *inverse = root + triangle, *of_free = inverse + triangle, *of_spread = of_free + N_LOADS * n;
+    return (LoadRows){N_LOADS,        file->load_per_state, file->form.spread_load,
+                      parts->of_free, parts->of_spread,     noise->made->load};
+}
+
+/* Of none for a map without. */
+static LoadRows other_rows(const AddedNoise *noise) {
+    const OtherLoads *other_loads = noise->other_loads;
+    if (other_loads == NULL) {
+        return (LoadRows){0};
+    }
+    const OtherLoadsMap *map = &other_loads->map;
+    return (LoadRows){map->n_loads,      map->load_per_state, map->spread_load, other_loads->rows,
+                      other_loads->rows + map->n_loads * noise->file.n_gauges, noise->made->other_load};
+}
+
+int pressure_directions_begin(AddedNoise *noise) {
+    const Map *file = &noise->file;
+    const size_t n = file->n_gauges, n_free = file->form.n_free;
+    const Parts parts = parts_of(noise);
+    const LoadRows five = five_rows(noise, &parts), other_loads = other_rows(noise);
     const double *own = noise->own != NULL ? noise->own : file->gauge_covariance;
     for (size_t k = 0; k < n * n; k++) {
-        noise->square[0][k] = own[k] + noise->added[k];
+        noise->square[k] = own[k] + noise->added[k];
     }
     for (size_t i = 0; i < n; i++) {
-        noise->form_min_precision[i] = file->min_information / noise->square[0][i * n + i];
+        noise->made->form_min_precision[i] = file->min_information / noise->square[i * n + i];
     }
-    if (!lower_root(n, noise->square[0], root, inverse)) {
+    if (!lower_root(n, noise->square, parts.root, parts.inverse)) {
         return 0;
     }
-    eliminate_free(noise, inverse, whole);
-    const LoadRows five = {N_LOADS, file->load_per_state, file->form.spread_load, of_free, of_spread, noise->load};
-    LoadRows other_loads = {0};
-    split_loads(file, whole, &five);
-    if (noise->other_loads != NULL) {
-        const OtherLoadsMap *map = &noise->other_loads->map;
-        other_loads = (LoadRows){map->n_loads, map->load_per_state, map->spread_load, noise->other_loads->rows,
-                             noise->other_loads->rows + map->n_loads * n, noise->other_loads->load};
-        split_loads(file, whole, &other_loads);
-    }
+    eliminate_free(noise, parts.inverse, parts.whole);
+    split_loads(file, parts.whole, &five);
+    split_loads(file, parts.whole, &other_loads);
     for (size_t a = 0; a < n_free; a++) {
-        noise->singular[a] = 0.0;
+        noise->made->singular[a] = 0.0;
         for (size_t j = 0; j < n; j++) {
-            noise->whitening[j * n + a] = whole[(n_free + n + j) * n + a];
+            noise->made->whitening[j * n + a] = parts.whole[(n_free + n + j) * n + a];
         }
     }
     for (size_t k = 0; k < n - n_free; k++) {
         for (size_t c = 0; c < 2 * n; c++) {
-            rows[k * 2 * n + c] = whole[(n_free + c) * n + n_free + k];
+            parts.rows[k * 2 * n + c] = parts.whole[(n_free + c) * n + n_free + k];
         }
     }
-    orthogonal_rows(noise->wide, n - n_free, n, 2 * n, rows, of_spread + N_LOADS * n);
-    set_directions(noise, rows, &five, &other_loads, noise->head);
+    noise->turned = (Turned){0};
+    return 1;
+}
+
+int pressure_directions_turn(AddedNoise *noise, size_t work) {
+    const size_t n = noise->file.n_gauges, count = n - noise->file.form.n_free;
+    const Parts parts = parts_of(noise);
+    if (!orthogonal_rows(noise->wide, count, n, 2 * n, parts.rows, parts.scratch, &noise->turned, work)) {
+        return 0;
+    }
+    for (size_t k = 0; k < count; k++) {
+        noise->head[k] = dot(n, parts.rows + k * 2 * n, parts.rows + k * 2 * n);
+    }
+    noise->taken = noise->file.form.n_free;
+    return 1;
+}
+
+int pressure_directions_take(AddedNoise *noise, size_t work) {
+    const size_t n = noise->file.n_gauges;
+    const Parts parts = parts_of(noise);
+    const LoadRows five = five_rows(noise, &parts), other_loads = other_rows(noise);
+    for (size_t done = 0; noise->taken < n && done < work; done += 2 * n * (five.count + other_loads.count + 1)) {
+        set_direction(noise, parts.rows, &five, &other_loads);
+    }
+    if (noise->taken < n) {
+        return 0;
+    }
+    set_unseen(noise, &five, &other_loads);
     return 1;
 }

@@ -10,7 +10,11 @@
 /* Number of doubles of noise->large that it needs. */
 size_t pressure_directions_doubles(const Map *map);
 
-/* Set the arrays of ScaledForm that follow from others. 0 if the covariance of the gauges is none. */
-int set_pressure_directions(AddedNoise *noise);
+/* Make the arrays of ScaledForm and OtherLoads that follow from others, part by part. The first one returns 0 if the
+   covariance of the gauges is none; the others 1 where they have come to their ends, by parts of about `work`
+   multiplications. */
+int pressure_directions_begin(AddedNoise *noise);
+int pressure_directions_turn(AddedNoise *noise, size_t work);
+int pressure_directions_take(AddedNoise *noise, size_t work);
 
 #endif

@@ -1,0 +1,205 @@
+#include "renewal.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "linear/linear.h"
+#include "numerics/arrays.h"
+
+#define WORK 250000       /* multiplications of a part */
+#define MOST_PARTS 1e6    /* of a state that may be read */
+
+size_t renewal_doubles(size_t n_strains) {
+    return 2 * number_of_zeros(n_strains);
+}
+
+void renewal_arrays(size_t n_strains, Renewal *renewal, double **doubles) {
+    renewal->n_strains = n_strains;
+    renewal->held = taken(doubles, number_of_zeros(n_strains));
+    renewal->target = taken(doubles, number_of_zeros(n_strains));
+}
+
+void renewal_reset(Renewal *renewal) {
+    renewal->under_way = renewal->parts = 0.0;
+}
+
+static void copy_zeros(const Renewal *renewal, const double *zeros, double *copy) {
+    memcpy(copy, zeros, number_of_zeros(renewal->n_strains) * sizeof *copy);
+}
+
+static int holds(const Renewal *renewal, const double *zeros) {
+    return prepared_holds(&renewal->linear->prepared, zeros + renewal->n_strains);
+}
+
+/* The map has the matrices that are made. */
+static void use(Renewal *renewal) {
+    renewal->parts = 0.0;
+    linear_renewed(renewal->linear);
+    if (renewal->flight->present) {
+        flight_renew(renewal->flight);
+    }
+}
+
+static void make_at_once(Renewal *renewal, const double *zeros) {
+    Prepared *prepared = &renewal->linear->prepared;
+    prepared_renew(prepared, zeros + renewal->n_strains);
+    while (!prepared_part(prepared, SIZE_MAX)) {
+    }
+    use(renewal);
+}
+
+/* Matrices that are made are for the known sensors. */
+static void follow_sensors(Renewal *renewal) {
+    const Thermal *thermal = renewal->thermal;
+    AddedNoise *noise = &renewal->linear->prepared.noise;
+    noise->own = thermal->some ? thermal->own : NULL;
+    noise->whole = thermal->some ? thermal->noise : NULL;
+}
+
+void renewal_at_once(Renewal *renewal, const double *given, int other_sensors) {
+    if (other_sensors) {
+        thermal_renew(renewal->thermal);
+        follow_sensors(renewal);
+    }
+    if (other_sensors || !holds(renewal, given)) {
+        make_at_once(renewal, given);
+    }
+    renewal->parts = 0.0;
+    copy_zeros(renewal, given, renewal->held);
+}
+
+/* A part of the matrices for the target; whether it was the last one. */
+static int make_part(Renewal *renewal) {
+    Prepared *prepared = &renewal->linear->prepared;
+    if (renewal->parts == 0.0) {
+        prepared_renew(prepared, renewal->target + renewal->n_strains);
+    }
+    renewal->parts += 1.0;
+    return prepared_part(prepared, WORK);
+}
+
+int renewal_step(Renewal *renewal, const double *given) {
+    if (renewal->under_way == 0.0) {
+        const int other = !holds(renewal, given);
+        renewal->under_way = 1.0;
+        renewal_at_once(renewal, given, 0);
+        return other;
+    }
+    if (holds(renewal, given)) {
+        renewal->parts = 0.0;
+        copy_zeros(renewal, given, renewal->held);
+        return 0;
+    }
+    if (renewal->parts == 0.0) {
+        copy_zeros(renewal, given, renewal->target);
+    }
+    if (!make_part(renewal)) {
+        return 0;
+    }
+    use(renewal);
+    copy_zeros(renewal, holds(renewal, given) ? given : renewal->target, renewal->held);
+    return 1;
+}
+
+int renewal_pending(const Renewal *renewal, const double *given) {
+    return renewal->under_way != 0.0 && !holds(renewal, given);
+}
+
+const double *renewal_zeros(const Renewal *renewal, const double *given) {
+    return renewal_pending(renewal, given) ? renewal->held : given;
+}
+
+/* Serialised: under_way, parts, held and target, then the known temperature sensors, 0 or 1; 0 before the first step. */
+
+static size_t n_sensors(const Renewal *renewal) {
+    return renewal->thermal->present ? renewal->thermal->map.n_sensors : 0;
+}
+
+static size_t zeros_size(const Renewal *renewal) {
+    return number_of_zeros(renewal->n_strains) * sizeof(double);
+}
+
+size_t renewal_state_size(const Renewal *renewal) {
+    return (2 + n_sensors(renewal)) * sizeof(double) + 2 * zeros_size(renewal);
+}
+
+void renewal_write_state(const Renewal *renewal, unsigned char *bytes) {
+    const size_t size = zeros_size(renewal);
+    const double head[2] = {renewal->under_way, renewal->parts};
+    memcpy(bytes, head, sizeof head);
+    bytes += sizeof head;
+    memset(bytes, 0, renewal_state_size(renewal) - sizeof head);
+    if (renewal->under_way == 0.0) {
+        return;
+    }
+    memcpy(bytes, renewal->held, size);
+    if (renewal->parts != 0.0) {
+        memcpy(bytes + size, renewal->target, size);
+    }
+    bytes += 2 * size;
+    for (size_t t = 0; t < n_sensors(renewal); t++) {
+        const double known = renewal->thermal->known[t];
+        memcpy(bytes + t * sizeof known, &known, sizeof known);
+    }
+}
+
+static int is_flag(double value) {
+    return value == 0.0 || value == 1.0;
+}
+
+int renewal_state_fits(const Renewal *renewal, double largest_zero, const unsigned char *bytes) {
+    const size_t n = renewal->n_strains, count = number_of_zeros(n);
+    double head[2], value;
+    memcpy(head, bytes, sizeof head);
+    bytes += sizeof head;
+    int good = is_flag(head[0]) && head[1] >= 0.0 && head[1] <= MOST_PARTS * head[0];
+    for (size_t k = 0; k < 2 * count; k++) {
+        memcpy(&value, bytes + k * sizeof value, sizeof value);
+        good = good && value >= (k % count < n ? -largest_zero : 0.0) && value <= largest_zero;
+    }
+    bytes += 2 * zeros_size(renewal);
+    for (size_t t = 0; t < n_sensors(renewal); t++) {
+        memcpy(&value, bytes + t * sizeof value, sizeof value);
+        good = good && is_flag(value);
+    }
+    return good;
+}
+
+/* The sensors that matrices are for; whether they are others than before. */
+static int read_sensors(Renewal *renewal, const unsigned char *bytes) {
+    int other = 0;
+    for (size_t t = 0; t < n_sensors(renewal); t++) {
+        double known;
+        memcpy(&known, bytes + t * sizeof known, sizeof known);
+        other |= renewal->thermal->known[t] != (known != 0.0);
+        renewal->thermal->known[t] = known != 0.0;
+    }
+    renewal->thermal->outdated |= other;
+    return other;
+}
+
+void renewal_read_state(Renewal *renewal, const unsigned char *bytes) {
+    const size_t size = zeros_size(renewal);
+    const double before = renewal->parts;
+    double head[2];
+    memcpy(head, bytes, sizeof head);
+    bytes += sizeof head;
+    renewal->under_way = head[0];
+    if (renewal->under_way == 0.0) {
+        renewal->parts = 0.0;
+        return;
+    }
+    memcpy(renewal->held, bytes, size);
+    const int other_sensors = read_sensors(renewal, bytes + 2 * size);
+    const int same = !other_sensors && holds(renewal, renewal->held);
+    if (!same) {
+        renewal_at_once(renewal, renewal->held, other_sensors);
+    }
+    if (same && before == head[1] && memcmp(renewal->target, bytes + size, size) == 0) {
+        return; /* they are made as far as that */
+    }
+    memcpy(renewal->target, bytes + size, size);
+    renewal->parts = 0.0;
+    while (renewal->parts < head[1] && !make_part(renewal)) {
+    }
+}

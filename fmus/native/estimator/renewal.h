@@ -1,0 +1,46 @@
+/* The matrices of the map follow the standard deviations of zero offsets. A step makes a part of those for other ones; until
+   they are made, the matrices and zero offsets of before hold, and health is DEGRADED where it would be OK.
+
+   Before the first step, and where a sample stands by itself, they are made at once: nothing has a deadline then. So they
+   are where a temperature sensor comes or goes, whose strain the old ones cannot do without. */
+
+#ifndef RENEWAL_H
+#define RENEWAL_H
+
+#include "policies/flight.h"
+
+typedef struct {
+    Linear *linear;
+    Flight *flight;
+    Thermal *thermal;
+    size_t n_strains;
+    double under_way; /* whether a step has been taken; these two float64, as they are serialised */
+    double parts;     /* of the matrices for `target` that are made */
+    double *held;     /* (number_of_zeros) in use in the last step; the map holds for their deviations */
+    double *target;   /* (number_of_zeros) those that matrices are made for */
+} Renewal;
+
+/* Number of doubles that its arrays take, and handing them out. */
+size_t renewal_doubles(size_t n_strains);
+void renewal_arrays(size_t n_strains, Renewal *renewal, double **doubles);
+
+/* No step has been taken. */
+void renewal_reset(Renewal *renewal);
+
+/* Let the map hold for zeros that are given (number_of_zeros), and, if they are others, for the known temperature sensors. */
+void renewal_at_once(Renewal *renewal, const double *given, int other_sensors);
+
+/* A step follows the zeros that are given: the first one at once, others by a part. Whether the map has other matrices. */
+int renewal_step(Renewal *renewal, const double *given);
+
+/* Whether steps have yet to follow zeros that are given; and which are in use. */
+int renewal_pending(const Renewal *renewal, const double *given);
+const double *renewal_zeros(const Renewal *renewal, const double *given);
+
+/* The state in bytes; whether bytes may be read, with zeros up to the largest one. */
+size_t renewal_state_size(const Renewal *renewal);
+void renewal_write_state(const Renewal *renewal, unsigned char *bytes);
+int renewal_state_fits(const Renewal *renewal, double largest_zero, const unsigned char *bytes);
+void renewal_read_state(Renewal *renewal, const unsigned char *bytes);
+
+#endif

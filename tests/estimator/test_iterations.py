@@ -1,0 +1,93 @@
+"""Gauss-Newton iterations of a step: counted, and never more than the core and the documentation state."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from flight_fmu import random_flight, whole_map
+from flight_maps import MACH, N_D
+from scaled_maps import NOMINAL, whole_scaled_map
+
+from strainfmu.estimator.core import Core, Series
+from strainfmu.estimator.estimator import Estimator
+from strainfmu.estimator.policies import COLD_ITERATIONS, SEARCH_EVERY, START_ITERATIONS, WARM_ITERATIONS
+from strainfmu.estimator.tables.flight_tables import evaluate
+
+pytestmark = pytest.mark.fast
+
+STEPS, PLAIN = 20_000, 13_000
+
+PAGE = Path(__file__).parents[2] / "docs" / "reference" / "step_time.md"
+
+SEARCH = 6 * START_ITERATIONS + COLD_ITERATIONS
+"""Of six starts, and of the best of them."""
+
+
+@pytest.fixture(scope="module")
+def core() -> Core:
+    return Core(Estimator(whole_map()).core.resource)
+
+
+def hostile(core: Core, seed: int) -> np.ndarray:
+    """(STEPS, n_inputs) flights with jumps, gauges off or lost for a while, air data wrong or missing."""
+    random, manifold = np.random.default_rng(seed), whole_map().manifold
+    assert manifold is not None
+    pieces = STEPS // 8
+    jumps = random.uniform([MACH[0], -1.0, -1.0, 7.6], [MACH[-1], 1.0, 1.0, 9.9], (STEPS // 200, 4))
+    jumps[:, 1:3] *= 0.6 * manifold.incidence_limit
+    state = np.repeat(jumps, 200, axis=0) + 1e-3 * np.sin(0.05 * np.arange(STEPS))[:, None]
+    strain = evaluate(manifold.tables, state).value[:, :N_D]
+    strain += random.standard_normal((STEPS, N_D)) @ np.linalg.cholesky(manifold.gauge_covariance).T
+    off = random.choice([0.0, 0.0, 2e-6, 1e-5, 1e-3], (pieces, 1)) * random.standard_normal((pieces, N_D))
+    off[random.random((pieces, N_D)) < random.choice([0.0, 0.1, 0.5], (pieces, 1))] = np.nan
+    factor = random.choice([1.0, 1.0, 1.0, 1.3, 0.6, np.nan], (pieces, 3))
+    factor[::12] = np.nan
+    known = np.stack([state[:, 0], np.exp(state[:, 3]), 0.7 * state[:, 0] ** 2 * np.exp(state[:, 3])], axis=1)
+    known *= np.repeat(factor, 8, axis=0) * (1.0 + 0.01 * random.standard_normal((STEPS, 3)))
+    inputs = np.full((STEPS, core.n_inputs), np.nan)
+    inputs[:, core.inputs["strain"]] = strain + np.repeat(off, 8, axis=0)
+    for k, name in enumerate(("mach_number", "static_pressure", "dynamic_pressure")):
+        inputs[:, core.inputs[name]] = known[:, k : k + 1]
+    inputs[random.random(STEPS) < 0.01] = np.nan
+    inputs[random.random(STEPS) < 0.01] *= 1e3
+    return inputs
+
+
+def test_no_step_takes_more_than_the_most(core: Core) -> None:
+    """Of most of them without the filter, which searches more often; then the bound is near what steps do take."""
+    inputs, largest = hostile(core, seed=1), []
+    for time_constant, part in ((0.0, inputs[:PLAIN]), (5.0, inputs[PLAIN:])):
+        core.restart()
+        core.set(core.settings["filter_time_constant"].start, np.array([time_constant]))
+        record = core.series(Series.TRACK, part, time=0.01 * np.arange(len(part)))
+        taken = record[:, core.outputs["iterations"]]
+        assert {WARM_ITERATIONS, 2 * WARM_ITERATIONS, WARM_ITERATIONS + SEARCH} <= set(taken.ravel().astype(int))
+        largest.append(int(taken.max()))
+    assert max(largest) <= core.most_iterations
+    assert largest[0] >= 0.8 * core.most_iterations
+
+
+def test_of_known_events() -> None:
+    held = whole_map()
+    estimator, flight = Estimator(held), random_flight(held, 2 * int(SEARCH_EVERY), seed=5)
+    found = [estimator.track(one.strain, **one.flow).iterations for one in flight]
+    assert found[0] in (SEARCH, 2 * SEARCH)
+    assert set(found[1:]) <= {WARM_ITERATIONS, 2 * WARM_ITERATIONS}
+    assert WARM_ITERATIONS in found
+
+
+def test_the_linear_estimator_takes_none() -> None:
+    held = whole_scaled_map(1, seed=4)
+    estimator = Estimator(held)
+    assert estimator.core.most_iterations == 0
+    assert estimator.track(held.mean_strain, NOMINAL).iterations == 0
+    assert estimator.estimate(held.mean_strain[None], NOMINAL).iterations.tolist() == [0]
+
+
+def test_the_documentation_states_what_the_core_states(core: Core) -> None:
+    stated = re.search(r"\| most that a step can take[^|]*\| (\d+) and (\d+) \|", PAGE.read_text(encoding="utf-8"))
+    assert stated is not None
+    assert int(stated[1]) + int(stated[2]) == core.most_iterations
