@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from builder.aero.loads.groups import other_load_operator
 from builder.aero.loads.operator import load_operator_on
-from builder.aero.loads.sections import other_load_operator
 from builder.aero.surface.mesh import mesh_of
 from builder.campaign.snapshot_transfer import snapshots_on
 from builder.campaign.snapshots import Snapshots
@@ -141,7 +141,7 @@ def inverse_problem(
         errors = joined_errors(errors, sensors, len(z_p), ensemble)
         z_p = np.vstack([z_p, sensors.operator])
     surface, station = structure.surface, vehicle.reference_quantities().moment_station
-    others = other_load_operator(surface, vehicle.map.section_stations_m, station)
+    others = other_load_operator(surface, vehicle.map, station)
     loads = np.vstack([load_operator_on(surface, station), others])
     between, off, leeward = flows_between(vehicle, snapshots), None, None
     if ensemble.grid is None and vehicle.noise.model == "default":

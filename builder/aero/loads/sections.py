@@ -6,6 +6,8 @@ that the plane cuts are cut: pressure stays linear over the pieces, so that the 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from builder.aero.loads.operator import load_operator
@@ -71,32 +73,33 @@ def _pieces(mesh: SurfaceMesh, station: float) -> tuple[IntArray, FloatArray]:
     return np.concatenate(nodes), np.concatenate(shares)
 
 
-def other_load_operator(
-    surface: SurfaceGrid | SurfaceMesh, stations: tuple[float, ...], moment_station: float
-) -> FloatArray:
-    """Return (m, n) the loads behind the five, rolling moment and section loads, per nodal pressure [m2, m3].
+def rolling_operator(surface: SurfaceGrid | SurfaceMesh, moment_station: float) -> FloatArray:
+    """Return (1, n) the rolling moment per nodal pressure [m3]; zero of a body of revolution, as every pressure
+    acts through the axis."""
+    if isinstance(surface, SurfaceGrid):
+        return np.zeros((1, surface.n_nodes))
+    return six_loads(surface, moment_station)[5:]
 
-    m is 1 + 6 n_s, or 0 for a body of revolution without sections: its rolling moment is zero, as every pressure
-    acts through the axis. So are its torsions.
+
+def section_operator(surface: SurfaceGrid | SurfaceMesh, stations: Sequence[float]) -> FloatArray:
+    """Return (6 n_s, n) the loads of sections at n_s ``stations`` per nodal pressure [m2, m3], load by load.
+
+    Torsions of a body of revolution are zero, as every pressure acts through the axis.
 
     Raises
     ------
     InputError
         A station lies outside the body.
     """
-    if isinstance(surface, SurfaceGrid) and not stations:
-        return np.zeros((0, surface.n_nodes))
     x = surface.x if isinstance(surface, SurfaceGrid) else surface.point[:, 0]
     low, high = float(x.min()), float(x.max())
     for station in stations:
         if not low < station <= high:
             raise InputError(f"map.section_stations_m: expected {low:g} to {high:g} m, got {station:g}")
     if isinstance(surface, SurfaceGrid):
-        rolling = np.zeros((1, surface.n_nodes))
-        sections = [np.vstack([load_operator(surface, x, x), rolling]) for x in stations]
+        torsion = np.zeros((1, surface.n_nodes))
+        sections = [np.vstack([load_operator(surface, x, x), torsion]) for x in stations]
     else:
-        rolling = six_loads(surface, moment_station)[5:]
         sections = [six_loads(surface, x, x) for x in stations]
-    n = rolling.shape[1]
-    by_kind = np.array(sections).reshape(len(stations), 6, n).swapaxes(0, 1)
-    return np.concatenate([rolling, by_kind.reshape(6 * len(stations), n)])
+    by_kind = np.array(sections).reshape(len(stations), 6, surface.n_nodes).swapaxes(0, 1)
+    return by_kind.reshape(6 * len(stations), surface.n_nodes)

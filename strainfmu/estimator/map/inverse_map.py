@@ -45,7 +45,7 @@ from strainfmu.estimator.map.sensors import SensorRows, strain_rows
 from strainfmu.estimator.map.temperature import UNITS as THERMAL_UNITS
 from strainfmu.estimator.map.temperature import ThermalMap, no_temperature
 from strainfmu.estimator.numerics.fixed_order import product
-from strainfmu.estimator.other_loads import is_moment, other_load_names
+from strainfmu.estimator.other_loads import LoadGroup, is_moment, load_groups, names_of
 from strainfmu.estimator.tables.manifold_map import UNITS as MANIFOLD_UNITS
 from strainfmu.estimator.tables.manifold_map import ManifoldMap
 from strainfmu.records import OPTIONAL, inner_record, load_record, save_record
@@ -65,10 +65,10 @@ DEFAULT_SCORE_LIMIT = 3.0
 class InverseMap:
     """A finished inverse map for n_d gauges and n_q pressure states.
 
-    Loads are outputs, n_f of them: the five of :data:`LOAD_NAMES` [N, N, N, N m, N m], then the rolling moment of
-    the body and the loads of n_s sections (:mod:`strainfmu.estimator.other_loads`). n_f is 6 + 6 n_s, or 5 where
-    the rolling moment is zero, as that of a body of revolution, and no sections are wanted. A load that is known
-    to be zero has rows of zeros. Coefficients are the five of :data:`COEFFICIENT_NAMES`.
+    Loads are outputs, n_f of them: the five of :data:`LOAD_NAMES` [N, N, N, N m, N m], then those of the groups in
+    :attr:`load_groups` (:mod:`strainfmu.estimator.other_loads`), the rolling moment of the body first. n_f is 5
+    where that is zero, as of a body of revolution, and no other loads are wanted. A load that is known to be zero
+    has rows of zeros. Coefficients are the five of :data:`COEFFICIENT_NAMES`.
 
     Attributes
     ----------
@@ -208,19 +208,24 @@ class InverseMap:
 
     @property
     def has_other_loads(self) -> bool:
-        """Whether the rolling moment, and the loads of sections if any, follow the five loads."""
+        """Whether loads follow the five."""
         return self.n_loads > len(LOAD_NAMES)
+
+    @cached_property
+    def load_groups(self) -> tuple[LoadGroup, ...]:
+        """Groups of the loads behind the five, in the order of their rows; a map may leave all of them out."""
+        return load_groups(self)
 
     @property
     def load_names(self) -> tuple[str, ...]:
         """n_f names of the loads, in their order."""
-        return (*LOAD_NAMES, *other_load_names(self.section_station))[: self.n_loads]
+        return (*LOAD_NAMES, *names_of(self.load_groups))[: self.n_loads]
 
     @property
     def is_moment(self) -> BoolArray:
         """(n_f,) whether each load is a moment [N m]; the others are forces [N]."""
         of_five = [unit == "N m" for unit in LOAD_UNITS]
-        return np.append(of_five, is_moment(len(self.section_station)))[: self.n_loads]
+        return np.append(of_five, is_moment(self.load_groups))[: self.n_loads]
 
     @property
     def follows_pressure(self) -> bool:
