@@ -7,6 +7,7 @@ import pytest
 
 from builder.aero.loads.groups import other_load_operator
 from builder.aero.loads.operator import load_operator
+from builder.aero.loads.pieces import forces_and_moments, part_below, whole_surface
 from builder.aero.loads.sections import section_operator, six_loads
 from builder.aero.surface.mesh import SurfaceMesh, mesh_load_operator, mesh_of_grid
 from builder.vehicle.map.options import MapEntry
@@ -105,3 +106,17 @@ def test_body_of_revolution_without_sections_has_no_further_loads(grid: SurfaceG
 def test_station_off_the_body_is_refused(grid: SurfaceGrid, station: float) -> None:
     with pytest.raises(InputError, match=r"map.section_stations_m: expected 0 to 2 m, got"):
         section_operator(grid, (station,))
+
+
+def test_a_part_of_a_part_is_cut_exactly() -> None:
+    """Pressure linear over a plate, of the strip 0.2 < x < 0.7 with y < 0.1: force and moments by integration."""
+    flat = plate(0.0, 0.0)
+    pieces = part_below(whole_surface(flat), flat.point[:, 0], 0.7)
+    pieces = part_below(pieces, -flat.point[:, 0], -0.2)
+    pieces = part_below(pieces, flat.point[:, 1], 0.1)
+    operator = forces_and_moments(flat, pieces, np.array([0.2, 0.0, 0.0]))
+    force_and_moment = (1.0 + 2.0 * flat.point[:, 0]) @ operator
+    force = -0.6 * (0.5 + (0.7**2 - 0.2**2))
+    about_y = 0.6 * (0.5**2 / 2.0 * 1.4 + 2.0 * 0.5**3 / 3.0)
+    about_x = (force / 0.6) * (0.1**2 - 0.5**2) / 2.0
+    np.testing.assert_allclose(force_and_moment, [0.0, 0.0, force, about_x, about_y, 0.0], rtol=1e-13, atol=1e-16)
