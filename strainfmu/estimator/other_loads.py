@@ -338,7 +338,33 @@ SECTIONS = LoadFamily(
 A cut there carries them if the part ahead has no weight and is not accelerated.
 """
 
-FAMILIES = (BODY, SECTIONS)
+HINGES = LoadFamily(
+    loads=(
+        LoadKind(
+            key="moment",
+            name="hinge_moment",
+            output="moment.hinge",
+            text="Hinge moment of the air, right-handed",
+            unit="N.m",
+            shown="N.m",
+            like=LIKE_THE_WIDEST,
+            step=0.01,
+            coefficient="M_H",
+            coefficient_text="Hinge moment over q_inf S L, right-handed",
+            symbol="M_H",
+        ),
+    ),
+    places=lambda inverse_map: () if inverse_map.hinge_lines is None else inverse_map.hinge_lines.name,
+    place="hinge line {}",
+    singular="hinge line",
+    frame="Hinge",
+    frame_text="Hinge moment of the air, right-handed about hinge line {}",
+    title="Hinge moments of the air, right-handed",
+    place_title="hinge line",
+)
+"""Hinge lines: moment of the air on a region of the surface, such as a fin, about a line of its own."""
+
+FAMILIES = (BODY, SECTIONS, HINGES)
 """All there is, in the order of rows and outputs."""
 
 

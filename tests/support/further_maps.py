@@ -25,7 +25,7 @@ M = 1 + 6 * len(STATIONS)
 
 def groups_at(stations: Sequence[float]) -> tuple[LoadGroup, ...]:
     """Return the groups of a map with sections at ``stations`` [m]: the rolling moment, and six loads of them."""
-    return load_groups(SimpleNamespace(section_station=np.array(stations, dtype=float)))
+    return load_groups(SimpleNamespace(section_station=np.array(stations, dtype=float), hinge_lines=None))
 
 
 def with_further(inverse_map: InverseMap, combination: np.ndarray = COMBINATION) -> InverseMap:

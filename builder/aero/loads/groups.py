@@ -11,12 +11,13 @@ from typing import Any
 
 import numpy as np
 
+from builder.aero.loads.hinge_moments import hinge_fields, hinge_operator
 from builder.aero.loads.sections import rolling_operator, section_operator
 from builder.aero.surface.mesh import SurfaceMesh
 from builder.vehicle.map.options import MapEntry
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.other_loads import BODY, FAMILIES, SECTIONS, LoadFamily
+from strainfmu.estimator.other_loads import BODY, FAMILIES, HINGES, SECTIONS, LoadFamily
 
 Surface = SurfaceGrid | SurfaceMesh
 
@@ -44,6 +45,7 @@ _ASKED: dict[LoadFamily, _Asked] = {
         rows=lambda surface, entry, _: section_operator(surface, entry.section_stations_m),
         fields=lambda entry: {"section_station": np.array(entry.section_stations_m, dtype=float)},
     ),
+    HINGES: _Asked(rows=lambda surface, entry, _: hinge_operator(surface, entry), fields=hinge_fields),
 }
 
 

@@ -28,6 +28,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.estimator.map.hinge_lines import UNITS as HINGE_UNITS
+from strainfmu.estimator.map.hinge_lines import HingeLines
 from strainfmu.estimator.map.innovation import estimate_gain, innovation_whitening, inverse_cholesky
 from strainfmu.estimator.map.inverse_map_checks import check_arrays, check_groups, check_inverse_map
 from strainfmu.estimator.map.load_errors import load_error_covariance, load_error_model, load_gain
@@ -112,6 +114,7 @@ class InverseMap:
         nothing bounds them.
     sensors : what the rows measure. All other fields hold the rows as strain, readings over ``sensors.scale``.
     section_station : (n_s,) x of the sections [m], rising; none where no sections are wanted.
+    hinge_lines : lines about which the map gives hinge moments; None where none are wanted.
     thermal : modes of the wall's temperature and sensors of it; of a map that knows of none, no modes.
     manifold : tables of the nonlinear estimator for the same gauges; None in a map for the linear one alone.
 
@@ -164,6 +167,7 @@ class InverseMap:
         default_factory=lambda: strain_rows(0), metadata=OPTIONAL | inner_record(SensorRows, SENSOR_UNITS)
     )
     section_station: FloatArray = field(default_factory=no_numbers)
+    hinge_lines: HingeLines | None = field(default=None, metadata=inner_record(HingeLines, HINGE_UNITS))
     thermal: ThermalMap = field(
         default_factory=lambda: no_temperature(np.zeros((0, 0))),
         metadata=OPTIONAL | inner_record(ThermalMap, THERMAL_UNITS),
