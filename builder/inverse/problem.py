@@ -6,8 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from builder.aero.loads.groups import other_load_operator
 from builder.aero.loads.operator import load_operator_on
-from builder.aero.loads.sections import other_load_operator
+from builder.aero.shapes import outer_surface
 from builder.aero.surface.mesh import mesh_of
 from builder.campaign.snapshot_transfer import snapshots_on
 from builder.campaign.snapshots import Snapshots
@@ -73,6 +74,20 @@ def check_noise(vehicle: Vehicle) -> None:
     gauge_covariance(entry, len(names), 1.0, vehicle.beside(""))
     if entry.nuisance_file is not None:
         nuisance_terms(vehicle.beside(entry.nuisance_file), names)
+
+
+def check_other_loads(vehicle: Vehicle) -> None:
+    """Refuse places of loads behind the five, such as section stations, that are not on the vehicle's surface.
+
+    Called before the long work.
+
+    Raises
+    ------
+    InputError
+        As :func:`builder.aero.loads.groups.other_load_operator`, or the surface is wrong.
+    """
+    surface, _ = outer_surface(vehicle, vehicle.resolution.map)
+    other_load_operator(surface, vehicle.map, vehicle.reference_quantities().moment_station)
 
 
 def noise_terms(
@@ -141,7 +156,7 @@ def inverse_problem(
         errors = joined_errors(errors, sensors, len(z_p), ensemble)
         z_p = np.vstack([z_p, sensors.operator])
     surface, station = structure.surface, vehicle.reference_quantities().moment_station
-    others = other_load_operator(surface, vehicle.map.section_stations_m, station)
+    others = other_load_operator(surface, vehicle.map, station)
     loads = np.vstack([load_operator_on(surface, station), others])
     between, off, leeward = flows_between(vehicle, snapshots), None, None
     if ensemble.grid is None and vehicle.noise.model == "default":

@@ -41,7 +41,7 @@ class Problem:
     ----------
     ensemble : the pressure fields.
     strain_operator : (n_d, n_p) Z_p [1/Pa].
-    load_operator : (n_f, n_p) G C_map [m2, m3], of the five loads, then of rolling moment and section loads.
+    load_operator : (n_f, n_p) G C_map [m2, m3], of the five loads, then of those behind them.
     node_area : (n_p,) area of the nodes [m2].
     noise : terms without the truncated modes.
     errors : those of the terms that follow the current strain.

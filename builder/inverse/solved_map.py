@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from builder.aero.loads.groups import other_load_fields
 from builder.aero.surface.mesh import SurfaceMesh, mesh_of
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.envelope.bounds import coefficient_half_spaces, flight_ranges
@@ -48,7 +49,6 @@ def inverse_map_of(
         regularisation=solved.regularisation,
         load_per_state=load_per_state,
         load_of_mean=loads @ (solution.mean - ensemble.fixed_pressure),
-        section_station=np.array(problem.entry.section_stations_m, dtype=float),
         mean_strain=solved.mean_strain,
         strain_range=np.abs(ensemble.responses(z_p) + problem.offset).max(axis=0),
         coefficient_range=np.column_stack([coefficients.min(axis=0), coefficients.max(axis=0)]),
@@ -63,6 +63,7 @@ def inverse_map_of(
         mach_number_range=ranges.mach_number,
         altitude_range=ranges.altitude,
         form=problem.entry.form,
+        **other_load_fields(problem.entry),
         **_errors(problem, solution),
         **(_parts_that_follow(problem, coefficients) if problem.entry.form == "dynamic_pressure" else {}),
         **(_field(problem, solution, mesh_of(structure.surface)) if problem.entry.keep_field else {}),

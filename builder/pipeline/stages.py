@@ -25,7 +25,7 @@ from builder.campaign.vehicle_campaign import vehicle_campaign
 from builder.inverse.build import build_inverse_map
 from builder.inverse.modes.mode_choice import mode_choice_lines
 from builder.inverse.noise.mesh_error import mesh_error_notes
-from builder.inverse.problem import AnyStructure, check_noise, inverse_problem
+from builder.inverse.problem import AnyStructure, check_noise, check_other_loads, inverse_problem
 from builder.manifold.build import with_manifold
 from builder.pipeline.measured_levels import (
     alarm_levels_wanted,
@@ -184,7 +184,7 @@ def build_map(
 
 
 def check_before_long_work(vehicle: Vehicle, conditions: int | None = None) -> None:
-    """Refuse a vehicle whose gauges, modes or noise do not fit, before anything is solved.
+    """Refuse a vehicle whose gauges, modes, noise or places of loads do not fit, before anything is solved.
 
     ``conditions`` is the number of flight conditions; by default those of the vehicle file.
 
@@ -195,6 +195,7 @@ def check_before_long_work(vehicle: Vehicle, conditions: int | None = None) -> N
     """
     check_map_size(vehicle, check_gauges(vehicle)[vehicle.gauges.layout], conditions)
     check_noise(vehicle)
+    check_other_loads(vehicle)
 
 
 def snapshot_campaign(vehicle: Vehicle, reporter: Reporter) -> Campaign:

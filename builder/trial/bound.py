@@ -23,8 +23,8 @@ from builder.trial.conditions import flight_states
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.map.strain_covariance import strain_covariance
 from strainfmu.estimator.policies import RANGE_TOLERANCE
+from strainfmu.estimator.reference.nonlinear import strain_covariance
 from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, U, W, evaluate
 from strainfmu.estimator.tables.manifold_map import ManifoldMap
 from strainfmu.flight_condition import FlightCondition
@@ -71,8 +71,8 @@ def _bound_at(sound: ManifoldMap, state: FloatArray, of_navigation: FloatArray) 
     """Return (k, 5) the bound at ``state`` (k, 4), where navigation has the information (k, 4, 4)."""
     found, n = evaluate(sound.tables, state), sound.tables.n_gauges
     mach, pressure = state[:, MACH], np.exp(state[:, LOG_PRESSURE])
-    strain, loads = found.value[:, :n], found.value[:, n:]
-    noise = strain_covariance(sound, pressure=pressure, strain=strain, loads=loads)
+    loads = found.value[:, n:]
+    noise = strain_covariance(sound, sound.gauge_covariance, state)
     by_state = found.jacobian[:, :n]
     information = np.swapaxes(by_state, 1, 2) @ np.linalg.solve(noise, by_state) + of_navigation
     scale = 1.0 / (0.5 * HEAT_CAPACITY_RATIO * (mach**2 * pressure)[:, None] * sound.references)

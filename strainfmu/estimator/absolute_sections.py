@@ -1,4 +1,4 @@
-"""Rolling moment and section loads of a linear map of form "absolute", whose core has none."""
+"""Loads behind the five of a linear map of form "absolute", whose core has none."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def other_loads(
     area: float,
     length: float,
 ) -> dict[str, FloatArray]:
-    """Return rolling moment and section loads of k samples by the field of an estimate, (k, n_f - 5).
+    """Return the loads behind the five of k samples by the field of an estimate, (k, n_f - 5).
 
     ``readings`` (k, n_d) less ``zeros`` and what sensors read of ``thrust`` (k,) count where ``valid`` (k, n_d);
     without any all is NaN. Coefficients are NaN where q_inf, the

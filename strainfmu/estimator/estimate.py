@@ -9,12 +9,14 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
+from strainfmu.errors import InputError
 from strainfmu.estimator.air_data import AIR_DATA_NAMES, AirData
+from strainfmu.estimator.estimates.group_loads import GroupLoads, SectionLoads
 from strainfmu.estimator.estimates.load_estimate import NamedLoads, Sigma
 from strainfmu.estimator.estimates.pressure_field import PressureField
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.flow_parameters import PARAMETER_TOLERANCE
-from strainfmu.estimator.other_loads import SECTION_LOADS, SectionLoads
+from strainfmu.estimator.other_loads import SECTIONS, LoadGroup, rows_of
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -31,6 +33,7 @@ class Source(Protocol):
     is_nonlinear: bool
     parameters: FlowParameters
     section_station: FloatArray
+    load_groups: tuple[LoadGroup, ...]
 
     def pressure_of(self, estimate: Estimate, with_std: bool = True) -> PressureField: ...
 
@@ -151,7 +154,7 @@ class Estimate(NamedLoads):
         found = self._fit(name)
         return found.reshape(*found.shape[:-1], order, order)
 
-    # Rolling moment and section loads; zeros and none of a map without. NamedLoads has two of them as
+    # Loads behind the five; of a map without any the rolling moment is zero. NamedLoads has two of them as
     # attributes, for which mypy accepts no property without a setter.
 
     def _other(self, name: str) -> FloatArray:
@@ -160,7 +163,7 @@ class Estimate(NamedLoads):
 
     @property
     def other_loads(self) -> FloatArray:  # type: ignore[override]
-        """(m,) rolling moment, and six loads of each section [N, N m]."""
+        """(m,) loads behind the five [N, N m], in the order of :attr:`load_groups`."""
         return self._other("further_loads")
 
     @property
@@ -179,6 +182,25 @@ class Estimate(NamedLoads):
         return self._other("further_coefficients_std")
 
     @property
+    def load_groups(self) -> tuple[LoadGroup, ...]:
+        """What the loads behind the five are: rolling moment, and what else the map gives at which places."""
+        return self._estimator.load_groups
+
+    def group(self, name: str) -> GroupLoads:
+        """Return a load behind the five by name, ``rolling_moment`` or ``section.axial``, at all its places.
+
+        Raises
+        ------
+        InputError
+            The map gives no such load.
+        """
+        found = {group.load.name: group for group in self.load_groups}
+        if name not in found:
+            raise InputError(f"group: expected one of {', '.join(found)}, got '{name}'")
+        values = (self.other_loads, self.other_loads_std, self.other_coefficients, self.other_coefficients_std)
+        return GroupLoads(found[name].places, *(value[..., found[name].rows] for value in values))
+
+    @property
     def section_station(self) -> FloatArray:
         """(n_s,) x of the sections [m]."""
         return self._estimator.section_station
@@ -187,9 +209,10 @@ class Estimate(NamedLoads):
     def section_loads(self) -> SectionLoads:
         """Loads of the sections of the map, (n_s, 6), and their standard deviations."""
         stations = self.section_station
-        shape = (*self.other_loads.shape[:-1], len(SECTION_LOADS), len(stations))
+        shape = (*self.other_loads.shape[:-1], len(SECTIONS.loads), len(stations))
+        rows = rows_of(self.load_groups, SECTIONS)
         loads, std = (
-            np.swapaxes(values[..., 1:].reshape(shape), -1, -2)
+            np.swapaxes(values[..., rows].reshape(shape), -1, -2)
             for values in (self.other_loads, self.other_loads_std)
         )
         return SectionLoads(stations, loads, std)

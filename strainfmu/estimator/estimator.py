@@ -27,6 +27,7 @@ from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimates.pressure_field import PressureField
 from strainfmu.estimator.map.flow_parameters import flow_parameters
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map
+from strainfmu.estimator.other_loads import number_of
 from strainfmu.estimator.policies import LARGEST_TIME, SMALLEST_TIME
 from strainfmu.estimator.resource.map_file import native_resource
 from strainfmu.estimator.settings import EstimatorSettings, default_settings
@@ -166,7 +167,7 @@ class Estimator:
         self.filter_time_constant = filter_time_constant
         self.parameters = flow_parameters(inverse_map)
         self.is_nonlinear = inverse_map.manifold is not None
-        self.section_station = inverse_map.section_station
+        self.section_station, self.load_groups = inverse_map.section_station, inverse_map.load_groups
         self._lock = threading.Lock()
         self.core = self._new_core(resource)
         self._set_up(self.core)
@@ -581,7 +582,7 @@ class Estimator:
     # What is made of estimates off the deadline.
 
     def other_loads_of(self, estimate: Estimate, name: str) -> FloatArray:
-        """Return rolling moment and section loads of a map whose core has none.
+        """Return the loads behind the five of a map whose core has none.
 
         They are zero where the five loads are known, but for maps of form "absolute" with such loads.
         """
@@ -590,7 +591,7 @@ class Estimator:
         if not self.inverse_map.has_other_loads or self.is_nonlinear:
             five = estimate.coefficients if "coefficients" in name else estimate.loads
             known = np.isfinite(five).all(axis=-1, keepdims=True)
-            return np.where(known, np.zeros((*shape, 1 + 6 * len(self.section_station))), nan)
+            return np.where(known, np.zeros((*shape, number_of(self.load_groups))), nan)
         pressure, std = (record[:, layout[one].start] for one in ("dynamic_pressure", "dynamic_pressure_std"))
         known, solved = (
             np.asarray(np.isfinite(np.atleast_2d(one)).all(axis=1))

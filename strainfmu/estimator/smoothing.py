@@ -24,7 +24,7 @@ from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.temperature import known_sensors
-from strainfmu.estimator.other_loads import is_moment
+from strainfmu.estimator.other_loads import OTHER_LOADS
 from strainfmu.estimator.policies import BAND, LARGEST_WIDENING, NARROW, WIDEN, WINDOW
 from strainfmu.estimator.reference.air import AirInputs, air_data, air_inputs, without
 from strainfmu.estimator.reference.flight_filter import ITERATIONS, SEEN, FilteredSample, FlightFilterReference
@@ -359,7 +359,7 @@ class FlightSmoother(_Records):
 
     def _other_references(self, n: int) -> FloatArray:
         """Return S of forces and S L of moments of ``n`` other loads by the settings."""
-        settings, moments = self.estimator.settings, is_moment(len(self.estimator.section_station))[:n]
+        settings, moments = self.estimator.settings, self.estimator.inverse_map.is_moment[OTHER_LOADS][:n]
         return settings.reference_area * np.where(moments, settings.reference_length, 1.0)
 
 

@@ -20,7 +20,7 @@ from strainfmu.estimator.core import Core, Layout, Series
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.flow_parameters import flow_parameters
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
-from strainfmu.estimator.other_loads import other_load_names
+from strainfmu.estimator.other_loads import names_of
 from strainfmu.estimator.resource.map_file import native_resource
 from strainfmu.files import check_new_folder
 from strainfmu.fmu.native.sources import ARITHMETIC_FLAGS, compiled_files, model_sources
@@ -86,7 +86,7 @@ _OUTPUTS = {
     "is_identified": "of each: 1 if strain and air data determine it, 0 if only the ranges of the map do",
     "air_data_used": f"1 or 0: {', '.join(NAVIGATION)}",
     "is_linear": "1 if the loads are the linear estimator's: strain fits no flight of the tables",
-    "further_loads": "rolling moment [N m], then section loads [N, N m]",
+    "further_loads": "[N, N m] behind the five",
     "further_loads_std": "their standard deviations",
     "further_coefficients": "[1] of the same",
     "further_coefficients_std": "their standard deviations",
@@ -261,7 +261,7 @@ def _readme(inverse_map: InverseMap, content_hash: str, core: Core) -> str:
     inputs = dict(_INPUTS)
     inputs["parameter"] += f": {', '.join(flow_parameters(inverse_map).names)}"
     outputs = dict(_OUTPUTS)
-    outputs["further_loads"] += f": {', '.join(other_load_names(inverse_map.section_station))}"
+    outputs["further_loads"] += f": {', '.join(names_of(inverse_map.load_groups))}"
     title = f"Loads from strain: {inverse_map.vehicle}"
     return template.substitute(
         vehicle=inverse_map.vehicle,

@@ -11,6 +11,7 @@ from math import isfinite
 from typing import Any, NoReturn
 
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
+from strainfmu.estimator.other_loads import coefficient_names
 from strainfmu.interface.estimator_variables import LOADS
 
 LARGEST_DATAGRAM = 1 << 16
@@ -24,7 +25,7 @@ UNITS = {
     "sigma": "1",
     "loads": {name: unit.replace(".", " ") for name, (_, unit) in LOADS.items()},
     "loads_sigma": {name: unit.replace(".", " ") for name, (_, unit) in LOADS.items()},
-    "further_loads": "1 of M_R, N of forces, N m of moments",
+    "further_loads": f"1 of {', '.join(coefficient_names())}, N of forces, N m of moments",
     "strain_um_per_m": "um/m",
     "gauges_used": "gauges",
     "suspects": "gauges",
@@ -138,7 +139,7 @@ def _field(content: dict[str, Any]) -> dict[str, Any]:
 
 def _layout(content: dict[str, Any]) -> dict[str, Any]:
     """Return gauges and limits of an estimator."""
-    ranges, stations = content.get("coefficient_range") or {}, content.get("section_stations_m")
+    ranges = content.get("coefficient_range") or {}
     return {
         "gauges": [_gauge(gauge) for gauge in content["gauges"]],
         "vehicle": _text(content.get("vehicle")),
@@ -147,8 +148,30 @@ def _layout(content: dict[str, Any]) -> dict[str, Any]:
             for name in COEFFICIENT_NAMES
             if name in ranges
         },
-        "section_stations_m": None if stations is None else [_number(station) for station in stations],
+        "load_tables": [_load_table(table) for table in content.get("load_tables") or []],
         "validity": {str(name): _text(text) for name, text in (content.get("validity") or {}).items()},
+    }
+
+
+def _load_table(content: dict[str, Any]) -> dict[str, Any]:
+    """Return a table of loads behind the five; raise if it is none."""
+    columns = [
+        {
+            "text": _text(column["text"]),
+            "unit": _text(column["unit"]),
+            "factor": _number(column["factor"]) or 0.0,
+            "digits": _digits(column["digits"]),
+        }
+        for column in content["columns"]
+    ]
+    rows = [(_text(row["place"]), [str(_text(name)) for name in row["outputs"]]) for row in content["rows"]]
+    if any(len(outputs) != len(columns) for _, outputs in rows):
+        raise ValueError("a table of loads with another number of cells than columns")
+    return {
+        "title": _text(content["title"]),
+        "place": _text(content["place"]),
+        "columns": columns,
+        "rows": [{"place": place, "outputs": outputs} for place, outputs in rows],
     }
 
 
@@ -171,6 +194,13 @@ def _number(value: Any) -> float | None:
         return None
     if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
         raise ValueError(f"expected a finite number, got {type(value).__name__}")
+    return value
+
+
+def _digits(value: Any) -> int:
+    """Return a number of decimals; refuse what no page can show."""
+    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= 20:
+        raise ValueError("expected 0 to 20 decimals")
     return value
 
 

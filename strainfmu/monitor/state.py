@@ -42,7 +42,7 @@ _NO_LAYOUT: dict[str, Any] = {
     "gauges": [],
     "vehicle": None,
     "coefficient_range": {},
-    "section_stations_m": None,
+    "load_tables": [],
     "validity": {},
 }
 

@@ -70,15 +70,16 @@ def test_one_failure_stands_for_more_incidence() -> None:
 
 
 def test_faults_of_all_checks_are_listed(vehicle: Path, run: Run) -> None:
-    """Gauges, modes and manoeuvre in one go, before any flow is solved."""
-    change(vehicle, ("modes = 4", "modes = 400"))
+    """Gauges, modes, section stations and manoeuvre in one go, before any flow is solved."""
+    change(vehicle, ("modes = 4", "modes = 400\nsection_stations_m = [0.1, 99.0]"))
     change(vehicle.parent / "manoeuvre.csv", ("1,4.6,5,1,22", "1,4.6,9,1,22"))
     change(vehicle, ("[conditions]", "[aerodynamics]\nengine = 'table'\n[conditions]"))
     code, _, message = run("check", vehicle)
     assert code == 2
     lines = message.splitlines()
-    assert len(lines) == 3
-    for line, words in zip(lines, ("aerodynamics.manifest: ", "map.modes: ", "total incidence: "), strict=True):
+    found = ("aerodynamics.manifest: ", "map.modes: ", "map.section_stations_m: ", "total incidence: ")
+    assert len(lines) == 4
+    for line, words in zip(lines, found, strict=True):
         assert line.startswith(f"strainfmu: {vehicle.parent}/")
         assert words in line
     assert lines[1].startswith(f"strainfmu: {vehicle}: map.modes: ")

@@ -9,7 +9,7 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
-from further_maps import COMBINATION, STATION, with_further
+from further_maps import COMBINATION, STATION, groups_at, with_further
 from random_map import map_of, random_map, random_model
 from scaled_maps import NOMINAL, scaled_map, whole_scaled_map
 
@@ -24,7 +24,7 @@ from strainfmu.estimator.map.inverse_map import (
     load_inverse_map,
     save_inverse_map,
 )
-from strainfmu.estimator.other_loads import other_load_names
+from strainfmu.estimator.other_loads import names_of
 from strainfmu.estimator.settings import default_settings
 from strainfmu.files import write_hdf5_atomically
 from strainfmu.records import write_record
@@ -101,7 +101,7 @@ def test_sections_by_name() -> None:
         np.testing.assert_array_equal(getattr(sections, name)[:, 0], series.other_loads[:, 1 + k])
         np.testing.assert_array_equal(getattr(one, name)[0], series.other_loads[4, 1 + k])
     np.testing.assert_array_equal(series[3:5].section_loads.loads, sections.loads[3:5])
-    assert other_load_names(STATION)[:3] == ("rolling_moment", "section.axial[1]", "section.normal[1]")
+    assert names_of(groups_at(STATION))[:3] == ("rolling_moment", "section.axial[1]", "section.normal[1]")
 
 
 def test_without_further_loads_the_rolling_moment_is_known_to_be_zero() -> None:
@@ -142,7 +142,7 @@ def test_map_with_a_group_of_further_loads_is_refused(tmp_path: Path) -> None:
 def test_loads_have_names() -> None:
     with_sections, plain = with_further(scaled_map(1, 2)), scaled_map(1, 2)
     assert plain.load_names == LOAD_NAMES
-    assert with_sections.load_names == (*LOAD_NAMES, *other_load_names(STATION))
+    assert with_sections.load_names == (*LOAD_NAMES, *names_of(groups_at(STATION)))
     assert (plain.n_loads, with_sections.n_loads) == (5, 12)
     assert (plain.has_other_loads, with_sections.has_other_loads) == (False, True)
     moments = [name for name, one in zip(with_sections.load_names, with_sections.is_moment, strict=True) if one]
@@ -155,9 +155,9 @@ def test_loads_have_names() -> None:
     [
         ({"section_station": np.array([1.0, 0.5])}, "section_station must hold rising numbers"),
         ({"section_station": np.array([0.5, np.nan])}, "section_station must hold rising numbers"),
-        ({"section_station": np.array([0.5, 1.0])}, "load_of_mean has 12 loads for 2 sections, must be 18"),
-        ({"section_station": np.zeros(0)}, "load_of_mean has 12 loads for 0 sections, must be 5 or 6"),
-        ({"load_of_mean": np.ones(5)}, "load_of_mean has 5 loads for 1 sections, must be 12"),
+        ({"section_station": np.array([0.5, 1.0])}, "load_of_mean has 12 loads, must be 18 for 2 sections"),
+        ({"section_station": np.zeros(0)}, "load_of_mean has 12 loads, must be 5 or 6"),
+        ({"load_of_mean": np.ones(5)}, "load_of_mean has 5 loads, must be 12 for 1 sections"),
         ({"load_of_mean": np.ones((2, 6))}, r"load_of_mean has shape \(2, 6\), must be \(12,\)"),
         ({"load_of_mean": np.full(12, np.nan)}, "load_of_mean holds values that are not finite"),
         ({"load_per_state": np.ones((5, 3))}, r"load_per_state has shape \(5, 3\), must be \(12, "),

@@ -19,7 +19,7 @@ from strainfmu.estimator.air_data import AIR_DATA_NAMES
 from strainfmu.estimator.estimator import EXACT
 from strainfmu.estimator.map.flow_parameters import flow_parameters
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.other_loads import SECTION_LOADS
+from strainfmu.estimator.other_loads import LoadArray
 from strainfmu.estimator.settings import default_settings
 from strainfmu.interface.estimator_variables import LOADS, estimator_arrays, estimator_interface
 from strainfmu.interface.filter_variables import FILTER_TIME_CONSTANT
@@ -50,7 +50,7 @@ class Places:
         scalars = estimator_interface(inverse_map)
         self._variables: Sequence[Variable] = estimator_arrays(scalars) if arrays else scalars
         self._type = {one.name: one.fmi_type for one in scalars}
-        self._n_sections = len(inverse_map.section_station)
+        self._groups = inverse_map.load_groups
         self.outputs = [one.name for one in scalars if one.causality == "output" and one.name != TARE_STATE]
         self.inputs = [one.name for one in scalars if one.causality == "input" and one.name != TARE]
         self.parameters = [one.name for one in scalars if one.causality == "parameter"]
@@ -77,12 +77,12 @@ class Places:
         }
 
     def _outputs_of_fields(self) -> dict[str, list[str]]:
-        sections = [f"section.{name}[{i + 1}]" for name in SECTION_LOADS for i in range(self._n_sections)]
+        loads = [name for group in self._groups for name in LoadArray(group, False, False).outputs]
         air = [f"air_data.{name}" for name in AIR_DATA_NAMES]
         with_std = {
             "coefficients": [*COEFFICIENTS],
             "loads": [*LOADS],
-            "further_loads": ["moment.roll", *sections],
+            "further_loads": loads,
             "M_R": ["M_R"],
             "air_data": air,
         }

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from chromium import PROGRAM, Browser
 from clipping import WIDTHS, clipped, set_width
+from further_maps import groups_at
 from multicast import skip_without_multicast
 from operator_states import TestRange, running_range
 from synthetic_vehicle import synthetic_inverse_map
@@ -23,7 +24,7 @@ from strainfmu.can.cycle.states.bus_state import BusState
 from strainfmu.can.cycle.states.quality import Cause, Quality
 from strainfmu.can.tools.strain_sources import FlownSample
 from strainfmu.estimator.map.inverse_map import save_inverse_map
-from strainfmu.estimator.other_loads import SECTION_LOADS
+from strainfmu.estimator.other_loads import SECTIONS as FAMILY
 from strainfmu.fmu.export import export_estimator
 from strainfmu.monitor.server import Monitor
 
@@ -167,14 +168,14 @@ def test_bridge_gone(on_range: tuple[TestRange, Browser]) -> None:
     is_whole(browser)
 
 
-SECTIONS = "document.getElementById('sections').innerText"
+FURTHER_LOADS = "document.getElementById('further_loads').innerText"
 
 
 def test_rolling_moment_and_section_loads(tmp_path: Path) -> None:
     """Hidden of an estimator without them; whole at every width; no numbers without quality."""
     strain, stations = np.arange(3.0) * 1e-6, (0.6, 1.2, 1.75, 2.5, 3.6)
     held = {"M_R": -0.0123, "sigma.M_R": 0.001, "moment.roll": -456.0, "sigma.moment.roll": 37.0}
-    for number, unit in enumerate(SECTION_LOADS, start=1):
+    for number, unit in enumerate((load.key for load in FAMILY.loads), start=1):
         for k in range(1, 6):
             held |= {f"section.{unit}[{k}]": -1234.5 * number - k, f"sigma.section.{unit}[{k}]": 10.0 * k}
     shown = CycleResult(
@@ -185,10 +186,8 @@ def test_rolling_moment_and_section_loads(tmp_path: Path) -> None:
     gauges = [GaugePosition(f"g{k}", 1.0 + k, 90.0 * k) for k in range(3)]
     reports = BridgeReports(account=FrameAccount, bus_state=lambda: BusState.ERROR_ACTIVE)
     publishers = [
-        Publisher(
-            monitor.listens_at, gauges, rate=1e4, reports=reports, facts=EstimatorFacts(section_stations=one)
-        )
-        for one in (None, stations)
+        Publisher(monitor.listens_at, gauges, rate=1e4, reports=reports, facts=EstimatorFacts(load_groups=one))
+        for one in ((), groups_at(stations))
     ]
 
     def shows_of(publisher: Publisher, result: CycleResult, *texts: str) -> Callable[[Any], bool]:
@@ -200,16 +199,16 @@ def test_rolling_moment_and_section_loads(tmp_path: Path) -> None:
 
     try:
         browser.wait(TEXT, shows_of(publishers[0], shown, "VALID"))
-        assert browser.value("document.getElementById('sections').hidden") is True
-        browser.wait(SECTIONS, shows_of(publishers[1], shown, "C_l -0.0123 ± 0.0030, -0.456 ± 0.111 kN m"))
-        table = browser.value(SECTIONS)
+        assert browser.value("document.getElementById('further_loads').hidden") is True
+        browser.wait(FURTHER_LOADS, shows_of(publishers[1], shown, "C_l -0.0123 ± 0.0030, -0.456 ± 0.111 kN m"))
+        table = browser.value(FURTHER_LOADS)
         assert "1.75" in table
         assert "-7.409 ± 0.060" in table, "torsion of the second section"
         for width in WIDTHS:
             assert clipped(browser, width) == []
         stale = replace(shown, quality=Quality.STALE)
-        browser.wait(SECTIONS, shows_of(publishers[1], stale, "no value: STALE"))
-        assert "±" not in browser.value("document.getElementById('section_rows').innerText")
+        browser.wait(FURTHER_LOADS, shows_of(publishers[1], stale, "no value: STALE"))
+        assert "±" not in browser.value("document.querySelector('#load_tables tbody').innerText")
     finally:
         browser.close()
         for publisher in publishers:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 from flight_maps import AREA, LENGTH, table_coefficients
 
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.other_loads import LoadGroup, load_groups
 from strainfmu.estimator.tables.manifold_map import ManifoldMap
 
 STATION = np.array([0.8])
@@ -18,6 +21,11 @@ STATIONS = np.array([0.8, 1.7, 2.9])
 """Of :func:`with_own_further` and :func:`with_further_tables`."""
 
 M = 1 + 6 * len(STATIONS)
+
+
+def groups_at(stations: Sequence[float]) -> tuple[LoadGroup, ...]:
+    """Return the groups of a map with sections at ``stations`` [m]: the rolling moment, and six loads of them."""
+    return load_groups(SimpleNamespace(section_station=np.array(stations, dtype=float), hinge_lines=None))
 
 
 def with_further(inverse_map: InverseMap, combination: np.ndarray = COMBINATION) -> InverseMap:

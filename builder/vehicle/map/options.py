@@ -5,14 +5,21 @@ from __future__ import annotations
 from itertools import pairwise
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, field_validator, model_validator
 
 from builder.vehicle.map.gamma_rules import RULES
-from builder.vehicle.toml.limits import GAMMA
+from builder.vehicle.toml.limits import GAMMA, one_line
 from builder.vehicle.toml.sections import Altitude, FileName, Section
 from strainfmu.atmosphere import DEVIATION_OF_AIR
 
 SectionStation = Annotated[float, Field(gt=0.0, le=1000.0)]
+Coordinate = Annotated[float, Field(ge=-1000.0, le=1000.0)]
+Point = Annotated[
+    tuple[Coordinate, Coordinate, Coordinate],
+    BeforeValidator(lambda value: tuple(value) if isinstance(value, list) else value),
+]
+SHORTEST = 1e-6
+"""Of the largest component of a direction: what is below counts as zero."""
 StrainStd = Annotated[float, Field(ge=1e-6, le=1e4)]
 
 
@@ -27,6 +34,42 @@ def wrong_estimator(name: object) -> str | None:
     return f"{text}, now called 'nonlinear'" if name == "manifold" else text
 
 
+class Region(Section):
+    """A region of the surface: what of it lies inside a box in body axes. Triangles at its faces are cut."""
+
+    from_m: Point
+    to_m: Point
+
+    @model_validator(mode="after")
+    def _has_room(self) -> Region:
+        if not all(low < high for low, high in zip(self.from_m, self.to_m, strict=True)):
+            raise ValueError(
+                f"to_m: expected numbers above those of from_m {list(self.from_m)}, got {list(self.to_m)}"
+            )
+        return self
+
+
+class HingeMoment(Section):
+    """Moment of the air on a region of the surface about a hinge line, right-handed about its direction.
+
+    The line goes through ``point_m`` along ``direction``, of any length, both in body axes. The moment is that of
+    the pressure less the internal pressure, on the surface of the vehicle file: a fin that turns counts where it
+    is drawn. Over q_inf S L of [reference] it is the coefficient M_H.
+    """
+
+    name: Annotated[str, Field(min_length=1, max_length=60), AfterValidator(one_line)]
+    region: str
+    point_m: Point
+    direction: Point
+
+    @field_validator("direction")
+    @classmethod
+    def _points_somewhere(cls, value: Any) -> Any:
+        if max(map(abs, value)) < SHORTEST:
+            raise ValueError(f"expected a vector that is not zero, got {list(value)}")
+        return value
+
+
 class MapEntry(Section):
     """The inverse map.
 
@@ -39,7 +82,8 @@ class MapEntry(Section):
     ``valid_altitude_km``; "absolute" is the paper's, for the pressure level of the snapshots. ``symmetry`` "full"
     uses every flow at every roll angle, which holds for a body of revolution; "listed" keeps the angles of the
     conditions with their signs. ``section_stations_m`` are the stations, rising, whose section loads (axial force,
-    shear, bending, torsion of the air on the part ahead) the map gives besides.
+    shear, bending, torsion of the air on the part ahead) the map gives besides. ``hinge_moments`` are moments of
+    ``regions`` of the surface about lines, which it gives too.
     ``alarm_levels`` "calibrated" sets the alarm levels on flights of the independent
     model with hardware errors drawn, where engine and structure allow, "always" also where its flows cost more
     than the build, as of sections by ``euler``; "nominal" leaves those of the theory.
@@ -62,6 +106,8 @@ class MapEntry(Section):
     estimator: Literal["linear", "nonlinear"] = "linear"
     valid_altitude_km: tuple[Altitude, Altitude] = (0.0, 40.0)
     section_stations_m: tuple[SectionStation, ...] = Field(default=(), max_length=50)
+    regions: dict[str, Region] = Field(default_factory=dict)
+    hinge_moments: list[HingeMoment] = Field(default_factory=list, max_length=50)
     modes: int = Field(default=5, ge=1, le=1000)
     case: Literal[1, 2] = 1
     inner_product: Literal["euclidean", "area"] = "euclidean"
@@ -110,6 +156,14 @@ class MapEntry(Section):
         stations = self.section_stations_m
         if any(not first < second for first, second in pairwise(stations)):
             raise ValueError(f"section_stations_m: expected rising numbers, got {list(stations)}")
+        known, names = ", ".join(sorted(self.regions)) or "none", [one.name for one in self.hinge_moments]
+        for number, one in enumerate(self.hinge_moments, start=1):
+            if one.region not in self.regions:
+                raise ValueError(
+                    f"hinge_moments.{number}.region: expected one of [map.regions], {known}, got '{one.region}'"
+                )
+            if one.name in names[: number - 1]:
+                raise ValueError(f"hinge_moments.{number}.name: expected another than before, got '{one.name}'")
         if self.form == "dynamic_pressure" and self.gamma != 1.0:
             raise ValueError(f"gamma: expected 1 with form 'dynamic_pressure', got {self.gamma!r}")
         if self.estimator == "nonlinear" and self.form != "dynamic_pressure":

@@ -28,13 +28,14 @@ from strainfmu.cosim.estimators.step import (
     PARAMETERS,
     Step,
     further_inputs,
+    load_groups_of,
     parameter_names_of,
     parameter_std_names_of,
     reading_units_of,
-    section_stations_of,
     sensor_names_of,
 )
 from strainfmu.errors import InputError
+from strainfmu.estimator.other_loads import LoadGroup
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 from strainfmu.interface.input_names import OTHER_AIR_DATA
 
@@ -181,8 +182,8 @@ def make_core(
         synchronised_shift=options.synchronised_shift,
     )
     layout, configuration = step_input_layout(step, options, gauge_names)
-    stations = section_stations_of(step)
-    results = result_layouts(result_form(options, layout), options.identifiers, layout.cycle_time, stations)
+    groups = load_groups_of(step)
+    results = result_layouts(result_form(options, layout), options.identifiers, layout.cycle_time, groups)
     options.identifiers.checked(1, len(results))
     own_keys = [frame.key for frame in results]
     core = bridge_core(
@@ -352,16 +353,16 @@ def map_reading_units(source: Path) -> dict[str, str]:
     return reading_units(load_inverse_map(source))
 
 
-def map_section_stations(source: Path) -> tuple[float, ...] | None:
-    """Return x [m] of the sections whose loads a map or an FMU gives, with rolling moment; None for neither."""
+def map_load_groups(source: Path) -> tuple[LoadGroup, ...]:
+    """Return the groups of the loads that a map or an FMU gives beside the five."""
     if source.suffix == ".fmu":
-        from strainfmu.cosim.estimators.description import section_stations_in
+        from strainfmu.cosim.estimators.description import load_groups_in
 
-        return section_stations_in(source)
+        return load_groups_in(source)
     from strainfmu.estimator.map.inverse_map import load_inverse_map
-    from strainfmu.interface.other_load_variables import section_stations
+    from strainfmu.estimator.map.offers import groups_of_outputs
 
-    return section_stations(load_inverse_map(source))
+    return groups_of_outputs(load_inverse_map(source))
 
 
 def form_of_profile(profile: str) -> str:

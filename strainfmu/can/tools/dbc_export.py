@@ -9,12 +9,13 @@ from strainfmu.can.bridge.results.layouts import result_layouts
 from strainfmu.can.bridge.setup import (
     form_of_profile,
     map_gauge_names,
+    map_load_groups,
     map_reading_units,
-    map_section_stations,
 )
 from strainfmu.can.settings import checked_cycle_time
 from strainfmu.can.wire.frame_layout import FrameLayout
 from strainfmu.can.wire.profiles import Identifiers, profile_layout
+from strainfmu.estimator.other_loads import LoadGroup
 from strainfmu.files import write_bytes_atomically
 
 
@@ -47,7 +48,7 @@ def write_dbc(
         cycle_time=cycle_time,
         identifiers=identifiers,
         has_tare=has_tare,
-        stations=map_section_stations(source),
+        groups=map_load_groups(source),
         readings=map_reading_units(source),
     )
     text = dbc_text(layouts, f"{source.name}, profile {profile}")
@@ -61,12 +62,12 @@ def all_layouts(
     cycle_time: float,
     identifiers: Identifiers,
     has_tare: bool = False,
-    stations: Sequence[float] | None = None,
+    groups: Sequence[LoadGroup] = (),
     readings: Mapping[str, str] | None = None,
 ) -> list[FrameLayout]:
     """Return every frame of a profile: input, then results.
 
-    ``stations`` as of :func:`result_layouts`, ``readings`` as of :func:`profile_layout`.
+    ``groups`` as of :func:`result_layouts`, ``readings`` as of :func:`profile_layout`.
     """
     layout = profile_layout(
         profile,
@@ -76,6 +77,6 @@ def all_layouts(
         has_tare=has_tare,
         readings=readings,
     )
-    results = result_layouts(form_of_profile(profile), identifiers, cycle_time, stations)
+    results = result_layouts(form_of_profile(profile), identifiers, cycle_time, groups)
     identifiers.checked(len(layout.frames), len(results))
     return [*(frame.layout for frame in layout.frames), *results]

@@ -12,8 +12,8 @@ from strainfmu.can.cycle.estimate.result import CycleResult
 from strainfmu.can.tools.log_description import load_description
 from strainfmu.can.tools.replay import ReplaySummary, replay_log
 from strainfmu.cosim.estimators.source import open_step
-from strainfmu.cosim.estimators.step import section_stations_of
-from strainfmu.interface.other_load_variables import other_load_outputs
+from strainfmu.cosim.estimators.step import load_groups_of
+from strainfmu.estimator.other_loads import output_units
 from strainfmu.recorded.estimates.fmu_columns import other_outputs_of
 from strainfmu.recorded.output.estimate_files import (
     ESTIMATE_COLUMNS,
@@ -34,7 +34,7 @@ LOG_COLUMNS = (
     ("health.envelope_score", "1"),
     ("age_uncertainty", "s"),
 )
-"""Columns of a replay's output; rolling moment and section loads follow where the estimator gives them."""
+"""Columns of a replay's output; loads behind the five follow where the estimator gives them."""
 
 _BLOCK = 2000
 
@@ -61,8 +61,7 @@ def estimate_log(
     if zeros is None and recorded is not None:
         zeros = recorded["options"].zeros
     with open_step(source, zeros) as ready:
-        stations = section_stations_of(ready.step)
-        further = () if stations is None else other_outputs_of(other_load_outputs(len(stations)).items())
+        further = other_outputs_of(output_units(load_groups_of(ready.step)).items())
         columns = (*LOG_COLUMNS, *((one.column, one.unit) for one in further))
         with estimate_writer(output, columns) as writer:
             rows = _Rows(writer, [one.output for one in further])

@@ -63,7 +63,7 @@ def tare(
     known_output: Annotated[
         Path | None,
         typer.Option(
-            metavar="TOML", help="With --vehicle: write the strain of the known loads, for tare.known of a bus file."
+            metavar="TOML", help="With --vehicle: write the strain of the known loads (tare.known of a bus file)."
         ),
     ] = None,
     accept: Annotated[

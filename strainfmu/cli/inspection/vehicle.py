@@ -62,7 +62,7 @@ def check_vehicle(path: Path, console: Console) -> None:
         What the commands that take the file would refuse; a line each, of all of these checks.
     """
     from builder.aero.engines.registry import make_engine
-    from builder.inverse.problem import check_noise
+    from builder.inverse.problem import check_noise, check_other_loads
     from builder.structure.gauge_checks import check_gauges
     from builder.vehicle.file import load_vehicle
     from builder.vehicle.map_needs import check_map_size
@@ -76,6 +76,7 @@ def check_vehicle(path: Path, console: Console) -> None:
     if gauges is not None:
         faults.of(lambda: check_map_size(vehicle, gauges[vehicle.gauges.layout], len(conditions)))
         faults.of(lambda: check_noise(vehicle))
+    faults.of(lambda: check_other_loads(vehicle))
     flies = vehicle.truth.manoeuvre is not None
     trajectory = faults.of(lambda: _manoeuvre(vehicle, conditions)) if flies else None
     faults.raise_if_any()  # before the flows, which take longest

@@ -1,4 +1,4 @@
-"""What an estimator FMU says of itself: inputs, outputs, and the gauges, sensors and sections they are of."""
+"""What an estimator FMU says of itself: inputs, outputs, and the gauges, sensors and places they are of."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from strainfmu.arrays import FloatArray
 from strainfmu.cosim.systems.instance import read_description
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
+from strainfmu.estimator.other_loads import LoadGroup, groups_among
 from strainfmu.estimator.settings import SENSOR_RANGE
 from strainfmu.interface.sensor_variables import PREFIX as SENSOR_PREFIX
 from strainfmu.interface.sensor_variables import THRUST
@@ -23,8 +24,6 @@ VALID = re.compile(r"valid\[(\d+)\]")
 _GAUGE = re.compile(r"Strain of gauge (.+) at x = ")
 TEMPERATURES = re.compile(r"temperature\[(\d+)\]")
 SENSOR = re.compile(r"Temperature of sensor (.+);")
-_SECTION = re.compile(r"section\.axial\[(\d+)\]")
-_STATION = re.compile(r".* ahead of x = (\S+) m")
 _NUMBER = {"Real", "Integer", "Enumeration", "Boolean"}
 OUTPUTS = (
     *COEFFICIENT_NAMES,
@@ -50,17 +49,15 @@ def gauge_names_of(path: Path) -> tuple[str, ...]:
     return tuple(gauge_name(variable) for variable in strains)
 
 
-def section_stations_in(path: Path) -> tuple[float, ...] | None:
-    """Return x [m] of the sections whose loads the FMU at ``path`` gives beside the rolling moment.
-
-    None where it gives neither.
+def load_groups_in(path: Path) -> tuple[LoadGroup, ...]:
+    """Return the groups of the loads that the FMU at ``path`` gives beside the five.
 
     Raises
     ------
     InputError
         The FMU is missing or damaged.
     """
-    return section_stations(read_description(path))
+    return load_groups(read_description(path))
 
 
 def outputs_of(path: Path) -> tuple[tuple[str, str], ...]:
@@ -121,12 +118,10 @@ def reading_units_in(path: Path) -> dict[str, str]:
     return reading_units(one for one in read_description(path).modelVariables if one.causality == "input")
 
 
-def section_stations(description: Any) -> tuple[float, ...] | None:
-    """Return x [m] of the sections whose loads an FMU states, None of one without rolling moment."""
-    outputs = [v for v in description.modelVariables if v.causality == "output"]
-    if not any(one.name == "M_R" for one in outputs):
-        return None
-    return tuple(float(described(one, _STATION)) for one in numbered(outputs, _SECTION))
+def load_groups(description: Any) -> tuple[LoadGroup, ...]:
+    """Return the groups of the loads that an FMU states beside the five."""
+    outputs = (v for v in description.modelVariables if v.causality == "output")
+    return groups_among({one.name: one.description or "" for one in outputs})
 
 
 def estimator_outputs(path: Path, description: Any, further: Iterable[str]) -> list[Any]:

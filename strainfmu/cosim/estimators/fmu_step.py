@@ -25,18 +25,18 @@ from strainfmu.cosim.estimators.description import (
     estimator_inputs,
     estimator_outputs,
     gauge_name,
+    load_groups,
     noise_std_of,
     numbered,
     reading_units,
-    section_stations,
     sensor_range_of,
 )
 from strainfmu.cosim.estimators.step import OTHER_LOAD_OUTPUTS, PARAMETERS, StepRefused, StepResult
 from strainfmu.cosim.systems.instance import Instance, SignalBlock, read_description, safe_temporary_parent, unzip
 from strainfmu.errors import InputError, StrainfmuError
+from strainfmu.estimator.other_loads import output_units
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 from strainfmu.interface.input_names import NAVIGATION_INPUTS
-from strainfmu.interface.other_load_variables import other_load_outputs
 from strainfmu.interface.parameter_variables import OUTSIDE_PREFIX, STD_PREFIX
 from strainfmu.interface.parameter_variables import PREFIX as PARAMETER_PREFIX
 from strainfmu.interface.sensor_variables import PREFIX as SENSOR_PREFIX
@@ -64,8 +64,8 @@ class FmuStep:
     sensor_names : of the temperature sensors in order, if :data:`TEMPERATURE` was asked for; their inputs are
         ``temperature[k]`` [K].
     reading_units : unit of auxiliary sensors and thrust by name of the input.
-    section_stations : x of the sections [m] whose loads are among the outputs, if :data:`OTHER_LOAD_OUTPUTS` was
-        asked for; None where it was not, or the FMU has neither rolling moment nor sections.
+    load_groups : groups of the loads behind the five among the outputs, if :data:`OTHER_LOAD_OUTPUTS` was asked
+        for; none where it was not.
     takes_mask : it need not look for gauges that are not valid.
     needs_pressure : whether there are no coefficients where q_inf is not known: of a linear estimator.
     strain_nominal : (n_d,) nominal values of the strains [m/m], the largest that are expected; 1 without.
@@ -116,11 +116,8 @@ class FmuStep:
         self._first_mask = self.n_gauges + 1 + len(of_flow)
         wanted = [name for name in other_outputs if name != OTHER_LOAD_OUTPUTS]
         wanted += [name.replace(PARAMETER_PREFIX, OUTSIDE_PREFIX, 1) for name in parameters]
-        self.section_stations = (
-            section_stations(self._description) if OTHER_LOAD_OUTPUTS in other_outputs else None
-        )
-        if self.section_stations is not None:
-            wanted += other_load_outputs(len(self.section_stations))
+        self.load_groups = load_groups(self._description) if OTHER_LOAD_OUTPUTS in other_outputs else ()
+        wanted += output_units(self.load_groups)
         self._get = estimator_outputs(path, self._description, dict.fromkeys(wanted))
         self.other_outputs = tuple(variable.name for variable in self._get[len(OUTPUTS) - 1 : -1])
         self.strain_nominal = np.array([float(variable.nominal or 1.0) for variable in strains])

@@ -18,10 +18,12 @@ from strainfmu.cosim.estimators.zeros_file import load_zeros
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map
+from strainfmu.estimator.map.offers import groups_of_outputs
+from strainfmu.estimator.other_loads import output_units
 from strainfmu.estimator.settings import default_settings
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros, no_zeros
 from strainfmu.interface.input_names import OTHER_AIR_DATA, given_flow, given_thrust
-from strainfmu.interface.other_load_variables import other_load_outputs, other_load_values, section_stations
+from strainfmu.interface.other_load_variables import other_load_values
 from strainfmu.interface.parameter_variables import (
     OUTSIDE_PREFIX,
     STD_PREFIX,
@@ -99,9 +101,8 @@ class MapStep:
         self.further_inputs = (*of_flow, *self._parameters, *self._stds, *self.reading_units)
         self.noise_std = inverse_map.noise_std[: inverse_map.n_strain_gauges]
         self.sensor_range = default_settings(inverse_map).sensor_range
-        self.section_stations = section_stations(inverse_map)
-        stations = self.section_stations
-        self._further = {} if stations is None else other_load_outputs(len(stations))
+        self.load_groups = groups_of_outputs(inverse_map)
+        self._further = tuple(output_units(self.load_groups))
 
     def set_zeros(self, zeros: GaugeZeros | None) -> None:
         """Take ``zeros`` off the strains from the next step on, which goes on from the state of the last."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import StrainfmuError
 from strainfmu.estimator.health import HealthState
+from strainfmu.estimator.other_loads import LoadGroup
 from strainfmu.estimator.settings import SENSOR_RANGE
 from strainfmu.interface.parameter_variables import PREFIX as PARAMETER_PREFIX
 from strainfmu.interface.parameter_variables import STD_PREFIX
@@ -52,7 +53,7 @@ PARAMETERS = "parameters"
 standard deviations."""
 
 OTHER_LOAD_OUTPUTS = "other_loads"
-"""Name that stands for rolling moment and section loads, with their deviations, among the outputs asked for."""
+"""Name that stands for the loads behind the five, with their deviations, among the outputs asked for."""
 
 Step = Callable[..., StepResult]
 """(n_d,) strains [m/m], NaN where not valid; q_inf [Pa], NaN if not known; step size [s]; values of those of
@@ -106,13 +107,13 @@ def parameter_std_names_of(step: Step) -> tuple[str, ...]:
     return tuple(name for name in further_inputs(step) if name.startswith(STD_PREFIX))
 
 
-def section_stations_of(step: Step) -> tuple[float, ...] | None:
-    """Return x [m] of the sections whose loads ``step`` gives, None of one without rolling moment.
+def load_groups_of(step: Step) -> tuple[LoadGroup, ...]:
+    """Return the groups of the loads behind the five that ``step`` gives.
 
-    They are ``step``'s attribute ``section_stations``; the loads are in :attr:`StepResult.further`.
+    They are ``step``'s attribute ``load_groups``, none where it has none; the loads are in
+    :attr:`StepResult.further`.
     """
-    stations: tuple[float, ...] | None = getattr(step, "section_stations", None)
-    return stations
+    return tuple(getattr(step, "load_groups", ()))
 
 
 def noise_of(step: Step) -> FloatArray | None:

@@ -8,7 +8,7 @@ import numpy as np
 
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, LOAD_NAMES
-from strainfmu.estimator.other_loads import other_load_names
+from strainfmu.estimator.other_loads import names_of
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -21,12 +21,19 @@ def dataframe_of(estimate: ShownEstimate, health: Any) -> DataFrame:
     from pandas import DataFrame
 
     columns: dict[str, Any] = {}
-    rolling = (estimate.other_coefficients[..., :1], estimate.other_coefficients_std[..., :1])
+    groups = estimate.load_groups
+    stated = [group for group in groups if group.load.coefficient]
+    of_stated = np.concatenate([np.arange(group.first, group.first + group.size) for group in stated])
+    coefficients = tuple(name for group in stated for name in group.numbered(group.load.coefficient))
     rows: tuple[tuple[tuple[str, ...], FloatArray, FloatArray], ...] = (
         (COEFFICIENT_NAMES, estimate.coefficients, estimate.coefficients_std),
         (LOAD_NAMES, estimate.loads, estimate.loads_std),
-        (("M_R",), *rolling),
-        (other_load_names(estimate.section_station), estimate.other_loads, estimate.other_loads_std),
+        (
+            coefficients,
+            estimate.other_coefficients[..., of_stated],
+            estimate.other_coefficients_std[..., of_stated],
+        ),
+        (names_of(groups), estimate.other_loads, estimate.other_loads_std),
     )
     for names, values, std in rows:
         columns |= dict(zip(names, np.atleast_2d(values).T, strict=True))

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.estimator.other_loads import LoadGroup
 
 
 class NamedLoads:
@@ -111,7 +112,7 @@ class ShownEstimate(Protocol):
     @property
     def other_coefficients_std(self) -> FloatArray: ...
     @property
-    def section_station(self) -> FloatArray: ...
+    def load_groups(self) -> tuple[LoadGroup, ...]: ...
     @property
     def chi_square(self) -> Any: ...
     @property

@@ -27,6 +27,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.estimator.map.hinge_lines import UNITS as HINGE_UNITS
+from strainfmu.estimator.map.hinge_lines import HingeLines
 from strainfmu.estimator.map.inverse_map_checks import check_arrays, check_groups, check_inverse_map
 from strainfmu.estimator.map.neutral import (
     fill,
@@ -42,7 +44,7 @@ from strainfmu.estimator.map.sensors import SensorRows, strain_rows
 from strainfmu.estimator.map.temperature import UNITS as THERMAL_UNITS
 from strainfmu.estimator.map.temperature import ThermalMap, no_temperature
 from strainfmu.estimator.numerics.fixed_order import product
-from strainfmu.estimator.other_loads import is_moment, other_load_names
+from strainfmu.estimator.other_loads import LoadGroup, is_moment, load_groups, names_of
 from strainfmu.estimator.tables.manifold_map import UNITS as MANIFOLD_UNITS
 from strainfmu.estimator.tables.manifold_map import ManifoldMap
 from strainfmu.records import OPTIONAL, inner_record, load_record, save_record
@@ -62,10 +64,10 @@ DEFAULT_SCORE_LIMIT = 3.0
 class InverseMap:
     """A finished inverse map for n_d gauges and n_q pressure states.
 
-    Loads are outputs, n_f of them: the five of :data:`LOAD_NAMES` [N, N, N, N m, N m], then the rolling moment of
-    the body and the loads of n_s sections (:mod:`strainfmu.estimator.other_loads`). n_f is 6 + 6 n_s, or 5 where
-    the rolling moment is zero, as that of a body of revolution, and no sections are wanted. A load that is known
-    to be zero has rows of zeros. Coefficients are the five of :data:`COEFFICIENT_NAMES`.
+    Loads are outputs, n_f of them: the five of :data:`LOAD_NAMES` [N, N, N, N m, N m], then those of the groups in
+    :attr:`load_groups` (:mod:`strainfmu.estimator.other_loads`), the rolling moment of the body first. n_f is 5
+    where that is zero, as of a body of revolution, and no other loads are wanted. A load that is known to be zero
+    has rows of zeros. Coefficients are the five of :data:`COEFFICIENT_NAMES`.
 
     Attributes
     ----------
@@ -109,6 +111,7 @@ class InverseMap:
         nothing bounds them.
     sensors : what the rows measure. All other fields hold the rows as strain, readings over ``sensors.scale``.
     section_station : (n_s,) x of the sections [m], rising; none where no sections are wanted.
+    hinge_lines : lines about which the map gives hinge moments; None where none are wanted.
     thermal : modes of the wall's temperature and sensors of it; of a map that knows of none, no modes.
     manifold : tables of the nonlinear estimator for the same gauges; None in a map for the linear one alone.
 
@@ -161,6 +164,7 @@ class InverseMap:
         default_factory=lambda: strain_rows(0), metadata=OPTIONAL | inner_record(SensorRows, SENSOR_UNITS)
     )
     section_station: FloatArray = field(default_factory=no_numbers)
+    hinge_lines: HingeLines | None = field(default=None, metadata=inner_record(HingeLines, HINGE_UNITS))
     thermal: ThermalMap = field(
         default_factory=lambda: no_temperature(np.zeros((0, 0))),
         metadata=OPTIONAL | inner_record(ThermalMap, THERMAL_UNITS),
@@ -205,19 +209,24 @@ class InverseMap:
 
     @property
     def has_other_loads(self) -> bool:
-        """Whether the rolling moment, and the loads of sections if any, follow the five loads."""
+        """Whether loads follow the five."""
         return self.n_loads > len(LOAD_NAMES)
+
+    @cached_property
+    def load_groups(self) -> tuple[LoadGroup, ...]:
+        """Groups of the loads behind the five, in the order of their rows; a map may leave all of them out."""
+        return load_groups(self)
 
     @property
     def load_names(self) -> tuple[str, ...]:
         """n_f names of the loads, in their order."""
-        return (*LOAD_NAMES, *other_load_names(self.section_station))[: self.n_loads]
+        return (*LOAD_NAMES, *names_of(self.load_groups))[: self.n_loads]
 
     @property
     def is_moment(self) -> BoolArray:
         """(n_f,) whether each load is a moment [N m]; the others are forces [N]."""
         of_five = [unit == "N m" for unit in LOAD_UNITS]
-        return np.append(of_five, is_moment(len(self.section_station)))[: self.n_loads]
+        return np.append(of_five, is_moment(self.load_groups))[: self.n_loads]
 
     @cached_property
     def references(self) -> FloatArray:

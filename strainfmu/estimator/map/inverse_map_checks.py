@@ -8,7 +8,7 @@ import numpy as np
 
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-from strainfmu.estimator.other_loads import FIVE_LOADS, SECTION_LOADS
+from strainfmu.estimator.other_loads import FIVE_LOADS, number_of
 
 if TYPE_CHECKING:
     from strainfmu.estimator.map.inverse_map import InverseMap
@@ -65,16 +65,14 @@ def _check_parts(inverse_map: InverseMap) -> None:
 
 
 def _check_number_of_loads(inverse_map: InverseMap) -> None:
-    """Check that the loads are the five, or these with the rolling moment and those of every section."""
-    station, found = inverse_map.section_station, inverse_map.load_of_mean.size
-    if not (station.ndim == 1 and np.all(np.isfinite(station)) and np.all(np.diff(station) > 0.0)):
-        raise InputError("inverse map: section_station must hold rising numbers")
-    allowed = FIVE_LOADS.stop + 1 + len(SECTION_LOADS) * len(station)
-    if found != allowed and (len(station) or found != FIVE_LOADS.stop):
-        or_five = "" if len(station) else f"{FIVE_LOADS.stop} or "
-        raise InputError(
-            f"inverse map: load_of_mean has {found} loads for {len(station)} sections, must be {or_five}{allowed}"
-        )
+    """Check that the loads are the five, or these with those of every group."""
+    groups, found = inverse_map.load_groups, inverse_map.load_of_mean.size
+    sizes = {group.family: group.size for group in groups if group.family.is_listed}
+    allowed = FIVE_LOADS.stop + number_of(groups)
+    if found != allowed and (sizes or found != FIVE_LOADS.stop):
+        counts = ", ".join(f"{size} {family.singular}s" for family, size in sizes.items())
+        allowed_text = f"{allowed} for {counts}" if sizes else f"{FIVE_LOADS.stop} or {allowed}"
+        raise InputError(f"inverse map: load_of_mean has {found} loads, must be {allowed_text}")
 
 
 def check_groups(inverse_map: InverseMap) -> None:

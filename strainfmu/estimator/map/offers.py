@@ -1,8 +1,9 @@
-"""What the estimator of a map offers in addition to five loads: a filter, rolling moment, section loads."""
+"""What the estimator of a map offers in addition to five loads: a filter, further loads."""
 
 from __future__ import annotations
 
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.other_loads import LoadGroup
 
 
 def has_filter(inverse_map: InverseMap) -> bool:
@@ -18,3 +19,8 @@ def has_other_outputs(inverse_map: InverseMap) -> bool:
     """Return whether FMUs of the map state such loads: by tables, or in form "dynamic_pressure"."""
     in_core = inverse_map.manifold is not None or inverse_map.form == "dynamic_pressure"
     return inverse_map.has_other_loads and in_core
+
+
+def groups_of_outputs(inverse_map: InverseMap) -> tuple[LoadGroup, ...]:
+    """Return the groups of loads that FMUs of the map state beside the five; none where they state none."""
+    return inverse_map.load_groups if has_other_outputs(inverse_map) else ()

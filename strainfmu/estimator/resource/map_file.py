@@ -42,7 +42,7 @@ from strainfmu.estimator.map.proportional_errors import error_model
 from strainfmu.estimator.map.sensors import SensorRows
 from strainfmu.estimator.map.temperature import LARGEST_RISE, ThermalMap
 from strainfmu.estimator.numerics.fixed_order import householder, product
-from strainfmu.estimator.other_loads import FIVE_LOADS, OTHER_LOADS
+from strainfmu.estimator.other_loads import FIVE_LOADS, OTHER_LOADS, LoadGroup, load_arrays
 from strainfmu.estimator.policies import LARGEST_TIME as LARGEST
 from strainfmu.estimator.policies import MIN_EXPECTED_RATIO, MIN_INFORMATION, SLOW
 from strainfmu.estimator.policies import SMALLEST_TIME as SMALLEST
@@ -64,8 +64,8 @@ from strainfmu.estimator.zeros.tare import (
 )
 
 GUID_SIZE = 80
-PARAMETER_NAME_SIZE = 48
-"""Bytes of the guid, of the name of a parameter; with a final zero."""
+PARAMETER_NAME_SIZE = OUTPUT_NAME_SIZE = 48
+"""Bytes of the guid, of the name of a parameter, of an array of outputs; with a final zero."""
 
 
 def native_resource(inverse_map: InverseMap, guid: str, known: KnownStrain | None = None) -> bytes:
@@ -209,6 +209,7 @@ def _scaled_parts(inverse_map: InverseMap) -> dict[str, Values]:
         found["scaled_errors"] = vars(error_model(inverse_map))
     if has_other_outputs(inverse_map):
         found["further"] = {
+            **_groups(inverse_map.load_groups),
             "is_moment": inverse_map.is_moment[OTHER_LOADS].astype(float),
             "fixed_load": fixed_load[OTHER_LOADS],
             "load_of_mean": mean_load[OTHER_LOADS],
@@ -217,6 +218,21 @@ def _scaled_parts(inverse_map: InverseMap) -> dict[str, Values]:
             "spread_unseen": np.diag(spread_unseen)[OTHER_LOADS],
         }
     return found
+
+
+def _groups(groups: tuple[LoadGroup, ...]) -> Values:
+    """Return the arrays of outputs of the loads behind the five, and by which of the five each load's sigma grows.
+
+    Of each array: its name, what it holds (:attr:`LoadArray.value`), its first row and its length.
+    """
+    arrays = load_arrays(groups)
+    return {
+        "array_name": texts([one.name for one in arrays], OUTPUT_NAME_SIZE),
+        "array_value": np.array([one.value for one in arrays], dtype=float),
+        "array_first": np.array([one.group.first for one in arrays], dtype=float),
+        "array_size": np.array([one.group.size for one in arrays], dtype=float),
+        "like": np.repeat([float(group.load.like) for group in groups], [group.size for group in groups]),
+    }
 
 
 def _spread(inverse_map: InverseMap) -> tuple[FloatArray, FloatArray, FloatArray]:

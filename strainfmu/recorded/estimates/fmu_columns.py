@@ -5,15 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from strainfmu.estimator.other_loads import SIGMA, column_of
 from strainfmu.interface.parameter_variables import OUTSIDE_PREFIX
 
 _PREFIXES = (
-    "M_R",
-    "sigma.M_R",
-    "moment.roll",
-    "sigma.moment.roll",
-    "section.",
-    "sigma.section.",
     "air_data.",
     "sigma.air_data.",
     "identified.air_data.",
@@ -21,13 +16,9 @@ _PREFIXES = (
     "health.linear_loads",
     OUTSIDE_PREFIX,
 )
-"""What the names of such outputs begin with."""
+"""What the names of such outputs begin with, but for loads behind the five."""
 
-_RENAMED = {
-    "moment.roll": "rolling_moment",
-    "sigma.moment.roll": "sigma.rolling_moment",
-    "health.linear_loads": "linear_loads",
-}
+_RENAMED = {"health.linear_loads": "linear_loads"}
 """Columns whose name is not that of the output."""
 
 
@@ -46,10 +37,10 @@ def other_outputs_of(outputs: Iterable[tuple[str, str]]) -> tuple[OtherOutput, .
     Loads stand ahead of their deviations; air data have that order already.
     """
     found = [
-        OtherOutput(output=name, column=_RENAMED.get(name, name), unit=unit.replace(".", " "))
+        OtherOutput(output=name, column=column_of(name) or _RENAMED.get(name, name), unit=unit.replace(".", " "))
         for name, unit in outputs
-        if name.startswith(_PREFIXES)
+        if column_of(name) or name.startswith(_PREFIXES)
     ]
-    if any(one.output == "M_R" for one in found):
-        found.sort(key=lambda one: one.output.startswith("sigma."))
+    if any(column_of(one.output) for one in found):
+        found.sort(key=lambda one: one.output.startswith(SIGMA))
     return tuple(found)

@@ -15,7 +15,8 @@ from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.flow_parameters import flow_parameters
-from strainfmu.estimator.map.inverse_map import LOAD_NAMES, InverseMap
+from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.other_loads import load_arrays
 from strainfmu.estimator.settings import default_settings
 from strainfmu.interface.input_names import given_flow
 from strainfmu.interface.parameter_variables import OUTSIDE_PREFIX
@@ -122,17 +123,17 @@ class MapBlocks:
 
 
 def _other_columns(inverse_map: InverseMap, has_loads: bool) -> tuple[tuple[str, str], ...]:
-    """Return M_R, rolling moment and section loads with their deviations; none where the map has no such loads.
+    """Return the loads behind the five, coefficients and deviations; none where the map has no such loads.
 
     Between the two stand the scores of flow parameters.
     """
     scores = tuple((f"{OUTSIDE_PREFIX}{name}", "1") for name in flow_parameters(inverse_map).names)
     if not has_loads:
         return scores
-    units = np.where(inverse_map.is_moment, "N m", "N").tolist()
-    loads = tuple(zip(inverse_map.load_names, units, strict=True))[len(LOAD_NAMES) :]
-    named = (("M_R", "1"), *loads)
-    return (*named, *scores, *((f"sigma.{name}", unit) for name, unit in named))
+    arrays = sorted(load_arrays(inverse_map.load_groups), key=lambda one: one.is_std)
+    named = [(name, one.unit.replace(".", " ")) for one in arrays for name in one.columns]
+    n = sum(one.group.size for one in arrays if not one.is_std)
+    return (*named[:n], *scores, *named[n:])
 
 
 def air_data_values(found: Any) -> FloatArray:
@@ -143,12 +144,15 @@ def air_data_values(found: Any) -> FloatArray:
 
 
 def other_values(found: Any, has_loads: bool) -> FloatArray:
-    """Return the values (n, n_f) of the columns of rolling moment, section loads and scores of estimates."""
+    """Return the values (n, n_c) of the columns of the loads behind the five, and of scores of estimates."""
     if not has_loads:
         return np.asarray(found.parameter_score)
-    rolling, std = found.other_coefficients[..., :1], found.other_coefficients_std[..., :1]
-    parts = (rolling, found.other_loads, found.parameter_score, std, found.other_loads_std)
-    return np.concatenate(parts, axis=-1)
+    arrays = load_arrays(found.load_groups)
+    held = (found.other_loads, found.other_loads_std, found.other_coefficients, found.other_coefficients_std)
+    values, deviations = (
+        [held[one.value][..., one.group.rows] for one in arrays if one.is_std == std] for std in (False, True)
+    )
+    return np.concatenate([*values, found.parameter_score, *deviations], axis=-1)
 
 
 def _level_reference(inverse_map: InverseMap) -> LevelReference:

@@ -58,7 +58,7 @@ class _Columns:
         )
         self.air_data = replace(found.air_data, value=known.air, std=known.air_std)
         self.air_data_used, self.is_linear = found.air_data_used, found.is_linear
-        self.parameter_score = found.parameter_score
+        self.parameter_score, self.load_groups = found.parameter_score, found.load_groups
 
 
 def with_filter(source: Path, static: BlockEstimator, time_constant: float | None, smooth: bool) -> BlockEstimator:

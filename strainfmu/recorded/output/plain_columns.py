@@ -10,13 +10,13 @@ import numpy as np
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
+from strainfmu.estimator.other_loads import is_column
 
 FORMS = ("plain", "all")
 HEALTH_COLUMN = "health"
 """Column of text: the name of the state; empty for a sample that an FMU refused."""
 
 STATE = "health.state"
-_LOADS = (*COEFFICIENT_NAMES, "M_R", "rolling_moment")
 _AIR_DATA = "air_data."
 _ANGLES = ("air_data.angle_of_attack", "air_data.sideslip_angle")
 _SIGMA = "sigma."
@@ -65,7 +65,8 @@ def plain_columns(columns: Sequence[tuple[str, str]]) -> PlainColumns:
 
 def _is_kept(name: str) -> bool:
     plain = name.removeprefix(_SIGMA)
-    return name == "time" or plain in (*_LOADS, *_ANGLES) or plain.startswith(("section.", *_RESIDUALS))
+    of_loads = plain in COEFFICIENT_NAMES or is_column(name)
+    return name == "time" or of_loads or plain in _ANGLES or plain.startswith(_RESIDUALS)
 
 
 def _plain(name: str, unit: str) -> tuple[str, str, float]:

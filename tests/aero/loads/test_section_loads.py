@@ -5,9 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from builder.aero.loads.groups import other_load_operator
 from builder.aero.loads.operator import load_operator
-from builder.aero.loads.sections import other_load_operator, six_loads
+from builder.aero.loads.pieces import forces_and_moments, part_below, whole_surface
+from builder.aero.loads.sections import section_operator, six_loads
 from builder.aero.surface.mesh import SurfaceMesh, mesh_load_operator, mesh_of_grid
+from builder.vehicle.map.options import MapEntry
 from builder.vehicle.shape.geometry import SurfaceGrid, chain_segments, surface_grid
 from strainfmu.errors import InputError
 
@@ -45,8 +48,7 @@ def test_cantilever_under_a_tip_force(grid: SurfaceGrid, mesh: SurfaceMesh, as_t
     surface = mesh if as_triangles else grid
     x = np.repeat(grid.x, grid.n_roll)
     pressure = np.where(x < 0.35, 1e4, 0.0) * (1.0 + np.tile(np.cos(grid.roll_angle - 2.2), len(grid.x)))
-    operator = other_load_operator(surface, STATIONS, 0.0)
-    found = (operator @ pressure)[1:].reshape(6, 5).T
+    found = (section_operator(surface, STATIONS) @ pressure).reshape(6, 5).T
     whole = six_loads(mesh, 0.0) if as_triangles else np.vstack([load_operator(grid, 0.0), np.zeros(len(x))])
     axial, normal, side, pitch, yaw, roll = whole @ pressure
     assert min(abs(normal), abs(side)) > 10.0
@@ -70,10 +72,10 @@ def test_sections_cut_triangles_exactly() -> None:
 
 def test_sections_of_triangles_are_those_of_the_body_of_revolution(grid: SurfaceGrid, mesh: SurfaceMesh) -> None:
     pressure = np.outer(1.0 + grid.x, 1.0 + 0.5 * np.cos(grid.roll_angle - 0.4)).ravel()
-    by_grid, by_mesh = (other_load_operator(one, STATIONS, 0.7) for one in (grid, mesh))
+    by_grid, by_mesh = (section_operator(one, STATIONS) for one in (grid, mesh))
     chords = 1.4 * (2.0 * np.pi / 48) ** 2 / 6.0
-    expected = (by_grid @ pressure)[1:].reshape(6, 5)
-    np.testing.assert_allclose((by_mesh @ pressure)[1:].reshape(6, 5)[:5], expected[:5], rtol=chords)
+    expected = (by_grid @ pressure).reshape(6, 5)
+    np.testing.assert_allclose((by_mesh @ pressure).reshape(6, 5)[:5], expected[:5], rtol=chords)
     np.testing.assert_array_equal(expected[5], 0.0)
 
 
@@ -95,11 +97,26 @@ def test_rolling_moment_of_plates_off_the_axis() -> None:
 
 
 def test_body_of_revolution_without_sections_has_no_further_loads(grid: SurfaceGrid, mesh: SurfaceMesh) -> None:
-    assert other_load_operator(grid, (), 0.7).shape == (0, grid.n_nodes)
-    assert other_load_operator(mesh, (), 0.7).shape == (1, mesh.n_nodes)
+    assert other_load_operator(grid, MapEntry(), 0.7).shape == (0, grid.n_nodes)
+    assert other_load_operator(grid, MapEntry(section_stations_m=STATIONS), 0.7).shape == (31, grid.n_nodes)
+    assert other_load_operator(mesh, MapEntry(), 0.7).shape == (1, mesh.n_nodes)
 
 
 @pytest.mark.parametrize("station", [-0.1, 0.0, 2.1])
 def test_station_off_the_body_is_refused(grid: SurfaceGrid, station: float) -> None:
     with pytest.raises(InputError, match=r"map.section_stations_m: expected 0 to 2 m, got"):
-        other_load_operator(grid, (station,), 0.7)
+        section_operator(grid, (station,))
+
+
+def test_a_part_of_a_part_is_cut_exactly() -> None:
+    """Pressure linear over a plate, of the strip 0.2 < x < 0.7 with y < 0.1: force and moments by integration."""
+    flat = plate(0.0, 0.0)
+    pieces = part_below(whole_surface(flat), flat.point[:, 0], 0.7)
+    pieces = part_below(pieces, -flat.point[:, 0], -0.2)
+    pieces = part_below(pieces, flat.point[:, 1], 0.1)
+    operator = forces_and_moments(flat, pieces, np.array([0.2, 0.0, 0.0]))
+    force_and_moment = (1.0 + 2.0 * flat.point[:, 0]) @ operator
+    force = -0.6 * (0.5 + (0.7**2 - 0.2**2))
+    about_y = 0.6 * (0.5**2 / 2.0 * 1.4 + 2.0 * 0.5**3 / 3.0)
+    about_x = (force / 0.6) * (0.1**2 - 0.5**2) / 2.0
+    np.testing.assert_allclose(force_and_moment, [0.0, 0.0, force, about_x, about_y, 0.0], rtol=1e-13, atol=1e-16)

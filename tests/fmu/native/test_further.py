@@ -129,7 +129,10 @@ def test_arrays_of_fmi_3(six: NativeCase) -> None:
 @pytest.mark.parametrize(
     ("name", "change", "text"),
     [
-        ("is_moment", lambda old: old[:5], "expected one for the body, and six for each section"),
+        ("like", put(0, 5.5), "expected numbers of loads"),
+        ("array_value", put(1, 4.0), "expected 0 to 3"),
+        ("array_size", put(2, 20.0), "expected rows of the loads"),
+        ("array_size", put(2, 0.0), "expected rows of the loads"),
         ("spread_unseen", lambda old: old[1:], "expected "),
         ("spread_unseen", put(0, np.nan), "holds a value that is not finite (number 0)"),
     ],

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from builder.aero.loads.sections import other_load_operator
+from builder.aero.loads.groups import other_load_operator
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
 from builder.inverse.cases.observable_states import on_observable_states
@@ -40,7 +40,7 @@ def test_section_loads_of_held_out_flights(
     changed = with_sections(vehicle, case=case, form=form)
     inverse_map = build_inverse_map(changed, snapshots, structure)
     station = vehicle.reference_quantities().moment_station
-    operator = other_load_operator(structure.surface, STATIONS, station)
+    operator = other_load_operator(structure.surface, changed.map, station)
     net = held_out.pressure - held_out.internal_pressure[:, None]
     strain = net @ structure.strain_operator(vehicle.gauges.layout).T
     strain = strain + inverse_map.noise_std * np.random.default_rng(2).standard_normal(strain.shape)

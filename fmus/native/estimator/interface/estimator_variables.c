@@ -3,7 +3,6 @@
 #define LINEAR_REFERENCES 24u /* arrays of FMI 3.0 of a map without tables and other sensors; time follows them */
 #define FLIGHT_REFERENCES (N_FLIGHT_INPUTS + N_FLIGHT_REALS + N_FLIGHT_FLAGS)
 #define ZERO_REFERENCES 3u   /* zero, zero_std, zero_common_std */
-#define OF_BODY 4u           /* M_R, its deviation, rolling moment, its deviation */
 #define TARE_REFERENCES 5u   /* tare, tare_state, zero_in_use, zero_in_use_std, zero_in_use_common_std */
 
 /* Number of the first of the zeros. */
@@ -30,14 +29,9 @@ static unsigned other_reference(const Estimator *e) {
     return thrust_reference(e) + (unsigned)e->sensors.has_thrust + (unsigned)(filter_setting(&e->inputs) != SIZE_MAX);
 }
 
-static size_t n_sections(const Estimator *e) {
-    return (e->other_loads.map.n_loads - 1) / SECTION_LOADS;
-}
-
 /* Value reference of FMI 3.0 of the input of the tare. */
 static unsigned tare_reference(const Estimator *e) {
-    const unsigned sections = e->other_loads.present && n_sections(e) > 0 ? 2 * SECTION_LOADS : 0;
-    return other_reference(e) + (e->other_loads.present ? OF_BODY + sections : 0);
+    return other_reference(e) + (unsigned)e->other_loads.map.n_arrays;
 }
 
 /* Value reference of FMI 3.0 of the first parameter of the flow; their scores, then their deviations follow. */
@@ -55,7 +49,7 @@ static size_t first_other(const Estimator *e) {
 }
 
 size_t tare_variable(const Estimator *e) {
-    return first_other(e) + (e->other_loads.present ? OF_BODY + 2 * (e->other_loads.map.n_loads - 1) : 0);
+    return first_other(e) + e->other_loads.n_outputs;
 }
 
 size_t zero_in_use(const Estimator *e, size_t variable) {
@@ -74,18 +68,8 @@ size_t parameter_output(const Estimator *e, size_t variable) {
 }
 
 const double *other_real(const Estimator *e, size_t variable) {
-    static const unsigned char BODY[OF_BODY] = {OTHER_COEFFICIENTS, OTHER_COEFFICIENTS_STD, OTHER_LOADS,
-                                                OTHER_LOADS_STD};
-    const size_t number = variable - first_other(e), count = e->other_loads.map.n_loads - 1, section = number - OF_BODY;
-    if (!e->other_loads.present) {
-        return NULL;
-    }
-    if (number < OF_BODY) {
-        return e->other_loads.value[BODY[number]];
-    }
-    return section < count       ? e->other_loads.value[OTHER_LOADS] + 1 + section
-         : section < 2 * count ? e->other_loads.value[OTHER_LOADS_STD] + 1 + (section - count)
-                                 : NULL;
+    const size_t number = variable - first_other(e); /* size_t: what is ahead of them wraps round */
+    return number < e->other_loads.n_outputs ? e->other_loads.value[0] + e->other_loads.output[number] : NULL;
 }
 
 /* Number of a variable among those of the nonlinear estimator; SIZE_MAX for any other. */
@@ -167,9 +151,8 @@ static Selection input_array(const Estimator *e, unsigned reference) {
 }
 
 static Selection other_array(const Estimator *e, size_t which) {
-    const size_t each = n_sections(e), section = which - OF_BODY;
-    return (Selection){NULL, first_other(e) + (which < OF_BODY ? which : OF_BODY + section * each),
-                       which < OF_BODY ? 1 : each};
+    const OtherLoads *loads = &e->other_loads;
+    return (Selection){NULL, first_other(e) + loads->array_start[which], (size_t)loads->map.array_size[which]};
 }
 
 /* Each array follows the one before it without a gap. */

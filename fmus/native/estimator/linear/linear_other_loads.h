@@ -1,4 +1,4 @@
-/* Loads beside the five by the linear estimator: rolling moment, and loads of sections. */
+/* Loads beside the five by the linear estimator. */
 
 #ifndef LINEAR_OTHER_H
 #define LINEAR_OTHER_H

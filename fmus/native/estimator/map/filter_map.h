@@ -12,7 +12,7 @@ typedef struct {
     size_t n_shared; /* errors that gauges have in common and that do not follow strain, those of temperature last */
     size_t n_modes;  /* number of the latter: of amplitudes of temperature modes [K] */
     size_t n_terms;  /* errors of each gauge that last, per p_inf */
-    size_t n_other; /* rolling moment and section loads */
+    size_t n_other; /* loads beside the five */
     size_t n_own;    /* 1 if gauges have errors that last and do not follow strain, or 0 */
     double rate[N_STATES];      /* standard deviations of the rates [1/s] */
     double rate_time, slow;     /* [s], [1] */

@@ -30,14 +30,14 @@ void flight_other_loads_arrays(FlightOtherLoads *other_loads, size_t n_gauges, d
     }
 }
 
-/* The factor on a coefficient's or a load's deviation, of those of the five, for load j of m. */
-static double widening_of(const double *of_five, size_t j, size_t m) {
-    const size_t kind = j > 0 ? (j - 1) / ((m - 1) / SECTION_LOADS) : N_LOADS;
+/* The factor on a coefficient's or a load's deviation, of those of the five, for load j. */
+static double widening_of(const double *of_five, const OtherLoadsMap *map, size_t j) {
+    const size_t like = (size_t)map->like[j];
     double largest = 1.0;
     for (size_t i = 0; i < N_LOADS; i++) {
         largest = of_five[i] > largest ? of_five[i] : largest;
     }
-    return kind < N_LOADS ? of_five[kind] : largest;
+    return like < N_LOADS ? of_five[like] : largest;
 }
 
 /* Load j at the solution, in the outputs. */
@@ -61,10 +61,9 @@ static void set_load(const FlightOtherLoads *other_loads, const FlightSolver *so
     const double variance = quadratic(N_STATES, by_state, errors, by_state) + remaining;
     const double of_both = quadratic(N_STATES, of_coefficient, errors, of_coefficient) + scale * scale * remaining;
     const double *widening = solver->solution.widening + N_STATES;
-    const size_t m = other_loads->map.tables.n_rows;
     const int is_widened = widening[0] != 0.0;
-    const double of_load = is_widened ? widening_of(widening, j, m) : 1.0;
-    const double of_other = is_widened ? widening_of(widening + N_LOADS, j, m) : 1.0;
+    const double of_load = is_widened ? widening_of(widening, &out->map, j) : 1.0;
+    const double of_other = is_widened ? widening_of(widening + N_LOADS, &out->map, j) : 1.0;
     out->value[OTHER_LOADS][j] = load;
     out->value[OTHER_LOADS_STD][j] = of_load * sqrt(variance);
     out->value[OTHER_COEFFICIENTS][j] = turn * (scale * load);

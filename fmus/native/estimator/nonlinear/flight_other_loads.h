@@ -1,4 +1,4 @@
-/* Loads beside the five over the flight state: rolling moment and loads of sections by the nonlinear estimator.
+/* Loads beside the five over the flight state, by the nonlinear estimator.
 
    The equations are those of strainfmu/estimator/reference/nonlinear.py. They are part
    "flight_loads" of resources/map.bin. Of strain off the tables they are those of

@@ -3,17 +3,64 @@
 #include <stdlib.h>
 
 #define MAX_LOADS 4096
+#define MAX_ARRAYS 4096
+
+/* Whether a number is a whole one from 0 to `most`. */
+static int is_index(double value, size_t most) {
+    return value >= 0.0 && value <= (double)most && value == (double)(size_t)value;
+}
+
+/* The arrays of outputs, and which load grows as which of the five. */
+static void parse_groups(MapFile *file, OtherLoadsMap *map) {
+    const size_t m = map->n_loads, count = map->n_arrays = map_length(file, "further.array_size", 0, 1, MAX_ARRAYS);
+    map->like = map_doubles(file, "further.like", m);
+    map->array_name = map_texts(file, "further.array_name", count, OUTPUT_NAME_SIZE);
+    map->array_value = map_doubles(file, "further.array_value", count);
+    map->array_first = map_doubles(file, "further.array_first", count);
+    map->array_size = map_doubles(file, "further.array_size", count);
+    for (size_t j = 0; file->good && j < m; j++) {
+        map_require(file, is_index(map->like[j], N_LOADS), "further.like", "numbers of loads");
+    }
+    for (size_t a = 0; file->good && a < count; a++) {
+        const int is_value = is_index(map->array_value[a], N_OTHER_VALUES - 1);
+        const int is_first = is_index(map->array_first[a], m), is_size = is_index(map->array_size[a], m);
+        map_require(file, is_value, "further.array_value", "0 to 3");
+        map_require(file, is_first && is_size && map->array_size[a] > 0.0 && map->array_first[a] + map->array_size[a] <= (double)m,
+                    "further.array_size", "rows of the loads");
+    }
+}
 
 static int parse(MapFile *file, size_t n, size_t states, OtherLoadsMap *map) {
     const size_t m = map->n_loads = map_length(file, "further.is_moment", 0, 1, MAX_LOADS);
-    map_require(file, m % SECTION_LOADS == 1, "further.is_moment", "one for the body, and six for each section");
     map->is_moment = map_doubles(file, "further.is_moment", m);
     map->fixed = map_doubles(file, "further.fixed_load", m);
     map->of_mean = map_doubles(file, "further.load_of_mean", m);
     map->load_per_state = map_doubles(file, "further.load_per_state", states, m);
     map->spread_load = map_doubles(file, "further.spread_load", n, m);
     map->spread_unseen = map_doubles(file, "further.spread_unseen", m);
+    parse_groups(file, map);
     return file->good;
+}
+
+/* Where the values of each output lie. 1; 0 without memory. */
+static int list_outputs(OtherLoads *other_loads) {
+    const OtherLoadsMap *map = &other_loads->map;
+    for (size_t a = 0; a < map->n_arrays; a++) {
+        other_loads->n_outputs += (size_t)map->array_size[a];
+    }
+    other_loads->output = calloc(other_loads->n_outputs + map->n_arrays, sizeof(size_t));
+    if (other_loads->output == NULL) {
+        return 0;
+    }
+    other_loads->array_start = other_loads->output + other_loads->n_outputs;
+    size_t number = 0;
+    for (size_t a = 0; a < map->n_arrays; a++) {
+        other_loads->array_start[a] = number;
+        for (size_t k = 0; k < (size_t)map->array_size[a]; k++) {
+            other_loads->output[number++] = (size_t)map->array_value[a] * map->n_loads + (size_t)map->array_first[a] + k;
+        }
+    }
+    return 1;
 }
 
 int other_loads_create(MapFile *file, size_t n_gauges, size_t n_states, OtherLoads *other_loads) {
@@ -26,7 +73,7 @@ int other_loads_create(MapFile *file, size_t n_gauges, size_t n_states, OtherLoa
     const size_t m = other_loads->map.n_loads;
     const size_t count = 2 * n_gauges * m + n_gauges + N_OTHER_VALUES * m;
     other_loads->memory = calloc(count, sizeof(double));
-    if (other_loads->memory == NULL) {
+    if (other_loads->memory == NULL || !list_outputs(other_loads)) {
         return map_no_memory(file);
     }
     other_loads->rows = other_loads->memory;
@@ -41,4 +88,5 @@ int other_loads_create(MapFile *file, size_t n_gauges, size_t n_states, OtherLoa
 
 void other_loads_free(OtherLoads *other_loads) {
     free(other_loads->memory);
+    free(other_loads->output);
 }

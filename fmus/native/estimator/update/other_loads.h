@@ -1,6 +1,6 @@
-/* Linear outputs of a map in form "dynamic_pressure" beside the five loads: rolling moment, and loads of sections.
+/* Linear outputs of a map in form "dynamic_pressure" beside the five loads.
 
-   The C counterpart of what strainfmu/estimator has of other loads (other_loads.py has their order);
+   The C counterpart of what strainfmu/estimator has of other loads (other_loads.py lists them);
    they are part "further" of resources/map.bin, and computed when they are read. */
 
 #ifndef OTHER_LOADS_H
@@ -17,10 +17,15 @@ typedef struct {
     const double *load_per_state; /* (n_states, n_loads) */
     const double *spread_load;    /* (n_gauges, n_loads) */
     const double *spread_unseen;  /* (n_loads) */
+    const double *like;           /* (n_loads) which of the five loads its deviation grows as; N_LOADS: the widest */
+    size_t n_arrays;              /* arrays of outputs, in their order: */
+    const char *array_name;       /* (n_arrays, OUTPUT_NAME_SIZE) */
+    const double *array_value;    /* (n_arrays) what it holds, of the numbers below */
+    const double *array_first;    /* (n_arrays) the first of its loads, */
+    const double *array_size;     /* (n_arrays) and how many they are */
 } OtherLoadsMap;
 
-/* Loads of a section; n_loads is one, for the whole body, and these of every section. */
-#define SECTION_LOADS 6
+#define OUTPUT_NAME_SIZE 48
 
 /* Each array of (n_loads). */
 enum { OTHER_LOADS, OTHER_LOADS_STD, OTHER_COEFFICIENTS, OTHER_COEFFICIENTS_STD, N_OTHER_VALUES };
@@ -34,6 +39,9 @@ typedef struct {
     double *rows;        /* (2 n_loads, n_gauges) scratch of added_noise.h */
     double *growth;      /* (n_gauges) scratch */
     double *value[N_OTHER_VALUES]; /* (n_loads) [N, N m, 1, 1] */
+    size_t n_outputs;      /* of all arrays */
+    size_t *output;        /* (n_outputs) place of each in value[0] and what follows it */
+    size_t *array_start;   /* (n_arrays) number of its first output */
     int outdated;
 } OtherLoads;
 

@@ -25,6 +25,7 @@ from strainfmu.cosim.estimators.step import ENVELOPE_SCORE, health_name
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.flow_parameters import PARAMETER_TOLERANCE
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
+from strainfmu.estimator.other_loads import LoadGroup, column_of
 from strainfmu.fmu.fmu_file import CONTENTS
 from strainfmu.interface.estimator_variables import LOADS
 from strainfmu.interface.parameter_variables import OUTSIDE_PREFIX
@@ -67,8 +68,7 @@ class EstimatorFacts:
     score_limit : envelope score above which it says OUTSIDE [1], None if it states none.
     ranges : smallest and largest coefficient that the snapshots of its map cover [1], by name.
     validity : flight conditions that they cover, as texts with their units, by quantity.
-    section_stations : x of the sections whose loads it gives beside the rolling moment [m]; None of one that gives
-        neither.
+    load_groups : groups of the loads that it gives beside the five.
     sensors : names of its auxiliary sensors.
     """
 
@@ -76,7 +76,7 @@ class EstimatorFacts:
     score_limit: float | None = None
     ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     validity: Mapping[str, str] = field(default_factory=dict)
-    section_stations: tuple[float, ...] | None = None
+    load_groups: tuple[LoadGroup, ...] = ()
     sensors: tuple[str, ...] = ()
 
 
@@ -108,7 +108,7 @@ def estimator_facts(fmu: Path) -> EstimatorFacts:
     InputError
         The FMU is missing or damaged.
     """
-    from strainfmu.cosim.estimators.description import reading_units_in, section_stations_in
+    from strainfmu.cosim.estimators.description import load_groups_in, reading_units_in
 
     try:
         with ZipFile(fmu) as archive:
@@ -123,7 +123,7 @@ def estimator_facts(fmu: Path) -> EstimatorFacts:
         score_limit=envelope_score_limit(fmu),
         ranges=ranges,
         validity=validity,
-        section_stations=section_stations_in(fmu),
+        load_groups=load_groups_in(fmu),
         sensors=tuple(name.removeprefix(SENSOR_PREFIX) for name in reading_units_in(fmu) if name != THRUST),
     )
 
@@ -177,9 +177,40 @@ def layout_message(gauges: Sequence[GaugePosition], facts: EstimatorFacts) -> di
             "vehicle": facts.vehicle,
             "coefficient_range": {name: list(found) for name, found in facts.ranges.items()},
             "validity": dict(facts.validity),
-            "section_stations_m": None if facts.section_stations is None else list(facts.section_stations),
+            "load_tables": load_tables(facts.load_groups),
         }
     }
+
+
+def load_tables(groups: Sequence[LoadGroup]) -> list[dict[str, Any]]:
+    """Return what a page shows of the loads behind the five: a table of each family, a row of each place.
+
+    A cell is an output by name; its number times the ``factor`` of the column is shown in the ``unit``, "" for
+    none, with ``digits`` decimals.
+    """
+    tables = []
+    for family in dict.fromkeys(group.family for group in groups):
+        of_family = [group for group in groups if group.family is family]
+        columns, cells = list[dict[str, Any]](), list[tuple[str, ...]]()
+        for group in of_family:
+            load = group.load
+            if load.coefficient:
+                columns.append({"text": load.symbol, "unit": "", "factor": 1.0, "digits": 4})
+                cells.append(group.numbered(load.coefficient))
+            text, unit = load.key if family.is_listed else "", load.shown.replace(".", " ")
+            factor = 1.0 if load.shown == load.unit else 1e-3
+            columns.append({"text": text, "unit": unit, "factor": factor, "digits": 3})
+            cells.append(group.numbered(load.output))
+        rows = zip(of_family[0].places, zip(*cells, strict=True), strict=True)
+        tables.append(
+            {
+                "title": family.title,
+                "place": family.place_title,
+                "columns": columns,
+                "rows": [{"place": place, "outputs": list(outputs)} for place, outputs in rows],
+            }
+        )
+    return tables
 
 
 def result_message(
@@ -211,7 +242,7 @@ def result_message(
     has_numbers = result.quality.has_coefficients
     loads = {name: finite(further.get(name)) if has_numbers else None for name in LOADS}
     loads_sigma = {name: finite(further.get(f"sigma.{name}")) if has_numbers else None for name in LOADS}
-    beside = {name: finite(value) if has_numbers else None for name, value in further.items() if _is_beside(name)}
+    beside = {name: finite(value) if has_numbers else None for name, value in further.items() if column_of(name)}
     first, number = int(further.get(SUSPECT_GAUGE, 0)), int(further.get(SUSPECTS, 0))
     return {
         "quality": int(result.quality),
@@ -245,12 +276,6 @@ def result_message(
 
 
 @cache
-def _is_beside(output: str) -> bool:
-    """Return whether an output is one of the loads beside the five, or its standard deviation."""
-    name = output.removeprefix("sigma.")
-    return name in ("M_R", "moment.roll") or name.startswith("section.")
-
-
 def finite(value: float | None) -> float | None:
     """Return the number, None where JSON has none for it."""
     return value if value is not None and isfinite(value) else None

@@ -14,6 +14,7 @@ from strainfmu.can.wire.profile_signals import header_1, header_5
 from strainfmu.can.wire.profiles import BRIDGE, Identifiers
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
+from strainfmu.estimator.other_loads import LoadGroup
 
 _RESULT_DATA_ID = 0x5380
 STATUS_PERIOD = 0.1
@@ -32,7 +33,7 @@ _DETAIL_TEXT = "Of the last result: every 100 ms, and with every result that has
 
 
 def result_layouts(
-    form: str, identifiers: Identifiers, cycle_time: float, stations: Sequence[float] | None = None
+    form: str, identifiers: Identifiers, cycle_time: float, groups: Sequence[LoadGroup] = ()
 ) -> tuple[FrameLayout, ...]:
     """Return the frames that the bridge sends.
 
@@ -40,16 +41,16 @@ def result_layouts(
     ----------
     form : "fd", "classic-le" or "classic-be".
     cycle_time : nominal period of the results [s]. Status frames have none: they are sent every STATUS_PERIOD.
-    stations : x of the sections whose loads are sent, with the rolling moment [m]; None for neither.
+    groups : of the loads behind the five, which are sent too.
     """
     order = BIG if form == "classic-be" else LITTLE
     layouts = _fd_layouts(cycle_time) if form == "fd" else _classic_layouts(order, cycle_time)
-    if stations is not None and form == "fd":
+    if form == "fd":
         first = (*header_5(), _quality(24), _sample_time())
-        layouts += other_load_layouts.fd_layouts(first, _answered(0), stations, cycle_time)
-    elif stations is not None:
+        layouts += other_load_layouts.fd_layouts(first, _answered(0), groups, cycle_time)
+    else:
         head = (*header_1(), _quality(12))
-        layouts += other_load_layouts.classic_layouts(head, _answered(0), order, stations, cycle_time)
+        layouts += other_load_layouts.classic_layouts(head, _answered(0), order, groups, cycle_time)
     return tuple(
         replace(
             layout,

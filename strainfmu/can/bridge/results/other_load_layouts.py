@@ -1,23 +1,23 @@
-"""Result frames of the loads beside the five: the rolling moment, and the loads of sections along the body.
+"""Result frames of the loads behind the five, as :mod:`strainfmu.estimator.other_loads` lists them.
 
-They come behind the other result frames, and only of an estimator that has such loads. CAN FD: one frame of the
-rolling moment, and one of each section. Classic: one of the rolling moment, and one of each load of a section.
+They come behind the other result frames, family by family, and only of an estimator that has such loads. CAN FD:
+one frame of each place. Classic: one of each load of a place.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import count
 from math import ceil, isfinite, nan
 
+from strainfmu.can.wire.frame import FD_LENGTHS
 from strainfmu.can.wire.frame_layout import BIG, FLOAT, LITTLE, SIGNED, FrameLayout, SignalLayout
-from strainfmu.estimator.other_loads import SECTION_LOADS
-from strainfmu.interface.other_load_variables import other_load_outputs
+from strainfmu.estimator.other_loads import FAMILIES, SIGMA, LoadFamily, LoadGroup, LoadKind
 
-_COEFFICIENT = "M_R"
 _NAN = "NaN: not available"
 _LARGEST_WHOLE = 65534.0
-"""Largest standard deviation [N, N m] of a classic frame."""
+"""Largest standard deviation of a classic frame, in steps."""
 
 
 def signal_name(output: str) -> str:
@@ -35,13 +35,16 @@ class OtherLoadSignals:
 
     def __init__(self, layouts: Sequence[FrameLayout]) -> None:
         signals = {signal.name: signal for layout in layouts for signal in layout.signals}
-        n_sections = sum(1 for name in signals if name.startswith("section_axial_"))
-        outputs = ((signal_name(output), output) for output in other_load_outputs(n_sections))
-        self._outputs = {name: output for name, output in outputs if name in signals}
-        # Standard deviations in whole numbers of their unit are never stated smaller than they are.
-        self._whole = frozenset(
-            n for n in self._outputs if n.startswith("sigma_section") and signals[n].length == 16
-        )
+        loads = [(family, load) for family in FAMILIES for load in family.loads]
+        sent = {name: one for one in loads for name in _sent_among(signals, *one)}
+        self._outputs = {signal_name(f"{of}{name}"): f"{of}{name}" for name in sent for of in ("", SIGMA)}
+        # Standard deviations in whole steps are never stated smaller than they are.
+        steps = {
+            signal_name(f"{SIGMA}{name}"): load.step
+            for name, (family, load) in sent.items()
+            if not family.sends_coefficients
+        }
+        self._steps = {name: step for name, step in steps.items() if signals[name].length == 16}
 
     def __bool__(self) -> bool:
         return bool(self._outputs)
@@ -49,22 +52,24 @@ class OtherLoadSignals:
     def values(self, outputs: Mapping[str, float]) -> dict[str, float]:
         """Return the value of every signal from the ``outputs`` of the estimator, NaN where they have none."""
         values = {name: outputs.get(output, nan) for name, output in self._outputs.items()}
-        for name in self._whole:
-            value = values[name]
+        for name, step in self._steps.items():
+            value = values[name] / step
             # 0 of a load that is known; above the range there is none.
-            values[name] = float(ceil(value)) if isfinite(value) and 0.0 <= value <= _LARGEST_WHOLE else nan
+            values[name] = step * ceil(value) if isfinite(value) and 0.0 <= value <= _LARGEST_WHOLE else nan
         return values
 
 
 def fd_layouts(
-    head: Sequence[SignalLayout], answered: SignalLayout, stations: Sequence[float], cycle_time: float
+    head: Sequence[SignalLayout], answered: SignalLayout, groups: Sequence[LoadGroup], cycle_time: float
 ) -> list[FrameLayout]:
-    """Return one frame of the rolling moment, and one of each section at x = ``stations`` [m].
+    """Return one frame of each place of ``groups``: all that is sent of it, then the standard deviations.
 
     ``head`` is the first 8 bytes, ``answered`` the counter of the strains answered, which is placed at the end.
     """
-
-    def frame(name: str, length: int, outputs: Sequence[tuple[str, str]], comment: str) -> FrameLayout:
+    layouts = []
+    for place in _places(groups):
+        outputs = [f"{of}{one.output}" for of in ("", SIGMA) for one in place.sent]
+        units = [one.unit for one in place.sent] * 2
         floats = [
             SignalLayout(
                 name=signal_name(output),
@@ -75,78 +80,134 @@ def fd_layouts(
                 unit=unit,
                 comment=_NAN,
             )
-            for index, (output, unit) in enumerate(outputs)
+            for index, (output, unit) in enumerate(zip(outputs, units, strict=True))
         ]
-        last = replace(answered, start=64 + 32 * len(floats))
-        return FrameLayout(
-            name=name,
-            identifier=0,
-            length=length,
-            signals=(*head, *floats, last),
-            is_fd=True,
-            cycle_time=cycle_time,
-            comment=comment,
+        end = 8 + 4 * len(floats)
+        layouts.append(
+            FrameLayout(
+                name=place.frame,
+                identifier=0,
+                length=next(length for length in FD_LENGTHS if length > end),
+                signals=(*head, *floats, replace(answered, start=8 * end)),
+                is_fd=True,
+                cycle_time=cycle_time,
+                comment=place.text,
+            )
         )
-
-    rolling = frame("RollingMoment", 20, [(_COEFFICIENT, ""), (f"sigma.{_COEFFICIENT}", "")], _rolling_text())
-    sections = []
-    for number, station in enumerate(stations, start=1):
-        loads = [(f"section.{name}[{number}]", unit) for name, (_, unit) in SECTION_LOADS.items()]
-        deviations = [(f"sigma.{name}", unit) for name, unit in loads]
-        sections.append(frame(f"Section{number}", 64, [*loads, *deviations], _section_text(station)))
-    return [rolling, *sections]
+    return layouts
 
 
 def classic_layouts(
-    head: Sequence[SignalLayout], answered: SignalLayout, order: str, stations: Sequence[float], cycle_time: float
+    head: Sequence[SignalLayout],
+    answered: SignalLayout,
+    order: str,
+    groups: Sequence[LoadGroup],
+    cycle_time: float,
 ) -> list[FrameLayout]:
-    """Return one frame of the rolling moment, and one of each load of each section at x = ``stations`` [m].
+    """Return one frame of each load of each place of ``groups``.
 
-    ``head`` is the first 2 bytes; ``answered`` is placed behind the numbers of the frame of the rolling moment.
+    ``head`` is the first 2 bytes; ``answered`` is placed behind coefficients, and nowhere behind loads, which take
+    all bytes.
     """
 
     def at(signal: SignalLayout, byte: int) -> SignalLayout:
         is_big = order == BIG and signal.length > 8
         return replace(signal, start=8 * byte + (7 if is_big else 0), byte_order=order if is_big else LITTLE)
 
-    def frame(name: str, signals: Sequence[SignalLayout], comment: str) -> FrameLayout:
-        return FrameLayout(
-            name=name,
-            identifier=0,
-            length=8,
-            signals=(*head, *signals),
-            cycle_time=cycle_time,
-            comment=comment,
-        )
-
-    def number(name: str, scale: float, unit: str = "", comment: str = "65535: not available") -> SignalLayout:
-        return SignalLayout(
-            name=name, start=0, length=16, scale=scale, unit=unit, not_available=65535, comment=comment
-        )
-
-    coefficient = SignalLayout(
-        name=_COEFFICIENT,
-        start=0,
-        length=16,
-        kind=SIGNED,
-        scale=5e-4,
-        not_available=-32768,
-        comment="-32768 (0x8000): not available",
-    )
-    deviation = number(f"sigma_{_COEFFICIENT}", 1e-4)
-    layouts = [frame("RollingMoment", [at(coefficient, 2), at(deviation, 4), at(answered, 6)], _rolling_text())]
-    for index, station in enumerate(stations, start=1):
-        for name, (text, unit) in SECTION_LOADS.items():
-            output = signal_name(f"section.{name}[{index}]")
-            load = SignalLayout(name=output, start=0, length=32, kind=FLOAT, unit=unit, comment=f"{text}; {_NAN}")
-            rounded = number(f"sigma_{output}", 1.0, unit=unit, comment="Rounded up; 65535: not available, above")
-            layouts.append(frame(f"Section{index}_{name}", [at(load, 2), at(rounded, 6)], _section_text(station)))
+    layouts = []
+    for place in _places(groups):
+        for one in place.sent:
+            value, deviation = one.signals()
+            behind = [at(answered, 6)] if one.is_coefficient else []
+            byte = 4 if one.is_coefficient else 6
+            layouts.append(
+                FrameLayout(
+                    name=f"{place.frame}_{one.key}" if place.is_listed else place.frame,
+                    identifier=0,
+                    length=8,
+                    signals=(*head, at(value, 2), at(deviation, byte), *behind),
+                    cycle_time=cycle_time,
+                    comment=place.text,
+                )
+            )
     return layouts
 
 
-def _rolling_text() -> str:
-    return "Rolling moment coefficient C_l, positive with starboard down"
+@dataclass(frozen=True)
+class _Sent:
+    """An output that is sent."""
+
+    key: str
+    output: str
+    unit: str
+    text: str
+    step: float
+    is_coefficient: bool
+
+    def signals(self) -> tuple[SignalLayout, SignalLayout]:
+        """Return the signals of value and standard deviation in a classic frame, not placed yet."""
+        of_value, of_deviation = signal_name(self.output), signal_name(f"{SIGMA}{self.output}")
+        if self.is_coefficient:
+            value = SignalLayout(
+                name=of_value,
+                start=0,
+                length=16,
+                kind=SIGNED,
+                scale=5e-4,
+                not_available=-32768,
+                comment="-32768 (0x8000): not available",
+            )
+            return value, _number(of_deviation, 1e-4, "", "65535: not available")
+        comment = f"{self.text}; {_NAN}"
+        value = SignalLayout(name=of_value, start=0, length=32, kind=FLOAT, unit=self.unit, comment=comment)
+        return value, _number(of_deviation, self.step, self.unit, "Rounded up; 65535: not available, above")
 
 
-def _section_text(station: float) -> str:
-    return f"Loads of the air on the part ahead of x = {station:g} m"
+@dataclass(frozen=True)
+class _Place:
+    """A place, its frame, and what is sent of it."""
+
+    frame: str
+    text: str
+    sent: tuple[_Sent, ...]
+    is_listed: bool
+
+
+def _number(name: str, scale: float, unit: str, comment: str) -> SignalLayout:
+    return SignalLayout(
+        name=name, start=0, length=16, scale=scale, unit=unit, not_available=65535, comment=comment
+    )
+
+
+def _places(groups: Sequence[LoadGroup]) -> Iterator[_Place]:
+    """Return the places of ``groups`` in the order of their frames."""
+    for family in FAMILIES:
+        of_family = [group for group in groups if group.family is family]
+        for index, at in enumerate(of_family[0].places if of_family else ()):
+            yield _Place(
+                frame=f"{family.frame}{index + 1}" if family.is_listed else family.frame,
+                text=family.frame_text.format(at),
+                sent=tuple(_sent(group, index) for group in of_family),
+                is_listed=family.is_listed,
+            )
+
+
+def _sent(group: LoadGroup, index: int) -> _Sent:
+    family, load = group.family, group.load
+    unit = "" if family.sends_coefficients else load.unit
+    output = group.numbered(_sent_name(family, load))[index]
+    return _Sent(load.key, output, unit, load.text, load.step, family.sends_coefficients)
+
+
+def _sent_name(family: LoadFamily, load: LoadKind) -> str:
+    return load.coefficient if family.sends_coefficients else load.output
+
+
+def _sent_among(signals: Mapping[str, SignalLayout], family: LoadFamily, load: LoadKind) -> Iterator[str]:
+    """Return the outputs of ``load`` at all places that have signals."""
+    stem = _sent_name(family, load)
+    names = (f"{stem}[{number}]" for number in count(1)) if family.is_listed else iter((stem,))
+    for name in names:
+        if signal_name(name) not in signals:
+            return
+        yield name

@@ -11,7 +11,7 @@ import cantools
 import numpy as np
 import pytest
 from can_case import CYCLE
-from further_maps import STATIONS, with_own_further
+from further_maps import STATIONS, groups_at, with_own_further
 from scaled_maps import NOMINAL, scaled_map
 
 from strainfmu.can.bridge.options import BridgeOptions
@@ -28,24 +28,24 @@ from strainfmu.can.wire.strain_encoder import StrainEncoder
 from strainfmu.cosim.estimators.source import open_step
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import save_inverse_map
-from strainfmu.estimator.other_loads import SECTION_LOADS
+from strainfmu.estimator.other_loads import SECTIONS as FAMILY
 from strainfmu.fmu.export import ExportOptions, export_estimator
 
 pytestmark = pytest.mark.fast
 
 FORMS = ("fd", "classic-le", "classic-be")
-SECTIONS = [f"section_{name}_{i}" for name in SECTION_LOADS for i in (1, 2, 3)]
+SECTIONS = [f"section_{name}_{i}" for name in (load.key for load in FAMILY.loads) for i in (1, 2, 3)]
 
 
 @pytest.mark.parametrize("form", FORMS)
 def test_frames_of_an_estimator_without_such_loads_are_as_before(form: str) -> None:
     before = result_layouts(form, Identifiers(), CYCLE)
-    after = result_layouts(form, Identifiers(), CYCLE, STATIONS.tolist())
+    after = result_layouts(form, Identifiers(), CYCLE, groups_at(STATIONS))
     assert after[: len(before)] == before
     assert len(before) == (3 if form == "fd" else 9)
     assert len(after) - len(before) == (4 if form == "fd" else 1 + 6 * 3)
     assert len({frame.key for frame in after}) == len({frame.protection for frame in after}) == len(after)
-    alone = result_layouts(form, Identifiers(), CYCLE, [])
+    alone = result_layouts(form, Identifiers(), CYCLE, groups_at([]))
     assert [frame.name for frame in alone[len(before) :]] == ["RollingMoment"]
 
 
@@ -91,7 +91,7 @@ def test_the_bus_holds_what_python_estimates(profile: str, source: str, tmp_path
 
 @pytest.mark.parametrize("form", FORMS)
 def test_what_is_not_known_is_not_available(form: str) -> None:
-    layouts = result_layouts(form, Identifiers(), CYCLE, [1.0])
+    layouts = result_layouts(form, Identifiers(), CYCLE, groups_at([1.0]))
     composer = ResultFrames(layouts, 1)
     held = {"M_R": 0.25, "sigma.M_R": 0.01, "section.axial[1]": 1e3, "sigma.section.axial[1]": 2.2}
     result = CycleResult(
