@@ -173,6 +173,7 @@ class FmuStep:
         dynamic_pressure: float,
         step_size: float,
         mask: bytes | None = None,
+        /,
         **further: float,
     ) -> StepResult:
         """Do one step.
