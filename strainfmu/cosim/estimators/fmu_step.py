@@ -168,6 +168,7 @@ class FmuStep:
         dynamic_pressure: float,
         step_size: float,
         mask: bytes | None = None,
+        /,
         **further: float,
     ) -> StepResult:
         """Do one step.
