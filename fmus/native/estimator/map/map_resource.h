@@ -1,5 +1,5 @@
 /* The inverse map of an FMU as the linear estimator has it, of the arrays of resources/map.bin: parts "linear", "settings",
-   "envelope", "scaled", "scaled_errors". strainfmu/estimator/resource/map_file.py names them, docs/explanation/native.md
+   "envelope", "scaled", "scaled_errors". strainfmu/estimator/resource/map_file.py names them, docs/developers/native.md
    describes them. */
 
 #ifndef MAP_RESOURCE_H
