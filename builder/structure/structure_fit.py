@@ -127,7 +127,7 @@ def _entry_misfits(settings: Mapping[str, Any], case: AnyCase) -> list[Misfit]:
         if held is not None and not isclose(held, expected, rel_tol=SAME)
     ]
     if isinstance(case, FreeCase):
-        masses, held_masses = case.matter.further(), settings.get("regions_and_masses", {})
+        masses, held_masses = case.matter.regions_and_masses(), settings.get("regions_and_masses", {})
         if held_masses != masses:
             entry = "structure.mesh_materials, point_masses and covers"
             found.append(Misfit(entry=entry, expected=f"{masses}", found=f"{held_masses}"))

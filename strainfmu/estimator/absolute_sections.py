@@ -10,7 +10,7 @@ from strainfmu.estimator.reference.linear import LOADS, estimate
 from strainfmu.estimator.reference.readings import Zeros, row_noise, rows_of
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 
-_NAMES = ("further_loads", "further_loads_std", "further_coefficients", "further_coefficients_std")
+_NAMES = ("other_loads", "other_loads_std", "other_coefficients", "other_coefficients_std")
 
 
 def _std(covariance: FloatArray) -> FloatArray:
@@ -52,11 +52,11 @@ def other_loads(
         read = np.where(used, rows[of_mask], 0.0)
         one = estimate(inverse_map, read, used, q[of_mask], std[of_mask], noise)
         for name, value, turn in (
-            ("further_loads", one.loads, np.ones(1)),
-            ("further_loads_std", _std(one.covariance), np.ones(1)),
-            ("further_coefficients", one.coefficients, scale * np.where(known[of_mask], 1.0, np.nan)[:, None]),
-            ("further_coefficients_std", _std(one.coefficient_covariance), scale),
+            ("other_loads", one.loads, np.ones(1)),
+            ("other_loads_std", _std(one.covariance), np.ones(1)),
+            ("other_coefficients", one.coefficients, scale * np.where(known[of_mask], 1.0, np.nan)[:, None]),
+            ("other_coefficients_std", _std(one.coefficient_covariance), scale),
         ):
             found[name][of_mask] = turn * value[:, LOADS:]
-    found["further_coefficients_std"][~known] = np.nan
+    found["other_coefficients_std"][~known] = np.nan
     return found

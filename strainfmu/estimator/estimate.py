@@ -164,22 +164,22 @@ class Estimate(NamedLoads):
     @property
     def other_loads(self) -> FloatArray:  # type: ignore[override]
         """(m,) loads behind the five [N, N m], in the order of :attr:`load_groups`."""
-        return self._other("further_loads")
+        return self._other("other_loads")
 
     @property
     def other_loads_std(self) -> FloatArray:
         """(m,) standard deviations of :attr:`other_loads`."""
-        return self._other("further_loads_std")
+        return self._other("other_loads_std")
 
     @property
     def other_coefficients(self) -> FloatArray:  # type: ignore[override]
         """(m,) :attr:`other_loads` over q S, moments over q S L [1]."""
-        return self._other("further_coefficients")
+        return self._other("other_coefficients")
 
     @property
     def other_coefficients_std(self) -> FloatArray:
         """(m,) standard deviations of :attr:`other_coefficients` [1]."""
-        return self._other("further_coefficients_std")
+        return self._other("other_coefficients_std")
 
     @property
     def load_groups(self) -> tuple[LoadGroup, ...]:

@@ -97,7 +97,7 @@ class NumpyCore:
         self.settings = _layout(dict.fromkeys(_SETTINGS, 1) | of_zeros)
         vectors = ("coefficients", "coefficients_std", "loads", "loads_std")
         of_health = ("health", "chi_square", "chi_square_limit", "valid_gauges", "suspect_gauge", "suspects")
-        more = ("further_loads", "further_loads_std", "further_coefficients", "further_coefficients_std")
+        more = ("other_loads", "other_loads_std", "other_coefficients", "other_coefficients_std")
         self.outputs = _layout(
             dict.fromkeys(vectors, 5)
             | dict.fromkeys((*of_health, "envelope_score", "degrees_of_freedom", "iterations"), 1)
@@ -327,9 +327,9 @@ class NumpyCore:
             "load_covariance": covariance[:, five, five],
             "coefficient_covariance": of_coefficients[:, five, five],
         }
-        if self.outputs["further_loads"].stop > self.outputs["further_loads"].start:
-            found["further_loads"], found["further_loads_std"] = loads[:, rest], std[:, rest]
-            found["further_coefficients"], found["further_coefficients_std"] = (
+        if self.outputs["other_loads"].stop > self.outputs["other_loads"].start:
+            found["other_loads"], found["other_loads_std"] = loads[:, rest], std[:, rest]
+            found["other_coefficients"], found["other_coefficients_std"] = (
                 coefficients[:, rest],
                 of_std[:, rest],
             )

@@ -86,10 +86,10 @@ _OUTPUTS = {
     "is_identified": "of each: 1 if strain and air data determine it, 0 if only the ranges of the map do",
     "air_data_used": f"1 or 0: {', '.join(NAVIGATION)}",
     "is_linear": "1 if the loads are the linear estimator's: strain fits no flight of the tables",
-    "further_loads": "[N, N m] behind the five",
-    "further_loads_std": "their standard deviations",
-    "further_coefficients": "[1] of the same",
-    "further_coefficients_std": "their standard deviations",
+    "other_loads": "[N, N m] behind the five",
+    "other_loads_std": "their standard deviations",
+    "other_coefficients": "[1] of the same",
+    "other_coefficients_std": "their standard deviations",
     "parameter_score": "[1] of each flow parameter, above 1 outside its range",
 }
 
@@ -261,7 +261,7 @@ def _readme(inverse_map: InverseMap, content_hash: str, core: Core) -> str:
     inputs = dict(_INPUTS)
     inputs["parameter"] += f": {', '.join(flow_parameters(inverse_map).names)}"
     outputs = dict(_OUTPUTS)
-    outputs["further_loads"] += f": {', '.join(names_of(inverse_map.load_groups))}"
+    outputs["other_loads"] += f": {', '.join(names_of(inverse_map.load_groups))}"
     title = f"Loads from strain: {inverse_map.vehicle}"
     return template.substitute(
         vehicle=inverse_map.vehicle,

@@ -127,7 +127,7 @@ PAGE_FILES = {
     "/page/monitor.css": ("monitor.css", "text/css; charset=utf-8"),
     **{
         f"/page/{name}.js": (f"{name}.js", "text/javascript; charset=utf-8")
-        for name in ("monitor", "figures", "gauges", "histories", "pressure", "further_loads", "texts")
+        for name in ("monitor", "figures", "gauges", "histories", "pressure", "other_loads", "texts")
     },
 }
 """File and type of every address of the page; they need no others."""

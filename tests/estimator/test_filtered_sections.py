@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from flight_fmu import N_D, FlightSample, random_flight, whole_map
-from further_maps import COMBINATION, of_five_loads, with_further, with_further_tables
+from other_load_maps import COMBINATION, of_five_loads, with_further, with_further_tables
 
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator

@@ -9,7 +9,7 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
-from further_maps import COMBINATION, STATION, groups_at, with_further
+from other_load_maps import COMBINATION, STATION, groups_at, with_further
 from random_map import map_of, random_map, random_model
 from scaled_maps import NOMINAL, scaled_map, whole_scaled_map
 
@@ -104,7 +104,7 @@ def test_sections_by_name() -> None:
     assert names_of(groups_at(STATION))[:3] == ("rolling_moment", "section.axial[1]", "section.normal[1]")
 
 
-def test_without_further_loads_the_rolling_moment_is_known_to_be_zero() -> None:
+def test_without_other_loads_the_rolling_moment_is_known_to_be_zero() -> None:
     plain = scaled_map(1, 2)
     strain, q, valid = readings(plain)
     found = Estimator(plain).estimate(strain, q, valid)
@@ -125,7 +125,7 @@ def test_map_file_holds_them(tmp_path: Path) -> None:
         np.testing.assert_array_equal(getattr(again, name), getattr(found_map, name))
 
 
-def test_map_with_a_group_of_further_loads_is_refused(tmp_path: Path) -> None:
+def test_map_with_a_group_of_other_loads_is_refused(tmp_path: Path) -> None:
     """The layout of an earlier state, without section_station beside the five loads."""
     found_map = with_further(scaled_map(1, 2))
     units: dict[str, str] = {}

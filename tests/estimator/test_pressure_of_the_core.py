@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from deflected_shape import NAME, known_map
 from field_maps import field_map
-from further_maps import with_own_further
+from other_load_maps import with_own_further
 from random_map import map_of, random_model
 from thermal_maps import with_temperature
 

@@ -11,7 +11,7 @@ import pytest
 from flight_fmu import random_flight
 from flight_fmu import whole_map as whole_flight_map
 from flight_maps import NOISE_STD, ROWS, STATIONS, exact_response, flight_map
-from further_maps import COMBINATION, with_further
+from other_load_maps import COMBINATION, with_further
 from parameter_maps import with_errors_of_parameters, with_parameter_tables
 from scaled_maps import NOMINAL, scaled_map, whole_scaled_map
 from thermal_maps import with_temperature

@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 from flight_fmu import whole_map
-from further_maps import with_further_tables, with_own_further
+from other_load_maps import with_further_tables, with_own_further
 from parameter_maps import with_parameter_tables, with_parameters
 from scaled_maps import whole_scaled_map
 from sensor_maps import with_sensors

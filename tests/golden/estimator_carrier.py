@@ -66,10 +66,10 @@ def results_of(found: Estimate) -> Results:
         results["parameter_score"] = found.parameter_score
     if found.section_station.size or np.any(found.other_loads_std > 0.0):
         results |= {
-            "further_loads": found.other_loads,
-            "further_loads_std": found.other_loads_std,
-            "further_coefficients": found.other_coefficients,
-            "further_coefficients_std": found.other_coefficients_std,
+            "other_loads": found.other_loads,
+            "other_loads_std": found.other_loads_std,
+            "other_coefficients": found.other_coefficients,
+            "other_coefficients_std": found.other_coefficients_std,
             "M_R": found.M_R,
             "M_R_std": found.sigma.M_R,
         }

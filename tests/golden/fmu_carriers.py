@@ -33,7 +33,7 @@ LAST_STEP = 0.01
 """Length of the step of the last sample [s]; others reach to the next sample."""
 
 NAVIGATION = ("mach_number", "static_pressure", "dynamic_pressure")
-TABLES = ("parameter_score", "further_loads", "further_loads_std")
+TABLES = ("parameter_score", "other_loads", "other_loads_std")
 """Fields that have two axes even where a map has one column of them."""
 
 
@@ -82,7 +82,7 @@ class Places:
         with_std = {
             "coefficients": [*COEFFICIENTS],
             "loads": [*LOADS],
-            "further_loads": loads,
+            "other_loads": loads,
             "M_R": ["M_R"],
             "air_data": air,
         }

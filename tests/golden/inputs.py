@@ -15,7 +15,7 @@ DATA = Path(__file__).parent / "data"
 
 PART = {
     **dict.fromkeys(("coefficients", "coefficients_std", "state", "state_std", "degrees_of_freedom"), 40),
-    **{f"{name}{std}": 20 for name in ("further_loads", "further_coefficients") for std in ("", "_std")},
+    **{f"{name}{std}": 20 for name in ("other_loads", "other_coefficients") for std in ("", "_std")},
     "standardised_residual": 12,
 }
 """How many of the first samples of a stream are kept of some fields; of all others it is all of them."""

@@ -44,7 +44,7 @@ import numpy as np
 from calibrated_maps import calibrated
 from deflected_shape import known_map
 from flight_maps import whole_map
-from further_maps import with_further_tables, with_own_further
+from other_load_maps import with_further_tables, with_own_further
 from parameter_maps import with_errors_of_parameters, with_parameter_tables, with_parameters
 from random_map import map_of, random_map, random_model
 from scaled_maps import whole_scaled_map, with_envelope

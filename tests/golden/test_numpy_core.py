@@ -26,7 +26,7 @@ class ByNumpy(Estimator):
 def test_linear_maps_by_numpy(kind: str) -> None:
     """Loads, deviations, chi-square and z to 1e-9, its limit to 1e-8; health equal."""
     estimator, streams = ByNumpy(map_of_kind(kind)), 0
-    close = ["loads", "coefficients", "chi_square", "standardised_residual", "further_loads"]
+    close = ["loads", "coefficients", "chi_square", "standardised_residual", "other_loads"]
     close += ["loads_std", "coefficients_std", "chi_square_limit"]
     for one in recorded(kind).values():
         if "each" not in one.results:

@@ -106,7 +106,7 @@ def test_a_known_deflection_is_in_the_pressure() -> None:
     places = FieldMessages(held)._seen
     for std in (0.05, math.nan):
         given = {f"parameter.{NAME}": 3.0, f"parameter_std.{NAME}": std}
-        found = FieldMessages(held).message(replace(sample, further_inputs=given), 5.0)["field"]["pressure_Pa"]
+        found = FieldMessages(held).message(replace(sample, other_inputs=given), 5.0)["field"]["pressure_Pa"]
         own = Estimator(held).step(strain, q, mach_number=6.5, parameters={NAME: 3.0}, parameters_std={NAME: std})
         expected = places.of(own.pressure(with_std=False).pressure).ravel()
         np.testing.assert_allclose(found, expected, rtol=1e-3, atol=1.0)  # whole pascals
@@ -121,7 +121,7 @@ def test_navigation_of_a_mapping_is_in_the_pressure() -> None:
     sample = replace(cycle(), mach_number=6.4)
     found, without = (
         np.array(
-            FieldMessages(field_map()).message(replace(sample, further_inputs=one), 5.0)["field"]["pressure_Pa"]
+            FieldMessages(field_map()).message(replace(sample, other_inputs=one), 5.0)["field"]["pressure_Pa"]
         )
         for one in (given, {})
     )
@@ -137,7 +137,7 @@ def test_temperatures_are_in_the_pressure() -> None:
     sample, readings = cycle(), REFERENCE + np.array([40.0, 15.0, np.nan, 25.0])
     given = dict(zip(temperature_names(held.thermal), readings.tolist(), strict=True))
     found, cold = (
-        np.array(FieldMessages(held).message(replace(sample, further_inputs=one), 5.0)["field"]["pressure_Pa"])
+        np.array(FieldMessages(held).message(replace(sample, other_inputs=one), 5.0)["field"]["pressure_Pa"])
         for one in (given, {})
     )
     own = Estimator(held).step(

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from chromium import PROGRAM, Browser
 from clipping import WIDTHS, clipped, set_width
-from further_maps import groups_at
 from multicast import skip_without_multicast
 from operator_states import TestRange, running_range
+from other_load_maps import groups_at
 from synthetic_vehicle import synthetic_inverse_map
 
 from strainfmu.can.bridge.displays.page_message import EstimatorFacts, GaugePosition
@@ -168,7 +168,7 @@ def test_bridge_gone(on_range: tuple[TestRange, Browser]) -> None:
     is_whole(browser)
 
 
-FURTHER_LOADS = "document.getElementById('further_loads').innerText"
+FURTHER_LOADS = "document.getElementById('other_loads').innerText"
 
 
 def test_rolling_moment_and_section_loads(tmp_path: Path) -> None:
@@ -179,7 +179,12 @@ def test_rolling_moment_and_section_loads(tmp_path: Path) -> None:
         for k in range(1, 6):
             held |= {f"section.{unit}[{k}]": -1234.5 * number - k, f"sigma.section.{unit}[{k}]": 10.0 * k}
     shown = CycleResult(
-        time=1.0, quality=Quality.VALID, causes=Cause.NONE, valid=np.isfinite(strain), strain=strain, further=held
+        time=1.0,
+        quality=Quality.VALID,
+        causes=Cause.NONE,
+        valid=np.isfinite(strain),
+        strain=strain,
+        other_outputs=held,
     )
     monitor = Monitor(("127.0.0.1", 0), ("127.0.0.1", 0))
     browser = Browser(tmp_path / "profile", monitor.url)
@@ -199,7 +204,7 @@ def test_rolling_moment_and_section_loads(tmp_path: Path) -> None:
 
     try:
         browser.wait(TEXT, shows_of(publishers[0], shown, "VALID"))
-        assert browser.value("document.getElementById('further_loads').hidden") is True
+        assert browser.value("document.getElementById('other_loads').hidden") is True
         browser.wait(FURTHER_LOADS, shows_of(publishers[1], shown, "C_l -0.0123 ± 0.0030, -0.456 ± 0.111 kN m"))
         table = browser.value(FURTHER_LOADS)
         assert "1.75" in table

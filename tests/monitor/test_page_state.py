@@ -70,7 +70,7 @@ def message(number: int = 1, **changed: Any) -> dict[str, Any]:
         chi_square=12.0,
         health=0,
         envelope_score=0.5,
-        further=further,
+        other_outputs=further,
     )
     return {
         "timestamp": 1000.0 + 0.02 * number,
@@ -113,7 +113,12 @@ def test_a_suspect_sensor_has_its_name_and_does_not_count_as_a_gauge() -> None:
     further = {"health.suspect_gauge": 7.0, "health.suspects": 1.0, "health.valid_gauges": 7.0}
     valid = np.ones(len(NAMES), dtype=bool)
     result = CycleResult(
-        time=1.0, quality=Quality.SUSPECT, causes=Cause.HEALTH, valid=valid, strain=np.zeros(5), further=further
+        time=1.0,
+        quality=Quality.SUSPECT,
+        causes=Cause.HEALTH,
+        valid=valid,
+        strain=np.zeros(5),
+        other_outputs=further,
     )
     found = result_message(result, POSITIONS, 1.8, Cause.NONE, ("port_0deg", "port_180deg"))
     assert found["suspect_gauge"] == "port_180deg"
@@ -131,7 +136,7 @@ def test_every_number_of_the_state_has_a_unit_and_no_field_is_missing() -> None:
     assert [name for name in UNITS if name not in latest] == []
     assert [name for name, value in latest.items() if value is None] == ["health_text", "suspect_gauge"]
     assert latest["loads"]["force.normal"] == 1001.0
-    assert latest["further_loads"] == {
+    assert latest["other_loads"] == {
         "M_R": 0.01,
         "sigma.M_R": 0.002,
         "section.torsion[1]": -30.0,

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from flight_fmu import random_flight, whole_map
-from further_maps import with_further, with_further_tables
+from other_load_maps import with_further, with_further_tables
 from recorded_case import read_csv, samples, write_csv, write_flight
 from scaled_maps import NOMINAL, scaled_map
 from synthetic_vehicle import synthetic_inverse_map

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from further_maps import with_further
+from other_load_maps import with_further
 from parameter_maps import with_parameters
 from recorded_case import read_csv, write_csv
 from scaled_maps import NOMINAL, scaled_map

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from flight_fmu import whole_map
 from flight_maps import exact_response
-from further_maps import with_further_tables, with_own_further
+from other_load_maps import with_further_tables, with_own_further
 from parameter_maps import PARAMETERS, with_parameter_tables, with_parameters
 from recorded_case import write_csv
 from scaled_maps import NOMINAL, scaled_map

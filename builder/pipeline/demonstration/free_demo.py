@@ -138,7 +138,7 @@ def _recording(pipeline: Pipeline, flown: FlownPath, built: AsBuilt) -> Recordin
                 zip(flow, (condition.mach_number, condition.altitude, *condition.parameters), strict=True)
             )
             begun = perf_counter()
-            result = step(strain[i], stated[i], STEP_SIZE, **{n: values[n] for n in step.further_inputs})
+            result = step(strain[i], stated[i], STEP_SIZE, **{n: values[n] for n in step.other_inputs})
             cost.append(perf_counter() - begun)
             rows.append(
                 [
@@ -146,7 +146,7 @@ def _recording(pipeline: Pipeline, flown: FlownPath, built: AsBuilt) -> Recordin
                     *result.coefficients_std,
                     result.health,
                     result.chi_square,
-                    *(result.further[name] for name in (LIMIT, *of_rolling)),
+                    *(result.other_outputs[name] for name in (LIMIT, *of_rolling)),
                 ]
             )
             if i % 100 == 0:

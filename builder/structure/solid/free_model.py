@@ -71,7 +71,7 @@ def solve_free_structure(
                 "poisson_ratio": case.matter.material.poisson_ratio,
                 "density_kg_per_m3": case.matter.density,
             },
-            **({"regions_and_masses": case.matter.further()} if case.matter.further() else {}),
+            **({"regions_and_masses": placed} if (placed := case.matter.regions_and_masses()) else {}),
             "support": support,
             **found,
             "mesh_error_against": NO_REFERENCE if check is None else check.against,

@@ -69,7 +69,7 @@ static int allocate(Estimator *e) {
 /* Whether the parts of a map go together: section loads scale with q_inf, tables of loads are those of the map's section
    loads, and filter and tables of parameters are about other tables. */
 static int check_parts(MapFile *file, int scaled) {
-    const int flight = map_has(file, "flight"), other_loads = map_has(file, "further");
+    const int flight = map_has(file, "flight"), other_loads = map_has(file, "other_loads");
     const int has_form = scaled || !other_loads;
     const int of_loads = map_has(file, "flight_loads") == (flight && other_loads);
     const int of_tables = flight || !(map_has(file, "filter") || map_has(file, "parameter_tables"));

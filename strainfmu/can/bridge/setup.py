@@ -27,8 +27,8 @@ from strainfmu.cosim.estimators.step import (
     OTHER_LOAD_OUTPUTS,
     PARAMETERS,
     Step,
-    further_inputs,
     load_groups_of,
+    other_inputs,
     parameter_names_of,
     parameter_std_names_of,
     reading_units_of,
@@ -60,7 +60,7 @@ class Taps:
     on_received, on_sent : called with every frame and its time, in the order of their times.
     on_result : called with every result after it was sent.
     on_zeros : called with zeros of the gauges that the estimator takes off from then on, given or of a tare.
-    outputs : further outputs of the estimator that results hold, as far as it has them.
+    outputs : other outputs of the estimator that results hold, as far as it has them.
     """
 
     clock: Clock = monotonic
@@ -236,9 +236,9 @@ def input_layout(
 ) -> tuple[InputLayout, int]:
     """Return the input frames of a profile or a DBC file, and the number of the gauge assignment.
 
-    ``sensor_names`` are the temperature sensors of the estimator, ``parameter_names`` its inputs for further
-    parameters of the flow, which a mapping may name, and ``parameter_std_names`` those for their deviations;
-    ``flow_names`` are all of its further inputs; ``readings`` are the units of its inputs for auxiliary sensors
+    ``sensor_names`` are the temperature sensors of the estimator, ``parameter_names`` its inputs for flow
+    parameters, which a mapping may name, and ``parameter_std_names`` those for their deviations;
+    ``flow_names`` are all of its other inputs; ``readings`` are the units of its inputs for auxiliary sensors
     and thrust, by name.
 
     Raises
@@ -303,7 +303,7 @@ def step_input_layout(step: Step, options: BridgeOptions, gauge_names: Sequence[
         sensor_names=sensor_names_of(step),
         parameter_names=parameter_names_of(step),
         parameter_std_names=parameter_std_names_of(step),
-        flow_names=further_inputs(step),
+        flow_names=other_inputs(step),
         readings=reading_units_of(step),
     )
 

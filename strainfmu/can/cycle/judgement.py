@@ -358,16 +358,20 @@ class CycleJudge:
         result.valid, result.strain, result.verdicts = valid, strain, verdicts
         result.dynamic_pressure = flow.dynamic_pressure
         result.mach_number, result.altitude = flow.mach_number, flow.altitude
-        result.further_inputs = flow.further.copy()  # the state is used again
+        result.other_inputs = flow.other_inputs.copy()  # the state is used again
         result.age, result.age_uncertainty = self._ages
         result.held = 0.0
         result.sample_time = found[_SAMPLE_TIME] if self._is_timed[named] else None
         result.counter = found[_COUNTER] if found[_COUNTER] >= 0 else None
         if step is None:
-            result.chi_square, result.health, result.further = np.nan, None, {}
+            result.chi_square, result.health, result.other_outputs = np.nan, None, {}
         else:
-            result.chi_square, result.health, result.further = step.chi_square, step.health, step.further
-        result.envelope_score = result.further.get(ENVELOPE_SCORE, np.nan)
+            result.chi_square, result.health, result.other_outputs = (
+                step.chi_square,
+                step.health,
+                step.other_outputs,
+            )
+        result.envelope_score = result.other_outputs.get(ENVELOPE_SCORE, np.nan)
         if step is not None and published:
             result.coefficients, result.coefficients_std = step.coefficients, step.coefficients_std
         else:

@@ -61,10 +61,10 @@ def estimate_log(
     if zeros is None and recorded is not None:
         zeros = recorded["options"].zeros
     with open_step(source, zeros) as ready:
-        further = other_outputs_of(output_units(load_groups_of(ready.step)).items())
-        columns = (*LOG_COLUMNS, *((one.column, one.unit) for one in further))
+        others = other_outputs_of(output_units(load_groups_of(ready.step)).items())
+        columns = (*LOG_COLUMNS, *((one.column, one.unit) for one in others))
         with estimate_writer(output, columns) as writer:
-            rows = _Rows(writer, [one.output for one in further])
+            rows = _Rows(writer, [one.output for one in others])
             summary = replay_log(
                 log,
                 source,
@@ -79,16 +79,16 @@ def estimate_log(
 
 
 class _Rows:
-    """Collects results and writes them block by block, with the outputs ``further`` behind the other columns."""
+    """Collects results and writes them block by block, with the outputs ``others`` behind the other columns."""
 
-    def __init__(self, writer: EstimateWriter, further: Sequence[str]) -> None:
-        self._writer, self._further = writer, further
+    def __init__(self, writer: EstimateWriter, others: Sequence[str]) -> None:
+        self._writer, self._others = writer, others
         self._rows: list[list[float]] = []
 
     def add(self, result: CycleResult) -> None:
         # As coefficients, those of a result that has none are not known.
-        held = result.further if result.quality.has_coefficients else {}
-        self._rows.append([*_row(result), *(held.get(name, float("nan")) for name in self._further)])
+        held = result.other_outputs if result.quality.has_coefficients else {}
+        self._rows.append([*_row(result), *(held.get(name, float("nan")) for name in self._others)])
         if len(self._rows) == _BLOCK:
             self.flush()
 

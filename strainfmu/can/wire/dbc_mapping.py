@@ -39,7 +39,7 @@ _Key = TypeVar("_Key")
 _ABSENT = {
     "temperature": "temperature sensors",
     "sensors": "auxiliary sensors",
-    "parameter": "further parameters",
+    "parameter": "flow parameters",
 }
 """What an estimator lacks to which a table of the mapping cannot map."""
 
@@ -62,9 +62,9 @@ def mapped_layout(
     gauge_names : gauges in the order of the FMU's strains; the mapping may also call them strain[1], strain[2] ...
     name : of the mapping, for messages.
     sensor_names : temperature sensors of the estimator; the mapping may also call them temperature[1] ..
-    parameter_names : inputs ``parameter.NAME`` of the estimator for further parameters of the flow.
+    parameter_names : inputs ``parameter.NAME`` of the estimator for flow parameters.
     parameter_std_names : inputs ``parameter_std.NAME`` for their standard deviations.
-    flow_names : further inputs of the estimator; p_inf and deviations of navigation may be mapped to them.
+    flow_names : other inputs of the estimator; p_inf and deviations of navigation may be mapped to them.
     readings : unit of each input ``sensor.NAME`` of the estimator for an auxiliary sensor, and of ``thrust``.
 
     Raises
@@ -103,7 +103,7 @@ class _Mapper:
         self._gauges = {gauge: index for index, gauge in enumerate(gauge_names)}
         self._gauges |= {f"strain[{index + 1}]": index for index in range(len(gauge_names))}
         self._names = tuple(gauge_names)
-        self._further: dict[str, tuple[str, dict[str, str]]] = {}
+        self._others: dict[str, tuple[str, dict[str, str]]] = {}
         self._deviations: dict[str, str] = {}
         self._constants: dict[str, float] = {}
         self._frames_in_use: set[str] = set()
@@ -114,7 +114,7 @@ class _Mapper:
 
     def may_hold(self, table: str, kind: str, inputs: Mapping[str, str]) -> None:
         """Let ``table`` map signals to ``inputs`` of the estimator, by names of what they are of, a ``kind``."""
-        self._further[table] = kind, {**inputs, **{one: one for one in inputs.values()}}
+        self._others[table] = kind, {**inputs, **{one: one for one in inputs.values()}}
 
     def may_deviate(self, inputs: Mapping[str, str]) -> None:
         """Let a standard deviation be stated beside the signal of an input, for another of ``inputs``."""
@@ -188,13 +188,13 @@ class _Mapper:
         )
 
     def _flow_frames(self, cycle_time: float) -> tuple[InputFrame, ...]:
-        """Return the frames of q_inf, navigation and further inputs; quantities of one frame are decoded together.
+        """Return the frames of q_inf, air data and other inputs; quantities of one frame are decoded together.
 
         Those of a frame that is slower than the cycle [s] are held for two of its own periods.
         """
         by_frame: dict[tuple[str, int | None], list[tuple[str, Any]]] = {}
-        further = (pair for table in self._further for pair in self._further_paths(table))
-        for quantity, path in (*self._flow_paths(), *further):
+        others = (pair for table in self._others for pair in self._other_paths(table))
+        for quantity, path in (*self._flow_paths(), *others):
             message, signal = self._file.signal(path, quantity)
             by_frame.setdefault((message.name, selector_value(signal, self._name)), []).append((quantity, signal))
         frames = [self._flow_frame(*key, items) for key, items in _with_every_page(by_frame).items()]
@@ -223,10 +223,10 @@ class _Mapper:
             found |= deviation
         return list(found.items())
 
-    def _further_paths(self, table: str) -> list[tuple[str, Any]]:
+    def _other_paths(self, table: str) -> list[tuple[str, Any]]:
         """Return the inputs of the estimator that ``table`` maps, and "Message.Signal" of each."""
         found: dict[str, Any] = {}
-        kind, inputs = self._further[table]
+        kind, inputs = self._others[table]
         for stated, entry in self._file.table(table, optional=True).items():
             # A sensor of a map may have a name that no input of an FMU can have.
             name = identifier(stated) if table == "sensors" and stated not in inputs else stated

@@ -34,18 +34,18 @@ def temperature_name(number: int) -> str:
 
 
 LARGEST_PARAMETER = 1e8
-"""Largest size of a further parameter, and of its deviation, in its own unit; one beyond it is not known."""
+"""Largest size of a flow parameter, and of its standard deviation, in its own unit; one beyond it is not known."""
 
 _PARAMETER, _PARAMETER_STD = "parameter.", "parameter_std."
 
 
 def is_parameter(quantity: str) -> bool:
-    """Return whether ``quantity`` is a further parameter of the flow, by the name of the FMU's input."""
+    """Return whether ``quantity`` is a flow parameter, by the name of the FMU's input."""
     return quantity.startswith(_PARAMETER)
 
 
 def is_parameter_std(quantity: str) -> bool:
-    """Return whether ``quantity`` is the standard deviation of a further parameter, by the FMU's input."""
+    """Return whether ``quantity`` is the standard deviation of a flow parameter, by the FMU's input."""
     return quantity.startswith(_PARAMETER_STD)
 
 

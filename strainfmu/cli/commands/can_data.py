@@ -166,7 +166,7 @@ def estimate(
     Columns have the names of the gauges or strain[1] .., with the unit in brackets: 'strain[1] \\[um/m]'.
     Without a unit they are in m/m, Pa, m and s. Other names and units stand in a channel file: --channels.
 
-    Further columns: dynamic_pressure, dynamic_pressure_std, mach_number, altitude. HDF5: data sets strain (n,
+    Other columns: dynamic_pressure, dynamic_pressure_std, mach_number, altitude. HDF5: data sets strain (n,
     n_d), time, dynamic_pressure .. with the attribute unit.
 
     A CAN log takes --bus, --dynamic-pressure and --zeros alone.

@@ -124,14 +124,14 @@ def load_groups(description: Any) -> tuple[LoadGroup, ...]:
     return groups_among({one.name: one.description or "" for one in outputs})
 
 
-def estimator_outputs(path: Path, description: Any, further: Iterable[str]) -> list[Any]:
-    """Return the outputs that the bridge reads, with those of ``further`` that there are ahead of the last one."""
+def estimator_outputs(path: Path, description: Any, other_names: Iterable[str]) -> list[Any]:
+    """Return the outputs that the bridge reads, with those of ``other_names`` that exist before the last one."""
     found = {v.name: v for v in description.modelVariables if v.causality == "output"}
     missing = [name for name in OUTPUTS if name not in found]
     if missing:
         raise InputError(f"{path}: no output '{missing[0]}' found: not an estimator FMU")
     numbers, state = OUTPUTS[:-1], OUTPUTS[-1]
-    others = [found[name] for name in further if name in found]
+    others = [found[name] for name in other_names if name in found]
     # Those of a type side by side, so that they are exchanged as they lie.
     others.sort(key=lambda variable: variable.type != "Real")
     return [*(found[name] for name in numbers), *others, found[state]]

@@ -43,7 +43,7 @@ from strainfmu.interface.sensor_variables import PREFIX as SENSOR_PREFIX
 from strainfmu.interface.zero_variables import zero_names
 
 TEMPERATURE = "temperature"
-"""Name that stands for the temperatures of all sensors among the further inputs that are asked for."""
+"""Name that stands for the temperatures of all sensors among the other inputs that are asked for."""
 
 SENSORS = "sensor"
 """The same for readings of auxiliary sensors, and for thrust; without it an FMU with such inputs is refused."""
@@ -60,7 +60,7 @@ class FmuStep:
 
     Attributes
     ----------
-    further_inputs, other_outputs : names, of those that were asked for, that the FMU has.
+    other_inputs, other_outputs : names, of those that were asked for, that the FMU has.
     sensor_names : of the temperature sensors in order, if :data:`TEMPERATURE` was asked for; their inputs are
         ``temperature[k]`` [K].
     reading_units : unit of auxiliary sensors and thrust by name of the input.
@@ -83,7 +83,7 @@ class FmuStep:
 
     takes_mask = True
 
-    def __init__(self, path: Path, further_inputs: Sequence[str] = (), other_outputs: Sequence[str] = ()) -> None:
+    def __init__(self, path: Path, other_inputs: Sequence[str] = (), other_outputs: Sequence[str] = ()) -> None:
         self.path = path
         self._description = read_description(path)
         inputs = estimator_inputs(path, self._description)
@@ -91,7 +91,7 @@ class FmuStep:
         self.gauge_names = tuple(gauge_name(variable) for variable in strains)
         self.n_gauges = len(strains)
         self.reading_units = reading_units(inputs)
-        if self.reading_units and SENSORS not in further_inputs:
+        if self.reading_units and SENSORS not in other_inputs:
             sensor = next(iter(self.reading_units))
             raise InputError(f"{path}: expected an FMU of strain gauges alone, got one with the input '{sensor}'")
         count = sum(name.startswith(SENSOR_PREFIX) for name in self.reading_units)
@@ -102,15 +102,15 @@ class FmuStep:
         pressure = next(v for v in inputs if v.name == "dynamic_pressure")
         by_name = {variable.name: variable for variable in inputs}
         self.needs_pressure = not by_name.keys() >= set(NAVIGATION_INPUTS)  # which nonlinear estimators have
-        sensors = numbered(inputs, TEMPERATURES) if TEMPERATURE in further_inputs else []
+        sensors = numbered(inputs, TEMPERATURES) if TEMPERATURE in other_inputs else []
         self.sensor_names = tuple(described(variable, SENSOR) for variable in sensors)
         of_parameters = [name for name in by_name if name.startswith(PARAMETER_PREFIX)]
-        parameters = of_parameters if PARAMETERS in further_inputs else []
+        parameters = of_parameters if PARAMETERS in other_inputs else []
         stds = [name.replace(PARAMETER_PREFIX, STD_PREFIX, 1) for name in parameters]
         named = (*(variable.name for variable in sensors), *parameters, *stds)
-        asked = (*further_inputs, *named, *self.reading_units)
-        self.further_inputs = tuple(name for name in asked if name in by_name)
-        of_flow = tuple(by_name[name] for name in self.further_inputs)
+        asked = (*other_inputs, *named, *self.reading_units)
+        self.other_inputs = tuple(name for name in asked if name in by_name)
+        of_flow = tuple(by_name[name] for name in self.other_inputs)
         self._set = (*strains, pressure, *of_flow, *valid)
         self._place = {v.name: self.n_gauges + index for index, v in enumerate((pressure, *of_flow))}
         self._first_mask = self.n_gauges + 1 + len(of_flow)
@@ -169,7 +169,7 @@ class FmuStep:
         step_size: float,
         mask: bytes | None = None,
         /,
-        **further: float,
+        **others: float,
     ) -> StepResult:
         """Do one step.
 
@@ -179,7 +179,7 @@ class FmuStep:
         dynamic_pressure : q_inf [Pa], NaN if not known.
         step_size : [s].
         mask : bytes of (n_d,) bool, the gauges whose strains are finite; None to look for them.
-        further : values of ``further_inputs``, in SI units; one that is not given stays as it is.
+        others : values of ``other_inputs``, in SI units; one that is not given stays as it is.
 
         Raises
         ------
@@ -191,7 +191,7 @@ class FmuStep:
         numbers, place = self._numbers, self._place
         self._strain_inputs[:] = strain
         numbers[self.n_gauges] = dynamic_pressure
-        for name, value in further.items():
+        for name, value in others.items():
             numbers[place[name]] = value
         begin = self._time
         self._time = begin + step_size

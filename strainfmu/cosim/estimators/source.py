@@ -98,11 +98,11 @@ class MapStep:
         self._stds = parameter_std_names(inverse_map)
         self._flow = OTHER_AIR_DATA[:1] if self.needs_pressure else OTHER_AIR_DATA
         of_flow = (*NAVIGATION, *self._flow, *self._temperatures)
-        self.further_inputs = (*of_flow, *self._parameters, *self._stds, *self.reading_units)
+        self.other_inputs = (*of_flow, *self._parameters, *self._stds, *self.reading_units)
         self.noise_std = inverse_map.noise_std[: inverse_map.n_strain_gauges]
         self.sensor_range = default_settings(inverse_map).sensor_range
         self.load_groups = groups_of_outputs(inverse_map)
-        self._further = tuple(output_units(self.load_groups))
+        self._others = tuple(output_units(self.load_groups))
 
     def set_zeros(self, zeros: GaugeZeros | None) -> None:
         """Take ``zeros`` off the strains from the next step on, which goes on from the state of the last."""
@@ -140,16 +140,16 @@ class MapStep:
         if THRUST in self.reading_units:
             of_flow |= given_thrust(others)
         found = self._estimator.track(strain, dynamic_pressure, **of_flow)
-        further = {ENVELOPE_SCORE: found.envelope_score}
-        further |= {
+        outputs = {ENVELOPE_SCORE: found.envelope_score}
+        outputs |= {
             OUTSIDE_PREFIX + n: score for n, score in zip(names, found.parameter_score.tolist(), strict=False)
         }
-        if self._further:
-            further |= zip(self._further, other_load_values(found), strict=True)
+        if self._others:
+            outputs |= zip(self._others, other_load_values(found), strict=True)
         return StepResult(
             coefficients=found.coefficients,
             coefficients_std=found.coefficients_std,
             health=int(found.health),
             chi_square=found.chi_square,
-            further=further,
+            other_outputs=outputs,
         )

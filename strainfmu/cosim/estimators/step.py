@@ -27,14 +27,14 @@ class StepResult:
     coefficients, coefficients_std : (5,) C_A, C_N, C_Y, M_P, M_Y and their standard deviations [1].
     health : ``health.state``, a number of :class:`HealthState`.
     chi_square : ``health.chi_square`` [1].
-    further : other outputs that were asked for, by name.
+    other_outputs : other outputs that were asked for, by name.
     """
 
     coefficients: FloatArray
     coefficients_std: FloatArray
     health: int
     chi_square: float
-    further: Mapping[str, float] = field(default_factory=dict)
+    other_outputs: Mapping[str, float] = field(default_factory=dict)
 
 
 _HEALTH_NAMES = {int(state): state.name for state in HealthState}
@@ -46,10 +46,10 @@ def health_name(state: int) -> str:
 
 
 ENVELOPE_SCORE = "health.envelope_score"
-"""Output of :attr:`StepResult.further`: deviations by which the coefficients leave what the map covers [1]."""
+"""Output of :attr:`StepResult.other_outputs`: distance of the coefficients from the map's range [sigma]."""
 
 PARAMETERS = "parameters"
-"""Name that stands for all flow parameters among the further inputs that are asked for, and their
+"""Name that stands for all flow parameters among the other inputs that are asked for, and their
 standard deviations."""
 
 OTHER_LOAD_OUTPUTS = "other_loads"
@@ -57,12 +57,12 @@ OTHER_LOAD_OUTPUTS = "other_loads"
 
 Step = Callable[..., StepResult]
 """(n_d,) strains [m/m], NaN where not valid; q_inf [Pa], NaN if not known; step size [s]; values of those of
-:func:`further_inputs` by name, NaN if not known. Raises StepRefused."""
+:func:`other_inputs` by name, NaN if not known. Raises StepRefused."""
 
 
-def further_inputs(step: Step) -> tuple[str, ...]:
-    """Return the inputs that ``step`` takes by name: its attribute ``further_inputs``, or none."""
-    return tuple(getattr(step, "further_inputs", ()))
+def other_inputs(step: Step) -> tuple[str, ...]:
+    """Return the inputs that ``step`` takes by name: its attribute ``other_inputs``, or none."""
+    return tuple(getattr(step, "other_inputs", ()))
 
 
 def needs_pressure(step: Step) -> bool:
@@ -82,7 +82,7 @@ def takes_mask(step: Step) -> bool:
 
 
 def sensor_names_of(step: Step) -> tuple[str, ...]:
-    """Return the temperature sensors whose inputs ``temperature[k]`` are among :func:`further_inputs`, in order.
+    """Return the temperature sensors whose inputs ``temperature[k]`` are among :func:`other_inputs`, in order.
 
     They are ``step``'s attribute ``sensor_names``; none where it has none.
     """
@@ -90,7 +90,7 @@ def sensor_names_of(step: Step) -> tuple[str, ...]:
 
 
 def reading_units_of(step: Step) -> dict[str, str]:
-    """Return the unit of each auxiliary sensor and of thrust among :func:`further_inputs` by name of the input.
+    """Return the unit of each auxiliary sensor and of thrust among :func:`other_inputs` by name of the input.
 
     They are ``step``'s attribute ``reading_units``; none where it has none.
     """
@@ -98,20 +98,20 @@ def reading_units_of(step: Step) -> dict[str, str]:
 
 
 def parameter_names_of(step: Step) -> tuple[str, ...]:
-    """Return the inputs ``parameter.NAME`` of flow parameters among :func:`further_inputs`."""
-    return tuple(name for name in further_inputs(step) if name.startswith(PARAMETER_PREFIX))
+    """Return the inputs ``parameter.NAME`` of flow parameters among :func:`other_inputs`."""
+    return tuple(name for name in other_inputs(step) if name.startswith(PARAMETER_PREFIX))
 
 
 def parameter_std_names_of(step: Step) -> tuple[str, ...]:
-    """Return the inputs ``parameter_std.NAME`` of their standard deviations among :func:`further_inputs`."""
-    return tuple(name for name in further_inputs(step) if name.startswith(STD_PREFIX))
+    """Return the inputs ``parameter_std.NAME`` of their standard deviations among :func:`other_inputs`."""
+    return tuple(name for name in other_inputs(step) if name.startswith(STD_PREFIX))
 
 
 def load_groups_of(step: Step) -> tuple[LoadGroup, ...]:
     """Return the groups of the loads behind the five that ``step`` gives.
 
     They are ``step``'s attribute ``load_groups``, none where it has none; the loads are in
-    :attr:`StepResult.further`.
+    :attr:`StepResult.other_outputs`.
     """
     return tuple(getattr(step, "load_groups", ()))
 

@@ -1,4 +1,4 @@
-"""What the estimator of a map offers in addition to five loads: a filter, further loads."""
+"""What the estimator of a map offers in addition to five loads: a filter, other loads."""
 
 from __future__ import annotations
 

@@ -2,7 +2,7 @@
 
 A name is PART.VALUE. Every map has the parts "linear", "settings", "envelope" and "tare". A map in form
 "dynamic_pressure" adds "scaled" and "scaled_errors". A map that has them adds "linear_filter", "thermal",
-"further" (the loads behind the five), "parameters" and "sensors". :mod:`.nonlinear_arrays` has the parts of
+"other_loads" (the loads behind the five), "parameters" and "sensors". :mod:`.nonlinear_arrays` has the parts of
 a nonlinear map. A module of ``fmus/native/estimator`` reads each part by its names. A bound that the map does not
 state is the largest finite number.
 
@@ -208,7 +208,7 @@ def _scaled_parts(inverse_map: InverseMap) -> dict[str, Values]:
     if inverse_map.errors_follow_strain:
         found["scaled_errors"] = vars(error_model(inverse_map))
     if has_other_outputs(inverse_map):
-        found["further"] = {
+        found["other_loads"] = {
             **_groups(inverse_map.load_groups),
             "is_moment": inverse_map.is_moment[OTHER_LOADS].astype(float),
             "fixed_load": fixed_load[OTHER_LOADS],

@@ -213,7 +213,7 @@ def _filter(inverse_map: InverseMap, manifold: ManifoldMap) -> Values:
         "shared": law.common.T,
         "of_gauge": np.moveaxis(law.of_gauge, 0, 2),
         "own": law.own[None] if law.own.any() else np.zeros((0, n)),
-        "further_load": errors.load,
-        "further_cross": errors.rest_cross,
-        "further_variance": errors.rest_variance,
+        "other_load": errors.load,
+        "other_cross": errors.rest_cross,
+        "other_variance": errors.rest_variance,
     }

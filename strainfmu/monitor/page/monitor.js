@@ -2,7 +2,7 @@
 import { drawGauges } from "./gauges.js";
 import { drawHistories, makeCharts, SYMBOLS } from "./histories.js";
 import { drawField } from "./pressure.js";
-import { drawFurtherLoads } from "./further_loads.js";
+import { drawFurtherLoads } from "./other_loads.js";
 import { byId, clock, duration, element, known, number, text } from "./texts.js";
 
 const NO_NEWS = 3000; // ms without an event of the stream, which sends one a second at least

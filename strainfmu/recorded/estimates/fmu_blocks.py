@@ -62,8 +62,8 @@ class FmuBlocks:
         self.readings: Mapping[str, str] = recorded_readings(step.reading_units)
         self._readings = dict(zip(self.readings, step.reading_units, strict=True))
         self.row_names = (*step.gauge_names, *(name for name in self.readings if name != THRUST))
-        self.inputs = step.further_inputs
-        given = (name for name in step.further_inputs if name.startswith(PREFIX))
+        self.inputs = step.other_inputs
+        given = (name for name in step.other_inputs if name.startswith(PREFIX))
         self.parameter_names = tuple(name.removeprefix(PREFIX) for name in given)
         self.sharpening = tuple(name for name in self.parameter_names if f"{STD_PREFIX}{name}" in self.inputs)
         self._scores = [self._others.index(f"{OUTSIDE_PREFIX}{name}") for name in self.parameter_names]
@@ -94,8 +94,8 @@ class FmuBlocks:
             except StepRefused:
                 continue
             numbers[i] = *found.coefficients, *found.coefficients_std, found.chi_square, found.health
-            health[i] = [found.further.get(f"health.{name}", np.nan) for name in _HEALTH]
-            others[i] = [found.further[name] for name in self._others]
+            health[i] = [found.other_outputs.get(f"health.{name}", np.nan) for name in _HEALTH]
+            others[i] = [found.other_outputs[name] for name in self._others]
         has_reading = np.isfinite(all_readings(block, self.readings))
         valid = np.hstack([np.abs(block.strain) <= self.reference.sensor_range, has_reading])
         limit, used, suspect, count, score = health.T

@@ -96,7 +96,7 @@ def test_rolling_moment_of_plates_off_the_axis() -> None:
     np.testing.assert_allclose(moments, 3.0 * np.cos(tilt), rtol=1e-13)
 
 
-def test_body_of_revolution_without_sections_has_no_further_loads(grid: SurfaceGrid, mesh: SurfaceMesh) -> None:
+def test_body_of_revolution_without_sections_has_no_other_loads(grid: SurfaceGrid, mesh: SurfaceMesh) -> None:
     assert other_load_operator(grid, MapEntry(), 0.7).shape == (0, grid.n_nodes)
     assert other_load_operator(grid, MapEntry(section_stations_m=STATIONS), 0.7).shape == (31, grid.n_nodes)
     assert other_load_operator(mesh, MapEntry(), 0.7).shape == (1, mesh.n_nodes)

@@ -11,7 +11,7 @@ import h5py
 import numpy as np
 import pytest
 from bus_run import CYCLE, LiveRun, live_run
-from further_maps import with_own_further
+from other_load_maps import with_own_further
 from scaled_maps import scaled_map
 from synthetic_vehicle import SyntheticFiles
 
@@ -133,7 +133,7 @@ def test_rolling_moment_and_section_loads_are_recorded_replayed_and_written(tmp_
     assert (code, errors) == (0, "")
     with h5py.File(out) as file:
         torsion, std = file["section.torsion[3]"], file["sigma.rolling_moment"]
-        known = [r.further["section.torsion[3]"] if r.quality.has_coefficients else np.nan for r in results]
+        known = [r.other_outputs["section.torsion[3]"] if r.quality.has_coefficients else np.nan for r in results]
         np.testing.assert_array_equal(torsion[()], known)
         assert torsion.attrs["unit"] == std.attrs["unit"] == "N m"
         assert np.isfinite(known).sum() > 20

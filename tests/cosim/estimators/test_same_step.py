@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from flight_fmu import whole_map
 from flight_maps import exact_response
-from further_maps import with_further_tables, with_own_further
+from other_load_maps import with_further_tables, with_own_further
 from parameter_maps import with_parameter_tables, with_parameters
 from scaled_maps import NOMINAL, scaled_map
 from thermal_maps import REFERENCE, with_temperature
 
 from strainfmu.cosim.estimators.fmu_step import FmuStep
 from strainfmu.cosim.estimators.source import MapStep, open_step
-from strainfmu.cosim.estimators.step import StepResult, further_inputs
+from strainfmu.cosim.estimators.step import StepResult, other_inputs
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap, save_inverse_map
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
@@ -57,7 +57,7 @@ def steps(source: Path, held: InverseMap) -> list[StepResult]:
     zeros = GaugeZeros(value=3e-6 * random.normal(size=n), std=1e-7 * random.uniform(size=n), common_std=1e-7)
     pressure = NOMINAL if held.manifold is None else 0.7 * 5500.0 * 36.0
     with open_step(source) as ready:
-        names = further_inputs(ready.step)
+        names = other_inputs(ready.step)
         assert isinstance(ready.step, MapStep | FmuStep)
         for k in range(K):
             strain = held.mean_strain + held.noise_std * random.normal(size=n)
@@ -81,10 +81,10 @@ def test_map_and_fmus(tmp_path: Path, kind: str) -> None:
         export_estimator(tmp_path / "map.h5", tmp_path / f"{one}.fmu", ExportOptions(kind=one, zero_inputs=True))
         for k, (found, wanted) in enumerate(zip(steps(tmp_path / f"{one}.fmu", held), expected, strict=True)):
             assert found.health == wanted.health, k
-            assert found.further.keys() == wanted.further.keys()
+            assert found.other_outputs.keys() == wanted.other_outputs.keys()
             for name in ("coefficients", "coefficients_std", "chi_square"):
                 np.testing.assert_allclose(getattr(found, name), getattr(wanted, name), rtol=1e-6, err_msg=str(k))
-            ours, theirs = (np.array([by.further[name] for name in wanted.further]) for by in (found, wanted))
+            ours, theirs = (np.array([by.other_outputs[name] for name in wanted.other_outputs]) for by in (found, wanted))
             np.testing.assert_allclose(ours, theirs, rtol=1e-5, atol=1e-9 * np.nanmax(np.abs(theirs), initial=1.0))
 
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from further_maps import with_own_further
+from other_load_maps import with_own_further
 from random_map import map_of, random_model
 from scaled_maps import scaled_map, whole_scaled_map
 from sensor_maps import with_sensors

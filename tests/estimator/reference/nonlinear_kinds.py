@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 from flight_maps import whole_map
-from further_maps import with_further_tables
 from linear_kinds import in_use, known_sensors
+from other_load_maps import with_further_tables
 from parameter_maps import with_errors_of_parameters, with_parameter_tables
 from sensor_maps import with_sensors
 from shape_case import shape_map

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from damaged_resource import arrays_of, changed
 from flight_fmu import whole_map
-from further_maps import with_further_tables
+from other_load_maps import with_further_tables
 from sensor_maps import with_sensors
 from thermal_maps import with_temperature
 

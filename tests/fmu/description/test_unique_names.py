@@ -15,7 +15,7 @@ from xml.etree.ElementTree import Element, fromstring
 
 import pytest
 from flight_fmu import whole_map
-from further_maps import with_further_tables
+from other_load_maps import with_further_tables
 from parameter_maps import with_parameter_tables
 from sensor_maps import with_sensors
 from slender_vehicle import slender_flight_model

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from damaged_resource import refusal, with_arrays
 from flight_fmu import FILTER, N_D, FlightFmu, random_flight, whole_map
-from further_maps import STATIONS, with_further_tables
+from other_load_maps import STATIONS, with_further_tables
 from raw_fmu import OK
 
 from strainfmu.estimator.map.inverse_map import InverseMap
@@ -50,4 +50,4 @@ def test_settings_and_state(fmu: FlightFmu, inverse_map: InverseMap) -> None:
 def test_a_filter_of_other_sections_is_refused(inverse_map: InverseMap, tmp_path: Path) -> None:
     fewer = {f"filter.further_{name}": lambda old: old[:0] for name in ("load", "cross", "variance")}
     fmu = FlightFmu(with_arrays(inverse_map, tmp_path, fewer), N_D)
-    assert refusal(fmu).endswith("'filter.further_load': expected the section loads of the map")
+    assert refusal(fmu).endswith("'filter.other_load': expected the section loads of the map")

@@ -19,7 +19,7 @@ from flight_fmu import (
     FlightSample,
     random_flight,
 )
-from further_maps import STATIONS, with_further_tables
+from other_load_maps import STATIONS, with_further_tables
 from raw_fmu import DISCARD, ERROR, N_OUTPUTS, N_SCALARS, OK, SETTINGS, VALUES, Fmu3, write_resource
 from thermal_maps import REFERENCE, with_temperature
 

@@ -12,7 +12,7 @@ import pytest
 from agreement import tracked
 from damaged_resource import arrays_of, put, refusal, with_arrays
 from flight_fmu import FIRST, N_D, FlightFmu, random_flight, whole_map
-from further_maps import STATIONS, of_five_loads, with_further_tables
+from other_load_maps import STATIONS, of_five_loads, with_further_tables
 from raw_fmu import OK, Fmu3
 from thermal_maps import REFERENCE, with_temperature
 

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from agreement import estimated, random_samples
 from damaged_resource import put, refusal, with_arrays
-from further_maps import STATIONS, with_own_further
 from native_case import NativeCase
+from other_load_maps import STATIONS, with_own_further
 from raw_fmu import N_OUTPUTS, OK, Fmu2, Fmu3, first_zero, write_resource
 from scaled_maps import whole_scaled_map
 from thermal_maps import REFERENCE, with_temperature

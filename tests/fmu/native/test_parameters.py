@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from agreement import assert_same, estimated, random_samples
 from damaged_resource import put, refusal, with_arrays
-from further_maps import STATIONS, with_own_further
 from native_case import NativeCase
+from other_load_maps import STATIONS, with_own_further
 from parameter_maps import PARAMETERS, with_parameters
 from raw_fmu import ERROR, OK, Fmu2, Fmu3, first_zero, of_filter, write_resource
 from scaled_maps import NOMINAL, whole_scaled_map

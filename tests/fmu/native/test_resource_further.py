@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from further_maps import with_further
+from other_load_maps import with_further
 from random_map import map_of, random_model
 from scaled_maps import whole_scaled_map
 
@@ -14,7 +14,7 @@ pytestmark = pytest.mark.fast
 
 
 @pytest.mark.parametrize("case", [1, 2])
-def test_further_loads_leave_the_rest_unchanged(case: int) -> None:
+def test_other_loads_leave_the_rest_unchanged(case: int) -> None:
     plain = whole_scaled_map(case, 3)
     before, after = map_arrays(plain), map_arrays(with_further(plain))
     assert {name.split(".")[0] for name in after.keys() - before.keys()} == {"further"}

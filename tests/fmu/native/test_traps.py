@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from c_host import program_by_zig
 from flight_fmu import random_flight, whole_map
-from further_maps import with_further_tables
+from other_load_maps import with_further_tables
 from platforms import LINUX
 from random_map import random_map
 from raw_fmu import GUID, write_resource

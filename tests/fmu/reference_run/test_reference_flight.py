@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from field_maps import field_map
 from flight_fmu import whole_map
-from further_maps import with_further_tables
+from other_load_maps import with_further_tables
 from parameter_maps import with_parameter_tables, with_parameters
 from published_run import columns
 from random_map import random_map

@@ -157,7 +157,12 @@ def test_frames_of_the_bus(profile: str, form: str, tmp_path: Path) -> None:
             step = ready.step(strain[2], q[2], CYCLE)
         valid = np.ones(len(strain[2]), dtype=bool)
         result = CycleResult(
-            time=1.0, quality=Quality.VALID, causes=0, valid=valid, strain=strain[2], further=step.further
+            time=1.0,
+            quality=Quality.VALID,
+            causes=0,
+            valid=valid,
+            strain=strain[2],
+            other_outputs=step.other_outputs,
         )
         frames = ResultFrames(layouts, 1).of_result(result)
         sent.append([frame.data for frame in frames])

@@ -93,7 +93,7 @@ def test_what_the_fmu_does_not_take_is_said(synthetic: SyntheticFiles, tmp_path:
         synthetic.estimator_1, write_flight(tmp_path / "d.csv", mach_number=6.0), tmp_path / "o.csv"
     )
     with FmuStep(synthetic.estimator_1, ("mach_number",)) as step:
-        taken = bool(step.further_inputs)
+        taken = bool(step.other_inputs)
     line = f"{tmp_path / 'd.csv'}: mach_number: written but not used, {synthetic.estimator_1} does not take them"
     assert summary.notes == ([] if taken else [line])
 

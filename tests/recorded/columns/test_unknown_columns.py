@@ -9,7 +9,7 @@ import h5py
 import numpy as np
 import pytest
 from flight_fmu import whole_map
-from further_maps import with_further_tables
+from other_load_maps import with_further_tables
 from recorded_case import NAMES, samples, write_flight
 from synthetic_vehicle import SyntheticFiles
 

@@ -77,7 +77,7 @@ class Matter:
             found[name] = density
         return found
 
-    def further(self) -> dict[str, Any]:
+    def regions_and_masses(self) -> dict[str, Any]:
         """Return, as JSON can hold it, what is not of the one material; empty where there is nothing."""
         record = {
             "regions": {

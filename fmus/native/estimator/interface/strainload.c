@@ -108,10 +108,10 @@ static void describe_outputs(StrainLoad *handle) {
     add_field(record, "is_identified", n_flight * N_AIR_DATA);
     add_field(record, "air_data_used", n_flight * N_NAVIGATION);
     add_field(record, "is_linear", n_flight);
-    add_field(record, "further_loads", n_other);
-    add_field(record, "further_loads_std", n_other);
-    add_field(record, "further_coefficients", n_other);
-    add_field(record, "further_coefficients_std", n_other);
+    add_field(record, "other_loads", n_other);
+    add_field(record, "other_loads_std", n_other);
+    add_field(record, "other_coefficients", n_other);
+    add_field(record, "other_coefficients_std", n_other);
     add_field(record, "parameter_score", e->parameters.count);
 }
 

@@ -37,7 +37,7 @@ typedef struct StrainLoad StrainLoad;
 enum {
     SL_INPUTS,      /* of a sample: readings, air data, temperatures, flow parameters */
     SL_SETTINGS,    /* what holds for all samples: limits, references, zero offsets, time constant of the filter */
-    SL_OUTPUTS,     /* loads, coefficients, their standard deviations, health, air data, further loads */
+    SL_OUTPUTS,     /* loads, coefficients, their standard deviations, health, air data, other loads */
     SL_FIT,         /* covariances, residuals and gauges of the sample, which come behind the outputs on request */
     SL_TARE_LIMITS, /* what a tare accepts, and the strain of the loads that act meanwhile */
     SL_TARE,        /* outcome of a tare: zero offsets, their deviations, and what speaks against them */

@@ -32,7 +32,7 @@ int filter_map_parse(MapFile *file, size_t n_gauges, FilterMap *map) {
     map->n_shared = map_length(file, "filter.shared", 0, 0, MOST_COLUMNS);
     map->n_terms = map_length(file, "filter.of_gauge", 0, 0, LARGEST_NUMBER);
     map->n_own = map_length(file, "filter.own", 0, 0, 1);
-    map->n_other = map_length(file, "filter.further_load", 0, 0, MOST_COLUMNS);
+    map->n_other = map_length(file, "filter.other_load", 0, 0, MOST_COLUMNS);
     map->n_modes = map_count(file, "filter.n_modes", 0, map->n_shared);
     take_numbers(file, map);
     map->seen_strain = map_doubles(file, "filter.seen_strain", map->n_seen, n);
@@ -44,8 +44,8 @@ int filter_map_parse(MapFile *file, size_t n_gauges, FilterMap *map) {
     map->shared = map_doubles(file, "filter.shared", map->n_shared, n);
     map->of_gauge = map_doubles(file, "filter.of_gauge", map->n_terms, 1 + N_LOADS, n);
     map->own = map_doubles(file, "filter.own", map->n_own, n);
-    map->other_load = map_doubles(file, "filter.further_load", map->n_other, map->n_seen);
-    map->other_cross = map_doubles(file, "filter.further_cross", map->n_other, n);
-    map->other_variance = map_doubles(file, "filter.further_variance", map->n_other);
+    map->other_load = map_doubles(file, "filter.other_load", map->n_other, map->n_seen);
+    map->other_cross = map_doubles(file, "filter.other_cross", map->n_other, n);
+    map->other_variance = map_doubles(file, "filter.other_variance", map->n_other);
     return file->good;
 }

@@ -1,4 +1,4 @@
-/* The covariance of strain about the tables: strainfmu/estimator/map/strain_covariance.py. */
+/* The covariance of strain about the tables: strainfmu/estimator/reference/nonlinear.py. */
 
 #ifndef STRAIN_COVARIANCE_H
 #define STRAIN_COVARIANCE_H

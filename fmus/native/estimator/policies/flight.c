@@ -33,7 +33,7 @@ static int parse(Flight *flight, MapFile *file) {
                     "the parameters of the map");
     }
     if (filter->present) {
-        map_require(file, filter->map.n_other == n_loads, "filter.further_load", "the section loads of the map");
+        map_require(file, filter->map.n_other == n_loads, "filter.other_load", "the section loads of the map");
         map_require(file, filter->map.n_modes == flight->thermal->map.n_modes, "filter.n_modes", "that of the temperature modes");
     }
     known_lay_out(&flight->map.tables, &loads->tables, known);

@@ -12,32 +12,32 @@ static int is_index(double value, size_t most) {
 
 /* The arrays of outputs, and which load grows as which of the five. */
 static void parse_groups(MapFile *file, OtherLoadsMap *map) {
-    const size_t m = map->n_loads, count = map->n_arrays = map_length(file, "further.array_size", 0, 1, MAX_ARRAYS);
-    map->like = map_doubles(file, "further.like", m);
-    map->array_name = map_texts(file, "further.array_name", count, OUTPUT_NAME_SIZE);
-    map->array_value = map_doubles(file, "further.array_value", count);
-    map->array_first = map_doubles(file, "further.array_first", count);
-    map->array_size = map_doubles(file, "further.array_size", count);
+    const size_t m = map->n_loads, count = map->n_arrays = map_length(file, "other_loads.array_size", 0, 1, MAX_ARRAYS);
+    map->like = map_doubles(file, "other_loads.like", m);
+    map->array_name = map_texts(file, "other_loads.array_name", count, OUTPUT_NAME_SIZE);
+    map->array_value = map_doubles(file, "other_loads.array_value", count);
+    map->array_first = map_doubles(file, "other_loads.array_first", count);
+    map->array_size = map_doubles(file, "other_loads.array_size", count);
     for (size_t j = 0; file->good && j < m; j++) {
-        map_require(file, is_index(map->like[j], N_LOADS), "further.like", "numbers of loads");
+        map_require(file, is_index(map->like[j], N_LOADS), "other_loads.like", "numbers of loads");
     }
     for (size_t a = 0; file->good && a < count; a++) {
         const int is_value = is_index(map->array_value[a], N_OTHER_VALUES - 1);
         const int is_first = is_index(map->array_first[a], m), is_size = is_index(map->array_size[a], m);
-        map_require(file, is_value, "further.array_value", "0 to 3");
+        map_require(file, is_value, "other_loads.array_value", "0 to 3");
         map_require(file, is_first && is_size && map->array_size[a] > 0.0 && map->array_first[a] + map->array_size[a] <= (double)m,
-                    "further.array_size", "rows of the loads");
+                    "other_loads.array_size", "rows of the loads");
     }
 }
 
 static int parse(MapFile *file, size_t n, size_t states, OtherLoadsMap *map) {
-    const size_t m = map->n_loads = map_length(file, "further.is_moment", 0, 1, MAX_LOADS);
-    map->is_moment = map_doubles(file, "further.is_moment", m);
-    map->fixed = map_doubles(file, "further.fixed_load", m);
-    map->of_mean = map_doubles(file, "further.load_of_mean", m);
-    map->load_per_state = map_doubles(file, "further.load_per_state", states, m);
-    map->spread_load = map_doubles(file, "further.spread_load", n, m);
-    map->spread_unseen = map_doubles(file, "further.spread_unseen", m);
+    const size_t m = map->n_loads = map_length(file, "other_loads.is_moment", 0, 1, MAX_LOADS);
+    map->is_moment = map_doubles(file, "other_loads.is_moment", m);
+    map->fixed = map_doubles(file, "other_loads.fixed_load", m);
+    map->of_mean = map_doubles(file, "other_loads.load_of_mean", m);
+    map->load_per_state = map_doubles(file, "other_loads.load_per_state", states, m);
+    map->spread_load = map_doubles(file, "other_loads.spread_load", n, m);
+    map->spread_unseen = map_doubles(file, "other_loads.spread_unseen", m);
     parse_groups(file, map);
     return file->good;
 }
@@ -64,7 +64,7 @@ static int list_outputs(OtherLoads *other_loads) {
 }
 
 int other_loads_create(MapFile *file, size_t n_gauges, size_t n_states, OtherLoads *other_loads) {
-    if (!map_has(file, "further")) {
+    if (!map_has(file, "other_loads")) {
         return file->good;
     }
     if (!parse(file, n_gauges, n_states, &other_loads->map)) {

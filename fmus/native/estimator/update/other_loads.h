@@ -1,7 +1,7 @@
 /* Linear outputs of a map in form "dynamic_pressure" beside the five loads.
 
    The C counterpart of what strainfmu/estimator has of other loads (other_loads.py lists them);
-   they are part "further" of resources/map.bin, and computed when they are read. */
+   they are part "other_loads" of resources/map.bin, and computed when they are read. */
 
 #ifndef OTHER_LOADS_H
 #define OTHER_LOADS_H

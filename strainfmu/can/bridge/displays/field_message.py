@@ -67,7 +67,7 @@ class FieldMessages:
         return {"field": {"timestamp": timestamp, **self._places, "pressure_Pa": values}}
 
     def _pressure(self, result: CycleResult) -> list[int]:
-        zeros, given = self._zeros, result.further_inputs
+        zeros, given = self._zeros, result.other_inputs
         readings = [given.get(name, np.nan) for name in self._sensors]
         if zeros is not self._estimator.zeros:
             self._estimator = self._estimator.with_zeros(zeros)
@@ -78,14 +78,14 @@ class FieldMessages:
                 np.append(result.valid, np.isfinite(readings)),
                 mach_number=result.mach_number,
                 altitude=result.altitude,
-                **self._further(given),
+                **self._other_inputs(given),
             )
             chosen = self._seen.of(found.pressure(with_std=False).pressure)
         except np.linalg.LinAlgError:  # the results themselves must go on
             return []
         return np.rint(chosen).astype(int).ravel().tolist() if np.all(np.isfinite(chosen)) else []
 
-    def _further(self, given: Mapping[str, float]) -> dict[str, Any]:
+    def _other_inputs(self, given: Mapping[str, float]) -> dict[str, Any]:
         """Return the arguments of a step for what is ``given`` beside q_inf, Mach number and altitude."""
         found: dict[str, Any] = given_flow({name: given.get(name, np.nan) for name in OTHER_AIR_DATA})
         if self._temperatures:

@@ -155,7 +155,7 @@ def health_text(result: CycleResult, score_limit: float | None) -> str | None:
         return None
     outside = [
         name.removeprefix(OUTSIDE_PREFIX)
-        for name, score in result.further.items()
+        for name, score in result.other_outputs.items()
         if name.startswith(OUTSIDE_PREFIX) and score > PARAMETER_TOLERANCE
     ]
     if outside:
@@ -229,7 +229,7 @@ def result_message(
     since : causes of the results since the message before, of this one too.
     sensors : names of auxiliary sensors, which an estimator counts behind the gauges.
     """
-    further = result.further
+    outputs = result.other_outputs
     names = [gauge.name for gauge in gauges]
     rows = [*names, *sensors]
     micro = np.round(1e6 * result.strain, 3).tolist()
@@ -240,10 +240,10 @@ def result_message(
         reasons = gauge_reasons(result.verdicts, result.valid)
         not_used = {name: reason for name, reason in zip(names, reasons, strict=True) if reason}
     has_numbers = result.quality.has_coefficients
-    loads = {name: finite(further.get(name)) if has_numbers else None for name in LOADS}
-    loads_sigma = {name: finite(further.get(f"sigma.{name}")) if has_numbers else None for name in LOADS}
-    beside = {name: finite(value) if has_numbers else None for name, value in further.items() if column_of(name)}
-    first, number = int(further.get(SUSPECT_GAUGE, 0)), int(further.get(SUSPECTS, 0))
+    loads = {name: finite(outputs.get(name)) if has_numbers else None for name in LOADS}
+    loads_sigma = {name: finite(outputs.get(f"sigma.{name}")) if has_numbers else None for name in LOADS}
+    beside = {name: finite(value) if has_numbers else None for name, value in outputs.items() if column_of(name)}
+    first, number = int(outputs.get(SUSPECT_GAUGE, 0)), int(outputs.get(SUSPECTS, 0))
     return {
         "quality": int(result.quality),
         "quality_name": result.quality.name,
@@ -253,11 +253,11 @@ def result_message(
         "sigma": _named(result.coefficients_std.tolist()),
         "loads": loads,
         "loads_sigma": loads_sigma,
-        "further_loads": beside,
+        "other_loads": beside,
         "strain_um_per_m": dict(zip(names, micro, strict=True)),
         "not_used": not_used,
         # An estimator counts its sensors, too.
-        "gauges_used": int(result.valid.sum() if sensors else further.get(GAUGES_USED, result.valid.sum())),
+        "gauges_used": int(result.valid.sum() if sensors else outputs.get(GAUGES_USED, result.valid.sum())),
         "suspect_gauge": rows[first - 1] if 0 < first <= len(rows) else None,
         "suspects": number,
         "dynamic_pressure_Pa": finite(result.dynamic_pressure),
@@ -269,7 +269,7 @@ def result_message(
         "health_name": None if result.health is None else health_name(result.health),
         "health_text": health_text(result, score_limit),
         "chi_square": finite(result.chi_square),
-        "chi_square_limit": finite(further.get(CHI_SQUARE_LIMIT)),
+        "chi_square_limit": finite(outputs.get(CHI_SQUARE_LIMIT)),
         "envelope_score": finite(result.envelope_score),
         "envelope_score_limit": score_limit,
     }

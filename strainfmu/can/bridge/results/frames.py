@@ -68,7 +68,7 @@ class ResultFrames:
 
     def __init__(self, layouts: tuple[FrameLayout, ...], configuration: int) -> None:
         self._configuration = configuration
-        self._further = OtherLoadSignals(layouts)
+        self._others = OtherLoadSignals(layouts)
         self._of_result = [_ResultFrame(layout) for layout in layouts if layout.cycle_time is not None]
         no_result = [layout for layout in layouts if layout.cycle_time is None]
         self._of_status = [_ResultFrame(layout) for layout in no_result if layout.name != DETAIL]
@@ -77,8 +77,8 @@ class ResultFrames:
     def of_result(self, result: CycleResult) -> list[Frame]:
         """Return the frames of one result; those of a result with further causes hold their details too."""
         values = _result_values(result, self._configuration)
-        if self._further:
-            values |= self._further.values(result.further if result.quality.has_coefficients else {})
+        if self._others:
+            values |= self._others.values(result.other_outputs if result.quality.has_coefficients else {})
         frames = [frame.compose(values) for frame in self._of_result]
         if int(result.causes) >> 16:
             details = _detail_values(result.quality, result.causes, result.age_uncertainty, result.counter)

@@ -64,15 +64,15 @@ class FlowState:
     mach_number, altitude : by navigation [1] and [m].
     lost : causes of what was known before and is not any more: navigation, a temperature, an auxiliary sensor, a
         flow parameter or its standard deviation.
-    further : temperatures [K], readings of auxiliary sensors, thrust [N], p_inf [Pa], deviations of navigation,
-        flow parameters and their deviations, by name of the estimator's input.
+    other_inputs : temperatures [K], readings of auxiliary sensors, thrust [N], p_inf [Pa], deviations of
+        navigation, flow parameters and their deviations, by name of the estimator's input.
     """
 
     dynamic_pressure: float = nan
     mach_number: float = nan
     altitude: float = nan
     lost: Cause = Cause.NONE
-    further: dict[str, float] = field(default_factory=dict)
+    other_inputs: dict[str, float] = field(default_factory=dict)
 
 
 class _Value(Record):
@@ -201,7 +201,7 @@ class FlowFrame:
 
 
 class HeldFlow:
-    """Holds q_inf, Mach number, altitude, temperatures, further parameters and deviations, each for itself.
+    """Holds q_inf, Mach number, altitude, temperatures, flow parameters and deviations, each for itself.
 
     Parameters
     ----------
@@ -209,7 +209,7 @@ class HeldFlow:
     fixed : q_inf of the whole run [Pa]; None to take it from the bus.
     seen : frames received in this run.
     strain_time : time by the clock of the strains.
-    constants : further inputs of the estimator that stay, and their values.
+    constants : other inputs of the estimator that stay, and their values.
     """
 
     def __init__(
@@ -246,8 +246,8 @@ class HeldFlow:
         self._losses = [
             (place, cause) for name, place in places.items() for has, cause in of_loss.items() if has(name)
         ]
-        self._further = [(one, place) for one, place in places.items() if one not in FLOW_QUANTITIES]
-        self._state = FlowState(further=dict(constants))
+        self._others = [(one, place) for one, place in places.items() if one not in FLOW_QUANTITIES]
+        self._state = FlowState(other_inputs=dict(constants))
 
     @property
     def is_fixed(self) -> bool:
@@ -280,8 +280,8 @@ class HeldFlow:
             state.mach_number = known[self._mach_number]
         if self._altitude is not None:
             state.altitude = known[self._altitude]
-        for name, place in self._further:
-            state.further[name] = known[place]
+        for name, place in self._others:
+            state.other_inputs[name] = known[place]
         state.lost = self._lost() if is_lost else _NOTHING_LOST
         return state
 

@@ -31,7 +31,7 @@ class CycleResult:
     strain : (n_d,) strains that were used [m/m]; NaN where not valid.
     dynamic_pressure : q_inf that was used [Pa], or NaN.
     mach_number, altitude : by navigation at ``time`` [1] and [m], NaN where not known.
-    further_inputs : what else of the flow was used, by name of the estimator's input, NaN where not known:
+    other_inputs : what else of the flow was used, by name of the estimator's input, NaN where not known:
         temperatures [K], readings of auxiliary sensors, thrust [N], flow parameters, their standard deviations.
     age : of the strains at ``time`` [s]; NaN if there are none.
     age_uncertainty : by how much they may be older [s], as the sender's clock is not known better; NaN if nothing
@@ -43,7 +43,7 @@ class CycleResult:
     envelope_score : standard deviations by which the coefficients leave what the map covers [1]; NaN if not known.
     arrival : of the last frame of the cycle [s], None of a status without frames.
     verdicts : what was found of each gauge; None if all are used, and of a status without frames.
-    further : other outputs of the estimator that were asked for, by name; none without an estimate.
+    other_outputs : other outputs of the estimator that were asked for, by name; none without an estimate.
     """
 
     time: float
@@ -66,8 +66,8 @@ class CycleResult:
     envelope_score: float = np.nan
     arrival: float | None = None
     verdicts: GaugeVerdicts | None = None
-    further: Mapping[str, float] = field(default_factory=dict)
-    further_inputs: Mapping[str, float] = field(default_factory=dict)
+    other_outputs: Mapping[str, float] = field(default_factory=dict)
+    other_inputs: Mapping[str, float] = field(default_factory=dict)
 
 
 def result_without_fields() -> CycleResult:

@@ -13,8 +13,8 @@ from strainfmu.cosim.estimators.step import (
     Step,
     StepRefused,
     StepResult,
-    further_inputs,
     needs_pressure,
+    other_inputs,
     takes_mask,
 )
 
@@ -34,8 +34,8 @@ class EstimatorStep:
     def __init__(self, layout: InputLayout, step: Step) -> None:
         self._step, self._is_protected, self._period = step, layout.is_protected, layout.cycle_time
         self._needs_pressure, self._takes_mask = needs_pressure(step), takes_mask(step)
-        self._navigation = tuple(name for name in NAVIGATION if name in further_inputs(step))
-        self._further: dict[str, float] = {}
+        self._navigation = tuple(name for name in NAVIGATION if name in other_inputs(step))
+        self._others: dict[str, float] = {}
         self._last: float | None = None
 
     def __call__(
@@ -49,16 +49,16 @@ class EstimatorStep:
         valid : (n_d,) gauges that are.
         causes : noted before.
         """
-        further = self._further
-        if flow.further:
-            further.update(flow.further)
+        others = self._others
+        if flow.other_inputs:
+            others.update(flow.other_inputs)
         for name in self._navigation:
-            further[name] = getattr(flow, name)
+            others[name] = getattr(flow, name)
         try:
             if self._takes_mask:
-                step = self._step(strain, flow.dynamic_pressure, self._size(now), valid.tobytes(), **further)
+                step = self._step(strain, flow.dynamic_pressure, self._size(now), valid.tobytes(), **others)
             else:
-                step = self._step(strain, flow.dynamic_pressure, self._size(now), **further)
+                step = self._step(strain, flow.dynamic_pressure, self._size(now), **others)
         except StepRefused:
             return None, Quality.INVALID, causes | Cause.STEP_FAILED
         quality, causes = self._quality_of(step, causes)

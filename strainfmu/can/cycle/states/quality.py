@@ -74,7 +74,7 @@ class Cause(IntFlag):
     BUS = 1 << 13
     """The bus is passive, off, or was reopened."""
     NAVIGATION = 1 << 14
-    """Mach number, altitude or a further parameter of the flow was known and is not any more: fewer tests of the
+    """Mach number, altitude or a flow parameter was known and is not any more: fewer tests of the
     envelope, the quality is as before."""
     HIDDEN_DELAY = 1 << 16
     """As much delay as is allowed was taken for a slow clock of the sender; more of it may hide."""
@@ -100,10 +100,10 @@ class Cause(IntFlag):
     left out, as health says."""
 
 
-FURTHER = 1 << 15
+MORE_CAUSES = 1 << 15
 """In frames with room for 16 bits: the result has causes above bit 15, which another frame holds."""
 
 
 def low_causes(causes: Cause) -> int:
     """Return the causes in 16 bits."""
-    return (int(causes) & (FURTHER - 1)) | (FURTHER if int(causes) >> 16 else 0)
+    return (int(causes) & (MORE_CAUSES - 1)) | (MORE_CAUSES if int(causes) >> 16 else 0)

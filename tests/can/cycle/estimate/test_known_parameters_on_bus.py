@@ -103,7 +103,7 @@ def test_a_bridge_estimates_as_python_does(source: str, is_signal: bool, tmp_pat
             if k < 10 or k == 34:
                 continue
             assert result.health == expected.health
-            assert (result.further_inputs[f"parameter_std.{NAME}"] == pytest.approx(STD)) == (
+            assert (result.other_inputs[f"parameter_std.{NAME}"] == pytest.approx(STD)) == (
                 is_known or not is_signal
             )
             np.testing.assert_allclose(result.coefficients, expected.coefficients, rtol=1e-4, atol=1e-6)
@@ -120,7 +120,7 @@ def test_a_deviation_that_cannot_be_is_not_stated() -> None:
         given.append(further)
         return StepResult(np.zeros(5), np.ones(5), 0, 1.0)
 
-    step.further_inputs = (f"parameter.{NAME}", f"parameter_std.{NAME}")  # type: ignore[attr-defined]  # read by name
+    step.other_inputs = (f"parameter.{NAME}", f"parameter_std.{NAME}")  # type: ignore[attr-defined]  # read by name
     layout = layout_of({"signal": "Fins.fin", "std": "Fins.sigma"}, 2)
     core = bridge_core(layout, step, BridgeSettings(), start=0.0, dynamic_pressure=Q)
     values = [0.5] * 5 + [0.25, -0.5, nan, 1e9, 2.0]

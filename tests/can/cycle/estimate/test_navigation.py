@@ -42,7 +42,7 @@ def altitude(cycle: int) -> float:
 class Navigated(Projection):
     """An estimator that takes navigation and keeps what it was given."""
 
-    further_inputs = (MACH_NUMBER, ALTITUDE)
+    other_inputs = (MACH_NUMBER, ALTITUDE)
 
     def __init__(self, n_gauges: int) -> None:
         super().__init__(n_gauges)
@@ -52,7 +52,7 @@ class Navigated(Projection):
         self, strain: np.ndarray, dynamic_pressure: float, step_size: float, *, mach_number: float, altitude: float
     ) -> StepResult:
         self.given.append((mach_number, altitude))
-        return replace(super().__call__(strain, dynamic_pressure, step_size), further={ENVELOPE_SCORE: 1.25})
+        return replace(super().__call__(strain, dynamic_pressure, step_size), other_outputs={ENVELOPE_SCORE: 1.25})
 
 
 def fly(

@@ -114,7 +114,7 @@ def test_what_cannot_be_is_not_known() -> None:
         given.append(further)
         return StepResult(np.zeros(5), np.ones(5), 0, 1.0)
 
-    step.further_inputs = ("parameter.fin",)  # type: ignore[attr-defined]  # read by name
+    step.other_inputs = ("parameter.fin",)  # type: ignore[attr-defined]  # read by name
     text = (
         'VERSION ""\nNS_ :\nBS_:\nBU_: A B\nBO_ 256 R: 8 A\n SG_ S1 : 0|16@1- (0.25,0) [0|0] "um/m" B\n'
         ' SG_ S2 : 16|16@1- (0.25,0) [0|0] "um/m" B\nBO_ 300 Fins: 8 A\n SG_ fin : 0|64@1- (1,0) [0|0] "deg" B\n'
@@ -163,5 +163,5 @@ def test_wrong_mappings_are_refused(change: Callable[[dict[str, str]], None], me
         mapped_layout(
             database_of(text, "r"), mapping, gauge_names=["a"], name="r", parameter_names=["parameter.fin"]
         )
-    with pytest.raises(InputError, match=r"\(none, the estimator has no further parameters\)"):
+    with pytest.raises(InputError, match=r"\(none, the estimator has no flow parameters\)"):
         mapped_layout(database_of(text, "r"), mapping, gauge_names=["a"], name="r")

@@ -74,7 +74,7 @@ class Sensing:
     """An estimator that takes auxiliary sensors and keeps what it was given."""
 
     reading_units = UNITS
-    further_inputs = tuple(UNITS)
+    other_inputs = tuple(UNITS)
 
     def __init__(self) -> None:
         self.given: list[dict[str, float]] = []
@@ -116,7 +116,7 @@ def test_each_sensor_has_its_unit_and_counts_with_the_strains_of_its_cycle() -> 
         assert given[k] == pytest.approx(dict(zip(UNITS, expected, strict=True)))
         assert results[k].quality is Quality.UNPROTECTED
         assert not results[k].causes
-        assert results[k].further_inputs == given[k]
+        assert results[k].other_inputs == given[k]
 
 
 def test_a_lost_frame_is_no_reading_after_two_cycles() -> None:
@@ -179,7 +179,7 @@ def samples_of(held: InverseMap, count: int) -> list[FlownSample]:
 
 def expected_of(held: InverseMap, estimator: Estimator, result: CycleResult) -> Estimate:
     """Return what Python estimates of the strains and readings that the bridge used."""
-    given = result.further_inputs
+    given = result.other_inputs
     readings = [*result.strain, *(given.get(name, nan) for name in sensor_names(held))]
     return estimator.track(np.array(readings), result.dynamic_pressure, thrust=given.get(THRUST, 0.0))
 
@@ -190,7 +190,7 @@ def check_results(held: InverseMap, results: list[CycleResult], samples: list[Fl
     trusted = [k for k, one in enumerate(results) if one.quality.has_coefficients]
     assert len(trusted) >= len(samples) - TRUSTED
     for k in trusted:
-        used, sent = results[k].further_inputs, samples[k].readings
+        used, sent = results[k].other_inputs, samples[k].readings
         expected = expected_of(held, estimator, results[k])
         np.testing.assert_allclose(results[k].coefficients, expected.coefficients, rtol=1e-6, atol=1e-9)
         np.testing.assert_allclose(results[k].coefficients_std, expected.coefficients_std, rtol=1e-6)
@@ -269,8 +269,8 @@ def test_a_sensor_that_is_not_mapped_is_left_out(tmp_path: Path) -> None:
     )
     options = replace(options, dynamic_pressure=NOMINAL)
     last = through_core(tmp_path / "map.h5", options, samples_of(held, 10))[-1]
-    assert "sensor.port_0deg" not in last.further_inputs
-    assert THRUST not in last.further_inputs
+    assert "sensor.port_0deg" not in last.other_inputs
+    assert THRUST not in last.other_inputs
     expected = expected_of(held, Estimator(held), last)
     assert not expected.valid[held.n_strain_gauges]
     np.testing.assert_allclose(last.coefficients, expected.coefficients, rtol=1e-12)
@@ -315,7 +315,7 @@ def test_a_live_run_and_its_replay(tmp_path: Path) -> None:
         np.testing.assert_allclose(
             one.coefficients, expected_of(held, estimator, one).coefficients, rtol=1e-6, atol=1e-9
         )
-    assert {name for one in answered[1:] for name in one.further_inputs} == set(reading_units(held))
+    assert {name for one in answered[1:] for name in one.other_inputs} == set(reading_units(held))
     summary = estimate_log(fmu, log, tmp_path / "e.csv", options=lambda found: found or options)
     assert summary.compared == summary.equal > 20
     assert summary.results == len(answered)

@@ -24,7 +24,7 @@ from strainfmu.can.wire.dbc_mapping import mapped_layout
 from strainfmu.can.wire.frame import Frame
 from strainfmu.can.wire.frame_layout import InputLayout
 from strainfmu.cosim.estimators.source import open_step
-from strainfmu.cosim.estimators.step import Step, further_inputs
+from strainfmu.cosim.estimators.step import Step, other_inputs
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap, save_inverse_map
@@ -76,7 +76,7 @@ def layout_of(mapping: Mapping[str, Any], flow_names: tuple[str, ...]) -> InputL
 
 def flown(step: Step, lost: int, cycles: int) -> list[CycleResult]:
     """Return the result of each cycle; the air data are lost from cycle ``lost`` on."""
-    layout = layout_of(MAPPING, further_inputs(step))
+    layout = layout_of(MAPPING, other_inputs(step))
     core = bridge_core(layout, step, BridgeSettings(), start=0.0)
     random, found = np.random.default_rng(4), []
     for k in range(cycles):
@@ -99,11 +99,11 @@ def test_a_bridge_estimates_as_python_does(tmp_path: Path, kind: str) -> None:
         export_estimator(source, source := tmp_path / "e.fmu", ExportOptions(platforms=["linux64"]))
     lost, cycles = 15, 40
     with open_step(source) as ready:
-        assert set(OTHER_AIR_DATA) <= set(further_inputs(ready.step))
+        assert set(OTHER_AIR_DATA) <= set(other_inputs(ready.step))
         results = flown(ready.step, lost, cycles)
     tracker, states = Estimator(flown_map()), set()
     for result in results:
-        given = {name: result.further_inputs[name] for name in OTHER_AIR_DATA}
+        given = {name: result.other_inputs[name] for name in OTHER_AIR_DATA}
         is_known = not isnan(result.dynamic_pressure)
         states.add((is_known, *(not isnan(value) for value in given.values())))
         expected = tracker.track(result.strain, result.dynamic_pressure, mach_number=result.mach_number, **given)
@@ -131,7 +131,7 @@ def test_a_bridge_estimates_as_python_does(tmp_path: Path, kind: str) -> None:
 def test_the_linear_estimator_takes_the_deviation_of_the_dynamic_pressure_alone(tmp_path: Path) -> None:
     save_inverse_map(flown_map(has_tables=False), tmp_path / "map.h5")
     with open_step(tmp_path / "map.h5") as ready:
-        taken = tuple(name for name in further_inputs(ready.step) if name in OTHER_AIR_DATA)
+        taken = tuple(name for name in other_inputs(ready.step) if name in OTHER_AIR_DATA)
         assert taken == ("dynamic_pressure_std",)
         core = bridge_core(
             layout_of({"dynamic_pressure": MAPPING["dynamic_pressure"]}, taken),

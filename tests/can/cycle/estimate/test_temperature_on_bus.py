@@ -63,7 +63,7 @@ class Warmed(Projection):
     """An estimator that takes temperatures and keeps what it was given."""
 
     sensor_names = ("nose tip", "aft", "fin")
-    further_inputs = ("temperature[1]", "temperature[2]", "temperature[3]")
+    other_inputs = ("temperature[1]", "temperature[2]", "temperature[3]")
 
     def __init__(self) -> None:
         super().__init__(2)

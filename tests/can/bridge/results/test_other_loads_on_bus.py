@@ -11,7 +11,7 @@ import cantools
 import numpy as np
 import pytest
 from can_case import CYCLE
-from further_maps import STATIONS, groups_at, with_own_further
+from other_load_maps import STATIONS, groups_at, with_own_further
 from scaled_maps import NOMINAL, scaled_map
 
 from strainfmu.can.bridge.options import BridgeOptions
@@ -95,7 +95,12 @@ def test_what_is_not_known_is_not_available(form: str) -> None:
     composer = ResultFrames(layouts, 1)
     held = {"M_R": 0.25, "sigma.M_R": 0.01, "section.axial[1]": 1e3, "sigma.section.axial[1]": 2.2}
     result = CycleResult(
-        time=1.0, quality=Quality.VALID, causes=0, valid=np.ones(3, dtype=bool), strain=np.zeros(3), further=held
+        time=1.0,
+        quality=Quality.VALID,
+        causes=0,
+        valid=np.ones(3, dtype=bool),
+        strain=np.zeros(3),
+        other_outputs=held,
     )
     known = decoded(layouts, composer, result)
     assert known["M_R"] == pytest.approx(0.25)
@@ -103,7 +108,7 @@ def test_what_is_not_known_is_not_available(form: str) -> None:
     assert known["section_axial_1"] == 1e3
     assert known["sigma_section_axial_1"] == (pytest.approx(2.2) if form == "fd" else 3.0)
     assert str(known["section_torsion_1"]) == "nan", "the estimator gave none"
-    beyond = replace(result, further={**held, "sigma.section.axial[1]": 7e4})
+    beyond = replace(result, other_outputs={**held, "sigma.section.axial[1]": 7e4})
     shown = decoded(layouts, composer, beyond)["sigma_section_axial_1"]
     assert shown == 7e4 if form == "fd" else str(shown) == "NotAvailable"
     for quality in (Quality.STALE, Quality.INVALID, Quality.NO_DATA):

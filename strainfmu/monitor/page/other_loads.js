@@ -32,11 +32,11 @@ function drawn(table, loads) {
 }
 
 export function drawFurtherLoads(layout, latest) {
-  const tables = layout.load_tables, loads = latest.further_loads;
-  byId("further_loads").hidden = tables.length === 0;
+  const tables = layout.load_tables, loads = latest.other_loads;
+  byId("other_loads").hidden = tables.length === 0;
   if (tables.length === 0) return;
   const isKnown = tables.some((table) => table.rows.some((row) => row.outputs.some((name) => (loads[name] ?? null) !== null)));
   const lines = tables.filter((table) => !table.place).map((table) => line(table, loads));
-  text("now_further_loads", isKnown ? lines.join("; ") : `no value: ${latest.quality_name}`);
+  text("now_other_loads", isKnown ? lines.join("; ") : `no value: ${latest.quality_name}`);
   byId("load_tables").replaceChildren(...tables.filter((table) => table.place).map((table) => drawn(table, loads)));
 }
