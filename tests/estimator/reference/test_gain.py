@@ -9,7 +9,7 @@ import pytest
 from random_map import random_model
 
 from strainfmu.estimator.reference.gain import nominal, state_model
-from strainfmu.estimator.reference.update import inverse_root
+from strainfmu.estimator.reference.update import condition, inverse_root, prepare
 
 pytestmark = pytest.mark.fast
 
@@ -46,13 +46,13 @@ def test_precision_without_a_prior_is_a_projection_blind_to_the_states() -> None
     assert np.abs(root.T @ precision @ model.a).max() < 1e-10 * of_states
 
 
-def test_precision_keeps_its_digits_at_small_gamma() -> None:
-    """One state of 1e6 sigma, gamma 1e-6: a' P a = |a|^2 / (1 + |a|^2 / gamma) exactly, to 1e-9."""
+def test_chi_square_keeps_its_digits_at_small_gamma() -> None:
+    """One state of 1e6 sigma, gamma 1e-6: chi-square of a is |a|^2 / (1 + |a|^2 / gamma) exactly, to 1e-9."""
     a = np.array([[3e5], [-4e5], [1.2e6]])
-    prepared = nominal(state_model(a, np.eye(3), 1e-6))
+    prepared = prepare(state_model(a, np.eye(3), 1e-6), np.ones(3, dtype=bool))
     square = Fraction(9 * 10**10 + 16 * 10**10 + 144 * 10**10)
     exact = square / (1 + square * 10**6)
-    assert (a.T @ prepared.precision[0] @ a).item() == pytest.approx(float(exact), rel=1e-9)
+    assert condition(prepared, a.T, np.ones(1)).chi_square[0] == pytest.approx(float(exact), rel=1e-9)
 
 
 def test_gauges_of_very_unlike_noise_keep_their_digits() -> None:
