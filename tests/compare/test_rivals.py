@@ -14,7 +14,7 @@ from builder.compare.training import TrainingFlights, training_flights, with_dra
 from strainfmu.estimator.reference.nonlinear import strain_covariance
 from strainfmu.estimator.tables.flight_tables import evaluate
 
-ALTITUDES = (15e3, 25e3)
+ALTITUDES_KM = (15.0, 25.0)
 
 
 @pytest.mark.fast
@@ -66,7 +66,8 @@ def test_a_rival_learns_loads_and_angles(name: str) -> None:
     pytest.importorskip("sklearn")
     manifold, random = flight_map(), np.random.default_rng(4)
     training, calibration, flown = (
-        training_flights(manifold=manifold, altitudes=ALTITUDES, count=n, random=random) for n in (1500, 600, 400)
+        training_flights(manifold=manifold, altitudes_km=ALTITUDES_KM, count=n, random=random)
+        for n in (1500, 600, 400)
     )
     navigation = PRESSURE_ALONE if name == "regression tree" else GIVEN
     rival = RivalCandidate(name=name, training=training, calibration=calibration, navigation=navigation, seed=1)

@@ -88,6 +88,6 @@ def test_the_linear_estimator_takes_none() -> None:
 
 
 def test_the_documentation_states_what_the_core_states(core: Core) -> None:
-    stated = re.search(r"\| most that a step can take[^|]*\| (\d+) and (\d+) \|", PAGE.read_text(encoding="utf-8"))
+    stated = re.search(r"\| maximum[^|]*\| (\d+) and (\d+) \|", PAGE.read_text(encoding="utf-8"))
     assert stated is not None
     assert int(stated[1]) + int(stated[2]) == core.most_iterations

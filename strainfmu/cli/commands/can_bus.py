@@ -83,7 +83,9 @@ def bridge(
     from strainfmu.can.tools.observed import observed_bridge
 
     given = {"record.file": record}
-    described = described_bus(bus, settings, interface, channel, option, profile, given)
+    described = described_bus(
+        bus, settings, given=given, interface=interface, channel=channel, option=option, profile=profile
+    )
     options = described.options()
     check_outputs({"fmu": fmu, "bus": bus, "record": described.record, "zeros": options.zeros})
     check_bus_options(options.interface, bus_settings(options).options)
@@ -170,6 +172,7 @@ def dbc(
 def described_bus(
     bus: Path | None,
     settings: list[str] | None,
+    *,
     interface: str | None,
     channel: str | None,
     option: list[str] | None,

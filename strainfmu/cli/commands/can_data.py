@@ -330,7 +330,7 @@ def monitor(
     ] = None,
     bus: Annotated[
         Path | None,
-        typer.Option("--bus", metavar="TOML", help="Bus file; both addresses are entries of its table [page]."),
+        typer.Option("--bus", metavar="TOML", help="Bus file; both addresses are entries of its table page."),
     ] = None,
 ) -> None:
     """Show live strains, coefficients, health and the frame account in a browser.

@@ -54,7 +54,9 @@ def send(
     gauges: Annotated[
         Path | None,
         typer.Option(
-            "--map", metavar="MAP", help="Map or FMU whose gauges the frames hold; entry gauges of [input]."
+            "--map",
+            metavar="MAP",
+            help="Map or FMU whose gauges the frames hold; entry input.gauges of the bus file.",
         ),
     ] = None,
     duration: Annotated[
@@ -83,7 +85,15 @@ def send(
 
     if (plant is None) == (data is None):
         raise InputError(f"DATA, --plant: expected one of them, got {'none' if plant is None else 'both'}")
-    described = described_bus(bus, settings, interface, channel, option, profile, {"input.gauges": gauges})
+    described = described_bus(
+        bus,
+        settings,
+        given={"input.gauges": gauges},
+        interface=interface,
+        channel=channel,
+        option=option,
+        profile=profile,
+    )
     options, source = described.options(), described.gauges
     if source is None:
         raise InputError("--map: expected the map or FMU of the gauges, or input.gauges of the bus file, got none")

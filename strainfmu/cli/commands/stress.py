@@ -104,7 +104,8 @@ def stress(
 def _show(console: Console, result: StressResult) -> None:
     table = Table(title=escape(f"{result.vehicle}: errors on the truth model, samples [%]"))
     for heading in ("error", "size", "class", "detected", "undetected", "rms/bound", ""):
-        table.add_column(heading, justify="left" if heading in ("error", "size", "class", "") else "right")
+        side = "left" if heading in ("error", "size", "class", "") else "right"
+        table.add_column(heading, justify=side, no_wrap=heading == "error")
     for one in result.entries:
         table.add_row(
             escape(one["error"]),

@@ -18,12 +18,15 @@ from strainfmu.cosim.estimators.fmu_step import FmuStep
 from strainfmu.cosim.estimators.source import MapStep, open_step
 from strainfmu.cosim.estimators.step import StepResult, other_inputs
 from strainfmu.estimator.estimator import Estimator
+from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import InverseMap, save_inverse_map
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 from strainfmu.fmu.export import ExportOptions, export_estimator
 
 pytestmark = pytest.mark.fast
-K, NEW_ZEROS = 20, 12
+K, NEW_ZEROS, RENEWED = 34, 12, 28
+"""Steps, the one with other zero offsets, and one from which on a native FMU has made the matrices for them."""
+
 VALUES = {
     "mach_number": 6.0,
     "altitude": 19970.0,
@@ -80,11 +83,16 @@ def test_map_and_fmus(tmp_path: Path, kind: str) -> None:
     for one in ("native", "python"):
         export_estimator(tmp_path / "map.h5", tmp_path / f"{one}.fmu", ExportOptions(kind=one, zero_inputs=True))
         for k, (found, wanted) in enumerate(zip(steps(tmp_path / f"{one}.fmu", held), expected, strict=True)):
+            if one == "native" and NEW_ZEROS <= k < RENEWED:
+                assert found.health in (wanted.health, HealthState.DEGRADED), k
+                continue
             assert found.health == wanted.health, k
             assert found.other_outputs.keys() == wanted.other_outputs.keys()
             for name in ("coefficients", "coefficients_std", "chi_square"):
                 np.testing.assert_allclose(getattr(found, name), getattr(wanted, name), rtol=1e-6, err_msg=str(k))
-            ours, theirs = (np.array([by.other_outputs[name] for name in wanted.other_outputs]) for by in (found, wanted))
+            ours, theirs = (
+                np.array([by.other_outputs[name] for name in wanted.other_outputs]) for by in (found, wanted)
+            )
             np.testing.assert_allclose(ours, theirs, rtol=1e-5, atol=1e-9 * np.nanmax(np.abs(theirs), initial=1.0))
 
 

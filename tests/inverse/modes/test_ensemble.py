@@ -25,6 +25,7 @@ from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
+from strainfmu.estimator.reference.gain import load_covariance
 from strainfmu.flight_condition import FlightCondition
 
 N_X, N_FLOWS = 4, 5
@@ -239,8 +240,8 @@ def test_the_sign_of_a_listed_angle_does_not_limit_a_map(
     plain = vehicle.model_copy(update={"noise": noise})
     maps = [build_inverse_map(with_map(plain, case=case), one, structure) for one in (half, whole)]
     one, other = maps
-    for name in ("noise_covariance", "load_covariance"):
-        found, expected = getattr(one, name), getattr(other, name)
+    for covariance in (lambda held: held.noise_covariance, load_covariance):
+        found, expected = covariance(one), covariance(other)
         std = np.sqrt(np.diag(expected))
         np.testing.assert_allclose(found / np.outer(std, std), expected / np.outer(std, std), rtol=0.0, atol=1e-4)
     np.testing.assert_allclose(one.mean_strain, other.mean_strain, rtol=0.0, atol=1e-12)

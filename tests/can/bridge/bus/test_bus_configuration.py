@@ -83,7 +83,7 @@ def test_a_context_comes_ahead_of_the_default(
     open_bus(settings(context="bench")).shutdown()
     assert opened[0]["rx_queue_size"] == 7
     assert opened[0]["receive_own_messages"] is False
-    with pytest.raises(InputError, match=r"^--context: no 'flight' found in .*\.canrc, CAN_CONFIG_flight$"):
+    with pytest.raises(InputError, match=r"^bus\.context: no 'flight' found in .*\.canrc, CAN_CONFIG_flight$"):
         configured(settings(context="flight"))
 
 
