@@ -80,6 +80,8 @@ class BridgeSettings:
     max_uncertainty : largest uncertainty of the age of results that are VALID [s].
     synchronised : largest difference of the sender's clock from ours [s] if both are synchronised, else None.
     synchronised_shift : synchronised time less our monotonic clock [s].
+    accepts_restart : a sender whose time has jumped is taken for restarted after jump_confirmations, without a
+        proof that it is no recording.
     startup_time : largest time that a sender's clock shows at its start [s].
     alarm_cycles : cycles for which a second sender or bridge is reported after its last frame.
     late_cycles : cycles of late frames only, after which the sender is taken to have been restarted.
@@ -104,6 +106,7 @@ class BridgeSettings:
     heal_cycles: int = 3
     jump_tolerance: float = 1.0
     jump_confirmations: int = 3
+    accepts_restart: bool = False
     clock_rate: float = 0.0
     clock_tolerance: float = 1e-4
     hidden_age: float = 0.01

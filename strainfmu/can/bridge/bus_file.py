@@ -14,7 +14,7 @@ from math import inf, isfinite
 from pathlib import Path
 from typing import Any
 
-from strainfmu.can.bridge.options import RESULT_FORMS, BridgeOptions
+from strainfmu.can.bridge.options import RESTARTS, RESULT_FORMS, BridgeOptions
 from strainfmu.can.wire.dbc_files import MAPPING_TABLE
 from strainfmu.can.wire.profiles import PROFILES, Identifiers
 from strainfmu.errors import InputError
@@ -198,6 +198,13 @@ TABLES: Mapping[str, Mapping[str, Entry]] = {
             high=1e6,
             text="largest uncertainty of the age of VALID results; default: no limit",
             example="20.0",
+        ),
+        "restart": Entry(
+            sets="restart",
+            kind="text",
+            choices=RESTARTS,
+            text="a restarted sender needs a proof (confirm) or none (accept: a recording passes for it)",
+            example='"confirm"',
         ),
         "stuck_cycles": Entry(
             sets="stuck_cycles",

@@ -159,6 +159,7 @@ def restart_proof(layout: InputLayout, settings: BridgeSettings) -> RestartProof
         pause=settings.max_age * layout.cycle_time,
         max_delta=settings.max_delta,
         counter_modulus=None if protection is None else protection.counter_modulus,
+        accepts=settings.accepts_restart,
     )
     return RestartProof(limits)
 
@@ -177,6 +178,7 @@ def held_values(layout: InputLayout, settings: BridgeSettings) -> list[HeldValue
             max_age=flow_max_age(layout, frame, source, settings),
             clock=sender_clock(frame, layout.cycle_time, settings),
             tolerance=settings.jump_tolerance * layout.cycle_time,
+            new_frames=0 if settings.accepts_restart else settings.jump_confirmations,
         )
         for frame in layout.flow_frames
         for source in frame.flow
