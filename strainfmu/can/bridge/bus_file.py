@@ -206,6 +206,15 @@ TABLES: Mapping[str, Mapping[str, Entry]] = {
             text="a restarted sender needs a proof (confirm) or none (accept: a recording passes for it)",
             example='"confirm"',
         ),
+        "period_tolerance_percent": Entry(
+            sets="period_tolerance",
+            unit="%",
+            scale=0.01,
+            low=0.1,
+            high=1e6,
+            text="largest difference of the sender's period from cycle_time_ms; beyond it results are UNCONFIRMED",
+            example="20.0",
+        ),
         "stuck_cycles": Entry(
             sets="stuck_cycles",
             kind="whole",
