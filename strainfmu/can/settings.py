@@ -80,6 +80,10 @@ class BridgeSettings:
     max_uncertainty : largest uncertainty of the age of results that are VALID [s].
     synchronised : largest difference of the sender's clock from ours [s] if both are synchronised, else None.
     synchronised_shift : synchronised time less our monotonic clock [s].
+    accepts_restart : a sender whose time has jumped is taken for restarted after jump_confirmations, without a
+        proof that it is no recording.
+    period_tolerance : largest difference of the sender's period from the stated one, as a fraction of it; results
+        beyond it are UNCONFIRMED.
     startup_time : largest time that a sender's clock shows at its start [s].
     alarm_cycles : cycles for which a second sender or bridge is reported after its last frame.
     late_cycles : cycles of late frames only, after which the sender is taken to have been restarted.
@@ -104,6 +108,8 @@ class BridgeSettings:
     heal_cycles: int = 3
     jump_tolerance: float = 1.0
     jump_confirmations: int = 3
+    accepts_restart: bool = False
+    period_tolerance: float = 0.2
     clock_rate: float = 0.0
     clock_tolerance: float = 1e-4
     hidden_age: float = 0.01
@@ -126,6 +132,7 @@ class BridgeSettings:
         if self.zero_cycles is not None and self.zero_cycles < 1:
             raise InputError(f"zero_cycles: expected a positive number, got {self.zero_cycles}")
         for name in (
+            "period_tolerance",
             "clock_tolerance",
             "hidden_age",
             "max_uncertainty",

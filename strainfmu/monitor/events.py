@@ -67,6 +67,7 @@ class EventLog:
             before = None
         self._take_bus(time, before, result)
         self._take_recording(time, before, result)
+        self._take_period(time, before, result)
         self._take_gauges(time, before, result)
         self._take_quality(time, before, result)
         missed = 0 if before is None else _missed(before, result)
@@ -137,6 +138,12 @@ class EventLog:
         if reopened > 0:
             self._add(time, "bus", "note", "bus reopened", bus["last_fault"] or "")
 
+    def _take_period(self, time: float, before: dict[str, Any] | None, result: dict[str, Any]) -> None:
+        text = result.get("period_text")
+        if text and (before is None or before.get("period_text") != text):
+            level = "alarm" if "PERIOD" in result["causes"] else "note"
+            self._add(time, "link", level, "period of the sender", text)
+
     def _take_recording(self, time: float, before: dict[str, Any] | None, result: dict[str, Any]) -> None:
         now = result["recording"]
         if now is None:
@@ -158,6 +165,8 @@ def _why(result: dict[str, Any], causes: Sequence[str]) -> str:
         name = result["health_name"]
         if cause == "HEALTH" and name:
             texts.append(f"HEALTH: {name}, {result['health_text'] or _word('health', name)}")
+        elif cause == "PERIOD" and result.get("period_text"):
+            texts.append(f"{cause}: {result['period_text']}")
         else:
             texts.append(f"{cause}: {_word('cause', cause)}")
     return "; ".join(texts)

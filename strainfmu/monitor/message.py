@@ -55,7 +55,7 @@ _LATER_NUMBERS = (
     *("sequence", "uptime_s", "mach_number", "altitude_m", "envelope_score", "envelope_score_limit"),
     *("chi_square_limit", "gauges_used", "suspects", "age_uncertainty_ms"),
 )
-_LATER_TEXTS = ("health_text", "suspect_gauge")
+_LATER_TEXTS = ("health_text", "suspect_gauge", "period_text")
 """Keys that a bridge of an earlier version does not send."""
 
 

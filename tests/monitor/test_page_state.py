@@ -82,8 +82,23 @@ def message(number: int = 1, **changed: Any) -> dict[str, Any]:
         "recording": {"file": "run.blf", "frames": 10, "lost": 0, "failure": ""},
         "account": {"received": 10, "used": 10, "not accounted for": 0},
         "results": {"VALID": number},
+        "period_text": "",
         **changed,
     }
+
+
+def test_the_senders_period_is_announced_once_and_says_why() -> None:
+    right = {"period_text": "period: measured 10 ms, as expected"}
+    wrong = {"period_text": "period: expected 10 ms, measured 20 ms", "causes": ["PERIOD"]}
+    wrong |= {"quality_name": "UNCONFIRMED", "quality": 7}
+    events = events_of(message(0), *(message(k, **right) for k in (1, 2)), *(message(k, **wrong) for k in (3, 4)))
+    announced = [event for event in events if event["what"] == "period of the sender"]
+    assert [(event["level"], event["why"], event["count"]) for event in announced] == [
+        ("note", right["period_text"], 1),
+        ("alarm", wrong["period_text"], 1),
+    ]
+    (quality,) = [event for event in events if event["what"] == "quality UNCONFIRMED"]
+    assert quality["why"] == f"PERIOD: {wrong['period_text']}"
 
 
 def events_of(*messages: dict[str, Any], end: float | None = None) -> list[dict[str, Any]]:

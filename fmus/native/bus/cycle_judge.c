@@ -100,7 +100,14 @@ void sb_judge_decode(SbJudge *judge, const SbParts *parts) {
 /* Date a cycle by its sample time; 1 if its sender has been proven with it. */
 static int date(SbJudge *j, const SbParts *p, int is_new) {
     const int64_t ticks = j->found[SB_FOUND_SAMPLE_TIME];
+    const SbModel known = j->clock->known;
     const int64_t reading = clock_read(j->clock, p->first_time, ticks);
+    if (j->proof != NULL && j->clock->age > j->max_age &&
+        proof_begins_again(j->proof, j->clock, p->first_time, ticks, j->found[SB_FOUND_COUNTER])) {
+        clock_begin(j->clock, &known, p->first_time, ticks);
+        j->found[SB_FOUND_CAUSES] |= SB_CLOCK_JUMP;
+        return 0;
+    }
     j->age[0] += j->clock->age;
     j->age[1] = j->clock->uncertainty;
     if (reading & SB_JUMPED) {

@@ -21,7 +21,7 @@ static int is_proven(SbValue *v, int64_t ticks, const double *time, int is_new, 
         return 0; /* a repeated old frame or a restart: the next frames decide */
     }
     const int at_strains = agrees(v, ticks, time[1]);
-    if (v->to_be_proven && !at_strains && (v->shares_clock || v->n_new < v->new_frames)) {
+    if (v->to_be_proven && !at_strains && v->new_frames > 0 && (v->shares_clock || v->n_new < v->new_frames)) {
         return 0;
     }
     if (v->to_be_proven) {

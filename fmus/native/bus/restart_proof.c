@@ -41,7 +41,7 @@ int proof_take(SbProof *p, const SbClock *clock, int64_t reading, double local, 
         return 0;
     }
     const double seconds = (double)ticks * clock->tick;
-    p->n_new = is_new ? p->n_new + 1 : 0;
+    p->n_new = is_new || p->accepts ? p->n_new + 1 : 0;
     if (jumped) {
         const double silence = p->has_last ? local - p->last_local : 0.0;
         p->begins = seconds <= p->startup_time + silence;
@@ -50,11 +50,24 @@ int proof_take(SbProof *p, const SbClock *clock, int64_t reading, double local, 
         return 0;
     }
     p->is_proven = p->n_new >= p->new_frames &&
-                   (has_begun(p, seconds, counter) || was_set_ahead(p, clock, local, ticks, counter));
+                   (p->accepts || has_begun(p, seconds, counter) || was_set_ahead(p, clock, local, ticks, counter));
     if (p->is_proven) {
         keep(p, local, counter);
     }
     return p->is_proven != 0;
+}
+
+int proof_begins_again(SbProof *p, const SbClock *clock, double local, int64_t ticks, int64_t counter) {
+    if (!p->accepts || !p->has_last || local - p->last_local <= p->pause) {
+        return 0;
+    }
+    const double seconds = (double)ticks * clock->tick;
+    p->begins = seconds <= p->startup_time;
+    if (!has_begun(p, seconds, counter)) {
+        return 0;
+    }
+    p->is_proven = p->n_new = 0;
+    return 1;
 }
 
 void proof_take_untimed(SbProof *p, double local, int is_new) {
@@ -62,7 +75,7 @@ void proof_take_untimed(SbProof *p, double local, int is_new) {
         p->is_proven = p->n_new = 0;
     }
     p->heard = local;
-    p->n_new = is_new ? p->n_new + 1 : 0;
+    p->n_new = is_new || p->accepts ? p->n_new + 1 : 0;
     p->is_proven = p->is_proven || p->n_new >= p->new_frames;
 }
 

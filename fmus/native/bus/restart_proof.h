@@ -10,6 +10,10 @@
 int proof_take(SbProof *proof, const SbClock *clock, int64_t reading, double local, int64_t ticks, int64_t counter,
                int is_new);
 
+/* Whether time and counter have begun again after a pause, of a sender that is accepted so: a sample time that wraps
+   early makes a restart look like a delay. The sender is to be confirmed then. */
+int proof_begins_again(SbProof *proof, const SbClock *clock, double local, int64_t ticks, int64_t counter);
+
 /* Take in a cycle without sample time: behind a pause it may be a recording until it is new. */
 void proof_take_untimed(SbProof *proof, double local, int is_new);
 

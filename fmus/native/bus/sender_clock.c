@@ -82,6 +82,17 @@ static void keep_minimum(SbClock *c, double local, double offset) {
     }
 }
 
+/* Follow the clock of a sender that has been restarted, and keep that of before. */
+static void replace(SbClock *c, const SbModel *old, SbModel made, double local) {
+    /* A queue on the way outlives a restart of the sender: what may hide in it still may. */
+    made.lowest -= old->floor - old->lowest;
+    made.fastest -= old->floor - old->fastest + c->tolerance * (local - old->start);
+    c->known = made;
+    c->before = *old;
+    c->jumped.is_set = 0;
+    begin_drift(c, local, c->known.floor);
+}
+
 /* Take in a sample time that does not fit. Cycles that were held back come one behind the other, each a cycle less late
    than the one before. */
 static int64_t take_jump(SbClock *c, double local, int64_t ticks) {
@@ -93,14 +104,13 @@ static int64_t take_jump(SbClock *c, double local, int64_t ticks) {
         return SB_JUMPED;
     }
     const SbModel old = c->before.is_set ? c->before : c->known;
-    /* A queue on the way outlives a restart of the sender: what may hide in it still may. */
-    c->jumped.lowest -= old.floor - old.lowest;
-    c->jumped.fastest -= old.floor - old.fastest + c->tolerance * (local - old.start);
-    c->known = c->jumped;
-    c->before = old;
-    c->jumped.is_set = 0;
-    begin_drift(c, local, c->known.floor);
+    replace(c, &old, c->jumped, local);
     return SB_JUMPED | SB_RESTARTED;
+}
+
+void clock_begin(SbClock *c, const SbModel *old, double local, int64_t ticks) {
+    c->age = c->uncertainty = 0.0;
+    replace(c, old, new_model(c, local * c->pace, ticks), local * c->pace);
 }
 
 static int64_t read_synchronised(SbClock *c, double local, int64_t ticks) {

@@ -21,7 +21,7 @@
 #endif
 
 /* Changes when a function or the meaning of a field does. */
-#define SB_VERSION 2
+#define SB_VERSION 3
 
 SB_API int64_t sb_version(void);
 
@@ -238,6 +238,7 @@ SB_API void sb_clock_reset(SbClock *clock);
 /* See strainfmu/can/cycle/frames/restart_proof.py. */
 typedef struct {
     int64_t new_frames, max_delta, modulus;     /* modulus of the counter, 0 without */
+    int64_t accepts;                            /* a confirmed jump is a restart, without more proof */
     double period, startup_time, pause;
     int64_t is_proven, n_new, begins, has_last, last_counter; /* state; a counter of -1 is none */
     double last_local, heard;                   /* [s]; never heard: NaN */
@@ -260,7 +261,7 @@ typedef struct {
     double to_si, si_offset, smallest, largest, tolerance;
     double max_age;                                     /* for which it is held [s] */
     SbClock *clock;                                     /* NULL without sample time */
-    int64_t new_frames;                                 /* in a row, which prove a sender */
+    int64_t new_frames;                                 /* in a row, which prove a sender; 0: it needs no proof */
     double value, sampled, stated, stated_at;           /* state [SI] and [s] */
     int64_t to_be_proven, n_new, shares_clock, hides_delay, was_known;
 } SbValue;

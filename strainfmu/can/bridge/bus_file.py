@@ -14,7 +14,7 @@ from math import inf, isfinite
 from pathlib import Path
 from typing import Any
 
-from strainfmu.can.bridge.options import RESULT_FORMS, BridgeOptions
+from strainfmu.can.bridge.options import RESTARTS, RESULT_FORMS, BridgeOptions
 from strainfmu.can.wire.dbc_files import MAPPING_TABLE
 from strainfmu.can.wire.profiles import PROFILES, Identifiers
 from strainfmu.errors import InputError
@@ -197,6 +197,22 @@ TABLES: Mapping[str, Mapping[str, Entry]] = {
             low=0.0,
             high=1e6,
             text="largest uncertainty of the age of VALID results; default: no limit",
+            example="20.0",
+        ),
+        "restart": Entry(
+            sets="restart",
+            kind="text",
+            choices=RESTARTS,
+            text="a restarted sender needs a proof (confirm) or none (accept: a recording passes for it)",
+            example='"confirm"',
+        ),
+        "period_tolerance_percent": Entry(
+            sets="period_tolerance",
+            unit="%",
+            scale=0.01,
+            low=0.1,
+            high=1e6,
+            text="largest difference of the sender's period from cycle_time_ms; beyond it results are UNCONFIRMED",
             example="20.0",
         ),
         "stuck_cycles": Entry(

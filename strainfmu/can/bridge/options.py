@@ -9,6 +9,8 @@ from strainfmu.can.wire.profiles import Identifiers
 
 RESULT_FORMS = ("fd", "classic-le", "classic-be")
 
+RESTARTS = ("confirm", "accept")
+
 
 @dataclass(frozen=True, kw_only=True)
 class BridgeOptions:
@@ -27,6 +29,8 @@ class BridgeOptions:
     stuck_cycles, zero_cycles, max_age : as of :class:`~strainfmu.can.settings.BridgeSettings`.
     clock_rate, clock_tolerance, hidden_age, synchronised, synchronised_shift : as there.
     max_uncertainty : as there; None for no limit.
+    period_tolerance : as there.
+    restart : one of RESTARTS: a restarted sender needs a proof, or none.
     gauge_noise : standard deviation of the gauges' noise at rest [m/m], None for what the estimator was made with.
     zeros : file of what the gauges read without strain (zeros.toml), None for what the FMU was exported with.
     tare : map of the same gauges, with which tares are taken on command; None: they are not.
@@ -56,6 +60,8 @@ class BridgeOptions:
     clock_tolerance: float = 1e-4
     hidden_age: float = 0.01
     max_uncertainty: float | None = None
+    restart: str = "confirm"
+    period_tolerance: float = 0.2
     synchronised: float | None = None
     synchronised_shift: float = 0.0
     zeros: Path | None = None

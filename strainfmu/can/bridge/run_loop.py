@@ -167,6 +167,7 @@ class Bridge:
             kernel_drops=self._drops if self._drops_known else None,
             queue_highest=self._queue.highest,
             drift_ppm=self._core.drift_ppm,
+            period_text=self.period_text,
             last_fault=self._last_fault,
         )
 
@@ -366,6 +367,11 @@ class Bridge:
     def unanswered(self) -> list[tuple[float, float]]:
         """Intervals in which it was too slow to answer all cycles: first and last frame skipped [s]."""
         return self._core.unanswered
+
+    @property
+    def period_text(self) -> str:
+        """The sender's period in words, "" before it is measured."""
+        return self._core.period.text
 
     @property
     def last_fault(self) -> str:

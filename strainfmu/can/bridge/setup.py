@@ -180,6 +180,8 @@ def make_core(
         max_uncertainty=float("inf") if options.max_uncertainty is None else options.max_uncertainty,
         synchronised=options.synchronised,
         synchronised_shift=options.synchronised_shift,
+        period_tolerance=options.period_tolerance,
+        accepts_restart=options.restart == "accept",
     )
     layout, configuration = step_input_layout(step, options, gauge_names)
     groups = load_groups_of(step)

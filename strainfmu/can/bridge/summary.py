@@ -36,6 +36,7 @@ class BridgeSummary:
     kernel_drops : datagrams that the system dropped, None where that is not known.
     queue_highest : maximum number of waiting frames.
     drift_ppm : how much slower than ours the sender's clock ran; NaN if not known.
+    period_text : the sender's period in words, "" where it was not measured.
     last_fault : last failure of the bus.
     """
 
@@ -55,6 +56,7 @@ class BridgeSummary:
     kernel_drops: int | None = None
     queue_highest: int = 0
     drift_ppm: float = float("nan")
+    period_text: str = ""
     last_fault: str = ""
 
 
@@ -81,6 +83,8 @@ def summary_rows(summary: BridgeSummary) -> list[tuple[str, str]]:
     if summary.last_malformed:
         rows.append(("the last of these", summary.last_malformed))
     rows.append(("maximum of frames waiting", f"{summary.queue_highest}"))
+    if summary.period_text:
+        rows.append(("sender's period", summary.period_text.removeprefix("period: ")))
     if not isnan(summary.drift_ppm):
         rows.append(("sender's clock slower by", f"{summary.drift_ppm:.1f} ppm"))
     if summary.reconnects or summary.last_fault:

@@ -18,6 +18,7 @@ from strainfmu.can.cycle.estimate.taring import Taring
 from strainfmu.can.cycle.frames.account import FrameAccount, FrameClass
 from strainfmu.can.cycle.frames.assembler import Arrival, Cycle, Verdict
 from strainfmu.can.cycle.frames.own_frames import OwnFrames, own_frames
+from strainfmu.can.cycle.frames.sender_period import SenderPeriod
 from strainfmu.can.cycle.judgement import CycleJudge
 from strainfmu.can.cycle.parts import CycleParts, cycle_parts
 from strainfmu.can.cycle.states.bus_state import BusState, state_after
@@ -245,6 +246,11 @@ class BridgeCore:
     def drift_ppm(self) -> float:
         """How much slower than ours the sender's clock runs [ppm]; NaN if not known."""
         return self._judge.drift_ppm
+
+    @property
+    def period(self) -> SenderPeriod:
+        """The period of the sender, measured."""
+        return self._judge.period
 
     def _remember(self, time: float, is_answered: bool) -> None:
         """Keep the intervals in which frames were not to be answered."""

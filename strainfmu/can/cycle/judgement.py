@@ -40,6 +40,9 @@ _UNUSABLE = Cause.CLOCK_JUMP | Cause.OLD | Cause.FROZEN
 _CAUSES, _WHY, _N_VALID, _LOST, _NAMED, _SAMPLE_TIME, _COUNTER, _STATUS, _CHECKED, _N_FOUND = range(10)
 """Places of what a judgement found, of strainbus.h."""
 
+_MEASURED = (None, FrameClass.NOT_TRUSTED, FrameClass.TOO_OLD)
+"""Why a cycle may be refused whose numbers are correct, so that they show the period."""
+
 _TO_LEARN, _TO_SEE_ZERO = 1, 2
 """Results of strainbus.h."""
 
@@ -88,6 +91,8 @@ class CycleJudge:
         self._reception, self._flow = parts.reception, parts.flow
         self._trailer = parts.reception.trailer
         self._clock, self._pace = parts.clock, parts.pace
+        self.period = parts.sender_period
+        """The period of the sender, measured."""
         self._proof, self._strain_time = parts.proof, parts.strain_time
         self._decoder, self._gauges = parts.decoder, parts.gauges
         n = layout.n_gauges
@@ -177,6 +182,7 @@ class CycleJudge:
     def pass_over(self, cycle: Cycle) -> FrameClass | None:
         """Check and remember a closed cycle that is not judged; return the class if it is refused."""
         why = _REFUSED[self._pass_over(self._at, cycle.address)]
+        self.period.forget()
         self._hear_trailer(cycle)
         return why
 
@@ -256,10 +262,13 @@ class CycleJudge:
             causes |= Cause.SECOND_SENDER
         if found[_CAUSES]:
             causes |= Cause(found[_CAUSES])
+        refused = _REFUSED[found[_WHY]]
+        if self._has_wrong_period(cycle, refused):
+            causes |= Cause.PERIOD
         classes: FrameClass | list[FrameClass] = _USED
         valid, verdicts = self._every_gauge, None
         if found[_N_VALID] != len(valid):
-            refused, valid = _REFUSED[found[_WHY]], self._valid.copy()
+            valid = self._valid.copy()
             classes = [self._class_of(slot, refused, valid) for slot in cycle.slots]
             verdicts = GaugeVerdicts(
                 present=self._decoded.present.copy(),
@@ -276,6 +285,15 @@ class CycleJudge:
         if self._taring is not None and self._taring.is_active:
             answer.causes |= self._taring.take(answer, self._flow.stated_pressure(now))
         return answer, classes
+
+    def _has_wrong_period(self, cycle: Cycle, refused: FrameClass | None) -> bool:
+        """Measure the sender's period with a cycle; return whether it is not the stated one."""
+        period, found = self.period, self._found
+        if self.record.may_be_held_back:  # a gateway releases cycles at a pace of its own
+            period.forget()
+        elif refused in _MEASURED:
+            return period.take(cycle.first_time, found[_SAMPLE_TIME], found[_COUNTER])
+        return period.is_wrong
 
     def _resume(self, stopped: int, cycle: Cycle, now: float) -> None:
         """Go on with a cycle where compiled code has stopped."""

@@ -19,6 +19,7 @@ from strainfmu.can.cycle.frames.held_strains import HeldStrains, gauge_periods, 
 from strainfmu.can.cycle.frames.own_frames import OwnFrames
 from strainfmu.can.cycle.frames.reception import Reception
 from strainfmu.can.cycle.frames.restart_proof import ProofLimits, RestartProof, SeenFrames, StrainTime
+from strainfmu.can.cycle.frames.sender_period import SenderPeriod
 from strainfmu.can.cycle.gauges.noise import gauge_noise
 from strainfmu.can.cycle.gauges.plausibility import GaugeChecks
 from strainfmu.can.e2e.sample_clock import ClockLimits, SampleClock, SenderClock
@@ -38,6 +39,7 @@ class CycleParts:
     reception : CRC, counter and E2E state of each frame.
     assembler : frames put together to cycles.
     pace : whether cycles may have been held back.
+    sender_period : the period of the sender, measured.
     clock : age of the strains by the sender's clock; None where frames have no sample time.
     seen : frames received in this run.
     proof : whether a sender whose time jumped is proven; None where none is needed or none can be given.
@@ -54,6 +56,7 @@ class CycleParts:
     reception: Reception
     assembler: CycleAssembler
     pace: ArrivalPace
+    sender_period: SenderPeriod
     clock: SenderClock | None
     seen: SeenFrames
     proof: RestartProof | None
@@ -88,6 +91,7 @@ def cycle_parts(
         reception=Reception(layout, settings),
         assembler=CycleAssembler(cycle_limits(layout, settings), cycle_lengths(layout)),
         pace=ArrivalPace(settings.max_age * period, settings.rate / period),
+        sender_period=sender_period(layout, settings),
         clock=strain_clock(layout, settings),
         seen=seen,
         proof=proof,
@@ -159,8 +163,22 @@ def restart_proof(layout: InputLayout, settings: BridgeSettings) -> RestartProof
         pause=settings.max_age * layout.cycle_time,
         max_delta=settings.max_delta,
         counter_modulus=None if protection is None else protection.counter_modulus,
+        accepts=settings.accepts_restart,
     )
     return RestartProof(limits)
+
+
+def sender_period(layout: InputLayout, settings: BridgeSettings) -> SenderPeriod:
+    """Return what measures the period of cycles: of the frame that dates them, else of their first one."""
+    frame = _dated(layout) or layout.first_of_cycle
+    is_timed, protection = frame.sample_time is not None, frame.layout.protection
+    return SenderPeriod(
+        layout.cycle_time,
+        settings.period_tolerance,
+        tick=frame.tick if is_timed else 0.0,
+        bits=frame.layout.signals[frame.sample_time or 0].length if is_timed else 0,
+        modulus=0 if protection is None else protection.counter_modulus,
+    )
 
 
 def _dated(layout: InputLayout) -> InputFrame | None:
@@ -177,6 +195,7 @@ def held_values(layout: InputLayout, settings: BridgeSettings) -> list[HeldValue
             max_age=flow_max_age(layout, frame, source, settings),
             clock=sender_clock(frame, layout.cycle_time, settings),
             tolerance=settings.jump_tolerance * layout.cycle_time,
+            new_frames=0 if settings.accepts_restart else settings.jump_confirmations,
         )
         for frame in layout.flow_frames
         for source in frame.flow

@@ -116,6 +116,7 @@ def observed_bridge(
                     bus_state=lambda: bridge.bus_state,
                     bus=lambda: _bus_report(bridge, f"{options.interface}:{options.channel}"),
                     recording=lambda: _recording_report(recorder),
+                    period_text=lambda: bridge.period_text,
                 ),
                 facts=estimator_facts(fmu),
                 field=field,

@@ -56,7 +56,7 @@ def send(
         typer.Option(
             "--map",
             metavar="MAP",
-            help="Map or FMU whose gauges the frames hold; entry input.gauges of the bus file.",
+            help="Map or FMU whose gauges the frames hold (input.gauges).",
         ),
     ] = None,
     duration: Annotated[

@@ -8,6 +8,7 @@ from pathlib import Path
 import can
 import numpy as np
 import pytest
+from can_case import Projection
 from slender_vehicle import make_slender_files
 from synthetic_vehicle import N_GAUGES, SyntheticFiles
 
@@ -98,6 +99,19 @@ def test_a_core_trusts_what_is_sent() -> None:
     assert [r.quality for r in results[-27:]] == [Quality.VALID] * 27
     # Half of the 0.25 um/m of one bit.
     np.testing.assert_allclose(taken[-1], given[-1].strain, atol=0.1251e-6, rtol=0.0)
+
+
+@pytest.mark.parametrize("profile", ["fd64", "classic-le"])
+def test_a_flight_that_is_sent_three_times_is_valid_three_times_if_restarts_are_accepted(profile: str) -> None:
+    layout, clock = profile_layout(profile, NAMES, CYCLE), Time()
+    core = bridge_core(layout, Projection(N_GAUGES), BridgeSettings(accepts_restart=True), start=50.0)
+    given = samples(60)
+    for _ in range(3):
+        bus = Bus(clock)
+        send_flight(bus, layout, samples=given, faults=(), clock=clock, sleep=clock.sleep)
+        results = [r for time, message in bus.sent for r in core.receive(from_message(message, time))]
+        assert [r.quality for r in results[-45:]] == [Quality.VALID] * 45
+        clock.sleep(0.5)
 
 
 def test_the_same_seed_gives_the_same_faults() -> None:

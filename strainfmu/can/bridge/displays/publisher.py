@@ -61,12 +61,14 @@ class BridgeReports:
     account, bus_state : frames so far, state of the bus controller.
     bus : name of the bus, its last fault, how often it was reopened.
     recording : file, frames, lost frames and failure of the recording; None without one.
+    period_text : the sender's period in words, "" before it is measured.
     """
 
     account: Callable[[], FrameAccount]
     bus_state: Callable[[], BusState]
     bus: Callable[[], dict[str, Any]] = dict
     recording: Callable[[], dict[str, Any] | None] = lambda: None
+    period_text: Callable[[], str] = lambda: ""
 
 
 class Publisher:
@@ -168,6 +170,7 @@ class Publisher:
             "bus_state": self._reports.bus_state().name,
             "bus": self._reports.bus(),
             "recording": self._reports.recording(),
+            "period_text": self._reports.period_text(),
             "account": {**dict(account.rows()), "not accounted for": account.unaccounted},
             "results": {quality.name: count for quality, count in sorted(self._counts.copy().items())},
             "datagrams": {"sent": self.sent, "dropped": self.dropped},

@@ -50,9 +50,6 @@ _SENSIBLE_TEMPERATURE = (1.0, 5e3)
 
 _NOTHING_LOST = Cause.NONE
 
-_NEW_FRAMES = 3
-"""Frames in a row that were not received before, which prove that a sender behind a restart is no recording."""
-
 
 @dataclass(slots=True, kw_only=True)
 class FlowState:
@@ -110,6 +107,8 @@ class HeldValue:
     max_age : maximum time for which a value is held [s].
     clock : follows the sample times of the frame; None if it has none. No other value may use it.
     tolerance : largest difference from the time of the strains that counts as none [s].
+    new_frames : frames in a row that were not received before, which prove that a sender behind a restart is no
+        recording; 0: it needs no proof.
     """
 
     def __init__(
@@ -119,6 +118,7 @@ class HeldValue:
         max_age: float,
         clock: SenderClock | None,
         tolerance: float,
+        new_frames: int = 3,
     ) -> None:
         self.frame, self._source = frame, source
         self._clock = clock
@@ -127,7 +127,7 @@ class HeldValue:
         self.record = record = _Value.empty()
         record.index, record.to_si, record.si_offset = source.index, source.to_si, source.offset
         record.smallest, record.largest, record.tolerance = smallest, largest, tolerance
-        record.new_frames, record.max_age = _NEW_FRAMES, max_age
+        record.new_frames, record.max_age = new_frames, max_age
         if clock is not None and frame.sample_time is not None:
             record.clock = address(clock.record)
         record.value = record.sampled = record.stated = record.stated_at = nan

@@ -98,7 +98,9 @@ _OK, _VALID = int(HealthState.OK), Quality.VALID
 _NO_ESTIMATE = frozenset({HealthState.NO_COEFFICIENTS, HealthState.INVALID, HealthState.UNIDENTIFIED})
 _SUSPECT = frozenset({HealthState.INCONSISTENT, HealthState.SUSPECT, HealthState.OUTSIDE})
 """The deviations need not hold: OUTSIDE comes ahead of INCONSISTENT and SUSPECT, so it is no better than they."""
-_UNCONFIRMED = Cause.HIDDEN_DELAY | Cause.UNPROVEN_RESTART | Cause.SECOND_SENDER | Cause.SECOND_BRIDGE
+_UNCONFIRMED = (
+    Cause.HIDDEN_DELAY | Cause.UNPROVEN_RESTART | Cause.SECOND_SENDER | Cause.SECOND_BRIDGE | Cause.PERIOD
+)
 _DEGRADING = (
     Cause.PARTIAL_CYCLE
     | Cause.GAUGE_INVALID

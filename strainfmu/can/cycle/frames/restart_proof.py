@@ -4,6 +4,9 @@ A recording of this run repeats frames bit by bit, so what has been received bef
 prove a restart if the time base began after the sender was last heard (it was switched on), or if the time went
 ahead and the counter continues at its pace (its clock was set). Anything else stays unproven until somebody
 confirms it. A recording of an earlier run can give all of this: only authentication excludes it.
+
+A test stand that sends the same stimulus again and again is accepted without this proof if its user says so; then
+any recording passes for the sender.
 """
 
 from __future__ import annotations
@@ -53,6 +56,7 @@ class ProofLimits:
     pause : silence after which a sender without sample time may be a recording [s].
     max_delta : largest error of the counter.
     counter_modulus : number of counter values, None without a counter.
+    accepts : a jump of the time that ``new_frames`` cycles in a row confirm needs no more proof.
     """
 
     period: float
@@ -61,6 +65,7 @@ class ProofLimits:
     pause: float
     max_delta: int
     counter_modulus: int | None
+    accepts: bool = False
 
 
 class ProofRecord(Record):
@@ -68,7 +73,7 @@ class ProofRecord(Record):
 
     position = 12
     _fields_ = (
-        *((name, INTEGER) for name in ("new_frames", "max_delta", "modulus")),
+        *((name, INTEGER) for name in ("new_frames", "max_delta", "modulus", "accepts")),
         *((name, NUMBER) for name in ("period", "startup_time", "pause")),
         *((name, INTEGER) for name in ("is_proven", "n_new", "begins", "has_last", "last_counter")),
         ("last_local", NUMBER),
@@ -85,6 +90,7 @@ class RestartProof:
             new_frames=limits.new_frames,
             max_delta=limits.max_delta,
             modulus=limits.counter_modulus or 0,
+            accepts=int(limits.accepts),
             period=limits.period,
             startup_time=limits.startup_time,
             pause=limits.pause,

@@ -27,7 +27,7 @@ class Quality(IntEnum):
     """Nothing can be computed. No coefficients."""
     UNCONFIRMED = 7
     """Not proven to be the newest strains of the one sender: delay may hide, a restart may be a recording, or a
-    second sender or bridge is on the bus. Coefficients for information."""
+    second sender or bridge is on the bus, or its period is another. Coefficients for information."""
 
     has_coefficients: bool
     """Coefficients are published with this quality."""
@@ -98,6 +98,8 @@ class Cause(IntFlag):
     SENSOR = 1 << 25
     """The reading of an auxiliary sensor, or thrust, was known and is not any more: the sensor is
     left out, as health says."""
+    PERIOD = 1 << 26
+    """The sender's period is not the stated one, so limits counted in cycles are wrong."""
 
 
 MORE_CAUSES = 1 << 15

@@ -38,6 +38,7 @@ CAUSE_WORDS = {
     Cause.NAVIGATION: "Mach number, altitude or a parameter is no longer known",
     Cause.TEMPERATURE: "a temperature is no longer known: sigma is larger",
     Cause.SENSOR: "an auxiliary sensor or thrust is no longer known: it is left out",
+    Cause.PERIOD: "period: the sender's differs from the expected one",
     Cause.NOT_AUTHENTIC: "a frame is not from the sender that holds the key, or is older than one seen before",
     Cause.TARE_RUNNING: "strains are collected for a tare",
     Cause.TARE_REFUSED: "a tare was asked for and refused: zeros are as before",

@@ -60,6 +60,10 @@ class Bench:
         )
         return [replace(frame, time=at + 1e-6 * index) for index, frame in enumerate(frames)]
 
+    def switch_on(self, trip: int) -> None:
+        """Restart an authenticated sender with a new trip counter."""
+        self._encoder = StrainEncoder(self.layout, trip=trip)
+
     def give(self, frames: Iterable[Frame]) -> list[CycleResult]:
         """Return the results of ``frames``, in the order of their times."""
         results = []
@@ -250,6 +254,51 @@ def test_proofs_of_a_restart(clock: float, counter: int, is_proven: bool) -> Non
     bench.core.confirm_sender()
     results = restarted(bench, first=1080, at=4.82, clock=clock + 0.82, counter=counter + 82)
     assert n_valid(results) == 40
+
+
+ACCEPTING = BridgeSettings(accepts_restart=True)
+
+
+@pytest.mark.parametrize("profile", ["fd64", "classic-le"])
+@pytest.mark.parametrize("pause", [0.0, 1.0, 5000.0])  # the last one wraps the sample time: it looks like a delay
+def test_the_same_stimulus_again_is_valid_again_where_restarts_are_accepted(profile: str, pause: float) -> None:
+    bench = Bench(profile, settings=ACCEPTING)
+    for run in range(3):
+        results = replayed(bench, range(100), run * (100 * CYCLE + pause))
+        answers = [result for result in results if result.counter is not None]
+        assert {result.quality for result in answers[12:]} == {Quality.VALID}
+        if run > 0:
+            causes = [result.causes for result in answers[:12]]
+            assert any(cause & Cause.CLOCK_JUMP for cause in causes), "a restart is reported"
+            assert answers[0].quality is not Quality.VALID
+
+
+def test_an_accepted_restart_needs_cycles_in_a_row_that_fit() -> None:
+    bench = Bench(settings=ACCEPTING)
+    bench.run(range(100))
+    results = []
+    for number in range(60):  # a time of before in each cycle, which no other one confirms
+        frames = bench.cycle(number, 2.0 + number * CYCLE, sample_time=0.07 * (7 * number % 13))
+        results += bench.give(frames)
+    assert n_valid(results) == 0
+    assert any(result.counter is not None for result in results)
+
+
+def test_frames_without_sample_time_are_accepted_behind_a_pause_too() -> None:
+    timed = layout_of("fd64", 4)
+    bench = Bench()
+    bench.layout = replace(timed, strain_frames=tuple(replace(f, sample_time=None) for f in timed.strain_frames))
+    bench.core = bridge_core(bench.layout, Projection(4), ACCEPTING, start=0.0)
+    assert n_valid(bench.run(range(100))) > 90
+    assert n_valid(replayed(bench, range(100), 1.2)) > 85
+
+
+def test_an_authenticated_sender_restarts_by_a_new_trip_alone() -> None:
+    bench = Bench("fd64-sec", settings=ACCEPTING)
+    assert n_valid(bench.run(range(100))) > 90
+    assert n_valid(replayed(bench, range(100), 2.0)) == 0
+    bench.switch_on(trip=2)
+    assert n_valid(replayed(bench, range(100), 4.0)) > 85
 
 
 def test_the_true_sender_comes_back_behind_a_recording_by_itself() -> None:
