@@ -104,8 +104,8 @@ def stress(
 def _show(console: Console, result: StressResult) -> None:
     table = Table(title=escape(f"{result.vehicle}: errors on the truth model, samples [%]"))
     for heading in ("error", "size", "class", "detected", "undetected", "rms/bound", ""):
-        side = "left" if heading in ("error", "size", "class", "") else "right"
-        table.add_column(heading, justify=side, no_wrap=heading == "error")
+        is_text = heading in ("error", "size", "class", "")
+        table.add_column(heading, justify="left" if is_text else "right", no_wrap=heading == "error")
     for one in result.entries:
         table.add_row(
             escape(one["error"]),
