@@ -47,6 +47,9 @@ FAINT = 0.02
 FREE = 1e3
 """Standard deviation of a state of Case 1, which has no prior, over the one that it has in the flows."""
 
+FIELD_GOALS = 40
+"""Combinations of the pressure that stand for the field as a goal."""
+
 PROBES = 400
 """Candidates that stand for all where unknowns are ordered by what gauges see of them."""
 
@@ -110,15 +113,33 @@ def flight_model(parts: FlightParts, strain: CandidateStrain, sites: IntArray, k
     states = _linear(parts, triangle) if kind == "linear" else _nonlinear(parts, triangle)
     rows = [_rows(parts, strain, one) for one in states]
     m = rows[0].shape[1]
-    common = m - states[0].unknowns.shape[1]
-    goals = np.stack([np.pad(one.goals, ((0, 0), (0, common))) for one in states])
+    goals = [np.pad(one.goals, ((0, 0), (0, m - one.goals.shape[1]))) for one in states]
+    fixed = [one.fixed for one in states]
+    if kind == "linear":
+        rows[0], goals[0], more = _without_faint(rows[0], goals[0])
+        fixed[0] = fixed[0] + more
+        m = rows[0].shape[1]
     return GaussianModel(
         rows=_at_sites(np.stack(rows), sites),
         precision=np.tile(np.eye(m), (len(states), 1, 1)),
-        goals=goals,
-        fixed=np.stack([one.fixed for one in states]),
+        goals=np.stack(goals),
+        fixed=np.stack(fixed),
         weight=np.full(len(states), 1.0 / len(states)),
     )
+
+
+def _without_faint(rows: FloatArray, goals: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return rows (n, m) and goals (n_g, m) of fewer unknowns, and variance (n_g,) of the goals that is left.
+
+    What candidates hardly see of the unknowns is noise of their rows.
+    """
+    probe = rows[:: max(1, len(rows) // PROBES)]
+    _, size, right = np.linalg.svd(probe / np.sqrt(len(probe)), full_matrices=False)
+    kept = right[size > FAINT].T
+    short = rows @ kept
+    left = np.maximum(_square(rows) - _square(short), 0.0)
+    of_goals = goals @ kept
+    return short / np.sqrt(1.0 + left)[:, None], of_goals, np.maximum(_square(goals) - _square(of_goals), 0.0)
 
 
 def _at_sites(rows: FloatArray, sites: IntArray) -> FloatArray:
@@ -309,6 +330,28 @@ def _modes(ensemble: Ensemble) -> PressureModes:
     if ensemble.grid is not None:
         return rolled_modes(ensemble, None)
     return proper_orthogonal_decomposition(ensemble.pressure, None)
+
+
+def field_goals(
+    parts: FlightParts, strain: CandidateStrain, kind: Kind, model: GaussianModel
+) -> FloatArray:
+    """Return (n_s, n_g, m) the pressure on the surface as goals: its combinations of most variance, area-weighted.
+
+    Their variances add up to that of the mean pressure on the surface, over the same without gauges.
+    """
+    probe = strain.strain[:: max(1, len(strain.strain) // PROBES)]
+    triangle = np.linalg.qr(probe / np.sqrt(len(probe)), mode="r")
+    states = _linear(parts, triangle) if kind == "linear" else _nonlinear(parts, triangle)
+    area = mesh_of(parts.structure.surface).node_area
+    weighted = np.sqrt(area / area.sum())[:, None] * parts.basis.fields
+    root = np.linalg.qr(weighted, mode="r")
+    found = []
+    for one in states:
+        _, size, right = np.linalg.svd(root @ one.unknowns, full_matrices=False)
+        kept = slice(0, min(FIELD_GOALS, len(size)))
+        goals = size[kept, None] * right[kept] / np.linalg.norm(size)
+        found.append(np.pad(goals, ((0, 0), (0, model.rows.shape[-1] - goals.shape[1]))))
+    return np.stack(found)
 
 
 def noise_std_of(vehicle: Vehicle, snapshots: Snapshots, structure: AnyStructure) -> float:

@@ -7,7 +7,7 @@ so that for any w and every choice s
 
 where s may be any weights within budget: a fractional knapsack. Sites that exclude each other may both count in the
 relaxation: the bound is then lower than it might be, and still one. The minimum is found by Newton's method with a
-logarithmic barrier on a few hundred sites; sites with larger gradients join them until the gap is small.
+logarithmic barrier on some hundred sites; sites with larger gradients join them until the gap is small.
 
 Source: Joshi and Boyd, Sensor selection via convex optimization, IEEE Trans. Signal Process. 57 (2009) 451;
 Jaggi, Revisiting Frank-Wolfe, ICML 2013 (gap); Boyd and Vandenberghe, Convex Optimization, 2004, chapters 10, 11.
@@ -25,13 +25,16 @@ from builder.placement.rules import Rules
 from builder.reporting import Progress
 from strainfmu.arrays import FloatArray, IntArray
 
-JOIN = 200
+JOIN = 60
 """Sites that join in a round at most."""
 
-ROUNDS, STEPS = 25, 60
+LEAVES = 1e-6
+"""Weight below which a site leaves the round."""
+
+ROUNDS, STEPS = 40, 60
 """Rounds, and Newton steps of each barrier, at most."""
 
-BARRIERS = 10.0 ** -np.arange(2.0, 7.5, 0.5)
+BARRIERS = (1e-1, 1e-2, 1e-3, 2e-4)
 """Weights of the barrier, over the criterion and per site, in turn."""
 
 
@@ -90,7 +93,7 @@ def relaxed(
             progress(number + 1, ROUNDS)
         if gap <= tolerance * size:
             break
-        active = _joined(active, free, gradient / rules.cost, number)
+        active = _joined(active[weight[active] > LEAVES], free, gradient / rules.cost, number)
     assert best is not None
     return best
 
@@ -140,13 +143,12 @@ def _newton(
     weight = 0.9 * np.clip(start, 0.0, 1.0) * min(1.0, budget / max(float(cost @ start), 1e-300)) + 0.1 * even
     weight *= budget / float(cost @ weight)
     weight = np.clip(weight, 1e-6 * even, 1.0 - 1e-6 * (1.0 - even))
-    weight = even + (weight - even) * min(1.0, 1.0)
     weight += (budget - float(cost @ weight)) * cost / float(cost @ cost)
     if weight.min() <= 0.0 or weight.max() >= 1.0:
         weight = np.full(len(cost), even)
     size = abs(model.value(np.arange(model.n_sites), weight)) if model.criterion == "trace" else scale
-    for barrier in BARRIERS * size / len(cost):
-        weight = _centred(model, cost, weight, float(barrier))
+    for barrier in BARRIERS:
+        weight = _centred(model, cost, weight, barrier * size / len(cost))
     return weight
 
 
