@@ -33,6 +33,7 @@ COMMANDS: dict[str, dict[str, str]] = {
         "replay": "docs/howto/record_and_replay.md",
     },
     "Studies": {
+        "place": "docs/howto/place_gauges.md",
         "stress": "docs/howto/what_a_map_notices.md",
         "compare": "docs/explanation/comparison.md",
         "fly": "docs/howto/fly_closed_loop.md",
