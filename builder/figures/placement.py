@@ -37,7 +37,9 @@ def _one(axis: Any, curves: Curves, number: int) -> None:
         style = "-" if noise == 1.0 else "--"
         axis.plot(counts, placed[:, number], style, color=colour, marker="o", markersize=3, label=label)
     axis.plot(counts, curves.qr[:, number], color="tab:orange", marker="s", markersize=3, label="pivoted QR")
-    axis.plot(counts, curves.even[:, number], color="tab:gray", marker="^", markersize=3, label="evenly spread rows")
+    axis.plot(
+        counts, curves.even[:, number], color="tab:gray", marker="^", markersize=3, label="evenly spread rows"
+    )
     axis.plot([curves.own_count], [1.0], "*", color="black", markersize=9, label=curves.own_name)
     axis.set_xscale("log")
     axis.set_yscale("log")

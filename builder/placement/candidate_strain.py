@@ -89,7 +89,9 @@ def fourier_strain(
         return found
 
     three = count(response(mesh, np.concatenate([stations, stations + step, stations - step])))
-    own, aft, fore = ([one[part * len(stations) : (part + 1) * len(stations)] for one in three] for part in range(3))
+    own, aft, fore = (
+        [one[part * len(stations) : (part + 1) * len(stations)] for one in three] for part in range(3)
+    )
     thin, thick = (
         count(response(shell_mesh(vehicle.body(), wall_of(with_wall(vehicle, factor)), length, layers), stations))
         for factor in (1.0 - WALL_STEP, 1.0 + WALL_STEP)

@@ -123,21 +123,30 @@ def grid_candidates(vehicle: Vehicle, grid: CandidateGrid) -> Candidates:
         raise InputError(
             f"--stations: expected some within the hollow part, {first:.4g} to {last:.4g} m, got {outside[0]:g} m"
         )
-    free = ~np.any([(stations > a) & (stations < b) for a, b in mesh.covered] or [np.zeros(len(stations), bool)], axis=0)
+    free = ~np.any(
+        [(stations > a) & (stations < b) for a, b in mesh.covered] or [np.zeros(len(stations), bool)], axis=0
+    )
     stations = np.unique(stations[free])
     angles = np.arange(ROLLS) * 360.0 / ROLLS if grid.roll_angles is None else np.array(grid.roll_angles)
     angles = np.unique(np.round(angles % 360.0, 6))
-    kinds = [kind for name in grid.directions for kind in (("axial", "45", "hoop") if name == ROSETTE else (name,))]
+    kinds = [
+        kind for name in grid.directions for kind in (("axial", "45", "hoop") if name == ROSETTE else (name,))
+    ]
     points = inner_surface_points(mesh, stations)
     names, position, direction, kind_of, x_of, roll_of = [], [], [], [], [], []
     for x, radius, tangent in zip(stations, points.radius, points.tangent, strict=True):
         for angle in angles:
             sine, cosine = np.sin(np.radians(angle)), np.cos(np.radians(angle))
-            along, around = np.array([tangent[0], tangent[1] * sine, tangent[1] * cosine]), np.array([0, cosine, -sine])
+            along, around = (
+                np.array([tangent[0], tangent[1] * sine, tangent[1] * cosine]),
+                np.array([0, cosine, -sine]),
+            )
             for number, kind in enumerate(kinds):
                 turn = np.radians(ANGLES[kind])
                 again = kinds[:number].count(kind)
-                names.append(f"{WORDS.get(kind, kind)}_{angle:g}deg_{1e3 * x:.6g}mm" + ("_rosette" if again else ""))
+                names.append(
+                    f"{WORDS.get(kind, kind)}_{angle:g}deg_{1e3 * x:.6g}mm" + ("_rosette" if again else "")
+                )
                 position.append([x, radius * sine, radius * cosine])
                 direction.append(np.cos(turn) * along + np.sin(turn) * around)
                 kind_of.append(kind)

@@ -8,7 +8,9 @@ from typing import Literal
 
 import numpy as np
 
+from builder.campaign.snapshots import Snapshots
 from builder.inverse.modes.ensemble import ensemble_of
+from builder.inverse.problem import AnyStructure
 from builder.placement.candidate_strain import CandidateStrain, fourier_strain
 from builder.placement.candidates import CandidateGrid, Candidates, grid_candidates, with_gauges
 from builder.placement.flight_models import FlightParts, Kind, field_goals, flight_model, noise_std_of
@@ -19,8 +21,6 @@ from builder.placement.pressure_basis import pressure_basis
 from builder.placement.relaxation import Relaxed, relaxed
 from builder.placement.rules import Rules
 from builder.placement.selection import best_of_starts, exchanged, greedy, marginal_worth, rounded
-from builder.campaign.snapshots import Snapshots
-from builder.inverse.problem import AnyStructure
 from builder.reporting import Reporter
 from builder.vehicle.file import Vehicle
 from builder.vehicle.gauges.layout import GaugeLayout
@@ -251,7 +251,12 @@ def place(study: Study, limits: Limits, aim: Aim, reporter: Reporter) -> Placeme
 
 
 def best_exchanged(
-    model: GaussianModel, rules: Rules, relaxation: Relaxed, first: Sequence[int], starts: int, progress: object = None
+    model: GaussianModel,
+    rules: Rules,
+    relaxation: Relaxed,
+    first: Sequence[int],
+    starts: int,
+    progress: object = None,
 ) -> list[int]:
     """Return the best choice from ``starts`` starts: the greedy one, the relaxation rounded, and drawn by its weights.
 
@@ -291,7 +296,9 @@ def robust_remarks(
         if len(spare):
             variance = [study.model.goal_variance([*others, int(of_study[one])]) for one in spare[:200]]
             best = int(np.argmin([float((study.model.weight @ one)[worst]) for one in variance]))
-            nearest = f"; one more gauge, {names[study.candidates.sites[of_study[spare[best]]][0]]}, would cover it best"
+            nearest = (
+                f"; one more gauge, {names[study.candidates.sites[of_study[spare[best]]][0]]}, would cover it best"
+            )
         found.append(
             f"loss of {names[gauge]}: sigma of {COEFFICIENT_NAMES[worst]} rises to {ratio[worst]:.2f} times, more "
             f"than {LARGEST_RATIO:g}: too few others read the same{nearest}"

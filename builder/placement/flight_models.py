@@ -18,9 +18,9 @@ from builder.aero.surface.mesh import mesh_of
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.modes.ensemble import Ensemble, rolled_modes
 from builder.inverse.modes.pod import PressureModes, proper_orthogonal_decomposition
+from builder.inverse.noise.flows_between import flows_between
 from builder.inverse.noise.hardware_errors import rms_ambient_pressure
 from builder.inverse.noise.leeward import leeward_fields
-from builder.inverse.noise.flows_between import flows_between
 from builder.inverse.problem import AnyStructure, gauge_noise_covariance
 from builder.inverse.solution import Problem
 from builder.manifold.build import tables_and_errors
@@ -292,7 +292,9 @@ def _linear(parts: FlightParts, triangle: FloatArray) -> list[_State]:
     fields = modes.modes * modes.coefficient_std()
     if vehicle.map.case == 1:
         kept = np.arange(fields.shape[1]) < vehicle.map.modes
-        fields = np.hstack([FREE * fields[:, kept], fields[:, ~kept] if vehicle.noise.with_truncated_modes else fields[:, :0]])
+        fields = np.hstack(
+            [FREE * fields[:, kept], fields[:, ~kept] if vehicle.noise.with_truncated_modes else fields[:, :0]]
+        )
     others = [fields]
     between = flows_between(vehicle, parts.snapshots)
     if ensemble.grid is None and vehicle.noise.model == "default":
@@ -332,9 +334,7 @@ def _modes(ensemble: Ensemble) -> PressureModes:
     return proper_orthogonal_decomposition(ensemble.pressure, None)
 
 
-def field_goals(
-    parts: FlightParts, strain: CandidateStrain, kind: Kind, model: GaussianModel
-) -> FloatArray:
+def field_goals(parts: FlightParts, strain: CandidateStrain, kind: Kind, model: GaussianModel) -> FloatArray:
     """Return (n_s, n_g, m) the pressure on the surface as goals: its combinations of most variance, area-weighted.
 
     Their variances add up to that of the mean pressure on the surface, over the same without gauges.

@@ -120,9 +120,7 @@ def _joined(active: IntArray, free: IntArray, gradient: FloatArray, number: int)
     return np.sort(np.concatenate([active, outside[order]]))
 
 
-def _value_and_gradient(
-    model: GaussianModel, active: IntArray, weight: FloatArray
-) -> tuple[float, FloatArray]:
+def _value_and_gradient(model: GaussianModel, active: IntArray, weight: FloatArray) -> tuple[float, FloatArray]:
     """Return the criterion and its gradient (n_a,) by the weight of every site."""
     precision = model.precision_with(active, weight)
     covariance = np.linalg.inv(precision)
@@ -135,9 +133,7 @@ def _value_and_gradient(
     return model.value_of(precision), gradient
 
 
-def _newton(
-    model: GaussianModel, cost: FloatArray, budget: float, start: FloatArray, scale: float
-) -> FloatArray:
+def _newton(model: GaussianModel, cost: FloatArray, budget: float, start: FloatArray, scale: float) -> FloatArray:
     """Return the weights (n_a,) of the minimum over all sites of ``model`` with the costs adding up to ``budget``."""
     even = budget / cost.sum()
     weight = 0.9 * np.clip(start, 0.0, 1.0) * min(1.0, budget / max(float(cost @ start), 1e-300)) + 0.1 * even

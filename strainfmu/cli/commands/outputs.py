@@ -8,7 +8,7 @@ from typing import Any
 
 from strainfmu.errors import InputError
 
-WRITTEN = ("output", "known_output", "field", "export_influence", "record", "report")
+WRITTEN = ("output", "known_output", "field", "export_influence", "record", "report", "curves")
 """Parameters that name a file to write; ``bridge --tare-output`` may be the file of ``--zeros``."""
 
 

@@ -27,7 +27,9 @@ def place(
     gauges: Annotated[
         int, typer.Option(metavar="N", callback=within(1, 2000), help="Number of gauges to place.")
     ] = 36,
-    output: Annotated[Path, typer.Option("-o", "--output", help="Layout file to write (CSV).")] = Path("layout.csv"),
+    output: Annotated[Path, typer.Option("-o", "--output", help="Layout file to write (CSV).")] = Path(
+        "layout.csv"
+    ),
     stations: Annotated[
         str, typer.Option(help="Stations of the candidates in m: numbers with commas, or first:last:step.")
     ] = "",
@@ -37,10 +39,14 @@ def place(
     directions: Annotated[
         str, typer.Option(help="Directions at each point: some of axial, hoop, 45, -45, rosette, with commas.")
     ] = "axial,hoop",
-    spacing: Annotated[float, number(0.0, 1e4, "mm", "Smallest distance of gauges that are not at one point.")] = 20.0,
+    spacing: Annotated[
+        float, number(0.0, 1e4, "mm", "Smallest distance of gauges that are not at one point.")
+    ] = 20.0,
     forbid: Annotated[
         list[str] | None,
-        typer.Option(metavar="ZONE", help="Zone without gauges: x1:x2 in m, or x1:x2@roll1:roll2 in deg. Repeatable."),
+        typer.Option(
+            metavar="ZONE", help="Zone without gauges: x1:x2 in m, or x1:x2@roll1:roll2 in deg. Repeatable."
+        ),
     ] = None,
     keep: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Layout file (CSV) of gauges that are placed in any case.")
@@ -179,7 +185,9 @@ def _weights(text: str) -> tuple[float, ...]:
     named = _named("--loads", text)
     for name, value in named.items():
         if name not in COEFFICIENT_NAMES or value < 0.0:
-            raise InputError(f"--loads: expected weights from 0 of {', '.join(COEFFICIENT_NAMES)}, got '{name}={value:g}'")
+            raise InputError(
+                f"--loads: expected weights from 0 of {', '.join(COEFFICIENT_NAMES)}, got '{name}={value:g}'"
+            )
     if not any(named.values()):
         raise InputError("--loads: expected one weight above 0, got none")
     return tuple(named.get(name, 0.0) for name in COEFFICIENT_NAMES)
