@@ -117,8 +117,9 @@ def tables_and_errors(
     problem: Problem,
     nuisance: Sequence[NoiseTerm] = (),
 ) -> tuple[StateTables, dict[str, FloatArray]]:
-    """Return the tables of strains and loads of ``problem``, and columns (n_d + n_f, k) per p_inf of their errors by
-    name, whose squares add up to the mean one; ``snapshots`` are on the structure's nodes.
+    """Return the tables of strains and loads of ``problem``, and columns (n_d + n_f, k) per p_inf of their errors.
+
+    Errors are by name, their squares add up to the mean one; ``snapshots`` are on the structure's nodes.
 
     Raises
     ------

@@ -61,8 +61,8 @@ def propose_gauges(
     with reporter.stage("Candidates: strain and models"):
         study = placement_study(vehicle, snapshots, structure, grid, aim.estimator, kept)
     reporter.note(
-        f"{study.offered} candidates, {study.model.rows.shape[-1]} unknowns, {len(study.model.weight)} flight states, "
-        f"{study.kind} estimator"
+        f"{study.offered} candidates, {study.model.rows.shape[-1]} unknowns, "
+        f"{len(study.model.weight)} flight states, {study.kind} estimator"
     )
     found = place(study, limits, aim, reporter)
     curves = None

@@ -1,4 +1,4 @@
-"""Strain of candidate gauges under pressure fields, and what errors of their placement and of the wall do to it."""
+"""Strain of candidate gauges under pressure fields, and what errors of their place and of the wall do to it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Candidate gauges: a grid of stations and roll angles on the wall, directions at each point, and sites of them."""
+"""Candidate gauges: a grid of stations and roll angles on the wall, directions at each point, and sites."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ WORDS = {"45": "plus45", "-45": "minus45"}
 """Directions as they stand in names of gauges, where these differ."""
 
 ROSETTE = "rosette"
-"""Three gauges at one point: axial, 45 and hoop."""
+IN_ROSETTE = ("axial", "45", "hoop")
+"""Three gauges at one point, and their directions."""
 
 EDGE = 0.02
 """Stations that are not stated keep this distance from the ends of the hollow part, in lengths of the body."""

@@ -46,8 +46,8 @@ class Curves:
 def accuracy_curves(study: Study, limits: Limits, aim: Aim, progress: Progress | None = None) -> Curves:
     """Return the curves of a study; each placement is greedy with exchanges, without bounds.
 
-    Gauges are counted whatever ``limits`` counts. Numbers that its distances and zones leave no room for, and those
-    below the gauges that are kept, are left out.
+    Gauges are counted whatever ``limits`` counts. Numbers that its distances and zones leave no room for, and
+    those below the gauges that are kept, are left out.
     """
     free = replace(limits, budget=None, gauges=max(1, len(study.kept)), costs={})
     offered = [*range(study.offered), *study.kept]
@@ -84,7 +84,7 @@ def _ratio(model: GaussianModel, sites: list[int]) -> FloatArray:
 
 
 def _with_noise(study: Study, aim: Aim, noise: float) -> tuple[GaussianModel, GaussianModel]:
-    """Return the models of the coefficients and of the aim with other gauge noise, over the sigmas of the study."""
+    """Return the models of the coefficients and of the aim with other gauge noise."""
     if noise == 1.0:
         return study.model, aimed(study, aim)
     parts = replace(study.parts, noise_std=noise * study.parts.noise_std)

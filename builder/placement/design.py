@@ -21,7 +21,7 @@ from builder.placement.pressure_basis import pressure_basis
 from builder.placement.relaxation import Relaxed, relaxed
 from builder.placement.rules import Rules
 from builder.placement.selection import best_of_starts, exchanged, greedy, marginal_worth, rounded
-from builder.reporting import Reporter
+from builder.reporting import Progress, Reporter
 from builder.vehicle.file import Vehicle
 from builder.vehicle.gauges.layout import GaugeLayout
 from builder.vehicle.shape.geometry import SurfaceGrid
@@ -256,9 +256,9 @@ def best_exchanged(
     relaxation: Relaxed,
     first: Sequence[int],
     starts: int,
-    progress: object = None,
+    progress: Progress | None = None,
 ) -> list[int]:
-    """Return the best choice from ``starts`` starts: the greedy one, the relaxation rounded, and drawn by its weights.
+    """Return the best choice from ``starts`` starts: greedy, the relaxation rounded, and drawn by its weights.
 
     Exchanges go on among the sites whose reduced costs in the relaxation are smallest: others cannot help much.
     """
@@ -271,7 +271,7 @@ def best_exchanged(
     pool = np.array(sorted(needed.union(np.argsort(reduced, kind="stable")[:count].tolist())), dtype=np.int64)
     place_of = {int(site): k for k, site in enumerate(pool)}
     inside = [[place_of[site] for site in one] for one in begun]
-    found = best_of_starts(model.of_sites(pool), rules.of_sites(pool), inside, progress)  # type: ignore[arg-type]
+    found = best_of_starts(model.of_sites(pool), rules.of_sites(pool), inside, progress)
     return [int(pool[one]) for one in found]
 
 

@@ -21,8 +21,8 @@ from builder.inverse.modes.pod import PressureModes, proper_orthogonal_decomposi
 from builder.inverse.noise.flows_between import flows_between
 from builder.inverse.noise.hardware_errors import rms_ambient_pressure
 from builder.inverse.noise.leeward import leeward_fields
-from builder.inverse.problem import AnyStructure, gauge_noise_covariance
-from builder.inverse.solution import Problem
+from builder.inverse.problem import AnyStructure, gauge_noise_covariance, inverse_problem
+from builder.inverse.solution import Problem, mode_choice, pressure_modes
 from builder.manifold.build import tables_and_errors
 from builder.placement.candidate_strain import CandidateStrain
 from builder.placement.gaussian_model import GaussianModel
@@ -150,7 +150,7 @@ def _at_sites(rows: FloatArray, sites: IntArray) -> FloatArray:
 
 
 def _rows(parts: FlightParts, strain: CandidateStrain, state: _State) -> FloatArray:
-    """Return (n, m) the rows of all candidates over the noise of each: unknowns of the flow, then common errors."""
+    """Return (n, m) rows of all candidates over the noise of each: unknowns of the flow, then common errors."""
     entry, root = parts.vehicle.noise, state.pressure_root
     reading = strain.strain @ root
     variance = parts.noise_std**2 + _square(KINDS["gauge_gain"].noise_std(entry) * reading)
@@ -179,7 +179,7 @@ def _square(columns: FloatArray) -> FloatArray:
 def _parted(
     columns: FloatArray, goals: FloatArray, triangle: FloatArray, noise_std: float
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return unknowns that gauges see (K, m) with their goals (n_g, m), and what is left: fixed (n_g,), rest (K, K).
+    """Return unknowns that gauges see (K, m), their goals (n_g, m), and of the others fixed (n_g,), rest (K, K).
 
     ``columns`` (K, k) are turned to combinations ordered by their strain; faint ones count as noise and, in the
     goals, as variance that no gauge lowers.
@@ -196,7 +196,7 @@ def _parted(
 
 
 def flight_states(parts: FlightParts) -> FloatArray:
-    """Return (n_s, 4) flight states among the flows: even in incidence and Mach number, all round where flows are."""
+    """Return (n_s, 4) flight states of the flows, even in incidence and Mach number; all round where these are."""
     ensemble = parts.ensemble
     conditions = sorted(ensemble.conditions, key=lambda one: (round(one.total_incidence, 9), one.mach_number))
     count = min(STATES, len(conditions)) if ensemble.grid is None else STATES
@@ -288,13 +288,19 @@ def _state_root(
 
 def _linear(parts: FlightParts, triangle: FloatArray) -> list[_State]:
     vehicle, ensemble, basis = parts.vehicle, parts.ensemble, parts.basis.fields.T
-    modes, loads = _modes(ensemble), parts.loads
-    fields = modes.modes * modes.coefficient_std()
+    loads, free = parts.loads, np.zeros(0, dtype=np.int64)
     if vehicle.map.case == 1:
-        kept = np.arange(fields.shape[1]) < vehicle.map.modes
-        fields = np.hstack(
-            [FREE * fields[:, kept], fields[:, ~kept] if vehicle.noise.with_truncated_modes else fields[:, :0]]
-        )
+        # Modes that the layout in use observes too weakly for states keep their prior, as in its map.
+        problem = inverse_problem(vehicle, parts.snapshots, parts.structure)
+        modes = pressure_modes(problem)
+        free = np.array(mode_choice(problem, modes).kept)
+    else:
+        modes = _modes(ensemble)
+    size = modes.coefficient_std()
+    size[free] *= FREE
+    fields = modes.modes * size
+    if len(free) and not vehicle.noise.with_truncated_modes:
+        fields = fields[:, free]
     others = [fields]
     between = flows_between(vehicle, parts.snapshots)
     if ensemble.grid is None and vehicle.noise.model == "default":

@@ -24,7 +24,7 @@ import numpy as np
 from strainfmu.arrays import FloatArray, IntArray
 
 Criterion = Literal["trace", "determinant"]
-"""What a selection minimises: the weighted variance of the goals, or the volume of the posterior of all unknowns."""
+"""What a selection minimises: variance of the goals, or the volume of the posterior of all unknowns."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -82,7 +82,7 @@ class GaussianModel:
         return self.fixed + np.einsum("sgm,smg->sg", self.goals, solved)
 
     def value(self, sites: Sequence[int] | IntArray, weight: FloatArray | None = None) -> float:
-        """Return the criterion with gauges at ``sites``, without ``fixed``: mean trace, or minus log determinant."""
+        """Return the criterion with gauges at ``sites``: mean trace less ``fixed``, or minus log determinant."""
         return self.value_of(self.precision_with(sites, weight))
 
     def value_of(self, precision: FloatArray) -> float:

@@ -5,8 +5,8 @@ so that for any w and every choice s
 
     f(s) >= f(w) + grad f(w) . (s - w) >= f(w) - gap,    gap = max over s of grad f(w) . (w - s),
 
-where s may be any weights within budget: a fractional knapsack. Sites that exclude each other may both count in the
-relaxation: the bound is then lower than it might be, and still one. The minimum is found by Newton's method with a
+where s may be any weights within budget: a fractional knapsack. Sites that exclude each other may both count in
+the relaxation: the bound is then lower than it might be, and still one. Newton's method finds the minimum with a
 logarithmic barrier on some hundred sites; sites with larger gradients join them until the gap is small.
 
 Source: Joshi and Boyd, Sensor selection via convex optimization, IEEE Trans. Signal Process. 57 (2009) 451;
@@ -134,7 +134,7 @@ def _value_and_gradient(model: GaussianModel, active: IntArray, weight: FloatArr
 
 
 def _newton(model: GaussianModel, cost: FloatArray, budget: float, start: FloatArray, scale: float) -> FloatArray:
-    """Return the weights (n_a,) of the minimum over all sites of ``model`` with the costs adding up to ``budget``."""
+    """Return the weights (n_a,) of the minimum over all sites of ``model``, whose costs add up to ``budget``."""
     even = budget / cost.sum()
     weight = 0.9 * np.clip(start, 0.0, 1.0) * min(1.0, budget / max(float(cost @ start), 1e-300)) + 0.1 * even
     weight *= budget / float(cost @ weight)

@@ -37,8 +37,8 @@ def greedy(
 ) -> list[int]:
     """Return ``chosen`` and further sites, each next one that with the largest gain per cost, up to the budget.
 
-    Gains are taken to fall from site to site, which holds exactly for the determinant: a site whose last known gain
-    is below the best one that is up to date is not worked out again (lazy greedy).
+    Gains are taken to fall from site to site, which holds exactly for the determinant: a site whose last known
+    gain is below the best one that is up to date is not worked out again (lazy greedy).
     """
     found = list(chosen)
     posterior = Posterior(model, found)

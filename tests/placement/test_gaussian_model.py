@@ -98,7 +98,7 @@ def test_of_equal_sites_the_first_is_taken_each_time() -> None:
     one, other = (exchanged(twice, rules, greedy(twice, rules)) for _ in range(2))
     assert one == other
     assert greedy(twice, rules)[0] < 12
-    assert [k for k in greedy(model, count_rules(model, 3))][0] == greedy(twice, rules)[0]
+    assert greedy(model, count_rules(model, 3))[0] == greedy(twice, rules)[0]
     drawn = [rounded(np.linspace(0.1, 0.9, 24), rules, seed) for seed in (1, 1, 2)]
     assert drawn[0] == drawn[1] != drawn[2]
 

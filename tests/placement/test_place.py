@@ -78,7 +78,6 @@ def test_the_nonlinear_model_states_the_uncertainty_of_the_estimator(
         std = np.array([manifold.mach_number_error, *(relative * value[1:])])
         sample = Sample(rows=np.zeros(n_d), used=np.ones(n_d, dtype=bool), air=AirInputs(value=value, std=std))
         joint = reference.posterior(state, sample, reference.strain_covariance(state)).covariance[0]
-        expected = flight_loads(state, np.zeros(len(joint) - 4), joint, reference.references)
         loads = np.asarray(reference.model(state, sample.air, reference.strain_covariance(state)).output_fixed)[4:]
         expected = flight_loads(state, loads, joint, reference.references)
         sigma = np.sqrt(np.diag(expected.coefficient_covariance))[:5]
@@ -105,7 +104,7 @@ def test_the_linear_model_states_the_uncertainty_of_case_2(
 
 @pytest.mark.parametrize("kind", ["linear", "nonlinear"])
 def test_placed_gauges_are_never_worse_than_those_of_others(kind: str, request: pytest.FixtureRequest) -> None:
-    """Pivoted QR of the strain modes, which PySensors computes; D-optimal; even rows; the best of 1000 at random."""
+    """Pivoted QR of the strain modes, which PySensors has; D-optimal; even rows; the best of 1000 at random."""
     study: Study = request.getfixturevalue(kind)
     found = place(study, COUNTED, Aim(starts=4), Silent())
     model = aimed(study, Aim())
