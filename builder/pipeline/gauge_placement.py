@@ -1,4 +1,4 @@
-"""From a vehicle file to a proposed gauge layout: ``strainfmu place``."""
+"""From a vehicle file to a proposed gauge layout, and to a review of one: ``strainfmu place`` and ``review``."""
 
 from __future__ import annotations
 
@@ -14,12 +14,18 @@ from builder.pipeline.stages import fourier_structure
 from builder.placement.candidates import CandidateGrid
 from builder.placement.curves import Curves, accuracy_curves
 from builder.placement.design import Aim, Placement, Study, place, placement_study
+from builder.placement.flight_models import Kind
 from builder.placement.limits import Limits
+from builder.placement.review import Review, review_of
 from builder.reporting import Reporter
+from builder.reports.page.html import write_page
+from builder.reports.placement_page import placement_page
 from builder.structure.fourier.model import refuse_beyond_fourier
 from builder.vehicle.file import Vehicle, load_vehicle
+from builder.vehicle.gauges.entries import GaugeLayoutEntry
 from builder.vehicle.gauges.layout import CSV_COLUMNS, GaugeLayout, read_layout
 from builder.vehicle.map_needs import used_layouts
+from strainfmu.errors import InputError
 from strainfmu.files import write_bytes_atomically
 
 
@@ -37,6 +43,7 @@ def propose_gauges(
     grid: CandidateGrid,
     limits: Limits,
     aim: Aim,
+    *,
     reporter: Reporter,
     snapshots_path: Path | None = None,
     keep: Path | None = None,
@@ -95,3 +102,51 @@ def write_layout(layout: GaugeLayout, path: Path) -> None:
         values = np.concatenate([position, direction]) + 0.0
         writer.writerow([name, *(f"{0.0 if abs(one) < 1e-12 else one:.9g}" for one in values)])
     write_bytes_atomically(path, stream.getvalue().encode())
+
+
+def review_layout(
+    vehicle_path: Path,
+    layout: str | None,
+    path: Path,
+    *,
+    grid: CandidateGrid,
+    kind: Kind | None,
+    reporter: Reporter,
+    snapshots_path: Path | None = None,
+) -> Review:
+    """Write the review of a layout as a page; ``layout`` is a name of the vehicle file or a layout file (CSV).
+
+    Raises
+    ------
+    InputError
+        As :func:`propose_gauges`; or there is no such layout.
+    """
+    vehicle = with_layout(load_vehicle(vehicle_path), layout)
+    refuse_beyond_fourier(vehicle, [vehicle.gauges.layout])
+    for line in left_out(vehicle):
+        reporter.note(line)
+    snapshots = flows_for_design(vehicle, snapshots_path, reporter)
+    structure = fourier_structure(vehicle, used_layouts(vehicle), reporter)
+    with reporter.stage("Review: strain and models"):
+        found = review_of(placement_study(vehicle, snapshots, structure, grid, kind))
+    write_page(placement_page(f"{vehicle.name}: gauges {layout or vehicle.gauges.layout}", found), path)
+    return found
+
+
+def with_layout(vehicle: Vehicle, layout: str | None) -> Vehicle:
+    """Return the vehicle with ``layout`` in use: a name of its file, or a layout file (CSV); None leaves its own.
+
+    Raises
+    ------
+    InputError
+        There is neither.
+    """
+    if layout is None:
+        return vehicle
+    gauges = vehicle.gauges
+    if layout in gauges.layouts:
+        return vehicle.model_copy(update={"gauges": gauges.model_copy(update={"layout": layout})})
+    if not Path(layout).is_file():
+        raise InputError(f"--layout: expected one of {', '.join(gauges.layouts)} or a CSV file, got '{layout}'")
+    layouts = {**gauges.layouts, layout: GaugeLayoutEntry(file=str(Path(layout).resolve()))}
+    return vehicle.model_copy(update={"gauges": gauges.model_copy(update={"layout": layout, "layouts": layouts})})

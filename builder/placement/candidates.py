@@ -130,9 +130,7 @@ def grid_candidates(vehicle: Vehicle, grid: CandidateGrid) -> Candidates:
     stations = np.unique(stations[free])
     angles = np.arange(ROLLS) * 360.0 / ROLLS if grid.roll_angles is None else np.array(grid.roll_angles)
     angles = np.unique(np.round(angles % 360.0, 6))
-    kinds = [
-        kind for name in grid.directions for kind in (("axial", "45", "hoop") if name == ROSETTE else (name,))
-    ]
+    kinds = [kind for name in grid.directions for kind in (IN_ROSETTE if name == ROSETTE else (name,))]
     points = inner_surface_points(mesh, stations)
     names, position, direction, kind_of, x_of, roll_of = [], [], [], [], [], []
     for x, radius, tangent in zip(stations, points.radius, points.tangent, strict=True):

@@ -154,7 +154,8 @@ class Posterior:
         self, site: int, sign: float
     ) -> tuple[list[tuple[FloatArray, FloatArray, FloatArray]], FloatArray]:
         """Return the updates by the gauges of ``site``, one by one, and the covariance after them."""
-        covariance, found = self.covariance, []
+        covariance = self.covariance
+        found: list[tuple[FloatArray, FloatArray, FloatArray]] = []
         for k in range(self.model.rows.shape[2]):
             h = self.model.rows[:, site, k]
             if not h.any():
@@ -162,7 +163,7 @@ class Posterior:
             column = np.einsum("smn,sn->sm", covariance, h)
             factor = sign / (1.0 + sign * np.einsum("sm,sm->s", h, column))
             found.append((column, np.einsum("sgm,sm->sg", self.model.goals, column), factor))
-            covariance = covariance - factor[:, None, None] * column[:, :, None] * column[:, None, :]
+            covariance = np.asarray(covariance - factor[:, None, None] * column[:, :, None] * column[:, None, :])
         return found, covariance
 
     def _bring_up_to_date(self, sites: IntArray) -> None:

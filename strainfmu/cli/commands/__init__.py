@@ -80,6 +80,7 @@ FUNCTIONS: dict[str, Callable[..., None]] = {
         maps.inspect,
         pictures.picture,
         placements.place,
+        placements.review,
         reproduction.reproduce,
         stress.stress,
         structures.structure,

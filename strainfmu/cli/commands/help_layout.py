@@ -34,6 +34,7 @@ COMMANDS: dict[str, dict[str, str]] = {
     },
     "Studies": {
         "place": "docs/howto/place_gauges.md",
+        "review": "docs/howto/place_gauges.md",
         "stress": "docs/howto/what_a_map_notices.md",
         "compare": "docs/explanation/comparison.md",
         "fly": "docs/howto/fly_closed_loop.md",
@@ -122,6 +123,11 @@ OPTIONS: dict[str, dict[str, tuple[str, ...]]] = {
     "replay": {
         "Frames": ("profile", "dbc", "mapping", "cycle_time", "id_base", "result_base", "extended", "key"),
         "Gauges": ("dynamic_pressure", "zeros"),
+    },
+    "place": {
+        "Candidates": ("stations", "roll_angles", "directions", "pairs", "keep"),
+        "Limits": ("spacing", "forbid", "budget", "costs"),
+        "Goals": ("goal", "loads", "estimator", "robust", "starts"),
     },
     "stress": {"Effort": ("conditions", "draws", "seed"), "Files": FILES},
     "compare": {"Effort": ("conditions", "draws", "training", "seed"), "Files": FILES},

@@ -1,4 +1,4 @@
-"""Placement of gauges: ``strainfmu place``."""
+"""Placement of gauges and review of layouts: ``strainfmu place`` and ``strainfmu review``."""
 
 from __future__ import annotations
 
@@ -99,8 +99,7 @@ def place(
     console, start = Console(), perf_counter()
     if goal not in GOALS:
         raise InputError(f"--goal: expected one of {', '.join(GOALS)}, got '{goal}'")
-    if estimator not in ("", "linear", "nonlinear"):
-        raise InputError(f"--estimator: expected linear or nonlinear, got '{estimator}'")
+    _check_estimator(estimator)
     grid = CandidateGrid(
         stations=tuple(_series("--stations", stations)) if stations else None,
         roll_angles=tuple(_series("--roll-angles", roll_angles)) if roll_angles else None,
@@ -116,7 +115,14 @@ def place(
     )
     aim = Aim(goal=goal, weights=_weights(loads), estimator=estimator or None, starts=starts, robust=robust)  # type: ignore[arg-type]
     found = propose_gauges(
-        vehicle, grid, limits, aim, ConsoleReporter(console), snapshots, keep, with_curves=curves is not None
+        vehicle,
+        grid,
+        limits,
+        aim,
+        reporter=ConsoleReporter(console),
+        snapshots_path=snapshots,
+        keep=keep,
+        with_curves=curves is not None,
     )
     write_layout(found.placement.layout, output)
     written = str(output)
@@ -127,6 +133,59 @@ def place(
     console.print(
         f"{written}: {perf_counter() - start:.1f} s in all", highlight=False, markup=False, soft_wrap=True
     )
+
+
+def review(
+    vehicle: Annotated[Path, typer.Argument(help="Vehicle file (TOML).")],
+    layout: Annotated[
+        str, typer.Option(help="A layout of the vehicle file, or a layout file (CSV). Default: that in use.")
+    ] = "",
+    output: Annotated[Path, typer.Option("-o", "--output", help="Page to write.")] = Path("review.html"),
+    estimator: Annotated[
+        str, typer.Option(help="linear or nonlinear. Default: map.estimator of the vehicle file.")
+    ] = "",
+    snapshots: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Flows in flight (snapshots.h5). Default: local inclination."),
+    ] = None,
+) -> None:
+    """Review a gauge layout: what it observes, what each gauge contributes, and which losses it does not bear.
+
+    The page names the weakest load and the reason, the gauges that could go, and the one gauge that would help
+    most.
+
+    Examples:
+
+        strainfmu review my_vehicle.toml --layout layout.csv -o review.html --snapshots results/snapshots.h5
+    """
+    from builder.pipeline.gauge_placement import review_layout
+    from builder.placement.candidates import CandidateGrid
+
+    console, start = Console(), perf_counter()
+    _check_estimator(estimator)
+    found = review_layout(
+        vehicle,
+        layout or None,
+        output,
+        grid=CandidateGrid(),
+        kind=estimator or None,  # type: ignore[arg-type]
+        reporter=ConsoleReporter(console),
+        snapshots_path=snapshots,
+    )
+    name, gain = found.best
+    for line in (
+        f"weakest: {found.weakest_line}",
+        *found.weak_points,
+        f"could go: {', '.join(found.spare) or 'none'}",
+        f"would help most: {name}, the criterion falls by {100.0 * gain:.2f} %",
+        f"{output}: {perf_counter() - start:.1f} s in all",
+    ):
+        console.print(line, highlight=False, markup=False, soft_wrap=True)
+
+
+def _check_estimator(estimator: str) -> None:
+    if estimator not in ("", "linear", "nonlinear"):
+        raise InputError(f"--estimator: expected linear or nonlinear, got '{estimator}'")
 
 
 def _show(console: Console, found: ProposedGauges) -> None:
