@@ -11,9 +11,9 @@ from builder.placement.flight_models import flight_model
 from builder.placement.gaussian_model import GaussianModel
 from builder.placement.limits import Limits, rules_of
 from builder.placement.rivals import even_sites, qr_sites
-from builder.placement.selection import exchanged, greedy
+from builder.placement.selection import best_of_starts, greedy, rounded
 from builder.reporting import Progress
-from strainfmu.arrays import FloatArray
+from strainfmu.arrays import FloatArray, IntArray
 
 COUNTS = (6, 9, 12, 18, 24, 36, 54, 72)
 """Numbers of gauges that are drawn."""
@@ -44,7 +44,7 @@ class Curves:
 
 
 def accuracy_curves(study: Study, limits: Limits, aim: Aim, progress: Progress | None = None) -> Curves:
-    """Return the curves of a study; each placement is greedy with exchanges, without bounds.
+    """Return the curves of a study; each placement is the best of exchanges from greedy choice, QR and rows.
 
     Gauges are counted whatever ``limits`` counts. Numbers that its distances and zones leave no room for, and
     those below the gauges that are kept, are left out.
@@ -63,7 +63,10 @@ def accuracy_curves(study: Study, limits: Limits, aim: Aim, progress: Progress |
         inside = weighed.of_sites(of_study)
         for k, count in enumerate(counts):
             allowed = replace(rules, budget=float(count))
-            chosen = exchanged(inside, allowed, greedy(inside, allowed, allowed.forced))
+            starts = [greedy(inside, allowed, allowed.forced)]
+            for rival in (qr_sites(study, count), even_sites(study, count)):
+                starts.append(rounded(_by_rank(of_study, rival), allowed))
+            chosen = best_of_starts(inside, allowed, starts)
             if float(rules.cost[chosen].sum()) == count:
                 placed[i, k] = _ratio(model, of_study[chosen].tolist())
             done += 1
@@ -77,6 +80,12 @@ def accuracy_curves(study: Study, limits: Limits, aim: Aim, progress: Progress |
         own_count=int(study.candidates.n_gauges[list(study.own)].sum()),
         own_name=study.parts.vehicle.gauges.layout,
     )
+
+
+def _by_rank(of_study: IntArray, sites: list[int]) -> FloatArray:
+    """Return (n,) weights that fall along ``sites``, 0 for all others of ``of_study``."""
+    rank = {site: number for number, site in enumerate(sites)}
+    return np.array([1.0 / (1.0 + rank[one]) if one in rank else 0.0 for one in of_study.tolist()])
 
 
 def _ratio(model: GaussianModel, sites: list[int]) -> FloatArray:

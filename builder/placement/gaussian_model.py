@@ -163,7 +163,8 @@ class Posterior:
             column = np.einsum("smn,sn->sm", covariance, h)
             factor = sign / (1.0 + sign * np.einsum("sm,sm->s", h, column))
             found.append((column, np.einsum("sgm,sm->sg", self.model.goals, column), factor))
-            covariance = np.asarray(covariance - factor[:, None, None] * column[:, :, None] * column[:, None, :])
+            outer = column[:, :, None] * column[:, None, :]
+            covariance = np.asarray(covariance - factor[:, None, None] * outer, dtype=np.float64)
         return found, covariance
 
     def _bring_up_to_date(self, sites: IntArray) -> None:

@@ -68,7 +68,8 @@ class Review:
         reason = max(parts, key=lambda name: float(parts[name]))
         return (
             f"{COEFFICIENT_NAMES[k]}: sigma {1e4 * self.sigma[k]:.3g}e-4, "
-            f"{self.sigma[k] / self.prior[k]:.2f} times the one without gauges; {100.0 * parts[reason]:.0f} % of its variance is from {reason}"
+            f"{self.sigma[k] / self.prior[k]:.2f} times the one without gauges; "
+            f"{100.0 * parts[reason]:.0f} % of its variance is from {reason}"
         )
 
     @property

@@ -22,8 +22,11 @@ from builder.placement.curves import accuracy_curves
 from builder.placement.design import Aim, Study, aimed, place, placement_study
 from builder.placement.flight_models import flight_states
 from builder.placement.limits import Limits, Zone, rules_of
+from builder.placement.review import review_of
 from builder.placement.rivals import best_of_random, even_sites, qr_sites
 from builder.reporting import Silent
+from builder.reports.page.html import page_html
+from builder.reports.placement_page import placement_page
 from builder.structure.fourier.model import StructuralModel, structural_model_on
 from builder.structure.gauge_checks import check_gauges
 from builder.vehicle.file import Vehicle
@@ -199,6 +202,7 @@ def test_curves_fall_with_gauges_and_rise_with_noise(linear: Study, monkeypatch:
     assert (mean[0] < mean[1]).all()
     assert (mean[1] < mean[2]).all()
     assert (mean[1] <= np.mean(found.qr**2, axis=1)).all()
+    assert (mean[1] <= np.mean(found.even**2, axis=1)).all()
 
 
 def test_the_command_writes_a_layout_and_a_figure(
@@ -234,3 +238,23 @@ def test_the_command_writes_a_layout_and_a_figure(
         assert words in err
         assert err.count("\n") == 1
     assert not (tmp_path / "none.csv").exists()
+
+
+def test_a_review_names_what_a_layout_lacks(linear: Study) -> None:
+    """Its numbers are those of the layout computed again with one gauge less, or one more."""
+    found, own = review_of(linear), list(linear.own)
+    value = linear.model.value(own)
+    k = int(np.argmax(found.worth))
+    without = linear.model.value(own[:k] + own[k + 1 :])
+    assert found.worth[k] == pytest.approx(without / value - 1.0, rel=1e-6)
+    best = linear.candidates.gauges.names.index(found.best[0])
+    more = min(linear.model.value([*own, one]) for one in range(linear.offered))
+    assert found.best[1] == pytest.approx(1.0 - more / value, rel=1e-6)
+    assert linear.model.value([*own, best]) == pytest.approx(more, rel=1e-9)
+    gone = [found.names.index(name) for name in found.spare]
+    left = [one for number, one in enumerate(own) if number not in gone]
+    assert value <= linear.model.value(left) <= 1.01 * value
+    assert ((found.unobserved >= 0.0) & (found.unobserved + found.off <= 1.0 + 1e-9)).all()
+    page = page_html(placement_page("gauges", found))
+    assert found.weakest_line in page.replace("&#x27;", "'")
+    assert all(name in page for name in found.names)
