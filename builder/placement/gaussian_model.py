@@ -101,7 +101,7 @@ class Posterior:
 
     def __init__(self, model: GaussianModel, chosen: Sequence[int] | IntArray = ()) -> None:
         self.model = model
-        self.covariance = np.linalg.inv(model.precision_with(chosen))
+        self.covariance: FloatArray = np.asarray(np.linalg.inv(model.precision_with(chosen)), dtype=np.float64)
         n_s, n_a, b, _ = model.rows.shape
         self._of_goals = np.empty((n_s, n_a, b, model.goals.shape[1]))
         self._own = np.empty((n_s, n_a, b, b))
@@ -154,7 +154,7 @@ class Posterior:
         self, site: int, sign: float
     ) -> tuple[list[tuple[FloatArray, FloatArray, FloatArray]], FloatArray]:
         """Return the updates by the gauges of ``site``, one by one, and the covariance after them."""
-        covariance = self.covariance
+        covariance: FloatArray = self.covariance
         found: list[tuple[FloatArray, FloatArray, FloatArray]] = []
         for k in range(self.model.rows.shape[2]):
             h = self.model.rows[:, site, k]

@@ -219,19 +219,15 @@ def test_the_command_writes_a_layout_and_a_figure(
     save_snapshots(snapshots, tmp_path / "snapshots.h5")
     arguments = ("--snapshots", tmp_path / "snapshots.h5", "--stations", "0.6:3:0.6", "--roll-angles", "0:315:45")
     code, out, err = run(
-        "place", coarse_file, "--gauges", 12, "-o", tmp_path / "layout.csv", *arguments, "--starts", 2, "--robust"
+        "place", coarse_file, "--gauges", 12, "-o", tmp_path / "layout.csv", *arguments, "--starts", 1, "--robust"
     )
     assert (code, err) == (0, "")
     assert "bound gap: " in out
     assert len(read_layout(tmp_path / "layout.csv").names) == 12
     for wrong, words in (
-        (("--gauges", 500), "--gauges: 500 found, the candidates and the zones leave room for 80"),
-        (("--forbid", "0:4"), "--forbid, --spacing: expected candidates outside the zones, got none of 80"),
         (("--forbid", "1"), "--forbid: expected x1:x2 in m"),
         (("--goal", "best"), "--goal: expected one of loads, field, d-optimal, got 'best'"),
         (("--loads", "C_L=1"), "--loads: expected weights from 0 of C_A"),
-        (("--stations", "9"), "--stations: expected some within the hollow part"),
-        (("--budget", "0.5", "--gauges", "3"), "--budget: 0.5 found, the cheapest candidate costs 1"),
     ):
         code, _, err = run("place", coarse_file, "-o", tmp_path / "none.csv", *arguments, *wrong)
         assert code == 2
