@@ -109,7 +109,7 @@ def flight_model(parts: FlightParts, strain: CandidateStrain, sites: IntArray, k
         The flows do not suffice for tables.
     """
     probe = strain.strain[:: max(1, len(strain.strain) // PROBES)]
-    triangle = np.linalg.qr(probe / np.sqrt(len(probe)), mode="r")
+    triangle = np.asarray(np.linalg.qr(probe / np.sqrt(len(probe)), mode="r"))
     states = _linear(parts, triangle) if kind == "linear" else _nonlinear(parts, triangle)
     rows = [_rows(parts, strain, one) for one in states]
     m = rows[0].shape[1]
@@ -185,7 +185,7 @@ def _parted(
     goals, as variance that no gauge lowers.
     """
     if columns.shape[1] > len(columns) + len(goals):
-        upper = np.linalg.qr(np.vstack([columns, goals]).T, mode="r").T
+        upper = np.asarray(np.linalg.qr(np.vstack([columns, goals]).T, mode="r")).T
         columns, goals = upper[: len(columns)], upper[len(columns) :]
     _, size, right = np.linalg.svd(triangle @ columns / noise_std, full_matrices=True)
     seen = np.zeros(len(right), dtype=bool)
@@ -346,11 +346,11 @@ def field_goals(parts: FlightParts, strain: CandidateStrain, kind: Kind, model: 
     Their variances add up to that of the mean pressure on the surface, over the same without gauges.
     """
     probe = strain.strain[:: max(1, len(strain.strain) // PROBES)]
-    triangle = np.linalg.qr(probe / np.sqrt(len(probe)), mode="r")
+    triangle = np.asarray(np.linalg.qr(probe / np.sqrt(len(probe)), mode="r"))
     states = _linear(parts, triangle) if kind == "linear" else _nonlinear(parts, triangle)
     area = mesh_of(parts.structure.surface).node_area
     weighted = np.sqrt(area / area.sum())[:, None] * parts.basis.fields
-    root = np.linalg.qr(weighted, mode="r")
+    root = np.asarray(np.linalg.qr(weighted, mode="r"))
     found = []
     for one in states:
         _, size, right = np.linalg.svd(root @ one.unknowns, full_matrices=False)

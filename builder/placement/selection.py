@@ -80,7 +80,7 @@ def exchanged(
     found, forced = greedy(model, rules, chosen), set(rules.forced)
     for number in range(LARGEST_PASSES):
         posterior = Posterior(model, found)  # anew in every pass: errors of the updates do not add up
-        value, changed = model.value_of(np.linalg.inv(posterior.covariance)), False
+        value, changed = model.value(found), False
         for place, site in enumerate(found):
             if site in forced:
                 continue
