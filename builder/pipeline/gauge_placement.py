@@ -9,8 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
+from builder.campaign.snapshots import Snapshots
+from builder.inverse.problem import AnyStructure
 from builder.pipeline.load_test_proposal import flows_for_design
-from builder.pipeline.stages import fourier_structure
+from builder.pipeline.stages import fourier_structure, on_snapshots, solve_structure
 from builder.placement.candidates import CandidateGrid
 from builder.placement.curves import Curves, accuracy_curves
 from builder.placement.design import Aim, Placement, Study, place, placement_study
@@ -59,12 +61,12 @@ def propose_gauges(
         The vehicle file is wrong, the Fourier model cannot do what it requests, or no choice keeps the limits.
     """
     vehicle = load_vehicle(vehicle_path)
-    refuse_beyond_fourier(vehicle, [vehicle.gauges.layout])
+    check_model(vehicle)
     kept = None if keep is None else read_layout(keep)
     for line in left_out(vehicle):
         reporter.note(line)
     snapshots = flows_for_design(vehicle, snapshots_path, reporter)
-    structure = fourier_structure(vehicle, used_layouts(vehicle), reporter)
+    structure = structure_of(vehicle, snapshots, reporter)
     with reporter.stage("Candidates: strain and models"):
         study = placement_study(vehicle, snapshots, structure, grid, aim.estimator, kept)
     reporter.note(
@@ -79,6 +81,31 @@ def propose_gauges(
     return ProposedGauges(study=study, placement=found, curves=curves)
 
 
+def check_model(vehicle: Vehicle) -> None:
+    """Refuse a structure that cannot be asked for strain at any point of the wall.
+
+    Raises
+    ------
+    InputError
+        Names the entry.
+    """
+    entry = vehicle.structure
+    if entry.external is not None:
+        raise InputError(
+            f"structure.{entry.external}: place and review need strain at points without gauges, which the file "
+            "of another code does not hold; state the wall or structure.mesh instead"
+        )
+    if vehicle.is_of_revolution:
+        refuse_beyond_fourier(vehicle, [vehicle.gauges.layout])
+
+
+def structure_of(vehicle: Vehicle, snapshots: Snapshots, reporter: Reporter) -> AnyStructure:
+    """Return strain per pressure of the layouts that the map needs, at the nodes of ``snapshots``."""
+    if vehicle.is_of_revolution:
+        return fourier_structure(vehicle, used_layouts(vehicle), reporter)
+    return on_snapshots(solve_structure(vehicle, progress=reporter), snapshots, reporter)
+
+
 def left_out(vehicle: Vehicle) -> list[str]:
     """Return a line for every entry of the vehicle file that a placement does not count."""
     noise, found = vehicle.noise, []
@@ -88,6 +115,12 @@ def left_out(vehicle: Vehicle) -> list[str]:
         found.append("noise: every candidate has the median noise of the gauges in use")
     if noise.clamp_compliance_mm > 0.0:
         found.append("noise.clamp_compliance_mm: not counted")
+    if vehicle.temperature is not None and not vehicle.is_of_revolution:
+        found.append("temperature: modes of the wall's temperature are not counted but on a body of revolution")
+    found.append(
+        "mesh: the error of strain by the structure's mesh is not counted; the report of a map built with the "
+        "layout states it"
+    )
     if vehicle.sensors is not None:
         found.append("sensors: auxiliary sensors are not counted; with them fewer gauges do")
     return found
@@ -122,11 +155,11 @@ def review_layout(
         As :func:`propose_gauges`; or there is no such layout.
     """
     vehicle = with_layout(load_vehicle(vehicle_path), layout)
-    refuse_beyond_fourier(vehicle, [vehicle.gauges.layout])
+    check_model(vehicle)
     for line in left_out(vehicle):
         reporter.note(line)
     snapshots = flows_for_design(vehicle, snapshots_path, reporter)
-    structure = fourier_structure(vehicle, used_layouts(vehicle), reporter)
+    structure = structure_of(vehicle, snapshots, reporter)
     with reporter.stage("Review: strain and models"):
         found = review_of(placement_study(vehicle, snapshots, structure, grid, kind))
     write_page(placement_page(f"{vehicle.name}: gauges {layout or vehicle.gauges.layout}", found), path)

@@ -13,7 +13,7 @@ from builder.calibration.ground_test.load_test import LoadErrors
 from builder.calibration.ground_test.load_test_writer import WrittenCase, write_load_test
 from builder.calibration.ground_test.simulated import error_entries
 from builder.calibration.plan.load_plan import LoadPlan, PlanParts, load_plan
-from builder.campaign.snapshot_fit import body_misfits
+from builder.campaign.snapshot_fit import vehicle_misfits
 from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.pipeline.stages import fourier_structure, take_snapshots
 from builder.reporting import Reporter
@@ -140,7 +140,7 @@ def flows_for_design(vehicle: Vehicle, path: Path | None, reporter: Reporter) ->
     """
     if path is not None:
         snapshots = load_snapshots(path)
-        refuse_misfits(path, body_misfits(snapshots, vehicle.body()))
+        refuse_misfits(path, vehicle_misfits(snapshots, vehicle))
         return snapshots
     if vehicle.aerodynamics.engine == "euler":
         reporter.note("flows: local inclination; --snapshots takes those of a file")

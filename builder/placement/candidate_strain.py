@@ -6,7 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.sparse import csr_array, vstack
 
+from builder.campaign.snapshots import Snapshots
 from builder.inverse.noise.gauge_derivatives import STEP, WALL_STEP, with_wall
 from builder.inverse.noise.thermal import HARMONICS, thermal_map, thermal_properties
 from builder.placement.pressure_basis import PressureBasis
@@ -17,6 +19,24 @@ from builder.structure.fourier.meridian_mesh import NO_NODES, MeridianMesh
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import distinct_stations, response_to_fields, station_index
 from builder.structure.loads.fourier import fourier_structure
+from builder.structure.mapped_structure import mapped_fields
+from builder.structure.solid.free_case import FreeCase
+from builder.structure.solid.gauges.displaced_gauges import (
+    AFT,
+    AROUND,
+    BACK,
+    FORE,
+    TURNED_AROUND,
+    TURNED_BACK,
+    displaced_name,
+    displaced_on_surface,
+)
+from builder.structure.solid.gauges.displaced_gauges import STEP as SOLID_STEP
+from builder.structure.solid.gauges.free_gauges import surface_axes
+from builder.structure.solid.gauges.gauge_rows import Gauges, gauge_rows
+from builder.structure.solid.mesh.solid_mesh import EXTERNAL
+from builder.structure.solid.operators.surface_triangles import split_surface
+from builder.structure.solid.solution import solve_fields
 from builder.structure.wall import wall_of
 from builder.vehicle.file import Vehicle
 from builder.vehicle.gauges.layout import GaugeLayout
@@ -105,6 +125,39 @@ def fourier_strain(
         layout_roll=by_roll,
         wall_thickness=at.reading([(a - b) / (2.0 * WALL_STEP) for a, b in zip(thick, thin, strict=True)]),
         thermal=_thermal(vehicle, mesh, placed),
+    )
+
+
+def solid_strain(case: FreeCase, snapshots: Snapshots, basis: PressureBasis, gauges: Gauges) -> CandidateStrain:
+    """Return the strain of gauges on a surface of any shape, by the solid model.
+
+    As in a map, strain goes with 1 / t of the wall's thickness; modes of temperature are not counted.
+
+    Raises
+    ------
+    InputError
+        A gauge is not on its surface.
+    """
+    moved = displaced_on_surface("", gauges, *surface_axes(case.mesh, gauges))
+    rows = [gauge_rows(case.mesh, gauges, with_twins=True)]
+    rows += [gauge_rows(case.mesh, one, near_surface=True, with_twins=True) for one in moved.values()]
+    fields = mapped_fields(basis.fields, split_surface(case.mesh, EXTERNAL)[0], snapshots)
+    found = solve_fields(case.mesh, case.matter, case.support, csr_array(vstack(rows)), fields, case.solver)
+    own, *others = np.split(found, len(rows))
+    at = dict(zip(moved, others, strict=True))
+
+    def difference(plus: str, minus: str, step: float) -> FloatArray:
+        return (at[displaced_name("", plus)] - at[displaced_name("", minus)]) / step
+
+    around = difference(AROUND, BACK, 2.0 * SOLID_STEP)
+    return CandidateStrain(
+        strain=own,
+        axial=difference(AFT, FORE, 2.0 * SOLID_STEP),
+        circumferential=around,
+        orientation=difference(TURNED_AROUND, TURNED_BACK, 1.0),
+        layout_roll=np.hypot(gauges.position[:, 1], gauges.position[:, 2])[:, None] * around,
+        wall_thickness=-own,
+        thermal=np.zeros((len(own), 0)),
     )
 
 

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from math import degrees, radians
 
 import numpy as np
 
 from builder.structure.fourier.inner_surface import inner_surface_points
 from builder.structure.gauge_placement import gauge_mesh
+from builder.structure.solid.gauges.free_gauges import GaugeSurface
+from builder.structure.solid.mesh.solid_mesh import SolidMesh
 from builder.vehicle.file import Vehicle
 from builder.vehicle.gauges.layout import GaugeLayout
 from strainfmu.arrays import FloatArray, IntArray
@@ -103,6 +107,10 @@ def layout_of(layout: GaugeLayout, gauges: IntArray) -> GaugeLayout:
     )
 
 
+Frame = tuple[FloatArray, FloatArray, FloatArray]
+"""A point of the wall (3,) [m], and unit vectors (3,) in the surface there: aft, and towards the roll angle."""
+
+
 def grid_candidates(vehicle: Vehicle, grid: CandidateGrid) -> Candidates:
     """Return candidates on the inner surface of a body of revolution.
 
@@ -113,40 +121,92 @@ def grid_candidates(vehicle: Vehicle, grid: CandidateGrid) -> Candidates:
     """
     mesh = gauge_mesh(vehicle)
     inner = mesh.node[mesh.inner_edge.ravel(), 0]
-    first, last = float(inner.min()), float(inner.max())
+    stations = _stations(grid, float(inner.min()), float(inner.max()), vehicle.body().length)
+    free = ~np.any(
+        [(stations > a) & (stations < b) for a, b in mesh.covered] or [np.zeros(len(stations), bool)], axis=0
+    )
+    stations = np.unique(stations[free])
+    points = inner_surface_points(mesh, stations)
+
+    def frame(number: int, angle: float) -> Frame:
+        sine, cosine = np.sin(angle), np.cos(angle)
+        radius, tangent = points.radius[number], points.tangent[number]
+        return (
+            np.array([stations[number], radius * sine, radius * cosine]),
+            np.array([tangent[0], tangent[1] * sine, tangent[1] * cosine]),
+            np.array([0, cosine, -sine]),
+        )
+
+    return _of_frames(grid, stations, frame)
+
+
+def surface_candidates(mesh: SolidMesh, surface: str, grid: CandidateGrid) -> Candidates:
+    """Return candidates on a ``surface`` of the mesh of any shape, seen from the axis at stations and roll angles.
+
+    Of stations that are not stated, those without a surface at every roll angle are left out.
+
+    Raises
+    ------
+    InputError
+        A stated station has no surface at one of the roll angles, or a pair has no partner among these.
+    """
+    wall = GaugeSurface(mesh, surface)
+    x = mesh.node[np.unique(mesh.named_surface(surface)), 0]
+    stations = np.unique(_stations(grid, float(x.min()), float(x.max()), float(np.ptp(mesh.node[:, 0]))))
+    frames: list[list[Frame]] = []
+    kept = []
+    for station in stations.tolist():
+        try:
+            feet = [wall.at_roll_angle(station, radians(one), "--stations") for one in _roll_angles(grid)]
+            frames.append([(foot.point, *wall.axes(foot, "--stations")) for foot in feet])
+        except InputError:
+            if grid.stations is not None:
+                raise
+            continue
+        kept.append(station)
+    if not kept:
+        raise InputError("--roll-angles: expected a surface at one station at least, got none; state --stations")
+    of_angle = {round(one, 6): k for k, one in enumerate(_roll_angles(grid).tolist())}
+    return _of_frames(
+        grid, np.array(kept), lambda number, angle: frames[number][of_angle[round(degrees(angle), 6)]]
+    )
+
+
+def _stations(grid: CandidateGrid, first: float, last: float, length: float) -> FloatArray:
+    """Return the stations of ``grid`` [m] on a wall from ``first`` to ``last`` of a body of ``length``."""
     if grid.stations is None:
-        edge = EDGE * vehicle.body().length
-        stations = np.round(np.linspace(first + edge, last - edge, STATIONS), 3)
-    else:
-        stations = np.array(grid.stations)
+        edge = EDGE * length
+        return np.asarray(np.round(np.linspace(first + edge, last - edge, STATIONS), 3))
+    stations = np.array(grid.stations)
     outside = stations[(stations <= first) | (stations >= last)]
     if len(outside):
         raise InputError(
             f"--stations: expected some within the hollow part, {first:.4g} to {last:.4g} m, got {outside[0]:g} m"
         )
-    free = ~np.any(
-        [(stations > a) & (stations < b) for a, b in mesh.covered] or [np.zeros(len(stations), bool)], axis=0
-    )
-    stations = np.unique(stations[free])
+    return stations
+
+
+def _roll_angles(grid: CandidateGrid) -> FloatArray:
+    """Return the roll angles of ``grid`` [deg], each once."""
     angles = np.arange(ROLLS) * 360.0 / ROLLS if grid.roll_angles is None else np.array(grid.roll_angles)
-    angles = np.unique(np.round(angles % 360.0, 6))
+    return np.unique(np.round(angles % 360.0, 6))
+
+
+def _of_frames(grid: CandidateGrid, stations: FloatArray, frame: Callable[[int, float], Frame]) -> Candidates:
+    """Return the directions of ``grid`` at every station, by its number, and roll angle [rad] of ``frame``."""
+    angles = _roll_angles(grid)
     kinds = [kind for name in grid.directions for kind in (IN_ROSETTE if name == ROSETTE else (name,))]
-    points = inner_surface_points(mesh, stations)
     names, position, direction, kind_of, x_of, roll_of = [], [], [], [], [], []
-    for x, radius, tangent in zip(stations, points.radius, points.tangent, strict=True):
+    for station, x in enumerate(stations):
         for angle in angles:
-            sine, cosine = np.sin(np.radians(angle)), np.cos(np.radians(angle))
-            along, around = (
-                np.array([tangent[0], tangent[1] * sine, tangent[1] * cosine]),
-                np.array([0, cosine, -sine]),
-            )
+            point, along, around = frame(station, float(np.radians(angle)))
             for number, kind in enumerate(kinds):
                 turn = np.radians(ANGLES[kind])
                 again = kinds[:number].count(kind)
                 names.append(
                     f"{WORDS.get(kind, kind)}_{angle:g}deg_{1e3 * x:.6g}mm" + ("_rosette" if again else "")
                 )
-                position.append([x, radius * sine, radius * cosine])
+                position.append(point)
                 direction.append(np.cos(turn) * along + np.sin(turn) * around)
                 kind_of.append(kind)
                 x_of.append(x)

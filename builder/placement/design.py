@@ -11,9 +11,22 @@ import numpy as np
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.modes.ensemble import ensemble_of
 from builder.inverse.problem import AnyStructure
-from builder.placement.candidate_strain import CandidateStrain, fourier_strain
-from builder.placement.candidates import CandidateGrid, Candidates, grid_candidates, with_gauges
-from builder.placement.flight_models import FlightParts, Kind, field_goals, flight_model, noise_std_of
+from builder.placement.candidate_strain import CandidateStrain, fourier_strain, solid_strain
+from builder.placement.candidates import (
+    CandidateGrid,
+    Candidates,
+    grid_candidates,
+    surface_candidates,
+    with_gauges,
+)
+from builder.placement.flight_models import (
+    FlightParts,
+    Kind,
+    errors_of_flows,
+    field_goals,
+    flight_model,
+    noise_std_of,
+)
 from builder.placement.gaussian_model import GaussianModel
 from builder.placement.limits import Limits, rules_of
 from builder.placement.lost_gauge import LARGEST_RATIO, LostGauge, lost_gauges, without_weak_points
@@ -22,6 +35,9 @@ from builder.placement.relaxation import Relaxed, relaxed
 from builder.placement.rules import Rules
 from builder.placement.selection import best_of_starts, exchanged, greedy, marginal_worth, rounded
 from builder.reporting import Progress, Reporter
+from builder.structure.solid.case import structure_case
+from builder.structure.solid.free_case import FreeCase
+from builder.structure.solid.gauges.gauge_rows import gauges_at
 from builder.vehicle.file import Vehicle
 from builder.vehicle.gauges.layout import GaugeLayout
 from builder.vehicle.shape.geometry import SurfaceGrid
@@ -145,20 +161,25 @@ def placement_study(
     Raises
     ------
     InputError
-        The vehicle is no body of revolution of the Fourier model, or a candidate is not on its inner surface.
+        The vehicle is a body of revolution of another model than the Fourier one, a candidate is not on the wall,
+        or the layout in use is not on one surface.
     """
-    surface = structure.surface
-    if not isinstance(surface, SurfaceGrid) or vehicle.structure.model != "fourier":
+    surface, case = structure.surface, None
+    if not vehicle.is_of_revolution:
+        case = structure_case(vehicle, [vehicle.gauges.layout])
+        assert isinstance(case, FreeCase)
+    elif not isinstance(surface, SurfaceGrid) or vehicle.structure.model != "fourier":
         raise InputError(
-            "place: expected a body of revolution with structure.model = 'fourier', whose inner surface takes the "
+            "place: expected structure.model = 'fourier' of a body of revolution, whose inner surface takes the "
             f"gauges, got model '{vehicle.structure.model}'"
         )
     ensemble = ensemble_of(vehicle, snapshots)
     own_layout = structure.layouts[vehicle.gauges.layout]
-    offered = grid_candidates(vehicle, grid)
+    bonded = None if case is None else bonded_surface(case, vehicle.gauges.layout)
+    offered = grid_candidates(vehicle, grid) if case is None else surface_candidates(case.mesh, str(bonded), grid)
     everything, kept = with_gauges(offered, keep) if keep is not None else (offered, [])
     everything, own = with_gauges(everything, own_layout)
-    basis = pressure_basis(vehicle, snapshots, ensemble)
+    basis = pressure_basis(vehicle, snapshots, ensemble, errors_of_flows(vehicle, snapshots, ensemble))
     parts = FlightParts(
         vehicle=vehicle,
         snapshots=snapshots,
@@ -167,7 +188,14 @@ def placement_study(
         basis=basis,
         noise_std=noise_std_of(vehicle, snapshots, structure),
     )
-    strain = fourier_strain(vehicle, surface, basis, everything.gauges)
+    if case is None:
+        assert isinstance(surface, SurfaceGrid)
+        strain = fourier_strain(vehicle, surface, basis, everything.gauges)
+    else:
+        placed = everything.gauges
+        length = float(case.layouts[vehicle.gauges.layout].length[0])
+        gauges = gauges_at(placed.position, placed.direction, placed.names, length, str(bonded))
+        strain = solid_strain(case, snapshots, basis, gauges)
     kind = kind or ("nonlinear" if vehicle.map.estimator == "nonlinear" else "linear")
     model, own_sigma = normalised(flight_model(parts, strain, everything.sites, kind), own)
     return Study(
@@ -181,6 +209,20 @@ def placement_study(
         model=model,
         own_sigma=own_sigma,
     )
+
+
+def bonded_surface(case: FreeCase, layout: str) -> str:
+    """Return the surface of a free shape that the gauges of ``layout`` are bonded to, for the candidates too.
+
+    Raises
+    ------
+    InputError
+        They are on two surfaces, or of two lengths.
+    """
+    gauges = case.layouts[layout]
+    if len(set(gauges.surface)) > 1 or np.ptp(gauges.length) > 0.0:
+        raise InputError(f"gauges.layouts.{layout}: expected gauges on one surface and of one length, got two")
+    return gauges.surface[0]
 
 
 def normalised(model: GaussianModel, own: Sequence[int]) -> tuple[GaussianModel, FloatArray]:

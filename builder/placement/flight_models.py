@@ -302,12 +302,7 @@ def _linear(parts: FlightParts, triangle: FloatArray) -> list[_State]:
     if len(free) and not vehicle.noise.with_truncated_modes:
         fields = fields[:, free]
     others = [fields]
-    between = flows_between(vehicle, parts.snapshots)
-    if ensemble.grid is None and vehicle.noise.model == "default":
-        leeward = leeward_fields(vehicle, parts.snapshots, ensemble)
-        others += [] if leeward is None else [leeward.T]
-        if between is not None:
-            others.append(between.off_the_snapshots(ensemble, vehicle.map.form == "dynamic_pressure").T)
+    others += [one.T for one in errors_of_flows(vehicle, parts.snapshots, ensemble)]
     columns = np.hstack(others)
     scale = coefficient_scale(ensemble.nominal_dynamic_pressure, vehicle.reference_quantities())
     goals = scale[:, None] * (loads @ columns)
@@ -325,6 +320,17 @@ def _linear(parts: FlightParts, triangle: FloatArray) -> list[_State]:
             rest=rest,
         )
     ]
+
+
+def errors_of_flows(vehicle: Vehicle, snapshots: Snapshots, ensemble: Ensemble) -> list[FloatArray]:
+    """Return fields (k, n_p) of errors of flows that the linear estimator counts with flows as listed [Pa]."""
+    if ensemble.grid is not None or vehicle.noise.model != "default":
+        return []
+    leeward, between = leeward_fields(vehicle, snapshots, ensemble), flows_between(vehicle, snapshots)
+    found = [] if leeward is None else [leeward]
+    if between is not None:
+        found.append(between.off_the_snapshots(ensemble, vehicle.map.form == "dynamic_pressure"))
+    return found
 
 
 def _short(columns: FloatArray) -> FloatArray:
