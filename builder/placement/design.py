@@ -166,8 +166,9 @@ def placement_study(
     """
     surface, case = structure.surface, None
     if not vehicle.is_of_revolution:
-        case = structure_case(vehicle, [vehicle.gauges.layout])
-        assert isinstance(case, FreeCase)
+        solid = structure_case(vehicle, [vehicle.gauges.layout])
+        assert isinstance(solid, FreeCase)
+        case = solid
     elif not isinstance(surface, SurfaceGrid) or vehicle.structure.model != "fourier":
         raise InputError(
             "place: expected structure.model = 'fourier' of a body of revolution, whose inner surface takes the "
@@ -237,7 +238,7 @@ def aimed(study: Study, aim: Aim) -> GaussianModel:
     if aim.goal == "d-optimal":
         return replace(model, criterion="determinant")
     if aim.goal == "field":
-        return replace(model, goals=field_goals(study.parts, study.strain, study.kind, model))
+        return replace(model, goals=field_goals(study.parts, study.strain, study.kind))
     weight = np.array(aim.weights) / np.mean(aim.weights)
     return replace(model, goals=model.goals * np.sqrt(weight)[:, None], fixed=model.fixed * weight)
 

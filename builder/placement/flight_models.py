@@ -133,13 +133,18 @@ def _without_faint(rows: FloatArray, goals: FloatArray) -> tuple[FloatArray, Flo
 
     What candidates hardly see of the unknowns is noise of their rows.
     """
-    probe = rows[:: max(1, len(rows) // PROBES)]
-    _, size, right = np.linalg.svd(probe / np.sqrt(len(probe)), full_matrices=False)
-    kept = right[size > FAINT].T
+    kept = _seen(rows)
     short = rows @ kept
     left = np.maximum(_square(rows) - _square(short), 0.0)
     of_goals = goals @ kept
     return short / np.sqrt(1.0 + left)[:, None], of_goals, np.maximum(_square(goals) - _square(of_goals), 0.0)
+
+
+def _seen(rows: FloatArray) -> FloatArray:
+    """Return orthonormal columns (m, k): the combinations of unknowns that candidates see."""
+    probe = rows[:: max(1, len(rows) // PROBES)]
+    _, size, right = np.linalg.svd(probe / np.sqrt(len(probe)), full_matrices=False)
+    return np.asarray(right[size > FAINT].T)
 
 
 def _at_sites(rows: FloatArray, sites: IntArray) -> FloatArray:
@@ -346,23 +351,29 @@ def _modes(ensemble: Ensemble) -> PressureModes:
     return proper_orthogonal_decomposition(ensemble.pressure, None)
 
 
-def field_goals(parts: FlightParts, strain: CandidateStrain, kind: Kind, model: GaussianModel) -> FloatArray:
+def pressure_of_unknowns(parts: FlightParts, strain: CandidateStrain, kind: Kind) -> FloatArray:
+    """Return (n_s, K, m) pressure of the basis per unknown of :func:`flight_model` [Pa]; 0 of common errors."""
+    probe = strain.strain[:: max(1, len(strain.strain) // PROBES)]
+    triangle = np.asarray(np.linalg.qr(probe / np.sqrt(len(probe)), mode="r"))
+    states = _linear(parts, triangle) if kind == "linear" else _nonlinear(parts, triangle)
+    m = _rows(parts, strain, states[0]).shape[1]
+    found = np.stack([np.pad(one.unknowns, ((0, 0), (0, m - one.unknowns.shape[1]))) for one in states])
+    return found @ _seen(_rows(parts, strain, states[0])) if kind == "linear" else found
+
+
+def field_goals(parts: FlightParts, strain: CandidateStrain, kind: Kind) -> FloatArray:
     """Return (n_s, n_g, m) the pressure on the surface as goals: its combinations of most variance, area-weighted.
 
     Their variances add up to that of the mean pressure on the surface, over the same without gauges.
     """
-    probe = strain.strain[:: max(1, len(strain.strain) // PROBES)]
-    triangle = np.asarray(np.linalg.qr(probe / np.sqrt(len(probe)), mode="r"))
-    states = _linear(parts, triangle) if kind == "linear" else _nonlinear(parts, triangle)
     area = mesh_of(parts.structure.surface).node_area
     weighted = np.sqrt(area / area.sum())[:, None] * parts.basis.fields
     root = np.asarray(np.linalg.qr(weighted, mode="r"))
     found = []
-    for one in states:
-        _, size, right = np.linalg.svd(root @ one.unknowns, full_matrices=False)
+    for one in pressure_of_unknowns(parts, strain, kind):
+        _, size, right = np.linalg.svd(root @ one, full_matrices=False)
         kept = slice(0, min(FIELD_GOALS, len(size)))
-        goals = size[kept, None] * right[kept] / np.linalg.norm(size)
-        found.append(np.pad(goals, ((0, 0), (0, model.rows.shape[-1] - goals.shape[1]))))
+        found.append(size[kept, None] * right[kept] / np.linalg.norm(size))
     return np.stack(found)
 
 

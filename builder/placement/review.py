@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from builder.aero.surface.mesh import mesh_of
 from builder.placement.design import Study
-from builder.placement.flight_models import flight_states
+from builder.placement.flight_models import flight_states, pressure_of_unknowns
 from builder.placement.gaussian_model import Posterior
 from builder.placement.lost_gauge import LARGEST_RATIO, loss_ratios
 from builder.placement.selection import first_of_best, marginal_worth
@@ -22,6 +23,17 @@ SPARE = 0.01
 """What the criterion may rise by, in all, without the gauges that could go."""
 
 
+AROUND = {
+    0: "alike all round (axial load)",
+    1: "on one side against the other (lateral load)",
+    2: "on two opposite sides, which ovalises the wall (no load)",
+}
+"""Pressure by its harmonic in roll angle, with the load that it makes."""
+
+SPOKEN = 0.15
+"""Part of the square of a pressure from which a harmonic is named."""
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Review:
     """Findings on the layout in use of a study.
@@ -33,6 +45,7 @@ class Review:
     unobserved, off : (5,) parts of the variance with the gauges that come from combinations of unknowns that they
         do not observe, and from pressure that hardly strains any gauge [1].
     blind : number of combinations, mean over the states, that are not observed, of how many.
+    hidden : a line for each coefficient: the pressure that its unobserved part is made of.
     weakest : number of the coefficient that the gauges lower least, sigma over prior.
     worth : (k,) what the criterion rises by without each gauge, over the criterion [1].
     spare : gauges that could go together, in the order to take them off.
@@ -48,6 +61,7 @@ class Review:
     unobserved: FloatArray
     off: FloatArray
     blind: tuple[float, int]
+    hidden: tuple[str, ...]
     weakest: int
     worth: FloatArray
     spare: tuple[str, ...]
@@ -90,6 +104,8 @@ def review_of(study: Study) -> Review:
     variance = model.weight @ model.goal_variance(own)
     prior = np.sqrt(model.weight @ model.goal_variance([])) * study.own_sigma
     unobserved, blind = np.zeros(5), 0.0
+    pressure = pressure_of_unknowns(study.parts, study.strain, study.kind)
+    shapes = np.zeros((5, len(study.parts.basis.fields.T), len(model.weight)))
     for s, weight in enumerate(model.weight):
         rows = model.gauge_rows(own)[s]
         size, vector = np.linalg.eigh(rows.T @ rows)
@@ -98,6 +114,7 @@ def review_of(study: Study) -> Review:
         within = hidden.T @ np.linalg.solve(model.precision_with(own)[s], hidden)
         of_goals = model.goals[s] @ hidden
         unobserved += weight * np.einsum("gk,kl,gl->g", of_goals, within, of_goals)
+        shapes[:, :, s] = np.sqrt(weight) * of_goals @ within @ (pressure[s] @ hidden).T
     value = model.value(own)
     gains = Posterior(model, own).gains(np.arange(study.offered))
     best = first_of_best(gains)
@@ -114,6 +131,10 @@ def review_of(study: Study) -> Review:
         unobserved=unobserved / variance,
         off=np.asarray(model.weight @ model.fixed) / variance,
         blind=(blind, model.rows.shape[-1]),
+        hidden=tuple(
+            f"{name}: {100.0 * part:.0f} % of its variance is not observed; behind it {_in_words(study, shape)}"
+            for name, part, shape in zip(COEFFICIENT_NAMES, unobserved / variance, shapes, strict=True)
+        ),
         weakest=int(np.argmax(study.own_sigma / prior)),
         worth=marginal_worth(model, own) / value,
         spare=tuple(names[study.candidates.sites[one][0]] for one in _spare(study, own, value)),
@@ -122,6 +143,25 @@ def review_of(study: Study) -> Review:
         states=states,
         state_sigma=np.sqrt(model.goal_variance(own)) * study.own_sigma,
     )
+
+
+def _in_words(study: Study, shape: FloatArray) -> str:
+    """Return which pressure ``shape`` (K, n_s) is, over the states: around the body, and where along it."""
+    basis, square = study.parts.basis, np.sum(shape * shape, axis=1)
+    if not square.any():
+        return "are errors that the gauges have in common"
+    x = mesh_of(study.parts.structure.surface).point[:, 0]
+    at_node = np.sum((basis.fields @ shape) ** 2, axis=1)
+    order = np.argsort(x, kind="stable")
+    reached = np.cumsum(at_node[order]) / at_node.sum()
+    first, last = (x[order[np.searchsorted(reached, part)]] for part in (0.1, 0.9))
+    along = f"from x = {first:.2f} to {last:.2f} m"
+    if basis.harmonic is None:
+        return f"is pressure {along}"
+    energy = np.bincount(basis.harmonic, square / square.sum())
+    largest = [m for m in np.argsort(-energy, kind="stable").tolist() if energy[m] >= SPOKEN]
+    words = (f"{100.0 * energy[m]:.0f} % {AROUND.get(m, f'in {m} waves around')}" for m in largest)
+    return f"is pressure {along}, {', '.join(words)}"
 
 
 def _spare(study: Study, own: list[int], value: float) -> list[int]:

@@ -37,6 +37,7 @@ def placement_page(title: str, found: Review) -> Page:
         (
             f"{of - blind:.0f} of {of} combinations of unknowns strain the gauges by more than their noise; "
             f"{blind:.0f} do not.",
+            *found.hidden,
             "Unknowns are the flight state, pressure off the snapshots and errors that gauges have in common.",
         )
     )
@@ -56,18 +57,30 @@ def _loads(found: Review) -> Table:
         Column("coefficient"),
         Column("sigma", "1e-4", ".3g"),
         Column("without gauges", "1e-4", ".3g"),
-        Column("of its variance: not observed", "%", ".1f"),
-        Column("of its variance: strains no gauge", "%", ".1f"),
+        Column("over that", "times", ".3f"),
+        Column("not observed", "%", ".1f"),
+        Column("no strain", "%", ".1f"),
+        Column("noise and errors in common", "%", ".1f"),
     )
     rows = zip(
         COEFFICIENT_NAMES,
         1e4 * found.sigma,
         1e4 * found.prior,
+        found.sigma / found.prior,
         100.0 * found.unobserved,
         100.0 * found.off,
+        100.0 * (1.0 - found.unobserved - found.off),
         strict=True,
     )
-    return make_table("loads", "Root mean square sigmas over the flight states.", columns, list(rows))
+    return make_table(
+        "loads",
+        (
+            "Root mean square sigmas over the flight states. Parts of the variance: not observed by these gauges, "
+            "and of pressure that strains no candidate."
+        ),
+        columns,
+        list(rows),
+    )
 
 
 def _gauges(found: Review) -> Table:

@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 from changed_vehicle import write_changed
 
+from builder.aero.loads.operator import coefficient_scale
 from builder.campaign.snapshots import Snapshots, save_snapshots
 from builder.inverse.build import build_inverse_map
 from builder.inverse.modes.ensemble import rolled_modes
 from builder.inverse.problem import inverse_problem
 from builder.manifold.build import with_manifold
 from builder.pipeline.gauge_placement import write_layout
-from builder.placement import curves
+from builder.placement import curves, design, lost_gauge
 from builder.placement.candidates import CandidateGrid
 from builder.placement.curves import accuracy_curves
 from builder.placement.design import Aim, Study, aimed, place, placement_study
@@ -32,7 +33,9 @@ from builder.structure.gauge_checks import check_gauges
 from builder.vehicle.file import Vehicle
 from builder.vehicle.gauges.entries import GaugeLayoutEntry
 from builder.vehicle.gauges.layout import GaugeLayout, read_layout
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 from strainfmu.estimator.reference.air import AirInputs
+from strainfmu.estimator.reference.gain import load_covariance
 from strainfmu.estimator.reference.nonlinear import NonlinearReference, Sample, flight_loads
 
 GRID = CandidateGrid(stations=(0.35, 0.8, 1.3, 1.7, 2.2, 2.7, 3.3), roll_angles=tuple(30.0 * k for k in range(12)))
@@ -102,6 +105,61 @@ def test_the_linear_model_states_the_uncertainty_of_case_2(
     covariance = np.sum([term.strain @ term.strain.T for term in problem.noise], axis=0) + strain @ strain.T
     after = loads @ loads.T - loads @ strain.T @ np.linalg.solve(covariance, strain @ loads.T)
     np.testing.assert_allclose(study.own_sigma, np.sqrt(np.diag(after)), rtol=0.03)
+
+
+def test_the_goal_of_the_field_is_the_posterior_of_pressure(
+    vehicle: Vehicle, snapshots: Snapshots, structure: StructuralModel
+) -> None:
+    """What all gauges and the first 20 take off the area-weighted variance, by Bayes' rule without any basis."""
+    bayes = vehicle.model_copy(update={"map": vehicle.map.model_copy(update={"case": 2})})
+    study = placement_study(bayes, snapshots, structure, replace(GRID, stations=(1.0, 2.0)))
+    problem, own = inverse_problem(bayes, snapshots, structure), list(study.own)
+    modes = rolled_modes(problem.ensemble, None)
+    factor = modes.modes * modes.coefficient_std()
+    strain = problem.strain_operator @ factor
+    noise = np.sum([term.strain @ term.strain.T for term in problem.noise], axis=0)
+    weighted = np.sqrt(problem.node_area)[:, None] * factor
+
+    def taken(count: int) -> float:
+        rows = strain[:count]
+        gain = weighted @ rows.T
+        covariance = noise[:count, :count] + rows @ rows.T
+        return float(np.sum(gain * np.linalg.solve(covariance, gain.T).T))
+
+    model = aimed(study, Aim(goal="field"))
+    none = model.value([])
+    found = (none - model.value(own[:6])) / (none - model.value(own))
+    assert found == pytest.approx(taken(6) / taken(len(own)), rel=0.02)
+    assert taken(6) < 0.99 * taken(len(own))
+
+
+def test_case_1_observes_what_its_map_does(
+    linear: Study, snapshots: Snapshots, structure: StructuralModel
+) -> None:
+    """The map's own covariance of the loads with the layout in use: within 15 %."""
+    vehicle = linear.parts.vehicle
+    assert vehicle.map.case == 1
+    built = build_inverse_map(vehicle, snapshots, structure)
+    references = vehicle.reference_quantities()
+    scale = coefficient_scale(linear.parts.ensemble.nominal_dynamic_pressure, references)
+    sigma = scale * np.sqrt(np.diag(load_covariance(built))[:5])
+    np.testing.assert_allclose(linear.own_sigma, sigma, rtol=0.15)
+
+
+def test_a_loss_that_cannot_be_borne_is_named(linear: Study, monkeypatch: pytest.MonkeyPatch) -> None:
+    limit = 1.05
+    for module in (design, lost_gauge):
+        monkeypatch.setattr(module, "LARGEST_RATIO", limit)
+    found = place(linear, replace(COUNTED, gauges=4), Aim(starts=1, robust=True), Silent())
+    worst = found.lost.ratio.max(axis=1)
+    assert worst.max() > limit
+    assert len(found.remarks) == int(np.sum(worst > limit))
+    names = linear.candidates.gauges.names
+    for line in found.remarks:
+        gauge, _, rest = line.removeprefix("loss of ").partition(": sigma of ")
+        number = found.lost.gauges.tolist().index(names.index(gauge))
+        coefficient = COEFFICIENT_NAMES[int(np.argmax(found.lost.ratio[number]))]
+        assert rest.startswith(f"{coefficient} rises to {worst[number]:.2f} times, more than {limit:g}")
 
 
 @pytest.mark.parametrize("kind", ["linear", "nonlinear"])
@@ -253,3 +311,6 @@ def test_a_review_names_what_a_layout_lacks(linear: Study) -> None:
     page = page_html(placement_page("gauges", found))
     assert found.weakest_line in page.replace("&#x27;", "'")
     assert all(name in page for name in found.names)
+    assert "alike all round (axial load)" in found.hidden[0]
+    assert found.hidden[0].startswith(f"C_A: {100.0 * found.unobserved[0]:.0f} % of its variance is not observed")
+    assert all(line in page for line in found.hidden)
