@@ -26,6 +26,7 @@ details.fold { margin: 1rem 0; border: 1px solid #ccc; padding: 0.35rem 0.7rem; 
 details.fold > summary { cursor: pointer; font-weight: 600; } details.fold > summary > span { font-weight: 400; }
 @media screen and (max-width: 1100px) {
   table.many, table.many tbody, table.many tr, table.many td { display: block; }
+  table.many caption { display: block; }
   table.many thead { display: none; }
   table.many tr { padding: 0.3rem 0; }
   table.many td, table.many td.number { display: flex; justify-content: space-between; gap: 1rem;

@@ -18,7 +18,7 @@ from builder.manifold.discrepancy import level_error, process_size, tested_shape
 from builder.manifold.followed_errors import followed_errors
 from builder.manifold.parameter_slopes import FLOW_PARAMETERS, ParameterSlopes, compressed
 from builder.manifold.sensor_tables import base_pressure_error, gains_of_sensors, with_base_and_friction
-from builder.manifold.state_tables import state_tables
+from builder.manifold.state_tables import StateTables, state_tables
 from builder.manifold.told_apart import check_told_apart
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
@@ -67,19 +67,12 @@ def manifold_map(
     InputError
         As :func:`with_manifold`.
     """
-    snapshots, operator = on_structure(snapshots, structure), _operator(problem)
+    operator = _operator(problem)
     inside = vehicle.structure.internal_pressure_Pa
     fixed = np.zeros(len(operator)) if inside == "ambient" else -float(inside) * operator.sum(axis=1)
-    found = state_tables(vehicle, snapshots, structure, problem, operator)
+    found, terms = tables_and_errors(vehicle, on_structure(snapshots, structure), structure, problem, nuisance)
     n_d = len(problem.strain_operator)
     coefficients = with_base_and_friction(vehicle, problem, found.mach_knots, found.coefficients)
-    terms = found.errors | _scaled_errors(vehicle, problem, found.process, operator)
-    terms |= _scaled_nuisance(nuisance, problem) | base_pressure_error(vehicle, problem, len(operator))
-    if problem.leeward is not None:
-        terms[LEEWARD_PRESSURE] = operator @ problem.leeward.T / problem.ensemble.mean_ambient_pressure
-    level = level_error(vehicle, problem, operator, found.overpressure)
-    if level is not None:
-        terms["fraction of the overpressure"] = level
     error = compressed(np.hstack(list(terms.values())))
     reference, noise = vehicle.reference_quantities(), vehicle.noise
     products, common = followed_errors(vehicle, problem)
@@ -115,6 +108,34 @@ def manifold_map(
     made = replace(made, discrepancy_shapes=tested_shapes(made))
     n_g = n_d if problem.sensors is None else n_d - len(problem.sensors.rows)
     return made, _terms_of(terms, problem.ensemble, n_g)
+
+
+def tables_and_errors(
+    vehicle: Vehicle,
+    snapshots: Snapshots,
+    structure: AnyStructure,
+    problem: Problem,
+    nuisance: Sequence[NoiseTerm] = (),
+) -> tuple[StateTables, dict[str, FloatArray]]:
+    """Return the tables of strains and loads of ``problem``, and columns (n_d + n_f, k) per p_inf of their errors.
+
+    Errors are by name, their squares add up to the mean one; ``snapshots`` are on the structure's nodes.
+
+    Raises
+    ------
+    InputError
+        The flows do not suffice for tables.
+    """
+    operator = _operator(problem)
+    found = state_tables(vehicle, snapshots, structure, problem, operator)
+    terms = found.errors | _scaled_errors(vehicle, problem, found.process, operator)
+    terms |= _scaled_nuisance(nuisance, problem) | base_pressure_error(vehicle, problem, len(operator))
+    if problem.leeward is not None:
+        terms[LEEWARD_PRESSURE] = operator @ problem.leeward.T / problem.ensemble.mean_ambient_pressure
+    level = level_error(vehicle, problem, operator, found.overpressure)
+    if level is not None:
+        terms["fraction of the overpressure"] = level
+    return found, terms
 
 
 def _operator(problem: Problem) -> FloatArray:

@@ -13,7 +13,7 @@ from builder.calibration.ground_test.load_test import LoadErrors
 from builder.calibration.ground_test.load_test_writer import WrittenCase, write_load_test
 from builder.calibration.ground_test.simulated import error_entries
 from builder.calibration.plan.load_plan import LoadPlan, PlanParts, load_plan
-from builder.campaign.snapshot_fit import body_misfits
+from builder.campaign.snapshot_fit import vehicle_misfits
 from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.pipeline.stages import fourier_structure, take_snapshots
 from builder.reporting import Reporter
@@ -63,7 +63,7 @@ def propose_load_test(
             f"{vehicle_path}: material.density_kg_per_m3 is missing: no cases of own weight, "
             "one without load instead"
         )
-    snapshots = _snapshots(vehicle, snapshots_path, reporter)
+    snapshots = flows_for_design(vehicle, snapshots_path, reporter)
     structure = fourier_structure(vehicle, used_layouts(vehicle), reporter)
     with reporter.stage("Structure: as it may be built") as progress:
         as_built = as_built_structure(vehicle, vehicle.gauges.layout, progress=progress)
@@ -130,13 +130,20 @@ def remark(plan: LoadPlan, number: int) -> str:
     return "sigma over exact: " + ", ".join(f"{n} {r:.2f}" for n, r in zip(COEFFICIENT_NAMES, ratio, strict=True))
 
 
-def _snapshots(vehicle: Vehicle, path: Path | None, reporter: Reporter) -> Snapshots:
+def flows_for_design(vehicle: Vehicle, path: Path | None, reporter: Reporter) -> Snapshots:
+    """Return the flows of a file, else of local inclination where the vehicle's own take long.
+
+    Raises
+    ------
+    InputError
+        The file is of another body.
+    """
     if path is not None:
         snapshots = load_snapshots(path)
-        refuse_misfits(path, body_misfits(snapshots, vehicle.body()))
+        refuse_misfits(path, vehicle_misfits(snapshots, vehicle))
         return snapshots
     if vehicle.aerodynamics.engine == "euler":
-        reporter.note("flows: local inclination, enough to choose loads; --snapshots takes others")
+        reporter.note("flows: local inclination; --snapshots takes those of a file")
         aerodynamics = vehicle.aerodynamics.model_copy(update={"engine": "newtonian"})
         vehicle = vehicle.model_copy(update={"aerodynamics": aerodynamics})
     return take_snapshots(vehicle, progress=reporter)

@@ -135,6 +135,16 @@ def mapped_operator(
     return grid, (by_ring @ _roll_interpolation(grid.n_roll)).reshape(len(operator), -1)
 
 
+def mapped_fields(fields: FloatArray, target: SurfaceMesh, snapshots: Snapshots) -> FloatArray:
+    """Return ``fields`` (n_p, k) at the nodes of snapshots of any shape, at the nodes (n_q, k) of ``target``.
+
+    The surfaces coincide, as :func:`mapped_operator` has checked.
+    """
+    if target.digest() == snapshots.surface.digest():
+        return fields
+    return np.asarray(pressure_map(snapshots.surface, target).interpolation @ fields)
+
+
 def _roll_interpolation(n_roll: int) -> FloatArray:
     """Return (ROLL_REFINEMENT * n_roll, n_roll): the trigonometric interpolant at finer roll angles."""
     spectrum = np.fft.rfft(np.eye(n_roll), axis=0)

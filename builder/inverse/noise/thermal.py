@@ -21,7 +21,8 @@ NAME = "temperature"
 """Name of the modes' noise term."""
 
 _STATIONS = 5
-_HARMONICS = 2
+HARMONICS = 2
+"""Highest harmonic in roll angle of the modes."""
 _MICRO, _PER_100K, _CELSIUS = 1e-6, 1e-4, 273.15
 
 
@@ -81,12 +82,17 @@ def thermal_map(vehicle: Vehicle, structure: FourierStructure | None = None) -> 
 
 def thermal_structure(vehicle: Vehicle, entry: Temperature) -> FourierStructure:
     """Return the Fourier model of the layout in use with the expansion of material and gauges."""
+    properties = thermal_properties(entry)
+    return fourier_structure_of(vehicle, vehicle.gauges.layout, properties=properties, max_harmonic=HARMONICS)
+
+
+def thermal_properties(entry: Temperature) -> LoadProperties:
+    """Return the expansion of the material, and what the gauges compensate of it."""
     expansion = _MICRO * entry.expansion_um_per_m_per_K
     compensation = entry.compensation_um_per_m_per_K
-    properties = LoadProperties(
+    return LoadProperties(
         expansion=expansion, compensation=expansion if compensation is None else _MICRO * compensation
     )
-    return fourier_structure_of(vehicle, vehicle.gauges.layout, properties=properties, max_harmonic=_HARMONICS)
 
 
 def thermal_terms(vehicle: Vehicle, thermal: ThermalMap | None) -> list[NoiseTerm]:

@@ -6,7 +6,7 @@ component (adjoint), then a product with the pressure load L. Source: the paper'
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -15,7 +15,12 @@ from numpy.typing import NDArray
 
 from builder.processors import processors
 from builder.reporting import Progress
-from builder.structure.fourier.fourier_elasticity import assemble_stiffness, factor_harmonic
+from builder.structure.fourier.fourier_elasticity import (
+    FourierStiffness,
+    HarmonicSolver,
+    assemble_stiffness,
+    factor_harmonic,
+)
 from builder.structure.fourier.free_flight import FlyingSolver
 from builder.structure.fourier.gauges import PlacedGauges
 from builder.structure.fourier.inner_surface import inner_surface_points
@@ -27,6 +32,7 @@ from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 
 SAME_STATION = 1e-9  # m
+STATIONS_AT_ONCE = 100
 
 
 @dataclass(frozen=True)
@@ -151,9 +157,7 @@ def response_of_rows(
     stiffness, load = assemble_stiffness(mesh, material), pressure_load(mesh, station_x)
 
     def of_harmonic(m: int) -> FloatArray:
-        flies = m < 2 and mesh.masses is not None
-        solver = FlyingSolver(mesh, stiffness, m) if flies else factor_harmonic(mesh, stiffness, m)
-        adjoint = solver.solve(rows(m).reshape(-1, mesh.n_dof).T)
+        adjoint = _solver(mesh, stiffness, m).solve(rows(m).reshape(-1, mesh.n_dof).T)
         return np.asarray((load.T @ adjoint).T)
 
     found = []
@@ -164,6 +168,46 @@ def response_of_rows(
             if progress is not None:
                 progress(m + 1, max_harmonic + 1)
     return np.stack(found, axis=1)
+
+
+def response_to_fields(
+    mesh: MeridianMesh,
+    material: Material,
+    gauge_x: FloatArray,
+    station_x: FloatArray,
+    fields: Sequence[FloatArray],
+) -> list[FloatArray]:
+    """Return the strain at gauge stations under given pressures, harmonic by harmonic: one solution per pressure.
+
+    With many stations and few pressures this is cheaper than :func:`harmonic_response`, which has one per station.
+
+    Parameters
+    ----------
+    mesh, material, station_x : as in :func:`harmonic_response`.
+    gauge_x : (n,) stations [m] on the inner surface.
+    fields : per harmonic m, (n_x, k_m) pressures at the stations ``station_x`` times cos(m phi).
+
+    Returns
+    -------
+    Per harmonic (n, 3, k_m): meridional, hoop and shear strain per unit of the pressures.
+    """
+    stiffness, load = assemble_stiffness(mesh, material), pressure_load(mesh, station_x)
+
+    def of_harmonic(m: int) -> FloatArray:
+        if not fields[m].any():
+            return np.zeros((len(gauge_x), 3, fields[m].shape[1]))
+        moved = _solver(mesh, stiffness, m).solve(np.asarray(load @ fields[m]))
+        blocks = np.array_split(gauge_x, 1 + len(gauge_x) // STATIONS_AT_ONCE)
+        return np.concatenate([strain_rows(mesh, x, m) @ moved for x in blocks if len(x)])
+
+    with ThreadPoolExecutor(min(processors(), len(fields))) as pool:
+        return list(pool.map(of_harmonic, range(len(fields))))
+
+
+def _solver(mesh: MeridianMesh, stiffness: FourierStiffness, m: int) -> HarmonicSolver | FlyingSolver:
+    """Return the factored stiffness of harmonic ``m``, in free flight with the inertia that balances the load."""
+    flies = m < 2 and mesh.masses is not None
+    return FlyingSolver(mesh, stiffness, m) if flies else factor_harmonic(mesh, stiffness, m)
 
 
 def distinct_stations(x: FloatArray) -> FloatArray:

@@ -12,16 +12,19 @@ from builder.reporting import Progress
 from builder.structure.solid.mesh.solid_mesh import EXTERNAL, SolidMesh
 from builder.structure.solid.mesh.swept_mesh import REGION, SweptSector, full_mesh
 from builder.structure.solid.operators.cyclic_operator import cyclic_problem
-from builder.structure.solid.operators.free_flight import free_flight
+from builder.structure.solid.operators.free_flight import FreeFlight, free_flight
 from builder.structure.solid.operators.matter import Matter
 from builder.structure.solid.operators.supports import Support
 from builder.structure.solid.operators.surface_load import nodal_force_load, pressure_load
 from builder.structure.solid.operators.surface_triangles import split_surface
 from builder.structure.solid.solvers.cyclic import CyclicSolver, force_operator, pressure_operator
 from builder.structure.solid.solvers.solver import CYCLIC, Solver, choose_solver
-from builder.structure.solid.strain_operator import held_problem, strain_operator
+from builder.structure.solid.strain_operator import displacement, held_problem, strain_operator
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
+
+FIELDS_AT_ONCE = 4
+"""Pressures that are solved for together; the residual of their sum is checked, which grows with their number."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,19 +89,58 @@ def solve_strain(
             found = cyclic.strain_operator(rows, force_operator(problem, EXTERNAL), progress)
             return _solution(_along_body_axes(mesh, found), cyclic)
         return _solution(cyclic.strain_operator(rows, pressure_operator(problem, EXTERNAL), progress), cyclic)
+    solver, flight = _held(mesh, matter, support, solver_name)
+    if of_forces:
+        whole = full_mesh(mesh) if isinstance(mesh, SweptSector) else mesh
+        load = nodal_force_load(whole, EXTERNAL)
+    else:
+        load = _pressure_load(mesh)
+    operator = strain_operator(rows, solver, load, flight, progress)
+    return _solution(operator, solver)
+
+
+def solve_fields(
+    mesh: SolidMesh,
+    matter: Matter,
+    support: Support | None,
+    rows: csr_array,
+    fields: FloatArray,
+    solver_name: str | None = None,
+    progress: Progress | None = None,
+) -> FloatArray:
+    """Return the strain (n_d, k) of gauge rows under pressures ``fields`` (n_p, k): one solution per pressure.
+
+    With many gauges and few pressures this is cheaper than :func:`solve_strain`, whose other parameters and errors
+    it has.
+    """
+    solver, flight = _held(mesh, matter, support, solver_name)
+    load, n = _pressure_load(mesh), fields.shape[1]
+    found = np.empty((rows.shape[0], n))
+    for first in range(0, n, FIELDS_AT_ONCE):
+        block = slice(first, min(first + FIELDS_AT_ONCE, n))
+        moved = displacement(solver, load, fields[:, block], flight)
+        found[:, block] = rows @ moved.reshape(len(moved), -1).T
+        if progress is not None:
+            progress(block.stop, n)
+    return found
+
+
+def _held(
+    mesh: SweptSector | SolidMesh, matter: Matter, support: Support | None, solver_name: str | None
+) -> tuple[Solver, FreeFlight | None]:
+    """Return the solver of the held structure on its full mesh, and the inertia that balances a free flight."""
     whole = full_mesh(mesh) if isinstance(mesh, SweptSector) else mesh
     regions = whole.region_names
     flight = free_flight(whole, matter.densities(regions), matter) if support is None else None
     held = held_problem(whole, matter.materials(regions), None if support is None else [support])
-    solver = choose_solver(held, solver_name)
-    if of_forces:
-        load = nodal_force_load(whole, EXTERNAL)
-    else:
-        load = pressure_load(
-            whole, EXTERNAL, None if isinstance(mesh, SweptSector) else split_surface(mesh, EXTERNAL)[1]
-        )
-    operator = strain_operator(rows, solver, load, flight, progress)
-    return _solution(operator, solver)
+    return choose_solver(held, solver_name), flight
+
+
+def _pressure_load(mesh: SweptSector | SolidMesh) -> csr_array:
+    """Return the nodal force (n_dof, n_p) per pressure [m2] on the external surface."""
+    if isinstance(mesh, SweptSector):
+        return pressure_load(full_mesh(mesh), EXTERNAL, None)
+    return pressure_load(mesh, EXTERNAL, split_surface(mesh, EXTERNAL)[1])
 
 
 def _along_body_axes(sector: SweptSector, operator: FloatArray) -> FloatArray:

@@ -33,6 +33,8 @@ COMMANDS: dict[str, dict[str, str]] = {
         "replay": "docs/howto/record_and_replay.md",
     },
     "Studies": {
+        "place": "docs/howto/place_gauges.md",
+        "review": "docs/howto/place_gauges.md",
         "stress": "docs/howto/what_a_map_notices.md",
         "compare": "docs/evidence/comparison.md",
         "fly": "docs/howto/fly_closed_loop.md",
@@ -97,6 +99,11 @@ OPTIONS: dict[str, dict[str, tuple[str, ...]]] = {
         "Errors of the loads": ("load_error", "cell_error"),
     },
     "send": {"Bus": ("bus", "settings", "interface", "channel", "option", "profile")},
+    "place": {
+        "Candidates": ("stations", "roll_angles", "directions", "pairs", "keep"),
+        "Limits": ("spacing", "forbid", "budget", "costs"),
+        "Goals": ("goal", "loads", "estimator", "robust", "starts"),
+    },
     "stress": {"Effort": ("conditions", "draws", "seed"), "Files": FILES},
     "compare": {"Effort": ("conditions", "draws", "training", "seed"), "Files": FILES},
     "plant": {

@@ -93,14 +93,14 @@ def loadtest(
         return
     limits = LoadLimits(
         force=force,
-        stations=tuple(_numbers("--stations", stations)) if stations else None,
-        roll_angles=tuple(np.deg2rad(_numbers("--roll-angles", roll_angles)).tolist()),
+        stations=tuple(numbers("--stations", stations)) if stations else None,
+        roll_angles=tuple(np.deg2rad(numbers("--roll-angles", roll_angles)).tolist()),
         directions=tuple(one.strip() for one in directions.split(",")),
         half_length=0.5e-3 * pad_length,
         half_angle=float(np.deg2rad(0.5 * pad_angle)),
         internal_pressure=1e3 * pressure,
         axial_force=axial,
-        attitudes=tuple(np.deg2rad(_numbers("--attitudes", attitudes)).tolist()),
+        attitudes=tuple(np.deg2rad(numbers("--attitudes", attitudes)).tolist()),
         largest_strain=1e-6 * largest_strain,
     )
     plan = propose_load_test(vehicle, cases, limits, errors, ConsoleReporter(console), snapshots)
@@ -130,7 +130,8 @@ def _show(console: Console, plan: LoadPlan) -> None:
     console.print(f"{plan.candidates} load cases compared.", highlight=False)
 
 
-def _numbers(option: str, text: str) -> list[float]:
+def numbers(option: str, text: str) -> list[float]:
+    """Return the finite numbers of an option's text, separated by commas."""
     try:
         found = [float(one) for one in text.split(",")]
     except ValueError as error:

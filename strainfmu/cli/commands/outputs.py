@@ -8,7 +8,7 @@ from typing import Any
 
 from strainfmu.errors import InputError
 
-WRITTEN = ("output", "known_output", "field", "export_influence", "record", "report")
+WRITTEN = ("output", "known_output", "field", "export_influence", "record", "report", "curves")
 """Parameters that name a file to write; ``tare.output`` of a bus file may be the file of ``zeros.file``."""
 
 

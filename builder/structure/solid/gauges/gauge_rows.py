@@ -139,7 +139,7 @@ class PlacedGauge:
     direction: FloatArray
 
 
-def gauge_rows(mesh: SolidMesh, gauges: Gauges, near_surface: bool = False) -> csr_array:
+def gauge_rows(mesh: SolidMesh, gauges: Gauges, near_surface: bool = False, with_twins: bool = False) -> csr_array:
     """Return B, the strain of each gauge per displacement.
 
     Parameters
@@ -148,6 +148,7 @@ def gauge_rows(mesh: SolidMesh, gauges: Gauges, near_surface: bool = False) -> c
     gauges : the gauges.
     near_surface : gauges are moved onto the mesh however far it is from them, for meshes that only come near the
         true surface, as linear elements do.
+    with_twins : gauges may be at one position with the same direction, as candidates and those in use.
 
     Returns
     -------
@@ -161,7 +162,7 @@ def gauge_rows(mesh: SolidMesh, gauges: Gauges, near_surface: bool = False) -> c
         gauges at one position with the same direction.
     """
     patches = {name: _patches(mesh, name) for name in dict.fromkeys(gauges.surface)}
-    placed = _placed(mesh, gauges, patches, near_surface)
+    placed = _placed(mesh, gauges, patches, near_surface, with_twins)
     row, column, entry = [], [], []
     for i, gauge in enumerate(placed):
         surface = patches[gauges.surface[i]]
@@ -180,7 +181,11 @@ def place_gauges(mesh: SolidMesh, gauges: Gauges) -> list[PlacedGauge]:
 
 
 def _placed(
-    mesh: SolidMesh, gauges: Gauges, patches: Mapping[str, SurfacePatches], near_surface: bool = False
+    mesh: SolidMesh,
+    gauges: Gauges,
+    patches: Mapping[str, SurfacePatches],
+    near_surface: bool = False,
+    with_twins: bool = False,
 ) -> list[PlacedGauge]:
     if not gauges.name:
         raise InputError("no gauges: at least one is needed")
@@ -197,7 +202,8 @@ def _placed(
                 f"at most {np.rad2deg(LARGEST_TILT):g} deg is allowed"
             )
         placed.append(PlacedGauge(foot, _in_plane(unit, foot.normal)))
-    _refuse_twins(gauges, placed)
+    if not with_twins:
+        _refuse_twins(gauges, placed)
     return placed
 
 

@@ -1,0 +1,185 @@
+"""From a vehicle file to a proposed gauge layout, and to a review of one: ``strainfmu place`` and ``review``."""
+
+from __future__ import annotations
+
+import csv
+import io
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from builder.campaign.snapshots import Snapshots
+from builder.inverse.problem import AnyStructure
+from builder.pipeline.load_test_proposal import flows_for_design
+from builder.pipeline.stages import fourier_structure, on_snapshots, solve_structure
+from builder.placement.candidates import CandidateGrid
+from builder.placement.curves import Curves, accuracy_curves
+from builder.placement.design import Aim, Placement, Study, place, placement_study
+from builder.placement.flight_models import Kind
+from builder.placement.limits import Limits
+from builder.placement.review import Review, review_of
+from builder.reporting import Reporter
+from builder.reports.page.html import write_page
+from builder.reports.placement_page import placement_page
+from builder.structure.fourier.model import refuse_beyond_fourier
+from builder.vehicle.file import Vehicle, load_vehicle
+from builder.vehicle.gauges.entries import GaugeLayoutEntry
+from builder.vehicle.gauges.layout import CSV_COLUMNS, GaugeLayout, read_layout
+from builder.vehicle.map_needs import used_layouts
+from strainfmu.errors import InputError
+from strainfmu.files import write_bytes_atomically
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ProposedGauges:
+    """A proposed layout with the study behind it, and curves where they are wanted."""
+
+    study: Study
+    placement: Placement
+    curves: Curves | None
+
+
+def propose_gauges(
+    vehicle_path: Path,
+    grid: CandidateGrid,
+    limits: Limits,
+    aim: Aim,
+    *,
+    reporter: Reporter,
+    snapshots_path: Path | None = None,
+    keep: Path | None = None,
+    with_curves: bool = False,
+) -> ProposedGauges:
+    """Return gauges for the vehicle of a file; ``keep`` is a layout file of gauges that are placed in any case.
+
+    Flows are those of ``snapshots_path``, else of local inclination.
+
+    Raises
+    ------
+    InputError
+        The vehicle file is wrong, the Fourier model cannot do what it requests, or no choice keeps the limits.
+    """
+    vehicle = load_vehicle(vehicle_path)
+    check_model(vehicle)
+    kept = None if keep is None else read_layout(keep)
+    for line in left_out(vehicle):
+        reporter.note(line)
+    snapshots = flows_for_design(vehicle, snapshots_path, reporter)
+    structure = structure_of(vehicle, snapshots, reporter)
+    with reporter.stage("Candidates: strain and models"):
+        study = placement_study(vehicle, snapshots, structure, grid, aim.estimator, kept)
+    reporter.note(
+        f"{study.offered} candidates, {study.model.rows.shape[-1]} unknowns, "
+        f"{len(study.model.weight)} flight states, {study.kind} estimator"
+    )
+    found = place(study, limits, aim, reporter)
+    curves = None
+    if with_curves:
+        with reporter.stage("Curves") as progress:
+            curves = accuracy_curves(study, limits, aim, progress)
+    return ProposedGauges(study=study, placement=found, curves=curves)
+
+
+def check_model(vehicle: Vehicle) -> None:
+    """Refuse a structure that cannot be asked for strain at any point of the wall.
+
+    Raises
+    ------
+    InputError
+        Names the entry.
+    """
+    entry = vehicle.structure
+    if entry.external is not None:
+        raise InputError(
+            f"structure.{entry.external}: place and review need strain at points without gauges, which the file "
+            "of another code does not hold; state the wall or structure.mesh instead"
+        )
+    if vehicle.is_of_revolution:
+        refuse_beyond_fourier(vehicle, [vehicle.gauges.layout])
+
+
+def structure_of(vehicle: Vehicle, snapshots: Snapshots, reporter: Reporter) -> AnyStructure:
+    """Return strain per pressure of the layouts that the map needs, at the nodes of ``snapshots``."""
+    if vehicle.is_of_revolution:
+        return fourier_structure(vehicle, used_layouts(vehicle), reporter)
+    return on_snapshots(solve_structure(vehicle, progress=reporter), snapshots, reporter)
+
+
+def left_out(vehicle: Vehicle) -> list[str]:
+    """Return a line for every entry of the vehicle file that a placement does not count."""
+    noise, found = vehicle.noise, []
+    if noise.nuisance_file is not None:
+        found.append("noise.nuisance_file: not counted, it holds the gauges of the layout in use alone")
+    if noise.covariance_file is not None or noise.std_of_gauges_um_per_m is not None:
+        found.append("noise: every candidate has the median noise of the gauges in use")
+    if noise.clamp_compliance_mm > 0.0:
+        found.append("noise.clamp_compliance_mm: not counted")
+    if vehicle.temperature is not None and not vehicle.is_of_revolution:
+        found.append("temperature: modes of the wall's temperature are not counted but on a body of revolution")
+    found.append(
+        "mesh: the error of strain by the structure's mesh is not counted; the report of a map built with the "
+        "layout states it"
+    )
+    if vehicle.sensors is not None:
+        found.append("sensors: auxiliary sensors are not counted; with them fewer gauges do")
+    return found
+
+
+def write_layout(layout: GaugeLayout, path: Path) -> None:
+    """Write ``layout`` as the CSV file that an entry ``file`` of [gauges.layouts] takes."""
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(CSV_COLUMNS)
+    for name, position, direction in zip(layout.names, layout.position, layout.direction, strict=True):
+        values = np.concatenate([position, direction]) + 0.0
+        writer.writerow([name, *(f"{0.0 if abs(one) < 1e-12 else one:.9g}" for one in values)])
+    write_bytes_atomically(path, stream.getvalue().encode())
+
+
+def review_layout(
+    vehicle_path: Path,
+    layout: str | None,
+    path: Path,
+    *,
+    grid: CandidateGrid,
+    kind: Kind | None,
+    reporter: Reporter,
+    snapshots_path: Path | None = None,
+) -> Review:
+    """Write the review of a layout as a page; ``layout`` is a name of the vehicle file or a layout file (CSV).
+
+    Raises
+    ------
+    InputError
+        As :func:`propose_gauges`; or there is no such layout.
+    """
+    vehicle = with_layout(load_vehicle(vehicle_path), layout)
+    check_model(vehicle)
+    for line in left_out(vehicle):
+        reporter.note(line)
+    snapshots = flows_for_design(vehicle, snapshots_path, reporter)
+    structure = structure_of(vehicle, snapshots, reporter)
+    with reporter.stage("Review: strain and models"):
+        found = review_of(placement_study(vehicle, snapshots, structure, grid, kind))
+    write_page(placement_page(f"{vehicle.name}: gauges {layout or vehicle.gauges.layout}", found), path)
+    return found
+
+
+def with_layout(vehicle: Vehicle, layout: str | None) -> Vehicle:
+    """Return the vehicle with ``layout`` in use: a name of its file, or a layout file (CSV); None leaves its own.
+
+    Raises
+    ------
+    InputError
+        There is neither.
+    """
+    if layout is None:
+        return vehicle
+    gauges = vehicle.gauges
+    if layout in gauges.layouts:
+        return vehicle.model_copy(update={"gauges": gauges.model_copy(update={"layout": layout})})
+    if not Path(layout).is_file():
+        raise InputError(f"--layout: expected one of {', '.join(gauges.layouts)} or a CSV file, got '{layout}'")
+    layouts = {**gauges.layouts, layout: GaugeLayoutEntry(file=str(Path(layout).resolve()))}
+    return vehicle.model_copy(update={"gauges": gauges.model_copy(update={"layout": layout, "layouts": layouts})})

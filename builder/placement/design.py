@@ -1,0 +1,349 @@
+"""Design of an instrumentation: the chosen gauges, what each contributes, and how far any choice could go."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from builder.campaign.snapshots import Snapshots
+from builder.inverse.modes.ensemble import ensemble_of
+from builder.inverse.problem import AnyStructure
+from builder.placement.candidate_strain import CandidateStrain, fourier_strain, solid_strain
+from builder.placement.candidates import (
+    CandidateGrid,
+    Candidates,
+    grid_candidates,
+    surface_candidates,
+    with_gauges,
+)
+from builder.placement.flight_models import (
+    FlightParts,
+    Kind,
+    errors_of_flows,
+    field_goals,
+    flight_model,
+    noise_std_of,
+)
+from builder.placement.gaussian_model import GaussianModel
+from builder.placement.limits import Limits, rules_of
+from builder.placement.lost_gauge import LARGEST_RATIO, LostGauge, lost_gauges, without_weak_points
+from builder.placement.pressure_basis import pressure_basis
+from builder.placement.relaxation import Relaxed, relaxed
+from builder.placement.rules import Rules
+from builder.placement.selection import best_of_starts, exchanged, greedy, marginal_worth, rounded
+from builder.reporting import Progress, Reporter
+from builder.structure.solid.case import structure_case
+from builder.structure.solid.free_case import FreeCase
+from builder.structure.solid.gauges.gauge_rows import gauges_at
+from builder.vehicle.file import Vehicle
+from builder.vehicle.gauges.layout import GaugeLayout
+from builder.vehicle.shape.geometry import SurfaceGrid
+from strainfmu.arrays import FloatArray, IntArray
+from strainfmu.errors import InputError
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
+
+Goal = Literal["loads", "field", "d-optimal"]
+GOALS: tuple[Goal, ...] = ("loads", "field", "d-optimal")
+
+POOL = 600
+"""Sites of the smallest reduced costs among which exchanges from many starts go on."""
+
+POOL_PER_GAUGE = 12
+
+
+@dataclass(frozen=True, kw_only=True)
+class Aim:
+    """What a placement is for.
+
+    Attributes
+    ----------
+    goal : "loads", the coefficients; "field", pressure on the surface; "d-optimal", all unknowns.
+    weights : (5,) of the coefficients' variances, each over that of the layout in use.
+    estimator : "linear" or "nonlinear"; None for that of the vehicle file.
+    starts : of the exchanges.
+    robust : whether no single loss may raise a sigma beyond :data:`~lost_gauge.LARGEST_RATIO`.
+    """
+
+    goal: Goal = "loads"
+    weights: tuple[float, ...] = (1.0, 1.0, 1.0, 1.0, 1.0)
+    estimator: Kind | None = None
+    starts: int = 20
+    robust: bool = False
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Study:
+    """Candidates of a vehicle with their models.
+
+    Attributes
+    ----------
+    parts : of the models.
+    kind : estimator that they are of.
+    candidates : all sites, those of the layout in use and of gauges to be kept last.
+    strain : of their gauges.
+    own, kept : sites of the layout in use, and of gauges to be kept.
+    offered : number of sites that may be chosen, the first ones.
+    model : goals are coefficients over their sigmas with the layout in use, mean over the states.
+    own_sigma : (5,) these sigmas.
+    """
+
+    parts: FlightParts
+    kind: Kind
+    candidates: Candidates
+    strain: CandidateStrain
+    own: tuple[int, ...]
+    kept: tuple[int, ...]
+    offered: int
+    model: GaussianModel
+    own_sigma: FloatArray
+
+    def sigmas(self, sites: Sequence[int] | IntArray) -> FloatArray:
+        """Return (5,) root mean square sigma over the flight states with gauges at ``sites``."""
+        return np.asarray(self.own_sigma * np.sqrt(self.model.weight @ self.model.goal_variance(sites)))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Placement:
+    """A placement.
+
+    Attributes
+    ----------
+    layout : the gauges.
+    sites : chosen sites of the study.
+    sigmas, own_sigmas : (5,) of the coefficients over the flight states, and with the layout in use [1].
+    value, bound : the criterion, and what no choice of these candidates within the budget is below.
+    worth : (n_sites,) what the criterion rises by without each site, over the criterion [1].
+    lost : what the loss of each gauge does to the sigmas.
+    remarks : lines on what could not be reached.
+    """
+
+    layout: GaugeLayout
+    sites: tuple[int, ...]
+    sigmas: FloatArray
+    own_sigmas: FloatArray
+    value: float
+    bound: float
+    unknowns: int
+    is_determinant: bool
+    worth: FloatArray
+    lost: LostGauge
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def gap_percent(self) -> float:
+        """How far the criterion may be above the best one [%]; of a determinant per unknown that gauges see."""
+        if self.is_determinant:
+            return 100.0 * float(np.expm1((self.value - self.bound) / self.unknowns))
+        return 100.0 * (self.value / self.bound - 1.0)
+
+
+def placement_study(
+    vehicle: Vehicle,
+    snapshots: Snapshots,
+    structure: AnyStructure,
+    grid: CandidateGrid,
+    kind: Kind | None = None,
+    keep: GaugeLayout | None = None,
+    reporter: Reporter | None = None,
+) -> Study:
+    """Return the candidates of ``grid`` with their models.
+
+    Parameters
+    ----------
+    vehicle, snapshots, structure : as for a map; the structure holds the layout in use.
+    grid : what candidates there are.
+    kind : estimator; that of the vehicle file by default.
+    keep : gauges that are placed in any case.
+
+    Raises
+    ------
+    InputError
+        The vehicle is a body of revolution of another model than the Fourier one, a candidate is not on the wall,
+        or the layout in use is not on one surface.
+    """
+    surface, case = structure.surface, None
+    if not vehicle.is_of_revolution:
+        solid = structure_case(vehicle, [vehicle.gauges.layout])
+        assert isinstance(solid, FreeCase)
+        case = solid
+    elif not isinstance(surface, SurfaceGrid) or vehicle.structure.model != "fourier":
+        raise InputError(
+            "place: expected structure.model = 'fourier' of a body of revolution, whose inner surface takes the "
+            f"gauges, got model '{vehicle.structure.model}'"
+        )
+    ensemble = ensemble_of(vehicle, snapshots)
+    own_layout = structure.layouts[vehicle.gauges.layout]
+    bonded = None if case is None else bonded_surface(case, vehicle.gauges.layout)
+    offered = grid_candidates(vehicle, grid) if case is None else surface_candidates(case.mesh, str(bonded), grid)
+    everything, kept = with_gauges(offered, keep) if keep is not None else (offered, [])
+    everything, own = with_gauges(everything, own_layout)
+    basis = pressure_basis(vehicle, snapshots, ensemble, errors_of_flows(vehicle, snapshots, ensemble))
+    parts = FlightParts(
+        vehicle=vehicle,
+        snapshots=snapshots,
+        ensemble=ensemble,
+        structure=structure,
+        basis=basis,
+        noise_std=noise_std_of(vehicle, snapshots, structure),
+    )
+    if case is None:
+        assert isinstance(surface, SurfaceGrid)
+        strain = fourier_strain(vehicle, surface, basis, everything.gauges)
+    else:
+        placed = everything.gauges
+        length = float(case.layouts[vehicle.gauges.layout].length[0])
+        gauges = gauges_at(placed.position, placed.direction, placed.names, length, str(bonded))
+        strain = solid_strain(case, snapshots, basis, gauges)
+    kind = kind or ("nonlinear" if vehicle.map.estimator == "nonlinear" else "linear")
+    model, own_sigma = normalised(flight_model(parts, strain, everything.sites, kind), own)
+    return Study(
+        parts=parts,
+        kind=kind,
+        candidates=everything,
+        strain=strain,
+        own=tuple(own),
+        kept=tuple(kept),
+        offered=len(offered.sites),
+        model=model,
+        own_sigma=own_sigma,
+    )
+
+
+def bonded_surface(case: FreeCase, layout: str) -> str:
+    """Return the surface of a free shape that the gauges of ``layout`` are bonded to, for the candidates too.
+
+    Raises
+    ------
+    InputError
+        They are on two surfaces, or of two lengths.
+    """
+    gauges = case.layouts[layout]
+    if len(set(gauges.surface)) > 1 or np.ptp(gauges.length) > 0.0:
+        raise InputError(f"gauges.layouts.{layout}: expected gauges on one surface and of one length, got two")
+    return gauges.surface[0]
+
+
+def normalised(model: GaussianModel, own: Sequence[int]) -> tuple[GaussianModel, FloatArray]:
+    """Return the model with goals over their root mean square sigmas with sites ``own``, and these (n_g,)."""
+    sigma = np.sqrt(model.weight @ model.goal_variance(own))
+    return replace(model, goals=model.goals / sigma[:, None], fixed=model.fixed / sigma**2), sigma
+
+
+def aimed(study: Study, aim: Aim) -> GaussianModel:
+    """Return the model of ``study`` with the goals of ``aim``."""
+    model = study.model
+    if aim.goal == "d-optimal":
+        return replace(model, criterion="determinant")
+    if aim.goal == "field":
+        return replace(model, goals=field_goals(study.parts, study.strain, study.kind))
+    weight = np.array(aim.weights) / np.mean(aim.weights)
+    return replace(model, goals=model.goals * np.sqrt(weight)[:, None], fixed=model.fixed * weight)
+
+
+def place(study: Study, limits: Limits, aim: Aim, reporter: Reporter) -> Placement:
+    """Return the best placement that is found within ``limits``.
+
+    Raises
+    ------
+    InputError
+        No choice keeps the limits.
+    """
+    whole = aimed(study, aim)
+    offered = [*range(study.offered), *study.kept]
+    forced = list(range(study.offered, len(offered)))
+    candidates = replace(study.candidates, sites=study.candidates.sites[offered])
+    left, rules = rules_of(candidates, limits, forced)
+    number = {tuple(site): k for k, site in reversed(list(enumerate(study.candidates.sites.tolist())))}
+    of_study = np.array([number[tuple(site)] for site in left.sites.tolist()], dtype=np.int64)
+    model = whole.of_sites(of_study)
+    with reporter.stage("Gauges: greedy choice") as progress:
+        first = greedy(model, rules, rules.forced, progress)
+    with reporter.stage("Gauges: bound by the relaxation") as progress:
+        relaxation = relaxed(model, rules, first, progress=progress)
+    with reporter.stage(f"Gauges: exchanges from {aim.starts} starts") as progress:
+        chosen = best_exchanged(model, rules, relaxation, first, aim.starts, progress)
+    with reporter.stage("Gauges: exchanges among all candidates") as progress:
+        chosen = exchanged(model, rules, chosen, progress)
+    remarks: list[str] = []
+    if aim.robust:
+        coefficients = study.model.of_sites(of_study)
+        with reporter.stage("Gauges: against the loss of one") as progress:
+            chosen = without_weak_points(model, coefficients, rules, chosen, progress)
+    sites = of_study[chosen]
+    lost = lost_gauges(study.model, sites, study.candidates.of(sites))
+    if aim.robust:
+        names = study.candidates.gauges.names
+        remarks += robust_remarks(study, rules, of_study, chosen, lost, names)
+    value = model.value(chosen)
+    return Placement(
+        layout=study.candidates.layout(sites),
+        sites=tuple(sites.tolist()),
+        sigmas=study.sigmas(sites),
+        own_sigmas=study.own_sigma,
+        value=value,
+        bound=relaxation.bound,
+        unknowns=model.rows.shape[-1],
+        is_determinant=model.criterion == "determinant",
+        worth=marginal_worth(model, chosen) / abs(value),
+        lost=lost,
+        remarks=tuple(remarks),
+    )
+
+
+def best_exchanged(
+    model: GaussianModel,
+    rules: Rules,
+    relaxation: Relaxed,
+    first: Sequence[int],
+    starts: int,
+    progress: Progress | None = None,
+) -> list[int]:
+    """Return the best choice from ``starts`` starts: greedy, the relaxation rounded, and drawn by its weights.
+
+    Exchanges go on among the sites whose reduced costs in the relaxation are smallest: others cannot help much.
+    """
+    reduced = relaxation.gradient / rules.cost
+    count = min(model.n_sites, max(POOL, int(POOL_PER_GAUGE * rules.budget / float(np.median(rules.cost)))))
+    drawn = [rounded(relaxation.weight, rules)]
+    drawn += [rounded(relaxation.weight, rules, seed) for seed in range(max(starts - 2, 0))]
+    begun = [list(first), *drawn][: max(starts, 1)]
+    needed = set(rules.forced).union(*map(set, begun))
+    pool = np.array(sorted(needed.union(np.argsort(reduced, kind="stable")[:count].tolist())), dtype=np.int64)
+    place_of = {int(site): k for k, site in enumerate(pool)}
+    inside = [[place_of[site] for site in one] for one in begun]
+    found = best_of_starts(model.of_sites(pool), rules.of_sites(pool), inside, progress)
+    return [int(pool[one]) for one in found]
+
+
+def robust_remarks(
+    study: Study,
+    rules: Rules,
+    of_study: IntArray,
+    chosen: Sequence[int],
+    lost: LostGauge,
+    names: Sequence[str],
+) -> list[str]:
+    """Return a line for every gauge whose loss raises a sigma too far: by how much, and what one more would do."""
+    found = []
+    for gauge, ratio in zip(lost.gauges.tolist(), lost.ratio, strict=True):
+        worst = int(np.argmax(ratio))
+        if ratio[worst] <= LARGEST_RATIO:
+            continue
+        site = next(k for k, one in enumerate(chosen) if gauge in study.candidates.sites[of_study[one]])
+        others = [int(of_study[one]) for k, one in enumerate(chosen) if k != site]
+        spare = np.flatnonzero(rules.allowed([*chosen], whole_budget=True))
+        nearest = ""
+        if len(spare):
+            variance = [study.model.goal_variance([*others, int(of_study[one])]) for one in spare[:200]]
+            best = int(np.argmin([float((study.model.weight @ one)[worst]) for one in variance]))
+            nearest = (
+                f"; one more gauge, {names[study.candidates.sites[of_study[spare[best]]][0]]}, would cover it best"
+            )
+        found.append(
+            f"loss of {names[gauge]}: sigma of {COEFFICIENT_NAMES[worst]} rises to {ratio[worst]:.2f} times, more "
+            f"than {LARGEST_RATIO:g}: too few others read the same{nearest}"
+        )
+    return found

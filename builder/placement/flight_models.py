@@ -1,0 +1,382 @@
+"""Candidate gauges at flight states: what each reads of the unknowns there, and the coefficients as goals.
+
+The models are those of the estimators, about flight states that are taken for known. Nonlinear: unknowns are the
+flight state within air data and ranges, and pressure off the tables. Linear: the states of the map and truncated
+modes, errors averaged over the flows. Errors of the vehicle and its gauges are those of the section [noise]: what
+each gauge has on its own is noise of its row, what gauges have in common is an unknown.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from builder.aero.loads.operator import coefficient_scale, load_operator_on
+from builder.aero.surface.mesh import mesh_of
+from builder.campaign.snapshots import Snapshots
+from builder.inverse.modes.ensemble import Ensemble, rolled_modes
+from builder.inverse.modes.pod import PressureModes, proper_orthogonal_decomposition
+from builder.inverse.noise.flows_between import flows_between
+from builder.inverse.noise.hardware_errors import rms_ambient_pressure
+from builder.inverse.noise.leeward import leeward_fields
+from builder.inverse.problem import AnyStructure, gauge_noise_covariance, inverse_problem
+from builder.inverse.solution import Problem, mode_choice, pressure_modes
+from builder.manifold.build import tables_and_errors
+from builder.placement.candidate_strain import CandidateStrain
+from builder.placement.gaussian_model import GaussianModel
+from builder.placement.pressure_basis import PressureBasis
+from builder.structure.as_built_kinds import KINDS
+from builder.vehicle.file import Vehicle
+from strainfmu.arrays import FloatArray, IntArray
+from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, pressure_and_temperature
+from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, N_STATES, FlightTables, U, W, evaluate
+
+Kind = Literal["linear", "nonlinear"]
+
+STATES = 24
+"""Flight states that the criterion is averaged over."""
+
+GOLDEN = np.pi * (3.0 - np.sqrt(5.0))
+"""Angle by which the aerodynamic roll angle of one state is ahead of the last [rad]."""
+
+FAINT = 0.02
+"""Strain of an unknown in a typical gauge, over its noise, below which it counts as noise of its own."""
+
+FREE = 1e3
+"""Standard deviation of a state of Case 1, which has no prior, over the one that it has in the flows."""
+
+FIELD_GOALS = 40
+"""Combinations of the pressure that stand for the field as a goal."""
+
+PROBES = 400
+"""Candidates that stand for all where unknowns are ordered by what gauges see of them."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FlightParts:
+    """What models of candidates are made from.
+
+    Attributes
+    ----------
+    vehicle, snapshots, ensemble : the vehicle, its flows, and these as the map uses them.
+    structure : whose nodes the snapshots are on.
+    basis : of pressure.
+    noise_std : of a gauge [m/m].
+    """
+
+    vehicle: Vehicle
+    snapshots: Snapshots
+    ensemble: Ensemble
+    structure: AnyStructure
+    basis: PressureBasis
+    noise_std: float
+
+    @property
+    def loads(self) -> FloatArray:
+        """(5, n_p) load operator [m2, m3]."""
+        station = self.vehicle.reference_quantities().moment_station
+        return load_operator_on(self.structure.surface, station)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _State:
+    """One flight state: what its rows are made of.
+
+    Attributes
+    ----------
+    unknowns : (K, m) of the basis per unknown at one standard deviation [Pa].
+    goals : (n_g, m) coefficients per unknown.
+    fixed : (n_g,) variance of the coefficients that no gauge lowers.
+    pressure_root : (K, k) pressure that errors in proportion to strain follow: a root of its second moment [Pa].
+    rest : (K, K) covariance of unknowns that count as noise [Pa^2].
+    """
+
+    unknowns: FloatArray
+    goals: FloatArray
+    fixed: FloatArray
+    pressure_root: FloatArray
+    rest: FloatArray
+
+
+def flight_model(parts: FlightParts, strain: CandidateStrain, sites: IntArray, kind: Kind) -> GaussianModel:
+    """Return the model of candidates at ``sites`` (n_a, b) for the estimator ``kind``; goals are the coefficients.
+
+    Raises
+    ------
+    InputError
+        The flows do not suffice for tables.
+    """
+    probe = strain.strain[:: max(1, len(strain.strain) // PROBES)]
+    triangle = np.asarray(np.linalg.qr(probe / np.sqrt(len(probe)), mode="r"))
+    states = _linear(parts, triangle) if kind == "linear" else _nonlinear(parts, triangle)
+    rows = [_rows(parts, strain, one) for one in states]
+    m = rows[0].shape[1]
+    goals = [np.pad(one.goals, ((0, 0), (0, m - one.goals.shape[1]))) for one in states]
+    fixed = [one.fixed for one in states]
+    if kind == "linear":
+        rows[0], goals[0], more = _without_faint(rows[0], goals[0])
+        fixed[0] = fixed[0] + more
+        m = rows[0].shape[1]
+    return GaussianModel(
+        rows=_at_sites(np.stack(rows), sites),
+        precision=np.tile(np.eye(m), (len(states), 1, 1)),
+        goals=np.stack(goals),
+        fixed=np.stack(fixed),
+        weight=np.full(len(states), 1.0 / len(states)),
+    )
+
+
+def _without_faint(rows: FloatArray, goals: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return rows (n, m) and goals (n_g, m) of fewer unknowns, and variance (n_g,) of the goals that is left.
+
+    What candidates hardly see of the unknowns is noise of their rows.
+    """
+    kept = _seen(rows)
+    short = rows @ kept
+    left = np.maximum(_square(rows) - _square(short), 0.0)
+    of_goals = goals @ kept
+    return short / np.sqrt(1.0 + left)[:, None], of_goals, np.maximum(_square(goals) - _square(of_goals), 0.0)
+
+
+def _seen(rows: FloatArray) -> FloatArray:
+    """Return orthonormal columns (m, k): the combinations of unknowns that candidates see."""
+    probe = rows[:: max(1, len(rows) // PROBES)]
+    _, size, right = np.linalg.svd(probe / np.sqrt(len(probe)), full_matrices=False)
+    return np.asarray(right[size > FAINT].T)
+
+
+def _at_sites(rows: FloatArray, sites: IntArray) -> FloatArray:
+    """Return (n_s, n_a, b, m) rows of the gauges of each site, zero where it has none."""
+    found = rows[:, np.maximum(sites, 0)]
+    found[:, sites < 0] = 0.0
+    return found
+
+
+def _rows(parts: FlightParts, strain: CandidateStrain, state: _State) -> FloatArray:
+    """Return (n, m) rows of all candidates over the noise of each: unknowns of the flow, then common errors."""
+    entry, root = parts.vehicle.noise, state.pressure_root
+    reading = strain.strain @ root
+    variance = parts.noise_std**2 + _square(KINDS["gauge_gain"].noise_std(entry) * reading)
+    for name, operator in (
+        ("axial_shift", strain.axial),
+        ("circumferential_shift", strain.circumferential),
+        ("orientation", strain.orientation),
+    ):
+        variance += _square(KINDS[name].noise_std(entry) * (operator @ root))
+    variance += np.einsum("nk,kl,nl->n", strain.strain, state.rest, strain.strain, optimize=True)
+    common = [
+        KINDS["common_gain"].noise_std(entry) * reading,
+        KINDS["layout_roll"].noise_std(entry) * (strain.layout_roll @ root),
+        KINDS["wall_thickness"].noise_std(entry) * (strain.wall_thickness @ root),
+        np.full((len(reading), 1), KINDS["apparent_strain"].noise_std(entry)),
+        strain.thermal,
+    ]
+    columns = np.hstack([strain.strain @ state.unknowns, *common])
+    return np.asarray(columns / np.sqrt(variance)[:, None])
+
+
+def _square(columns: FloatArray) -> FloatArray:
+    return np.asarray(np.sum(columns * columns, axis=1))
+
+
+def _parted(
+    columns: FloatArray, goals: FloatArray, triangle: FloatArray, noise_std: float
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return unknowns that gauges see (K, m), their goals (n_g, m), and of the others fixed (n_g,), rest (K, K).
+
+    ``columns`` (K, k) are turned to combinations ordered by their strain; faint ones count as noise and, in the
+    goals, as variance that no gauge lowers.
+    """
+    if columns.shape[1] > len(columns) + len(goals):
+        upper = np.asarray(np.linalg.qr(np.vstack([columns, goals]).T, mode="r")).T
+        columns, goals = upper[: len(columns)], upper[len(columns) :]
+    _, size, right = np.linalg.svd(triangle @ columns / noise_std, full_matrices=True)
+    seen = np.zeros(len(right), dtype=bool)
+    seen[: len(size)] = size > FAINT
+    kept, left = right[seen].T, right[~seen].T
+    faint = columns @ left
+    return columns @ kept, goals @ kept, np.sum((goals @ left) ** 2, axis=1), faint @ faint.T
+
+
+def flight_states(parts: FlightParts) -> FloatArray:
+    """Return (n_s, 4) flight states of the flows, even in incidence and Mach number; all round where these are."""
+    ensemble = parts.ensemble
+    conditions = sorted(ensemble.conditions, key=lambda one: (round(one.total_incidence, 9), one.mach_number))
+    count = min(STATES, len(conditions)) if ensemble.grid is None else STATES
+    chosen = np.round(np.linspace(0, len(conditions) - 1, count)).astype(int)
+    found = np.empty((count, N_STATES))
+    for number, row in enumerate(chosen.tolist()):
+        one = conditions[row]
+        roll = one.leeward_roll_angle if ensemble.grid is None else number * GOLDEN
+        found[number, MACH], found[number, LOG_PRESSURE] = one.mach_number, np.log(one.ambient_pressure)
+        found[number, U], found[number, W] = one.total_incidence * np.cos(roll), one.total_incidence * np.sin(roll)
+    return found
+
+
+def _nonlinear(parts: FlightParts, triangle: FloatArray) -> list[_State]:
+    vehicle, basis, n_k = parts.vehicle, parts.basis.fields.T, parts.basis.fields.shape[1]
+    ensemble = parts.ensemble
+    problem = Problem(
+        ensemble=ensemble,
+        strain_operator=basis,
+        load_operator=parts.loads,
+        node_area=mesh_of(parts.structure.surface).node_area,
+        noise=(),
+        errors=(),
+        with_truncated_modes=False,
+        entry=vehicle.map.model_copy(update={"keep_field": False}),
+        between=flows_between(vehicle, parts.snapshots),
+        leeward=None if ensemble.grid is not None else leeward_fields(vehicle, parts.snapshots, ensemble),
+    )
+    found, terms = tables_and_errors(vehicle, parts.snapshots, parts.structure, problem)
+    inside = vehicle.structure.internal_pressure_Pa
+    operator = np.vstack([basis, parts.loads])
+    fixed = np.zeros(len(operator)) if inside == "ambient" else -float(inside) * operator.sum(axis=1)
+    tables = FlightTables(
+        mach_knots=found.mach_knots,
+        incidence_knots=found.incidence_knots,
+        response=found.coefficients,
+        fixed_response=fixed,
+        n_loads=len(parts.loads),
+    )
+    error, states = np.hstack(list(terms.values())), flight_states(parts)
+    at = evaluate(tables, states)
+    typical = float(np.exp(states[:, LOG_PRESSURE].mean()))
+    off, off_loads, off_fixed, off_rest = _parted(error[:n_k], error[n_k:], triangle, parts.noise_std / typical)
+    states_found = []
+    for state, value, slope in zip(states, at.value, at.jacobian, strict=True):
+        pressure = float(np.exp(state[LOG_PRESSURE]))
+        dynamic = 0.5 * HEAT_CAPACITY_RATIO * state[MACH] ** 2 * pressure
+        scale = coefficient_scale(dynamic, vehicle.reference_quantities())
+        prior = _state_root(parts, found.incidence_limit, found.crossflow_range, found.mach_knots, state)
+        of_dynamic = np.zeros(N_STATES)
+        of_dynamic[MACH], of_dynamic[LOG_PRESSURE] = 2.0 / state[MACH], 1.0
+        # Coefficients are loads over q_inf, whose error goes with that of the state.
+        by_state = scale[:, None] * (slope[n_k:] - value[n_k:, None] * of_dynamic)
+        states_found.append(
+            _State(
+                pressure_root=value[:n_k, None],
+                unknowns=np.hstack([slope[:n_k] @ prior, pressure * off]),
+                goals=np.hstack([by_state @ prior, pressure * scale[:, None] * off_loads]),
+                fixed=(pressure * scale) ** 2 * off_fixed,
+                rest=pressure**2 * off_rest,
+            )
+        )
+    return states_found
+
+
+def _state_root(
+    parts: FlightParts, limit: float, crossflow: FloatArray | None, mach: FloatArray, state: FloatArray
+) -> FloatArray:
+    """Return (4, 4) a root of the flight state's covariance by air data and the ranges of the map."""
+    noise, (low, high) = parts.vehicle.noise, parts.vehicle.map.valid_altitude_km
+    half = np.full(2, limit) if crossflow is None else 0.5 * np.ptp(crossflow, axis=1)
+    pressure = [pressure_and_temperature(1e3 * one)[0] for one in (high, low)]
+    std = np.empty(N_STATES)
+    std[MACH], std[U : W + 1] = max(0.5 * float(np.ptp(mach[[0, -1]])), 0.1), half
+    std[LOG_PRESSURE] = 0.5 * np.log(pressure[1] / pressure[0])
+    air = np.zeros((3, N_STATES))
+    air[0, MACH], air[1, LOG_PRESSURE] = 1.0, 1.0
+    air[2, MACH], air[2, LOG_PRESSURE] = 2.0 / state[MACH], 1.0
+    of_air = np.array(
+        [
+            noise.navigation_mach_number,
+            0.01 * noise.navigation_static_pressure_percent,
+            max(0.01 * noise.dynamic_pressure_percent, 1e-3),
+        ]
+    )
+    precision = np.diag(std**-2) + (air / of_air[:, None] ** 2).T @ air
+    return np.asarray(np.linalg.inv(np.linalg.cholesky(precision)).T)
+
+
+def _linear(parts: FlightParts, triangle: FloatArray) -> list[_State]:
+    vehicle, ensemble, basis = parts.vehicle, parts.ensemble, parts.basis.fields.T
+    loads, free = parts.loads, np.zeros(0, dtype=np.int64)
+    if vehicle.map.case == 1:
+        # Modes that the layout in use observes too weakly for states keep their prior, as in its map.
+        problem = inverse_problem(vehicle, parts.snapshots, parts.structure)
+        modes = pressure_modes(problem)
+        free = np.array(mode_choice(problem, modes).kept)
+    else:
+        modes = _modes(ensemble)
+    size = modes.coefficient_std()
+    size[free] *= FREE
+    fields = modes.modes * size
+    if len(free) and not vehicle.noise.with_truncated_modes:
+        fields = fields[:, free]
+    others = [fields]
+    others += [one.T for one in errors_of_flows(vehicle, parts.snapshots, ensemble)]
+    columns = np.hstack(others)
+    scale = coefficient_scale(ensemble.nominal_dynamic_pressure, vehicle.reference_quantities())
+    goals = scale[:, None] * (loads @ columns)
+    unknowns, of_loads, fixed, rest = _parted(basis @ columns, goals, triangle, parts.noise_std)
+    inside = 0.01 * vehicle.noise.internal_pressure_percent * rms_ambient_pressure(ensemble)
+    uniform = inside * basis.sum(axis=1)[:, None]
+    weight = np.sqrt(ensemble.member_weight)
+    flown = ensemble.responses(basis)
+    return [
+        _State(
+            pressure_root=_short((weight[:, None] * flown).T),
+            unknowns=np.hstack([unknowns, uniform]),
+            goals=np.pad(of_loads, ((0, 0), (0, 1))),
+            fixed=fixed,
+            rest=rest,
+        )
+    ]
+
+
+def errors_of_flows(vehicle: Vehicle, snapshots: Snapshots, ensemble: Ensemble) -> list[FloatArray]:
+    """Return fields (k, n_p) of errors of flows that the linear estimator counts with flows as listed [Pa]."""
+    if ensemble.grid is not None or vehicle.noise.model != "default":
+        return []
+    leeward, between = leeward_fields(vehicle, snapshots, ensemble), flows_between(vehicle, snapshots)
+    found = [] if leeward is None else [leeward]
+    if between is not None:
+        found.append(between.off_the_snapshots(ensemble, vehicle.map.form == "dynamic_pressure"))
+    return found
+
+
+def _short(columns: FloatArray) -> FloatArray:
+    """Return fewer columns (K, k) with the covariance of ``columns``, to 1e-4 of the largest."""
+    left, size, _ = np.linalg.svd(columns, full_matrices=False)
+    kept = size > 1e-4 * size[0]
+    return np.asarray(left[:, kept] * size[kept])
+
+
+def _modes(ensemble: Ensemble) -> PressureModes:
+    if ensemble.grid is not None:
+        return rolled_modes(ensemble, None)
+    return proper_orthogonal_decomposition(ensemble.pressure, None)
+
+
+def pressure_of_unknowns(parts: FlightParts, strain: CandidateStrain, kind: Kind) -> FloatArray:
+    """Return (n_s, K, m) pressure of the basis per unknown of :func:`flight_model` [Pa]; 0 of common errors."""
+    probe = strain.strain[:: max(1, len(strain.strain) // PROBES)]
+    triangle = np.asarray(np.linalg.qr(probe / np.sqrt(len(probe)), mode="r"))
+    states = _linear(parts, triangle) if kind == "linear" else _nonlinear(parts, triangle)
+    m = _rows(parts, strain, states[0]).shape[1]
+    found = np.stack([np.pad(one.unknowns, ((0, 0), (0, m - one.unknowns.shape[1]))) for one in states])
+    return found @ _seen(_rows(parts, strain, states[0])) if kind == "linear" else found
+
+
+def field_goals(parts: FlightParts, strain: CandidateStrain, kind: Kind) -> FloatArray:
+    """Return (n_s, n_g, m) the pressure on the surface as goals: its combinations of most variance, area-weighted.
+
+    Their variances add up to that of the mean pressure on the surface, over the same without gauges.
+    """
+    area = mesh_of(parts.structure.surface).node_area
+    weighted = np.sqrt(area / area.sum())[:, None] * parts.basis.fields
+    root = np.asarray(np.linalg.qr(weighted, mode="r"))
+    found = []
+    for one in pressure_of_unknowns(parts, strain, kind):
+        _, size, right = np.linalg.svd(root @ one, full_matrices=False)
+        kept = slice(0, min(FIELD_GOALS, len(size)))
+        found.append(size[kept, None] * right[kept] / np.linalg.norm(size))
+    return np.stack(found)
+
+
+def noise_std_of(vehicle: Vehicle, snapshots: Snapshots, structure: AnyStructure) -> float:
+    """Return the noise of a candidate: the median over the gauges of the layout in use [m/m]."""
+    return float(np.sqrt(np.median(np.diag(gauge_noise_covariance(vehicle, snapshots, structure)))))

@@ -1,0 +1,182 @@
+"""What a placement must keep, as a user states it, turned into rules for sites."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.sparse import coo_array, csr_array
+from scipy.spatial import cKDTree
+
+from builder.placement.candidates import Candidates
+from builder.placement.rules import Rules
+from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.errors import InputError
+
+SAME_POINT = 1e-4
+"""Gauges nearer than this are at one point, as those of a rosette are, and need no distance [m]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Zone:
+    """Part of the wall without gauges: stations ``first`` to ``last`` [m], roll angles ``start`` to ``end`` [deg].
+
+    The roll angles go from ``start`` up to ``end``, through 0 where ``end`` is the smaller one.
+    """
+
+    first: float
+    last: float
+    start: float = 0.0
+    end: float = 360.0
+
+    def holds(self, x: FloatArray, roll_deg: FloatArray) -> BoolArray:
+        """Return (n,) which points are in the zone, its ends included."""
+        within = (x >= self.first - 1e-9) & (x <= self.last + 1e-9)
+        span = (self.end - self.start) % 360.0 or 360.0
+        return np.asarray(within & ((roll_deg - self.start) % 360.0 <= span + 1e-9))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limits:
+    """Limits of a placement.
+
+    Attributes
+    ----------
+    gauges : how many; None where ``budget`` limits them.
+    budget : largest cost of all; None where ``gauges`` is given.
+    costs : of a gauge by the name of its direction; 1 where none is stated.
+    spacing : smallest distance of gauges that are not at one point [m].
+    zones : without gauges.
+    """
+
+    gauges: int | None = None
+    budget: float | None = None
+    costs: dict[str, float] = field(default_factory=dict)
+    spacing: float = 0.0
+    zones: tuple[Zone, ...] = ()
+
+
+def rules_of(candidates: Candidates, limits: Limits, forced: Sequence[int] = ()) -> tuple[Candidates, Rules]:
+    """Return the candidates outside the zones and near no forced gauge, and the rules of a choice among them.
+
+    ``forced`` are sites that are chosen in any case.
+
+    Raises
+    ------
+    InputError
+        No choice keeps the limits; the message has the limit and the largest number that can be placed.
+    """
+    is_forced = np.zeros(len(candidates.sites), dtype=bool)
+    is_forced[list(forced)] = True
+    of_gauge = np.zeros(len(candidates.x), dtype=bool)
+    for zone in limits.zones:
+        of_gauge |= zone.holds(candidates.x, np.degrees(candidates.roll_angle) % 360.0)
+    there = candidates.sites >= 0
+    in_zone = np.any(of_gauge[candidates.sites] & there, axis=1)
+    if np.any(in_zone & is_forced):
+        site = int(np.flatnonzero(in_zone & is_forced)[0])
+        raise InputError(f"--keep: gauge '{_name(candidates, site)}' is in a zone of --forbid; take it out of one")
+    near, alone = _too_near(candidates, limits.spacing)
+    kept = np.flatnonzero((~in_zone & ~alone) | is_forced)
+    if not len(kept):
+        raise InputError(
+            f"--forbid, --spacing: expected candidates outside the zones, got none of {len(candidates.sites)}"
+        )
+    place = np.full(len(candidates.sites), -1)
+    place[kept] = np.arange(len(kept))
+    chosen = Candidates(
+        gauges=candidates.gauges,
+        x=candidates.x,
+        roll_angle=candidates.roll_angle,
+        kind=candidates.kind,
+        sites=candidates.sites[kept],
+    )
+    excludes = csr_array(near[kept][:, kept])
+    own = [int(place[one]) for one in forced]
+    _check_forced(chosen, excludes, own, limits.spacing)
+    cost = _cost(chosen, limits)
+    spent = float(cost[own].sum())
+    if limits.budget is not None:
+        if spent + float(np.min(cost, initial=np.inf, where=~is_forced[kept])) > limits.budget and not own:
+            raise InputError(f"--budget: {limits.budget:g} found, the cheapest candidate costs {cost.min():g}")
+        return chosen, Rules(cost=cost, budget=limits.budget, excludes=excludes, forced=tuple(own))
+    assert limits.gauges is not None
+    if spent > limits.gauges:
+        raise InputError(f"--gauges: {limits.gauges} found, --keep holds {spent:g}")
+    rules = Rules(cost=cost, budget=float(limits.gauges), excludes=excludes, forced=tuple(own))
+    _check_count(rules, limits)
+    return chosen, rules
+
+
+def _name(candidates: Candidates, site: int) -> str:
+    return candidates.gauges.names[candidates.sites[site][0]]
+
+
+def _cost(candidates: Candidates, limits: Limits) -> FloatArray:
+    """Return (n_a,) cost of each site: its number of gauges where these are counted."""
+    if limits.budget is None:
+        return candidates.n_gauges
+    for name, value in limits.costs.items():
+        if name not in candidates.kind:
+            raise InputError(f"--costs: expected directions of the candidates, got '{name}'")
+        if not value > 0.0:
+            raise InputError(f"--costs: expected a positive cost of {name}, got {value:g}")
+    of_gauge = np.array([*(limits.costs.get(kind, 1.0) for kind in candidates.kind), 0.0])
+    return np.asarray(of_gauge[candidates.sites].sum(axis=1))
+
+
+def _too_near(candidates: Candidates, spacing: float) -> tuple[csr_array, BoolArray]:
+    """Return (n_a, n_a) which sites exclude each other, and (n_a,) which exclude themselves.
+
+    Sites exclude each other that have gauges within ``spacing``, or a gauge in common.
+    """
+    n = len(candidates.sites)
+    of_site = np.repeat(np.arange(n), candidates.sites.shape[1])
+    gauge = candidates.sites.ravel()
+    of_site, gauge = of_site[gauge >= 0], gauge[gauge >= 0]
+    position, direction = candidates.gauges.position[gauge], candidates.gauges.direction[gauge]
+    pair = cKDTree(position).query_pairs(max(spacing * (1.0 - 1e-9), SAME_POINT), output_type="ndarray")
+    distance = np.linalg.norm(position[pair[:, 0]] - position[pair[:, 1]], axis=1)
+    unit = direction / np.linalg.norm(direction, axis=1, keepdims=True)
+    same = np.abs(np.sum(unit[pair[:, 0]] * unit[pair[:, 1]], axis=1)) > 1.0 - 1e-6
+    first, second = of_site[pair[(distance > SAME_POINT) | same]].T
+    alone = np.zeros(n, dtype=bool)
+    alone[first[first == second]] = True
+    between = first != second
+    a, b = first[between], second[between]
+    ones = np.ones(2 * len(a))
+    found = coo_array((ones, (np.concatenate([a, b]), np.concatenate([b, a]))), shape=(n, n))
+    return csr_array(found), alone
+
+
+def _check_forced(candidates: Candidates, excludes: csr_array, forced: list[int], spacing: float) -> None:
+    for number, site in enumerate(forced):
+        others = set(excludes.indices[excludes.indptr[site] : excludes.indptr[site + 1]].tolist())
+        for other in forced[:number]:
+            if other in others:
+                one, two = _name(candidates, other), _name(candidates, site)
+                raise InputError(
+                    f"--keep: gauges '{one}' and '{two}' are nearer than --spacing, {1e3 * spacing:g} mm"
+                )
+
+
+def _check_count(rules: Rules, limits: Limits) -> None:
+    """Refuse a number of gauges that a choice by falling number of neighbours does not reach."""
+    chosen = list(rules.forced)
+    blocked, left = rules.excluded_by(chosen), rules.left(chosen)
+    order = np.argsort(np.diff(rules.excludes.indptr), kind="stable")
+    for largest_first in (-rules.cost[order], rules.cost[order]):
+        found, out, rest = len(chosen), blocked.copy(), left
+        for site in order[np.argsort(largest_first, kind="stable")].tolist():
+            if rest < rules.cost[site] - 1e-9 or out[site]:
+                continue
+            out[site], rest, found = True, rest - float(rules.cost[site]), found + 1
+            out[rules.excludes.indices[rules.excludes.indptr[site] : rules.excludes.indptr[site + 1]]] = True
+        if rest < 0.5:
+            return
+    reached = rules.budget - rest
+    reason = f"--spacing of {1e3 * limits.spacing:g} mm" if rules.excludes.nnz else "the candidates"
+    if rules.cost.min() > 1.0 and rest < rules.cost.min():
+        reason = f"sites of {rules.cost.min():g} gauges each"
+    raise InputError(f"--gauges: {rules.budget:g} found, {reason} and the zones leave room for {reached:g}")

@@ -1,0 +1,107 @@
+"""Pressure fields that every flow, and every error of a flow, is a combination of.
+
+Strain of the candidates is solved for these fields alone: one solution of the structure per field, however many
+candidates there are. On a body of revolution a field is a shape along the axis times cos m phi or sin m phi, and
+the two of one shape are one solution.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from builder.aero.surface.mesh import mesh_of
+from builder.campaign.snapshots import Snapshots
+from builder.inverse.modes.ensemble import Ensemble
+from builder.manifold.discrepancy import gaussian_process_shapes, process_on_surface
+from builder.manifold.flow_amplitudes import MAX_HARMONIC, cosine_amplitudes
+from builder.manifold.mirror_images import with_mirror_images
+from builder.vehicle.file import Vehicle
+from builder.vehicle.shape.geometry import SurfaceGrid
+from strainfmu.arrays import FloatArray, IntArray
+
+NEGLIGIBLE = 3e-4
+"""Size of a field over the flows, relative to the largest that is not the same all round, below which it is left
+out."""
+
+PROCESS_SIZE = 0.02
+"""Standard deviation of pressure off the tables over p_inf that its fields are weighed with, against the flows."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PressureBasis:
+    """K fields on n_p nodes.
+
+    Attributes
+    ----------
+    fields : (n_p, K) orthonormal columns.
+    harmonic, phase : (K,) m and 0 for cos m phi, 1 for sin m phi; None of another shape than a grid of rings.
+    along : per harmonic, (n_x, k_m) of the shapes along the axis; the fields of a harmonic are all cosines, then
+        all sines of its shapes. Empty of another shape.
+    """
+
+    fields: FloatArray
+    harmonic: IntArray | None = None
+    phase: IntArray | None = None
+    along: tuple[FloatArray, ...] = ()
+
+
+def pressure_basis(
+    vehicle: Vehicle, snapshots: Snapshots, ensemble: Ensemble, others: Sequence[FloatArray] = ()
+) -> PressureBasis:
+    """Return the fields of the flows of ``snapshots``, of uniform pressure and of pressure off the tables.
+
+    ``others`` (k, n_p) are further fields, on another surface than rings.
+    """
+    if ensemble.grid is not None:
+        return _of_revolution(vehicle, snapshots, ensemble.grid)
+    both = with_mirror_images(snapshots, mesh_of(snapshots.surface))
+    ambient = np.array([one.ambient_pressure for one in both.conditions()])
+    mesh, entry = mesh_of(snapshots.surface), vehicle.map
+    process = process_on_surface(mesh, entry.discrepancy_length, float(np.deg2rad(entry.discrepancy_roll_deg)))
+    parts = [both.pressure / ambient[:, None] - 1.0, np.ones((1, snapshots.pressure.shape[1])), process.T, *others]
+    columns = np.hstack([_span(one.T, NEGLIGIBLE) for one in parts if len(one)])
+    return PressureBasis(fields=_span(columns, 1e-8))
+
+
+def _of_revolution(vehicle: Vehicle, snapshots: Snapshots, grid: SurfaceGrid) -> PressureBasis:
+    entry, n_m = vehicle.map, min(MAX_HARMONIC, (grid.n_roll - 1) // 2) + 1
+    process, around = gaussian_process_shapes(
+        grid, float(grid.x[-1]), entry.discrepancy_length, float(np.deg2rad(entry.discrepancy_roll_deg))
+    )
+    spectrum = np.linalg.norm(np.fft.rfft(around, axis=0), axis=1)
+    rings = np.stack(
+        [
+            cosine_amplitudes(
+                (pressure / one.ambient_pressure).reshape(len(grid.x), -1),
+                grid.roll_angle - one.leeward_roll_angle,
+                n_m,
+            )
+            for one, pressure in zip(snapshots.conditions(), snapshots.pressure, strict=True)
+        ]
+    )
+    along, fields, harmonic, phase = [], [], [], []
+    flows = [rings[..., m].T / np.sqrt(len(rings)) for m in range(n_m)]
+    limit = NEGLIGIBLE * max(float(np.linalg.norm(one, 2)) for one in flows[1:] or flows)
+    for m, of_flows in enumerate(flows):
+        of_process = PROCESS_SIZE * spectrum[m] / np.linalg.norm(spectrum) * process
+        parts = [of_flows, of_process, np.ones((len(grid.x), 1))] if m == 0 else [of_flows, of_process]
+        left, size, _ = np.linalg.svd(np.hstack(parts), full_matrices=False)
+        shapes = left[:, size > limit]
+        along.append(shapes)
+        angle = m * grid.roll_angle
+        for kind, wave in enumerate((np.cos(angle), np.sin(angle)) if m else (np.ones(grid.n_roll),)):
+            fields.append(np.einsum("xk,r->xrk", shapes, wave / np.linalg.norm(wave)).reshape(-1, shapes.shape[1]))
+            harmonic += [m] * shapes.shape[1]
+            phase += [kind] * shapes.shape[1]
+    return PressureBasis(
+        fields=np.hstack(fields), harmonic=np.array(harmonic), phase=np.array(phase), along=tuple(along)
+    )
+
+
+def _span(columns: FloatArray, negligible: float) -> FloatArray:
+    """Return orthonormal columns (n, k) that span ``columns``."""
+    left, size, _ = np.linalg.svd(columns, full_matrices=False)
+    return np.asarray(left[:, size > negligible * size[0]])

@@ -1,0 +1,108 @@
+"""The review of a gauge layout as one page."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from builder.placement.lost_gauge import LARGEST_RATIO
+from builder.placement.review import SPARE, Review
+from builder.reports.page.html import Block, Cards, Items, Page, Paragraph, Section
+from builder.reports.page.tables import Column, Table, make_table
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
+
+
+def placement_page(title: str, found: Review) -> Page:
+    """Return the page."""
+    blind, of = found.blind
+    name, gain = found.best
+    points = found.weak_points
+    cards = (
+        ("Weakest load", "amber", (found.weakest_line,)),
+        (
+            "Single points of failure",
+            "red" if points else "green",
+            points or (f"no loss of one gauge raises a sigma beyond {LARGEST_RATIO:g} times",),
+        ),
+        ("Could go", "green", found.spare or (f"no gauge, within {100.0 * SPARE:g} % of the criterion",)),
+        ("Would help most", "green", (f"{name}: the criterion falls by {100.0 * gain:.2f} %",)),
+    )
+    opening: tuple[Block, ...] = (
+        Paragraph(
+            f"{len(found.names)} gauges. The criterion is the mean variance of the five coefficients, each over "
+            "its variance with this layout, installation errors included."
+        ),
+        Cards(cards),
+    )
+    observed = Items(
+        (
+            f"{of - blind:.0f} of {of} combinations of unknowns strain the gauges by more than their noise; "
+            f"{blind:.0f} do not.",
+            *found.hidden,
+            "Unknowns are the flight state, pressure off the snapshots and errors that gauges have in common.",
+        )
+    )
+    return Page(
+        title,
+        opening,
+        (
+            Section("What the gauges observe", (observed, _loads(found))),
+            Section("What each gauge contributes", (_gauges(found),)),
+            Section("Sigmas over the envelope", (_states(found),)),
+        ),
+    )
+
+
+def _loads(found: Review) -> Table:
+    columns = (
+        Column("coefficient"),
+        Column("sigma", "1e-4", ".3g"),
+        Column("without gauges", "1e-4", ".3g"),
+        Column("over that", "times", ".3f"),
+        Column("not observed", "%", ".1f"),
+        Column("no strain", "%", ".1f"),
+        Column("noise and errors in common", "%", ".1f"),
+    )
+    rows = zip(
+        COEFFICIENT_NAMES,
+        1e4 * found.sigma,
+        1e4 * found.prior,
+        found.sigma / found.prior,
+        100.0 * found.unobserved,
+        100.0 * found.off,
+        100.0 * (1.0 - found.unobserved - found.off),
+        strict=True,
+    )
+    return make_table(
+        "loads",
+        (
+            "Root mean square sigmas over the flight states. Parts of the variance: not observed by these gauges, "
+            "and of pressure that strains no candidate."
+        ),
+        columns,
+        list(rows),
+    )
+
+
+def _gauges(found: Review) -> Table:
+    order = np.argsort(-found.worth, kind="stable")
+    columns = (
+        Column("gauge"),
+        Column("without it the criterion rises by", "%", ".2f"),
+        *(Column(f"{name} without it", "times", ".3f") for name in COEFFICIENT_NAMES),
+    )
+    rows = [(found.names[k], 100.0 * found.worth[k], *found.loss[k]) for k in order.tolist()]
+    return make_table("gauges", "Gauges by worth, and sigmas after the loss of each.", columns, rows)
+
+
+def _states(found: Review) -> Table:
+    sigmas = tuple(Column(name, "1e-4", ".3g") for name in COEFFICIENT_NAMES)
+    if found.states is None:
+        return make_table("states", "Mean over the flows.", sigmas, [tuple(1e4 * found.state_sigma[0])])
+    columns = (
+        Column("Mach number", "", ".2f"),
+        Column("total incidence", "deg", ".1f"),
+        Column("aerodynamic roll angle", "deg", ".0f"),
+        *sigmas,
+    )
+    rows = [(*state, *(1e4 * sigma)) for state, sigma in zip(found.states, found.state_sigma, strict=True)]
+    return make_table("states", "Predicted sigmas at flight states of the snapshots.", columns, rows)

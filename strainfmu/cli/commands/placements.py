@@ -1,0 +1,263 @@
+"""Placement of gauges and review of layouts: ``strainfmu place`` and ``strainfmu review``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from builder.pipeline.progress_bars import ConsoleReporter
+from strainfmu.cli.commands.load_tests import numbers
+from strainfmu.cli.commands.number_ranges import number, within
+from strainfmu.errors import InputError
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
+
+if TYPE_CHECKING:
+    from builder.pipeline.gauge_placement import ProposedGauges
+    from builder.placement.limits import Zone
+
+
+def place(
+    vehicle: Annotated[Path, typer.Argument(help="Vehicle file (TOML).")],
+    gauges: Annotated[
+        int, typer.Option(metavar="N", callback=within(1, 2000), help="Number of gauges to place.")
+    ] = 36,
+    output: Annotated[Path, typer.Option("-o", "--output", help="Layout file to write (CSV).")] = Path(
+        "layout.csv"
+    ),
+    stations: Annotated[
+        str, typer.Option(help="Stations of the candidates in m: numbers with commas, or first:last:step.")
+    ] = "",
+    roll_angles: Annotated[
+        str, typer.Option(help="Roll angles of the candidates in deg: numbers with commas, or first:last:step.")
+    ] = "",
+    directions: Annotated[
+        str, typer.Option(help="Directions at each point: some of axial, hoop, 45, -45, rosette, with commas.")
+    ] = "axial,hoop",
+    spacing: Annotated[
+        float, number(0.0, 1e4, "mm", "Smallest distance of gauges that are not at one point.")
+    ] = 20.0,
+    forbid: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="ZONE", help="Zone without gauges: x1:x2 in m, or x1:x2@roll1:roll2 in deg. Repeatable."
+        ),
+    ] = None,
+    keep: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Layout file (CSV) of gauges that are placed in any case.")
+    ] = None,
+    pairs: Annotated[
+        str, typer.Option(help="Place pairs: mirror (roll angles phi and -phi) or opposite (phi and phi + 180).")
+    ] = "",
+    budget: Annotated[
+        float | None, number(1e-6, 1e9, "cost", "Largest cost of all gauges, instead of their number.")
+    ] = None,
+    costs: Annotated[str, typer.Option(help="Cost of a gauge by its direction, as axial=1,hoop=1.5.")] = "",
+    goal: Annotated[str, typer.Option(help="What to minimise: loads, field or d-optimal.")] = "loads",
+    loads: Annotated[
+        str, typer.Option(help="Weights of the loads, as C_A=1,M_P=2; loads that are not named have 0.")
+    ] = "",
+    estimator: Annotated[
+        str, typer.Option(help="linear or nonlinear. Default: map.estimator of the vehicle file.")
+    ] = "",
+    starts: Annotated[int, typer.Option(callback=within(1, 1000), help="Starts of the exchanges.")] = 20,
+    robust: Annotated[
+        bool, typer.Option("--robust", help="Keep every sigma within 1.3 times after the loss of any one gauge.")
+    ] = False,
+    curves: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Figure of accuracy against the number of gauges (PNG).")
+    ] = None,
+    snapshots: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Flows in flight (snapshots.h5). Default: local inclination."),
+    ] = None,
+) -> None:
+    """Place gauges so that the loads are as certain as possible, and write the layout.
+
+    Candidates are all directions at a grid of stations and roll angles on the inner surface. The criterion is the
+    estimator's own uncertainty over the flight states of the snapshots, installation errors included. Prints the
+    sigmas with the layout in use and with the placed gauges, and how far any other choice could be below.
+
+    Examples:
+
+        strainfmu place my_vehicle.toml --gauges 36 -o layout.csv --snapshots results/snapshots.h5
+
+        strainfmu place my_vehicle.toml --gauges 24 --forbid 1.2:1.5 --forbid 0:4@80:100 --pairs mirror --robust
+    """
+    from builder.figures.drawing.canvas import save
+    from builder.figures.placement import placement_figure
+    from builder.pipeline.gauge_placement import propose_gauges, write_layout
+    from builder.placement.candidates import CandidateGrid
+    from builder.placement.design import GOALS, Aim
+    from builder.placement.limits import Limits
+
+    console, start = Console(), perf_counter()
+    if goal not in GOALS:
+        raise InputError(f"--goal: expected one of {', '.join(GOALS)}, got '{goal}'")
+    _check_estimator(estimator)
+    grid = CandidateGrid(
+        stations=tuple(_series("--stations", stations)) if stations else None,
+        roll_angles=tuple(_series("--roll-angles", roll_angles)) if roll_angles else None,
+        directions=tuple(one.strip() for one in directions.split(",")),
+        pairs=pairs,
+    )
+    limits = Limits(
+        gauges=gauges if budget is None else None,
+        budget=budget,
+        costs=_named("--costs", costs),
+        spacing=1e-3 * spacing,
+        zones=tuple(_zone(one) for one in forbid or ()),
+    )
+    aim = Aim(goal=goal, weights=_weights(loads), estimator=estimator or None, starts=starts, robust=robust)  # type: ignore[arg-type]
+    found = propose_gauges(
+        vehicle,
+        grid,
+        limits,
+        aim,
+        reporter=ConsoleReporter(console),
+        snapshots_path=snapshots,
+        keep=keep,
+        with_curves=curves is not None,
+    )
+    write_layout(found.placement.layout, output)
+    written = str(output)
+    if curves is not None and found.curves is not None:
+        save(placement_figure(found.curves, vehicle.stem), curves)
+        written += f", {curves}"
+    _show(console, found)
+    console.print(
+        f"{written}: {perf_counter() - start:.1f} s in all", highlight=False, markup=False, soft_wrap=True
+    )
+
+
+def review(
+    vehicle: Annotated[Path, typer.Argument(help="Vehicle file (TOML).")],
+    layout: Annotated[
+        str, typer.Option(help="A layout of the vehicle file, or a layout file (CSV). Default: that in use.")
+    ] = "",
+    output: Annotated[Path, typer.Option("-o", "--output", help="Page to write.")] = Path("review.html"),
+    estimator: Annotated[
+        str, typer.Option(help="linear or nonlinear. Default: map.estimator of the vehicle file.")
+    ] = "",
+    snapshots: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Flows in flight (snapshots.h5). Default: local inclination."),
+    ] = None,
+) -> None:
+    """Review a gauge layout: what it observes, what each gauge contributes, and which losses it does not bear.
+
+    The page names the weakest load and the reason, the gauges that could go, and the one gauge that would help
+    most.
+
+    Examples:
+
+        strainfmu review my_vehicle.toml --layout layout.csv -o review.html --snapshots results/snapshots.h5
+    """
+    from builder.pipeline.gauge_placement import review_layout
+    from builder.placement.candidates import CandidateGrid
+
+    console, start = Console(), perf_counter()
+    _check_estimator(estimator)
+    found = review_layout(
+        vehicle,
+        layout or None,
+        output,
+        grid=CandidateGrid(),
+        kind=estimator or None,  # type: ignore[arg-type]
+        reporter=ConsoleReporter(console),
+        snapshots_path=snapshots,
+    )
+    name, gain = found.best
+    for line in (
+        f"weakest: {found.weakest_line}",
+        *found.weak_points,
+        f"could go: {', '.join(found.spare) or 'none'}",
+        f"would help most: {name}, the criterion falls by {100.0 * gain:.2f} %",
+        f"{output}: {perf_counter() - start:.1f} s in all",
+    ):
+        console.print(line, highlight=False, markup=False, soft_wrap=True)
+
+
+def _check_estimator(estimator: str) -> None:
+    if estimator not in ("", "linear", "nonlinear"):
+        raise InputError(f"--estimator: expected linear or nonlinear, got '{estimator}'")
+
+
+def _show(console: Console, found: ProposedGauges) -> None:
+    placement, study = found.placement, found.study
+    own = study.parts.vehicle.gauges.layout
+    table = Table(title="Sigma over the flight states [1e-4]")
+    table.add_column("layout")
+    table.add_column("gauges", justify="right")
+    for name in COEFFICIENT_NAMES:
+        table.add_column(name, justify="right")
+    own_count = int(study.candidates.n_gauges[list(study.own)].sum())
+    table.add_row(own, str(own_count), *(f"{1e4 * one:.3g}" for one in placement.own_sigmas))
+    table.add_row("placed", str(len(placement.layout.names)), *(f"{1e4 * one:.3g}" for one in placement.sigmas))
+    ratio = placement.sigmas / placement.own_sigmas
+    table.add_row("ratio", "", *(f"{one:.3f}" for one in ratio))
+    worst = placement.lost.ratio.max(axis=0)
+    table.add_row("loss of one, at most times", "", *(f"{one:.3f}" for one in worst))
+    console.print(table)
+    names = study.candidates.gauges.names
+    order = np.argsort(-placement.worth, kind="stable")
+    table = Table(title="What each contributes: the criterion without it")
+    table.add_column("gauges")
+    table.add_column("rises by", justify="right")
+    for one in order.tolist():
+        site = study.candidates.of([placement.sites[one]])
+        table.add_row(", ".join(names[gauge] for gauge in site), f"{100.0 * placement.worth[one]:.2f} %")
+    console.print(table)
+    for line in (*placement.remarks, f"bound gap: {placement.gap_percent:.2f} %"):
+        console.print(line, highlight=False, markup=False, soft_wrap=True)
+
+
+def _series(option: str, text: str) -> list[float]:
+    """Return numbers with commas, or first:last:step."""
+    if ":" not in text:
+        return numbers(option, text)
+    parts = numbers(option, text.replace(":", ","))
+    if len(parts) != 3 or parts[2] <= 0.0 or parts[1] < parts[0] or (parts[1] - parts[0]) / parts[2] > 1e5:
+        raise InputError(f"{option}: expected first:last:step with a positive step, got '{text}'")
+    first, last, step = parts
+    return [round(first + step * k, 9) for k in range(int((last - first) / step + 1e-9) + 1)]
+
+
+def _named(option: str, text: str) -> dict[str, float]:
+    found = {}
+    for part in filter(None, (one.strip() for one in text.split(","))):
+        name, equals, value = part.partition("=")
+        if not equals:
+            raise InputError(f"{option}: expected name=number with commas, got '{part}'")
+        found[name.strip()] = numbers(option, value)[0]
+    return found
+
+
+def _weights(text: str) -> tuple[float, ...]:
+    if not text:
+        return (1.0,) * len(COEFFICIENT_NAMES)
+    named = _named("--loads", text)
+    for name, value in named.items():
+        if name not in COEFFICIENT_NAMES or value < 0.0:
+            raise InputError(
+                f"--loads: expected weights from 0 of {', '.join(COEFFICIENT_NAMES)}, got '{name}={value:g}'"
+            )
+    if not any(named.values()):
+        raise InputError("--loads: expected one weight above 0, got none")
+    return tuple(named.get(name, 0.0) for name in COEFFICIENT_NAMES)
+
+
+def _zone(text: str) -> Zone:
+    from builder.placement.limits import Zone
+
+    along, _, around = text.partition("@")
+    parts = numbers("--forbid", along.replace(":", ","))
+    angles = numbers("--forbid", around.replace(":", ",")) if around else [0.0, 360.0]
+    if len(parts) != 2 or len(angles) != 2 or parts[0] > parts[1]:
+        raise InputError(f"--forbid: expected x1:x2 in m or x1:x2@roll1:roll2 in deg, got '{text}'")
+    return Zone(first=parts[0], last=parts[1], start=angles[0], end=angles[1])

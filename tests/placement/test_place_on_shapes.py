@@ -1,0 +1,92 @@
+"""Placement on a shape that is no body of revolution: the elliptic cone with its solid wall on a coarse mesh."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from shape_case import flown, grid_conditions
+
+from builder.inverse.build import build_inverse_map
+from builder.pipeline.gauge_placement import check_model, left_out, structure_of, write_layout
+from builder.placement.candidates import CandidateGrid
+from builder.placement.design import Aim, Study, place, placement_study
+from builder.placement.limits import Limits
+from builder.reporting import Silent
+from builder.structure.gauge_checks import check_gauges
+from builder.structure.mapped_structure import MappedStructure
+from builder.structure.solid import free_case
+from builder.structure.solid.mesh.swept_mesh import RESOLUTIONS, SweptResolution
+from builder.vehicle.file import VEHICLES, Vehicle, load_vehicle
+from builder.vehicle.gauges.entries import GaugeLayoutEntry
+from strainfmu.errors import InputError
+from strainfmu.estimator.map.inverse_map import save_inverse_map
+
+GRID = CandidateGrid(stations=(0.6, 1.0, 1.3), roll_angles=tuple(60.0 * k for k in range(6)))
+
+
+def with_layout(vehicle: Vehicle, entry: GaugeLayoutEntry) -> Vehicle:
+    gauges = vehicle.gauges.model_copy(update={"layout": "used", "layouts": {"used": entry}})
+    return vehicle.model_copy(update={"gauges": gauges})
+
+
+@pytest.fixture(scope="module", autouse=True)
+def coarse() -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(RESOLUTIONS, "coarse", SweptResolution(0.06, 1, 24))
+        patch.setattr(free_case, "CHECK_SIZE", 1.0)
+        yield
+
+
+@pytest.fixture(scope="module")
+def study() -> Study:
+    """Candidates beside a layout of two stations, linear estimator."""
+    vehicle = load_vehicle(VEHICLES / "elliptic_cone.toml")
+    rows = vehicle.gauges.layouts["four_rows"].rows
+    assert rows is not None
+    shorter = GaugeLayoutEntry(rows=[one.model_copy(update={"count": 2}) for one in rows])
+    vehicle = with_layout(vehicle, shorter)
+    vehicle = vehicle.model_copy(update={"map": vehicle.map.model_copy(update={"estimator": "linear"})})
+    snapshots = flown(grid_conditions((6.0, 7.0), (-4.0, 0.0, 4.0), (-2.0, 0.0, 2.0)))
+    return placement_study(vehicle, snapshots, structure_of(vehicle, snapshots, Silent()), GRID)
+
+
+def test_strain_of_candidates_is_that_of_the_map(study: Study) -> None:
+    """Forward solutions of the fields against Z_p by adjoint ones, at the gauges of the layout in use."""
+    z_p = study.parts.structure.strain_operator("used") @ study.parts.basis.fields
+    own = study.strain.strain[study.candidates.of(list(study.own))]
+    np.testing.assert_allclose(own, z_p, atol=1e-8 * np.abs(z_p).max())
+
+
+def test_a_placed_layout_builds_a_map_and_its_fmu(study: Study, tmp_path: Path, run: object) -> None:
+    found = place(study, Limits(gauges=12), Aim(starts=2), Silent())
+    write_layout(found.layout, tmp_path / "layout.csv")
+    placed = with_layout(study.parts.vehicle, GaugeLayoutEntry(file=str(tmp_path / "layout.csv")))
+    assert check_gauges(placed) == {"used": 12}
+    snapshots = study.parts.snapshots
+    structure = structure_of(placed, snapshots, Silent())
+    assert isinstance(structure, MappedStructure)
+    built = build_inverse_map(placed, snapshots, structure)
+    assert built.n_gauges == 12
+    own = placement_study(placed, snapshots, structure, GRID).own_sigma
+    np.testing.assert_allclose(own, found.sigmas, rtol=0.02)
+    save_inverse_map(built, tmp_path / "map.h5")
+    code, _, err = run("export", tmp_path / "map.h5", "-o", tmp_path / "placed.fmu")  # type: ignore[operator]
+    assert (code, err) == (0, "")
+    assert (tmp_path / "placed.fmu").is_file()
+
+
+def test_structures_of_another_code_are_refused(study: Study) -> None:
+    vehicle = study.parts.vehicle
+    entry = vehicle.structure.model_copy(update={"influence": "influence.csv"})
+    with pytest.raises(
+        InputError, match=r"^structure\.influence: place and review need strain at points"
+    ) as caught:
+        check_model(vehicle.model_copy(update={"structure": entry}))
+    assert "\n" not in str(caught.value)
+
+
+def test_the_error_of_the_mesh_is_named_as_left_out(study: Study) -> None:
+    assert any(line.startswith("mesh: the error of strain") for line in left_out(study.parts.vehicle))
