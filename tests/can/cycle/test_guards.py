@@ -14,8 +14,8 @@ from weakened_parts import TakesPartByPart
 from strainfmu.can.cycle.core import bridge_core
 from strainfmu.can.cycle.frames.account import FrameClass
 from strainfmu.can.cycle.states.quality import Cause, Quality
-from strainfmu.can.tools.faults import Fault, FaultKind, random_faults
 from strainfmu.can.settings import BridgeSettings
+from strainfmu.can.tools.faults import Fault, FaultKind, random_faults
 from strainfmu.can.wire.frame import Frame
 from strainfmu.cosim.estimators.step import StepResult
 from strainfmu.estimator.health import HealthState
