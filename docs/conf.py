@@ -31,13 +31,11 @@ extensions = [
     "sphinx_copybutton",
     "sphinx_design",
     "sphinx_gallery.gen_gallery",
-    "api_pages",
     "command_line",
     "docstrings",
     "fmu_variables",
     "gallery_results",
     "mathml",
-    "short_names",
     "vehicle_entries",
 ]
 exclude_patterns = ["_build", "_ext", "gallery_src", "**/README.txt"]
@@ -68,7 +66,7 @@ napoleon_use_ivar = True
 napoleon_attr_annotations = False
 
 html_theme = "pydata_sphinx_theme"
-html_title = "strainfmu"
+html_title = f"strainfmu {release}"
 html_static_path = ["_static", str(MATH_FONT)]
 html_css_files = ["site.css"]
 html_favicon = "_static/logo.svg"
