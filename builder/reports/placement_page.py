@@ -62,16 +62,9 @@ def _loads(found: Review) -> Table:
         Column("no strain", "%", ".1f"),
         Column("noise and errors in common", "%", ".1f"),
     )
-    rows = zip(
-        COEFFICIENT_NAMES,
-        1e4 * found.sigma,
-        1e4 * found.prior,
-        found.sigma / found.prior,
-        100.0 * found.unobserved,
-        100.0 * found.off,
-        100.0 * (1.0 - found.unobserved - found.off),
-        strict=True,
-    )
+    parts = np.stack((found.unobserved, found.off, 1.0 - found.unobserved - found.off))
+    numbers = np.vstack((1e4 * found.sigma, 1e4 * found.prior, found.sigma / found.prior, 100.0 * parts))
+    rows = ((name, *column) for name, column in zip(COEFFICIENT_NAMES, numbers.T, strict=True))
     return make_table(
         "loads",
         (
