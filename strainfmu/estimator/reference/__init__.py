@@ -1,7 +1,6 @@
 """The mathematics of the estimator, written to be read: slow, short, and independent of the compiled core.
 
-Everything is one Gaussian update, :mod:`~strainfmu.estimator.reference.update`. The other modules say what its
-rows, columns and outputs are:
+Everything is one Gaussian update, module ``update``. The other modules give its rows, columns and outputs:
 
 ============================  =====================================================================
 ``linear``                    a linear map, in both forms; errors at the current strain
@@ -14,6 +13,5 @@ rows, columns and outputs are:
 ``flight_filter``             the filter of the flight state
 ============================  =====================================================================
 
-It has no alarms and no state machines. Tests compare the core with it; of the package, only what runs off the
-deadline imports it: reports take gains and sources of variance from it, which the core does not give.
+It has no alarms and no state machines. Tests compare the core with it. Reports and studies take gains from it.
 """
