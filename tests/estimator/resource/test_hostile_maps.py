@@ -73,7 +73,7 @@ def test_the_map_opens(arrays: Mapping[str, np.ndarray], content: bytes) -> None
         "flight",
         "flight_loads",
         "filter",
-        "further",
+        "other_loads",
         "thermal",
         "sensors",
         "tare",

@@ -135,7 +135,7 @@ def test_time_constants_that_cannot_be(fmu: FlightFmu, value: float) -> None:
     [
         ("seen_load", lambda old: old[:-1], "expected "),
         ("own", lambda old: np.ones((2, N_D)), "expected 0 to 1 values along axis 0, found 2"),
-        ("further_variance", lambda old: np.ones(999), "expected "),
+        ("other_variance", lambda old: np.ones(999), "expected "),
         ("rate", put(0, 0.0), "expected numbers above zero, found 0"),
         ("white_navigation", np.float64(1.5), "expected a number from "),
         ("noise", put((1, 1), 0.0), "expected numbers above zero, found 0"),

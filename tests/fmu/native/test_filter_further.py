@@ -48,6 +48,6 @@ def test_settings_and_state(fmu: FlightFmu, inverse_map: InverseMap) -> None:
 
 
 def test_a_filter_of_other_sections_is_refused(inverse_map: InverseMap, tmp_path: Path) -> None:
-    fewer = {f"filter.further_{name}": lambda old: old[:0] for name in ("load", "cross", "variance")}
+    fewer = {f"filter.other_{name}": lambda old: old[:0] for name in ("load", "cross", "variance")}
     fmu = FlightFmu(with_arrays(inverse_map, tmp_path, fewer), N_D)
     assert refusal(fmu).endswith("'filter.other_load': expected the section loads of the map")

@@ -138,5 +138,5 @@ def test_arrays_of_fmi_3(six: NativeCase) -> None:
     ],
 )
 def test_what_cannot_be_is_refused(six: NativeCase, tmp_path: Path, name: str, change: Any, text: str) -> None:
-    location = with_arrays(six.inverse_map, tmp_path, {f"further.{name}": change})
-    assert f"'further.{name}': {text}" in refusal(Fmu2(location, six.n))
+    location = with_arrays(six.inverse_map, tmp_path, {f"other_loads.{name}": change})
+    assert f"'other_loads.{name}': {text}" in refusal(Fmu2(location, six.n))
