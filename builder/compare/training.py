@@ -40,8 +40,8 @@ def training_flights(
 ) -> TrainingFlights:
     """Return ``count`` flights, uniform in Mach number, ln p_inf and the disc of total incidence.
 
-    In place of the disc it is the ranges of u and w where the tables have those. ``altitudes_km`` are the lowest
-    and highest.
+    Where the tables have ranges of u and w, it draws from these instead of the disc. ``altitudes_km`` are the
+    lowest and highest.
     """
     state = np.empty((count, 4))
     if manifold.crossflow_range is None:

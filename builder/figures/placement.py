@@ -17,14 +17,14 @@ COLOURS = ("tab:cyan", "tab:blue", "tab:purple")
 
 
 def placement_figure(curves: Curves, title: str) -> Figure:
-    """Draw sigma of each coefficient, over that of the layout in use, against the number of gauges."""
+    """Draw sigma of each coefficient, relative to the layout in use, against the number of gauges."""
     figure = blank_figure(13.0, 3.9)
     axes = figure.subplots(1, len(COEFFICIENT_NAMES), sharey=True)
     for number, (axis, name) in enumerate(zip(axes, COEFFICIENT_NAMES, strict=True)):
         _one(axis, curves, number)
         axis.set_title(f"${name}$", fontsize=10)
-        axis.set_xlabel("gauges")
-    axes[0].set_ylabel("sigma over that of the layout in use [1]")
+        axis.set_xlabel("number of gauges [1]")
+    axes[0].set_ylabel("sigma relative to the layout in use [1]")
     axes[0].legend(fontsize=7)
     figure.suptitle(f"Accuracy against the number of gauges: {title}")
     return figure

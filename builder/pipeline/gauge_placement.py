@@ -53,7 +53,7 @@ def propose_gauges(
 ) -> ProposedGauges:
     """Return gauges for the vehicle of a file; ``keep`` is a layout file of gauges that are placed in any case.
 
-    Flows are those of ``snapshots_path``, else of local inclination.
+    Flows come from ``snapshots_path``, or else from local inclination.
 
     Raises
     ------

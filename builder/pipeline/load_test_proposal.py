@@ -48,8 +48,8 @@ def propose_load_test(
 ) -> LoadPlan:
     """Return load cases for the vehicle of a file.
 
-    Flows are those of ``snapshots_path``, else of local inclination: which loads a test needs depends on where the
-    flow presses, not on its last percent.
+    Flows come from ``snapshots_path``, or else from local inclination: which loads a test needs depends on where
+    the flow presses, not on its last percent.
 
     Raises
     ------
@@ -143,7 +143,7 @@ def flows_for_design(vehicle: Vehicle, path: Path | None, reporter: Reporter) ->
         refuse_misfits(path, vehicle_misfits(snapshots, vehicle))
         return snapshots
     if vehicle.aerodynamics.engine == "euler":
-        reporter.note("flows: local inclination; --snapshots takes those of a file")
+        reporter.note("flows: local inclination; --snapshots reads flows from a file")
         aerodynamics = vehicle.aerodynamics.model_copy(update={"engine": "newtonian"})
         vehicle = vehicle.model_copy(update={"aerodynamics": aerodynamics})
     return take_snapshots(vehicle, progress=reporter)

@@ -180,7 +180,7 @@ def _thermal(vehicle: Vehicle, mesh: MeridianMesh, gauges: PlacedGauges) -> Floa
 
 @dataclass(frozen=True, eq=False)
 class _Harmonics:
-    """Gauges that read strain amplitudes of the fields; ``station`` (n,) is that of each gauge."""
+    """Gauges that read strain amplitudes of the fields; ``station`` (n,) is the number of each gauge's station."""
 
     basis: PressureBasis
     gauges: PlacedGauges

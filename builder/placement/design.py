@@ -61,7 +61,7 @@ class Aim:
     Attributes
     ----------
     goal : "loads", the coefficients; "field", pressure on the surface; "d-optimal", all unknowns.
-    weights : (5,) of the coefficients' variances, each over that of the layout in use.
+    weights : (5,) of the coefficients' variances, each relative to the layout in use [1].
     estimator : "linear" or "nonlinear"; None for that of the vehicle file.
     starts : of the exchanges.
     robust : whether no single loss may raise a sigma beyond :data:`~lost_gauge.LARGEST_RATIO`.

@@ -88,7 +88,7 @@ def test_the_other_commands_hold_the_same_limits(run: Run, tmp_path: Path) -> No
 @pytest.mark.parametrize("command", OLD_OPTIONS)
 def test_old_options_name_the_entry_that_replaces_them(command: str, run: Run) -> None:
     """Each is an entry of the bus file, and no option of the command any more."""
-    parameters = {option for one in get_command(app).commands[command].params for option in one.opts}  # type: ignore[attr-defined]
+    parameters = {option for one in get_command(app).commands[command].params for option in one.opts}
     for option, entry in {**OLD_OPTIONS[command]}.items():
         table, _, name = entry.partition(".")
         assert name in TABLES[table], entry

@@ -210,7 +210,7 @@ def test_the_layout_is_one_that_the_vehicle_file_takes(
     assert check_gauges(placed)["placed"] == 18
     used = structural_model_on(
         placed, linear.parts.structure.surface, vehicle.resolution.map, ["placed", "configuration_2"]
-    )  # type: ignore[arg-type]
+    )
     assert build_inverse_map(placed, snapshots, used).n_gauges == 18
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +25,8 @@ from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import save_inverse_map
 
 GRID = CandidateGrid(stations=(0.6, 1.0, 1.3), roll_angles=tuple(60.0 * k for k in range(6)))
+
+Run = Callable[..., tuple[int, str, str]]
 
 
 def with_layout(vehicle: Vehicle, entry: GaugeLayoutEntry) -> Vehicle:
@@ -60,7 +62,7 @@ def test_strain_of_candidates_is_that_of_the_map(study: Study) -> None:
     np.testing.assert_allclose(own, z_p, atol=1e-8 * np.abs(z_p).max())
 
 
-def test_a_placed_layout_builds_a_map_and_its_fmu(study: Study, tmp_path: Path, run: object) -> None:
+def test_a_placed_layout_builds_a_map_and_its_fmu(study: Study, tmp_path: Path, run: Run) -> None:
     found = place(study, Limits(gauges=12), Aim(starts=2), Silent())
     write_layout(found.layout, tmp_path / "layout.csv")
     placed = with_layout(study.parts.vehicle, GaugeLayoutEntry(file=str(tmp_path / "layout.csv")))
@@ -73,7 +75,7 @@ def test_a_placed_layout_builds_a_map_and_its_fmu(study: Study, tmp_path: Path, 
     own = placement_study(placed, snapshots, structure, GRID).own_sigma
     np.testing.assert_allclose(own, found.sigmas, rtol=0.02)
     save_inverse_map(built, tmp_path / "map.h5")
-    code, _, err = run("export", tmp_path / "map.h5", "-o", tmp_path / "placed.fmu")  # type: ignore[operator]
+    code, _, err = run("export", tmp_path / "map.h5", "-o", tmp_path / "placed.fmu")
     assert (code, err) == (0, "")
     assert (tmp_path / "placed.fmu").is_file()
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 import typer
@@ -99,7 +99,7 @@ def place(
     console, start = Console(), perf_counter()
     if goal not in GOALS:
         raise InputError(f"--goal: expected one of {', '.join(GOALS)}, got '{goal}'")
-    _check_estimator(estimator)
+    kind = _estimator(estimator)
     grid = CandidateGrid(
         stations=tuple(_series("--stations", stations)) if stations else None,
         roll_angles=tuple(_series("--roll-angles", roll_angles)) if roll_angles else None,
@@ -113,7 +113,7 @@ def place(
         spacing=1e-3 * spacing,
         zones=tuple(_zone(one) for one in forbid or ()),
     )
-    aim = Aim(goal=goal, weights=_weights(loads), estimator=estimator or None, starts=starts, robust=robust)  # type: ignore[arg-type]
+    aim = Aim(goal=goal, weights=_weights(loads), estimator=kind, starts=starts, robust=robust)
     found = propose_gauges(
         vehicle,
         grid,
@@ -162,13 +162,13 @@ def review(
     from builder.placement.candidates import CandidateGrid
 
     console, start = Console(), perf_counter()
-    _check_estimator(estimator)
+    kind = _estimator(estimator)
     found = review_layout(
         vehicle,
         layout or None,
         output,
         grid=CandidateGrid(),
-        kind=estimator or None,  # type: ignore[arg-type]
+        kind=kind,
         reporter=ConsoleReporter(console),
         snapshots_path=snapshots,
     )
@@ -183,9 +183,12 @@ def review(
         console.print(line, highlight=False, markup=False, soft_wrap=True)
 
 
-def _check_estimator(estimator: str) -> None:
-    if estimator not in ("", "linear", "nonlinear"):
-        raise InputError(f"--estimator: expected linear or nonlinear, got '{estimator}'")
+def _estimator(text: str) -> Literal["linear", "nonlinear"] | None:
+    """Return the estimator of ``--estimator``, None where it was not given."""
+    known: dict[str, Literal["linear", "nonlinear"]] = {"linear": "linear", "nonlinear": "nonlinear"}
+    if text and text not in known:
+        raise InputError(f"--estimator: expected linear or nonlinear, got '{text}'")
+    return known.get(text)
 
 
 def _show(console: Console, found: ProposedGauges) -> None:

@@ -87,9 +87,10 @@ def _raised_level(level: FloatArray, strain: FloatArray) -> FloatArray:
     The level in a block is made for those gauges alone of which enough strains are above ``level``.
     """
     size, found = np.abs(strain), level.copy()
-    known = np.isfinite(size)
-    count = known.sum(axis=0)
-    above = np.count_nonzero(~(size <= level) & known, axis=0)
+    known, higher = np.isfinite(size), size > np.where(np.isnan(level), -1.0, level)
+    if known.all() and np.count_nonzero(higher) + 1 <= (1.0 - _QUANTILE) * len(size):
+        return found  # of no gauge enough, as of all together not
+    count, above = np.count_nonzero(known, axis=0), np.count_nonzero(higher, axis=0)
     some = np.flatnonzero((count > 0) & (above + 1 > (1.0 - _QUANTILE) * count))
     if len(some):
         quantile = np.quantile if count.min() == len(size) else np.nanquantile

@@ -137,8 +137,9 @@ class StrainFaults:
     def _checked(self, block: StrainBlock, same: BoolArray, following: BoolArray) -> StrainBlock:
         """Return ``block`` with its faults; ``same`` of its rows, and of those ``following``, as of RunLengths."""
         strain, known = block.strain, np.isfinite(block.strain)
-        missing = (len(known) - known.sum(axis=0)).tolist()
-        self.missing.update({name: k for name, k in zip(self._names, missing, strict=True) if k})
+        if not known.all():
+            missing = (len(known) - np.count_nonzero(known, axis=0)).tolist()
+            self.missing.update({name: k for name, k in zip(self._names, missing, strict=True) if k})
         self._resolution = min(self._resolution, common_step(strain[:_SAMPLED][known[:_SAMPLED]]))
         has_values, longest = known.any(axis=1), self._longest()
         zero = has_values & _is_zero(strain) & ~(block.dynamic_pressure <= 0.0)
@@ -187,10 +188,8 @@ class StrainFaults:
 
     def _is_bearable(self, strain: FloatArray, bearable: FloatArray) -> bool:
         """Return whether no reading (n, n_d) is beyond what a gauge bears, or beyond ``bearable`` (n,) [m/m]."""
-        largest = np.fmax.reduce(np.abs(strain - self._zero), axis=1)
-        in_range = np.fmax.reduce(strain, axis=None) <= self._reference.sensor_range
-        in_range &= np.fmin.reduce(strain, axis=None) >= -self._reference.sensor_range
-        return bool(in_range and not np.any(largest > bearable))
+        beyond = np.abs(strain - self._zero) > bearable[:, None]
+        return not (beyond.any() or np.any(np.abs(strain) > self._reference.sensor_range))
 
     def _is_railed(
         self, strain: FloatArray, bearable: FloatArray, runs: IntArray, longest: FloatArray

@@ -24,6 +24,7 @@ from strainfmu.can.cycle.states.quality import Quality
 from strainfmu.can.tools.dbc_export import write_dbc
 from strainfmu.can.wire.profiles import Identifiers
 from strainfmu.cosim.estimators.source import open_step
+from strainfmu.cosim.estimators.step import load_groups_of
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
@@ -153,7 +154,7 @@ def test_frames_of_the_bus(profile: str, form: str, tmp_path: Path) -> None:
         write_dbc(tmp_path / source, tmp_path / "m.dbc", profile, cycle_time=CYCLE, identifiers=Identifiers())
         database = cantools.database.load_file(tmp_path / "m.dbc")
         with open_step(tmp_path / source) as ready:
-            layouts = result_layouts(form, Identifiers(), CYCLE, ready.step.load_groups)  # type: ignore[attr-defined]
+            layouts = result_layouts(form, Identifiers(), CYCLE, load_groups_of(ready.step))
             step = ready.step(strain[2], q[2], CYCLE)
         valid = np.ones(len(strain[2]), dtype=bool)
         result = CycleResult(
