@@ -24,7 +24,7 @@ from builder.pipeline.progress_bars import ConsoleReporter
 from builder.reporting import Progress
 from builder.stress.run import check_fit, of_map
 from builder.trial.alarm_levels import alarm_ratios, ratios_and_health
-from builder.trial.readings import CONDITIONS, ReadFlights, read_flights
+from builder.trial.readings import ReadFlights, read_flights
 from builder.trial.vehicles import drawn_vehicles
 from builder.truth.revolution.flow_table import FlowTable, load_flow_table
 from builder.truth.revolution.strain import TrueStructure, true_structure
@@ -35,8 +35,8 @@ from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, HealthState
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map
 
-VEHICLES = 50
-"""Vehicles as built that fly at each condition."""
+CONDITIONS, VEHICLES = 1000, 50
+"""Flight conditions of a block, and vehicles as built that fly at each."""
 
 TESTS = ("chi-square", "largest |z|", "shapes")
 
