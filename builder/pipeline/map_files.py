@@ -38,7 +38,6 @@ from builder.reporting import Reporter
 from builder.reports.build_report import page as build_page
 from builder.reports.build_report.report import BuildReport, build_report
 from builder.reports.build_report.sections import blind_line
-from builder.reports.page import hover_scripts
 from builder.reports.page.origin import input_files
 from builder.structure import structure_file
 from builder.structure.external.structure import external_inputs, external_structure
@@ -300,7 +299,7 @@ def _report(pipeline: Pipeline, vehicle_path: Path) -> None:
     pipeline.make(
         build_page.PAGE_NAME,
         "report: what this layout observes, uncertainty of the map, value of the gauges",
-        {**inputs, "values under the pointer": hover_scripts.available()},
+        inputs,
         page,
     )
 

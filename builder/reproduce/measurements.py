@@ -71,20 +71,8 @@ def reading_rows(models: Mapping[str, StrainModel], pressures: Pressures) -> lis
         setup = SetUp(key=model.name, inversion=model, data=model, sigma=sigma)
         for reading in READINGS:
             names = [reading.configuration(number) for number in (1, 2)]
-            k = [relative_condition_of(model, euclidean, one) for one in names]
-            by_area = [relative_condition_of(model, area, one) for one in names]
             medians = [_median(euclidean, setup, one, pressures) for one in names]
-            rows.append(
-                ReadingRow(
-                    model=model.name,
-                    reading=reading.name,
-                    k_1=k[0],
-                    k_2=k[1],
-                    area_ratio=by_area[0] / by_area[1],
-                    median_1=medians[0],
-                    median_2=medians[1],
-                )
-            )
+            rows.append(_reading_row(model, reading.name, names, (euclidean, area), medians))
     return rows
 
 
@@ -98,17 +86,26 @@ def span_row(span: str, model: StrainModel, pressures: Pressures, reading: Readi
     """Return K of one reading with rows of another ``span``."""
     euclidean, area = pod_of(pressures.p1, None), pod_of(pressures.p1, pressures.weights)
     names = [reading.configuration(number) for number in (1, 2)]
-    k = [relative_condition_of(model, euclidean, one) for one in names]
-    by_area = [relative_condition_of(model, area, one) for one in names]
-    label = f"{reading.name}, stations {span}"
+    return _reading_row(model, f"{reading.name}, stations {span}", names, (euclidean, area), [np.nan, np.nan])
+
+
+def _reading_row(
+    model: StrainModel,
+    label: str,
+    names: list[list[str]],
+    pod: tuple[PressureModes, PressureModes],
+    medians: list[float],
+) -> ReadingRow:
+    """Return a row; ``names`` and ``medians`` by configuration, ``pod`` Euclidean and weighted by area."""
+    k, by_area = ([relative_condition_of(model, modes, one) for one in names] for modes in pod)
     return ReadingRow(
         model=model.name,
         reading=label,
         k_1=k[0],
         k_2=k[1],
         area_ratio=by_area[0] / by_area[1],
-        median_1=float("nan"),
-        median_2=float("nan"),
+        median_1=medians[0],
+        median_2=medians[1],
     )
 
 

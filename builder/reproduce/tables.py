@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from functools import partial
+from operator import attrgetter
+from typing import Any, NamedTuple
+
 import numpy as np
 
 from builder.reports.page.tables import Column, Table, make_table, records_table
@@ -12,68 +16,60 @@ from builder.reproduce.setups import TITLES
 from builder.reproduce.studies import Studies
 
 
+class _Of(NamedTuple):
+    """One row of a table with a row per set-up, or several: title of the set-up, what varies, what is shown."""
+
+    title: str
+    name: object
+    study: Any
+
+
 def parity_table(rows: list[ParityRow]) -> Table:
     """Return the published numbers and ours, with the reasons for differences."""
-    columns = [
-        Column("quantity"),
-        Column("published"),
-        Column("location"),
-        *(Column(title) for title in TITLES.values()),
-    ]
-    cells = [
-        [
-            row.published.quantity,
-            row.published.value,
-            row.published.location,
-            *(row.ours[key].shown(row.published.unit) for key in TITLES),
-            row.why,
-        ]
-        for row in rows
-    ]
-    return make_table(
-        "parity",
-        "Every published number beside ours, in three set-ups",
-        [*columns, Column("reason for the difference")],
-        cells,
+    columns = (
+        ("published.quantity", Column("quantity")),
+        ("published.value", Column("published")),
+        ("published.location", Column("location")),
+        *((partial(_shown, setup), Column(title)) for setup, title in TITLES.items()),
+        ("why", Column("reason for the difference")),
     )
+    return records_table("parity", "Every published number beside ours, in three set-ups", rows, columns)
+
+
+def _shown(setup: str, row: ParityRow) -> str:
+    return row.ours[setup].shown(row.published.unit)
 
 
 def parity_numbers(rows: list[ParityRow]) -> Table:
     """Return the same as raw numbers, one row per number and set-up."""
-    columns = [
-        Column("key"),
-        Column("quantity"),
-        Column("unit"),
-        Column("published low"),
-        Column("published high"),
-        Column("set-up"),
-        Column("our low"),
-        Column("our high"),
-    ]
-    cells = [
-        [
-            row.published.key,
-            row.published.quantity,
-            row.published.unit,
-            row.published.low,
-            row.published.high,
-            key,
-            row.ours[key].low,
-            row.ours[key].high,
-        ]
-        for row in rows
-        for key in TITLES
-    ]
-    return make_table("parity_numbers", "Published numbers and ours, both ends of every range", columns, cells)
+    columns = (
+        ("title", Column("key")),
+        ("study.published.quantity", Column("quantity")),
+        ("study.published.unit", Column("unit")),
+        ("study.published.low", Column("published low")),
+        ("study.published.high", Column("published high")),
+        ("name", Column("set-up")),
+        (lambda one: one.study.ours[one.name].low, Column("our low")),
+        (lambda one: one.study.ours[one.name].high, Column("our high")),
+    )
+    each = [_Of(row.published.key, setup, row) for row in rows for setup in TITLES]
+    return records_table("parity_numbers", "Published numbers and ours, both ends of every range", each, columns)
 
 
 def verdict_table(verdicts: list[Verdict]) -> Table:
     """Return the criteria with our numbers and whether each holds."""
-    columns = [Column("criterion")]
-    for title in TITLES.values():
-        columns += [Column(title), Column("holds")]
-    cells = [[one.text, *(cell for key in TITLES for cell in (one.ours[key], one.holds[key]))] for one in verdicts]
-    return make_table("criteria", "Criteria of parity, the source's protocol", columns, cells)
+    columns: list[tuple[Any, Column]] = [("text", Column("criterion"))]
+    for setup, title in TITLES.items():
+        columns += [
+            (partial(_entry, "ours", setup), Column(title)),
+            (partial(_entry, "holds", setup), Column("holds")),
+        ]
+    return records_table("criteria", "Criteria of parity, the source's protocol", verdicts, columns)
+
+
+def _entry(attribute: str, key: object, record: Any) -> Any:
+    """Return one entry of a mapping or array that a record holds."""
+    return attrgetter(attribute)(record)[key]
 
 
 def reading_table(studies: Studies) -> Table:
@@ -185,32 +181,31 @@ def load_table(studies: Studies, moment_station: float) -> Table:
 def gamma_table(studies: Studies) -> Table:
     """Return gamma by each rule."""
     rules = list(next(iter(studies.gamma.values())).by_rule)
-    columns = [Column("set-up"), Column("layout"), *(Column(rule, "1", ".3g") for rule in rules)]
-    cells = [
-        [title, layout, *(studies.gamma[f"{key}{suffix}"].by_rule[rule] for rule in rules)]
+    columns = (
+        ("title", Column("set-up")),
+        ("name", Column("layout")),
+        *((partial(_entry, "study.by_rule", rule), Column(rule, "1", ".3g")) for rule in rules),
+    )
+    each = [
+        _Of(title, layout, studies.gamma[f"{key}{suffix}"])
         for key, title in TITLES.items()
         for suffix, layout in (("", "published"), ("-45", "'45'"))
     ]
-    return make_table("gamma", "gamma by rule (published: 3.16 by the Morozov-like rule)", columns, cells)
+    return records_table("gamma", "gamma by rule (published: 3.16 by the Morozov-like rule)", each, columns)
 
 
 def coverage_table(studies: Studies) -> Table:
     """Return the coverage of Case 1's 3 sigma of the noise alone."""
-    columns = [Column("set-up"), Column("configuration"), Column("K", "1", ".2f")]
-    columns += [Column(f"q_{i} covered", "%", ".1f") for i in range(1, 6)]
-    columns += [Column("scaling of K")]
-    cells = [
-        [title, n, study.relative_condition, *(100.0 * study.covered), study.scaling]
-        for key, title in TITLES.items()
-        for n in (1, 2)
-        for study in [studies.case_1[f"{key}-{n}"]]
-    ]
-    return make_table(
-        "coverage",
-        "Case 1: samples within the 3 sigma of the noise alone (99.73 % if noise were the only error)",
-        columns,
-        cells,
+    columns = (
+        ("title", Column("set-up")),
+        ("name", Column("configuration")),
+        ("study.relative_condition", Column("K", "1", ".2f")),
+        *((partial(_entry, "study.covered", i), Column(f"q_{i + 1} covered", "%", ".1f")) for i in range(5)),
+        ("study.scaling", Column("scaling of K")),
     )
+    each = [_Of(title, n, studies.case_1[f"{key}-{n}"]) for key, title in TITLES.items() for n in (1, 2)]
+    caption = "Case 1: samples within the 3 sigma of the noise alone (99.73 % if noise were the only error)"
+    return records_table("coverage", caption, each, columns)
 
 
 def scatter_table(studies: Studies) -> Table:

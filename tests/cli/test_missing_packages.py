@@ -47,7 +47,6 @@ OF_OTHER_EXTRAS = (
     "can",
     "cantools",
     "matplotlib",
-    "plotly",
     "vtk",
 )
 

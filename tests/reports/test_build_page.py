@@ -17,7 +17,7 @@ from report_case import CASE_1, ReportCase, case_of
 from builder.aero.surface.mesh import mesh_of_grid
 from builder.campaign.snapshot_transfer import snapshots_on
 from builder.campaign.snapshots import Snapshots
-from builder.figures.map.stills import known_pressure
+from builder.figures.map.observability import unrolled_pressure
 from builder.inverse.build import build_inverse_map
 from builder.inverse.modes.mode_choice import mode_choice_lines
 from builder.inverse.noise.model import nuisance_modes
@@ -58,7 +58,7 @@ SECTIONS = [
 
 def test_sections_of_the_page_in_order(report: BuildReport, html: str) -> None:
     page = assert_self_contained(html)
-    sections = [name for name in page.anchors if not name.startswith("table-") and name != "plotly"]
+    sections = [name for name in page.anchors if not name.startswith("table-")]
     expected = [name for name in SECTIONS if report.gamma or name != "weight-of-the-prior"]
     assert sections == expected
     assert "nan" not in page.text.lower().replace("nano", "").split()
@@ -226,9 +226,15 @@ def test_a_structure_on_a_free_mesh(parts: Parts) -> None:
     )
     np.testing.assert_allclose(report.observability.removed, expected.observability.removed, rtol=5e-3)
     assert report.blind_classes == expected.blind_classes
-    assert picture(
-        known_pressure(report.surface, report.observability.node_removed, report.inverse_map), "caption", "words"
-    ).content.startswith(b"\x89PNG")
+    observed = report.observability
+    drawn = unrolled_pressure(
+        report.surface,
+        removed=observed.node_removed,
+        mean=observed.node_mean,
+        std=observed.node_std,
+        inverse_map=report.inverse_map,
+    )
+    assert picture(drawn, "caption", "words").content.startswith(b"\x89PNG")
 
 
 def test_a_map_of_something_else_is_refused(case_1: ReportCase) -> None:

@@ -7,7 +7,7 @@ import pytest
 from flight_maps import ROWS, STATIONS, exact_response, flight_map
 from scaled_maps import scaled_map
 
-from builder.figures.map.flight_accuracy import AccuracyMap, accuracy_maps, hover_accuracy_maps
+from builder.figures.map.flight_accuracy import AccuracyMap, accuracy_maps
 from builder.reports.build_report.sections import flight_accuracy as accuracy_section
 from builder.reports.findings.envelope_states import ALL, INCIDENCES, MACHS, NAVIGATION, ROLLS
 from builder.reports.findings.flight_accuracy import FlightAccuracy, flight_accuracy, flight_accuracy_table
@@ -86,21 +86,35 @@ def test_figures_show_what_is_not_identified() -> None:
     part[1, 0] = 0.25
     mach, incidence = np.array([5.0, 6.0, 7.0]), np.array([2.0, 4.0])
     maps = [
-        AccuracyMap(label="C_A [1]", std=std, identified=None, on_page=True),
-        AccuracyMap(label="Mach number [1]", std=std, identified=part, on_page=True),
-        AccuracyMap(label="p_inf [kPa]", std=std, identified=part, on_page=False),
+        AccuracyMap(label="C_A [1]", std=std, identified=None),
+        AccuracyMap(label="Mach number [1]", std=std, identified=part),
+        AccuracyMap(label="p_inf [kPa]", std=std, identified=part),
     ]
-    still = accuracy_maps(mach, incidence, NAVIGATION, maps)
-    panels = still.axes[:4]
-    assert [one.get_title() for one in panels] == ["$C_A$ [1]", "Mach number [1]", "", ""]
+    shown = accuracy_maps(mach, incidence, NAVIGATION, maps)
+    panels = shown.figure.axes[:6]
+    assert [one.get_title() for one in panels] == ["$C_A$ [1]", "Mach number [1]", "$p_\\infty$ [kPa]", "", "", ""]
     assert "$p_\\infty$" in panels[0].get_ylabel()
     hatched = [sum(bool(of.get_hatch()) for of in one.patches) for one in panels]
-    assert hatched == [0, 0, 0, 3]
-    hover = hover_accuracy_maps(mach, incidence, NAVIGATION, maps)
-    assert len(hover["data"]) == 6
-    assert hover["data"][3]["customdata"][0][0] == "<br>identified at 25 % of the roll angles"
-    assert hover["data"][3]["customdata"][1][0] == ""
-    assert [one["visible"] for one in hover["data"]] == [True, False, False, False, False, False]
+    assert hatched == [0, 0, 0, 0, 3, 3]
+    places = shown.places()
+    assert len(places) == 12
+    assert all(len(one.rectangles) == 3 for one in places)
+    assert places[7].text.splitlines() == [
+        f"M 6, incidence 2 deg, given {NAVIGATION[1]}",
+        "sigma of C_A [1] 7",
+        "sigma of Mach number [1] 7, identified at 25 % of the roll angles",
+        "sigma of p_inf [kPa] 7, identified at 25 % of the roll angles",
+    ]
+    assert "identified" not in places[10].text
+
+
+def test_many_quantities_stand_in_blocks() -> None:
+    std = np.ones((2, 2, 3))
+    maps = [AccuracyMap(label=f"quantity {k}", std=std, identified=None) for k in range(10)]
+    shown = accuracy_maps(np.array([5.0, 6.0, 7.0]), np.array([2.0, 4.0]), NAVIGATION, maps)
+    first, last = shown.places()[0], shown.places()[-1]
+    assert len(first.rectangles) == len(last.rectangles) == 10
+    assert first.rectangles[5][1] > first.rectangles[0][1] + 0.4
 
 
 def test_the_section_stands_on_a_page(accuracy: FlightAccuracy) -> None:

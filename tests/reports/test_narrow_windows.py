@@ -7,12 +7,11 @@ from pathlib import Path
 
 import pytest
 from chromium import PROGRAM, Browser
-from clipping import DRAWN, WIDTHS, clipped, show
+from clipping import WIDTHS, clipped, show
 from synthetic_vehicle import SyntheticFiles
 
 from builder.reports.build_report.page import ROWS_ON_PAGE
 from builder.reports.build_report.tables import first_rows
-from builder.reports.page.hover_scripts import available
 from builder.reports.page.html import Files, Items, Page, Paragraph, Preformatted, Section, page_html, write_page
 from builder.reports.page.tables import Column, Table, make_table
 from strainfmu.pages import ROWS_OPEN, table_html
@@ -80,7 +79,7 @@ def test_nothing_is_clipped_on_a_page_of_long_words(browser: Browser, tmp_path: 
 def test_nothing_is_clipped_on_the_report(browser: Browser, html: str, tmp_path: Path) -> None:
     """Shown once, for the browser takes seconds to draw it."""
     (tmp_path / "report.html").write_text(html, encoding="utf-8")
-    show(browser, tmp_path / "report.html", DRAWN if available() else "true")
+    show(browser, tmp_path / "report.html")
     for width in WIDTHS:
         assert clipped(browser, width) == [], width
 

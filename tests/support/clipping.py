@@ -13,9 +13,6 @@ WIDTHS = (1280, 768)
 PATIENCE = 3.0
 """Time [s] in which figures that are drawn again fit."""
 
-DRAWN = "document.documentElement.dataset.figures === 'drawn'"
-"""Whether the figures of a page show their values."""
-
 CLIPPED = """(() => {
   document.querySelectorAll("details").forEach(one => { one.open = true; });
   window.dispatchEvent(new Event("resize"));

@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 COLOUR_MAP = "viridis"
+THIS_MAP, AT_BEST = "tab:blue", "tab:orange"
+"""Colours of a map and of the best map of the same gauges."""
 
 RESOLUTION = 130
 """Dots per inch of PNG files."""

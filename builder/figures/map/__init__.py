@@ -1,1 +1,1 @@
-"""Figures of a map, those of its build report above all: stills, and the same with values under the pointer."""
+"""Figures of a map, those of its build report above all; their marks and cells have values."""

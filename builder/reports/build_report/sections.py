@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from builder.figures.map import hover, hover_gauges
-from builder.figures.map import stills as draw
-from builder.figures.map.flight_accuracy import AccuracyMap, accuracy_maps, hover_accuracy_maps
+from builder.figures.map import gauges as gauge_figures
+from builder.figures.map import observability as observability_figures
+from builder.figures.map import uncertainty as uncertainty_figures
+from builder.figures.map.flight_accuracy import AccuracyMap, accuracy_maps
 from builder.figures.scene.scene import scene_of
 from builder.figures.scene.solid_view import solid_view
 from builder.inverse.modes.mode_choice import mode_choice_lines
@@ -19,13 +20,13 @@ from builder.reports.page.tables import Table, percent
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 
 AIR_DATA_SHOWN = (
-    ("total_incidence", "total incidence [deg]", 180.0 / np.pi, True),
-    ("wind_roll_angle", "roll angle of the wind [deg]", 180.0 / np.pi, False),
-    ("mach_number", "Mach number [1]", 1.0, True),
-    ("static_pressure", "p_inf [kPa]", 1e-3, False),
-    ("dynamic_pressure", "q_inf [kPa]", 1e-3, False),
+    ("total_incidence", "total incidence [deg]", 180.0 / np.pi),
+    ("wind_roll_angle", "roll angle of the wind [deg]", 180.0 / np.pi),
+    ("mach_number", "Mach number [1]", 1.0),
+    ("static_pressure", "p_inf [kPa]", 1e-3),
+    ("dynamic_pressure", "q_inf [kPa]", 1e-3),
 )
-"""Air data of the maps over the envelope: name, label, factor to its unit, whether the still shows it, too."""
+"""Air data of the maps over the envelope: name, label, factor to its unit."""
 
 
 def blind_line(report: BuildReport) -> str:
@@ -78,21 +79,22 @@ def observability(report: BuildReport, tables: dict[str, Table]) -> Section:
                 "Two oblique views of the vehicle with its gauges.",
             ),
             picture(
-                draw.known_pressure(report.surface, report.observability.node_removed, report.inverse_map),
-                "Fraction of the pressure's variance that the data remove, on the unrolled body. Circles are "
-                "axial gauges, squares hoop gauges, diamonds inclined ones, drawn slightly apart. Mean and "
-                f"standard deviation, under the pointer: {_modelled(report)}.",
-                "Map of the unrolled body: fraction of the pressure's variance that the data remove.",
-                hover=hover.unrolled_pressure(
+                observability_figures.unrolled_pressure(
                     report.surface,
                     removed=report.observability.node_removed,
                     mean=report.observability.node_mean,
                     std=report.observability.node_std,
                     inverse_map=report.inverse_map,
                 ),
+                "Fraction of the pressure's variance that the data remove, mean and standard deviation, on the "
+                "unrolled body. Circles are axial gauges, squares hoop gauges, diamonds inclined ones, drawn "
+                f"slightly apart. Mean and standard deviation are {_modelled(report)}.",
+                "Maps of the unrolled body: fraction of the pressure's variance that the data remove, mean and "
+                "standard deviation of the pressure.",
+                "svg",
             ),
             picture(
-                draw.modes(
+                observability_figures.modes(
                     of_variance=report.observability.mode_fraction,
                     removed=report.observability.mode_removed,
                     removed_at_best=report.observability.mode_removed_at_best,
@@ -101,21 +103,14 @@ def observability(report: BuildReport, tables: dict[str, Table]) -> Section:
                 "The first POD modes: fraction of the variance in each, and what remains after the estimate.",
                 "Bars of the variance of each mode with marks for the part that remains after the estimate.",
                 "svg",
-                hover=hover.modes(
-                    of_variance=report.observability.mode_fraction,
-                    removed=report.observability.mode_removed,
-                    removed_at_best=report.observability.mode_removed_at_best,
-                    is_state=report.observability.is_state,
-                ),
             ),
             *((Items(choice),) if (choice := mode_choice_of(report)) else ()),
             tables["modes"],
             picture(
-                draw.singular_values(MICROSTRAIN_PER_KPA * report.singular_values),
+                observability_figures.singular_values(MICROSTRAIN_PER_KPA * report.singular_values),
                 "Singular values of Z_p over smooth pressures.",
                 "Falling singular values over their number.",
                 "svg",
-                hover=hover.singular_values(MICROSTRAIN_PER_KPA * report.singular_values),
             ),
             tables["singular_values"],
         ),
@@ -147,7 +142,7 @@ def blindness(report: BuildReport) -> Section:
     if np.isfinite(observed.class_fraction).all():
         blocks.append(
             picture(
-                draw.classes(
+                observability_figures.classes(
                     of_snapshots=observed.class_fraction,
                     of_kept_modes=observed.class_fraction_of_kept,
                     removed=observed.class_removed,
@@ -185,16 +180,7 @@ def uncertainty(report: BuildReport, tables: dict[str, Table]) -> Section:
             *_of_linear(report),
             tables["coefficients"],
             picture(
-                draw.coefficients(
-                    sources=report.coefficients.names,
-                    of_variance=report.coefficients.variance / report.coefficients.std**2,
-                    std_of_range=report.coefficients.std_of_range,
-                    correlation=report.coefficients.correlation,
-                ),
-                "Sources of each variance; 3 sigma over the range of the snapshots; correlation of errors.",
-                "Bars of the sources of each coefficient's variance and of 3 sigma over its range; correlations.",
-                "svg",
-                hover=hover.coefficients(
+                uncertainty_figures.coefficients(
                     sources=report.coefficients.names,
                     of_variance=report.coefficients.variance / report.coefficients.std**2,
                     std=report.coefficients.std,
@@ -202,6 +188,9 @@ def uncertainty(report: BuildReport, tables: dict[str, Table]) -> Section:
                     std_of_range=report.coefficients.std_of_range,
                     correlation=report.coefficients.correlation,
                 ),
+                "Sources of each variance; 3 sigma over the range of the snapshots; correlation of errors.",
+                "Bars of the sources of each coefficient's variance and of 3 sigma over its range; correlations.",
+                "svg",
             ),
             tables["sources"],
             tables["source_sigmas"],
@@ -213,20 +202,14 @@ def uncertainty(report: BuildReport, tables: dict[str, Table]) -> Section:
 
 def flight_accuracy(of: FlightAccuracy, tables: dict[str, Table]) -> Section:
     """Return the section on the nonlinear estimator."""
-    incidence = np.degrees(of.total_incidence)
-    axes = of.mach_number, incidence, NAVIGATION
     maps = [
         *(
-            AccuracyMap(
-                label=f"{name} [1]", std=of.coefficient_std[..., k], identified=None, on_page=k in (0, 1, 3)
-            )
+            AccuracyMap(label=f"{name} [1]", std=of.coefficient_std[..., k], identified=None)
             for k, name in enumerate(COEFFICIENT_NAMES)
         ),
         *(
-            AccuracyMap(
-                label=label, std=scale * of.air_data(name), identified=of.is_identified(name), on_page=on_page
-            )
-            for name, label, scale, on_page in AIR_DATA_SHOWN
+            AccuracyMap(label=label, std=scale * of.air_data(name), identified=of.is_identified(name))
+            for name, label, scale in AIR_DATA_SHOWN
         ),
     ]
     return Section(
@@ -239,11 +222,11 @@ def flight_accuracy(of: FlightAccuracy, tables: dict[str, Table]) -> Section:
                 "q_inf alone."
             ),
             picture(
-                accuracy_maps(*axes, maps),
+                accuracy_maps(of.mach_number, np.degrees(of.total_incidence), NAVIGATION, maps),
                 "Standard deviations over Mach number and total incidence. Hatched: strain and navigation do not "
                 "identify the quantity at half of the roll angles or more; the ranges of the map are as good.",
                 "Maps of standard deviations over Mach number and total incidence, a row for each navigation.",
-                hover=hover_accuracy_maps(*axes, maps),
+                "svg",
             ),
             *(tables[name] for name in ("nonlinear_coefficients", "nonlinear_sources") if name in tables),
             tables["flight_accuracy"],
@@ -268,21 +251,16 @@ def gauge_values(report: BuildReport, tables: dict[str, Table]) -> Section:
                 "the coefficient that it affects most."
             ),
             picture(
-                draw.gauge_loss(
-                    report.inverse_map,
-                    growth=report.gauges.growth,
-                    detectable_bias=report.gauges.detectable_bias,
-                ),
-                "Growth of each sigma when one gauge is lost, and the minimum detectable bias, at the gauge's "
-                "position on the unrolled body. Black, or black edge: the others do not identify the state.",
-                "Six unrolled bodies with gauges coloured by the cost of their loss.",
-                "svg",
-                hover=hover_gauges.gauge_values(
+                gauge_figures.gauge_loss(
                     report.inverse_map,
                     growth=report.gauges.growth,
                     detectable_bias=report.gauges.detectable_bias,
                     leverage=report.gauges.leverage,
                 ),
+                "Growth of each sigma when one gauge is lost, and the minimum detectable bias, at the gauge's "
+                "position on the unrolled body. Black: the others do not identify the state.",
+                "Six unrolled bodies with gauges coloured by the cost of their loss.",
+                "svg",
             ),
             tables["gauges"],
             *((tables["sensors"],) if "sensors" in tables else ()),
@@ -299,7 +277,7 @@ def losses(report: BuildReport, tables: dict[str, Table]) -> Section:
             tables["worst_losses"],
             tables["worst_pairs"],
             picture(
-                draw.pair_loss(
+                gauge_figures.pair_loss(
                     report.inverse_map,
                     growth=report.gauges.growth,
                     pairs=report.gauges.pairs,
@@ -307,12 +285,7 @@ def losses(report: BuildReport, tables: dict[str, Table]) -> Section:
                 ),
                 "Loss of two gauges: growth of the sigma that grows most. On the diagonal: loss of one gauge.",
                 "Matrix of gauges by gauges coloured by the cost of losing both.",
-                hover=hover_gauges.pair_loss(
-                    report.inverse_map,
-                    growth=report.gauges.growth,
-                    pairs=report.gauges.pairs,
-                    pair_growth=report.gauges.pair_growth,
-                ),
+                "svg",
             ),
         ),
     )
@@ -331,22 +304,20 @@ def gamma_choice(report: BuildReport, tables: dict[str, Table]) -> Section:
             ),
             tables["gamma_rules"],
             picture(
-                draw.eigenvalues(report.gamma.eigenvalues, report.gamma.gamma),
-                "Eigenvalues of the prior-preconditioned Hessian, and filter factors lambda / (lambda + gamma).",
-                "Falling eigenvalues with gamma as a line, and bars of filter factors.",
-                "svg",
-                hover=hover.eigenvalues(
+                uncertainty_figures.eigenvalues(
                     report.gamma.eigenvalues,
                     report.gamma.gamma,
                     [main_class(one)[0] for one in report.gamma.mode_classes],
                 ),
+                "Eigenvalues of the prior-preconditioned Hessian, and filter factors lambda / (lambda + gamma).",
+                "Falling eigenvalues with gamma as a line, and bars of filter factors.",
+                "svg",
             ),
             picture(
-                draw.l_curve(report.gamma.curve, report.gamma.found),
+                uncertainty_figures.l_curve(report.gamma.curve, report.gamma.found),
                 "L-curve: size of the states against size of the residual, with the gamma of every rule.",
                 "Curve of solution norm over residual norm with marks for each rule.",
                 "svg",
-                hover=hover.l_curve(report.gamma.curve, report.gamma.found),
             ),
             tables["eigenvalues"],
         ),

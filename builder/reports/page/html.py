@@ -2,7 +2,7 @@
 
 A page is a title and sections; a section holds paragraphs, lists, tables, figures and further sections. All text
 is escaped. Figures are embedded as data URIs. Each SVG is an image of its own, so that the names inside one cannot
-collide with those inside another.
+collide with those inside another. Their values lie over them (:mod:`builder.reports.page.pointer`).
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from builder.figures.drawing.hover import HoverFigure
-from builder.reports.page.hover_scripts import NEEDS_PLOTLY, POLICY, available, figure_data, scripts
+from builder.figures.drawing.values import Place, ValuedFigure
+from builder.reports.page.pointer import POINTER_STYLE, POLICY, SCRIPT, overlay
 from builder.reports.page.tables import Table, is_number, shown
 from strainfmu.files import write_bytes_atomically
 from strainfmu.pages import STYLE, table_html
@@ -70,14 +70,14 @@ class Picture:
     kind : "png" or "svg".
     caption : text below the figure; numbers and units of axes belong into the figure.
     alternative : description for readers who cannot see the figure.
-    hover : the same figure with values under the pointer, which takes its place where plotly is installed.
+    places : its texts under the pointer.
     """
 
     content: bytes
     kind: Literal["png", "svg"]
     caption: str
     alternative: str
-    hover: HoverFigure | None = None
+    places: tuple[Place, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -112,21 +112,19 @@ class Page:
 
 
 def picture(
-    figure: Figure,
-    caption: str,
-    alternative: str,
-    kind: Literal["png", "svg"] = "png",
-    hover: HoverFigure | None = None,
+    figure: Figure | ValuedFigure, caption: str, alternative: str, kind: Literal["png", "svg"] = "png"
 ) -> Picture:
-    """Draw a matplotlib figure into a page; "svg" for lines only, "png" for meshes."""
+    """Draw a matplotlib figure into a page; "svg" for lines and rasterised meshes, "png" for meshes in 3-D."""
     from matplotlib import rc_context
 
+    drawn = figure.figure if isinstance(figure, ValuedFigure) else figure
     stream = io.BytesIO()
     # Without a date, and with fixed names, the same figure gives the same bytes.
     metadata = {"Date": None} if kind == "svg" else {"Software": None}
     with rc_context({"svg.hashsalt": "strainfmu"}):
-        figure.savefig(stream, format=kind, dpi=PICTURE_RESOLUTION, metadata=metadata)
-    return Picture(content=stream.getvalue(), kind=kind, caption=caption, alternative=alternative, hover=hover)
+        drawn.savefig(stream, format=kind, dpi=PICTURE_RESOLUTION, metadata=metadata)
+    places = figure.places() if isinstance(figure, ValuedFigure) else ()
+    return Picture(content=stream.getvalue(), kind=kind, caption=caption, alternative=alternative, places=places)
 
 
 def write_page(page: Page, path: Path) -> None:
@@ -143,25 +141,23 @@ def write_page(page: Page, path: Path) -> None:
 def page_html(page: Page) -> str:
     """Return the page as HTML 5."""
     anchors = _Anchors()
-    figures = any(map(_hovers, (*page.opening, *page.sections)))
-    note = f"<p>{escape(NEEDS_PLOTLY)}</p>\n" if figures and not available() else ""
-    drawn = f"{scripts()}\n" if figures and available() else ""
+    script = f"<script>\n{SCRIPT}</script>\n" if any(map(_has_values, (*page.opening, *page.sections))) else ""
     body = "\n".join(_section(section, 2, anchors) for section in page.sections)
     opening = "\n".join(_block(block, 2, anchors) for block in page.opening)
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">\n'
-        f"<title>{escape(page.title)}</title>\n<style>\n{PAGE_STYLE}{STYLE}</style>\n</head>\n<body>\n"
-        f"<h1>{escape(page.title)}</h1>\n{opening}\n{note}{_contents(anchors)}\n{body}\n{drawn}</body>\n</html>\n"
+        f"<title>{escape(page.title)}</title>\n<style>\n{PAGE_STYLE}{STYLE}{POINTER_STYLE}</style>\n</head>\n<body>\n"
+        f"<h1>{escape(page.title)}</h1>\n{opening}\n{_contents(anchors)}\n{body}\n{script}</body>\n</html>\n"
     )
 
 
-def _hovers(block: Block) -> bool:
+def _has_values(block: Block) -> bool:
     """Return whether a block holds a figure with values under the pointer."""
     if isinstance(block, Section):
-        return any(map(_hovers, block.blocks))
-    return isinstance(block, Picture) and block.hover is not None
+        return any(map(_has_values, block.blocks))
+    return isinstance(block, Picture) and bool(block.places)
 
 
 class _Anchors:
@@ -248,12 +244,10 @@ def _table(table: Table) -> str:
 def _picture(one: Picture) -> str:
     kind = "image/svg+xml" if one.kind == "svg" else "image/png"
     content = b64encode(one.content).decode("ascii")
-    begin, data = "<figure>", ""
-    if one.hover is not None and available():
-        begin, data = '<figure class="hover">', f"{figure_data(one.hover)}\n"
     return (
-        f'{begin}\n<img src="data:{kind};base64,{content}" alt="{escape(one.alternative)}">\n{data}'
-        f"<figcaption>{escape(one.caption)}</figcaption>\n</figure>"
+        '<figure>\n<div class="picture"><div>\n'
+        f'<img src="data:{kind};base64,{content}" alt="{escape(one.alternative)}">\n{overlay(one.places)}'
+        f"</div></div>\n<figcaption>{escape(one.caption)}</figcaption>\n</figure>"
     )
 
 
@@ -280,7 +274,8 @@ pre { background: #f4f4f4; padding: 0.6rem; font-size: 0.85rem; }
 .card { border: 1px solid #ccc; border-left-width: 5px; padding: 0.5rem 0.9rem; }
 .card h2 { font-size: 1.05rem; margin: 0; border: 0; }
 .card ul { margin: 0.3rem 0; padding-left: 1.1rem; font-size: 0.92rem; line-height: 1.4; }
-@media screen and (max-width: 700px) { .cards { grid-template-columns: minmax(0, 1fr); } }
+@media screen and (max-width: 700px) { .cards { grid-template-columns: minmax(0, 1fr); }
+  table:not(.many) { display: block; overflow-x: auto; } }
 @media print { body { font-size: 10pt; max-width: none; padding: 0; }
   h2, h3 { break-after: avoid; } figure, tr { break-inside: avoid; } thead { display: table-header-group; }
   a { color: inherit; text-decoration: none; } }

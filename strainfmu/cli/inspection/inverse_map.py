@@ -241,22 +241,24 @@ def _reading(value: float, factor: float, unit: str) -> str:
 def _draw(loaded: InverseMap, folder: Path) -> list[str]:
     """Draw the figures that need the map alone and return the names of the files."""
     from builder.figures.drawing.canvas import save
-    from builder.figures.map import stills
+    from builder.figures.map import gauges, uncertainty
     from builder.reports.findings.gauge_value import gauge_value
 
     value = gauge_value(loaded)
     figures = {
-        "gauge_loss.png": stills.gauge_loss(loaded, growth=value.growth, detectable_bias=value.detectable_bias),
-        "pair_loss.png": stills.pair_loss(
+        "gauge_loss.png": gauges.gauge_loss(
+            loaded, growth=value.growth, detectable_bias=value.detectable_bias, leverage=value.leverage
+        ),
+        "pair_loss.png": gauges.pair_loss(
             loaded, growth=value.growth, pairs=value.pairs, pair_growth=value.pair_growth
         ),
-        "correlations.png": stills.correlations(loaded),
+        "correlations.png": uncertainty.correlations(loaded),
     }
     if loaded.case == 2:
         values = hessian_eigenvalues(loaded)
-        figures["eigenvalues.png"] = stills.eigenvalues(values, loaded.regularisation)
-    for name, figure in figures.items():
-        save(figure, folder / name)
+        figures["eigenvalues.png"] = uncertainty.eigenvalues(values, loaded.regularisation)
+    for name, shown in figures.items():
+        save(shown.figure, folder / name)
     return list(figures)
 
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from matplotlib.colors import to_hex
 
 from builder.aero.surface.mesh import SurfaceMesh
 from builder.figures.drawing.colours import colour_ends, part_colours
-from builder.figures.map import hover, stills
+from builder.figures.map.uncertainty import coefficients
 
 pytestmark = pytest.mark.fast
 
@@ -45,24 +47,28 @@ def test_no_two_parts_share_a_colour(count: int) -> None:
     assert part_colours(100)[:count] == colours
 
 
+def numbers(n: int) -> dict[str, Any]:
+    """Return what the figure of the coefficients draws of n sources alike."""
+    limits = np.tile([0.0, 1.0], (5, 1))
+    return {
+        "of_variance": np.full((n, 5), 1.0 / n),
+        "std": np.ones(5),
+        "limits": limits,
+        "std_of_range": np.ones(5),
+    }
+
+
 def test_sources_of_a_coefficient_have_a_colour_each() -> None:
-    """Thirteen sources: bars of the still and of the figure with values have the same colours, all different."""
-    names, variance = [f"source {k}" for k in range(13)], np.full((13, 5), 1.0 / 13.0)
-    common = {"sources": names, "of_variance": variance, "std_of_range": np.ones(5), "correlation": np.eye(5)}
-    still = stills.coefficients(**common)
-    bars = still.axes[0].containers
-    drawn = [to_hex(bar.patches[0].get_facecolor()) for bar in bars]
-    assert len(set(drawn)) == len(names)
-    shown = hover.coefficients(**common, std=np.ones(5), limits=np.tile([0.0, 1.0], (5, 1)))
-    assert [trace["marker"]["color"] for trace in shown["data"][: len(names)]] == drawn
+    """Thirteen sources."""
+    shown = coefficients(sources=[f"source {k}" for k in range(13)], **numbers(13), correlation=np.eye(5))
+    drawn = [to_hex(bar.patches[0].get_facecolor()) for bar in shown.figure.axes[0].containers]
+    assert len(set(drawn)) == 13
 
 
 def test_a_correlation_that_rounds_to_zero_has_no_sign() -> None:
     values = np.eye(5)
     values[0, 1] = values[1, 0] = -1e-9
-    figure = stills.coefficients(
-        sources=["noise"], of_variance=np.ones((1, 5)), std_of_range=np.ones(5), correlation=values
-    )
-    texts = [text.get_text() for axis in figure.axes for text in axis.texts]
+    shown = coefficients(sources=["noise"], **numbers(1), correlation=values)
+    texts = [text.get_text() for axis in shown.figure.axes for text in axis.texts]
     assert "0.00" in texts
     assert "-0.00" not in texts

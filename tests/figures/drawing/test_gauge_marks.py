@@ -11,8 +11,8 @@ import pytest
 from builder.aero.surface.mesh import mesh_of_grid
 from builder.figures.demonstration import gauges
 from builder.figures.drawing.gauge_marks import gauge_kinds, kind_label
-from builder.figures.map.hover_gauges import gauge_values
-from builder.figures.map.stills import gauge_loss, known_pressure
+from builder.figures.map.gauges import gauge_loss
+from builder.figures.map.observability import unrolled_pressure
 from builder.vehicle.shape.geometry import chain_segments, surface_grid
 from strainfmu.estimator.map.sensors import STRAIN, SensorRows, strain_rows
 
@@ -35,6 +35,7 @@ def rosettes(*angles: float) -> SimpleNamespace:
     return SimpleNamespace(
         gauge_position=np.array(position),
         gauge_direction=np.array(direction),
+        gauge_names=[f"s{i}" for i in range(len(position))],
         n_gauges=len(position),
         n_strain_gauges=len(position),
         sensors=strain_rows(len(position)),
@@ -79,18 +80,19 @@ def test_figure_of_the_gauges() -> None:
 def test_figures_of_the_report() -> None:
     one: Any = rosettes(0.0, 45.0, 90.0)
     surface = mesh_of_grid(GRID)
-    drawn = known_pressure(surface, np.linspace(0.0, 1.0, len(surface.point)), one)
-    assert legend_of(drawn) == ["axial, 4", "hoop, 4", "45 deg, 4"]
+    at_nodes = np.linspace(0.0, 1.0, len(surface.point))
+    drawn = unrolled_pressure(surface, removed=at_nodes, mean=at_nodes, std=at_nodes, inverse_map=one)
+    assert legend_of(drawn.figure) == ["axial, 4", "hoop, 4", "45 deg, 4"]
     growth = 1.0 + np.arange(60.0).reshape(12, 5)
     growth[3] = np.inf
-    drawn = gauge_loss(one, growth=growth, detectable_bias=np.full(12, 1e-6))
-    assert legend_of(drawn) == ["axial, 4", "hoop, 4", "45 deg, 4"]
+    drawn = gauge_loss(one, growth=growth, detectable_bias=np.full(12, 1e-6), leverage=np.ones(12))
+    assert legend_of(drawn.figure) == ["axial, 4", "hoop, 4", "45 deg, 4"]
 
 
 def with_sensors(one: Any) -> Any:
     """The last two gauges are a port and a load cell."""
     n, scale = one.n_gauges - 2, np.array([4e8, 2e6])
-    one.has_auxiliary_sensors, one.n_strain_gauges, one.gauge_names = True, n, [f"s{i}" for i in range(n + 2)]
+    one.has_auxiliary_sensors, one.n_strain_gauges = True, n
     one.sensors = SensorRows(
         kind=(*(STRAIN,) * n, "pressure", "force"),
         unit=(*("m/m",) * n, "Pa", "N"),
@@ -104,15 +106,13 @@ def with_sensors(one: Any) -> Any:
 def test_further_sensors_have_marks_and_units_of_their_own() -> None:
     one = with_sensors(rosettes(0.0, 45.0, 90.0))
     growth, bias = 1.0 + np.arange(60.0).reshape(12, 5), np.linspace(5e-6, 27e-6, 12)
-    drawn = gauge_loss(one, growth=growth, detectable_bias=bias)
-    assert legend_of(drawn) == ["axial, 4", "hoop, 3", "45 deg, 3", "auxiliary sensors, 2"]
-    assert any(axis.get_ylabel() == "bias [sigma of its noise]" for axis in drawn.axes)
-    hover = gauge_values(one, growth=growth, detectable_bias=bias, leverage=np.full(12, 0.5))
-    marks, button = hover["data"][0], hover["layout"]["updatemenus"][0]["buttons"][-1]
-    assert "detectable bias 5 um/m" in marks["text"][0]
-    assert marks["text"][10].startswith("s10, pressure<br>")
-    assert "detectable bias 1e+04 Pa" in marks["text"][10]
-    assert "detectable bias 54 N" in marks["text"][11]
-    assert [symbol == "triangle-up" for symbol in marks["marker"]["symbol"]] == 10 * [False] + 2 * [True]
-    assert button["label"] == "detectable bias [sigma of its noise]"
-    assert button["args"][0]["marker.color"][0] == pytest.approx((bias / 2e-6).tolist(), rel=1e-3)
+    drawn = gauge_loss(one, growth=growth, detectable_bias=bias, leverage=np.full(12, 0.5))
+    assert legend_of(drawn.figure) == ["axial, 4", "hoop, 3", "45 deg, 3", "auxiliary sensors, 2"]
+    assert any(axis.get_ylabel() == "bias [sigma of its noise]" for axis in drawn.figure.axes)
+    texts = [one.text for one in drawn.places()]
+    assert "detectable bias 5 um/m" in texts[0]
+    assert texts[10].startswith("s10, pressure\n")
+    assert "detectable bias 1e+04 Pa" in texts[10]
+    assert "detectable bias 54 N" in texts[11]
+    of_bias = next(one for one in drawn.figure.axes[5].collections if one.get_label().startswith("auxiliary"))
+    np.testing.assert_allclose(of_bias.get_array(), bias[10:] / 2e-6)
