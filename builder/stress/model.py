@@ -11,7 +11,7 @@ import numpy as np
 from builder.campaign.snapshots import Snapshots
 from builder.pipeline.built_sensors import FlownSensors
 from builder.stress.kind import Kind
-from builder.truth.as_built import AsBuilt
+from builder.structure.as_built.vehicle import AsBuilt
 from builder.truth.flights import Flights, RevolvedFlights
 from builder.truth.revolution.flow_table import FlowTable, harmonics_at
 from builder.truth.revolution.sensors import sensor_readings

@@ -39,6 +39,7 @@ class ParameterKind:
     step : of central differences of the readings by it; 0 where the derivative has a closed form.
     flight : whether strain in flight depends on it; a ground test alone does otherwise.
     taken_for_zero : whether the standard deviation is 0 by default, and the test says whether that holds.
+    alike_in_flight : whether [noise] states one number for all regions alike, not one for each.
     """
 
     name: str
@@ -53,6 +54,7 @@ class ParameterKind:
     step: float = 0.0
     flight: bool = True
     taken_for_zero: bool = False
+    alike_in_flight: bool = False
 
     @property
     def scale(self) -> float:
@@ -63,6 +65,11 @@ class ParameterKind:
     def in_words(self) -> str:
         """The name as it is printed."""
         return self.name.replace("_", " ")
+
+    @property
+    def is_one_in_flight(self) -> bool:
+        """Whether [noise] states one error of the whole vehicle."""
+        return self.extent == "vehicle" or self.alike_in_flight
 
     def prior_std(self, section: object) -> float:
         """Return the standard deviation before a test, in SI, from the section [calibration]."""
@@ -167,6 +174,7 @@ AS_BUILT = (
         calibration="wall_thickness_percent",
         noise="wall_thickness_percent",
         step=1e-3,
+        alike_in_flight=True,
     ),
     ParameterKind(
         name="wall_cosine",
@@ -378,3 +386,23 @@ def by_name(kinds: Iterable[ParameterKind]) -> dict[str, ParameterKind]:
 
 KINDS = by_name((*AS_BUILT, *IN_FLIGHT, *OF_LOADS))
 """The whole table."""
+
+ALWAYS_DRAWN = (
+    "gauge_gain",
+    "common_gain",
+    "axial_shift",
+    "circumferential_shift",
+    "orientation",
+    "layout_roll",
+    "wall_thickness",
+    "apparent_strain",
+    "internal_pressure",
+    "dynamic_pressure",
+)
+"""Kinds whose numbers are drawn first, and even at size 0: the vehicles of a seed stay the same."""
+
+IN_NOISE = tuple(
+    KINDS[name]
+    for name in dict.fromkeys((*ALWAYS_DRAWN, *(kind.name for kind in (*AS_BUILT, *IN_FLIGHT) if kind.noise)))
+)
+"""Kinds that [noise] states, in the order in which vehicles are drawn."""

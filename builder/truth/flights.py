@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-from builder.truth.as_built import AsBuilt
+from builder.structure.as_built.vehicle import AsBuilt
 from builder.truth.revolution.strain import TrueFlights, TrueStructure, some_flights, true_strain
 from strainfmu.arrays import FloatArray
 from strainfmu.flight_condition import FlightCondition

@@ -9,8 +9,8 @@ from as_built_case import strain_covariances
 from builder.calibration.after_test.calibrated_map import calibrated_vehicle
 from builder.calibration.after_test.flown_after_test import allowed_vehicles, net_pressure
 from builder.calibration.after_test.left_by_test import Remaining
-from builder.calibration.as_built.parameters import drawn, prior_std
-from builder.calibration.as_built.structure import AsBuiltStructure
+from builder.structure.as_built.structure import AsBuiltStructure
+from builder.structure.as_built.vehicle import drawn, prior_std
 from builder.trial.conditions import held_out_conditions
 from builder.trial.vehicles import drawn_vehicles
 from builder.truth.revolution.flow_table import FlowTable

@@ -27,8 +27,8 @@ from builder.compare.flights import (
 from builder.compare.run import table_csv
 from builder.compare.score import AIR_DATA_KEYS, Tally, rms_of_tenths, tenths
 from builder.figures.comparison.rivals import compare_figure
+from builder.structure.as_built.vehicle import AsBuilt
 from builder.trial.score import ROLLING
-from builder.truth.as_built import AsBuilt
 from builder.truth.flights import RevolvedFlights
 from builder.truth.revolution.strain import TrueFlights, TrueStructure
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle

@@ -14,8 +14,9 @@ from shape_truth import beam, flights_at
 from builder.aero.loads.sections import six_loads
 from builder.aero.shapes import sections_mesh
 from builder.campaign.snapshots import Snapshots
+from builder.structure.as_built.vehicle import AsBuilt, exactly_built
 from builder.trial.conditions import conditions_in_ranges
-from builder.truth.as_built import AsBuilt, drawn_many, exactly_built
+from builder.truth.as_built import drawn_many
 from builder.truth.shape.flights import ShapeFlights, on_nodes
 from builder.truth.shape.structure import refuse_without_other_model
 from builder.vehicle.file import VEHICLES, Vehicle, load_vehicle
@@ -35,7 +36,7 @@ def flights() -> ShapeFlights:
 
 
 def built(**errors: Any) -> AsBuilt:
-    return replace(exactly_built(N_D), **errors)
+    return exactly_built(N_D).changed(**errors)
 
 
 def test_strain_is_that_of_the_net_pressure() -> None:
@@ -74,9 +75,7 @@ def test_many_vehicles_at_once_are_each_on_its_own() -> None:
     for flight in (0, 5):
         found = flights().read(many, slice(flight, flight + 1))
         for vehicle in range(4):
-            one = AsBuilt(
-                **{name: value[vehicle] if np.ndim(value) else value for name, value in vars(many).items()}
-            )
+            one = many.one_of(vehicle)
             np.testing.assert_allclose(found[vehicle], flights().read(one)[flight], rtol=1e-12)
 
 

@@ -45,9 +45,10 @@ from builder.pipeline.pipeline import FilesGiven, Pipeline
 from builder.pipeline.stages import check_before_long_work
 from builder.pipeline.used_files import FLOWS, MAP, SNAPSHOTS, open_pipeline
 from builder.reporting import Reporter
+from builder.structure.as_built.vehicle import AsBuilt, exactly_built
 from builder.structure.fourier.model import refuse_beyond_fourier
 from builder.structure.gauge_checks import check_gauges
-from builder.truth.as_built import AsBuilt, drawn, exactly_built
+from builder.truth.as_built import drawn
 from builder.truth.independent_model import FlownPhysics, flown_physics
 from builder.truth.revolution.flight_tables import flight_model
 from builder.truth.revolution.flow_table import load_flow_table

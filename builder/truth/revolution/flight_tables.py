@@ -7,7 +7,7 @@ changes by (-1)^m. So the spline has the correct symmetry at a_T = 0 without a k
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from math import factorial
 from typing import Any
 
@@ -15,7 +15,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from builder.aero.loads.operator import load_operator
-from builder.truth.as_built import AsBuilt
+from builder.structure.as_built.vehicle import AsBuilt
+from builder.structure.as_built_kinds import IN_NOISE
 from builder.truth.revolution.flow_table import FlowTable
 from builder.truth.revolution.sensors import BuiltSensors
 from builder.truth.revolution.strain import TrueStructure, built_gauges
@@ -72,9 +73,9 @@ def flight_model(
         names=structure.names,
         roll_angle=gauges.roll_angle,
         response=np.stack([gauges.even, gauges.odd], axis=-1) * gain[:, None, None, None],
-        internal_pressure=float(built.internal_pressure),
-        apparent_strain=built.apparent_strain,
-        record=_as_numbers(built),
+        internal_pressure=built.internal_pressure.item(),
+        apparent_strain=np.broadcast_to(built.apparent_strain, len(structure.names)),
+        record=built.record(IN_NOISE),
         sensors=sensors,
     )
     return plant_flight_model(vehicle, table, structure.surface, plant, noise_std)
@@ -144,12 +145,6 @@ def plant_flight_model(
         sensors=None if sensors is None else sensors.rows(n, noise_std),
         provenance={**table.provenance, "as_built": gauges.record},
     )
-
-
-def _as_numbers(built: AsBuilt) -> dict[str, Any]:
-    return {
-        name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in asdict(built).items()
-    }
 
 
 def _spline_table(mach: FloatArray, incidence: FloatArray, values: FloatArray, parity: FloatArray) -> FloatArray:

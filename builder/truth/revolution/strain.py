@@ -14,6 +14,7 @@ import numpy as np
 
 from builder.aero.loads.operator import coefficient_scale, load_operator
 from builder.reporting import Progress
+from builder.structure.as_built.vehicle import AsBuilt
 from builder.structure.fourier.gauges import PlacedGauges
 from builder.structure.fourier.inner_surface import inner_surface_points
 from builder.structure.fourier.meridian_mesh import MeridianMesh
@@ -21,7 +22,6 @@ from builder.structure.fourier.model import place_layouts
 from builder.structure.fourier.shell_mesh import shell_mesh, yielding_clamp
 from builder.structure.fourier.strain_operator import HarmonicResponse, harmonic_response
 from builder.structure.wall import wall_of
-from builder.truth.as_built import AsBuilt
 from builder.truth.revolution.flow_table import FlowTable, harmonics_at
 from builder.vehicle.file import Vehicle
 from builder.vehicle.model_entries import Resolution
@@ -251,10 +251,10 @@ def built_gauges(structure: TrueStructure, built: AsBuilt, states: FloatArray | 
         inner: tuple[EllipsisType | None, ...] = (..., None, None)
     else:
         inner = (..., None)
-    t = np.asarray(built.wall_thickness)[inner] / WALL_STEP
+    t = built.of_all("wall_thickness")[inner] / WALL_STEP
     along = built.axial_shift[inner] / SHIFT
     nominal, thin, thick, fore, aft, *soft = states
-    yields = [np.asarray(one)[inner] for one in (built.clamp_axial, built.clamp_transverse)]
+    yields = [one[inner] for one in (built.clamp_axial, built.clamp_transverse)]
     if not soft and any(one.any() for one in yields):
         raise InputError("this structure was solved for a rigid clamp; noise.clamp_compliance_mm is 0")
 

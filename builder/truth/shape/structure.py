@@ -13,6 +13,7 @@ import numpy as np
 from builder.aero.surface.mesh import SurfaceMesh
 from builder.campaign.snapshots import Snapshots
 from builder.reporting import Reporter
+from builder.structure.as_built.vehicle import AsBuilt
 from builder.structure.mapped_structure import mapped_operator
 from builder.structure.mesh_check import MeshCheck
 from builder.structure.solid.case import structure_case
@@ -29,7 +30,6 @@ from builder.structure.solid.gauges.displaced_gauges import (
     displaced_name,
 )
 from builder.structure.structure_file import Structure
-from builder.truth.as_built import AsBuilt
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
@@ -185,5 +185,5 @@ def as_built(parts: FloatArray, built: AsBuilt, radius: FloatArray) -> FloatArra
     """
     around = built.circumferential_shift + built.layout_roll * radius
     moved = parts[0] + built.axial_shift * parts[1] + around * parts[2] + built.orientation * parts[3]
-    gain = (1.0 + built.gauge_gain) * (1.0 + built.common_gain) / (1.0 + built.wall_thickness)
+    gain = (1.0 + built.gauge_gain) * (1.0 + built.common_gain) / (1.0 + built.of_all("wall_thickness"))
     return np.asarray(gain * moved)

@@ -7,11 +7,10 @@ by kind: (n_d, ..) where each gauge has its own parameter, or one for the whole 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 
 import numpy as np
 
-from builder.calibration.as_built.parameters import AsBuiltParameters, Counts
+from builder.structure.as_built.vehicle import AsBuilt, Counts
 from builder.structure.as_built_kinds import AS_BUILT, KINDS
 from strainfmu.arrays import FloatArray
 
@@ -29,7 +28,7 @@ def derivative_keys(counts: Counts) -> list[Key]:
     ]
 
 
-def uncertain_keys(std: AsBuiltParameters, in_flight: bool = False) -> list[Key]:
+def uncertain_keys(std: AsBuilt, in_flight: bool = False) -> list[Key]:
     """Return the keys of parameters whose standard deviation is not zero; those alone that strain in flight
     depends on, where it is ``in_flight`` that they are needed."""
     return [
@@ -46,8 +45,8 @@ def of_gauges(key: Key) -> bool:
 
 
 def parameter_derivatives(
-    evaluate: Callable[[AsBuiltParameters], FloatArray],
-    parameters: AsBuiltParameters,
+    evaluate: Callable[[AsBuilt], FloatArray],
+    parameters: AsBuilt,
     keys: Sequence[Key] | None = None,
 ) -> dict[Key, FloatArray]:
     """Return the derivative of ``evaluate`` (n_d, ..), readings without zeros that go with 1 / E, by ``keys``.
@@ -71,12 +70,12 @@ def parameter_derivatives(
 
 
 def _difference(
-    evaluate: Callable[[AsBuiltParameters], FloatArray], parameters: AsBuiltParameters, kind: str, region: int
+    evaluate: Callable[[AsBuilt], FloatArray], parameters: AsBuilt, kind: str, region: int
 ) -> FloatArray:
     held = getattr(parameters, kind)
     step = KINDS[kind].step
     change = np.full(len(held), step)
     if KINDS[kind].extent not in ("gauge", "vehicle"):
         change[np.arange(len(held)) != region] = 0.0
-    plus, minus = (evaluate(replace(parameters, **{kind: held + sign * change})) for sign in (1.0, -1.0))
+    plus, minus = (evaluate(parameters.changed(**{kind: held + sign * change})) for sign in (1.0, -1.0))
     return np.asarray((plus - minus) / (2.0 * step))

@@ -21,8 +21,8 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from builder.calibration.as_built.parameters import AsBuiltParameters, Counts, exactly_built
-from builder.calibration.as_built.response_tables import (
+from builder.reporting import Progress
+from builder.structure.as_built.response_tables import (
     QUARTER,
     LoadResponse,
     ResponseTable,
@@ -32,10 +32,10 @@ from builder.calibration.as_built.response_tables import (
     side_phases,
     uneven_amplitudes,
 )
-from builder.calibration.as_built.wall_harmonics import WAVES, quarter_turns, rolled_quarter, times_waves
-from builder.calibration.as_built.wall_regions import WallRegions, thickened, wall_regions
-from builder.calibration.as_built.wall_states import WALL_STEP, Adjoint, WallStates, wall_states
-from builder.reporting import Progress
+from builder.structure.as_built.vehicle import AsBuilt, Counts, exactly_built
+from builder.structure.as_built.wall_harmonics import WAVES, quarter_turns, rolled_quarter, times_waves
+from builder.structure.as_built.wall_regions import WallRegions, thickened, wall_regions
+from builder.structure.as_built.wall_states import WALL_STEP, Adjoint, WallStates, wall_states
 from builder.structure.fourier.gauges import PlacedGauges
 from builder.structure.fourier.inner_surface import inner_surface_points
 from builder.structure.fourier.model import place_layouts, structural_model_on, with_mesh_error
@@ -90,7 +90,7 @@ class AsBuiltStructure:
     placed: PlacedGauges
     radius: FloatArray
     row: IntArray
-    solved: AsBuiltParameters
+    solved: AsBuilt
     states: WallStates
     pressure: ResponseTable
     _mesh_error: Callable[[], FloatArray | None]
@@ -118,11 +118,11 @@ class AsBuiltStructure:
         """First and last station of the outer surface [m]."""
         return self.states.forces[0].outer_span
 
-    def exactly_built(self) -> AsBuiltParameters:
+    def exactly_built(self) -> AsBuilt:
         """Return the parameters of the vehicle of the file: zeros."""
         return exactly_built(self.counts)
 
-    def strain_operator(self, parameters: AsBuiltParameters) -> FloatArray:
+    def strain_operator(self, parameters: AsBuilt) -> FloatArray:
         """Return Z_p (n_d, n_p) [1/Pa]: reading, without zeros, per pressure at every node of ``surface``."""
         cosine, sine = self._pressure_parts(parameters)
         grid = self.surface
@@ -135,7 +135,7 @@ class AsBuiltStructure:
         gain = gain_of(parameters) / (1.0 + parameters.youngs_modulus)
         return np.asarray(gain[:, None] * z.reshape(self.n_gauges, grid.n_nodes))
 
-    def load_strain(self, parameters: AsBuiltParameters, loads: Sequence[Load]) -> FloatArray:
+    def load_strain(self, parameters: AsBuilt, loads: Sequence[Load]) -> FloatArray:
         """Return what every gauge reads under loads that act together, without zeros, (n_d,) [m/m].
 
         Raises
@@ -148,7 +148,7 @@ class AsBuiltStructure:
             found += self.response_strain(parameters, self.response(load))
         return found
 
-    def reading(self, parameters: AsBuiltParameters, loads: Sequence[Load]) -> FloatArray:
+    def reading(self, parameters: AsBuilt, loads: Sequence[Load]) -> FloatArray:
         """Return what every gauge reads, zeros included, (n_d,) [m/m]; errors as :meth:`load_strain`."""
         return self.load_strain(parameters, loads) + parameters.zero
 
@@ -160,7 +160,7 @@ class AsBuiltStructure:
             self._responses[load] = self._solved_response(load)
         return self._responses[load]
 
-    def response_strain(self, parameters: AsBuiltParameters, response: LoadResponse) -> FloatArray:
+    def response_strain(self, parameters: AsBuilt, response: LoadResponse) -> FloatArray:
         """Return the readings (n_d,) [m/m] under the load of ``response``, (n_loads, n_d) under several."""
         thickness, station = self._thickness(parameters), self.states.station
         roll = self._roll_angle(parameters)
@@ -235,7 +235,7 @@ class AsBuiltStructure:
             by_mass=isinstance(load, OF_MASS),
         )
 
-    def _pressure_parts(self, parameters: AsBuiltParameters) -> tuple[FloatArray, FloatArray]:
+    def _pressure_parts(self, parameters: AsBuilt) -> tuple[FloatArray, FloatArray]:
         """Return (n_x, n_m, n_d) strain in the gauges' directions per cos(m phi) and sin(m phi) of a pressure."""
         thickness, station = self._thickness(parameters), self.states.station
         roll = self._roll_angle(parameters)
@@ -261,11 +261,11 @@ class AsBuiltStructure:
             sine = sine + s * sums[0] + c * sums[1]
         return cosine, sine
 
-    def _direction_weights(self, parameters: AsBuiltParameters) -> tuple[FloatArray, FloatArray]:
+    def _direction_weights(self, parameters: AsBuilt) -> tuple[FloatArray, FloatArray]:
         placed = self.placed
         return direction_weights(placed.meridional, placed.circumferential, parameters, self.row)
 
-    def _thickness(self, parameters: AsBuiltParameters) -> FloatArray:
+    def _thickness(self, parameters: AsBuilt) -> FloatArray:
         """Return (2 n_r,) thickness and taper of the regions over those that were solved for."""
         one, other = (
             np.concatenate([built.wall_thickness, built.wall_taper]) for built in (parameters, self.solved)
@@ -276,7 +276,7 @@ class AsBuiltStructure:
             raise InputError("this structure was solved for one modulus; calibration.region_modulus_percent is 0")
         return np.asarray(one - other)
 
-    def _roll_angle(self, parameters: AsBuiltParameters) -> FloatArray:
+    def _roll_angle(self, parameters: AsBuilt) -> FloatArray:
         shift = parameters.circumferential_shift / self.radius
         return np.asarray(self.placed.roll_angle + parameters.layout_roll + shift)
 
@@ -321,7 +321,7 @@ def as_built_structure(
     built = exactly_built(_counts(vehicle, placed))
     if known_thickness is not None:
         taper = np.zeros(len(regions)) if known_taper is None else np.asarray(known_taper, dtype=float)
-        built = replace(built, wall_thickness=np.asarray(known_thickness, dtype=float), wall_taper=taper)
+        built = built.changed(wall_thickness=known_thickness, wall_taper=taper)
         mesh = thickened(drawing, wall, regions, built.wall_thickness, taper)
     at_gauge = inner_surface_points(drawing, placed.x)
     grid = surface_grid(vehicle.body(), resolution.surface_stations, resolution.surface_roll_angles)
@@ -379,7 +379,7 @@ def _mesh_error(vehicle: Vehicle, grid: SurfaceGrid, resolution: Resolution, lay
     return with_mesh_error(drawing, vehicle, resolution).error_operator(layout)
 
 
-def gain_of(parameters: AsBuiltParameters) -> FloatArray:
+def gain_of(parameters: AsBuilt) -> FloatArray:
     """Return (n_d,) reading per strain."""
     return np.asarray((1.0 + parameters.common_gain) * (1.0 + parameters.gauge_gain))
 

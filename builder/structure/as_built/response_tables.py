@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from builder.calibration.as_built.parameters import AsBuiltParameters
-from builder.calibration.as_built.wall_harmonics import SIDES, WAVES
+from builder.structure.as_built.vehicle import AsBuilt
+from builder.structure.as_built.wall_harmonics import SIDES, WAVES
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 
 QUARTER = 0.5 * np.pi
@@ -133,7 +133,7 @@ def together(responses: Sequence[LoadResponse]) -> LoadResponse:
 
 
 def even_amplitudes(
-    table: ResponseTable, parameters: AsBuiltParameters, thickness: FloatArray, station: IntArray
+    table: ResponseTable, parameters: AsBuilt, thickness: FloatArray, station: IntArray
 ) -> FloatArray:
     """Return (.., n_m, n_d, 3) at the gauges, of the part that goes round the body as the load does.
 
@@ -156,7 +156,7 @@ def even_amplitudes(
 
 
 def uneven_amplitudes(
-    table: ResponseTable, parameters: AsBuiltParameters, station: IntArray
+    table: ResponseTable, parameters: AsBuilt, station: IntArray
 ) -> Iterator[tuple[int, int, FloatArray]]:
     """Yield the parts of the uneven wall: its harmonic w, quarters of its period that it is rolled by, amplitudes.
 
@@ -168,7 +168,7 @@ def uneven_amplitudes(
                 yield wave, turned, np.tensordot(size, part, 1)[..., station, :]
 
 
-def _softness(parameters: AsBuiltParameters) -> FloatArray:
+def _softness(parameters: AsBuilt) -> FloatArray:
     """Return (2 + n_joints + n_r,) what the rows of :attr:`ResponseTable.soft` are multiplied by.
 
     A region's strain goes with its compliance, 1 / (1 + e), nearly in proportion; so the line is one in that.
@@ -178,14 +178,14 @@ def _softness(parameters: AsBuiltParameters) -> FloatArray:
     return np.concatenate([*soft, stiffer])
 
 
-def _waves(parameters: AsBuiltParameters) -> FloatArray:
+def _waves(parameters: AsBuilt) -> FloatArray:
     """Return (n_w, 2, n_r) cosine and sine parts of the thickness, for each of :data:`WAVES`."""
     first = (parameters.wall_cosine, parameters.wall_sine)
     return np.array([first, (parameters.wall_second_cosine, parameters.wall_second_sine)])
 
 
 def direction_weights(
-    meridional: FloatArray, circumferential: FloatArray, parameters: AsBuiltParameters, row: IntArray
+    meridional: FloatArray, circumferential: FloatArray, parameters: AsBuilt, row: IntArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return what a gauge makes of meridional, hoop and shear strain: (n_d, 2) and (n_d,).
 
