@@ -30,6 +30,7 @@ class ParameterKind:
     ----------
     name : of the kind, and of the field that holds it.
     error : name of the kind in the fault detection study; empty where that has no case of it.
+    column : name of its error columns in a map, where that is another than the kind's own in words.
     extent : what has its own parameter of this kind.
     unit : of its entries, one of :data:`UNIT`; parameters themselves are in SI.
     acts_on : what it changes, for pages.
@@ -47,6 +48,7 @@ class ParameterKind:
     unit: str
     acts_on: str
     error: str = ""
+    column: str = ""
     relative_to: str = ""
     calibration: str = ""
     noise: str = ""
@@ -65,6 +67,11 @@ class ParameterKind:
     def in_words(self) -> str:
         """The name as it is printed."""
         return self.name.replace("_", " ")
+
+    @property
+    def column_name(self) -> str:
+        """Name of its error columns in a map."""
+        return self.column or self.in_words
 
     @property
     def is_one_in_flight(self) -> bool:
@@ -97,6 +104,7 @@ AS_BUILT = (
     ParameterKind(
         name="orientation",
         error="orientation of each gauge",
+        column="gauge orientation",
         extent="gauge",
         unit="deg",
         acts_on="direction of the gauge in the surface",
@@ -107,6 +115,7 @@ AS_BUILT = (
     ParameterKind(
         name="axial_shift",
         error="axial position of each gauge",
+        column="gauge position, axial",
         extent="gauge",
         unit="mm",
         acts_on="place of the gauge along the surface",
@@ -117,6 +126,7 @@ AS_BUILT = (
     ParameterKind(
         name="circumferential_shift",
         error="circumferential position of each gauge",
+        column="gauge position, circumferential",
         extent="gauge",
         unit="mm",
         acts_on="place of the gauge round the body",
@@ -240,6 +250,7 @@ AS_BUILT = (
     ParameterKind(
         name="clamp_axial",
         error="clamp that yields along the body",
+        column="clamp, along",
         extent="vehicle",
         unit="mm",
         acts_on="support: length of wall that yields along the body as the clamp does",
@@ -250,6 +261,7 @@ AS_BUILT = (
     ParameterKind(
         name="clamp_transverse",
         error="clamp that yields across the body",
+        column="clamp, across",
         extent="vehicle",
         unit="mm",
         acts_on="support: length of wall that yields across the body as the clamp does",

@@ -35,7 +35,7 @@ def table(vehicle: Vehicle, true_model: TrueStructure) -> FlowTable:
     """Pressure that grows with Mach number and rises towards windward with incidence; falls along the body."""
     mach, incidence = (np.array(one) for one in (vehicle.truth.mach_number, vehicle.truth.total_incidence_deg))
     along = 1.5 - true_model.surface.x / true_model.surface.x[-1]
-    rise = np.zeros((len(incidence), true_model.nominal.shape[-2]))  # as many harmonics as the structure
+    rise = np.zeros((len(incidence), true_model.n_harmonics))  # as many harmonics as the structure
     rise[:, :4] = np.deg2rad(incidence)[:, None] * np.array([1.0, -8.0, 3.0, -1.0]) + [1.0, 0.0, 0.0, 0.0]
     harmonic = np.einsum("i,jm,x->ijxm", mach**2 / 10.0, rise, along)
     harmonic[..., 0] += 2.0

@@ -13,6 +13,7 @@ from ensembles import listed_ensemble
 
 from builder.aero.loads.operator import coefficients_of, load_operator
 from builder.inverse.noise.hardware_errors import hardware_errors
+from builder.structure.as_built.revolved import SHIFT
 from builder.structure.as_built.vehicle import AsBuilt, exactly_built
 from builder.structure.fourier.inner_surface import inner_surface_points
 from builder.structure.fourier.model import structural_model
@@ -22,11 +23,9 @@ from builder.structure.wall import wall_of
 from builder.truth.as_built import drawn, drawn_many
 from builder.truth.revolution.flow_table import FlowTable, harmonics_at
 from builder.truth.revolution.strain import (
-    SHIFT,
     WALL_STEP,
     TrueFlights,
     TrueStructure,
-    built_gauges,
     one_flight,
     true_flights,
     true_strain,
@@ -159,7 +158,7 @@ def test_shifted_gauges_are_those_of_the_structure_solved_there(
         ("axial_shift", replace(placed, x=placed.x + along), 1e-3),
         (
             "circumferential_shift",
-            replace(placed, roll_angle=placed.roll_angle + sign * SHIFT / true_model.radius),
+            replace(placed, roll_angle=placed.roll_angle + sign * SHIFT / true_model.on_wall.radius),
             1e-10,
         ),
     ):
@@ -232,7 +231,7 @@ def test_strain_of_uniform_pressure_is_that_of_the_vehicle_as_built(
     one = drawn(Noise(std_um_per_m=0.4), N_GAUGES, np.random.default_rng(8))
     more = one.changed(internal_pressure=one.internal_pressure + 0.05)
     difference = true_strain(true_model, flights, more) - true_strain(true_model, flights, one)
-    of_unit = built_gauges(true_model, one).even[:, 0].sum(axis=-1)
+    of_unit = true_model.parts(one).even[:, 0].sum(axis=0)
     gain = (1.0 + one.gauge_gain) * (1.0 + one.common_gain)
     close(difference, -0.05 * np.outer(flights.ambient_pressure, gain * of_unit), 1e-8)
 

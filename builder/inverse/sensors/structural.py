@@ -10,8 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from builder.inverse.noise.gauge_derivatives import WALL_STEP, central_difference, with_wall
+from builder.inverse.noise.gauge_derivatives import WALL_STEP
+from builder.inverse.noise.model import central_difference
 from builder.inverse.sensors.row import SensorRow
+from builder.structure.as_built.revolved import with_wall
 from builder.structure.fourier.displacement import SurfaceTargets, displacement_operator
 from builder.structure.fourier.gauges import place_gauges
 from builder.structure.fourier.inner_surface import inner_surface_points

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import partial
 from hashlib import sha256
 from pathlib import Path
@@ -46,6 +46,7 @@ from builder.pipeline.stages import check_before_long_work
 from builder.pipeline.used_files import FLOWS, MAP, SNAPSHOTS, open_pipeline
 from builder.reporting import Reporter
 from builder.structure.as_built.vehicle import AsBuilt, exactly_built
+from builder.structure.as_built_kinds import IN_NOISE
 from builder.structure.fourier.model import refuse_beyond_fourier
 from builder.structure.gauge_checks import check_gauges
 from builder.truth.as_built import drawn
@@ -247,7 +248,7 @@ def _flight_model(pipeline: Pipeline, built: AsBuilt, seed: int | None) -> None:
         "schema_version": flight_model_file.SCHEMA_VERSION,
         "map": pipeline.made_from(MAP),
         "flows": pipeline.made_from(FLOWS),
-        "as built": {name: np.asarray(value).tolist() for name, value in asdict(built).items()},
+        "as built": built.record(IN_NOISE),
     }
     pipeline.make("flight_model.h5", "the vehicle that flies: the independent model, as built", inputs, make)
 

@@ -6,7 +6,6 @@ structure, hardware errors drawn. Its strains go into the estimator FMU step by 
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from hashlib import sha256
 from pathlib import Path
 from time import perf_counter
@@ -24,6 +23,7 @@ from builder.pipeline.map_files import make_map
 from builder.pipeline.pipeline import Pipeline
 from builder.pipeline.used_files import MAP, SNAPSHOTS, STRUCTURE
 from builder.structure.as_built.vehicle import AsBuilt
+from builder.structure.as_built_kinds import IN_NOISE
 from builder.structure.solid.case import structure_case
 from builder.structure.solid.free_case import FreeCase
 from builder.structure.structure_file import load_structure
@@ -98,7 +98,7 @@ def fly_free_shape(pipeline: Pipeline, built: AsBuilt) -> Recording:
         "trajectory": trajectory.read_bytes().hex(),
         "resolution": vehicle.resolution.truth.model_dump(),
         "structure": pipeline.made_from(STRUCTURE),
-        "as built": {name: np.asarray(value).tolist() for name, value in asdict(built).items()},
+        "as built": built.record(IN_NOISE),
     }
     pipeline.make("flight.h5", "the estimator's flight: strains, truth, estimates", inputs, make)
     recording = load_recording(pipeline.path("flight.h5"))

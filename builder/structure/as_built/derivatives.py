@@ -11,7 +11,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from builder.structure.as_built.vehicle import AsBuilt, Counts
-from builder.structure.as_built_kinds import AS_BUILT, KINDS
+from builder.structure.as_built_kinds import AS_BUILT, IN_NOISE, KINDS
+from builder.vehicle.map.options import Noise
 from strainfmu.arrays import FloatArray
 
 Key = tuple[str, int]
@@ -36,6 +37,16 @@ def uncertain_keys(std: AsBuilt, in_flight: bool = False) -> list[Key]:
         for key in derivative_keys(std.counts)
         if (KINDS[key[0]].flight or not in_flight)
         and np.any(getattr(std, key[0]) if of_gauges(key) else getattr(std, key[0])[key[1]])
+    ]
+
+
+def stated_keys(noise: Noise, counts: Counts) -> list[Key]:
+    """Return the keys of errors in proportion to strain that the section [noise] states, in the order of draws."""
+    return [
+        (kind.name, number)
+        for kind in IN_NOISE
+        if kind in AS_BUILT and kind.noise_std(noise) > 0.0
+        for number in range(1 if kind.extent == "gauge" else counts.in_flight(kind))
     ]
 
 

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from builder.structure.as_built_kinds import AS_BUILT, IN_FLIGHT, KINDS, ParameterKind
+from builder.structure.as_built_kinds import AS_BUILT, IN_FLIGHT, IN_NOISE, KINDS, ParameterKind
 from builder.vehicle.map.calibration import Calibration
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
@@ -127,9 +127,7 @@ class AsBuilt:
     def record(self, kinds: Sequence[ParameterKind]) -> dict[str, Any]:
         """Return the errors of ``kinds`` for a file: a number of the vehicle, or a list."""
         return {
-            kind.name: getattr(self, kind.name).item()
-            if kind.is_one_in_flight
-            else getattr(self, kind.name).tolist()
+            kind.name: self.of_all(kind.name).item() if kind.is_one_in_flight else self.errors[kind.name].tolist()
             for kind in kinds
         }
 
@@ -164,6 +162,11 @@ def in_words(kind: str) -> str:
 def exactly_built(counts: Counts | int) -> AsBuilt:
     """Return the vehicle of the file, without errors; ``counts`` may be the number of gauges alone."""
     return AsBuilt(counts if isinstance(counts, Counts) else Counts(counts), {})
+
+
+def as_drawn(counts: Counts) -> AsBuilt:
+    """Return the vehicle of the file with as many numbers of each kind as [noise] states errors."""
+    return AsBuilt(counts, {kind.name: np.zeros(counts.in_flight(kind)) for kind in IN_NOISE})
 
 
 def prior_std(entry: Calibration, counts: Counts) -> AsBuilt:

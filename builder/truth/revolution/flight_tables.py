@@ -15,11 +15,12 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from builder.aero.loads.operator import load_operator
+from builder.structure.as_built.gauges import gain_of
 from builder.structure.as_built.vehicle import AsBuilt
 from builder.structure.as_built_kinds import IN_NOISE
 from builder.truth.revolution.flow_table import FlowTable
 from builder.truth.revolution.sensors import BuiltSensors
-from builder.truth.revolution.strain import TrueStructure, built_gauges
+from builder.truth.revolution.strain import TrueStructure
 from builder.vehicle.file import Vehicle
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
@@ -67,12 +68,12 @@ def flight_model(
     structure : the independent structural model, with the layout in use.
     noise_std : gauge noise sigma [m/m].
     """
-    gauges = built_gauges(structure, built)
-    gain = (1.0 + built.gauge_gain) * (1.0 + built.common_gain)
+    gauges = structure.parts(built)
+    response = np.stack([gauges.even, gauges.odd], axis=-1).transpose(2, 1, 0, 3)  # n_d, n_m, n_x, 2
     plant = PlantGauges(
         names=structure.names,
         roll_angle=gauges.roll_angle,
-        response=np.stack([gauges.even, gauges.odd], axis=-1) * gain[:, None, None, None],
+        response=response * gain_of(built)[:, None, None, None],
         internal_pressure=built.internal_pressure.item(),
         apparent_strain=np.broadcast_to(built.apparent_strain, len(structure.names)),
         record=built.record(IN_NOISE),

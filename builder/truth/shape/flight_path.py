@@ -15,9 +15,10 @@ from builder.aero.loads.operator import coefficients_of
 from builder.aero.loads.sections import six_loads
 from builder.campaign.snapshots import Snapshots
 from builder.reporting import Reporter
+from builder.structure.as_built.displaced import as_built
 from builder.structure.as_built.vehicle import AsBuilt
 from builder.truth.shape.flights import shape_flows
-from builder.truth.shape.structure import ShapeStructure, as_built, on_nodes_of
+from builder.truth.shape.structure import ShapeStructure, on_nodes_of
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
 from strainfmu.cosim.models.trajectory import Trajectory

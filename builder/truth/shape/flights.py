@@ -22,8 +22,9 @@ from builder.campaign.scheduling import Scheduling
 from builder.campaign.snapshots import Snapshots
 from builder.campaign.vehicle_campaign import vehicle_campaign
 from builder.reporting import Reporter
+from builder.structure.as_built.displaced import as_built
 from builder.structure.as_built.vehicle import AsBuilt
-from builder.truth.shape.structure import ShapeStructure, as_built, on_nodes_of
+from builder.truth.shape.structure import ShapeStructure, on_nodes_of
 from builder.vehicle.conditions.flight_conditions import ConditionSet
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray, IntArray
