@@ -219,7 +219,7 @@ def readings(
     for _ in range(draws):
         strain, dynamic = np.empty((k, n_d)), flights.dynamic_pressure.copy()
         for rows in groups:
-            built: AsBuilt = exactly_built(n_d) if exact else drawn(navigation, n_d, random)
+            built: AsBuilt = exactly_built(flights.counts) if exact else drawn(navigation, flights.counts, random)
             own = slice(int(rows[0]), int(rows[-1]) + 1)
             strain[own] = flights.read(built, own)
             dynamic[own] *= 1.0 + built.dynamic_pressure.item()

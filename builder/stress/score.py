@@ -113,7 +113,7 @@ class Range:
             station=model.station,
             roll_angle=model.roll_angle,
             noise_std=inverse_map.noise_std[: inverse_map.n_strain_gauges],
-            counts=Counts(gauge=len(model.station)),
+            counts=model.counts,
         )
         scale, first = inverse_map.sensors.scale, inverse_map.n_strain_gauges
         none = np.zeros(inverse_map.n_gauges - first)

@@ -188,44 +188,54 @@ AS_BUILT = (
     ),
     ParameterKind(
         name="wall_cosine",
+        error="wall thickness as the cosine of the roll angle",
         extent="region",
         unit="%",
         acts_on="thickness as cos phi",
         calibration="wall_harmonic_percent",
+        noise="wall_harmonic_percent",
         step=1e-3,
     ),
     ParameterKind(
         name="wall_sine",
+        error="wall thickness as the sine of the roll angle",
         extent="region",
         unit="%",
         acts_on="thickness as sin phi",
         calibration="wall_harmonic_percent",
+        noise="wall_harmonic_percent",
         step=1e-3,
     ),
     ParameterKind(
         name="wall_taper",
+        error="taper of each region of the wall",
         extent="region",
         unit="%",
         acts_on="thickness from the fore to the aft end",
         calibration="wall_taper_percent",
+        noise="wall_taper_percent",
         step=1e-3,
         taken_for_zero=True,
     ),
     ParameterKind(
         name="wall_second_cosine",
+        error="wall thickness as the cosine of twice the roll angle",
         extent="region",
         unit="%",
         acts_on="thickness as cos 2 phi",
         calibration="wall_second_harmonic_percent",
+        noise="wall_second_harmonic_percent",
         step=1e-3,
         taken_for_zero=True,
     ),
     ParameterKind(
         name="wall_second_sine",
+        error="wall thickness as the sine of twice the roll angle",
         extent="region",
         unit="%",
         acts_on="thickness as sin 2 phi",
         calibration="wall_second_harmonic_percent",
+        noise="wall_second_harmonic_percent",
         step=1e-3,
         taken_for_zero=True,
     ),
@@ -271,26 +281,32 @@ AS_BUILT = (
     ),
     ParameterKind(
         name="region_modulus",
+        error="stiffness of each region of the wall",
         extent="region",
         unit="%",
         acts_on="stiffness of the region",
         calibration="region_modulus_percent",
+        noise="region_modulus_percent",
         step=1e-3,
     ),
     ParameterKind(
         name="row_orientation",
+        error="orientation of each row of gauges",
         extent="row",
         unit="deg",
         acts_on="direction of all gauges at one roll angle",
         calibration="row_orientation_deg",
+        noise="row_orientation_deg",
         step=1e-3,
     ),
     ParameterKind(
         name="joint_softness",
+        error="softness of each joint",
         extent="joint",
         unit="mm",
         acts_on="length of wall that yields as the joint does",
         calibration="joint_softness_mm",
+        noise="joint_softness_mm",
         step=1e-3,
     ),
 )
@@ -417,4 +433,13 @@ IN_NOISE = tuple(
     KINDS[name]
     for name in dict.fromkeys((*ALWAYS_DRAWN, *(kind.name for kind in (*AS_BUILT, *IN_FLIGHT) if kind.noise)))
 )
-"""Kinds that [noise] states, in the order in which vehicles are drawn."""
+"""Kinds that [noise] states, in the order in which vehicles are drawn.
+
+Young's modulus is in the common gain there, zeros are subtracted, and mass does not change strain under pressure:
+inertia is no load of a map.
+"""
+
+BY_REGION = tuple(
+    kind.name for kind in IN_NOISE if kind.extent in ("region", "joint") and not kind.alike_in_flight
+)
+"""Kinds of [noise] of which each region of the wall, or each joint, has its own."""

@@ -14,7 +14,7 @@ from builder.stress.hardware_kinds import stated_class, stated_kinds
 from builder.stress.kind import Hardware, exact
 from builder.stress.kinds import all_kinds
 from builder.structure.as_built.vehicle import Counts
-from builder.structure.as_built_kinds import IN_NOISE
+from builder.structure.as_built_kinds import ALWAYS_DRAWN, IN_NOISE
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
 from builder.vehicle.map.options import HARDWARE_ERRORS, Noise
 
@@ -51,7 +51,11 @@ def test_every_stated_error_is_tried_alone() -> None:
 
 def test_what_is_not_stated_is_not_tried_at_twice_its_size() -> None:
     noise = Noise(std_um_per_m=1.0, wall_thickness_percent=0.0)
-    assert len(stated_kinds(noise)) == len(IN_NOISE) - 3  # nor is the clamp, by default
+    assert len(stated_kinds(noise)) == len(ALWAYS_DRAWN) - 1  # nor are kinds that are 0 by default
+    turned = Noise(std_um_per_m=1.0, row_orientation_deg=1.5)
+    assert [(one.error, one.size) for one in stated_kinds(turned)[-1:]] == [
+        ("orientation of each row of gauges", "+-3 deg")
+    ]
     soft = Noise(std_um_per_m=1.0, clamp_compliance_mm=2.0)
     assert [one.size for one in stated_kinds(soft)[-2:]] == ["+-4 mm", "+-4 mm"]
     assert stated_kinds(Noise(std_um_per_m=1.0, model="paper")) == []

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection
 
-import numpy as np
-
+from builder.structure.as_built.counts import counts_in_flight
 from builder.structure.as_built.derivatives import Key, parameter_derivatives
-from builder.structure.as_built.displaced import KNOWN, as_built, ways_of
+from builder.structure.as_built.displaced import KNOWN, DisplacedGauges, ways_of
 from builder.structure.as_built.revolved import SOLVED, RevolvedStructure, revolved_structure
 from builder.structure.as_built.vehicle import AsBuilt, Counts, as_drawn
-from builder.structure.as_built_kinds import KINDS
+from builder.structure.as_built_kinds import BY_REGION, KINDS
 from builder.structure.fourier.model import StructuralModel, structural_model_on
 from builder.structure.mapped_structure import MappedStructure
 from builder.structure.solid.gauges.displaced_gauges import displaced_name
@@ -38,14 +37,13 @@ def strain_derivatives(
     """
     if isinstance(structure, StructuralModel):
         return _derivatives(of_model(vehicle, structure, layout, keys), keys)
-    of_wall = [key for key in keys if key[0] in SOLVED and key[0] != "axial_shift"]
+    of_wall = [key for key in keys if key[0] in (*SOLVED, *BY_REGION) and key[0] != "axial_shift"]
     others = [key for key in keys if key not in of_wall]
     found: dict[Key, FloatArray] = {}
     if of_wall:
         found |= _wall_derivatives(vehicle, structure, layout, of_wall)
     strain = of_displaced(structure, layout, moved=any(key[0] not in GAINS for key in others))
-    counts = Counts(gauge=len(structure.layouts[layout].names))
-    found |= parameter_derivatives(strain, as_drawn(counts), others)
+    found |= parameter_derivatives(strain, as_drawn(counts_of_layout(vehicle, structure, layout)), others)
     return {key: found[key] for key in keys}
 
 
@@ -59,6 +57,7 @@ def of_model(
     """Return the semi-analytic model of the map, solved for ``keys``."""
     return revolved_structure(
         vehicle,
+        layout,
         structure.layouts[layout].names,
         structure.placed[layout],
         structure.response,
@@ -66,6 +65,12 @@ def of_model(
         {kind for kind, _ in keys},
         WALL_STEP,
     )
+
+
+def counts_of_layout(vehicle: Vehicle, structure: StructuralModel | MappedStructure, layout: str) -> Counts:
+    """Return the numbers of what has errors of its own; errors as
+    :func:`~builder.structure.as_built.counts.counts_in_flight`."""
+    return counts_in_flight(vehicle, DisplacedGauges(structure.layouts[layout].position).roll_angle)
 
 
 def of_displaced(structure: MappedStructure, layout: str, moved: bool) -> Callable[[AsBuilt], FloatArray]:
@@ -87,8 +92,8 @@ def of_displaced(structure: MappedStructure, layout: str, moved: bool) -> Callab
         return structure.strain_operator(name)
 
     parts = ways_of(structure.strain_operator(layout), of if moved else None).transpose(0, 2, 1)
-    radius = np.hypot(*structure.layouts[layout].position[:, 1:].T)
-    return lambda built: as_built(parts, built, radius).T
+    gauges = DisplacedGauges(structure.layouts[layout].position)
+    return lambda built: gauges.as_built(parts, built).T
 
 
 def _wall_derivatives(
@@ -118,7 +123,7 @@ def _wall_derivatives(
     if beyond is not None:
         entry = KINDS[beyond].noise
         raise InputError(f"noise.{entry}: expected 0 but for a body of revolution that is clamped aft")
-    counts = Counts(gauge=len(structure.layouts[layout].names))
+    counts = counts_of_layout(vehicle, structure, layout)
     return parameter_derivatives(of_displaced(structure, layout, moved=False), as_drawn(counts), list(keys))
 
 

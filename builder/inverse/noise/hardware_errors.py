@@ -12,10 +12,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from builder.inverse.modes.ensemble import Ensemble
-from builder.inverse.noise.gauge_derivatives import strain_derivatives
+from builder.inverse.noise.gauge_derivatives import counts_of_layout, strain_derivatives
 from builder.inverse.noise.model import NoiseTerm, common_error, gauge_errors, nuisance_modes
 from builder.structure.as_built.derivatives import stated_keys
-from builder.structure.as_built.vehicle import Counts
 from builder.structure.as_built_kinds import KINDS
 from builder.structure.fourier.model import StructuralModel
 from builder.structure.mapped_structure import MappedStructure
@@ -63,9 +62,9 @@ def hardware_errors(
     InputError
         A gauge lies within a step of the end of its surface, or the structure holds no displaced gauges.
     """
-    entry = vehicle.noise
-    keys = stated_keys(entry, Counts(gauge=len(strain_operator)))
-    derivative = strain_derivatives(vehicle, structure, vehicle.gauges.layout, keys)
+    entry, layout = vehicle.noise, vehicle.gauges.layout
+    keys = stated_keys(entry, counts_of_layout(vehicle, structure, layout))
+    derivative = strain_derivatives(vehicle, structure, layout, keys)
     found = [(KINDS[key[0]], KINDS[key[0]].noise_std(entry) * derivative[key]) for key in keys]
     columns = [(kind.column_name, operator, kind.extent != "gauge") for kind, operator in found]
     gain = sum(kind.name in ("gauge_gain", "common_gain") for kind, _ in found)

@@ -41,7 +41,8 @@ from builder.pipeline.map_files import true_structure_of
 from builder.pipeline.measured_levels import alarm_levels_wanted
 from builder.pipeline.pipeline import Pipeline
 from builder.pipeline.used_files import FLOWS, MAP, SNAPSHOTS
-from builder.structure.as_built.structure import AsBuiltStructure, as_built_structure, counts_of
+from builder.structure.as_built.counts import counts_of
+from builder.structure.as_built.structure import AsBuiltStructure, as_built_structure
 from builder.structure.as_built.vehicle import AsBuilt, drawn, prior_std
 from builder.structure.loads.applied import Weight
 from builder.truth.revolution.flight_tables import plant_flight_model

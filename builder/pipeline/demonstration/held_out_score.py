@@ -220,7 +220,6 @@ def _flown(
     return DrawnVehicles(
         noise=vehicle.noise,
         flights=RevolvedFlights(structure=structure, flown=flights),
-        n_gauges=len(structure.names),
     )
 
 

@@ -6,11 +6,14 @@ Shifts and turns of gauges act to first order, the wall's thickness inversely.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from builder.structure.as_built.gauges import gain_of
+from builder.structure.as_built.gauges import gain_of, rows_of, turn_of
 from builder.structure.as_built.vehicle import AsBuilt
+from builder.structure.as_built_kinds import AS_BUILT, IN_NOISE
 from builder.structure.solid.gauges.displaced_gauges import (
     AFT,
     AROUND,
@@ -20,7 +23,9 @@ from builder.structure.solid.gauges.displaced_gauges import (
     TURNED_AROUND,
     TURNED_BACK,
 )
-from strainfmu.arrays import FloatArray
+from builder.vehicle.map.options import Noise
+from strainfmu.arrays import FloatArray, IntArray
+from strainfmu.errors import InputError
 
 WAYS = 4
 """Gauges in place, and what they read more per metre aft, per metre around and per radian turned."""
@@ -31,6 +36,7 @@ KNOWN = (
     "axial_shift",
     "circumferential_shift",
     "orientation",
+    "row_orientation",
     "layout_roll",
     "wall_thickness",
 )
@@ -38,7 +44,7 @@ KNOWN = (
 
 
 def ways_of(own: FloatArray, moved: Callable[[str], FloatArray] | None) -> FloatArray:
-    """Return the parts (4, n_d, ..) of :data:`WAYS` from the strain ``own`` (n_d, ..) of gauges in place.
+    """Return the parts (n_w, n_d, ..) of :data:`WAYS` from the strain ``own`` (n_d, ..) of gauges in place.
 
     ``moved`` gives that of gauges displaced in a way; None where no gauge is.
     """
@@ -51,11 +57,46 @@ def ways_of(own: FloatArray, moved: Callable[[str], FloatArray] | None) -> Float
     return found
 
 
-def as_built(parts: FloatArray, built: AsBuilt, radius: FloatArray) -> FloatArray:
-    """Return (.., n_d) what gauges as ``built`` read, from ``parts`` (4, .., n_d), see :data:`WAYS`.
+@dataclass(frozen=True, eq=False)
+class DisplacedGauges:
+    """Gauges at ``position`` (n_d, 3) [m] of a structure of any shape."""
 
-    ``radius`` (n_d,) is that of the gauges [m]. Of v vehicles at once, ``parts`` are (4, 1, n_d) or (4, n_d).
+    position: FloatArray
+
+    @cached_property
+    def radius(self) -> FloatArray:
+        """(n_d,) distance of the gauges from the axis [m]."""
+        return np.hypot(self.position[:, 1], self.position[:, 2])
+
+    @cached_property
+    def roll_angle(self) -> FloatArray:
+        """(n_d,) [rad]."""
+        return np.arctan2(self.position[:, 1], self.position[:, 2])
+
+    @cached_property
+    def row(self) -> IntArray:
+        """(n_d,) number of the row of each gauge: those at one roll angle."""
+        return rows_of(self.roll_angle)
+
+    def as_built(self, parts: FloatArray, built: AsBuilt) -> FloatArray:
+        """Return (.., n_d) what gauges as ``built`` read, from ``parts`` (n_w, .., n_d), see :data:`WAYS`.
+
+        Of v vehicles at once, ``parts`` are (n_w, 1, n_d) or (n_w, n_d).
+        """
+        around = built.circumferential_shift + built.layout_roll * self.radius
+        turn = turn_of(built, self.row)
+        moved = parts[0] + built.axial_shift * parts[1] + around * parts[2] + turn * parts[3]
+        return np.asarray(gain_of(built) / (1.0 + built.of_all("wall_thickness")) * moved)
+
+
+def refuse_others(noise: Noise) -> None:
+    """Refuse errors that displaced gauges do not show.
+
+    Raises
+    ------
+    InputError
+        Names the entry of [noise].
     """
-    around = built.circumferential_shift + built.layout_roll * radius
-    moved = parts[0] + built.axial_shift * parts[1] + around * parts[2] + built.orientation * parts[3]
-    return np.asarray(gain_of(built) / (1.0 + built.of_all("wall_thickness")) * moved)
+    for kind in IN_NOISE:
+        if kind in AS_BUILT and kind.name not in KNOWN and kind.noise_std(noise) > 0.0:
+            raise InputError(f"noise.{kind.noise}: expected 0 but for a body of revolution that is clamped aft")

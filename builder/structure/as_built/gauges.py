@@ -69,8 +69,7 @@ class WallGauges:
 
         It reads strain along itself and, times its transverse sensitivity, across.
         """
-        of_row = built.row_orientation
-        turn = built.orientation + (of_row[..., self.row] if of_row.shape[-1] > 1 else of_row)
+        turn = turn_of(built, self.row)
         turn_c, turn_s = np.cos(turn), np.sin(turn)
         c = turn_c * self.placed.meridional - turn_s * self.placed.circumferential
         s = turn_s * self.placed.meridional + turn_c * self.placed.circumferential
@@ -111,6 +110,12 @@ def _stacked(parts: Sequence[BuiltGauges]) -> BuiltGauges:
         odd=np.stack([one.odd for one in parts]),
         roll_angle=np.stack([one.roll_angle for one in parts]),
     )
+
+
+def turn_of(built: AsBuilt, row: IntArray) -> FloatArray:
+    """Return (.., n_d) the turn of each gauge in the surface, its own and that of its ``row`` (n_d,) [rad]."""
+    of_row = built.row_orientation
+    return np.asarray(built.orientation + (of_row[..., row] if of_row.shape[-1] > 1 else of_row))
 
 
 def gain_of(built: AsBuilt) -> FloatArray:

@@ -183,6 +183,8 @@ def uneven_amplitudes(
 
     These are (3 sides, .., n_m, n_d, 3), of one vehicle. An even wall has no parts.
     """
+    if not is_uneven(parameters):
+        return
     for wave, by_frame, tables in zip(WAVES, _waves(parameters), table.uneven, strict=True):
         for turned, (size, part) in enumerate(zip(by_frame, tables, strict=True)):
             if size.any():
@@ -196,17 +198,17 @@ def _softness(parameters: AsBuilt) -> FloatArray:
     """
     stiffer = parameters.region_modulus / (1.0 + parameters.region_modulus)
     soft = parameters.clamp_axial, parameters.clamp_transverse, parameters.joint_softness
-    return np.concatenate(_of_all_vehicles(*soft, stiffer), axis=-1)
+    return np.concatenate(of_all_vehicles(*soft, stiffer), axis=-1)
 
 
 def _waves(parameters: AsBuilt) -> FloatArray:
     """Return (.., n_w, 2, n_r) cosine and sine parts of the thickness, for each of :data:`WAVES`."""
     first = parameters.wall_cosine, parameters.wall_sine
-    parts = _of_all_vehicles(*first, parameters.wall_second_cosine, parameters.wall_second_sine)
+    parts = of_all_vehicles(*first, parameters.wall_second_cosine, parameters.wall_second_sine)
     return np.stack([np.stack(parts[:2], axis=-2), np.stack(parts[2:], axis=-2)], axis=-3)
 
 
-def _of_all_vehicles(*values: FloatArray) -> list[FloatArray]:
+def of_all_vehicles(*values: FloatArray) -> list[FloatArray]:
     """Return values (.., n) with the vehicles of all, where some are given once for all of them."""
     lead = np.broadcast_shapes(*(one.shape[:-1] for one in values))
     return [np.broadcast_to(one, (*lead, one.shape[-1])) for one in values]

@@ -13,16 +13,24 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from builder.structure.as_built.counts import counts_in_flight
 from builder.structure.as_built.gauges import BuiltGauges, WallGauges, operator_of, rows_of
-from builder.structure.as_built.response_tables import ResponseTable
+from builder.structure.as_built.response_tables import ResponseTable, of_all_vehicles
+from builder.structure.as_built.structure import AsBuiltStructure, as_built_structure
 from builder.structure.as_built.vehicle import AsBuilt, Counts
 from builder.structure.as_built.wall_harmonics import WAVES
-from builder.structure.as_built_kinds import KINDS
+from builder.structure.as_built.wall_regions import wall_regions
+from builder.structure.as_built_kinds import BY_REGION, KINDS
 from builder.structure.fourier.gauges import PlacedGauges
 from builder.structure.fourier.inner_surface import inner_surface_points
 from builder.structure.fourier.meridian_mesh import MeridianMesh
 from builder.structure.fourier.shell_mesh import shell_mesh, yielding_clamp
-from builder.structure.fourier.strain_operator import HarmonicResponse, harmonic_response, station_index
+from builder.structure.fourier.strain_operator import (
+    HarmonicResponse,
+    distinct_stations,
+    harmonic_response,
+    station_index,
+)
 from builder.structure.wall import wall_of
 from builder.vehicle.file import Vehicle
 from builder.vehicle.shape.geometry import SurfaceGrid
@@ -52,7 +60,7 @@ class RevolvedStructure:
     counts : numbers of what has errors of its own.
     surface : the pressure nodes.
     table : amplitudes per pressure at the stations of ``surface``, which lead [1/Pa].
-    solved : kinds among :data:`SOLVED` that may differ.
+    solved : kinds among :data:`SOLVED` and :data:`~builder.structure.as_built_kinds.BY_REGION` that may differ.
     """
 
     names: tuple[str, ...]
@@ -80,11 +88,20 @@ class RevolvedStructure:
         InputError
             The structure was not solved for an error of ``built``.
         """
-        for kind in SOLVED:
+        for kind in (*SOLVED, *BY_REGION):
             if kind not in self.solved and getattr(built, kind).any():
                 entry = KINDS[kind].noise
                 raise InputError(f"{KINDS[kind].in_words}: this structure was solved without; noise.{entry} is 0")
-        return self.on_wall.parts(self.table if table is None else table, built, built.of_all("wall_thickness"))
+        return self.on_wall.parts(self.table if table is None else table, built, self._thickness(built))
+
+    def _thickness(self, built: AsBuilt) -> FloatArray:
+        """Return (.., n_t) what the rows of the wall in the table are multiplied by, or (n_d,) as each gauge sees
+        it."""
+        whole = built.of_all("wall_thickness")
+        if "wall_taper" not in self.solved or whole.shape[-1] != 1:
+            return whole
+        rows = len(self.table.wall) - built.wall_taper.shape[-1]
+        return np.concatenate(of_all_vehicles(whole[..., :rows], built.wall_taper), axis=-1)
 
     def strain_operator(self, built: AsBuilt) -> FloatArray:
         """Return Z_p (n_d, n_p) [1/Pa] of one vehicle: reading per pressure at every node of ``surface``."""
@@ -93,6 +110,7 @@ class RevolvedStructure:
 
 def revolved_structure(
     vehicle: Vehicle,
+    layout: str,
     names: tuple[str, ...],
     placed: PlacedGauges,
     nominal: HarmonicResponse,
@@ -104,7 +122,7 @@ def revolved_structure(
 
     Parameters
     ----------
-    names : of the gauges.
+    layout, names : of the gauges, and theirs.
     nominal : response of the wall of the file at their stations, to pressure at the nodes of ``surface``.
     wall_step : of the wall's thickness, relative to it.
 
@@ -113,19 +131,30 @@ def revolved_structure(
     InputError
         The wall does not fit the body, a gauge lies within a step of the end of its surface, or the clamp is none.
     """
-    solved = frozenset(kinds).intersection(SOLVED)
-    mesh = mesh_of_map(vehicle)
+    solved = frozenset(kinds).intersection((*SOLVED, *BY_REGION))
+    mesh, x = mesh_of_map(vehicle), distinct_stations(placed.x)
+    table = revolved_table(vehicle, nominal, x, surface, solved, wall_step)
+    if not solved.isdisjoint(BY_REGION):
+        by_region = as_built_structure(
+            vehicle,
+            layout,
+            vehicle.resolution.map.model_copy(update={"harmonics": nominal.max_harmonic}),
+            known_thickness=None if "wall_taper" in solved else np.zeros(len(wall_regions(vehicle))),
+            max_harmonic=nominal.max_harmonic,
+            surface=surface,
+        )
+        table = _with_regions(table, by_region, "wall_taper" in solved)
     return RevolvedStructure(
         names=names,
         on_wall=WallGauges(
             placed=placed,
             radius=inner_surface_points(mesh, placed.x).radius,
             row=rows_of(placed.roll_angle),
-            station=station_index(nominal.gauge_x, placed.x),
+            station=station_index(x, placed.x),
         ),
-        counts=Counts(gauge=len(names)),
+        counts=counts_in_flight(vehicle, placed.roll_angle),
         surface=surface,
-        table=revolved_table(vehicle, nominal, surface, solved, wall_step),
+        table=table,
         solved=solved,
     )
 
@@ -141,22 +170,23 @@ def mesh_of_map(vehicle: Vehicle) -> MeridianMesh:
 def revolved_table(
     vehicle: Vehicle,
     nominal: HarmonicResponse,
+    x: FloatArray,
     surface: SurfaceGrid,
     kinds: Collection[str],
     wall_step: float,
 ) -> ResponseTable:
-    """Return the table of ``kinds`` of error about the ``nominal`` response, at the mesh of the map.
+    """Return the table of ``kinds`` among :data:`SOLVED` about the ``nominal`` response, at stations ``x`` (n_s,).
 
-    What changes is small: the mesh of the map shows it as well as a finer one. The stations of the table are those
-    of ``nominal``; the rest is as in :func:`revolved_structure`.
+    What changes is small: the mesh of the map shows it as well as a finer one. The rest is as in
+    :func:`revolved_structure`.
     """
-    x, material, mesh = nominal.gauge_x, wall_of(vehicle).material, mesh_of_map(vehicle)
+    material, mesh = wall_of(vehicle).material, mesh_of_map(vehicle)
 
     def at(on: MeridianMesh, *stations: FloatArray) -> list[FloatArray]:
         response = harmonic_response(on, material, np.concatenate(stations), surface.x, nominal.max_harmonic)
         return [amplitudes(response)[:, :, station_index(response.gauge_x, one)] for one in stations]
 
-    found = amplitudes(nominal)
+    found = amplitudes(nominal)[:, :, station_index(nominal.gauge_x, x)]
     along, wall_rows, soft = None, np.zeros((2, 0, *found.shape)), np.zeros((0, *found.shape))
     if "axial_shift" in kinds:
         step = SHIFT * inner_surface_points(mesh, x).tangent[:, 0]
@@ -181,6 +211,24 @@ def revolved_table(
         wall_twice=wall_rows[1],
         uneven=np.zeros((len(WAVES), 2, 0, 3, *found.shape)),
         soft=soft,
+    )
+
+
+def _with_regions(table: ResponseTable, by_region: AsBuiltStructure, with_taper: bool) -> ResponseTable:
+    """Return ``table`` with changes by regions of the wall and by joints."""
+    other, n_r = by_region.pressure, by_region.n_regions
+    clamp = table.soft if len(table.soft) else other.soft[: len(CLAMP)]
+    found = replace(
+        table,
+        uneven=other.uneven,
+        soft=np.concatenate([clamp, other.soft[len(CLAMP) :]]),
+    )
+    if not with_taper:
+        return found
+    return replace(
+        found,
+        wall=np.concatenate([table.wall, other.wall[n_r:]]),
+        wall_twice=np.concatenate([table.wall_twice, other.wall_twice[n_r:]]),
     )
 
 

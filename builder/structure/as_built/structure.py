@@ -22,6 +22,7 @@ from functools import cached_property, partial
 import numpy as np
 
 from builder.reporting import Progress
+from builder.structure.as_built.counts import counts_of_wall
 from builder.structure.as_built.gauges import WallGauges, gain_of, operator_of, rows_of
 from builder.structure.as_built.response_tables import (
     QUARTER,
@@ -248,6 +249,7 @@ def as_built_structure(
     max_harmonic: int = MAX_HARMONIC,
     progress: Progress | None = None,
     known_taper: FloatArray | None = None,
+    surface: SurfaceGrid | None = None,
 ) -> AsBuiltStructure:
     """Solve the structure of a vehicle for what may be as it was built.
 
@@ -261,6 +263,7 @@ def as_built_structure(
     progress : called with (harmonics done, harmonics in all).
     known_taper : (n_r,) relative thickness by which regions of known thickness grow from their middle to their
         aft end; none by default.
+    surface : pressure nodes; those of the resolution by default.
 
     Raises
     ------
@@ -272,17 +275,19 @@ def as_built_structure(
     resolution = resolution or vehicle.resolution.map
     wall, regions = wall_of(vehicle), wall_regions(vehicle)
     if not wall.is_plain or wall.profile or wall.flight is not None or wall.foundation is not None:
-        raise InputError("calibration needs a wall of one thickness and material, clamped aft, without frames")
+        raise InputError(
+            "calibration and errors by region need a clamped wall of one thickness and material, without frames"
+        )
     drawing = shell_mesh(vehicle.body(), wall, 1e-3 * resolution.element_length_mm, resolution.wall_layers)
     layouts, all_placed = place_layouts(vehicle, drawing, [layout])
     placed, mesh = all_placed[layout], drawing
-    built = exactly_built(_counts(vehicle, placed))
+    built = exactly_built(counts_of_wall(vehicle, placed.roll_angle))
     if known_thickness is not None:
         taper = np.zeros(len(regions)) if known_taper is None else np.asarray(known_taper, dtype=float)
         built = built.changed(wall_thickness=known_thickness, wall_taper=taper)
         mesh = thickened(drawing, wall, regions, built.wall_thickness, taper)
     at_gauge = inner_surface_points(drawing, placed.x)
-    grid = surface_grid(vehicle.body(), resolution.surface_stations, resolution.surface_roll_angles)
+    grid = surface or surface_grid(vehicle.body(), resolution.surface_stations, resolution.surface_roll_angles)
     states = wall_states(
         mesh=mesh,
         wall=wall,
@@ -293,7 +298,7 @@ def as_built_structure(
         max_harmonic=max(max_harmonic, resolution.harmonics),
         with_regions=known_thickness is None,
         joints=vehicle.calibration.joint_stations_m,
-        with_moduli=vehicle.calibration.region_modulus_percent > 0.0,
+        with_moduli=max(vehicle.calibration.region_modulus_percent, vehicle.noise.region_modulus_percent) > 0.0,
         progress=progress,
     )
     load = pressure_load(mesh, grid.x).toarray().reshape(len(mesh.node), 3, -1)[states.rows.outer]
@@ -309,21 +314,6 @@ def as_built_structure(
         pressure=_pressure_table(states, load.reshape(-1, load.shape[-1]), resolution.harmonics + 1),
         _mesh_error=partial(_mesh_error, vehicle, grid, resolution, layout),
     )
-
-
-def counts_of(vehicle: Vehicle, layout: str) -> Counts:
-    """Return the numbers of what has parameters of its own in a vehicle with the gauges of ``layout``."""
-    resolution = vehicle.resolution.map
-    mesh = shell_mesh(
-        vehicle.body(), wall_of(vehicle), 1e-3 * resolution.element_length_mm, resolution.wall_layers
-    )
-    return _counts(vehicle, place_layouts(vehicle, mesh, [layout])[1][layout])
-
-
-def _counts(vehicle: Vehicle, placed: PlacedGauges) -> Counts:
-    joints = vehicle.calibration.joint_stations_m
-    row = int(rows_of(placed.roll_angle).max()) + 1
-    return Counts(gauge=len(placed.x), region=len(wall_regions(vehicle)), row=row, joint=len(joints))
 
 
 def _mesh_error(vehicle: Vehicle, grid: SurfaceGrid, resolution: Resolution, layout: str) -> FloatArray | None:

@@ -16,7 +16,8 @@ from builder.structure.as_built.gauges import gain_of
 from builder.structure.as_built.response_tables import ResponseTable
 from builder.structure.as_built.revolved import CLAMP, SOLVED, RevolvedStructure, each, revolved_structure
 from builder.structure.as_built.vehicle import AsBuilt
-from builder.structure.as_built_kinds import KINDS
+from builder.structure.as_built.wall_harmonics import WAVES
+from builder.structure.as_built_kinds import IN_NOISE
 from builder.structure.fourier.model import place_layouts
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import harmonic_response
@@ -52,8 +53,9 @@ def true_structure(vehicle: Vehicle, progress: Progress | None = None) -> TrueSt
     placed = all_placed[layout]
     nominal = harmonic_response(mesh, wall.material, placed.x, surface.x, settings.harmonics, progress)
     # Other kinds are tried at fixed sizes as well, whatever [noise] states.
-    kinds = {kind for kind in SOLVED if kind not in CLAMP or KINDS[kind].noise_std(vehicle.noise) > 0.0}
-    return revolved_structure(vehicle, layouts[layout].names, placed, nominal, surface, kinds, WALL_STEP)
+    stated = {kind.name for kind in IN_NOISE if kind.noise_std(vehicle.noise) > 0.0}
+    kinds = stated.union(SOLVED).difference(set(CLAMP) - stated)
+    return revolved_structure(vehicle, layout, layouts[layout].names, placed, nominal, surface, kinds, WALL_STEP)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -114,10 +116,12 @@ def flights_of_harmonics(
 
         return each(structure.table, of_each)
 
+    # An uneven wall turns the uniform pressure into strain of higher harmonics.
+    uniform = np.eye(min(max(WAVES) + 1, structure.n_harmonics))[0]
     return TrueFlights(
         conditions=tuple(conditions),
         table=under(harmonic),
-        uniform=under(np.ones((1, harmonic.shape[1], 1))),
+        uniform=under(np.broadcast_to(uniform, (1, harmonic.shape[1], len(uniform)))),
         coefficients=_coefficients(vehicle, structure.surface, harmonic, conditions, ambient, inside),
         ambient_pressure=ambient,
         dynamic_pressure=np.array([condition.dynamic_pressure for condition in conditions]),

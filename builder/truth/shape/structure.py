@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from builder.aero.surface.mesh import SurfaceMesh
 from builder.campaign.snapshots import Snapshots
 from builder.reporting import Reporter
-from builder.structure.as_built.displaced import ways_of
+from builder.structure.as_built.displaced import DisplacedGauges, refuse_others, ways_of
+from builder.structure.as_built.vehicle import Counts
 from builder.structure.mapped_structure import mapped_operator
 from builder.structure.mesh_check import MeshCheck
 from builder.structure.solid.case import structure_case
@@ -33,7 +35,7 @@ class ShapeStructure:
     ----------
     names : of the n_d gauges.
     position : (n_d, 3) [m].
-    operator : (4, n_d, n_q) per pressure at the nodes of ``surface``, see
+    operator : (n_w, n_d, n_q) per pressure at the nodes of ``surface``, see
         :data:`~builder.structure.as_built.displaced.WAYS` [1/Pa, then 1/(Pa m) twice,
         1/Pa].
     surface : that carries the pressure.
@@ -44,15 +46,14 @@ class ShapeStructure:
     operator: FloatArray
     surface: SurfaceMesh
 
-    @property
-    def radius(self) -> FloatArray:
-        """(n_d,) distance of the gauges from the axis [m]."""
-        return np.hypot(self.position[:, 1], self.position[:, 2])
+    @cached_property
+    def gauges(self) -> DisplacedGauges:
+        return DisplacedGauges(self.position)
 
     @property
-    def roll_angle(self) -> FloatArray:
-        """(n_d,) [rad]."""
-        return np.arctan2(self.position[:, 1], self.position[:, 2])
+    def counts(self) -> Counts:
+        """Numbers of what has errors of its own."""
+        return Counts(gauge=len(self.names), row=int(self.gauges.row.max()) + 1)
 
 
 def refuse_without_other_model(vehicle: Vehicle) -> None:
@@ -130,6 +131,7 @@ def _structure(
     rows: Callable[[str], IntArray],
 ) -> ShapeStructure:
     """Return the structure from ``check``, whose ``rows`` by name of layout hold gauges in place and displaced."""
+    refuse_others(vehicle.noise)
     assert check.point is not None
     assert check.triangle is not None
     layout, operator = vehicle.gauges.layout, check.strain_operator
@@ -145,7 +147,7 @@ def _structure(
 
 
 def on_nodes_of(structure: ShapeStructure, snapshots: Snapshots) -> FloatArray:
-    """Return the operator (4, n_d, n_p) of ``structure`` per pressure at the nodes of ``snapshots``.
+    """Return the operator (n_w, n_d, n_p) of ``structure`` per pressure at the nodes of ``snapshots``.
 
     Raises
     ------
