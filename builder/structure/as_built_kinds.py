@@ -136,10 +136,12 @@ AS_BUILT = (
     ),
     ParameterKind(
         name="transverse_sensitivity",
+        error="transverse sensitivity of each gauge",
         extent="gauge",
         unit="%",
         acts_on="reading of strain across the gauge",
         calibration="transverse_sensitivity_percent",
+        noise="transverse_sensitivity_percent",
         step=1e-3,
     ),
     ParameterKind(

@@ -50,7 +50,7 @@ def test_strain_is_that_of_the_net_pressure() -> None:
 def test_hardware_errors_act_on_it() -> None:
     held, structure = flows(), beam(flows().surface)
     net = held.pressure - held.internal_pressure[:, None]
-    straight, aft, around, turned = (net @ way.T for way in structure.operator[:4])
+    straight, aft, around, turned, across = (net @ way.T for way in structure.operator)
     shift, gain = np.linspace(-1e-3, 2e-3, N_D), np.linspace(-0.02, 0.01, N_D)
     one = built(
         axial_shift=shift,
@@ -61,8 +61,10 @@ def test_hardware_errors_act_on_it() -> None:
         common_gain=0.02,
         wall_thickness=-0.05,
         apparent_strain=np.full(N_D, 1e-6),
+        transverse_sensitivity=4.0 * shift,
     )
     moved = straight + shift * aft + (2.0 * shift + 0.01 * structure.gauges.radius) * around + 3.0 * shift * turned
+    moved += 4.0 * shift * across
     expected = (1.0 + gain) * 1.02 / 0.95 * moved + 1e-6
     np.testing.assert_allclose(flights().read(one), expected, rtol=1e-9)
     ambient = flights().ambient_pressure[:, None]

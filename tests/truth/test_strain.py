@@ -298,6 +298,7 @@ def test_a_clamp_that_yields_is_drawn_flown_and_in_the_noise(
         ("gauge position, axial", {"axial_shift": 1e-3}, 3e-3),
         ("gauge position, circumferential", {"circumferential_shift": 1e-3}, 3e-3),
         ("gauge orientation", {"orientation": radians(1.0)}, 3e-3),
+        ("transverse sensitivity", {"transverse_sensitivity": 0.01}, 3e-3),
     ],
 )
 def test_operators_of_hardware_errors_predict_vehicles_built_so(
@@ -313,8 +314,10 @@ def test_operators_of_hardware_errors_predict_vehicles_built_so(
     layout = vehicle.gauges.layout
     model = structural_model(vehicle, vehicle.resolution.map, [layout])
     net = pressure - np.array([[one.ambient_pressure] for one in CONDITIONS])
-    found = hardware_errors(vehicle, model, model.strain_operator(layout), listed_ensemble(net))
-    assert len(found) == 7
+    noise = vehicle.noise.model_copy(update={"transverse_sensitivity_percent": 1.0})
+    stated = vehicle.model_copy(update={"noise": noise})
+    found = hardware_errors(stated, model, model.strain_operator(layout), listed_ensemble(net))
+    assert len(found) == 8
     error = next(one for one in found if one.name == name)
     (entry, size), sign = *errors.items(), np.ones(N_GAUGES)
     if not error.common:

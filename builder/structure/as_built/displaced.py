@@ -27,8 +27,8 @@ from builder.vehicle.map.options import Noise
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 
-WAYS = 4
-"""Gauges in place, and what they read more per metre aft, per metre around and per radian turned."""
+WAYS = 5
+"""Gauges in place, what they read more per metre aft, per metre around, per radian turned, and strain across."""
 
 KNOWN = (
     "gauge_gain",
@@ -37,6 +37,7 @@ KNOWN = (
     "circumferential_shift",
     "orientation",
     "row_orientation",
+    "transverse_sensitivity",
     "layout_roll",
     "wall_thickness",
 )
@@ -54,6 +55,7 @@ def ways_of(own: FloatArray, moved: Callable[[str], FloatArray] | None) -> Float
         found[1] = (moved(AFT) - moved(FORE)) / (2.0 * STEP)
         found[2] = (moved(AROUND) - moved(BACK)) / (2.0 * STEP)
         found[3] = moved(TURNED_AROUND) - moved(TURNED_BACK)
+        found[4] = moved(TURNED_AROUND) + moved(TURNED_BACK) - own  # normals at right angles add up alike
     return found
 
 
@@ -86,6 +88,7 @@ class DisplacedGauges:
         around = built.circumferential_shift + built.layout_roll * self.radius
         turn = turn_of(built, self.row)
         moved = parts[0] + built.axial_shift * parts[1] + around * parts[2] + turn * parts[3]
+        moved = moved + built.transverse_sensitivity * parts[4]
         return np.asarray(gain_of(built) / (1.0 + built.of_all("wall_thickness")) * moved)
 
 

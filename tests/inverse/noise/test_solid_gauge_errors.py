@@ -100,6 +100,11 @@ def test_turned_gauges_are_the_tensor(uncertain: Vehicle, solid: MappedStructure
     total = z[LAYOUT][axial] + z[LAYOUT][hoop]
     np.testing.assert_allclose(both[axial], total, rtol=0.0, atol=3e-3 * np.abs(total).max())
     np.testing.assert_allclose(both[hoop], total, rtol=0.0, atol=3e-3 * np.abs(total).max())
+    # What a gauge reads across is the other gauge of the two.
+    key = ("transverse_sensitivity", 0)
+    across = strain_derivatives(uncertain, solid, LAYOUT, [key])[key]
+    np.testing.assert_allclose(across[axial], z[LAYOUT][hoop], rtol=0.0, atol=3e-3 * np.abs(total).max())
+    np.testing.assert_allclose(across[hoop], z[LAYOUT][axial], rtol=0.0, atol=3e-3 * np.abs(total).max())
     # Of the two, turning the axial gauge and turning the hoop gauge change strain by opposite amounts.
     key = ("orientation", 0)
     change = strain_derivatives(uncertain, solid, LAYOUT, [key])[key]
