@@ -8,13 +8,14 @@ from math import cos, hypot, radians
 
 import numpy as np
 
+from builder.structure.as_built.vehicle import AsBuilt, exactly_built
 from builder.trial.conditions import (
     conditions_in_ranges,
     drawn_altitudes_km,
     drawn_conditions,
     largest_incidence,
 )
-from builder.truth.as_built import AsBuilt, drawn, exactly_built
+from builder.truth.as_built import drawn
 from builder.truth.flights import Flights
 from builder.truth.revolution.flows import with_knots
 from builder.vehicle.file import Vehicle
@@ -218,10 +219,10 @@ def readings(
     for _ in range(draws):
         strain, dynamic = np.empty((k, n_d)), flights.dynamic_pressure.copy()
         for rows in groups:
-            built: AsBuilt = exactly_built(n_d) if exact else drawn(navigation, n_d, random)
+            built: AsBuilt = exactly_built(flights.counts) if exact else drawn(navigation, flights.counts, random)
             own = slice(int(rows[0]), int(rows[-1]) + 1)
             strain[own] = flights.read(built, own)
-            dynamic[own] *= 1.0 + float(built.dynamic_pressure)
+            dynamic[own] *= 1.0 + built.dynamic_pressure.item()
         pressure_error = 0.01 * navigation.navigation_static_pressure_percent * random.standard_normal(k)
         yield Readings(
             strain=strain + noise_std * random.standard_normal((CYCLES, k, n_d)),

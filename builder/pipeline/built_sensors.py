@@ -10,7 +10,7 @@ import numpy as np
 from builder.inverse.sensors.row import SensorRow
 from builder.inverse.sensors.sensor_set import base_area, surface_rows
 from builder.inverse.sensors.structural import rows_on_surface
-from builder.truth.as_built import AsBuilt
+from builder.structure.as_built.vehicle import AsBuilt
 from builder.truth.revolution.sensors import BuiltSensors, sensor_response
 from builder.vehicle.file import Vehicle
 from builder.vehicle.shape.geometry import SurfaceGrid, surface_grid
@@ -129,6 +129,6 @@ def _names(rows: Sequence[SensorRow]) -> list[str]:
     return list(dict.fromkeys(name for row in rows for name in (*row.errors, *row.drift)))
 
 
-def _over(value: float | FloatArray, std: float) -> float:
+def _over(value: FloatArray, std: float) -> float:
     """Return ``value`` in standard deviations, its mean where it differs from gauge to gauge; 0 if not stated."""
     return float(np.mean(value)) / std if std > 0.0 else 0.0

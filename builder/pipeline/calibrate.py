@@ -14,8 +14,6 @@ import numpy as np
 from builder.calibration.after_test.calibrated_map import calibrated_map, remaining_after, with_provenance
 from builder.calibration.after_test.flown_after_test import allowed_vehicles
 from builder.calibration.after_test.left_by_test import Remaining
-from builder.calibration.as_built.parameters import prior_std, slices
-from builder.calibration.as_built.structure import AsBuiltStructure, as_built_structure
 from builder.calibration.estimate.cross_validation import cross_validation
 from builder.calibration.estimate.disagreement import unexplained
 from builder.calibration.estimate.faults import Fault, calibrate_with_faults
@@ -35,6 +33,8 @@ from builder.pipeline.used_files import FLOWS, SNAPSHOTS
 from builder.reporting import Reporter
 from builder.reports.calibration_page import calibration_page
 from builder.reports.page.html import write_page
+from builder.structure.as_built.structure import AsBuiltStructure, as_built_structure
+from builder.structure.as_built.vehicle import prior_std, slices
 from builder.structure.fourier.model import structural_model
 from builder.truth.revolution.flow_table import FlowTable, load_flow_table
 from builder.truth.revolution.strain import TrueStructure

@@ -22,6 +22,7 @@ from builder.placement.review import Review, review_of
 from builder.reporting import Reporter
 from builder.reports.page.html import write_page
 from builder.reports.placement_page import placement_page
+from builder.structure.as_built_kinds import ALWAYS_DRAWN, IN_NOISE
 from builder.structure.fourier.model import refuse_beyond_fourier
 from builder.vehicle.file import Vehicle, load_vehicle
 from builder.vehicle.gauges.entries import GaugeLayoutEntry
@@ -113,8 +114,8 @@ def left_out(vehicle: Vehicle) -> list[str]:
         found.append("noise.nuisance_file: not counted, it holds the gauges of the layout in use alone")
     if noise.covariance_file is not None or noise.std_of_gauges_um_per_m is not None:
         found.append("noise: every candidate has the median noise of the gauges in use")
-    if noise.clamp_compliance_mm > 0.0:
-        found.append("noise.clamp_compliance_mm: not counted")
+    entries = dict.fromkeys(kind.noise for kind in IN_NOISE if kind.name not in ALWAYS_DRAWN)
+    found += [f"noise.{entry}: not counted" for entry in entries if getattr(noise, entry) > 0.0]
     if vehicle.temperature is not None and not vehicle.is_of_revolution:
         found.append("temperature: modes of the wall's temperature are not counted but on a body of revolution")
     found.append(

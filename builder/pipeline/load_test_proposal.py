@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 
-from builder.calibration.as_built.structure import as_built_structure
 from builder.calibration.ground_test.candidate_cases import Candidate, LoadLimits
 from builder.calibration.ground_test.load_test import LoadErrors
 from builder.calibration.ground_test.load_test_writer import WrittenCase, write_load_test
@@ -17,6 +16,7 @@ from builder.campaign.snapshot_fit import vehicle_misfits
 from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.pipeline.stages import fourier_structure, take_snapshots
 from builder.reporting import Reporter
+from builder.structure.as_built.structure import as_built_structure
 from builder.structure.fourier.model import refuse_beyond_fourier
 from builder.structure.loads.applied import Load, PadPressure, PointForce, SectionLoad, SurfacePressure, Weight
 from builder.vehicle.file import Vehicle, load_vehicle

@@ -103,7 +103,6 @@ def with_shape_levels(
         flown = DrawnVehicles(
             noise=vehicle.noise,
             flights=shape_flights(vehicle, structure, flows),
-            n_gauges=len(structure.names),
         )
         return readings(inverse_map, vehicle.noise, flown, np.random.default_rng(SEED), SHAPE_VEHICLES)
 

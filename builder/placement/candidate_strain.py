@@ -9,10 +9,11 @@ import numpy as np
 from scipy.sparse import csr_array, vstack
 
 from builder.campaign.snapshots import Snapshots
-from builder.inverse.noise.gauge_derivatives import STEP, WALL_STEP, with_wall
+from builder.inverse.noise.gauge_derivatives import WALL_STEP
 from builder.inverse.noise.thermal import HARMONICS, thermal_map, thermal_properties
 from builder.placement.pressure_basis import PressureBasis
 from builder.reporting import Progress
+from builder.structure.as_built.revolved import SHIFT, with_wall
 from builder.structure.fourier.gauges import PlacedGauges, place_gauges
 from builder.structure.fourier.inner_surface import inner_surface_points
 from builder.structure.fourier.meridian_mesh import NO_NODES, MeridianMesh
@@ -88,7 +89,7 @@ def fourier_strain(
     placed = place_gauges(mesh, layout.position, layout.direction, layout.names)
     stations = distinct_stations(placed.x)
     points = inner_surface_points(mesh, stations)
-    step = STEP * points.tangent[:, 0]
+    step = SHIFT * points.tangent[:, 0]
     last = min(len(basis.along) - 1, resolution.harmonics, (grid.n_roll - 1) // 2)
     shapes = [
         one / np.linalg.norm(np.cos(m * grid.roll_angle)) if m <= last else np.zeros_like(one)
@@ -119,7 +120,7 @@ def fourier_strain(
     by_roll = at.reading(own, by_roll=True)
     return CandidateStrain(
         strain=at.reading(own),
-        axial=at.reading([(a - b) / (2.0 * STEP) for a, b in zip(aft, fore, strict=True)]),
+        axial=at.reading([(a - b) / (2.0 * SHIFT) for a, b in zip(aft, fore, strict=True)]),
         circumferential=by_roll / points.radius[at.station][:, None],
         orientation=at.reading(own, turned=True),
         layout_roll=by_roll,

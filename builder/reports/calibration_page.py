@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from builder.calibration.as_built.parameters import in_words, slices
 from builder.calibration.estimate.cross_validation import LeftOut
 from builder.calibration.estimate.faults import Fault, load_shifts
 from builder.calibration.estimate.load_equations import LoadEquation
@@ -15,6 +14,7 @@ from builder.calibration.estimate.remarks import remarks
 from builder.calibration.estimate.vehicle import Estimate
 from builder.reports.page.html import Block, Cards, Items, Page, Paragraph, Section
 from builder.reports.page.tables import Column, Table, make_table
+from builder.structure.as_built.vehicle import in_words, slices
 from builder.structure.as_built_kinds import KINDS
 
 CANNOT_SEE = (

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import Any
-
 import numpy as np
 
 from builder.stress.kind import Build, Filtered, Hardware, Kind, KindClass, as_stated, exact
-from builder.structure.as_built_kinds import KINDS, UNIT
-from builder.truth.as_built import AsBuilt, drawn
+from builder.structure.as_built.vehicle import AsBuilt
+from builder.structure.as_built_kinds import IN_NOISE, KINDS, UNIT
+from builder.truth.as_built import drawn
 from builder.vehicle.map.options import Noise
 
 MANY = 5
@@ -18,48 +16,28 @@ MANY = 5
 
 DEGREE = UNIT["deg"]
 
-STATED = tuple(
-    KINDS[name]
-    for name in (
-        "gauge_gain",
-        "common_gain",
-        "wall_thickness",
-        "axial_shift",
-        "circumferential_shift",
-        "orientation",
-        "layout_roll",
-        "apparent_strain",
-        "internal_pressure",
-        "dynamic_pressure",
-        "clamp_axial",
-        "clamp_transverse",
-    )
-)
-"""Errors that [noise] states, in the order of the table."""
-
 
 def stated_class(size: float, stated: float) -> KindClass:
     """Return the class of an error of ``size`` whose stated standard deviation is ``stated``."""
     return "within" if abs(size) <= 2.0 * stated + 1e-9 else "outside"
 
 
-def with_error(field: str, value: float, of_each: bool = False, sign: bool = False) -> Build:
-    """Return vehicles with one error alone: ``value`` in the field's unit, with a drawn ``sign`` if so."""
+def with_error(name: str, value: float, sign: bool = False) -> Build:
+    """Return vehicles with one error alone: ``value`` [SI] of all that have it, or a ``sign`` drawn for each."""
+    kind = KINDS[name]
 
     def build(hardware: Hardware, random: np.random.Generator) -> AsBuilt:
-        vehicle = exact(hardware, random)
-        size = hardware.n_gauges if of_each else ()
-        error: Any = value * (random.choice([-1.0, 1.0], size=size) if sign else np.ones(size))
-        if field == "apparent_strain":  # a number of each gauge, equal for all
-            error = np.asarray(error) + np.zeros(hardware.n_gauges)
-        return replace(vehicle, **{field: error})
+        size = hardware.counts.in_flight(kind)
+        return exact(hardware, random).changed(
+            **{name: value * (random.choice([-1.0, 1.0], size=size) if sign else np.ones(size))}
+        )
 
     return build
 
 
 def twice_stated(hardware: Hardware, random: np.random.Generator) -> AsBuilt:
     """Return a vehicle with all errors drawn at twice their stated sizes."""
-    return drawn(hardware.noise, hardware.n_gauges, random, 2.0)
+    return drawn(hardware.noise, hardware.counts, random, 2.0)
 
 
 def nominal_kinds() -> list[Kind]:
@@ -94,11 +72,11 @@ def nominal_kinds() -> list[Kind]:
 def stated_kinds(noise: Noise) -> list[Kind]:
     """Return each stated error alone at twice its size, where it is stated at all."""
     found = []
-    for one in STATED:
-        size, of_each = 2.0 * float(getattr(noise, one.noise)), one.extent == "gauge"
+    for one in IN_NOISE:
+        size = 2.0 * float(getattr(noise, one.noise))
         if size == 0.0:
             continue
-        whose = "each with its own sign" if of_each else "the sign drawn"
+        whose = "the sign drawn" if one.is_one_in_flight else "each with its own sign"
         unit = f"{one.unit} of {one.relative_to}" if one.relative_to else one.unit
         found.append(
             Kind(
@@ -106,7 +84,7 @@ def stated_kinds(noise: Noise) -> list[Kind]:
                 size=f"+-{size:g} {unit}",
                 group="within",
                 what=f"Twice the size that {one.noise} states, {whose}; all else exact.",
-                build=with_error(one.name, size * one.scale, of_each=of_each, sign=True),
+                build=with_error(one.name, size * one.scale, sign=True),
             )
         )
     return found
@@ -168,7 +146,7 @@ def thinner_middle(hardware: Hardware, random: np.random.Generator) -> AsBuilt:
     low, high = float(hardware.station.min()), float(hardware.station.max())
     third = (high - low) / 3.0
     there = (hardware.station >= low + third) & (hardware.station <= high - third)
-    return replace(exact(hardware, random), wall_thickness=np.where(there, -0.05, 0.0))
+    return exact(hardware, random).changed(wall_thickness=np.where(there, -0.05, 0.0))
 
 
 def filter_kinds() -> list[Kind]:

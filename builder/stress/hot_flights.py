@@ -117,7 +117,7 @@ def hot_flights(
     random, n_d = np.random.default_rng(41), len(noise_std)
     conditions = held_out_conditions(vehicle, table, count, random)
     flights = true_flights(vehicle, structure, table, conditions)
-    built = [drawn_many(vehicle.noise, n_d, 1, random) for _ in conditions]
+    built = [drawn_many(vehicle.noise, structure.counts, 1, random) for _ in conditions]
     cold = np.concatenate([true_strain(structure, one_flight(flights, k), one) for k, one in enumerate(built)])
     q = flights.dynamic_pressure * [1.0 + float(np.reshape(one.dynamic_pressure, -1)[0]) for one in built]
     share = random.uniform(0.0, 1.0, (count, 1))

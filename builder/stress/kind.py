@@ -10,7 +10,8 @@ import numpy as np
 
 from builder.stress.flights import DrawConditions, inside
 from builder.stress.flows import OtherFlow
-from builder.truth.as_built import AsBuilt, drawn, exactly_built
+from builder.structure.as_built.vehicle import AsBuilt, Counts, exactly_built
+from builder.truth.as_built import drawn
 from builder.vehicle.map.options import Noise
 from strainfmu.arrays import FloatArray
 
@@ -40,16 +41,18 @@ class Hardware:
     noise : section [noise] of the vehicle file.
     station, roll_angle : (n_d,) of the gauges [m], [rad].
     noise_std : (n_d,) of the gauges' own noise [m/m], or of the sensors' [their units].
+    counts : numbers of what has errors of its own.
     """
 
     noise: Noise
     station: FloatArray
     roll_angle: FloatArray
     noise_std: FloatArray
+    counts: Counts
 
     @property
     def n_gauges(self) -> int:
-        return len(self.station)
+        return self.counts.gauge
 
 
 Build = Callable[[Hardware, np.random.Generator], AsBuilt]
@@ -62,12 +65,12 @@ read."""
 
 def exact(hardware: Hardware, random: np.random.Generator) -> AsBuilt:
     """Return the vehicle of the file."""
-    return exactly_built(hardware.n_gauges)
+    return exactly_built(hardware.counts)
 
 
 def as_stated(hardware: Hardware, random: np.random.Generator) -> AsBuilt:
     """Return a vehicle with all errors drawn at their stated sizes."""
-    return drawn(hardware.noise, hardware.n_gauges, random)
+    return drawn(hardware.noise, hardware.counts, random)
 
 
 def as_read(strain: FloatArray, wind: FloatArray, hardware: Hardware, random: np.random.Generator) -> FloatArray:

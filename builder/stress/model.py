@@ -11,7 +11,7 @@ import numpy as np
 from builder.campaign.snapshots import Snapshots
 from builder.pipeline.built_sensors import FlownSensors
 from builder.stress.kind import Kind
-from builder.truth.as_built import AsBuilt
+from builder.structure.as_built.vehicle import AsBuilt, Counts
 from builder.truth.flights import Flights, RevolvedFlights
 from builder.truth.revolution.flow_table import FlowTable, harmonics_at
 from builder.truth.revolution.sensors import sensor_readings
@@ -29,10 +29,14 @@ class Model(Protocol):
     Attributes
     ----------
     station, roll_angle : (n_d,) of the gauges [m], [rad].
+    counts : numbers of what has errors of its own.
     """
 
     @property
     def station(self) -> FloatArray: ...
+
+    @property
+    def counts(self) -> Counts: ...
 
     @property
     def roll_angle(self) -> FloatArray: ...
@@ -80,6 +84,10 @@ class RevolvedModel:
     def roll_angle(self) -> FloatArray:
         return self.structure.placed.roll_angle
 
+    @property
+    def counts(self) -> Counts:
+        return self.structure.counts
+
     def flights(self, kind: Kind, count: int, random: np.random.Generator) -> Flights:
         conditions = kind.flights(self.vehicle, self.table, count, random)
         table = self.table if kind.flow is None else kind.flow.on_table(self.vehicle, self.table)
@@ -105,7 +113,11 @@ class ShapeModel:
 
     @property
     def roll_angle(self) -> FloatArray:
-        return self.structure.roll_angle
+        return self.structure.gauges.roll_angle
+
+    @property
+    def counts(self) -> Counts:
+        return self.structure.counts
 
     @cached_property
     def _operator(self) -> FloatArray:

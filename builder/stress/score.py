@@ -13,11 +13,11 @@ from builder.stress.flights import DrawConditions
 from builder.stress.flows import OtherFlow
 from builder.stress.kind import Filtered, Hardware, Kind, KnownParameters, exact
 from builder.stress.model import Model, SensedFlights
+from builder.structure.as_built.vehicle import AsBuilt, Counts
 from builder.trial.bound import cramer_rao_bound
 from builder.trial.readings import Readings, gauge_noise, navigation_at
 from builder.trial.run import trial_score
 from builder.trial.score import Score, by_name, rounded
-from builder.truth.as_built import AsBuilt
 from builder.truth.flights import Flights
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
@@ -113,6 +113,7 @@ class Range:
             station=model.station,
             roll_angle=model.roll_angle,
             noise_std=inverse_map.noise_std[: inverse_map.n_strain_gauges],
+            counts=model.counts,
         )
         scale, first = inverse_map.sensors.scale, inverse_map.n_strain_gauges
         none = np.zeros(inverse_map.n_gauges - first)
@@ -121,6 +122,7 @@ class Range:
             station=none,
             roll_angle=none,
             noise_std=(scale * inverse_map.noise_std)[first:],
+            counts=Counts(gauge=len(none)),
         )
         self._bounds: dict[tuple[tuple[FlightCondition, ...], bool], FloatArray | None] = {}
         self._flights: dict[tuple[DrawConditions, OtherFlow | None], Flights] = {}

@@ -2,6 +2,8 @@
 
 :mod:`~builder.structure.fourier` is the semi-analytic model of a body of revolution, harmonic by harmonic;
 :mod:`~builder.structure.solid` is three-dimensional elasticity on any mesh. Each checks the other.
+:mod:`~builder.structure.as_built` is the strain of the vehicle as built, Z(theta): kinds of error in
+:mod:`~builder.structure.as_built_kinds`.
 
 Read in this order: :mod:`~builder.structure.wall` (what the vehicle is made of),
 :mod:`~builder.structure.gauge_placement` (rows of gauges on the inner surface),

@@ -30,6 +30,7 @@ class ParameterKind:
     ----------
     name : of the kind, and of the field that holds it.
     error : name of the kind in the fault detection study; empty where that has no case of it.
+    column : name of its error columns in a map, where that is another than the kind's own in words.
     extent : what has its own parameter of this kind.
     unit : of its entries, one of :data:`UNIT`; parameters themselves are in SI.
     acts_on : what it changes, for pages.
@@ -39,6 +40,7 @@ class ParameterKind:
     step : of central differences of the readings by it; 0 where the derivative has a closed form.
     flight : whether strain in flight depends on it; a ground test alone does otherwise.
     taken_for_zero : whether the standard deviation is 0 by default, and the test says whether that holds.
+    alike_in_flight : whether [noise] states one number for all regions alike, not one for each.
     """
 
     name: str
@@ -46,6 +48,7 @@ class ParameterKind:
     unit: str
     acts_on: str
     error: str = ""
+    column: str = ""
     relative_to: str = ""
     calibration: str = ""
     noise: str = ""
@@ -53,6 +56,7 @@ class ParameterKind:
     step: float = 0.0
     flight: bool = True
     taken_for_zero: bool = False
+    alike_in_flight: bool = False
 
     @property
     def scale(self) -> float:
@@ -63,6 +67,16 @@ class ParameterKind:
     def in_words(self) -> str:
         """The name as it is printed."""
         return self.name.replace("_", " ")
+
+    @property
+    def column_name(self) -> str:
+        """Name of its error columns in a map."""
+        return self.column or self.in_words
+
+    @property
+    def is_one_in_flight(self) -> bool:
+        """Whether [noise] states one error of the whole vehicle."""
+        return self.extent == "vehicle" or self.alike_in_flight
 
     def prior_std(self, section: object) -> float:
         """Return the standard deviation before a test, in SI, from the section [calibration]."""
@@ -90,6 +104,7 @@ AS_BUILT = (
     ParameterKind(
         name="orientation",
         error="orientation of each gauge",
+        column="gauge orientation",
         extent="gauge",
         unit="deg",
         acts_on="direction of the gauge in the surface",
@@ -100,6 +115,7 @@ AS_BUILT = (
     ParameterKind(
         name="axial_shift",
         error="axial position of each gauge",
+        column="gauge position, axial",
         extent="gauge",
         unit="mm",
         acts_on="place of the gauge along the surface",
@@ -110,6 +126,7 @@ AS_BUILT = (
     ParameterKind(
         name="circumferential_shift",
         error="circumferential position of each gauge",
+        column="gauge position, circumferential",
         extent="gauge",
         unit="mm",
         acts_on="place of the gauge round the body",
@@ -119,10 +136,12 @@ AS_BUILT = (
     ),
     ParameterKind(
         name="transverse_sensitivity",
+        error="transverse sensitivity of each gauge",
         extent="gauge",
         unit="%",
         acts_on="reading of strain across the gauge",
         calibration="transverse_sensitivity_percent",
+        noise="transverse_sensitivity_percent",
         step=1e-3,
     ),
     ParameterKind(
@@ -167,47 +186,58 @@ AS_BUILT = (
         calibration="wall_thickness_percent",
         noise="wall_thickness_percent",
         step=1e-3,
+        alike_in_flight=True,
     ),
     ParameterKind(
         name="wall_cosine",
+        error="wall thickness as the cosine of the roll angle",
         extent="region",
         unit="%",
         acts_on="thickness as cos phi",
         calibration="wall_harmonic_percent",
+        noise="wall_harmonic_percent",
         step=1e-3,
     ),
     ParameterKind(
         name="wall_sine",
+        error="wall thickness as the sine of the roll angle",
         extent="region",
         unit="%",
         acts_on="thickness as sin phi",
         calibration="wall_harmonic_percent",
+        noise="wall_harmonic_percent",
         step=1e-3,
     ),
     ParameterKind(
         name="wall_taper",
+        error="taper of each region of the wall",
         extent="region",
         unit="%",
         acts_on="thickness from the fore to the aft end",
         calibration="wall_taper_percent",
+        noise="wall_taper_percent",
         step=1e-3,
         taken_for_zero=True,
     ),
     ParameterKind(
         name="wall_second_cosine",
+        error="wall thickness as the cosine of twice the roll angle",
         extent="region",
         unit="%",
         acts_on="thickness as cos 2 phi",
         calibration="wall_second_harmonic_percent",
+        noise="wall_second_harmonic_percent",
         step=1e-3,
         taken_for_zero=True,
     ),
     ParameterKind(
         name="wall_second_sine",
+        error="wall thickness as the sine of twice the roll angle",
         extent="region",
         unit="%",
         acts_on="thickness as sin 2 phi",
         calibration="wall_second_harmonic_percent",
+        noise="wall_second_harmonic_percent",
         step=1e-3,
         taken_for_zero=True,
     ),
@@ -232,6 +262,7 @@ AS_BUILT = (
     ParameterKind(
         name="clamp_axial",
         error="clamp that yields along the body",
+        column="clamp, along",
         extent="vehicle",
         unit="mm",
         acts_on="support: length of wall that yields along the body as the clamp does",
@@ -242,6 +273,7 @@ AS_BUILT = (
     ParameterKind(
         name="clamp_transverse",
         error="clamp that yields across the body",
+        column="clamp, across",
         extent="vehicle",
         unit="mm",
         acts_on="support: length of wall that yields across the body as the clamp does",
@@ -251,26 +283,32 @@ AS_BUILT = (
     ),
     ParameterKind(
         name="region_modulus",
+        error="stiffness of each region of the wall",
         extent="region",
         unit="%",
         acts_on="stiffness of the region",
         calibration="region_modulus_percent",
+        noise="region_modulus_percent",
         step=1e-3,
     ),
     ParameterKind(
         name="row_orientation",
+        error="orientation of each row of gauges",
         extent="row",
         unit="deg",
         acts_on="direction of all gauges at one roll angle",
         calibration="row_orientation_deg",
+        noise="row_orientation_deg",
         step=1e-3,
     ),
     ParameterKind(
         name="joint_softness",
+        error="softness of each joint",
         extent="joint",
         unit="mm",
         acts_on="length of wall that yields as the joint does",
         calibration="joint_softness_mm",
+        noise="joint_softness_mm",
         step=1e-3,
     ),
 )
@@ -378,3 +416,32 @@ def by_name(kinds: Iterable[ParameterKind]) -> dict[str, ParameterKind]:
 
 KINDS = by_name((*AS_BUILT, *IN_FLIGHT, *OF_LOADS))
 """The whole table."""
+
+ALWAYS_DRAWN = (
+    "gauge_gain",
+    "common_gain",
+    "axial_shift",
+    "circumferential_shift",
+    "orientation",
+    "layout_roll",
+    "wall_thickness",
+    "apparent_strain",
+    "internal_pressure",
+    "dynamic_pressure",
+)
+"""Kinds whose numbers are drawn first, and even at size 0: the vehicles of a seed stay the same."""
+
+IN_NOISE = tuple(
+    KINDS[name]
+    for name in dict.fromkeys((*ALWAYS_DRAWN, *(kind.name for kind in (*AS_BUILT, *IN_FLIGHT) if kind.noise)))
+)
+"""Kinds that [noise] states, in the order in which vehicles are drawn.
+
+Young's modulus is in the common gain there, zeros are subtracted, and mass does not change strain under pressure:
+inertia is no load of a map.
+"""
+
+BY_REGION = tuple(
+    kind.name for kind in IN_NOISE if kind.extent in ("region", "joint") and not kind.alike_in_flight
+)
+"""Kinds of [noise] of which each region of the wall, or each joint, has its own."""

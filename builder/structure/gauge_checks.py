@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from builder.structure.fourier.model import place_layouts
 from builder.structure.gauge_placement import gauge_mesh
 from builder.structure.solid.case import structure_case
@@ -9,6 +11,7 @@ from builder.structure.solid.gauges.gauge_layouts import solid_gauges
 from builder.structure.solid.model import check_gauges_on_mesh
 from builder.structure.wall import wall_of
 from builder.vehicle.file import Vehicle
+from strainfmu.arrays import FloatArray
 
 
 def check_gauges(vehicle: Vehicle) -> dict[str, int]:
@@ -30,3 +33,15 @@ def check_gauges(vehicle: Vehicle) -> dict[str, int]:
         return {name: len(one.name) for name, one in gauges.items()}
     found, _ = place_layouts(vehicle, mesh, names)
     return {name: len(layout.names) for name, layout in found.items()}
+
+
+def gauge_roll_angles(vehicle: Vehicle) -> FloatArray:
+    """Return (n_d,) the roll angles of the gauges in use [rad]; errors as :func:`check_gauges`."""
+    name = vehicle.gauges.layout
+    if not vehicle.is_of_revolution:
+        position = structure_case(vehicle, [name]).layouts[name].position
+    elif vehicle.structure.model == "solid":
+        position = solid_gauges(vehicle, name, gauge_mesh(vehicle)).position
+    else:
+        return place_layouts(vehicle, gauge_mesh(vehicle), [name])[1][name].roll_angle
+    return np.arctan2(position[:, 1], position[:, 2])

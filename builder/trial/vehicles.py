@@ -44,11 +44,10 @@ Fly = Callable[[list[FlightCondition]], FlownVehicles]
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class DrawnVehicles:
-    """Vehicles whose hardware errors are drawn at the sizes of ``noise``, n_d gauges."""
+    """Vehicles whose hardware errors are drawn at the sizes of ``noise``."""
 
     noise: Noise
     flights: Flights
-    n_gauges: int
 
     @property
     def conditions(self) -> Sequence[FlightCondition]:
@@ -59,7 +58,7 @@ class DrawnVehicles:
         return self.flights.dynamic_pressure
 
     def read(self, number: int, count: int, random: np.random.Generator) -> tuple[FloatArray, FloatArray]:
-        built = drawn_many(self.noise, self.n_gauges, count, random)
+        built = drawn_many(self.noise, self.flights.counts, count, random)
         strain = self.flights.read(built, slice(number, number + 1))
         return strain, 1.0 + np.reshape(built.dynamic_pressure, -1)
 
@@ -78,5 +77,4 @@ def drawn_vehicles(
     return DrawnVehicles(
         noise=vehicle.noise,
         flights=RevolvedFlights(structure=structure, flown=flights),
-        n_gauges=len(structure.names),
     )

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-from builder.truth.as_built import AsBuilt
+from builder.structure.as_built.vehicle import AsBuilt, Counts
 from builder.truth.revolution.strain import TrueFlights, TrueStructure, some_flights, true_strain
 from strainfmu.arrays import FloatArray
 from strainfmu.flight_condition import FlightCondition
@@ -21,10 +21,14 @@ class Flights(Protocol):
     coefficients : (k, 5) C_A, C_N, C_Y, M_P, M_Y [1].
     rolling : (k,) M_R [1]; None for a body of revolution, which has none.
     ambient_pressure, dynamic_pressure, internal_pressure : (k,) p_inf, q_inf and that stated inside [Pa].
+    counts : numbers of what has errors of its own in a vehicle.
     """
 
     @property
     def conditions(self) -> Sequence[FlightCondition]: ...
+
+    @property
+    def counts(self) -> Counts: ...
 
     @property
     def coefficients(self) -> FloatArray: ...
@@ -57,6 +61,10 @@ class RevolvedFlights:
     @property
     def conditions(self) -> Sequence[FlightCondition]:
         return self.flown.conditions
+
+    @property
+    def counts(self) -> Counts:
+        return self.structure.counts
 
     @property
     def coefficients(self) -> FloatArray:

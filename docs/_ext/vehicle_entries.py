@@ -1,5 +1,5 @@
-"""The reference of files in TOML, made from the models that check them: directives ``vehicle-entries`` and
-``load-test-entries``."""
+"""The reference of files in TOML, made from the models that check them: directives ``vehicle-entries``,
+``load-test-entries`` and, of the kinds of error of a vehicle as built, ``as-built-kinds``."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from pydantic.fields import FieldInfo
 from sphinx.application import Sphinx
 
 from builder.calibration.ground_test.load_test_file import LoadTestFile
+from builder.structure.as_built_kinds import AS_BUILT, IN_FLIGHT
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map.gamma_rules import RULES
 from builder.vehicle.model_entries import ENGINE_NAMES, NeededBy
@@ -185,8 +186,38 @@ class LoadTestEntries(GeneratedText):
         return entries_page(LoadTestFile)
 
 
+class AsBuiltKinds(GeneratedText):
+    """Every kind of error of a vehicle as built, with its entries in the vehicle file."""
+
+    source = "builder.structure.as_built_kinds"
+
+    def text(self) -> str:
+        """Return the table."""
+        rows = [
+            f"| {kind.in_words} | {kind.acts_on} | {OF[kind.extent]} | {kind.unit} | {_entry(kind.calibration)} "
+            f"| {_entry(kind.noise)} |"
+            for kind in (*AS_BUILT, *IN_FLIGHT)
+        ]
+        head = "| kind | acts on | of | unit | `[calibration]` | `[noise]` |"
+        return "\n".join([head, "|---|---|---|---|---|---|", *rows])
+
+
+OF = {
+    "gauge": "each gauge",
+    "vehicle": "the vehicle",
+    "region": "each region of the wall",
+    "row": "each row of gauges",
+    "joint": "each joint",
+}
+
+
+def _entry(name: str) -> str:
+    return f"`{name}`" if name else ""
+
+
 def setup(app: Sphinx) -> dict[str, bool]:
     """Register the directive."""
     app.add_directive("vehicle-entries", VehicleEntries)
     app.add_directive("load-test-entries", LoadTestEntries)
+    app.add_directive("as-built-kinds", AsBuiltKinds)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

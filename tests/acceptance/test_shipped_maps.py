@@ -26,10 +26,11 @@ from builder.campaign.scheduling import Scheduling, solve_flows
 from builder.campaign.snapshots import load_snapshots
 from builder.campaign.vehicle_campaign import vehicle_campaign
 from builder.inverse.build import build_inverse_map, snapshot_coefficients
+from builder.structure.as_built.vehicle import exactly_built
 from builder.structure.fourier.model import StructuralModel, structural_model
 from builder.trial.conditions import held_out_conditions
 from builder.trial.readings import gauge_noise
-from builder.truth.as_built import drawn_many, exactly_built
+from builder.truth.as_built import drawn_many
 from builder.truth.revolution.flow_table import FlowTable, load_flow_table
 from builder.truth.revolution.strain import (
     TrueStructure,

@@ -85,7 +85,7 @@ def test_rolling_moment_of_turned_fins_on_another_surface(finned_demo: Path, tmp
         flown = flown_path(vehicle, structure, flows=flows, time=time, path=path, built=built)
         noise = random.standard_normal(flown.strain.shape) * inverse_map.noise_std
         pressure = np.array([one.dynamic_pressure for one in flown.conditions])
-        stated = pressure * (1.0 + float(built.dynamic_pressure))
+        stated = pressure * (1.0 + built.dynamic_pressure.item())
         found = Estimator(inverse_map).estimate(flown.strain + noise, stated)
         error.append(found.M_R - flown.rolling)
         inside.append(np.abs(error[-1]) <= 3.0 * found.sigma.M_R)

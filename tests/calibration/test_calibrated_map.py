@@ -7,9 +7,9 @@ import pytest
 
 from builder.calibration.after_test.calibrated_map import calibrated_map, calibrated_vehicle
 from builder.calibration.after_test.left_by_test import Remaining
-from builder.calibration.as_built.parameters import drawn, prior_std
-from builder.calibration.as_built.structure import AsBuiltStructure
 from builder.campaign.snapshots import Snapshots
+from builder.structure.as_built.structure import AsBuiltStructure
+from builder.structure.as_built.vehicle import drawn, prior_std
 from builder.vehicle.file import Vehicle
 
 

@@ -9,8 +9,8 @@ from as_built_case import strain_covariances
 from builder.calibration.after_test.calibrated_map import calibrated_vehicle
 from builder.calibration.after_test.flown_after_test import allowed_vehicles, net_pressure
 from builder.calibration.after_test.left_by_test import Remaining
-from builder.calibration.as_built.parameters import drawn, prior_std
-from builder.calibration.as_built.structure import AsBuiltStructure
+from builder.structure.as_built.structure import AsBuiltStructure
+from builder.structure.as_built.vehicle import drawn, prior_std
 from builder.trial.conditions import held_out_conditions
 from builder.trial.vehicles import drawn_vehicles
 from builder.truth.revolution.flow_table import FlowTable
@@ -35,7 +35,7 @@ def table(vehicle: Vehicle, true_model: TrueStructure) -> FlowTable:
     """Pressure that grows with Mach number and rises towards windward with incidence; falls along the body."""
     mach, incidence = (np.array(one) for one in (vehicle.truth.mach_number, vehicle.truth.total_incidence_deg))
     along = 1.5 - true_model.surface.x / true_model.surface.x[-1]
-    rise = np.zeros((len(incidence), true_model.nominal.shape[-2]))  # as many harmonics as the structure
+    rise = np.zeros((len(incidence), true_model.n_harmonics))  # as many harmonics as the structure
     rise[:, :4] = np.deg2rad(incidence)[:, None] * np.array([1.0, -8.0, 3.0, -1.0]) + [1.0, 0.0, 0.0, 0.0]
     harmonic = np.einsum("i,jm,x->ijxm", mach**2 / 10.0, rise, along)
     harmonic[..., 0] += 2.0

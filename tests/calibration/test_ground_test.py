@@ -10,13 +10,13 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from builder.calibration.as_built.structure import AsBuiltStructure
 from builder.calibration.ground_test.candidate_cases import Candidate, LoadLimits, attitude_cases, candidate_cases
 from builder.calibration.ground_test.load_changes import CellErrors, as_applied, moved, scaled, tilted
 from builder.calibration.ground_test.load_test import KnownLoad, LoadErrors
 from builder.calibration.ground_test.load_test_file import load_test_file
 from builder.calibration.ground_test.readings import load_test
 from builder.calibration.ground_test.simulated import TestFaults, ground_test, write_ground_test
+from builder.structure.as_built.structure import AsBuiltStructure
 from builder.structure.loads.applied import Load, PadForce, PadPressure, PointForce, SurfacePressure, Weight
 from builder.vehicle.file import IC3X, load_vehicle
 from strainfmu.arrays import FloatArray

@@ -8,9 +8,9 @@ from as_built_case import strain_covariances
 from ensembles import listed_ensemble
 
 from builder.calibration.after_test.left_by_test import COMMON, PATTERNS, LeftByTest, Remaining, left_by_test
-from builder.calibration.as_built.parameters import drawn, prior_std
-from builder.calibration.as_built.structure import AsBuiltStructure
 from builder.inverse.modes.ensemble import Ensemble
+from builder.structure.as_built.structure import AsBuiltStructure
+from builder.structure.as_built.vehicle import drawn, prior_std
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
 

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from builder.calibration.as_built.parameters import AsBuiltParameters, drawn, prior_std
-from builder.calibration.as_built.structure import AsBuiltStructure
 from builder.calibration.estimate.outside_terms import NOISE, OutsideKind, outside_model
 from builder.calibration.estimate.readings_model import ReadingsModel
 from builder.calibration.estimate.vehicle import Estimate, estimate, usable
 from builder.calibration.ground_test.load_test import LoadCase, LoadErrors, LoadTest
 from builder.calibration.ground_test.standard_cases import standard_cases
+from builder.structure.as_built.structure import AsBuiltStructure
+from builder.structure.as_built.vehicle import AsBuilt, drawn, prior_std
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
 
@@ -23,12 +21,12 @@ REGION = 2
 
 
 @pytest.fixture(scope="module")
-def prior(vehicle: Vehicle, as_built: AsBuiltStructure) -> AsBuiltParameters:
+def prior(vehicle: Vehicle, as_built: AsBuiltStructure) -> AsBuilt:
     return prior_std(vehicle.calibration, as_built.counts)
 
 
 @pytest.fixture(scope="module")
-def blank(as_built: AsBuiltStructure, prior: AsBuiltParameters) -> ReadingsModel:
+def blank(as_built: AsBuiltStructure, prior: AsBuilt) -> ReadingsModel:
     """A test of ten pads and four attitudes without readings."""
     n_d = as_built.n_gauges
     cases = tuple(
@@ -42,7 +40,7 @@ def calibrated(blank: ReadingsModel, seed: int, noise: float = 1.0, **wall: Floa
     """Return the estimate of a vehicle drawn at random but for its ``wall``; ``noise`` is over what is stated."""
     random = np.random.default_rng(seed)
     vector = blank.std * random.standard_normal(len(blank.std))
-    vector[: blank.n_built] = replace(drawn(blank.prior, random), **wall).vector
+    vector[: blank.n_built] = drawn(blank.prior, random).changed(**wall).vector
     reading = blank.readings(vector)
     found = blank.with_readings(reading + noise * STATED * random.standard_normal(reading.shape))
     return estimate(found, usable(found))
@@ -94,9 +92,9 @@ def test_noise_larger_than_stated_is_not_taken_for_a_wall(blank: ReadingsModel) 
     assert f"scatter {model.noise_factor:.2g} times as much as stated" in model.lines[0]
 
 
-def test_what_the_file_sets_free_is_estimated(blank: ReadingsModel, prior: AsBuiltParameters) -> None:
+def test_what_the_file_sets_free_is_estimated(blank: ReadingsModel, prior: AsBuilt) -> None:
     n_r = prior.n_regions
-    free = replace(prior, wall_second_cosine=np.full(n_r, 0.02), wall_second_sine=np.full(n_r, 0.02))
+    free = prior.changed(wall_second_cosine=np.full(n_r, 0.02), wall_second_sine=np.full(n_r, 0.02))
     wider = ReadingsModel(blank.structure, blank.test, free)
     wave = 0.02 * (np.arange(n_r) == REGION)
     found = calibrated(wider, 1, wall_second_cosine=wave, wall_second_sine=np.zeros(n_r))
@@ -107,9 +105,9 @@ def test_what_the_file_sets_free_is_estimated(blank: ReadingsModel, prior: AsBui
     assert 0.85 < found.per_reading < 1.15
 
 
-def test_nothing_is_taken_for_zero_but_the_noise(blank: ReadingsModel, prior: AsBuiltParameters) -> None:
+def test_nothing_is_taken_for_zero_but_the_noise(blank: ReadingsModel, prior: AsBuilt) -> None:
     some = np.full(prior.n_regions, 0.01)
-    free = replace(prior, wall_taper=some, wall_second_cosine=some, wall_second_sine=some)
+    free = prior.changed(wall_taper=some, wall_second_cosine=some, wall_second_sine=some)
     found = calibrated(ReadingsModel(blank.structure, blank.test, free), 4)
     assert set(kinds_of(found)) == {NOISE}
     assert outside_model(found).found == ()

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from builder.calibration.as_built.parameters import drawn, prior_std
 from builder.calibration.as_built.plant_gauges import plant_gauges
-from builder.calibration.as_built.structure import AsBuiltStructure
+from builder.structure.as_built.structure import AsBuiltStructure
+from builder.structure.as_built.vehicle import drawn, prior_std
 from builder.vehicle.file import Vehicle
 
 HARMONICS = 5

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from builder.calibration.as_built.response_tables import side_phases
-from builder.calibration.as_built.wall_harmonics import WAVES, rolled_quarter, times_cosine, times_waves
-from builder.calibration.as_built.wall_regions import WallRegions, thickened
-from builder.calibration.as_built.wall_states import WallStates, wall_states
+from builder.structure.as_built.response_tables import side_phases
+from builder.structure.as_built.wall_harmonics import WAVES, rolled_quarter, times_cosine, times_waves
+from builder.structure.as_built.wall_regions import WallRegions, thickened
+from builder.structure.as_built.wall_states import WallStates, wall_states
 from builder.structure.fourier.gauges import PlacedGauges
 from builder.structure.fourier.meridian_mesh import tube_mesh
 from builder.structure.loads.applied import Load, SectionLoad, Weight

@@ -7,8 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from builder.calibration.as_built.parameters import AsBuiltParameters, drawn, prior_std
-from builder.calibration.as_built.structure import AsBuiltStructure
 from builder.calibration.estimate.disagreement import unexplained
 from builder.calibration.estimate.faults import calibrate_with_faults, load_shifts
 from builder.calibration.estimate.outside_terms import outside_model
@@ -17,6 +15,8 @@ from builder.calibration.estimate.remarks import remarks
 from builder.calibration.estimate.vehicle import Estimate, estimate, usable
 from builder.calibration.ground_test.load_test import KnownLoad, LoadCase, LoadErrors, LoadTest
 from builder.calibration.ground_test.standard_cases import standard_cases
+from builder.structure.as_built.structure import AsBuiltStructure
+from builder.structure.as_built.vehicle import AsBuilt, drawn, prior_std
 from builder.structure.loads.applied import PadForce
 from builder.vehicle.file import Vehicle
 from strainfmu.errors import InputError
@@ -26,12 +26,12 @@ ERRORS = LoadErrors(common=0.002)
 
 
 @pytest.fixture(scope="module")
-def prior(vehicle: Vehicle, as_built: AsBuiltStructure) -> AsBuiltParameters:
+def prior(vehicle: Vehicle, as_built: AsBuiltStructure) -> AsBuilt:
     return prior_std(vehicle.calibration, as_built.counts)
 
 
 @pytest.fixture(scope="module")
-def model(as_built: AsBuiltStructure, prior: AsBuiltParameters) -> tuple[ReadingsModel, np.ndarray]:
+def model(as_built: AsBuiltStructure, prior: AsBuilt) -> tuple[ReadingsModel, np.ndarray]:
     """A test of ten pads and four attitudes, and the vector that its readings were drawn with."""
     n_d, random = as_built.n_gauges, np.random.default_rng(11)
     blank = tuple(
@@ -101,7 +101,7 @@ def test_a_mass_that_differs_is_found_and_named(
 
 
 def test_a_test_states_its_mass_or_has_no_part_in_it(
-    model: tuple[ReadingsModel, np.ndarray], as_built: AsBuiltStructure, prior: AsBuiltParameters
+    model: tuple[ReadingsModel, np.ndarray], as_built: AsBuiltStructure, prior: AsBuilt
 ) -> None:
     test = model[0].test
     weighed = ReadingsModel(as_built, replace(test, errors=replace(ERRORS, mass=0.001)), prior)
@@ -115,7 +115,7 @@ def test_a_test_states_its_mass_or_has_no_part_in_it(
 
 
 def test_two_load_cells_have_gains_and_offsets_of_their_own(
-    model: tuple[ReadingsModel, np.ndarray], as_built: AsBuiltStructure, prior: AsBuiltParameters
+    model: tuple[ReadingsModel, np.ndarray], as_built: AsBuiltStructure, prior: AsBuilt
 ) -> None:
     """Cell B reads 2 % too little, cell A 15 N: both are found, and a cell that is far off is named."""
     built, vector = model
@@ -205,7 +205,7 @@ def test_noise_larger_than_stated_has_a_name(model: tuple[ReadingsModel, np.ndar
 
 @pytest.mark.parametrize(("station", "said"), [(15.48, "15.48"), (-1.0, "-1")])
 def test_a_load_off_the_body_is_named_by_its_case(
-    as_built: AsBuiltStructure, prior: AsBuiltParameters, station: float, said: str
+    as_built: AsBuiltStructure, prior: AsBuilt, station: float, said: str
 ) -> None:
     pad = PadForce(station=station, roll_angle=0.0, half_length=0.05, half_angle=0.5, force=(0.0, 0.0, -1e3))
     n_d = as_built.n_gauges
@@ -218,7 +218,7 @@ def test_a_load_off_the_body_is_named_by_its_case(
 
 
 @pytest.mark.parametrize("from_aft", [False, True])
-def test_a_pad_at_an_end_of_the_body(as_built: AsBuiltStructure, prior: AsBuiltParameters, from_aft: bool) -> None:
+def test_a_pad_at_an_end_of_the_body(as_built: AsBuiltStructure, prior: AsBuilt, from_aft: bool) -> None:
     """Its place is varied by 1 mm, on the body; the derivative is that of 1 mm inboard."""
     n_d, end = as_built.n_gauges, as_built.outer_span[from_aft]
     inboard = 1e-3 if not from_aft else -1e-3

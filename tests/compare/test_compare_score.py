@@ -27,8 +27,9 @@ from builder.compare.flights import (
 from builder.compare.run import table_csv
 from builder.compare.score import AIR_DATA_KEYS, Tally, rms_of_tenths, tenths
 from builder.figures.comparison.rivals import compare_figure
+from builder.structure.as_built.response_tables import nominal_table
+from builder.structure.as_built.vehicle import AsBuilt, Counts
 from builder.trial.score import ROLLING
-from builder.truth.as_built import AsBuilt
 from builder.truth.flights import RevolvedFlights
 from builder.truth.revolution.strain import TrueFlights, TrueStructure
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
@@ -50,6 +51,10 @@ class RollingFlights(TrueFlights):
 
     rolling: FloatArray | None = None
 
+    @property
+    def counts(self) -> Counts:
+        return Counts(gauge=1)
+
     def read(self, built: AsBuilt, rows: slice = slice(None)) -> FloatArray:
         raise NotImplementedError  # the tally counts answers; nothing reads strain
 
@@ -60,8 +65,8 @@ def flights(rolling: float | None = None) -> RollingFlights:
     return RollingFlights(
         rolling=None if rolling is None else np.full(2, rolling),
         conditions=(condition, condition),
-        strain=np.zeros((5, 3, 2, 1, 1)),
-        unit_strain=np.zeros((5, 3, 1, 1)),
+        table=nominal_table(np.zeros((2, 1, 1, 3)), 0),
+        uniform=nominal_table(np.zeros((1, 1, 1, 3)), 0),
         coefficients=np.ones((2, 5)),
         ambient_pressure=np.full(2, condition.ambient_pressure),
         dynamic_pressure=np.full(2, condition.dynamic_pressure),
@@ -229,12 +234,12 @@ def test_the_example_is_that_of_the_source(shipped: Vehicle) -> None:
 
 def test_every_vehicle_flies_some_of_the_conditions(vehicle: Vehicle, true_model: TrueStructure) -> None:
     """Errors of the hardware are those of VEHICLES vehicles; gauge noise alone leaves q_inf exact."""
-    k, n_d = 30, len(true_model.names)
+    k, n_d, n_s = 30, len(true_model.names), true_model.table.nominal.shape[2]
     one = FlightCondition(mach_number=6.0, angle_of_attack=0.05, sideslip_angle=0.02, altitude=20e3)
     flown = TrueFlights(
         conditions=(one,) * k,
-        strain=np.ones((5, 3, k, n_d, 2)) * 1e-9,
-        unit_strain=np.zeros((5, 3, n_d, 1)),
+        table=nominal_table(np.full((k, 2, n_s, 3), 1e-9), 0),
+        uniform=nominal_table(np.zeros((1, 1, n_s, 3)), 0),
         coefficients=np.ones((k, 5)),
         ambient_pressure=np.full(k, one.ambient_pressure),
         dynamic_pressure=np.full(k, one.dynamic_pressure),

@@ -9,8 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from builder.calibration.as_built.parameters import drawn, prior_std
-from builder.calibration.as_built.structure import as_built_structure
 from builder.calibration.ground_test.candidate_cases import Candidate
 from builder.calibration.ground_test.load_test import LoadErrors
 from builder.calibration.ground_test.simulated import TestFaults, ground_test, write_ground_test
@@ -19,6 +17,8 @@ from builder.campaign.snapshots import save_snapshots
 from builder.pipeline.calibrate import run_calibrate
 from builder.pipeline.stages import build_map, take_snapshots
 from builder.reporting import Silent
+from builder.structure.as_built.structure import as_built_structure
+from builder.structure.as_built.vehicle import drawn, prior_std
 from builder.vehicle.file import IC3X, load_vehicle
 from strainfmu.cosim.estimators.zeros_file import load_zeros
 from strainfmu.errors import InputError, StrainfmuError

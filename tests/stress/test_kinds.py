@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from math import degrees, radians
 
 import numpy as np
@@ -11,9 +10,11 @@ import pytest
 from builder.stress.flights import altitude_is_inside, mirrored_is_inside, stress_knots
 from builder.stress.flows import solved_knots
 from builder.stress.gauge_kinds import added, frozen, lost, scaled, swapped
-from builder.stress.hardware_kinds import STATED, stated_class, stated_kinds
+from builder.stress.hardware_kinds import stated_class, stated_kinds
 from builder.stress.kind import Hardware, exact
 from builder.stress.kinds import all_kinds
+from builder.structure.as_built.vehicle import Counts
+from builder.structure.as_built_kinds import ALWAYS_DRAWN, IN_NOISE
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
 from builder.vehicle.map.options import HARDWARE_ERRORS, Noise
 
@@ -29,7 +30,11 @@ def shipped() -> Vehicle:
 def hardware(shipped: Vehicle) -> Hardware:
     n = 6
     return Hardware(
-        noise=shipped.noise, station=np.linspace(0.5, 3.0, n), roll_angle=np.zeros(n), noise_std=np.full(n, 1e-7)
+        noise=shipped.noise,
+        station=np.linspace(0.5, 3.0, n),
+        roll_angle=np.zeros(n),
+        noise_std=np.full(n, 1e-7),
+        counts=Counts(gauge=n),
     )
 
 
@@ -41,12 +46,16 @@ def test_there_are_many_and_each_is_another(shipped: Vehicle) -> None:
 
 
 def test_every_stated_error_is_tried_alone() -> None:
-    assert {one.noise for one in STATED} == set(HARDWARE_ERRORS)
+    assert {one.noise for one in IN_NOISE} == set(HARDWARE_ERRORS)
 
 
 def test_what_is_not_stated_is_not_tried_at_twice_its_size() -> None:
     noise = Noise(std_um_per_m=1.0, wall_thickness_percent=0.0)
-    assert len(stated_kinds(noise)) == len(STATED) - 3  # nor is the clamp, by default
+    assert len(stated_kinds(noise)) == len(ALWAYS_DRAWN) - 1  # nor are kinds that are 0 by default
+    turned = Noise(std_um_per_m=1.0, row_orientation_deg=1.5)
+    assert [(one.error, one.size) for one in stated_kinds(turned)[-1:]] == [
+        ("orientation of each row of gauges", "+-3 deg")
+    ]
     soft = Noise(std_um_per_m=1.0, clamp_compliance_mm=2.0)
     assert [one.size for one in stated_kinds(soft)[-2:]] == ["+-4 mm", "+-4 mm"]
     assert stated_kinds(Noise(std_um_per_m=1.0, model="paper")) == []
@@ -111,12 +120,12 @@ def test_readings_change_as_they_say(hardware: Hardware) -> None:
 
 def test_a_stated_error_is_built_at_twice_its_size(hardware: Hardware) -> None:
     random = np.random.default_rng(2)
-    stated = [one for one in STATED if getattr(hardware.noise, one.noise) > 0.0]
+    stated = [one for one in IN_NOISE if getattr(hardware.noise, one.noise) > 0.0]
     for one, kind in zip(stated, stated_kinds(hardware.noise), strict=True):
         built = kind.build(hardware, random)
         size = 2.0 * getattr(hardware.noise, one.noise) * one.scale
         np.testing.assert_allclose(np.abs(getattr(built, one.name)), size)
         clean = exact(hardware, random)
-        others = replace(built, **{one.name: getattr(clean, one.name)})
+        others = built.changed(**{one.name: getattr(clean, one.name)})
         for entry in ("gauge_gain", "orientation", "wall_thickness", "dynamic_pressure", "apparent_strain"):
             np.testing.assert_array_equal(getattr(others, entry), 0.0)

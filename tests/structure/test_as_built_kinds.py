@@ -6,11 +6,10 @@ from dataclasses import fields
 
 import pytest
 
-from builder.calibration.as_built.parameters import AsBuiltParameters
 from builder.calibration.ground_test.load_test import LoadErrors
 from builder.calibration.ground_test.load_test_file import ErrorEntries
-from builder.structure.as_built_kinds import AS_BUILT, IN_FLIGHT, KINDS, OF_LOADS
-from builder.truth.as_built import DRAWN, AsBuilt
+from builder.structure.as_built.vehicle import exactly_built
+from builder.structure.as_built_kinds import ALWAYS_DRAWN, AS_BUILT, IN_FLIGHT, IN_NOISE, KINDS, OF_LOADS
 from builder.vehicle.map.calibration import Calibration
 from builder.vehicle.map.options import HARDWARE_ERRORS, Noise
 
@@ -19,8 +18,9 @@ pytestmark = pytest.mark.fast
 
 def test_every_use_holds_the_kinds_of_the_table() -> None:
     assert len(KINDS) == len(AS_BUILT) + len(IN_FLIGHT) + len(OF_LOADS)
-    assert [one.name for one in fields(AsBuiltParameters)] == [kind.name for kind in AS_BUILT]
-    assert {one.name for one in fields(AsBuilt)} == set(DRAWN) == {k.name for k in KINDS.values() if k.noise}
+    assert list(exactly_built(3).errors) == [kind.name for kind in (*AS_BUILT, *IN_FLIGHT)]
+    assert {kind.name for kind in IN_NOISE} == {k.name for k in KINDS.values() if k.noise}
+    assert IN_NOISE[: len(ALWAYS_DRAWN)] == tuple(KINDS[name] for name in ALWAYS_DRAWN)
     assert {kind.name for kind in OF_LOADS} <= {one.name for one in fields(LoadErrors)}
     assert {kind.noise for kind in KINDS.values() if kind.noise} == set(HARDWARE_ERRORS)
 

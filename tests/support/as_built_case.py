@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from builder.calibration.as_built.parameter_derivatives import of_gauges, parameter_derivatives, uncertain_keys
-from builder.calibration.as_built.parameters import AsBuiltParameters, slices
-from builder.calibration.as_built.structure import AsBuiltStructure, as_built_structure
+from builder.structure.as_built.derivatives import of_gauges, parameter_derivatives, uncertain_keys
+from builder.structure.as_built.structure import AsBuiltStructure, as_built_structure
+from builder.structure.as_built.vehicle import AsBuilt, slices
 from builder.structure.loads.loaded_structure import LoadProperties
 from builder.vehicle.file import Vehicle
 
@@ -21,7 +21,7 @@ def as_built(vehicle: Vehicle) -> AsBuiltStructure:
 
 
 def strain_covariances(
-    structure: AsBuiltStructure, parameters: AsBuiltParameters, covariance: np.ndarray, pressure: np.ndarray
+    structure: AsBuiltStructure, parameters: AsBuilt, covariance: np.ndarray, pressure: np.ndarray
 ) -> np.ndarray:
     """J C J' (n, n_d, n_d) under each of the fields (n, n_p), J by differences of every single parameter."""
     n_d = structure.n_gauges

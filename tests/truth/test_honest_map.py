@@ -16,10 +16,11 @@ from builder.inverse.build import build_inverse_map
 from builder.manifold.build import with_manifold
 from builder.pipeline.stages import solve_structure
 from builder.stress.false_alarms import false_alarms
+from builder.structure.as_built.vehicle import exactly_built
 from builder.structure.fourier.model import StructuralModel
 from builder.trial.conditions import held_out_conditions
 from builder.trial.readings import gauge_noise
-from builder.truth.as_built import drawn, exactly_built
+from builder.truth.as_built import drawn
 from builder.truth.revolution.flow_table import FlowTable, load_flow_table
 from builder.truth.revolution.strain import TrueStructure, true_flights, true_strain
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle

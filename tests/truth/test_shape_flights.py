@@ -14,8 +14,10 @@ from shape_truth import beam, flights_at
 from builder.aero.loads.sections import six_loads
 from builder.aero.shapes import sections_mesh
 from builder.campaign.snapshots import Snapshots
+from builder.structure.as_built.displaced import refuse_others
+from builder.structure.as_built.vehicle import AsBuilt, Counts, exactly_built
 from builder.trial.conditions import conditions_in_ranges
-from builder.truth.as_built import AsBuilt, drawn_many, exactly_built
+from builder.truth.as_built import drawn_many
 from builder.truth.shape.flights import ShapeFlights, on_nodes
 from builder.truth.shape.structure import refuse_without_other_model
 from builder.vehicle.file import VEHICLES, Vehicle, load_vehicle
@@ -35,7 +37,7 @@ def flights() -> ShapeFlights:
 
 
 def built(**errors: Any) -> AsBuilt:
-    return replace(exactly_built(N_D), **errors)
+    return exactly_built(N_D).changed(**errors)
 
 
 def test_strain_is_that_of_the_net_pressure() -> None:
@@ -48,7 +50,7 @@ def test_strain_is_that_of_the_net_pressure() -> None:
 def test_hardware_errors_act_on_it() -> None:
     held, structure = flows(), beam(flows().surface)
     net = held.pressure - held.internal_pressure[:, None]
-    straight, aft, around, turned = (net @ way.T for way in structure.operator)
+    straight, aft, around, turned, across = (net @ way.T for way in structure.operator)
     shift, gain = np.linspace(-1e-3, 2e-3, N_D), np.linspace(-0.02, 0.01, N_D)
     one = built(
         axial_shift=shift,
@@ -59,13 +61,31 @@ def test_hardware_errors_act_on_it() -> None:
         common_gain=0.02,
         wall_thickness=-0.05,
         apparent_strain=np.full(N_D, 1e-6),
+        transverse_sensitivity=4.0 * shift,
     )
-    moved = straight + shift * aft + (2.0 * shift + 0.01 * structure.radius) * around + 3.0 * shift * turned
+    moved = straight + shift * aft + (2.0 * shift + 0.01 * structure.gauges.radius) * around + 3.0 * shift * turned
+    moved += 4.0 * shift * across
     expected = (1.0 + gain) * 1.02 / 0.95 * moved + 1e-6
     np.testing.assert_allclose(flights().read(one), expected, rtol=1e-9)
     ambient = flights().ambient_pressure[:, None]
     more = flights().read(built(internal_pressure=0.1)) - flights().read(built())
     np.testing.assert_allclose(more, -0.1 * ambient * structure.operator[0].sum(axis=1), rtol=1e-6)
+
+
+def test_a_row_turns_as_its_gauges_do() -> None:
+    row = flights().gauges.row
+    counts, turn = flights().counts, np.linspace(-0.01, 0.02, flights().counts.row)
+    assert counts == Counts(gauge=N_D, row=4)
+    by_row = flights().read(exactly_built(counts).changed(row_orientation=turn))
+    np.testing.assert_array_equal(by_row, flights().read(built(orientation=turn[row])))
+
+
+def test_errors_that_no_displaced_gauge_shows_are_refused() -> None:
+    noise = load_vehicle(VEHICLES / "elliptic_cone.toml").noise
+    refuse_others(noise)
+    for entry in ("clamp_compliance_mm", "region_modulus_percent"):
+        with pytest.raises(InputError, match=f"noise.{entry}: expected 0"):
+            refuse_others(noise.model_copy(update={entry: 1.0}))
 
 
 def test_many_vehicles_at_once_are_each_on_its_own() -> None:
@@ -74,9 +94,7 @@ def test_many_vehicles_at_once_are_each_on_its_own() -> None:
     for flight in (0, 5):
         found = flights().read(many, slice(flight, flight + 1))
         for vehicle in range(4):
-            one = AsBuilt(
-                **{name: value[vehicle] if np.ndim(value) else value for name, value in vars(many).items()}
-            )
+            one = many.one_of(vehicle)
             np.testing.assert_allclose(found[vehicle], flights().read(one)[flight], rtol=1e-12)
 
 

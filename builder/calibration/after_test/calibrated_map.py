@@ -7,14 +7,14 @@ from dataclasses import replace
 from typing import Any
 
 from builder.calibration.after_test.left_by_test import LeftByTest, Remaining, left_by_test
-from builder.calibration.as_built.parameters import AsBuiltParameters
-from builder.calibration.as_built.structure import AsBuiltStructure
 from builder.calibration.estimate.vehicle import Estimate
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
 from builder.inverse.modes.ensemble import ensemble_of
 from builder.inverse.problem import inverse_problem, on_structure
 from builder.manifold.build import with_manifold
+from builder.structure.as_built.structure import AsBuiltStructure
+from builder.structure.as_built.vehicle import AsBuilt
 from builder.structure.as_built_kinds import AS_BUILT
 from builder.structure.fourier.model import StructuralModel
 from builder.structure.mapped_structure import MappedStructure
@@ -33,7 +33,7 @@ def remaining_after(found: Estimate) -> Remaining:
 
 
 def calibrated_structure(
-    structure: AsBuiltStructure, parameters: AsBuiltParameters, layout: str, others: Mapping[str, FloatArray]
+    structure: AsBuiltStructure, parameters: AsBuilt, layout: str, others: Mapping[str, FloatArray]
 ) -> MappedStructure:
     """Return the structure that maps are built on; ``others`` are operators of other layouts, as drawn."""
     return MappedStructure(

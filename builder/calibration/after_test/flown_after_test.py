@@ -14,9 +14,9 @@ import numpy as np
 
 from builder.calibration.after_test.calibrated_map import calibrated_vehicle
 from builder.calibration.after_test.left_by_test import Remaining
-from builder.calibration.as_built.parameter_derivatives import Key, of_gauges, parameter_derivatives
-from builder.calibration.as_built.parameters import slices
-from builder.calibration.as_built.structure import AsBuiltStructure
+from builder.structure.as_built.derivatives import Key, of_gauges, parameter_derivatives
+from builder.structure.as_built.structure import AsBuiltStructure
+from builder.structure.as_built.vehicle import slices
 from builder.trial.vehicles import DrawnVehicles, drawn_vehicles
 from builder.truth.revolution.flow_table import FlowTable, harmonics_at, ratio_on
 from builder.truth.revolution.strain import TrueStructure

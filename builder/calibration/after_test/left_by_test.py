@@ -13,17 +13,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from builder.calibration.as_built.parameter_derivatives import (
+from builder.inverse.modes.ensemble import Ensemble
+from builder.inverse.noise.hardware_errors import HardwareError
+from builder.inverse.noise.model import NoiseTerm
+from builder.structure.as_built.derivatives import (
     Key,
     of_gauges,
     parameter_derivatives,
     uncertain_keys,
 )
-from builder.calibration.as_built.parameters import AsBuiltParameters, slices
-from builder.calibration.as_built.structure import AsBuiltStructure
-from builder.inverse.modes.ensemble import Ensemble
-from builder.inverse.noise.hardware_errors import HardwareError
-from builder.inverse.noise.model import NoiseTerm
+from builder.structure.as_built.structure import AsBuiltStructure
+from builder.structure.as_built.vehicle import AsBuilt, slices
 from strainfmu.arrays import FloatArray
 
 NAME = "left by the ground test"
@@ -48,7 +48,7 @@ class Remaining:
     covariance : (n, n) of its vector.
     """
 
-    parameters: AsBuiltParameters
+    parameters: AsBuilt
     covariance: FloatArray
 
     @property

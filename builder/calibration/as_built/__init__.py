@@ -1,1 +1,1 @@
-"""The vehicle as built: what may differ from its drawing, and what its gauges read under pressure and loads."""
+"""The vehicle that a calibration is scored on: what it flies as, and errors outside what is estimated."""

@@ -7,13 +7,13 @@ model; the second harmonic is that of the independent model, to first order.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from builder.calibration.as_built.parameters import AsBuiltParameters
-from builder.calibration.as_built.structure import AsBuiltStructure, as_built_structure
-from builder.calibration.as_built.wall_regions import wall_regions
+from builder.structure.as_built.structure import AsBuiltStructure, as_built_structure
+from builder.structure.as_built.vehicle import AsBuilt
+from builder.structure.as_built.wall_regions import wall_regions
 from builder.structure.loads.applied import Load
 from builder.structure.loads.loaded_structure import LoadProperties
 from builder.vehicle.file import Vehicle
@@ -77,26 +77,26 @@ class OutsideVehicle:
         """Names, positions and directions by the drawing."""
         return self.truth.gauges
 
-    def reading(self, parameters: AsBuiltParameters, loads: Sequence[Load]) -> FloatArray:
+    def reading(self, parameters: AsBuilt, loads: Sequence[Load]) -> FloatArray:
         """Return what every gauge reads, zeros included, (n_d,) [m/m]."""
         return self._summed(parameters, lambda one, built: one.load_strain(built, loads)) + parameters.zero
 
-    def strain_operator(self, parameters: AsBuiltParameters) -> FloatArray:
+    def strain_operator(self, parameters: AsBuilt) -> FloatArray:
         """Return Z_p (n_d, n_p) [1/Pa] on the nodes of the truth."""
         return self._summed(parameters, lambda one, built: one.strain_operator(built))
 
     def _summed(
-        self, parameters: AsBuiltParameters, strain: Callable[[AsBuiltStructure, AsBuiltParameters], FloatArray]
+        self, parameters: AsBuilt, strain: Callable[[AsBuiltStructure, AsBuilt], FloatArray]
     ) -> FloatArray:
         """Return ``strain`` of the structure and parameters without the error, plus what the error changes."""
         if self.kind != "taper":
             cosine, sine = self.wave
-            uneven = replace(parameters, wall_second_cosine=cosine, wall_second_sine=sine)
+            uneven = parameters.changed(wall_second_cosine=cosine, wall_second_sine=sine)
             return strain(self.truth, uneven)
         none = np.zeros(parameters.n_regions)
-        even = replace(parameters, wall_thickness=none, wall_cosine=none, wall_sine=none)
+        even = parameters.changed(wall_thickness=none, wall_cosine=none, wall_sine=none)
         tapered, plain = self.structures.tapered, self.structures.even
-        change = strain(tapered, replace(even, wall_taper=tapered.solved.wall_taper)) - strain(plain, even)
+        change = strain(tapered, even.changed(wall_taper=tapered.solved.wall_taper)) - strain(plain, even)
         return strain(self.truth, parameters) + change
 
 

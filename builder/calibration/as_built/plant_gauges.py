@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
-
 import numpy as np
 
-from builder.calibration.as_built.parameters import AsBuiltParameters
-from builder.calibration.as_built.structure import AsBuiltStructure
+from builder.structure.as_built.structure import AsBuiltStructure
+from builder.structure.as_built.vehicle import AsBuilt
+from builder.structure.as_built_kinds import AS_BUILT
 from builder.truth.revolution.flight_tables import PlantGauges
 from strainfmu.arrays import FloatArray
 
 
-def plant_gauges(structure: AsBuiltStructure, parameters: AsBuiltParameters, n_harmonics: int) -> PlantGauges:
+def plant_gauges(structure: AsBuiltStructure, parameters: AsBuilt, n_harmonics: int) -> PlantGauges:
     """Return the gauges of a vehicle as built, harmonics of the pressure 0 to ``n_harmonics``.
 
     Strain per cos(m phi) and sin(m phi) is taken to a crest of the pressure at the gauge's own roll angle. That
@@ -32,5 +31,5 @@ def plant_gauges(structure: AsBuiltStructure, parameters: AsBuiltParameters, n_h
         response=response,
         internal_pressure=0.0,
         apparent_strain=parameters.zero,
-        record={one.name: getattr(parameters, one.name).tolist() for one in fields(parameters)},
+        record={kind.name: getattr(parameters, kind.name).tolist() for kind in AS_BUILT},
     )

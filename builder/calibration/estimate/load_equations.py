@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from builder.calibration.as_built.structure import OF_MASS
 from builder.calibration.estimate.readings_model import ReadingsModel
 from builder.calibration.estimate.vehicle import Estimate
 from builder.calibration.ground_test.load_changes import scaled
+from builder.structure.as_built.structure import OF_MASS
 from builder.structure.loads.applied import Load
 from builder.structure.loads.gauge_strain import load_resultant
 from builder.structure.loads.temperature import TemperatureField

@@ -22,8 +22,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtrc
 
-from builder.calibration.as_built.parameter_derivatives import Key
 from builder.calibration.estimate.vehicle import Estimate
+from builder.structure.as_built.derivatives import Key
 from strainfmu.arrays import FloatArray
 
 WIDE = 0.1

@@ -14,17 +14,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from builder.calibration.as_built.parameter_derivatives import (
+from builder.calibration.ground_test.load_changes import PLACED, cell_force, moved, tilted
+from builder.calibration.ground_test.load_test import LoadTest
+from builder.structure.as_built.derivatives import (
     Key,
     of_gauges,
     parameter_derivatives,
     uncertain_keys,
 )
-from builder.calibration.as_built.parameters import HELD_KINDS, AsBuiltParameters, parameter_names, slices
-from builder.calibration.as_built.response_tables import LoadResponse, together
-from builder.calibration.as_built.structure import OF_MASS, AsBuiltStructure
-from builder.calibration.ground_test.load_changes import PLACED, cell_force, moved, tilted
-from builder.calibration.ground_test.load_test import LoadTest
+from builder.structure.as_built.response_tables import LoadResponse, together
+from builder.structure.as_built.structure import OF_MASS, AsBuiltStructure
+from builder.structure.as_built.vehicle import HELD_KINDS, AsBuilt, parameter_names, slices
 from builder.structure.as_built_kinds import KINDS
 from builder.structure.loads.applied import Load
 from strainfmu.arrays import FloatArray, IntArray
@@ -65,7 +65,7 @@ class ReadingsModel:
     std : (n,) of the vector before the test.
     """
 
-    def __init__(self, structure: AsBuiltStructure, test: LoadTest, prior: AsBuiltParameters) -> None:
+    def __init__(self, structure: AsBuiltStructure, test: LoadTest, prior: AsBuilt) -> None:
         self.structure, self.test, self.prior = structure, test, _of_test(prior, test)
         self.n_built = len(prior.vector)
         self.groups = list(dict.fromkeys(case.group for case in test.cases))
@@ -98,7 +98,7 @@ class ReadingsModel:
         """(n_loads,) number of the case of each load."""
         return np.array([k for k, _ in self.loads], dtype=np.int64)
 
-    def built(self, vector: FloatArray) -> AsBuiltParameters:
+    def built(self, vector: FloatArray) -> AsBuilt:
         """Return the vehicle's part of a vector."""
         return self.prior.of_vector(vector[: self.n_built])
 
@@ -120,7 +120,7 @@ class ReadingsModel:
         first = self.n_built + (len(self.groups) - 1) * self.structure.n_gauges + len(self.loads)
         return slice(first, first + 2 * len(self.cells))
 
-    def load_strains(self, built: AsBuiltParameters) -> FloatArray:
+    def load_strains(self, built: AsBuilt) -> FloatArray:
         """Return (n_loads, n_d) readings of every load as stated, without zeros [m/m]."""
         if not self.loads:
             return np.zeros((0, self.structure.n_gauges))
@@ -258,8 +258,8 @@ class ReadingsModel:
         return np.concatenate([zero, own, cells, *of_pads])
 
 
-def _of_test(prior: AsBuiltParameters, test: LoadTest) -> AsBuiltParameters:
+def _of_test(prior: AsBuilt, test: LoadTest) -> AsBuilt:
     """Return ``prior`` with the mass as the test states it; without a load of mass that is not in the readings."""
     if not any(isinstance(one.load, OF_MASS) for case in test.cases for one in case.loads):
-        return replace(prior, mass=np.zeros(1), region_mass=np.zeros(prior.n_regions))
-    return prior if test.errors.mass is None else replace(prior, mass=np.full(1, test.errors.mass))
+        return prior.changed(mass=0.0, region_mass=np.zeros(prior.n_regions))
+    return prior if test.errors.mass is None else prior.changed(mass=test.errors.mass)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from builder.calibration.as_built.parameters import slices
 from builder.calibration.estimate.vehicle import Estimate
+from builder.structure.as_built.vehicle import slices
 
 NAMED = 3.0
 """Standard deviations after the test from which a difference is named."""

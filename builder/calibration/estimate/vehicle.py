@@ -9,10 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from builder.calibration.as_built.parameters import AsBuiltParameters
-from builder.calibration.as_built.structure import gain_of
 from builder.calibration.estimate.readings_model import ReadingsModel
 from builder.calibration.estimate.steps import minimum
+from builder.structure.as_built.gauges import gain_of
+from builder.structure.as_built.vehicle import AsBuilt
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import InputError
 
@@ -119,7 +119,7 @@ class Estimate:
         return self.model.names[worst], float(size[worst])
 
     @property
-    def parameters(self) -> AsBuiltParameters:
+    def parameters(self) -> AsBuilt:
         """The vehicle as built."""
         return self.model.built(self.vector)
 

@@ -13,12 +13,12 @@ from typing import Protocol
 
 import numpy as np
 
-from builder.calibration.as_built.parameters import AsBuiltParameters
 from builder.calibration.ground_test.candidate_cases import Candidate
 from builder.calibration.ground_test.load_changes import CellErrors, as_applied, scaled
 from builder.calibration.ground_test.load_entries import NO_LOAD_CELL, entry_of
 from builder.calibration.ground_test.load_test import KnownLoad, LoadErrors
 from builder.calibration.ground_test.load_test_writer import WrittenCase, write_load_test
+from builder.structure.as_built.vehicle import AsBuilt
 from builder.structure.as_built_kinds import OF_LOADS
 from builder.structure.loads.applied import Load
 from builder.vehicle.gauges.layout import GaugeLayout
@@ -42,7 +42,7 @@ class TestedStructure(Protocol):
         """Names of the gauges."""
         ...
 
-    def reading(self, parameters: AsBuiltParameters, loads: Sequence[Load]) -> FloatArray:
+    def reading(self, parameters: AsBuilt, loads: Sequence[Load]) -> FloatArray:
         """Return what every gauge reads under loads that act together, zeros included, (n_d,) [m/m]."""
         ...
 
@@ -98,7 +98,7 @@ class GroundTest:
 
 def ground_test(
     structure: TestedStructure,
-    parameters: AsBuiltParameters,
+    parameters: AsBuilt,
     cases: Sequence[Candidate],
     errors: LoadErrors,
     noise_std: FloatArray,

@@ -9,9 +9,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from builder.aero.loads.operator import coefficient_scale
-from builder.calibration.as_built.parameter_derivatives import of_gauges, parameter_derivatives, uncertain_keys
-from builder.calibration.as_built.parameters import prior_std, slices
-from builder.calibration.as_built.structure import AsBuiltStructure
 from builder.calibration.estimate.readings_model import ReadingsModel
 from builder.calibration.ground_test.candidate_cases import Candidate, LoadLimits, attitude_cases, candidate_cases
 from builder.calibration.ground_test.load_changes import scaled
@@ -23,6 +20,9 @@ from builder.inverse.build import build_inverse_map
 from builder.inverse.modes.ensemble import ensemble_of
 from builder.inverse.problem import AnyStructure, on_structure
 from builder.reporting import Progress
+from builder.structure.as_built.derivatives import of_gauges, parameter_derivatives, uncertain_keys
+from builder.structure.as_built.structure import AsBuiltStructure
+from builder.structure.as_built.vehicle import prior_std, slices
 from builder.structure.loads.applied import Load
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray

@@ -13,13 +13,13 @@ from typing import Any
 
 import numpy as np
 
-from builder.calibration.as_built.parameters import GAUGE_KINDS, prior_std
-from builder.calibration.as_built.structure import as_built_structure
 from builder.calibration.estimate.faults import calibrate_with_faults, gauge_faults
 from builder.calibration.estimate.readings_model import ReadingsModel
 from builder.calibration.estimate.vehicle import Estimate, usable
 from builder.calibration.ground_test.load_test import LoadErrors
 from builder.calibration.score.setup import HARMONICS, blank_test, properties_of
+from builder.structure.as_built.structure import as_built_structure
+from builder.structure.as_built.vehicle import GAUGE_KINDS, prior_std
 from builder.trial.score import is_within
 from builder.vehicle.file import load_vehicle
 from strainfmu.arrays import FloatArray

@@ -9,8 +9,6 @@ import numpy as np
 
 from builder.aero.loads.operator import coefficient_scale, load_operator
 from builder.calibration.as_built.outside_errors import OutsideStructures, outside_structures
-from builder.calibration.as_built.parameters import AsBuiltParameters, prior_std
-from builder.calibration.as_built.structure import AsBuiltStructure, as_built_structure
 from builder.calibration.estimate.readings_model import ReadingsModel
 from builder.calibration.ground_test.candidate_cases import Candidate
 from builder.calibration.ground_test.load_test import LoadCase, LoadErrors, LoadTest
@@ -18,6 +16,8 @@ from builder.calibration.ground_test.simulated import known_loads
 from builder.calibration.ground_test.standard_cases import standard_cases
 from builder.campaign.snapshot_transfer import snapshots_on
 from builder.campaign.snapshots import Snapshots
+from builder.structure.as_built.structure import AsBuiltStructure, as_built_structure
+from builder.structure.as_built.vehicle import AsBuilt, prior_std
 from builder.structure.loads.loaded_structure import LoadProperties
 from builder.trial.conditions import held_out_conditions
 from builder.truth.revolution.flow_table import FlowTable, harmonics_at, ratio_on
@@ -73,10 +73,10 @@ class Setup:
     models: dict[int, ReadingsModel]
     cases: tuple[Candidate, ...]
     errors: LoadErrors
-    std: AsBuiltParameters
+    std: AsBuilt
     draws: int
 
-    def truth_of(self, built: AsBuiltParameters) -> AsBuiltStructure:
+    def truth_of(self, built: AsBuilt) -> AsBuiltStructure:
         """Return the independent model of a vehicle."""
         if not self.solve_walls:
             return self.truth

@@ -25,7 +25,6 @@ from builder.aero.loads.operator import coefficient_scales_at
 from builder.calibration.after_test.calibrated_map import calibrated_map, remaining_after
 from builder.calibration.after_test.left_by_test import LeftByTest, Remaining, left_by_test
 from builder.calibration.as_built.outside_errors import OUTSIDE, outside_vehicle
-from builder.calibration.as_built.parameters import AsBuiltParameters, drawn
 from builder.calibration.estimate.faults import calibrate_with_faults
 from builder.calibration.estimate.load_equations import load_equations
 from builder.calibration.estimate.outside_terms import outside_model
@@ -36,6 +35,7 @@ from builder.calibration.score.setup import READING_STD, Setup, SetupOptions, ro
 from builder.calibration.score.summary import BEFORE, EQUATIONS, EXACT, errors_of, summary, table
 from builder.campaign.snapshots import load_snapshots
 from builder.inverse.modes.ensemble import Ensemble, ensemble_of
+from builder.structure.as_built.vehicle import AsBuilt, drawn
 from builder.trial.readings import Readings, navigation_at
 from builder.trial.run import estimates
 from builder.truth.revolution.flow_table import load_flow_table
@@ -120,14 +120,14 @@ class Score:
                 known.append(self._tested(count, reading, flown, built, kind))
         return known
 
-    def _samples(self, truth: TestedStructure, built: AsBuiltParameters, number: int) -> FloatArray:
+    def _samples(self, truth: TestedStructure, built: AsBuilt, number: int) -> FloatArray:
         """Return the samples (n_cases, n, n_d) of the largest test; smaller ones are parts of it."""
         noise = np.full(built.n_gauges, READING_STD * np.sqrt(WINDOW))
         setup, random = self.setup, np.random.default_rng([number, 1])
         return ground_test(truth, built, setup.cases, setup.errors, noise, random=random).strain
 
     def _tested(
-        self, count: int, reading: FloatArray, strain: FloatArray, built: AsBuiltParameters, kind: str = ""
+        self, count: int, reading: FloatArray, strain: FloatArray, built: AsBuilt, kind: str = ""
     ) -> Knowledge:
         """Return what a test of ``count`` pads tells by readings (n_cases, n_d) of the largest test."""
         setup = self.setup

@@ -1,78 +1,89 @@
-"""Derivatives of strain by position and direction of the gauges, roll of the layout, and wall thickness."""
+"""Derivatives of the strain operator by errors of the vehicle as built, with the structural model of the map."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Collection
 
-import numpy as np
-
-from builder.inverse.noise.model import central_difference
-from builder.structure.fourier.gauges import PlacedGauges
-from builder.structure.fourier.inner_surface import inner_surface_points
-from builder.structure.fourier.model import StructuralModel, place_layouts, structural_model
-from builder.structure.fourier.shell_mesh import shell_mesh, yielding_clamp
-from builder.structure.fourier.strain_operator import harmonic_response, strain_operator
+from builder.structure.as_built.counts import counts_in_flight
+from builder.structure.as_built.derivatives import Key, parameter_derivatives
+from builder.structure.as_built.displaced import KNOWN, DisplacedGauges, ways_of
+from builder.structure.as_built.revolved import SOLVED, RevolvedStructure, revolved_structure
+from builder.structure.as_built.vehicle import AsBuilt, Counts, as_drawn
+from builder.structure.as_built_kinds import BY_REGION, KINDS
+from builder.structure.fourier.model import StructuralModel, structural_model_on
 from builder.structure.mapped_structure import MappedStructure
-from builder.structure.solid.gauges import displaced_gauges as displaced
-from builder.structure.wall import wall_of
+from builder.structure.solid.gauges.displaced_gauges import displaced_name
 from builder.vehicle.file import Vehicle
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 
-STEP = 1e-3
-"""Step of the differences: 1 mm along the surface, 1 mrad of direction."""
-
 WALL_STEP = 0.01
 """Step of the wall's thickness, relative to it."""
 
-CLAMP_STEP, RIGID = 2e-3, 1e-7
-"""Length of wall that yields as the clamp does, for its slope, and one that counts as none [m]."""
+GAINS = ("gauge_gain", "common_gain")
 
 
-@dataclass(frozen=True, eq=False)
-class GaugeDerivatives:
-    """Derivatives of Z_p (n_d, n_p).
-
-    Attributes
-    ----------
-    axial, circumferential : by the gauge's position along the surface [1/(Pa m)].
-    orientation : by the angle of its direction in the surface [1/(Pa rad)].
-    layout_roll : by the roll angle of all gauges together [1/(Pa rad)].
-    """
-
-    axial: FloatArray
-    circumferential: FloatArray
-    orientation: FloatArray
-    layout_roll: FloatArray
-
-
-def gauge_derivatives(
-    vehicle: Vehicle, structure: StructuralModel | MappedStructure, layout: str
-) -> GaugeDerivatives:
-    """Return the derivatives at the gauges of ``layout`` with the structural model of the map.
+def strain_derivatives(
+    vehicle: Vehicle, structure: StructuralModel | MappedStructure, layout: str, keys: Collection[Key]
+) -> dict[Key, FloatArray]:
+    """Return the derivatives of Z_p (n_d, n_p) [1/Pa] by ``keys`` at the vehicle of the file, in their order.
 
     Raises
     ------
     InputError
-        A gauge lies within a step of the end of its surface, or the structure holds no displaced gauges.
+        A gauge lies within a step of the end of its surface, the structure holds no displaced gauges, or the model
+        has none of an error.
     """
     if isinstance(structure, StructuralModel):
-        return fourier_gauge_derivatives(vehicle, structure, layout)
-    return solid_gauge_derivatives(structure, layout)
+        return _derivatives(of_model(vehicle, structure, layout, keys), keys)
+    of_wall = [key for key in keys if key[0] in (*SOLVED, *BY_REGION) and key[0] != "axial_shift"]
+    others = [key for key in keys if key not in of_wall]
+    found: dict[Key, FloatArray] = {}
+    if of_wall:
+        found |= _wall_derivatives(vehicle, structure, layout, of_wall)
+    strain = of_displaced(structure, layout, moved=any(key[0] not in GAINS for key in others))
+    found |= parameter_derivatives(strain, as_drawn(counts_of_layout(vehicle, structure, layout)), others)
+    return {key: found[key] for key in keys}
 
 
-def solid_gauge_derivatives(structure: MappedStructure, layout: str) -> GaugeDerivatives:
-    """Return the derivatives from the displaced gauges of :mod:`builder.structure.solid.gauges.displaced_gauges`.
+def _derivatives(model: RevolvedStructure, keys: Collection[Key]) -> dict[Key, FloatArray]:
+    return parameter_derivatives(model.strain_operator, as_drawn(model.counts), list(keys))
+
+
+def of_model(
+    vehicle: Vehicle, structure: StructuralModel, layout: str, keys: Collection[Key]
+) -> RevolvedStructure:
+    """Return the semi-analytic model of the map, solved for ``keys``."""
+    return revolved_structure(
+        vehicle,
+        layout,
+        structure.layouts[layout].names,
+        structure.placed[layout],
+        structure.response,
+        structure.surface,
+        {kind for kind, _ in keys},
+        WALL_STEP,
+    )
+
+
+def counts_of_layout(vehicle: Vehicle, structure: StructuralModel | MappedStructure, layout: str) -> Counts:
+    """Return the numbers of what has errors of its own; errors as
+    :func:`~builder.structure.as_built.counts.counts_in_flight`."""
+    return counts_in_flight(vehicle, DisplacedGauges(structure.layouts[layout].position).roll_angle)
+
+
+def of_displaced(structure: MappedStructure, layout: str, moved: bool) -> Callable[[AsBuilt], FloatArray]:
+    """Return Z_p (n_d, n_p) [1/Pa] of a vehicle as built, from the displaced gauges that ``structure`` holds.
 
     Raises
     ------
     InputError
-        The structure holds no displaced gauges of ``layout``.
+        The structure holds no displaced gauges of ``layout``, and ``moved`` says that they are needed.
     """
 
     def of(how: str) -> FloatArray:
-        name = displaced.displaced_name(layout, how)
+        name = displaced_name(layout, how)
         if name not in structure.operators:
             raise InputError(
                 f"structure: layout '{name}' is missing, which noise.gauge_position_mm, gauge_orientation_deg and "
@@ -80,83 +91,40 @@ def solid_gauge_derivatives(structure: MappedStructure, layout: str) -> GaugeDer
             )
         return structure.strain_operator(name)
 
-    along = central_difference(of(displaced.AFT), of(displaced.FORE), displaced.STEP)
-    around = central_difference(of(displaced.AROUND), of(displaced.BACK), displaced.STEP)
-    position = structure.layouts[layout].position
-    return GaugeDerivatives(
-        axial=along,
-        circumferential=around,
-        orientation=of(displaced.TURNED_AROUND) - of(displaced.TURNED_BACK),
-        layout_roll=np.hypot(position[:, 1], position[:, 2])[:, None] * around,
-    )
+    parts = ways_of(structure.strain_operator(layout), of if moved else None).transpose(0, 2, 1)
+    gauges = DisplacedGauges(structure.layouts[layout].position)
+    return lambda built: gauges.as_built(parts, built).T
 
 
-def wall_thickness_derivative(
-    vehicle: Vehicle, structure: StructuralModel | MappedStructure, layout: str
-) -> FloatArray:
-    """Return the derivative of Z_p (n_d, n_p) by the relative wall thickness [1/Pa].
+def _wall_derivatives(
+    vehicle: Vehicle, structure: MappedStructure, layout: str, keys: Collection[Key]
+) -> dict[Key, FloatArray]:
+    """Return the derivatives by the wall and its support of a structure that is none of the semi-analytic model.
 
-    By the semi-analytic model, which for a solid structure stands in with gauges at a point inside: what counts is
-    how strain changes, and that follows from membrane and bending alike. On a surface without stations, with
-    gauges off the wall, or of a structure of another code, strain goes with 1 / t.
-    """
-    surface = structure.surface
-    foreign = isinstance(structure, MappedStructure) and structure.is_external
-    if foreign or not isinstance(surface, SurfaceGrid):
-        return -structure.strain_operator(layout)
-    try:
-        inside = _with_points_inside(vehicle, layout)
-        thin, thick = (
-            structural_model(with_wall(inside, factor), vehicle.resolution.map, [layout])
-            for factor in (1.0 - WALL_STEP, 1.0 + WALL_STEP)
-        )
-    except InputError:
-        return -structure.strain_operator(layout)
-    placed = thin.placed[layout]
-    after, before = (strain_operator(model.response, placed, surface) for model in (thick, thin))
-    return central_difference(after, before, WALL_STEP)
-
-
-def clamp_derivatives(
-    vehicle: Vehicle, structure: StructuralModel | MappedStructure, layout: str
-) -> tuple[FloatArray, FloatArray]:
-    """Return the derivatives of Z_p (n_d, n_p) by the clamp's compliance along and across the body [1/(Pa m)].
-
-    By the semi-analytic model, as :func:`wall_thickness_derivative`.
+    That stands in with gauges at points inside: what counts is how strain changes, and that follows from membrane
+    and bending alike. On a surface without stations, with gauges off the wall, or of a structure of another code,
+    strain goes with 1 / t.
 
     Raises
     ------
     InputError
-        The body is not one of revolution that is clamped aft.
+        The body is not one of revolution that is clamped aft, and an error is another than the thickness.
     """
     surface = structure.surface
-    if not isinstance(surface, SurfaceGrid):
-        raise InputError("noise.clamp_compliance_mm: expected 0 but for a body of revolution that is clamped aft")
-    inside, resolution = _with_points_inside(vehicle, layout), vehicle.resolution.map
-    wall = wall_of(inside)
-    mesh = shell_mesh(inside.body(), wall, 1e-3 * resolution.element_length_mm, resolution.wall_layers)
-    placed = place_layouts(inside, mesh, [layout])[1][layout]
-
-    def operator(axial: float, transverse: float) -> FloatArray:
-        held = yielding_clamp(mesh, wall.material, axial, transverse)
-        response = harmonic_response(held, wall.material, placed.x, surface.x, resolution.harmonics)
-        return strain_operator(response, placed, surface)
-
-    rigid = operator(RIGID, RIGID)
-    along, across = operator(CLAMP_STEP, RIGID), operator(RIGID, CLAMP_STEP)
-    return (along - rigid) / CLAMP_STEP, (across - rigid) / CLAMP_STEP
-
-
-def with_wall(vehicle: Vehicle, factor: float) -> Vehicle:
-    """Return the vehicle with a wall ``factor`` as thick."""
-    changed = {
-        "wall_thickness_mm": factor * vehicle.structure.wall_thickness_mm,
-        "wall_thickness_at": [
-            one.model_copy(update={"thickness_mm": factor * one.thickness_mm})
-            for one in vehicle.structure.wall_thickness_at
-        ],
-    }
-    return vehicle.model_copy(update={"structure": vehicle.structure.model_copy(update=changed)})
+    beyond = next((kind for kind, _ in keys if kind not in KNOWN), None)
+    if isinstance(surface, SurfaceGrid) and not (structure.is_external and beyond is None):
+        inside = _with_points_inside(vehicle, layout)
+        try:
+            model = structural_model_on(inside, surface, vehicle.resolution.map, [layout])
+            return _derivatives(of_model(inside, model, layout, keys), keys)
+        except InputError:
+            if beyond is not None:
+                raise
+    if beyond is not None:
+        entry = KINDS[beyond].noise
+        raise InputError(f"noise.{entry}: expected 0 but for a body of revolution that is clamped aft")
+    counts = counts_of_layout(vehicle, structure, layout)
+    return parameter_derivatives(of_displaced(structure, layout, moved=False), as_drawn(counts), list(keys))
 
 
 def _with_points_inside(vehicle: Vehicle, layout: str) -> Vehicle:
@@ -171,45 +139,3 @@ def _with_points_inside(vehicle: Vehicle, layout: str) -> Vehicle:
     }
     layouts = {**vehicle.gauges.layouts, layout: entry.model_copy(update=changed)}
     return vehicle.model_copy(update={"gauges": vehicle.gauges.model_copy(update={"layouts": layouts})})
-
-
-def fourier_gauge_derivatives(vehicle: Vehicle, structure: StructuralModel, layout: str) -> GaugeDerivatives:
-    """Return the derivatives at the gauges of ``layout``, with the mesh and harmonics of the map.
-
-    Raises
-    ------
-    InputError
-        A gauge lies within a step of the end of the inner surface.
-    """
-    resolution, wall = vehicle.resolution.map, wall_of(vehicle)
-    mesh = shell_mesh(vehicle.body(), wall, 1e-3 * resolution.element_length_mm, resolution.wall_layers)
-    surface, placed = structure.surface, structure.placed[layout]
-    at_gauge = inner_surface_points(mesh, placed.x)
-    along_x, around = STEP * at_gauge.tangent[:, 0], STEP / at_gauge.radius
-    stations = np.concatenate([placed.x - along_x, placed.x, placed.x + along_x])
-    response = harmonic_response(mesh, wall.material, stations, surface.x, structure.response.max_harmonic)
-
-    def difference(plus: PlacedGauges, minus: PlacedGauges) -> FloatArray:
-        after, before = (strain_operator(response, gauges, surface) for gauges in (plus, minus))
-        return central_difference(after, before, STEP)
-
-    circumferential = difference(
-        replace(placed, roll_angle=placed.roll_angle + around),
-        replace(placed, roll_angle=placed.roll_angle - around),
-    )
-    return GaugeDerivatives(
-        axial=difference(replace(placed, x=placed.x + along_x), replace(placed, x=placed.x - along_x)),
-        circumferential=circumferential,
-        orientation=difference(_turned(placed, STEP), _turned(placed, -STEP)),
-        layout_roll=at_gauge.radius[:, None] * circumferential,
-    )
-
-
-def _turned(placed: PlacedGauges, angle: float) -> PlacedGauges:
-    """Return the gauges with their directions turned by ``angle`` [rad] in the surface."""
-    c, s = np.cos(angle), np.sin(angle)
-    return replace(
-        placed,
-        meridional=c * placed.meridional - s * placed.circumferential,
-        circumferential=s * placed.meridional + c * placed.circumferential,
-    )

@@ -1,7 +1,8 @@
 """Errors of the vehicle and its gauges as built: as terms of the weights, and as functions of the current strain.
 
-Every error has an operator that gives its strain, per standard deviation, from the surface pressure: Z_p itself
-for gains and Young's modulus, its derivatives for the placement of gauges, the roll of the layout and the wall.
+Every error has an operator that gives its strain, per standard deviation, from the surface pressure: the
+derivative of Z_p of the vehicle as built by the error, times the size that [noise] states. The kinds are those of
+:mod:`builder.structure.as_built_kinds`.
 """
 
 from __future__ import annotations
@@ -11,8 +12,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from builder.inverse.modes.ensemble import Ensemble
-from builder.inverse.noise.gauge_derivatives import clamp_derivatives, gauge_derivatives, wall_thickness_derivative
+from builder.inverse.noise.gauge_derivatives import counts_of_layout, strain_derivatives
 from builder.inverse.noise.model import NoiseTerm, common_error, gauge_errors, nuisance_modes
+from builder.structure.as_built.derivatives import stated_keys
 from builder.structure.as_built_kinds import KINDS
 from builder.structure.fourier.model import StructuralModel
 from builder.structure.mapped_structure import MappedStructure
@@ -61,31 +63,21 @@ def hardware_errors(
         A gauge lies within a step of the end of its surface, or the structure holds no displaced gauges.
     """
     entry, layout = vehicle.noise, vehicle.gauges.layout
-    each = {"gauge gain": KINDS["gauge_gain"].noise_std(entry) * strain_operator}
-    common = {"common gain": KINDS["common_gain"].noise_std(entry) * strain_operator}
-    common["modulus with temperature"] = modulus_std * strain_operator
-    if entry.moves_gauges:
-        by = gauge_derivatives(vehicle, structure, layout)
-        each["gauge position, axial"] = KINDS["axial_shift"].noise_std(entry) * by.axial
-        around = KINDS["circumferential_shift"].noise_std(entry)
-        each["gauge position, circumferential"] = around * by.circumferential
-        each["gauge orientation"] = KINDS["orientation"].noise_std(entry) * by.orientation
-        common["layout roll"] = KINDS["layout_roll"].noise_std(entry) * by.layout_roll
-    if entry.wall_thickness_percent > 0.0:
-        by_thickness = wall_thickness_derivative(vehicle, structure, layout)
-        common["wall thickness"] = KINDS["wall_thickness"].noise_std(entry) * by_thickness
-    if entry.clamp_compliance_mm > 0.0:
-        along, across = clamp_derivatives(vehicle, structure, layout)
-        common["clamp, along"] = KINDS["clamp_axial"].noise_std(entry) * along
-        common["clamp, across"] = KINDS["clamp_transverse"].noise_std(entry) * across
-    operators = {name: operator for name, operator in {**each, **common}.items() if np.any(operator)}
-    if not operators:
+    keys = stated_keys(entry, counts_of_layout(vehicle, structure, layout))
+    derivative = strain_derivatives(vehicle, structure, layout, keys)
+    found = [(KINDS[key[0]], KINDS[key[0]].noise_std(entry) * derivative[key]) for key in keys]
+    columns = [(kind.column_name, operator, kind.extent != "gauge") for kind, operator in found]
+    gain = sum(kind.name in ("gauge_gain", "common_gain") for kind, _ in found)
+    columns.insert(gain, ("modulus with temperature", modulus_std * strain_operator, True))
+    # Errors of each gauge first.
+    named = sorted((one for one in columns if np.any(one[1])), key=lambda one: one[2])
+    if not named:
         return []
-    strain = ensemble.responses(np.concatenate(list(operators.values())))
-    parts = np.split(strain, len(operators), axis=1)
+    strain = ensemble.responses(np.concatenate([operator for _, operator, _ in named]))
+    parts = np.split(strain, len(named), axis=1)
     return [
-        HardwareError(name=name, operator=operator, strain=part, common=name in common)
-        for (name, operator), part in zip(operators.items(), parts, strict=True)
+        HardwareError(name=name, operator=operator, strain=part, common=common)
+        for (name, operator, common), part in zip(named, parts, strict=True)
     ]
 
 

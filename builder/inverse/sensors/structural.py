@@ -10,8 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from builder.inverse.noise.gauge_derivatives import WALL_STEP, central_difference, with_wall
+from builder.inverse.noise.gauge_derivatives import WALL_STEP
+from builder.inverse.noise.model import central_difference
 from builder.inverse.sensors.row import SensorRow
+from builder.structure.as_built.revolved import CLAMP, with_wall
+from builder.structure.as_built_kinds import BY_REGION, KINDS
 from builder.structure.fourier.displacement import SurfaceTargets, displacement_operator
 from builder.structure.fourier.gauges import place_gauges
 from builder.structure.fourier.inner_surface import inner_surface_points
@@ -115,11 +118,12 @@ def _shared_errors(
 ) -> dict[str, FloatArray]:
     """Return (n, n_p) operators of the errors that gauges have too, one standard deviation [unit/Pa]."""
     entry = vehicle.noise
-    if entry.clamp_compliance_mm > 0.0:
-        raise InputError(
-            "noise.clamp_compliance_mm: expected 0 with sensors.displacement or sensors.fibre, whose readings "
-            f"with a clamp that yields are not known, got {entry.clamp_compliance_mm:g}"
-        )
+    for kind in (KINDS[name] for name in (*CLAMP, *BY_REGION)):
+        if kind.noise_std(entry) > 0.0:
+            raise InputError(
+                f"noise.{kind.noise}: expected 0 with sensors.displacement or sensors.fibre, whose readings with "
+                f"such an error are not known, got {getattr(entry, kind.noise):g}"
+            )
     found = {"common gain": 0.01 * entry.common_gain_percent * operator}
     if entry.wall_thickness_percent > 0.0:
         thin, thick = (

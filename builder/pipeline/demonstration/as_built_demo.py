@@ -17,9 +17,7 @@ import numpy as np
 
 from builder.calibration.after_test.calibrated_map import calibrated_map
 from builder.calibration.after_test.left_by_test import Remaining
-from builder.calibration.as_built.parameters import AsBuiltParameters, drawn, prior_std
 from builder.calibration.as_built.plant_gauges import plant_gauges
-from builder.calibration.as_built.structure import AsBuiltStructure, as_built_structure, counts_of
 from builder.calibration.ground_test.candidate_cases import Candidate
 from builder.calibration.ground_test.load_test import LoadErrors, LoadTest
 from builder.calibration.ground_test.load_test_file import load_test_file
@@ -43,6 +41,9 @@ from builder.pipeline.map_files import true_structure_of
 from builder.pipeline.measured_levels import alarm_levels_wanted
 from builder.pipeline.pipeline import Pipeline
 from builder.pipeline.used_files import FLOWS, MAP, SNAPSHOTS
+from builder.structure.as_built.counts import counts_of
+from builder.structure.as_built.structure import AsBuiltStructure, as_built_structure
+from builder.structure.as_built.vehicle import AsBuilt, drawn, prior_std
 from builder.structure.loads.applied import Weight
 from builder.truth.revolution.flight_tables import plant_flight_model
 from builder.truth.revolution.flow_table import load_flow_table
@@ -76,7 +77,7 @@ class AsBuiltRun:
             return as_built_structure(vehicle, vehicle.gauges.layout, progress=progress)
 
     @cached_property
-    def built(self) -> AsBuiltParameters:
+    def built(self) -> AsBuilt:
         """The vehicle that flies."""
         vehicle = self.pipeline.vehicle
         std = prior_std(vehicle.calibration, counts_of(vehicle, vehicle.gauges.layout))

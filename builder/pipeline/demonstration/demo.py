@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import partial
 from hashlib import sha256
 from pathlib import Path
@@ -45,9 +45,12 @@ from builder.pipeline.pipeline import FilesGiven, Pipeline
 from builder.pipeline.stages import check_before_long_work
 from builder.pipeline.used_files import FLOWS, MAP, SNAPSHOTS, open_pipeline
 from builder.reporting import Reporter
+from builder.structure.as_built.counts import counts_in_flight
+from builder.structure.as_built.vehicle import AsBuilt, exactly_built
+from builder.structure.as_built_kinds import IN_NOISE
 from builder.structure.fourier.model import refuse_beyond_fourier
-from builder.structure.gauge_checks import check_gauges
-from builder.truth.as_built import AsBuilt, drawn, exactly_built
+from builder.structure.gauge_checks import gauge_roll_angles
+from builder.truth.as_built import drawn
 from builder.truth.independent_model import FlownPhysics, flown_physics
 from builder.truth.revolution.flight_tables import flight_model
 from builder.truth.revolution.flow_table import load_flow_table
@@ -246,7 +249,7 @@ def _flight_model(pipeline: Pipeline, built: AsBuilt, seed: int | None) -> None:
         "schema_version": flight_model_file.SCHEMA_VERSION,
         "map": pipeline.made_from(MAP),
         "flows": pipeline.made_from(FLOWS),
-        "as built": {name: np.asarray(value).tolist() for name, value in asdict(built).items()},
+        "as built": built.record(IN_NOISE),
     }
     pipeline.make("flight_model.h5", "the vehicle that flies: the independent model, as built", inputs, make)
 
@@ -264,10 +267,10 @@ def errors_in_sigma(inverse_map: InverseMap) -> tuple[str, ...]:
 
 def vehicle_as_built(vehicle: Vehicle, seed: int | None) -> AsBuilt:
     """Return the hardware errors of the vehicle that flies, drawn with ``seed``; none for None."""
-    n = check_gauges(vehicle)[vehicle.gauges.layout]
+    counts = counts_in_flight(vehicle, gauge_roll_angles(vehicle))
     if seed is None:
-        return exactly_built(n)
-    return drawn(vehicle.noise, n, np.random.default_rng(seed))
+        return exactly_built(counts)
+    return drawn(vehicle.noise, counts, np.random.default_rng(seed))
 
 
 def _fmus(pipeline: Pipeline, map_name: str, takes_zeros: bool) -> None:

@@ -6,7 +6,6 @@ structure, hardware errors drawn. Its strains go into the estimator FMU step by 
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from hashlib import sha256
 from pathlib import Path
 from time import perf_counter
@@ -23,11 +22,12 @@ from builder.pipeline.demonstration.pictures import make_pictures
 from builder.pipeline.map_files import make_map
 from builder.pipeline.pipeline import Pipeline
 from builder.pipeline.used_files import MAP, SNAPSHOTS, STRUCTURE
+from builder.structure.as_built.vehicle import AsBuilt
+from builder.structure.as_built_kinds import IN_NOISE
 from builder.structure.solid.case import structure_case
 from builder.structure.solid.free_case import FreeCase
 from builder.structure.structure_file import load_structure
 from builder.trial.score import ROLLING
-from builder.truth.as_built import AsBuilt
 from builder.truth.shape.flight_path import FlownPath, flown_path, flows_along
 from builder.truth.shape.structure import flying_structure
 from builder.vehicle.map_needs import used_layouts
@@ -98,7 +98,7 @@ def fly_free_shape(pipeline: Pipeline, built: AsBuilt) -> Recording:
         "trajectory": trajectory.read_bytes().hex(),
         "resolution": vehicle.resolution.truth.model_dump(),
         "structure": pipeline.made_from(STRUCTURE),
-        "as built": {name: np.asarray(value).tolist() for name, value in asdict(built).items()},
+        "as built": built.record(IN_NOISE),
     }
     pipeline.make("flight.h5", "the estimator's flight: strains, truth, estimates", inputs, make)
     recording = load_recording(pipeline.path("flight.h5"))
@@ -124,7 +124,7 @@ def _recording(pipeline: Pipeline, flown: FlownPath, built: AsBuilt) -> Recordin
     noise = np.random.default_rng(NOISE_SEED).standard_normal(flown.strain.shape) * inverse_map.noise_std
     strain = flown.strain + noise
     pressure = np.array([condition.dynamic_pressure for condition in flown.conditions])
-    stated = pressure * (1.0 + float(built.dynamic_pressure))
+    stated = pressure * (1.0 + built.dynamic_pressure.item())
     parameters = tuple(pipeline.vehicle.conditions.parameters)
     flow = ("mach_number", "altitude", *(f"{PREFIX}{name}" for name in parameters))
     rows, cost = [], []

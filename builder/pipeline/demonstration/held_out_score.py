@@ -207,7 +207,7 @@ def _flown(
     """Return vehicles in the flows of ``snapshots``: rolled where the map takes every flow at every roll angle."""
     grid = snapshots.grid
     assert grid is not None
-    n_m = structure.nominal.shape[2]
+    n_m = structure.n_harmonics
     harmonic, conditions = list[FloatArray](), list[FlightCondition]()
     for row, condition in enumerate(snapshots.conditions()):
         ratio = snapshots.pressure[row].reshape(len(grid.x), -1) / condition.ambient_pressure
@@ -220,7 +220,6 @@ def _flown(
     return DrawnVehicles(
         noise=vehicle.noise,
         flights=RevolvedFlights(structure=structure, flown=flights),
-        n_gauges=len(structure.names),
     )
 
 

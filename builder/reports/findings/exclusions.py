@@ -17,6 +17,14 @@ OPTIONAL_ERRORS = (
 )
 """Entries of the section [noise], and the error that is left out where one is 0."""
 
+OF_STRUCTURE = {
+    "distribution of stiffness": ("region_modulus_percent",),
+    "distribution of thickness": ("wall_harmonic_percent", "wall_second_harmonic_percent", "wall_taper_percent"),
+    "joints": ("joint_softness_mm",),
+    "support": ("clamp_compliance_mm",),
+}
+"""Errors of the structural model that are left out where none of their entries is stated."""
+
 
 def exclusions(vehicle: Vehicle, engine: str) -> tuple[str, ...]:
     """Return what no sigma of the map includes, one sentence each; ``engine`` is that of the snapshots."""
@@ -25,12 +33,19 @@ def exclusions(vehicle: Vehicle, engine: str) -> tuple[str, ...]:
         "Base pressure: C_A is the fore-body's.",
         "Flight conditions that differ from the snapshots', inside or outside the ranges of this page.",
         f"Errors of the flow solution ({engine}): modes and prior come from it.",
-        f"Errors of the structural model ({model}): distribution of stiffness and thickness, joints, support.",
+        *_absent_structure(vehicle.noise, model),
         *_absent_noise(vehicle.noise, vehicle.map.case == 1 or vehicle.map.prior_modes is not None),
         "Errors of the dynamic pressure: an estimate adds the deviation that it is told, or "
         f"{vehicle.noise.dynamic_pressure_percent:g} % (noise.dynamic_pressure_percent).",
         "Vibration and inertia: strain counts as the static response to the current pressure.",
     )
+
+
+def _absent_structure(noise: Noise, model: str) -> list[str]:
+    absent = [
+        what for what, entries in OF_STRUCTURE.items() if not any(getattr(noise, entry) > 0.0 for entry in entries)
+    ]
+    return [f"Errors of the structural model ({model}): {', '.join(absent)}."] if absent else []
 
 
 def _absent_noise(noise: Noise, truncates: bool) -> list[str]:

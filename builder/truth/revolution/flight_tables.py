@@ -7,7 +7,7 @@ changes by (-1)^m. So the spline has the correct symmetry at a_T = 0 without a k
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from math import factorial
 from typing import Any
 
@@ -15,10 +15,12 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from builder.aero.loads.operator import load_operator
-from builder.truth.as_built import AsBuilt
+from builder.structure.as_built.gauges import gain_of
+from builder.structure.as_built.vehicle import AsBuilt
+from builder.structure.as_built_kinds import IN_NOISE
 from builder.truth.revolution.flow_table import FlowTable
 from builder.truth.revolution.sensors import BuiltSensors
-from builder.truth.revolution.strain import TrueStructure, built_gauges
+from builder.truth.revolution.strain import TrueStructure
 from builder.vehicle.file import Vehicle
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
@@ -66,15 +68,15 @@ def flight_model(
     structure : the independent structural model, with the layout in use.
     noise_std : gauge noise sigma [m/m].
     """
-    gauges = built_gauges(structure, built)
-    gain = (1.0 + built.gauge_gain) * (1.0 + built.common_gain)
+    gauges = structure.parts(built)
+    response = np.stack([gauges.even, gauges.odd], axis=-1).transpose(2, 1, 0, 3)  # n_d, n_m, n_x, 2
     plant = PlantGauges(
         names=structure.names,
         roll_angle=gauges.roll_angle,
-        response=np.stack([gauges.even, gauges.odd], axis=-1) * gain[:, None, None, None],
-        internal_pressure=float(built.internal_pressure),
-        apparent_strain=built.apparent_strain,
-        record=_as_numbers(built),
+        response=response * gain_of(built)[:, None, None, None],
+        internal_pressure=built.internal_pressure.item(),
+        apparent_strain=np.broadcast_to(built.apparent_strain, len(structure.names)),
+        record=built.record(IN_NOISE),
         sensors=sensors,
     )
     return plant_flight_model(vehicle, table, structure.surface, plant, noise_std)
@@ -144,12 +146,6 @@ def plant_flight_model(
         sensors=None if sensors is None else sensors.rows(n, noise_std),
         provenance={**table.provenance, "as_built": gauges.record},
     )
-
-
-def _as_numbers(built: AsBuilt) -> dict[str, Any]:
-    return {
-        name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in asdict(built).items()
-    }
 
 
 def _spline_table(mach: FloatArray, incidence: FloatArray, values: FloatArray, parity: FloatArray) -> FloatArray:

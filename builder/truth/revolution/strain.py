@@ -1,71 +1,39 @@
 """Strain and coefficients of the independent model at any flight condition, for any vehicle as built.
 
-The structure is solved for the wall of the file and for one 4 % thinner and thicker, and at stations 1 mm ahead
-of and behind each gauge; what a vehicle as built reads follows by a parabola in the thickness and a line along
-the meridian. Roll and orientation of the gauges are exact.
+The structure is solved for the wall of the file on its own mesh; how strain changes with the errors of a vehicle
+as built is that of :mod:`builder.structure.as_built.revolved`.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from types import EllipsisType
 
 import numpy as np
 
 from builder.aero.loads.operator import coefficient_scale, load_operator
 from builder.reporting import Progress
-from builder.structure.fourier.gauges import PlacedGauges
-from builder.structure.fourier.inner_surface import inner_surface_points
-from builder.structure.fourier.meridian_mesh import MeridianMesh
+from builder.structure.as_built.gauges import gain_of
+from builder.structure.as_built.response_tables import ResponseTable
+from builder.structure.as_built.revolved import CLAMP, SOLVED, RevolvedStructure, each, revolved_structure
+from builder.structure.as_built.vehicle import AsBuilt
+from builder.structure.as_built.wall_harmonics import WAVES
+from builder.structure.as_built_kinds import IN_NOISE
 from builder.structure.fourier.model import place_layouts
-from builder.structure.fourier.shell_mesh import shell_mesh, yielding_clamp
-from builder.structure.fourier.strain_operator import HarmonicResponse, harmonic_response
+from builder.structure.fourier.shell_mesh import shell_mesh
+from builder.structure.fourier.strain_operator import harmonic_response
 from builder.structure.wall import wall_of
-from builder.truth.as_built import AsBuilt
 from builder.truth.revolution.flow_table import FlowTable, harmonics_at
 from builder.vehicle.file import Vehicle
-from builder.vehicle.model_entries import Resolution
 from builder.vehicle.shape.geometry import SurfaceGrid, surface_grid
 from strainfmu.arrays import FloatArray
-from strainfmu.errors import InputError
 from strainfmu.flight_condition import FlightCondition
 
 WALL_STEP = 0.04
 """Step of the wall's thickness, relative to it."""
 
-SHIFT = 1e-3
-"""Step along the meridian [m]."""
 
-CLAMP_STEP, RIGID = 2e-3, 1e-7
-"""Length of wall that yields as the clamp does, for its slope, and one that counts as none [m]."""
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class TrueStructure:
-    """Strain of every gauge per harmonic of the pressure, meridional, hoop and shear: (3, n_d, n_m, n_x) [1/Pa].
-
-    Attributes
-    ----------
-    nominal, thin, thick, fore, aft : of the wall of the file, of thinner and thicker ones, and 1 mm along the
-        surface.
-    soft : (2, 3, n_d, n_m, n_x) change by the clamp's compliance along and across the body [1/(Pa m)]; (0, ..)
-        where [noise] states none.
-    names : of the gauges.
-    placed : gauges on the inner surface.
-    radius : (n_d,) of the inner surface there [m].
-    surface : the pressure nodes.
-    """
-
-    nominal: FloatArray
-    thin: FloatArray
-    thick: FloatArray
-    fore: FloatArray
-    aft: FloatArray
-    soft: FloatArray
-    names: tuple[str, ...]
-    placed: PlacedGauges
-    radius: FloatArray
-    surface: SurfaceGrid
+TrueStructure = RevolvedStructure
+"""The structure of the independent model."""
 
 
 def true_structure(vehicle: Vehicle, progress: Progress | None = None) -> TrueStructure:
@@ -80,56 +48,14 @@ def true_structure(vehicle: Vehicle, progress: Progress | None = None) -> TrueSt
     settings, body, layout = vehicle.resolution.truth, vehicle.body(), vehicle.gauges.layout
     surface = surface_grid(body, settings.surface_stations, settings.surface_roll_angles)
     wall = wall_of(vehicle)
-
-    def mesh_of(resolution: Resolution, factor: float) -> MeridianMesh:
-        changed = replace(wall, thickness=factor * wall.thickness)
-        return shell_mesh(body, changed, 1e-3 * resolution.element_length_mm, resolution.wall_layers)
-
-    def solve(resolution: Resolution, factor: float, x: FloatArray) -> HarmonicResponse:
-        return harmonic_response(mesh_of(resolution, factor), wall.material, x, surface.x, settings.harmonics)
-
-    def clamped(axial: float, across: float) -> FloatArray:
-        held = yielding_clamp(mesh_of(vehicle.resolution.map, 1.0), wall.material, axial, across)
-        return _at(harmonic_response(held, wall.material, placed.x, surface.x, settings.harmonics), placed.x)
-
-    mesh = mesh_of(settings, 1.0)
+    mesh = shell_mesh(body, wall, 1e-3 * settings.element_length_mm, settings.wall_layers)
     layouts, all_placed = place_layouts(vehicle, mesh, [layout])
     placed = all_placed[layout]
-    at_gauge = inner_surface_points(mesh, placed.x)
-    step = SHIFT * at_gauge.tangent[:, 0]
-    nominal = _at(
-        harmonic_response(mesh, wall.material, placed.x, surface.x, settings.harmonics, progress), placed.x
-    )
-    # What changes is small: the mesh of the map shows it as well as the finer one.
-    coarse = vehicle.resolution.map
-    stations = np.concatenate([placed.x, placed.x - step, placed.x + step])
-    response = solve(coarse, 1.0, stations)
-    fore, aft = (_at(response, placed.x + sign * step) - _at(response, placed.x) for sign in (-1.0, 1.0))
-    thin, thick = (
-        _at(solve(coarse, factor, placed.x), placed.x) - _at(response, placed.x)
-        for factor in (1.0 - WALL_STEP, 1.0 + WALL_STEP)
-    )
-    soft = np.zeros((0, *nominal.shape))
-    if vehicle.noise.clamp_compliance_mm > 0.0:
-        soft = np.array([clamped(CLAMP_STEP, RIGID), clamped(RIGID, CLAMP_STEP)]) - clamped(RIGID, RIGID)
-    return TrueStructure(
-        soft=soft / CLAMP_STEP,
-        nominal=nominal,
-        fore=nominal + fore,
-        aft=nominal + aft,
-        thin=nominal + thin,
-        thick=nominal + thick,
-        names=layouts[layout].names,
-        placed=placed,
-        radius=at_gauge.radius,
-        surface=surface,
-    )
-
-
-def _at(response: HarmonicResponse, stations: FloatArray) -> FloatArray:
-    """Return (3, n_d, n_m, n_x) at ``stations`` (n_d,) [m]."""
-    index = np.abs(stations[:, None] - response.gauge_x).argmin(axis=1)
-    return np.stack([response.meridional[index], response.hoop[index], response.shear[index]])
+    nominal = harmonic_response(mesh, wall.material, placed.x, surface.x, settings.harmonics, progress)
+    # Other kinds are tried at fixed sizes as well, whatever [noise] states.
+    stated = {kind.name for kind in IN_NOISE if kind.noise_std(vehicle.noise) > 0.0}
+    kinds = stated.union(SOLVED).difference(set(CLAMP) - stated)
+    return revolved_structure(vehicle, layout, layouts[layout].names, placed, nominal, surface, kinds, WALL_STEP)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -139,17 +65,15 @@ class TrueFlights:
     Attributes
     ----------
     conditions : k flight conditions.
-    strain : (n, 3, k, n_d, n_m) strain of the n states of :class:`TrueStructure` per harmonic, of p / p_inf
-        [1/Pa].
-    unit_strain : (n, 3, n_d, 1) of the same states, per uniform outer pressure [1/Pa].
+    table, uniform : amplitudes of the k flows per p_inf, and of one uniform outer pressure; they lead [1/Pa].
     coefficients : (k, 5) C_A, C_N, C_Y, M_P, M_Y [1].
     ambient_pressure, dynamic_pressure : (k,) p_inf and q_inf [Pa].
     internal_pressure : (k,) stated pressure inside [Pa].
     """
 
     conditions: tuple[FlightCondition, ...]
-    strain: FloatArray
-    unit_strain: FloatArray
+    table: ResponseTable
+    uniform: ResponseTable
     coefficients: FloatArray
     ambient_pressure: FloatArray
     dynamic_pressure: FloatArray
@@ -181,14 +105,23 @@ def flights_of_harmonics(
     """
     ambient = np.array([condition.ambient_pressure for condition in conditions])
     inside = np.array([vehicle.internal_pressure(condition) for condition in conditions])
-    states = (structure.nominal, structure.thin, structure.thick, structure.fore, structure.aft, *structure.soft)
-    strain = np.array(
-        [[np.einsum("gmx,kxm->kgm", part, harmonic, optimize=True) for part in state] for state in states]
-    )
+
+    def under(pressure: FloatArray) -> ResponseTable:
+        """Return the table under pressures (k, n_x, n_m)."""
+        n_m = pressure.shape[-1]
+
+        def of_each(one: FloatArray) -> FloatArray:
+            found: FloatArray = np.einsum("...xmsc,kxm->...kmsc", one[..., :n_m, :, :], pressure, optimize=True)
+            return found
+
+        return each(structure.table, of_each)
+
+    # An uneven wall turns the uniform pressure into strain of higher harmonics.
+    uniform = np.eye(min(max(WAVES) + 1, structure.n_harmonics))[0]
     return TrueFlights(
         conditions=tuple(conditions),
-        strain=strain,
-        unit_strain=np.array([state[:, :, :1].sum(axis=3) for state in states]),
+        table=under(harmonic),
+        uniform=under(np.broadcast_to(uniform, (1, harmonic.shape[1], len(uniform)))),
         coefficients=_coefficients(vehicle, structure.surface, harmonic, conditions, ambient, inside),
         ambient_pressure=ambient,
         dynamic_pressure=np.array([condition.dynamic_pressure for condition in conditions]),
@@ -219,89 +152,34 @@ def _coefficients(
     return out * scale
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class BuiltGauges:
-    """Gauges of a vehicle as built, without gain.
-
-    Attributes
-    ----------
-    even, odd : (.., n_d, n_m, ..) response in the gauge's direction: cosine and sine part round the body.
-    roll_angle : (n_d,) where the gauge is [rad].
-    """
-
-    even: FloatArray
-    odd: FloatArray
-    roll_angle: FloatArray
-
-
-def built_gauges(structure: TrueStructure, built: AsBuilt, states: FloatArray | None = None) -> BuiltGauges:
-    """Return the gauges of a vehicle as ``built``, or of v vehicles at once.
-
-    ``states`` (n, 3, .., n_d, n_m) holds quantities of the n states of the structure to combine, 5 or, with a
-    clamp that yields, 7; None takes the responses themselves, (n, 3, n_d, n_m, n_x) [1/Pa].
-
-    Raises
-    ------
-    InputError
-        The clamp of ``built`` yields, but the structure's was not solved for that.
-    """
-    if states is None:
-        five = structure.nominal, structure.thin, structure.thick, structure.fore, structure.aft
-        states = np.stack([*five, *structure.soft])
-        inner: tuple[EllipsisType | None, ...] = (..., None, None)
-    else:
-        inner = (..., None)
-    t = np.asarray(built.wall_thickness)[inner] / WALL_STEP
-    along = built.axial_shift[inner] / SHIFT
-    nominal, thin, thick, fore, aft, *soft = states
-    yields = [np.asarray(one)[inner] for one in (built.clamp_axial, built.clamp_transverse)]
-    if not soft and any(one.any() for one in yields):
-        raise InputError("this structure was solved for a rigid clamp; noise.clamp_compliance_mm is 0")
-
-    def part(which: int) -> FloatArray:
-        slope, bend = thick[which] - thin[which], thick[which] - 2.0 * nominal[which] + thin[which]
-        of_wall = nominal[which] + 0.5 * t * slope + 0.5 * t * t * bend
-        of_clamp = sum((size * one[which] for size, one in zip(yields, soft, strict=False)), np.zeros(()))
-        return np.asarray(of_wall + 0.5 * along * (aft[which] - fore[which]) + of_clamp)
-
-    placed = structure.placed
-    turn_c, turn_s = np.cos(built.orientation), np.sin(built.orientation)
-    c = (turn_c * placed.meridional - turn_s * placed.circumferential)[inner]
-    s = (turn_s * placed.meridional + turn_c * placed.circumferential)[inner]
-    return BuiltGauges(
-        even=c * c * part(0) + s * s * part(1),
-        odd=2.0 * c * s * part(2),
-        roll_angle=placed.roll_angle + built.layout_roll + built.circumferential_shift / structure.radius,
-    )
-
-
 def true_strain(structure: TrueStructure, flights: TrueFlights, built: AsBuilt) -> FloatArray:
     """Return (k, n_d) strain of the gauges [m/m], without noise, that a vehicle as ``built`` reads.
 
     For v vehicles (:func:`builder.truth.as_built.drawn_many`) there must be one flight, and the strain is (v,
     n_d).
     """
-    gauges = built_gauges(structure, built, flights.strain)
+    gauges = structure.parts(built, flights.table)
     wind = np.array([condition.leeward_roll_angle for condition in flights.conditions])
     phase = gauges.roll_angle - wind[:, None]
-    # Multiples of the phase by rotation: a cosine per harmonic and gauge would cost ten times as much.
+    # Of many vehicles the one flight is left out. Multiples of the phase by rotation: a cosine per harmonic and
+    # gauge would cost ten times as much.
+    even, odd = (one[:, 0] if one.ndim > 3 else one for one in (gauges.even, gauges.odd))
     turn = np.exp(1j * phase)
     around, of_flow = np.ones_like(turn), np.zeros(phase.shape)
-    for m in range(gauges.even.shape[-1]):
-        of_flow += gauges.even[..., m] * around.real + gauges.odd[..., m] * around.imag
+    for m in range(even.shape[-2]):
+        of_flow += even[..., m, :] * around.real + odd[..., m, :] * around.imag
         around = around * turn
     ambient = flights.ambient_pressure[:, None]
     inside = flights.internal_pressure[:, None] + built.internal_pressure * ambient
-    of_unit = built_gauges(structure, built, flights.unit_strain).even[..., 0]
-    gain = (1.0 + built.gauge_gain) * (1.0 + built.common_gain)
-    return np.asarray(gain * (ambient * of_flow - inside * of_unit) + built.apparent_strain)
+    of_unit = structure.parts(built, flights.uniform).even[..., 0, 0, :]
+    return np.asarray(gain_of(built) * (ambient * of_flow - inside * of_unit) + built.apparent_strain)
 
 
 def without_faint_harmonics(flights: TrueFlights, faint: float = 2e-4) -> TrueFlights:
     """Return ``flights`` without the highest harmonics, whose strain is below ``faint`` of the largest."""
-    size = np.abs(flights.strain).max(axis=(0, 1, 2, 3))
+    size = np.abs(flights.table.nominal).max(axis=(0, 2, 3))
     kept = int(np.flatnonzero(size > faint * size.max())[-1]) + 1
-    return replace(flights, strain=flights.strain[..., :kept])
+    return replace(flights, table=each(flights.table, lambda one: one[..., :kept, :, :]))
 
 
 def one_flight(flights: TrueFlights, number: int) -> TrueFlights:
@@ -313,8 +191,8 @@ def some_flights(flights: TrueFlights, rows: slice) -> TrueFlights:
     """Return the flights ``rows``."""
     return TrueFlights(
         conditions=flights.conditions[rows],
-        strain=flights.strain[:, :, rows],
-        unit_strain=flights.unit_strain,
+        table=each(flights.table, lambda one: one[..., rows, :, :, :]),
+        uniform=flights.uniform,
         coefficients=flights.coefficients[rows],
         ambient_pressure=flights.ambient_pressure[rows],
         dynamic_pressure=flights.dynamic_pressure[rows],

@@ -15,9 +15,9 @@ from builder.aero.loads.operator import coefficients_of
 from builder.aero.loads.sections import six_loads
 from builder.campaign.snapshots import Snapshots
 from builder.reporting import Reporter
-from builder.truth.as_built import AsBuilt
+from builder.structure.as_built.vehicle import AsBuilt
 from builder.truth.shape.flights import shape_flows
-from builder.truth.shape.structure import ShapeStructure, as_built, on_nodes_of
+from builder.truth.shape.structure import ShapeStructure, on_nodes_of
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
 from strainfmu.cosim.models.trajectory import Trajectory
@@ -86,7 +86,7 @@ def flown_path(
         The surfaces of flow and structure do not coincide.
     """
     knots, snapshots = flows
-    own = as_built(np.moveaxis(on_nodes_of(structure, snapshots), 2, 1), built, structure.radius)
+    own = structure.gauges.as_built(np.moveaxis(on_nodes_of(structure, snapshots), 2, 1), built)
     conditions = tuple(path.at(float(t)) for t in time)
     ambient = np.array([condition.ambient_pressure for condition in conditions])
     inside = np.array([vehicle.internal_pressure(condition) for condition in conditions])

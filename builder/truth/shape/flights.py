@@ -22,8 +22,9 @@ from builder.campaign.scheduling import Scheduling
 from builder.campaign.snapshots import Snapshots
 from builder.campaign.vehicle_campaign import vehicle_campaign
 from builder.reporting import Reporter
-from builder.truth.as_built import AsBuilt
-from builder.truth.shape.structure import ShapeStructure, as_built, on_nodes_of
+from builder.structure.as_built.displaced import DisplacedGauges
+from builder.structure.as_built.vehicle import AsBuilt, Counts
+from builder.truth.shape.structure import ShapeStructure, on_nodes_of
 from builder.vehicle.conditions.flight_conditions import ConditionSet
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray, IntArray
@@ -37,9 +38,10 @@ class ShapeFlights:
     Attributes
     ----------
     conditions : k flight conditions.
-    strain : (4, k, n_d) by the outer pressure, see :class:`ShapeStructure` [m/m].
-    unit_strain : (4, n_d) per uniform outer pressure [1/Pa].
-    gauge_radius : (n_d,) [m].
+    strain : (n_w, k, n_d) by the outer pressure, see :class:`ShapeStructure` [m/m].
+    unit_strain : (n_w, n_d) per uniform outer pressure [1/Pa].
+    gauges : as displaced.
+    counts : numbers of what has errors of its own.
     coefficients : (k, 5) C_A, C_N, C_Y, M_P, M_Y [1].
     rolling : (k,) M_R [1].
     pressure : (k, n_p) at the nodes of the map [Pa].
@@ -49,7 +51,8 @@ class ShapeFlights:
     conditions: tuple[FlightCondition, ...]
     strain: FloatArray
     unit_strain: FloatArray
-    gauge_radius: FloatArray
+    gauges: DisplacedGauges
+    counts: Counts
     coefficients: FloatArray
     rolling: FloatArray
     pressure: FloatArray
@@ -72,10 +75,8 @@ class ShapeFlights:
         (v, n_d) of v vehicles in one flight."""
         ambient = self.ambient_pressure[rows, None]
         inside = self.internal_pressure[rows, None] + built.internal_pressure * ambient
-        flown = as_built(self.strain[:, rows], built, self.gauge_radius)
-        return np.asarray(
-            flown - inside * as_built(self.unit_strain, built, self.gauge_radius) + built.apparent_strain
-        )
+        flown = self.gauges.as_built(self.strain[:, rows], built)
+        return np.asarray(flown - inside * self.gauges.as_built(self.unit_strain, built) + built.apparent_strain)
 
 
 def shape_flights(
@@ -87,7 +88,7 @@ def shape_flights(
 ) -> ShapeFlights:
     """Return the flights of ``vehicle`` at the conditions of ``flows``.
 
-    ``nodes`` is the surface of the map, by default that of the flows; ``operator`` (4, n_d, n_q) is
+    ``nodes`` is the surface of the map, by default that of the flows; ``operator`` (n_w, n_d, n_q) is
     :func:`~builder.truth.shape.structure.on_nodes_of` for these flows, where it is known.
 
     Raises
@@ -106,7 +107,8 @@ def shape_flights(
         conditions=conditions,
         strain=np.stack([flows.pressure @ way.T for way in operator]),
         unit_strain=operator.sum(axis=2),
-        gauge_radius=structure.radius,
+        gauges=structure.gauges,
+        counts=structure.counts,
         coefficients=coefficients_of(net, loads[:5], conditions, reference),
         rolling=net @ loads[5] / (dynamic * reference.area * reference.length),
         pressure=flows.pressure if nodes is None else on_nodes(flows, nodes),

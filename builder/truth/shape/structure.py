@@ -1,43 +1,30 @@
-"""The structure of the independent model of a vehicle of any shape: another mesh than the map's.
-
-Shifts and turns of gauges act to first order, the wall's thickness inversely.
-"""
+"""The structure of the independent model of a vehicle of any shape: another mesh than the map's."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from builder.aero.surface.mesh import SurfaceMesh
 from builder.campaign.snapshots import Snapshots
 from builder.reporting import Reporter
+from builder.structure.as_built.displaced import DisplacedGauges, refuse_others, ways_of
+from builder.structure.as_built.vehicle import Counts
 from builder.structure.mapped_structure import mapped_operator
 from builder.structure.mesh_check import MeshCheck
 from builder.structure.solid.case import structure_case
 from builder.structure.solid.free_case import FreeCase, flying_mesh
 from builder.structure.solid.free_model import on_other_mesh
-from builder.structure.solid.gauges.displaced_gauges import (
-    AFT,
-    AROUND,
-    BACK,
-    FORE,
-    STEP,
-    TURNED_AROUND,
-    TURNED_BACK,
-    displaced_name,
-)
+from builder.structure.solid.gauges.displaced_gauges import DISPLACED, displaced_name
 from builder.structure.structure_file import Structure
-from builder.truth.as_built import AsBuilt
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 
 NO_SECOND_MESH = "structure.checked_by: entry is missing, a second mesh plays the vehicle in an independent model"
-
-WAYS = 4
-"""Gauges in place, and what they read more per metre aft, per metre around and per radian turned."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -48,7 +35,8 @@ class ShapeStructure:
     ----------
     names : of the n_d gauges.
     position : (n_d, 3) [m].
-    operator : (4, n_d, n_q) per pressure at the nodes of ``surface``, see :data:`WAYS` [1/Pa, then 1/(Pa m) twice,
+    operator : (n_w, n_d, n_q) per pressure at the nodes of ``surface``, see
+        :data:`~builder.structure.as_built.displaced.WAYS` [1/Pa, then 1/(Pa m) twice,
         1/Pa].
     surface : that carries the pressure.
     """
@@ -58,15 +46,14 @@ class ShapeStructure:
     operator: FloatArray
     surface: SurfaceMesh
 
-    @property
-    def radius(self) -> FloatArray:
-        """(n_d,) distance of the gauges from the axis [m]."""
-        return np.hypot(self.position[:, 1], self.position[:, 2])
+    @cached_property
+    def gauges(self) -> DisplacedGauges:
+        return DisplacedGauges(self.position)
 
     @property
-    def roll_angle(self) -> FloatArray:
-        """(n_d,) [rad]."""
-        return np.arctan2(self.position[:, 1], self.position[:, 2])
+    def counts(self) -> Counts:
+        """Numbers of what has errors of its own."""
+        return Counts(gauge=len(self.names), row=int(self.gauges.row.max()) + 1)
 
 
 def refuse_without_other_model(vehicle: Vehicle) -> None:
@@ -144,29 +131,23 @@ def _structure(
     rows: Callable[[str], IntArray],
 ) -> ShapeStructure:
     """Return the structure from ``check``, whose ``rows`` by name of layout hold gauges in place and displaced."""
+    refuse_others(vehicle.noise)
     assert check.point is not None
     assert check.triangle is not None
     layout, operator = vehicle.gauges.layout, check.strain_operator
-    own = operator[rows(layout)]
-    parts = [own, *(np.zeros_like(own) for _ in range(WAYS - 1))]
+    moved = None
     if vehicle.noise.moves_gauges:
-        moved = {
-            how: operator[rows(displaced_name(layout, how))]
-            for how in (AFT, FORE, AROUND, BACK, TURNED_AROUND, TURNED_BACK)
-        }
-        parts[1] = (moved[AFT] - moved[FORE]) / (2.0 * STEP)
-        parts[2] = (moved[AROUND] - moved[BACK]) / (2.0 * STEP)
-        parts[3] = moved[TURNED_AROUND] - moved[TURNED_BACK]
+        moved = {how: operator[rows(displaced_name(layout, how))] for how in DISPLACED}.__getitem__
     return ShapeStructure(
         names=names,
         position=position,
-        operator=np.stack(parts),
+        operator=ways_of(operator[rows(layout)], moved),
         surface=SurfaceMesh(check.point, check.triangle),
     )
 
 
 def on_nodes_of(structure: ShapeStructure, snapshots: Snapshots) -> FloatArray:
-    """Return the operator (4, n_d, n_p) of ``structure`` per pressure at the nodes of ``snapshots``.
+    """Return the operator (n_w, n_d, n_p) of ``structure`` per pressure at the nodes of ``snapshots``.
 
     Raises
     ------
@@ -176,14 +157,3 @@ def on_nodes_of(structure: ShapeStructure, snapshots: Snapshots) -> FloatArray:
     ways, n_d, n_q = structure.operator.shape
     flat = structure.operator.reshape(ways * n_d, n_q)
     return mapped_operator(flat, structure.surface, snapshots)[1].reshape(ways, n_d, -1)
-
-
-def as_built(parts: FloatArray, built: AsBuilt, radius: FloatArray) -> FloatArray:
-    """Return (.., n_d) what gauges as ``built`` read, from ``parts`` (4, .., n_d), see :data:`WAYS`.
-
-    ``radius`` (n_d,) is that of the gauges [m]. Of v vehicles at once, ``parts`` are (4, 1, n_d) or (4, n_d).
-    """
-    around = built.circumferential_shift + built.layout_roll * radius
-    moved = parts[0] + built.axial_shift * parts[1] + around * parts[2] + built.orientation * parts[3]
-    gain = (1.0 + built.gauge_gain) * (1.0 + built.common_gain) / (1.0 + built.wall_thickness)
-    return np.asarray(gain * moved)

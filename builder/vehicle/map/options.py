@@ -182,6 +182,13 @@ HARDWARE_ERRORS = (
     "internal_pressure_percent",
     "dynamic_pressure_percent",
     "clamp_compliance_mm",
+    "row_orientation_deg",
+    "wall_harmonic_percent",
+    "wall_taper_percent",
+    "wall_second_harmonic_percent",
+    "region_modulus_percent",
+    "joint_softness_mm",
+    "transverse_sensitivity_percent",
 )
 """Entries of [noise] that are errors of the hardware, one standard deviation each."""
 
@@ -199,6 +206,14 @@ class Noise(Section):
     ``dynamic_pressure_percent`` is the error of q_inf where the estimator is told no other;
     ``navigation_mach_number`` and ``navigation_static_pressure_percent`` are those of M and p_inf,
     ``standard_atmosphere_percent`` that of p_inf by an altitude.
+
+    ``row_orientation_deg`` turns all gauges at one roll angle. In each region of the section [calibration] the
+    thickness of the wall may go as cosine and sine of the roll angle (``wall_harmonic_percent``) and of twice the
+    roll angle (``wall_second_harmonic_percent``), grow from fore to aft (``wall_taper_percent``), and Young's
+    modulus may differ (``region_modulus_percent``). Joints at ``calibration.joint_stations_m`` yield as
+    ``joint_softness_mm`` of the wall's material would. Each gauge reads ``transverse_sensitivity_percent`` of the
+    strain across it. These are 0 by default. Errors by region or joint need a
+    body of revolution.
 
     ``nuisance_file`` is a CSV file beside the vehicle file with the strain of further modes, such as temperature
     distributions, at one standard deviation.
@@ -222,6 +237,13 @@ class Noise(Section):
     internal_pressure_percent: float = Field(default=5.0, ge=0.0, le=1000.0)
     dynamic_pressure_percent: float = Field(default=1.0, ge=0.0, le=50.0)
     clamp_compliance_mm: float = Field(default=0.0, ge=0.0, le=1e3)
+    row_orientation_deg: float = Field(default=0.0, ge=0.0, le=45.0)
+    wall_harmonic_percent: float = Field(default=0.0, ge=0.0, le=50.0)
+    wall_taper_percent: float = Field(default=0.0, ge=0.0, le=50.0)
+    wall_second_harmonic_percent: float = Field(default=0.0, ge=0.0, le=50.0)
+    region_modulus_percent: float = Field(default=0.0, ge=0.0, le=50.0)
+    joint_softness_mm: float = Field(default=0.0, ge=0.0, le=1e3)
+    transverse_sensitivity_percent: float = Field(default=0.0, ge=0.0, le=50.0)
     navigation_mach_number: float = Field(default=0.05, ge=1e-4, le=10.0)
     navigation_static_pressure_percent: float = Field(default=2.0, ge=1e-3, le=100.0)
     standard_atmosphere_percent: float = Field(default=100.0 * DEVIATION_OF_AIR, ge=1e-3, le=100.0)
@@ -251,8 +273,9 @@ class Noise(Section):
 
     @property
     def moves_gauges(self) -> bool:
-        """Whether gauges may sit or point differently than stated."""
-        return max(self.gauge_position_mm, self.gauge_orientation_deg, self.layout_roll_deg) > 0.0
+        """Whether gauges may sit or point differently than stated, or read strain across."""
+        turns = self.gauge_orientation_deg, self.row_orientation_deg, self.layout_roll_deg
+        return max(self.gauge_position_mm, self.transverse_sensitivity_percent, *turns) > 0.0
 
     def without_hardware_errors(self) -> Noise:
         """Return the same section with every error of the hardware set to 0."""

@@ -10,7 +10,7 @@ from inverse_case import Case
 
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
-from builder.inverse.noise.gauge_derivatives import gauge_derivatives
+from builder.inverse.noise.gauge_derivatives import strain_derivatives
 from builder.inverse.noise.model import NoiseTerm
 from builder.inverse.problem import inverse_problem
 from builder.reporting import Silent
@@ -100,8 +100,14 @@ def test_turned_gauges_are_the_tensor(uncertain: Vehicle, solid: MappedStructure
     total = z[LAYOUT][axial] + z[LAYOUT][hoop]
     np.testing.assert_allclose(both[axial], total, rtol=0.0, atol=3e-3 * np.abs(total).max())
     np.testing.assert_allclose(both[hoop], total, rtol=0.0, atol=3e-3 * np.abs(total).max())
+    # What a gauge reads across is the other gauge of the two.
+    key = ("transverse_sensitivity", 0)
+    across = strain_derivatives(uncertain, solid, LAYOUT, [key])[key]
+    np.testing.assert_allclose(across[axial], z[LAYOUT][hoop], rtol=0.0, atol=3e-3 * np.abs(total).max())
+    np.testing.assert_allclose(across[hoop], z[LAYOUT][axial], rtol=0.0, atol=3e-3 * np.abs(total).max())
     # Of the two, turning the axial gauge and turning the hoop gauge change strain by opposite amounts.
-    change = gauge_derivatives(uncertain, solid, LAYOUT).orientation
+    key = ("orientation", 0)
+    change = strain_derivatives(uncertain, solid, LAYOUT, [key])[key]
     np.testing.assert_allclose(change[hoop], -change[axial], rtol=0.0, atol=3e-3 * np.abs(change).max())
 
 

@@ -102,6 +102,13 @@ def test_hardware_errors_are_on_by_default_and_off_in_the_source() -> None:
         "internal_pressure_percent": 5.0,
         "dynamic_pressure_percent": 1.0,
         "clamp_compliance_mm": 0.0,
+        "row_orientation_deg": 0.0,
+        "wall_harmonic_percent": 0.0,
+        "wall_taper_percent": 0.0,
+        "wall_second_harmonic_percent": 0.0,
+        "region_modulus_percent": 0.0,
+        "joint_softness_mm": 0.0,
+        "transverse_sensitivity_percent": 0.0,
     }
     assert set(stated) == set(HARDWARE_ERRORS)
     plain = Noise(std_um_per_m=0.4)

@@ -19,6 +19,8 @@ STEP = 1e-3
 AFT, FORE, AROUND, BACK = "moved aft", "moved fore", "moved around", "moved back"
 TURNED_AROUND, TURNED_BACK = "turned around", "turned back"
 
+DISPLACED = (AFT, FORE, AROUND, BACK, TURNED_AROUND, TURNED_BACK)
+
 
 def displaced_name(layout: str, how: str) -> str:
     """Return the name of ``layout`` displaced, ``how`` being one of the six ways."""
@@ -27,7 +29,7 @@ def displaced_name(layout: str, how: str) -> str:
 
 def is_displaced(name: str) -> bool:
     """Return whether a layout's name is one of :func:`displaced_name`."""
-    return any(name.endswith(f" ({how})") for how in (AFT, FORE, AROUND, BACK, TURNED_AROUND, TURNED_BACK))
+    return any(name.endswith(f" ({how})") for how in DISPLACED)
 
 
 def displaced_gauges(layout: str, gauges: Gauges, body: BodyOfRevolution) -> dict[str, Gauges]:

@@ -7,12 +7,12 @@ by kind: (n_d, ..) where each gauge has its own parameter, or one for the whole 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 
 import numpy as np
 
-from builder.calibration.as_built.parameters import AsBuiltParameters, Counts
-from builder.structure.as_built_kinds import AS_BUILT, KINDS
+from builder.structure.as_built.vehicle import AsBuilt, Counts
+from builder.structure.as_built_kinds import AS_BUILT, IN_NOISE, KINDS
+from builder.vehicle.map.options import Noise
 from strainfmu.arrays import FloatArray
 
 Key = tuple[str, int]
@@ -29,7 +29,7 @@ def derivative_keys(counts: Counts) -> list[Key]:
     ]
 
 
-def uncertain_keys(std: AsBuiltParameters, in_flight: bool = False) -> list[Key]:
+def uncertain_keys(std: AsBuilt, in_flight: bool = False) -> list[Key]:
     """Return the keys of parameters whose standard deviation is not zero; those alone that strain in flight
     depends on, where it is ``in_flight`` that they are needed."""
     return [
@@ -40,14 +40,24 @@ def uncertain_keys(std: AsBuiltParameters, in_flight: bool = False) -> list[Key]
     ]
 
 
+def stated_keys(noise: Noise, counts: Counts) -> list[Key]:
+    """Return the keys of errors in proportion to strain that the section [noise] states, in the order of draws."""
+    return [
+        (kind.name, number)
+        for kind in IN_NOISE
+        if kind in AS_BUILT and kind.noise_std(noise) > 0.0
+        for number in range(1 if kind.extent == "gauge" else counts.in_flight(kind))
+    ]
+
+
 def of_gauges(key: Key) -> bool:
     """Return whether every gauge has its own parameter of a kind."""
     return KINDS[key[0]].extent == "gauge"
 
 
 def parameter_derivatives(
-    evaluate: Callable[[AsBuiltParameters], FloatArray],
-    parameters: AsBuiltParameters,
+    evaluate: Callable[[AsBuilt], FloatArray],
+    parameters: AsBuilt,
     keys: Sequence[Key] | None = None,
 ) -> dict[Key, FloatArray]:
     """Return the derivative of ``evaluate`` (n_d, ..), readings without zeros that go with 1 / E, by ``keys``.
@@ -71,12 +81,12 @@ def parameter_derivatives(
 
 
 def _difference(
-    evaluate: Callable[[AsBuiltParameters], FloatArray], parameters: AsBuiltParameters, kind: str, region: int
+    evaluate: Callable[[AsBuilt], FloatArray], parameters: AsBuilt, kind: str, region: int
 ) -> FloatArray:
     held = getattr(parameters, kind)
     step = KINDS[kind].step
     change = np.full(len(held), step)
     if KINDS[kind].extent not in ("gauge", "vehicle"):
         change[np.arange(len(held)) != region] = 0.0
-    plus, minus = (evaluate(replace(parameters, **{kind: held + sign * change})) for sign in (1.0, -1.0))
+    plus, minus = (evaluate(parameters.changed(**{kind: held + sign * change})) for sign in (1.0, -1.0))
     return np.asarray((plus - minus) / (2.0 * step))

@@ -6,7 +6,7 @@ a(s) = b K^-1 follows to second order from
 
     a_0 = b_0 K_0^-1,  a_1 = (b_1 - a_0 K_1) K_0^-1,  a_2 = (b_2 - a_1 K_1 - a_0 K_2) K_0^-1.
 
-An uneven wall changes it to first order, see :mod:`builder.calibration.as_built.wall_harmonics`.
+An uneven wall changes it to first order, see :mod:`builder.structure.as_built.wall_harmonics`.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.sparse import csc_array
 
-from builder.calibration.as_built.wall_harmonics import SIDES, WAVES, HarmonicProduct, neighbour_weight, reflected
+from builder.structure.as_built.wall_harmonics import SIDES, WAVES, HarmonicProduct, neighbour_weight, reflected
 from builder.structure.fourier.fourier_elasticity import (
     FourierStiffness,
     HarmonicSolver,

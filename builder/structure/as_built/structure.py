@@ -21,21 +21,22 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from builder.calibration.as_built.parameters import AsBuiltParameters, Counts, exactly_built
-from builder.calibration.as_built.response_tables import (
+from builder.reporting import Progress
+from builder.structure.as_built.counts import counts_of_wall
+from builder.structure.as_built.gauges import WallGauges, gain_of, operator_of, rows_of
+from builder.structure.as_built.response_tables import (
     QUARTER,
     LoadResponse,
     ResponseTable,
-    direction_weights,
     even_amplitudes,
     nominal_table,
     side_phases,
     uneven_amplitudes,
 )
-from builder.calibration.as_built.wall_harmonics import WAVES, quarter_turns, rolled_quarter, times_waves
-from builder.calibration.as_built.wall_regions import WallRegions, thickened, wall_regions
-from builder.calibration.as_built.wall_states import WALL_STEP, Adjoint, WallStates, wall_states
-from builder.reporting import Progress
+from builder.structure.as_built.vehicle import AsBuilt, Counts, exactly_built
+from builder.structure.as_built.wall_harmonics import WAVES, rolled_quarter, times_waves
+from builder.structure.as_built.wall_regions import WallRegions, thickened, wall_regions
+from builder.structure.as_built.wall_states import WALL_STEP, Adjoint, WallStates, wall_states
 from builder.structure.fourier.gauges import PlacedGauges
 from builder.structure.fourier.inner_surface import inner_surface_points
 from builder.structure.fourier.model import place_layouts, structural_model_on, with_mesh_error
@@ -50,7 +51,7 @@ from builder.vehicle.file import Vehicle
 from builder.vehicle.gauges.layout import GaugeLayout
 from builder.vehicle.model_entries import Resolution
 from builder.vehicle.shape.geometry import SurfaceGrid, surface_grid
-from strainfmu.arrays import FloatArray, IntArray
+from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 
 SHIFT = 1e-3
@@ -75,9 +76,7 @@ class AsBuiltStructure:
     surface : pressure nodes.
     regions : of the wall.
     gauges : names, positions and directions by the drawing.
-    placed : the gauges on the inner surface.
-    radius : (n_d,) of the inner surface at the gauges [m].
-    row : (n_d,) number of the row of each gauge: those at one roll angle.
+    on_wall : the gauges on the inner surface.
     solved : the vehicle whose wall was solved for, without other errors; others are taken from there.
     states : adjoint solutions.
     pressure : table per pressure at the stations of ``surface`` [1/Pa], which lead.
@@ -87,10 +86,8 @@ class AsBuiltStructure:
     surface: SurfaceGrid
     regions: WallRegions
     gauges: GaugeLayout
-    placed: PlacedGauges
-    radius: FloatArray
-    row: IntArray
-    solved: AsBuiltParameters
+    on_wall: WallGauges
+    solved: AsBuilt
     states: WallStates
     pressure: ResponseTable
     _mesh_error: Callable[[], FloatArray | None]
@@ -101,8 +98,12 @@ class AsBuiltStructure:
         return self._mesh_error()
 
     @property
+    def placed(self) -> PlacedGauges:
+        return self.on_wall.placed
+
+    @property
     def n_gauges(self) -> int:
-        return len(self.radius)
+        return len(self.on_wall.radius)
 
     @property
     def n_regions(self) -> int:
@@ -118,24 +119,16 @@ class AsBuiltStructure:
         """First and last station of the outer surface [m]."""
         return self.states.forces[0].outer_span
 
-    def exactly_built(self) -> AsBuiltParameters:
+    def exactly_built(self) -> AsBuilt:
         """Return the parameters of the vehicle of the file: zeros."""
         return exactly_built(self.counts)
 
-    def strain_operator(self, parameters: AsBuiltParameters) -> FloatArray:
+    def strain_operator(self, parameters: AsBuilt) -> FloatArray:
         """Return Z_p (n_d, n_p) [1/Pa]: reading, without zeros, per pressure at every node of ``surface``."""
-        cosine, sine = self._pressure_parts(parameters)
-        grid = self.surface
-        m = np.arange(cosine.shape[1])
-        weight = np.where((m == 0) | (2 * m == grid.n_roll), 1.0, 2.0)[:, None] / grid.n_roll
-        angle = m[:, None] * grid.roll_angle
-        z = cosine.transpose(2, 0, 1) @ (weight * np.cos(angle)) + sine.transpose(2, 0, 1) @ (
-            weight * np.sin(angle)
-        )
-        gain = gain_of(parameters) / (1.0 + parameters.youngs_modulus)
-        return np.asarray(gain[:, None] * z.reshape(self.n_gauges, grid.n_nodes))
+        found = self.on_wall.parts(self.pressure, parameters, self._thickness(parameters))
+        return operator_of(found, parameters, self.surface)
 
-    def load_strain(self, parameters: AsBuiltParameters, loads: Sequence[Load]) -> FloatArray:
+    def load_strain(self, parameters: AsBuilt, loads: Sequence[Load]) -> FloatArray:
         """Return what every gauge reads under loads that act together, without zeros, (n_d,) [m/m].
 
         Raises
@@ -148,7 +141,7 @@ class AsBuiltStructure:
             found += self.response_strain(parameters, self.response(load))
         return found
 
-    def reading(self, parameters: AsBuiltParameters, loads: Sequence[Load]) -> FloatArray:
+    def reading(self, parameters: AsBuilt, loads: Sequence[Load]) -> FloatArray:
         """Return what every gauge reads, zeros included, (n_d,) [m/m]; errors as :meth:`load_strain`."""
         return self.load_strain(parameters, loads) + parameters.zero
 
@@ -160,10 +153,10 @@ class AsBuiltStructure:
             self._responses[load] = self._solved_response(load)
         return self._responses[load]
 
-    def response_strain(self, parameters: AsBuiltParameters, response: LoadResponse) -> FloatArray:
+    def response_strain(self, parameters: AsBuilt, response: LoadResponse) -> FloatArray:
         """Return the readings (n_d,) [m/m] under the load of ``response``, (n_loads, n_d) under several."""
         thickness, station = self._thickness(parameters), self.states.station
-        roll = self._roll_angle(parameters)
+        roll = self.on_wall.roll_angle(parameters)
         even = even_amplitudes(response.table, parameters, thickness, station)  # 2, .., n_m, n_d, 3
         n_m = even.shape[-3]
         phase = np.arange(n_m)[:, None] * roll
@@ -172,7 +165,7 @@ class AsBuiltStructure:
             phases = side_phases(roll - turned * QUARTER / wave, n_m, wave)
             for (cosine, sine, factor), part in zip(phases, parts, strict=True):
                 strain = strain + factor[:, None] * _at_roll(part, cosine, sine)
-        normal, shear = self._direction_weights(parameters)
+        normal, shear = self.on_wall.direction_weights(parameters)
         reading = (normal * strain[..., :2]).sum(axis=-1) + shear * strain[..., 2]
         stiffness = 1.0 + parameters.youngs_modulus * np.asarray(response.by_stress)[..., None]
         weight = 1.0 + parameters.mass * np.asarray(response.by_mass)[..., None]
@@ -235,37 +228,7 @@ class AsBuiltStructure:
             by_mass=isinstance(load, OF_MASS),
         )
 
-    def _pressure_parts(self, parameters: AsBuiltParameters) -> tuple[FloatArray, FloatArray]:
-        """Return (n_x, n_m, n_d) strain in the gauges' directions per cos(m phi) and sin(m phi) of a pressure."""
-        thickness, station = self._thickness(parameters), self.states.station
-        roll = self._roll_angle(parameters)
-        normal, shear = self._direction_weights(parameters)
-
-        def directed(amplitude: FloatArray, cosine: FloatArray, sine: FloatArray) -> tuple[FloatArray, FloatArray]:
-            even = (amplitude[..., :2] * normal).sum(axis=-1)
-            odd = amplitude[..., 2] * shear
-            return even * cosine + odd * sine, even * sine - odd * cosine
-
-        found = even_amplitudes(self.pressure, parameters, thickness, station)
-        n_m = found.shape[-3]
-        phase = np.arange(n_m)[:, None] * roll
-        cosine, sine = directed(found, np.cos(phase), np.sin(phase))
-        for wave, turned, parts in uneven_amplitudes(self.pressure, parameters, station):
-            sums = np.zeros((2, *cosine.shape))
-            phases = side_phases(roll - turned * QUARTER / wave, n_m, wave)
-            for (cos_m, sin_m, factor), part in zip(phases, parts, strict=True):
-                sums += factor * np.stack(directed(part, cos_m, sin_m))
-            # cos n(phi - pi/2) = cos(n pi/2) cos(n phi) + sin(n pi/2) sin(n phi), and so for the sine.
-            c, s = quarter_turns(turned * np.arange(n_m)[:, None], wave)
-            cosine = cosine + c * sums[0] - s * sums[1]
-            sine = sine + s * sums[0] + c * sums[1]
-        return cosine, sine
-
-    def _direction_weights(self, parameters: AsBuiltParameters) -> tuple[FloatArray, FloatArray]:
-        placed = self.placed
-        return direction_weights(placed.meridional, placed.circumferential, parameters, self.row)
-
-    def _thickness(self, parameters: AsBuiltParameters) -> FloatArray:
+    def _thickness(self, parameters: AsBuilt) -> FloatArray:
         """Return (2 n_r,) thickness and taper of the regions over those that were solved for."""
         one, other = (
             np.concatenate([built.wall_thickness, built.wall_taper]) for built in (parameters, self.solved)
@@ -275,10 +238,6 @@ class AsBuiltStructure:
         if len(self.states.soft) == 2 + self.counts.joint and parameters.region_modulus.any():
             raise InputError("this structure was solved for one modulus; calibration.region_modulus_percent is 0")
         return np.asarray(one - other)
-
-    def _roll_angle(self, parameters: AsBuiltParameters) -> FloatArray:
-        shift = parameters.circumferential_shift / self.radius
-        return np.asarray(self.placed.roll_angle + parameters.layout_roll + shift)
 
 
 def as_built_structure(
@@ -290,6 +249,7 @@ def as_built_structure(
     max_harmonic: int = MAX_HARMONIC,
     progress: Progress | None = None,
     known_taper: FloatArray | None = None,
+    surface: SurfaceGrid | None = None,
 ) -> AsBuiltStructure:
     """Solve the structure of a vehicle for what may be as it was built.
 
@@ -303,6 +263,7 @@ def as_built_structure(
     progress : called with (harmonics done, harmonics in all).
     known_taper : (n_r,) relative thickness by which regions of known thickness grow from their middle to their
         aft end; none by default.
+    surface : pressure nodes; those of the resolution by default.
 
     Raises
     ------
@@ -314,17 +275,19 @@ def as_built_structure(
     resolution = resolution or vehicle.resolution.map
     wall, regions = wall_of(vehicle), wall_regions(vehicle)
     if not wall.is_plain or wall.profile or wall.flight is not None or wall.foundation is not None:
-        raise InputError("calibration needs a wall of one thickness and material, clamped aft, without frames")
+        raise InputError(
+            "calibration and errors by region need a clamped wall of one thickness and material, without frames"
+        )
     drawing = shell_mesh(vehicle.body(), wall, 1e-3 * resolution.element_length_mm, resolution.wall_layers)
     layouts, all_placed = place_layouts(vehicle, drawing, [layout])
     placed, mesh = all_placed[layout], drawing
-    built = exactly_built(_counts(vehicle, placed))
+    built = exactly_built(counts_of_wall(vehicle, placed.roll_angle))
     if known_thickness is not None:
         taper = np.zeros(len(regions)) if known_taper is None else np.asarray(known_taper, dtype=float)
-        built = replace(built, wall_thickness=np.asarray(known_thickness, dtype=float), wall_taper=taper)
+        built = built.changed(wall_thickness=known_thickness, wall_taper=taper)
         mesh = thickened(drawing, wall, regions, built.wall_thickness, taper)
     at_gauge = inner_surface_points(drawing, placed.x)
-    grid = surface_grid(vehicle.body(), resolution.surface_stations, resolution.surface_roll_angles)
+    grid = surface or surface_grid(vehicle.body(), resolution.surface_stations, resolution.surface_roll_angles)
     states = wall_states(
         mesh=mesh,
         wall=wall,
@@ -335,7 +298,7 @@ def as_built_structure(
         max_harmonic=max(max_harmonic, resolution.harmonics),
         with_regions=known_thickness is None,
         joints=vehicle.calibration.joint_stations_m,
-        with_moduli=vehicle.calibration.region_modulus_percent > 0.0,
+        with_moduli=max(vehicle.calibration.region_modulus_percent, vehicle.noise.region_modulus_percent) > 0.0,
         progress=progress,
     )
     load = pressure_load(mesh, grid.x).toarray().reshape(len(mesh.node), 3, -1)[states.rows.outer]
@@ -343,9 +306,9 @@ def as_built_structure(
         surface=grid,
         regions=regions,
         gauges=layouts[layout],
-        placed=placed,
-        radius=at_gauge.radius,
-        row=_rows(placed),
+        on_wall=WallGauges(
+            placed=placed, radius=at_gauge.radius, row=rows_of(placed.roll_angle), station=states.station
+        ),
         solved=built,
         states=states,
         pressure=_pressure_table(states, load.reshape(-1, load.shape[-1]), resolution.harmonics + 1),
@@ -353,35 +316,9 @@ def as_built_structure(
     )
 
 
-def counts_of(vehicle: Vehicle, layout: str) -> Counts:
-    """Return the numbers of what has parameters of its own in a vehicle with the gauges of ``layout``."""
-    resolution = vehicle.resolution.map
-    mesh = shell_mesh(
-        vehicle.body(), wall_of(vehicle), 1e-3 * resolution.element_length_mm, resolution.wall_layers
-    )
-    return _counts(vehicle, place_layouts(vehicle, mesh, [layout])[1][layout])
-
-
-def _counts(vehicle: Vehicle, placed: PlacedGauges) -> Counts:
-    joints = vehicle.calibration.joint_stations_m
-    row = int(_rows(placed).max()) + 1
-    return Counts(gauge=len(placed.x), region=len(wall_regions(vehicle)), row=row, joint=len(joints))
-
-
-def _rows(placed: PlacedGauges) -> IntArray:
-    """Return (n_d,) the row of each gauge, numbered by roll angle."""
-    rounded = np.mod(np.round(np.mod(placed.roll_angle, 2.0 * np.pi), 6), np.round(2.0 * np.pi, 6))
-    return np.unique(rounded, return_inverse=True)[1]
-
-
 def _mesh_error(vehicle: Vehicle, grid: SurfaceGrid, resolution: Resolution, layout: str) -> FloatArray | None:
     drawing = structural_model_on(vehicle, grid, resolution, [layout])
     return with_mesh_error(drawing, vehicle, resolution).error_operator(layout)
-
-
-def gain_of(parameters: AsBuiltParameters) -> FloatArray:
-    """Return (n_d,) reading per strain."""
-    return np.asarray((1.0 + parameters.common_gain) * (1.0 + parameters.gauge_gain))
 
 
 def _at_roll(amplitude: FloatArray, cosine: FloatArray, sine: FloatArray) -> FloatArray:

@@ -1,5 +1,7 @@
 """Strain amplitudes under one kind of load as polynomials of the wall and of the gauges' stations.
 
+Vehicles may be many at once (.., n): these lead then, ahead of what leads in a table.
+
 Amplitudes are arrays (.., n_m, n_s, 3): harmonic in roll angle, station, and meridional, hoop and shear strain.
 What leads is the load's: its two families of harmonics, or the stations of a pressure.
 """
@@ -11,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from builder.calibration.as_built.parameters import AsBuiltParameters
-from builder.calibration.as_built.wall_harmonics import SIDES, WAVES
+from builder.structure.as_built.vehicle import AsBuilt
+from builder.structure.as_built.wall_harmonics import SIDES, WAVES
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 
 QUARTER = 0.5 * np.pi
@@ -25,9 +27,9 @@ class ResponseTable:
     Attributes
     ----------
     nominal : (.., n_m, n_s, 3).
-    along, along_twice : the same per metre along the surface and per its square.
-    wall, wall_twice : (2 n_r, .., n_m, n_s, 3) per relative thickness and per taper of each region, and per their
-        squares.
+    along, along_twice : the same per metre along the surface and per its square; None for none.
+    wall, wall_twice : (n_t, .., n_m, n_s, 3) per relative thickness of each region, or of the whole wall, then per
+        taper of each region, and per their squares.
     uneven : (n_w, 2, n_r, 3 sides, .., n_m, n_s, 3) per wall harmonic w as cos(w phi) and, in a frame rolled by a
         quarter of its period, as sin(w phi); the strain goes round the body by n + w side.
     soft : (n_soft, .., n_m, n_s, 3) per compliance of the clamp along and across the body, then of each joint,
@@ -38,8 +40,8 @@ class ResponseTable:
     """
 
     nominal: FloatArray
-    along: FloatArray
-    along_twice: FloatArray
+    along: FloatArray | None
+    along_twice: FloatArray | None
     wall: FloatArray
     wall_twice: FloatArray
     uneven: FloatArray
@@ -71,8 +73,8 @@ def nominal_table(amplitude: FloatArray, n_regions: int) -> ResponseTable:
     none = np.zeros((0, *amplitude.shape))
     return ResponseTable(
         nominal=amplitude,
-        along=np.zeros_like(amplitude),
-        along_twice=np.zeros_like(amplitude),
+        along=None,
+        along_twice=None,
         wall=none,
         wall_twice=none,
         uneven=np.zeros((len(WAVES), 2, n_regions, 3, *amplitude.shape)),
@@ -111,8 +113,8 @@ def stacked_tables(tables: Sequence[ResponseTable]) -> ResponseTable:
     weighs = any(one.region_mass is not None for one in tables)
     return ResponseTable(
         nominal=stacked([one.nominal for one in tables]),
-        along=stacked([one.along for one in tables]),
-        along_twice=stacked([one.along_twice for one in tables]),
+        along=stacked([_or_none(one.along, one.nominal) for one in tables]),
+        along_twice=stacked([_or_none(one.along_twice, one.nominal) for one in tables]),
         wall=by_region("wall"),
         wall_twice=by_region("wall_twice"),
         uneven=stacked([one.uneven for one in tables]),
@@ -120,6 +122,10 @@ def stacked_tables(tables: Sequence[ResponseTable]) -> ResponseTable:
         uneven_load=stacked(uneven) if changes else None,
         region_mass=stacked(mass) if weighs else None,
     )
+
+
+def _or_none(change: FloatArray | None, nominal: FloatArray) -> FloatArray:
+    return np.zeros_like(nominal) if change is None else change
 
 
 def together(responses: Sequence[LoadResponse]) -> LoadResponse:
@@ -133,72 +139,84 @@ def together(responses: Sequence[LoadResponse]) -> LoadResponse:
 
 
 def even_amplitudes(
-    table: ResponseTable, parameters: AsBuiltParameters, thickness: FloatArray, station: IntArray
+    table: ResponseTable, parameters: AsBuilt, thickness: FloatArray, station: IntArray
 ) -> FloatArray:
     """Return (.., n_m, n_d, 3) at the gauges, of the part that goes round the body as the load does.
 
-    ``thickness`` (2 n_r,) is thickness and taper of the wall over the table's.
+    ``thickness`` (.., n_t) is what the rows of :attr:`ResponseTable.wall` are multiplied by, or (.., n_d) what
+    each gauge sees of the first one.
     """
-    found = table.nominal
-    if len(table.wall):
+    found, lead = table.nominal, table.nominal.ndim - 3
+    of_each = thickness.shape[-1] != len(table.wall)
+    if len(table.wall) and not of_each:
         found = found + np.tensordot(thickness, table.wall, 1) + np.tensordot(thickness**2, table.wall_twice, 1)
     if table.uneven_load is not None:
         found = found + np.tensordot(_waves(parameters), table.uneven_load, 3)
     if table.region_mass is not None:
         found = found + np.tensordot(parameters.region_mass, table.region_mass, 1)
     if len(table.soft):
-        found = found + np.tensordot(_softness(parameters)[: len(table.soft)], table.soft, 1)
-    shift = parameters.axial_shift[:, None]
-    return np.asarray(
-        found[..., station, :]
-        + shift * (table.along[..., station, :] + shift * table.along_twice[..., station, :])
-    )
+        found = found + np.tensordot(_softness(parameters)[..., : len(table.soft)], table.soft, 1)
+    found = found[..., station, :]
+    if len(table.wall) and of_each:
+        t = at_gauges(thickness, lead)[..., None]
+        found = found + t * (table.wall[0][..., station, :] + t * table.wall_twice[0][..., station, :])
+    if table.along is None:
+        return found
+    shift = at_gauges(parameters.axial_shift, lead)[..., None]
+    slope = table.along[..., station, :]
+    if table.along_twice is not None:
+        slope = slope + shift * table.along_twice[..., station, :]
+    return np.asarray(found + shift * slope)
+
+
+def at_gauges(value: FloatArray, lead: int, dimensions: int = 1) -> FloatArray:
+    """Return ``value`` (.., n_d) with places for harmonics and for the ``lead`` dimensions of a table, behind the
+    vehicles; its last ``dimensions`` are the gauges' own."""
+    vehicles, own = value.shape[:-dimensions], value.shape[-dimensions:]
+    return value.reshape(*vehicles, *[1] * (lead + 1), *own)
 
 
 def uneven_amplitudes(
-    table: ResponseTable, parameters: AsBuiltParameters, station: IntArray
+    table: ResponseTable, parameters: AsBuilt, station: IntArray
 ) -> Iterator[tuple[int, int, FloatArray]]:
     """Yield the parts of the uneven wall: its harmonic w, quarters of its period that it is rolled by, amplitudes.
 
-    These are (3 sides, .., n_m, n_d, 3). An even wall has no parts.
+    These are (3 sides, .., n_m, n_d, 3), of one vehicle. An even wall has no parts.
     """
+    if not is_uneven(parameters):
+        return
     for wave, by_frame, tables in zip(WAVES, _waves(parameters), table.uneven, strict=True):
         for turned, (size, part) in enumerate(zip(by_frame, tables, strict=True)):
             if size.any():
                 yield wave, turned, np.tensordot(size, part, 1)[..., station, :]
 
 
-def _softness(parameters: AsBuiltParameters) -> FloatArray:
-    """Return (2 + n_joints + n_r,) what the rows of :attr:`ResponseTable.soft` are multiplied by.
+def _softness(parameters: AsBuilt) -> FloatArray:
+    """Return (.., 2 + n_joints + n_r) what the rows of :attr:`ResponseTable.soft` are multiplied by.
 
     A region's strain goes with its compliance, 1 / (1 + e), nearly in proportion; so the line is one in that.
     """
     stiffer = parameters.region_modulus / (1.0 + parameters.region_modulus)
     soft = parameters.clamp_axial, parameters.clamp_transverse, parameters.joint_softness
-    return np.concatenate([*soft, stiffer])
+    return np.concatenate(of_all_vehicles(*soft, stiffer), axis=-1)
 
 
-def _waves(parameters: AsBuiltParameters) -> FloatArray:
-    """Return (n_w, 2, n_r) cosine and sine parts of the thickness, for each of :data:`WAVES`."""
-    first = (parameters.wall_cosine, parameters.wall_sine)
-    return np.array([first, (parameters.wall_second_cosine, parameters.wall_second_sine)])
+def _waves(parameters: AsBuilt) -> FloatArray:
+    """Return (.., n_w, 2, n_r) cosine and sine parts of the thickness, for each of :data:`WAVES`."""
+    first = parameters.wall_cosine, parameters.wall_sine
+    parts = of_all_vehicles(*first, parameters.wall_second_cosine, parameters.wall_second_sine)
+    return np.stack([np.stack(parts[:2], axis=-2), np.stack(parts[2:], axis=-2)], axis=-3)
 
 
-def direction_weights(
-    meridional: FloatArray, circumferential: FloatArray, parameters: AsBuiltParameters, row: IntArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return what a gauge makes of meridional, hoop and shear strain: (n_d, 2) and (n_d,).
+def of_all_vehicles(*values: FloatArray) -> list[FloatArray]:
+    """Return values (.., n) with the vehicles of all, where some are given once for all of them."""
+    lead = np.broadcast_shapes(*(one.shape[:-1] for one in values))
+    return [np.broadcast_to(one, (*lead, one.shape[-1])) for one in values]
 
-    The first arguments (n_d,) are the stated direction cosines, ``row`` (n_d,) is the row of each gauge. A gauge
-    reads strain along itself and, times its transverse sensitivity, across.
-    """
-    turn = parameters.orientation + parameters.row_orientation[row]
-    turn_c, turn_s = np.cos(turn), np.sin(turn)
-    c = turn_c * meridional - turn_s * circumferential
-    s = turn_s * meridional + turn_c * circumferential
-    across = parameters.transverse_sensitivity
-    normal = np.column_stack([c * c + across * s * s, s * s + across * c * c])
-    return normal, 2.0 * c * s * (1.0 - across)
+
+def is_uneven(parameters: AsBuilt) -> bool:
+    """Return whether the thickness of a wall goes round the body."""
+    return bool(_waves(parameters).any())
 
 
 def side_phases(roll_angle: FloatArray, n_m: int, wave: int) -> list[tuple[FloatArray, FloatArray, FloatArray]]:

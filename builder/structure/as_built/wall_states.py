@@ -12,7 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from builder.calibration.as_built.wall_changes import (
+from builder.reporting import Progress
+from builder.structure.as_built.wall_changes import (
     ElasticClamp,
     ExpectedWall,
     StifferRegion,
@@ -21,9 +22,8 @@ from builder.calibration.as_built.wall_changes import (
     UnevenChange,
     uneven_adjoint,
 )
-from builder.calibration.as_built.wall_harmonics import SIDES, WAVES, harmonic_product
-from builder.calibration.as_built.wall_regions import WallRegions, thickened
-from builder.reporting import Progress
+from builder.structure.as_built.wall_harmonics import SIDES, WAVES, harmonic_product
+from builder.structure.as_built.wall_regions import WallRegions, thickened
 from builder.structure.fourier.fourier_elasticity import FourierStiffness
 from builder.structure.fourier.gauges import PlacedGauges
 from builder.structure.fourier.meridian_mesh import MeridianMesh, line_nodes
@@ -124,9 +124,9 @@ class WallStates:
     nominal, fore, aft : of the wall as expected at the stations, and a step ahead of and behind them.
     thin, thick : per region, of a wall thinner and thicker there, then of one that tapers towards its aft end and
         towards its fore end; empty where the wall is known.
-    uneven : for each of :data:`~builder.calibration.as_built.wall_harmonics.WAVES`, (n_r, 3 sides) per region of a
+    uneven : for each of :data:`~builder.structure.as_built.wall_harmonics.WAVES`, (n_r, 3 sides) per region of a
         wall whose thickness goes as cos(wave phi), as in
-        :data:`~builder.calibration.as_built.wall_harmonics.SIDES`.
+        :data:`~builder.structure.as_built.wall_harmonics.SIDES`.
     soft : derivatives by the clamp's compliance along and across the body, then by the softness of each joint,
         then by the modulus of each region, where that is not known.
     forces : structures that give nodal forces only: of the wall as expected, thin ones, thick ones.

@@ -1,0 +1,1 @@
+"""The vehicle as built: what may differ from its drawing, and the strain that follows, Z(theta)."""

@@ -1,0 +1,136 @@
+"""What gauges as built make of the strain of a wall of revolution, of one vehicle or of many at once.
+
+Amplitudes are those of :mod:`builder.structure.as_built.response_tables`, per harmonic of a pressure.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from builder.structure.as_built.response_tables import (
+    QUARTER,
+    ResponseTable,
+    at_gauges,
+    even_amplitudes,
+    is_uneven,
+    side_phases,
+    uneven_amplitudes,
+)
+from builder.structure.as_built.vehicle import AsBuilt
+from builder.structure.as_built.wall_harmonics import quarter_turns
+from builder.structure.fourier.gauges import PlacedGauges
+from builder.structure.fourier.strain_operator import operator_in_roll
+from builder.vehicle.shape.geometry import SurfaceGrid
+from strainfmu.arrays import FloatArray, IntArray
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class BuiltGauges:
+    """Gauges of a vehicle as built, without gain.
+
+    Attributes
+    ----------
+    even, odd : (.., n_m, n_d) response in the gauge's direction: cosine and sine part round the body, of the roll
+        angle from the pressure's crest.
+    roll_angle : (.., n_d) where the gauge is [rad].
+    """
+
+    even: FloatArray
+    odd: FloatArray
+    roll_angle: FloatArray
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class WallGauges:
+    """Gauges on the inner surface of a wall of revolution, by the drawing.
+
+    Attributes
+    ----------
+    placed : n_d gauges.
+    radius : (n_d,) of the inner surface there [m].
+    row : (n_d,) number of the row of each gauge: those at one roll angle.
+    station : (n_d,) number of the station of each gauge in tables.
+    """
+
+    placed: PlacedGauges
+    radius: FloatArray
+    row: IntArray
+    station: IntArray
+
+    def roll_angle(self, built: AsBuilt) -> FloatArray:
+        """Return (.., n_d) where the gauges are [rad]."""
+        return np.asarray(self.placed.roll_angle + built.layout_roll + built.circumferential_shift / self.radius)
+
+    def direction_weights(self, built: AsBuilt) -> tuple[FloatArray, FloatArray]:
+        """Return what a gauge makes of meridional and hoop strain (.., n_d, 2), and of shear (.., n_d).
+
+        It reads strain along itself and, times its transverse sensitivity, across.
+        """
+        turn = turn_of(built, self.row)
+        turn_c, turn_s = np.cos(turn), np.sin(turn)
+        c = turn_c * self.placed.meridional - turn_s * self.placed.circumferential
+        s = turn_s * self.placed.meridional + turn_c * self.placed.circumferential
+        across = built.transverse_sensitivity
+        normal = np.stack([c * c + across * s * s, s * s + across * c * c], axis=-1)
+        return normal, 2.0 * c * s * (1.0 - across)
+
+    def parts(self, table: ResponseTable, built: AsBuilt, thickness: FloatArray) -> BuiltGauges:
+        """Return the response of the gauges under the pressures of ``table``; ``thickness`` as there."""
+        roll = self.roll_angle(built)
+        if roll.ndim > 1 and is_uneven(built):
+            return _stacked([self.parts(table, built.one_of(k), thickness[k]) for k in range(len(roll))])
+        lead = table.nominal.ndim - 3
+        normal, shear = self.direction_weights(built)
+        normal, shear = at_gauges(normal, lead, 2), at_gauges(shear, lead)
+        found = even_amplitudes(table, built, thickness, self.station)
+        even, odd = (found[..., :2] * normal).sum(axis=-1), found[..., 2] * shear
+        n_m = table.nominal.shape[-3]
+        phase = np.arange(n_m)[:, None] * roll[..., None, :]
+        for wave, turned, sides in uneven_amplitudes(table, built, self.station):
+            cosine, sine = np.zeros_like(even), np.zeros_like(even)
+            phases = side_phases(roll - turned * QUARTER / wave, n_m, wave)
+            for (cos_m, sin_m, factor), part in zip(phases, sides, strict=True):
+                along, across = (part[..., :2] * normal).sum(axis=-1), part[..., 2] * shear
+                cosine += factor * (along * cos_m + across * sin_m)
+                sine += factor * (along * sin_m - across * cos_m)
+            # cos n(phi - pi/2) = cos(n pi/2) cos(n phi) + sin(n pi/2) sin(n phi), and so for the sine.
+            c, s = quarter_turns(turned * np.arange(n_m)[:, None], wave)
+            cosine, sine = c * cosine - s * sine, s * cosine + c * sine
+            even = even + cosine * np.cos(phase) + sine * np.sin(phase)
+            odd = odd + cosine * np.sin(phase) - sine * np.cos(phase)
+        return BuiltGauges(even=even, odd=odd, roll_angle=roll)
+
+
+def _stacked(parts: Sequence[BuiltGauges]) -> BuiltGauges:
+    return BuiltGauges(
+        even=np.stack([one.even for one in parts]),
+        odd=np.stack([one.odd for one in parts]),
+        roll_angle=np.stack([one.roll_angle for one in parts]),
+    )
+
+
+def turn_of(built: AsBuilt, row: IntArray) -> FloatArray:
+    """Return (.., n_d) the turn of each gauge in the surface, its own and that of its ``row`` (n_d,) [rad]."""
+    of_row = built.row_orientation
+    return np.asarray(built.orientation + (of_row[..., row] if of_row.shape[-1] > 1 else of_row))
+
+
+def gain_of(built: AsBuilt) -> FloatArray:
+    """Return (.., n_d) reading per strain."""
+    return np.asarray((1.0 + built.common_gain) * (1.0 + built.gauge_gain))
+
+
+def operator_of(found: BuiltGauges, built: AsBuilt, grid: SurfaceGrid) -> FloatArray:
+    """Return Z_p (n_d, n_p) [1/Pa] of one vehicle from its response (n_x, n_m, n_d) to pressure on ``grid``."""
+    even, odd = (one.transpose(2, 1, 0) for one in (found.even, found.odd))
+    gain = gain_of(built) / (1.0 + built.youngs_modulus)
+    return np.asarray(gain[:, None] * operator_in_roll(even, odd, found.roll_angle, grid))
+
+
+def rows_of(roll_angle: FloatArray) -> IntArray:
+    """Return (n_d,) the row of each gauge, numbered by roll angle."""
+    rounded = np.mod(np.round(np.mod(roll_angle, 2.0 * np.pi), 6), np.round(2.0 * np.pi, 6))
+    return np.unique(rounded, return_inverse=True)[1]

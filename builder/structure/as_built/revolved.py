@@ -1,0 +1,256 @@
+"""A wall of revolution as built under pressure, solved for as few errors as a vehicle file states.
+
+The wall of the file, its thickness as a whole, the gauges' stations and the clamp have solutions of their own; all
+else follows from :mod:`builder.structure.as_built.structure`, which is solved where [noise] states such an error.
+Strain is a parabola in the thickness and a line along the meridian and in the compliance of the clamp. Roll and
+direction of the gauges are exact.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from builder.structure.as_built.counts import counts_in_flight
+from builder.structure.as_built.gauges import BuiltGauges, WallGauges, operator_of, rows_of
+from builder.structure.as_built.response_tables import ResponseTable, of_all_vehicles
+from builder.structure.as_built.structure import AsBuiltStructure, as_built_structure
+from builder.structure.as_built.vehicle import AsBuilt, Counts
+from builder.structure.as_built.wall_harmonics import WAVES
+from builder.structure.as_built.wall_regions import wall_regions
+from builder.structure.as_built_kinds import BY_REGION, KINDS
+from builder.structure.fourier.gauges import PlacedGauges
+from builder.structure.fourier.inner_surface import inner_surface_points
+from builder.structure.fourier.meridian_mesh import MeridianMesh
+from builder.structure.fourier.shell_mesh import shell_mesh, yielding_clamp
+from builder.structure.fourier.strain_operator import (
+    HarmonicResponse,
+    distinct_stations,
+    harmonic_response,
+    station_index,
+)
+from builder.structure.wall import wall_of
+from builder.vehicle.file import Vehicle
+from builder.vehicle.shape.geometry import SurfaceGrid
+from strainfmu.arrays import FloatArray
+from strainfmu.errors import InputError
+
+SHIFT = 1e-3
+"""Step along the meridian [m]."""
+
+CLAMP_STEP, RIGID = 2e-3, 1e-7
+"""Length of wall that yields as the clamp does, for its slope, and one that counts as none [m]."""
+
+CLAMP = ("clamp_axial", "clamp_transverse")
+
+SOLVED = ("axial_shift", "wall_thickness", *CLAMP)
+"""Kinds that have solutions of their own. Those of gauges need none."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class RevolvedStructure:
+    """Strain of every gauge per harmonic of the pressure, of any vehicle as built.
+
+    Attributes
+    ----------
+    names : of the n_d gauges.
+    on_wall : the gauges on the inner surface.
+    counts : numbers of what has errors of its own.
+    surface : the pressure nodes.
+    table : amplitudes per pressure at the stations of ``surface``, which lead [1/Pa].
+    solved : kinds among :data:`SOLVED` and :data:`~builder.structure.as_built_kinds.BY_REGION` that may differ.
+    """
+
+    names: tuple[str, ...]
+    on_wall: WallGauges
+    counts: Counts
+    surface: SurfaceGrid
+    table: ResponseTable
+    solved: frozenset[str]
+
+    @property
+    def placed(self) -> PlacedGauges:
+        return self.on_wall.placed
+
+    @property
+    def n_harmonics(self) -> int:
+        return int(self.table.nominal.shape[-3])
+
+    def parts(self, built: AsBuilt, table: ResponseTable | None = None) -> BuiltGauges:
+        """Return the gauges of a vehicle as ``built``, or of many at once.
+
+        ``table`` holds amplitudes under other pressures; None takes those per pressure at the stations.
+
+        Raises
+        ------
+        InputError
+            The structure was not solved for an error of ``built``.
+        """
+        for kind in (*SOLVED, *BY_REGION):
+            if kind not in self.solved and getattr(built, kind).any():
+                entry = KINDS[kind].noise
+                raise InputError(f"{KINDS[kind].in_words}: this structure was solved without; noise.{entry} is 0")
+        return self.on_wall.parts(self.table if table is None else table, built, self._thickness(built))
+
+    def _thickness(self, built: AsBuilt) -> FloatArray:
+        """Return (.., n_t) what the rows of the wall in the table are multiplied by, or (n_d,) as each gauge sees
+        it."""
+        whole = built.of_all("wall_thickness")
+        if "wall_taper" not in self.solved or whole.shape[-1] != 1:
+            return whole
+        rows = len(self.table.wall) - built.wall_taper.shape[-1]
+        return np.concatenate(of_all_vehicles(whole[..., :rows], built.wall_taper), axis=-1)
+
+    def strain_operator(self, built: AsBuilt) -> FloatArray:
+        """Return Z_p (n_d, n_p) [1/Pa] of one vehicle: reading per pressure at every node of ``surface``."""
+        return operator_of(self.parts(built), built, self.surface)
+
+
+def revolved_structure(
+    vehicle: Vehicle,
+    layout: str,
+    names: tuple[str, ...],
+    placed: PlacedGauges,
+    nominal: HarmonicResponse,
+    surface: SurfaceGrid,
+    kinds: Collection[str],
+    wall_step: float,
+) -> RevolvedStructure:
+    """Return the structure of gauges ``placed`` on the wall, solved for ``kinds`` of error.
+
+    Parameters
+    ----------
+    layout, names : of the gauges, and theirs.
+    nominal : response of the wall of the file at their stations, to pressure at the nodes of ``surface``.
+    wall_step : of the wall's thickness, relative to it.
+
+    Raises
+    ------
+    InputError
+        The wall does not fit the body, a gauge lies within a step of the end of its surface, or the clamp is none.
+    """
+    solved = frozenset(kinds).intersection((*SOLVED, *BY_REGION))
+    mesh, x = mesh_of_map(vehicle), distinct_stations(placed.x)
+    table = revolved_table(vehicle, nominal, x, surface, solved, wall_step)
+    if not solved.isdisjoint(BY_REGION):
+        by_region = as_built_structure(
+            vehicle,
+            layout,
+            vehicle.resolution.map.model_copy(update={"harmonics": nominal.max_harmonic}),
+            known_thickness=None if "wall_taper" in solved else np.zeros(len(wall_regions(vehicle))),
+            max_harmonic=nominal.max_harmonic,
+            surface=surface,
+        )
+        table = _with_regions(table, by_region, "wall_taper" in solved)
+    return RevolvedStructure(
+        names=names,
+        on_wall=WallGauges(
+            placed=placed,
+            radius=inner_surface_points(mesh, placed.x).radius,
+            row=rows_of(placed.roll_angle),
+            station=station_index(x, placed.x),
+        ),
+        counts=counts_in_flight(vehicle, placed.roll_angle),
+        surface=surface,
+        table=table,
+        solved=solved,
+    )
+
+
+def mesh_of_map(vehicle: Vehicle) -> MeridianMesh:
+    """Return the mesh of the wall at the resolution of the map."""
+    resolution = vehicle.resolution.map
+    return shell_mesh(
+        vehicle.body(), wall_of(vehicle), 1e-3 * resolution.element_length_mm, resolution.wall_layers
+    )
+
+
+def revolved_table(
+    vehicle: Vehicle,
+    nominal: HarmonicResponse,
+    x: FloatArray,
+    surface: SurfaceGrid,
+    kinds: Collection[str],
+    wall_step: float,
+) -> ResponseTable:
+    """Return the table of ``kinds`` among :data:`SOLVED` about the ``nominal`` response, at stations ``x`` (n_s,).
+
+    What changes is small: the mesh of the map shows it as well as a finer one. The rest is as in
+    :func:`revolved_structure`.
+    """
+    material, mesh = wall_of(vehicle).material, mesh_of_map(vehicle)
+
+    def at(on: MeridianMesh, *stations: FloatArray) -> list[FloatArray]:
+        response = harmonic_response(on, material, np.concatenate(stations), surface.x, nominal.max_harmonic)
+        return [amplitudes(response)[:, :, station_index(response.gauge_x, one)] for one in stations]
+
+    found = amplitudes(nominal)[:, :, station_index(nominal.gauge_x, x)]
+    along, wall_rows, soft = None, np.zeros((2, 0, *found.shape)), np.zeros((0, *found.shape))
+    if "axial_shift" in kinds:
+        step = SHIFT * inner_surface_points(mesh, x).tangent[:, 0]
+        fore, middle, aft = at(mesh, x - step, x, x + step)
+        along = (aft - fore) / (2.0 * SHIFT)
+    elif "wall_thickness" in kinds:
+        (middle,) = at(mesh, x)
+    if "wall_thickness" in kinds:
+        walls = (mesh_of_map(with_wall(vehicle, factor)) for factor in (1.0 - wall_step, 1.0 + wall_step))
+        thin, thick = (at(one, x)[0] for one in walls)
+        slope, bend = (thick - thin) / (2.0 * wall_step), (thick - 2.0 * middle + thin) / (2.0 * wall_step**2)
+        wall_rows = np.stack([slope[None], bend[None]])
+    if not set(CLAMP).isdisjoint(kinds):
+        lengths = (RIGID, RIGID), (CLAMP_STEP, RIGID), (RIGID, CLAMP_STEP)
+        held = [at(yielding_clamp(mesh, material, *one), x)[0] for one in lengths]
+        soft = np.array([held[1] - held[0], held[2] - held[0]]) / CLAMP_STEP
+    return ResponseTable(
+        nominal=found,
+        along=along,
+        along_twice=None,
+        wall=wall_rows[0],
+        wall_twice=wall_rows[1],
+        uneven=np.zeros((len(WAVES), 2, 0, 3, *found.shape)),
+        soft=soft,
+    )
+
+
+def _with_regions(table: ResponseTable, by_region: AsBuiltStructure, with_taper: bool) -> ResponseTable:
+    """Return ``table`` with changes by regions of the wall and by joints."""
+    other, n_r = by_region.pressure, by_region.n_regions
+    clamp = table.soft if len(table.soft) else other.soft[: len(CLAMP)]
+    found = replace(
+        table,
+        uneven=other.uneven,
+        soft=np.concatenate([clamp, other.soft[len(CLAMP) :]]),
+    )
+    if not with_taper:
+        return found
+    return replace(
+        found,
+        wall=np.concatenate([table.wall, other.wall[n_r:]]),
+        wall_twice=np.concatenate([table.wall_twice, other.wall_twice[n_r:]]),
+    )
+
+
+def amplitudes(response: HarmonicResponse) -> FloatArray:
+    """Return (n_x, n_m, n_s, 3) [1/Pa]."""
+    found = np.stack([response.meridional, response.hoop, response.shear])
+    return np.ascontiguousarray(found.transpose(3, 2, 1, 0))
+
+
+def each(table: ResponseTable, change: Callable[[FloatArray], FloatArray]) -> ResponseTable:
+    """Return the table with every array changed alike; ``change`` takes (.., n_x, n_m, n_s, 3)."""
+    found = {name: change(value) for name, value in vars(table).items() if value is not None}
+    return replace(table, **found)
+
+
+def with_wall(vehicle: Vehicle, factor: float) -> Vehicle:
+    """Return the vehicle with a wall ``factor`` as thick."""
+    changed = {
+        "wall_thickness_mm": factor * vehicle.structure.wall_thickness_mm,
+        "wall_thickness_at": [
+            one.model_copy(update={"thickness_mm": factor * one.thickness_mm})
+            for one in vehicle.structure.wall_thickness_at
+        ],
+    }
+    return vehicle.model_copy(update={"structure": vehicle.structure.model_copy(update=changed)})

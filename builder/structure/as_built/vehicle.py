@@ -1,0 +1,182 @@
+"""What a vehicle as built may have different from its drawing: one value of every kind, or many vehicles' at once.
+
+The kinds are listed in :mod:`builder.structure.as_built_kinds`. A calibration estimates those of
+:data:`~builder.structure.as_built_kinds.AS_BUILT` as one vector, in the order of the table.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from builder.structure.as_built_kinds import AS_BUILT, IN_FLIGHT, IN_NOISE, KINDS, ParameterKind
+from builder.vehicle.map.calibration import Calibration
+from strainfmu.arrays import FloatArray
+from strainfmu.errors import InputError
+
+GAUGE_KINDS = tuple(kind.name for kind in AS_BUILT if kind.extent == "gauge")
+"""Parameters of each gauge on its own."""
+
+HELD_KINDS = tuple(kind.name for kind in AS_BUILT if kind.taken_for_zero)
+"""Parameters of each region that the section [calibration] takes for zero unless it says otherwise."""
+
+
+class Counts(NamedTuple):
+    """Numbers of gauges, regions of the wall, rows of gauges at one roll angle, and joints: extents of kinds."""
+
+    gauge: int
+    region: int = 1
+    row: int = 1
+    joint: int = 0
+
+    def of(self, kind: ParameterKind) -> int:
+        """Return how many parameters a kind has."""
+        return 1 if kind.extent == "vehicle" else int(getattr(self, kind.extent))
+
+    def in_flight(self, kind: ParameterKind) -> int:
+        """Return how many errors of a kind a vehicle in flight has."""
+        return 1 if kind.is_one_in_flight else self.of(kind)
+
+
+@dataclass(frozen=True, eq=False)
+class AsBuilt:
+    """Errors of a vehicle; zero is the vehicle of the file.
+
+    Every kind of :data:`~builder.structure.as_built_kinds.AS_BUILT` and
+    :data:`~builder.structure.as_built_kinds.IN_FLIGHT` is an attribute of its name, (.., n) in SI: n is the number
+    of what has its own, 1 where all have the same, or that of the gauges where each sees another. What leads are
+    vehicles.
+
+    Attributes
+    ----------
+    counts : numbers of what has parameters of its own.
+    errors : by kind; those that are left out are 0.
+    """
+
+    counts: Counts
+    errors: Mapping[str, FloatArray]
+
+    def __post_init__(self) -> None:
+        found = {}
+        for kind in (*AS_BUILT, *IN_FLIGHT):
+            size = self.counts.of(kind)
+            value = np.asarray(self.errors.get(kind.name, np.zeros(size)), dtype=float)
+            if not value.ndim or value.shape[-1] not in {1, size, self.counts.gauge}:
+                raise InputError(f"{kind.name}: expected ({size},) values, got {value.shape}")
+            found[kind.name] = value
+        unknown = sorted(set(self.errors) - set(found))
+        if unknown:
+            raise InputError(f"vehicle as built: expected kinds {', '.join(found)}, got {', '.join(unknown)}")
+        object.__setattr__(self, "errors", found)
+
+    def __getattr__(self, name: str) -> FloatArray:
+        try:
+            found: FloatArray = self.__dict__["errors"][name]
+        except KeyError:
+            raise AttributeError(name) from None
+        return found
+
+    def changed(self, **errors: ArrayLike) -> AsBuilt:
+        """Return the vehicle with other errors of some kinds; a number is that of all."""
+        return AsBuilt(self.counts, {**self.errors, **{name: np.atleast_1d(one) for name, one in errors.items()}})
+
+    def one_of(self, number: int) -> AsBuilt:
+        """Return vehicle ``number`` of many."""
+        return AsBuilt(
+            self.counts, {name: value[number] if value.ndim > 1 else value for name, value in self.errors.items()}
+        )
+
+    def of_all(self, kind: str) -> FloatArray:
+        """Return (.., 1) what all regions have in common, or (n_d,) what each gauge sees.
+
+        Raises
+        ------
+        InputError
+            The regions differ.
+        """
+        value = self.errors[kind]
+        if value.shape[-1] in (1, self.counts.gauge):
+            return value
+        if np.ptp(value, axis=-1).any():
+            raise InputError(f"{kind}: expected one value for all regions, got {value}")
+        return value[..., :1]
+
+    @property
+    def vector(self) -> FloatArray:
+        """(n,) all parameters of a calibration, in the order of the table."""
+        return np.concatenate(
+            [np.broadcast_to(getattr(self, name), size) for name, size in _sizes(self.counts).items()]
+        )
+
+    @property
+    def n_gauges(self) -> int:
+        return self.counts.gauge
+
+    @property
+    def n_regions(self) -> int:
+        return self.counts.region
+
+    def of_vector(self, vector: FloatArray) -> AsBuilt:
+        """Return the parameters of ``vector`` (n,), as many of each kind as here."""
+        return AsBuilt(self.counts, {kind: vector[part] for kind, part in slices(self.counts).items()})
+
+    def record(self, kinds: Sequence[ParameterKind]) -> dict[str, Any]:
+        """Return the errors of ``kinds`` for a file: a number of the vehicle, or a list."""
+        return {
+            kind.name: self.of_all(kind.name).item() if kind.is_one_in_flight else self.errors[kind.name].tolist()
+            for kind in kinds
+        }
+
+
+def _sizes(counts: Counts) -> dict[str, int]:
+    return {kind.name: counts.of(kind) for kind in AS_BUILT}
+
+
+def slices(counts: Counts) -> dict[str, slice]:
+    """Return where each kind stands in the vector."""
+    found, start = {}, 0
+    for kind, size in _sizes(counts).items():
+        found[kind] = slice(start, start + size)
+        start += size
+    return found
+
+
+def parameter_names(gauge_names: Sequence[str], counts: Counts) -> tuple[str, ...]:
+    """Return a name for every entry of the vector."""
+    of: dict[str, Sequence[str]] = {
+        extent: [f"{extent} {k + 1}" for k in range(count)] for extent, count in counts._asdict().items()
+    }
+    of["gauge"] = gauge_names
+    return tuple(f"{kind.in_words} {one}".rstrip() for kind in AS_BUILT for one in of.get(kind.extent, [""]))
+
+
+def in_words(kind: str) -> str:
+    """Return the name of a kind as it is printed."""
+    return KINDS[kind].in_words
+
+
+def exactly_built(counts: Counts | int) -> AsBuilt:
+    """Return the vehicle of the file, without errors; ``counts`` may be the number of gauges alone."""
+    return AsBuilt(counts if isinstance(counts, Counts) else Counts(counts), {})
+
+
+def as_drawn(counts: Counts) -> AsBuilt:
+    """Return the vehicle of the file with as many numbers of each kind as [noise] states errors."""
+    return AsBuilt(counts, {kind.name: np.zeros(counts.in_flight(kind)) for kind in IN_NOISE})
+
+
+def prior_std(entry: Calibration, counts: Counts) -> AsBuilt:
+    """Return the standard deviation of every parameter before a test, from the section [calibration]."""
+    return AsBuilt(
+        counts, {kind: np.full(size, KINDS[kind].prior_std(entry)) for kind, size in _sizes(counts).items()}
+    )
+
+
+def drawn(std: AsBuilt, random: np.random.Generator) -> AsBuilt:
+    """Return a vehicle whose errors are drawn from normal distributions of the standard deviations ``std``."""
+    vector = std.vector
+    return std.of_vector(vector * random.standard_normal(len(vector)))
