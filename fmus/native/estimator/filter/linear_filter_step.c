@@ -20,10 +20,9 @@ static double innovation_limit(const Linear *linear) {
 
 static void set_sample(LinearFilter *filter, const Linear *linear) {
     const Map *map = linear->map;
-    filter->ratio = map->scaled ? linear->scaled.step.ratio : 1.0;
+    filter->ratio = linear->scaled.step.ratio;
     for (size_t g = 0; g < map->n_gauges; g++) {
-        const double expected = map->scaled ? map->form.fixed_strain[g] + filter->ratio * map->form.mean_strain[g]
-                                            : map->mean_strain[g];
+        const double expected = map->form.fixed_strain[g] + filter->ratio * map->form.mean_strain[g];
         filter->used[g] = linear->prepared.masked->mask[g];
         filter->apart[g] = filter->used[g] ? linear->inputs->strain[g] - expected : 0.0;
     }
@@ -67,13 +66,11 @@ static int is_positive(const double *covariance) {
 /* Deviations of loads and coefficients with the change of the covariance by the law; those of the sample alone where the
    laws hold larger errors than those at the current strain. */
 static void set_deviations(LinearFilter *filter, Linear *linear, const double *by, const double *scale) {
-    const int scaled = linear->map->scaled;
+    const ScaledStep *step = &linear->scaled.step;
     const double shift = moment_shift(linear->inputs), deviation = linear->flow.deviation;
-    double covariance[N_LOADS * N_LOADS], per_pressure[N_LOADS] = {0.0}, load[N_LOADS], coefficient[N_LOADS];
-    memcpy(covariance, scaled ? linear->scaled.step.covariance : linear->prepared.masked->load_covariance, sizeof covariance);
-    if (scaled) {
-        memcpy(per_pressure, linear->scaled.step.per_pressure, sizeof per_pressure);
-    }
+    double covariance[N_LOADS * N_LOADS], per_pressure[N_LOADS], load[N_LOADS], coefficient[N_LOADS];
+    memcpy(covariance, step->covariance, sizeof covariance);
+    memcpy(per_pressure, step->per_pressure, sizeof per_pressure);
     move_covariance(shift, covariance);
     move_moments(shift, per_pressure);
     int positive = 1;
