@@ -1,8 +1,8 @@
 /* Products with matrices in every step, laid out for registers.
 
    A panel is ROWS rows: ROWS elements lie together for each column, the ROWS sums stay in registers, and columns of zeros
-   make their number a multiple of DEPTH. Each row is summed in DEPTH parts, column k in part k % DEPTH, which are added at the end: the same order on
-   every processor. */
+   make their number a multiple of DEPTH. Each row is summed in DEPTH parts, column k in part k % DEPTH, which are added at
+   the end: the same order on every processor. */
 
 #ifndef DENSE_H
 #define DENSE_H

@@ -1,8 +1,7 @@
 /* Small dense linear algebra, in an order of operations that is the same on every platform.
 
    A packed upper triangle of order n holds its columns one after another, rows 0 .. j of column j: element (i, j) is
-   at j (j + 1) / 2 + i. Other matrices are stored by columns. No function allocates. Products with triangles in every
-   step: wide.h. */
+   at j (j + 1) / 2 + i. Other matrices are stored by columns. No function allocates. */
 
 #ifndef TRIANGLES_H
 #define TRIANGLES_H

@@ -8,19 +8,21 @@
 #include "../numerics/triangles.h"
 
 size_t lost_rows_doubles(size_t n) {
-    return dense_rows(n) + n * n + 2 * n;
+    return dense_rows(n) + n * (n + 1) + 2 * n;
 }
 
 void lost_rows_arrays(size_t n, LostRows *rows, double **doubles) {
     rows->root = taken(doubles, dense_rows(n));
-    rows->matrix = taken(doubles, n * n);
+    rows->matrix = taken(doubles, n * (n + 1));
     rows->head = taken(doubles, 2 * n);
 }
 
 static void decompose(const Scaled *scaled, const double *unresolved, const LostRows *rows) {
     const size_t n = scaled->map->n_gauges, n_lost = scaled->step.n_lost;
+    double *of_mean = rows->matrix + n_lost * n;
     for (size_t a = 0; a < n; a++) {
         rows->root[a] = sqrt(unresolved[a]);
+        of_mean[a] = rows->root[a] * scaled->step.of_mean[a];
     }
     for (size_t j = 0; j < n_lost; j++) {
         const double *column = scaled->map->form.whitening + scaled->step.lost[j] * n;
@@ -28,7 +30,7 @@ static void decompose(const Scaled *scaled, const double *unresolved, const Lost
             rows->matrix[j * n + a] = rows->root[a] * column[a];
         }
     }
-    householder_columns(scaled->wide, n, n_lost, n_lost, rows->matrix, rows->head);
+    householder_columns(scaled->wide, n, n_lost, n_lost + 1, rows->matrix, rows->head);
 }
 
 /* Q' D^-1/2 times a vector of directions: the first n_lost elements hold what lost gauges say of it. */
@@ -92,8 +94,7 @@ void lost_rows_prepare(Scaled *scaled) {
     if (scaled->of_gain != NULL) {
         decompose(scaled, scaled->of_gain, &step->gain);
     }
-    turn(scaled, &step->gain, step->of_mean, step->scratch[0]);
-    complete(scaled, step->scratch[0], scaled->mean_left);
+    complete(scaled, step->gain.matrix + step->n_lost * scaled->map->n_gauges, scaled->mean_left);
     set_growth(scaled);
     set_y(scaled);
 }

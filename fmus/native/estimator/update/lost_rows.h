@@ -9,7 +9,8 @@
 size_t lost_rows_doubles(size_t n);
 void lost_rows_arrays(size_t n, LostRows *rows, double **doubles);
 
-/* Of step->lost at step->unresolved, and at the u of the gain: step->truth, step->gain, Y and growth; of_mean is completed. */
+/* Of step->lost at step->unresolved, and at the u of the gain: step->truth, step->gain, Y and growth; of_mean is
+   completed. */
 void lost_rows_prepare(Scaled *scaled);
 
 /* Then, of a sample: chi-square and x; w is completed. */

@@ -63,10 +63,10 @@ static void reordered_triangle(int wide, size_t n, const double *packed, const s
     householder_triangle(wide, n, n, a);
 }
 
-/* Information that the gauges in use hold on a state, as a fraction of what all gauges hold: the minimum over the
-   states. The matrix work->first holds the reordered triangle R of the
-   residual, of which the leading block R_RR belongs to the missing gauges; with the triangle r of their noise whitening, the fraction is
-   the square of the smallest singular value of R_RR r^-1. */
+/* Information that the gauges in use hold on a state, as a fraction of what all gauges hold: the minimum over the states.
+   The matrix work->first holds the reordered triangle R of the residual, of which the leading block R_RR belongs to the
+   missing gauges; with the triangle r of their noise whitening, the fraction is the square of the smallest singular value of
+   R_RR r^-1. */
 static double information_left(const Map *map, size_t n_missing, Workspace *work) {
     const size_t n = map->n_gauges;
     double *r = work->second, *ratio = work->third;

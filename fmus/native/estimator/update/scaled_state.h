@@ -55,7 +55,7 @@ typedef struct {
 /* What lost gauges hold of the directions at u = 1 / D. */
 typedef struct {
     double *root;   /* (dense_rows(n_gauges)) D^-1/2 */
-    double *matrix; /* (n_gauges, n_lost) by columns: D^-1/2 V_R after QR */
+    double *matrix; /* (n_gauges, n_lost + 1) by columns: D^-1/2 of V_R and of V (m - d_0), after QR */
     double *head;   /* (2 n_gauges) of householder_columns */
 } LostRows;
 
