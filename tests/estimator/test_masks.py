@@ -85,6 +85,19 @@ def test_masked_estimator_is_the_estimator_of_a_rebuilt_map(model: GaussianModel
 
 
 @pytest.mark.fast
+def test_nothing_is_left_of_the_gauges_of_before() -> None:
+    """The core keeps four sets of gauges: a set in the place of another one, none estimated between them."""
+    inverse_map = map_of(random_model(n_gauges=9, n_states=3, seed=6))
+    estimator, used = Estimator(inverse_map), np.eye(9, dtype=bool)
+    expected = Estimator(inverse_map).estimate(inverse_map.mean_strain, Q, ~used[5])
+    estimator.estimate(inverse_map.mean_strain, Q, ~used[0])
+    for k in range(3):
+        assert estimator.estimate(inverse_map.mean_strain, Q, used[k]).health == HealthState.UNIDENTIFIED
+    found = estimator.estimate(inverse_map.mean_strain, Q, ~used[5])
+    np.testing.assert_array_equal(found.loads, expected.loads)
+    np.testing.assert_array_equal(found.loads_std, expected.loads_std)
+
+
 def test_without_any_gauge_there_is_no_estimate() -> None:
     """In Case 2 either, whose prior is left."""
     estimator = Estimator(map_of(random_model(gamma=1.0, n_states=40)))

@@ -77,6 +77,7 @@ def run_of(held: InverseMap, *, time_constant: float = 0.0) -> Run:
 
 RUNS: dict[str, Callable[[], Run]] = {
     "absolute": lambda: run_of(map_of(random_model(0.0, n_gauges=21, n_states=5))),
+    "absolute, few states": lambda: run_of(map_of(random_model(1e-2, n_gauges=SCALED, n_states=30))),
     "scaled": lambda: run_of(whole_scaled_map(1, seed=4, n=SCALED, n_states=5)),
     "warm": lambda: run_of(with_temperature(whole_scaled_map(2, seed=4, n=12, n_states=9), k=3, n_t=2)),
     "nonlinear": lambda: run_of(whole_map()),

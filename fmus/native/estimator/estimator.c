@@ -9,7 +9,7 @@
 #include "linear/linear.h"
 #include "linear/linear_other_loads.h"
 #include "numerics/arrays.h"
-#include "numerics/panels.h"
+#include "numerics/wide.h"
 #include "policies/flight_filter.h"
 #include "sample/readings.h"
 
@@ -25,7 +25,7 @@ static void connect(Estimator *e) {
     e->linear.inputs = &e->inputs;
     e->linear.output = e->output;
     e->linear.other_loads = &e->other_loads;
-    e->linear.wide = panels_wide();
+    e->linear.wide = wide_of_processor();
     e->renewal.linear = &e->linear;
     e->renewal.flight = &e->flight;
     e->renewal.thermal = &e->thermal;
@@ -36,7 +36,7 @@ static void connect(Estimator *e) {
     e->flight.loads = &e->other_loads;
 }
 
-/* One block for all arrays: doubles, then indices, floats and bytes. */
+/* One block for all arrays: doubles, then indices and bytes. */
 static int allocate(Estimator *e) {
     const Map *map = &e->map;
     const size_t n = map->n_gauges, n_inputs = inputs_count(&e->inputs);
@@ -44,17 +44,15 @@ static int allocate(Estimator *e) {
         linear_doubles(&e->linear, e->sensors.n_strains) + renewal_doubles(e->sensors.n_strains) + 3 * n_inputs + n
         + 3 * estimator_derivatives(e);
     const size_t n_indices = linear_indices(map);
-    e->memory = calloc(1, ALIGNMENT + n_doubles * sizeof(double) + n_indices * sizeof(size_t) + n * sizeof(float)
-                              + prepared_bytes(map) + 2 * n);
+    e->memory = calloc(1, ALIGNMENT + n_doubles * sizeof(double) + n_indices * sizeof(size_t) + prepared_bytes(map) + 2 * n);
     if (e->memory == NULL) {
         return 0;
     }
     unsigned char *start = e->memory;
     double *doubles = (double *)(void *)(start + (ALIGNMENT - (uintptr_t)start % ALIGNMENT));
     size_t *indices = (size_t *)(void *)(doubles + n_doubles);
-    float *narrow = (float *)(void *)(indices + n_indices);
-    unsigned char *bytes = (unsigned char *)(narrow + n);
-    linear_arrays(&e->map, e->sensors.n_strains, &e->linear, &doubles, &indices, narrow, &bytes);
+    unsigned char *bytes = (unsigned char *)(indices + n_indices);
+    linear_arrays(&e->map, e->sensors.n_strains, &e->linear, &doubles, &indices, &bytes);
     renewal_arrays(e->sensors.n_strains, &e->renewal, &doubles);
     e->inputs.value = taken(&doubles, n_inputs);
     e->inputs.strain = taken(&doubles, n);
@@ -68,9 +66,9 @@ static int allocate(Estimator *e) {
 
 /* Whether the parts of a map go together: section loads scale with q_inf, tables of loads are those of the map's section
    loads, and filter and tables of parameters are about other tables. */
-static int check_parts(MapFile *file, int scaled) {
+static int check_parts(MapFile *file, int follows_pressure) {
     const int flight = map_has(file, "flight"), other_loads = map_has(file, "other_loads");
-    const int has_form = scaled || !other_loads;
+    const int has_form = follows_pressure || !(other_loads || map_has(file, "scaled_errors"));
     const int of_loads = map_has(file, "flight_loads") == (flight && other_loads);
     const int of_tables = flight || !(map_has(file, "filter") || map_has(file, "parameter_tables"));
     const int of_linear = !map_has(file, "linear_filter") || !flight;
@@ -93,7 +91,7 @@ static void set_times(Estimator *e) {
 static int create(Estimator *e, MapFile *file) {
     const Map *map = &e->map;
     const int wide = e->linear.wide;
-    if (!map_parse(file, &e->map) || !check_parts(file, map->scaled)
+    if (!map_parse(file, &e->map) || !check_parts(file, map->form.follows_pressure)
         || !thermal_create(file, map->n_gauges, wide, &e->thermal) || !flow_parameters_parse(file, &e->parameters)
         || !sensor_rows_parse(file, map->n_gauges, &e->sensors)
         || !other_loads_create(file, map->n_gauges, map->n_states, &e->other_loads)) {

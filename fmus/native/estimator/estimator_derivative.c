@@ -132,7 +132,7 @@ int estimator_derivative(Estimator *e, double *direction, double *derivative, ch
     for (size_t k = 0; k < count; k++) {
         derivative[k] = isnan(middle[k]) || !known ? NAN : 0.0;
     }
-    e->flight.filter.zeros.may_move = e->linear_filter.zeros.may_move = 1;
+    e->flight.filter.laws.zeros.may_move = e->linear_filter.laws.zeros.may_move = 1;
     for (size_t p = 0; p < N_POINTS && step > 0.0 && settled && same; p++) {
         for (size_t i = 0; i < n_inputs; i++) {
             e->inputs.value[i] = direction[i] != 0.0 ? input[i] + POINT[p] * step * direction[i] : input[i];
@@ -147,7 +147,7 @@ int estimator_derivative(Estimator *e, double *direction, double *derivative, ch
         same = e->output[VALID_GAUGES] == middle[VALID_GAUGES] && memcmp(decided, decisions, sizeof decided) == 0;
         add_point(e, WEIGHT[p] / (12.0 * step), middle, value, derivative);
     }
-    e->flight.filter.zeros.may_move = e->linear_filter.zeros.may_move = 0;
+    e->flight.filter.laws.zeros.may_move = e->linear_filter.laws.zeros.may_move = 0;
     memcpy(e->inputs.value, input, n_inputs * sizeof *input);
     e->flight.base = base;
     e->outdated = 1;

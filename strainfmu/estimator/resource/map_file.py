@@ -1,8 +1,8 @@
 """The inverse map as the compiled estimator reads it: ``map.bin``, arrays by name (:mod:`.container`).
 
-A name is PART.VALUE. Every map has the parts "linear", "settings", "envelope" and "tare". A map in form
-"dynamic_pressure" adds "scaled" and "scaled_errors". A map that has them adds "linear_filter", "thermal",
-"other_loads" (the loads behind the five), "parameters" and "sensors". :mod:`.nonlinear_arrays` has the parts of
+A name is PART.VALUE. Every map has the parts "linear", "scaled", "settings", "envelope" and "tare". A map that
+has them adds "scaled_errors", "other_loads" (the loads behind the five; both of form "dynamic_pressure"),
+"linear_filter", "thermal", "parameters" and "sensors". :mod:`.nonlinear_arrays` has the parts of
 a nonlinear map. A module of ``fmus/native/estimator`` reads each part by its names. A bound that the map does not
 state is the largest finite number.
 
@@ -89,13 +89,12 @@ def map_arrays(inverse_map: InverseMap, known: KnownStrain | None = None) -> dic
     """Return the arrays of ``map.bin`` by name, but for the guid."""
     parts: dict[str, Values] = {
         "linear": _linear(inverse_map),
+        **_scaled_parts(inverse_map),
         "settings": _settings(inverse_map),
         "envelope": _envelope(inverse_map),
         "tare": _tare(inverse_map, known or KnownStrain(value=np.zeros(inverse_map.n_strain_gauges))),
         **nonlinear_parts(inverse_map),
     }
-    if inverse_map.form == "dynamic_pressure":
-        parts |= _scaled_parts(inverse_map)
     if inverse_map.manifold is None and has_filter(inverse_map):
         parts["linear_filter"] = _linear_filter(inverse_map)
     if inverse_map.has_temperature:
@@ -190,13 +189,16 @@ def _tare(inverse_map: InverseMap, known: KnownStrain) -> Values:
 
 
 def _scaled_parts(inverse_map: InverseMap) -> dict[str, Values]:
-    """Return what form "dynamic_pressure" needs besides, whose weights follow q_inf."""
-    fixed_load, mean_load = inverse_map.fixed_load, inverse_map.load_of_mean - inverse_map.fixed_load
+    """Return what does and what does not scale with the pressure ratio, which is 1 in form "absolute"."""
+    follows = inverse_map.follows_pressure
+    fixed_strain, fixed_load = inverse_map.fixed_strain * follows, inverse_map.fixed_load * follows
+    mean_load = inverse_map.load_of_mean - fixed_load
     spread, spread_load, spread_unseen = _spread(inverse_map)
     found: dict[str, Values] = {
         "scaled": {
-            "fixed_strain": inverse_map.fixed_strain,
-            "mean_strain": inverse_map.mean_strain - inverse_map.fixed_strain,
+            "follows_pressure": follows,
+            "fixed_strain": fixed_strain,
+            "mean_strain": inverse_map.mean_strain - fixed_strain,
             "fixed_load": fixed_load[FIVE_LOADS],
             "load_of_mean": mean_load[FIVE_LOADS],
             "min_expected_ratio": MIN_EXPECTED_RATIO,
@@ -205,9 +207,9 @@ def _scaled_parts(inverse_map: InverseMap) -> dict[str, Values]:
             "spread_unseen": spread_unseen[FIVE_LOADS, FIVE_LOADS],
         }
     }
-    if inverse_map.errors_follow_strain:
+    if follows and inverse_map.errors_follow_strain:
         found["scaled_errors"] = vars(error_model(inverse_map))
-    if has_other_outputs(inverse_map):
+    if follows and has_other_outputs(inverse_map):
         found["other_loads"] = {
             **_groups(inverse_map.load_groups),
             "is_moment": inverse_map.is_moment[OTHER_LOADS].astype(float),
@@ -239,8 +241,11 @@ def _spread(inverse_map: InverseMap) -> tuple[FloatArray, FloatArray, FloatArray
     """Return (n_d, n_d) strain and (n_d, n_f) loads, column by column, of what has a prior; (n_f, n_f) of others.
 
     They stand for errors that scale, and in Case 2 for the states: covariances of strain and loads are the same.
+    In form "absolute" nothing scales: errors are noise, and states alone are columns.
     """
-    strain, load = inverse_map.error_strain, inverse_map.error_load
+    follows = inverse_map.follows_pressure
+    strain, load = inverse_map.error_strain[:, : None if follows else 0], inverse_map.error_load
+    load = load[:, : strain.shape[1]]
     if inverse_map.case == 2:
         strain = np.hstack([inverse_map.state_operator, strain])
         load = np.hstack([inverse_map.load_per_state, load])

@@ -11,6 +11,7 @@ import pytest
 from damaged_resource import arrays_of, changed
 from flight_fmu import whole_map
 from other_load_maps import with_further_tables
+from random_map import random_map
 from sensor_maps import with_sensors
 from thermal_maps import with_temperature
 
@@ -154,6 +155,14 @@ def test_counts(arrays: Mapping[str, np.ndarray]) -> None:
         if array.dtype.kind == "i":
             for value in (-1, -(2**31), 2**31 - 1):
                 assert f"'{name}': expected " in str(said(changed(arrays, {name: np.int32(value)})))
+
+
+def test_free_states_that_there_are_not() -> None:
+    held = arrays_of(random_map())
+    freedom = held["linear.degrees_of_freedom"]
+    assert said(pack(held)) is None
+    for other in (freedom - 1, freedom + 1):
+        assert "'linear.degrees_of_freedom'" in str(said(changed(held, {"linear.degrees_of_freedom": other})))
 
 
 def test_values_of_others_do_no_harm(arrays: Mapping[str, np.ndarray]) -> None:

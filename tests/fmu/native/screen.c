@@ -12,9 +12,9 @@
 
 #include "core/resource.h"
 #include "estimator/estimator.h"
-#include "estimator/numerics/panels.h"
-#include "estimator/numerics/triangles.h"
+#include "estimator/numerics/wide.h"
 #include "estimator/sample/readings.h"
+#include "estimator/update/scaled_form.h"
 
 #define MAX_GAUGES 64
 
@@ -26,14 +26,12 @@ static double threshold_of(const Estimator *e) {
 }
 
 /* z (n_used) by the product in double. */
-static void exact_z(const Estimator *e, double *z) {
+static void exact_z(Estimator *e, double *z) {
+    double of_gauge[MAX_GAUGES];
     const MaskedMap *m = e->linear.prepared.masked;
+    scaled_standardised_residuals(&e->linear.scaled, of_gauge);
     for (size_t k = 0; k < m->n_used; k++) {
-        z[k] = 0.0;
-        for (size_t i = 0; i <= k; i++) {
-            z[k] += m->triangle[triangle_column(k) + i] * e->linear.absolute.whitened[i];
-        }
-        z[k] *= m->z_scale[k];
+        z[k] = of_gauge[m->used[k]];
     }
 }
 
@@ -50,10 +48,10 @@ static void set_background(Estimator *e, double size) {
 
 /* Compute the outputs, and compare suspects with those of the exact z. */
 static void compare(Estimator *e) {
-    double z[MAX_GAUGES], largest = 0.0;
+    double z[MAX_GAUGES], largest = 0.0, *of_screen = e->linear.scaled.step.z;
     size_t worst = 0, suspects = 0;
     e->outdated = 1;
-    e->linear.absolute.z[0] = -1e300; /* stays if the screen alone decides */
+    *of_screen = -1e300; /* stays if the screen alone decides */
     const double *output = estimator_outputs(e);
     const MaskedMap *m = e->linear.prepared.masked;
     exact_z(e, z);
@@ -67,7 +65,7 @@ static void compare(Estimator *e) {
     }
     const double gauge = above ? (double)(m->used[m->group[worst]] + 1) : 0.0;
     tried++;
-    screened += e->linear.absolute.z[0] == -1e300;
+    screened += *of_screen == -1e300;
     if (output[SUSPECT_GAUGE] != gauge || output[SUSPECTS] != (double)suspects) {
         fprintf(stderr, "|z| %.17g at threshold %.17g: gauge %g, %g suspects, exactly %g, %lu\n", largest,
                 threshold_of(e), output[SUSPECT_GAUGE], output[SUSPECTS], gauge, (unsigned long)suspects);
@@ -113,7 +111,7 @@ int main(int argc, char **argv) {
     }
     const size_t n = e->map.n_gauges;
     for (int run = 0; run < 4; run++) {
-        e->linear.wide = run % 2 ? panels_wide() : 0;
+        e->linear.wide = run % 2 ? wide_of_processor() : 0;
         for (size_t s = 0; s < sizeof SCALES / sizeof *SCALES; s++) {
             estimator_reset(e);
             readings_note_given(&e->inputs, 0, n);

@@ -12,20 +12,13 @@ void filter_arrays(Filter *filter, double **doubles);
 /* Forget all steps. */
 void filter_reset(Filter *filter);
 
-/* Number of doubles of a law; writing filter->law, without what it says of zeros where none has a deviation. */
-size_t law_doubles(const Filter *filter);
-void filter_write_law(const Filter *filter, unsigned char *bytes);
+/* The state: the track, then the law; whether such bytes may be read. */
+size_t filter_state_size(const Filter *filter);
+void filter_write_state(const Filter *filter, unsigned char *bytes);
+int filter_state_fits(const Filter *filter, const unsigned char *bytes);
+void filter_read_state(Filter *filter, const unsigned char *bytes);
 
-/* Whether a serialised track, and a law, may be read. */
-int filter_track_fits(const Filter *filter, const FilterTrack *track, const unsigned char *law);
-
-/* Set the time constant [s]; the law of which nothing has been measured follows, in filter->stationary. */
+/* Set the time constant [s]; the law of which nothing has been measured follows, in laws.stationary. */
 void filter_set_time_constant(Filter *filter, double time_constant);
-
-/* filter->predicted from filter->law, over a time step [s]. */
-void filter_predict(Filter *filter, double time_step);
-
-/* to = scale F from, of `count` columns, for the last such step. */
-void filter_move_rows(const Filter *filter, size_t count, double scale, const double *from, double *to);
 
 #endif

@@ -2,18 +2,17 @@
 
 #include "../numerics/blocks.h"
 #include "../numerics/products.h"
-#include "filter.h"
-#include "filter_known.h"
+#include "predict.h"
 
 /* It is the largest part of a law. That of a predicted law is not stored: it is moved where it is used. */
 
 /* Whether a law is the predicted one. What else a sample starts from, the stationary law, has none. */
 static int is_predicted(const Filter *filter, const Law *law) {
-    return law == &filter->predicted;
+    return law == &filter->laws.predicted;
 }
 
 void filter_set_considered(Filter *filter, const Law *law) {
-    const size_t n = filter->n, rows = filter->rows;
+    const size_t n = filter->laws.n, rows = filter->rows;
     double *sums = filter->product;
     if (!is_predicted(filter, law)) {
         memset(filter->considered, 0, n * rows * sizeof *sums);
@@ -22,23 +21,19 @@ void filter_set_considered(Filter *filter, const Law *law) {
     memset(sums, 0, n * rows * sizeof *sums);
     for (size_t i = 0; i < n; i++) {
         sum_of_products(filter->solver->wide, filter->n_terms, filter->gauges,
-                        filter->law.cross + i * filter->n_considered, filter->term, sums + i * rows);
+                        filter->laws.law.cross + i * filter->laws.n_considered, filter->term, sums + i * rows);
     }
-    filter_move_rows(filter, rows, filter->motion.factor[2], sums, filter->considered);
-    if (filter->zeros.in_use) {
-        zero_errors_considered(&filter->zeros, n, law->of_zeros, filter->considered, rows);
+    laws_move_rows(&filter->laws, rows, filter->laws.motion.of_considered, sums, filter->considered);
+    if (filter->laws.zeros.in_use) {
+        zero_errors_considered(&filter->laws.zeros, n, law->of_zeros, filter->considered, rows);
     }
-}
-
-void filter_move_cross(Filter *filter) {
-    filter_move_rows(filter, filter->n_considered, filter->motion.factor[2], filter->law.cross, filter->predicted.cross);
 }
 
 /* Some columns of the predicted covariance, side by side, in filter->strip. */
 EVERYWHERE void move_strip(size_t width, const Filter *filter, const double *restrict from) {
-    const size_t count = filter->n_considered, read = filter->n_read;
-    const Motion *motion = &filter->motion;
-    const double scale = motion->factor[2];
+    const size_t count = filter->laws.n_considered, read = filter->n_read;
+    const Motion *motion = &filter->laws.motion;
+    const double scale = motion->of_considered;
     double *restrict moved = filter->strip;
     for (size_t k = 0; k < N_STATES; k++) {
         const double *restrict x = from + k * count, *restrict v = from + (read + k) * count;
@@ -50,7 +45,7 @@ EVERYWHERE void move_strip(size_t width, const Filter *filter, const double *res
         }
     }
     for (size_t i = N_STATES; i < read; i++) {
-        const double factor = scale * motion->factor[i >= FIRST_SEEN];
+        const double factor = scale * motion->factor[i];
         for (size_t c = 0; c < width; c++) {
             moved[i * width + c] = factor * from[i * count + c];
         }
@@ -86,7 +81,8 @@ EVERYWHERE void update_block(size_t rows, size_t columns, size_t read, const dou
 /* The same of all rows; the columns begin at a term and a gauge. */
 EVERYWHERE void update_strip(size_t width, const Filter *filter, size_t term, size_t gauge, const double *before,
                              double *after) {
-    const size_t count = filter->n_considered, at = term * filter->gauges + gauge, rows = filter->rows, n = filter->n;
+    const size_t count = filter->laws.n_considered, at = term * filter->gauges + gauge;
+    const size_t rows = filter->rows, n = filter->laws.n;
     const double *restrict size = filter->term + at;
     size_t i = 0;
     if (before == NULL) {
@@ -95,7 +91,7 @@ EVERYWHERE void update_strip(size_t width, const Filter *filter, size_t term, si
         move_strip(width, filter, before + at);
     }
 #define SOME_ROWS(some) \
-    update_block(some, width, filter->n_read, filter->kept + i * filter->order, filter->order, filter->strip, i, \
+    update_block(some, width, filter->n_read, filter->kept + i * filter->laws.order, filter->laws.order, filter->strip, i, \
                  filter->kalman + i * rows + gauge, rows, size, after + i * count + at, count)
     BY_ROWS(i, n, SOME_ROWS)
 #undef SOME_ROWS
@@ -125,15 +121,6 @@ AVX512 static void update_avx512(const Filter *filter, const double *before, dou
 #endif
 
 void filter_update_cross(Filter *filter, const Law *law, Law *after) {
-    const double *before = is_predicted(filter, law) ? filter->law.cross : NULL;
+    const double *before = is_predicted(filter, law) ? filter->laws.law.cross : NULL;
     WIDEST(filter->solver->wide, update)(filter, before, after->cross);
-    zero_errors_note(&filter->zeros, after->zero);
-    filter_note_known(filter, after);
-    if (filter->zeros.in_use) {
-        const size_t n = filter->n, columns = filter->zeros.columns;
-        memcpy(after->of_zeros, law->of_zeros, n * columns * sizeof *after->of_zeros);
-        subtract_product(filter->solver->wide, n, filter->n_read, columns, by_rows(filter->kept, filter->order),
-                         law->of_zeros, columns, after->of_zeros, columns);
-        zero_errors_subtract(&filter->zeros, n, filter->kalman, filter->rows, after->of_zeros);
-    }
 }

@@ -5,9 +5,8 @@
 
 #include "filter_state.h"
 
-/* C G' of a law, in filter->considered; C after a sample; C of the predicted law. */
+/* C G' of a law, in filter->considered; C after a sample, but for errors of zeros. */
 void filter_set_considered(Filter *filter, const Law *law);
 void filter_update_cross(Filter *filter, const Law *law, Law *after);
-void filter_move_cross(Filter *filter);
 
 #endif

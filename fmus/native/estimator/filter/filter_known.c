@@ -17,7 +17,7 @@
 size_t filter_known_doubles(const Filter *filter) {
     const size_t n = filter->gauges, r = filter->map.n_seen, m = filter->map.n_other, loads = N_LOADS;
     const size_t errors = r * (n + loads + m) + filter->rows * filter->rows + loads * (n + loads) + m * (n + 1);
-    return filter->n_parameters == 0 ? 0 : errors + m * r + 2 * r * n + r * r + in_lanes(filter->n_parameters);
+    return filter->laws.n_parameters == 0 ? 0 : errors + m * r + 2 * r * n + r * r;
 }
 
 /* Amplitudes per strain: S' W over S' W S, of the strain S of the map and W, 1 over the variances of what else a gauge has.
@@ -46,7 +46,7 @@ void filter_known_arrays(Filter *filter, double **doubles) {
     filter->of_map = (SeenErrors){map->seen_strain,  map->seen_load,     filter->rest,         map->rest_load,
                                   map->rest_cross,   map->other_load,  map->other_cross,   map->other_variance};
     filter->errors = filter->of_map;
-    if (filter->n_parameters == 0) {
+    if (filter->laws.n_parameters == 0) {
         return;
     }
     filter->left.strain = taken(doubles, r * n);
@@ -61,7 +61,6 @@ void filter_known_arrays(Filter *filter, double **doubles) {
     filter->along = taken(doubles, r * n);
     filter->amplitude = taken(doubles, r * n);
     filter->amplitude_root = taken(doubles, r * r);
-    filter->stated = taken(doubles, in_lanes(filter->n_parameters));
     set_along(filter);
 }
 
@@ -162,7 +161,7 @@ static void set_left(Filter *filter, const Errors *errors) {
 }
 
 void filter_follow_known(Filter *filter, const Known *known) {
-    if (filter->n_parameters == 0) {
+    if (filter->laws.n_parameters == 0) {
         return;
     }
     const double round = known->tables.parts.round;
@@ -176,18 +175,7 @@ void filter_follow_known(Filter *filter, const Known *known) {
         filter->errors = (SeenErrors){left->strain,     left->load,         left->rest,          left->rest_load,
                                       left->rest_cross, left->other_load, left->other_cross, left->other_variance};
     }
-    for (size_t p = 0; p < filter->n_parameters; p++) {
-        filter->stated[p] = known->in_use && !isnan(known->std[p]) ? known->std[p] : 0.0;
-    }
-}
-
-int filter_knows_as(const Filter *filter, const Law *law) {
-    return filter->zeros.may_move || filter->n_parameters == 0 /* without arrays: memcmp takes no NULL */
-        || memcmp(law->stated, filter->stated, filter->n_parameters * sizeof *law->stated) == 0;
-}
-
-void filter_note_known(const Filter *filter, Law *law) {
-    if (filter->n_parameters > 0) {
-        memcpy(law->stated, filter->stated, in_lanes(filter->n_parameters) * sizeof *law->stated);
+    for (size_t p = 0; p < filter->laws.n_parameters; p++) {
+        filter->laws.stated[p] = known->in_use && !isnan(known->std[p]) ? known->std[p] : 0.0;
     }
 }

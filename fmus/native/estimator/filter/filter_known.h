@@ -10,11 +10,7 @@
 size_t filter_known_doubles(const Filter *filter);
 void filter_known_arrays(Filter *filter, double **doubles);
 
-/* The errors of the sample, in filter->errors. */
+/* The errors of the sample, in filter->errors, and the deviations of what is known, in laws.stated. */
 void filter_follow_known(Filter *filter, const Known *known);
-
-/* Whether a law is of a sample for which the same was known as well; noting it. */
-int filter_knows_as(const Filter *filter, const Law *law);
-void filter_note_known(const Filter *filter, Law *law);
 
 #endif

@@ -40,7 +40,7 @@ static FilteredLoad load_of(Filter *filter, const Response *response, size_t j, 
     const size_t rows = filter->rows;
     const double *turned = filter->other_turned + j * rows, *mean = filter->found.mean;
     double *by_state = filter->other_by_state, sum = response->value[j];
-    memset(by_state, 0, filter->order * sizeof *by_state);
+    memset(by_state, 0, filter->laws.order * sizeof *by_state);
     for (size_t k = 0; k < N_STATES; k++) {
         by_state[k] = response->jacobian[k][j];
     }
@@ -57,8 +57,8 @@ static FilteredLoad load_of(Filter *filter, const Response *response, size_t j, 
 /* x' P x of the law's covariance. */
 static double spread_of(const Filter *filter, const double *x) {
     double sum = 0.0;
-    for (size_t i = 0; i < filter->n; i++) {
-        sum += x[i] * lane_dot(filter->order, filter->found.covariance + i * filter->order, x);
+    for (size_t i = 0; i < filter->laws.n; i++) {
+        sum += x[i] * lane_dot(filter->laws.order, filter->found.covariance + i * filter->laws.order, x);
     }
     return sum;
 }
@@ -72,8 +72,8 @@ static void write(const Filter *filter, const Inputs *inputs, size_t j, const Fi
     const double reference = map->reference_area * (is_moment ? map->reference_length : 1.0);
     const double own = settings[REFERENCE_AREA] * (is_moment ? settings[REFERENCE_LENGTH] : 1.0);
     const double scale = 1.0 / (pressure->dynamic * reference), turn = reference / own;
-    double *of_coefficient = filter->other_by_state + filter->order;
-    for (size_t k = 0; k < filter->order; k++) {
+    double *of_coefficient = filter->other_by_state + filter->laws.order;
+    for (size_t k = 0; k < filter->laws.order; k++) {
         of_coefficient[k] =
             scale * found->by_state[k] - (k < N_STATES ? scale * found->load * pressure->by_state[k] : 0.0);
     }

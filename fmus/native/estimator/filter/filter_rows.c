@@ -66,7 +66,7 @@ static void set_read(Filter *filter) {
     const double pressure = solver->response.pressure;
     double *seen = filter->read + FIRST_SEEN * rows, *gain = filter->read + filter->first_e * rows;
     double *shared = gain + (1 + flight->n_common) * rows;
-    memset(filter->read + N_STATES * rows, 0, (filter->order - N_STATES) * rows * sizeof *filter->read);
+    memset(filter->read + N_STATES * rows, 0, (filter->laws.order - N_STATES) * rows * sizeof *filter->read);
     for (size_t k = 0; k < N_NAVIGATION; k++) {
         filter->scale[k] = sqrt(solver->sample.precision[k]);
         if (filter->scale[k] > 0.0) {
@@ -139,9 +139,9 @@ static void set_white(Filter *filter) {
         }
     }
     leave_out_white(filter);
-    if (filter->zeros.in_use) {
-        zero_errors_read(&filter->zeros, solver->sample.used);
-        zero_errors_add(&filter->zeros, white, rows);
+    if (filter->laws.zeros.in_use) {
+        zero_errors_read(&filter->laws.zeros, solver->sample.used);
+        zero_errors_add(&filter->laws.zeros, white, rows);
     }
     for (size_t i = n; i < rows; i++) {
         white[i * rows + i] = 1.0;

@@ -6,7 +6,7 @@
 #include "../numerics/cholesky.h"
 #include "../numerics/products.h"
 #include "filter_cross.h"
-#include "filter_modes.h"
+#include "law_update.h"
 #include "filter_rows.h"
 #include "filter_solution.h"
 #include "filter_update.h"
@@ -47,7 +47,7 @@ static void set_root(const double *matrix, size_t row, double root[N_STATES][N_S
 
 /* What the flight state tells of the other states and of the considered errors, and what it leaves. */
 static void set_given_state(Filter *filter, const Law *law) {
-    const size_t rows = filter->rows, order = filter->order, others = filter->n - N_STATES;
+    const size_t rows = filter->rows, order = filter->laws.order, others = filter->laws.n - N_STATES;
     const int wide = filter->solver->wide;
     double *by_state = filter->by_state, *rest = filter->considered + N_STATES * rows;
     const Strided turned = {by_state + N_STATES, 1, order};
@@ -59,14 +59,14 @@ static void set_given_state(Filter *filter, const Law *law) {
     subtract_product(wide, others, N_STATES, order - N_STATES, turned, by_state + N_STATES, order,
                      filter->others + N_STATES, order);
     subtract_product(wide, others, N_STATES, rows, turned, filter->considered, rows, rest, rows);
-    for (size_t i = N_STATES; i < filter->n; i++) {
+    for (size_t i = N_STATES; i < filter->laws.n; i++) {
         by_state[N_STATES * order + i] = law->mean[i];
     }
 }
 
 /* out (count, rows) = left (count, order) H' of the other states: gauges read all but b, navigation one b each. */
 static void times_read(const Filter *filter, size_t count, const double *left, double *out) {
-    const size_t rows = filter->rows, order = filter->order, gauges = filter->gauges;
+    const size_t rows = filter->rows, order = filter->laws.order, gauges = filter->gauges;
     multiply(filter->solver->wide, FULL, count, filter->n_read - FIRST_SEEN, gauges, by_rows(left + FIRST_SEEN, order),
              filter->read + FIRST_SEEN * rows, rows, out, rows);
     for (size_t i = 0; i < count; i++) {
@@ -108,8 +108,8 @@ static void set_spread(Filter *filter) {
 
 /* What does not change with the iterations, for the errors at the state of solver->response. */
 static void set_fixed(Filter *filter, const Law *law) {
-    const size_t rows = filter->rows, order = filter->order, others = filter->n - N_STATES, first = N_STATES * rows;
-    const size_t columns = order - N_STATES;
+    const size_t rows = filter->rows, order = filter->laws.order, others = filter->laws.n - N_STATES;
+    const size_t first = N_STATES * rows, columns = order - N_STATES;
     const int wide = filter->solver->wide;
     filter_set_errors(filter);
     filter_set_considered(filter, law);
@@ -187,7 +187,7 @@ static void iterate(const Filter *filter, const Law *law, const double *state, d
 /* Standardised residuals of gauges and navigation. */
 static void set_residuals(Filter *filter) {
     Solution *found = &filter->solver->solution;
-    const double *weighted = filter->kalman + (filter->n + N_STATES) * filter->rows, *squares = filter->squares;
+    const double *weighted = filter->kalman + (filter->laws.n + N_STATES) * filter->rows, *squares = filter->squares;
     for (size_t g = 0; g < filter->solver->n_gauges; g++) {
         found->standardised_residual[g] = filter->solver->sample.used[g] ? weighted[g] / sqrt(squares[g]) : 0.0;
     }
@@ -228,12 +228,12 @@ void filter_sample(Filter *filter, const Law *law, const double *start, size_t i
     }
     solver->solution.rest_square = 0.0;
     set_problem(filter, law, state, own_slopes);
-    filter_tell_modes(filter, &filter->next_law);
-    const double chi_square = filter_update_law(filter, law, &filter->next_law);
-    solver->solution.chi_square = chi_square + filter_give(filter, &filter->next_law, state);
+    law_note(&filter->laws, &filter->laws.next_law);
+    const double chi_square = filter_update_law(filter, law, &filter->laws.next_law);
+    solver->solution.chi_square = chi_square + filter_give(filter, &filter->laws.next_law, state);
     set_residuals(filter);
     /* What is left of strain follows from the slopes at the estimate. */
     filter_set_slopes(filter, &solver->response);
     filter_solution(filter);
-    filter->found = filter->next_law;
+    filter->found = filter->laws.next_law;
 }

@@ -6,7 +6,7 @@
 #include "filter_state.h"
 
 /* Estimate solver->sample from a predicted law, by iterations from a flight state: the solution in solver->solution, the
-   law after it in filter->next_law. Slopes are those at a flight state; NULL for each iteration's own. */
+   law after it in filter->laws.next_law. Slopes are those at a flight state; NULL for each iteration's own. */
 void filter_sample(Filter *filter, const Law *law, const double *start, size_t iterations, const double *slopes);
 
 #endif

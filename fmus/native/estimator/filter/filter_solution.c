@@ -50,8 +50,8 @@ double *filter_left(Filter *filter, const Law *law) {
 /* Loads, and their Jacobian by the states, (N_LOADS, order) in filter->joseph. */
 static void set_loads(Filter *filter) {
     FlightSolver *solver = filter->solver;
-    const size_t rows = filter->rows, order = filter->order;
-    const double *left = filter_left(filter, &filter->next_law), *mean = filter->next_law.mean;
+    const size_t rows = filter->rows, order = filter->laws.order;
+    const double *left = filter_left(filter, &filter->laws.next_law), *mean = filter->laws.next_law.mean;
     double *by_state = filter->joseph, *by_read = filter->turned, of_left[N_COLUMNS];
     memset(by_state, 0, N_LOADS * order * sizeof *by_state);
     multiply(solver->wide, FULL, filter->n_read, filter->gauges, N_COLUMNS, by_rows(filter->read, rows), filter->right,
@@ -78,8 +78,8 @@ void filter_solution(Filter *filter) {
     FlightSolver *solver = filter->solver;
     const FlightMap *map = solver->map;
     Solution *found = &solver->solution;
-    const size_t order = filter->order;
-    const double *covariance = filter->next_law.covariance, *by_state = filter->joseph;
+    const size_t order = filter->laws.order;
+    const double *covariance = filter->laws.next_law.covariance, *by_state = filter->joseph;
     const double mach = solver->state[STATE_MACH], pressure = solver->response.pressure;
     const double dynamic = map->half_gamma * mach * mach * pressure;
     double remaining[N_LOADS][N_LOADS], scale[N_LOADS], *of_coefficient = filter->joseph + N_LOADS * order;
@@ -105,7 +105,8 @@ void filter_solution(Filter *filter) {
     }
     /* Both times the covariance, then each other. */
     double *times = filter->joseph + 2 * N_LOADS * order;
-    multiply(solver->wide, FULL, 2 * N_LOADS, filter->n, order, by_rows(by_state, order), covariance, order, times, order);
+    multiply(solver->wide, FULL, 2 * N_LOADS, filter->laws.n, order, by_rows(by_state, order), covariance, order, times,
+             order);
     for (size_t i = 0; i < N_LOADS; i++) {
         for (size_t j = 0; j < N_LOADS; j++) {
             const size_t at = i * N_LOADS + j, of = N_LOADS + i;

@@ -5,7 +5,7 @@
 
 #include "filter_state.h"
 
-/* solver->solution at the law in filter->next_law, the last sample's. */
+/* solver->solution at the law in filter->laws.next_law, the last sample's. */
 void filter_solution(Filter *filter);
 
 /* What the gauges in use read beside all states of a law, (rows) in filter->product. */

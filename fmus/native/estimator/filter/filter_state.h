@@ -9,24 +9,10 @@
 
 #include "../map/filter_map.h"
 #include "../nonlinear/solver_state.h"
-#include "../temperature/thermal.h"
-#include "zero_errors.h"
+#include "law.h"
 
 #define FIRST_NAVIGATION N_STATES /* states b, then c */
 #define FIRST_SEEN (N_STATES + N_NAVIGATION)
-
-/* The normal law of the states, and their covariance with the errors that are considered, of each gauge its terms. The
-   arrays lie in one block. */
-typedef struct {
-    double *mean;       /* (order) */
-    double *covariance; /* (n, order) */
-    double *cross;      /* (n, n_considered) by term and gauge */
-    double *of_zeros;   /* (n, zeros.columns) that with the errors of zeros, where such are in use */
-    double *zero;       /* (zero_errors_noted) of which zeros those are */
-    double *stated;     /* (in_lanes(n_parameters)) deviations of flow parameters that are known, 0 of others */
-    double *amplitude;  /* (map.n_modes) of temperature by the sensors of the sample [K] */
-    double *known;      /* (n_sensors) which those were, 0 or 1 */
-} Law;
 
 /* Errors of pressure: arrays as in FilterMap, but for rest (rows, rows) of rest_strain. And such as follow what is known. */
 typedef struct {
@@ -36,13 +22,6 @@ typedef struct {
 typedef struct {
     double *strain, *load, *rest, *rest_load, *rest_cross, *other_load, *other_cross, *other_variance;
 } LeftErrors;
-
-/* A step of a stationary process: of the flight state and its rates by pairs, of the others a factor. */
-typedef struct {
-    double time_step, time_constant; /* that it belongs to [s] */
-    double pair[N_STATES][2][2];
-    double factor[3]; /* of b; c and e; the considered errors */
-} Motion;
 
 /* What a step leaves to the next one, beside the law and the track of flight.h; all of it float64, as serialised. */
 typedef struct {
@@ -59,27 +38,19 @@ typedef struct {
     int present; /* whether the map has one; if not, nothing else is set */
     FilterMap map;
     FlightSolver *solver;
-    const Thermal *thermal; /* of the estimator; amplitudes of its modes are the last states that a sample reads */
-    size_t n_sensors;       /* of temperature */
-    size_t n, order;        /* states; n in lanes */
+    Laws laws;              /* the cross covariance of the predicted law is there after laws_move_cross alone */
     size_t n_read, first_e; /* states that a sample reads, and the first of e */
     size_t gauges, rows;    /* n_gauges in lanes; those and navigation in lanes */
-    size_t n_terms, n_considered; /* of a gauge; of all; errors of zeros are apart */
-    ZeroErrors zeros;
+    size_t n_terms;               /* considered errors of a gauge; a law has them by term and gauge */
     double time_constant;         /* [s] */
-    double rate[N_STATES];        /* standard deviations of the rates for it */
-    FilterTrack base, next;       /* that the outputs follow from, and that they leave, */
-    Law law, next_law;            /* with their laws */
-    Law predicted, stationary; /* the cross covariance of the former is there after filter_move_cross alone */
+    FilterTrack base, next;       /* that the outputs follow from, and that they leave */
     Law found;                 /* of the solution: one of these, wherever it is kept */
     double slope_state[N_STATES]; /* flight state at which the step takes slopes, */
     Response slope_response;      /* and the tables there */
-    Motion motion;             /* from the law to the predicted one */
     double *noise, *rest;      /* (rows, rows) of the map */
     SeenErrors errors, of_map; /* of the sample; where no flow parameter is known, */
     LeftErrors left;           /* and where one is, of the products of a round */
-    size_t n_parameters;       /* of which tables hold what they change */
-    double round, *stated;
+    double round;
     double *along, *amplitude;      /* (n_seen, gauges) amplitudes per strain, and scratch, */
     double *amplitude_root;         /* (n_seen, n_seen), */
     double *other_by_seen;        /* (n_seen, n_other) of filter_known.c */

@@ -3,16 +3,7 @@
 #include "../numerics/cholesky.h"
 #include "../numerics/products.h"
 #include "filter_cross.h"
-
-#define LEAST_LEFT 1e-2 /* part of a variance that is left, above which a difference has digits enough */
-
-void transpose(size_t rows, size_t columns, const double *matrix, size_t row, double *out, size_t out_row) {
-    for (size_t i = 0; i < rows; i++) {
-        for (size_t j = 0; j < columns; j++) {
-            out[j * out_row + i] = matrix[i * row + j];
-        }
-    }
-}
+#include "law_update.h"
 
 /* Copy what is above the diagonal to below it. */
 static void mirror(size_t n, size_t row, double *matrix) {
@@ -23,56 +14,19 @@ static void mirror(size_t n, size_t row, double *matrix) {
     }
 }
 
-/* C G' and I - K H, as in kalman.py: filter->gain and filter->kept. */
+/* C G' of all states, in filter->gain. */
 static void set_whole(Filter *filter) {
-    const size_t n = filter->n, order = filter->order, rows = filter->rows, first = N_STATES * rows;
+    const size_t n = filter->laws.n, order = filter->laws.order, rows = filter->rows, first = N_STATES * rows;
     double *whole = filter->gain;
     memset(whole, 0, first * sizeof *whole);
     memcpy(whole + first, filter->considered + first, (n * rows - first) * sizeof *whole);
     add_product(filter->solver->wide, n, N_STATES, rows, (Strided){filter->by_state, 1, order}, filter->considered, rows,
                 whole, rows);
-    for (size_t i = 0; i < n; i++) {
-        for (size_t j = 0; j < order; j++) {
-            const double taken = j < filter->n_read ? filter->kept[i * order + j] : 0.0;
-            filter->kept[i * order + j] = (i == j ? 1.0 : 0.0) - taken;
-        }
-    }
-}
-
-/* P after the sample, in Joseph form: A P A' + X + X' with X = (K R / 2 - A C G') K', R of what is white and considered. */
-static void joseph_covariance(Filter *filter, const Law *law, Law *after) {
-    const size_t n = filter->n, order = filter->order, rows = filter->rows;
-    const int wide = filter->solver->wide;
-    double *first = filter->joseph, *second = first + order * order, *kept = second + order * order;
-    double *half = filter->product, *taken = filter->kept;
-    const Strided gain = by_rows(filter->kalman, rows);
-    filter->kept = kept;
-    memcpy(kept, taken, n * order * sizeof *kept);
-    set_whole(filter);
-    filter->kept = taken;
-    mirror(rows, rows, filter->white);
-    multiply(wide, FULL, n, rows, rows, gain, filter->white, rows, half, rows);
-    transpose(n, rows, filter->kalman, rows, filter->turned, order);
-    for (size_t k = 0; k < n * rows; k++) {
-        half[k] *= 0.5;
-    }
-    subtract_product(wide, n, n, rows, by_rows(kept, order), filter->gain, rows, half, rows);
-    multiply(wide, FULL, n, rows, order, by_rows(half, rows), filter->turned, order, second, order);
-    multiply(wide, FULL, n, n, order, by_rows(kept, order), law->covariance, order, first, order);
-    transpose(n, n, kept, order, filter->turned, order);
-    multiply(wide, FULL, n, n, order, by_rows(first, order), filter->turned, order, after->covariance, order);
-    for (size_t i = 0; i < n; i++) {
-        for (size_t j = 0; j <= i; j++) {
-            const double sum = second[i * order + j] + second[j * order + i];
-            const double both = after->covariance[i * order + j] + after->covariance[j * order + i];
-            after->covariance[i * order + j] = after->covariance[j * order + i] = 0.5 * both + sum;
-        }
-    }
 }
 
 /* Mean after the sample, and the root of what x has of the covariance. */
 static void set_of_states(Filter *filter, const Law *law, Law *after) {
-    const size_t n = filter->n, order = filter->order;
+    const size_t n = filter->laws.n, order = filter->laws.order;
     double *taken = filter->product;
     multiply(filter->solver->wide, FULL, N_STATES + 1, filter->rows, order - N_STATES,
              (Strided){filter->white_right, 1, N_COLUMNS}, filter->whitened + N_STATES, filter->row_whitened,
@@ -99,7 +53,7 @@ static void set_of_states(Filter *filter, const Law *law, Law *after) {
    the Joseph form but for round-off. Whether it has digits enough: where the sample takes nearly all of a variance,
    little is left of the difference. */
 static int update_covariance(Filter *filter, Law *after) {
-    const size_t n = filter->n, order = filter->order, others = n - N_STATES, columns = order - N_STATES;
+    const size_t n = filter->laws.n, order = filter->laws.order, others = n - N_STATES, columns = order - N_STATES;
     const int wide = filter->solver->wide;
     const double *whitened = filter->whitened + N_STATES, *of_states = filter->of_states;
     double *rest = after->covariance + N_STATES * order;
@@ -122,7 +76,7 @@ static int update_covariance(Filter *filter, Law *after) {
 /* Columns of x over the root of its precision, and the innovation that x does not tell, behind those of the states; then
    K, S^-1 times the innovation, and the diagonal of S^-1. The normalised innovation squared. */
 static double set_kalman(Filter *filter) {
-    const size_t n = filter->n, order = filter->order, rows = filter->rows, row = filter->row_whitened;
+    const size_t n = filter->laws.n, order = filter->laws.order, rows = filter->rows, row = filter->row_whitened;
     const int wide = filter->solver->wide;
     double *kalman = filter->kalman, *of_x = kalman + n * rows, *squares = filter->squares, chi_square = 0.0;
     for (size_t r = 0; r < rows; r++) {
@@ -158,7 +112,7 @@ static double set_kalman(Filter *filter) {
 
 /* K H: gauges read no b, and navigation of the others than x one b each. */
 static void set_kept(Filter *filter) {
-    const size_t n = filter->n, order = filter->order, rows = filter->rows, gauges = filter->gauges;
+    const size_t n = filter->laws.n, order = filter->laws.order, rows = filter->rows, gauges = filter->gauges;
     const size_t seen = filter->n_read - FIRST_SEEN, columns = in_lanes(seen);
     const int wide = filter->solver->wide;
     const Strided kalman = by_rows(filter->kalman, rows);
@@ -180,17 +134,23 @@ double filter_update_law(Filter *filter, const Law *law, Law *after) {
     const int enough = update_covariance(filter, after);
     const double chi_square = set_kalman(filter);
     set_kept(filter);
+    const Joseph joseph = {.rows = filter->rows,         .n_read = filter->n_read,   .gain = filter->kalman,
+                           .read = filter->kept,         .white = filter->white,     .considered = filter->gain,
+                           .half = filter->product,      .turned = filter->turned,   .square = filter->joseph};
     if (!enough) {
-        joseph_covariance(filter, law, after);
+        set_whole(filter);
+        mirror(filter->rows, filter->rows, filter->white);
+        law_set_joseph(&filter->laws, &joseph, law, after);
     }
     filter_update_cross(filter, law, after);
+    law_update_zeros(&filter->laws, &joseph, law, after);
     return chi_square;
 }
 
 double filter_give(Filter *filter, Law *law, const double *state) {
     double known[N_STATES * N_STATES], inverse[N_STATES * N_STATES], apart[N_STATES], weight[N_STATES], distance = 0.0;
     for (size_t i = 0; i < N_STATES; i++) {
-        memcpy(known + i * N_STATES, law->covariance + i * filter->order, N_STATES * sizeof *known);
+        memcpy(known + i * N_STATES, law->covariance + i * filter->laws.order, N_STATES * sizeof *known);
         apart[i] = state[i] - law->mean[i];
     }
     invert_small(N_STATES, known, inverse);
@@ -201,9 +161,9 @@ double filter_give(Filter *filter, Law *law, const double *state) {
         }
         distance += apart[i] * weight[i];
     }
-    for (size_t i = 0; i < filter->n; i++) {
+    for (size_t i = 0; i < filter->laws.n; i++) {
         for (size_t k = 0; k < N_STATES; k++) {
-            law->mean[i] += law->covariance[i * filter->order + k] * weight[k];
+            law->mean[i] += law->covariance[i * filter->laws.order + k] * weight[k];
         }
     }
     memcpy(law->mean, state, N_STATES * sizeof *state);

@@ -11,7 +11,4 @@ double filter_update_law(Filter *filter, const Law *law, Law *after);
 /* The flight state gets a value, from which the others follow by their covariance: its square distance. */
 double filter_give(Filter *filter, Law *law, const double *state);
 
-/* out (columns, rows) = matrix' (rows, columns), rows of each so far apart. */
-void transpose(size_t rows, size_t columns, const double *matrix, size_t row, double *out, size_t out_row);
-
 #endif

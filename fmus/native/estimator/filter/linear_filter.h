@@ -7,19 +7,7 @@
 #define LINEAR_FILTER_H
 
 #include "../map/linear_filter_map.h"
-#include "../temperature/thermal.h"
-#include "zero_errors.h"
-
-/* The normal law of the states, and their covariance with the errors that are considered. The arrays lie in one block. */
-typedef struct {
-    double *mean;       /* (order) */
-    double *covariance; /* (n, order) */
-    double *cross;      /* (n, n_considered) */
-    double *of_zeros;   /* (n, zeros.columns) those with the errors of zeros, where such are in use */
-    double *zero;       /* (zero_errors_noted) of which zeros those are */
-    double *amplitude;  /* (n_modes) of temperature by the sensors of the sample [K] */
-    double *known;      /* (n_sensors) which those were, 0 or 1 */
-} LinearLaw;
+#include "law.h"
 
 /* What a sample leaves to the next one, beside the law; all of it float64, as serialised. */
 typedef struct {
@@ -33,16 +21,9 @@ typedef struct {
     int present; /* whether the map has one; if not, nothing else is set */
     LinearFilterMap map;
     void *memory;
-    const Thermal *thermal;    /* of the estimator; its modes are the last states */
-    size_t n_sensors;          /* of temperature */
-    int wide;
+    Laws laws;                 /* states that scale with q_inf, others in common, modes; own errors, then the rest */
     size_t n_gauges, rows;     /* rows: n_gauges in lanes */
-    size_t n, order;           /* states; in lanes */
-    size_t n_considered;       /* own and rest, in lanes; those of zeros are apart */
-    ZeroErrors zeros;
-    LinearTrack base, next;    /* that the outputs follow from, and that they leave, */
-    LinearLaw law, next_law;   /* with their laws */
-    LinearLaw predicted, stationary;
+    LinearTrack base, next;    /* that the outputs follow from, and that they leave */
     double *own_covariance, *rest_covariance; /* (rows, rows) of the considered errors */
     /* Of a sample. */
     double ratio;              /* of q_inf to nominal */
@@ -65,8 +46,8 @@ typedef struct {
     double *gain;              /* (order + LANES + 5, rows) */
     double *product;           /* (order, rows) */
     double *turned;            /* (rows or order, order) */
-    double *kept;              /* (order, order) I - K H */
-    double *joseph;            /* (2, order, order) */
+    double *kept;              /* (order, order) K H */
+    double *joseph;            /* (3, order, order) */
 } LinearFilter;
 
 /* Read the part, if there is one, and allocate. 1; 0 after a message. The first n_strains gauges have zeros. */
@@ -77,18 +58,10 @@ void linear_filter_free(LinearFilter *filter);
 /* Forget all samples. */
 void linear_filter_reset(LinearFilter *filter);
 
-/* Number of doubles of a law. */
-size_t linear_law_doubles(const LinearFilter *filter);
-
-/* filter->predicted from filter->law, over a time step [s], with a time constant [s]. Amplitudes stay where other sensors
-   read than in the last sample. */
+/* filter->laws.predicted from filter->laws.law, over a time step [s], with a time constant [s]. */
 void linear_filter_predict(LinearFilter *filter, double time_step, double time_constant);
 
-/* filter->stationary for the sensors of temperature that read. */
-void linear_filter_set_stationary(LinearFilter *filter);
-
-/* The state: the track, then the law, which is 0 where there is none, as what it says of zeros where none has a deviation;
-   whether such bytes may be read. */
+/* The state: the track, then the law; whether such bytes may be read. */
 size_t linear_filter_state_size(const LinearFilter *filter);
 void linear_filter_write_state(const LinearFilter *filter, unsigned char *bytes);
 int linear_filter_state_fits(const LinearFilter *filter, const unsigned char *bytes);

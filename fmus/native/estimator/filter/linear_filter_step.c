@@ -3,6 +3,7 @@
 #include <math.h>
 
 #include "linear_filter_update.h"
+#include "predict.h"
 
 /* Whether the estimate of the sample alone is one, and strain fits the map. */
 static int sample_fits(const Linear *linear) {
@@ -20,10 +21,9 @@ static double innovation_limit(const Linear *linear) {
 
 static void set_sample(LinearFilter *filter, const Linear *linear) {
     const Map *map = linear->map;
-    filter->ratio = map->scaled ? linear->scaled.step.ratio : 1.0;
+    filter->ratio = linear->scaled.step.ratio;
     for (size_t g = 0; g < map->n_gauges; g++) {
-        const double expected = map->scaled ? map->form.fixed_strain[g] + filter->ratio * map->form.mean_strain[g]
-                                            : map->mean_strain[g];
+        const double expected = map->form.fixed_strain[g] + filter->ratio * map->form.mean_strain[g];
         filter->used[g] = linear->prepared.masked->mask[g];
         filter->apart[g] = filter->used[g] ? linear->inputs->strain[g] - expected : 0.0;
     }
@@ -67,13 +67,11 @@ static int is_positive(const double *covariance) {
 /* Deviations of loads and coefficients with the change of the covariance by the law; those of the sample alone where the
    laws hold larger errors than those at the current strain. */
 static void set_deviations(LinearFilter *filter, Linear *linear, const double *by, const double *scale) {
-    const int scaled = linear->map->scaled;
+    const ScaledStep *step = &linear->scaled.step;
     const double shift = moment_shift(linear->inputs), deviation = linear->flow.deviation;
-    double covariance[N_LOADS * N_LOADS], per_pressure[N_LOADS] = {0.0}, load[N_LOADS], coefficient[N_LOADS];
-    memcpy(covariance, scaled ? linear->scaled.step.covariance : linear->prepared.masked->load_covariance, sizeof covariance);
-    if (scaled) {
-        memcpy(per_pressure, linear->scaled.step.per_pressure, sizeof per_pressure);
-    }
+    double covariance[N_LOADS * N_LOADS], per_pressure[N_LOADS], load[N_LOADS], coefficient[N_LOADS];
+    memcpy(covariance, step->covariance, sizeof covariance);
+    memcpy(per_pressure, step->per_pressure, sizeof per_pressure);
     move_covariance(shift, covariance);
     move_moments(shift, per_pressure);
     int positive = 1;
@@ -99,12 +97,12 @@ static void set_deviations(LinearFilter *filter, Linear *linear, const double *b
     }
 }
 
-/* Loads and coefficients of the law in filter->next_law. */
+/* Loads and coefficients of the law in filter->laws.next_law. */
 static void write_loads(LinearFilter *filter, Linear *linear) {
     const double *scalar = linear->inputs->value + linear->map->n_gauges;
     const double shift = moment_shift(linear->inputs);
     double apart[N_LOADS], by[N_LOADS * N_LOADS], scale[N_LOADS];
-    linear_filter_loads(filter, &filter->next_law, apart, by);
+    linear_filter_loads(filter, &filter->laws.next_law, apart, by);
     move_moments(shift, apart);
     move_covariance(shift, by);
     coefficient_scales(linear->flow.pressure, scalar[REFERENCE_AREA], scalar[REFERENCE_LENGTH], scale);
@@ -116,37 +114,32 @@ static void write_loads(LinearFilter *filter, Linear *linear) {
 }
 
 void linear_filter_outputs(LinearFilter *filter, Linear *linear) {
-    zero_errors_take(&filter->zeros, linear->inputs->zeros);
-    const int has_law = filter->base.has_law != 0.0 && zero_errors_same(&filter->zeros, filter->law.zero);
-    const double elapsed = filter->base.now - filter->base.time, longest = filter->map.largest_time;
+    zero_errors_take(&filter->laws.zeros, linear->inputs->zeros);
+    const int has_law = filter->base.has_law != 0.0 && laws_hold(&filter->laws);
     filter->next = filter->base;
     filter->next.has_law = has_law;
     filter->next.time = filter->base.now;
     filter->has_change = 0;
     if (has_law) {
-        const double seconds = elapsed > 0.0 ? (elapsed < longest ? elapsed : longest) : 0.0;
-        linear_filter_predict(filter, seconds, linear->inputs->value[filter_setting(linear->inputs)]);
+        const double elapsed = elapsed_time(filter->base.time, filter->base.now, filter->map.largest_time);
+        linear_filter_predict(filter, elapsed, linear->inputs->value[filter_setting(linear->inputs)]);
     }
     if (!sample_fits(linear)) {
-        const LinearLaw kept = filter->next_law;
-        filter->next_law = filter->predicted;
-        filter->predicted = kept;
+        laws_keep_predicted(&filter->laws);
         return;
     }
     set_sample(filter, linear);
     filter->next.has_law = 1.0;
-    if (has_law && linear_filter_update(filter, &filter->predicted) <= innovation_limit(linear)) {
+    if (has_law && linear_filter_update(filter, &filter->laws.predicted) <= innovation_limit(linear)) {
         write_loads(filter, linear);
         return;
     }
-    linear_filter_set_stationary(filter);
-    linear_filter_update(filter, &filter->stationary);
+    laws_set_modes(&filter->laws);
+    linear_filter_update(filter, &filter->laws.stationary);
 }
 
 void linear_filter_take_next(LinearFilter *filter, double time) {
-    const LinearLaw law = filter->law;
-    filter->law = filter->next_law;
-    filter->next_law = law;
+    laws_take_next(&filter->laws);
     filter->base = filter->next;
     filter->base.stepped = 0.0;
     filter->base.now = time;

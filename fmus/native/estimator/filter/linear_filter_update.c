@@ -6,17 +6,7 @@
 #include "../numerics/cholesky.h"
 #include "../numerics/lanes.h"
 #include "../numerics/products.h"
-
-#define LEAST_LEFT 1e-2 /* part of a variance that is left, above which a difference has digits enough */
-
-/* out (columns, rows) = matrix' (rows, columns), each a row apart from the next. */
-static void transpose(size_t rows, size_t columns, const double *matrix, size_t row, double *out, size_t out_row) {
-    for (size_t i = 0; i < rows; i++) {
-        for (size_t j = 0; j < columns; j++) {
-            out[j * out_row + i] = matrix[i * row + j];
-        }
-    }
-}
+#include "law_update.h"
 
 /* `count` rows of strain times a factor, 0 for gauges that are not in use. */
 static void set_rows(const LinearFilter *filter, size_t count, double factor, const double *strain, double *out) {
@@ -30,7 +20,7 @@ static void set_rows(const LinearFilter *filter, size_t count, double factor, co
 static void set_white(LinearFilter *filter) {
     const size_t n = filter->n_gauges, rows = filter->rows;
     const double square = filter->ratio * filter->ratio;
-    combine(filter->wide, rows * rows, 1.0, filter->own_covariance, square, filter->rest_covariance, filter->white);
+    combine(filter->laws.wide, rows * rows, 1.0, filter->own_covariance, square, filter->rest_covariance, filter->white);
     for (size_t i = 0; i < rows; i++) {
         if (i < n && filter->used[i]) {
             filter->white[i * rows + i] += filter->map.noise[i];
@@ -41,8 +31,8 @@ static void set_white(LinearFilter *filter) {
         }
         filter->white[i * rows + i] = 1.0;
     }
-    if (filter->zeros.in_use) {
-        zero_errors_add(&filter->zeros, filter->white, rows);
+    if (filter->laws.zeros.in_use) {
+        zero_errors_add(&filter->laws.zeros, filter->white, rows);
         for (size_t i = 0; i < n; i++) {
             for (size_t j = 0; j < i; j++) {
                 filter->white[i * rows + j] = filter->white[j * rows + i];
@@ -54,7 +44,7 @@ static void set_white(LinearFilter *filter) {
 /* What is known of the states after the sample alone, by information: sums of positive terms. Its loads follow. */
 static void set_alone(LinearFilter *filter) {
     const LinearFilterMap *map = &filter->map;
-    const size_t rows = filter->rows, n = filter->n, order = filter->order;
+    const size_t rows = filter->rows, n = filter->laws.n, order = filter->laws.order;
     double *whitened = filter->gain, *apart = whitened + n * rows, *cross = apart + rows, *known = filter->turned;
     double *of_loads = filter->joseph, *found = of_loads + N_LOADS * order; /* of the loads; of the strain */
     memcpy(whitened, filter->read, n * rows * sizeof *whitened);
@@ -62,8 +52,8 @@ static void set_alone(LinearFilter *filter) {
     memset(cross, 0, N_LOADS * rows * sizeof *cross);
     set_rows(filter, N_LOADS, filter->ratio * filter->ratio, map->rest_cross, cross);
     memcpy(filter->factor, filter->white, rows * rows * sizeof *filter->factor);
-    cholesky(filter->wide, rows, rows, filter->factor);
-    solve_lower(filter->wide, rows, filter->factor, n + 1 + N_LOADS, whitened);
+    cholesky(filter->laws.wide, rows, rows, filter->factor);
+    solve_lower(filter->laws.wide, rows, filter->factor, n + 1 + N_LOADS, whitened);
     memset(of_loads, 0, (N_LOADS + 1) * order * sizeof *of_loads);
     for (size_t k = 0; k < n; k++) {
         const double *row = whitened + k * rows;
@@ -78,19 +68,19 @@ static void set_alone(LinearFilter *filter) {
     for (size_t r = 0; r < rows; r++) {
         memset(known + r * order + n, 0, (order - n) * sizeof *known);
     }
-    multiply(filter->wide, FULL, n, rows, order, by_rows(whitened, rows), known, order, filter->small, order);
+    multiply(filter->laws.wide, FULL, n, rows, order, by_rows(whitened, rows), known, order, filter->small, order);
     const size_t modes = map->n_modes, first_mode = n - modes;
     for (size_t i = 0; i < order; i++) {
         for (size_t j = 0; j < order; j++) {
             double *value = filter->small + i * order + j;
             const int of_modes = i >= first_mode && i < n && j >= first_mode && j < n;
-            const double prior = of_modes ? filter->thermal->information[(i - first_mode) * modes + (j - first_mode)]
+            const double prior = of_modes ? filter->laws.thermal->information[(i - first_mode) * modes + (j - first_mode)]
                                           : (i == j ? 1.0 : 0.0);
             *value = (i < n && j < n ? map->std[i] * *value * map->std[j] : 0.0) + prior;
         }
     }
-    cholesky(filter->wide, order, order, filter->small);
-    solve_lower(filter->wide, order, filter->small, N_LOADS + 1, of_loads);
+    cholesky(filter->laws.wide, order, order, filter->small);
+    solve_lower(filter->laws.wide, order, filter->small, N_LOADS + 1, of_loads);
     for (size_t i = 0; i < N_LOADS; i++) {
         filter->alone[i] = lane_dot(order, of_loads + i * order, found);
         for (size_t j = 0; j < N_LOADS; j++) {
@@ -106,49 +96,22 @@ void linear_filter_read(LinearFilter *filter) {
     set_rows(filter, map->n_common, 1.0, map->common, filter->read + first_common);
     set_rows(filter, n_own, 1.0, map->own, filter->term);
     set_rows(filter, map->n_rest, filter->ratio, map->rest, filter->term + n_own * rows);
-    transpose(filter->n, rows, filter->read, rows, filter->read_turned, filter->order);
-    transpose(n_own + map->n_rest, rows, filter->term, rows, filter->term_turned, filter->n_considered);
-    if (filter->zeros.in_use) {
-        zero_errors_read(&filter->zeros, filter->used);
+    transpose(filter->laws.n, rows, filter->read, rows, filter->read_turned, filter->laws.order);
+    transpose(n_own + map->n_rest, rows, filter->term, rows, filter->term_turned, filter->laws.n_considered);
+    if (filter->laws.zeros.in_use) {
+        zero_errors_read(&filter->laws.zeros, filter->used);
     }
     set_white(filter);
     set_alone(filter);
 }
 
-/* P after the sample, in Joseph form: A P A' + X + X' with X = (K R / 2 - A C G') K', R of what is white and considered. */
-static void joseph_covariance(LinearFilter *filter, const LinearLaw *law, const double *kalman) {
-    const size_t n = filter->n, order = filter->order, rows = filter->rows;
-    const int wide = filter->wide;
-    double *first = filter->joseph, *second = filter->joseph + order * order, *half = filter->product;
-    double *covariance = filter->next_law.covariance, *turned = filter->turned;
-    const Strided kept = by_rows(filter->kept, order);
-    multiply(wide, FULL, n, rows, rows, by_rows(kalman, rows), filter->white, rows, half, rows);
-    multiply(wide, FULL, n, n, rows, kept, filter->considered, rows, turned, rows);
-    for (size_t k = 0; k < n * rows; k++) {
-        half[k] = 0.5 * half[k] - turned[k];
-    }
-    transpose(n, rows, kalman, rows, turned, order);
-    multiply(wide, FULL, n, rows, order, by_rows(half, rows), turned, order, second, order);
-    multiply(wide, FULL, n, n, order, kept, law->covariance, order, first, order);
-    transpose(n, n, filter->kept, order, turned, order);
-    multiply(wide, FULL, n, n, order, by_rows(first, order), turned, order, covariance, order);
-    for (size_t i = 0; i < n; i++) {
-        memset(covariance + i * order + n, 0, (order - n) * sizeof *covariance);
-        for (size_t j = 0; j <= i; j++) {
-            const double sum = second[i * order + j] + second[j * order + i];
-            const double both = covariance[i * order + j] + covariance[j * order + i];
-            covariance[i * order + j] = covariance[j * order + i] = 0.5 * both + sum;
-        }
-    }
-}
-
-/* P after the sample, as a difference, in filter->next_law; 0 where that has too few digits. */
-static int subtract_covariance(LinearFilter *filter, const LinearLaw *law, const double *whitened) {
-    const size_t n = filter->n, order = filter->order, rows = filter->rows;
-    double *taken = filter->joseph, *covariance = filter->next_law.covariance;
+/* P after the sample, as a difference, in filter->laws.next_law; 0 where that has too few digits. */
+static int subtract_covariance(LinearFilter *filter, const Law *law, const double *whitened) {
+    const size_t n = filter->laws.n, order = filter->laws.order, rows = filter->rows;
+    double *taken = filter->joseph, *covariance = filter->laws.next_law.covariance;
     int enough = 1;
     transpose(n, rows, whitened, rows, filter->turned, order);
-    multiply(filter->wide, FULL, n, rows, order, by_rows(whitened, rows), filter->turned, order, taken, order);
+    multiply(filter->laws.wide, FULL, n, rows, order, by_rows(whitened, rows), filter->turned, order, taken, order);
     for (size_t i = 0; i < n; i++) {
         const double before = law->covariance[i * order + i];
         enough = enough && before - taken[i * order + i] > LEAST_LEFT * before;
@@ -160,17 +123,16 @@ static int subtract_covariance(LinearFilter *filter, const LinearLaw *law, const
     return enough;
 }
 
-double linear_filter_update(LinearFilter *filter, const LinearLaw *law) {
-    const size_t n = filter->n, order = filter->order, rows = filter->rows, considered = filter->n_considered;
-    const int wide = filter->wide;
+double linear_filter_update(LinearFilter *filter, const Law *law) {
+    const size_t n = filter->laws.n, order = filter->laws.order, rows = filter->rows, considered = filter->laws.n_considered;
+    const int wide = filter->laws.wide;
     double *gain = filter->gain, *innovation = gain + n * rows, *half = filter->product;
-    LinearLaw *after = &filter->next_law;
-    thermal_tell(filter->thermal, after->amplitude, after->known);
-    zero_errors_note(&filter->zeros, after->zero);
+    Law *after = &filter->laws.next_law;
+    law_note(&filter->laws, after);
     multiply(wide, FULL, n, considered, rows, by_rows(law->cross, considered), filter->term, rows, filter->considered,
              rows);
-    if (filter->zeros.in_use) {
-        zero_errors_considered(&filter->zeros, n, law->of_zeros, filter->considered, rows);
+    if (filter->laws.zeros.in_use) {
+        zero_errors_considered(&filter->laws.zeros, n, law->of_zeros, filter->considered, rows);
     }
     multiply(wide, FULL, n, n, rows, by_rows(law->covariance, order), filter->read, rows, gain, rows);
     for (size_t k = 0; k < n * rows; k++) {
@@ -192,31 +154,26 @@ double linear_filter_update(LinearFilter *filter, const LinearLaw *law) {
     }
     solve_upper(wide, rows, filter->factor, n, gain);
     multiply(wide, FULL, n, rows, order, by_rows(gain, rows), filter->read_turned, order, filter->kept, order);
-    for (size_t i = 0; i < n; i++) {
-        for (size_t j = 0; j < order; j++) {
-            filter->kept[i * order + j] = (i == j ? 1.0 : 0.0) - filter->kept[i * order + j];
-        }
-    }
+    const Joseph joseph = {.rows = rows,           .n_read = n,              .gain = gain,
+                           .read = filter->kept,   .white = filter->white,   .considered = filter->considered,
+                           .half = filter->product, .turned = filter->turned, .square = filter->joseph};
     if (!enough) {
-        joseph_covariance(filter, law, gain);
+        law_set_joseph(&filter->laws, &joseph, law, after);
     }
-    multiply(wide, FULL, n, n, considered, by_rows(filter->kept, order), law->cross, considered, after->cross,
-             considered);
+    memcpy(after->cross, law->cross, n * considered * sizeof *after->cross);
+    subtract_product(wide, n, n, considered, by_rows(filter->kept, order), law->cross, considered, after->cross,
+                     considered);
     subtract_product(wide, n, rows, considered, by_rows(gain, rows), filter->term_turned, considered, after->cross,
                      considered);
-    if (filter->zeros.in_use) {
-        const size_t columns = filter->zeros.columns;
-        multiply(wide, FULL, n, n, columns, by_rows(filter->kept, order), law->of_zeros, columns, after->of_zeros,
-                 columns);
-        zero_errors_subtract(&filter->zeros, n, gain, rows, after->of_zeros);
-    }
+    law_update_zeros(&filter->laws, &joseph, law, after);
     return chi_square;
 }
 
-void linear_filter_loads(LinearFilter *filter, const LinearLaw *law, double *loads, double *covariance) {
-    const size_t n = filter->n, order = filter->order;
+void linear_filter_loads(LinearFilter *filter, const Law *law, double *loads, double *covariance) {
+    const size_t n = filter->laws.n, order = filter->laws.order;
     double *times = filter->joseph;
-    multiply(filter->wide, FULL, N_LOADS, n, order, by_rows(filter->of_load, order), law->covariance, order, times, order);
+    multiply(filter->laws.wide, FULL, N_LOADS, n, order, by_rows(filter->of_load, order), law->covariance, order, times,
+             order);
     for (size_t i = 0; i < N_LOADS; i++) {
         loads[i] = lane_dot(order, filter->of_load + i * order, law->mean) - filter->alone[i];
         for (size_t j = 0; j < N_LOADS; j++) {

@@ -10,9 +10,9 @@
 void linear_filter_read(LinearFilter *filter);
 
 /* filter->next_law from a law, with the sample; its normalised innovation squared. */
-double linear_filter_update(LinearFilter *filter, const LinearLaw *law);
+double linear_filter_update(LinearFilter *filter, const Law *law);
 
 /* Change of the five loads by a law in place of the sample alone, and of their covariance. */
-void linear_filter_loads(LinearFilter *filter, const LinearLaw *law, double *loads, double *covariance);
+void linear_filter_loads(LinearFilter *filter, const Law *law, double *loads, double *covariance);
 
 #endif

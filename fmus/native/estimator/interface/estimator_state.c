@@ -26,35 +26,18 @@ static size_t linear_size(const Estimator *e) {
     return tared_size(e) + renewal_state_size(&e->renewal);
 }
 
-/* Of the filter, its track and the law, which is 0 where there is none. */
-static size_t filter_size(const Estimator *e) {
-    const Filter *filter = &e->flight.filter;
-    return filter->present ? sizeof filter->base + sizeof(double) * law_doubles(filter) : 0;
-}
-
 size_t model_state_size(const Model *model) {
     const Estimator *e = estimator_of(model);
-    return linear_size(e) + linear_filter_state_size(&e->linear_filter) + filter_size(e)
+    return linear_size(e) + linear_filter_state_size(&e->linear_filter) + filter_state_size(&e->flight.filter)
          + (e->flight.present ? sizeof(Track) : 0);
-}
-
-static void write_filter(const Filter *filter, unsigned char *bytes) {
-    memcpy(bytes, &filter->base, sizeof filter->base);
-    if (filter->base.has_law != 0.0) {
-        filter_write_law(filter, bytes + sizeof filter->base);
-    } else {
-        memset(bytes + sizeof filter->base, 0, sizeof(double) * law_doubles(filter));
-    }
 }
 
 void model_write_state(const Model *model, unsigned char *bytes) {
     const Estimator *e = estimator_of(model);
     if (e->flight.present) {
-        memcpy(bytes + linear_size(e) + filter_size(e), &e->flight.base, sizeof e->flight.base);
+        memcpy(bytes + linear_size(e) + filter_state_size(&e->flight.filter), &e->flight.base, sizeof e->flight.base);
     }
-    if (e->flight.filter.present) {
-        write_filter(&e->flight.filter, bytes + linear_size(e));
-    }
+    filter_write_state(&e->flight.filter, bytes + linear_size(e));
     linear_filter_write_state(&e->linear_filter, bytes + linear_size(e));
     tare_write_state(&e->tare, bytes + input_size(e));
     renewal_write_state(&e->renewal, bytes + tared_size(e));
@@ -65,15 +48,6 @@ void model_write_state(const Model *model, unsigned char *bytes) {
     for (size_t i = 0; i < e->map.n_gauges; i++) {
         bytes[i] = (unsigned char)(e->inputs.valid[i] * VALID_BIT + e->inputs.given[i] * GIVEN_BIT);
     }
-}
-
-static int filter_fits(const Filter *filter, const unsigned char *bytes) {
-    FilterTrack track;
-    if (!filter->present) {
-        return 1;
-    }
-    memcpy(&track, bytes, sizeof track);
-    return filter_track_fits(filter, &track, bytes + sizeof track);
 }
 
 int estimator_check_state(const Model *model, const unsigned char *bytes, char text[MODEL_TEXT_SIZE]) {
@@ -115,8 +89,8 @@ int estimator_check_state(const Model *model, const unsigned char *bytes, char t
     }
     if (e->flight.present) {
         Track track;
-        memcpy(&track, bytes + linear_size(e) + filter_size(e), sizeof track);
-        if (!flight_track_fits(&e->flight, &track) || !filter_fits(&e->flight.filter, bytes + linear_size(e))) {
+        memcpy(&track, bytes + linear_size(e) + filter_state_size(&e->flight.filter), sizeof track);
+        if (!flight_track_fits(&e->flight, &track) || !filter_state_fits(&e->flight.filter, bytes + linear_size(e))) {
             snprintf(text, MODEL_TEXT_SIZE, "holds a flight state that cannot be");
             return 0;
         }
@@ -127,13 +101,9 @@ int estimator_check_state(const Model *model, const unsigned char *bytes, char t
 void model_read_state(Model *model, const unsigned char *bytes) {
     Estimator *e = estimator_of(model);
     if (e->flight.present) {
-        memcpy(&e->flight.base, bytes + linear_size(e) + filter_size(e), sizeof e->flight.base);
+        memcpy(&e->flight.base, bytes + linear_size(e) + filter_state_size(&e->flight.filter), sizeof e->flight.base);
     }
-    if (e->flight.filter.present) {
-        Filter *filter = &e->flight.filter;
-        memcpy(&filter->base, bytes + linear_size(e), sizeof filter->base);
-        memcpy(filter->law.mean, bytes + linear_size(e) + sizeof filter->base, sizeof(double) * law_doubles(filter));
-    }
+    filter_read_state(&e->flight.filter, bytes + linear_size(e));
     linear_filter_read_state(&e->linear_filter, bytes + linear_size(e));
     tare_read_state(&e->tare, bytes + input_size(e));
     const Floating host = floating_enter();

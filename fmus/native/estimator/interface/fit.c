@@ -4,7 +4,6 @@
 #include <string.h>
 
 #include "../sample/readings.h"
-#include "../update/absolute_form.h"
 #include "../update/scaled_form.h"
 
 #define N_ENTRIES (N_LOADS * N_LOADS)
@@ -50,20 +49,17 @@ static const double ONES[N_LOADS] = {1.0, 1.0, 1.0, 1.0, 1.0}, NONE[N_LOADS] = {
 static void linear_covariances(const Estimator *e, double *fit) {
     const double *scalar = e->inputs.value + e->map.n_gauges;
     const double q = e->linear.flow.pressure, q_std = e->linear.flow.deviation;
-    const double *covariance = e->map.scaled ? e->linear.scaled.step.covariance : e->linear.prepared.masked->load_covariance;
+    const ScaledStep *step = &e->linear.scaled.step;
     double transfer[N_LOADS][N_LOADS], loads[N_LOADS], per_pressure[N_LOADS], scale[N_LOADS], of_coefficient[N_LOADS];
-    memcpy(loads, e->output + LOADS, sizeof loads);
-    if (e->map.scaled) { /* the outputs may be the filter's */
-        memcpy(loads, e->linear.scaled.step.loads, sizeof loads);
-        move_moments(moment_shift(&e->inputs), loads);
-    }
-    memcpy(per_pressure, e->map.scaled ? e->linear.scaled.step.per_pressure : NONE, sizeof per_pressure);
+    memcpy(loads, step->loads, sizeof loads); /* the outputs may be the filter's */
+    move_moments(moment_shift(&e->inputs), loads);
+    memcpy(per_pressure, step->per_pressure, sizeof per_pressure);
     move_moments(moment_shift(&e->inputs), per_pressure);
     set_transfer(e, ONES, transfer);
     for (size_t i = 0; i < N_LOADS; i++) {
         per_pressure[i] = e->linear.flow.known ? per_pressure[i] * q_std : 0.0;
     }
-    transferred(transfer, covariance, per_pressure, fit + LOAD_COVARIANCE);
+    transferred(transfer, step->covariance, per_pressure, fit + LOAD_COVARIANCE);
     if (!e->linear.flow.known) {
         return;
     }
@@ -73,7 +69,7 @@ static void linear_covariances(const Estimator *e, double *fit) {
         const double coefficient = scale[i] * loads[i];
         of_coefficient[i] = scale[i] * per_pressure[i] - coefficient / q * q_std;
     }
-    transferred(transfer, covariance, of_coefficient, fit + COEFFICIENT_COVARIANCE);
+    transferred(transfer, step->covariance, of_coefficient, fit + COEFFICIENT_COVARIANCE);
 }
 
 /* The same of the filter of a linear map, which changes both by what earlier samples determine. */
@@ -110,20 +106,6 @@ static void flight_covariances(const Estimator *e, double *fit) {
         }
     }
     transferred(transfer, found->coefficient_covariance, NONE, fit + COEFFICIENT_COVARIANCE);
-}
-
-/* z of the linear map by gauge, 0 where no other gauge in use checks it. */
-static void linear_residuals(Estimator *e, double *z) {
-    const MaskedMap *m = e->linear.prepared.masked;
-    memset(z, 0, e->map.n_gauges * sizeof *z);
-    if (e->map.scaled) {
-        scaled_standardised_residuals(&e->linear.scaled, z);
-        return;
-    }
-    absolute_standardised_residuals(e->linear.wide, m, &e->linear.absolute);
-    for (size_t k = 0; k < m->n_used; k++) {
-        z[m->used[k]] = e->linear.absolute.z[k] * m->z_scale[k];
-    }
 }
 
 /* Gauges in use, and those that the largest residual points to. */
@@ -178,13 +160,14 @@ static void write_linear_fit(Estimator *e, double *fit, double *z) {
         return;
     }
     fit[FITS] = (double)(e->output[CHI_SQUARE] <= e->output[CHI_SQUARE_LIMIT]);
-    if (e->map.scaled && !e->linear.flow.known) {
+    if (e->map.form.follows_pressure && !e->linear.flow.known) {
         return;
     }
-    const double ratio = e->map.scaled ? e->linear.scaled.step.expected_ratio : 1.0;
+    const double ratio = e->linear.scaled.step.expected_ratio;
     const double scale = e->map.outlier_scale * (e->inputs.value[e->map.n_gauges + ALARM_SCALE] * ratio);
     fit[RESIDUAL_LIMIT] = m->outlier_threshold * sqrt(scale);
-    linear_residuals(e, z);
+    memset(z, 0, e->map.n_gauges * sizeof *z);
+    scaled_standardised_residuals(&e->linear.scaled, z);
     linear_covariances(e, fit);
     add_filtered(e, fit);
 }
@@ -194,7 +177,7 @@ double degrees_of_freedom(const Estimator *e) {
     if (e->flight.present) {
         return isnan(e->output[LOADS]) ? 0.0 : e->flight.degrees_of_freedom;
     }
-    if (!m->identified || (e->map.scaled && !e->linear.flow.known)) {
+    if (!m->identified || (e->map.form.follows_pressure && !e->linear.flow.known)) {
         return 0.0;
     }
     const int lost = (int)(e->map.n_gauges - m->n_used);

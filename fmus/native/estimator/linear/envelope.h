@@ -29,7 +29,7 @@ size_t half_space_doubles(const Envelope *envelope);
 void half_space_arrays(const Envelope *envelope, HalfSpaces *spaces, double **doubles);
 
 /* The largest (n'C - limit) / sigma over the half-spaces, 0 where C is inside all. Coefficients (5) and their covariance
-   (5, 5) are those at the references of the map. wide as for panels.h. */
+   (5, 5) are those at the references of the map. wide as for wide.h. */
 double envelope_score(const Envelope *envelope, const HalfSpaces *spaces, int wide, const double *coefficients,
                       const double *covariance);
 

@@ -9,34 +9,29 @@
 size_t linear_doubles(const Linear *linear, size_t n_strains) {
     const Map *map = linear->map;
     const size_t n_other = linear->other_loads->present ? linear->other_loads->map.n_loads : 0;
-    return prepared_doubles(map, n_strains, n_other) + absolute_doubles(map) + half_space_doubles(&map->envelope)
-         + (map->scaled ? scaled_doubles(map, n_other) : 0);
+    return prepared_doubles(map, n_strains, n_other) + half_space_doubles(&map->envelope) + scaled_doubles(map, n_other);
 }
 
 size_t linear_indices(const Map *map) {
-    return prepared_indices(map) + (map->scaled ? scaled_indices(map) : 0);
+    return prepared_indices(map) + scaled_indices(map);
 }
 
 /* Those of every step first: they are aligned as the block is. */
-void linear_arrays(Map *map, size_t n_strains, Linear *linear, double **doubles, size_t **indices, float *narrow,
+void linear_arrays(Map *map, size_t n_strains, Linear *linear, double **doubles, size_t **indices,
                    unsigned char **bytes) {
     linear->prepared.noise.wide = linear->prepared.work.wide = linear->wide;
     linear->prepared.noise.other_loads = linear->other_loads->present ? linear->other_loads : NULL;
-    if (map->scaled) {
-        linear->scaled.map = map;
-        linear->scaled.other_loads = linear->prepared.noise.other_loads;
-        linear->scaled.wide = linear->wide;
-        scaled_arrays(&linear->scaled, doubles, indices);
-    }
+    linear->scaled.map = map;
+    linear->scaled.other_loads = linear->prepared.noise.other_loads;
+    linear->scaled.wide = linear->wide;
+    scaled_arrays(&linear->scaled, doubles, indices);
     half_space_arrays(&map->envelope, &linear->half_spaces, doubles);
-    absolute_arrays(map, &linear->absolute, doubles);
-    linear->absolute.narrow = narrow;
     prepared_arrays(map, n_strains, &linear->prepared, doubles, indices, bytes);
 }
 
 int linear_begin(Linear *linear) {
     const int good = prepared_begin(&linear->prepared);
-    if (good && linear->map->scaled) {
+    if (good) {
         scaled_prepare(&linear->scaled);
     }
     return good;
@@ -44,9 +39,7 @@ int linear_begin(Linear *linear) {
 
 void linear_renewed(Linear *linear) {
     prepared_renewed(&linear->prepared);
-    if (linear->map->scaled) {
-        scaled_prepare(&linear->scaled);
-    }
+    scaled_prepare(&linear->scaled);
 }
 
 /* Flow and navigation of the inputs. */
@@ -95,10 +88,8 @@ void linear_update(Linear *linear) {
         return;
     }
     linear->flow = flow_of(linear);
-    if (!linear->map->scaled) {
-        absolute_outputs(linear);
-    } else if (linear->flow.known) {
-        scaled_outputs(linear);
+    if (linear->flow.known || !linear->map->form.follows_pressure) {
+        linear_outputs(linear);
     } else {
         set_unknown(output);
     }
@@ -115,10 +106,8 @@ int linear_loads_at(Linear *linear, double dynamic_pressure, double deviation) {
               && dynamic_pressure <= linear->map->max_dynamic_pressure && deviation >= 0.0 && deviation < INFINITY;
     linear->flow = flow;
     int found = m->identified && linear->flow.known;
-    if (found && linear->map->scaled) {
-        scaled_outputs(linear);
-    } else if (found) {
-        absolute_outputs(linear);
+    if (found) {
+        linear_outputs(linear);
     }
     for (int i = 0; i < N_LOADS; i++) {
         found = found && isfinite(linear->output[COEFFICIENTS + i]);

@@ -7,7 +7,6 @@
 
 /* Condition the loads on the strains, and set all outputs but the number of gauges and the health, where the gauges in use
    identify the state; of form "dynamic_pressure" where q_inf is known. */
-void absolute_outputs(Linear *linear);
-void scaled_outputs(Linear *linear);
+void linear_outputs(Linear *linear);
 
 #endif

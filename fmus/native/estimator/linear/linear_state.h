@@ -4,7 +4,6 @@
 #define LINEAR_STATE_H
 
 #include "../sample/outputs.h"
-#include "../update/absolute_form.h"
 #include "../update/prepared.h"
 #include "../update/scaled_state.h"
 #include "envelope.h"
@@ -14,12 +13,11 @@ typedef struct {
     const Inputs *inputs;
     double *output;        /* (N_OUTPUTS) of the estimator */
     OtherLoads *other_loads;      /* loads beside the five, of a map that has some */
-    int wide;              /* panels_wide() */
+    int wide;              /* wide_of_processor() */
     Flow flow;             /* of the inputs since output was computed */
     Prepared prepared;
     HalfSpaces half_spaces;
-    AbsoluteStep absolute; /* the rest of a map in form "absolute"; not set for others */
-    Scaled scaled;         /* the same in form "dynamic_pressure" */
+    Scaled scaled;
 } Linear;
 
 #endif

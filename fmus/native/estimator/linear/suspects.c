@@ -1,48 +1,62 @@
 #include "suspects.h"
 
 #include <math.h>
+#include <string.h>
 
-#include "../numerics/panels.h"
+#include "../numerics/dense.h"
+#include "../numerics/wide.h"
+#include "../update/scaled_form.h"
 
 /* |w|^2 up to which float holds w and the products with it. */
 #define LARGEST_SCREENED 0x1p40
 
-/* Whether some |z| is above the threshold; z gets its scale. Without branches, for it runs over all of them. */
-static int scale_and_compare(size_t n, double *restrict z, const double *restrict scale, double threshold) {
-    int above = 0;
-    for (size_t k = 0; k < n; k++) {
-        z[k] *= scale[k];
-        above |= fabs(z[k]) > threshold;
+/* Whether some |z| may be above the limit. z^2 = (V_i' x)^2 / P_ii, where y = V_i' x / |V_i| was found in float and errs
+   by no more than error * margin; bound is no less than |V_i|^2 / P_ii. A number that is not finite counts as above. */
+EVERYWHERE int any_above(size_t n, const float *restrict y, const double *restrict margin, const double *restrict bound,
+                         double error, double square) {
+    int below = 1;
+    for (size_t i = 0; i < n; i++) {
+        const double largest = fabs((double)y[i]) + error * margin[i] + 1e-30;
+        below &= largest * largest * bound[i] <= square;
     }
-    return above;
+    return !below;
 }
 
-/* 0 only if no |z_k| is above the threshold, found in float in a fraction of the time that z takes.
+/* 0 only if no |z| is above the threshold, found in float in a fraction of the time that z takes.
 
-   z_k = c_k' w, where c_k, column k of R times z_scale, has length 1 or is 0. Let u = 2^-24. Rounding c_k and w to
-   float, multiplying and adding n terms in any order errs by at most (n + 2) u |c_k|' |w| to first order (Higham,
-   Accuracy and Stability of Numerical Algorithms, section 3.1), which is at most (n + 2) u |w| by Cauchy and Schwarz.
-   The limit in float errs by u times the threshold; that matters only if some |z_k| is above it, and then it is below
-   |w|. Twice the sum of both covers the second order (n <= 4096), a length of c_k off by the 1 % that
-   panels_of_screen allows, and all rounding in double, which is 2^-29 of it. Elements too small for float, even on a
-   host that sets them to zero, lose less than n 2^-126 (1 + |w|) < 2^-90.
-
-   Where chi-square shows a fault, some |z_k| is above as a rule: nothing would be gained. */
-static int may_exceed(Linear *linear, double threshold) {
-    const MaskedMap *m = linear->prepared.masked;
-    const double chi_square = linear->output[CHI_SQUARE];
-    if (!m->screened || !(chi_square <= LARGEST_SCREENED) || chi_square > linear->output[CHI_SQUARE_LIMIT]) {
+   Let u = 2^-24. Rounding V_i and x to float, multiplying and adding n terms in any order errs by at most (n + 2) u
+   |V_i|' |x| to first order (Higham, Accuracy and Stability of Numerical Algorithms, section 3.1). Twice that covers the
+   second order (n <= 4096). With x = D (D w) it is at most (n + 4) 2^-23 sum_a |V_ai| u_a |w_a|, which by Cauchy and
+   Schwarz is at most the root of chi-square times that of P_ii with all gauges. 1e-5 of the limit covers all rounding in
+   double. Where chi-square shows a fault, some |z| is above as a rule: nothing would be gained. */
+EVERYWHERE int may_exceed(Linear *linear, double threshold) {
+    const size_t n = linear->map->n_gauges;
+    ScaledStep *step = &linear->scaled.step;
+    const double chi_square = step->chi_square;
+    if (!(chi_square <= LARGEST_SCREENED) || chi_square > linear->output[CHI_SQUARE_LIMIT]) {
         return 1;
     }
-    const double margin = (double)(m->n_used + 4) * 0x1p-23 * sqrt(chi_square) + 0x1p-90;
-    const double limit = threshold - margin < LARGEST_SCREENED ? threshold - margin : LARGEST_SCREENED;
-    for (size_t k = 0; k < m->n_used; k++) {
-        linear->absolute.narrow[k] = (float)linear->absolute.whitened[k];
+    const Interval *interval = step->interval;
+    if (!(step->n_lost == 0 ? interval->bounded : step->bounded)) {
+        return 1;
     }
-    return panels_exceed(linear->wide, m->n_used, m->screen, linear->absolute.narrow, (float)limit);
+    const double *bound = step->n_lost == 0 ? interval->bound : step->bound;
+    for (size_t a = 0; a < n; a++) {
+        step->narrow[a] = (float)step->x[a];
+    }
+    narrow_times(linear->wide, n, n, linear->scaled.screen, step->narrow, step->narrow_z);
+    const double error = (double)(n + 4) * 0x1p-23 * sqrt(chi_square);
+    return any_above(n, step->narrow_z, interval->margin, bound, error, threshold * threshold * (1.0 - 1e-5));
 }
 
-void name_suspects(Linear *linear, size_t worst) {
+#if HAS_AVX2
+AVX2 static int may_exceed_avx2(Linear *linear, double threshold) {
+    return may_exceed(linear, threshold);
+}
+#endif
+
+/* Set the outputs for the gauge in use of that index. */
+static void name_suspects(Linear *linear, size_t worst) {
     const MaskedMap *m = linear->prepared.masked;
     size_t suspects = 0;
     for (size_t k = 0; k < m->n_used; k++) {
@@ -54,20 +68,21 @@ void name_suspects(Linear *linear, size_t worst) {
 
 void set_suspects(Linear *linear, double threshold) {
     const MaskedMap *m = linear->prepared.masked;
-    if (!may_exceed(linear, threshold)) {
+    if (!CHOSEN(linear->wide, may_exceed)(linear, threshold)) {
         return;
     }
-    absolute_standardised_residuals(linear->wide, m, &linear->absolute);
-    if (!scale_and_compare(m->n_used, linear->absolute.z, m->z_scale, threshold)) {
-        return;
-    }
+    double *z = linear->scaled.step.z;
     size_t worst = 0;
-    double largest = fabs(linear->absolute.z[0]);
-    for (size_t k = 1; k < m->n_used; k++) {
-        if (fabs(linear->absolute.z[k]) > largest) {
-            largest = fabs(linear->absolute.z[k]);
+    double largest = 0.0;
+    scaled_standardised_residuals(&linear->scaled, z);
+    for (size_t k = 0; k < m->n_used; k++) {
+        const double size = fabs(z[m->used[k]]);
+        if (size > largest) {
+            largest = size;
             worst = k;
         }
     }
-    name_suspects(linear, worst);
+    if (largest > threshold) {
+        name_suspects(linear, worst);
+    }
 }

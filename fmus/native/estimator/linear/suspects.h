@@ -1,6 +1,6 @@
 /* The gauge that does not fit the others: z of each is its difference from what the others predict for it, in standard
-   deviations. z = z_scale R' w, where w = R r is the whitened residual;
-   strainfmu/estimator/alarm_limits.py has its thresholds. */
+   deviations. z = (P r)_i / sqrt(P_ii) at the present pressure ratio; strainfmu/estimator/alarm_limits.py has its
+   thresholds. */
 
 #ifndef SUSPECTS_H
 #define SUSPECTS_H
@@ -11,8 +11,5 @@
    largest |z|, and the number of those from which it cannot be distinguished. The step, CHI_SQUARE
    and its limit must be set. */
 void set_suspects(Linear *linear, double threshold);
-
-/* Set the outputs for the gauge in use of that index. */
-void name_suspects(Linear *linear, size_t worst);
 
 #endif

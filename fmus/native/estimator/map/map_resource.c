@@ -29,7 +29,12 @@ static void take_envelope(MapFile *file, Envelope *envelope) {
     envelope->atmosphere.layer = map_doubles(file, "envelope.layers", envelope->atmosphere.n_layers, LAYER_SIZE);
 }
 
-static void take_form(MapFile *file, size_t n, ScaledForm *form) {
+static void take_form(MapFile *file, Map *map) {
+    const size_t n = map->n_gauges, n_prior = map->known_prior ? map->n_states : 0;
+    ScaledForm *form = &map->form;
+    form->follows_pressure = (int)map_count(file, "scaled.follows_pressure", 0, 1);
+    form->n_fixed = form->follows_pressure ? form->n_free : n;
+    form->n_columns = form->follows_pressure || n_prior > n ? n : n_prior;
     form->min_expected_ratio = map_number(file, "scaled.min_expected_ratio");
     form->fixed_strain = map_doubles(file, "scaled.fixed_strain", n);
     form->mean_strain = map_doubles(file, "scaled.mean_strain", n);
@@ -92,11 +97,10 @@ int map_parse(MapFile *file, Map *map) {
     take_settings(file, map);
     take_arrays(file, map);
     take_envelope(file, &map->envelope);
-    map->scaled = map_has(file, "scaled");
-    if (map->scaled) {
-        map->form.n_free = map->known_prior ? 0 : map->n_gauges - (size_t)map->degrees_of_freedom;
-        take_form(file, map->n_gauges, &map->form);
-    }
+    map->form.n_free = map->known_prior ? 0 : map->n_gauges - (size_t)map->degrees_of_freedom;
+    map_require(file, map->known_prior || map->form.n_free == map->n_states, "linear.degrees_of_freedom",
+                "that of the gauges less the free states");
+    take_form(file, map);
     map->has_tables = map_has(file, "flight");
     map->has_filter = map_has(file, "filter") || map_has(file, "linear_filter");
     map->has_known = map_has(file, "parameter_tables");

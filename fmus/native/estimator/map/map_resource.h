@@ -24,16 +24,21 @@ typedef struct {
     const double *direction;   /* (5, n_half_spaces) */
 } Envelope;
 
-/* What form "dynamic_pressure" needs besides: docs/explanation/dynamic_pressure.md and
-   strainfmu/estimator/map/proportional_errors.py. */
+/* What scales with the pressure ratio, and what does not: docs/explanation/dynamic_pressure.md and
+   strainfmu/estimator/map/proportional_errors.py. In form "absolute" the ratio is 1, and all errors are noise. */
 typedef struct {
-    size_t n_free;              /* free states, which are the first directions */
+    int follows_pressure;       /* whether the form is "dynamic_pressure"; 0 in form "absolute" */
+    size_t n_free;              /* free states, which are the first directions, */
+    size_t n_fixed;             /* and directions of whose loads none follow the ratio: all in form "absolute" */
+    size_t n_columns;           /* columns of spread that are not 0, the first ones */
     size_t n_terms;             /* errors that all gauges have in common */
     int has_errors;             /* whether errors follow the current strain */
     double min_expected_ratio;  /* least expected chi-square over its degrees of freedom */
-    const double *whitening;    /* (n_gauges, n_gauges) V', a row for each gauge; this and the next four by added_noise.h */
+    const double *whitening;    /* (n_gauges, n_gauges) V', a row for each gauge; this and the next ones by added_noise.h */
     const double *singular;     /* (n_gauges) S */
-    const double *load;         /* (n_gauges, 5) loads of each direction */
+    const double *load;         /* (n_gauges, 5) loads of each direction; the gain of each in form "absolute", */
+    const double *noise_left;   /* (n_gauges, 5) and what noise and prior leave of the loads by that gain: */
+    const double *prior_left;   /* both of form "absolute" alone */
     const double *unseen;       /* (5, 5) R */
     const double *min_precision; /* (n_gauges) P_ii that is round-off */
     const double *fixed_strain; /* (n_gauges) d_0 */
@@ -70,14 +75,8 @@ typedef struct {
     double not_known; /* start value of parameters of the flow, and a value of thrust, that means what NaN does */
     const double *mean_strain;       /* (n_gauges) m */
     const double *load_of_mean;      /* (5) [N, N m] */
-    const double *load_gain;         /* (n_gauges, 5) G' of all gauges; this and the next eight by added_noise.h */
-    const double *load_covariance;   /* (5, 5) of all gauges */
-    const double *residual_triangle; /* of W */
-    const double *gain_triangle;     /* of the W that the gain is made with */
+    const double *residual_triangle; /* of W; this and the next two by added_noise.h */
     const double *noise_whitening;   /* L^-1 by rows of its lower triangle */
-    const double *noise_root;        /* L by rows of its lower triangle */
-    const double *regression;        /* (5, n_gauges) X' L'^-1 */
-    const double *remainder;         /* (5, 5) S */
     const double *min_precision;     /* (n_gauges) P_ii that is round-off */
     const double *state_operator;    /* (n_states, n_gauges) A' */
     const double *load_per_state;    /* (n_states, 5) M' */
@@ -89,7 +88,6 @@ typedef struct {
     const double *outlier_threshold; /* (n_gauges) by number of gauges 1 .. n_gauges */
     double regularisation;           /* gamma */
     Envelope envelope;
-    int scaled; /* whether the form is "dynamic_pressure"; if not, it is "absolute" and what follows is not set */
     ScaledForm form;
     int has_tables, has_filter, has_known; /* whether there are tables over the flight state, a filter, and tables over
                                               other parameters of the flow */

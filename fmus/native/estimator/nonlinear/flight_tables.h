@@ -62,7 +62,7 @@ void response_arrays(const TableMap *map, Response *response, double **doubles);
 void flight_make_cells(const FlightTables *tables, size_t mach, size_t incidence);
 
 /* The response at a state, kept where it is there already: a step starts where the one before ended. wide as for
-   panels.h. */
+   wide.h. */
 void flight_response(const FlightTables *tables, int wide, const double *state, Response *response);
 
 #endif

@@ -1,7 +1,7 @@
 /* Dense algebra of the flight state's solution: one Cholesky decomposition, and what is solved with it.
 
    Matrices of order n, a multiple of LANES; L lies by columns, n apart, and is right on and below its diagonal. Sums
-   take LANES terms at once, in one order on every processor. wide as for panels.h. */
+   take LANES terms at once, in one order on every processor. wide as for wide.h. */
 
 #ifndef CHOLESKY_H
 #define CHOLESKY_H

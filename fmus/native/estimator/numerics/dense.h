@@ -1,8 +1,8 @@
-/* Products with full matrices in every step, laid out for registers, as panels.h does it for triangles.
+/* Products with matrices in every step, laid out for registers.
 
-   A panel is ROWS rows: ROWS elements lie together for each column, and columns of zeros make their number a multiple of
-   DEPTH. Each row is summed in DEPTH parts, column k in part k % DEPTH, which are added at the end: the same order on
-   every processor. */
+   A panel is ROWS rows: ROWS elements lie together for each column, the ROWS sums stay in registers, and columns of zeros
+   make their number a multiple of DEPTH. Each row is summed in DEPTH parts, column k in part k % DEPTH, which are added at
+   the end: the same order on every processor. */
 
 #ifndef DENSE_H
 #define DENSE_H
@@ -35,7 +35,7 @@ void narrow_panels(size_t rows, size_t columns, const double *source, size_t row
                    const double *scale, float *panels);
 
 /* y = M x; y has dense_rows(rows) elements, x dense_columns(columns), those beyond `columns` being 0. wide as for
-   panels.h. */
+   wide.h. */
 void dense_times(int wide, size_t rows, size_t columns, const double *panels, const double *x, double *y);
 
 /* The same in float; y has narrow_rows(rows) elements. */

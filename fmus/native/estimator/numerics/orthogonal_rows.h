@@ -23,7 +23,7 @@ size_t orthogonal_rows_doubles(size_t count, size_t width);
 
 /* Turn rows (count, width) until their first n elements are orthogonal, row to row: a part of it, which ends with the
    first row, QL step or row of a sweep that brings its multiplications to `work`. 1 if they are orthogonal. Rows, scratch
-   and *turned are the same from part to part, and what comes out does not depend on their number. wide as for panels.h. */
+   and *turned are the same from part to part, and what comes out does not depend on their number. wide as for wide.h. */
 int orthogonal_rows(int wide, size_t count, size_t n, size_t width, double *rows, double *scratch, Turned *turned,
                     size_t work);
 

@@ -1,4 +1,4 @@
-/* Products of matrices by rows. Every sum runs over its terms in order, on every processor. wide as for panels.h. */
+/* Products of matrices by rows. Every sum runs over its terms in order, on every processor. wide as for wide.h. */
 
 #ifndef PRODUCTS_H
 #define PRODUCTS_H

@@ -1,8 +1,7 @@
 /* Small dense linear algebra, in an order of operations that is the same on every platform.
 
    A packed upper triangle of order n holds its columns one after another, rows 0 .. j of column j: element (i, j) is
-   at j (j + 1) / 2 + i. Other matrices are stored by columns. No function allocates. Products with triangles in every
-   step: panels.h. */
+   at j (j + 1) / 2 + i. Other matrices are stored by columns. No function allocates. */
 
 #ifndef TRIANGLES_H
 #define TRIANGLES_H
@@ -18,7 +17,7 @@ static inline size_t triangle_column(size_t j) {
 double dot(size_t n, const double *x, const double *y);
 
 /* Replace the upper triangle of a (rows x columns, by columns) by the R of a = Q R; what lies below is scratch.
-   Householder reflections: Golub & Van Loan, Matrix Computations, section 5.2. wide as for panels.h. */
+   Householder reflections: Golub & Van Loan, Matrix Computations, section 5.2. wide as for wide.h. */
 void householder_triangle(int wide, size_t rows, size_t columns, double *a);
 
 /* The same for the first `pivots` columns of a (rows x columns), pivots <= rows: the other columns become Q' times them.

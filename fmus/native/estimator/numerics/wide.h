@@ -19,4 +19,7 @@
 #define WIDEST(wide, name) CHOSEN(wide, name)
 #endif
 
+/* Whether the processor and the system have AVX2: 1, or 2 with AVX-512, too. */
+int wide_of_processor(void);
+
 #endif

@@ -49,7 +49,7 @@ static int allocate(Flight *flight) {
     Filter *filter = &flight->filter;
     solver->map = &flight->map;
     solver->n = in_lanes(n);
-    filter->n_parameters = known->present ? known->map.n_parameters : 0;
+    filter->laws.n_parameters = known->present ? known->map.n_parameters : 0;
     const size_t count = flight_solver_doubles(&flight->map, n) + flight_other_loads_doubles(&other_loads->map, n)
                        + (known->present ? known_doubles(known, n) : 0)
                        + (filter->present ? filter_doubles(filter, solver, flight->thermal, flight->inputs->sensors->n_strains) : 0);
@@ -184,11 +184,9 @@ void flight_take_next(Flight *flight, double time) {
             forget_law(filter);
         }
     }
-    const Law law = filter->law;
     flight->base = flight->next;
     flight->base.stepped = 0.0;
-    filter->law = filter->next_law;
-    filter->next_law = law;
+    laws_take_next(&filter->laws);
     filter->base = filter->next;
     filter->base.now = time;
 }

@@ -4,10 +4,9 @@
 
 #include "../../core/elementary.h"
 #include "../filter/filter.h"
-#include "../filter/filter_cross.h"
 #include "../filter/filter_known.h"
-#include "../filter/filter_modes.h"
 #include "../filter/filter_sample.h"
+#include "../filter/predict.h"
 #include "../nonlinear/flight_sample.h"
 #include "../nonlinear/flight_search.h"
 #include "../sample/readings.h"
@@ -94,13 +93,11 @@ static void keep(Flight *flight, size_t used, int searched, const double *slopes
 
 /* Let the predicted law, if there is one, go on to the next step. */
 static void keep_predicted(Filter *filter, int has_law) {
-    const Law kept = filter->next_law;
     if (has_law) {
-        filter_move_cross(filter);
+        laws_move_cross(&filter->laws);
     }
     filter->next.has_law = has_law;
-    filter->next_law = filter->predicted;
-    filter->predicted = kept;
+    laws_keep_predicted(&filter->laws);
 }
 
 /* The sample on its own; the filter begins again from it if it fits. */
@@ -110,7 +107,7 @@ static void begin(Flight *flight, size_t used, int has_law) {
     measure(flight);
     flight_solve_cold(&flight->solver);
     memcpy(start, flight->solver.solution.state, sizeof start);
-    solve(flight, &flight->filter.stationary, start, 0, NULL);
+    solve(flight, &flight->filter.laws.stationary, start, 0, NULL);
     if (conclude(flight, used)) {
         keep(flight, used, 1, NULL, 0.0);
         return;
@@ -128,9 +125,9 @@ static void begin(Flight *flight, size_t used, int has_law) {
 
 /* Without gauges: the prediction, with the navigation that there is, until the flight state is not known. */
 static void coast(Flight *flight) {
-    const double *start = flight->base.has_state != 0.0 ? flight->base.state : flight->filter.predicted.mean;
+    const double *start = flight->base.has_state != 0.0 ? flight->base.state : flight->filter.laws.predicted.mean;
     measure(flight);
-    solve(flight, &flight->filter.predicted, start, (size_t)flight->map.warm_iterations, NULL);
+    solve(flight, &flight->filter.laws.predicted, start, (size_t)flight->map.warm_iterations, NULL);
     conclude(flight, 0);
     memset(flight->flag + NAVIGATION_USED, 0, N_NAVIGATION);
     const int lost = !flight->flag[TOTAL_INCIDENCE];
@@ -151,10 +148,10 @@ static void coast(Flight *flight) {
    sensor is lost. */
 static void correct_strain(Flight *flight) {
     const Filter *filter = &flight->filter;
-    const Law *law = &filter->predicted;
+    const Law *law = &filter->laws.predicted;
     if (filter->map.n_modes > 0) {
         readings_set_strain(flight->inputs);
-        thermal_correct_about(flight->thermal, law->amplitude, law->mean + filter_first_mode(filter),
+        thermal_correct_about(flight->thermal, law->amplitude, law->mean + first_mode(&filter->laws),
                               flight->inputs->strain);
         flight_set_strain(&flight->solver, flight->inputs);
     }
@@ -162,8 +159,8 @@ static void correct_strain(Flight *flight) {
 
 /* How far a rate, by its number among the states, stands out of its deviation, from 0 to 1: flight_track.py. */
 static double noticed(const Filter *filter, size_t rate) {
-    const double square = filter->law.mean[rate] * filter->law.mean[rate];
-    const double both = square + NOTICED * NOTICED * filter->law.covariance[rate * filter->order + rate];
+    const double square = filter->laws.law.mean[rate] * filter->laws.law.mean[rate];
+    const double both = square + NOTICED * NOTICED * filter->laws.law.covariance[rate * filter->laws.order + rate];
     return both > 0.0 ? square / both : 0.0;
 }
 
@@ -178,7 +175,7 @@ static const double *moved_slopes(Flight *flight, double elapsed) {
     }
     const double kept = exponential(-elapsed / time_constant);
     for (size_t k = 0; k < N_STATES; k++) {
-        const double state = flight->base.state[k], moved = filter->predicted.mean[k] - filter->law.mean[k];
+        const double state = flight->base.state[k], moved = filter->laws.predicted.mean[k] - filter->laws.law.mean[k];
         const double part = noticed(filter, filter->n_read + k);
         filter->slope_state[k] = state + part * moved + kept * (filter->base.slope_state[k] - state);
     }
@@ -187,20 +184,18 @@ static const double *moved_slopes(Flight *flight, double elapsed) {
 
 void flight_filter_update(Flight *flight, size_t used) {
     Filter *filter = &flight->filter;
-    zero_errors_take(&filter->zeros, flight->inputs->zeros);
+    zero_errors_take(&filter->laws.zeros, flight->inputs->zeros);
     filter_follow_known(filter, &flight->known);
-    const int same = zero_errors_same(&filter->zeros, filter->law.zero) && filter_knows_as(filter, &filter->law);
-    const int has_law = filter->base.has_law != 0.0 && same;
-    const double apart = filter->base.now - filter->base.time, longest = filter->map.largest_time;
-    const double elapsed = apart > 0.0 ? (apart < longest ? apart : longest) : 0.0;
+    const int has_law = filter->base.has_law != 0.0 && laws_hold(&filter->laws);
+    const double elapsed = elapsed_time(filter->base.time, filter->base.now, filter->map.largest_time);
     const double *slopes = NULL;
     filter->next = filter->base;
     filter->next.has_law = has_law;
     filter->next.time = filter->base.now;
     filter_set_time_constant(filter, flight->inputs->value[filter_setting(flight->inputs)]);
-    filter_set_modes(filter);
+    laws_set_modes(&filter->laws);
     if (has_law) {
-        filter_predict(filter, elapsed);
+        laws_predict(&filter->laws, elapsed, filter->time_constant, filter->base.widening);
         slopes = moved_slopes(flight, elapsed);
         correct_strain(flight);
     }
@@ -214,7 +209,7 @@ void flight_filter_update(Flight *flight, size_t used) {
     }
     if (has_law && flight->base.has_state != 0.0) {
         measure(flight);
-        solve(flight, &filter->predicted, flight->base.state, (size_t)flight->map.warm_iterations, slopes);
+        solve(flight, &filter->laws.predicted, flight->base.state, (size_t)flight->map.warm_iterations, slopes);
         if (conclude(flight, used)) {
             keep(flight, used, 0, slopes, filter->base.slope_age + elapsed);
             return;

@@ -15,18 +15,18 @@ void filter_leave_out_named(Filter *filter) {
 
 void filter_judge(Filter *filter, double residual[N_NAVIGATION]) {
     const FlightSolver *solver = filter->solver;
-    const Law *law = &filter->next_law;
+    const Law *law = &filter->laws.next_law;
     const double white = filter->map.white_navigation, lasting = sqrt(1.0 - white);
     for (size_t k = 0; k < N_NAVIGATION; k++) {
         const double apart = filter->base.apart[k], scale = sqrt(filter->given[k]);
         const size_t own = FIRST_NAVIGATION + k;
-        const double *error = law->covariance + own * filter->order;
+        const double *error = law->covariance + own * filter->laws.order;
         const int left_out = scale > 0.0 && !(solver->sample.precision[k] > 0.0);
         double row[N_STATES], state[N_STATES * N_STATES], variance = white + lasting * lasting * error[own];
         flight_measurement_row(solver->log_mach_slope, k, row);
         for (size_t i = 0; i < N_STATES; i++) {
             row[i] *= scale;
-            memcpy(state + i * N_STATES, law->covariance + i * filter->order, N_STATES * sizeof *state);
+            memcpy(state + i * N_STATES, law->covariance + i * filter->laws.order, N_STATES * sizeof *state);
             variance += 2.0 * lasting * row[i] * error[i];
         }
         const double std = sqrt(variance + quadratic(N_STATES, row, state, row));

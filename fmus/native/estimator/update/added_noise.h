@@ -1,13 +1,12 @@
-/* What follows from the covariance of the gauges: gains, whitening and covariances of a map. Beside what the file says,
+/* What follows from the covariance of the gauges: directions and whitening of a map. Beside what the file says,
    gauges have errors that do not scale with the dynamic pressure: those of their zeros, and what temperature sensors leave
    of thermal strain.
 
-   The C counterpart of strainfmu/estimator/map/added_noise.py, and of linear/decomposition.py for form "dynamic_pressure". */
+   prepare of strainfmu/estimator/reference/update.py, for all gauges. */
 
 #ifndef ADDED_NOISE_H
 #define ADDED_NOISE_H
 
-#include "masked_map.h"
 #include "noise_state.h"
 
 /* Number of doubles that its arrays take, with so many other loads, and handing them out for the map of a file;
@@ -22,8 +21,8 @@ void added_noise_arrays(const Map *map, AddedNoise *noise, double **doubles);
 void added_noise_begin(AddedNoise *noise);
 int added_noise_part(AddedNoise *noise, size_t work);
 
-/* After the last part: the map has them; `masked` and `prepared` are scratch. 0 if the sum was no covariance, and with
-   that of the file the map stays as it is if that is none. */
-int added_noise_hand_out(AddedNoise *noise, Map *map, MaskedMap *masked, Workspace *prepared);
+/* After the last part: the map has them. 0 if the sum was no covariance, and with that of the file the map stays as it is if
+   that is none. */
+int added_noise_hand_out(AddedNoise *noise, Map *map);
 
 #endif

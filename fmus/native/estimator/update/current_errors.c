@@ -400,7 +400,7 @@ static double of_lost(const Scaled *scaled, const double *first, const double *f
     return sum;
 }
 
-double current_errors_add(Scaled *scaled, double *covariance) {
+double current_errors_add(Scaled *scaled, const double *base, double *covariance) {
     const size_t n_lost = scaled->step.n_lost;
     const double *growth = scaled->step.growth, square_of_ratio = scaled->step.ratio * scaled->step.ratio;
     CurrentErrors *errors = &scaled->errors;
@@ -417,8 +417,7 @@ double current_errors_add(Scaled *scaled, double *covariance) {
                                             : of_lost(scaled, growth + i * n_lost, errors->load_error + i * n_lost,
                                                       growth + j * n_lost, errors->load_error + j * n_lost);
             const double added = square_of_ratio * (errors->value[v] + lost);
-            covariance[i * N_LOADS + j] += added;
-            covariance[j * N_LOADS + i] += i == j ? 0.0 : added;
+            covariance[i * N_LOADS + j] = covariance[j * N_LOADS + i] = base[i * N_LOADS + j] + added;
         }
     }
     return trace;

@@ -31,8 +31,8 @@ void current_errors_set_powers(Scaled *scaled);
 /* Y of the lost gauges, D Y and what this is in loads; needs the R of predict_lost and the products. */
 void current_errors_take_lost(Scaled *scaled);
 
-/* Add to the covariance (5, 5) of the loads; the trace of P D, both at a ratio of 1. */
-double current_errors_add(Scaled *scaled, double *covariance);
+/* The covariance (5, 5) of the loads, with them added to `base`; the trace of P D at a ratio of 1. */
+double current_errors_add(Scaled *scaled, const double *base, double *covariance);
 
 /* What they add to the variance of other load j; growth (n_lost) is its row of B. */
 double current_errors_of_other(const Scaled *scaled, size_t j, const double *growth);

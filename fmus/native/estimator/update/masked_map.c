@@ -3,13 +3,10 @@
 #include <math.h>
 #include <string.h>
 
-#include "../numerics/panels.h"
 #include "../numerics/triangles.h"
 
 size_t masked_map_doubles(const Map *map) {
-    const size_t n = map->n_gauges;
-    /* Two floats take the space of a double; panels are multiples of PANEL doubles. */
-    return 2 * panel_elements(n) + panel_elements(n) / 2 + panel_length(n + LOAD_STRIDE * n + triangle_column(n) + n);
+    return triangle_column(map->n_gauges) + map->n_gauges;
 }
 
 size_t masked_map_indices(const Map *map) {
@@ -17,17 +14,12 @@ size_t masked_map_indices(const Map *map) {
 }
 
 size_t workspace_doubles(const Map *map) {
-    return 3 * map->n_gauges * map->n_gauges + N_LOADS * (map->n_gauges + map->n_states);
+    return 3 * map->n_gauges * map->n_gauges;
 }
 
 void masked_map_arrays(const Map *map, MaskedMap *masked, double **doubles, size_t **indices) {
     const size_t n = map->n_gauges;
-    masked->row_panels = *doubles;
-    masked->screen = (float *)(void *)(masked->row_panels + panel_elements(n));
-    masked->column_panels = masked->row_panels + panel_elements(n) + panel_elements(n) / 2;
-    masked->mean_strain = masked->column_panels + panel_elements(n);
-    masked->load_gain = masked->mean_strain + n;
-    masked->triangle = masked->load_gain + LOAD_STRIDE * n;
+    masked->triangle = *doubles;
     masked->z_scale = masked->triangle + triangle_column(n);
     masked->used = *indices;
     masked->group = masked->used + n;
@@ -40,7 +32,6 @@ void workspace_arrays(const Map *map, Workspace *work, double **doubles, size_t 
     work->first = *doubles;
     work->second = work->first + n * n;
     work->third = work->second + n * n;
-    work->rows = work->third + n * n;
     work->order = *indices;
     *doubles += workspace_doubles(map);
     *indices += n;
@@ -62,7 +53,7 @@ static size_t missing_first(const Map *map, MaskedMap *masked, size_t *order) {
 }
 
 /* The R of a QR decomposition of the columns of a packed triangle in the given order. With the missing gauges first,
-   [W_R W_K] = Q [R_RR R_RK; 0 R_KK]: R_RR^-1 R_RK predicts them from the others, and R_KK whitens these. */
+   [W_R W_K] = Q [R_RR R_RK; 0 R_KK], and R_KK whitens the residual of the others. */
 static void reordered_triangle(int wide, size_t n, const double *packed, const size_t *order, double *a) {
     for (size_t j = 0; j < n; j++) {
         const size_t height = order[j] + 1;
@@ -72,10 +63,10 @@ static void reordered_triangle(int wide, size_t n, const double *packed, const s
     householder_triangle(wide, n, n, a);
 }
 
-/* Information that the gauges in use hold on a state, as a fraction of what all gauges hold: the minimum over the
-   states. The matrix work->first holds the reordered gain triangle R, of
-   which the leading block R_RR belongs to the missing gauges; with the triangle r of their noise whitening, the fraction is
-   the square of the smallest singular value of R_RR r^-1. */
+/* Information that the gauges in use hold on a state, as a fraction of what all gauges hold: the minimum over the states.
+   The matrix work->first holds the reordered triangle R of the residual, of which the leading block R_RR belongs to the
+   missing gauges; with the triangle r of their noise whitening, the fraction is the square of the smallest singular value of
+   R_RR r^-1. */
 static double information_left(const Map *map, size_t n_missing, Workspace *work) {
     const size_t n = map->n_gauges;
     double *r = work->second, *ratio = work->third;
@@ -116,92 +107,9 @@ static int identifies(const Map *map, size_t n_missing, Workspace *work) {
         && information_left(map, n_missing, work) >= map->min_information;
 }
 
-/* G_K - G_R P_RR^-1 P_RK: the gain of the gauges in use, fed with the prediction of the missing. */
-static void set_load_gain(const Map *map, MaskedMap *masked, size_t n_missing, const Workspace *work) {
-    const size_t n = map->n_gauges;
-    for (size_t k = 0; k < masked->n_used; k++) {
-        double *gain = masked->load_gain + LOAD_STRIDE * k;
-        memcpy(gain, map->load_gain + N_LOADS * masked->used[k], N_LOADS * sizeof *gain);
-        gain[N_LOADS] = 0.0;
-        double *prediction = work->first + (n_missing + k) * n; /* R_RK's column, solved in place */
-        for (size_t m = n_missing; m-- > 0;) {
-            const double *column = work->first + m * n;
-            prediction[m] /= column[m];
-            for (size_t i = 0; i < m; i++) {
-                prediction[i] -= column[i] * prediction[m];
-            }
-        }
-        for (size_t m = 0; m < n_missing; m++) {
-            const double *lost = map->load_gain + N_LOADS * work->order[m];
-            for (size_t i = 0; i < N_LOADS; i++) {
-                gain[i] -= lost[i] * prediction[m];
-            }
-        }
-    }
-}
-
-/* Add the products of all pairs of five rows of the given length to the covariance. */
-static void add_squares(size_t length, const double *rows, double *covariance) {
-    for (size_t i = 0; i < N_LOADS; i++) {
-        for (size_t j = 0; j <= i; j++) {
-            const double product = dot(length, rows + i * length, rows + j * length);
-            covariance[i * N_LOADS + j] += product;
-            if (i != j) {
-                covariance[j * N_LOADS + i] += product;
-            }
-        }
-    }
-}
-
-/* S + (G L - X' L'^-1) (..)' + (M - G A) (..)', the Joseph form of strainfmu/estimator/map/load_errors.py. */
-void masked_load_covariance(const Map *map, MaskedMap *masked, const Workspace *work) {
-    const size_t n = map->n_gauges, states = map->n_states;
-    double *rows = work->rows;
-    memcpy(masked->load_covariance, map->remainder, sizeof masked->load_covariance);
-    for (size_t i = 0; i < N_LOADS; i++) {
-        double *row = rows + i * n;
-        for (size_t j = 0; j < n; j++) {
-            row[j] = -map->regression[i * n + j];
-        }
-        for (size_t k = 0; k < masked->n_used; k++) {
-            const double gain = masked->load_gain[LOAD_STRIDE * k + i];
-            const double *root = map->noise_root + triangle_column(masked->used[k]);
-            for (size_t j = 0; j <= masked->used[k]; j++) {
-                row[j] += gain * root[j];
-            }
-        }
-    }
-    add_squares(n, rows, masked->load_covariance);
-    if (!map->known_prior) {
-        return;
-    }
-    for (size_t i = 0; i < N_LOADS; i++) {
-        for (size_t q = 0; q < states; q++) {
-            double sum = map->load_per_state[N_LOADS * q + i];
-            for (size_t k = 0; k < masked->n_used; k++) {
-                sum -= masked->load_gain[LOAD_STRIDE * k + i] * map->state_operator[n * q + masked->used[k]];
-            }
-            rows[i * states + q] = sum;
-        }
-    }
-    add_squares(states, rows, masked->load_covariance);
-}
-
-/* Gain and covariance of the loads, of form "absolute". */
-static void set_loads(const Map *map, MaskedMap *masked, size_t n_missing, Workspace *work) {
-    set_load_gain(map, masked, n_missing, work);
-    if (n_missing > 0) {
-        masked_load_covariance(map, masked, work);
-    } else {
-        memcpy(masked->load_covariance, map->load_covariance, sizeof masked->load_covariance);
-    }
-    masked->load_std_shift = NAN;
-}
-
 /* R_KK of the residual, and the scales of z. */
-static void set_residual(const Map *map, MaskedMap *masked, size_t n_missing, Workspace *work) {
+static void set_residual(const Map *map, MaskedMap *masked, size_t n_missing, const Workspace *work) {
     const size_t n = map->n_gauges;
-    reordered_triangle(work->wide, n, map->residual_triangle, work->order, work->first);
     for (size_t k = 0; k < masked->n_used; k++) {
         double *column = masked->triangle + triangle_column(k);
         memcpy(column, work->first + (n_missing + k) * n + n_missing, (k + 1) * sizeof *column);
@@ -209,9 +117,6 @@ static void set_residual(const Map *map, MaskedMap *masked, size_t n_missing, Wo
         const int checked = precision > map->min_precision[masked->used[k]];
         masked->z_scale[k] = checked ? 1.0 / sqrt(precision) : 0.0;
     }
-    panels_of_rows(masked->n_used, masked->triangle, masked->row_panels);
-    panels_of_columns(masked->n_used, masked->triangle, masked->column_panels);
-    masked->screened = panels_of_screen(masked->n_used, masked->triangle, masked->z_scale, masked->screen);
 }
 
 /* Put gauges together whose z are correlated beyond the limit, directly or through others. */
@@ -237,18 +142,10 @@ static void set_groups(const Map *map, MaskedMap *masked) {
 
 void masked_map_prepare(const Map *map, MaskedMap *masked, Workspace *work) {
     const size_t n_missing = missing_first(map, masked, work->order);
-    if (n_missing > 0) {
-        reordered_triangle(work->wide, map->n_gauges, map->gain_triangle, work->order, work->first);
-    }
+    reordered_triangle(work->wide, map->n_gauges, map->residual_triangle, work->order, work->first);
     masked->identified = identifies(map, n_missing, work);
     if (!masked->identified) {
         return;
-    }
-    for (size_t k = 0; k < masked->n_used; k++) {
-        masked->mean_strain[k] = map->mean_strain[masked->used[k]];
-    }
-    if (!map->scaled) {
-        set_loads(map, masked, n_missing, work);
     }
     set_residual(map, masked, n_missing, work);
     set_groups(map, masked);

@@ -8,14 +8,13 @@
 
 /* The arrays of Map, ScaledForm and OtherLoads that follow from others. */
 typedef struct {
-    double *residual_triangle, *gain_triangle, *noise_whitening, *noise_root; /* as in Map */
-    double *load_gain, *load_covariance, *regression, *remainder, *min_precision;
-    double *whitening, *singular, *load, *unseen, *form_min_precision; /* as in ScaledForm */
+    double *residual_triangle, *noise_whitening, *min_precision; /* as in Map */
+    double *whitening, *singular, *load, *noise_left, *prior_left, *unseen, *form_min_precision; /* as in ScaledForm */
     double *other_load, *other_unseen;                                 /* as in OtherLoads */
 } NoiseMatrices;
 
 typedef struct {
-    int wide;        /* panels_wide() */
+    int wide;        /* wide_of_processor() */
     Map file;        /* with the arrays of the file alone */
     double *added;   /* (n_gauges, n_gauges) covariance of the other errors [1] */
     const double *own, *whole; /* (n_gauges, n_gauges) covariance of the gauges in place of the file's, and with the
@@ -29,7 +28,12 @@ typedef struct {
     double *large;   /* scratch: see added_noise.c */
     double *head;
     double *square;    /* (n_gauges, n_gauges) */
-    double *rows;      /* (5, n_gauges + n_states), and n_gauges */
+    double *rows;      /* of fixed_loads.c */
 } AddedNoise;
+
+/* The covariance of the gauges' own errors in entry k. */
+static inline double own_covariance(const AddedNoise *noise, size_t k) {
+    return (noise->own != NULL ? noise->own : noise->file.gauge_covariance)[k] + noise->added[k];
+}
 
 #endif

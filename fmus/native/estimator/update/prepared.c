@@ -39,7 +39,7 @@ int prepared_begin(Prepared *prepared) {
     added_noise_begin(&prepared->noise);
     while (!added_noise_part(&prepared->noise, SIZE_MAX)) {
     }
-    return added_noise_hand_out(&prepared->noise, prepared->map, &prepared->cache[0], &prepared->work);
+    return added_noise_hand_out(&prepared->noise, prepared->map);
 }
 
 void prepared_follow(Prepared *prepared, const Inputs *inputs) {
@@ -65,6 +65,7 @@ void prepared_follow(Prepared *prepared, const Inputs *inputs) {
     prepared->last_use[oldest] = prepared->uses;
     prepared->masked = &prepared->cache[oldest];
     memcpy(prepared->masked->mask, prepared->mask, n);
+    prepared->masked->number = prepared->uses;
     masked_map_prepare(prepared->map, prepared->masked, &prepared->work);
 }
 
@@ -92,5 +93,5 @@ void prepared_renewed(Prepared *prepared) {
     memcpy(prepared->noise_std, prepared->next_std, (prepared->n_strains + 1) * sizeof *prepared->noise_std);
     memset(prepared->last_use, 0, sizeof prepared->last_use);
     prepared->masked = NULL;
-    added_noise_hand_out(&prepared->noise, prepared->map, &prepared->cache[0], &prepared->work);
+    added_noise_hand_out(&prepared->noise, prepared->map);
 }

@@ -11,9 +11,7 @@
    triangle that is not needed, and of orthogonal_rows.h. */
 size_t pressure_directions_doubles(const Map *map) {
     const size_t n = map->n_gauges;
-    return map->scaled ? n * (map->form.n_free + 2 * n) + 2 * n * n + n * (n + 1) + 2 * N_LOADS * n
-                             + orthogonal_rows_doubles(n, 2 * n)
-                       : 0;
+    return n * (map->form.n_free + 2 * n) + 2 * n * n + n * (n + 1) + 2 * N_LOADS * n + orthogonal_rows_doubles(n, 2 * n);
 }
 
 static void whiten(size_t n, const double *inverse, const double *x, size_t stride, double *out) {
@@ -25,6 +23,12 @@ static void whiten(size_t n, const double *inverse, const double *x, size_t stri
         }
         out[i] = sum;
     }
+}
+
+/* Columns of the spread that are reflected to a triangle: where they are fewer than the rows that are left, the others show
+   nothing of it, to the last bit. Rows of rounding alone would be turned for long. */
+static size_t reflected_columns(const Map *file) {
+    return file->form.n_columns < file->n_gauges - file->form.n_free ? file->form.n_columns : 0;
 }
 
 /* Reflect the free states away: `whole` has their triangle and, in its other columns, what is left. */
@@ -41,7 +45,7 @@ static void eliminate_free(AddedNoise *noise, const double *inverse, double *who
             column[i] = i < c ? 0.0 : inverse[triangle_column(i) + c];
         }
     }
-    householder_columns(noise->wide, n, n_free, n_free + 2 * n, whole, noise->head);
+    householder_columns(noise->wide, n, n_free + reflected_columns(file), n_free + 2 * n, whole, noise->head);
 }
 
 /* Rows of loads, five or the other ones, that follow the directions. */
@@ -158,22 +162,31 @@ static LoadRows other_rows(const AddedNoise *noise) {
                       other_loads->rows + map->n_loads * noise->file.n_gauges, noise->made->other_load};
 }
 
+/* L^-1 of what is noise: the gauges' own errors, or all errors where none scales. NULL if they have no covariance. */
+static const double *errors_whitening(AddedNoise *noise, const Parts *parts) {
+    const size_t n = noise->file.n_gauges;
+    if (!noise->file.form.follows_pressure) {
+        return noise->made->noise_whitening;
+    }
+    for (size_t k = 0; k < n * n; k++) {
+        noise->square[k] = own_covariance(noise, k);
+    }
+    return lower_root(n, noise->square, parts->root, parts->inverse) ? parts->inverse : NULL;
+}
+
 int pressure_directions_begin(AddedNoise *noise) {
     const Map *file = &noise->file;
     const size_t n = file->n_gauges, n_free = file->form.n_free;
     const Parts parts = parts_of(noise);
     const LoadRows five = five_rows(noise, &parts), other_loads = other_rows(noise);
-    const double *own = noise->own != NULL ? noise->own : file->gauge_covariance;
-    for (size_t k = 0; k < n * n; k++) {
-        noise->square[k] = own[k] + noise->added[k];
-    }
     for (size_t i = 0; i < n; i++) {
-        noise->made->form_min_precision[i] = file->min_information / noise->square[i * n + i];
+        noise->made->form_min_precision[i] = file->min_information / own_covariance(noise, i * n + i);
     }
-    if (!lower_root(n, noise->square, parts.root, parts.inverse)) {
+    const double *inverse = errors_whitening(noise, &parts);
+    if (inverse == NULL) {
         return 0;
     }
-    eliminate_free(noise, parts.inverse, parts.whole);
+    eliminate_free(noise, inverse, parts.whole);
     split_loads(file, parts.whole, &five);
     split_loads(file, parts.whole, &other_loads);
     for (size_t a = 0; a < n_free; a++) {
@@ -184,7 +197,8 @@ int pressure_directions_begin(AddedNoise *noise) {
     }
     for (size_t k = 0; k < n - n_free; k++) {
         for (size_t c = 0; c < 2 * n; c++) {
-            parts.rows[k * 2 * n + c] = parts.whole[(n_free + c) * n + n_free + k];
+            const int is_below = c < k && c < reflected_columns(file);
+            parts.rows[k * 2 * n + c] = is_below ? 0.0 : parts.whole[(n_free + c) * n + n_free + k];
         }
     }
     noise->turned = (Turned){0};

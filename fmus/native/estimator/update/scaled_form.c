@@ -8,22 +8,18 @@
 #include "../numerics/triangles.h"
 #include "../numerics/wide.h"
 #include "current_errors.h"
+#include "lost_rows.h"
 
-/* Places of the entries of a symmetric (5, 5) matrix, row by row from the diagonal. */
-static const unsigned char ENTRY[15][2] = {{0, 0}, {0, 1}, {0, 2}, {0, 3}, {0, 4}, {1, 1}, {1, 2}, {1, 3},
-                                           {1, 4}, {2, 2}, {2, 3}, {2, 4}, {3, 3}, {3, 4}, {4, 4}};
-
-static void set_symmetric(const double *entries, double *matrix) {
-    for (size_t k = 0; k < 15; k++) {
-        matrix[ENTRY[k][0] * N_LOADS + ENTRY[k][1]] = matrix[ENTRY[k][1] * N_LOADS + ENTRY[k][0]] = entries[k];
-    }
+/* Whether the gain is for another prior of the states than the true one. */
+static int gain_differs(const Map *map) {
+    return !map->form.follows_pressure && map->known_prior && map->regularisation != 1.0;
 }
 
 size_t scaled_doubles(const Map *map, size_t n_other) {
     const size_t n = map->n_gauges, whole = dense_rows(n), narrow = narrow_rows(n);
     const size_t columns = dense_columns(n);
     const size_t tables = (3 * whole + N_VALUES + ROWS + narrow / 2) * columns + n + 3 * whole;
-    const size_t step = (8 + n) * whole + narrow + narrow + n * (n + 2) + 2 * n + N_LOADS * n;
+    const size_t step = (8 + n) * whole + 2 * narrow + 2 * lost_rows_doubles(n) + 2 * N_LOADS * n + 2 * n;
     return tables + step + current_errors_doubles(map, n_other);
 }
 
@@ -45,29 +41,49 @@ void scaled_arrays(Scaled *scaled, double **doubles, size_t **indices) {
     step->weight = taken(doubles, whole);
     step->spread = taken(doubles, whole);
     step->w = taken(doubles, whole);
-    step->of_mean = taken(doubles, whole);
+    scaled->mean_left = taken(doubles, whole);
     step->x = taken(doubles, whole);
     step->scratch[0] = taken(doubles, whole);
     step->scratch[1] = taken(doubles, whole);
     step->bound = taken(doubles, narrow);
     step->narrow = (float *)(void *)taken(doubles, narrow / 2);
     step->narrow_z = (float *)(void *)taken(doubles, narrow / 2);
+    step->z = taken(doubles, n);
     scaled->size = taken(doubles, n);
     scaled->own_mean = taken(doubles, whole);
     scaled->residual = taken(doubles, whole);
     step->y = taken(doubles, n * whole);
-    step->matrix = taken(doubles, n * (n + 2));
-    step->head = taken(doubles, 2 * n);
+    lost_rows_arrays(n, &step->truth, doubles);
+    lost_rows_arrays(n, &step->gain, doubles);
     step->growth = taken(doubles, N_LOADS * n);
+    scaled->shift = taken(doubles, N_LOADS * n);
+    scaled->of_gain = taken(doubles, n);
+    if (!gain_differs(scaled->map)) {
+        scaled->of_gain = NULL;
+        step->gain = step->truth;
+    }
     current_errors_arrays(scaled, doubles);
     step->lost = *indices;
     *indices += n;
+}
+
+/* The products of the loads that the errors along direction a leave, row by row. */
+static void set_products(const ScaledForm *form, size_t a, double products[N_VALUES]) {
+    static const double NONE[N_LOADS] = {0.0};
+    const double *load = form->load + N_LOADS * a, *noise_left = form->noise_left + N_LOADS * a;
+    memset(products, 0, N_VALUES * sizeof *products);
+    if (form->follows_pressure) {
+        add_products(load, NONE, products);
+    } else {
+        add_products(noise_left, form->prior_left + N_LOADS * a, products);
+    }
 }
 
 void scaled_prepare(Scaled *scaled) {
     const size_t n = scaled->map->n_gauges;
     const ScaledForm *form = &scaled->map->form;
     double *scale = scaled->residual;
+    scaled->step.masked = NULL;
     dense_panels(n, n, form->whitening, 1, n, scaled->rows);
     dense_panels(n, n, form->whitening, n, 1, scaled->columns);
     for (size_t k = 0; k < dense_rows(n) * dense_columns(n); k++) {
@@ -81,10 +97,14 @@ void scaled_prepare(Scaled *scaled) {
     }
     narrow_panels(n, n, form->whitening, n, 1, scale, scaled->screen);
     for (size_t a = 0; a < n; a++) {
-        const double *load = form->load + N_LOADS * a;
+        double products[N_VALUES];
+        set_products(form, a, products);
         for (size_t k = 0; k < N_VALUES; k++) {
-            const double square = k < 15 ? load[ENTRY[k][0]] * load[ENTRY[k][1]] : 0.0;
-            scaled->squares[(k / ROWS) * ROWS * dense_columns(n) + a * ROWS + k % ROWS] = square;
+            scaled->squares[(k / ROWS) * ROWS * dense_columns(n) + a * ROWS + k % ROWS] = products[k];
+        }
+        if (scaled->of_gain != NULL) {
+            const double size = form->singular[a];
+            scaled->of_gain[a] = 1.0 / (1.0 + size * size / scaled->map->regularisation);
         }
     }
     memcpy(scaled->own_mean, form->mean_strain, n * sizeof *scaled->own_mean);
@@ -106,126 +126,119 @@ EVERYWHERE void set_weights(const Scaled *scaled, ScaledStep *step) {
     }
     for (size_t a = 0; a < form->n_free; a++) {
         step->unresolved[a] = 0.0;
+    }
+    for (size_t a = 0; a < form->n_fixed; a++) {
         step->weight[a] = step->spread[a] = 1.0;
     }
 }
 
-/* V r and V (m - d_0), the residuals of lost gauges being 0. */
+/* Add what the lost gauges add to the covariance by the gain of the prior. */
+static void add_growth(ScaledStep *step) {
+    for (size_t i = 0; i < N_LOADS; i++) {
+        for (size_t j = 0; j <= i; j++) {
+            const double more =
+                dot(step->n_lost, step->growth + i * step->n_lost, step->growth + j * step->n_lost);
+            step->base[i * N_LOADS + j] += more;
+            step->base[j * N_LOADS + i] += i == j ? 0.0 : more;
+        }
+    }
+}
+
+/* The lost gauges, and V (m - d_0) of the others. */
+static void set_lost(Scaled *scaled, ScaledStep *step) {
+    const size_t n = scaled->map->n_gauges;
+    step->n_lost = 0;
+    if (step->masked->n_used == n) {
+        step->of_mean = scaled->mean;
+        return;
+    }
+    memcpy(scaled->own_mean, scaled->map->form.mean_strain, n * sizeof *scaled->own_mean);
+    for (size_t i = 0; i < n; i++) {
+        if (!step->masked->mask[i]) {
+            scaled->own_mean[i] = 0.0;
+            step->lost[step->n_lost++] = i;
+        }
+    }
+    step->of_mean = scaled->mean_left;
+    dense_times(scaled->wide, n, n, scaled->rows, scaled->own_mean, scaled->mean_left);
+}
+
+/* Covariance and derivative by q_inf of the loads, but for errors at the current strain. */
+EVERYWHERE void set_spread(Scaled *scaled, ScaledStep *step) {
+    const size_t n = scaled->map->n_gauges;
+    const ScaledForm *form = &scaled->map->form;
+    const double s = step->ratio, nominal = scaled->map->dynamic_pressure;
+    double of_mean[ROWS], squares[N_VALUES];
+    for (size_t a = 0; a < n; a++) {
+        step->scratch[1][a] = step->weight[a] * step->of_mean[a];
+    }
+    dense_times(scaled->wide, ROWS, n, scaled->loads, step->scratch[1], of_mean);
+    dense_times(scaled->wide, N_VALUES, n, scaled->squares, step->spread, squares);
+    for (size_t i = 0; form->follows_pressure && i < N_LOADS; i++) {
+        step->per_pressure[i] = (form->load_of_mean[i] - of_mean[i]) / nominal;
+    }
+    if (step->n_lost > 0 && scaled->of_gain != NULL) {
+        lost_rows_products(scaled, squares);
+    }
+    for (size_t i = 0, k = 0; i < N_LOADS; i++) {
+        for (size_t j = i; j < N_LOADS; j++, k++) {
+            step->base[i * N_LOADS + j] = step->base[j * N_LOADS + i] = squares[k];
+        }
+    }
+    for (size_t k = 0; k < N_LOADS * N_LOADS; k++) {
+        step->base[k] += s * s * form->unseen[k];
+    }
+    if (step->n_lost > 0 && scaled->of_gain == NULL) {
+        add_growth(step);
+    }
+}
+
+/* What follows from the gauges in use and the ratio, in two parts: the product with the residual comes between them, so
+   that it need not wait for the divisions of the weights. */
+EVERYWHERE void prepare_weights(Scaled *scaled, const MaskedMap *masked, double ratio) {
+    ScaledStep *step = &scaled->step;
+    step->masked = masked;
+    step->number = masked->number;
+    step->ratio = ratio;
+    set_weights(scaled, step);
+    set_lost(scaled, step);
+}
+
+EVERYWHERE void prepare_spread(Scaled *scaled) {
+    ScaledStep *step = &scaled->step;
+    if (step->n_lost > 0) {
+        lost_rows_prepare(scaled);
+    }
+    set_spread(scaled, step);
+    step->interval = current_interval(scaled, step->ratio);
+    if (step->n_lost > 0) {
+        step->bounded = current_errors_set_bound(scaled, step->interval, step->n_lost, step->bound);
+    }
+}
+
+/* V r, the residuals of lost gauges being 0. */
 EVERYWHERE void set_residual(Scaled *scaled, ScaledStep *step, const double *strain) {
     const size_t n = scaled->map->n_gauges;
     const ScaledForm *form = &scaled->map->form;
     for (size_t i = 0; i < n; i++) {
         scaled->residual[i] = strain[i] - (form->fixed_strain[i] + step->ratio * form->mean_strain[i]);
     }
-    step->n_lost = 0;
-    if (scaled->step.masked->n_used == n) {
-        memcpy(step->of_mean, scaled->mean, n * sizeof *step->of_mean);
-    } else {
-        memcpy(scaled->own_mean, form->mean_strain, n * sizeof *scaled->own_mean);
-        for (size_t i = 0; i < n; i++) {
-            if (!scaled->step.masked->mask[i]) {
-                scaled->residual[i] = scaled->own_mean[i] = 0.0;
-                step->lost[step->n_lost++] = i;
-            }
-        }
-        dense_times(scaled->wide, n, n, scaled->rows, scaled->own_mean, step->of_mean);
+    for (size_t j = 0; j < step->n_lost; j++) {
+        scaled->residual[step->lost[j]] = 0.0;
     }
     dense_times(scaled->wide, n, n, scaled->rows, scaled->residual, step->w);
 }
 
-/* Add V_R times r to a vector of directions. */
-static void add_lost(const Scaled *scaled, const double *r, double factor, double *vector) {
-    const size_t n = scaled->map->n_gauges;
-    for (size_t j = 0; j < scaled->step.n_lost; j++) {
-        const double *column = scaled->map->form.whitening + scaled->step.lost[j] * n, size = factor * r[j];
-        for (size_t a = 0; a < n; a++) {
-            vector[a] += size * column[a];
-        }
-    }
-}
-
-/* Y = V' D^1/2 Q of the lost gauges: what they take from the precision of all. */
-static void set_y(Scaled *scaled, ScaledStep *step, const double *root) {
-    const size_t n = scaled->map->n_gauges;
-    double *column = step->scratch[1];
-    for (size_t j = 0; j < step->n_lost; j++) {
-        memset(column, 0, n * sizeof *column);
-        column[j] = 1.0;
-        householder_back(n, step->n_lost, step->matrix, step->head, column);
-        for (size_t a = 0; a < n; a++) {
-            column[a] *= root[a];
-        }
-        dense_times(scaled->wide, n, n, scaled->columns, column, step->y + j * dense_rows(n));
-    }
-}
-
-/* Predict the lost gauges: complete w and of_mean, and set chi-square, x, Y and B. */
-static void predict_lost(Scaled *scaled, ScaledStep *step) {
-    const size_t n = scaled->map->n_gauges, n_lost = step->n_lost;
-    const ScaledForm *form = &scaled->map->form;
-    double *root = step->scratch[0], *of_w = step->matrix + n_lost * n, *of_mean = of_w + n;
-    for (size_t a = 0; a < n; a++) {
-        root[a] = sqrt(step->unresolved[a]);
-        of_w[a] = root[a] * step->w[a];
-        of_mean[a] = root[a] * step->of_mean[a];
-    }
-    memset(step->growth, 0, N_LOADS * n_lost * sizeof *step->growth);
-    for (size_t j = 0; j < n_lost; j++) {
-        const double *column = form->whitening + step->lost[j] * n;
-        for (size_t a = 0; a < n; a++) {
-            step->matrix[j * n + a] = root[a] * column[a];
-            for (size_t i = 0; i < N_LOADS; i++) {
-                step->growth[i * n_lost + j] += step->weight[a] * form->load[N_LOADS * a + i] * column[a];
-            }
-        }
-    }
-    householder_columns(scaled->wide, n, n_lost, n_lost + 2, step->matrix, step->head);
-    step->chi_square = dot(n - n_lost, of_w + n_lost, of_w + n_lost);
-    double *whitened = step->scratch[1];
-    memcpy(whitened, of_w, n * sizeof *whitened);
-    memset(whitened, 0, n_lost * sizeof *whitened);
-    householder_back(n, n_lost, step->matrix, step->head, whitened);
-    for (size_t a = 0; a < n; a++) {
-        step->x[a] = root[a] * whitened[a];
-    }
-    solve_triangle(n, n_lost, step->matrix, of_w);
-    solve_triangle(n, n_lost, step->matrix, of_mean);
-    add_lost(scaled, of_w, -1.0, step->w);
-    add_lost(scaled, of_mean, -1.0, step->of_mean);
-    for (size_t i = 0; i < N_LOADS; i++) {
-        solve_transposed(n, n_lost, step->matrix, step->growth + i * n_lost);
-    }
-    set_y(scaled, step, root);
-}
-
-/* Loads, their derivative by q_inf, and their covariance but for errors at the current strain. */
 EVERYWHERE void set_loads(Scaled *scaled, ScaledStep *step) {
     const size_t n = scaled->map->n_gauges;
     const ScaledForm *form = &scaled->map->form;
-    const double s = step->ratio, nominal = scaled->map->dynamic_pressure;
-    double loads[ROWS], of_mean[ROWS], squares[N_VALUES];
+    double loads[ROWS];
     for (size_t a = 0; a < n; a++) {
         step->scratch[0][a] = step->weight[a] * step->w[a];
-        step->scratch[1][a] = step->weight[a] * step->of_mean[a];
     }
     dense_times(scaled->wide, ROWS, n, scaled->loads, step->scratch[0], loads);
-    dense_times(scaled->wide, ROWS, n, scaled->loads, step->scratch[1], of_mean);
-    dense_times(scaled->wide, N_VALUES, n, scaled->squares, step->spread, squares);
-    set_symmetric(squares, step->covariance);
     for (size_t i = 0; i < N_LOADS; i++) {
-        step->loads[i] = form->fixed_load[i] + s * form->load_of_mean[i] + loads[i];
-        step->per_pressure[i] = (form->load_of_mean[i] - of_mean[i]) / nominal;
-    }
-    for (size_t k = 0; k < N_LOADS * N_LOADS; k++) {
-        step->covariance[k] += s * s * form->unseen[k];
-    }
-    for (size_t i = 0; step->n_lost > 0 && i < N_LOADS; i++) {
-        for (size_t j = 0; j <= i; j++) {
-            const double more =
-                dot(step->n_lost, step->growth + i * step->n_lost, step->growth + j * step->n_lost);
-            step->covariance[i * N_LOADS + j] += more;
-            step->covariance[j * N_LOADS + i] += i == j ? 0.0 : more;
-        }
+        step->loads[i] = form->fixed_load[i] + step->ratio * form->load_of_mean[i] + loads[i];
     }
 }
 
@@ -235,13 +248,14 @@ static void add_errors(Scaled *scaled, ScaledStep *step) {
     const int freedom = scaled->map->degrees_of_freedom - (int)step->n_lost;
     step->expected_ratio = 1.0;
     if (!scaled->map->form.has_errors) {
+        memcpy(step->covariance, step->base, sizeof step->covariance);
         return;
     }
     current_errors_set_powers(scaled);
     if (step->n_lost > 0) {
         current_errors_take_lost(scaled);
     }
-    const double trace = current_errors_add(scaled, step->covariance);
+    const double trace = current_errors_add(scaled, step->base, step->covariance);
     if (freedom > 0) {
         const double least = scaled->map->form.min_expected_ratio;
         step->expected_ratio = 1.0 + s * s * trace / (double)freedom;
@@ -250,14 +264,20 @@ static void add_errors(Scaled *scaled, ScaledStep *step) {
 }
 
 /* Inlined with all but what lost gauges need, so that the loops over directions are compiled for AVX2 too. */
-EVERYWHERE void condition(Scaled *scaled, const double *strain) {
+EVERYWHERE void condition(Scaled *scaled, const MaskedMap *masked, const double *strain) {
     ScaledStep *step = &scaled->step;
     const size_t n = scaled->map->n_gauges;
-    step->ratio = step->pressure / scaled->map->dynamic_pressure;
-    set_weights(scaled, step);
+    const double ratio = scaled->map->form.follows_pressure ? step->pressure / scaled->map->dynamic_pressure : 1.0;
+    const int is_other = step->masked != masked || step->number != masked->number || step->ratio != ratio;
+    if (is_other) {
+        prepare_weights(scaled, masked, ratio);
+    }
     set_residual(scaled, step, strain);
+    if (is_other) {
+        prepare_spread(scaled);
+    }
     if (step->n_lost > 0) {
-        predict_lost(scaled, step);
+        lost_rows_condition(scaled);
     } else {
         for (size_t a = 0; a < n; a++) {
             step->x[a] = step->unresolved[a] * step->w[a];
@@ -265,20 +285,18 @@ EVERYWHERE void condition(Scaled *scaled, const double *strain) {
         step->chi_square = dot(n, step->x, step->w);
     }
     set_loads(scaled, step);
-    step->interval = current_interval(scaled, step->ratio);
     add_errors(scaled, step);
 }
 
 #if HAS_AVX2
-AVX2 static void condition_avx2(Scaled *scaled, const double *strain) {
-    condition(scaled, strain);
+AVX2 static void condition_avx2(Scaled *scaled, const MaskedMap *masked, const double *strain) {
+    condition(scaled, masked, strain);
 }
 #endif
 
 void scaled_condition(Scaled *scaled, const MaskedMap *masked, double pressure, const double *strain) {
-    scaled->step.masked = masked;
     scaled->step.pressure = pressure;
-    CHOSEN(scaled->wide, condition)(scaled, strain);
+    CHOSEN(scaled->wide, condition)(scaled, masked, strain);
 }
 
 void scaled_standardised_residuals(Scaled *scaled, double *z) {
@@ -314,7 +332,7 @@ static void set_growth(const Scaled *scaled, size_t j) {
             growth[k] += step->weight[a] * scaled->other_loads->load[a * m + j] * column[a];
         }
     }
-    solve_transposed(n, step->n_lost, step->matrix, growth);
+    solve_transposed(n, step->n_lost, step->gain.matrix, growth);
 }
 
 void scaled_other_load(const Scaled *scaled, size_t j, double *value, double *variance, double *per_pressure) {

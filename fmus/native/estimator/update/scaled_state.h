@@ -1,5 +1,4 @@
-/* What an estimator of a map in form "dynamic_pressure" holds: tables made once, intervals of the pressure ratio, and
-   the numbers of the last step.
+/* What the linear estimator holds: tables made once, intervals of the pressure ratio, and the numbers of the last step.
 
    Directions are those of pressure_directions.c; there are as many as gauges. */
 
@@ -53,33 +52,47 @@ typedef struct {
     double *sum;              /* (24) */
 } CurrentErrors;
 
-/* Numbers of the last step. w etc. hold one entry per direction. */
+/* What lost gauges hold of the directions at u = 1 / D. */
 typedef struct {
-    const MaskedMap *masked;           /* for the gauges in use */
-    double pressure, ratio;            /* q_inf [Pa], s */
+    double *root;   /* (dense_rows(n_gauges)) D^-1/2 */
+    double *matrix; /* (n_gauges, n_lost + 1) by columns: D^-1/2 of V_R and of V (m - d_0), after QR */
+    double *head;   /* (2 n_gauges) of householder_columns */
+} LostRows;
+
+/* Numbers of the last step. w etc. hold one entry per direction. Those down to `interval` follow from the gauges in use and
+   the ratio, and are kept while both are the same. */
+typedef struct {
+    const MaskedMap *masked;           /* for the gauges in use; NULL where nothing is kept, */
+    unsigned long number;              /* and its number */
+    double ratio;                      /* s */
     double *unresolved;                /* u */
     double *weight;                    /* of the loads that w stands for */
     double *spread;                    /* of the squares of the loads of a direction, in their covariance */
-    double *w, *of_mean;               /* V r and V (m - d_0), those of lost gauges predicted from the others */
-    double *x;                         /* u w */
-    double *scratch[2];                /* (dense_rows(n_gauges)) */
-    double *bound;                     /* (narrow_rows(n_gauges)) as Interval has them, with lost gauges */
-    float *narrow, *narrow_z;          /* (narrow_rows(n_gauges)) */
+    const double *of_mean;             /* (n_gauges) V (m - d_0), those of lost gauges predicted from the others */
     size_t n_lost;
     size_t *lost;                      /* (n_lost) */
-    double *matrix;                    /* (n_gauges, n_lost + 2) by columns: D V_R, D w, D V (m - d_0) after QR */
-    double *head;                      /* (2 n_gauges) of householder_columns */
+    LostRows truth, gain;              /* the same arrays where the gain is that of the prior */
     double *y;                         /* (n_lost, dense_rows(n_gauges)) Y, P = P_all - Y Y' */
     double *growth;                    /* (5, n_lost) B, then X: what the lost gauges add to the covariance is X X' */
-    double chi_square, expected_ratio; /* [1] */
-    double loads[N_LOADS], per_pressure[N_LOADS], covariance[N_LOADS * N_LOADS]; /* about the map's moment point */
+    double per_pressure[N_LOADS];      /* about the map's moment point, as all loads */
+    double base[N_LOADS * N_LOADS];    /* covariance without errors at the current strain */
+    double *bound;                     /* (narrow_rows(n_gauges)) as Interval has them, with lost gauges */
+    int bounded;
     const Interval *interval;          /* that the ratio is in */
+    double pressure;                   /* q_inf [Pa] */
+    double *w;                         /* V r, those of lost gauges predicted from the others */
+    double *x;                         /* u w */
+    double *scratch[2];                /* (dense_rows(n_gauges)) */
+    float *narrow, *narrow_z;          /* (narrow_rows(n_gauges)) */
+    double *z;                         /* (n_gauges) left as it is where the screen in float decides */
+    double chi_square, expected_ratio; /* [1] */
+    double loads[N_LOADS], covariance[N_LOADS * N_LOADS];
 } ScaledStep;
 
 typedef struct {
     const Map *map;
     const OtherLoads *other_loads; /* of a map with loads beside the five; NULL for others */
-    int wide;          /* panels_wide() */
+    int wide;          /* wide_of_processor() */
     double *rows;      /* V in panels: w = V r */
     double *columns;   /* V' in panels */
     double *square;    /* the squares of V' in panels: P_ii = sum of u V_ai^2 */
@@ -87,7 +100,10 @@ typedef struct {
     double *loads;     /* (8, n) loads of each direction, in panels */
     float *screen;     /* V' with columns of length 1, in panels of float */
     double *size;      /* (n) |V_i| */
-    double *mean;      /* (dense_rows(n)) V (m - d_0) of all gauges */
+    double *of_gain;   /* (n) u of the gain, in which the prior of the states is another than in truth; NULL where it is u */
+    double *shift;     /* (5, n) scratch of lost_rows.c */
+    double *mean;      /* (dense_rows(n)) V (m - d_0) of all gauges, */
+    double *mean_left; /* the same where some are lost */
     double *own_mean;  /* (dense_rows(n)) scratch: m - d_0, 0 for lost gauges */
     double *residual;  /* (dense_rows(n)) */
     CurrentErrors errors;

@@ -1,0 +1,25 @@
+/* Gauges that are lost: the others predict them, so that the directions of all gauges stay. */
+
+#ifndef LOST_ROWS_H
+#define LOST_ROWS_H
+
+#include "scaled_state.h"
+
+/* Number of doubles that the arrays of LostRows take for n gauges, and handing them out. */
+size_t lost_rows_doubles(size_t n);
+void lost_rows_arrays(size_t n, LostRows *rows, double **doubles);
+
+/* Of step->lost at step->unresolved, and at the u of the gain: step->truth, step->gain, Y and growth; of_mean is
+   completed. */
+void lost_rows_prepare(Scaled *scaled);
+
+/* Then, of a sample: chi-square and x; w is completed. */
+void lost_rows_condition(Scaled *scaled);
+
+/* The products of set_products, summed over the directions, by the gain that the lost gauges leave. */
+void lost_rows_products(Scaled *scaled, double products[N_VALUES]);
+
+/* Add the products of pairs of five loads and of five others (row by row, 15). */
+void add_products(const double *first, const double *second, double products[N_VALUES]);
+
+#endif
