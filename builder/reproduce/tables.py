@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 from operator import attrgetter
 from typing import Any, NamedTuple
@@ -15,6 +16,8 @@ from builder.reproduce.parity import ParityRow
 from builder.reproduce.setups import TITLES
 from builder.reproduce.studies import Studies
 
+Columns = tuple[tuple[str | Callable[[Any], Any], Column], ...]
+
 
 class _Of(NamedTuple):
     """One row of a table with a row per set-up, or several: title of the set-up, what varies, what is shown."""
@@ -26,7 +29,7 @@ class _Of(NamedTuple):
 
 def parity_table(rows: list[ParityRow]) -> Table:
     """Return the published numbers and ours, with the reasons for differences."""
-    columns = (
+    columns: Columns = (
         ("published.quantity", Column("quantity")),
         ("published.value", Column("published")),
         ("published.location", Column("location")),
@@ -58,7 +61,7 @@ def parity_numbers(rows: list[ParityRow]) -> Table:
 
 def verdict_table(verdicts: list[Verdict]) -> Table:
     """Return the criteria with our numbers and whether each holds."""
-    columns: list[tuple[Any, Column]] = [("text", Column("criterion"))]
+    columns: list[tuple[str | Callable[[Any], Any], Column]] = [("text", Column("criterion"))]
     for setup, title in TITLES.items():
         columns += [
             (partial(_entry, "ours", setup), Column(title)),
@@ -181,7 +184,7 @@ def load_table(studies: Studies, moment_station: float) -> Table:
 def gamma_table(studies: Studies) -> Table:
     """Return gamma by each rule."""
     rules = list(next(iter(studies.gamma.values())).by_rule)
-    columns = (
+    columns: Columns = (
         ("title", Column("set-up")),
         ("name", Column("layout")),
         *((partial(_entry, "study.by_rule", rule), Column(rule, "1", ".3g")) for rule in rules),
@@ -196,7 +199,7 @@ def gamma_table(studies: Studies) -> Table:
 
 def coverage_table(studies: Studies) -> Table:
     """Return the coverage of Case 1's 3 sigma of the noise alone."""
-    columns = (
+    columns: Columns = (
         ("title", Column("set-up")),
         ("name", Column("configuration")),
         ("study.relative_condition", Column("K", "1", ".2f")),
