@@ -23,8 +23,8 @@ CONDITIONS, VEHICLES = 4000, 50
 """Flight conditions, and vehicles that fly at each, every one with its own errors and noise.
 
 Samples of one vehicle resemble each other, so that every sample gets a vehicle of its own. False alarms gather at
-some conditions: levels of 200,000 samples at 1,000 conditions give 1.1 to 1.5 times the stated rate on other flows,
-at 4,000 conditions 1.1 to 1.3 times.
+some conditions: levels of 200,000 samples at 1,000 conditions give 1.1 to 1.5 times the stated rate on other
+flows, at 4,000 conditions 1.1 to 1.3 times.
 """
 
 SEED = 20260
