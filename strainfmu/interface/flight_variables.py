@@ -71,7 +71,9 @@ def _navigation_inputs(manifold: ManifoldMap) -> list[Variable]:
         ),
     )
     return [
-        Variable(name=name, description=text, causality="input", unit=unit, minimum=0.0, start=0.0)
+        Variable(
+            name=name, description=text, causality="input", kind="air data", unit=unit, minimum=0.0, start=0.0
+        )
         for name, text, unit in rows
     ]
 
@@ -85,6 +87,7 @@ def _air_data(manifold: ManifoldMap) -> list[Variable]:
             name=f"air_data.{name}",
             description=f"{text}, from strain and navigation",
             causality="output",
+            kind="air data",
             unit=unit,
             display_unit=shown.get(unit),
             nominal=nominal.get(unit),
@@ -108,7 +111,9 @@ def _air_data(manifold: ManifoldMap) -> list[Variable]:
 
 
 def _flag(name: str, text: str) -> Variable:
-    return Variable(name=name, description=text, causality="output", variability="discrete", fmi_type="Boolean")
+    return Variable(
+        name=name, description=text, causality="output", kind="health", variability="discrete", fmi_type="Boolean"
+    )
 
 
 _FLIGHT_TEXT: dict[str, str] = {

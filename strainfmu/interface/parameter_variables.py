@@ -70,6 +70,7 @@ def _value(name: str, text: str) -> Variable:
         name=f"{PREFIX}{name}",
         description=f"{name} of the flow, unit of the vehicle file, {text}; {NOT_KNOWN:g} or NaN where not known",
         causality="input",
+        kind="air data",
         start=NOT_KNOWN,
     )
 
@@ -80,6 +81,7 @@ def _score(name: str, held: str) -> Variable:
         description=f"Part of its range, {held}, by which {name} leaves it, 0 inside or not known; "
         f"OUTSIDE above {PARAMETER_TOLERANCE:g}",
         causality="output",
+        kind="health",
         unit="1",
         minimum=0.0,
         depends_on=(f"{PREFIX}{name}",),
@@ -92,6 +94,7 @@ def _deviation(name: str) -> Variable:
         description=f"Standard deviation of {PREFIX}{name}; {NOT_GIVEN} where not stated, "
         "and the value is for health alone",
         causality="input",
+        kind="air data",
         minimum=0.0,
         start=0.0,
     )

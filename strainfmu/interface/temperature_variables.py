@@ -38,6 +38,7 @@ def with_temperature_inputs(interface: Sequence[Variable], thermal: ThermalMap) 
             name=name,
             description=f"Temperature of sensor {sensor}; {NOT_GIVEN} where not known",
             causality="input",
+            kind="reading",
             unit="K",
             nominal=thermal.reference_temperature,
             minimum=0.0,

@@ -49,6 +49,7 @@ def _parameter(name: str, gauge_names: Sequence[str]) -> Variable:
         name=name,
         description=text,
         causality="parameter",
+        kind="parameter",
         variability="tunable",
         unit="1",
         display_unit="um/m",
