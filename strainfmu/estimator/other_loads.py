@@ -358,7 +358,29 @@ HINGES = LoadFamily(
 )
 """Hinge lines: moment of the air on a region of the surface, such as a fin, about a line of its own."""
 
-FAMILIES = (BODY, SECTIONS, HINGES)
+BENDING = LoadFamily(
+    loads=(
+        LoadKind(
+            key="moment",
+            name="bending_moment",
+            output="moment.bending",
+            text="Bending moment of the air on the part ahead, positive as the nose goes towards its roll angle",
+            unit="N.m",
+            shown="kN.m",
+            like=LIKE_THE_WIDEST,
+        ),
+    ),
+    places=lambda inverse_map: () if inverse_map.bending_lines is None else inverse_map.bending_lines.name,
+    place="station {}",
+    singular="station",
+    frame="Bending",
+    frame_text="Bending moment of the air at station {}, positive as the nose goes towards its roll angle",
+    title="Bending moments of the air at stations",
+    place_title="station",
+)
+"""Stations with a name: the bending moment of the part ahead, in a plane through the axis at a roll angle."""
+
+FAMILIES = (BODY, SECTIONS, HINGES, BENDING)
 """All there is, in the order of rows and outputs."""
 
 
