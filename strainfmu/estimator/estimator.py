@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.absolute_sections import other_loads
+from strainfmu.estimator.air_inputs import AIR_INPUT_NAMES, AIR_INPUTS
 from strainfmu.estimator.arguments import checked_mask, is_series, per_sample, real_numbers, strain_of_samples
 from strainfmu.estimator.core import Core, NoCoreError, Series
 from strainfmu.estimator.estimate import Estimate
@@ -31,7 +32,7 @@ from strainfmu.estimator.other_loads import number_of
 from strainfmu.estimator.policies import LARGEST_TIME, SMALLEST_TIME
 from strainfmu.estimator.resource.map_file import native_resource
 from strainfmu.estimator.settings import EstimatorSettings, default_settings
-from strainfmu.estimator.surface_pressure import AIR_DATA, SurfaceSample, surface_pressure
+from strainfmu.estimator.surface_pressure import SurfaceSample, surface_pressure
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros, no_zeros
 from strainfmu.estimator.zeros.tare import KnownStrain, Tare, TareLimits, limits_record
 from strainfmu.estimator.zeros.tare_verdict import judged_tare
@@ -39,23 +40,13 @@ from strainfmu.estimator.zeros.tare_verdict import judged_tare
 if TYPE_CHECKING:
     from strainfmu.estimator.numpy_core import NumpyCore
 
-AIR_DATA_INPUTS = (
-    "dynamic_pressure",
-    "dynamic_pressure_std",
-    "mach_number",
-    "altitude",
-    "mach_number_std",
-    "static_pressure",
-    "static_pressure_std",
-)
-"""Inputs of a sample behind its readings, in their order in a record."""
-
 _NO_THRUST = 0.0
 
 # Members of an Enum by name: through its class each use takes as long as a call.
 _EACH, _TRACK = Series.EACH, Series.TRACK
 
-_STDS = tuple(name for name in AIR_DATA_INPUTS if name.endswith("_std"))
+_STDS = tuple(one.name for one in AIR_INPUTS if one.is_std)
+_STD_PLACES = tuple(place for place, one in enumerate(AIR_INPUTS) if one.is_std)
 
 EXACT = 1e-150
 """Standard deviation that stands for 0: to the core, as to hosts of FMUs, 0 is one that is not given."""
@@ -174,7 +165,7 @@ class Estimator:
         self._tracks: Core | NumpyCore | None = None
         self._others: list[Core | NumpyCore] = []
         n, inputs = inverse_map.n_gauges, self.core.inputs
-        first_air = inputs["dynamic_pressure"].start
+        first_air = inputs[AIR_INPUT_NAMES[0]].start
         self._n, self._shape = n, (n,)
         self._std_places = [inputs[name].start for name in _STDS]
         self._temperature, self._thrust = inputs["temperature"], inputs["thrust"]
@@ -182,7 +173,7 @@ class Estimator:
         # What lies behind the readings of a record: air data, and what is not known of a plain sample.
         more = np.full(self.core.n_inputs, nan)
         more[self._thrust] = _NO_THRUST
-        self._no_more = tuple(more[first_air + len(AIR_DATA_INPUTS) :].tolist())
+        self._no_more = tuple(more[first_air + len(AIR_INPUT_NAMES) :].tolist())
         self._pack_behind: Callable[..., None] = Struct(f"{self.core.n_inputs - first_air}d").pack_into
         self._behind_offset = first_air * self.core.sample.itemsize
 
@@ -454,9 +445,8 @@ class Estimator:
         except StructError:
             return False
         core.sample[: self._n] = strain
-        _, pressure_std, _, _, mach_std, _, static_std = air
-        if pressure_std <= 0.0 or mach_std <= 0.0 or static_std <= 0.0:
-            self._refuse_negative(dict(zip(AIR_DATA_INPUTS, air, strict=True)))
+        if any(air[place] <= 0.0 for place in _STD_PLACES):
+            self._refuse_negative(dict(zip(AIR_INPUT_NAMES, air, strict=True)))
             stds = core.sample[self._std_places]
             core.sample[self._std_places] = _exact(stds)
         return True
@@ -472,10 +462,10 @@ class Estimator:
         """Return the samples, checked; arguments as of :meth:`estimate`."""
         d = strain_of_samples(strain, self._n)
         k, layout = len(d), self.core.inputs
-        self._refuse_negative(dict(zip(AIR_DATA_INPUTS, air, strict=True)))
+        self._refuse_negative(dict(zip(AIR_INPUT_NAMES, air, strict=True)))
         temperature, thrust, parameters, stds = more
         columns: list[tuple[slice, Any]] = [
-            (layout[name], _column(name, value, k)) for name, value in zip(AIR_DATA_INPUTS, air, strict=True)
+            (layout[name], _column(name, value, k)) for name, value in zip(AIR_INPUT_NAMES, air, strict=True)
         ]
         columns += [
             (self._temperature, self._temperatures(temperature, k)),
@@ -616,7 +606,7 @@ class Estimator:
         unknown = np.full(len(self.parameters.names), np.nan)
         sample = SurfaceSample(
             strain=record[: self._n],
-            air={name: float(record[layout[name].start]) for name in AIR_DATA},
+            air={name: float(record[layout[name].start]) for name in AIR_INPUT_NAMES},
             temperature=record[self._temperature],
             thrust=float(record[self._thrust.start]) if self._thrust.stop > self._thrust.start else 0.0,
             parameter=record[self._parameter],

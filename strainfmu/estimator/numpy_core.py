@@ -15,6 +15,7 @@ import numpy as np
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, static_pressure_at
 from strainfmu.errors import InputError
+from strainfmu.estimator.air_inputs import AIR_INPUT_NAMES, DYNAMIC_PRESSURE, FLOW_QUANTITIES, STD
 from strainfmu.estimator.alarm_limits import outlier_threshold
 from strainfmu.estimator.arguments import given
 from strainfmu.estimator.core import Layout, NoCoreError, Outcome, Series
@@ -46,15 +47,6 @@ from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 from strainfmu.estimator.zeros.tare import TareFault
 from strainfmu.estimator.zeros.tare_edge import TareState
 
-_AIR_DATA = (
-    "dynamic_pressure",
-    "dynamic_pressure_std",
-    "mach_number",
-    "altitude",
-    "mach_number_std",
-    "static_pressure",
-    "static_pressure_std",
-)
 _SETTINGS = ("sensor_range", "alarm_scale", "reference_area", "reference_length", "moment_station")
 
 
@@ -90,7 +82,7 @@ class NumpyCore:
         self.n_rows = n
         self.inputs = _layout(
             {"strain": n_strains, "sensor": n - n_strains}
-            | dict.fromkeys(_AIR_DATA, 1)
+            | dict.fromkeys(AIR_INPUT_NAMES, 1)
             | {"temperature": n_t, "thrust": int(has_thrust), "parameter": n_p}
         )
         of_zeros = {"zero": n_strains, "zero_std": n_strains, "zero_common_std": 1, "filter_time_constant": 0}
@@ -202,8 +194,8 @@ class NumpyCore:
 
     def _flow(self, of: Mapping[str, FloatArray]) -> _Flow:
         """Return what is given of the flow."""
-        q, mach, altitude = (given(of[name][:, 0]) for name in ("dynamic_pressure", "mach_number", "altitude"))
-        std = of["dynamic_pressure_std"][:, 0]
+        q, mach, altitude = (given(of[name][:, 0]) for name in FLOW_QUANTITIES)
+        std = of[f"{DYNAMIC_PRESSURE}{STD}"][:, 0]
         usable = (q >= MIN_DYNAMIC_PRESSURE) & (q <= MAX_DYNAMIC_PRESSURE)
         std = np.where(np.isnan(std), self._map.dynamic_pressure_error * np.where(usable, q, 0.0), std)
         known = usable & (std >= 0.0) & (std < np.inf)

@@ -16,6 +16,7 @@ import numpy as np
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.air_data import AIR_DATA_NAMES, AIR_DATA_UNITS, NAVIGATION
+from strainfmu.estimator.air_inputs import AIR_INPUTS
 from strainfmu.estimator.core import Core, Layout, Series
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.flow_parameters import flow_parameters
@@ -41,13 +42,7 @@ _LINE_SIZE = 118
 _INPUTS = {
     "strain": "[m/m]",
     "sensor": "in the units below",
-    "dynamic_pressure": "[Pa]",
-    "dynamic_pressure_std": "[Pa] its standard deviation; not given: that of the map",
-    "mach_number": "[1]",
-    "altitude": "[m] geopotential; static pressure of the standard atmosphere",
-    "mach_number_std": "[1]",
-    "static_pressure": "[Pa]",
-    "static_pressure_std": "[Pa]",
+    **{one.name: f"[{one.unit}]{one.note}" for one in AIR_INPUTS},
     "temperature": "[K]",
     "thrust": "[N] 0 while the engine is off; not given: sensors that it moves are left out",
     "parameter": "flow parameters",

@@ -83,6 +83,7 @@ _ESTIMATOR_SOURCES = (
 _PLANT_SOURCES = (
     *_COMMON_SOURCES,
     "estimator/__init__.py",
+    "estimator/air_inputs.py",
     "estimator/arguments.py",
     "estimator/map/__init__.py",
     "estimator/map/sensors.py",

@@ -11,11 +11,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from strainfmu.estimator.air_inputs import AIR_INPUTS, DYNAMIC_PRESSURE
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.settings import LARGEST_SETTING, default_settings, setting_minimum
 from strainfmu.interface.enumerations import HEALTH_TYPE
 from strainfmu.interface.filter_variables import with_filter_parameter
-from strainfmu.interface.flight_variables import flight_interface, flight_outputs
+from strainfmu.interface.flight_variables import flight_interface, flight_outputs, with_later_inputs
 from strainfmu.interface.fmi_variables import COEFFICIENTS, Variable, deviation_of, with_arrays
 from strainfmu.interface.input_names import FLOW_INPUTS as FLOW_INPUTS
 from strainfmu.interface.input_names import NOT_GIVEN
@@ -66,7 +67,7 @@ def estimator_interface(inverse_map: InverseMap) -> tuple[Variable, ...]:
     whole = with_temperature_inputs(with_zero_parameters(whole, strain_gauges), inverse_map.thermal)
     whole = with_filter_parameter(with_thrust_input(whole, inverse_map), inverse_map)
     whole = with_tare_variables(with_other_load_outputs(whole, inverse_map), strain_gauges)
-    return with_parameter_inputs(whole, inverse_map)
+    return with_later_inputs(with_parameter_inputs(whole, inverse_map), inverse_map.manifold)
 
 
 def output_values(estimate: Estimate, with_other_loads: bool = False) -> list[float]:
@@ -170,59 +171,29 @@ def _gauge_inputs(inverse_map: InverseMap) -> list[Variable]:
 
 
 def _flow_inputs(inverse_map: InverseMap) -> list[Variable]:
-    """Return dynamic pressure and its uncertainty, Mach number and altitude."""
+    """Return the inputs for flow and navigation of every map."""
     nominal = inverse_map.nominal_dynamic_pressure
-    fraction = inverse_map.dynamic_pressure_error
     return [
         Variable(
-            name="dynamic_pressure",
-            description=_PRESSURE_TEXT[inverse_map.form],
+            name=one.name,
+            description=one.text_of_linear.format(of=inverse_map, not_given=NOT_GIVEN, use=_USE[inverse_map.form]),
             causality="input",
             kind="air data",
-            unit="Pa",
-            display_unit="kPa",
-            nominal=nominal,
+            label=one.label,
+            symbol=one.symbol,
+            unit=one.unit,
+            display_unit=one.shown,
+            nominal=nominal if one.unit == "Pa" else None,
             minimum=0.0,
-            start=nominal,
-        ),
-        Variable(
-            name="dynamic_pressure_std",
-            description="Standard deviation of the error of dynamic_pressure, widens sigma; "
-            f"{NOT_GIVEN} takes {fraction:g} of dynamic_pressure",
-            causality="input",
-            kind="air data",
-            unit="Pa",
-            display_unit="kPa",
-            nominal=nominal,
-            minimum=0.0,
-            start=0.0,
-        ),
-        Variable(
-            name="mach_number",
-            description=f"Mach number by navigation, for health alone; {NOT_GIVEN} where not given",
-            causality="input",
-            kind="air data",
-            unit="1",
-            minimum=0.0,
-            start=0.0,
-        ),
-        Variable(
-            name="altitude",
-            description=f"Geopotential altitude by navigation, for health alone; {NOT_GIVEN} where not given",
-            causality="input",
-            kind="air data",
-            unit="m",
-            display_unit="km",
-            minimum=0.0,
-            start=0.0,
-        ),
+            start=nominal if one.name == DYNAMIC_PRESSURE else 0.0,
+        )
+        for one in AIR_INPUTS
+        if not one.of_tables
     ]
 
 
-_PRESSURE_TEXT = {
-    "absolute": "Free-stream dynamic pressure, at most 1e7 Pa; turns loads into coefficients",
-    "dynamic_pressure": "Free-stream dynamic pressure, at most 1e7 Pa; weights of the strains follow it",
-}
+_USE = {"absolute": "turns loads into coefficients", "dynamic_pressure": "weights of the strains follow it"}
+"""What a linear map does with the dynamic pressure, by its form."""
 
 
 def _pressure_of_loads(inverse_map: InverseMap) -> tuple[str, ...]:
@@ -272,7 +243,7 @@ def _estimated_coefficients(inverse_map: InverseMap, gauges: tuple[str, ...]) ->
             causality="output",
             unit="1",
             nominal=nominal,
-            depends_on=(*gauges, "dynamic_pressure", "dynamic_pressure_std"),
+            depends_on=(*gauges, *FLOW_INPUTS[:2]),
             initially_depends_on=of_moment if name.startswith("M_") else of_force,
             array="coefficients",
         )

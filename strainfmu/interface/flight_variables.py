@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from strainfmu.estimator.air_data import AIR_DATA_NAMES, AIR_DATA_UNITS, NAVIGATION
+from strainfmu.estimator.air_inputs import AIR_INPUTS, DYNAMIC_PRESSURE, AirInput
 from strainfmu.estimator.alarm_limits import outside_score
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.policies import MIN_GAIN
@@ -49,33 +50,34 @@ def flight_outputs(estimate: Estimate) -> list[float]:
     return [*air.value.tolist(), *air.std.tolist(), *map(float, flags)]
 
 
-def _navigation_inputs(manifold: ManifoldMap) -> list[Variable]:
+def with_later_inputs(interface: tuple[Variable, ...], manifold: ManifoldMap | None) -> tuple[Variable, ...]:
+    """Return ``interface`` with the inputs of later versions behind it, of a map with tables."""
+    return interface if manifold is None else (*interface, *_navigation_inputs(manifold, are_later=True))
+
+
+def _navigation_inputs(manifold: ManifoldMap, are_later: bool = False) -> list[Variable]:
     """Return what the tables take of navigation besides :data:`FLOW_INPUTS`."""
-    rows = (
-        (
-            "mach_number_std",
-            f"Standard deviation of the error of mach_number; {NOT_GIVEN} takes {manifold.mach_number_error:g}",
-            "1",
-        ),
-        (
-            "static_pressure",
-            "Static pressure by navigation, goes before altitude; "
-            f"{NOT_GIVEN} takes that of the standard atmosphere at altitude",
-            "Pa",
-        ),
-        (
-            "static_pressure_std",
-            f"Standard deviation of the error of static_pressure; {NOT_GIVEN} takes "
-            f"{manifold.static_pressure_error:g} of it, {manifold.altitude_error:g} of that at altitude",
-            "Pa",
-        ),
-    )
     return [
         Variable(
-            name=name, description=text, causality="input", kind="air data", unit=unit, minimum=0.0, start=0.0
+            name=one.name,
+            description=_text(one, manifold),
+            causality="input",
+            kind="air data",
+            label=one.label,
+            symbol=one.symbol,
+            unit=one.unit,
+            display_unit=one.shown,
+            minimum=0.0,
+            start=0.0,
         )
-        for name, text, unit in rows
+        for one in AIR_INPUTS
+        if one.of_tables and one.is_later == are_later
     ]
+
+
+def _text(one: AirInput, manifold: ManifoldMap) -> str:
+    """Return the description of an input of a map with tables."""
+    return one.text.format(of=manifold, not_given=NOT_GIVEN)
 
 
 def _air_data(manifold: ManifoldMap) -> list[Variable]:
@@ -117,9 +119,6 @@ def _flag(name: str, text: str) -> Variable:
 
 
 _FLIGHT_TEXT: dict[str, str] = {
-    "dynamic_pressure": f"Dynamic pressure by navigation; {NOT_GIVEN} where not given",
-    "mach_number": f"Mach number by navigation; {NOT_GIVEN} where not given",
-    "altitude": f"Geopotential altitude by navigation, for the static pressure; {NOT_GIVEN} where not given",
     "health.chi_square": "Chi-square of strain and navigation about the tables",
     "health.envelope_score": "Deviations by which the flight state leaves the ranges of the map, 0 inside",
 }
@@ -128,14 +127,12 @@ _FLIGHT_TEXT: dict[str, str] = {
 
 def _of_flight_state(variable: Variable, manifold: ManifoldMap, gauges: tuple[str, ...]) -> Variable:
     """Return ``variable`` as a map with tables has it: every output depends on all gauges and navigation."""
-    one = replace(variable, description=_FLIGHT_TEXT.get(variable.name, variable.description))
+    texts = {one.name: _text(one, manifold) for one in AIR_INPUTS} | _FLIGHT_TEXT
+    one = replace(variable, description=texts.get(variable.name, variable.description))
     if one.name == "health.envelope_score":
         one = replace(one, description=f"{one.description}; OUTSIDE above {outside_score(manifold):g}")
-    if one.name == "dynamic_pressure":
+    if one.name == DYNAMIC_PRESSURE:
         return replace(one, start=0.0)
-    if one.name == "dynamic_pressure_std":
-        text = f"{NOT_GIVEN} takes {manifold.dynamic_pressure_error:g} of it"
-        return replace(one, description=f"Standard deviation of the error of dynamic_pressure; {text}")
     if one.causality != "output" or one.name == "health.valid_gauges":
         return one
     of_flow = one.name.startswith(("health", "air_data", "sigma.air_data", "identified", "navigation_used"))

@@ -15,6 +15,7 @@ import numpy as np
 from strainfmu.arrays import FloatArray
 from strainfmu.cosim.estimators.zeros_file import load_zeros
 from strainfmu.errors import InputError
+from strainfmu.estimator.air_inputs import AIR_INPUTS
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.recorded.columns.column_names import (
     FLOW_NAMES,
@@ -52,14 +53,7 @@ SUSPECTS_COLUMN = "suspect_gauges"
 FAULTS_COLUMN = "strain_faults"
 """Column of text: why strains were left out, ``held`` or ``zero`` of all gauges, else the names of railed ones."""
 
-_FLOW_UNITS = {
-    "dynamic_pressure_std": "Pa",
-    "mach_number": "1",
-    "altitude": "m",
-    "mach_number_std": "1",
-    "static_pressure": "Pa",
-    "static_pressure_std": "Pa",
-}
+_FLOW_UNITS = {one.name: one.unit for one in AIR_INPUTS[1:]}
 
 
 @dataclass(kw_only=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import log
 
@@ -9,6 +10,8 @@ import numpy as np
 
 from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, static_pressure_at
+from strainfmu.estimator.air_data import NAVIGATION
+from strainfmu.estimator.air_inputs import ALTITUDE, STD
 from strainfmu.estimator.alarm_limits import outlier_threshold
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.policies import FALSE_ALARMS, NAVIGATION_ALARM
@@ -57,6 +60,12 @@ def air_inputs(inverse_map: InverseMap, value: FloatArray, std: FloatArray, alti
     found = np.maximum(np.where(np.isnan(std), own, std), LEAST_RELATIVE_STD * np.abs(value))
     known = np.isfinite(value) & (value > 0.0) & np.isfinite(found) & (found > 0.0)
     return AirInputs(value=np.where(known, value, np.nan), std=np.where(known, found, np.nan))
+
+
+def air_inputs_of(inverse_map: InverseMap, given: Mapping[str, float]) -> AirInputs:
+    """Return what is known of a sample of inputs by name, NaN where not given: see :func:`air_inputs`."""
+    value, std = (np.array([given[name + end] for name in NAVIGATION]) for end in ("", STD))
+    return air_inputs(inverse_map, value, std, given[ALTITUDE])
 
 
 def without(air: AirInputs, z: FloatArray, dropped: int) -> AirInputs:

@@ -4,8 +4,7 @@
 #include <string.h>
 
 static const char *const SETTING_NAMES[] = {
-    "dynamic_pressure", "dynamic_pressure_std", "mach_number",      "altitude",       "sensor_range",
-    "alarm_scale",      "reference_area",       "reference_length", "moment_station",
+    FLOW_INPUTS(AIR_INPUT_NAME) "sensor_range", "alarm_scale", "reference_area", "reference_length", "moment_station",
 };
 
 size_t first_temperature(const Inputs *in) {
@@ -33,8 +32,12 @@ size_t filter_setting(const Inputs *in) {
     return in->map->has_filter ? first_parameter(in) - 1 : SIZE_MAX;
 }
 
-size_t inputs_count(const Inputs *in) {
+size_t first_later(const Inputs *in) {
     return first_parameter_std(in) + (in->map->has_known ? in->parameters->count : 0);
+}
+
+size_t inputs_count(const Inputs *in) {
+    return first_later(in) + N_LATER_INPUTS;
 }
 
 size_t parameter_beyond(const Inputs *in) {
