@@ -102,6 +102,25 @@ _STATIC_PRESSURE = AirInput(
     largest=1e7,
 )
 
+TOTAL_TEMPERATURE_ERROR, STATIC_TEMPERATURE_ERROR = 0.01, 0.03
+"""Relative standard deviations of a total temperature without its own, and of the temperature at an altitude about
+that of the standard atmosphere: 0.02 to 0.04 over latitudes and seasons from 10 to 40 km."""
+
+_TOTAL_TEMPERATURE = AirInput(
+    name="total_temperature",
+    label="Total temperature",
+    symbol="T_0",
+    unit="K",
+    shown=None,
+    text="Total temperature of a perfect gas, gamma 1.4: a Mach number by the static one of the standard "
+    "atmosphere at altitude, which it needs; {not_given} where not given",
+    note=" of a perfect gas; with altitude states the Mach number",
+    aliases=("t0", "tt", "ttot", "tat", "stagnationtemperature", "totaltemp"),
+    smallest=1.0,
+    largest=2e4,
+    is_later=True,
+)
+
 
 def _std_of(quantity: AirInput, text: str, of_linear: str = "", **more: str | tuple[str, ...]) -> AirInput:
     """Return the input for the standard deviation of ``quantity``."""
@@ -113,6 +132,7 @@ def _std_of(quantity: AirInput, text: str, of_linear: str = "", **more: str | tu
         shown=quantity.shown,
         text=f"Standard deviation of the error of {quantity.name}; {{not_given}} takes {text}",
         text_of_linear=of_linear and f"Standard deviation of the error of {quantity.name}, {of_linear}",
+        is_later=quantity.is_later,
         **more,  # type: ignore[arg-type]
     )
 
@@ -131,6 +151,8 @@ AIR_INPUTS = (
     _std_of(_MACH_NUMBER, "{of.mach_number_error:g}"),
     _STATIC_PRESSURE,
     _std_of(_STATIC_PRESSURE, "{of.static_pressure_error:g} of it, {of.altitude_error:g} of that at altitude"),
+    _TOTAL_TEMPERATURE,
+    _std_of(_TOTAL_TEMPERATURE, f"{TOTAL_TEMPERATURE_ERROR:g} of it"),
 )
 """All there is, in their order in a record of the core."""
 
@@ -145,7 +167,7 @@ NAVIGATION_INPUTS = tuple(one.name for one in AIR_INPUTS if one.of_tables)
 FLOW_QUANTITIES = tuple(one.name for one in AIR_INPUTS if not one.of_tables and not one.is_std)
 """Quantities of every map, without standard deviations."""
 
-DYNAMIC_PRESSURE, MACH_NUMBER, ALTITUDE, STATIC_PRESSURE = (
-    one.name for one in (_DYNAMIC_PRESSURE, _MACH_NUMBER, _ALTITUDE, _STATIC_PRESSURE)
+DYNAMIC_PRESSURE, MACH_NUMBER, ALTITUDE, STATIC_PRESSURE, TOTAL_TEMPERATURE = (
+    one.name for one in (_DYNAMIC_PRESSURE, _MACH_NUMBER, _ALTITUDE, _STATIC_PRESSURE, _TOTAL_TEMPERATURE)
 )
 """Those that something is computed from."""

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.absolute_sections import other_loads
-from strainfmu.estimator.air_inputs import AIR_INPUT_NAMES, AIR_INPUTS
+from strainfmu.estimator.air_inputs import AIR_INPUT_NAMES, AIR_INPUTS, TOTAL_TEMPERATURE
 from strainfmu.estimator.arguments import checked_mask, is_series, per_sample, real_numbers, strain_of_samples
 from strainfmu.estimator.core import Core, NoCoreError, Series
 from strainfmu.estimator.estimate import Estimate
@@ -46,6 +46,7 @@ _NO_THRUST = 0.0
 _EACH, _TRACK = Series.EACH, Series.TRACK
 
 _STDS = tuple(one.name for one in AIR_INPUTS if one.is_std)
+_TOTAL_PLACE = AIR_INPUT_NAMES.index(TOTAL_TEMPERATURE)
 _STD_PLACES = tuple(place for place, one in enumerate(AIR_INPUTS) if one.is_std)
 
 EXACT = 1e-150
@@ -271,6 +272,8 @@ class Estimator:
         altitude: ArrayLike = nan,
         static_pressure: ArrayLike = nan,
         static_pressure_std: ArrayLike = nan,
+        total_temperature: ArrayLike = nan,
+        total_temperature_std: ArrayLike = nan,
         temperature: ArrayLike | None = None,
         thrust: ArrayLike = _NO_THRUST,
         parameters: Mapping[str, ArrayLike] | None = None,
@@ -289,6 +292,9 @@ class Estimator:
         dynamic_pressure_std, mach_number_std, static_pressure_std : their standard deviations; NaN takes those of
             the map.
         altitude : geopotential [m]; gives p_inf of the standard atmosphere where ``static_pressure`` is not known.
+        total_temperature, total_temperature_std : T0 [K] of a perfect gas and its standard deviation, NaN takes
+            1 %: a Mach number by T0 = T (1 + 0.2 M^2), with T of the standard atmosphere at ``altitude``, which it
+            needs, and 3 % of T. It is joined with ``mach_number``. Maps with tables alone take it.
         temperature : (n_t,) or (k, n_t) readings of the map's temperature sensors [K], NaN where one gives none;
             None for none.
         thrust : [N], of a map with sensors that respond to it.
@@ -302,7 +308,8 @@ class Estimator:
         ------
         InputError
             An argument has the wrong shape or is no number, ``valid`` is not of bool, a standard deviation is
-            negative, or the map has no sensors or parameters of that kind. Values that are not finite are no
+            negative, ``total_temperature`` is given without ``altitude`` or to a linear map, or the map has no
+            sensors or parameters of that kind. Values that are not finite are no
             error: health states what the estimate lacks.
         """
         air = (
@@ -313,8 +320,12 @@ class Estimator:
             mach_number_std,
             static_pressure,
             static_pressure_std,
+            total_temperature,
+            total_temperature_std,
         )
         more = (temperature, thrust, parameters, parameters_std)
+        if total_temperature is not nan:
+            _refuse_without_altitude(total_temperature, altitude)
         if not is_series(strain):
             return self._one(strain, valid, air, more, core=self.core, how=_EACH)
         samples = self._samples(strain, valid, air, more)
@@ -342,6 +353,8 @@ class Estimator:
         altitude: ArrayLike = nan,
         static_pressure: ArrayLike = nan,
         static_pressure_std: ArrayLike = nan,
+        total_temperature: ArrayLike = nan,
+        total_temperature_std: ArrayLike = nan,
         temperature: ArrayLike | None = None,
         thrust: ArrayLike = _NO_THRUST,
         parameters: Mapping[str, ArrayLike] | None = None,
@@ -362,12 +375,16 @@ class Estimator:
             mach_number_std,
             static_pressure,
             static_pressure_std,
+            total_temperature,
+            total_temperature_std,
         )
         more = (temperature, thrust, parameters, parameters_std)
         core = self._tracks or self._new_track()
         if not is_series(strain):
             at = 0.0 if self.filter_time_constant == 0.0 else self._time(time)
             return self._one(strain, valid, air, more, core=core, how=_TRACK, time=at)
+        if altitude is nan and total_temperature is not nan:  # not that of samples which lose it
+            _refuse_without_altitude(total_temperature, altitude)
         samples = self._samples(strain, valid, air, more)
         inputs = samples.filled(slice(None))
         times = None if self.filter_time_constant == 0.0 else self._times(time, len(inputs))
@@ -445,13 +462,16 @@ class Estimator:
         except StructError:
             return False
         core.sample[: self._n] = strain
-        if any(air[place] <= 0.0 for place in _STD_PLACES):
+        if air[_TOTAL_PLACE] > 0.0 or any(air[place] <= 0.0 for place in _STD_PLACES):
             self._refuse_negative(dict(zip(AIR_INPUT_NAMES, air, strict=True)))
             stds = core.sample[self._std_places]
             core.sample[self._std_places] = _exact(stds)
         return True
 
     def _refuse_negative(self, air: Mapping[str, Any]) -> None:
+        """Refuse negative standard deviations, and a total temperature that the map cannot use."""
+        if not self.is_nonlinear and np.any(np.greater(air[TOTAL_TEMPERATURE], 0.0)):
+            raise InputError(f"{TOTAL_TEMPERATURE}: expected none, a linear map does not take it")
         for name in _STDS:
             if np.any(np.less(air[name], 0.0)):
                 raise InputError(f"{name}: expected numbers from 0 on, got {np.nanmin(air[name]):g}")
@@ -643,3 +663,10 @@ def _column(name: str, value: ArrayLike, samples: int) -> Any:
 
 def _processors() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _refuse_without_altitude(total_temperature: ArrayLike, altitude: ArrayLike) -> None:
+    """Refuse total temperatures without an altitude, from which the static one follows."""
+    total, height = real_numbers(TOTAL_TEMPERATURE, total_temperature), real_numbers("altitude", altitude)
+    if np.any(total > 0.0) and not np.any(height > 0.0):
+        raise InputError(f"{TOTAL_TEMPERATURE}: expected the altitude beside it, got none")

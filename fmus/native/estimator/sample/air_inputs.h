@@ -20,8 +20,10 @@
     X(STATIC_PRESSURE, "static_pressure")             \
     X(STATIC_PRESSURE_STD, "static_pressure_std")
 
-/* The same, of later versions. */
-#define LATER_INPUTS(X)
+/* The same, of later versions: total temperature [K] and its deviation. */
+#define LATER_INPUTS(X)                               \
+    X(TOTAL_TEMPERATURE, "total_temperature")         \
+    X(TOTAL_TEMPERATURE_STD, "total_temperature_std")
 
 #define AIR_INPUT_NUMBER(number, name) number,
 #define AIR_INPUT_NAME(number, name) name,
