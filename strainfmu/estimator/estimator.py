@@ -21,7 +21,13 @@ from numpy.typing import ArrayLike
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.absolute_sections import other_loads
-from strainfmu.estimator.air_inputs import AIR_INPUT_NAMES, AIR_INPUTS, TOTAL_TEMPERATURE
+from strainfmu.estimator.air_inputs import (
+    AIR_INPUT_NAMES,
+    AIR_INPUTS,
+    ALTITUDE,
+    DYNAMIC_PRESSURE,
+    TOTAL_TEMPERATURE,
+)
 from strainfmu.estimator.arguments import checked_mask, is_series, per_sample, real_numbers, strain_of_samples
 from strainfmu.estimator.core import Core, NoCoreError, Series
 from strainfmu.estimator.estimate import Estimate
@@ -584,7 +590,7 @@ class Estimator:
         readings = real_numbers("strain", strain)
         if readings.ndim != 2 or readings.shape[1] != n:
             raise InputError(f"strain: expected (k, {n}) values, got {readings.shape}")
-        pressures = per_sample("dynamic_pressure", dynamic_pressure, len(readings))
+        pressures = per_sample(DYNAMIC_PRESSURE, dynamic_pressure, len(readings))
         with self._lock:
             outcome = self.core.tare(limits_record(chosen, known, n), readings, pressures)
         return judged_tare(self.inverse_map, outcome, chosen)
@@ -602,7 +608,7 @@ class Estimator:
             five = estimate.coefficients if "coefficients" in name else estimate.loads
             known = np.isfinite(five).all(axis=-1, keepdims=True)
             return np.where(known, np.zeros((*shape, number_of(self.load_groups))), nan)
-        pressure, std = (record[:, layout[one].start] for one in ("dynamic_pressure", "dynamic_pressure_std"))
+        pressure, std = (record[:, layout[one].start] for one in (DYNAMIC_PRESSURE, "dynamic_pressure_std"))
         known, solved = (
             np.asarray(np.isfinite(np.atleast_2d(one)).all(axis=1))
             for one in (estimate.coefficients, estimate.loads)
@@ -667,6 +673,6 @@ def _processors() -> int:
 
 def _refuse_without_altitude(total_temperature: ArrayLike, altitude: ArrayLike) -> None:
     """Refuse total temperatures without an altitude, from which the static one follows."""
-    total, height = real_numbers(TOTAL_TEMPERATURE, total_temperature), real_numbers("altitude", altitude)
+    total, height = real_numbers(TOTAL_TEMPERATURE, total_temperature), real_numbers(ALTITUDE, altitude)
     if np.any(total > 0.0) and not np.any(height > 0.0):
         raise InputError(f"{TOTAL_TEMPERATURE}: expected the altitude beside it, got none")

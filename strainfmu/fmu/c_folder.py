@@ -23,6 +23,7 @@ from strainfmu.estimator.map.flow_parameters import flow_parameters
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
 from strainfmu.estimator.other_loads import names_of
 from strainfmu.estimator.resource.map_file import native_resource
+from strainfmu.estimator.setting_inputs import SETTING_INPUTS
 from strainfmu.files import check_new_folder
 from strainfmu.fmu.native.sources import ARITHMETIC_FLAGS, compiled_files, model_sources
 from strainfmu.fmu.reference_run.run import ReferenceRun, reference_run
@@ -51,11 +52,7 @@ _INPUTS = {
 """What the fields of a sample are, by name."""
 
 _SETTINGS = {
-    "sensor_range": "[m/m] largest |strain| of a gauge that works",
-    "alarm_scale": "[1] factor on the detection thresholds",
-    "reference_area": "[m2]",
-    "reference_length": "[m]",
-    "moment_station": "[m] x of the point that moments refer to",
+    **{one.name: one.note for one in SETTING_INPUTS},
     "zero": "[m/m] zero offset of each gauge",
     "zero_std": "[m/m] its standard deviation",
     "zero_common_std": "[m/m] standard deviation of an offset that all gauges have in common",

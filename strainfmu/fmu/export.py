@@ -87,6 +87,7 @@ _PLANT_SOURCES = (
     "estimator/arguments.py",
     "estimator/map/__init__.py",
     "estimator/map/sensors.py",
+    "estimator/setting_inputs.py",
     "interface/",
     "flight_condition.py",
     "cosim/__init__.py",

@@ -13,11 +13,28 @@ from typing import TYPE_CHECKING
 
 from strainfmu.estimator.air_inputs import AIR_INPUTS, DYNAMIC_PRESSURE
 from strainfmu.estimator.estimate import Estimate
+from strainfmu.estimator.setting_inputs import (
+    OF_ALARMS,
+    OF_AREA,
+    OF_LENGTH,
+    OF_READINGS,
+    OF_STATION,
+    SETTING_INPUTS,
+)
 from strainfmu.estimator.settings import LARGEST_SETTING, default_settings, setting_minimum
 from strainfmu.interface.enumerations import HEALTH_TYPE
 from strainfmu.interface.filter_variables import with_filter_parameter
 from strainfmu.interface.flight_variables import flight_interface, flight_outputs, with_later_inputs
 from strainfmu.interface.fmi_variables import COEFFICIENTS, Variable, deviation_of, with_arrays
+from strainfmu.interface.health_names import (
+    CHI_SQUARE,
+    CHI_SQUARE_LIMIT,
+    ENVELOPE_SCORE,
+    STATE,
+    SUSPECT_GAUGE,
+    SUSPECTS,
+    VALID_GAUGES,
+)
 from strainfmu.interface.input_names import FLOW_INPUTS as FLOW_INPUTS
 from strainfmu.interface.input_names import NOT_GIVEN
 from strainfmu.interface.input_names import NOT_KNOWN as NOT_KNOWN
@@ -207,35 +224,29 @@ def _pressure_of_loads(inverse_map: InverseMap) -> tuple[str, ...]:
 def _parameters(inverse_map: InverseMap) -> list[Variable]:
     """Return the tunable parameters; their ranges are those that the estimator refuses to leave."""
     default = default_settings(inverse_map)
-    rows = (
-        ("sensor_range", "Largest |strain| of a working gauge; one beyond it is left out", "1", "um/m"),
-        ("alarm_scale", "Factor on the limit of chi-square, and on the square of that of one gauge", "1", None),
-        ("reference_area", "Area S that coefficients are referred to", "m2", None),
-        ("reference_length", "Length L that moment coefficients are referred to besides", "m", None),
-        ("moment_station", "Station x of the moment point, aft from the nose tip", "m", None),
-    )
     return [
         Variable(
-            name=name,
-            description=text,
+            name=one.name,
+            description=one.text,
             causality="parameter",
             kind="parameter",
+            label=one.label,
             variability="tunable",
-            unit=unit,
-            display_unit=shown,
-            minimum=setting_minimum(name),
+            unit=one.unit,
+            display_unit=one.shown,
+            minimum=setting_minimum(one.name),
             maximum=LARGEST_SETTING,
-            start=getattr(default, name),
+            start=getattr(default, one.name),
         )
-        for name, text, unit, shown in rows
+        for one in SETTING_INPUTS
     ]
 
 
 def _estimated_coefficients(inverse_map: InverseMap, gauges: tuple[str, ...]) -> list[Variable]:
     """Return the five coefficients and their standard deviations."""
     nominals = [_nominal(max(abs(low), abs(high))) for low, high in inverse_map.coefficient_range]
-    of_force = ("sensor_range", "reference_area")
-    of_moment = (*of_force, "reference_length", "moment_station")
+    of_force = (OF_READINGS, OF_AREA)
+    of_moment = (*of_force, OF_LENGTH, OF_STATION)
     values = [
         Variable(
             name=name,
@@ -266,7 +277,7 @@ def _estimated_loads(inverse_map: InverseMap, gauges: tuple[str, ...]) -> list[V
             display_unit=f"k{unit}",
             nominal=_nominal(scale * (length if unit == "N.m" else 1.0) * max(abs(low), abs(high))),
             depends_on=(*gauges, *flow),
-            initially_depends_on=("sensor_range", "moment_station") if unit == "N.m" else ("sensor_range",),
+            initially_depends_on=(OF_READINGS, OF_STATION) if unit == "N.m" else (OF_READINGS,),
             array=name.partition(".")[0],
         )
         for (name, (text, unit)), (low, high) in zip(LOADS.items(), inverse_map.coefficient_range, strict=True)
@@ -277,10 +288,10 @@ def _estimated_loads(inverse_map: InverseMap, gauges: tuple[str, ...]) -> list[V
 def _health(inverse_map: InverseMap, gauges: tuple[str, ...]) -> list[Variable]:
     """Return the outputs that state the health of the estimate."""
     freedom, n = inverse_map.residual_degrees_of_freedom, inverse_map.n_gauges
-    alarms = ("sensor_range", "alarm_scale")
+    alarms = (OF_READINGS, OF_ALARMS)
     flow = _pressure_of_loads(inverse_map)
     state = Variable(
-        name="health.state",
+        name=STATE,
         description="State of the estimate",
         causality="output",
         kind="health",
@@ -291,7 +302,7 @@ def _health(inverse_map: InverseMap, gauges: tuple[str, ...]) -> list[Variable]:
         initially_depends_on=alarms,
     )
     chi_square = Variable(
-        name="health.chi_square",
+        name=CHI_SQUARE,
         description=f"Chi-square of the residual, {freedom} expected with all gauges",
         causality="output",
         kind="health",
@@ -299,17 +310,17 @@ def _health(inverse_map: InverseMap, gauges: tuple[str, ...]) -> list[Variable]:
         nominal=_nominal(freedom),
         minimum=0.0,
         depends_on=(*gauges, *flow),
-        initially_depends_on=("sensor_range",),
+        initially_depends_on=(OF_READINGS,),
     )
     limit = replace(
         chi_square,
-        name="health.chi_square_limit",
+        name=CHI_SQUARE_LIMIT,
         description="Alarm level of the chi-square: 1 false alarm in 10,000, times alarm_scale",
         initially_depends_on=alarms,
     )
     counts = [
         Variable(
-            name=f"health.{name}",
+            name=name,
             description=text,
             causality="output",
             kind="health",
@@ -321,15 +332,15 @@ def _health(inverse_map: InverseMap, gauges: tuple[str, ...]) -> list[Variable]:
             initially_depends_on=parameters,
         )
         for name, text, pressures, parameters in (
-            ("valid_gauges", "Number of gauges in use", (), ("sensor_range",)),
+            (VALID_GAUGES, "Number of gauges in use", (), (OF_READINGS,)),
             (
-                "suspect_gauge",
+                SUSPECT_GAUGE,
                 "Number, from 1, of the first gauge that does not fit; 0 for none",
                 flow,
                 alarms,
             ),
             (
-                "suspects",
+                SUSPECTS,
                 "Number of gauges under that suspicion, because they cannot be distinguished",
                 flow,
                 alarms,
@@ -338,7 +349,7 @@ def _health(inverse_map: InverseMap, gauges: tuple[str, ...]) -> list[Variable]:
     ]
     score = replace(
         chi_square,
-        name="health.envelope_score",
+        name=ENVELOPE_SCORE,
         description="Deviations by which the coefficients leave what the map covers, 0 inside; OUTSIDE above "
         f"{inverse_map.envelope_score_limit:g}",
         nominal=None,

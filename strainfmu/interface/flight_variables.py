@@ -14,6 +14,7 @@ from strainfmu.estimator.alarm_limits import outside_score
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.policies import MIN_GAIN
 from strainfmu.interface.fmi_variables import Variable, deviation_of
+from strainfmu.interface.health_names import CHI_SQUARE, ENVELOPE_SCORE, LINEAR_LOADS, VALID_GAUGES
 from strainfmu.interface.input_names import FLOW_INPUTS, NAVIGATION_INPUTS, NOT_GIVEN, PARAMETERS
 
 if TYPE_CHECKING:
@@ -106,7 +107,7 @@ def _air_data(manifold: ManifoldMap) -> list[Variable]:
             f"navigation_used.{name}": f"Whether {name} by navigation is known and agrees with strain and the rest"
             for name in NAVIGATION
         },
-        "health.linear_loads": "Whether loads and coefficients are those of the linear map: strain does not "
+        LINEAR_LOADS: "Whether loads and coefficients are those of the linear map: strain does not "
         "fit the tables, or did not a few steps ago",
     }
     return [*values, *map(deviation_of, values), *(_flag(name, text) for name, text in flags.items())]
@@ -119,8 +120,8 @@ def _flag(name: str, text: str) -> Variable:
 
 
 _FLIGHT_TEXT: dict[str, str] = {
-    "health.chi_square": "Chi-square of strain and navigation about the tables",
-    "health.envelope_score": "Deviations by which the flight state leaves the ranges of the map, 0 inside",
+    CHI_SQUARE: "Chi-square of strain and navigation about the tables",
+    ENVELOPE_SCORE: "Deviations by which the flight state leaves the ranges of the map, 0 inside",
 }
 """Descriptions that differ for a map with tables over the flight state."""
 
@@ -129,11 +130,11 @@ def _of_flight_state(variable: Variable, manifold: ManifoldMap, gauges: tuple[st
     """Return ``variable`` as a map with tables has it: every output depends on all gauges and navigation."""
     texts = {one.name: _text(one, manifold) for one in AIR_INPUTS} | _FLIGHT_TEXT
     one = replace(variable, description=texts.get(variable.name, variable.description))
-    if one.name == "health.envelope_score":
+    if one.name == ENVELOPE_SCORE:
         one = replace(one, description=f"{one.description}; OUTSIDE above {outside_score(manifold):g}")
     if one.name == DYNAMIC_PRESSURE:
         return replace(one, start=0.0)
-    if one.causality != "output" or one.name == "health.valid_gauges":
+    if one.causality != "output" or one.name == VALID_GAUGES:
         return one
     of_flow = one.name.startswith(("health", "air_data", "sigma.air_data", "identified", "navigation_used"))
     return replace(

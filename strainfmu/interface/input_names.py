@@ -13,6 +13,7 @@ from strainfmu.estimator.air_inputs import FLOW_INPUTS as FLOW_INPUTS
 from strainfmu.estimator.air_inputs import NAVIGATION_INPUTS as NAVIGATION_INPUTS
 from strainfmu.estimator.air_inputs import STD
 from strainfmu.estimator.arguments import NOT_KNOWN as NOT_KNOWN
+from strainfmu.estimator.setting_inputs import SETTING_NAMES
 
 NOT_GIVEN = "0 or below (or NaN)"
 """What :data:`FLOW_INPUTS`, :data:`NAVIGATION_INPUTS` and temperatures are where they are not given, in words.
@@ -20,7 +21,7 @@ NOT_GIVEN = "0 or below (or NaN)"
 Hosts fill in 0 for inputs that nothing is connected to, and all of them are positive.
 """
 
-PARAMETERS = ("sensor_range", "alarm_scale", "reference_area", "reference_length", "moment_station")
+PARAMETERS = SETTING_NAMES
 """Tunable parameters, the entries of :class:`~strainfmu.estimator.settings.EstimatorSettings`."""
 
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from strainfmu.estimator.map.flow_parameters import PARAMETER_TOLERANCE, flow_parameters
 from strainfmu.interface.fmi_variables import Variable
+from strainfmu.interface.health_names import STATE
 from strainfmu.interface.input_names import NAVIGATION_INPUTS, NOT_GIVEN, NOT_KNOWN
 
 if TYPE_CHECKING:
@@ -60,7 +61,7 @@ def _depending(variable: Variable, inverse_map: InverseMap) -> Variable:
     """Return ``variable`` with what it depends on of the parameters."""
     stds = parameter_std_names(inverse_map)
     of_estimate = bool(stds) and NAVIGATION_INPUTS[0] in variable.depends_on
-    if variable.name != "health.state" and not of_estimate:
+    if variable.name != STATE and not of_estimate:
         return variable
     return replace(variable, depends_on=(*variable.depends_on, *parameter_names(inverse_map), *stds))
 

@@ -17,6 +17,7 @@ from strainfmu.cosim.estimators.zeros_file import load_zeros
 from strainfmu.errors import InputError
 from strainfmu.estimator.air_inputs import AIR_INPUTS
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.interface.health_names import CHI_SQUARE_LIMIT, ENVELOPE_SCORE, SUSPECTS
 from strainfmu.recorded.columns.column_names import (
     FLOW_NAMES,
     NAVIGATION_NAMES,
@@ -42,10 +43,10 @@ from strainfmu.recorded.strains.strain_files import open_strains
 
 Progress = Callable[[int, int], None]
 HEALTH_COLUMNS = (
-    ("health.chi_square_limit", "1"),
+    (CHI_SQUARE_LIMIT, "1"),
     ("health.degrees_of_freedom", "1"),
-    ("health.suspects", "1"),
-    ("health.envelope_score", "1"),
+    (SUSPECTS, "1"),
+    (ENVELOPE_SCORE, "1"),
     ("health.envelope_score_limit", "1"),
 )
 SUSPECTS_COLUMN = "suspect_gauges"

@@ -135,6 +135,11 @@ class MapEntry(Section):
     discrepancy_of_leeward_percent: float = Field(default=25.0, ge=0.0, le=100.0)
     level_by_strain: bool = False
 
+    @property
+    def follows_pressure(self) -> bool:
+        """Whether strain is modelled in proportion to q_inf."""
+        return self.form == "dynamic_pressure"
+
     @field_validator("estimator", mode="before")
     @classmethod
     def _named_estimator(cls, value: Any) -> Any:
@@ -181,9 +186,9 @@ class MapEntry(Section):
         for number, name in enumerate(names, start=1):
             if name in names[: number - 1]:
                 raise ValueError(f"bending_moments.{number}.name: expected another than before, got '{name}'")
-        if self.form == "dynamic_pressure" and self.gamma != 1.0:
+        if self.follows_pressure and self.gamma != 1.0:
             raise ValueError(f"gamma: expected 1 with form 'dynamic_pressure', got {self.gamma!r}")
-        if self.estimator == "nonlinear" and self.form != "dynamic_pressure":
+        if self.estimator == "nonlinear" and not self.follows_pressure:
             raise ValueError(f"estimator: 'nonlinear' needs form 'dynamic_pressure', got '{self.form}'")
         return self
 

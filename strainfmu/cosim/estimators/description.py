@@ -12,10 +12,13 @@ import numpy as np
 from strainfmu.arrays import FloatArray
 from strainfmu.cosim.systems.instance import read_description
 from strainfmu.errors import InputError
+from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 from strainfmu.estimator.other_loads import LoadGroup, groups_among
+from strainfmu.estimator.setting_inputs import OF_READINGS
 from strainfmu.estimator.settings import SENSOR_RANGE
 from strainfmu.interface.contents import FmuContents, stated_contents
+from strainfmu.interface.health_names import CHI_SQUARE, STATE
 from strainfmu.interface.sensor_variables import PREFIX as SENSOR_PREFIX
 from strainfmu.interface.sensor_variables import THRUST
 
@@ -26,8 +29,8 @@ _NUMBER = {"Real", "Integer", "Enumeration", "Boolean"}
 OUTPUTS = (
     *COEFFICIENT_NAMES,
     *(f"sigma.{name}" for name in COEFFICIENT_NAMES),
-    "health.chi_square",
-    "health.state",
+    CHI_SQUARE,
+    STATE,
 )
 FIRST_NUMBER = 2 * len(COEFFICIENT_NAMES)
 """Place of the first output that is neither a coefficient nor its standard deviation: ``health.chi_square``."""
@@ -79,7 +82,7 @@ def noise_std_of(contents: FmuContents, n_gauges: int) -> FloatArray | None:
 
 def sensor_range_of(description: Any) -> float:
     """Return the largest |strain| of a working gauge [m/m] by an FMU; that of maps if it states none."""
-    start = next((v.start for v in description.modelVariables if v.name == "sensor_range"), None)
+    start = next((v.start for v in description.modelVariables if v.name == OF_READINGS), None)
     return SENSOR_RANGE if start is None else float(start)
 
 
@@ -87,7 +90,7 @@ def estimator_inputs(path: Path, description: Any) -> list[Any]:
     """Return the inputs of an estimator FMU."""
     inputs = [v for v in description.modelVariables if v.causality == "input" and v.type in _NUMBER]
     names = [variable.name for variable in inputs]
-    for name in ("strain[1]", "dynamic_pressure"):
+    for name in ("strain[1]", DYNAMIC_PRESSURE):
         if name not in names:
             raise InputError(f"{path}: no input '{name}' found: not an estimator FMU")
     return inputs

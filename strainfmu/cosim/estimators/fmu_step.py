@@ -31,6 +31,7 @@ from strainfmu.cosim.estimators.description import (
 from strainfmu.cosim.estimators.step import OTHER_LOAD_OUTPUTS, PARAMETERS, StepRefused, StepResult
 from strainfmu.cosim.systems.instance import Instance, SignalBlock, read_description, safe_temporary_parent, unzip
 from strainfmu.errors import InputError, StrainfmuError
+from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
 from strainfmu.estimator.other_loads import output_units
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 from strainfmu.interface.contents import stated_contents
@@ -98,7 +99,7 @@ class FmuStep:
         valid = valid[: len(valid) - count]  # those of sensors stay true: one of NaN, as at the start, is left out
         if valid and len(valid) != self.n_gauges:
             raise InputError(f"{path}: expected {self.n_gauges} inputs valid[i], got {len(valid)}")
-        pressure = next(v for v in inputs if v.name == "dynamic_pressure")
+        pressure = next(v for v in inputs if v.name == DYNAMIC_PRESSURE)
         by_name = {variable.name: variable for variable in inputs}
         self.needs_pressure = not by_name.keys() >= set(NAVIGATION_INPUTS)  # which nonlinear estimators have
         sensors = numbered(inputs, TEMPERATURES) if TEMPERATURE in other_inputs else []

@@ -94,7 +94,7 @@ def map_arrays(inverse_map: InverseMap, known: KnownStrain | None = None) -> dic
         "tare": _tare(inverse_map, known or KnownStrain(value=np.zeros(inverse_map.n_strain_gauges))),
         **nonlinear_parts(inverse_map),
     }
-    if inverse_map.form == "dynamic_pressure":
+    if inverse_map.follows_pressure:
         parts |= _scaled_parts(inverse_map)
     if inverse_map.manifold is None and has_filter(inverse_map):
         parts["linear_filter"] = _linear_filter(inverse_map)

@@ -16,6 +16,7 @@ from strainfmu.estimator.policies import RETURN_AFTER
 from strainfmu.fmu.documentation.index_page import Section
 from strainfmu.fmu.documentation.run_panels import estimate_figure, fault_span
 from strainfmu.fmu.reference_run.run import TRUTH, ReferenceRun, is_usual
+from strainfmu.interface.health_names import STATE
 from strainfmu.interface.input_names import NOT_KNOWN
 from strainfmu.interface.sensor_variables import THRUST, has_thrust, sensor_names
 from strainfmu.pages import table_html
@@ -132,7 +133,7 @@ def _how(inverse_map: InverseMap) -> str:
 
 def _example(inverse_map: InverseMap, run: ReferenceRun) -> list[str]:
     """Return what the reference run shows: the flight, the fault, and how the estimate fares."""
-    fault, state = run.fault, run.outputs["health.state"]
+    fault, state = run.fault, run.outputs[STATE]
     assert fault is not None
     begin, end = fault_span(run)
     is_ok = (state == HealthState.OK) & ~fault.fails

@@ -10,10 +10,9 @@ import numpy as np
 
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
-from strainfmu.estimator.air_inputs import AIR_INPUTS, MACH_NUMBER
+from strainfmu.estimator.air_inputs import AIR_INPUTS, DYNAMIC_PRESSURE, MACH_NUMBER
 from strainfmu.recorded.columns.column_names import (
     CHANNEL_FILE_HINT,
-    DYNAMIC_PRESSURE,
     FLOW_NAMES,
     NAVIGATION_NAMES,
     STATIC_PRESSURE,
@@ -182,10 +181,10 @@ class ColumnPlan:
                 f"expected at most {LARGEST_STRAIN:g} m/m, got {strain[row, gauge]:g}; {self._unit_hint(strain)}"
             )
         if self.computed_from:
-            flow["dynamic_pressure"] = computed_pressure(flow)
+            flow[DYNAMIC_PRESSURE] = computed_pressure(flow)
         if not self.navigates:
             flow.pop(STATIC_PRESSURE, None)
-        pressure = flow.pop("dynamic_pressure", np.full(len(table), self.fixed_pressure))
+        pressure = flow.pop(DYNAMIC_PRESSURE, np.full(len(table), self.fixed_pressure))
         warm = temperatures(self.temperature, behind[:, len(self.flow) :])
         readings = {name: flow.pop(name) for name in self.readings if name in flow}
         parameters = {name: flow.pop(name) for name in tuple(flow) if name not in (*FLOW_NAMES, *NAVIGATION_NAMES)}

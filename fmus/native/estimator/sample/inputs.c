@@ -3,7 +3,7 @@
 #include <stdio.h>
 #include <string.h>
 
-static const char *const SETTING_NAMES[] = {
+const char *const SCALAR_NAMES[N_SCALAR_INPUTS] = {
     FLOW_INPUTS(AIR_INPUT_NAME) "sensor_range", "alarm_scale", "reference_area", "reference_length", "moment_station",
 };
 
@@ -106,7 +106,7 @@ int inputs_accept(const Inputs *in, size_t index, double value, char text[MODEL_
     if (value >= smallest && value <= largest) {
         return 1;
     }
-    snprintf(text, MODEL_TEXT_SIZE, "%s: %g found, must be between %g and %g", SETTING_NAMES[setting], value, smallest,
+    snprintf(text, MODEL_TEXT_SIZE, "%s: %g found, must be between %g and %g", SCALAR_NAMES[setting], value, smallest,
              largest);
     return 0;
 }

@@ -25,6 +25,9 @@ enum {
     N_ALL_SCALARS
 };
 
+/* Names of flow and settings, by these numbers. */
+extern const char *const SCALAR_NAMES[N_SCALAR_INPUTS];
+
 enum { N_FLOW_INPUTS = SENSOR_RANGE, N_NAVIGATION_INPUTS = N_ALL_SCALARS - N_SCALAR_INPUTS };
 
 /* Behind all other inputs; variables of maps with tables only. */

@@ -24,12 +24,12 @@ from strainfmu.estimator.map.flow_parameters import PARAMETER_TOLERANCE
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 from strainfmu.estimator.other_loads import LoadGroup, column_of
 from strainfmu.interface.estimator_variables import LOADS
+from strainfmu.interface.health_names import CHI_SQUARE_LIMIT, SUSPECT_GAUGE, SUSPECTS
+from strainfmu.interface.health_names import VALID_GAUGES as GAUGES_USED
 from strainfmu.interface.parameter_variables import OUTSIDE_PREFIX
 from strainfmu.interface.sensor_variables import PREFIX as SENSOR_PREFIX
 from strainfmu.interface.sensor_variables import THRUST
 
-CHI_SQUARE_LIMIT, GAUGES_USED = "health.chi_square_limit", "health.valid_gauges"
-SUSPECT_GAUGE, SUSPECTS = "health.suspect_gauge", "health.suspects"
 PAGE_OUTPUTS = (
     *LOADS,
     *(f"sigma.{name}" for name in LOADS),
