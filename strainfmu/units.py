@@ -59,6 +59,14 @@ TEMPERATURE_UNITS = {
 NUMBER_UNITS = {"1": 1.0, "-": 1.0}
 """Units of a quantity without dimension."""
 
+UNITS_OF: dict[str, dict[str, float]] = {
+    "Pa": PRESSURE_UNITS,
+    "1": NUMBER_UNITS,
+    "m": LENGTH_UNITS,
+    "K": {"K": 1.0},
+}
+"""Units of flow and navigation, by the SI unit of each; factor to it."""
+
 ALL_UNITS = frozenset(
     {
         *STRAIN_UNITS,

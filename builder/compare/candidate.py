@@ -14,6 +14,7 @@ from builder.compare.flights import Readings, one_condition
 from builder.trial.bound import KNOWN
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.air_data import AIR_DATA_NAMES
+from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE, MACH_NUMBER, STATIC_PRESSURE
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap
@@ -25,12 +26,12 @@ estimator has coefficients: what it says of q_inf is scored there."""
 
 STATED = {
     GIVEN: KNOWN,
-    PRESSURE_ALONE: ("dynamic_pressure",),
-    NO_DYNAMIC_PRESSURE: ("mach_number", "static_pressure"),
+    PRESSURE_ALONE: (DYNAMIC_PRESSURE,),
+    NO_DYNAMIC_PRESSURE: (MACH_NUMBER, STATIC_PRESSURE),
 }
 """What is stated with each, by the names of the estimator's arguments."""
 
-AIR_DATA = ("angle_of_attack", "sideslip_angle", "mach_number", "static_pressure", "dynamic_pressure")
+AIR_DATA = ("angle_of_attack", "sideslip_angle", MACH_NUMBER, STATIC_PRESSURE, DYNAMIC_PRESSURE)
 """Air data that are compared, in this order."""
 
 STEPS = 31

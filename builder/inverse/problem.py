@@ -162,7 +162,7 @@ def inverse_problem(
     if ensemble.grid is None and vehicle.noise.model == "default":
         leeward = leeward_fields(vehicle, snapshots, ensemble)
         if between is not None:
-            off = between.off_the_snapshots(ensemble, vehicle.map.form == "dynamic_pressure")
+            off = between.off_the_snapshots(ensemble, vehicle.map.follows_pressure)
     for name, fields in ((BETWEEN, off), (LEEWARD_PRESSURE, leeward)):
         if fields is not None:
             terms.append(pressure_errors(name, fields, z_p, loads))

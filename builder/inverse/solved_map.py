@@ -65,7 +65,7 @@ def inverse_map_of(
         form=problem.entry.form,
         **other_load_fields(problem.entry),
         **_errors(problem, solution),
-        **(_parts_that_follow(problem, coefficients) if problem.entry.form == "dynamic_pressure" else {}),
+        **(_parts_that_follow(problem, coefficients) if problem.entry.follows_pressure else {}),
         **(_field(problem, solution, mesh_of(structure.surface)) if problem.entry.keep_field else {}),
     )
 
@@ -169,7 +169,7 @@ def _incidence_range(ensemble: Ensemble) -> list[float]:
 
 def _field(problem: Problem, solution: Solution, mesh: SurfaceMesh) -> dict[str, Any]:
     """Return the fields of the map that give pressure on the surface, in single precision."""
-    scaled, none = problem.entry.form == "dynamic_pressure", np.zeros(len(solution.mean))
+    scaled, none = problem.entry.follows_pressure, np.zeros(len(solution.mean))
     variance = none if solution.unresolved is None else solution.unresolved
     return {
         "field_std": np.sqrt(variance).astype(np.float32),

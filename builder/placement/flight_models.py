@@ -334,7 +334,7 @@ def errors_of_flows(vehicle: Vehicle, snapshots: Snapshots, ensemble: Ensemble) 
     leeward, between = leeward_fields(vehicle, snapshots, ensemble), flows_between(vehicle, snapshots)
     found = [] if leeward is None else [leeward]
     if between is not None:
-        found.append(between.off_the_snapshots(ensemble, vehicle.map.form == "dynamic_pressure"))
+        found.append(between.off_the_snapshots(ensemble, vehicle.map.follows_pressure))
     return found
 
 

@@ -17,7 +17,7 @@ def all_kinds(vehicle: Vehicle) -> list[Kind]:
         *stated_kinds(vehicle.noise),
         *fixed_kinds(vehicle.noise),
         *beyond_kinds(vehicle.noise),
-        *(filter_kinds() if vehicle.map.form == "dynamic_pressure" else []),
+        *(filter_kinds() if vehicle.map.follows_pressure else []),
         *gauge_kinds(vehicle.noise),
         *sensor_kinds(vehicle),
         *parameter_kinds(vehicle),

@@ -21,6 +21,7 @@ from builder.trial.score import Score, by_name, rounded
 from builder.truth.flights import Flights
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
+from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE, MACH_NUMBER, STATIC_PRESSURE
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import InverseMap
@@ -161,7 +162,7 @@ class Range:
         conditions = tuple(flights.conditions)
         key = conditions, kind.navigation
         if key not in self._bounds:
-            known = (*(("mach_number", "static_pressure") if kind.navigation else ()), "dynamic_pressure")
+            known = (*((MACH_NUMBER, STATIC_PRESSURE) if kind.navigation else ()), DYNAMIC_PRESSURE)
             self._bounds[key] = cramer_rao_bound(self.inverse_map, conditions, known)
         return self._bounds[key]
 
@@ -189,7 +190,7 @@ class Range:
         known: dict[str, Any] = navigation_at(flights.conditions, is_nonlinear) if kind.navigation else {}
         known |= self._parameters(kind.parameters, flights.conditions, random)
         stated = 1.0 + np.asarray(built.dynamic_pressure, dtype=float)
-        known["dynamic_pressure"] = flights.dynamic_pressure * stated
+        known[DYNAMIC_PRESSURE] = flights.dynamic_pressure * stated
         n, how = self.hardware.n_gauges, kind.filtered
         if how is not None:
             std, common = self._zeros(how)

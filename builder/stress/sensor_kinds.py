@@ -79,7 +79,7 @@ def parameter_kinds(vehicle: Vehicle) -> list[Kind]:
             parameters=wrong,
         ),
     ]
-    if vehicle.map.form == "dynamic_pressure":
+    if vehicle.map.follows_pressure:
         found.append(
             Kind(
                 error="filter over time, flow parameters known",

@@ -22,6 +22,7 @@ import numpy as np
 from builder.trial.conditions import flight_states
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO
+from strainfmu.estimator.air_inputs import ALTITUDE, DYNAMIC_PRESSURE, MACH_NUMBER, STATIC_PRESSURE
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.policies import RANGE_TOLERANCE
 from strainfmu.estimator.reference.nonlinear import strain_covariance
@@ -29,7 +30,7 @@ from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, U, W, e
 from strainfmu.estimator.tables.manifold_map import ManifoldMap
 from strainfmu.flight_condition import FlightCondition
 
-KNOWN = ("mach_number", "static_pressure", "dynamic_pressure")
+KNOWN = (MACH_NUMBER, STATIC_PRESSURE, DYNAMIC_PRESSURE)
 """Navigation, by the names of the estimator's arguments; ``altitude`` stands for p_inf too."""
 
 EXACT = 1e-4
@@ -94,12 +95,12 @@ def _of_navigation(
     """Return (k, 4, 4) the information of navigation and of the ranges of the map."""
     unit = np.eye(state.shape[1])
     found = np.tile(np.diag(manifold.state_prior.std**-2.0), (len(state), 1, 1))
-    if "mach_number" in known:
+    if MACH_NUMBER in known:
         found += np.outer(unit[MACH], unit[MACH]) / manifold.mach_number_error**2
-    of_pressure = {"static_pressure": manifold.static_pressure_error, "altitude": manifold.altitude_error}
+    of_pressure = {STATIC_PRESSURE: manifold.static_pressure_error, ALTITUDE: manifold.altitude_error}
     for error in (of_pressure[name] for name in known if name in of_pressure):
         found += np.outer(unit[LOG_PRESSURE], unit[LOG_PRESSURE]) / error**2
-    if "dynamic_pressure" in known:
+    if DYNAMIC_PRESSURE in known:
         by_log, pressure = _by_log(state), np.exp(state[:, LOG_PRESSURE])
         stated = dynamic_pressure_std / (0.5 * HEAT_CAPACITY_RATIO * state[:, MACH] ** 2 * pressure)
         relative = np.maximum(np.where(np.isnan(stated), manifold.dynamic_pressure_error, stated), EXACT)

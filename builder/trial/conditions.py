@@ -36,7 +36,7 @@ def drawn_altitudes_km(vehicle: Vehicle, wanted_km: tuple[float, float] = ALTITU
 
     They are its own where it holds at none of these; in form "absolute" those of the flight conditions.
     """
-    if vehicle.map.form != "dynamic_pressure":
+    if not vehicle.map.follows_pressure:
         return listed_altitudes_km(vehicle)
     low, high = vehicle.map.valid_altitude_km
     bottom, top = max(wanted_km[0], low), min(wanted_km[1], high)

@@ -16,6 +16,7 @@ from builder.truth.revolution.flow_table import FlowTable
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map.options import Noise
 from strainfmu.arrays import FloatArray
+from strainfmu.estimator.air_inputs import ALTITUDE, DYNAMIC_PRESSURE, MACH_NUMBER, STATIC_PRESSURE
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.flight_condition import FlightCondition
 
@@ -68,8 +69,8 @@ def joined(parts: Sequence[Readings]) -> Readings:
 
 def navigation_at(conditions: Sequence[FlightCondition], is_nonlinear: bool) -> dict[str, Any]:
     """Return exact Mach number and p_inf as the nonlinear estimator takes them, altitude for a linear one."""
-    last = ("static_pressure", "ambient_pressure") if is_nonlinear else ("altitude", "altitude")
-    named = (("mach_number", "mach_number"), last)
+    last = (STATIC_PRESSURE, "ambient_pressure") if is_nonlinear else (ALTITUDE, ALTITUDE)
+    named = ((MACH_NUMBER, MACH_NUMBER), last)
     return {name: np.array([getattr(one, of) for one in conditions]) for name, of in named}
 
 
@@ -135,7 +136,7 @@ def readings(
     with ThreadPoolExecutor(processors()) as pool:
         found = list(pool.map(of_flight, range(len(flown.conditions))))
     strain, dynamic, mach, static = (np.concatenate(part) for part in zip(*found, strict=True))
-    known = {"dynamic_pressure": dynamic, "mach_number": mach, "static_pressure": static}
+    known = {DYNAMIC_PRESSURE: dynamic, MACH_NUMBER: mach, STATIC_PRESSURE: static}
     return ReadFlights(conditions=tuple(flown.conditions), strain=strain, known=known)
 
 

@@ -6,20 +6,21 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE, MACH_NUMBER, STATIC_PRESSURE
 
 AIR_DATA_NAMES = (
     "angle_of_attack",
     "sideslip_angle",
     "total_incidence",
     "wind_roll_angle",
-    "mach_number",
-    "static_pressure",
-    "dynamic_pressure",
+    MACH_NUMBER,
+    STATIC_PRESSURE,
+    DYNAMIC_PRESSURE,
 )
 AIR_DATA_UNITS = ("rad", "rad", "rad", "rad", "1", "Pa", "Pa")
 """Units of :data:`AIR_DATA_NAMES`."""
 
-NAVIGATION = ("mach_number", "static_pressure", "dynamic_pressure")
+NAVIGATION = (MACH_NUMBER, STATIC_PRESSURE, DYNAMIC_PRESSURE)
 """Air data that are inputs, in this order."""
 
 

@@ -21,6 +21,13 @@ from numpy.typing import ArrayLike
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.absolute_sections import other_loads
+from strainfmu.estimator.air_inputs import (
+    AIR_INPUT_NAMES,
+    AIR_INPUTS,
+    ALTITUDE,
+    DYNAMIC_PRESSURE,
+    TOTAL_TEMPERATURE,
+)
 from strainfmu.estimator.arguments import checked_mask, is_series, per_sample, real_numbers, strain_of_samples
 from strainfmu.estimator.core import Core, NoCoreError, Series
 from strainfmu.estimator.estimate import Estimate
@@ -31,7 +38,7 @@ from strainfmu.estimator.other_loads import number_of
 from strainfmu.estimator.policies import LARGEST_TIME, SMALLEST_TIME
 from strainfmu.estimator.resource.map_file import native_resource
 from strainfmu.estimator.settings import EstimatorSettings, default_settings
-from strainfmu.estimator.surface_pressure import AIR_DATA, SurfaceSample, surface_pressure
+from strainfmu.estimator.surface_pressure import SurfaceSample, surface_pressure
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros, no_zeros
 from strainfmu.estimator.zeros.tare import KnownStrain, Tare, TareLimits, limits_record
 from strainfmu.estimator.zeros.tare_verdict import judged_tare
@@ -39,23 +46,14 @@ from strainfmu.estimator.zeros.tare_verdict import judged_tare
 if TYPE_CHECKING:
     from strainfmu.estimator.numpy_core import NumpyCore
 
-AIR_DATA_INPUTS = (
-    "dynamic_pressure",
-    "dynamic_pressure_std",
-    "mach_number",
-    "altitude",
-    "mach_number_std",
-    "static_pressure",
-    "static_pressure_std",
-)
-"""Inputs of a sample behind its readings, in their order in a record."""
-
 _NO_THRUST = 0.0
 
 # Members of an Enum by name: through its class each use takes as long as a call.
 _EACH, _TRACK = Series.EACH, Series.TRACK
 
-_STDS = tuple(name for name in AIR_DATA_INPUTS if name.endswith("_std"))
+_STDS = tuple(one.name for one in AIR_INPUTS if one.is_std)
+_TOTAL_PLACE = AIR_INPUT_NAMES.index(TOTAL_TEMPERATURE)
+_STD_PLACES = tuple(place for place, one in enumerate(AIR_INPUTS) if one.is_std)
 
 EXACT = 1e-150
 """Standard deviation that stands for 0: to the core, as to hosts of FMUs, 0 is one that is not given."""
@@ -174,7 +172,7 @@ class Estimator:
         self._tracks: Core | NumpyCore | None = None
         self._others: list[Core | NumpyCore] = []
         n, inputs = inverse_map.n_gauges, self.core.inputs
-        first_air = inputs["dynamic_pressure"].start
+        first_air = inputs[AIR_INPUT_NAMES[0]].start
         self._n, self._shape = n, (n,)
         self._std_places = [inputs[name].start for name in _STDS]
         self._temperature, self._thrust = inputs["temperature"], inputs["thrust"]
@@ -182,7 +180,7 @@ class Estimator:
         # What lies behind the readings of a record: air data, and what is not known of a plain sample.
         more = np.full(self.core.n_inputs, nan)
         more[self._thrust] = _NO_THRUST
-        self._no_more = tuple(more[first_air + len(AIR_DATA_INPUTS) :].tolist())
+        self._no_more = tuple(more[first_air + len(AIR_INPUT_NAMES) :].tolist())
         self._pack_behind: Callable[..., None] = Struct(f"{self.core.n_inputs - first_air}d").pack_into
         self._behind_offset = first_air * self.core.sample.itemsize
 
@@ -280,6 +278,8 @@ class Estimator:
         altitude: ArrayLike = nan,
         static_pressure: ArrayLike = nan,
         static_pressure_std: ArrayLike = nan,
+        total_temperature: ArrayLike = nan,
+        total_temperature_std: ArrayLike = nan,
         temperature: ArrayLike | None = None,
         thrust: ArrayLike = _NO_THRUST,
         parameters: Mapping[str, ArrayLike] | None = None,
@@ -298,6 +298,9 @@ class Estimator:
         dynamic_pressure_std, mach_number_std, static_pressure_std : their standard deviations; NaN takes those of
             the map.
         altitude : geopotential [m]; gives p_inf of the standard atmosphere where ``static_pressure`` is not known.
+        total_temperature, total_temperature_std : T0 [K] of a perfect gas and its standard deviation, NaN takes
+            1 %: a Mach number by T0 = T (1 + 0.2 M^2), with T of the standard atmosphere at ``altitude``, which it
+            needs, and 3 % of T. It is joined with ``mach_number``. Maps with tables alone take it.
         temperature : (n_t,) or (k, n_t) readings of the map's temperature sensors [K], NaN where one gives none;
             None for none.
         thrust : [N], of a map with sensors that respond to it.
@@ -311,7 +314,8 @@ class Estimator:
         ------
         InputError
             An argument has the wrong shape or is no number, ``valid`` is not of bool, a standard deviation is
-            negative, or the map has no sensors or parameters of that kind. Values that are not finite are no
+            negative, ``total_temperature`` is given without ``altitude`` or to a linear map, or the map has no
+            sensors or parameters of that kind. Values that are not finite are no
             error: health states what the estimate lacks.
         """
         air = (
@@ -322,8 +326,12 @@ class Estimator:
             mach_number_std,
             static_pressure,
             static_pressure_std,
+            total_temperature,
+            total_temperature_std,
         )
         more = (temperature, thrust, parameters, parameters_std)
+        if total_temperature is not nan:
+            _refuse_without_altitude(total_temperature, altitude)
         if not is_series(strain):
             return self._one(strain, valid, air, more, core=self.core, how=_EACH)
         samples = self._samples(strain, valid, air, more)
@@ -351,6 +359,8 @@ class Estimator:
         altitude: ArrayLike = nan,
         static_pressure: ArrayLike = nan,
         static_pressure_std: ArrayLike = nan,
+        total_temperature: ArrayLike = nan,
+        total_temperature_std: ArrayLike = nan,
         temperature: ArrayLike | None = None,
         thrust: ArrayLike = _NO_THRUST,
         parameters: Mapping[str, ArrayLike] | None = None,
@@ -371,12 +381,16 @@ class Estimator:
             mach_number_std,
             static_pressure,
             static_pressure_std,
+            total_temperature,
+            total_temperature_std,
         )
         more = (temperature, thrust, parameters, parameters_std)
         core = self._tracks or self._new_track()
         if not is_series(strain):
             at = 0.0 if self.filter_time_constant == 0.0 else self._time(time)
             return self._one(strain, valid, air, more, core=core, how=_TRACK, time=at)
+        if altitude is nan and total_temperature is not nan:  # not that of samples which lose it
+            _refuse_without_altitude(total_temperature, altitude)
         samples = self._samples(strain, valid, air, more)
         inputs = samples.filled(slice(None))
         times = None if self.filter_time_constant == 0.0 else self._times(time, len(inputs))
@@ -454,14 +468,16 @@ class Estimator:
         except StructError:
             return False
         core.sample[: self._n] = strain
-        _, pressure_std, _, _, mach_std, _, static_std = air
-        if pressure_std <= 0.0 or mach_std <= 0.0 or static_std <= 0.0:
-            self._refuse_negative(dict(zip(AIR_DATA_INPUTS, air, strict=True)))
+        if air[_TOTAL_PLACE] > 0.0 or any(air[place] <= 0.0 for place in _STD_PLACES):
+            self._refuse_negative(dict(zip(AIR_INPUT_NAMES, air, strict=True)))
             stds = core.sample[self._std_places]
             core.sample[self._std_places] = _exact(stds)
         return True
 
     def _refuse_negative(self, air: Mapping[str, Any]) -> None:
+        """Refuse negative standard deviations, and a total temperature that the map cannot use."""
+        if not self.is_nonlinear and np.any(np.greater(air[TOTAL_TEMPERATURE], 0.0)):
+            raise InputError(f"{TOTAL_TEMPERATURE}: expected none, a linear map does not take it")
         for name in _STDS:
             if np.any(np.less(air[name], 0.0)):
                 raise InputError(f"{name}: expected numbers from 0 on, got {np.nanmin(air[name]):g}")
@@ -472,10 +488,10 @@ class Estimator:
         """Return the samples, checked; arguments as of :meth:`estimate`."""
         d = strain_of_samples(strain, self._n)
         k, layout = len(d), self.core.inputs
-        self._refuse_negative(dict(zip(AIR_DATA_INPUTS, air, strict=True)))
+        self._refuse_negative(dict(zip(AIR_INPUT_NAMES, air, strict=True)))
         temperature, thrust, parameters, stds = more
         columns: list[tuple[slice, Any]] = [
-            (layout[name], _column(name, value, k)) for name, value in zip(AIR_DATA_INPUTS, air, strict=True)
+            (layout[name], _column(name, value, k)) for name, value in zip(AIR_INPUT_NAMES, air, strict=True)
         ]
         columns += [
             (self._temperature, self._temperatures(temperature, k)),
@@ -574,7 +590,7 @@ class Estimator:
         readings = real_numbers("strain", strain)
         if readings.ndim != 2 or readings.shape[1] != n:
             raise InputError(f"strain: expected (k, {n}) values, got {readings.shape}")
-        pressures = per_sample("dynamic_pressure", dynamic_pressure, len(readings))
+        pressures = per_sample(DYNAMIC_PRESSURE, dynamic_pressure, len(readings))
         with self._lock:
             outcome = self.core.tare(limits_record(chosen, known, n), readings, pressures)
         return judged_tare(self.inverse_map, outcome, chosen)
@@ -592,7 +608,7 @@ class Estimator:
             five = estimate.coefficients if "coefficients" in name else estimate.loads
             known = np.isfinite(five).all(axis=-1, keepdims=True)
             return np.where(known, np.zeros((*shape, number_of(self.load_groups))), nan)
-        pressure, std = (record[:, layout[one].start] for one in ("dynamic_pressure", "dynamic_pressure_std"))
+        pressure, std = (record[:, layout[one].start] for one in (DYNAMIC_PRESSURE, "dynamic_pressure_std"))
         known, solved = (
             np.asarray(np.isfinite(np.atleast_2d(one)).all(axis=1))
             for one in (estimate.coefficients, estimate.loads)
@@ -616,7 +632,7 @@ class Estimator:
         unknown = np.full(len(self.parameters.names), np.nan)
         sample = SurfaceSample(
             strain=record[: self._n],
-            air={name: float(record[layout[name].start]) for name in AIR_DATA},
+            air={name: float(record[layout[name].start]) for name in AIR_INPUT_NAMES},
             temperature=record[self._temperature],
             thrust=float(record[self._thrust.start]) if self._thrust.stop > self._thrust.start else 0.0,
             parameter=record[self._parameter],
@@ -653,3 +669,10 @@ def _column(name: str, value: ArrayLike, samples: int) -> Any:
 
 def _processors() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _refuse_without_altitude(total_temperature: ArrayLike, altitude: ArrayLike) -> None:
+    """Refuse total temperatures without an altitude, from which the static one follows."""
+    total, height = real_numbers(TOTAL_TEMPERATURE, total_temperature), real_numbers(ALTITUDE, altitude)
+    if np.any(total > 0.0) and not np.any(height > 0.0):
+        raise InputError(f"{TOTAL_TEMPERATURE}: expected the altitude beside it, got none")

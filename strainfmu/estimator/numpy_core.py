@@ -15,6 +15,7 @@ import numpy as np
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, static_pressure_at
 from strainfmu.errors import InputError
+from strainfmu.estimator.air_inputs import AIR_INPUT_NAMES, DYNAMIC_PRESSURE, FLOW_QUANTITIES, STD
 from strainfmu.estimator.alarm_limits import outlier_threshold
 from strainfmu.estimator.arguments import given
 from strainfmu.estimator.core import Layout, NoCoreError, Outcome, Series
@@ -41,21 +42,18 @@ from strainfmu.estimator.map.temperature import known_sensors
 from strainfmu.estimator.policies import MIN_INFORMATION
 from strainfmu.estimator.reference.linear import LOADS, LinearEstimate, estimate
 from strainfmu.estimator.reference.readings import Zeros, amplitudes, row_noise, rows_of, without_thrust
+from strainfmu.estimator.setting_inputs import (
+    OF_ALARMS,
+    OF_AREA,
+    OF_LENGTH,
+    OF_READINGS,
+    OF_STATION,
+    SETTING_NAMES,
+)
 from strainfmu.estimator.settings import EstimatorSettings, default_settings
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 from strainfmu.estimator.zeros.tare import TareFault
 from strainfmu.estimator.zeros.tare_edge import TareState
-
-_AIR_DATA = (
-    "dynamic_pressure",
-    "dynamic_pressure_std",
-    "mach_number",
-    "altitude",
-    "mach_number_std",
-    "static_pressure",
-    "static_pressure_std",
-)
-_SETTINGS = ("sensor_range", "alarm_scale", "reference_area", "reference_length", "moment_station")
 
 
 class _Flow(NamedTuple):
@@ -90,11 +88,11 @@ class NumpyCore:
         self.n_rows = n
         self.inputs = _layout(
             {"strain": n_strains, "sensor": n - n_strains}
-            | dict.fromkeys(_AIR_DATA, 1)
+            | dict.fromkeys(AIR_INPUT_NAMES, 1)
             | {"temperature": n_t, "thrust": int(has_thrust), "parameter": n_p}
         )
         of_zeros = {"zero": n_strains, "zero_std": n_strains, "zero_common_std": 1, "filter_time_constant": 0}
-        self.settings = _layout(dict.fromkeys(_SETTINGS, 1) | of_zeros)
+        self.settings = _layout(dict.fromkeys(SETTING_NAMES, 1) | of_zeros)
         vectors = ("coefficients", "coefficients_std", "loads", "loads_std")
         of_health = ("health", "chi_square", "chi_square_limit", "valid_gauges", "suspect_gauge", "suspects")
         more = ("other_loads", "other_loads_std", "other_coefficients", "other_coefficients_std")
@@ -116,7 +114,7 @@ class NumpyCore:
         self.sample = np.full(self.n_inputs, np.nan)
         self._values = np.zeros(_size(self.settings))
         settings = default_settings(inverse_map)
-        self._values[: len(_SETTINGS)] = [getattr(settings, name) for name in _SETTINGS]
+        self._values[: len(SETTING_NAMES)] = [getattr(settings, name) for name in SETTING_NAMES]
 
     def copy(self) -> NumpyCore:
         """Return another one of the same map with the same settings."""
@@ -132,7 +130,7 @@ class NumpyCore:
         held = self._values.copy()
         held[first : first + len(values)] = values
         zero, std, common = (held[self.settings[name]] for name in ("zero", "zero_std", "zero_common_std"))
-        EstimatorSettings(**{name: float(held[self.settings[name].start]) for name in _SETTINGS})
+        EstimatorSettings(**{name: float(held[self.settings[name].start]) for name in SETTING_NAMES})
         GaugeZeros(value=zero, std=std, common_std=float(common[0]))
         self._values = held
 
@@ -202,8 +200,8 @@ class NumpyCore:
 
     def _flow(self, of: Mapping[str, FloatArray]) -> _Flow:
         """Return what is given of the flow."""
-        q, mach, altitude = (given(of[name][:, 0]) for name in ("dynamic_pressure", "mach_number", "altitude"))
-        std = of["dynamic_pressure_std"][:, 0]
+        q, mach, altitude = (given(of[name][:, 0]) for name in FLOW_QUANTITIES)
+        std = of[f"{DYNAMIC_PRESSURE}{STD}"][:, 0]
         usable = (q >= MIN_DYNAMIC_PRESSURE) & (q <= MAX_DYNAMIC_PRESSURE)
         std = np.where(np.isnan(std), self._map.dynamic_pressure_error * np.where(usable, q, 0.0), std)
         known = usable & (std >= 0.0) & (std < np.inf)
@@ -222,7 +220,7 @@ class NumpyCore:
 
     def _used(self, readings: FloatArray, mask: BoolArray | None, flow: _Flow) -> BoolArray:
         """Return (k, n_d) the sensors in use: in range, in ``mask``, and not all exactly 0 in a flow."""
-        sensors, strain = self._map.sensors, float(self._setting("sensor_range")[0])
+        sensors, strain = self._map.sensors, float(self._setting(OF_READINGS)[0])
         largest = np.where(sensors.is_strain, strain, sensors.largest)
         used: BoolArray = np.abs(readings) <= largest  # false for NaN
         if mask is not None:
@@ -259,7 +257,7 @@ class NumpyCore:
         known, q_std = flow.known[at], flow.std[at]
         q = np.where(known, flow.pressure[at], held.nominal_dynamic_pressure)
         of_map = estimate(held, rows, used, q, q_std, noise)
-        scale = float(self._setting("alarm_scale")[0]) * of_map.expected_ratio
+        scale = float(self._setting(OF_ALARMS)[0]) * of_map.expected_ratio
         freedom = int(of_map.degrees_of_freedom[0])
         limit = held.chi_square_scale * scale * (chi_square_limit(freedom) if freedom > 0 else np.inf)
         level = outlier_threshold(int(used.sum()), FALSE_ALARM_PROBABILITY)
@@ -303,14 +301,14 @@ class NumpyCore:
 
     def _loads(self, of_map: LinearEstimate) -> dict[str, FloatArray]:
         """Return loads and coefficients about the moment point and for the references of the settings."""
-        of_setting = {name: float(self._setting(name)[0]) for name in _SETTINGS}
+        of_setting = {name: float(self._setting(name)[0]) for name in SETTING_NAMES}
         m = of_map.loads.shape[1]
         transfer = np.eye(m)
-        shift = of_setting["moment_station"] - default_settings(self._map).moment_station
+        shift = of_setting[OF_STATION] - default_settings(self._map).moment_station
         transfer[3, 1] = transfer[4, 2] = shift
         own = self._map.references
         is_long = own != self._map.reference_area
-        area, length = of_setting["reference_area"], of_setting["reference_length"]
+        area, length = of_setting[OF_AREA], of_setting[OF_LENGTH]
         # Coefficients of the map's references are turned as loads are, then scaled to other references.
         scale = own / (area * np.where(is_long, length, 1.0))
         turned = scale[:, None] * (transfer * own / own[:, None])

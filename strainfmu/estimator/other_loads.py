@@ -11,11 +11,10 @@ A coefficient is a force over q_inf S, a moment over q_inf S L, with the referen
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import count
+from itertools import count, takewhile
 from typing import Any
 
 import numpy as np
@@ -173,12 +172,13 @@ def load_groups(inverse_map: Any) -> tuple[LoadGroup, ...]:
     return _groups([family.places(inverse_map) for family in FAMILIES])
 
 
-def groups_among(outputs: Mapping[str, str]) -> tuple[LoadGroup, ...]:
-    """Return the groups of an FMU from the descriptions of its outputs by name; the inverse of its interface.
+def groups_among(outputs: Container[str], places: Mapping[str, Sequence[str]]) -> tuple[LoadGroup, ...]:
+    """Return the groups of an FMU from the names of its outputs; the inverse of its interface.
 
-    A place whose description another program wrote is named as the output.
+    ``places`` are those that it states, by the first output of each family without its number. One that it does
+    not state is named as the output.
     """
-    return _groups([_places_among(family, outputs) for family in FAMILIES])
+    return _groups([_places_among(one, outputs, places.get(one.loads[0].output, ())) for one in FAMILIES])
 
 
 @lru_cache(maxsize=64)
@@ -261,19 +261,13 @@ def _groups(places: Sequence[tuple[str, ...]]) -> tuple[LoadGroup, ...]:
     return tuple(found)
 
 
-def _places_among(family: LoadFamily, outputs: Mapping[str, str]) -> tuple[str, ...]:
+def _places_among(family: LoadFamily, outputs: Container[str], stated: Sequence[str]) -> tuple[str, ...]:
     stem = family.loads[0].output
     if not family.is_listed:
         return ("",) if stem in outputs else ()
-    before, after = (re.escape(part) for part in family.place.split("{}"))
-    found = list[str]()
-    for number in count(1):
-        name = f"{stem}[{number}]"
-        if name not in outputs:
-            return tuple(found)
-        match = re.fullmatch(f".*, of {before}(.+){after}", outputs[name])
-        found.append(match[1] if match else name)
-    raise AssertionError("unreachable")
+    names = takewhile(outputs.__contains__, (f"{stem}[{number}]" for number in count(1)))
+    found = tuple(names)
+    return tuple(stated) if len(stated) == len(found) else found
 
 
 def _stations(inverse_map: Any) -> tuple[str, ...]:
@@ -364,7 +358,29 @@ HINGES = LoadFamily(
 )
 """Hinge lines: moment of the air on a region of the surface, such as a fin, about a line of its own."""
 
-FAMILIES = (BODY, SECTIONS, HINGES)
+BENDING = LoadFamily(
+    loads=(
+        LoadKind(
+            key="moment",
+            name="bending_moment",
+            output="moment.bending",
+            text="Bending moment of the air on the part ahead, positive as the nose goes towards its roll angle",
+            unit="N.m",
+            shown="kN.m",
+            like=LIKE_THE_WIDEST,
+        ),
+    ),
+    places=lambda inverse_map: () if inverse_map.bending_lines is None else inverse_map.bending_lines.name,
+    place="station {}",
+    singular="station",
+    frame="Bending",
+    frame_text="Bending moment of the air at station {}, positive as the nose goes towards its roll angle",
+    title="Bending moments of the air at stations",
+    place_title="station",
+)
+"""Stations with a name: the bending moment of the part ahead, in a plane through the axis at a roll angle."""
+
+FAMILIES = (BODY, SECTIONS, HINGES, BENDING)
 """All there is, in the order of rows and outputs."""
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass, fields
 
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.setting_inputs import OF_STATION
 
 SENSOR_RANGE = 0.05
 """|strain| [m/m] that foil gauges bear, 5 %: what reads more is broken. Amplifiers often end far earlier."""
@@ -54,7 +55,7 @@ def setting_fault(name: str, value: float) -> str:
 
 def setting_minimum(name: str) -> float:
     """Return the smallest value of the setting ``name``, in its unit."""
-    return -LARGEST_SETTING if name == "moment_station" else SMALLEST_SETTING
+    return -LARGEST_SETTING if name == OF_STATION else SMALLEST_SETTING
 
 
 def default_settings(inverse_map: InverseMap) -> EstimatorSettings:

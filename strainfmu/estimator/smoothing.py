@@ -20,13 +20,14 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.estimator.air_inputs import AIR_INPUT_NAMES
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.temperature import known_sensors
 from strainfmu.estimator.other_loads import OTHER_LOADS
 from strainfmu.estimator.policies import BAND, LARGEST_WIDENING, NARROW, WIDEN, WINDOW
-from strainfmu.estimator.reference.air import AirInputs, air_data, air_inputs, without
+from strainfmu.estimator.reference.air import AirInputs, air_data, air_inputs_of, without
 from strainfmu.estimator.reference.flight_filter import ITERATIONS, SEEN, FilteredSample, FlightFilterReference
 from strainfmu.estimator.reference.kalman import Law, measured
 from strainfmu.estimator.reference.linear_filter import LinearFilterReference
@@ -277,9 +278,7 @@ class FlightSmoother(_Records):
         return bool(np.any(known & np.isfinite(record[self.layout["parameter_std"]])))
 
     def _air(self, record: FloatArray) -> AirInputs:
-        names = ("mach_number", "static_pressure", "dynamic_pressure")
-        value, std = (np.array([self.value(record, name + end) for name in names]) for end in ("", "_std"))
-        return air_inputs(self.map, value, std, self.value(record, "altitude"))
+        return air_inputs_of(self.map, {name: self.value(record, name) for name in AIR_INPUT_NAMES})
 
     def _expected(self, core: _Core) -> float:
         return self.estimator.settings.alarm_scale * float(core.degrees_of_freedom)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE, STD
 from strainfmu.estimator.estimates.flight_pressure import pressure_of
 from strainfmu.estimator.estimates.linear_field import linear_pressure
 from strainfmu.estimator.estimates.pressure_field import FieldInputs, PressureField
@@ -18,19 +19,9 @@ from strainfmu.estimator.map.added_noise import with_gauge_covariance
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.map.temperature import known_sensors
 from strainfmu.estimator.policies import LARGEST_USED_SCORE
-from strainfmu.estimator.reference.air import air_inputs
+from strainfmu.estimator.reference.air import air_inputs_of
 from strainfmu.estimator.reference.readings import Zeros, amplitudes, row_noise, rows_of
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
-
-AIR_DATA = (
-    "dynamic_pressure",
-    "dynamic_pressure_std",
-    "mach_number",
-    "mach_number_std",
-    "static_pressure",
-    "static_pressure_std",
-    "altitude",
-)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -40,7 +31,7 @@ class SurfaceSample:
     Attributes
     ----------
     strain : (n_d,) readings.
-    air : :data:`AIR_DATA` by name, NaN where not known.
+    air : :data:`~strainfmu.estimator.air_inputs.AIR_INPUTS` by name, NaN where not known.
     temperature : (n_t,) of the temperature sensors [K], NaN where one gives none.
     thrust : [N]; 0 of a map without sensors that respond to it.
     parameter, parameter_std, parameter_score : (n_p,) flow parameters, their standard deviations, NaN where not
@@ -92,16 +83,15 @@ def surface_pressure(
         The map holds no pressure field.
     """
     held, strain = _at_temperature(inverse_map, zeros, sample)
-    names = ("mach_number", "static_pressure", "dynamic_pressure")
-    value, std = (np.array([sample.air[name + end] for name in names]) for end in ("", "_std"))
     known = np.isfinite(sample.parameter) & (sample.parameter_score <= LARGEST_USED_SCORE)
     known &= np.isfinite(sample.parameter_std)
     if held.manifold is None:
-        q_std = std[2] if np.isfinite(std[2]) else held.dynamic_pressure_error * value[2]
-        q = value[2] if sample.has_coefficients else np.nan
+        stated, q_std = sample.air[DYNAMIC_PRESSURE], sample.air[f"{DYNAMIC_PRESSURE}{STD}"]
+        q_std = q_std if np.isfinite(q_std) else held.dynamic_pressure_error * stated
+        q = stated if sample.has_coefficients else np.nan
         q_std, p, p_std = q_std if sample.has_coefficients else 0.0, np.nan, np.nan
     else:
-        air = air_inputs(held, value, std, sample.air["altitude"])
+        air = air_inputs_of(held, sample.air)
         (_, p, q), (_, p_std, q_std) = air.value, air.std
     inputs = FieldInputs(
         inverse_map=held,

@@ -16,12 +16,14 @@ import numpy as np
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.air_data import AIR_DATA_NAMES, AIR_DATA_UNITS, NAVIGATION
+from strainfmu.estimator.air_inputs import AIR_INPUTS
 from strainfmu.estimator.core import Core, Layout, Series
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.flow_parameters import flow_parameters
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
 from strainfmu.estimator.other_loads import names_of
 from strainfmu.estimator.resource.map_file import native_resource
+from strainfmu.estimator.setting_inputs import SETTING_INPUTS
 from strainfmu.files import check_new_folder
 from strainfmu.fmu.native.sources import ARITHMETIC_FLAGS, compiled_files, model_sources
 from strainfmu.fmu.reference_run.run import ReferenceRun, reference_run
@@ -41,13 +43,7 @@ _LINE_SIZE = 118
 _INPUTS = {
     "strain": "[m/m]",
     "sensor": "in the units below",
-    "dynamic_pressure": "[Pa]",
-    "dynamic_pressure_std": "[Pa] its standard deviation; not given: that of the map",
-    "mach_number": "[1]",
-    "altitude": "[m] geopotential; static pressure of the standard atmosphere",
-    "mach_number_std": "[1]",
-    "static_pressure": "[Pa]",
-    "static_pressure_std": "[Pa]",
+    **{one.name: f"[{one.unit}]{one.note}" for one in AIR_INPUTS},
     "temperature": "[K]",
     "thrust": "[N] 0 while the engine is off; not given: sensors that it moves are left out",
     "parameter": "flow parameters",
@@ -56,11 +52,7 @@ _INPUTS = {
 """What the fields of a sample are, by name."""
 
 _SETTINGS = {
-    "sensor_range": "[m/m] largest |strain| of a gauge that works",
-    "alarm_scale": "[1] factor on the detection thresholds",
-    "reference_area": "[m2]",
-    "reference_length": "[m]",
-    "moment_station": "[m] x of the point that moments refer to",
+    **{one.name: one.note for one in SETTING_INPUTS},
     "zero": "[m/m] zero offset of each gauge",
     "zero_std": "[m/m] its standard deviation",
     "zero_common_std": "[m/m] standard deviation of an offset that all gauges have in common",

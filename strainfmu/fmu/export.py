@@ -30,11 +30,11 @@ from strainfmu.files import content_hash_of, write_folder_atomically
 from strainfmu.fmu.c_folder import c_entries, check_folder_path
 from strainfmu.fmu.description.fmu_description import FmuDescription
 from strainfmu.fmu.description.terminals import terminal_files
-from strainfmu.fmu.documentation.estimator_page import all_ranges, estimator_sections
+from strainfmu.fmu.documentation.estimator_page import estimator_sections
 from strainfmu.fmu.documentation.index_page import documentation_files
 from strainfmu.fmu.documentation.plant_page import plant_sections
 from strainfmu.fmu.documentation.run_panels import reference_sections
-from strainfmu.fmu.fmu_file import CONTENTS, check_fmu_path
+from strainfmu.fmu.fmu_file import check_fmu_path
 from strainfmu.fmu.native import package as native_package
 from strainfmu.fmu.native.package import chosen_libraries, native_entries
 from strainfmu.fmu.native.sources import compiled_files, native_sources, sources_digest
@@ -49,6 +49,7 @@ from strainfmu.fmu.reference_run.run import (
     reference_run,
     signal_table,
 )
+from strainfmu.interface.contents import CONTENTS, estimator_contents
 from strainfmu.interface.estimator_variables import estimator_arrays, estimator_interface
 from strainfmu.interface.fmi_variables import Variable, value_references
 from strainfmu.interface.listed_variables import most_important_first, without_zeros
@@ -82,9 +83,11 @@ _ESTIMATOR_SOURCES = (
 _PLANT_SOURCES = (
     *_COMMON_SOURCES,
     "estimator/__init__.py",
+    "estimator/air_inputs.py",
     "estimator/arguments.py",
     "estimator/map/__init__.py",
     "estimator/map/sensors.py",
+    "estimator/setting_inputs.py",
     "interface/",
     "flight_condition.py",
     "cosim/__init__.py",
@@ -300,17 +303,13 @@ def _estimator_extras(
     description: FmuDescription, inverse_map: InverseMap, content_hash: str, kind: str
 ) -> dict[str, bytes]:
     """Return what both kinds hold besides code and data: page, pictures, terminals, reference run."""
-    run, n = reference_run(inverse_map), inverse_map.n_strain_gauges
+    run = reference_run(inverse_map)
     pages = documentation_files(description, estimator_sections(inverse_map, content_hash, run), kind)
     contents = {
         "kind": kind,
         "strainfmu_version": __version__,
         "map": content_hash,
-        "vehicle": inverse_map.vehicle,
-        "gauges": list(inverse_map.gauge_names[:n]),
-        "gauge_noise_um_per_m": [float(f"{1e6 * std:.6g}") for std in inverse_map.noise_std[:n]],
-        "sensors": dict(zip(inverse_map.gauge_names[n:], sensor_names(inverse_map), strict=True)),
-        "validity": {one.quantity: one.text for one in all_ranges(inverse_map)},
+        **estimator_contents(inverse_map),
     }
     return {
         CONTENTS: json.dumps(contents, indent=1).encode(),

@@ -1,13 +1,10 @@
-"""The file of an FMU: its name, and the entry that holds what this project adds."""
+"""The name of the file of an FMU."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 from strainfmu.errors import InputError
-
-CONTENTS = "extra/strainfmu/contents.json"
-"""What ``strainfmu inspect`` reads: kind, map, validity."""
 
 
 def check_fmu_path(path: Path) -> None:

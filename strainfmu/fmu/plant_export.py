@@ -26,7 +26,7 @@ from strainfmu.fmu.description.terminals import terminal_files
 from strainfmu.fmu.documentation.index_page import Section, documentation_files
 from strainfmu.fmu.documentation.plant_page import native_plant_sections
 from strainfmu.fmu.documentation.run_panels import reference_sections
-from strainfmu.fmu.fmu_file import CONTENTS, check_fmu_path
+from strainfmu.fmu.fmu_file import check_fmu_path
 from strainfmu.fmu.native.package import CAPABILITIES, chosen_libraries, native_entries
 from strainfmu.fmu.native.sources import compiled_files, native_sources, sources_digest
 from strainfmu.fmu.plant_resource import ModelKind, model_resource, plant_data
@@ -36,6 +36,7 @@ from strainfmu.fmu.reference_run.plant import (
     plant_reference,
     schedule_reference,
 )
+from strainfmu.interface.contents import CONTENTS
 from strainfmu.interface.fmi_variables import Variable
 from strainfmu.interface.plant_variables import FlightStart, Motion, native_plant_interface
 from strainfmu.version import __version__

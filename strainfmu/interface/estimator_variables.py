@@ -11,12 +11,30 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from strainfmu.estimator.air_inputs import AIR_INPUTS, DYNAMIC_PRESSURE
 from strainfmu.estimator.estimate import Estimate
+from strainfmu.estimator.setting_inputs import (
+    OF_ALARMS,
+    OF_AREA,
+    OF_LENGTH,
+    OF_READINGS,
+    OF_STATION,
+    SETTING_INPUTS,
+)
 from strainfmu.estimator.settings import LARGEST_SETTING, default_settings, setting_minimum
 from strainfmu.interface.enumerations import HEALTH_TYPE
 from strainfmu.interface.filter_variables import with_filter_parameter
-from strainfmu.interface.flight_variables import flight_interface, flight_outputs
+from strainfmu.interface.flight_variables import flight_interface, flight_outputs, with_later_inputs
 from strainfmu.interface.fmi_variables import COEFFICIENTS, Variable, deviation_of, with_arrays
+from strainfmu.interface.health_names import (
+    CHI_SQUARE,
+    CHI_SQUARE_LIMIT,
+    ENVELOPE_SCORE,
+    STATE,
+    SUSPECT_GAUGE,
+    SUSPECTS,
+    VALID_GAUGES,
+)
 from strainfmu.interface.input_names import FLOW_INPUTS as FLOW_INPUTS
 from strainfmu.interface.input_names import NOT_GIVEN
 from strainfmu.interface.input_names import NOT_KNOWN as NOT_KNOWN
@@ -66,7 +84,7 @@ def estimator_interface(inverse_map: InverseMap) -> tuple[Variable, ...]:
     whole = with_temperature_inputs(with_zero_parameters(whole, strain_gauges), inverse_map.thermal)
     whole = with_filter_parameter(with_thrust_input(whole, inverse_map), inverse_map)
     whole = with_tare_variables(with_other_load_outputs(whole, inverse_map), strain_gauges)
-    return with_parameter_inputs(whole, inverse_map)
+    return with_later_inputs(with_parameter_inputs(whole, inverse_map), inverse_map.manifold)
 
 
 def output_values(estimate: Estimate, with_other_loads: bool = False) -> list[float]:
@@ -135,6 +153,7 @@ def _gauge_inputs(inverse_map: InverseMap) -> list[Variable]:
             name=f"strain[{i}]",
             description=_gauge_text(gauge, x, y, z),
             causality="input",
+            kind="reading",
             unit="1",
             display_unit="um/m",
             nominal=_nominal(strain_range, noise),
@@ -157,6 +176,7 @@ def _gauge_inputs(inverse_map: InverseMap) -> list[Variable]:
             name=f"valid[{i}]",
             description=f"Whether {'gauge' if i <= n else 'sensor'} {gauge} may be used",
             causality="input",
+            kind="reading",
             variability="discrete",
             fmi_type="Boolean",
             start=True,
@@ -168,55 +188,29 @@ def _gauge_inputs(inverse_map: InverseMap) -> list[Variable]:
 
 
 def _flow_inputs(inverse_map: InverseMap) -> list[Variable]:
-    """Return dynamic pressure and its uncertainty, Mach number and altitude."""
+    """Return the inputs for flow and navigation of every map."""
     nominal = inverse_map.nominal_dynamic_pressure
-    fraction = inverse_map.dynamic_pressure_error
     return [
         Variable(
-            name="dynamic_pressure",
-            description=_PRESSURE_TEXT[inverse_map.form],
+            name=one.name,
+            description=one.text_of_linear.format(of=inverse_map, not_given=NOT_GIVEN, use=_USE[inverse_map.form]),
             causality="input",
-            unit="Pa",
-            display_unit="kPa",
-            nominal=nominal,
+            kind="air data",
+            label=one.label,
+            symbol=one.symbol,
+            unit=one.unit,
+            display_unit=one.shown,
+            nominal=nominal if one.unit == "Pa" else None,
             minimum=0.0,
-            start=nominal,
-        ),
-        Variable(
-            name="dynamic_pressure_std",
-            description="Standard deviation of the error of dynamic_pressure, widens sigma; "
-            f"{NOT_GIVEN} takes {fraction:g} of dynamic_pressure",
-            causality="input",
-            unit="Pa",
-            display_unit="kPa",
-            nominal=nominal,
-            minimum=0.0,
-            start=0.0,
-        ),
-        Variable(
-            name="mach_number",
-            description=f"Mach number by navigation, for health alone; {NOT_GIVEN} where not given",
-            causality="input",
-            unit="1",
-            minimum=0.0,
-            start=0.0,
-        ),
-        Variable(
-            name="altitude",
-            description=f"Geopotential altitude by navigation, for health alone; {NOT_GIVEN} where not given",
-            causality="input",
-            unit="m",
-            display_unit="km",
-            minimum=0.0,
-            start=0.0,
-        ),
+            start=nominal if one.name == DYNAMIC_PRESSURE else 0.0,
+        )
+        for one in AIR_INPUTS
+        if not one.of_tables
     ]
 
 
-_PRESSURE_TEXT = {
-    "absolute": "Free-stream dynamic pressure, at most 1e7 Pa; turns loads into coefficients",
-    "dynamic_pressure": "Free-stream dynamic pressure, at most 1e7 Pa; weights of the strains follow it",
-}
+_USE = {"absolute": "turns loads into coefficients", "dynamic_pressure": "weights of the strains follow it"}
+"""What a linear map does with the dynamic pressure, by its form."""
 
 
 def _pressure_of_loads(inverse_map: InverseMap) -> tuple[str, ...]:
@@ -230,34 +224,29 @@ def _pressure_of_loads(inverse_map: InverseMap) -> tuple[str, ...]:
 def _parameters(inverse_map: InverseMap) -> list[Variable]:
     """Return the tunable parameters; their ranges are those that the estimator refuses to leave."""
     default = default_settings(inverse_map)
-    rows = (
-        ("sensor_range", "Largest |strain| of a working gauge; one beyond it is left out", "1", "um/m"),
-        ("alarm_scale", "Factor on the limit of chi-square, and on the square of that of one gauge", "1", None),
-        ("reference_area", "Area S that coefficients are referred to", "m2", None),
-        ("reference_length", "Length L that moment coefficients are referred to besides", "m", None),
-        ("moment_station", "Station x of the moment point, aft from the nose tip", "m", None),
-    )
     return [
         Variable(
-            name=name,
-            description=text,
+            name=one.name,
+            description=one.text,
             causality="parameter",
+            kind="parameter",
+            label=one.label,
             variability="tunable",
-            unit=unit,
-            display_unit=shown,
-            minimum=setting_minimum(name),
+            unit=one.unit,
+            display_unit=one.shown,
+            minimum=setting_minimum(one.name),
             maximum=LARGEST_SETTING,
-            start=getattr(default, name),
+            start=getattr(default, one.name),
         )
-        for name, text, unit, shown in rows
+        for one in SETTING_INPUTS
     ]
 
 
 def _estimated_coefficients(inverse_map: InverseMap, gauges: tuple[str, ...]) -> list[Variable]:
     """Return the five coefficients and their standard deviations."""
     nominals = [_nominal(max(abs(low), abs(high))) for low, high in inverse_map.coefficient_range]
-    of_force = ("sensor_range", "reference_area")
-    of_moment = (*of_force, "reference_length", "moment_station")
+    of_force = (OF_READINGS, OF_AREA)
+    of_moment = (*of_force, OF_LENGTH, OF_STATION)
     values = [
         Variable(
             name=name,
@@ -265,7 +254,7 @@ def _estimated_coefficients(inverse_map: InverseMap, gauges: tuple[str, ...]) ->
             causality="output",
             unit="1",
             nominal=nominal,
-            depends_on=(*gauges, "dynamic_pressure", "dynamic_pressure_std"),
+            depends_on=(*gauges, *FLOW_INPUTS[:2]),
             initially_depends_on=of_moment if name.startswith("M_") else of_force,
             array="coefficients",
         )
@@ -288,7 +277,7 @@ def _estimated_loads(inverse_map: InverseMap, gauges: tuple[str, ...]) -> list[V
             display_unit=f"k{unit}",
             nominal=_nominal(scale * (length if unit == "N.m" else 1.0) * max(abs(low), abs(high))),
             depends_on=(*gauges, *flow),
-            initially_depends_on=("sensor_range", "moment_station") if unit == "N.m" else ("sensor_range",),
+            initially_depends_on=(OF_READINGS, OF_STATION) if unit == "N.m" else (OF_READINGS,),
             array=name.partition(".")[0],
         )
         for (name, (text, unit)), (low, high) in zip(LOADS.items(), inverse_map.coefficient_range, strict=True)
@@ -299,12 +288,13 @@ def _estimated_loads(inverse_map: InverseMap, gauges: tuple[str, ...]) -> list[V
 def _health(inverse_map: InverseMap, gauges: tuple[str, ...]) -> list[Variable]:
     """Return the outputs that state the health of the estimate."""
     freedom, n = inverse_map.residual_degrees_of_freedom, inverse_map.n_gauges
-    alarms = ("sensor_range", "alarm_scale")
+    alarms = (OF_READINGS, OF_ALARMS)
     flow = _pressure_of_loads(inverse_map)
     state = Variable(
-        name="health.state",
+        name=STATE,
         description="State of the estimate",
         causality="output",
+        kind="health",
         variability="discrete",
         fmi_type="Enumeration",
         declared_type=HEALTH_TYPE,
@@ -312,26 +302,28 @@ def _health(inverse_map: InverseMap, gauges: tuple[str, ...]) -> list[Variable]:
         initially_depends_on=alarms,
     )
     chi_square = Variable(
-        name="health.chi_square",
+        name=CHI_SQUARE,
         description=f"Chi-square of the residual, {freedom} expected with all gauges",
         causality="output",
+        kind="health",
         unit="1",
         nominal=_nominal(freedom),
         minimum=0.0,
         depends_on=(*gauges, *flow),
-        initially_depends_on=("sensor_range",),
+        initially_depends_on=(OF_READINGS,),
     )
     limit = replace(
         chi_square,
-        name="health.chi_square_limit",
+        name=CHI_SQUARE_LIMIT,
         description="Alarm level of the chi-square: 1 false alarm in 10,000, times alarm_scale",
         initially_depends_on=alarms,
     )
     counts = [
         Variable(
-            name=f"health.{name}",
+            name=name,
             description=text,
             causality="output",
+            kind="health",
             variability="discrete",
             fmi_type="Integer",
             minimum=0,
@@ -340,15 +332,15 @@ def _health(inverse_map: InverseMap, gauges: tuple[str, ...]) -> list[Variable]:
             initially_depends_on=parameters,
         )
         for name, text, pressures, parameters in (
-            ("valid_gauges", "Number of gauges in use", (), ("sensor_range",)),
+            (VALID_GAUGES, "Number of gauges in use", (), (OF_READINGS,)),
             (
-                "suspect_gauge",
+                SUSPECT_GAUGE,
                 "Number, from 1, of the first gauge that does not fit; 0 for none",
                 flow,
                 alarms,
             ),
             (
-                "suspects",
+                SUSPECTS,
                 "Number of gauges under that suspicion, because they cannot be distinguished",
                 flow,
                 alarms,
@@ -357,7 +349,7 @@ def _health(inverse_map: InverseMap, gauges: tuple[str, ...]) -> list[Variable]:
     ]
     score = replace(
         chi_square,
-        name="health.envelope_score",
+        name=ENVELOPE_SCORE,
         description="Deviations by which the coefficients leave what the map covers, 0 inside; OUTSIDE above "
         f"{inverse_map.envelope_score_limit:g}",
         nominal=None,

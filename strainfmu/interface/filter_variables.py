@@ -27,6 +27,7 @@ def with_filter_parameter(interface: tuple[Variable, ...], inverse_map: InverseM
         description=f"Time constant of {of_what} in the filter over time; {none} for none: then each sample is "
         "estimated on its own",
         causality="parameter",
+        kind="parameter",
         variability="tunable",
         unit="s",
         minimum=0.0,

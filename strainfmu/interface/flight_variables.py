@@ -9,10 +9,12 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from strainfmu.estimator.air_data import AIR_DATA_NAMES, AIR_DATA_UNITS, NAVIGATION
+from strainfmu.estimator.air_inputs import AIR_INPUTS, DYNAMIC_PRESSURE, AirInput
 from strainfmu.estimator.alarm_limits import outside_score
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.policies import MIN_GAIN
 from strainfmu.interface.fmi_variables import Variable, deviation_of
+from strainfmu.interface.health_names import CHI_SQUARE, ENVELOPE_SCORE, LINEAR_LOADS, VALID_GAUGES
 from strainfmu.interface.input_names import FLOW_INPUTS, NAVIGATION_INPUTS, NOT_GIVEN, PARAMETERS
 
 if TYPE_CHECKING:
@@ -49,31 +51,34 @@ def flight_outputs(estimate: Estimate) -> list[float]:
     return [*air.value.tolist(), *air.std.tolist(), *map(float, flags)]
 
 
-def _navigation_inputs(manifold: ManifoldMap) -> list[Variable]:
+def with_later_inputs(interface: tuple[Variable, ...], manifold: ManifoldMap | None) -> tuple[Variable, ...]:
+    """Return ``interface`` with the inputs of later versions behind it, of a map with tables."""
+    return interface if manifold is None else (*interface, *_navigation_inputs(manifold, are_later=True))
+
+
+def _navigation_inputs(manifold: ManifoldMap, are_later: bool = False) -> list[Variable]:
     """Return what the tables take of navigation besides :data:`FLOW_INPUTS`."""
-    rows = (
-        (
-            "mach_number_std",
-            f"Standard deviation of the error of mach_number; {NOT_GIVEN} takes {manifold.mach_number_error:g}",
-            "1",
-        ),
-        (
-            "static_pressure",
-            "Static pressure by navigation, goes before altitude; "
-            f"{NOT_GIVEN} takes that of the standard atmosphere at altitude",
-            "Pa",
-        ),
-        (
-            "static_pressure_std",
-            f"Standard deviation of the error of static_pressure; {NOT_GIVEN} takes "
-            f"{manifold.static_pressure_error:g} of it, {manifold.altitude_error:g} of that at altitude",
-            "Pa",
-        ),
-    )
     return [
-        Variable(name=name, description=text, causality="input", unit=unit, minimum=0.0, start=0.0)
-        for name, text, unit in rows
+        Variable(
+            name=one.name,
+            description=_text(one, manifold),
+            causality="input",
+            kind="air data",
+            label=one.label,
+            symbol=one.symbol,
+            unit=one.unit,
+            display_unit=one.shown,
+            minimum=0.0,
+            start=0.0,
+        )
+        for one in AIR_INPUTS
+        if one.of_tables and one.is_later == are_later
     ]
+
+
+def _text(one: AirInput, manifold: ManifoldMap) -> str:
+    """Return the description of an input of a map with tables."""
+    return one.text.format(of=manifold, not_given=NOT_GIVEN)
 
 
 def _air_data(manifold: ManifoldMap) -> list[Variable]:
@@ -85,6 +90,7 @@ def _air_data(manifold: ManifoldMap) -> list[Variable]:
             name=f"air_data.{name}",
             description=f"{text}, from strain and navigation",
             causality="output",
+            kind="air data",
             unit=unit,
             display_unit=shown.get(unit),
             nominal=nominal.get(unit),
@@ -101,37 +107,34 @@ def _air_data(manifold: ManifoldMap) -> list[Variable]:
             f"navigation_used.{name}": f"Whether {name} by navigation is known and agrees with strain and the rest"
             for name in NAVIGATION
         },
-        "health.linear_loads": "Whether loads and coefficients are those of the linear map: strain does not "
+        LINEAR_LOADS: "Whether loads and coefficients are those of the linear map: strain does not "
         "fit the tables, or did not a few steps ago",
     }
     return [*values, *map(deviation_of, values), *(_flag(name, text) for name, text in flags.items())]
 
 
 def _flag(name: str, text: str) -> Variable:
-    return Variable(name=name, description=text, causality="output", variability="discrete", fmi_type="Boolean")
+    return Variable(
+        name=name, description=text, causality="output", kind="health", variability="discrete", fmi_type="Boolean"
+    )
 
 
 _FLIGHT_TEXT: dict[str, str] = {
-    "dynamic_pressure": f"Dynamic pressure by navigation; {NOT_GIVEN} where not given",
-    "mach_number": f"Mach number by navigation; {NOT_GIVEN} where not given",
-    "altitude": f"Geopotential altitude by navigation, for the static pressure; {NOT_GIVEN} where not given",
-    "health.chi_square": "Chi-square of strain and navigation about the tables",
-    "health.envelope_score": "Deviations by which the flight state leaves the ranges of the map, 0 inside",
+    CHI_SQUARE: "Chi-square of strain and navigation about the tables",
+    ENVELOPE_SCORE: "Deviations by which the flight state leaves the ranges of the map, 0 inside",
 }
 """Descriptions that differ for a map with tables over the flight state."""
 
 
 def _of_flight_state(variable: Variable, manifold: ManifoldMap, gauges: tuple[str, ...]) -> Variable:
     """Return ``variable`` as a map with tables has it: every output depends on all gauges and navigation."""
-    one = replace(variable, description=_FLIGHT_TEXT.get(variable.name, variable.description))
-    if one.name == "health.envelope_score":
+    texts = {one.name: _text(one, manifold) for one in AIR_INPUTS} | _FLIGHT_TEXT
+    one = replace(variable, description=texts.get(variable.name, variable.description))
+    if one.name == ENVELOPE_SCORE:
         one = replace(one, description=f"{one.description}; OUTSIDE above {outside_score(manifold):g}")
-    if one.name == "dynamic_pressure":
+    if one.name == DYNAMIC_PRESSURE:
         return replace(one, start=0.0)
-    if one.name == "dynamic_pressure_std":
-        text = f"{NOT_GIVEN} takes {manifold.dynamic_pressure_error:g} of it"
-        return replace(one, description=f"Standard deviation of the error of dynamic_pressure; {text}")
-    if one.causality != "output" or one.name == "health.valid_gauges":
+    if one.causality != "output" or one.name == VALID_GAUGES:
         return one
     of_flow = one.name.startswith(("health", "air_data", "sigma.air_data", "identified", "navigation_used"))
     return replace(

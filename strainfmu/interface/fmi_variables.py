@@ -6,7 +6,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
 from math import pi
-from typing import Any
+from typing import Any, Literal
+
+Kind = Literal["reading", "air data", "parameter", "output", "health"]
+"""Kinds of signals: what gauges and sensors read, air data and flow, settings, loads, and what states how good."""
 
 
 @dataclass(frozen=True)
@@ -32,6 +35,8 @@ class Variable:
 
     Attributes
     ----------
+    kind : what it is to a reader.
+    label, symbol : short name and symbol of tables and figures, "" where its name serves.
     fmi_type : type in FMI 2.0: Real, Integer, Boolean or Enumeration.
     depends_on : names of the inputs that an output depends on at a communication point.
     dependencies_kind : how it does, FMI's word, the same for all of ``depends_on``.
@@ -43,6 +48,9 @@ class Variable:
     name: str
     description: str
     causality: str
+    kind: Kind = "output"
+    label: str = ""
+    symbol: str = ""
     variability: str = "continuous"
     fmi_type: str = "Real"
     unit: str | None = None

@@ -9,10 +9,11 @@ from typing import TypeVar
 import numpy as np
 
 from strainfmu.arrays import FloatArray
+from strainfmu.estimator.air_inputs import FLOW_INPUTS as FLOW_INPUTS
+from strainfmu.estimator.air_inputs import NAVIGATION_INPUTS as NAVIGATION_INPUTS
+from strainfmu.estimator.air_inputs import STD
 from strainfmu.estimator.arguments import NOT_KNOWN as NOT_KNOWN
-
-FLOW_INPUTS = ("dynamic_pressure", "dynamic_pressure_std", "mach_number", "altitude")
-"""Flow and navigation, arguments beside strain of :meth:`strainfmu.estimator.estimator.Estimator.step`."""
+from strainfmu.estimator.setting_inputs import SETTING_NAMES
 
 NOT_GIVEN = "0 or below (or NaN)"
 """What :data:`FLOW_INPUTS`, :data:`NAVIGATION_INPUTS` and temperatures are where they are not given, in words.
@@ -20,14 +21,11 @@ NOT_GIVEN = "0 or below (or NaN)"
 Hosts fill in 0 for inputs that nothing is connected to, and all of them are positive.
 """
 
-PARAMETERS = ("sensor_range", "alarm_scale", "reference_area", "reference_length", "moment_station")
+PARAMETERS = SETTING_NAMES
 """Tunable parameters, the entries of :class:`~strainfmu.estimator.settings.EstimatorSettings`."""
 
 
-NAVIGATION_INPUTS = ("mach_number_std", "static_pressure", "static_pressure_std")
-"""More navigation of a map with tables over the flight state, as :data:`FLOW_INPUTS`."""
-
-OTHER_AIR_DATA = (FLOW_INPUTS[1], *NAVIGATION_INPUTS)
+OTHER_AIR_DATA = (*(name for name in FLOW_INPUTS if name.endswith(STD)), *NAVIGATION_INPUTS)
 """Deviations of q_inf and navigation, and p_inf: what not every sender knows, and not every estimator takes."""
 
 

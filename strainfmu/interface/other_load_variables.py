@@ -10,6 +10,7 @@ import numpy as np
 
 from strainfmu.estimator.map.offers import groups_of_outputs
 from strainfmu.estimator.other_loads import FAMILIES, LoadArray, LoadKind, load_arrays, output_places
+from strainfmu.estimator.setting_inputs import OF_STATION
 from strainfmu.interface.fmi_variables import Variable, deviation_of
 
 if TYPE_CHECKING:
@@ -57,7 +58,7 @@ def _variables(array: LoadArray, known: dict[str, Variable]) -> list[Variable]:
         return [deviation_of(value) for value in _variables(replace(array, is_std=False), known)]
     like, load, of_map = known["M_P" if array.is_coefficient else "moment.pitch"], array.group.load, array.group
     texts = of_map.described(load.coefficient_text if array.is_coefficient else load.text)
-    settings = tuple(name for name in like.initially_depends_on if name != "moment_station")
+    settings = tuple(name for name in like.initially_depends_on if name != OF_STATION)
     return [
         replace(
             like,

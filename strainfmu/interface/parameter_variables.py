@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from strainfmu.estimator.map.flow_parameters import PARAMETER_TOLERANCE, flow_parameters
 from strainfmu.interface.fmi_variables import Variable
+from strainfmu.interface.health_names import STATE
 from strainfmu.interface.input_names import NAVIGATION_INPUTS, NOT_GIVEN, NOT_KNOWN
 
 if TYPE_CHECKING:
@@ -60,7 +61,7 @@ def _depending(variable: Variable, inverse_map: InverseMap) -> Variable:
     """Return ``variable`` with what it depends on of the parameters."""
     stds = parameter_std_names(inverse_map)
     of_estimate = bool(stds) and NAVIGATION_INPUTS[0] in variable.depends_on
-    if variable.name != "health.state" and not of_estimate:
+    if variable.name != STATE and not of_estimate:
         return variable
     return replace(variable, depends_on=(*variable.depends_on, *parameter_names(inverse_map), *stds))
 
@@ -70,6 +71,7 @@ def _value(name: str, text: str) -> Variable:
         name=f"{PREFIX}{name}",
         description=f"{name} of the flow, unit of the vehicle file, {text}; {NOT_KNOWN:g} or NaN where not known",
         causality="input",
+        kind="air data",
         start=NOT_KNOWN,
     )
 
@@ -80,6 +82,7 @@ def _score(name: str, held: str) -> Variable:
         description=f"Part of its range, {held}, by which {name} leaves it, 0 inside or not known; "
         f"OUTSIDE above {PARAMETER_TOLERANCE:g}",
         causality="output",
+        kind="health",
         unit="1",
         minimum=0.0,
         depends_on=(f"{PREFIX}{name}",),
@@ -92,6 +95,7 @@ def _deviation(name: str) -> Variable:
         description=f"Standard deviation of {PREFIX}{name}; {NOT_GIVEN} where not stated, "
         "and the value is for health alone",
         causality="input",
+        kind="air data",
         minimum=0.0,
         start=0.0,
     )

@@ -95,6 +95,7 @@ def sensor_inputs(inverse_map: InverseMap) -> list[Variable]:
             description=f"{sensors.kind[i].capitalize()} of sensor {inverse_map.gauge_names[i]} at "
             f"{place_text(*inverse_map.gauge_position[i])}; left out beyond {sensors.largest[i]:g} {units[i]}",
             causality="input",
+            kind="reading",
             unit=units[i],
             display_unit=display_unit(units[i]),
             nominal=float(size[i]) if size[i] > 0.0 else None,
@@ -119,6 +120,7 @@ def with_thrust_input(interface: Sequence[Variable], inverse_map: InverseMap) ->
         description="Thrust, forward along the axis, taken off what accelerometers and load cells read; "
         f"{NOT_KNOWN:g} or NaN where not known: they are left out then",
         causality="input",
+        kind="reading",
         unit="N",
         display_unit="kN",
         start=0.0,

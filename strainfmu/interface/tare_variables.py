@@ -38,6 +38,7 @@ def with_tare_variables(interface: Sequence[Variable], gauge_names: Sequence[str
         description="Strains are averaged while true, and become the zeros in the first step after it; refused "
         f"with fewer than {LEAST_SAMPLES} steps, or unless dynamic_pressure is known and at most {limit:g} Pa",
         causality="input",
+        kind="parameter",
         variability="discrete",
         fmi_type="Boolean",
         start=False,
@@ -46,6 +47,7 @@ def with_tare_variables(interface: Sequence[Variable], gauge_names: Sequence[str
         name=TARE_STATE,
         description="What has become of the last tare",
         causality="output",
+        kind="health",
         variability="discrete",
         fmi_type="Enumeration",
         declared_type=TARE_TYPE,
@@ -66,6 +68,7 @@ def _in_use(name: str, gauge_names: Sequence[str]) -> Variable:
         name=name,
         description=text,
         causality="local",
+        kind="parameter",
         variability="discrete",
         unit="1",
         display_unit="um/m",

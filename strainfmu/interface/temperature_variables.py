@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from strainfmu.estimator.map.temperature import ThermalMap
 from strainfmu.interface.fmi_variables import Variable
+from strainfmu.interface.health_names import VALID_GAUGES
 from strainfmu.interface.input_names import NOT_GIVEN
 
 TEMPERATURE_ARRAYS = {
@@ -29,7 +30,7 @@ def with_temperature_inputs(interface: Sequence[Variable], thermal: ThermalMap) 
         return tuple(interface)
     outputs = (
         replace(one, depends_on=(*one.depends_on, *names))
-        if one.causality == "output" and one.name != "health.valid_gauges"
+        if one.causality == "output" and one.name != VALID_GAUGES
         else one
         for one in interface
     )
@@ -38,6 +39,7 @@ def with_temperature_inputs(interface: Sequence[Variable], thermal: ThermalMap) 
             name=name,
             description=f"Temperature of sensor {sensor}; {NOT_GIVEN} where not known",
             causality="input",
+            kind="reading",
             unit="K",
             nominal=thermal.reference_temperature,
             minimum=0.0,

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from strainfmu.estimator.zeros.gauge_zeros import LARGEST_ZERO
 from strainfmu.interface.fmi_variables import Variable
+from strainfmu.interface.health_names import VALID_GAUGES
 
 ZERO_COMMON_STD = "zero_common_std"
 
@@ -30,7 +31,7 @@ def with_zero_parameters(interface: Sequence[Variable], gauge_names: Sequence[st
     names = zero_names(len(gauge_names))
     outputs = tuple(
         replace(one, initially_depends_on=(*one.initially_depends_on, *names))
-        if one.causality == "output" and one.name != "health.valid_gauges"
+        if one.causality == "output" and one.name != VALID_GAUGES
         else one
         for one in interface
     )
@@ -49,6 +50,7 @@ def _parameter(name: str, gauge_names: Sequence[str]) -> Variable:
         name=name,
         description=text,
         causality="parameter",
+        kind="parameter",
         variability="tunable",
         unit="1",
         display_unit="um/m",

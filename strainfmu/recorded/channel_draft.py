@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from strainfmu.errors import InputError
+from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
 from strainfmu.files import write_bytes_atomically
 from strainfmu.interface.parameter_variables import PREFIX
 from strainfmu.interface.sensor_variables import PREFIX as SENSOR_PREFIX
@@ -127,7 +128,7 @@ class ChannelDraft:
             if name in self.units:
                 yield f"unit = {_quoted(self.units[name])}"
             yield ""
-        if "dynamic_pressure" not in self.flow:
+        if DYNAMIC_PRESSURE not in self.flow:
             yield "# Quantities of the flow with names of the recorder's own need an entry each:"
             yield from ("# [[flow]]", '# name = "NAME"', '# quantity = "dynamic_pressure"', "")
         if self.free:

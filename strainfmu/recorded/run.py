@@ -15,7 +15,9 @@ import numpy as np
 from strainfmu.arrays import FloatArray
 from strainfmu.cosim.estimators.zeros_file import load_zeros
 from strainfmu.errors import InputError
+from strainfmu.estimator.air_inputs import AIR_INPUTS
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.interface.health_names import CHI_SQUARE_LIMIT, ENVELOPE_SCORE, SUSPECTS
 from strainfmu.recorded.columns.column_names import (
     FLOW_NAMES,
     NAVIGATION_NAMES,
@@ -41,10 +43,10 @@ from strainfmu.recorded.strains.strain_files import open_strains
 
 Progress = Callable[[int, int], None]
 HEALTH_COLUMNS = (
-    ("health.chi_square_limit", "1"),
+    (CHI_SQUARE_LIMIT, "1"),
     ("health.degrees_of_freedom", "1"),
-    ("health.suspects", "1"),
-    ("health.envelope_score", "1"),
+    (SUSPECTS, "1"),
+    (ENVELOPE_SCORE, "1"),
     ("health.envelope_score_limit", "1"),
 )
 SUSPECTS_COLUMN = "suspect_gauges"
@@ -52,14 +54,7 @@ SUSPECTS_COLUMN = "suspect_gauges"
 FAULTS_COLUMN = "strain_faults"
 """Column of text: why strains were left out, ``held`` or ``zero`` of all gauges, else the names of railed ones."""
 
-_FLOW_UNITS = {
-    "dynamic_pressure_std": "Pa",
-    "mach_number": "1",
-    "altitude": "m",
-    "mach_number_std": "1",
-    "static_pressure": "Pa",
-    "static_pressure_std": "Pa",
-}
+_FLOW_UNITS = {one.name: one.unit for one in AIR_INPUTS[1:]}
 
 
 @dataclass(kw_only=True)

@@ -67,7 +67,7 @@ class FlightFmu(Fmu2):
         self.set_strain(sample.strain)
         self.set_valid(sample.valid)
         assert self.set_scalars(0, *flow) == OK
-        further = [sample.flow.get(name, 0.0) for name in NAVIGATION_INPUTS]
+        further = [sample.flow.get(name, 0.0) for name in NAVIGATION_INPUTS[:N_INPUTS]]
         assert self.set_reals(range(FIRST, FIRST + N_INPUTS), further) == OK
         if sample.temperature is not None:
             assert self.set_reals(range(FILTER, FILTER + self.n_t), sample.temperature) == OK

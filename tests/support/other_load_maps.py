@@ -25,7 +25,8 @@ M = 1 + 6 * len(STATIONS)
 
 def groups_at(stations: Sequence[float]) -> tuple[LoadGroup, ...]:
     """Return the groups of a map with sections at ``stations`` [m]: the rolling moment, and six loads of them."""
-    return load_groups(SimpleNamespace(section_station=np.array(stations, dtype=float), hinge_lines=None))
+    places = SimpleNamespace(section_station=np.array(stations, dtype=float), hinge_lines=None, bending_lines=None)
+    return load_groups(places)
 
 
 def with_further(inverse_map: InverseMap, combination: np.ndarray = COMBINATION) -> InverseMap:

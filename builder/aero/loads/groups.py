@@ -12,12 +12,17 @@ from typing import Any
 import numpy as np
 
 from builder.aero.loads.hinge_moments import hinge_fields, hinge_operator
-from builder.aero.loads.sections import rolling_operator, section_operator
+from builder.aero.loads.sections import (
+    bending_fields,
+    bending_operator,
+    rolling_operator,
+    section_operator,
+)
 from builder.aero.surface.mesh import SurfaceMesh
 from builder.vehicle.map.options import MapEntry
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.other_loads import BODY, FAMILIES, HINGES, SECTIONS, LoadFamily
+from strainfmu.estimator.other_loads import BENDING, BODY, FAMILIES, HINGES, SECTIONS, LoadFamily
 
 Surface = SurfaceGrid | SurfaceMesh
 
@@ -46,6 +51,7 @@ _ASKED: dict[LoadFamily, _Asked] = {
         fields=lambda entry: {"section_station": np.array(entry.section_stations_m, dtype=float)},
     ),
     HINGES: _Asked(rows=lambda surface, entry, _: hinge_operator(surface, entry), fields=hinge_fields),
+    BENDING: _Asked(rows=lambda surface, entry, _: bending_operator(surface, entry), fields=bending_fields),
 }
 
 

@@ -7,15 +7,19 @@ that the plane cuts are cut: pressure stays linear over the pieces, so that the 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import cos, radians, sin
+from typing import Any
 
 import numpy as np
 
 from builder.aero.loads.operator import load_operator
 from builder.aero.loads.pieces import forces_and_moments, part_below, whole_surface
 from builder.aero.surface.mesh import SurfaceMesh
+from builder.vehicle.map.options import MapEntry
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
+from strainfmu.estimator.map.hinge_lines import HingeLines
 
 
 def six_loads(mesh: SurfaceMesh, moment_station: float, ahead_of: float = np.inf) -> FloatArray:
@@ -48,8 +52,12 @@ def rolling_operator(surface: SurfaceGrid | SurfaceMesh, moment_station: float) 
     return six_loads(surface, moment_station)[5:]
 
 
-def section_operator(surface: SurfaceGrid | SurfaceMesh, stations: Sequence[float]) -> FloatArray:
+def section_operator(
+    surface: SurfaceGrid | SurfaceMesh, stations: Sequence[float], entry: str = "map.section_stations_m"
+) -> FloatArray:
     """Return (6 n_s, n) the loads of sections at n_s ``stations`` per nodal pressure [m2, m3], load by load.
+
+    ``entry`` of the vehicle file states them.
 
     Torsions of a body of revolution are zero, as every pressure acts through the axis.
 
@@ -62,7 +70,7 @@ def section_operator(surface: SurfaceGrid | SurfaceMesh, stations: Sequence[floa
     low, high = float(x.min()), float(x.max())
     for station in stations:
         if not low < station <= high:
-            raise InputError(f"map.section_stations_m: expected {low:g} to {high:g} m, got {station:g}")
+            raise InputError(f"{entry}: expected {low:g} to {high:g} m, got {station:g}")
     if isinstance(surface, SurfaceGrid):
         torsion = np.zeros((1, surface.n_nodes))
         sections = [np.vstack([load_operator(surface, x, x), torsion]) for x in stations]
@@ -70,3 +78,35 @@ def section_operator(surface: SurfaceGrid | SurfaceMesh, stations: Sequence[floa
         sections = [six_loads(surface, x, x) for x in stations]
     by_kind = np.array(sections).reshape(len(stations), 6, surface.n_nodes).swapaxes(0, 1)
     return by_kind.reshape(6 * len(stations), surface.n_nodes)
+
+
+def bending_operator(surface: SurfaceGrid | SurfaceMesh, entry: MapEntry) -> FloatArray:
+    """Return (n, n_p) the bending moments of ``entry`` per nodal pressure [m3].
+
+    Raises
+    ------
+    InputError
+        A station lies outside the body.
+    """
+    rows = np.zeros((len(entry.bending_moments), surface.n_nodes))
+    for row, (number, one) in zip(rows, enumerate(entry.bending_moments, start=1), strict=True):
+        section = section_operator(surface, (one.station_m,), f"map.bending_moments.{number}.station_m")
+        angle = radians(one.roll_angle_deg)
+        row[:] = cos(angle) * section[3] + sin(angle) * section[4]
+    return rows
+
+
+def bending_fields(entry: MapEntry) -> dict[str, Any]:
+    """Return the field of a map that states the lines of the bending moments; none where there are none."""
+    asked = entry.bending_moments
+    if not asked:
+        return {}
+    angles = [radians(one.roll_angle_deg) for one in asked]
+    return {
+        "bending_lines": HingeLines(
+            name=tuple(one.name for one in asked),
+            region=tuple(f"ahead of x = {one.station_m:g} m" for one in asked),
+            point=np.array([(one.station_m, 0.0, 0.0) for one in asked]),
+            direction=np.array([(0.0, cos(angle), -sin(angle)) for angle in angles]),
+        )
+    }

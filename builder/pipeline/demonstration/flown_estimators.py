@@ -12,12 +12,13 @@ from builder.trial.score import Score, by_name, score_of
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.cosim.systems.recording import Recording
 from strainfmu.estimator.air_data import AIR_DATA_NAMES
+from strainfmu.estimator.air_inputs import ALTITUDE, DYNAMIC_PRESSURE, MACH_NUMBER
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
 from strainfmu.flight_condition import FlightCondition
 from strainfmu.interface.sensor_variables import reading_names
 
-COMPARED_AIR_DATA = ("angle_of_attack", "sideslip_angle", "mach_number", "dynamic_pressure")
+COMPARED_AIR_DATA = ("angle_of_attack", "sideslip_angle", MACH_NUMBER, DYNAMIC_PRESSURE)
 """Air data that the plant of a flight states as well."""
 
 AIR_PREFIXES = (".air_data", ".sigma.air_data")
@@ -64,7 +65,7 @@ def flown_estimators(
     strain = strain if zeros is None else strain - zeros
     bound = bound_in_flight(inverse_map, recording, plant)
     truth = _columns(recording, plant, COEFFICIENT_NAMES)
-    q, mach, altitude = (recording[f"{plant}.{name}"] for name in ("dynamic_pressure", "mach_number", "altitude"))
+    q, mach, altitude = (recording[f"{plant}.{name}"] for name in (DYNAMIC_PRESSURE, MACH_NUMBER, ALTITUDE))
     linear, none = Estimator(inverse_map.without_tables()).estimate(strain, q), np.zeros((len(strain), 0))
     found = {
         "linear": FlownEstimates(
@@ -106,9 +107,9 @@ def bound_in_flight(inverse_map: InverseMap, recording: Recording, plant: str = 
 
     Known are q_inf, M and p_inf by altitude, as in a demonstration. None of a map without tables.
     """
-    flown = _columns(recording, plant, ("mach_number", "angle_of_attack", "sideslip_angle", "altitude"))[::EACH]
+    flown = _columns(recording, plant, (MACH_NUMBER, "angle_of_attack", "sideslip_angle", ALTITUDE))[::EACH]
     conditions = [FlightCondition(*one) for one in flown.tolist()]
-    return cramer_rao_bound(inverse_map, conditions, ("mach_number", "altitude", "dynamic_pressure"))
+    return cramer_rao_bound(inverse_map, conditions, (MACH_NUMBER, ALTITUDE, DYNAMIC_PRESSURE))
 
 
 def _columns(recording: Recording, prefix: str, names: tuple[str, ...]) -> FloatArray:

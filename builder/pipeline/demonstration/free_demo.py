@@ -35,16 +35,17 @@ from strainfmu.cosim.estimators.fmu_step import FmuStep
 from strainfmu.cosim.models.trajectory import load_trajectory
 from strainfmu.cosim.systems.recording import Recording, load_recording, save_csv, save_hdf5
 from strainfmu.errors import InputError
+from strainfmu.estimator.air_inputs import ALTITUDE, DYNAMIC_PRESSURE, MACH_NUMBER
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, load_inverse_map
 from strainfmu.fmu.export import export_estimator
 from strainfmu.fmu.native.package import shipped_libraries
 from strainfmu.interface.fmi_variables import strain_names
+from strainfmu.interface.health_names import CHI_SQUARE, CHI_SQUARE_LIMIT, STATE
 from strainfmu.interface.parameter_variables import PREFIX
 
 STEP_SIZE = 0.01
 """Time between samples of the flight [s]: 100 Hz."""
 NOISE_SEED = 1
-LIMIT = "health.chi_square_limit"
 OF_ROLLING = (ROLLING, f"sigma.{ROLLING}")
 """Outputs of FMUs whose map is in form "dynamic_pressure"."""
 
@@ -126,11 +127,11 @@ def _recording(pipeline: Pipeline, flown: FlownPath, built: AsBuilt) -> Recordin
     pressure = np.array([condition.dynamic_pressure for condition in flown.conditions])
     stated = pressure * (1.0 + built.dynamic_pressure.item())
     parameters = tuple(pipeline.vehicle.conditions.parameters)
-    flow = ("mach_number", "altitude", *(f"{PREFIX}{name}" for name in parameters))
+    flow = (MACH_NUMBER, ALTITUDE, *(f"{PREFIX}{name}" for name in parameters))
     rows, cost = [], []
     with (
         pipeline.reporter.stage("Flight: the estimator FMU") as progress,
-        FmuStep(pipeline.path("estimator.fmu"), flow, (LIMIT, *OF_ROLLING)) as step,
+        FmuStep(pipeline.path("estimator.fmu"), flow, (CHI_SQUARE_LIMIT, *OF_ROLLING)) as step,
     ):
         of_rolling = [name for name in OF_ROLLING if name in step.other_outputs]
         for i, condition in enumerate(flown.conditions):
@@ -146,17 +147,17 @@ def _recording(pipeline: Pipeline, flown: FlownPath, built: AsBuilt) -> Recordin
                     *result.coefficients_std,
                     result.health,
                     result.chi_square,
-                    *(result.other_outputs[name] for name in (LIMIT, *of_rolling)),
+                    *(result.other_outputs[name] for name in (CHI_SQUARE_LIMIT, *of_rolling)),
                 ]
             )
             if i % 100 == 0:
                 progress(i, len(strain))
     table = np.array([condition.as_row() for condition in flown.conditions])
     rolling = [ROLLING] if of_rolling else []
-    plant = [*COEFFICIENT_NAMES, *rolling, *strain_names(strain.shape[1]), "dynamic_pressure"]
-    plant += ["mach_number", "angle_of_attack", "sideslip_angle", "altitude", *parameters]
+    plant = [*COEFFICIENT_NAMES, *rolling, *strain_names(strain.shape[1]), DYNAMIC_PRESSURE]
+    plant += [MACH_NUMBER, "angle_of_attack", "sideslip_angle", ALTITUDE, *parameters]
     estimator = [*COEFFICIENT_NAMES, *(f"sigma.{name}" for name in COEFFICIENT_NAMES)]
-    estimator += ["health.state", "health.chi_square", LIMIT, *of_rolling]
+    estimator += [STATE, CHI_SQUARE, CHI_SQUARE_LIMIT, *of_rolling]
     units = ["1"] * (5 + len(rolling) + strain.shape[1]) + ["Pa", "1", "rad", "rad", "m"] + [""] * len(parameters)
     units += ["1"] * 10 + ["", "1", "1"] + ["1"] * len(of_rolling)
     loads = [flown.coefficients, *([flown.rolling] if rolling else [])]

@@ -91,6 +91,6 @@ def _ranges(
     total = [degrees(c.total_incidence) for c in held]
     yield "total incidence", " deg", [degrees(c.total_incidence) for c in flown], [0.0, *total]
     heights = [1e-3 * c.altitude for c in held]
-    if vehicle.map.form == "dynamic_pressure":
+    if vehicle.map.follows_pressure:
         heights = list(vehicle.map.valid_altitude_km)
     yield "altitude", " km", [1e-3 * c.altitude for c in flown], heights

@@ -11,6 +11,7 @@ from builder.reports.findings.envelope_states import NAVIGATION, envelope, estim
 from builder.reports.page.tables import Column, Table, make_table
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.air_data import AIR_DATA_NAMES
+from strainfmu.estimator.air_inputs import MACH_NUMBER, STATIC_PRESSURE
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
 
@@ -63,7 +64,7 @@ def flight_accuracy(inverse_map: InverseMap) -> FlightAccuracy | None:
 
 def flight_accuracy_table(of: FlightAccuracy) -> Table:
     """One row per navigation, total incidence and Mach number."""
-    shown = [AIR_DATA_NAMES.index(name) for name in ("total_incidence", "mach_number", "static_pressure")]
+    shown = [AIR_DATA_NAMES.index(name) for name in ("total_incidence", MACH_NUMBER, STATIC_PRESSURE)]
     rows: list[tuple[object, ...]] = []
     for n, known in enumerate(NAVIGATION):
         for i, incidence in enumerate(np.degrees(of.total_incidence).tolist()):

@@ -70,6 +70,18 @@ class HingeMoment(Section):
         return value
 
 
+class BendingMoment(Section):
+    """Bending moment of the air on the part ahead of a station, as at a joint, in a plane through the axis.
+
+    The plane is that of ``roll_angle_deg`` from +z towards +y: at 0 the moment is positive as a nose-up pitching
+    moment, at 90 as a nose-to-starboard yawing moment, about the point (``station_m``, 0, 0).
+    """
+
+    name: Annotated[str, Field(min_length=1, max_length=60), AfterValidator(one_line)]
+    station_m: SectionStation
+    roll_angle_deg: float = Field(default=0.0, ge=-360.0, le=360.0)
+
+
 class MapEntry(Section):
     """The inverse map.
 
@@ -83,7 +95,7 @@ class MapEntry(Section):
     uses every flow at every roll angle, which holds for a body of revolution; "listed" keeps the angles of the
     conditions with their signs. ``section_stations_m`` are the stations, rising, whose section loads (axial force,
     shear, bending, torsion of the air on the part ahead) the map gives besides. ``hinge_moments`` are moments of
-    ``regions`` of the surface about lines, which it gives too.
+    ``regions`` of the surface about lines, which it gives too, as it does ``bending_moments`` at stations.
     ``alarm_levels`` "calibrated" sets the alarm levels on flights of the independent
     model with hardware errors drawn, where engine and structure allow, "always" also where its flows cost more
     than the build, as of sections by ``euler``; "nominal" leaves those of the theory.
@@ -108,6 +120,7 @@ class MapEntry(Section):
     section_stations_m: tuple[SectionStation, ...] = Field(default=(), max_length=50)
     regions: dict[str, Region] = Field(default_factory=dict)
     hinge_moments: list[HingeMoment] = Field(default_factory=list, max_length=50)
+    bending_moments: list[BendingMoment] = Field(default_factory=list, max_length=50)
     modes: int = Field(default=5, ge=1, le=1000)
     case: Literal[1, 2] = 1
     inner_product: Literal["euclidean", "area"] = "euclidean"
@@ -121,6 +134,11 @@ class MapEntry(Section):
     discrepancy_of_overpressure_percent: float = Field(default=10.0, ge=0.0, le=100.0)
     discrepancy_of_leeward_percent: float = Field(default=25.0, ge=0.0, le=100.0)
     level_by_strain: bool = False
+
+    @property
+    def follows_pressure(self) -> bool:
+        """Whether strain is modelled in proportion to q_inf."""
+        return self.form == "dynamic_pressure"
 
     @field_validator("estimator", mode="before")
     @classmethod
@@ -164,9 +182,13 @@ class MapEntry(Section):
                 )
             if one.name in names[: number - 1]:
                 raise ValueError(f"hinge_moments.{number}.name: expected another than before, got '{one.name}'")
-        if self.form == "dynamic_pressure" and self.gamma != 1.0:
+        names = [one.name for one in self.bending_moments]
+        for number, name in enumerate(names, start=1):
+            if name in names[: number - 1]:
+                raise ValueError(f"bending_moments.{number}.name: expected another than before, got '{name}'")
+        if self.follows_pressure and self.gamma != 1.0:
             raise ValueError(f"gamma: expected 1 with form 'dynamic_pressure', got {self.gamma!r}")
-        if self.estimator == "nonlinear" and self.form != "dynamic_pressure":
+        if self.estimator == "nonlinear" and not self.follows_pressure:
             raise ValueError(f"estimator: 'nonlinear' needs form 'dynamic_pressure', got '{self.form}'")
         return self
 

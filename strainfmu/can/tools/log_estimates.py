@@ -13,7 +13,9 @@ from strainfmu.can.tools.log_description import load_description
 from strainfmu.can.tools.replay import ReplaySummary, replay_log
 from strainfmu.cosim.estimators.source import open_step
 from strainfmu.cosim.estimators.step import load_groups_of
+from strainfmu.estimator.air_inputs import ALTITUDE, MACH_NUMBER
 from strainfmu.estimator.other_loads import output_units
+from strainfmu.interface.health_names import ENVELOPE_SCORE
 from strainfmu.recorded.estimates.fmu_columns import other_outputs_of
 from strainfmu.recorded.output.estimate_files import (
     ESTIMATE_COLUMNS,
@@ -29,9 +31,9 @@ LOG_COLUMNS = (
     ("age", "s"),
     ("counter", "1"),
     ("sample_time", "tick"),
-    ("mach_number", "1"),
-    ("altitude", "m"),
-    ("health.envelope_score", "1"),
+    (MACH_NUMBER, "1"),
+    (ALTITUDE, "m"),
+    (ENVELOPE_SCORE, "1"),
     ("age_uncertainty", "s"),
 )
 """Columns of a replay's output; loads behind the five follow where the estimator gives them."""

@@ -15,6 +15,7 @@ import numpy as np
 from strainfmu.arrays import FloatArray
 from strainfmu.can.wire.frame_layout import FLOW_QUANTITIES, NAVIGATION, is_reading
 from strainfmu.errors import InputError
+from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 from strainfmu.interface.fmi_variables import strain_names
 
@@ -80,7 +81,7 @@ def _plant_outputs(path: Path, description: Any, n_gauges: int, readings: Sequen
     coefficients."""
     # Mach number and altitude of a plant may be inputs, which keep their start values here.
     found = {v.name: v for v in description.modelVariables if v.causality == "output" or v.name in NAVIGATION}
-    names = [*strain_names(n_gauges), "dynamic_pressure"]
+    names = [*strain_names(n_gauges), DYNAMIC_PRESSURE]
     missing = [name for name in names if name not in found]
     if missing:
         raise InputError(f"{path}: no output '{missing[0]}' found: not a plant of {n_gauges} gauges")

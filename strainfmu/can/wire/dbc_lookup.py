@@ -8,7 +8,7 @@ from typing import Any
 from strainfmu.can.settings import checked_cycle_time
 from strainfmu.can.wire.crc import Protection
 from strainfmu.can.wire.dbc_signals import period
-from strainfmu.can.wire.frame_layout import InputFrame
+from strainfmu.can.wire.frame_layout import FLOW_QUANTITIES, MAPPED_QUANTITIES, InputFrame
 from strainfmu.errors import InputError
 
 E2E_PROFILE, E2E_DATA_ID = "E2EProfile", "E2EDataID"
@@ -22,10 +22,8 @@ START_VALUE = "GenSigStartValue"
 
 _TABLES = {
     "strain",
-    "dynamic_pressure",
-    "mach_number",
-    "altitude",
-    "static_pressure",
+    *FLOW_QUANTITIES,
+    *MAPPED_QUANTITIES,
     "temperature",
     "sensors",
     "thrust",

@@ -19,7 +19,7 @@ from strainfmu.can.wire.frame_layout import (
     FLOW_QUANTITIES,
     FLOW_STDS,
     LARGEST_PARAMETER,
-    STATIC_PRESSURE,
+    MAPPED_QUANTITIES,
     FlowSignal,
     FrameLayout,
     InputFrame,
@@ -84,7 +84,7 @@ def mapped_layout(
     mapper.may_hold("parameter", "name", by_name)
     mapper.may_deviate({by_name[name]: one for name, one in std_by_name.items() if name in by_name})
     mapper.may_deviate({quantity: std for quantity, std in FLOW_STDS.items() if std in flow_names})
-    mapper.has_static_pressure = STATIC_PRESSURE in flow_names
+    mapper.mapped = tuple(name for name in MAPPED_QUANTITIES if name in flow_names)
     return mapper.layout()
 
 
@@ -107,7 +107,7 @@ class _Mapper:
         self._deviations: dict[str, str] = {}
         self._constants: dict[str, float] = {}
         self._frames_in_use: set[str] = set()
-        self.has_static_pressure = False
+        self.mapped: tuple[str, ...] = ()
         """The estimator takes p_inf."""
         self.readings: dict[str, str] = {}
         """Units of auxiliary sensors and of thrust by name of the estimator's input."""
@@ -210,8 +210,8 @@ class _Mapper:
     def _flow_paths(self) -> list[tuple[str, Any]]:
         """Return the quantities of the flow that are mapped, and "Message.Signal" of each."""
         found: dict[str, Any] = {}
-        taken = {STATIC_PRESSURE: self.has_static_pressure, THRUST: THRUST in self.readings}
-        for quantity in (*FLOW_QUANTITIES, STATIC_PRESSURE, THRUST):
+        taken = {name: name in self.mapped for name in MAPPED_QUANTITIES} | {THRUST: THRUST in self.readings}
+        for quantity in (*FLOW_QUANTITIES, *taken):
             table = self._file.table(quantity, optional=True)
             if not table:
                 continue

@@ -7,24 +7,20 @@ from typing import Any
 
 from strainfmu.can.wire.dbc_lookup import MappedDatabase
 from strainfmu.can.wire.frame_layout import (
-    ALTITUDE,
-    DYNAMIC_PRESSURE,
-    FLOW_STDS,
-    MACH_NUMBER,
-    STATIC_PRESSURE,
     is_parameter,
     is_parameter_std,
     is_temperature,
 )
-from strainfmu.units import LENGTH_UNITS, NUMBER_UNITS, PRESSURE_UNITS, READING_UNITS, TEMPERATURE_UNITS
+from strainfmu.estimator.air_inputs import AIR_INPUTS
+from strainfmu.units import READING_UNITS, TEMPERATURE_UNITS, UNITS_OF
 
-_UNITS_OF = {
-    DYNAMIC_PRESSURE: (PRESSURE_UNITS, "a unit of pressure", ""),
-    MACH_NUMBER: (NUMBER_UNITS | {"Mach": 1.0, "Ma": 1.0}, "a number", "1"),
-    ALTITUDE: (LENGTH_UNITS, "a unit of length", ""),
-    STATIC_PRESSURE: (PRESSURE_UNITS, "a unit of pressure", ""),
+_OF_UNIT = {
+    "Pa": (UNITS_OF["Pa"], "a unit of pressure", ""),
+    "1": (UNITS_OF["1"] | {"Mach": 1.0, "Ma": 1.0}, "a number", "1"),
+    "m": (UNITS_OF["m"], "a unit of length", ""),
+    "K": (UNITS_OF["K"], "K", ""),
 }
-_UNITS_OF |= {std: _UNITS_OF[quantity] for quantity, std in FLOW_STDS.items()}
+_UNITS_OF = {one.name: _OF_UNIT[one.unit] for one in AIR_INPUTS}
 """Units of a quantity of the flow, what they are, and that of a signal without one."""
 
 

@@ -7,23 +7,27 @@ from dataclasses import dataclass, field
 from strainfmu.can.wire.authenticator import AuthenticationKey, Secured
 from strainfmu.can.wire.crc import Protection
 from strainfmu.can.wire.frame import frame_key
-from strainfmu.interface.input_names import OTHER_AIR_DATA
+from strainfmu.estimator.air_inputs import AIR_INPUTS, STD
+from strainfmu.estimator.air_inputs import ALTITUDE as ALTITUDE
+from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE as DYNAMIC_PRESSURE
+from strainfmu.estimator.air_inputs import FLOW_QUANTITIES as FLOW_QUANTITIES
+from strainfmu.estimator.air_inputs import MACH_NUMBER as MACH_NUMBER
 from strainfmu.interface.sensor_variables import PREFIX as SENSOR_PREFIX
 from strainfmu.interface.sensor_variables import THRUST
 
 UNSIGNED, SIGNED, FLOAT = "unsigned", "signed", "float"
 LITTLE, BIG = "little", "big"
 
-DYNAMIC_PRESSURE, MACH_NUMBER, ALTITUDE = "dynamic_pressure", "mach_number", "altitude"
-NAVIGATION = (MACH_NUMBER, ALTITUDE)
-FLOW_QUANTITIES = (DYNAMIC_PRESSURE, *NAVIGATION)
-"""What the bridge takes from the bus beside strains, by the names of the FMU's inputs; only q_inf is needed.
+NAVIGATION = FLOW_QUANTITIES[1:]
+"""What the bridge takes from the bus beside strains and q_inf, by the names of the FMU's inputs.
 
-Temperatures are ``temperature[k]``, see :func:`temperature_name`."""
+Only q_inf is needed. Temperatures are ``temperature[k]``, see :func:`temperature_name`."""
 
-STATIC_PRESSURE = "static_pressure"
-FLOW_STDS = {name.removesuffix("_std"): name for name in OTHER_AIR_DATA if name.endswith("_std")}
-"""The input for the standard deviation of each quantity that has one; only a mapping gives these, and p_inf."""
+MAPPED_QUANTITIES = tuple(one.name for one in AIR_INPUTS if one.of_tables and not one.is_std)
+"""Quantities, such as p_inf, that a mapping alone gives."""
+
+FLOW_STDS = {one.name.removesuffix(STD): one.name for one in AIR_INPUTS if one.is_std}
+"""The input for the standard deviation of each quantity that has one; only a mapping gives these."""
 
 _TEMPERATURE = "temperature["
 

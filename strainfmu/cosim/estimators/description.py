@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -13,28 +12,28 @@ import numpy as np
 from strainfmu.arrays import FloatArray
 from strainfmu.cosim.systems.instance import read_description
 from strainfmu.errors import InputError
+from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 from strainfmu.estimator.other_loads import LoadGroup, groups_among
+from strainfmu.estimator.setting_inputs import OF_READINGS
 from strainfmu.estimator.settings import SENSOR_RANGE
+from strainfmu.interface.contents import FmuContents, stated_contents
+from strainfmu.interface.health_names import CHI_SQUARE, STATE
 from strainfmu.interface.sensor_variables import PREFIX as SENSOR_PREFIX
 from strainfmu.interface.sensor_variables import THRUST
 
 STRAIN = re.compile(r"strain\[(\d+)\]")
 VALID = re.compile(r"valid\[(\d+)\]")
-_GAUGE = re.compile(r"Strain of gauge (.+) at x = ")
 TEMPERATURES = re.compile(r"temperature\[(\d+)\]")
-SENSOR = re.compile(r"Temperature of sensor (.+);")
 _NUMBER = {"Real", "Integer", "Enumeration", "Boolean"}
 OUTPUTS = (
     *COEFFICIENT_NAMES,
     *(f"sigma.{name}" for name in COEFFICIENT_NAMES),
-    "health.chi_square",
-    "health.state",
+    CHI_SQUARE,
+    STATE,
 )
 FIRST_NUMBER = 2 * len(COEFFICIENT_NAMES)
 """Place of the first output that is neither a coefficient nor its standard deviation: ``health.chi_square``."""
-CONTENTS = "extra/strainfmu/contents.json"
-"""What an FMU of this project states beside its model description (strainfmu/fmu/fmu_file.py)."""
 
 
 def gauge_names_of(path: Path) -> tuple[str, ...]:
@@ -46,7 +45,7 @@ def gauge_names_of(path: Path) -> tuple[str, ...]:
         The FMU is missing, damaged, or no estimator.
     """
     strains = numbered(estimator_inputs(path, read_description(path)), STRAIN)
-    return tuple(gauge_name(variable) for variable in strains)
+    return stated_names(strains, stated_contents(path).gauges)
 
 
 def load_groups_in(path: Path) -> tuple[LoadGroup, ...]:
@@ -57,7 +56,7 @@ def load_groups_in(path: Path) -> tuple[LoadGroup, ...]:
     InputError
         The FMU is missing or damaged.
     """
-    return load_groups(read_description(path))
+    return load_groups(read_description(path), stated_contents(path))
 
 
 def outputs_of(path: Path) -> tuple[tuple[str, str], ...]:
@@ -75,20 +74,15 @@ def outputs_of(path: Path) -> tuple[tuple[str, str], ...]:
     return tuple((one.name, one.unit or "1") for one in found if one.type in _NUMBER)
 
 
-def noise_std_of(contents: Path, n_gauges: int) -> FloatArray | None:
-    """Return (n_d,) the noise that ``contents`` of an unzipped FMU states [m/m], None if it does not."""
-    try:
-        stated = json.loads(contents.read_text())["gauge_noise_um_per_m"]
-        noise = 1e-6 * np.asarray(stated, dtype=float)
-    except (OSError, ValueError, TypeError, KeyError):
-        return None  # of an earlier version, or of another program
-    usable = noise.shape == (n_gauges,) and bool((np.isfinite(noise) & (noise > 0.0)).all())
-    return noise if usable else None
+def noise_std_of(contents: FmuContents, n_gauges: int) -> FloatArray | None:
+    """Return (n_d,) the noise that an FMU states [m/m], None if it does not."""
+    noise = np.array(contents.gauge_noise, dtype=float)
+    return noise if noise.shape == (n_gauges,) and bool((noise > 0.0).all()) else None
 
 
 def sensor_range_of(description: Any) -> float:
     """Return the largest |strain| of a working gauge [m/m] by an FMU; that of maps if it states none."""
-    start = next((v.start for v in description.modelVariables if v.name == "sensor_range"), None)
+    start = next((v.start for v in description.modelVariables if v.name == OF_READINGS), None)
     return SENSOR_RANGE if start is None else float(start)
 
 
@@ -96,7 +90,7 @@ def estimator_inputs(path: Path, description: Any) -> list[Any]:
     """Return the inputs of an estimator FMU."""
     inputs = [v for v in description.modelVariables if v.causality == "input" and v.type in _NUMBER]
     names = [variable.name for variable in inputs]
-    for name in ("strain[1]", "dynamic_pressure"):
+    for name in ("strain[1]", DYNAMIC_PRESSURE):
         if name not in names:
             raise InputError(f"{path}: no input '{name}' found: not an estimator FMU")
     return inputs
@@ -118,10 +112,10 @@ def reading_units_in(path: Path) -> dict[str, str]:
     return reading_units(one for one in read_description(path).modelVariables if one.causality == "input")
 
 
-def load_groups(description: Any) -> tuple[LoadGroup, ...]:
+def load_groups(description: Any, contents: FmuContents) -> tuple[LoadGroup, ...]:
     """Return the groups of the loads that an FMU states beside the five."""
-    outputs = (v for v in description.modelVariables if v.causality == "output")
-    return groups_among({one.name: one.description or "" for one in outputs})
+    outputs = {v.name for v in description.modelVariables if v.causality == "output"}
+    return groups_among(outputs, contents.places)
 
 
 def estimator_outputs(path: Path, description: Any, other_names: Iterable[str]) -> list[Any]:
@@ -143,11 +137,6 @@ def numbered(variables: Sequence[Any], pattern: re.Pattern[str]) -> list[Any]:
     return [found[index] for index in sorted(found)]
 
 
-def gauge_name(variable: Any) -> str:
-    return described(variable, _GAUGE)
-
-
-def described(variable: Any, pattern: re.Pattern[str]) -> str:
-    """Return the name of gauge or sensor in the variable's description, or the variable's own."""
-    match = pattern.match(variable.description or "")
-    return match[1] if match else str(variable.name)
+def stated_names(variables: Sequence[Any], stated: Sequence[str]) -> tuple[str, ...]:
+    """Return the ``stated`` names of the gauges or sensors of an array, the variables' own without them."""
+    return tuple(stated) if len(stated) == len(variables) else tuple(str(one.name) for one in variables)

@@ -14,28 +14,27 @@ from numpy.typing import NDArray
 
 from strainfmu.arrays import FloatArray
 from strainfmu.cosim.estimators.description import (
-    CONTENTS,
     FIRST_NUMBER,
     OUTPUTS,
-    SENSOR,
     STRAIN,
     TEMPERATURES,
     VALID,
-    described,
     estimator_inputs,
     estimator_outputs,
-    gauge_name,
     load_groups,
     noise_std_of,
     numbered,
     reading_units,
     sensor_range_of,
+    stated_names,
 )
 from strainfmu.cosim.estimators.step import OTHER_LOAD_OUTPUTS, PARAMETERS, StepRefused, StepResult
 from strainfmu.cosim.systems.instance import Instance, SignalBlock, read_description, safe_temporary_parent, unzip
 from strainfmu.errors import InputError, StrainfmuError
+from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
 from strainfmu.estimator.other_loads import output_units
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
+from strainfmu.interface.contents import stated_contents
 from strainfmu.interface.input_names import NAVIGATION_INPUTS
 from strainfmu.interface.parameter_variables import OUTSIDE_PREFIX, STD_PREFIX
 from strainfmu.interface.parameter_variables import PREFIX as PARAMETER_PREFIX
@@ -88,7 +87,8 @@ class FmuStep:
         self._description = read_description(path)
         inputs = estimator_inputs(path, self._description)
         strains = numbered(inputs, STRAIN)
-        self.gauge_names = tuple(gauge_name(variable) for variable in strains)
+        contents = stated_contents(path)
+        self.gauge_names = stated_names(strains, contents.gauges)
         self.n_gauges = len(strains)
         self.reading_units = reading_units(inputs)
         if self.reading_units and SENSORS not in other_inputs:
@@ -99,11 +99,11 @@ class FmuStep:
         valid = valid[: len(valid) - count]  # those of sensors stay true: one of NaN, as at the start, is left out
         if valid and len(valid) != self.n_gauges:
             raise InputError(f"{path}: expected {self.n_gauges} inputs valid[i], got {len(valid)}")
-        pressure = next(v for v in inputs if v.name == "dynamic_pressure")
+        pressure = next(v for v in inputs if v.name == DYNAMIC_PRESSURE)
         by_name = {variable.name: variable for variable in inputs}
         self.needs_pressure = not by_name.keys() >= set(NAVIGATION_INPUTS)  # which nonlinear estimators have
         sensors = numbered(inputs, TEMPERATURES) if TEMPERATURE in other_inputs else []
-        self.sensor_names = tuple(described(variable, SENSOR) for variable in sensors)
+        self.sensor_names = stated_names(sensors, contents.temperature_sensors)
         of_parameters = [name for name in by_name if name.startswith(PARAMETER_PREFIX)]
         parameters = of_parameters if PARAMETERS in other_inputs else []
         stds = [name.replace(PARAMETER_PREFIX, STD_PREFIX, 1) for name in parameters]
@@ -116,13 +116,14 @@ class FmuStep:
         self._first_mask = self.n_gauges + 1 + len(of_flow)
         wanted = [name for name in other_outputs if name != OTHER_LOAD_OUTPUTS]
         wanted += [name.replace(PARAMETER_PREFIX, OUTSIDE_PREFIX, 1) for name in parameters]
-        self.load_groups = load_groups(self._description) if OTHER_LOAD_OUTPUTS in other_outputs else ()
+        self.load_groups = load_groups(self._description, contents) if OTHER_LOAD_OUTPUTS in other_outputs else ()
         wanted += output_units(self.load_groups)
         self._get = estimator_outputs(path, self._description, dict.fromkeys(wanted))
         self.other_outputs = tuple(variable.name for variable in self._get[len(OUTPUTS) - 1 : -1])
         self.strain_nominal = np.array([float(variable.nominal or 1.0) for variable in strains])
         self.pressure_nominal = float(pressure.nominal or 1.0)
         self.sensor_range = sensor_range_of(self._description)
+        self.noise_std = noise_std_of(contents, self.n_gauges)
         self._time = 0.0
         self._retried = False
         self._inputs = np.zeros(len(self._set))
@@ -141,7 +142,6 @@ class FmuStep:
         self._stack = ExitStack()
         try:
             self._folder = self._unzipped()
-            self.noise_std = noise_std_of(self._folder / CONTENTS, self.n_gauges)
             self._open()
         except BaseException:
             self._stack.close()

@@ -16,6 +16,7 @@ from strainfmu.cosim.estimators.fmu_step import SENSORS, TEMPERATURE, FmuStep
 from strainfmu.cosim.estimators.step import ENVELOPE_SCORE, OTHER_LOAD_OUTPUTS, PARAMETERS, Step, StepResult
 from strainfmu.cosim.estimators.zeros_file import load_zeros
 from strainfmu.errors import InputError
+from strainfmu.estimator.air_inputs import ALTITUDE, MACH_NUMBER
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map
 from strainfmu.estimator.map.offers import groups_of_outputs
@@ -34,7 +35,7 @@ from strainfmu.interface.parameter_variables import PREFIX as PARAMETER_PREFIX
 from strainfmu.interface.sensor_variables import THRUST, reading_units, sensor_names
 from strainfmu.interface.temperature_variables import temperature_names
 
-NAVIGATION = ("mach_number", "altitude")
+NAVIGATION = (MACH_NUMBER, ALTITUDE)
 """Navigation that the bus has beside q_inf: for health alone, or for the nonlinear estimator."""
 
 
@@ -128,7 +129,7 @@ class MapStep:
         warm = None
         if self._temperatures and others:
             warm = np.array([others.get(name, nan) for name in self._temperatures])
-        of_flow: dict[str, Any] = {"mach_number": mach_number, "altitude": altitude, "temperature": warm}
+        of_flow: dict[str, Any] = {MACH_NUMBER: mach_number, ALTITUDE: altitude, "temperature": warm}
         of_flow |= given_flow({name: others[name] for name in self._flow if name in others})
         names = [name.removeprefix(PARAMETER_PREFIX) for name in self._parameters]
         if names:

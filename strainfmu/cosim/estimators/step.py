@@ -10,6 +10,7 @@ from strainfmu.errors import StrainfmuError
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.other_loads import LoadGroup
 from strainfmu.estimator.settings import SENSOR_RANGE
+from strainfmu.interface.health_names import ENVELOPE_SCORE as ENVELOPE_SCORE
 from strainfmu.interface.parameter_variables import PREFIX as PARAMETER_PREFIX
 from strainfmu.interface.parameter_variables import STD_PREFIX
 
@@ -44,9 +45,6 @@ def health_name(state: int) -> str:
     """Return the name of a state of health, its number if this version does not know it."""
     return _HEALTH_NAMES.get(state, str(state))
 
-
-ENVELOPE_SCORE = "health.envelope_score"
-"""Output of :attr:`StepResult.other_outputs`: distance of the coefficients from the map's range [sigma]."""
 
 PARAMETERS = "parameters"
 """Name that stands for all flow parameters among the other inputs that are asked for, and their

@@ -50,7 +50,7 @@ def linear_pressure(inputs: FieldInputs | None, valid: BoolArray, with_std: bool
     held = None if inputs is None else inputs.inverse_map
     if inputs is None or held is None or not held.has_field:
         raise no_field()
-    scaled = held.form == "dynamic_pressure"
+    scaled = held.follows_pressure
     ratio = float(inputs.dynamic_pressure) / held.nominal_dynamic_pressure if scaled else 1.0
     few = held.case == 1 and np.count_nonzero(valid) < held.state_operator.shape[1]
     is_net = held.field_is_net
@@ -77,7 +77,7 @@ def linear_pressure(inputs: FieldInputs | None, valid: BoolArray, with_std: bool
 
 
 def _states(held: InverseMap, strain: FloatArray, ratio: float, valid: BoolArray) -> _States:
-    if held.form == "dynamic_pressure":
+    if held.follows_pressure:
         own, error = held.gauge_covariance, held.error_strain
         fixed = held.fixed_strain
         data = (strain - fixed) / ratio + fixed - held.mean_strain

@@ -112,6 +112,7 @@ class InverseMap:
     sensors : what the rows measure. All other fields hold the rows as strain, readings over ``sensors.scale``.
     section_station : (n_s,) x of the sections [m], rising; none where no sections are wanted.
     hinge_lines : lines about which the map gives hinge moments; None where none are wanted.
+    bending_lines : the same of bending moments of the part ahead of a station, points on the axis there.
     thermal : modes of the wall's temperature and sensors of it; of a map that knows of none, no modes.
     manifold : tables of the nonlinear estimator for the same gauges; None in a map for the linear one alone.
 
@@ -165,6 +166,7 @@ class InverseMap:
     )
     section_station: FloatArray = field(default_factory=no_numbers)
     hinge_lines: HingeLines | None = field(default=None, metadata=inner_record(HingeLines, HINGE_UNITS))
+    bending_lines: HingeLines | None = field(default=None, metadata=inner_record(HingeLines, HINGE_UNITS))
     thermal: ThermalMap = field(
         default_factory=lambda: no_temperature(np.zeros((0, 0))),
         metadata=OPTIONAL | inner_record(ThermalMap, THERMAL_UNITS),

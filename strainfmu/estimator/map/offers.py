@@ -17,7 +17,7 @@ def has_filter(inverse_map: InverseMap) -> bool:
 
 def has_other_outputs(inverse_map: InverseMap) -> bool:
     """Return whether FMUs of the map state such loads: by tables, or in form "dynamic_pressure"."""
-    in_core = inverse_map.manifold is not None or inverse_map.form == "dynamic_pressure"
+    in_core = inverse_map.manifold is not None or inverse_map.follows_pressure
     return inverse_map.has_other_loads and in_core
 
 

@@ -105,3 +105,15 @@ def valid_ranges(inverse_map: InverseMap) -> list[ValidRange]:
         *valid_parameters(inverse_map.provenance.get("parameters", {})),
         ValidRange(quantity="|strain| of the gauge that strains most", minimum=0.0, maximum=strain, unit="um/m"),
     ]
+
+
+def all_ranges(inverse_map: InverseMap) -> list[ValidRange]:
+    """Return what the snapshots cover: flight conditions, strains and coefficients."""
+    from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
+
+    rounded = inverse_map.coefficient_range.round(6) + 0.0  # + 0.0: no negative zeros
+    coefficients = zip(COEFFICIENT_NAMES, rounded.tolist(), strict=True)
+    return [
+        *valid_ranges(inverse_map),
+        *(ValidRange(quantity=name, minimum=low, maximum=high, unit="1") for name, (low, high) in coefficients),
+    ]

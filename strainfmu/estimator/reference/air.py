@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import log
 
 import numpy as np
 
 from strainfmu.arrays import FloatArray
-from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, static_pressure_at
+from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, LAYERS, pressure_and_temperature, static_pressure_at
+from strainfmu.estimator.air_data import NAVIGATION
+from strainfmu.estimator.air_inputs import (
+    ALTITUDE,
+    STATIC_TEMPERATURE_ERROR,
+    STD,
+    TOTAL_TEMPERATURE,
+    TOTAL_TEMPERATURE_ERROR,
+)
 from strainfmu.estimator.alarm_limits import outlier_threshold
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.policies import FALSE_ALARMS, NAVIGATION_ALARM
@@ -57,6 +66,39 @@ def air_inputs(inverse_map: InverseMap, value: FloatArray, std: FloatArray, alti
     found = np.maximum(np.where(np.isnan(std), own, std), LEAST_RELATIVE_STD * np.abs(value))
     known = np.isfinite(value) & (value > 0.0) & np.isfinite(found) & (found > 0.0)
     return AirInputs(value=np.where(known, value, np.nan), std=np.where(known, found, np.nan))
+
+
+def air_inputs_of(inverse_map: InverseMap, given: Mapping[str, float]) -> AirInputs:
+    """Return what is known of a sample of inputs by name, NaN where not given: see :func:`air_inputs`."""
+    value, std = (np.array([given[name + end] for name in NAVIGATION]) for end in ("", STD))
+    found = air_inputs(inverse_map, value, std, given[ALTITUDE])
+    total, total_std = (given[TOTAL_TEMPERATURE + end] for end in ("", STD))
+    other, other_std = mach_by_temperature(total, total_std, given[ALTITUDE])
+    mach, mach_std = found.value[0], found.std[0]
+    if np.isnan(other):
+        return found
+    if np.isnan(mach):
+        joined = other, other_std
+    else:
+        weight = np.array([mach_std**-2, other_std**-2])
+        apart = abs(other - mach) / np.hypot(mach_std, other_std)
+        joined = weight @ [mach, other] / weight.sum(), max(1.0, apart) / np.sqrt(weight.sum())
+    return AirInputs(value=np.append(joined[0], found.value[1:]), std=np.append(joined[1], found.std[1:]))
+
+
+def mach_by_temperature(total: float, std: float, altitude: float) -> tuple[float, float]:
+    """Return M by a total temperature [K] of a perfect gas and the standard atmosphere at ``altitude`` [m].
+
+    T0 = T (1 + (gamma - 1)/2 M^2); the deviation is that of T0 and T to first order. NaN where it gives none.
+    """
+    if not (np.isfinite(total) and total > 0.0 and 0.0 <= altitude <= LAYERS[-1][0]):
+        return np.nan, np.nan
+    ratio, half = total / pressure_and_temperature(altitude)[1], 0.5 * (HEAT_CAPACITY_RATIO - 1.0)
+    if ratio <= 1.0:
+        return np.nan, np.nan
+    mach = np.sqrt((ratio - 1.0) / half)
+    relative = np.hypot(std / total if std > 0.0 else TOTAL_TEMPERATURE_ERROR, STATIC_TEMPERATURE_ERROR)
+    return float(mach), float(0.5 * ratio * relative / (half * mach))
 
 
 def without(air: AirInputs, z: FloatArray, dropped: int) -> AirInputs:

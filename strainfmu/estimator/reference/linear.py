@@ -68,7 +68,7 @@ def estimate(
     for_gain, truth = models(inverse_map)
     if noise is not None:
         for_gain, truth = replace(for_gain, noise=noise), replace(truth, noise=noise)
-    is_scaled, nominal = inverse_map.form == "dynamic_pressure", inverse_map.nominal_dynamic_pressure
+    is_scaled, nominal = inverse_map.follows_pressure, inverse_map.nominal_dynamic_pressure
     s = dynamic_pressure / nominal if is_scaled else np.ones(len(rows))
     found = condition(prepare(for_gain, used), rows, s)
     residual = condition(prepare(truth, used), rows, s)

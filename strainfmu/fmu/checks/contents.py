@@ -10,7 +10,7 @@ from typing import Any
 from strainfmu.archive import check_unpacked_size
 from strainfmu.cosim.systems.instance import import_fmpy
 from strainfmu.errors import InputError
-from strainfmu.fmu.fmu_file import CONTENTS
+from strainfmu.interface.contents import CONTENTS
 
 
 def read_fmu(path: Path) -> tuple[Any, dict[str, Any], dict[str, int]]:

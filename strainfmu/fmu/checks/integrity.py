@@ -10,7 +10,7 @@ from pathlib import Path, PurePosixPath
 
 from strainfmu.estimator.resource.container import CHECKED_FROM
 from strainfmu.files import USER_BLOCK_SIZE
-from strainfmu.fmu.fmu_file import CONTENTS
+from strainfmu.interface.contents import CONTENTS
 
 _ALTERED = "damaged or altered, its check sum is wrong"
 

@@ -11,11 +11,12 @@ from strainfmu.arrays import FloatArray
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
 from strainfmu.estimator.map.temperature import ThermalMap
-from strainfmu.estimator.map.validity import ValidRange, valid_ranges
+from strainfmu.estimator.map.validity import all_ranges
 from strainfmu.estimator.policies import RETURN_AFTER
 from strainfmu.fmu.documentation.index_page import Section
 from strainfmu.fmu.documentation.run_panels import estimate_figure, fault_span
 from strainfmu.fmu.reference_run.run import TRUTH, ReferenceRun, is_usual
+from strainfmu.interface.health_names import STATE
 from strainfmu.interface.input_names import NOT_KNOWN
 from strainfmu.interface.sensor_variables import THRUST, has_thrust, sensor_names
 from strainfmu.pages import table_html
@@ -132,7 +133,7 @@ def _how(inverse_map: InverseMap) -> str:
 
 def _example(inverse_map: InverseMap, run: ReferenceRun) -> list[str]:
     """Return what the reference run shows: the flight, the fault, and how the estimate fares."""
-    fault, state = run.fault, run.outputs["health.state"]
+    fault, state = run.fault, run.outputs[STATE]
     assert fault is not None
     begin, end = fault_span(run)
     is_ok = (state == HealthState.OK) & ~fault.fails
@@ -172,16 +173,6 @@ def _states(state: FloatArray) -> str:
 
 def _numbers(values: FloatArray) -> str:
     return ", ".join(f"{value:g}" for value in sorted(set(values.tolist())))
-
-
-def all_ranges(inverse_map: InverseMap) -> list[ValidRange]:
-    """Return what the snapshots cover: flight conditions, strains and coefficients."""
-    rounded = inverse_map.coefficient_range.round(6) + 0.0  # + 0.0: no negative zeros
-    coefficients = zip(COEFFICIENT_NAMES, rounded.tolist(), strict=True)
-    return [
-        *valid_ranges(inverse_map),
-        *(ValidRange(quantity=name, minimum=low, maximum=high, unit="1") for name, (low, high) in coefficients),
-    ]
 
 
 def _validity(inverse_map: InverseMap) -> list[str]:

@@ -16,6 +16,7 @@ from strainfmu.fmu.documentation.run_figure import Line, Panel, run_figure
 from strainfmu.fmu.reference_run.plant import Reference
 from strainfmu.fmu.reference_run.run import ReferenceRun, held
 from strainfmu.interface.fmi_variables import COEFFICIENTS, Variable, shown_unit
+from strainfmu.interface.health_names import STATE
 from strainfmu.interface.sensor_variables import reading_names
 
 _ANGLE = "air_data.angle_of_attack"
@@ -35,7 +36,7 @@ def estimate_figure(inverse_map: InverseMap, run: ReferenceRun) -> str:
             estimate = Line(name="estimate, 3 sigma", values=factor * run.outputs[name], spread=spread)
             true = Line(name="true", values=factor * run.truth[name], dashed=True)
             panels.append(Panel(title=f"{_TITLES.get(name, name)} [{unit}]", lines=[estimate, true]))
-    state = run.outputs["health.state"]
+    state = run.outputs[STATE]
     met = sorted({int(value) for value in state})
     place = {value: float(k) for k, value in enumerate(met)}
     shown = np.array([place[int(value)] for value in state])

@@ -55,7 +55,7 @@ def flight_path(inverse_map: InverseMap, n_rows: int) -> FlightPath:
             air_data=_readings(inverse_map, q, unknown, unknown),
         )
     altitude_range = np.clip(altitude_range, LAYERS[0][0], LAYERS[-1][0])
-    moves = inverse_map.manifold is not None or inverse_map.form == "dynamic_pressure"
+    moves = inverse_map.manifold is not None or inverse_map.follows_pressure
     depth = moves * min(_DEPTH, _PART_OF_RANGE * float(np.ptp(altitude_range)))
     gain = moves * min(_GAIN, _PART_OF_RANGE * float(np.ptp(mach_range)))
     top = altitude_of(float(nominal / _dynamic_pressure(np.mean(mach_range), 1.0)))

@@ -26,6 +26,7 @@ from strainfmu.fmu.reference_run.flight_path import rounded
 from strainfmu.fmu.reference_run.readings import FAULT_STATES, Fault, Readings, reference_readings
 from strainfmu.interface.estimator_variables import estimator_interface, output_values
 from strainfmu.interface.fmi_variables import COEFFICIENTS, Variable
+from strainfmu.interface.health_names import CHI_SQUARE, STATE, SUSPECT_GAUGE
 from strainfmu.interface.input_names import FLOW_INPUTS
 from strainfmu.interface.parameter_variables import parameter_names, parameter_std_names
 from strainfmu.interface.sensor_variables import reading_names
@@ -88,8 +89,8 @@ def is_usual(run: ReferenceRun) -> bool:
     steps: these are DEGRADED.
     """
     assert run.fault is not None
-    state, fails = run.outputs["health.state"], run.fault.fails
-    named = run.outputs["health.suspect_gauge"] == run.fault.gauge + 1
+    state, fails = run.outputs[STATE], run.fault.fails
+    named = run.outputs[SUSPECT_GAUGE] == run.fault.gauge + 1
     after = np.cumsum(fails) > 0
     returns = after & (np.cumsum(after & ~fails) < RETURN_AFTER)
     allowed = (state == HealthState.OK) | (returns & (state == HealthState.DEGRADED))
@@ -109,7 +110,7 @@ def _run(inverse_map: InverseMap, readings: Readings, seed: int) -> ReferenceRun
     outputs = [variable.name for variable in estimator_interface(inverse_map) if variable.causality == "output"]
     signals = dict(zip(outputs, held(values).T, strict=True))
     # As many states as gauges leave no residual: then chi-square is round-off, whose digits follow the processor.
-    signals["health.chi_square"] = np.round(signals["health.chi_square"], CHI_SQUARE_DECIMALS)
+    signals[CHI_SQUARE] = np.round(signals[CHI_SQUARE], CHI_SQUARE_DECIMALS)
     return ReferenceRun(
         np.array(time),
         {**dict(zip(reading_names(inverse_map), rows.T, strict=True)), **readings.known},

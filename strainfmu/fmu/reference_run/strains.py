@@ -84,7 +84,7 @@ def error_covariance(inverse_map: InverseMap, coefficients: FloatArray, ratio: F
     proportion to strain at their mean over the snapshots: :mod:`strainfmu.estimator.map.proportional_errors`.
     """
     covariance = np.repeat(inverse_map.noise_covariance[None], len(coefficients), axis=0)
-    if inverse_map.form != "dynamic_pressure":
+    if not inverse_map.follows_pressure:
         return covariance
     error = inverse_map.error_strain
     square = (ratio * ratio)[:, None, None]

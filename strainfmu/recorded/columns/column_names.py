@@ -10,6 +10,10 @@ from pathlib import Path
 from typing import Literal
 
 from strainfmu.errors import InputError
+from strainfmu.estimator.air_inputs import AIR_INPUTS, FLOW_INPUTS, NAVIGATION_INPUTS
+from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE as DYNAMIC_PRESSURE
+from strainfmu.estimator.air_inputs import STATIC_PRESSURE as STATIC_PRESSURE
+from strainfmu.estimator.air_inputs import STD as STD
 from strainfmu.interface.fmi_variables import COEFFICIENTS
 from strainfmu.interface.sensor_variables import identifier
 from strainfmu.recorded.columns.strain_level import LevelReference
@@ -18,18 +22,12 @@ from strainfmu.units import ALL_UNITS
 
 TIME_NAMES = ("time", "t", "timestamps", "time_s")
 
-STD = "_std"
-"""Ends the name of the column with the standard deviation of a flow parameter."""
-
-FLOW_NAMES = ("dynamic_pressure", "dynamic_pressure_std", "mach_number", "altitude")
+FLOW_NAMES = FLOW_INPUTS
 """Quantities beside the strains; all but the first may be missing."""
 
-STATIC_PRESSURE = "static_pressure"
-"""p_inf: navigation of the nonlinear estimator. For the others it stands in, with the Mach number, for a dynamic
-pressure that is missing."""
-
-NAVIGATION_NAMES = ("mach_number_std", STATIC_PRESSURE, "static_pressure_std")
-"""What the nonlinear estimator takes of navigation beside ``FLOW_NAMES``."""
+NAVIGATION_NAMES = NAVIGATION_INPUTS
+"""What the nonlinear estimator takes of navigation beside ``FLOW_NAMES``; p_inf of it stands in, with the Mach
+number, for a dynamic pressure that is missing for the others."""
 
 DateOrder = Literal["day", "month"]
 """What stands first in a date of figures."""
@@ -64,12 +62,8 @@ _UNIT = re.compile(r"(?P<name>.*?)\s*\[(?P<unit>[^\[\]]*)\]")
 _ROUND_UNIT = re.compile(r"(?P<name>.*\S)\s*\((?P<unit>[^()]*[^()0-9])\)")
 
 OTHER_NAMES = {
-    **dict.fromkeys(("mach", "ma", "machnumber", "machinf"), "mach_number"),
-    **dict.fromkeys(("q", "qinf", "qbar", "pdyn", "pressure"), "dynamic_pressure"),
-    **dict.fromkeys(("qstd", "qinfstd", "sigmaq", "qsigma", "dynamicpressuresigma"), "dynamic_pressure_std"),
-    **dict.fromkeys(("p", "pinf", "ps", "pstatic", "ambientpressure"), STATIC_PRESSURE),
+    **{alias: one.name for one in AIR_INPUTS for alias in one.aliases},
     "timestamp": "time",
-    **dict.fromkeys(("alt", "h", "height", "geopotentialaltitude"), "altitude"),
 }
 """Names that others give to a quantity, in small letters and digits alone: for suggestions."""
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
+from strainfmu.estimator.air_inputs import AIR_INPUTS, DYNAMIC_PRESSURE, MACH_NUMBER
 from strainfmu.recorded.columns.column_names import (
     CHANNEL_FILE_HINT,
     FLOW_NAMES,
@@ -38,23 +39,15 @@ from strainfmu.recorded.columns.temperature_columns import (
     temperature_note,
     temperatures,
 )
-from strainfmu.units import LENGTH_UNITS, NUMBER_UNITS, PRESSURE_UNITS, READING_UNITS, STRAIN_UNITS, TIME_UNITS
+from strainfmu.units import NUMBER_UNITS, READING_UNITS, STRAIN_UNITS, TIME_UNITS, UNITS_OF
 
 LARGEST_STRAIN = 0.1
 """Strain [m/m] above which all columns are taken to be in another unit: no gauge bears it."""
 
-_FLOW_UNITS = {
-    "dynamic_pressure": (PRESSURE_UNITS, "Pa"),
-    "dynamic_pressure_std": (PRESSURE_UNITS, "Pa"),
-    "mach_number": (NUMBER_UNITS, "1"),
-    "altitude": (LENGTH_UNITS, "m"),
-    "mach_number_std": (NUMBER_UNITS, "1"),
-    STATIC_PRESSURE: (PRESSURE_UNITS, "Pa"),
-    "static_pressure_std": (PRESSURE_UNITS, "Pa"),
-}
+_FLOW_UNITS = {one.name: (UNITS_OF[one.unit], one.unit) for one in AIR_INPUTS}
 """Units of a quantity, and the one that is meant without any."""
 
-_NOT_NEGATIVE = ("dynamic_pressure_std", *(name for name in NAVIGATION_NAMES if name.endswith(STD)))
+_NOT_NEGATIVE = tuple(one.name for one in AIR_INPUTS if one.is_std)
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,7 +137,7 @@ class ColumnPlan:
 
     @property
     def _is_given(self) -> bool:
-        return "dynamic_pressure" in self.flow or bool(np.isfinite(self.fixed_pressure))
+        return DYNAMIC_PRESSURE in self.flow or bool(np.isfinite(self.fixed_pressure))
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -188,10 +181,10 @@ class ColumnPlan:
                 f"expected at most {LARGEST_STRAIN:g} m/m, got {strain[row, gauge]:g}; {self._unit_hint(strain)}"
             )
         if self.computed_from:
-            flow["dynamic_pressure"] = computed_pressure(flow)
+            flow[DYNAMIC_PRESSURE] = computed_pressure(flow)
         if not self.navigates:
             flow.pop(STATIC_PRESSURE, None)
-        pressure = flow.pop("dynamic_pressure", np.full(len(table), self.fixed_pressure))
+        pressure = flow.pop(DYNAMIC_PRESSURE, np.full(len(table), self.fixed_pressure))
         warm = temperatures(self.temperature, behind[:, len(self.flow) :])
         readings = {name: flow.pop(name) for name in self.readings if name in flow}
         parameters = {name: flow.pop(name) for name in tuple(flow) if name not in (*FLOW_NAMES, *NAVIGATION_NAMES)}
@@ -292,7 +285,7 @@ def plan_columns(
     for name, found in by_name.items():
         if passes_over(name, held, wanted):
             passed += [names[i] for i in found]
-        elif found or (name == "dynamic_pressure" and wanted.needs_pressure and not is_computed):
+        elif found or (name == DYNAMIC_PRESSURE and wanted.needs_pressure and not is_computed):
             column = _flow_column(path, found, name=name, names=headings, wanted=wanted)
             flow[name] = (column, flow_factor(path, headings[column], name, given[column], wanted.readings))
     refuse_lone_deviations(path, flow, wanted)
@@ -333,8 +326,8 @@ def passes_over(name: str, held: Sequence[str], wanted: Wanted) -> bool:
     """Return whether a quantity of the flow is not read, because q_inf is known without it; ``held`` are all."""
     is_fixed = wanted.fixed_pressure is not None
     if name == STATIC_PRESSURE:
-        return not wanted.navigates and (is_fixed or "dynamic_pressure" in held or "mach_number" not in held)
-    return name == "dynamic_pressure" and is_fixed
+        return not wanted.navigates and (is_fixed or DYNAMIC_PRESSURE in held or MACH_NUMBER not in held)
+    return name == DYNAMIC_PRESSURE and is_fixed
 
 
 def strain_factor(path: Path, name: str, unit: str | None) -> float:

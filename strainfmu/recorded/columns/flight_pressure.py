@@ -11,21 +11,21 @@ import numpy as np
 
 from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, static_pressure_at
+from strainfmu.estimator.air_inputs import ALTITUDE, MACH_NUMBER, STATIC_PRESSURE
 from strainfmu.estimator.arguments import given
-from strainfmu.recorded.columns.column_names import STATIC_PRESSURE
 
 
 def pressure_sources(held: Collection[str]) -> tuple[str, ...]:
     """Return which of the quantities ``held`` q_inf is computed from; nothing if they do not suffice."""
-    if "mach_number" not in held:
+    if MACH_NUMBER not in held:
         return ()
-    return next((("mach_number", one) for one in (STATIC_PRESSURE, "altitude") if one in held), ())
+    return next(((MACH_NUMBER, one) for one in (STATIC_PRESSURE, ALTITUDE) if one in held), ())
 
 
 def computed_pressure(flow: Mapping[str, FloatArray]) -> FloatArray:
     """Return (n,) q_inf [Pa] by the sources of ``flow`` [1, Pa, m]; NaN where one is not given, 0 at rest."""
     _, other = pressure_sources(flow)
-    mach, stated = flow["mach_number"], given(flow[other])
+    mach, stated = flow[MACH_NUMBER], given(flow[other])
     static = stated if other == STATIC_PRESSURE else static_pressure_at(stated)
     return np.asarray(np.where(mach == 0.0, 0.0, 0.5 * HEAT_CAPACITY_RATIO * static * given(mach) ** 2))
 
@@ -50,8 +50,8 @@ def pressure_note(sources: tuple[str, ...]) -> str:
 
 def navigation_note(held: Collection[str]) -> str:
     """Return what the nonlinear estimator knows of the flow without q_inf, of the quantities ``held``."""
-    pressure = next((one for one in (STATIC_PRESSURE, "altitude") if one in held), None)
-    known = [one for one in ("mach_number", pressure) if one in held]
+    pressure = next((one for one in (STATIC_PRESSURE, ALTITUDE) if one in held), None)
+    known = [one for one in (MACH_NUMBER, pressure) if one in held]
     if not known:
         return "no dynamic_pressure found: estimated from strain alone"
     return f"no dynamic_pressure found: estimated with {' and '.join(map(str, known))} as navigation"

@@ -10,6 +10,7 @@ import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import InputError
+from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
 from strainfmu.estimator.settings import SENSOR_RANGE
 from strainfmu.units import PRESSURE_UNITS
 
@@ -114,7 +115,7 @@ class LevelCheck:
         reference: LevelReference,
         factor: float,
         refuses: bool = True,
-        pressure: tuple[str, float] | None = ("dynamic_pressure", 1.0),
+        pressure: tuple[str, float] | None = (DYNAMIC_PRESSURE, 1.0),
     ) -> None:
         self._path, self._reference, self._factor, self._refuses = path, reference, factor, refuses
         self._stated = pressure

@@ -10,6 +10,7 @@ import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.estimator.air_data import NAVIGATION
+from strainfmu.estimator.air_inputs import ALTITUDE, DYNAMIC_PRESSURE
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.map.flow_parameters import PARAMETER_TOLERANCE
 from strainfmu.estimator.map.inverse_map import InverseMap
@@ -107,9 +108,9 @@ def dropped_navigation(
     if found.other_values is None or USED_PREFIX + NAVIGATION[0] not in names:
         return {}
     unknown = np.full(len(block.time), np.nan)
-    flow = {"dynamic_pressure": block.dynamic_pressure, **block.flow}
+    flow = {DYNAMIC_PRESSURE: block.dynamic_pressure, **block.flow}
     given = {name: ~np.isnan(flow.get(name, unknown)) for name in NAVIGATION}
-    given[STATIC_PRESSURE] |= ~np.isnan(flow.get("altitude", unknown))
+    given[STATIC_PRESSURE] |= ~np.isnan(flow.get(ALTITUDE, unknown))
     used = {name: found.other_values[:, names.index(USED_PREFIX + name)] > 0.0 for name in NAVIGATION}
     return {name: given[name] & ~used[name] for name in NAVIGATION}
 

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from strainfmu.estimator.other_loads import SIGMA, column_of
+from strainfmu.interface.health_names import LINEAR_LOADS
 from strainfmu.interface.parameter_variables import OUTSIDE_PREFIX
 
 _PREFIXES = (
@@ -13,12 +14,12 @@ _PREFIXES = (
     "sigma.air_data.",
     "identified.air_data.",
     "navigation_used.",
-    "health.linear_loads",
+    LINEAR_LOADS,
     OUTSIDE_PREFIX,
 )
 """What the names of such outputs begin with, but for loads behind the five."""
 
-_RENAMED = {"health.linear_loads": "linear_loads"}
+_RENAMED = {LINEAR_LOADS: "linear_loads"}
 """Columns whose name is not that of the output."""
 
 

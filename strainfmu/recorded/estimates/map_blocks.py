@@ -10,6 +10,7 @@ import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.estimator.air_data import AIR_DATA_NAMES, AIR_DATA_UNITS, NAVIGATION
+from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
 from strainfmu.estimator.alarm_limits import outside_score
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
@@ -109,7 +110,7 @@ class MapBlocks:
         """Return the estimates of a block."""
         readings = rows_of_map(block, self.estimator.inverse_map.sensors, self.readings)
         arguments: dict[str, Any] = {
-            "dynamic_pressure": block.dynamic_pressure,
+            DYNAMIC_PRESSURE: block.dynamic_pressure,
             "temperature": block.temperature,
             "parameters": dict(block.parameters),
             "parameters_std": given_flow(block.parameters_std) if self.sharpening else None,

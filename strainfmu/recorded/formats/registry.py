@@ -16,6 +16,7 @@ from strainfmu.recorded.formats.mat_file import mat_channels
 from strainfmu.recorded.formats.mdf_file import is_mdf, mdf_channels
 from strainfmu.recorded.formats.parquet_file import parquet_channels
 from strainfmu.recorded.formats.tdms_file import tdms_channels
+from strainfmu.recorded.formats.uff_file import uff_channels
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,6 +43,7 @@ FORMATS = (
     RecorderFormat(suffixes=(".mat",), open=mat_channels),
     RecorderFormat(suffixes=(".parquet",), open=parquet_channels),
     RecorderFormat(suffixes=(".tdms",), open=tdms_channels),
+    RecorderFormat(suffixes=(".uff", ".unv", ".uf58"), open=uff_channels),
 )
 
 SUFFIXES = tuple(dict.fromkeys(suffix for one in FORMATS for suffix in one.suffixes))

@@ -14,7 +14,9 @@ import numpy as np
 
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
+from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
+from strainfmu.interface.health_names import CHI_SQUARE, STATE
 from strainfmu.recorded.output.guarded_file import GuardedFile
 from strainfmu.recorded.output.whole_file import whole_file, writing
 
@@ -26,9 +28,9 @@ ESTIMATE_COLUMNS = (
     ("time", "s"),
     *((name, "1") for name in COEFFICIENT_NAMES),
     *((f"sigma.{name}", "1") for name in COEFFICIENT_NAMES),
-    ("dynamic_pressure", "Pa"),
-    ("health.chi_square", "1"),
-    ("health.state", "1"),
+    (DYNAMIC_PRESSURE, "Pa"),
+    (CHI_SQUARE, "1"),
+    (STATE, "1"),
     ("gauges_used", "1"),
 )
 """Columns of every output: name and unit."""

@@ -11,12 +11,12 @@ from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 from strainfmu.estimator.other_loads import is_column
+from strainfmu.interface.health_names import STATE as STATE
 
 FORMS = ("plain", "all")
 HEALTH_COLUMN = "health"
 """Column of text: the name of the state; empty for a sample that an FMU refused."""
 
-STATE = "health.state"
 _AIR_DATA = "air_data."
 _ANGLES = ("air_data.angle_of_attack", "air_data.sideslip_angle")
 _SIGMA = "sigma."

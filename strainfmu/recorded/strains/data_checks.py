@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 
 from strainfmu.arrays import FloatArray
+from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
 from strainfmu.recorded.columns.column_names import STATIC_PRESSURE
 from strainfmu.recorded.columns.columns import ColumnPlan, StrainBlock
 from strainfmu.recorded.columns.flight_pressure import flown_pressure, pressure_sources
@@ -66,7 +67,7 @@ class DataChecks:
         for block, done in self._faults.without(blocks):
             self._level.add(block.strain - self._zero, flown_pressure(block.dynamic_pressure, block.flow))
             self._rows += len(block.time)
-            for name, values in {"dynamic_pressure": block.dynamic_pressure, **block.flow}.items():
+            for name, values in {DYNAMIC_PRESSURE: block.dynamic_pressure, **block.flow}.items():
                 self._known[name] += int(np.isfinite(values).sum())
             yield block, done
 
@@ -99,7 +100,7 @@ def _pressure_column(plan: ColumnPlan) -> tuple[str, float] | None:
     """Return the quantity that q_inf comes from, and the factor of its unit to Pa; None of an altitude."""
     if np.isfinite(plan.fixed_pressure):
         return "--dynamic-pressure", 1.0
-    name = "dynamic_pressure" if "dynamic_pressure" in plan.flow else STATIC_PRESSURE
+    name = DYNAMIC_PRESSURE if DYNAMIC_PRESSURE in plan.flow else STATIC_PRESSURE
     if name == STATIC_PRESSURE and STATIC_PRESSURE not in pressure_sources(plan.flow):
         return None
     return name, plan.flow[name][1]

@@ -11,6 +11,7 @@ import h5py
 import numpy as np
 
 from strainfmu.errors import InputError
+from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
 from strainfmu.recorded.columns.column_names import Wanted, columns_to_read, excluded_gauges, quantity_of
 from strainfmu.recorded.columns.columns import (
     ColumnPlan,
@@ -71,10 +72,10 @@ def _hdf5_arrays(path: Path, file: h5py.File, wanted: Wanted) -> StrainFile:
     held = {name: found[name] for name in found if not passes_over(name, list(found), wanted)}
     is_known = fixed is not None or (wanted.computes_pressure and pressure_sources(held))
     is_needed = wanted.needs_pressure and not is_known
-    needed = ("strain", "time", "dynamic_pressure") if is_needed else ("strain", "time")
+    needed = ("strain", "time", DYNAMIC_PRESSURE) if is_needed else ("strain", "time")
     for name in dict.fromkeys((*needed, *held.values())):
         if name not in names or not isinstance(file[name], h5py.Dataset):
-            hint = f"; or state {wanted.pressure_option}" if name == "dynamic_pressure" else ""
+            hint = f"; or state {wanted.pressure_option}" if name == DYNAMIC_PRESSURE else ""
             raise InputError(f"{path}: no data set '{name}' found, it holds {', '.join(file) or 'nothing'}{hint}")
     flow = [file[name] for name in held.values()]
     _check_shapes(path, file, n_d=len(wanted.gauge_names), held=list(held.values()))

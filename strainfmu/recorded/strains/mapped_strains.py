@@ -12,6 +12,7 @@ import numpy as np
 
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
+from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE, MACH_NUMBER
 from strainfmu.interface.parameter_variables import PREFIX
 from strainfmu.interface.sensor_variables import PREFIX as SENSOR_PREFIX
 from strainfmu.interface.sensor_variables import THRUST, identifier
@@ -327,7 +328,7 @@ def _read_flow(file: ChannelFile, mapping: ChannelMap, wanted: Wanted, clock: Ch
             raise InputError(f"{mapping.path}: {entry.where}: expected one channel of {entry.quantity}, got two")
         unit = entry.unit or file.units.get(name)
         parameter = entry.quantity.removeprefix(PREFIX) if entry.quantity.startswith(PREFIX) else None
-        if unit is None and entry.quantity != "mach_number" and parameter is None:
+        if unit is None and entry.quantity != MACH_NUMBER and parameter is None:
             raise InputError(f"{mapping.path}: {entry.where}.unit: entry is missing, the recording states none")
         if parameter is not None and parameter not in (*_parameters(wanted), *wanted.passed):
             held = ", ".join(_parameters(wanted)) or "none"
@@ -355,7 +356,7 @@ def _read_flow(file: ChannelFile, mapping: ChannelMap, wanted: Wanted, clock: Ch
         if quantity not in stated and len(own) == 1:
             unit = file.units.get(own[0])
             _add_flow(file, own[0], quantity, unit=unit, clock=clock, found=found, readings=wanted.readings)
-    is_known = "dynamic_pressure" in found.flow or wanted.fixed_pressure is not None
+    is_known = DYNAMIC_PRESSURE in found.flow or wanted.fixed_pressure is not None
     if not is_known and wanted.needs_pressure and not (wanted.computes_pressure and pressure_sources(found.flow)):
         raise InputError(
             f"{file.path}: no channel of dynamic_pressure found, nor of mach_number with static_pressure or "

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from builder.aero.loads.groups import other_load_operator
+from builder.aero.loads.groups import other_load_fields, other_load_operator
 from builder.aero.loads.hinge_moments import hinge_operator
 from builder.aero.loads.sections import six_loads
 from builder.aero.surface.mesh import SurfaceMesh
@@ -78,6 +78,39 @@ def test_hinge_moments_stand_behind_the_other_loads() -> None:
     np.testing.assert_array_equal(whole[0], six_loads(PLATE, 0.1)[5])
     np.testing.assert_array_equal(whole[1:7], six_loads(PLATE, 0.5, 0.5))
     np.testing.assert_array_equal(whole[7:], hinge_operator(PLATE, entry(FLAP)))
+
+
+def test_a_bending_moment_is_that_of_the_section_in_its_plane() -> None:
+    bending = [{"name": f"joint {a}", "station_m": 0.5, "roll_angle_deg": a} for a in (0.0, 90.0, 30.0, 210.0)]
+    asked = MapEntry.model_validate({"bending_moments": bending})
+    section = six_loads(PLATE, 0.5, 0.5)
+    found = other_load_operator(PLATE, asked, 0.1)[1:]
+    np.testing.assert_array_equal(found[0], section[3])
+    np.testing.assert_allclose(found[1], section[4], rtol=0.0, atol=1e-16)
+    np.testing.assert_allclose(found[2], np.sqrt(0.75) * section[3] + 0.5 * section[4], rtol=1e-14)
+    np.testing.assert_allclose(found[3], -found[2], rtol=1e-14)
+    # Pressure from above on 0 < x < 0.5 pushes the nose down: -p A 0.25 m.
+    assert found[0] @ np.full(4, 3.0) == pytest.approx(-3.0 * 0.5 * 0.25, rel=1e-14)
+    lines = other_load_fields(asked)["bending_lines"]
+    of_forces = np.cross(PLATE.point - lines.point[2], [0.0, 0.0, -1.0]) @ lines.direction[2]
+    nose_up = np.cross(PLATE.point - lines.point[0], [0.0, 0.0, -1.0]) @ lines.direction[0]
+    np.testing.assert_allclose(of_forces, np.sqrt(0.75) * nose_up, rtol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("changed", "fault"),
+    [
+        ({"station_m": 1.5}, r"map.bending_moments.2.station_m: expected 0 to 1 m, got 1.5"),
+        ({"name": "joint"}, r"bending_moments.2.name: expected another than before, got 'joint'"),
+        ({"roll_angle_deg": 400.0}, "less than or equal to 360"),
+    ],
+)
+def test_wrong_bending_moments_are_refused(changed: dict[str, Any], fault: str) -> None:
+    one = {"name": "joint", "station_m": 0.5}
+    with pytest.raises((ValueError, InputError), match=fault):
+        other_load_operator(
+            PLATE, MapEntry.model_validate({"bending_moments": [one, one | {"name": "other"} | changed]}), 0.1
+        )
 
 
 def test_region_without_surface_is_refused() -> None:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from strainfmu.cosim.estimators.description import noise_std_of
 from strainfmu.cosim.estimators.step import noise_of
+from strainfmu.interface.contents import FmuContents, contents_from
 
 pytestmark = pytest.mark.fast
 
@@ -25,15 +25,13 @@ pytestmark = pytest.mark.fast
         ([], None),
     ],
 )
-def test_noise_is_read_or_not_known(tmp_path: Path, content: object, noise: list[float] | None) -> None:
-    path = tmp_path / "contents.json"
-    path.write_text(json.dumps(content))
-    found = noise_std_of(path, 2)
+def test_noise_is_read_or_not_known(content: object, noise: list[float] | None) -> None:
+    found = noise_std_of(contents_from(json.dumps(content).encode()), 2)
     assert (found is None) == (noise is None)
     if found is not None:
         np.testing.assert_allclose(found, np.array(noise), rtol=1e-12)
 
 
-def test_no_entry_and_no_attribute_are_not_known(tmp_path: Path) -> None:
-    assert noise_std_of(tmp_path / "contents.json", 2) is None
+def test_no_entry_and_no_attribute_are_not_known() -> None:
+    assert noise_std_of(FmuContents(), 2) is None
     assert noise_of(lambda *_: None) is None

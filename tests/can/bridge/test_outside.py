@@ -17,7 +17,7 @@ from scaled_maps import NOMINAL, scaled_map
 from synthetic_vehicle import N_GAUGES, SyntheticFiles, synthetic_inverse_map
 
 from strainfmu.atmosphere import dynamic_pressure
-from strainfmu.can.bridge.displays.page_message import envelope_score_limit, health_text
+from strainfmu.can.bridge.displays.page_message import health_text
 from strainfmu.can.cycle.core import bridge_core
 from strainfmu.can.cycle.estimate.result import CycleResult
 from strainfmu.can.cycle.states.quality import Cause, Quality
@@ -32,6 +32,7 @@ from strainfmu.cosim.estimators.step import Step, other_inputs
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import save_inverse_map
 from strainfmu.fmu.export import export_estimator
+from strainfmu.interface.contents import stated_contents
 
 CYCLE = 0.01
 NAMES = [f"G{i}" for i in range(N_GAUGES)]
@@ -104,7 +105,7 @@ def test_a_flight_beyond_the_map_is_outside_and_never_valid(
     assert (result.quality, result.causes) == expected
     assert np.isfinite(result.coefficients).all()
     assert result.envelope_score == 0.0
-    found = health_text(result, envelope_score_limit(bounded / "estimator.fmu"))
+    found = health_text(result, stated_contents(bounded / "estimator.fmu").envelope_score_limit)
     if text is None:
         assert found is None
     else:
@@ -118,7 +119,7 @@ def test_coefficients_beyond_the_map_are_named(bounded: Path, tmp_path: Path) ->
     with opened(tmp_path, "map.h5") as step:
         result = last_result(step)
     assert (result.quality, result.health) == (Quality.SUSPECT, HealthState.OUTSIDE)
-    limit = envelope_score_limit(bounded / "estimator.fmu")
+    limit = stated_contents(bounded / "estimator.fmu").envelope_score_limit
     assert limit is not None
     assert result.envelope_score > limit
     assert health_text(result, limit) == "the coefficients are outside what the map covers"
@@ -140,7 +141,6 @@ def test_an_fmu_without_such_inputs_works_as_before(bounded: Path, tmp_path: Pat
         result = last_result(step, mach_number=7.5, altitude=ALTITUDE)
     assert (result.quality, result.mach_number) == (Quality.VALID, pytest.approx(7.5))
     assert isnan(result.envelope_score)
-    assert envelope_score_limit(tmp_path / "old.fmu") is None
 
 
 HUGE = (

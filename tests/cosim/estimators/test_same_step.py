@@ -34,6 +34,8 @@ VALUES = {
     "mach_number_std": 0.1,
     "static_pressure": 5510.0,
     "static_pressure_std": 150.0,
+    "total_temperature": 1770.0,
+    "total_temperature_std": 20.0,
     **{f"temperature[{i + 1}]": REFERENCE + 10.0 * i for i in range(4)},
     "parameter.fin_deg": 1.5,
     "parameter.power": 0.2,

@@ -16,7 +16,8 @@ from recorded_case import read_csv, write_csv
 from shape_case import flown, grid_conditions, shape_map, shape_structure, shape_vehicle
 
 from builder.aero.loads.hinge_moments import hinge_operator
-from builder.vehicle.map.options import HingeMoment, Region
+from builder.aero.loads.sections import bending_operator
+from builder.vehicle.map.options import BendingMoment, HingeMoment, Region
 from strainfmu.can.bridge.results.frames import ResultFrames
 from strainfmu.can.bridge.results.layouts import result_layouts
 from strainfmu.can.cycle.estimate.result import CycleResult
@@ -41,19 +42,20 @@ HINGES = [
     HingeMoment(name=f"{region} flap", region=region, point_m=(1.0, 0.0, -0.1), direction=(0.0, 3.0, 0.0))
     for region in REGIONS
 ]
+BENDING = [BendingMoment(name="joint", station_m=1.2, roll_angle_deg=30.0)]
 NAMES = [f"moment.hinge[{i}]" for i in (1, 2)]
 COLUMNS = [f"{name}[{i}]" for name in ("hinge_moment", "sigma.hinge_moment", "M_H", "sigma.M_H") for i in (1, 2)]
 
 
 @cache
 def held(estimator: str = "linear") -> InverseMap:
-    found = shape_map(estimator=estimator, regions=REGIONS, hinge_moments=HINGES)
+    found = shape_map(estimator=estimator, regions=REGIONS, hinge_moments=HINGES, bending_moments=BENDING)
     return found if estimator == "nonlinear" else found.without_tables()
 
 
 @cache
 def flights() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return strain, q_inf, Mach number and hinge moments of flights between the snapshots."""
+    """Return strain, q_inf, Mach number, hinge and bending moments of flights between the snapshots."""
     snapshots = flown(grid_conditions(mach=(6.2, 6.8), alpha=(-3.0, 1.0, 2.5), beta=(-1.5, 0.4)))
     net = snapshots.pressure - snapshots.internal_pressure[:, None]
     strain = net @ shape_structure(snapshots.surface).strain_operator("four_rows").T
@@ -62,8 +64,9 @@ def flights() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     q, mach = (
         np.array([getattr(one, name) for one in conditions]) for name in ("dynamic_pressure", "mach_number")
     )
-    entry = shape_vehicle(regions=REGIONS, hinge_moments=HINGES).map
-    return strain, q, mach, net @ hinge_operator(snapshots.surface, entry).T
+    entry = shape_vehicle(regions=REGIONS, hinge_moments=HINGES, bending_moments=BENDING).map
+    true = np.vstack([hinge_operator(snapshots.surface, entry), bending_operator(snapshots.surface, entry)])
+    return strain, q, mach, net @ true.T
 
 
 def estimated(estimator: str = "linear", sample: Any = slice(None)) -> Estimate:
@@ -74,7 +77,12 @@ def estimated(estimator: str = "linear", sample: Any = slice(None)) -> Estimate:
 
 @pytest.mark.parametrize("estimator", ["linear", "nonlinear"])
 def test_true_moments_lie_within_their_uncertainty(estimator: str) -> None:
-    true, found = flights()[3], estimated(estimator).group("hinge_moment")
+    true, of_flights = flights()[3], estimated(estimator)
+    found, bending = of_flights.group("hinge_moment"), of_flights.group("bending_moment")
+    assert bending.places == ("joint",)
+    assert np.all(np.abs(bending.loads - true[:, 2:]) <= 3.0 * bending.std)
+    assert np.all(bending.std < 0.1 * np.ptp(true[:, 2]))
+    true = true[:, :2]
     assert found.places == ("starboard flap", "port flap")
     assert np.all(np.abs(found.loads - true) <= 3.0 * found.std)
     assert np.all(found.std < 0.1 * np.ptp(true, axis=0)), "a deviation says something"
@@ -86,7 +94,8 @@ def test_true_moments_lie_within_their_uncertainty(estimator: str) -> None:
 
 def test_a_group_that_the_map_does_not_give_is_refused() -> None:
     with pytest.raises(
-        InputError, match=r"group: expected one of rolling_moment, hinge_moment, got 'section.axial'"
+        InputError,
+        match=r"group: expected one of rolling_moment, hinge_moment, bending_moment, got 'section.axial'",
     ):
         estimated().group("section.axial")
 
@@ -104,7 +113,10 @@ def test_the_map_file_holds_the_lines(tmp_path: Path) -> None:
 def test_python_and_fmus_of_both_versions_agree(estimator: str, tmp_path: Path) -> None:
     one, (strain, q, _, _) = held(estimator), flights()
     found = Estimator(one).estimate(strain[4], q[4]).group("hinge_moment")
-    expected = np.concatenate([found.coefficients, found.coefficients_std, found.loads, found.std])
+    bending = Estimator(one).estimate(strain[4], q[4]).group("bending_moment")
+    expected = np.concatenate(
+        [found.coefficients, found.coefficients_std, found.loads, found.std, bending.loads, bending.std]
+    )
     interface = estimator_interface(one)
     place = {variable.name: number for number, variable in enumerate(interface)}
     resources = write_resource(one, tmp_path)
@@ -112,6 +124,7 @@ def test_python_and_fmus_of_both_versions_agree(estimator: str, tmp_path: Path) 
     two.set_strain(strain[4])
     assert two.set_reals([place["dynamic_pressure"]], [q[4]]) == OK
     outputs = [f"{of}{name}[{i}]" for name in ("M_H", "moment.hinge") for of in ("", "sigma.") for i in (1, 2)]
+    outputs += ["moment.bending[1]", "sigma.moment.bending[1]"]
     of_two = two.get_reals([place[name] for name in outputs])
     np.testing.assert_allclose(of_two, expected, rtol=1e-12)
     array = {variable.name: number for number, variable in enumerate(estimator_arrays(interface))}
@@ -120,6 +133,7 @@ def test_python_and_fmus_of_both_versions_agree(estimator: str, tmp_path: Path) 
     assert three.set("Float64", c_double, [array["dynamic_pressure"]], [q[4]]) == OK
     arrays = ("M_H", "sigma.M_H", "moment.hinge", "sigma.moment.hinge")
     of_three = [three.get("Float64", c_double, [array[name]], 2)[1] for name in arrays]
+    of_three += [three.get("Float64", c_double, [array[f"{s}moment.bending"]], 1)[1] for s in ("", "sigma.")]
     assert np.concatenate(of_three).tobytes() == of_two.tobytes()
     two.free()
 

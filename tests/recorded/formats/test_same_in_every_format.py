@@ -15,7 +15,10 @@ from flight_fmu import whole_map
 from flight_maps import exact_response
 
 import strainfmu
+from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import save_inverse_map
+from strainfmu.recorded.formats.channel_file import Reading
+from strainfmu.recorded.formats.registry import open_channels
 from strainfmu.recorded.run import estimate_file
 from strainfmu.units import LENGTH_UNITS, NUMBER_UNITS, PRESSURE_UNITS
 
@@ -122,6 +125,66 @@ def tdms_file(folder: Path, flow: Columns) -> Path:
     return path
 
 
+def uff_set(name: str, values: np.ndarray, unit: str, **more: object) -> dict[str, object]:
+    """A data set 58 of double precision over even times."""
+    held: dict[str, object] = dict.fromkeys(("id2", "id3", "id4", "id5", "rsp_ent_name", "ref_ent_name"), "NONE")
+    held |= dict.fromkeys(("orddenom_spec_data_type", "z_axis_spec_data_type", "func_id", "load_case_id"), 0)
+    return {
+        **held,
+        "type": 58,
+        "binary": 0,
+        "func_type": 1,
+        "id1": name,
+        "rsp_node": 1,
+        "rsp_dir": 1,
+        "ref_node": 1,
+        "ref_dir": 1,
+        "data": values,
+        "x": TIME,
+        "ord_data_type": 4,
+        "abscissa_spacing": 1,
+        "abscissa_min": TIME[0],
+        "abscissa_inc": TIME[1] - TIME[0],
+        "abscissa_spec_data_type": 17,
+        "ordinate_axis_units_lab": unit,
+        **more,
+    }
+
+
+def uff_file(folder: Path, flow: Columns) -> Path:
+    pyuff = pytest.importorskip("pyuff")
+    path = folder / "flight.uff"
+    strain = {name: Column(1e6 * STRAIN[:, i], "um/m") for i, name in enumerate(GAUGES)}
+    sets = [
+        uff_set(name, one.values, one.unit, binary=k % 2)
+        for k, (name, one) in enumerate({**strain, **flow}.items())
+    ]
+    pyuff.UFF(str(path)).write_sets(sets, mode="overwrite")
+    return path
+
+
+def test_channels_of_a_universal_file(tmp_path: Path) -> None:
+    """Names of degrees of freedom, sets that are no series over time, a file that ends early."""
+    pyuff = pytest.importorskip("pyuff")
+    path, value = tmp_path / "hall.unv", np.arange(float(SAMPLES))
+    spectrum = uff_set("s", value + 1j, "um/m", func_type=4, ord_data_type=6, abscissa_spec_data_type=18)
+    sets = [uff_set("NONE", value + k, "um/m", rsp_node=7 + k, rsp_dir=-3) for k in range(2)]
+    pyuff.UFF(str(path)).write_sets([*sets, spectrum], mode="overwrite")
+    with open_channels(path, Reading()) as file:
+        assert file.names == ("7-Z", "8-Z")
+        assert (file.numbers("8-Z").tolist(), dict(file.units)) == (
+            (value + 1).tolist(),
+            dict.fromkeys(file.names, "um/m"),
+        )
+        np.testing.assert_allclose(file.clock("7-Z"), TIME, rtol=1e-9, atol=1e-12)
+        assert file.remarks == [f"{path}: 1 data sets that are no series over time are not read"]
+    pyuff.UFF(str(path)).write_sets(sets[0], mode="overwrite")
+    lines = path.read_text().splitlines(keepends=True)
+    path.write_text("".join([*lines[:-2], lines[-1]]))
+    with pytest.raises(InputError, match="damaged"), open_channels(path, Reading()):
+        pass
+
+
 FLIGHTS: list[tuple[tuple[str, ...], dict[str, float]]] = [
     (tuple(ALL), {}),
     (("mach_number", "mach_number_std", "static_pressure", "static_pressure_std"), {}),
@@ -152,7 +215,9 @@ def expected(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[dict[
 
 
 @pytest.mark.parametrize(
-    "write", [hdf5_arrays, hdf5_signals, mat_file, parquet_file, mf4_file, tdms_file], ids=lambda one: one.__name__
+    "write",
+    [hdf5_arrays, hdf5_signals, mat_file, parquet_file, mf4_file, tdms_file, uff_file],
+    ids=lambda one: one.__name__,
 )
 def test_every_format_gives_the_estimates_of_the_others(
     tmp_path: Path, expected: tuple[Path, list[dict[str, np.ndarray]]], write: Writer
@@ -173,7 +238,7 @@ def test_the_extra_all_holds_what_readers_ask_for() -> None:
     asked = set(re.findall(r"pip install 'strainfmu\[(\w+)\]'", sources))
     extras = tomllib.loads((root / "pyproject.toml").read_text())["project"]["optional-dependencies"]
     (own,) = (one for one in extras["all"] if one.startswith("strainfmu["))
-    assert asked == {"mf4", "tdms", "mat", "parquet"}
+    assert asked == {"mf4", "tdms", "uff", "mat", "parquet"}
     assert asked <= set(own.removeprefix("strainfmu[").rstrip("]").split(","))
     note = (root / "README.md").read_text().partition("\nLicence: ")[2]
     assert all(name in note.partition("LGPL")[2] for name in ("python-can", "asammdf", "npTDMS"))

@@ -176,6 +176,7 @@ BROKEN = {
     ".mf4": ("asammdf", "damaged, or not an MF4 file"),
     ".parquet": ("pyarrow", "damaged, or not a Parquet file"),
     ".tdms": ("nptdms", "damaged, or not a TDMS file"),
+    ".uff": ("pyuff", "damaged, or not a universal file"),
     ".xls": ("", "expected one of .mf4, .mdf, .dat, .csv, .txt, "),
 }
 

@@ -1,7 +1,7 @@
 #include "estimator_variables.h"
 
 #define LINEAR_REFERENCES 24u /* arrays of FMI 3.0 of a map without tables and other sensors; time follows them */
-#define FLIGHT_REFERENCES (N_FLIGHT_INPUTS + N_FLIGHT_REALS + N_FLIGHT_FLAGS)
+#define FLIGHT_REFERENCES (N_NAVIGATION_INPUTS + N_FLIGHT_REALS + N_FLIGHT_FLAGS)
 #define ZERO_REFERENCES 3u   /* zero, zero_std, zero_common_std */
 #define TARE_REFERENCES 5u   /* tare, tare_state, zero_in_use, zero_in_use_std, zero_in_use_common_std */
 
@@ -39,8 +39,13 @@ static unsigned parameter_reference(const Estimator *e) {
     return tare_reference(e) + (e->tare.present ? TARE_REFERENCES : 0);
 }
 
+/* Number of variables of parameters of the flow. */
+static size_t n_of_parameters(const Estimator *e) {
+    return (e->flight.known.present ? 3 : 2) * e->parameters.count;
+}
+
 unsigned time_reference(const Estimator *e) {
-    return parameter_reference(e) + (e->flight.known.present ? 3 : 2) * (unsigned)e->parameters.count;
+    return parameter_reference(e) + (unsigned)(n_of_parameters(e) + (e->flight.present ? N_LATER_INPUTS : 0));
 }
 
 /* Number of the first of the other loads. */
@@ -79,12 +84,12 @@ static size_t flight_variable(const Estimator *e, size_t variable) {
 }
 
 size_t flight_real(const Estimator *e, size_t variable) {
-    const size_t number = flight_variable(e, variable) - N_FLIGHT_INPUTS;
+    const size_t number = flight_variable(e, variable) - N_NAVIGATION_INPUTS;
     return number < N_FLIGHT_REALS ? number : SIZE_MAX;
 }
 
 size_t flight_flag(const Estimator *e, size_t variable) {
-    const size_t number = flight_variable(e, variable) - (N_FLIGHT_INPUTS + N_FLIGHT_REALS);
+    const size_t number = flight_variable(e, variable) - (N_NAVIGATION_INPUTS + N_FLIGHT_REALS);
     return number < N_FLIGHT_FLAGS ? number : SIZE_MAX;
 }
 
@@ -108,6 +113,9 @@ size_t input_of(const Estimator *e, size_t variable) {
     }
     if (e->flight.known.present && parameter - 2 * count < count) {
         return first_parameter_std(&e->inputs) + (parameter - 2 * count);
+    }
+    if (e->flight.present && parameter - n_of_parameters(e) < N_LATER_INPUTS) {
+        return first_later(&e->inputs) + (parameter - n_of_parameters(e));
     }
     return scalar < (e->flight.present ? N_ALL_SCALARS : N_SCALAR_INPUTS) ? n + scalar : SIZE_MAX;
 }

@@ -2,7 +2,8 @@
    settings; of maps with tables over the flight state then other inputs, real outputs and Boolean outputs; then the
    zeros and their deviations; then temperatures, of maps with modes of it, and thrust, of maps with sensors that it
    moves; then the loads beside the five, of maps with such; then the tare; then other parameters of the flow and how
-   far they leave their ranges, of maps with such, then their deviations, of maps with tables of them. */
+   far they leave their ranges, of maps with such, then their deviations, of maps with tables of them; then later inputs of
+   navigation, of maps with tables. */
 
 #ifndef ESTIMATOR_VARIABLES_H
 #define ESTIMATOR_VARIABLES_H

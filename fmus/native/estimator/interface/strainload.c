@@ -30,7 +30,7 @@ struct StrainLoad {
     Model *model;
     Estimator *estimator;
     Record record[N_RECORDS];
-    Run sample[8], setting[8]; /* that end with a run of no inputs */
+    Run sample[9], setting[8]; /* that end with a run of no inputs */
     Tare whole, steps;         /* of a window at once, and by steps: the estimator's own is that of its FMU */
 };
 
@@ -53,8 +53,8 @@ static Run *add_run(Record *record, Run *run, size_t input, size_t each, size_t 
 
 /* Readings, then what is known of air, temperature and flow. */
 static void describe_inputs(StrainLoad *handle) {
-    static const char *const FIRST[] = {"dynamic_pressure", "dynamic_pressure_std", "mach_number", "altitude"};
-    static const char *const MORE[] = {"mach_number_std", "static_pressure", "static_pressure_std"};
+    static const char *const MORE[] = {NAVIGATION_INPUTS(AIR_INPUT_NAME)};
+    static const char *const LATER[] = {LATER_INPUTS(AIR_INPUT_NAME) NULL};
     static const char *const READINGS[] = {"strain", "sensor"};
     static const char *const TEMPERATURE[] = {"temperature"}, *const THRUST[] = {"thrust"};
     static const char *const PARAMETERS[] = {"parameter", "parameter_std"};
@@ -63,8 +63,9 @@ static void describe_inputs(StrainLoad *handle) {
     Record *record = &handle->record[SL_INPUTS];
     Run *run = add_run(record, handle->sample, 0, n_strains, 1, READINGS);
     run = add_run(record, run, n_strains, n - n_strains, 1, READINGS + 1);
-    run = add_run(record, run, n, 1, 4, FIRST);
-    run = add_run(record, run, n + MACH_NUMBER_STD, 1, 3, MORE);
+    run = add_run(record, run, n, 1, N_FLOW_INPUTS, SCALAR_NAMES);
+    run = add_run(record, run, n + N_SCALAR_INPUTS, 1, N_NAVIGATION_INPUTS, MORE);
+    run = add_run(record, run, first_later(&e->inputs), 1, N_LATER_INPUTS, LATER);
     run = add_run(record, run, first_temperature(&e->inputs), e->inputs.n_temperatures, 1, TEMPERATURE);
     run = add_run(record, run, thrust == SIZE_MAX ? 0 : thrust, thrust == SIZE_MAX ? 0 : 1, 1, THRUST);
     run = add_run(record, run, first_parameter(&e->inputs), e->parameters.count, e->map.has_known ? 2 : 1, PARAMETERS);
@@ -72,14 +73,12 @@ static void describe_inputs(StrainLoad *handle) {
 }
 
 static void describe_settings(StrainLoad *handle) {
-    static const char *const SETTINGS[] = {"sensor_range", "alarm_scale", "reference_area", "reference_length",
-                                           "moment_station"};
     static const char *const ZEROS[] = {"zero", "zero_std"}, *const COMMON[] = {"zero_common_std"};
     static const char *const FILTER[] = {"filter_time_constant"};
     const Estimator *e = handle->estimator;
     const size_t n = e->map.n_gauges, n_strains = e->sensors.n_strains, filter = filter_setting(&e->inputs);
     Record *record = &handle->record[SL_SETTINGS];
-    Run *run = add_run(record, handle->setting, n + SENSOR_RANGE, 1, 5, SETTINGS);
+    Run *run = add_run(record, handle->setting, n + SENSOR_RANGE, 1, N_SCALAR_INPUTS - SENSOR_RANGE, SCALAR_NAMES + SENSOR_RANGE);
     run = add_run(record, run, n + N_ALL_SCALARS, n_strains, 2, ZEROS);
     run = add_run(record, run, n + N_ALL_SCALARS + 2 * n_strains, 1, 1, COMMON);
     run = add_run(record, run, filter == SIZE_MAX ? 0 : filter, filter == SIZE_MAX ? 0 : 1, 1, FILTER);
@@ -284,7 +283,7 @@ void sl_renew(StrainLoad *handle) {
 static void set_sample(StrainLoad *handle, const double *input, const unsigned char *valid) {
     Estimator *e = handle->estimator;
     estimator_before_change(e);
-    for (const Run *run = handle->sample; run < handle->sample + 7; run++) {
+    for (const Run *run = handle->sample; run < handle->sample + 8; run++) {
         memcpy(e->inputs.value + run->input, input + run->first, run->count * sizeof *input);
     }
     if (valid != NULL) {

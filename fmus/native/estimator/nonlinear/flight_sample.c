@@ -8,6 +8,11 @@
 /* Least deviation of a value of navigation, relative: LEAST_RELATIVE_STD of navigation.py. */
 #define MIN_RELATIVE_STD 1e-3
 
+/* Relative deviations of a total temperature without its own, and of the standard atmosphere's temperature: those of
+   air_inputs.py. */
+#define TOTAL_TEMPERATURE_ERROR 0.01
+#define STATIC_TEMPERATURE_ERROR 0.03
+
 size_t flight_set_strain(FlightSolver *solver, const Inputs *inputs) {
     const double range = scalar_input(inputs, SENSOR_RANGE);
     const int silent = readings_silent(inputs);
@@ -35,6 +40,39 @@ static double navigation_error(const FlightMap *map, const Inputs *inputs, size_
     return by_altitude ? map->altitude_error : map->error[quantity];
 }
 
+/* M by the total temperature and the standard atmosphere at the altitude, and its deviation; NaN where one is not known or
+   they have no Mach number in common. */
+static double mach_by_temperature(const Inputs *inputs, double *std) {
+    const Envelope *envelope = &inputs->map->envelope;
+    const double total = later_input(inputs, TOTAL_TEMPERATURE), stated = later_input(inputs, TOTAL_TEMPERATURE_STD);
+    const double half = envelope->half_gamma - 0.5; /* T0 = T (1 + half M^2) */
+    double pressure, temperature;
+    if (isnan(total) || !atmosphere_at(&envelope->atmosphere, known_input(inputs, ALTITUDE), &pressure, &temperature)) {
+        return NAN;
+    }
+    const double ratio = total / temperature, mach = sqrt((ratio - 1.0) / half);
+    const double error = isnan(stated) ? TOTAL_TEMPERATURE_ERROR : stated / total;
+    const double relative = sqrt(error * error + STATIC_TEMPERATURE_ERROR * STATIC_TEMPERATURE_ERROR);
+    *std = 0.5 * ratio * relative / (half * mach);
+    return ratio > 1.0 && isfinite(mach) && isfinite(*std) ? mach : NAN;
+}
+
+/* Join two values of M by their deviations, which grow where the values differ by more. */
+static void join(double *value, double *std, double other, double other_std) {
+    const int known = isfinite(*value) && *value > 0.0 && isfinite(*std) && *std > 0.0;
+    if (isnan(other)) {
+        return;
+    }
+    if (!known) {
+        *value = other;
+        *std = other_std;
+        return;
+    }
+    const double variance = *std * *std + other_std * other_std, apart = fabs(other - *value) / sqrt(variance);
+    *value += *std * *std / variance * (other - *value);
+    *std *= other_std / sqrt(variance) * (apart > 1.0 ? apart : 1.0);
+}
+
 void navigation_of(const FlightMap *map, const Inputs *inputs, double *value, double *std) {
     value[0] = known_input(inputs, MACH_NUMBER);
     value[1] = known_input(inputs, STATIC_PRESSURE);
@@ -49,6 +87,9 @@ void navigation_of(const FlightMap *map, const Inputs *inputs, double *value, do
         std[k] = isnan(std[k]) ? own : std[k];
         std[k] = std[k] > least ? std[k] : least;
     }
+    double by_temperature_std = 0.0;
+    const double by_temperature = mach_by_temperature(inputs, &by_temperature_std);
+    join(&value[0], &std[0], by_temperature, by_temperature_std);
 }
 
 void flight_set_measurement(FlightSolver *solver, const double *navigation, const double *navigation_std) {

@@ -16,9 +16,6 @@
 #define LINEAR_LOADS (N_AIR_DATA + N_NAVIGATION)
 #define N_FLIGHT_FLAGS (LINEAR_LOADS + 1)
 
-/* Real inputs after those of the linear estimator. */
-#define N_FLIGHT_INPUTS 3 /* deviation of the Mach number [1]; static pressure and its deviation [Pa] */
-
 /* What a step leaves to the next one: docs/explanation/nonlinear_estimator.md. */
 typedef struct {
     double has_state; /* 0 or 1; all of it float64, as it is serialised */

@@ -3,9 +3,8 @@
 #include <stdio.h>
 #include <string.h>
 
-static const char *const SETTING_NAMES[] = {
-    "dynamic_pressure", "dynamic_pressure_std", "mach_number",      "altitude",       "sensor_range",
-    "alarm_scale",      "reference_area",       "reference_length", "moment_station",
+const char *const SCALAR_NAMES[N_SCALAR_INPUTS] = {
+    FLOW_INPUTS(AIR_INPUT_NAME) "sensor_range", "alarm_scale", "reference_area", "reference_length", "moment_station",
 };
 
 size_t first_temperature(const Inputs *in) {
@@ -33,8 +32,12 @@ size_t filter_setting(const Inputs *in) {
     return in->map->has_filter ? first_parameter(in) - 1 : SIZE_MAX;
 }
 
-size_t inputs_count(const Inputs *in) {
+size_t first_later(const Inputs *in) {
     return first_parameter_std(in) + (in->map->has_known ? in->parameters->count : 0);
+}
+
+size_t inputs_count(const Inputs *in) {
+    return first_later(in) + N_LATER_INPUTS;
 }
 
 size_t parameter_beyond(const Inputs *in) {
@@ -103,7 +106,7 @@ int inputs_accept(const Inputs *in, size_t index, double value, char text[MODEL_
     if (value >= smallest && value <= largest) {
         return 1;
     }
-    snprintf(text, MODEL_TEXT_SIZE, "%s: %g found, must be between %g and %g", SETTING_NAMES[setting], value, smallest,
+    snprintf(text, MODEL_TEXT_SIZE, "%s: %g found, must be between %g and %g", SCALAR_NAMES[setting], value, smallest,
              largest);
     return 0;
 }

@@ -9,30 +9,35 @@
 #include "../map/flow_parameters.h"
 #include "../map/map_resource.h"
 #include "../map/sensor_rows.h"
+#include "air_inputs.h"
 
 /* Indices of the real inputs after the readings: strains, then other sensors; the last five are settings. */
 enum {
-    DYNAMIC_PRESSURE,     /* [Pa] */
-    DYNAMIC_PRESSURE_STD, /* [Pa]; these four are not given where they are 0 or below, or NaN: known_input */
-    MACH_NUMBER,          /* [1] */
-    ALTITUDE,             /* [m] */
+    FLOW_INPUTS(AIR_INPUT_NUMBER)
     SENSOR_RANGE,         /* largest |strain| of a working gauge [1] */
     ALARM_SCALE,          /* factor on the limit of chi-square and on the square of that of z [1] */
     REFERENCE_AREA,       /* [m2] */
     REFERENCE_LENGTH,     /* [m] */
     MOMENT_STATION,       /* x of the moment point [m] */
     N_SCALAR_INPUTS,
-    MACH_NUMBER_STD = N_SCALAR_INPUTS, /* [1]; this and the rest of maps with tables over the flight state only, */
-    STATIC_PRESSURE,                   /* [Pa]; as the first four */
-    STATIC_PRESSURE_STD,               /* [Pa] */
+    BEFORE_NAVIGATION = N_SCALAR_INPUTS - 1, /* what follows is of maps with tables over the flight state only */
+    NAVIGATION_INPUTS(AIR_INPUT_NUMBER)
     N_ALL_SCALARS
 };
+
+/* Names of flow and settings, by these numbers. */
+extern const char *const SCALAR_NAMES[N_SCALAR_INPUTS];
+
+enum { N_FLOW_INPUTS = SENSOR_RANGE, N_NAVIGATION_INPUTS = N_ALL_SCALARS - N_SCALAR_INPUTS };
+
+/* Behind all other inputs; variables of maps with tables only. */
+enum { LATER_INPUTS(AIR_INPUT_NUMBER) N_LATER_INPUTS };
 
 /* After the scalars: zero of each strain gauge, deviation of each of them, deviation that they have in common [1]; then
    the temperature of each sensor [K], not known where it is 0 or below, or NaN; thrust [N], which may be NaN or the
    map's not_known, of a map with sensors that it moves; then the time constant of the filter [s], 0 for none, of a map
    that has one. Then other parameters of the flow, as thrust, and, with tables of them, their deviations, which are
-   not stated where they are 0 or below, or NaN. */
+   not stated where they are 0 or below, or NaN; then those of LATER_INPUTS. */
 static inline size_t number_of_zeros(size_t n_strains) {
     return 2 * n_strains + 1;
 }
@@ -63,6 +68,9 @@ size_t thrust_input(const Inputs *inputs);
 size_t first_parameter(const Inputs *inputs);
 size_t first_parameter_std(const Inputs *inputs);
 
+/* The first of LATER_INPUTS. */
+size_t first_later(const Inputs *inputs);
+
 /* Index of the time constant of the filter among the inputs; SIZE_MAX for none. */
 size_t filter_setting(const Inputs *inputs);
 
@@ -79,6 +87,12 @@ static inline double scalar_input(const Inputs *inputs, size_t scalar) {
 /* An input of flow or navigation; NaN where it is not given: 0, which hosts fill in, or below, or NaN. */
 static inline double known_input(const Inputs *inputs, size_t scalar) {
     const double value = scalar_input(inputs, scalar);
+    return value > 0.0 ? value : NAN;
+}
+
+/* The same of one of LATER_INPUTS. */
+static inline double later_input(const Inputs *inputs, size_t later) {
+    const double value = inputs->value[first_later(inputs) + later];
     return value > 0.0 ? value : NAN;
 }
 

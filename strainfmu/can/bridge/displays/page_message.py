@@ -6,34 +6,30 @@ is no value.
 
 from __future__ import annotations
 
-import json
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cache
 from math import isfinite
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile, ZipFile
 
 import numpy as np
 
 from strainfmu.can.cycle.estimate.result import CycleResult
 from strainfmu.can.cycle.gauges.verdicts import gauge_reasons
 from strainfmu.can.cycle.states.quality import Cause
-from strainfmu.cosim.estimators.step import ENVELOPE_SCORE, health_name
+from strainfmu.cosim.estimators.step import health_name
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.flow_parameters import PARAMETER_TOLERANCE
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 from strainfmu.estimator.other_loads import LoadGroup, column_of
-from strainfmu.fmu.fmu_file import CONTENTS
 from strainfmu.interface.estimator_variables import LOADS
+from strainfmu.interface.health_names import CHI_SQUARE_LIMIT, SUSPECT_GAUGE, SUSPECTS
+from strainfmu.interface.health_names import VALID_GAUGES as GAUGES_USED
 from strainfmu.interface.parameter_variables import OUTSIDE_PREFIX
 from strainfmu.interface.sensor_variables import PREFIX as SENSOR_PREFIX
 from strainfmu.interface.sensor_variables import THRUST
 
-CHI_SQUARE_LIMIT, GAUGES_USED = "health.chi_square_limit", "health.valid_gauges"
-SUSPECT_GAUGE, SUSPECTS = "health.suspect_gauge", "health.suspects"
 PAGE_OUTPUTS = (
     *LOADS,
     *(f"sigma.{name}" for name in LOADS),
@@ -43,10 +39,6 @@ PAGE_OUTPUTS = (
     SUSPECTS,
 )
 """Outputs of the estimator that a display shows besides those that every result holds."""
-
-_LIMIT = re.compile(r"OUTSIDE above (\S+)")
-_PLACE = re.compile(r"Strain of gauge (.+) at x = (\S+) m(?:, roll angle (\S+) deg)?")
-_RANGE = re.compile(r"(\S+)(?: to (\S+))?(?: (\S+))?")
 
 
 @dataclass(frozen=True)
@@ -81,7 +73,7 @@ class EstimatorFacts:
 
 
 def gauge_positions(fmu: Path) -> tuple[GaugePosition, ...]:
-    """Return the positions of the gauges of an estimator FMU, from the descriptions of its inputs.
+    """Return the positions of the gauges of an estimator FMU, as it states them.
 
     Raises
     ------
@@ -89,15 +81,12 @@ def gauge_positions(fmu: Path) -> tuple[GaugePosition, ...]:
         The FMU is missing, damaged, or no estimator.
     """
     from strainfmu.cosim.estimators.description import gauge_names_of
-    from strainfmu.cosim.systems.instance import read_description
+    from strainfmu.interface.contents import stated_contents
 
-    found = {}
-    for variable in read_description(fmu).modelVariables:
-        match = _PLACE.match(variable.description or "")
-        if match:
-            angle = None if match[3] is None else float(match[3])
-            found[match[1]] = GaugePosition(match[1], float(match[2]), angle)
-    return tuple(found.get(name, GaugePosition(name)) for name in gauge_names_of(fmu))
+    names, stated = gauge_names_of(fmu), stated_contents(fmu).positions
+    if len(stated) != len(names):
+        return tuple(GaugePosition(name) for name in names)
+    return tuple(GaugePosition(name, at.x, at.roll_angle) for name, at in zip(names, stated, strict=True))
 
 
 def estimator_facts(fmu: Path) -> EstimatorFacts:
@@ -109,40 +98,18 @@ def estimator_facts(fmu: Path) -> EstimatorFacts:
         The FMU is missing or damaged.
     """
     from strainfmu.cosim.estimators.description import load_groups_in, reading_units_in
+    from strainfmu.interface.contents import stated_contents
 
-    try:
-        with ZipFile(fmu) as archive:
-            contents = json.loads(archive.read(CONTENTS))
-        vehicle, stated = str(contents.get("vehicle", "")), dict(contents.get("validity", {}))
-    except (OSError, BadZipFile, KeyError, ValueError, TypeError, AttributeError):
-        vehicle, stated = "", {}
-    validity = {str(name): str(text) for name, text in stated.items()}
-    ranges = {name: found for name in COEFFICIENT_NAMES if (found := _range(validity.pop(name, "")))}
+    contents = stated_contents(fmu)
+    ranges = {name: contents.ranges[name] for name in COEFFICIENT_NAMES if name in contents.ranges}
     return EstimatorFacts(
-        vehicle=vehicle,
-        score_limit=envelope_score_limit(fmu),
+        vehicle=contents.vehicle,
+        score_limit=contents.envelope_score_limit,
         ranges=ranges,
-        validity=validity,
+        validity={name: text for name, text in contents.validity.items() if name not in ranges},
         load_groups=load_groups_in(fmu),
         sensors=tuple(name.removeprefix(SENSOR_PREFIX) for name in reading_units_in(fmu) if name != THRUST),
     )
-
-
-def envelope_score_limit(fmu: Path) -> float | None:
-    """Return the envelope score above which an estimator FMU says OUTSIDE, None if it states none.
-
-    Raises
-    ------
-    InputError
-        The FMU is missing or damaged.
-    """
-    from strainfmu.cosim.systems.instance import read_description
-
-    for variable in read_description(fmu).modelVariables:
-        match = _LIMIT.search(variable.description or "")
-        if variable.name == ENVELOPE_SCORE and match:
-            return finite(float(match[1]))
-    return None
 
 
 def health_text(result: CycleResult, score_limit: float | None) -> str | None:
@@ -283,12 +250,3 @@ def finite(value: float | None) -> float | None:
 
 def _named(values: Sequence[float]) -> dict[str, float | None]:
     return {name: finite(value) for name, value in zip(COEFFICIENT_NAMES, values, strict=True)}
-
-
-def _range(text: str) -> tuple[float, float] | None:
-    """Return smallest and largest of "low to high", None if it is something else."""
-    match = _RANGE.fullmatch(text)
-    try:
-        return None if match is None else (float(match[1]), float(match[2] or match[1]))
-    except ValueError:
-        return None

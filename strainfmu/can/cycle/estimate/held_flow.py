@@ -21,11 +21,9 @@ from strainfmu.can.wire.frame_layout import (
     ALTITUDE,
     DYNAMIC_PRESSURE,
     FLOW_QUANTITIES,
-    FLOW_STDS,
     LARGEST_PARAMETER,
     MACH_NUMBER,
     NAVIGATION,
-    STATIC_PRESSURE,
     FlowSignal,
     InputFrame,
     is_parameter,
@@ -33,16 +31,10 @@ from strainfmu.can.wire.frame_layout import (
     is_reading,
     is_temperature,
 )
-from strainfmu.can.wire.profile_signals import LARGEST_DYNAMIC_PRESSURE, LEAST_DYNAMIC_PRESSURE
+from strainfmu.estimator.air_inputs import AIR_INPUTS
 from strainfmu.interface.input_names import OTHER_AIR_DATA
 
-_SENSIBLE = {
-    DYNAMIC_PRESSURE: (LEAST_DYNAMIC_PRESSURE, LARGEST_DYNAMIC_PRESSURE),
-    MACH_NUMBER: (0.0, 100.0),
-    ALTITUDE: (-2e3, 2e5),
-    STATIC_PRESSURE: (LEAST_DYNAMIC_PRESSURE, LARGEST_DYNAMIC_PRESSURE),
-    **dict.fromkeys(FLOW_STDS.values(), (0.0, LARGEST_PARAMETER)),
-}
+_SENSIBLE = {one.name: (one.smallest, one.largest) for one in AIR_INPUTS}
 """Smallest and largest value of a quantity that may be used, in SI units, whatever its signal allows."""
 
 _SENSIBLE_TEMPERATURE = (1.0, 5e3)

@@ -103,7 +103,7 @@ def test_a_bridge_estimates_as_python_does(tmp_path: Path, kind: str) -> None:
         results = flown(ready.step, lost, cycles)
     tracker, states = Estimator(flown_map()), set()
     for result in results:
-        given = {name: result.other_inputs[name] for name in OTHER_AIR_DATA}
+        given = {name: result.other_inputs[name] for name in OTHER_AIR_DATA if name in result.other_inputs}
         is_known = not isnan(result.dynamic_pressure)
         states.add((is_known, *(not isnan(value) for value in given.values())))
         expected = tracker.track(result.strain, result.dynamic_pressure, mach_number=result.mach_number, **given)

@@ -1,0 +1,31 @@
+/* The inputs for flow and navigation: their numbers and names, the table of strainfmu/estimator/air_inputs.py. X is called
+   with number and name.
+
+   Those of later versions stand behind all others, among the inputs and among the variables, so that numbers of variables
+   stay. All of them are not given where they are 0 or below, or NaN: known_input, later_input. */
+
+#ifndef AIR_INPUTS_H
+#define AIR_INPUTS_H
+
+/* Of every map: pressures [Pa], M [1], altitude [m]. */
+#define FLOW_INPUTS(X)                                \
+    X(DYNAMIC_PRESSURE, "dynamic_pressure")           \
+    X(DYNAMIC_PRESSURE_STD, "dynamic_pressure_std")   \
+    X(MACH_NUMBER, "mach_number")                     \
+    X(ALTITUDE, "altitude")
+
+/* Of maps with tables over the flight state besides. */
+#define NAVIGATION_INPUTS(X)                          \
+    X(MACH_NUMBER_STD, "mach_number_std")             \
+    X(STATIC_PRESSURE, "static_pressure")             \
+    X(STATIC_PRESSURE_STD, "static_pressure_std")
+
+/* The same, of later versions: total temperature [K] and its deviation. */
+#define LATER_INPUTS(X)                               \
+    X(TOTAL_TEMPERATURE, "total_temperature")         \
+    X(TOTAL_TEMPERATURE_STD, "total_temperature_std")
+
+#define AIR_INPUT_NUMBER(number, name) number,
+#define AIR_INPUT_NAME(number, name) name,
+
+#endif

@@ -1,0 +1,173 @@
+"""The inputs of an estimator for flow and navigation: one table, which all that carries them iterates over.
+
+Python's arguments, the record of the compiled core, variables of FMUs, columns of recordings, entries of a bus and
+their units follow :data:`AIR_INPUTS`. The core's own list is fmus/native/estimator/sample/air_inputs.h.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+STD = "_std"
+"""Ends the name of the input for a standard deviation."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class AirInput:
+    """An input for flow or navigation.
+
+    Attributes
+    ----------
+    name : everywhere.
+    label, symbol : short name and symbol, of tables and figures.
+    unit, shown : unit as FMI has it, and the one that people read.
+    text : description; in braces ``of`` with attributes of the tables, and ``not_given``.
+    text_of_linear : the same of a linear map, with ``of`` the map; "" of an input that tables alone take.
+    note : what a C program reads of it.
+    aliases : names that others give to it, in small letters and digits alone: for suggestions.
+    is_later : whether it stands behind all other variables of an FMU, whose numbers stay as they were without it.
+    largest, smallest : values that may be used, in ``unit``; a bus takes others for errors.
+    """
+
+    name: str
+    label: str
+    symbol: str
+    unit: str
+    shown: str | None
+    text: str
+    text_of_linear: str = ""
+    note: str = ""
+    aliases: tuple[str, ...] = ()
+    smallest: float = 0.0
+    largest: float = 1e8
+    is_later: bool = False
+
+    @property
+    def of_tables(self) -> bool:
+        """Whether tables over the flight state alone take it."""
+        return not self.text_of_linear
+
+    @property
+    def is_std(self) -> bool:
+        """Whether it is the standard deviation of another one."""
+        return self.name.endswith(STD)
+
+
+_DYNAMIC_PRESSURE = AirInput(
+    name="dynamic_pressure",
+    label="Dynamic pressure",
+    symbol="q_inf",
+    unit="Pa",
+    shown="kPa",
+    text="Dynamic pressure by navigation; {not_given} where not given",
+    text_of_linear="Free-stream dynamic pressure, at most 1e7 Pa; {use}",
+    aliases=("q", "qinf", "qbar", "pdyn", "pressure"),
+    smallest=1e-6,
+    largest=1e7,
+)
+_MACH_NUMBER = AirInput(
+    name="mach_number",
+    label="Mach number",
+    symbol="M",
+    unit="1",
+    shown=None,
+    text="Mach number by navigation; {not_given} where not given",
+    text_of_linear="Mach number by navigation, for health alone; {not_given} where not given",
+    aliases=("mach", "ma", "machnumber", "machinf"),
+    largest=100.0,
+)
+_ALTITUDE = AirInput(
+    name="altitude",
+    label="Altitude",
+    symbol="h",
+    unit="m",
+    shown="km",
+    text="Geopotential altitude by navigation, for the static pressure; {not_given} where not given",
+    text_of_linear="Geopotential altitude by navigation, for health alone; {not_given} where not given",
+    note=" geopotential; static pressure of the standard atmosphere",
+    aliases=("alt", "h", "height", "geopotentialaltitude"),
+    smallest=-2e3,
+    largest=2e5,
+)
+_STATIC_PRESSURE = AirInput(
+    name="static_pressure",
+    label="Static pressure",
+    symbol="p_inf",
+    unit="Pa",
+    shown=None,
+    text="Static pressure by navigation, goes before altitude; {not_given} takes that of the standard atmosphere "
+    "at altitude",
+    aliases=("p", "pinf", "ps", "pstatic", "ambientpressure"),
+    smallest=1e-6,
+    largest=1e7,
+)
+
+TOTAL_TEMPERATURE_ERROR, STATIC_TEMPERATURE_ERROR = 0.01, 0.03
+"""Relative standard deviations of a total temperature without its own, and of the temperature at an altitude about
+that of the standard atmosphere: 0.02 to 0.04 over latitudes and seasons from 10 to 40 km."""
+
+_TOTAL_TEMPERATURE = AirInput(
+    name="total_temperature",
+    label="Total temperature",
+    symbol="T_0",
+    unit="K",
+    shown=None,
+    text="Total temperature of a perfect gas, gamma 1.4: a Mach number by the static one of the standard "
+    "atmosphere at altitude, which it needs; {not_given} where not given",
+    note=" of a perfect gas; with altitude states the Mach number",
+    aliases=("t0", "tt", "ttot", "tat", "stagnationtemperature", "totaltemp"),
+    smallest=1.0,
+    largest=2e4,
+    is_later=True,
+)
+
+
+def _std_of(quantity: AirInput, text: str, of_linear: str = "", **more: str | tuple[str, ...]) -> AirInput:
+    """Return the input for the standard deviation of ``quantity``."""
+    return AirInput(
+        name=f"{quantity.name}{STD}",
+        label=f"Standard deviation of {quantity.label[:1].lower()}{quantity.label[1:]}",
+        symbol=f"sigma({quantity.symbol})",
+        unit=quantity.unit,
+        shown=quantity.shown,
+        text=f"Standard deviation of the error of {quantity.name}; {{not_given}} takes {text}",
+        text_of_linear=of_linear and f"Standard deviation of the error of {quantity.name}, {of_linear}",
+        is_later=quantity.is_later,
+        **more,  # type: ignore[arg-type]
+    )
+
+
+AIR_INPUTS = (
+    _DYNAMIC_PRESSURE,
+    _std_of(
+        _DYNAMIC_PRESSURE,
+        "{of.dynamic_pressure_error:g} of it",
+        "widens sigma; {not_given} takes {of.dynamic_pressure_error:g} of dynamic_pressure",
+        note=" its standard deviation; not given: that of the map",
+        aliases=("qstd", "qinfstd", "sigmaq", "qsigma", "dynamicpressuresigma"),
+    ),
+    _MACH_NUMBER,
+    _ALTITUDE,
+    _std_of(_MACH_NUMBER, "{of.mach_number_error:g}"),
+    _STATIC_PRESSURE,
+    _std_of(_STATIC_PRESSURE, "{of.static_pressure_error:g} of it, {of.altitude_error:g} of that at altitude"),
+    _TOTAL_TEMPERATURE,
+    _std_of(_TOTAL_TEMPERATURE, f"{TOTAL_TEMPERATURE_ERROR:g} of it"),
+)
+"""All there is, in their order in a record of the core."""
+
+AIR_INPUT_NAMES = tuple(one.name for one in AIR_INPUTS)
+
+FLOW_INPUTS = tuple(one.name for one in AIR_INPUTS if not one.of_tables)
+"""Inputs of every map."""
+
+NAVIGATION_INPUTS = tuple(one.name for one in AIR_INPUTS if one.of_tables)
+"""Inputs of maps with tables besides."""
+
+FLOW_QUANTITIES = tuple(one.name for one in AIR_INPUTS if not one.of_tables and not one.is_std)
+"""Quantities of every map, without standard deviations."""
+
+DYNAMIC_PRESSURE, MACH_NUMBER, ALTITUDE, STATIC_PRESSURE, TOTAL_TEMPERATURE = (
+    one.name for one in (_DYNAMIC_PRESSURE, _MACH_NUMBER, _ALTITUDE, _STATIC_PRESSURE, _TOTAL_TEMPERATURE)
+)
+"""Those that something is computed from."""

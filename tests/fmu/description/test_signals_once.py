@@ -1,0 +1,73 @@
+"""The names of an FMU's signals stand in few product files: what carries them iterates over tables."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections import Counter
+from functools import cache
+from pathlib import Path
+
+import pytest
+from flight_fmu import whole_map
+
+import strainfmu
+from strainfmu.interface.contents import estimator_contents
+
+pytestmark = pytest.mark.fast
+
+ROOT = Path(strainfmu.__file__).parents[1]
+
+OTHER_TABLES = {
+    "altitude": 13,
+    "coefficients": 16,
+    "dynamic_pressure": 33,
+    "filter_time_constant": 8,
+    "force": 6,
+    "mach_number": 32,
+    "moment": 7,
+    "reference_area": 8,
+    "reference_length": 8,
+    "sensor_range": 6,
+    "strain": 19,
+    "tare": 8,
+    "valid": 8,
+    "zero": 20,
+    "zero_common_std": 7,
+    "zero_std": 8,
+}
+"""Names that vehicle files, flight conditions, settings of the bus or results have, too: so many files may hold
+them. All others stand in at most :data:`MOST`."""
+
+MOST = 3
+
+
+@cache
+def files_by_literal() -> Counter[str]:
+    """Return the number of product files that hold each text as a whole literal; comments do not count."""
+    found: Counter[str] = Counter()
+    for room in ("strainfmu", "builder", "fmus"):
+        for path in (ROOT / room).rglob("*.*"):
+            if path.suffix == ".py":
+                nodes = ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+                found.update(
+                    {one.value for one in nodes if isinstance(one, ast.Constant) and isinstance(one.value, str)}
+                )
+            elif path.suffix in {".c", ".h", ".js", ".html"} and not {"binaries", "headers"} & set(path.parts):
+                text = re.sub(
+                    r"/\*.*?\*/|^\s*#include[^\n]*$", "", path.read_text(encoding="utf-8"), flags=re.S | re.M
+                )
+                found.update(
+                    {double or single for double, single in re.findall(r'"([^"\\\n]*)"|\'([^\'\n]*)\'', text)}
+                )
+    return found
+
+
+def test_few_files_hold_the_name_of_a_signal() -> None:
+    if not (ROOT / "pyproject.toml").is_file():
+        pytest.skip("installed without its sources")
+    names = [one["name"] for one in estimator_contents(whole_map())["signals"]]
+    assert len(names) > 50
+    found = {name: files_by_literal()[name] for name in names}
+    too_many = {name: count for name, count in found.items() if count > OTHER_TABLES.get(name, MOST)}
+    assert too_many == {}
