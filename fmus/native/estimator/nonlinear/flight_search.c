@@ -160,31 +160,35 @@ static void set_start(FlightSolver *solver, size_t start, double *state) {
     state[STATE_PRESSURE] = clipped(state[STATE_PRESSURE], range[0] - LARGEST_EXCESS, range[1] + LARGEST_EXCESS);
 }
 
-/* Whether a search of this step was of the same navigation: it is as it was, and so is where it ends. */
-static int recalled(FlightSolver *solver) {
+/* The search of this step that was of the same navigation: it is as it was, and so is where it ends. */
+static const KeptEnds *kept_ends(const FlightSolver *solver) {
     for (size_t k = 0; k < solver->n_kept; k++) {
         const KeptEnds *kept = &solver->kept[k];
         if (memcmp(kept->precision, solver->sample.precision, sizeof kept->precision) == 0) {
-            memcpy(solver->end, kept->end, sizeof solver->end);
-            memcpy(solver->end_deviance, kept->deviance, sizeof solver->end_deviance);
-            return 1;
+            return kept;
         }
     }
-    return 0;
+    return NULL;
+}
+
+int flight_search_kept(const FlightSolver *solver) {
+    return kept_ends(solver) != NULL;
 }
 
 static void keep(FlightSolver *solver) {
-    if (solver->n_kept < KEPT_SEARCHES) {
-        KeptEnds *kept = &solver->kept[solver->n_kept++];
-        memcpy(kept->precision, solver->sample.precision, sizeof kept->precision);
-        memcpy(kept->end, solver->end, sizeof kept->end);
-        memcpy(kept->deviance, solver->end_deviance, sizeof kept->deviance);
-    }
+    KeptEnds *kept = &solver->kept[solver->n_kept++];
+    memcpy(kept->precision, solver->sample.precision, sizeof kept->precision);
+    memcpy(kept->end, solver->end, sizeof kept->end);
+    memcpy(kept->deviance, solver->end_deviance, sizeof kept->deviance);
 }
 
 size_t flight_search_ends(FlightSolver *solver) {
+    const KeptEnds *kept = kept_ends(solver);
     size_t best = 0;
-    if (!recalled(solver)) {
+    if (kept != NULL) {
+        memcpy(solver->end, kept->end, sizeof solver->end);
+        memcpy(solver->end_deviance, kept->deviance, sizeof solver->end_deviance);
+    } else if (solver->n_kept < KEPT_SEARCHES) {
         for (size_t start = 0; start < SEARCH_STARTS; start++) {
             set_start(solver, start, solver->end[start]);
             solver->end_deviance[start] = flight_iterate_start(solver, solver->end[start]);

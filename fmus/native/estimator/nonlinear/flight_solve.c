@@ -16,6 +16,7 @@ static void set_factor(FlightSolver *solver) {
     const size_t n = solver->n;
     double *factor = solver->factor;
     solver->factor_pressure = solver->response.pressure;
+    memcpy(solver->factor_state, solver->state, sizeof solver->factor_state);
     flight_strain_covariance(solver);
     for (size_t g = 0; g < n; g++) {
         if (g < solver->n_gauges && solver->sample.used[g]) {
@@ -279,6 +280,14 @@ void flight_solve_warm(FlightSolver *solver, const double *state) {
         next_state(solver, next);
         evaluate(solver, next);
     }
+    linearise(solver);
+    flight_settle(solver);
+}
+
+void flight_solve_again(FlightSolver *solver, const double *weighted_at, const double *state) {
+    evaluate(solver, weighted_at);
+    set_factor(solver);
+    evaluate(solver, state);
     linearise(solver);
     flight_settle(solver);
 }

@@ -10,6 +10,9 @@
 /* Solve for solver->sample by a fixed number of iterations from a state. Then the solution is in solver->solution. */
 void flight_solve_warm(FlightSolver *solver, const double *state);
 
+/* The solution that iterations have ended with before, at solver->state with S at solver->factor_state. */
+void flight_solve_again(FlightSolver *solver, const double *weighted_at, const double *state);
+
 /* The parts of it: S renewed half-way, and what tells the best end of a search; the solution from a state; the problem about
    a state weighted by S there; -2 ln likelihood of the problem, less a constant; the solution at its state. */
 double flight_iterate_start(FlightSolver *solver, double *state);
