@@ -21,6 +21,7 @@ typedef struct {
     double *z_scale;         /* (n_used) 1 / sqrt(P_ii), 0 where no other gauge checks this one */
     float *screen;           /* columns of the triangle times z_scale, in panels */
     int screened;            /* whether screen is set */
+    int grouped;             /* whether triangle, z_scale and group are set: those of form "dynamic_pressure" when needed */
     size_t *group;           /* (n_used) the first of the gauges from which each cannot be distinguished */
     double load_covariance[N_LOADS * N_LOADS];
     double load_std[N_LOADS], load_std_shift; /* about the moment point shifted so [m]; NaN before any is known */
@@ -49,6 +50,9 @@ void workspace_arrays(const Map *map, Workspace *work, double **doubles, size_t 
 
 /* Fill masked for the gauges of masked->mask. */
 void masked_map_prepare(const Map *map, MaskedMap *masked, Workspace *work);
+
+/* Set the groups of gauges that cannot be distinguished, if they are not. */
+void masked_map_groups(const Map *map, MaskedMap *masked, Workspace *work);
 
 /* Set the covariance of the loads from the gain of the gauges in use, term by term. */
 void masked_load_covariance(const Map *map, MaskedMap *masked, const Workspace *work);
