@@ -145,6 +145,9 @@ static void set_start(FlightSolver *solver, size_t start, double *state) {
         }
         CHOSEN(solver->wide, compare)(n, weighted, square, solver->search_strain + (start * SEARCH_STATES + k) * n,
                                       &dot, &size);
+        if (k > 0 && !(known.of_mach - (dot > 0.0 && size > 0.0 ? dot * dot / size : 0.0) < lowest)) {
+            continue; /* no pressure makes this state the best one */
+        }
         const double by_strain = clipped(dot / (size > 1e-300 ? size : 1e-300), SMALLEST_PRESSURE, LARGEST_PRESSURE);
         const double log_pressure =
             joined_pressure(&known, logarithm(by_strain), size * (by_strain * by_strain), &of_navigation);

@@ -105,14 +105,15 @@ static void linearise(FlightSolver *solver) {
         }
     }
     solve_lower(solver->wide, n, solver->factor, N_RIGHT, right);
+    double products[N_RIGHT][N_RIGHT];
+    lane_products(solver->wide, n, right, products);
     for (size_t i = 0; i < N_STATES; i++) {
-        for (size_t j = 0; j <= i; j++) {
-            solver->hessian[i * N_STATES + j] = solver->hessian[j * N_STATES + i] =
-                lane_dot(n, right + (1 + i) * n, right + (1 + j) * n);
+        for (size_t j = 0; j < N_STATES; j++) {
+            solver->hessian[i * N_STATES + j] = products[1 + i][1 + j];
         }
-        solver->gradient[i] = lane_dot(n, right + (1 + i) * n, right);
+        solver->gradient[i] = products[1 + i][0];
     }
-    solver->cost = lane_dot(n, right, right);
+    solver->cost = products[0][0];
     set_innovation(solver);
     add_measurement(solver);
 }
@@ -177,7 +178,7 @@ static void next_state(FlightSolver *solver, double *state) {
 }
 
 /* (S^-1 r)_i / sqrt(P_ii) with P = S^-1 - S^-1 J E_x J' S^-1. */
-static void set_gauge_residuals(FlightSolver *solver) {
+void flight_set_gauge_residuals(FlightSolver *solver) {
     const size_t n = solver->n;
     Solution *found = &solver->solution;
     double *back = solver->turned;
@@ -264,7 +265,6 @@ void flight_settle(FlightSolver *solver) {
     found->chi_square = solver->cost;
     found->rest_square = quadratic(N_STATES, solver->gradient, found->state_covariance, solver->gradient);
     flight_set_loads(solver);
-    set_gauge_residuals(solver);
     set_navigation_residuals(solver);
     set_shape_square(solver);
 }
@@ -331,7 +331,11 @@ void flight_solve_from(FlightSolver *solver, const double *state) {
     for (size_t k = 0; k < iterations; k++) {
         solver->iterations++;
         next_state(solver, next);
-        flight_linearise_anew(solver, next);
+        evaluate(solver, next);
+        if (k % 2 == 1 || k + 1 == iterations) { /* S renewed in every second one, and at the end */
+            set_factor(solver);
+        }
+        linearise(solver);
     }
     flight_settle(solver);
 }

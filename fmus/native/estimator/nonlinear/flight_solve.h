@@ -21,6 +21,9 @@ void flight_linearise_anew(FlightSolver *solver, const double *state);
 double flight_deviance(const FlightSolver *solver);
 void flight_settle(FlightSolver *solver);
 
+/* Its standardised residuals of the gauges, which settling leaves as they were. */
+void flight_set_gauge_residuals(FlightSolver *solver);
+
 /* The response, and what the measurement reads beside its values, at a state. For the filter, as the next two. */
 void flight_evaluate(FlightSolver *solver, const double *state);
 

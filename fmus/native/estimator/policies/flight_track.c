@@ -128,6 +128,7 @@ void flight_track_update(Flight *flight, size_t used) {
     int searched, by_search;
     const Quality found = solve_best(flight, used, &searched, &by_search);
     widen(flight, found, &searched, by_search);
+    flight_set_gauge_residuals(&flight->solver);
     const int fits = flight_conclude(flight, used);
     const double to_return = fits ? flight_waiting(flight) : flight->map.return_after;
     flight_fall_back(flight, fits, to_return);
