@@ -331,11 +331,7 @@ void flight_solve_from(FlightSolver *solver, const double *state) {
     for (size_t k = 0; k < iterations; k++) {
         solver->iterations++;
         next_state(solver, next);
-        evaluate(solver, next);
-        if (k % 2 == 1 || k + 1 == iterations) { /* S renewed in every second one, and at the end */
-            set_factor(solver);
-        }
-        linearise(solver);
+        flight_linearise_anew(solver, next);
     }
     flight_settle(solver);
 }
