@@ -81,7 +81,7 @@ def test_of_known_events() -> None:
 
 
 def test_strain_that_fits_nowhere_takes_two_searches() -> None:
-    """With all air data and without the wrong Mach number; what stays of the last state is not solved a second time."""
+    """With all air data, then without the wrong Mach number; the last state's solution is not solved twice."""
     held = whole_map()
     estimator, flight = Estimator(held), random_flight(held, 6, seed=5)
     for one in flight:

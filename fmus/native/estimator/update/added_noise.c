@@ -182,7 +182,8 @@ static void set_load_gain(AddedNoise *noise) {
     }
 }
 
-/* The covariance of the gauges at the nominal dynamic pressure; its root, and the inverse of that. 0 if it is none. */
+/* The covariance of the gauges at the nominal dynamic pressure; its root, and the inverse of that; of the errors the lower
+   triangle, which the root reads. 0 if it is none. */
 static int set_root(AddedNoise *noise) {
     const Map *file = &noise->file;
     const size_t n = file->n_gauges;
@@ -193,7 +194,7 @@ static int set_root(AddedNoise *noise) {
         const double *column = file->error_strain + c * n;
         for (size_t i = 0; i < n; i++) {
             double *restrict row = noise->square + i * n;
-            for (size_t j = 0; j < n; j++) {
+            for (size_t j = 0; j <= i; j++) {
                 row[j] += column[i] * column[j];
             }
         }
