@@ -13,6 +13,7 @@ from scaled_maps import NOMINAL, whole_scaled_map
 
 from strainfmu.estimator.core import Core, Series
 from strainfmu.estimator.estimator import Estimator
+from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.policies import COLD_ITERATIONS, SEARCH_EVERY, START_ITERATIONS, WARM_ITERATIONS
 from strainfmu.estimator.tables.flight_tables import evaluate
 
@@ -77,6 +78,18 @@ def test_of_known_events() -> None:
     assert found[0] in (SEARCH, 2 * SEARCH)
     assert set(found[1:]) <= {WARM_ITERATIONS, 2 * WARM_ITERATIONS}
     assert WARM_ITERATIONS in found
+
+
+def test_strain_that_fits_nowhere_takes_two_searches() -> None:
+    """With all air data, then without the wrong Mach number; the last state's solution is not solved twice."""
+    held = whole_map()
+    estimator, flight = Estimator(held), random_flight(held, 6, seed=5)
+    for one in flight:
+        estimator.track(one.strain, **one.flow)
+    wrong = flight[-1].flow | {"mach_number": 1.3 * flight[-1].flow["mach_number"]}
+    found = estimator.track(flight[-1].strain + 1e-4 * (-1.0) ** np.arange(N_D), **wrong)
+    assert found.health == HealthState.INCONSISTENT
+    assert found.iterations == 2 * (WARM_ITERATIONS + SEARCH)
 
 
 def test_the_linear_estimator_takes_none() -> None:

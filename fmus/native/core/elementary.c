@@ -66,37 +66,85 @@ static double power_of_two(int32_t power) {
     return value;
 }
 
-double exponential(double x) {
-    if (!(x > -700.0 && x < 700.0)) {
-        return NAN;
+#define TOGETHER 8
+
+/* e^x of up to TOGETHER numbers. */
+static inline void exponentials_of(size_t count, double *x) {
+    double r[TOGETHER], sum[TOGETHER];
+    int32_t power[TOGETHER];
+    for (size_t i = 0; i < count; i++) {
+        const double inside = x[i] > -700.0 && x[i] < 700.0 ? x[i] : 0.0;
+        power[i] = nearest(inside / LN_2);
+        r[i] = (inside - power[i] * LN_2_HIGH) - power[i] * LN_2_LOW;
+        sum[i] = 1.0;
     }
-    const int32_t power = nearest(x / LN_2);
-    const double r = (x - power * LN_2_HIGH) - power * LN_2_LOW;
-    double sum = 1.0;
     for (int k = 14; k > 0; k--) {
-        sum = 1.0 + sum * r / k;
+        for (size_t i = 0; i < count; i++) {
+            sum[i] = 1.0 + sum[i] * r[i] / k;
+        }
     }
-    return sum * power_of_two(power);
+    for (size_t i = 0; i < count; i++) {
+        x[i] = x[i] > -700.0 && x[i] < 700.0 ? sum[i] * power_of_two(power[i]) : NAN;
+    }
+}
+
+/* ln x of up to TOGETHER numbers. */
+static inline void logarithms_of(size_t count, double *x) {
+    double s[TOGETHER], sum[TOGETHER];
+    int32_t power[TOGETHER];
+    for (size_t i = 0; i < count; i++) {
+        const int is_subnormal = x[i] < DBL_MIN;
+        const double scaled = is_subnormal ? x[i] * power_of_two(54) : x[i];
+        uint64_t bits;
+        memcpy(&bits, &scaled, sizeof bits);
+        power[i] = (int32_t)(bits >> 52) - (is_subnormal ? 1022 + 54 : 1022);
+        bits = (bits & 0xFFFFFFFFFFFFFu) | (uint64_t)1022 << 52; /* of the fraction: 1/2 <= fraction < 1 */
+        double fraction;
+        memcpy(&fraction, &bits, sizeof fraction);
+        if (fraction < 0.70710678118654752) {
+            fraction *= 2.0;
+            power[i]--;
+        }
+        /* ln f = 2 artanh((f - 1)/(f + 1)). */
+        s[i] = (fraction - 1.0) / (fraction + 1.0);
+        sum[i] = 0.0;
+    }
+    for (int k = 25; k > 0; k -= 2) {
+        for (size_t i = 0; i < count; i++) {
+            sum[i] = 1.0 / k + s[i] * s[i] * sum[i];
+        }
+    }
+    for (size_t i = 0; i < count; i++) {
+        x[i] = 2.0 * s[i] * sum[i] + power[i] * LN_2_LOW + power[i] * LN_2_HIGH;
+    }
+}
+
+void exponentials(size_t count, double *x) {
+    size_t i = 0;
+    for (; i + TOGETHER <= count; i += TOGETHER) {
+        exponentials_of(TOGETHER, x + i);
+    }
+    for (; i < count; i++) {
+        exponentials_of(1, x + i);
+    }
+}
+
+void logarithms(size_t count, double *x) {
+    size_t i = 0;
+    for (; i + TOGETHER <= count; i += TOGETHER) {
+        logarithms_of(TOGETHER, x + i);
+    }
+    for (; i < count; i++) {
+        logarithms_of(1, x + i);
+    }
+}
+
+double exponential(double x) {
+    exponentials_of(1, &x);
+    return x;
 }
 
 double logarithm(double x) {
-    const int is_subnormal = x < DBL_MIN;
-    const double scaled = is_subnormal ? x * power_of_two(54) : x;
-    uint64_t bits;
-    memcpy(&bits, &scaled, sizeof bits);
-    int32_t power = (int32_t)(bits >> 52) - (is_subnormal ? 1022 + 54 : 1022);
-    bits = (bits & 0xFFFFFFFFFFFFFu) | (uint64_t)1022 << 52; /* of the fraction: 1/2 <= fraction < 1 */
-    double fraction;
-    memcpy(&fraction, &bits, sizeof fraction);
-    if (fraction < 0.70710678118654752) {
-        fraction *= 2.0;
-        power--;
-    }
-    /* ln f = 2 artanh((f - 1)/(f + 1)). */
-    const double s = (fraction - 1.0) / (fraction + 1.0);
-    double sum = 0.0;
-    for (int k = 25; k > 0; k -= 2) {
-        sum = 1.0 / k + s * s * sum;
-    }
-    return 2.0 * s * sum + power * LN_2_LOW + power * LN_2_HIGH;
+    logarithms_of(1, &x);
+    return x;
 }

@@ -3,6 +3,8 @@
 #ifndef ELEMENTARY_H
 #define ELEMENTARY_H
 
+#include <stddef.h>
+
 /* Sine and cosine of an angle [rad] below 1e5 in size; NaN beyond. */
 void sine_cosine(double angle, double *sine, double *cosine);
 
@@ -14,5 +16,9 @@ double exponential(double x);
 
 /* Natural logarithm of a positive, finite x. */
 double logarithm(double x);
+
+/* The same of several numbers, in place and bit for bit, in less time: their divisions do not wait for each other. */
+void exponentials(size_t count, double *x);
+void logarithms(size_t count, double *x);
 
 #endif

@@ -83,6 +83,7 @@ void set_suspects(Linear *linear, double threshold) {
         }
     }
     if (largest > threshold) {
+        masked_map_groups(linear->map, linear->prepared.masked, &linear->prepared.work);
         name_suspects(linear, worst);
     }
 }

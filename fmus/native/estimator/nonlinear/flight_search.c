@@ -136,55 +136,67 @@ static void set_start(FlightSolver *solver, size_t start, double *state) {
         square[g] = weight * weight;
         weighted[g] = sample->used[g] ? (sample->strain[g] - solver->map->tables.fixed[g]) * square[g] : 0.0;
     }
-    double lowest = INFINITY;
+    double dot[SEARCH_STATES], size[SEARCH_STATES], by_strain[SEARCH_STATES], log_pressure[SEARCH_STATES];
+    double pressure[SEARCH_STATES], of_navigation[SEARCH_STATES];
+    for (size_t k = 0; k < SEARCH_STATES; k++) {
+        CHOSEN(solver->wide, compare)(n, weighted, square, solver->search_strain + (start * SEARCH_STATES + k) * n,
+                                      &dot[k], &size[k]);
+        by_strain[k] = clipped(dot[k] / (size[k] > 1e-300 ? size[k] : 1e-300), SMALLEST_PRESSURE, LARGEST_PRESSURE);
+    }
+    memcpy(log_pressure, by_strain, sizeof log_pressure);
+    logarithms(SEARCH_STATES, log_pressure);
     Knowledge known = {.of_mach = 0.0};
     for (size_t k = 0; k < SEARCH_STATES; k++) {
-        double dot, size, of_navigation;
         if (k % SEARCH_ROLLS == 0) {
             known = knowledge_at(solver, solver->search_mach[k / SEARCH_ROLLS]);
         }
-        CHOSEN(solver->wide, compare)(n, weighted, square, solver->search_strain + (start * SEARCH_STATES + k) * n,
-                                      &dot, &size);
-        const double by_strain = clipped(dot / (size > 1e-300 ? size : 1e-300), SMALLEST_PRESSURE, LARGEST_PRESSURE);
-        const double log_pressure =
-            joined_pressure(&known, logarithm(by_strain), size * (by_strain * by_strain), &of_navigation);
-        const double pressure = exponential(log_pressure);
-        const double cost = (pressure * pressure * size - 2.0 * pressure * dot) + of_navigation;
+        log_pressure[k] =
+            joined_pressure(&known, log_pressure[k], size[k] * (by_strain[k] * by_strain[k]), &of_navigation[k]);
+    }
+    memcpy(pressure, log_pressure, sizeof pressure);
+    exponentials(SEARCH_STATES, pressure);
+    double lowest = INFINITY;
+    for (size_t k = 0; k < SEARCH_STATES; k++) {
+        const double cost = (pressure[k] * pressure[k] * size[k] - 2.0 * pressure[k] * dot[k]) + of_navigation[k];
         if (k == 0 || cost < lowest) {
             lowest = cost;
             set_state(solver, start, k, state);
-            state[STATE_PRESSURE] = log_pressure;
+            state[STATE_PRESSURE] = log_pressure[k];
         }
     }
     const double *range = solver->map->log_pressure_range;
     state[STATE_PRESSURE] = clipped(state[STATE_PRESSURE], range[0] - LARGEST_EXCESS, range[1] + LARGEST_EXCESS);
 }
 
-/* Whether a search of this step was of the same navigation: it is as it was, and so is where it ends. */
-static int recalled(FlightSolver *solver) {
+/* The search of this step that was of the same navigation: it is as it was, and so is where it ends. */
+static const KeptEnds *kept_ends(const FlightSolver *solver) {
     for (size_t k = 0; k < solver->n_kept; k++) {
         const KeptEnds *kept = &solver->kept[k];
         if (memcmp(kept->precision, solver->sample.precision, sizeof kept->precision) == 0) {
-            memcpy(solver->end, kept->end, sizeof solver->end);
-            memcpy(solver->end_deviance, kept->deviance, sizeof solver->end_deviance);
-            return 1;
+            return kept;
         }
     }
-    return 0;
+    return NULL;
+}
+
+int flight_search_kept(const FlightSolver *solver) {
+    return kept_ends(solver) != NULL;
 }
 
 static void keep(FlightSolver *solver) {
-    if (solver->n_kept < KEPT_SEARCHES) {
-        KeptEnds *kept = &solver->kept[solver->n_kept++];
-        memcpy(kept->precision, solver->sample.precision, sizeof kept->precision);
-        memcpy(kept->end, solver->end, sizeof kept->end);
-        memcpy(kept->deviance, solver->end_deviance, sizeof kept->deviance);
-    }
+    KeptEnds *kept = &solver->kept[solver->n_kept++];
+    memcpy(kept->precision, solver->sample.precision, sizeof kept->precision);
+    memcpy(kept->end, solver->end, sizeof kept->end);
+    memcpy(kept->deviance, solver->end_deviance, sizeof kept->deviance);
 }
 
 size_t flight_search_ends(FlightSolver *solver) {
+    const KeptEnds *kept = kept_ends(solver);
     size_t best = 0;
-    if (!recalled(solver)) {
+    if (kept != NULL) {
+        memcpy(solver->end, kept->end, sizeof solver->end);
+        memcpy(solver->end_deviance, kept->deviance, sizeof solver->end_deviance);
+    } else if (solver->n_kept < KEPT_SEARCHES) {
         for (size_t start = 0; start < SEARCH_STARTS; start++) {
             set_start(solver, start, solver->end[start]);
             solver->end_deviance[start] = flight_iterate_start(solver, solver->end[start]);

@@ -8,8 +8,10 @@
 /* Solve for solver->sample from a search of the tables. Then the solution is in solver->solution. */
 void flight_solve_cold(FlightSolver *solver);
 
-/* Where the search ends, in solver->end, and the best of them. */
+/* Where the search ends, in solver->end, and the best of them. A step searches at most KEPT_SEARCHES times, once for the
+   same navigation: after that the last ends stay. Whether they are those of the navigation at hand. */
 size_t flight_search_ends(FlightSolver *solver);
+int flight_search_kept(const FlightSolver *solver);
 
 /* Fill in the states of the search, or the weights of the gauges in it alone. */
 void flight_search_prepare(FlightSolver *solver);

@@ -9,6 +9,7 @@
 
 #define MIN_MACH 0.1       /* below which ln M goes on as a constant */
 #define SMALLEST_PART 0.25 /* of a step that is taken */
+#define AT_ONCE 6          /* ratios of deviations up to 1e51 have a product */
 #define LEAST_SEEN 1e-9    /* of the variance of a shape; what others leave below it is lost in rounding */
 
 /* L of S at the state of solver->response; that of the unit matrix for gauges that are not in use. */
@@ -16,6 +17,7 @@ static void set_factor(FlightSolver *solver) {
     const size_t n = solver->n;
     double *factor = solver->factor;
     solver->factor_pressure = solver->response.pressure;
+    memcpy(solver->factor_state, solver->state, sizeof solver->factor_state);
     flight_strain_covariance(solver);
     for (size_t g = 0; g < n; g++) {
         if (g < solver->n_gauges && solver->sample.used[g]) {
@@ -104,14 +106,15 @@ static void linearise(FlightSolver *solver) {
         }
     }
     solve_lower(solver->wide, n, solver->factor, N_RIGHT, right);
+    double products[N_RIGHT][N_RIGHT];
+    lane_products(solver->wide, n, right, products);
     for (size_t i = 0; i < N_STATES; i++) {
-        for (size_t j = 0; j <= i; j++) {
-            solver->hessian[i * N_STATES + j] = solver->hessian[j * N_STATES + i] =
-                lane_dot(n, right + (1 + i) * n, right + (1 + j) * n);
+        for (size_t j = 0; j < N_STATES; j++) {
+            solver->hessian[i * N_STATES + j] = products[1 + i][1 + j];
         }
-        solver->gradient[i] = lane_dot(n, right + (1 + i) * n, right);
+        solver->gradient[i] = products[1 + i][0];
     }
-    solver->cost = lane_dot(n, right, right);
+    solver->cost = products[0][0];
     set_innovation(solver);
     add_measurement(solver);
 }
@@ -176,7 +179,7 @@ static void next_state(FlightSolver *solver, double *state) {
 }
 
 /* (S^-1 r)_i / sqrt(P_ii) with P = S^-1 - S^-1 J E_x J' S^-1. */
-static void set_gauge_residuals(FlightSolver *solver) {
+void flight_set_gauge_residuals(FlightSolver *solver) {
     const size_t n = solver->n;
     Solution *found = &solver->solution;
     double *back = solver->turned;
@@ -263,7 +266,6 @@ void flight_settle(FlightSolver *solver) {
     found->chi_square = solver->cost;
     found->rest_square = quadratic(N_STATES, solver->gradient, found->state_covariance, solver->gradient);
     flight_set_loads(solver);
-    set_gauge_residuals(solver);
     set_navigation_residuals(solver);
     set_shape_square(solver);
 }
@@ -283,16 +285,32 @@ void flight_solve_warm(FlightSolver *solver, const double *state) {
     flight_settle(solver);
 }
 
+void flight_solve_again(FlightSolver *solver, const double *weighted_at, const double *state) {
+    evaluate(solver, weighted_at);
+    set_factor(solver);
+    evaluate(solver, state);
+    linearise(solver);
+    flight_settle(solver);
+}
+
 void flight_linearise_anew(FlightSolver *solver, const double *state) {
     evaluate(solver, state);
     set_factor(solver);
     linearise(solver);
 }
 
+/* One logarithm for every few gauges: of the product of their deviations over the first one's. */
 double flight_deviance(const FlightSolver *solver) {
-    double sum = 0.0;
-    for (size_t g = 0; g < solver->n_gauges; g++) {
-        sum += logarithm(solver->factor[g * solver->n + g]);
+    const size_t n = solver->n, n_gauges = solver->n_gauges;
+    const double first = solver->factor[0];
+    double sum = (double)n_gauges * logarithm(first);
+    for (size_t g = 0; g < n_gauges; g += AT_ONCE) {
+        const size_t end = g + AT_ONCE < n_gauges ? g + AT_ONCE : n_gauges;
+        double product = 1.0;
+        for (size_t k = g; k < end; k++) {
+            product *= solver->factor[k * n + k] / first;
+        }
+        sum += logarithm(product);
     }
     return solver->cost + 2.0 * sum;
 }

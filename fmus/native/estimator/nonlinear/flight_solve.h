@@ -10,6 +10,9 @@
 /* Solve for solver->sample by a fixed number of iterations from a state. Then the solution is in solver->solution. */
 void flight_solve_warm(FlightSolver *solver, const double *state);
 
+/* The solution that iterations have ended with before, at solver->state with S at solver->factor_state. */
+void flight_solve_again(FlightSolver *solver, const double *weighted_at, const double *state);
+
 /* The parts of it: S renewed half-way, and what tells the best end of a search; the solution from a state; the problem about
    a state weighted by S there; -2 ln likelihood of the problem, less a constant; the solution at its state. */
 double flight_iterate_start(FlightSolver *solver, double *state);
@@ -17,6 +20,9 @@ void flight_solve_from(FlightSolver *solver, const double *state);
 void flight_linearise_anew(FlightSolver *solver, const double *state);
 double flight_deviance(const FlightSolver *solver);
 void flight_settle(FlightSolver *solver);
+
+/* Its standardised residuals of the gauges, which settling leaves as they were. */
+void flight_set_gauge_residuals(FlightSolver *solver);
 
 /* The response, and what the measurement reads beside its values, at a state. For the filter, as the next two. */
 void flight_evaluate(FlightSolver *solver, const double *state);

@@ -7,6 +7,8 @@
 #include "../numerics/arrays.h"
 #include "../numerics/wide.h"
 
+#define MOST_COMBINED (2 * LANES) /* with AVX-512 */
+
 static size_t cells_of(const TableMap *map) {
     return (map->n_mach + 2) * (map->n_incidence + 2);
 }
@@ -116,32 +118,42 @@ void flight_make_cells(const FlightTables *tables, size_t mach, size_t incidence
     make_cells(tables, mach, incidence);
 }
 
-/* Coefficients at a Mach number and an incidence, and their derivatives by the two. */
-EVERYWHERE void combine(size_t width, size_t stride, const double *restrict cells, const Basis *mach,
-                        const Basis *incidence, double *restrict value, double *restrict by_mach,
-                        double *restrict by_incidence) {
-    for (size_t k = 0; k < width; k += LANES) {
-        double v[LANES] = {0.0}, m[LANES] = {0.0}, a[LANES] = {0.0};
-        for (size_t j = 0; j < N_LOCAL; j++) {
-            const double *cell = cells + j * width + k;
-            double p[LANES] = {0.0}, q[LANES] = {0.0};
-            for (size_t i = 0; i < N_LOCAL; i++) {
-                for (size_t r = 0; r < LANES; r++) {
-                    p[r] += mach->value[i] * cell[i * stride + r];
-                    q[r] += mach->slope[i] * cell[i * stride + r];
-                }
-            }
-            for (size_t r = 0; r < LANES; r++) {
-                v[r] += incidence->value[j] * p[r];
-                m[r] += incidence->value[j] * q[r];
-                a[r] += incidence->slope[j] * p[r];
+/* Coefficients k to k + count at a Mach number and an incidence, and their derivatives by the two; count is a constant. */
+EVERYWHERE void combine_some(size_t count, size_t k, size_t width, size_t stride, const double *restrict cells,
+                             const Basis *mach, const Basis *incidence, double *restrict value, double *restrict by_mach,
+                             double *restrict by_incidence) {
+    double v[MOST_COMBINED] = {0.0}, m[MOST_COMBINED] = {0.0}, a[MOST_COMBINED] = {0.0};
+    for (size_t j = 0; j < N_LOCAL; j++) {
+        const double *cell = cells + j * width + k;
+        double p[MOST_COMBINED] = {0.0}, q[MOST_COMBINED] = {0.0};
+        for (size_t i = 0; i < N_LOCAL; i++) {
+            for (size_t r = 0; r < count; r++) {
+                p[r] += mach->value[i] * cell[i * stride + r];
+                q[r] += mach->slope[i] * cell[i * stride + r];
             }
         }
-        for (size_t r = 0; r < LANES; r++) {
-            value[k + r] = v[r];
-            by_mach[k + r] = m[r];
-            by_incidence[k + r] = a[r];
+        for (size_t r = 0; r < count; r++) {
+            v[r] += incidence->value[j] * p[r];
+            m[r] += incidence->value[j] * q[r];
+            a[r] += incidence->slope[j] * p[r];
         }
+    }
+    for (size_t r = 0; r < count; r++) {
+        value[k + r] = v[r];
+        by_mach[k + r] = m[r];
+        by_incidence[k + r] = a[r];
+    }
+}
+
+/* All of them, `most` at once. */
+EVERYWHERE void combine(size_t most, size_t width, size_t stride, const double *cells, const Basis *mach,
+                        const Basis *incidence, double *value, double *by_mach, double *by_incidence) {
+    size_t k = 0;
+    for (; k + most <= width; k += most) {
+        combine_some(most, k, width, stride, cells, mach, incidence, value, by_mach, by_incidence);
+    }
+    for (; k < width; k += LANES) {
+        combine_some(LANES, k, width, stride, cells, mach, incidence, value, by_mach, by_incidence);
     }
 }
 
@@ -192,7 +204,7 @@ static void set_wind(const FlightTables *tables, double u, double w, double inci
     }
 }
 
-EVERYWHERE void respond(const FlightTables *tables, const double *state, Response *response) {
+EVERYWHERE void respond(size_t most, const FlightTables *tables, const double *state, Response *response) {
     const TableMap *map = tables->map;
     const double u = state[STATE_U], w = state[STATE_W];
     const double incidence = sqrt((u * u + w * w) + map->min_incidence * map->min_incidence);
@@ -203,7 +215,7 @@ EVERYWHERE void respond(const FlightTables *tables, const double *state, Respons
     if (tables->parts != NULL) {
         make_cells(tables, mach.first, angle.first);
     }
-    combine(tables->width, stride, tables->cells + mach.first * stride + angle.first * tables->width, &mach, &angle,
+    combine(most, tables->width, stride, tables->cells + mach.first * stride + angle.first * tables->width, &mach, &angle,
             amplitude[0], amplitude[1], amplitude[2]);
     set_wind(tables, u, w, incidence);
     const double pressure = response->pressure = exponential(state[STATE_PRESSURE]);
@@ -227,9 +239,17 @@ EVERYWHERE void respond(const FlightTables *tables, const double *state, Respons
     }
 }
 
+static void respond_to(const FlightTables *tables, const double *state, Response *response) {
+    respond(LANES, tables, state, response);
+}
+
 #if HAS_AVX2
-AVX2 static void respond_avx2(const FlightTables *tables, const double *state, Response *response) {
-    respond(tables, state, response);
+AVX2 static void respond_to_avx2(const FlightTables *tables, const double *state, Response *response) {
+    respond(LANES, tables, state, response);
+}
+
+AVX512 static void respond_to_avx512(const FlightTables *tables, const double *state, Response *response) {
+    respond(MOST_COMBINED, tables, state, response);
 }
 #endif
 
@@ -237,7 +257,7 @@ void flight_response(const FlightTables *tables, int wide, const double *state, 
     if (response->known && memcmp(response->state, state, sizeof response->state) == 0) {
         return;
     }
-    CHOSEN(wide, respond)(tables, state, response);
+    WIDEST(wide, respond_to)(tables, state, response);
     memcpy(response->state, state, sizeof response->state);
     response->known = 1;
 }

@@ -67,7 +67,8 @@ typedef struct {
     double state[N_STATES];
     Response response;
     double *factor;              /* (n, n) L */
-    double factor_pressure;      /* p_inf that it belongs to [Pa] */
+    double factor_pressure;      /* p_inf that it belongs to [Pa], */
+    double factor_state[N_STATES]; /* and the state */
     double *inverse;             /* (n, n) L^-1 */
     double *right;               /* (N_RIGHT, n) L^-1 of residual and Jacobian */
     double *turned;              /* (N_RIGHT, n) */

@@ -45,16 +45,20 @@ void flight_proportional_errors(FlightSolver *solver, double *own) {
 EVERYWHERE void add_covariance(size_t n, size_t n_columns, double square, const double *restrict fixed,
                                const double *restrict scaled, const double *restrict columns, double *restrict out) {
     for (size_t j = 0; j < n; j++) {
-        const size_t first = j / LANES * LANES, at = j * n;
-        for (size_t i = first; i < n; i++) {
-            out[at + i] = fixed[at + i] + square * scaled[at + i];
-        }
-        for (size_t t = 0; t < n_columns; t++) {
-            const double *restrict column = columns + t * n;
-            const double factor = column[j];
-            for (size_t i = first; i < n; i++) {
-                out[at + i] += factor * column[i];
+        for (size_t i = j / LANES * LANES; i < n; i += LANES) {
+            const double *restrict base = fixed + j * n + i, *restrict more = scaled + j * n + i;
+            double sum[LANES];
+            for (size_t r = 0; r < LANES; r++) {
+                sum[r] = base[r] + square * more[r];
             }
+            for (size_t t = 0; t < n_columns; t++) {
+                const double *restrict column = columns + t * n + i;
+                const double factor = columns[t * n + j];
+                for (size_t r = 0; r < LANES; r++) {
+                    sum[r] += factor * column[r];
+                }
+            }
+            memcpy(out + j * n + i, sum, sizeof sum);
         }
     }
 }

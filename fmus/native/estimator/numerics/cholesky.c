@@ -66,24 +66,33 @@ EVERYWHERE void decompose(size_t n, size_t row, size_t k, double *restrict a) {
     }
 }
 
-/* Elements k to k + LANES of L^-1 x, where the LANES rows above have been subtracted. */
-EVERYWHERE void solve_block(size_t n, const double *restrict lower, size_t k, double *restrict x) {
+/* L^-1 (LANES, LANES) of the diagonal's LANES from k on, by columns. */
+EVERYWHERE void invert_block(size_t n, const double *restrict lower, size_t k, double inverse[LANES][LANES]) {
+    const double *c0 = lower + k * n + k, *c1 = c0 + n, *c2 = c1 + n, *c3 = c2 + n;
+    const double d0 = 1.0 / c0[0], d1 = 1.0 / c1[1], d2 = 1.0 / c2[2], d3 = 1.0 / c3[3];
+    const double a10 = -(c0[1] * d0) * d1, a21 = -(c1[2] * d1) * d2, a32 = -(c2[3] * d2) * d3;
+    const double a20 = -(c0[2] * d0 + c1[2] * a10) * d2, a31 = -(c1[3] * d1 + c2[3] * a21) * d3;
+    const double a30 = -(c0[3] * d0 + c1[3] * a10 + c2[3] * a20) * d3;
+    const double columns[LANES][LANES] = {{d0, a10, a20, a30}, {0.0, d1, a21, a31}, {0.0, 0.0, d2, a32}, {0.0, 0.0, 0.0, d3}};
+    memcpy(inverse, columns, sizeof columns);
+}
+
+/* Elements k to k + LANES of L^-1 x, where the rows above have been subtracted. */
+EVERYWHERE void solve_block(double inverse[LANES][LANES], size_t k, double *restrict x) {
+    const double x0 = x[k], x1 = x[k + 1], x2 = x[k + 2], x3 = x[k + 3];
     double solved[LANES];
-    memcpy(solved, x + k, sizeof solved);
-    for (size_t c = 0; c < LANES; c++) {
-        const double *column = lower + (k + c) * n + k;
-        solved[c] /= column[c];
-        for (size_t b = c + 1; b < LANES; b++) {
-            solved[b] -= column[b] * solved[c];
-        }
+    for (size_t r = 0; r < LANES; r++) {
+        solved[r] = (inverse[0][r] * x0 + inverse[1][r] * x1) + (inverse[2][r] * x2 + inverse[3][r] * x3);
     }
     memcpy(x + k, solved, sizeof solved);
 }
 
 EVERYWHERE void forward(size_t n, const double *restrict lower, size_t count, double *restrict x) {
     for (size_t k = 0; k < n; k += LANES) {
+        double inverse[LANES][LANES];
+        invert_block(n, lower, k, inverse);
         for (size_t v = 0; v < count; v++) {
-            solve_block(n, lower, k, x + v * n);
+            solve_block(inverse, k, x + v * n);
         }
         size_t v = 0;
         for (; v + 2 <= count; v += 2) {
@@ -181,7 +190,35 @@ EVERYWHERE void times(size_t n, const double *restrict lower, const double *rest
     }
 }
 
+/* Of vector i with those up to it, LANES parts of each sum. */
+EVERYWHERE void products_of(size_t i, size_t n, const double *restrict x, double products[N_TURNED][N_TURNED]) {
+    double sum[N_TURNED][LANES] = {{0.0}};
+    for (size_t k = 0; k < n; k += LANES) {
+        for (size_t j = 0; j <= i; j++) {
+            for (size_t r = 0; r < LANES; r++) {
+                sum[j][r] += x[i * n + k + r] * x[j * n + k + r];
+            }
+        }
+    }
+    for (size_t j = 0; j <= i; j++) {
+        products[i][j] = products[j][i] = (sum[j][0] + sum[j][1]) + (sum[j][2] + sum[j][3]);
+    }
+}
+
+/* Written out, so that the sums of each stay in registers. */
+EVERYWHERE void all_products(size_t n, const double *x, double products[N_TURNED][N_TURNED]) {
+    products_of(0, n, x, products);
+    products_of(1, n, x, products);
+    products_of(2, n, x, products);
+    products_of(3, n, x, products);
+    products_of(4, n, x, products);
+}
+
 #if HAS_AVX2
+AVX2 static void all_products_avx2(size_t n, const double *x, double products[N_TURNED][N_TURNED]) {
+    all_products(n, x, products);
+}
+
 AVX2 static void decompose_avx2(size_t n, size_t row, size_t k, double *matrix) {
     decompose(n, row, k, matrix);
 }
@@ -273,6 +310,10 @@ void turn_back(int wide, size_t n, const double *inverse, const double *x, doubl
 
 void times_lower(int wide, size_t n, const double *lower, const double *x, double *y) {
     CHOSEN(wide, times)(n, lower, x, y);
+}
+
+void lane_products(int wide, size_t n, const double *x, double products[N_TURNED][N_TURNED]) {
+    CHOSEN(wide, all_products)(n, x, products);
 }
 
 double lane_dot(size_t n, const double *restrict x, const double *restrict y) {

@@ -38,6 +38,9 @@ void times_lower(int wide, size_t n, const double *lower, const double *x, doubl
 /* Sum of x[i] y[i] over n elements, a multiple of LANES, in LANES parts. */
 double lane_dot(size_t n, const double *x, const double *y);
 
+/* The same of every pair of N_TURNED vectors, n apart. */
+void lane_products(int wide, size_t n, const double *x, double products[N_TURNED][N_TURNED]);
+
 /* The inverse (order, order) of a symmetric positive definite matrix of at most 5 rows, and its product with a vector. */
 void invert_small(size_t order, const double *matrix, double *inverse);
 

@@ -1,47 +1,72 @@
 #include "lower_triangles.h"
 
 #include <math.h>
+#include <string.h>
 
 #include "triangles.h"
+
+/* Where the diagonal of a triangle lies in row i. */
+static size_t diagonal(size_t i) {
+    return triangle_column(i) + i;
+}
+
+/* Row i of the root of the covariance scaled to unit variance, of which the diagonal of `size` has the deviations. */
+static int set_row(size_t n, size_t i, const double *covariance, const double *size, double *root) {
+    double *row = root + triangle_column(i);
+    for (size_t j = 0; j <= i; j++) {
+        const double correlation = covariance[i * n + j] / (size[diagonal(i)] * size[diagonal(j)]);
+        const double rest = correlation - dot(j, row, root + triangle_column(j));
+        if (j < i) {
+            row[j] = rest / root[diagonal(j)];
+        } else if (rest > 0.0) {
+            row[i] = sqrt(rest);
+        } else {
+            return 0;
+        }
+    }
+    return 1;
+}
+
+/* Row i of the inverse, from those above it: the sums run over these, in order. */
+static void invert_row(size_t i, const double *row, double *inverse) {
+    double *restrict solved = inverse + triangle_column(i);
+    memset(solved, 0, i * sizeof *solved);
+    for (size_t k = 0; k < i; k++) {
+        const double *restrict above = inverse + triangle_column(k);
+        for (size_t j = 0; j <= k; j++) {
+            solved[j] += row[k] * above[j];
+        }
+    }
+    for (size_t j = 0; j < i; j++) {
+        solved[j] = -solved[j] / row[i];
+    }
+    solved[i] = 1.0 / row[i];
+}
 
 /* Rows and columns scaled to unit variance, so that gauges of unlike noise cost no digits. */
 int lower_root(size_t n, const double *covariance, double *root, double *inverse) {
     for (size_t i = 0; i < n; i++) {
-        double *row = root + triangle_column(i);
         const double own = covariance[i * n + i];
-        if (!(own > 0.0)) {
+        inverse[diagonal(i)] = own > 0.0 ? sqrt(own) : 0.0;
+    }
+    for (size_t i = 0; i < n; i++) {
+        if (!(inverse[diagonal(i)] > 0.0) || !set_row(n, i, covariance, inverse, root)) {
             return 0;
-        }
-        const double size = sqrt(own);
-        for (size_t j = 0; j <= i; j++) {
-            const double other = sqrt(covariance[j * n + j]);
-            const double rest = covariance[i * n + j] / (size * other) - dot(j, row, root + triangle_column(j));
-            if (j < i) {
-                row[j] = rest / root[triangle_column(j) + j];
-            } else if (rest > 0.0) {
-                row[i] = sqrt(rest);
-            } else {
-                return 0;
-            }
         }
     }
     for (size_t i = 0; i < n; i++) {
-        const double *row = root + triangle_column(i);
-        double *solved = inverse + triangle_column(i);
-        for (size_t j = 0; j < i; j++) {
-            double sum = 0.0;
-            for (size_t k = j; k < i; k++) {
-                sum += row[k] * inverse[triangle_column(k) + j];
-            }
-            solved[j] = -sum / row[i];
-        }
-        solved[i] = 1.0 / row[i];
+        invert_row(i, root + triangle_column(i), inverse);
     }
     for (size_t i = 0; i < n; i++) {
         const double size = sqrt(covariance[i * n + i]);
         for (size_t j = 0; j <= i; j++) {
             root[triangle_column(i) + j] *= size;
-            inverse[triangle_column(i) + j] /= sqrt(covariance[j * n + j]);
+        }
+    }
+    for (size_t j = 0; j < n; j++) {
+        const double size = sqrt(covariance[j * n + j]);
+        for (size_t i = j; i < n; i++) {
+            inverse[triangle_column(i) + j] /= size;
         }
     }
     return 1;

@@ -122,7 +122,11 @@ void householder_forward(size_t rows, size_t pivots, const double *a, const doub
 }
 
 void householder_back(size_t rows, size_t pivots, const double *a, const double *head, double *x) {
-    for (size_t k = pivots; k-- > 0;) {
+    size_t last = rows; /* reflections below it change nothing */
+    while (last > 0 && x[last - 1] == 0.0) {
+        last--;
+    }
+    for (size_t k = pivots < last ? pivots : last; k-- > 0;) {
         apply_reflection(rows, k, a, head, x);
     }
 }

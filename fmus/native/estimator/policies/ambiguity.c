@@ -176,35 +176,26 @@ static void find_widening(FlightSolver *solver, double *widening) {
     }
 }
 
-/* Widen the solution, whose problem is weighted by S at its own state. */
-static void widen_solution(FlightSolver *solver) {
+void flight_widen_searched(FlightSolver *solver) {
     double state[N_STATES], widening[N_WIDENING];
     memcpy(state, solver->state, sizeof state);
     find_widening(solver, widening);
-    flight_linearise_anew(solver, state);
-    flight_settle(solver);
+    flight_solve_again(solver, state, state);
     flight_widen(solver, widening);
 }
 
-void flight_search_widened(FlightSolver *solver) {
-    flight_solve_cold(solver);
-    if (flight_pressure_untold(solver)) {
-        widen_solution(solver);
-    }
-}
-
-void flight_search_again(FlightSolver *solver, const double *state) {
-    double widening[N_WIDENING], after[N_STATES];
-    flight_solve_warm(solver, state);
-    memcpy(after, solver->state, sizeof after);
+void flight_search_more(FlightSolver *solver) {
+    double widening[N_WIDENING], state[N_STATES], weighted_at[N_STATES];
+    memcpy(state, solver->state, sizeof state);
+    memcpy(weighted_at, solver->factor_state, sizeof weighted_at);
     const size_t best = flight_search_ends(solver);
-    flight_linearise_anew(solver, after);
-    if (solver->end_deviance[best] < flight_deviance(solver) - BETTER) {
+    flight_linearise_anew(solver, state);
+    if (flight_search_kept(solver) && solver->end_deviance[best] < flight_deviance(solver) - BETTER) {
         flight_solve_from(solver, solver->end[best]);
-        widen_solution(solver);
+        flight_widen_searched(solver);
         return;
     }
     find_widening(solver, widening);
-    flight_solve_warm(solver, state);
+    flight_solve_again(solver, weighted_at, state);
     flight_widen(solver, widening);
 }

@@ -9,11 +9,12 @@
 /* Whether navigation tells neither p_inf nor q_inf. */
 int flight_pressure_untold(const FlightSolver *solver);
 
-/* Solve from a search, with what else fits; and from a state, with what a search finds that fits as well, or better. */
-void flight_search_widened(FlightSolver *solver);
-void flight_search_again(FlightSolver *solver, const double *state);
-
 /* Widen the covariances of the solution by factors on deviations (N_WIDENING). */
 void flight_widen(FlightSolver *solver, const double *widening);
+
+/* Widen the solution of a search by what else fits; and that from a state by what a search finds, or go over to an end of
+   it that fits better. */
+void flight_widen_searched(FlightSolver *solver);
+void flight_search_more(FlightSolver *solver);
 
 #endif

@@ -151,15 +151,14 @@ void flight_other_loads_update(Flight *flight) {
     }
 }
 
-/* flight_track.c takes three attempts: from the last state, by a search, from the last state again. Each solves twice, with
-   all of navigation and without what is inconsistent. A search is repeated only of other navigation: that of all is one,
-   and what an attempt leaves out is another one, the same for the first and the last. A filter takes fewer. */
+/* flight_track.c solves from the last state and by a search, each with all of navigation and without what is inconsistent.
+   Then it may go over to another end of the searches, and looks to both sides of what it has found. A filter takes fewer. */
 size_t flight_most_iterations(const Flight *flight) {
     const FlightMap *map = &flight->map;
     const size_t start = (size_t)map->start_iterations, cold = (size_t)map->cold_iterations;
-    const size_t solutions = 6, from_state = 4, searches = 3, sides = 2;
-    return from_state * (size_t)map->warm_iterations + solutions * (cold + sides * ASIDE_ITERATIONS)
-         + searches * SEARCH_STARTS * start;
+    const size_t attempts = 2, sides = 2;
+    return attempts * ((size_t)map->warm_iterations + cold) + KEPT_SEARCHES * SEARCH_STARTS * start + cold
+         + sides * ASIDE_ITERATIONS;
 }
 
 void flight_renew(Flight *flight) {

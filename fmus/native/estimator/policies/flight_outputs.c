@@ -86,6 +86,17 @@ static int navigation_outside(const Flight *flight) {
     return outside;
 }
 
+static double chi_square_limit(const Flight *flight, size_t freedom) {
+    const FlightMap *map = &flight->map;
+    return scalar_input(flight->inputs, ALARM_SCALE) * map->chi_square_scale * map->chi_square_limit[freedom];
+}
+
+int flight_solution_fits(const Flight *flight, size_t used) {
+    const Solution *found = &flight->solver.solution;
+    return found->chi_square <= chi_square_limit(flight, used + flight_navigation_used(flight))
+        && found->shape_square <= flight->map.shape_limit * scalar_input(flight->inputs, ALARM_SCALE);
+}
+
 /* Set the outputs of health; whether strain and navigation fit the tables. */
 static int judge(Flight *flight, size_t used) {
     const FlightMap *map = &flight->map;
@@ -104,13 +115,12 @@ static int judge(Flight *flight, size_t used) {
     const int suspect = largest > map->outlier_threshold * sqrt(map->outlier_scale * alarm_scale);
     output[CHI_SQUARE] = found->chi_square;
     const size_t freedom = used + flight_navigation_used(flight);
-    output[CHI_SQUARE_LIMIT] = alarm_scale * map->chi_square_scale * map->chi_square_limit[freedom];
+    output[CHI_SQUARE_LIMIT] = chi_square_limit(flight, freedom);
     flight->degrees_of_freedom = (double)freedom;
     output[SUSPECT_GAUGE] = suspect ? (double)(worst + 1) : 0.0;
     output[SUSPECTS] = suspect ? 1.0 : 0.0;
     output[ENVELOPE_SCORE] = range_score(flight);
-    const int fits = output[CHI_SQUARE] <= output[CHI_SQUARE_LIMIT]
-                  && found->shape_square <= map->shape_limit * alarm_scale;
+    const int fits = flight_solution_fits(flight, used);
     const int outside = output[ENVELOPE_SCORE] > map->outside_score || navigation_outside(flight)
                      || parameter_beyond(flight->inputs) != SIZE_MAX;
     const int lacks = used < flight->solver.n_gauges || flight_navigation_alarms(flight)

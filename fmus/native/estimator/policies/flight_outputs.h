@@ -5,7 +5,10 @@
 
 #include "flight_state.h"
 
-/* Write the solution to the outputs; whether strain and navigation fit the tables. */
+/* Whether strain, of so many gauges in use, and navigation fit the tables. */
+int flight_solution_fits(const Flight *flight, size_t used);
+
+/* Write the solution to the outputs; whether it fits. */
 int flight_conclude(Flight *flight, size_t used);
 
 /* Nothing is known, and the step leaves what it found. */

@@ -40,7 +40,6 @@ typedef struct {
     void *memory;
     Track base; /* that the outputs follow from */
     Track next; /* that they leave */
-    int searched_again; /* whether a step from the last state has searched the tables for what else fits */
     double prior_std[N_STATES];
     double value[N_NAVIGATION], std[N_NAVIGATION]; /* of navigation; NaN where not known */
     double real[N_FLIGHT_REALS];

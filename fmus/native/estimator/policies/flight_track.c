@@ -1,6 +1,9 @@
 #include "flight_track.h"
 
+#include <math.h>
+
 #include "../nonlinear/flight_sample.h"
+#include "../nonlinear/flight_search.h"
 #include "../nonlinear/flight_solve.h"
 #include "air_data_faults.h"
 #include "ambiguity.h"
@@ -8,27 +11,105 @@
 #include "flight_outputs.h"
 
 /* How good a solution is: strain does not fit, navigation is dropped with an alarm, neither. */
-enum { FITS_NOT, ALARMS, FITS };
+typedef enum { FITS_NOT, ALARMS, FITS } Quality;
 
-/* From a search or from the last state, and what that leaves of the factors on deviations. */
+/* What it takes to have a solution again: its state and that of S, what counts of navigation, and its residuals with all. */
+typedef struct {
+    double state[N_STATES], weighted_at[N_STATES];
+    double precision[N_NAVIGATION], residual[N_NAVIGATION];
+} Attempt;
+
 static void solve(Flight *flight, int search) {
+    if (search) {
+        flight_solve_cold(&flight->solver);
+    } else {
+        flight_solve_warm(&flight->solver, flight->base.state);
+    }
+}
+
+/* Solve from the last state or from a search, a second time without navigation that is inconsistent, unless the solution
+   cannot be better than `found` any more. */
+static Quality attempt(Flight *flight, size_t used, int search, Quality found) {
+    double residual[N_NAVIGATION];
+    flight_set_measurement(&flight->solver, flight->value, flight->std);
+    solve(flight, search);
+    memcpy(residual, flight->solver.solution.navigation_residual, sizeof residual);
+    if (flight_drop_inconsistent(flight)) {
+        if (found == ALARMS && flight_navigation_alarms(flight)) {
+            return ALARMS;
+        }
+        solve(flight, search);
+        memcpy(flight->solver.solution.navigation_residual, residual, sizeof residual);
+    }
+    return !flight_solution_fits(flight, used) ? FITS_NOT : flight_navigation_alarms(flight) ? ALARMS : FITS;
+}
+
+static Attempt kept_attempt(const FlightSolver *solver) {
+    Attempt kept;
+    memcpy(kept.state, solver->state, sizeof kept.state);
+    memcpy(kept.weighted_at, solver->factor_state, sizeof kept.weighted_at);
+    memcpy(kept.precision, solver->sample.precision, sizeof kept.precision);
+    memcpy(kept.residual, solver->solution.navigation_residual, sizeof kept.residual);
+    return kept;
+}
+
+static void take_again(FlightSolver *solver, const Attempt *kept) {
+    memcpy(solver->sample.precision, kept->precision, sizeof kept->precision);
+    flight_solve_again(solver, kept->weighted_at, kept->state);
+    memcpy(solver->solution.navigation_residual, kept->residual, sizeof kept->residual);
+}
+
+/* Widen the solution by what else fits, and keep its residuals of navigation. */
+static void widen_by(FlightSolver *solver, void (*look)(FlightSolver *)) {
+    double residual[N_NAVIGATION];
+    memcpy(residual, solver->solution.navigation_residual, sizeof residual);
+    look(solver);
+    memcpy(solver->solution.navigation_residual, residual, sizeof residual);
+}
+
+/* Solve from the last state and, where that does not fit, from a search in the same step; the better. Where it fits but
+   drops navigation with an alarm, the search comes once in a while. Whether the tables were searched, and whether the
+   solution comes from there. */
+static Quality solve_best(Flight *flight, size_t used, int *searched, int *by_search) {
     FlightSolver *solver = &flight->solver;
     const Track *base = &flight->base;
-    double *left = flight->next.widening;
-    if (search) {
-        flight_search_widened(solver);
-    } else if (!flight_pressure_untold(solver)) {
-        flight_solve_warm(solver, base->state);
-        memcpy(left, base->widening, sizeof base->widening);
+    const int first = base->has_state == 0.0;
+    const Quality found = attempt(flight, used, first, FITS_NOT);
+    *searched = *by_search = first;
+    if (first || found == FITS || (found == ALARMS && base->since_search < flight->map.search_every)) {
+        return found;
+    }
+    const Attempt kept = kept_attempt(solver);
+    const Quality other = attempt(flight, used, 1, found);
+    *searched = 1;
+    *by_search = other > found;
+    if (*by_search) {
+        return other;
+    }
+    take_again(solver, &kept);
+    return found;
+}
+
+/* Where navigation does not tell the pressure, widen the solution by what else fits: of a search, of another one where it
+   is time for that, or what the last one has found. Where loads of the linear map stand in, nothing is looked for. */
+static void widen(Flight *flight, Quality found, int *searched, int by_search) {
+    FlightSolver *solver = &flight->solver;
+    const Track *base = &flight->base;
+    const int known = base->widening[0] != 0.0, due = !known || base->since_search >= flight->map.search_every;
+    const int counts = found != FITS_NOT || !isfinite(flight->value[2]);
+    if (!flight_pressure_untold(solver)) {
+        memcpy(flight->next.widening, by_search ? solver->solution.widening : base->widening, sizeof base->widening);
         return;
-    } else if (base->widening[0] == 0.0 || base->since_search >= flight->map.search_every) {
-        flight_search_again(solver, base->state);
-        flight->searched_again = 1;
-    } else {
-        flight_solve_warm(solver, base->state);
+    }
+    if (by_search) {
+        widen_by(solver, flight_widen_searched);
+    } else if (due && counts) {
+        widen_by(solver, flight_search_more);
+        *searched = 1;
+    } else if (known) {
         flight_widen(solver, base->widening);
     }
-    memcpy(left, solver->solution.widening, sizeof flight->next.widening);
+    memcpy(flight->next.widening, solver->solution.widening, sizeof flight->next.widening);
 }
 
 /* What the step leaves to the next one. */
@@ -43,38 +124,12 @@ static void set_next(Flight *flight, int searched, int fits, double to_return) {
     next->stepped = 0.0;
 }
 
-/* Solve, a second time without navigation that is inconsistent, and write the solution to the outputs. */
-static int attempt(Flight *flight, size_t used, int search) {
-    double residual[N_NAVIGATION];
-    flight->searched_again = 0;
-    flight_set_measurement(&flight->solver, flight->value, flight->std);
-    solve(flight, search);
-    memcpy(residual, flight->solver.solution.navigation_residual, sizeof residual);
-    if (flight_drop_inconsistent(flight)) {
-        solve(flight, search);
-        memcpy(flight->solver.solution.navigation_residual, residual, sizeof residual);
-    }
-    return !flight_conclude(flight, used) ? FITS_NOT : flight_navigation_alarms(flight) ? ALARMS : FITS;
-}
-
-/* From the last state and, where that does not fit, from a search in the same step; the better. Where it fits but drops
-   navigation with an alarm, the search comes once in a while. At most three attempts, each of a fixed number of
-   iterations. */
-static int best_attempt(Flight *flight, size_t used, int *searched) {
-    const Track *base = &flight->base;
-    const int first = base->has_state == 0.0, found = attempt(flight, used, first);
-    *searched = first || flight->searched_again;
-    if (first || found == FITS || (found == ALARMS && base->since_search < flight->map.search_every)) {
-        return found;
-    }
-    *searched = 1;
-    const int by_search = attempt(flight, used, 1);
-    return by_search > found ? by_search : attempt(flight, used, 0);
-}
-
 void flight_track_update(Flight *flight, size_t used) {
-    int searched;
-    const int fits = best_attempt(flight, used, &searched) != FITS_NOT;
+    int searched, by_search;
+    const Quality found = solve_best(flight, used, &searched, &by_search);
+    widen(flight, found, &searched, by_search);
+    flight_set_gauge_residuals(&flight->solver);
+    const int fits = flight_conclude(flight, used);
     const double to_return = fits ? flight_waiting(flight) : flight->map.return_after;
     flight_fall_back(flight, fits, to_return);
     set_next(flight, searched, fits, to_return);

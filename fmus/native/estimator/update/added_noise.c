@@ -94,7 +94,8 @@ static void set_complement(AddedNoise *noise) {
     }
 }
 
-/* The covariance of the gauges at the nominal dynamic pressure, and the inverse of its root. 0 if it is none. */
+/* The covariance of the gauges at the nominal dynamic pressure, of the errors its lower triangle, which the root reads; and
+   the inverse of its root. 0 if it is none. */
 static int set_root(AddedNoise *noise) {
     const Map *file = &noise->file;
     const size_t n = file->n_gauges;
@@ -105,7 +106,7 @@ static int set_root(AddedNoise *noise) {
         const double *column = file->error_strain + c * n;
         for (size_t i = 0; i < n; i++) {
             double *restrict row = noise->square + i * n;
-            for (size_t j = 0; j < n; j++) {
+            for (size_t j = 0; j <= i; j++) {
                 row[j] += column[i] * column[j];
             }
         }

@@ -52,21 +52,37 @@ static size_t missing_first(const Map *map, MaskedMap *masked, size_t *order) {
     return missing;
 }
 
-/* The R of a QR decomposition of the columns of a packed triangle in the given order. With the missing gauges first,
-   [W_R W_K] = Q [R_RR R_RK; 0 R_KK], and R_KK whitens the residual of the others. */
-static void reordered_triangle(int wide, size_t n, const double *packed, const size_t *order, double *a) {
-    for (size_t j = 0; j < n; j++) {
+/* The first columns of the R of a QR decomposition of the columns of a packed triangle in the given order. With the missing
+   gauges first, [W_R W_K] = Q [R_RR R_RK; 0 R_KK], and R_KK whitens the residual of the others. */
+static void reordered_triangle(int wide, size_t n, size_t columns, const double *packed, const size_t *order, double *a) {
+    for (size_t j = 0; j < columns; j++) {
         const size_t height = order[j] + 1;
         memcpy(a + j * n, packed + triangle_column(order[j]), height * sizeof *a);
         memset(a + j * n + height, 0, (n - height) * sizeof *a);
     }
-    householder_triangle(wide, n, n, a);
+    householder_triangle(wide, n, columns, a);
+}
+
+/* A lower bound of the smallest singular value of a triangle by columns: 1 over the norm of its inverse; not a positive
+   number where it has none. */
+static double least_singular_value(size_t n, const double *triangle, double *column) {
+    double square = 0.0;
+    for (size_t j = 0; j < n; j++) {
+        if (!(fabs(triangle[j * n + j]) > 0.0)) {
+            return 0.0;
+        }
+        memset(column, 0, n * sizeof *column);
+        column[j] = 1.0;
+        solve_triangle(n, j + 1, triangle, column);
+        square += dot(j + 1, column, column);
+    }
+    return 1.0 / sqrt(square);
 }
 
 /* Information that the gauges in use hold on a state, as a fraction of what all gauges hold: the minimum over the states.
    The matrix work->first holds the reordered triangle R of the residual, of which the leading block R_RR belongs to the
    missing gauges; with the triangle r of their noise whitening, the fraction is the square of the smallest singular value of
-   R_RR r^-1. */
+   R_RR r^-1: a lower bound of it where that is enough. */
 static double information_left(const Map *map, size_t n_missing, Workspace *work) {
     const size_t n = map->n_gauges;
     double *r = work->second, *ratio = work->third;
@@ -90,7 +106,8 @@ static double information_left(const Map *map, size_t n_missing, Workspace *work
             column[i] /= r[j * n + j];
         }
     }
-    const double smallest = smallest_singular_value(n_missing, ratio);
+    const double least = least_singular_value(n_missing, ratio, r);
+    const double smallest = least * least >= map->min_information ? least : smallest_singular_value(n_missing, ratio);
     return smallest * smallest;
 }
 
@@ -110,6 +127,7 @@ static int identifies(const Map *map, size_t n_missing, Workspace *work) {
 /* R_KK of the residual, and the scales of z. */
 static void set_residual(const Map *map, MaskedMap *masked, size_t n_missing, const Workspace *work) {
     const size_t n = map->n_gauges;
+    reordered_triangle(work->wide, n, n, map->residual_triangle, work->order, work->first);
     for (size_t k = 0; k < masked->n_used; k++) {
         double *column = masked->triangle + triangle_column(k);
         memcpy(column, work->first + (n_missing + k) * n + n_missing, (k + 1) * sizeof *column);
@@ -140,15 +158,22 @@ static void set_groups(const Map *map, MaskedMap *masked) {
     }
 }
 
+void masked_map_groups(const Map *map, MaskedMap *masked, Workspace *work) {
+    if (!masked->grouped) {
+        set_residual(map, masked, missing_first(map, masked, work->order), work);
+        set_groups(map, masked);
+        masked->grouped = 1;
+    }
+}
+
 void masked_map_prepare(const Map *map, MaskedMap *masked, Workspace *work) {
     const size_t n_missing = missing_first(map, masked, work->order);
-    reordered_triangle(work->wide, map->n_gauges, map->residual_triangle, work->order, work->first);
+    masked->grouped = 0;
+    reordered_triangle(work->wide, map->n_gauges, n_missing, map->residual_triangle, work->order, work->first);
     masked->identified = identifies(map, n_missing, work);
     if (!masked->identified) {
         return;
     }
-    set_residual(map, masked, n_missing, work);
-    set_groups(map, masked);
     const int freedom = map->degrees_of_freedom - (int)n_missing;
     masked->chi_square_limit = freedom > 0 ? map->chi_square_limit[freedom - 1] : INFINITY;
     masked->outlier_threshold = map->outlier_threshold[masked->n_used - 1];

@@ -16,11 +16,12 @@ typedef struct {
     size_t *used;            /* (n_used) their indices among all gauges */
     double *triangle;        /* of W, packed, of order n_used */
     double *z_scale;         /* (n_used) 1 / sqrt(P_ii), 0 where no other gauge checks this one */
+    int grouped;             /* whether triangle, z_scale and group are set, which a suspect needs alone */
     size_t *group;           /* (n_used) the first of the gauges from which each cannot be distinguished */
     double chi_square_limit, outlier_threshold;
 } MaskedMap;
 
-/* Scratch of masked_map_prepare. */
+/* Scratch of masked_map_prepare and masked_map_groups. */
 typedef struct {
     int wide;                       /* wide_of_processor() */
     double *first, *second, *third; /* (n_gauges, n_gauges) */
@@ -38,5 +39,8 @@ void workspace_arrays(const Map *map, Workspace *work, double **doubles, size_t 
 
 /* Fill masked for the gauges of masked->mask. */
 void masked_map_prepare(const Map *map, MaskedMap *masked, Workspace *work);
+
+/* Set the groups of gauges that cannot be distinguished, if they are not. */
+void masked_map_groups(const Map *map, MaskedMap *masked, Workspace *work);
 
 #endif

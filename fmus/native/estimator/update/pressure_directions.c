@@ -15,13 +15,11 @@ size_t pressure_directions_doubles(const Map *map) {
 }
 
 static void whiten(size_t n, const double *inverse, const double *x, size_t stride, double *out) {
-    for (size_t i = 0; i < n; i++) {
-        const double *row = inverse + triangle_column(i);
-        double sum = 0.0;
-        for (size_t j = 0; j <= i; j++) {
-            sum += row[j] * x[j * stride];
-        }
-        out[i] = sum;
+    for (size_t j = 0; j < n; j++) {
+        out[j] = x[j * stride];
+    }
+    for (size_t i = n; i-- > 0;) {
+        out[i] = dot(i + 1, inverse + triangle_column(i), out);
     }
 }
 
