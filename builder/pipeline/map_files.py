@@ -57,7 +57,7 @@ from builder.vehicle.map_needs import unused_entries, used_layouts
 from strainfmu.estimator.map import inverse_map as inverse_map_file
 from strainfmu.estimator.map.inverse_map import load_inverse_map, save_inverse_map
 
-MAP_METHOD_VERSION = 15
+MAP_METHOD_VERSION = 16
 """Raised whenever the same files give another map, so that maps are made again."""
 
 
@@ -219,10 +219,11 @@ def _inverse_map(pipeline: Pipeline) -> None:
 
     def write(path: Path) -> None:
         snapshots, structure = map_parts(pipeline)
-        made = map_from(vehicle, snapshots, structure, pipeline.reporter, solid_structure_of(pipeline))
+        solid = solid_structure_of(pipeline)
+        made = map_from(vehicle, snapshots, structure, pipeline.reporter, solid, compares=not calibrates)
         if calibrates and not flown.is_of_revolution:
             of_levels = load_snapshots(pipeline.path(FLOWS))
-            made = with_shape_levels(flown, made, solid_structure_of(pipeline), of_levels, pipeline.reporter)
+            made = with_shape_levels(flown, made, solid, of_levels, pipeline.reporter)
         elif calibrates:
             flows = load_flow_table(pipeline.path(FLOWS))
             fly = partial(drawn_vehicles, flown, true_structure_of(pipeline), flows)

@@ -30,6 +30,7 @@ def report_tables(report: BuildReport) -> dict[str, Table]:
         classes(report),
         modes(report),
         singular_values(report),
+        *estimator_choice(report),
         *((nonlinear_coefficients(report), nonlinear_sources(report)) if report.in_use.is_nonlinear else ()),
         coefficients(report),
         correlations(report),
@@ -202,6 +203,18 @@ def sources(report: BuildReport) -> Table:
 def _sources(name: str, caption: str, found: CoefficientSources) -> Table:
     fractions = 100.0 * found.variance / found.std**2
     return _by_coefficient(name, caption, "source", found.names, fractions, Column("", "%", ".1f"))
+
+
+def estimator_choice(report: BuildReport) -> tuple[Table, ...]:
+    """Rms error of both estimators where "auto" compared them: one row per coefficient; none elsewhere."""
+    held = report.inverse_map.provenance.get("estimator_choice")
+    if held is None or not held["rms"]:
+        return ()
+    rms = held["rms"]
+    rows = [(name, rms["linear"][name], rms["nonlinear"][name]) for name in COEFFICIENT_NAMES]
+    kinds = [Column(f"{kind} estimator", "1", ".3g") for kind in ("linear", "nonlinear")]
+    caption = f"Rms error of both estimators, on {held['flights']}."
+    return (make_table("estimator_choice", caption, (Column("coefficient"), *kinds), rows),)
 
 
 def nonlinear_coefficients(report: BuildReport) -> Table:
