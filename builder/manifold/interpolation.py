@@ -26,9 +26,14 @@ def interpolation_errors(flows: FlowAmplitudes, response: FloatArray) -> FloatAr
     Every incidence but the largest, and every inner Mach number, is left out in turn and predicted. Of two Mach
     numbers the inner one is that of :meth:`~builder.manifold.flow_amplitudes.FlowAmplitudes.with_middle_mach`.
     """
-    errors = left_out_errors(flows.mach, flows.incidence, response_values(flows, response))
+    return rolled_errors(left_out_errors(flows.mach, flows.incidence, response_values(flows, response)))
+
+
+def rolled_errors(errors: FloatArray) -> FloatArray:
+    """Return (n, n_c) values of ``errors`` (q, n_c, n_m, s) at roll angles all round; their squares add up to the
+    mean one."""
     if not len(errors):
-        return np.zeros((0, len(response)))
+        return np.zeros((0, errors.shape[1]))
     rolled = _rolled(errors)
     return rolled / np.sqrt(len(rolled))
 

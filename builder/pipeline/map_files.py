@@ -37,7 +37,7 @@ from builder.pipeline.used_files import FLOWS, MAP, SNAPSHOTS, STRUCTURE, open_p
 from builder.reporting import Reporter
 from builder.reports.build_report import page as build_page
 from builder.reports.build_report.report import BuildReport, build_report
-from builder.reports.build_report.sections import blind_line
+from builder.reports.build_report.sections import blind_line, model_form_line
 from builder.reports.page import hover_scripts
 from builder.reports.page.origin import input_files
 from builder.structure import structure_file
@@ -57,7 +57,7 @@ from builder.vehicle.map_needs import unused_entries, used_layouts
 from strainfmu.estimator.map import inverse_map as inverse_map_file
 from strainfmu.estimator.map.inverse_map import load_inverse_map, save_inverse_map
 
-MAP_METHOD_VERSION = 16
+MAP_METHOD_VERSION = 17
 """Raised whenever the same files give another map, so that maps are made again."""
 
 
@@ -279,6 +279,8 @@ def _report(pipeline: Pipeline, vehicle_path: Path) -> None:
         with pipeline.reporter.stage("Report: what the gauges observe"):
             found = build_report(pipeline.vehicle, snapshots, structure, inverse_map, files=files)
         pipeline.reporter.note(blind_line(found))
+        if (line := model_form_line(found)) is not None:
+            pipeline.reporter.note(line)
         return found
 
     def page(path: Path) -> None:

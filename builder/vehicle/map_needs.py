@@ -15,6 +15,7 @@ def used_layouts(vehicle: Vehicle) -> list[str]:
 
 
 OF_THE_NONLINEAR = (
+    "model_form_percent",
     "discrepancy_percent",
     "discrepancy_length",
     "discrepancy_roll_deg",

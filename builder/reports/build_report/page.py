@@ -43,6 +43,7 @@ def write_numbers(report: BuildReport, folder: Path) -> None:
         "vehicle": report.vehicle,
         "estimator": "nonlinear" if report.in_use.is_nonlinear else "linear",
         "layout": report.layout,
+        "model_form_percent": report.model_form_percent,
         "estimator_choice": report.inverse_map.provenance.get("estimator_choice"),
         "case": report.inverse_map.case,
         "engine": report.engine,
@@ -120,6 +121,7 @@ def _opening(report: BuildReport) -> tuple[Block, ...]:
             f'{len(report.excluded)} errors listed under "{NOT_INCLUDED}". The range is that of the snapshots.'
         ),
         *_without_hardware(used.coefficients),
+        *([] if (line := sections.model_form_line(report)) is None else [Paragraph(line)]),
     )
 
 

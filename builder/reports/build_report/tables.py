@@ -220,9 +220,10 @@ def estimator_choice(report: BuildReport) -> tuple[Table, ...]:
 def nonlinear_coefficients(report: BuildReport) -> Table:
     """One row per coefficient, by the nonlinear estimator."""
     used = report.in_use
-    found = used.coefficients
+    found, alone = used.coefficients, used.std_without_model_form
+    numerical = [()] * len(COEFFICIENT_NAMES) if alone is None else [(one,) for one in alone.tolist()]
     rows = [
-        (name, found.std[i], used.largest_std[i], *found.range[i], 100.0 * found.std_of_range[i])
+        (name, found.std[i], used.largest_std[i], *found.range[i], 100.0 * found.std_of_range[i], *numerical[i])
         for i, name in enumerate(COEFFICIENT_NAMES)
     ]
     columns = (
@@ -232,6 +233,7 @@ def nonlinear_coefficients(report: BuildReport) -> Table:
         Column("minimum of the snapshots", "1", ".4f"),
         Column("maximum", "1", ".4f"),
         Column("rms sigma over that range", "%", ".2f"),
+        *(() if alone is None else (Column("rms sigma without model form", "1", ".3g"),)),
     )
     caption = f"Coefficients by the nonlinear estimator, {used.where}."
     return make_table("nonlinear_coefficients", caption, columns, rows)

@@ -91,15 +91,21 @@ class MapEntry(Section):
     ``estimator`` "nonlinear" adds tables over the flight state for the nonlinear estimator; the linear map stays
     in the file, for strain that does not fit them. "auto" makes both estimators where the file and the conditions
     allow tables, compares them on flights that the map was not made from and keeps the tables where the nonlinear
-    one is better (:mod:`builder.pipeline.estimator_choice`). Pressure off the tables is expected: a Gaussian
-    process of ``discrepancy_percent`` of p_inf (left out: 0.08 % of q_inf, at most 2 % of p_inf), with correlation
-    lengths of ``discrepancy_length`` times the body's length along it and ``discrepancy_roll_deg`` round it;
-    ``discrepancy_of_prior_percent`` of the deviation that the snapshots have about their mean; and
-    ``discrepancy_of_overpressure_percent`` of the overpressure without incidence, all over the body at once, which
-    gauges tell poorly and axial force follows: it widens the deviations and, where there are no auxiliary sensors,
-    corrects nothing unless ``level_by_strain`` says so. Of ``newtonian`` flow round sections or a surface
-    ``discrepancy_of_leeward_percent`` of the difference between ambient pressure leeward and a Prandtl-Meyer
-    expansion is expected besides, in the linear map too.
+    one is better (:mod:`builder.pipeline.estimator_choice`).
+
+    Pressure off the tables has two parts. The numerical one follows from the campaign: interpolation, and the
+    grid of the flow. ``model_form_percent`` is the other, what the equations of the flow leave out (viscosity,
+    real gas, leeward separation), one standard deviation; 0 with ``model`` "paper" of [noise]. It sets the
+    entries that are left out: a Gaussian process of ``discrepancy_percent`` of p_inf (left out: at 10 % 0.08 %
+    of q_inf, at most 2 % of p_inf, in proportion), with correlation lengths of ``discrepancy_length`` times the
+    body's length along it and ``discrepancy_roll_deg`` round it; ``discrepancy_of_prior_percent`` of the
+    deviation that the snapshots have about their mean (left out: ``model_form_percent``); and
+    ``discrepancy_of_overpressure_percent`` of the overpressure without incidence (left out: the same), all over
+    the body at once, which gauges tell poorly and axial force follows: it widens the deviations and, where there
+    are no auxiliary sensors, corrects nothing unless ``level_by_strain`` says so. Of ``newtonian`` flow round
+    sections or a surface ``discrepancy_of_leeward_percent`` (left out: 2.5 times ``model_form_percent``) of the
+    difference between ambient pressure leeward and a Prandtl-Meyer expansion is expected besides, in the linear
+    map too.
     """
 
     form: Literal["dynamic_pressure", "absolute"] = "dynamic_pressure"
@@ -116,12 +122,13 @@ class MapEntry(Section):
     prior_modes: int | None = Field(default=None, ge=1, le=1_000_000)
     gamma: float | str = 1.0
     keep_field: bool = False
+    model_form_percent: float = Field(default=10.0, ge=0.0, le=100.0)
     discrepancy_percent: float | None = Field(default=None, ge=0.0, le=100.0)
     discrepancy_length: float = Field(default=0.2, ge=0.02, le=2.0)
     discrepancy_roll_deg: float = Field(default=40.0, ge=10.0, le=180.0)
-    discrepancy_of_prior_percent: float = Field(default=10.0, ge=0.0, le=100.0)
-    discrepancy_of_overpressure_percent: float = Field(default=10.0, ge=0.0, le=100.0)
-    discrepancy_of_leeward_percent: float = Field(default=25.0, ge=0.0, le=100.0)
+    discrepancy_of_prior_percent: float | None = Field(default=None, ge=0.0, le=100.0)
+    discrepancy_of_overpressure_percent: float | None = Field(default=None, ge=0.0, le=100.0)
+    discrepancy_of_leeward_percent: float | None = Field(default=None, ge=0.0, le=100.0)
     level_by_strain: bool = False
 
     @field_validator("estimator", mode="before")
