@@ -39,7 +39,7 @@ def flight_field(
     _, coefficients = spline_coefficients(
         flows.mach, incidence, flows.amplitude[:, inclined, ..., None], spline_rows(incidence), zero
     )
-    error = left_out_errors(flows.mach, flows.incidence, flows.amplitude[..., None])[..., 0]
+    error = left_out_errors(flows.mach, flows.incidence, flows.amplitude[..., None], flows.of_two)[..., 0]
     n_h = min(MAX_ERROR_HARMONIC, flows.amplitude.shape[-1] - 1) + 1
     response = ring_response(problem.strain_operator, grid, n_h)
     process, process_std = _of_process(vehicle, grid, response, process_size(vehicle, problem))

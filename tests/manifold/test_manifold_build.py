@@ -73,6 +73,17 @@ def test_the_error_of_the_grid_is_the_difference_of_two(vehicle: Vehicle, snapsh
     assert grid_errors(vehicle, replace(snapshots, settings={})) is None
 
 
+def test_a_middle_mach_number_left_out_of_three_follows_the_dynamic_pressure() -> None:
+    """Tables have no error of pressure in proportion to M^2 about the ambient one, so none is expected."""
+    mach, incidence = np.array([5.0, 6.5, 10.0]), np.radians([0.0, 2.0, 4.0, 6.0, 8.0, 10.0])
+    values = np.broadcast_to((1.0 + 0.02 * mach**2)[:, None], (3, 6)).reshape(3, 6, 1, 1, 1)
+    errors = left_out_errors(mach, incidence, np.array(values))
+    assert len(errors) > 12
+    assert np.abs(errors).max() < 1e-12
+    bent = left_out_errors(mach, incidence, values + np.array([0.0, 0.1, 0.0]).reshape(3, 1, 1, 1, 1))
+    assert np.abs(bent).max() == pytest.approx(0.05)
+
+
 def test_sizes_of_the_model_form_error() -> None:
     """What is stated stays; the rest follows one entry, and is 0 in the source's mode."""
     default, paper = (
@@ -192,7 +203,7 @@ def test_between_two_mach_numbers_pressure_is_linear_per_dynamic_pressure(
     off, of_linear = (np.linalg.norm((one - true)[low]) for one in (found[1], linear))
     assert off < 0.7 * of_linear
     values = flows.amplitude[:, 1:, :, :1, None]
-    left_out = left_out_errors(flows.mach, flows.incidence[1:], values)
+    left_out = left_out_errors(flows.mach, flows.incidence[1:], values, flows.of_two)
     expected = 0.5 * (found[1] - linear)[1:, :, :1, None]
     assert np.max(np.abs(left_out[-len(expected) :] - expected)) < 0.05 * np.max(np.abs(expected))
     made = with_manifold(inverse_map, with_entry(vehicle, keep_field=True), two, structure).manifold
