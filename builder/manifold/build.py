@@ -21,6 +21,7 @@ from builder.manifold.sensor_tables import base_pressure_error, gains_of_sensors
 from builder.manifold.state_tables import StateTables, state_tables
 from builder.manifold.told_apart import check_told_apart
 from builder.vehicle.file import Vehicle
+from builder.vehicle.map.model_form import model_form
 from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import pressure_and_temperature
 from strainfmu.estimator.map.inverse_map import InverseMap
@@ -179,13 +180,14 @@ def _scaled_errors(
 
     ``process`` (n_d + n_f, k) is the response to the Gaussian process at unit variance.
     """
-    entry, noise, found = vehicle.map, vehicle.noise, {}
+    noise, found = vehicle.noise, {}
+    of_prior = model_form(vehicle.map, noise).of_prior
     size = process_size(vehicle, problem)
     if size > 0.0:
         found["pressure off the tables"] = size * process
-    if entry.discrepancy_of_prior_percent > 0.0:
+    if of_prior > 0.0:
         spread = _spread_of_flows(problem.ensemble, operator)
-        found["fraction of the snapshots"] = 0.01 * entry.discrepancy_of_prior_percent * spread
+        found["fraction of the snapshots"] = of_prior * spread
     if noise.internal_pressure_percent > 0.0:
         column = 0.01 * noise.internal_pressure_percent * operator.sum(axis=1)
         n_d = len(problem.strain_operator)

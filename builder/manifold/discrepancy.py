@@ -11,6 +11,7 @@ import numpy as np
 from builder.aero.surface.mesh import SurfaceMesh
 from builder.inverse.solution import Problem
 from builder.vehicle.file import Vehicle
+from builder.vehicle.map.model_form import model_form
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO
@@ -82,22 +83,11 @@ def process_on_surface(mesh: SurfaceMesh, axial_length: float, roll_angle: float
     return columns
 
 
-OF_DYNAMIC_PRESSURE, OF_AMBIENT = 8e-4, 0.02
-"""Size of the Gaussian process that is not stated: part of q_inf, and of p_inf at most.
-
-Errors of a flow go with its dynamic pressure. A process of more than the second explains away what tells another
-flow.
-"""
-
-
 def process_size(vehicle: Vehicle, problem: Problem) -> float:
     """Return the standard deviation of the Gaussian process over p_inf [1]."""
-    stated = vehicle.map.discrepancy_percent
-    if stated is not None:
-        return 0.01 * stated
     mach = np.array([condition.mach_number for condition in problem.ensemble.conditions])
     dynamic = 0.5 * HEAT_CAPACITY_RATIO * float(np.average(mach**2, weights=problem.ensemble.weight))
-    return min(OF_DYNAMIC_PRESSURE * dynamic, OF_AMBIENT)
+    return model_form(vehicle.map, vehicle.noise).process_at(dynamic)
 
 
 def corrects_level(vehicle: Vehicle, problem: Problem) -> bool:
@@ -118,7 +108,7 @@ def level_error(
     ``operator`` (n, n_p) gives strains, then loads. Where the residual does not correct the level, they are two
     errors, one of strain and one of the loads: the estimate is that of the tables, its deviation holds both.
     """
-    size = 0.01 * vehicle.map.discrepancy_of_overpressure_percent
+    size = model_form(vehicle.map, vehicle.noise).of_overpressure
     if size == 0.0:
         return None
     column = size * (operator @ overpressure)[:, None]

@@ -12,6 +12,7 @@ from builder.manifold.flow_amplitudes import flow_amplitudes
 from builder.manifold.interpolation import left_out_errors
 from builder.manifold.tables import ring_response, spline_coefficients, spline_rows
 from builder.vehicle.file import Vehicle
+from builder.vehicle.map.model_form import model_form
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.tables.flight_field import FlightField
@@ -23,8 +24,14 @@ MAX_ERROR_HARMONIC = 16
 """Highest harmonic that the residual of strain corrects."""
 
 
-def flight_field(vehicle: Vehicle, snapshots: Snapshots, problem: Problem, grid: SurfaceGrid) -> FlightField:
-    """Return the field of the tables made from ``snapshots`` on the nodes of ``grid``."""
+def flight_field(
+    vehicle: Vehicle, snapshots: Snapshots, problem: Problem, grid: SurfaceGrid, of_grid: FloatArray | None = None
+) -> FlightField:
+    """Return the field of the tables made from ``snapshots`` on the nodes of ``grid``.
+
+    ``of_grid`` (q, n_x, n_m) are errors of the flow's grid, see
+    :func:`~builder.manifold.grid_refinement.grid_errors`; None where they are not known.
+    """
     flows = flow_amplitudes(snapshots, MAX_FIELD_HARMONIC)
     inclined = np.flatnonzero(flows.incidence > 1e-9)
     zero = flows.amplitude[:, 0, ..., None] if len(inclined) < len(flows.incidence) else None
@@ -32,13 +39,15 @@ def flight_field(vehicle: Vehicle, snapshots: Snapshots, problem: Problem, grid:
     _, coefficients = spline_coefficients(
         flows.mach, incidence, flows.amplitude[:, inclined, ..., None], spline_rows(incidence), zero
     )
-    error = left_out_errors(flows.mach, flows.incidence, flows.amplitude[..., None])[..., 0]
+    error = left_out_errors(flows.mach, flows.incidence, flows.amplitude[..., None], flows.of_two)[..., 0]
     n_h = min(MAX_ERROR_HARMONIC, flows.amplitude.shape[-1] - 1) + 1
     response = ring_response(problem.strain_operator, grid, n_h)
     process, process_std = _of_process(vehicle, grid, response, process_size(vehicle, problem))
     prior, prior_std = _of_prior(vehicle, problem, grid, n_h)
-    covariance = _of_interpolation(error[..., :n_h], response) + process + prior
-    level = 0.01 * vehicle.map.discrepancy_of_overpressure_percent * flows.overpressure()
+    n_m = flows.amplitude.shape[-1]
+    numerics = [error] if of_grid is None else [error, of_grid[..., :n_m]]
+    covariance = sum((_of_numerics(one[..., :n_h], response) for one in numerics), start=process + prior)
+    level = model_form(vehicle.map, vehicle.noise).of_overpressure * flows.overpressure()
     if corrects_level(vehicle, problem):
         covariance[:, 0, 0] += np.outer(level, response[:, :, 0, 0] @ level)
     return FlightField(
@@ -48,11 +57,11 @@ def flight_field(vehicle: Vehicle, snapshots: Snapshots, problem: Problem, grid:
         amplitude=coefficients[..., 0].astype(np.float32),
         strain_covariance=covariance.astype(np.float32),
         error_std=np.hypot(np.hypot(process_std, prior_std), level),
-        table_error_std=_table_error(snapshots, error, grid).astype(np.float32),
+        table_error_std=_table_error(snapshots, numerics, grid).astype(np.float32),
     )
 
 
-def _of_interpolation(error: FloatArray, response: FloatArray) -> FloatArray:
+def _of_numerics(error: FloatArray, response: FloatArray) -> FloatArray:
     """Return (n_x, n_h, 2, n_d) covariance with strain of ``error`` (q, n_x, n_h), averaged over the roll angle.
 
     ``response`` (n_d, n_x, n_h, 2) is that of :func:`~builder.manifold.tables.ring_response`.
@@ -84,7 +93,7 @@ def _of_prior(vehicle: Vehicle, problem: Problem, grid: SurfaceGrid, n_h: int) -
     ensemble, n_roll = problem.ensemble, grid.n_roll
     modes = rolled_modes(ensemble, None)
     pressure = float(np.average(ensemble.ambient_pressure, weights=ensemble.weight))
-    spread = 0.01 * vehicle.map.discrepancy_of_prior_percent / pressure * modes.modes * modes.coefficient_std()
+    spread = model_form(vehicle.map, vehicle.noise).of_prior / pressure * modes.modes * modes.coefficient_std()
     nodes = (spread @ (problem.strain_operator @ spread).T).reshape(len(grid.x), n_roll, -1)
     angle = np.outer(np.arange(n_h), grid.roll_angle)
     waves = np.stack([np.cos(angle), np.sin(angle)], axis=1)
@@ -94,13 +103,16 @@ def _of_prior(vehicle: Vehicle, problem: Problem, grid: SurfaceGrid, n_h: int) -
     return covariance, np.sqrt(variance)
 
 
-def _table_error(snapshots: Snapshots, error: FloatArray, grid: SurfaceGrid) -> FloatArray:
-    """Return (n_x, n_roll) root mean square of interpolation and of the harmonics beyond the field's."""
-    waves = np.cos(np.outer(np.arange(error.shape[2]), grid.roll_angle))
-    fields = error @ waves
-    square = np.mean(fields**2, axis=0) if len(error) else np.zeros((len(grid.x), grid.n_roll))
+def _table_error(snapshots: Snapshots, numerics: list[FloatArray], grid: SurfaceGrid) -> FloatArray:
+    """Return (n_x, n_roll) root mean square of all ``numerics`` (q, n_x, n_m), and of the harmonics that the
+    field has not."""
+    n_m, square = numerics[0].shape[2], np.zeros((len(grid.x), grid.n_roll))
+    waves = np.cos(np.outer(np.arange(n_m), grid.roll_angle))
+    for one in numerics:
+        if len(one):
+            square += np.mean((one @ waves) ** 2, axis=0)
     spectrum = np.fft.rfft(snapshots.pressure.reshape(len(snapshots.pressure), len(grid.x), -1), axis=2)
-    spectrum[:, :, : error.shape[2]] = 0.0
+    spectrum[:, :, :n_m] = 0.0
     rest = np.fft.irfft(spectrum, n=grid.n_roll, axis=2)
     conditions = snapshots.conditions()
     turned = np.array(

@@ -24,11 +24,13 @@ class FlowAmplitudes:
     mach : (n_M,) increasing [1].
     incidence : (n_a,) total incidence, increasing [rad].
     amplitude : (n_M, n_a, n_x, n_m) of cos m(phi - phi_T) in p / p_inf [1].
+    of_two : whether the middle one of three Mach numbers is not solved but by :func:`with_middle_mach`.
     """
 
     mach: FloatArray
     incidence: FloatArray
     amplitude: FloatArray
+    of_two: bool = False
 
     def overpressure(self) -> FloatArray:
         """Return (n_x,) p / p_inf - 1 round the body at the least incidence, its mean over the Mach numbers."""
@@ -44,7 +46,7 @@ class FlowAmplitudes:
         """Return the flows at two Mach numbers, and those between them by :func:`with_middle_mach`."""
         mach, amplitude = with_middle_mach(self.mach, self.less_ambient().amplitude)
         amplitude[..., 0] += 1.0
-        return replace(self, mach=mach, amplitude=amplitude)
+        return replace(self, mach=mach, amplitude=amplitude, of_two=True)
 
 
 def flow_amplitudes(snapshots: Snapshots, max_harmonic: int = MAX_HARMONIC) -> FlowAmplitudes:

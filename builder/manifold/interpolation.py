@@ -26,20 +26,31 @@ def interpolation_errors(flows: FlowAmplitudes, response: FloatArray) -> FloatAr
     Every incidence but the largest, and every inner Mach number, is left out in turn and predicted. Of two Mach
     numbers the inner one is that of :meth:`~builder.manifold.flow_amplitudes.FlowAmplitudes.with_middle_mach`.
     """
-    errors = left_out_errors(flows.mach, flows.incidence, response_values(flows, response))
+    return rolled_errors(
+        left_out_errors(flows.mach, flows.incidence, response_values(flows, response), flows.of_two)
+    )
+
+
+def rolled_errors(errors: FloatArray) -> FloatArray:
+    """Return (n, n_c) values of ``errors`` (q, n_c, n_m, s) at roll angles all round; their squares add up to the
+    mean one."""
     if not len(errors):
-        return np.zeros((0, len(response)))
+        return np.zeros((0, errors.shape[1]))
     rolled = _rolled(errors)
     return rolled / np.sqrt(len(rolled))
 
 
-def left_out_errors(mach: FloatArray, all_incidence: FloatArray, values: FloatArray) -> FloatArray:
+def left_out_errors(
+    mach: FloatArray, all_incidence: FloatArray, values: FloatArray, of_two: bool = False
+) -> FloatArray:
     """Return (q, n, n_m, s) errors of the splines at what is left out in turn, see :func:`interpolation_errors`.
 
     Parameters
     ----------
     mach, all_incidence : (n_M,) [1], (n_a,) [rad].
     values : (n_M, n_a, n, n_m, s).
+    of_two : whether the middle Mach number is made from the others, per dynamic pressure; its difference from a
+        straight line in M counts.
     """
     inclined = np.flatnonzero(all_incidence > 1e-9)
     incidence, of_flows = all_incidence[inclined], values[:, inclined]
@@ -58,12 +69,26 @@ def left_out_errors(mach: FloatArray, all_incidence: FloatArray, values: FloatAr
         kept = np.delete(np.arange(len(mach)), left)
         if len(kept) < 2:
             break
+        if len(kept) == 2 and not of_two:
+            errors += list(MACH_FRACTION * (of_flows[left] - between_two(mach, of_flows)))
+            continue
         knots, table = spline_coefficients(
             mach[kept], incidence, of_flows[kept], rows, None if zero is None else zero[kept]
         )
         found = _table(basis(mach[kept], mach[left : left + 1]).value, basis(knots, incidence).value, table)
         errors += list(MACH_FRACTION * (of_flows[left] - found[0]))
     return np.array(errors).reshape(-1, *values.shape[2:])
+
+
+def between_two(mach: FloatArray, values: FloatArray) -> FloatArray:
+    """Return the middle one of ``values`` (3, ...) at three Mach numbers by a straight line in M^2 of the others.
+
+    Pressure over p_inf is nearly one and a part in proportion to M^2. A line in M would miss most of that part,
+    which the parabola through three Mach numbers holds.
+    """
+    square = mach**2
+    part = (square[1] - square[0]) / (square[2] - square[0])
+    return np.asarray((1.0 - part) * values[0] + part * values[2])
 
 
 def _table(of_mach: FloatArray, of_incidence: FloatArray, coefficients: FloatArray) -> FloatArray:

@@ -13,6 +13,7 @@ from builder.manifold.condition_tables import condition_tables
 from builder.manifold.discrepancy import corrects_level, process_size
 from builder.manifold.parameter_slopes import ParameterSlopes
 from builder.vehicle.file import Vehicle
+from builder.vehicle.map.model_form import model_form
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.tables.shape_field import FieldParameters, ShapeField
 
@@ -46,13 +47,13 @@ def shape_field(
     if problem.off_the_snapshots is not None:
         variance += np.sum((problem.off_the_snapshots / problem.ensemble.mean_ambient_pressure) ** 2, axis=0)
     covariance = np.zeros((len(modes), len(problem.strain_operator)))
-    entry = vehicle.map
+    expected = model_form(vehicle.map, vehicle.noise)
     fields = [modes @ one for one in found.errors.values()]
     fields += [process_size(vehicle, problem) * process]
-    fields += [0.01 * entry.discrepancy_of_prior_percent * one for one in _spread(problem)]
+    fields += [expected.of_prior * one for one in _spread(problem)]
     if problem.leeward is not None:
         fields += [problem.leeward.T / problem.ensemble.mean_ambient_pressure]
-    level = 0.01 * entry.discrepancy_of_overpressure_percent * overpressure[:, None]
+    level = expected.of_overpressure * overpressure[:, None]
     if corrects_level(vehicle, problem):
         fields += [level]
     else:

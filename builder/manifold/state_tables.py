@@ -15,11 +15,18 @@ from builder.manifold.condition_tables import condition_tables
 from builder.manifold.discrepancy import gaussian_process_shapes, process_on_surface, response_of_shapes
 from builder.manifold.field_tables import flight_field
 from builder.manifold.flow_amplitudes import FlowAmplitudes, flow_amplitudes
-from builder.manifold.interpolation import interpolation_errors
+from builder.manifold.grid_refinement import GRID_REFINEMENT, grid_errors
+from builder.manifold.interpolation import interpolation_errors, rolled_errors
 from builder.manifold.mirror_images import with_mirror_images
 from builder.manifold.parameter_slopes import ParameterSlopes
 from builder.manifold.shape_field import shape_field
-from builder.manifold.tables import response_values, ring_response, spline_coefficients, spline_rows
+from builder.manifold.tables import (
+    of_amplitudes,
+    response_values,
+    ring_response,
+    spline_coefficients,
+    spline_rows,
+)
 from builder.vehicle.file import Vehicle
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
@@ -118,7 +125,12 @@ def _of_revolution(
     overpressure = np.repeat(flows.overpressure(), grid.n_roll)
     if _is_vented(vehicle):
         flows = flows.less_ambient()
-    response = ring_response(operator, grid, flows.amplitude.shape[-1])
+    n_m = flows.amplitude.shape[-1]
+    response = ring_response(operator, grid, n_m)
+    errors = {"interpolation": interpolation_errors(flows, response).T}
+    of_grid = grid_errors(vehicle, snapshots)
+    if of_grid is not None:
+        errors[GRID_REFINEMENT] = rolled_errors(of_amplitudes(of_grid[..., :n_m], response)).T
     knots, coefficients = _tables(flows, response)
     along, around = gaussian_process_shapes(
         grid, float(grid.x[-1]), entry.discrepancy_length, float(np.deg2rad(entry.discrepancy_roll_deg))
@@ -127,12 +139,12 @@ def _of_revolution(
         mach_knots=flows.mach,
         incidence_knots=knots,
         coefficients=coefficients,
-        errors={"interpolation": interpolation_errors(flows, response).T},
+        errors=errors,
         process=response_of_shapes(operator, along, around),
         overpressure=overpressure,
         incidence_limit=float(flows.incidence[-1]),
         crossflow_range=None,
-        field=flight_field(vehicle, snapshots, problem, grid) if entry.keep_field else None,
+        field=flight_field(vehicle, snapshots, problem, grid, of_grid) if entry.keep_field else None,
     )
 
 

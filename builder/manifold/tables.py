@@ -38,7 +38,12 @@ def ring_response(operator: FloatArray, grid: SurfaceGrid, n_m: int) -> FloatArr
 
 def response_values(flows: FlowAmplitudes, response: FloatArray) -> FloatArray:
     """Return (n_M, n_a, n, n_m, 2) of ``response`` (n, n_x, n_m, 2) to the flows at unit p_inf."""
-    return np.einsum("ijxm,nxms->ijnms", flows.amplitude, response, optimize=True)
+    return of_amplitudes(flows.amplitude, response)
+
+
+def of_amplitudes(amplitude: FloatArray, response: FloatArray) -> FloatArray:
+    """Return (..., n, n_m, 2) of ``response`` (n, n_x, n_m, 2) to flows of ``amplitude`` (..., n_x, n_m)."""
+    return np.einsum("...xm,nxms->...nms", amplitude, response, optimize=True)
 
 
 def spline_coefficients(

@@ -8,7 +8,7 @@ from builder.vehicle.file import Vehicle
 from builder.vehicle.map.options import wrong_estimator
 from strainfmu.errors import InputError
 
-Estimators = Literal["linear", "nonlinear"]
+Estimators = Literal["auto", "linear", "nonlinear"]
 
 
 def with_estimator(vehicle: Vehicle, estimator: Estimators | None) -> Vehicle:

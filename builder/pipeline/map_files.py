@@ -37,7 +37,7 @@ from builder.pipeline.used_files import FLOWS, MAP, SNAPSHOTS, STRUCTURE, open_p
 from builder.reporting import Reporter
 from builder.reports.build_report import page as build_page
 from builder.reports.build_report.report import BuildReport, build_report
-from builder.reports.build_report.sections import blind_line
+from builder.reports.build_report.sections import blind_line, model_form_line
 from builder.reports.page.origin import input_files
 from builder.structure import structure_file
 from builder.structure.external.structure import external_inputs, external_structure
@@ -56,7 +56,7 @@ from builder.vehicle.map_needs import unused_entries, used_layouts
 from strainfmu.estimator.map import inverse_map as inverse_map_file
 from strainfmu.estimator.map.inverse_map import load_inverse_map, save_inverse_map
 
-MAP_METHOD_VERSION = 15
+MAP_METHOD_VERSION = 17
 """Raised whenever the same files give another map, so that maps are made again."""
 
 
@@ -218,10 +218,11 @@ def _inverse_map(pipeline: Pipeline) -> None:
 
     def write(path: Path) -> None:
         snapshots, structure = map_parts(pipeline)
-        made = map_from(vehicle, snapshots, structure, pipeline.reporter, solid_structure_of(pipeline))
+        solid = solid_structure_of(pipeline)
+        made = map_from(vehicle, snapshots, structure, pipeline.reporter, solid, compares=not calibrates)
         if calibrates and not flown.is_of_revolution:
             of_levels = load_snapshots(pipeline.path(FLOWS))
-            made = with_shape_levels(flown, made, solid_structure_of(pipeline), of_levels, pipeline.reporter)
+            made = with_shape_levels(flown, made, solid, of_levels, pipeline.reporter)
         elif calibrates:
             flows = load_flow_table(pipeline.path(FLOWS))
             fly = partial(drawn_vehicles, flown, true_structure_of(pipeline), flows)
@@ -277,6 +278,8 @@ def _report(pipeline: Pipeline, vehicle_path: Path) -> None:
         with pipeline.reporter.stage("Report: what the gauges observe"):
             found = build_report(pipeline.vehicle, snapshots, structure, inverse_map, files=files)
         pipeline.reporter.note(blind_line(found))
+        if (line := model_form_line(found)) is not None:
+            pipeline.reporter.note(line)
         return found
 
     def page(path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Alarm levels of a map, set on flights of the independent model where there is one."""
+"""Alarm levels of a map, and its estimator by "auto", on flights of the independent model where there is one."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from builder.campaign.snapshots import Snapshots
+from builder.pipeline.estimator_choice import as_chosen, compared_in_flights
 from builder.reporting import Reporter
 from builder.structure.fourier.model import refuse_beyond_fourier
 from builder.structure.structure_file import Structure
@@ -106,19 +107,25 @@ def with_shape_levels(
         )
         return readings(inverse_map, vehicle.noise, flown, np.random.default_rng(SEED), SHAPE_VEHICLES)
 
-    return _with_levels(inverse_map, read, reporter)
+    return _with_levels(vehicle, inverse_map, read, reporter)
 
 
 def with_measured_levels(
     vehicle: Vehicle, inverse_map: InverseMap, flows: FlowTable, fly: Fly, reporter: Reporter
 ) -> InverseMap:
     """Return ``inverse_map`` with alarm levels set on flights of the independent model."""
-    return _with_levels(inverse_map, lambda: read_flights(inverse_map, vehicle, flows, fly), reporter)
+    return _with_levels(vehicle, inverse_map, lambda: read_flights(inverse_map, vehicle, flows, fly), reporter)
 
 
-def _with_levels(inverse_map: InverseMap, read: Callable[[], ReadFlights], reporter: Reporter) -> InverseMap:
+def _with_levels(
+    vehicle: Vehicle, inverse_map: InverseMap, read: Callable[[], ReadFlights], reporter: Reporter
+) -> InverseMap:
     with reporter.stage("Alarm levels: flights of the independent model"):
         flights = read()
+        if vehicle.map.estimator == "auto" and inverse_map.manifold is not None:
+            choice = compared_in_flights(inverse_map, flights)
+            inverse_map = as_chosen(inverse_map, choice)
+            reporter.note(choice.line)
         found = with_alarm_levels(inverse_map, flights)
     if found.manifold is not None:
         with reporter.stage("Alarm levels of the nonlinear estimator"):

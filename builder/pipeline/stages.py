@@ -26,7 +26,9 @@ from builder.inverse.build import build_inverse_map
 from builder.inverse.modes.mode_choice import mode_choice_lines
 from builder.inverse.noise.mesh_error import mesh_error_notes
 from builder.inverse.problem import AnyStructure, check_noise, check_other_loads, inverse_problem
+from builder.inverse.solution import Problem
 from builder.manifold.build import with_manifold
+from builder.pipeline.estimator_choice import as_chosen, compared_on_left_out, linear_because
 from builder.pipeline.measured_levels import (
     alarm_levels_wanted,
     level_conditions,
@@ -52,7 +54,7 @@ from builder.truth.revolution.flows import independent_flows
 from builder.truth.revolution.strain import TrueStructure, true_structure
 from builder.truth.shape.flights import shape_flows
 from builder.vehicle.file import Vehicle, load_vehicle
-from builder.vehicle.map_needs import check_map_size, used_layouts
+from builder.vehicle.map_needs import check_map_size, used_layouts, why_linear
 from builder.workspace import refuse_misfits
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import InverseMap
@@ -171,9 +173,12 @@ def build_map(
     if structure is None:
         structure = solve_structure(vehicle, progress=reporter)
     solid = structure if isinstance(structure, Structure) else None
-    found = map_from(vehicle, snapshots, on_snapshots(structure, snapshots, reporter), reporter, solid)
-    vehicle = as_flown(vehicle, snapshots)
-    if not alarm_levels_wanted(vehicle, reporter):
+    flown = as_flown(vehicle, snapshots)
+    flies = alarm_levels_wanted(flown, reporter)
+    mapped = on_snapshots(structure, snapshots, reporter)
+    found = map_from(vehicle, snapshots, mapped, reporter, solid, compares=not flies)
+    vehicle = flown
+    if not flies:
         return found
     if not vehicle.is_of_revolution:
         of_levels = shape_flows(vehicle, level_conditions(vehicle), reporter, "Flow: alarm levels")
@@ -233,10 +238,14 @@ def map_from(
     structure: AnyStructure,
     reporter: Reporter,
     solid: Structure | None = None,
+    *,
+    compares: bool = True,
 ) -> InverseMap:
     """Return the inverse map from its parts and report what it holds.
 
-    ``solid`` is the three-dimensional structure behind ``structure``, whose mesh error is reported.
+    ``solid`` is the three-dimensional structure behind ``structure``, whose mesh error is reported. With
+    ``compares``, ``map.estimator`` "auto" is decided here, on snapshots left out; without, a map that can have
+    tables has them.
     """
     failed = failed_conditions(snapshots)
     if failed:
@@ -248,6 +257,8 @@ def map_from(
     inverse_map = build_inverse_map(vehicle, snapshots, structure, problem=problem)
     if vehicle.map.estimator == "nonlinear":
         inverse_map = with_manifold(inverse_map, vehicle, snapshots, structure, problem=problem)
+    elif vehicle.map.estimator == "auto":
+        inverse_map = _by_auto(inverse_map, vehicle, snapshots, structure, problem, reporter, compares)
     inverse_map = replace(inverse_map, provenance=_with_sources(inverse_map.provenance, vehicle, snapshots, solid))
     held, noise_std = inverse_map.provenance, float(inverse_map.noise_std[0])
     if held["symmetry"] != vehicle.map.symmetry:
@@ -265,6 +276,37 @@ def map_from(
     for line in mesh_error_notes(held):
         reporter.note(line)
     return inverse_map
+
+
+def _by_auto(
+    inverse_map: InverseMap,
+    vehicle: Vehicle,
+    snapshots: Snapshots,
+    structure: AnyStructure,
+    problem: Problem,
+    reporter: Reporter,
+    compares: bool,
+) -> InverseMap:
+    """Return ``inverse_map`` with tables where they can be made and, if it ``compares``, are better."""
+
+    def build(chosen: Snapshots) -> InverseMap:
+        smaller = inverse_problem(vehicle, chosen, structure)
+        linear = build_inverse_map(vehicle, chosen, structure, problem=smaller)
+        return with_manifold(linear, vehicle, chosen, structure, problem=smaller)
+
+    choice = None if (why := why_linear(vehicle)) is None else linear_because(why)
+    if choice is None:
+        try:
+            inverse_map = with_manifold(inverse_map, vehicle, snapshots, structure, problem=problem)
+        except InputError as error:
+            choice = linear_because(f"no tables can be made ({str(error).removeprefix('map.estimator: ')})")
+    if choice is None:
+        if not compares:
+            return inverse_map
+        with reporter.stage("Both estimators: a map made without some snapshots"):
+            choice = compared_on_left_out(vehicle, snapshots, problem, build)
+    reporter.note(choice.line)
+    return as_chosen(inverse_map, choice)
 
 
 def _with_sources(

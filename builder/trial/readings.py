@@ -76,9 +76,13 @@ def navigation_at(conditions: Sequence[FlightCondition], is_nonlinear: bool) -> 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ReadFlights(Readings):
-    """Readings of n samples: as many vehicles at each of f ``conditions``, one flight after another."""
+    """Readings of n samples: as many vehicles at each of f ``conditions``, one flight after another.
+
+    ``coefficients`` (f, 5) are those of the flights [1].
+    """
 
     conditions: tuple[FlightCondition, ...]
+    coefficients: FloatArray
 
     @property
     def vehicles(self) -> int:
@@ -137,7 +141,9 @@ def readings(
         found = list(pool.map(of_flight, range(len(flown.conditions))))
     strain, dynamic, mach, static = (np.concatenate(part) for part in zip(*found, strict=True))
     known = {DYNAMIC_PRESSURE: dynamic, MACH_NUMBER: mach, STATIC_PRESSURE: static}
-    return ReadFlights(conditions=tuple(flown.conditions), strain=strain, known=known)
+    return ReadFlights(
+        conditions=tuple(flown.conditions), coefficients=flown.coefficients, strain=strain, known=known
+    )
 
 
 def gauge_noise(inverse_map: InverseMap, random: np.random.Generator, shape: tuple[int, ...]) -> FloatArray:

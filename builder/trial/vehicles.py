@@ -25,6 +25,7 @@ class FlownVehicles(Protocol):
     ----------
     conditions : k flight conditions.
     dynamic_pressure : (k,) q_inf [Pa].
+    coefficients : (k, 5) the truth [1].
     """
 
     @property
@@ -32,6 +33,9 @@ class FlownVehicles(Protocol):
 
     @property
     def dynamic_pressure(self) -> FloatArray: ...
+
+    @property
+    def coefficients(self) -> FloatArray: ...
 
     def read(self, number: int, count: int, random: np.random.Generator) -> tuple[FloatArray, FloatArray]:
         """Return what ``count`` vehicles read in flight ``number``: strain (count, n_d) [m/m] without the noise of
@@ -56,6 +60,10 @@ class DrawnVehicles:
     @property
     def dynamic_pressure(self) -> FloatArray:
         return self.flights.dynamic_pressure
+
+    @property
+    def coefficients(self) -> FloatArray:
+        return self.flights.coefficients
 
     def read(self, number: int, count: int, random: np.random.Generator) -> tuple[FloatArray, FloatArray]:
         built = drawn_many(self.noise, self.flights.counts, count, random)

@@ -15,6 +15,7 @@ def used_layouts(vehicle: Vehicle) -> list[str]:
 
 
 OF_THE_NONLINEAR = (
+    "model_form_percent",
     "discrepancy_percent",
     "discrepancy_length",
     "discrepancy_roll_deg",
@@ -25,13 +26,27 @@ OF_THE_NONLINEAR = (
 """Entries of [map] that the tables of the nonlinear estimator take alone."""
 
 
+def why_linear(vehicle: Vehicle) -> str | None:
+    """Return why the file allows no tables of the nonlinear estimator, by its entry; None where it allows them."""
+    entry = vehicle.map
+    if entry.form != "dynamic_pressure":
+        return f"map.form is '{entry.form}'"
+    if vehicle.shape_kind == "profile" and entry.symmetry != "full":
+        return f"map.symmetry is '{entry.symmetry}' with a profile"
+    if vehicle.structure.strain_per_snapshot is not None:
+        return "structure.strain_per_snapshot gives strain at the snapshots alone"
+    if vehicle.noise.model == "paper":
+        return "noise.model is 'paper'"
+    return None
+
+
 def unused_entries(vehicle: Vehicle) -> Iterator[str]:
     """Yield a line for every entry of [map] that the file states and its map does not use.
 
     They are no fault: `compare` makes maps of either estimator and of either case from the same file.
     """
     entry = vehicle.map
-    if entry.estimator == "linear":
+    if entry.estimator == "linear" or (entry.estimator == "auto" and why_linear(vehicle) is not None):
         for name in OF_THE_NONLINEAR:
             if name in entry.model_fields_set:
                 yield f"map.{name}: not used, it is for estimator 'nonlinear', and the map's is 'linear'"

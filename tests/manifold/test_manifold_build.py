@@ -13,10 +13,13 @@ from builder.inverse.solution import Problem
 from builder.manifold.build import with_manifold
 from builder.manifold.discrepancy import gaussian_process_shapes
 from builder.manifold.flow_amplitudes import flow_amplitudes
+from builder.manifold.grid_refinement import GRID_REFINEMENT, grid_errors
 from builder.manifold.interpolation import left_out_errors
 from builder.manifold.tables import spline_coefficients, spline_rows
 from builder.structure.fourier.model import StructuralModel
 from builder.vehicle.file import Vehicle
+from builder.vehicle.map.model_form import model_form, without_model_form
+from builder.vehicle.map.options import HARDWARE_ERRORS, MapEntry, Noise
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap
@@ -41,6 +44,61 @@ def inverse_map(vehicle: Vehicle, structure: StructuralModel, snapshots: Snapsho
     exactly = inverse_problem(entry, snapshots, structure)
     linear = build_inverse_map(entry, snapshots, structure, problem=exactly)
     return with_manifold(linear, entry, snapshots, structure, problem=exactly)
+
+
+def test_the_flows_own_grid_and_interpolation_are_the_numerical_error(
+    vehicle: Vehicle, structure: StructuralModel, snapshots: Snapshots, problem: Problem, inverse_map: InverseMap
+) -> None:
+    """Without a model-form error these are all that is left of the pressure off the tables."""
+    alone = vehicle.model_copy(update={"map": without_model_form(with_entry(vehicle).map)})
+    found = with_manifold(inverse_map, alone, snapshots, structure, problem=problem)
+    names = [one["name"] for one in found.provenance["table_error_terms"]]
+    assert names == ["interpolation", GRID_REFINEMENT, "internal pressure"]
+    whole = with_manifold(inverse_map, with_entry(vehicle), snapshots, structure, problem=problem)
+    rms = {one["name"]: one["rms_strain"] for one in whole.provenance["table_error_terms"]}
+    assert set(rms) > set(names)
+    assert rms["interpolation"] < rms[GRID_REFINEMENT] < rms["fraction of the snapshots"]
+
+
+def test_the_error_of_the_grid_is_the_difference_of_two(vehicle: Vehicle, snapshots: Snapshots) -> None:
+    """At the ends of Mach number and incidence, and at the middle incidence; p / p_inf itself is about 1."""
+    found = grid_errors(vehicle, snapshots)
+    assert found is not None
+    assert found.shape[:2] == (6, 40)
+    size = np.sqrt(np.sum(found**2, axis=2).mean(axis=1))
+    assert np.all((size > 1e-4) & (size < 0.1))
+    straight = np.abs(found[[0, 3], :, 1:])  # without incidence the pressure is the same all round
+    assert straight.max() < 1e-6
+    assert grid_errors(vehicle, replace(snapshots, engine="newtonian")) is None
+    assert grid_errors(vehicle, replace(snapshots, settings={})) is None
+
+
+def test_a_middle_mach_number_left_out_of_three_follows_the_dynamic_pressure() -> None:
+    """Tables have no error of pressure in proportion to M^2 about the ambient one, so none is expected."""
+    mach, incidence = np.array([5.0, 6.5, 10.0]), np.radians([0.0, 2.0, 4.0, 6.0, 8.0, 10.0])
+    values = np.broadcast_to((1.0 + 0.02 * mach**2)[:, None], (3, 6)).reshape(3, 6, 1, 1, 1)
+    errors = left_out_errors(mach, incidence, np.array(values))
+    assert len(errors) > 12
+    assert np.abs(errors).max() < 1e-12
+    bent = left_out_errors(mach, incidence, values + np.array([0.0, 0.1, 0.0]).reshape(3, 1, 1, 1, 1))
+    assert np.abs(bent).max() == pytest.approx(0.05)
+
+
+def test_sizes_of_the_model_form_error() -> None:
+    """What is stated stays; the rest follows one entry, and is 0 in the source's mode."""
+    default, paper = (
+        Noise(std_um_per_m=1.0),
+        Noise(std_um_per_m=1.0, model="paper", **dict.fromkeys(HARDWARE_ERRORS, 0.0)),
+    )
+    found = model_form(MapEntry(), default)
+    assert (found.of_prior, found.of_overpressure, found.of_leeward) == pytest.approx((0.1, 0.1, 0.25))
+    assert (found.process_at(10.0), found.process_at(100.0)) == pytest.approx((0.008, 0.02))
+    half = model_form(MapEntry(model_form_percent=5.0, discrepancy_of_prior_percent=3.0), default)
+    assert (half.of_prior, half.of_overpressure, half.process_at(100.0)) == pytest.approx((0.03, 0.05, 0.01))
+    none = model_form(MapEntry(discrepancy_percent=0.5), paper)
+    assert (none.of_prior, none.of_overpressure, none.of_leeward, none.process_at(9.0)) == (0.0, 0.0, 0.0, 0.005)
+    nothing = model_form(without_model_form(MapEntry(discrepancy_percent=0.5)), default)
+    assert (nothing.of_prior, nothing.of_overpressure, nothing.process_at(9.0)) == (0.0, 0.0, 0.0)
 
 
 def test_flights_between_the_snapshots_are_found(
@@ -145,7 +203,7 @@ def test_between_two_mach_numbers_pressure_is_linear_per_dynamic_pressure(
     off, of_linear = (np.linalg.norm((one - true)[low]) for one in (found[1], linear))
     assert off < 0.7 * of_linear
     values = flows.amplitude[:, 1:, :, :1, None]
-    left_out = left_out_errors(flows.mach, flows.incidence[1:], values)
+    left_out = left_out_errors(flows.mach, flows.incidence[1:], values, flows.of_two)
     expected = 0.5 * (found[1] - linear)[1:, :, :1, None]
     assert np.max(np.abs(left_out[-len(expected) :] - expected)) < 0.05 * np.max(np.abs(expected))
     made = with_manifold(inverse_map, with_entry(vehicle, keep_field=True), two, structure).manifold

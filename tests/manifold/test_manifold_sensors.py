@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -247,9 +248,16 @@ def test_broken_sensors_are_named_and_ranges_are_their_own(
     assert len(zeros.value) == inverse_map.n_strain_gauges
 
 
-def test_filter_takes_sensors(vehicle: Vehicle, held_out: Snapshots, equipped: tuple[InverseMap, Problem]) -> None:
-    """One flight ten times, noise new each time: forces get sharper; moments, which noise hardly moves, stay."""
-    inverse_map, problem = equipped
+def test_filter_takes_sensors(
+    vehicle: Vehicle, held_out: Snapshots, snapshots: Snapshots, structure: StructuralModel
+) -> None:
+    """One flight ten times, noise new each time: forces get sharper; moments, which noise hardly moves, stay.
+
+    Without the error of the coarse grid, of whose many directions the filter retains a part: with it the sigma of
+    M_Y is 4 % larger than in one sample.
+    """
+    grid_unknown = replace(snapshots, settings={})
+    inverse_map, problem = built(with_sensors(vehicle, EVERY_KIND), grid_unknown, structure)
     flown = flights(with_sensors(vehicle, EVERY_KIND), inverse_map, problem, held_out, 1)
     random, static = np.random.default_rng(8), Estimator(inverse_map)
     noise = inverse_map.noise_std * inverse_map.sensors.scale

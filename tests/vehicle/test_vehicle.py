@@ -344,7 +344,8 @@ def test_entries_that_the_map_does_not_use_are_named(tmp_path: Path) -> None:
     both = 'estimator = "nonlinear"\nlevel_by_strain = true'
     for old, new, named in (
         ('estimator = "nonlinear"', 'estimator = "linear"', ["map.level_by_strain"]),
-        (both, "discrepancy_length = 0.3", ["map.discrepancy_length"]),
+        (both, "discrepancy_length = 0.3", []),
+        (both, 'form = "absolute"\ndiscrepancy_length = 0.3', ["map.discrepancy_length"]),
         (both, "prior_modes = 20", ["map.prior_modes"]),
         (both, "case = 2\nprior_modes = 20", []),
     ):
@@ -363,9 +364,9 @@ def test_entries_that_the_map_does_not_use_are_named(tmp_path: Path) -> None:
         (
             "map",
             {"estimator": "manifold"},
-            "MapEntry: estimator: expected 'linear' or 'nonlinear', got 'manifold', now called 'nonlinear'",
+            "MapEntry: estimator: expected 'auto', 'linear' or 'nonlinear', got 'manifold', now called 'nonlin",
         ),
-        ("map", {"estimator": "kalman"}, "MapEntry: estimator: expected 'linear' or 'nonlinear', got 'kalman'"),
+        ("map", {"estimator": "kalman"}, "estimator: expected 'auto', 'linear' or 'nonlinear', got 'kalman'"),
         ("map", {"modes": 0}, "MapEntry: modes: expected 1 .. 1000, got 0"),
         ("map", {"modess": 3}, "MapEntry: modess: unknown entry, did you mean modes?"),
         ("map", {"case": 2, "gamma": 3.0}, "MapEntry: gamma: expected 1 with form 'dynamic_pressure', got 3"),

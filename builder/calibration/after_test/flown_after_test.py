@@ -52,6 +52,10 @@ class AllowedVehicles:
     def dynamic_pressure(self) -> FloatArray:
         return self.drawing.dynamic_pressure
 
+    @property
+    def coefficients(self) -> FloatArray:
+        return self.drawing.coefficients
+
     def read(self, number: int, count: int, random: np.random.Generator) -> tuple[FloatArray, FloatArray]:
         strain, stated = self.drawing.read(number, count, random)
         error = random.standard_normal((count, self.factor.shape[1])) @ self.factor.T

@@ -13,6 +13,7 @@ from builder.campaign.snapshots import Snapshots
 from builder.inverse.modes.ensemble import Ensemble
 from builder.inverse.noise.flows_between import same_engine
 from builder.vehicle.file import Vehicle
+from builder.vehicle.map.model_form import model_form
 from strainfmu.arrays import FloatArray
 
 LEEWARD_PRESSURE = "leeward pressure of newtonian flow"
@@ -35,7 +36,7 @@ def leeward_fields(vehicle: Vehicle, snapshots: Snapshots, ensemble: Ensemble) -
     None where the snapshots are not of newtonian flow round another shape than a body of revolution, or where no
     error is stated.
     """
-    size = 0.01 * vehicle.map.discrepancy_of_leeward_percent
+    size = model_form(vehicle.map, vehicle.noise).of_leeward
     own = same_engine(vehicle, snapshots) if size > 0.0 else None
     if own is None:
         return None

@@ -347,7 +347,8 @@ def _held_out(pipeline: Pipeline) -> dict[str, Any]:
     """Return the score on results that maps are made without; empty where there are too few results."""
 
     def make(path: Path) -> None:
-        vehicle = pipeline.vehicle
+        flies = load_inverse_map(pipeline.path(MAP))
+        vehicle = with_estimator(pipeline.vehicle, "linear" if flies.manifold is None else "nonlinear")
         snapshots, structure = map_parts(pipeline)
         found = held_out_score(vehicle, snapshots, structure, pipeline.reporter, solid_structure_of(pipeline))
         write_bytes_atomically(path, json.dumps({} if found is None else found.record(), indent=1).encode())

@@ -43,6 +43,8 @@ def write_numbers(report: BuildReport, folder: Path) -> None:
         "vehicle": report.vehicle,
         "estimator": "nonlinear" if report.in_use.is_nonlinear else "linear",
         "layout": report.layout,
+        "model_form_percent": report.model_form_percent,
+        "estimator_choice": report.inverse_map.provenance.get("estimator_choice"),
         "case": report.inverse_map.case,
         "engine": report.engine,
         "structural_model": report.structural_model,
@@ -74,6 +76,7 @@ def report_page(report: BuildReport) -> Page:
         sections.observability(report, tables),
         sections.blindness(report),
         *((sections.flight_accuracy(report.flight, tables),) if report.flight else ()),
+        *((Section("Both estimators", (tables["estimator_choice"],)),) if "estimator_choice" in tables else ()),
         sections.uncertainty(report, tables),
         sections.gauge_values(report, tables),
         sections.losses(report, tables),
@@ -103,6 +106,7 @@ def _opening(report: BuildReport) -> tuple[Block, ...]:
             f"{both if used.is_nonlinear else f'linear, {of_linear}'}; "
             f"flow by the {report.engine} engine, structure: {report.structural_model}."
         ),
+        *_choice(report),
         Cards(
             (
                 (f"Measured well: sigma up to {100.0 * WELL:g} % of the range", "green", screen.well),
@@ -117,7 +121,17 @@ def _opening(report: BuildReport) -> tuple[Block, ...]:
             f'{len(report.excluded)} errors listed under "{NOT_INCLUDED}". The range is that of the snapshots.'
         ),
         *_without_hardware(used.coefficients),
+        *([] if (line := sections.model_form_line(report)) is None else [Paragraph(line)]),
     )
+
+
+def _choice(report: BuildReport) -> list[Block]:
+    """Return which estimator "auto" uses, and why, where it decided."""
+    held = report.inverse_map.provenance.get("estimator_choice")
+    if held is None:
+        return []
+    on = f", on {held['flights']}" if held["flights"] else ""
+    return [Paragraph(f"map.estimator = 'auto' uses the {held['used']} estimator: {held['why']}{on}.")]
 
 
 def _without_hardware(found: CoefficientSources) -> list[Block]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,7 +11,8 @@ from builder.aero.surface.mesh import SurfaceMesh, mesh_of
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.noise.model import NoiseFraction, NoiseTerm
 from builder.inverse.problem import AnyStructure, inverse_problem
-from builder.inverse.solution import Solution, solve
+from builder.inverse.solution import Problem, Solution, solve
+from builder.manifold.build import manifold_map
 from builder.reports.findings.coefficient_sources import CoefficientSources, coefficient_sources
 from builder.reports.findings.estimator_in_use import InUse, estimator_in_use
 from builder.reports.findings.exclusions import exclusions
@@ -30,10 +31,12 @@ from builder.structure.observability import (
     symmetry_responses,
 )
 from builder.vehicle.file import Vehicle
+from builder.vehicle.map.model_form import model_form, model_form_percent, without_model_form
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.tables.manifold_map import ManifoldMap
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -57,6 +60,7 @@ class BuildReport:
     flight : uncertainty of the nonlinear estimator over the envelope; None for a map without tables.
     origin : version, date and files.
     excluded : errors that no number here includes.
+    model_form_percent : entry of the vehicle file [%].
     """
 
     vehicle: str
@@ -78,6 +82,7 @@ class BuildReport:
     flight: FlightAccuracy | None
     origin: Origin
     excluded: tuple[str, ...]
+    model_form_percent: float
 
     @property
     def blind_classes(self) -> tuple[int, ...]:
@@ -110,6 +115,9 @@ def build_report(
     observed = prior_observability(problem, solution, grid)
     sources, gauges = coefficient_sources(inverse_map, problem, solution), gauge_value(inverse_map)
     response = _response(problem.strain_operator, surface, grid.n_roll if isinstance(grid, SurfaceGrid) else None)
+    numerical = None
+    if inverse_map.manifold is not None:
+        numerical = _tables_without_model_form(vehicle, snapshots, structure, problem, nuisance)
     return BuildReport(
         vehicle=vehicle.name,
         layout=vehicle.gauges.layout,
@@ -122,7 +130,8 @@ def build_report(
         smooth_harmonics=int(response.harmonic.max()),
         symmetries=tuple(symmetry_responses(response)),
         observability=observed,
-        in_use=estimator_in_use(inverse_map, sources, gauges, observed, surface.node_area),
+        in_use=estimator_in_use(inverse_map, sources, gauges, observed, surface.node_area, numerical),
+        model_form_percent=model_form_percent(vehicle.map, vehicle.noise),
         coefficients=sources,
         gauges=gauges,
         noise=tuple(solution.noise.fractions()),
@@ -131,6 +140,21 @@ def build_report(
         origin=origin_of(files),
         excluded=exclusions(vehicle, snapshots.engine),
     )
+
+
+def _tables_without_model_form(
+    vehicle: Vehicle,
+    snapshots: Snapshots,
+    structure: AnyStructure,
+    problem: Problem,
+    nuisance: Sequence[NoiseTerm],
+) -> ManifoldMap | None:
+    """Return the tables of the map without model-form error, None where the vehicle file has none."""
+    entry = without_model_form(vehicle.map)
+    if model_form(entry, vehicle.noise) == model_form(vehicle.map, vehicle.noise):
+        return None
+    changed = vehicle.model_copy(update={"map": entry.model_copy(update={"keep_field": False})})
+    return manifold_map(changed, snapshots, structure, replace(problem, leeward=None), nuisance)[0]
 
 
 def _same(solution: Solution, inverse_map: InverseMap) -> bool:

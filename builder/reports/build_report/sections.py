@@ -41,6 +41,19 @@ def blind_line(report: BuildReport) -> str:
     return f"Layout {report.layout} is blind to {'; '.join(parts)}."
 
 
+def model_form_line(report: BuildReport) -> str | None:
+    """Return one sentence on sigma with and without the model-form error; None for a map that expects none."""
+    used = report.in_use
+    if used.std_without_model_form is None:
+        return None
+    pairs = zip(COEFFICIENT_NAMES, used.coefficients.std, used.std_without_model_form, strict=True)
+    text = ", ".join(f"{name} {whole:.2g} ({alone:.2g})" for name, whole, alone in pairs)
+    return (
+        f"Rms sigma with the model-form error (viscosity, real gas, leeward flow; map.model_form_percent "
+        f"{report.model_form_percent:g}), in brackets with numerical error alone: {text}."
+    )
+
+
 def mode_choice_of(report: BuildReport) -> tuple[str, ...]:
     """Return which modes are states of the linear map, and why others are not, a sentence each."""
     return tuple(f"{line}." for line in mode_choice_lines(report.inverse_map.provenance))

@@ -30,6 +30,7 @@ def report_tables(report: BuildReport) -> dict[str, Table]:
         classes(report),
         modes(report),
         singular_values(report),
+        *estimator_choice(report),
         *((nonlinear_coefficients(report), nonlinear_sources(report)) if report.in_use.is_nonlinear else ()),
         coefficients(report),
         correlations(report),
@@ -204,12 +205,25 @@ def _sources(name: str, caption: str, found: CoefficientSources) -> Table:
     return _by_coefficient(name, caption, "source", found.names, fractions, Column("", "%", ".1f"))
 
 
+def estimator_choice(report: BuildReport) -> tuple[Table, ...]:
+    """Rms error of both estimators where "auto" compared them: one row per coefficient; none elsewhere."""
+    held = report.inverse_map.provenance.get("estimator_choice")
+    if held is None or not held["rms"]:
+        return ()
+    rms = held["rms"]
+    rows = [(name, rms["linear"][name], rms["nonlinear"][name]) for name in COEFFICIENT_NAMES]
+    kinds = [Column(f"{kind} estimator", "1", ".3g") for kind in ("linear", "nonlinear")]
+    caption = f"Rms error of both estimators, on {held['flights']}."
+    return (make_table("estimator_choice", caption, (Column("coefficient"), *kinds), rows),)
+
+
 def nonlinear_coefficients(report: BuildReport) -> Table:
     """One row per coefficient, by the nonlinear estimator."""
     used = report.in_use
-    found = used.coefficients
+    found, alone = used.coefficients, used.std_without_model_form
+    numerical = [()] * len(COEFFICIENT_NAMES) if alone is None else [(one,) for one in alone.tolist()]
     rows = [
-        (name, found.std[i], used.largest_std[i], *found.range[i], 100.0 * found.std_of_range[i])
+        (name, found.std[i], used.largest_std[i], *found.range[i], 100.0 * found.std_of_range[i], *numerical[i])
         for i, name in enumerate(COEFFICIENT_NAMES)
     ]
     columns = (
@@ -219,6 +233,7 @@ def nonlinear_coefficients(report: BuildReport) -> Table:
         Column("minimum of the snapshots", "1", ".4f"),
         Column("maximum", "1", ".4f"),
         Column("rms sigma over that range", "%", ".2f"),
+        *(() if alone is None else (Column("rms sigma without model form", "1", ".3g"),)),
     )
     caption = f"Coefficients by the nonlinear estimator, {used.where}."
     return make_table("nonlinear_coefficients", caption, columns, rows)

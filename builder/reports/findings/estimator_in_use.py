@@ -8,7 +8,7 @@ variance is a sum over the sources.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from strainfmu.estimator.other_loads import FIVE_LOADS
 from strainfmu.estimator.reference.air import N_AIR, air_inputs
 from strainfmu.estimator.reference.nonlinear import NonlinearReference, Sample, coefficient_slopes
 from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE
+from strainfmu.estimator.tables.manifold_map import ManifoldMap
 
 NOISE, OFF_TABLES = "gauge noise and apparent strain", "pressure off the tables"
 HARDWARE = (
@@ -51,6 +52,8 @@ class InUse:
     pressure_removed : fraction of the variance of the snapshots' pressure that the data remove; None where the
         nonlinear estimator gives no pressure.
     where : the flights that sigma is of, in words.
+    std_without_model_form : (5,) rms sigma over the same flights of a map that expects no model-form error, which
+        leaves measurement, installation and numerics [1]; None of a map that expects none, and of a linear one.
     """
 
     is_nonlinear: bool
@@ -59,6 +62,7 @@ class InUse:
     growth: FloatArray
     pressure_removed: float | None
     where: str
+    std_without_model_form: FloatArray | None = None
 
 
 def estimator_in_use(
@@ -67,10 +71,12 @@ def estimator_in_use(
     gauges: GaugeValue,
     observed: PriorObservability,
     node_area: FloatArray,
+    without_model_form: ManifoldMap | None = None,
 ) -> InUse:
     """Return the judgement of the estimator of ``inverse_map``.
 
     ``linear``, ``gauges`` and ``observed`` judge the linear map; ``node_area`` (n_p,) is that of its nodes [m2].
+    ``without_model_form`` are its tables without model-form error, None where they are the same.
     """
     if inverse_map.manifold is None:
         return InUse(
@@ -84,6 +90,9 @@ def estimator_in_use(
     estimator = Estimator(inverse_map)
     whole, few = envelope(inverse_map.manifold), envelope(inverse_map.manifold, *FEW)
     coefficients, largest = _of_nonlinear(inverse_map, whole.flown)
+    numerical = None
+    if without_model_form is not None:
+        numerical = _of_nonlinear(replace(inverse_map, manifold=without_model_form), whole.flown)[0].std
     return InUse(
         is_nonlinear=True,
         coefficients=coefficients,
@@ -92,6 +101,7 @@ def estimator_in_use(
         pressure_removed=_pressure_removed(estimator, few.flown, node_area, observed),
         where=f"rms over the envelope of the map at p_inf = {1e-3 * whole.static_pressure:.4g} kPa, with {ALL} of "
         "navigation",
+        std_without_model_form=numerical,
     )
 
 

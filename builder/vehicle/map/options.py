@@ -23,14 +23,14 @@ SHORTEST = 1e-6
 StrainStd = Annotated[float, Field(ge=1e-6, le=1e4)]
 
 
-ESTIMATORS = ("linear", "nonlinear")
+ESTIMATORS = ("auto", "linear", "nonlinear")
 
 
 def wrong_estimator(name: object) -> str | None:
     """Return why ``name`` is no estimator of a map, with the new name of an old one; None if it is one."""
     if name in ESTIMATORS:
         return None
-    text = f"expected {' or '.join(map(repr, ESTIMATORS))}, got {name!r}"
+    text = f"expected {', '.join(map(repr, ESTIMATORS[:-1]))} or {ESTIMATORS[-1]!r}, got {name!r}"
     return f"{text}, now called 'nonlinear'" if name == "manifold" else text
 
 
@@ -101,21 +101,29 @@ class MapEntry(Section):
     than the build, as of sections by ``euler``; "nominal" leaves those of the theory.
 
     ``estimator`` "nonlinear" adds tables over the flight state for the nonlinear estimator; the linear map stays
-    in the file, for strain that does not fit them. Pressure off the tables is expected: a Gaussian process of
-    ``discrepancy_percent`` of p_inf (left out: 0.08 % of q_inf, at most 2 % of p_inf), with correlation lengths of
-    ``discrepancy_length`` times the body's length along it and ``discrepancy_roll_deg`` round it;
-    ``discrepancy_of_prior_percent`` of the deviation that the snapshots have about their mean; and
-    ``discrepancy_of_overpressure_percent`` of the overpressure without incidence, all over the body at once, which
-    gauges tell poorly and axial force follows: it widens the deviations and, where there are no auxiliary sensors,
-    corrects nothing unless ``level_by_strain`` says so. Of ``newtonian`` flow round sections or a surface
-    ``discrepancy_of_leeward_percent`` of the difference between ambient pressure leeward and a Prandtl-Meyer
-    expansion is expected besides, in the linear map too.
+    in the file, for strain that does not fit them. "auto" makes both estimators where the file and the conditions
+    allow tables, compares them on flights that the map was not made from and keeps the tables where the nonlinear
+    one is better (:mod:`builder.pipeline.estimator_choice`).
+
+    Pressure off the tables has two parts. The numerical one follows from the campaign: interpolation, and the
+    grid of the flow. ``model_form_percent`` is the other, what the equations of the flow leave out (viscosity,
+    real gas, leeward separation), one standard deviation; 0 with ``model`` "paper" of [noise]. It sets the
+    entries that are left out: a Gaussian process of ``discrepancy_percent`` of p_inf (left out: at 10 % 0.08 %
+    of q_inf, at most 2 % of p_inf, in proportion), with correlation lengths of ``discrepancy_length`` times the
+    body's length along it and ``discrepancy_roll_deg`` round it; ``discrepancy_of_prior_percent`` of the
+    deviation that the snapshots have about their mean (left out: ``model_form_percent``); and
+    ``discrepancy_of_overpressure_percent`` of the overpressure without incidence (left out: the same), all over
+    the body at once, which gauges tell poorly and axial force follows: it widens the deviations and, where there
+    are no auxiliary sensors, corrects nothing unless ``level_by_strain`` says so. Of ``newtonian`` flow round
+    sections or a surface ``discrepancy_of_leeward_percent`` (left out: 2.5 times ``model_form_percent``) of the
+    difference between ambient pressure leeward and a Prandtl-Meyer expansion is expected besides, in the linear
+    map too.
     """
 
     form: Literal["dynamic_pressure", "absolute"] = "dynamic_pressure"
     symmetry: Literal["full", "listed"] = "full"
     alarm_levels: Literal["calibrated", "always", "nominal"] = "calibrated"
-    estimator: Literal["linear", "nonlinear"] = "linear"
+    estimator: Literal["auto", "linear", "nonlinear"] = "auto"
     valid_altitude_km: tuple[Altitude, Altitude] = (0.0, 40.0)
     section_stations_m: tuple[SectionStation, ...] = Field(default=(), max_length=50)
     regions: dict[str, Region] = Field(default_factory=dict)
@@ -127,12 +135,13 @@ class MapEntry(Section):
     prior_modes: int | None = Field(default=None, ge=1, le=1_000_000)
     gamma: float | str = 1.0
     keep_field: bool = False
+    model_form_percent: float = Field(default=10.0, ge=0.0, le=100.0)
     discrepancy_percent: float | None = Field(default=None, ge=0.0, le=100.0)
     discrepancy_length: float = Field(default=0.2, ge=0.02, le=2.0)
     discrepancy_roll_deg: float = Field(default=40.0, ge=10.0, le=180.0)
-    discrepancy_of_prior_percent: float = Field(default=10.0, ge=0.0, le=100.0)
-    discrepancy_of_overpressure_percent: float = Field(default=10.0, ge=0.0, le=100.0)
-    discrepancy_of_leeward_percent: float = Field(default=25.0, ge=0.0, le=100.0)
+    discrepancy_of_prior_percent: float | None = Field(default=None, ge=0.0, le=100.0)
+    discrepancy_of_overpressure_percent: float | None = Field(default=None, ge=0.0, le=100.0)
+    discrepancy_of_leeward_percent: float | None = Field(default=None, ge=0.0, le=100.0)
     level_by_strain: bool = False
 
     @property

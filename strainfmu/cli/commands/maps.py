@@ -24,7 +24,7 @@ STRUCTURE_OPTION = typer.Option(
 REBUILD_OPTION = typer.Option(
     "--rebuild", help="Make the files of the folder again from the vehicle file, whatever options made them."
 )
-Estimator = Literal["linear", "nonlinear"]
+Estimator = Literal["auto", "linear", "nonlinear"]
 ESTIMATOR_OPTION = typer.Option("--estimator", help="Estimator, instead of the vehicle file's.")
 
 

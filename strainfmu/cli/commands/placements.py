@@ -63,7 +63,7 @@ def place(
         str, typer.Option(help="Weights of the loads, as C_A=1,M_P=2; loads that are not named have 0.")
     ] = "",
     estimator: Annotated[
-        str, typer.Option(help="linear or nonlinear. Default: map.estimator of the vehicle file.")
+        str, typer.Option(help="linear or nonlinear. Default: map.estimator of the vehicle file, linear for auto.")
     ] = "",
     starts: Annotated[int, typer.Option(callback=within(1, 1000), help="Starts of the exchanges.")] = 20,
     robust: Annotated[
@@ -142,7 +142,7 @@ def review(
     ] = "",
     output: Annotated[Path, typer.Option("-o", "--output", help="Page to write.")] = Path("review.html"),
     estimator: Annotated[
-        str, typer.Option(help="linear or nonlinear. Default: map.estimator of the vehicle file.")
+        str, typer.Option(help="linear or nonlinear. Default: map.estimator of the vehicle file, linear for auto.")
     ] = "",
     snapshots: Annotated[
         Path | None,

@@ -1,0 +1,223 @@
+"""The better estimator of a map, by flights that the map was not made from: ``map.estimator`` "auto".
+
+Both estimators read the same strains, with installation errors, gauge noise and errors of the air data drawn. The
+flights are those of the independent model where alarm levels are set on it. Elsewhere a map is made without some
+snapshots, one inner value of every condition, and estimates these with installation errors by the map's own
+derivatives. Such a map has wider cells, which makes its tables worse than those of the whole map.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+
+from builder.campaign.snapshots import Snapshots
+from builder.inverse.modes.ensemble import Ensemble
+from builder.inverse.solution import Problem
+from builder.trial.readings import ReadFlights, Readings
+from builder.trial.run import estimates
+from builder.trial.score import Score, by_name, rounded, score_of
+from builder.vehicle.file import Vehicle
+from builder.vehicle.map.options import Noise
+from strainfmu.arrays import BoolArray, FloatArray, IntArray
+from strainfmu.errors import InputError
+from strainfmu.estimator.estimator import Estimator
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
+from strainfmu.estimator.other_loads import FIVE_LOADS
+from strainfmu.flight_condition import FlightCondition
+
+MOST_UNDETECTED = 0.03
+"""Fraction of samples with an undetected error up to which an estimator is taken for its accuracy."""
+
+SAMPLES = 10_000
+"""Samples that are estimated by both estimators."""
+
+FACTS = "estimator_choice"
+"""Name of the choice in the provenance of a map."""
+
+SEED = 35
+
+Chosen = Literal["linear", "nonlinear"]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Choice:
+    """The estimator that a map is used with.
+
+    Attributes
+    ----------
+    used : the estimator.
+    why : in words.
+    flights : what they were compared on, in words; empty where they were not compared.
+    scores : of both estimators, by name; empty where they were not compared.
+    """
+
+    used: Chosen
+    why: str
+    flights: str = ""
+    scores: Mapping[str, Score]
+
+    @property
+    def line(self) -> str:
+        """The choice in a line."""
+        on = f", on {self.flights}" if self.flights else ""
+        return f"map.estimator 'auto': {self.used}, {self.why}{on}"
+
+    def record(self) -> dict[str, Any]:
+        """Return it for the provenance of a map."""
+        return {
+            "used": self.used,
+            "why": self.why,
+            "flights": self.flights,
+            "rms": {name: by_name(one.names, one.rms, rounded) for name, one in self.scores.items()},
+            "undetected": {name: rounded(one.undetected) for name, one in self.scores.items()},
+        }
+
+
+def linear_because(why: str) -> Choice:
+    """Return the choice of the linear estimator where the two are not compared."""
+    return Choice(used="linear", why=why, scores={})
+
+
+def compared(inverse_map: InverseMap, read: Readings, truth: FloatArray, flights: str) -> Choice:
+    """Return the better estimator of a map with tables on n samples.
+
+    An estimator whose undetected errors exceed :data:`MOST_UNDETECTED` loses to one within it. Otherwise the
+    median over the coefficients decides of rms error of the nonlinear over that of the linear one; the nonlinear
+    one, which gives air data too, wins a tie.
+
+    Parameters
+    ----------
+    read : with Mach number, p_inf and q_inf.
+    truth : (n, 5) coefficients [1].
+    flights : in words.
+    """
+    scores = {
+        "linear": _score(inverse_map.without_tables(), read, truth),
+        "nonlinear": _score(inverse_map, read, truth),
+    }
+    linear, nonlinear = scores.values()
+    undetected = [one.undetected for one in (linear, nonlinear)]
+    safe = [one <= MOST_UNDETECTED for one in undetected]
+    used: Chosen
+    if safe[0] != safe[1]:
+        used = "linear" if safe[0] else "nonlinear"
+        percent = [f"{100.0 * one:.2g} %" for one in (undetected if safe[0] else undetected[::-1])]
+        why = f"with {percent[0]} undetected errors where the other estimator has {percent[1]}"
+        return Choice(used=used, why=why, flights=flights, scores=scores)
+    known = ~np.isnan(linear.range) & (linear.rms > 0.0)
+    ratio = float(np.median((nonlinear.rms / linear.rms)[known])) if known.any() else 1.0
+    used = "nonlinear" if ratio <= 1.0 else "linear"
+    why = f"the nonlinear estimator has {ratio:.2g} times the rms error of the linear one (median coefficient)"
+    return Choice(used=used, why=why, flights=flights, scores=scores)
+
+
+def _score(inverse_map: InverseMap, read: Readings, truth: FloatArray) -> Score:
+    found = estimates(Estimator(inverse_map), read)
+    return score_of(COEFFICIENT_NAMES, found.coefficients - truth, found.std, truth=truth, health=found.health)
+
+
+def compared_in_flights(inverse_map: InverseMap, flights: ReadFlights) -> Choice:
+    """Return the better estimator in ``flights`` of the independent model, some vehicles of each."""
+    count, vehicles = len(flights.conditions), flights.vehicles
+    each = min(vehicles, max(1, SAMPLES // count))
+    rows = (vehicles * np.arange(count)[:, None] + np.arange(each)).ravel()
+    read = Readings(strain=flights.strain[rows], known={name: one[rows] for name, one in flights.known.items()})
+    truth = np.repeat(flights.coefficients, each, axis=0)
+    return compared(inverse_map, read, truth, f"{count} flights of the independent model")
+
+
+def as_chosen(inverse_map: InverseMap, choice: Choice) -> InverseMap:
+    """Return ``inverse_map`` for the estimator of ``choice``, which its provenance holds."""
+    found = inverse_map if choice.used == "nonlinear" else inverse_map.without_tables()
+    return replace(found, provenance={**found.provenance, FACTS: choice.record()})
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LeftOut:
+    """Snapshots that a map is made without, ``kept`` (k,) those it is made from, and their ``name``."""
+
+    kept: IntArray
+    name: str
+
+
+def compared_on_left_out(
+    vehicle: Vehicle, snapshots: Snapshots, problem: Problem, build: Callable[[Snapshots], InverseMap]
+) -> Choice:
+    """Return the better estimator of the map that ``build`` makes, on snapshots that it is made without.
+
+    ``problem`` is the one of all snapshots.
+    """
+    left = left_out(snapshots, problem.ensemble)
+    if left is None:
+        return linear_because("too few conditions to make a map without some of them")
+    try:
+        made = build(snapshots.chosen(left.kept))
+    except InputError as error:
+        return linear_because(f"no map can be made without {left.name} ({error})")
+    kept = {_key(one) for one in snapshots.chosen(left.kept).conditions()}
+    is_left = np.array([_key(one) not in kept for one in problem.ensemble.conditions])
+    read, truth = _drawn(vehicle.noise, problem, np.tile(is_left, problem.ensemble.rolls))
+    return compared(made, read, truth, f"snapshots that a map was made without: {left.name}")
+
+
+def _key(condition: FlightCondition) -> tuple[float, ...]:
+    return tuple(
+        np.round((condition.mach_number, condition.angle_of_attack, condition.sideslip_angle), 9).tolist()
+    )
+
+
+def left_out(snapshots: Snapshots, ensemble: Ensemble) -> LeftOut | None:
+    """Return the snapshots to leave out: the middle one of the inner values of every condition that has four.
+
+    Conditions are Mach number, of which three suffice, and total incidence where flows are rolled, otherwise both
+    angles. None where no condition has as many.
+    """
+    listed = snapshots.conditions()
+    names = ("mach_number", "total_incidence") if ensemble.grid is not None else (
+        "mach_number", "angle_of_attack", "sideslip_angle",
+    )  # fmt: skip
+    is_left, words = np.zeros(len(listed), dtype=bool), list[str]()
+    for name in names:
+        value = np.round([getattr(one, name) for one in listed], 9)
+        distinct = np.unique(value)
+        if len(distinct) < (3 if name == "mach_number" else 4):
+            continue
+        middle = distinct[len(distinct) // 2]
+        is_left |= value == middle
+        words.append(f"M {middle:g}" if name == "mach_number" else f"{_WORDS[name]} {np.degrees(middle):.3g} deg")
+    return LeftOut(kept=np.flatnonzero(~is_left), name=", ".join(words)) if words else None
+
+
+_WORDS = {"total_incidence": "total incidence", "angle_of_attack": "angle of attack", "sideslip_angle": "sideslip"}
+
+
+def _drawn(noise: Noise, problem: Problem, members: BoolArray) -> tuple[Readings, FloatArray]:
+    """Return what vehicles read in the flows ``members`` (n,) of the ensemble, and their coefficients (k, 5).
+
+    The flows are at the nominal dynamic pressure. Errors of the pressure itself are not drawn.
+    """
+    ensemble, random = problem.ensemble, np.random.default_rng(SEED)
+    rows = np.flatnonzero(members)
+    rows = rows[np.arange(SAMPLES) % len(rows)] if len(rows) < SAMPLES else random.permutation(rows)[:SAMPLES]
+    strain = (ensemble.responses(problem.strain_operator) + problem.offset)[rows]
+    for error in problem.errors:
+        shape = (len(rows), 1) if error.common else strain.shape
+        strain += error.strain[rows] * random.standard_normal(shape)
+    for term in problem.noise:
+        if not term.scales:
+            strain += random.standard_normal((len(rows), term.strain.shape[1])) @ term.strain.T
+    mach = np.tile([one.mach_number for one in ensemble.conditions], ensemble.rolls)[rows]
+    pressure = np.tile(ensemble.ambient_pressure, ensemble.rolls)[rows]
+    drawn = random.standard_normal((3, len(rows)))
+    known = {
+        "dynamic_pressure": ensemble.nominal_dynamic_pressure
+        * (1.0 + 0.01 * noise.dynamic_pressure_percent * drawn[0]),
+        "mach_number": mach + noise.navigation_mach_number * drawn[1],
+        "static_pressure": pressure * (1.0 + 0.01 * noise.navigation_static_pressure_percent * drawn[2]),
+    }
+    loads = ensemble.responses(problem.load_operator[FIVE_LOADS])[rows]
+    return Readings(strain=strain, known=known), loads * ensemble.scale[0]
