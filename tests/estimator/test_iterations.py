@@ -18,7 +18,7 @@ from strainfmu.estimator.tables.flight_tables import evaluate
 
 pytestmark = pytest.mark.fast
 
-STEPS, PLAIN = 20_000, 13_000
+STEPS, PLAIN = 10_000, 7_000
 
 PAGE = Path(__file__).parents[2] / "docs" / "reference" / "step_time.md"
 
