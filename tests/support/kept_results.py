@@ -1,6 +1,7 @@
-"""Results that many tests compute alike, computed once per run: a flow, the strain per pressure of one wall.
+"""Results that many tests compute alike, computed once per run: a flow, the strain per pressure of a wall, where a
+surface cuts itself.
 
-Both are functions of their arguments alone. The first process that calls one computes it, as the product does;
+All are functions of their arguments alone. The first process that calls one computes it, as the product does;
 the result is kept on disk by the arguments, for all processes of the run.
 """
 
@@ -9,7 +10,7 @@ from __future__ import annotations
 import os
 import pickle
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ from unittest.mock import patch
 import numpy as np
 
 from builder.aero.engines import euler
+from builder.aero.surface import self_intersections
 from builder.structure.fourier import strain_operator
 
 
@@ -35,8 +37,9 @@ def kept(folder: Path, arguments: object, compute: Callable[[], Any]) -> Any:
 
 @contextmanager
 def kept_results(folder: Path) -> Iterator[None]:
-    """Keep flows of bodies of revolution, and strain per pressure of the Fourier model, in ``folder``."""
+    """Keep flows of bodies of revolution, strain per pressure of the Fourier model and self-intersections."""
     folder.mkdir(exist_ok=True)
+    pierced_places = self_intersections.pierced_places
     solve_flow, response_of_rows = euler.solve_flow, strain_operator.response_of_rows
 
     def flow(*arguments: Any) -> Any:
@@ -56,5 +59,14 @@ def kept_results(folder: Path) -> Iterator[None]:
             progress(max_harmonic + 1, max_harmonic + 1)
         return found
 
-    with patch.object(euler, "solve_flow", flow), patch.object(strain_operator, "response_of_rows", response):
+    def pierced(mesh: Any) -> Any:
+        return kept(folder, ("pierced", mesh.point, mesh.triangle), lambda: pierced_places(mesh))
+
+    with ExitStack() as stack:
+        for module, name, function in (
+            (euler, "solve_flow", flow),
+            (strain_operator, "response_of_rows", response),
+            (self_intersections, "pierced_places", pierced),
+        ):
+            stack.enter_context(patch.object(module, name, function))
         yield
