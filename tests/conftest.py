@@ -131,13 +131,15 @@ Tests that take minutes hold the false alarms of the shipped map to the stated r
 
 
 @pytest.fixture(scope="session", autouse=True)
-def _kept_results(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    with kept_results(folder_of_run(tmp_path_factory) / "kept"):
-        yield
+def kept_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """Keep what many tests compute alike; return the folder."""
+    folder = folder_of_run(tmp_path_factory) / "kept"
+    with kept_results(folder):
+        yield folder
 
 
 @pytest.fixture(scope="session", autouse=True)
-def levels(request: pytest.FixtureRequest) -> str:
+def few_samples(request: pytest.FixtureRequest) -> str:
     """Have builds draw few samples for alarm levels; return the statement that does so in another process."""
     if any(item.get_closest_marker("slow") for item in request.session.items):
         return ""
@@ -145,13 +147,33 @@ def levels(request: pytest.FixtureRequest) -> str:
     return LEVELS
 
 
-def _demo(folder: Path, levels: str, *arguments: str) -> None:
-    """Run the command for a demonstration in its own process; leave ``demo`` and ``printed.txt`` in ``folder``."""
-    command = [sys.executable, "-c", f"{levels}\nfrom strainfmu.cli.main import main; main()", "demo"]
-    command += ["-o", str(folder / "demo"), *arguments]
-    finished = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert finished.returncode == 0, finished.stderr
-    (folder / "printed.txt").write_text(finished.stdout, encoding="utf-8")
+DEMO = """
+import sys
+from pathlib import Path
+sys.path.insert(0, {support!r})
+from kept_results import kept_results
+from strainfmu.cli.main import main
+{levels}
+with kept_results(Path({kept!r})):
+    main()
+"""
+
+
+@pytest.fixture(scope="session")
+def demonstration(kept_folder: Path, few_samples: str) -> Callable[..., None]:
+    """Return a function that runs the demonstration in its own process.
+
+    It leaves ``demo`` and ``printed.txt`` in ``folder``.
+    """
+    program = DEMO.format(support=str(TESTS / "support"), kept=str(kept_folder), levels=few_samples)
+
+    def run_it(folder: Path, *arguments: str) -> None:
+        command = [sys.executable, "-c", program, "demo", "-o", str(folder / "demo"), *arguments]
+        finished = subprocess.run(command, capture_output=True, text=True, check=False)
+        assert finished.returncode == 0, finished.stderr
+        (folder / "printed.txt").write_text(finished.stdout, encoding="utf-8")
+
+    return run_it
 
 
 @pytest.fixture(scope="session")
@@ -171,9 +193,11 @@ def compiled_solver(tmp_path_factory: pytest.TempPathFactory) -> None:
 
 
 @pytest.fixture(scope="session")
-def ic3x_demo(tmp_path_factory: pytest.TempPathFactory, compiled_solver: None, levels: str) -> Path:
+def ic3x_demo(
+    tmp_path_factory: pytest.TempPathFactory, compiled_solver: None, demonstration: Callable[..., None]
+) -> Path:
     """Return the folder of a finished demonstration of the shipped vehicle."""
-    return once(tmp_path_factory, "ic3x", lambda folder: _demo(folder, levels)) / "demo"
+    return once(tmp_path_factory, "ic3x", demonstration) / "demo"
 
 
 @pytest.fixture(scope="session")
@@ -193,9 +217,11 @@ def ic3x_truth(tmp_path_factory: pytest.TempPathFactory) -> TrueStructure:
 
 
 @pytest.fixture(scope="session")
-def ogive_demo(tmp_path_factory: pytest.TempPathFactory, compiled_solver: None, levels: str) -> Path:
+def ogive_demo(
+    tmp_path_factory: pytest.TempPathFactory, compiled_solver: None, demonstration: Callable[..., None]
+) -> Path:
     """Return the folder of a finished demonstration of the second, coarse vehicle."""
-    return once(tmp_path_factory, "ogive", lambda folder: _demo(folder, levels, "--vehicle", str(OGIVE))) / "demo"
+    return once(tmp_path_factory, "ogive", lambda folder: demonstration(folder, "--vehicle", str(OGIVE))) / "demo"
 
 
 @pytest.fixture(scope="session")
