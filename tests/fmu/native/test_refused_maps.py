@@ -79,6 +79,7 @@ NONLINEAR: tuple[tuple[str, Change, str], ...] = (
     ("filter.white_navigation", np.float64(1.5), "expected a number from "),
     ("filter.noise", put((1, 1), 0.0), "expected numbers above zero, found 0"),
     ("filter.rest_load", put((-1, -1), np.nan), f"{NOT_FINITE} (number "),
+    ("filter.largest_time", np.float64(1e-12), "expected a number above the smallest time"),
     ("flight.mach_knots", put(1, 0.0), "expected numbers that increase"),
     ("flight.table", lambda old: old[1:], "expected "),
     ("flight.row", put(1, 5.0), "expected rows that ascend without a gap"),
