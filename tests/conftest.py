@@ -11,7 +11,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import pickle
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from io import BytesIO
 from math import radians
 from pathlib import Path
@@ -19,8 +19,9 @@ from typing import TYPE_CHECKING, Any
 
 import hypothesis
 import pytest
+from kept_results import kept_results
 from ogive import OGIVE
-from once import once
+from once import folder_of_run, once
 from synthetic_vehicle import SyntheticFiles, make_synthetic_files, synthetic_files
 
 from strainfmu.cli.main import main
@@ -122,13 +123,57 @@ def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Figure, "savefig", savefig)
 
 
-def _demo(folder: Path, *arguments: str) -> None:
-    """Run the command for a demonstration in its own process; leave ``demo`` and ``printed.txt`` in ``folder``."""
-    command = [sys.executable, "-c", "from strainfmu.cli.main import main; main()", "demo"]
-    command += ["-o", str(folder / "demo"), *arguments]
-    finished = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert finished.returncode == 0, finished.stderr
-    (folder / "printed.txt").write_text(finished.stdout, encoding="utf-8")
+LEVELS = "from builder.trial.readings import read_flights; read_flights.__kwdefaults__['vehicles'] = 10"
+"""Alarm levels of maps from 10,000 samples; the 200,000 of the product take longer than all else of a build.
+
+Tests that take minutes hold the false alarms of the shipped map to the stated rate: nothing is changed for them.
+"""
+
+
+@pytest.fixture(scope="session", autouse=True)
+def kept_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """Keep what many tests compute alike; return the folder."""
+    folder = folder_of_run(tmp_path_factory) / "kept"
+    with kept_results(folder):
+        yield folder
+
+
+@pytest.fixture(scope="session", autouse=True)
+def few_samples(request: pytest.FixtureRequest) -> str:
+    """Have builds draw few samples for alarm levels; return the statement that does so in another process."""
+    if any(item.get_closest_marker("slow") for item in request.session.items):
+        return ""
+    exec(LEVELS, {})
+    return LEVELS
+
+
+DEMO = """
+import sys
+from pathlib import Path
+sys.path.insert(0, {support!r})
+from kept_results import kept_results
+from strainfmu.cli.main import main
+{levels}
+with kept_results(Path({kept!r})):
+    main()
+"""
+
+
+@pytest.fixture(scope="session")
+def demonstration(kept_folder: Path, few_samples: str) -> Callable[..., None]:
+    """Return a function that runs the demonstration in its own process.
+
+    It leaves ``demo`` and ``printed.txt`` in ``folder``.
+    """
+    program = DEMO.format(support=str(TESTS / "support"), kept=str(kept_folder), levels=few_samples)
+
+    def run_it(folder: Path, *arguments: str) -> None:
+        command = [sys.executable, "-c", program, "demo", "-o", str(folder / "demo"), *arguments]
+        finished = subprocess.run(command, capture_output=True, text=True, check=False)
+        assert finished.returncode == 0, finished.stderr
+        (folder / "printed.txt").write_text(finished.stdout, encoding="utf-8")
+
+    return run_it
 
 
 @pytest.fixture(scope="session")
@@ -148,9 +193,11 @@ def compiled_solver(tmp_path_factory: pytest.TempPathFactory) -> None:
 
 
 @pytest.fixture(scope="session")
-def ic3x_demo(tmp_path_factory: pytest.TempPathFactory, compiled_solver: None) -> Path:
+def ic3x_demo(
+    tmp_path_factory: pytest.TempPathFactory, compiled_solver: None, demonstration: Callable[..., None]
+) -> Path:
     """Return the folder of a finished demonstration of the shipped vehicle."""
-    return once(tmp_path_factory, "ic3x", _demo) / "demo"
+    return once(tmp_path_factory, "ic3x", demonstration) / "demo"
 
 
 @pytest.fixture(scope="session")
@@ -170,9 +217,11 @@ def ic3x_truth(tmp_path_factory: pytest.TempPathFactory) -> TrueStructure:
 
 
 @pytest.fixture(scope="session")
-def ogive_demo(tmp_path_factory: pytest.TempPathFactory, compiled_solver: None) -> Path:
+def ogive_demo(
+    tmp_path_factory: pytest.TempPathFactory, compiled_solver: None, demonstration: Callable[..., None]
+) -> Path:
     """Return the folder of a finished demonstration of the second, coarse vehicle."""
-    return once(tmp_path_factory, "ogive", lambda folder: _demo(folder, "--vehicle", str(OGIVE))) / "demo"
+    return once(tmp_path_factory, "ogive", lambda folder: demonstration(folder, "--vehicle", str(OGIVE))) / "demo"
 
 
 @pytest.fixture(scope="session")

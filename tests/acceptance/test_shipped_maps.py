@@ -124,13 +124,13 @@ def test_three_sigma_of_a_shipped_map_cover_vehicles_as_built(
     truth: tuple[TrueStructure, FlowTable],
     ic3x_demo: Path,
 ) -> None:
-    """120 conditions from 12 to 30 km at any roll angle, 10 vehicles at each, every one with errors of its own.
+    """50 conditions from 12 to 30 km at any roll angle, 10 vehicles at each, every one with errors of its own.
 
     99 % of each coefficient, nominal 99.73 %; bands at most half too wide; health OK in 99 %. A gauge that is off
     by 50 um/m is noticed in 99 %.
     """
     inverse_map, random = shipped(vehicle, structure, ic3x_demo, case), np.random.default_rng(7)
-    conditions = held_out_conditions(vehicle, truth[1], 120, random)
+    conditions = held_out_conditions(vehicle, truth[1], 50, random)
     flights = without_faint_harmonics(true_flights(vehicle, *truth, conditions))
     estimator, n = Estimator(inverse_map), inverse_map.n_gauges
     error, sigma, ok, noticed = [], [], [], []

@@ -27,11 +27,11 @@ def prior(vehicle: Vehicle, as_built: AsBuiltStructure) -> AsBuilt:
 
 @pytest.fixture(scope="module")
 def blank(as_built: AsBuiltStructure, prior: AsBuilt) -> ReadingsModel:
-    """A test of ten pads and four attitudes without readings."""
+    """A test of six pads and four attitudes without readings."""
     n_d = as_built.n_gauges
     cases = tuple(
         LoadCase(name=name, loads=loads, reading=np.zeros(n_d), reading_std=np.full(n_d, STATED))
-        for name, loads in standard_cases(10, 3.6, ERRORS)
+        for name, loads in standard_cases(6, 3.6, ERRORS)
     )
     return ReadingsModel(as_built, LoadTest(gauge_names=as_built.gauges.names, cases=cases, errors=ERRORS), prior)
 

@@ -34,7 +34,7 @@ def test_table_figure_and_second_run(tmp_path: Path, run: Run, monkeypatch: pyte
     for name in list(RIVALS)[1:]:
         monkeypatch.delitem(RIVALS, name)
     folder = tmp_path / "compare"
-    command = ("compare", OGIVE, "-o", folder, "--conditions", 12, "--draws", 2, "--training", 1500)
+    command = ("compare", OGIVE, "-o", folder, "--conditions", 6, "--draws", 2, "--training", 1500)
     code, out, message = run(*command)
     assert (code, message) == (0, "")
     assert "aim of the nonlinear estimator" in out
@@ -45,7 +45,7 @@ def test_table_figure_and_second_run(tmp_path: Path, run: Run, monkeypatch: pyte
     ] == [*names]
     assert len(entries) == 2 * (2 * len(names) + 1)
     for one in entries:
-        assert one["samples"] == 24
+        assert one["samples"] == 12
         assert one["step_microseconds"] > 0.0
         # The body is not vented: its field is known without p_inf.
         has_field = one["estimator"] in PRODUCT[:3]

@@ -23,7 +23,6 @@ import pytest
 from snippets import KINDS, ROOT, Snippet, pages, snippets
 
 from builder.aero.euler.planes.marching_grid import GRID_LEVELS
-from builder.trial.readings import read_flights
 from strainfmu.cli.main import main
 from strainfmu.estimator.map.inverse_map import load_inverse_map
 
@@ -138,12 +137,11 @@ def after_the_tutorial(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize("name", sorted(RUNNING, key=lambda name: name in AFTER_THE_TUTORIAL))
-def test_page(name: str, folder: Path, after_the_tutorial: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_page(name: str, folder: Path, after_the_tutorial: Path) -> None:
     """Pages that build a map take more than five seconds each: the commands are those of a reader.
 
-    Alarm levels come from 10,000 samples, not 200,000, and pictures of reports are left out: no page needs them.
+    Pictures of reports are left out: no page needs them.
     """
-    monkeypatch.setitem(read_flights.__kwdefaults__, "vehicles", 10)
     if name in AFTER_THE_TUTORIAL and after_the_tutorial.exists():
         shutil.copytree(after_the_tutorial, folder / "results")
     run_page(name, folder, slow=False)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from ctypes import byref, c_bool, c_double, c_int, c_int32, c_int64, c_size_t
 from dataclasses import replace
 from pathlib import Path
@@ -212,10 +212,18 @@ def by_fmu(
             host.restart(parameters)
         time = 0.0 if begins_again else float(inputs.time[k])
         rows.append(host.step(reals[k], valid, time, float(sizes[k])))
-    table, found = np.array(rows), {}
-    for field, columns in host.places.fields().items():
-        values = table[:, columns if len(columns) > 1 or field in TABLES else columns[0]]
-        found[field] = values.astype(np.int16) if field in WHOLE else values
+    return fields_of(host.places, dict(zip(host.places.outputs, np.array(rows).T, strict=True)))
+
+
+def fields_of(places: Places, outputs: Mapping[str, np.ndarray]) -> Results:
+    """Return the fields that ``outputs`` (k,) by name hold whole."""
+    found = {}
+    for field, columns in places.fields().items():
+        names = [places.outputs[column] for column in columns]
+        if outputs.keys() >= set(names):
+            one = len(names) == 1 and field not in TABLES
+            values = outputs[names[0]] if one else np.column_stack([outputs[name] for name in names])
+            found[field] = values.astype(np.int16) if field in WHOLE else values
     return in_part(found)
 
 
@@ -230,17 +238,22 @@ def _parameters(places: Places, inverse_map: InverseMap, inputs: Inputs, seconds
 
 def _inputs(places: Places, inverse_map: InverseMap, inputs: Inputs) -> np.ndarray:
     """Return (k, n) the values of all real inputs, NaN of those that the stream does not give."""
-    column = {**inputs.flow, "thrust": inputs.thrust}
-    column |= dict(zip(reading_names(inverse_map), inputs.strain.T, strict=True))
+    column, unknown = columns(inverse_map, inputs), np.full(len(inputs), np.nan)
+    real = [places.inputs[place] for place in places.typed(places.inputs, "Real")]
+    return np.column_stack([column.get(name, unknown) for name in real])
+
+
+def columns(inverse_map: InverseMap, inputs: Inputs) -> dict[str, np.ndarray]:
+    """Return (k,) the values of the inputs that the stream gives, by name; readings first.
+
+    In a stream a standard deviation of 0 is exact; to an FMU it is one that is not given.
+    """
+    column = dict(zip(reading_names(inverse_map), inputs.strain.T, strict=True))
+    column |= {**inputs.flow, "thrust": inputs.thrust}
     column |= {f"temperature[{i + 1}]": one for i, one in enumerate(inputs.temperature.T)}
     names = flow_parameters(inverse_map).names
     for prefix, values in ((PREFIX, inputs.parameter), (STD_PREFIX, inputs.parameter_std)):
         if values.shape[1]:
             column |= {f"{prefix}{name}": one for name, one in zip(names, values.T, strict=True)}
-    unknown = np.full(len(inputs), np.nan)
-    real = [places.inputs[place] for place in places.typed(places.inputs, "Real")]
-    given = [column.get(name, unknown) for name in real]
-    # In a stream a standard deviation of 0 is exact; to an FMU it is one that is not given.
-    is_std = [name.endswith("_std") or name.startswith(STD_PREFIX) for name in real]
-    exact = [np.where(one & (values == 0.0), EXACT, values) for one, values in zip(is_std, given, strict=True)]
-    return np.column_stack(exact)
+    is_std = {name: name.endswith("_std") or name.startswith(STD_PREFIX) for name in column}
+    return {name: np.where(is_std[name] & (one == 0.0), EXACT, one) for name, one in column.items()}

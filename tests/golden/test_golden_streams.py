@@ -13,6 +13,7 @@ from estimator_carrier import by_estimator, estimator_for
 from fmu_carriers import Fmi2Host, Fmi3Host, by_fmu, python_host
 from inputs import Results, recorded
 from kinds import KINDS, STREAMS, map_of_kind, tolerance_of
+from other_carriers import by_recording, by_step
 
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
@@ -30,6 +31,10 @@ BY_PYTHON = {
     ("sensors", "flight", "filter"): 8,
 }
 """Samples of the Python FMU, whose steps are slow."""
+
+OTHER_SAMPLES = 60
+BY_OTHERS = ("scaled_sections", "scaled_sensors", "scaled_parameters", "sensors", "parameters")
+"""Kinds whose flights the steps of bridges are given, and recordings."""
 
 SHOWN: dict[tuple[str, str, str], Callable[[Results], bool]] = {
     ("revolution", "air_data_dropped", "track"): lambda r: all(
@@ -177,6 +182,21 @@ def test_python_fmu(kind: str, title: str, mode: str, tmp_path: Path) -> None:
     found = by_fmu(fmu, inverse_map, inputs, mode, STREAMS[kind][title].seconds)
     fmu.fmu.free()
     assert_as_recorded(kind, mode, one.results[mode], found)
+
+
+@pytest.mark.parametrize("source", ["map.h5", "estimator.fmu"])
+@pytest.mark.parametrize("kind", BY_OTHERS)
+def test_steps_and_recordings(kind: str, source: str, tmp_path: Path) -> None:
+    one, inverse_map = recorded(kind)["flight"], map_of_kind(kind)
+    mode = "track" if KINDS[kind].is_nonlinear else "each"
+    save_inverse_map(inverse_map, tmp_path / "map.h5")
+    if source == "estimator.fmu":
+        export_estimator(tmp_path / "map.h5", tmp_path / source, ExportOptions(zero_inputs=True))
+    inputs = one.inputs.rows(slice(OTHER_SAMPLES))
+    for carrier in (by_step, by_recording):
+        found = carrier(tmp_path / source, inverse_map, inputs)
+        assert {"coefficients", "coefficients_std", "chi_square", "health", "envelope_score"} <= found.keys()
+        assert_as_recorded(kind, mode, one.results[mode], found)
 
 
 @pytest.mark.parametrize("kind", ["scaled_sensors", "sensors"])

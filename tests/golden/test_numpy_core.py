@@ -15,6 +15,10 @@ from strainfmu.estimator.numpy_core import NumpyCore
 pytestmark = pytest.mark.fast
 
 
+SAMPLES = 120
+"""First ones of a stream: the reference estimates one after another."""
+
+
 class ByNumpy(Estimator):
     """An estimator on a machine without a compiled core."""
 
@@ -31,8 +35,9 @@ def test_linear_maps_by_numpy(kind: str) -> None:
     for one in recorded(kind).values():
         if "each" not in one.results:
             continue
-        expected = one.results["each"]
-        found = by_estimator(estimator_for(estimator, one.inputs), one.inputs, "each", 1.0)
+        expected = {name: values[:SAMPLES] for name, values in one.results["each"].items()}
+        inputs = one.inputs.rows(slice(SAMPLES))
+        found = by_estimator(estimator_for(estimator, inputs), inputs, "each", 1.0)
         apart = differences(expected, found)
         for name in close:
             tolerance = 1e-8 if name == "chi_square_limit" else 1e-9

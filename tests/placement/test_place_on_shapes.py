@@ -37,7 +37,7 @@ def with_layout(vehicle: Vehicle, entry: GaugeLayoutEntry) -> Vehicle:
 @pytest.fixture(scope="module", autouse=True)
 def coarse() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(RESOLUTIONS, "coarse", SweptResolution(0.06, 1, 24))
+        patch.setitem(RESOLUTIONS, "coarse", SweptResolution(0.12, 1, 24))
         patch.setattr(free_case, "CHECK_SIZE", 1.0)
         yield
 

@@ -11,15 +11,20 @@ import pytest
 from filelock import FileLock
 
 
+def folder_of_run(factory: pytest.TempPathFactory) -> Path:
+    """Return the temporary folder that all processes of this run have in common."""
+    own = factory.getbasetemp()
+    # Of several processes, each has its folder there.
+    return own.parent if "PYTEST_XDIST_WORKER" in os.environ else own
+
+
 def once(factory: pytest.TempPathFactory, name: str, make: Callable[[Path], object]) -> Path:
     """Return the folder ``name`` of this run, filled by ``make(folder)`` in the first process that needs it.
 
     Other processes that need it meanwhile wait. Where ``make`` fails, the next process tries again. Nobody may
     change what lies in the folder.
     """
-    run = factory.getbasetemp()
-    if "PYTEST_XDIST_WORKER" in os.environ:
-        run = run.parent  # each process of a run has its folder there
+    run = folder_of_run(factory)
     folder, finished = run / name, run / f"{name}.finished"
     with FileLock(run / f"{name}.lock"):
         if not finished.exists():

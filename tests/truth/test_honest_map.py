@@ -77,7 +77,7 @@ def flown(
     """Return errors and sigmas (n, 5) of the coefficients and health (n,); 0 vehicles stands for the exact one."""
     random, n = np.random.default_rng(seed), inverse_map.n_gauges
     flights, estimator = true_flights(vehicle, structure, flows, conditions), Estimator(inverse_map)
-    built = [drawn(vehicle.noise, n, random) for _ in range(vehicles)] or [exactly_built(n)] * 10
+    built = [drawn(vehicle.noise, n, random) for _ in range(vehicles)] or [exactly_built(n)] * 5
     found = []
     for one in built:
         strain = true_strain(structure, flights, one)
@@ -110,8 +110,8 @@ def covered(error: FloatArray, sigma: FloatArray) -> FloatArray:
 def test_three_sigma_cover_the_truth_with_hardware_errors_drawn(
     inverse_map: InverseMap, shipped: Vehicle, whole: TrueStructure, flows: FlowTable
 ) -> None:
-    """200 conditions x 50 vehicles, each with its own errors: 99 to 100 % of every coefficient."""
-    error, sigma, health = flown(inverse_map, shipped, whole, flows, held_out(shipped, flows, 200), vehicles=50)
+    """200 conditions x 15 vehicles, each with its own errors: 99 to 100 % of every coefficient."""
+    error, sigma, health = flown(inverse_map, shipped, whole, flows, held_out(shipped, flows, 200), vehicles=15)
     assert np.all(covered(error, sigma) >= 0.99)
     assert np.mean(health == HealthState.OUTSIDE) <= 1e-3
     silent = np.any(np.abs(error) > 3.0 * sigma, axis=1) & (health == HealthState.OK)
@@ -125,7 +125,7 @@ def test_one_map_holds_at_every_altitude(
 ) -> None:
     """The map is of 20 km: 3 sigma hold at least 99 % of every coefficient from 12 to 30 km."""
     conditions = held_out(shipped, flows, 200, altitude)
-    for vehicles in (30, 0):
+    for vehicles in (8, 0):
         error, sigma, health = flown(inverse_map, shipped, whole, flows, conditions, vehicles)
         assert np.all(covered(error, sigma) >= 0.99)
         assert np.mean(health == HealthState.OUTSIDE) <= 1e-3
@@ -187,7 +187,7 @@ def test_accuracy_is_that_of_a_map_built_for_the_altitude(
     own = map_of(with_noise(shipped, inverse_map), moved(snapshots, altitude), fourier, inverse_map)
     conditions = held_out(shipped, flows, 200, altitude)
     rms = [
-        np.sqrt(np.mean(flown(one, shipped, whole, flows, conditions, vehicles=30)[0] ** 2, axis=0))
+        np.sqrt(np.mean(flown(one, shipped, whole, flows, conditions, vehicles=10)[0] ** 2, axis=0))
         for one in (inverse_map, own)
     ]
     np.testing.assert_allclose(rms[0], rms[1], rtol=0.02)
@@ -224,7 +224,7 @@ def test_a_map_of_sideslip_to_one_side_holds_on_both(
         FlightCondition(float(mach), float(alpha), float(beta), 20e3)
         for mach, alpha, beta in random.uniform([5.3, 0.0, -0.087], [6.7, 0.13, 0.087], size=(200, 3))
     ]
-    error, sigma, health = flown(one_sided, shipped, whole, flows, conditions, vehicles=30)
+    error, sigma, health = flown(one_sided, shipped, whole, flows, conditions, vehicles=10)
     assert np.all(covered(error, sigma) >= 0.99)
     assert np.mean(health == HealthState.OUTSIDE) <= 1e-3
 

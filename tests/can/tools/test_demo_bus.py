@@ -30,21 +30,15 @@ def folder(synthetic: SyntheticFiles, tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_sender_and_bridge_meet(folder: Path) -> None:
+def test_sender_and_bridge_meet_by_authenticated_frames(folder: Path) -> None:
+    """Frames of the other profiles, without a key, are sent by two processes in test_two_processes.py."""
     with HostDelays() as host:
-        flown = fly_over_bus(folder, 1.0)
+        flown = fly_over_bus(folder, 1.0, is_authenticated=True)
     assert flown.score.cycles == 100
     assert flown.score.answered > (0 if host.is_busy else 90)
     assert "not accounted for" in flown.bridge
     assert "last frame in to results out" in flown.bridge
     assert "100 in " in flown.sender
-
-
-def test_authenticated_frames_meet_too(folder: Path) -> None:
-    with HostDelays() as host:
-        flown = fly_over_bus(folder, 1.0, is_authenticated=True)
-    assert flown.score.cycles == 100
-    assert flown.score.answered > (0 if host.is_busy else 90)
     assert "frames: authenticator does not fit" not in flown.bridge
     assert "no earlier run" in flown.bridge
 

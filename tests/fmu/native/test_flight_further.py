@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from ctypes import c_double
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from agreement import tracked
-from damaged_resource import arrays_of, put, refusal, with_arrays
+from damaged_resource import arrays_of, refusal, with_arrays
 from flight_fmu import FIRST, N_D, FlightFmu, random_flight, whole_map
 from other_load_maps import STATIONS, of_five_loads, with_further_tables
-from raw_fmu import OK, Fmu3
+from raw_fmu import OK
 from thermal_maps import REFERENCE, with_temperature
 
 from strainfmu.errors import InputError
@@ -91,17 +89,6 @@ def test_read_in_any_order_and_at_any_time(fmu: FlightFmu, inverse_map: InverseM
     assert fmu.get_reals(OUTPUTS).tobytes() == expected.tobytes()
 
 
-def test_arrays_of_fmi_3(fmu: FlightFmu, inverse_map: InverseMap, resources: Path) -> None:
-    three, sample = Fmu3(str(resources), N_D).start(), random_flight(inverse_map, 1, seed=36)[0]
-    fmu.give(replace(sample, flow={"dynamic_pressure": sample.flow["dynamic_pressure"]}))
-    assert three.set("Float64", c_double, [Fmu3.STRAIN], sample.strain) == OK
-    assert three.set("Float64", c_double, [Fmu3.FIRST_SCALAR], [sample.flow["dynamic_pressure"]]) == OK
-    first = Fmu3.TARE + 28 + 2
-    found = [three.get("Float64", c_double, [first + i], 1)[1] for i in range(4)]
-    found += [three.get("Float64", c_double, [first + 4 + i], len(STATIONS))[1] for i in range(12)]
-    assert np.concatenate(found).tobytes() == fmu.get_reals(OUTPUTS).tobytes()
-
-
 def test_tables_have_the_loads_of_their_map(inverse_map: InverseMap) -> None:
     five = of_five_loads(inverse_map)
     assert has_other_outputs(inverse_map)
@@ -109,24 +96,6 @@ def test_tables_have_the_loads_of_their_map(inverse_map: InverseMap) -> None:
     assert not any(name.startswith("flight_loads.") for name in map_arrays(five))
     with pytest.raises(InputError, match="inverse map: tables of 5 loads, must be of 24"):
         replace(inverse_map, manifold=five.manifold)
-
-
-@pytest.mark.parametrize(
-    ("name", "change", "text"),
-    [
-        ("variance", lambda old: old[1:], "expected "),
-        ("table", lambda old: old[..., :-1], "expected "),
-        ("row", put(0, 1.0), "expected rows that ascend without a gap"),
-        ("variance", put(0, np.nan), "holds a value that is not finite (number 0)"),
-    ],
-)
-def test_what_cannot_be_is_refused(
-    inverse_map: InverseMap, tmp_path: Path, name: str, change: Any, text: str
-) -> None:
-    location = with_arrays(inverse_map, tmp_path, {f"flight_loads.{name}": change})
-    said = refusal(FlightFmu(location, N_D))
-    assert "'flight_loads." in said
-    assert text in said
 
 
 def test_tables_of_loads_go_with_those_of_strain(inverse_map: InverseMap, tmp_path: Path) -> None:

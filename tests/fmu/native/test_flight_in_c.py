@@ -6,12 +6,10 @@ import zlib
 from ctypes import byref
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from agreement import assert_same, tracked
-from damaged_resource import put, refusal, with_arrays
 from flight_fmu import (
     FIRST,
     N_D,
@@ -153,29 +151,6 @@ def test_refuses_model_exchange(resources: Path) -> None:
     other = FlightFmu(resources.as_uri(), N_D, co_simulation=False)
     assert other.instance.value is None
     assert other.messages[-1][2] == "this FMU is for co-simulation"
-
-
-@pytest.mark.parametrize(
-    ("name", "change", "text"),
-    [
-        ("mach_knots", put(1, 0.0), "expected numbers that increase"),
-        ("table", lambda old: old[1:], "expected "),
-        ("row", put(1, 5.0), "expected rows that ascend without a gap"),
-        ("channel", put(0, 0.5), "expected channels of the table"),
-        ("channel", put(0, -1.0), "expected channels of the table"),
-        ("start_iterations", np.int32(3), "expected an even number"),
-        ("warm_iterations", np.int32(-1), "expected a whole number from 0 to 1000, found -1"),
-        ("pressure_range", put(0, 0.0), "expected a range above zero"),
-        ("gauge_covariance", put((2, 2), 0.0), "expected numbers above zero, found 0"),
-        ("shapes", lambda old: np.ones((17, old.shape[1])), "expected 0 to 16 values along axis 0, found 17"),
-        ("common_gain", None, "is missing"),
-    ],
-)
-def test_what_cannot_be_is_refused(
-    inverse_map: InverseMap, tmp_path: Path, name: str, change: Any, text: str
-) -> None:
-    location = with_arrays(inverse_map, tmp_path, {f"flight.{name}": change})
-    assert f"'flight.{name}': {text}" in refusal(FlightFmu(location, N_D))
 
 
 def test_wrong_value_in_a_state(fmu: FlightFmu, inverse_map: InverseMap) -> None:

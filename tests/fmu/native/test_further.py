@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from ctypes import c_double
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from agreement import estimated, random_samples
-from damaged_resource import put, refusal, with_arrays
 from native_case import NativeCase
 from other_load_maps import STATIONS, with_own_further
-from raw_fmu import N_OUTPUTS, OK, Fmu2, Fmu3, first_zero, write_resource
+from raw_fmu import N_OUTPUTS, OK, Fmu2, first_zero, write_resource
 from scaled_maps import whole_scaled_map
 from thermal_maps import REFERENCE, with_temperature
 
@@ -111,32 +107,3 @@ def test_derivatives_against_differences(six: NativeCase, deviation: float, lost
     assert fmu.set_scalars(0, 0.0) == OK
     assert np.isnan(fmu.derivative(outputs, known, size)).all()
     fmu.free()
-
-
-def test_arrays_of_fmi_3(six: NativeCase) -> None:
-    two, three, n, k = Fmu2(six.uri, six.n).start(), Fmu3(str(six.resources), six.n).start(), six.n, len(STATIONS)
-    strain = six.inverse_map.mean_strain
-    two.set_strain(strain)
-    assert three.set("Float64", c_double, [Fmu3.STRAIN], strain) == OK
-    expected = two.get_reals(range(first_further(n), first_further(n) + N_OUT))
-    first = Fmu3.TARE + 2  # behind the temperatures and the filter
-    found = [three.get("Float64", c_double, [first + i], 1)[1] for i in range(4)]
-    found += [three.get("Float64", c_double, [first + 4 + i], k)[1] for i in range(12)]
-    assert np.concatenate(found).tobytes() == expected.tobytes()
-    assert three.get("Float64", c_double, [first + 16 + 5], 1)[0] == OK  # the time, behind the tare
-
-
-@pytest.mark.parametrize(
-    ("name", "change", "text"),
-    [
-        ("like", put(0, 5.5), "expected numbers of loads"),
-        ("array_value", put(1, 4.0), "expected 0 to 3"),
-        ("array_size", put(2, 20.0), "expected rows of the loads"),
-        ("array_size", put(2, 0.0), "expected rows of the loads"),
-        ("spread_unseen", lambda old: old[1:], "expected "),
-        ("spread_unseen", put(0, np.nan), "holds a value that is not finite (number 0)"),
-    ],
-)
-def test_what_cannot_be_is_refused(six: NativeCase, tmp_path: Path, name: str, change: Any, text: str) -> None:
-    location = with_arrays(six.inverse_map, tmp_path, {f"other_loads.{name}": change})
-    assert f"'other_loads.{name}': {text}" in refusal(Fmu2(location, six.n))

@@ -6,11 +6,10 @@ from ctypes import c_double
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from damaged_resource import put, refusal, with_arrays
+from damaged_resource import refusal
 from deflected_shape import NAME, deflected, known_map
 from raw_fmu import OK, Fmu2, Fmu3, write_resource
 from shape_case import flown, grid_conditions, shape_structure
@@ -245,27 +244,6 @@ def test_scalars_of_fmi_3(pair: Pair, tmp_path: Path) -> None:
     pair.give(0, (deflection[0], 0.1))
     assert found.tolist() == [*pair.get("M_R", "sigma.M_R"), 0.1]
     assert fmu.get("Float64", c_double, [len(arrays)], 1)[0] == OK  # the time
-
-
-@pytest.mark.parametrize(
-    ("name", "change", "text"),
-    [
-        ("mean", lambda old: old[:0], "expected 1 to 64 values along axis 0, found 0"),
-        ("basis", lambda old: old[:, :-1], "expected "),
-        ("row_weight", lambda old: old[:, :, :-1], "expected "),
-        ("largest_score", np.float64(-1.0), "expected a number from 0 to "),
-        ("spread", put(0, -1.0), "expected no number below zero"),
-        ("power", put(0, 4.0), "expected parameters of the map, ascending, and powers to 3"),
-        ("parameter", put(0, 9.0), "expected parameters of the map, ascending, and powers to 3"),
-        ("product", lambda old: old[:-1], "expected "),
-        ("product", put((-1, -1), np.inf), "holds a value that is not finite"),
-    ],
-)
-def test_what_cannot_be_is_refused(tmp_path: Path, name: str, change: Any, text: str) -> None:
-    location = with_arrays(known_map(), tmp_path, {f"parameter_tables.{name}": change})
-    said = refusal(Fmu2(location, known_map().n_gauges))
-    assert "'parameter_tables." in said
-    assert text in said
 
 
 def test_tables_of_other_parameters_are_refused(tmp_path: Path) -> None:

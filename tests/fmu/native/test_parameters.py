@@ -4,13 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from ctypes import byref, c_double
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from agreement import assert_same, estimated, random_samples
-from damaged_resource import put, refusal, with_arrays
 from native_case import NativeCase
 from other_load_maps import STATIONS, with_own_further
 from parameter_maps import PARAMETERS, with_parameters
@@ -131,17 +128,3 @@ def test_scalars_of_fmi_3(case: NativeCase) -> None:
     assert status == OK
     assert found.tolist() == [0.125, 0.0, 0.25]
     assert fmu.get("Float64", c_double, [reference + 2 * N_P], 1)[0] == OK  # the time
-
-
-@pytest.mark.parametrize(
-    ("name", "change", "text"),
-    [
-        ("maximum", lambda old: old[:-1], "expected 3 numbers, found 2 numbers"),
-        ("maximum", put(1, -1e9), "expected no number below the minimum"),
-        ("span", put(1, 0.0), "expected numbers above zero, found 0"),
-        ("names", lambda old: np.where(old == 0, ord("x"), old), "expected texts with an end"),
-    ],
-)
-def test_what_cannot_be_is_refused(case: NativeCase, tmp_path: Path, name: str, change: Any, text: str) -> None:
-    location = with_arrays(case.inverse_map, tmp_path, {f"parameters.{name}": change})
-    assert f"'parameters.{name}': {text}" in refusal(Fmu2(location, case.n))

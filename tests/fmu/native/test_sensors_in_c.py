@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 from ctypes import byref, c_bool, c_double, c_int, c_size_t
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from agreement import Sample, assert_same, estimated
-from damaged_resource import put, refusal, with_arrays
 from native_case import NativeCase
 from random_map import map_of, random_model
 from raw_fmu import N_OUTPUTS, OK, VALUES, Fmu2, Fmu3, first_zero, of_filter, write_resource
@@ -199,19 +196,3 @@ def test_fmi_3_has_each_sensor_as_a_scalar(case: NativeCase) -> None:
     status, change = three.differentiate("Directional", [0], [Fmu3.STRAIN + 1], [1.0], 5)
     assert status == OK
     np.testing.assert_array_equal(change, two.derivative(range(5), [N_OUTPUTS + n], [1.0]))
-
-
-@pytest.mark.parametrize(
-    ("name", "change", "text"),
-    [
-        ("scale", lambda old: np.ones(999), "expected 0 to "),
-        ("largest", lambda old: old[1:], "expected "),
-        ("thrust_response", put(0, np.nan), "holds a value that is not finite (number 0)"),
-        ("scale", put(0, 0.0), "expected numbers above zero, found 0"),
-        ("largest", put(1, 0.0), "expected numbers above zero, found 0"),
-    ],
-)
-def test_what_cannot_be_is_refused(tmp_path: Path, name: str, change: Any, text: str) -> None:
-    held = with_sensors(MAPS["case 1"]())
-    location = with_arrays(held, tmp_path, {f"sensors.{name}": change})
-    assert f"'sensors.{name}': {text}" in refusal(Fmu2(location, held.n_gauges))

@@ -4,13 +4,10 @@ from __future__ import annotations
 
 from ctypes import byref, c_double
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from agreement import assert_same, estimated, random_samples
-from damaged_resource import put, refusal, with_arrays
 from native_case import NativeCase
 from raw_fmu import OK, VALUES, Fmu2, Fmu3, first_zero, write_resource
 from scaled_maps import whole_scaled_map
@@ -148,18 +145,3 @@ def test_derivatives_are_those_of_differences(hot: NativeCase) -> None:
         ends.append(fmu.get_reals(VALUES))
     size = np.abs(ends[0]) + np.abs(ends[1])
     np.testing.assert_allclose((ends[0] - ends[1]) / 2e-3, ours, rtol=1e-5, atol=1e-8 * size.max())
-
-
-@pytest.mark.parametrize(
-    ("name", "change", "text"),
-    [
-        ("prior_std", lambda old: old[:0], "expected 1 to 4096 values along axis 0, found 0"),
-        ("prior_std", put(0, 0.0), "expected numbers above zero, found 0"),
-        ("sensor_operator", lambda old: old[:-1], "expected "),
-        ("mode_strain", put((0, 0), np.nan), "holds a value that is not finite (number 0)"),
-        ("isothermal_covariance", put((0, 0), -1.0), "expected numbers above zero, found -1"),
-    ],
-)
-def test_what_cannot_be_is_refused(hot: NativeCase, tmp_path: Path, name: str, change: Any, text: str) -> None:
-    location = with_arrays(hot.inverse_map, tmp_path, {f"thermal.{name}": change})
-    assert f"'thermal.{name}': {text}" in refusal(Fmu2(location, hot.n))

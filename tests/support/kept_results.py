@@ -1,0 +1,72 @@
+"""Results that many tests compute alike, computed once per run: a flow, the strain per pressure of a wall, where a
+surface cuts itself.
+
+All are functions of their arguments alone. The first process that calls one computes it, as the product does;
+the result is kept on disk by the arguments, for all processes of the run.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+from unittest.mock import patch
+
+import numpy as np
+
+from builder.aero.engines import euler
+from builder.aero.surface import self_intersections
+from builder.structure.fourier import strain_operator
+
+
+def kept(folder: Path, arguments: object, compute: Callable[[], Any]) -> Any:
+    """Return what was kept of ``arguments`` in ``folder``, or compute and keep it; errors are not kept."""
+    file = folder / sha256(pickle.dumps(arguments)).hexdigest()
+    if not file.exists():
+        found = compute()
+        own = file.with_name(f"{file.name}.{os.getpid()}.{id(found)}")
+        own.write_bytes(pickle.dumps(found))
+        own.replace(file)
+        return found
+    return pickle.loads(file.read_bytes())
+
+
+@contextmanager
+def kept_results(folder: Path) -> Iterator[None]:
+    """Keep flows of bodies of revolution, strain per pressure of the Fourier model and self-intersections."""
+    folder.mkdir(exist_ok=True)
+    pierced_places = self_intersections.pierced_places
+    solve_flow, response_of_rows = euler.solve_flow, strain_operator.response_of_rows
+
+    def flow(*arguments: Any) -> Any:
+        return kept(folder, arguments, lambda: solve_flow(*arguments))
+
+    def response(
+        mesh: Any, material: Any, rows: Any, station_x: Any, max_harmonic: int, progress: Any = None
+    ) -> Any:
+        """Rows of a harmonic follow from the gauges' stations, which those of the first two show."""
+        shown = [sha256(np.ascontiguousarray(rows(m)).tobytes()).digest() for m in (0, 1)]
+        found = kept(
+            folder,
+            (mesh, material, shown, station_x, max_harmonic),
+            lambda: response_of_rows(mesh, material, rows, station_x, max_harmonic),
+        )
+        if progress is not None:
+            progress(max_harmonic + 1, max_harmonic + 1)
+        return found
+
+    def pierced(mesh: Any) -> Any:
+        return kept(folder, ("pierced", mesh.point, mesh.triangle), lambda: pierced_places(mesh))
+
+    with ExitStack() as stack:
+        for module, name, function in (
+            (euler, "solve_flow", flow),
+            (strain_operator, "response_of_rows", response),
+            (self_intersections, "pierced_places", pierced),
+        ):
+            stack.enter_context(patch.object(module, name, function))
+        yield
