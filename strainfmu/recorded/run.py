@@ -234,7 +234,7 @@ def _wanted(
         gauge_names=estimator.gauge_names,
         fixed_pressure=dynamic_pressure,
         flow=flow,
-        passed=tuple(name for name in of_nonlinear if name not in flow),
+        passed=tuple(name for name in of_nonlinear if name not in flow and name.endswith(STD)),
         readings=estimator.readings,
         computes_pressure=True,
         navigates=navigates,

@@ -118,3 +118,14 @@ def test_by_fmu_and_recording(tmp_path: Path) -> None:
     assert table["total_temperature [K]"] == pytest.approx([TOTAL] * 2)
     first = [table[name][0] for name in ("C_N [1]", "air_data.mach_number [1]", "sigma.air_data.mach_number [1]")]
     np.testing.assert_allclose(first, expected, rtol=1e-9)
+
+
+def test_a_recording_with_it_is_refused_for_a_linear_map(tmp_path: Path) -> None:
+    inverse_map = whole_map().without_tables()
+    save_inverse_map(inverse_map, tmp_path / "map.h5")
+    headings = [*inverse_map.gauge_names, "dynamic_pressure [Pa]", "total_temperature [K]"]
+    values = np.tile([*STRAIN, 1e5, TOTAL], (2, 1))
+    data = write_csv(tmp_path / "d.csv", ["time", *headings], np.array([0.0, 0.01]), values)
+    with pytest.raises(InputError, match="total_temperature"):
+        estimate_file(tmp_path / "map.h5", data, tmp_path / "o.csv")
+    estimate_file(tmp_path / "map.h5", data, tmp_path / "o.csv", ignore_columns=("total_temperature",))
