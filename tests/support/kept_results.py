@@ -1,8 +1,9 @@
 """Results that many tests compute alike, computed once per run: a flow, the strain per pressure of a wall, where a
 surface cuts itself.
 
-All are functions of their arguments alone. The first process that calls one computes it, as the product does;
-the result is kept on disk by the arguments, for all processes of the run.
+All are functions of their arguments alone, as long as no test changes a constant of their modules. The first
+process that calls one computes it, as the product does; the result is kept on disk by the arguments, for all
+processes of the run.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from __future__ import annotations
 import os
 import pickle
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,9 @@ import numpy as np
 from builder.aero.engines import euler
 from builder.aero.surface import self_intersections
 from builder.structure.fourier import strain_operator
+
+SOLVE_FLOW, RESPONSE_OF_ROWS = euler.solve_flow, strain_operator.response_of_rows
+PIERCED_PLACES = self_intersections.pierced_places
 
 
 def kept(folder: Path, arguments: object, compute: Callable[[], Any]) -> Any:
@@ -39,11 +43,9 @@ def kept(folder: Path, arguments: object, compute: Callable[[], Any]) -> Any:
 def kept_results(folder: Path) -> Iterator[None]:
     """Keep flows of bodies of revolution, strain per pressure of the Fourier model and self-intersections."""
     folder.mkdir(exist_ok=True)
-    pierced_places = self_intersections.pierced_places
-    solve_flow, response_of_rows = euler.solve_flow, strain_operator.response_of_rows
 
     def flow(*arguments: Any) -> Any:
-        return kept(folder, arguments, lambda: solve_flow(*arguments))
+        return kept(folder, arguments, lambda: SOLVE_FLOW(*arguments))
 
     def response(
         mesh: Any, material: Any, rows: Any, station_x: Any, max_harmonic: int, progress: Any = None
@@ -53,20 +55,31 @@ def kept_results(folder: Path) -> Iterator[None]:
         found = kept(
             folder,
             (mesh, material, shown, station_x, max_harmonic),
-            lambda: response_of_rows(mesh, material, rows, station_x, max_harmonic),
+            lambda: RESPONSE_OF_ROWS(mesh, material, rows, station_x, max_harmonic),
         )
         if progress is not None:
             progress(max_harmonic + 1, max_harmonic + 1)
         return found
 
     def pierced(mesh: Any) -> Any:
-        return kept(folder, ("pierced", mesh.point, mesh.triangle), lambda: pierced_places(mesh))
+        return kept(folder, ("pierced", mesh.point, mesh.triangle), lambda: PIERCED_PLACES(mesh))
 
-    with ExitStack() as stack:
-        for module, name, function in (
-            (euler, "solve_flow", flow),
-            (strain_operator, "response_of_rows", response),
-            (self_intersections, "pierced_places", pierced),
-        ):
-            stack.enter_context(patch.object(module, name, function))
+    with _in_place(flow, response, pierced):
+        yield
+
+
+@contextmanager
+def computed_results() -> Iterator[None]:
+    """Compute all of them as the product does, for tests of the functions themselves, which change constants."""
+    with _in_place(SOLVE_FLOW, RESPONSE_OF_ROWS, PIERCED_PLACES):
+        yield
+
+
+@contextmanager
+def _in_place(solve_flow: Any, response_of_rows: Any, pierced_places: Any) -> Iterator[None]:
+    with (
+        patch.object(euler, "solve_flow", solve_flow),
+        patch.object(strain_operator, "response_of_rows", response_of_rows),
+        patch.object(self_intersections, "pierced_places", pierced_places),
+    ):
         yield

@@ -1,7 +1,10 @@
 """The vehicle and the gauges the structure is tested on."""
 
+from collections.abc import Iterator
+
 import numpy as np
 import pytest
+from kept_results import computed_results
 
 from builder.structure.fourier.gauges import PlacedGauges
 from builder.structure.fourier.meridian_mesh import MeridianMesh
@@ -11,6 +14,12 @@ from builder.structure.wall import Material, Wall
 from builder.vehicle.shape.geometry import BodyOfRevolution, SurfaceGrid, chain_segments, surface_grid
 
 GAUGE_X = np.linspace(0.35, 3.30, 9)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _computed() -> Iterator[None]:
+    with computed_results():
+        yield
 
 
 @pytest.fixture(scope="session")
