@@ -24,6 +24,7 @@ from builder.vehicle.file import Vehicle
 from builder.vehicle.map.options import Noise
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.errors import InputError
+from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE, MACH_NUMBER, STATIC_PRESSURE
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
 from strainfmu.estimator.other_loads import FIVE_LOADS
@@ -177,18 +178,18 @@ def left_out(snapshots: Snapshots, ensemble: Ensemble) -> LeftOut | None:
     angles. None where no condition has as many.
     """
     listed = snapshots.conditions()
-    names = ("mach_number", "total_incidence") if ensemble.grid is not None else (
-        "mach_number", "angle_of_attack", "sideslip_angle",
+    names = (MACH_NUMBER, "total_incidence") if ensemble.grid is not None else (
+        MACH_NUMBER, "angle_of_attack", "sideslip_angle",
     )  # fmt: skip
     is_left, words = np.zeros(len(listed), dtype=bool), list[str]()
     for name in names:
         value = np.round([getattr(one, name) for one in listed], 9)
         distinct = np.unique(value)
-        if len(distinct) < (3 if name == "mach_number" else 4):
+        if len(distinct) < (3 if name == MACH_NUMBER else 4):
             continue
         middle = distinct[len(distinct) // 2]
         is_left |= value == middle
-        words.append(f"M {middle:g}" if name == "mach_number" else f"{_WORDS[name]} {np.degrees(middle):.3g} deg")
+        words.append(f"M {middle:g}" if name == MACH_NUMBER else f"{_WORDS[name]} {np.degrees(middle):.3g} deg")
     return LeftOut(kept=np.flatnonzero(~is_left), name=", ".join(words)) if words else None
 
 
@@ -214,10 +215,10 @@ def _drawn(noise: Noise, problem: Problem, members: BoolArray) -> tuple[Readings
     pressure = np.tile(ensemble.ambient_pressure, ensemble.rolls)[rows]
     drawn = random.standard_normal((3, len(rows)))
     known = {
-        "dynamic_pressure": ensemble.nominal_dynamic_pressure
+        DYNAMIC_PRESSURE: ensemble.nominal_dynamic_pressure
         * (1.0 + 0.01 * noise.dynamic_pressure_percent * drawn[0]),
-        "mach_number": mach + noise.navigation_mach_number * drawn[1],
-        "static_pressure": pressure * (1.0 + 0.01 * noise.navigation_static_pressure_percent * drawn[2]),
+        MACH_NUMBER: mach + noise.navigation_mach_number * drawn[1],
+        STATIC_PRESSURE: pressure * (1.0 + 0.01 * noise.navigation_static_pressure_percent * drawn[2]),
     }
     loads = ensemble.responses(problem.load_operator[FIVE_LOADS])[rows]
     return Readings(strain=strain, known=known), loads * ensemble.scale[0]

@@ -258,7 +258,15 @@ def map_from(
     if vehicle.map.estimator == "nonlinear":
         inverse_map = with_manifold(inverse_map, vehicle, snapshots, structure, problem=problem)
     elif vehicle.map.estimator == "auto":
-        inverse_map = _by_auto(inverse_map, vehicle, snapshots, structure, problem, reporter, compares)
+        inverse_map = _by_auto(
+            inverse_map,
+            vehicle,
+            snapshots,
+            structure=structure,
+            problem=problem,
+            reporter=reporter,
+            compares=compares,
+        )
     inverse_map = replace(inverse_map, provenance=_with_sources(inverse_map.provenance, vehicle, snapshots, solid))
     held, noise_std = inverse_map.provenance, float(inverse_map.noise_std[0])
     if held["symmetry"] != vehicle.map.symmetry:

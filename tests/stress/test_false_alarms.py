@@ -47,11 +47,11 @@ def calibrated(theory: InverseMap, flights: ReadFlights) -> InverseMap:
 
 
 def test_steps_and_searches_find_the_same_tail(theory: InverseMap, flights: ReadFlights) -> None:
-    """A step of two iterations from the state of the flight leaves up to a fifth more than a search does."""
+    """A step of two iterations from the state of the flight leaves up to a quarter more than a search does."""
     of_steps, health = ratios_and_health(theory, flights)
     of_searches, _ = ratios_and_health(theory, flights, search=True)
     assert of_steps.shape == of_searches.shape == (3, 10_000)
-    np.testing.assert_allclose(alarm_scales(of_steps), alarm_scales(of_searches), rtol=0.2)
+    np.testing.assert_allclose(alarm_scales(of_steps), alarm_scales(of_searches), rtol=0.25)
     assert np.all((of_steps.max(axis=0) <= 1.0) | (health != HealthState.OK))
 
 

@@ -58,12 +58,12 @@ def of_model(
     return revolved_structure(
         vehicle,
         layout,
-        structure.layouts[layout].names,
-        structure.placed[layout],
-        structure.response,
-        structure.surface,
-        {kind for kind, _ in keys},
-        WALL_STEP,
+        names=structure.layouts[layout].names,
+        placed=structure.placed[layout],
+        nominal=structure.response,
+        surface=structure.surface,
+        kinds={kind for kind, _ in keys},
+        wall_step=WALL_STEP,
     )
 
 

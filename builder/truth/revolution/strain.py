@@ -55,7 +55,16 @@ def true_structure(vehicle: Vehicle, progress: Progress | None = None) -> TrueSt
     # Other kinds are tried at fixed sizes as well, whatever [noise] states.
     stated = {kind.name for kind in IN_NOISE if kind.noise_std(vehicle.noise) > 0.0}
     kinds = stated.union(SOLVED).difference(set(CLAMP) - stated)
-    return revolved_structure(vehicle, layout, layouts[layout].names, placed, nominal, surface, kinds, WALL_STEP)
+    return revolved_structure(
+        vehicle,
+        layout,
+        names=layouts[layout].names,
+        placed=placed,
+        nominal=nominal,
+        surface=surface,
+        kinds=kinds,
+        wall_step=WALL_STEP,
+    )
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
