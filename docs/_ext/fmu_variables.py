@@ -39,6 +39,7 @@ class OneGauge:
     nominal_dynamic_pressure: float = 1e5
     dynamic_pressure_error: float = 0.01
     form: str = "dynamic_pressure"
+    follows_pressure: bool = True
     case: int = 1
     manifold: None = None
     n_loads: int = 5
