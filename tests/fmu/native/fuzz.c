@@ -22,7 +22,7 @@
 #include "estimator/estimator.h"
 #include "estimator/estimator_derivative.h"
 #include "estimator/interface/strainload.h"
-#include "estimator/numerics/triangles.h"
+#include "estimator/update/scaled_form.h"
 
 #define MOST_GAUGES 64
 #define CHECKED_FROM 32 /* of a map; of a state 16 */
@@ -170,20 +170,18 @@ static unsigned char *changed_map(Input *input, int finite) {
 /* --- maps ------------------------------------------------------------------------------------------------------------ */
 
 /* Suspects must be there exactly where some z is above the threshold, whatever the result of the screen in float. */
-static void check_suspects(const Estimator *e) {
+static void check_suspects(Estimator *e) {
     const MaskedMap *m = e->linear.prepared.masked;
-    if (e->map.scaled || !m->identified || !(e->output[CHI_SQUARE] < INFINITY)) {
+    if (e->flight.present || !m->identified || !(e->output[CHI_SQUARE] < INFINITY)) {
         return;
     }
-    const double scale = e->inputs.value[e->map.n_gauges + ALARM_SCALE] * e->map.outlier_scale;
-    const double threshold = sqrt(scale) * m->outlier_threshold;
+    ScaledStep *step = &e->linear.scaled.step;
+    const double limits = e->inputs.value[e->map.n_gauges + ALARM_SCALE] * step->expected_ratio;
+    const double threshold = m->outlier_threshold * sqrt(e->map.outlier_scale * limits);
     int above = 0;
+    scaled_standardised_residuals(&e->linear.scaled, step->z);
     for (size_t k = 0; k < m->n_used; k++) {
-        double z = 0.0;
-        for (size_t i = 0; i <= k; i++) {
-            z += m->triangle[triangle_column(k) + i] * e->linear.absolute.whitened[i];
-        }
-        above |= fabs(z * m->z_scale[k]) > threshold;
+        above |= fabs(step->z[m->used[k]]) > threshold;
     }
     if ((e->output[SUSPECTS] > 0.0) != above) {
         abort();
