@@ -29,7 +29,7 @@ GRID_REFINEMENT = "grid of the flow"
 """Name of the error."""
 
 COARSER = 2.0 / 3.0
-"""Cells of the coarser grid in either direction, over those of the campaign."""
+"""Cells of the coarser grid over the campaign's, in either direction."""
 
 FEWEST_CELLS = 8
 
@@ -38,8 +38,7 @@ def grid_errors(vehicle: Vehicle, snapshots: Snapshots) -> FloatArray | None:
     """Return (q, n_x, n_m) amplitudes of cos m(phi - phi_T) of the error of p / p_inf in q flows.
 
     The flows are at the ends of the Mach numbers, at the smallest, the middle and the largest total incidence.
-    None where the grid of the snapshots is not known: of other engines, and of other bodies than those of
-    revolution.
+    None where the grid of the snapshots is not known: other engines, and bodies that are not of revolution.
     """
     grid, marching = snapshots.grid, _coarser(snapshots.settings)
     if grid is None or marching is None or not vehicle.is_of_revolution or snapshots.engine != "euler":

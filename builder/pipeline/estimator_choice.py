@@ -1,9 +1,9 @@
 """The better estimator of a map, by flights that the map was not made from: ``map.estimator`` "auto".
 
 Both estimators read the same strains, with installation errors, gauge noise and errors of the air data drawn. The
-flights are those of the independent model where alarm levels are set on it. Elsewhere a map is made without some
-snapshots, one inner value of every condition, and estimates these with installation errors by the map's own
-derivatives. Such a map has wider cells, which makes its tables worse than those of the whole map.
+flights are the ones that set the alarm levels, by the independent model. Where there are none, a map is made
+without some snapshots, one inner value of every condition, and estimates these with installation errors by the
+map's own derivatives. Such a map has wider cells, so that its tables are worse than the whole map's.
 """
 
 from __future__ import annotations
@@ -87,8 +87,8 @@ def compared(inverse_map: InverseMap, read: Readings, truth: FloatArray, flights
     """Return the better estimator of a map with tables on n samples.
 
     An estimator whose undetected errors exceed :data:`MOST_UNDETECTED` loses to one within it. Otherwise the
-    median over the coefficients decides of rms error of the nonlinear over that of the linear one; the nonlinear
-    one, which gives air data too, wins a tie.
+    rms errors of the nonlinear one, over the linear one's, decide by their median over the coefficients; the
+    nonlinear one, which gives air data too, wins a tie.
 
     Parameters
     ----------

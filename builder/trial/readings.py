@@ -78,7 +78,7 @@ def navigation_at(conditions: Sequence[FlightCondition], is_nonlinear: bool) -> 
 class ReadFlights(Readings):
     """Readings of n samples: as many vehicles at each of f ``conditions``, one flight after another.
 
-    ``coefficients`` (f, 5) are those of the flights [1].
+    ``coefficients`` (f, 5) are the true ones of the flights [1].
     """
 
     conditions: tuple[FlightCondition, ...]

@@ -104,7 +104,7 @@ _STATIC_PRESSURE = AirInput(
 
 TOTAL_TEMPERATURE_ERROR, STATIC_TEMPERATURE_ERROR = 0.01, 0.03
 """Relative standard deviations of a total temperature without its own, and of the temperature at an altitude about
-that of the standard atmosphere: 0.02 to 0.04 over latitudes and seasons from 10 to 40 km."""
+the standard atmosphere: 0.02 to 0.04 over latitudes and seasons from 10 to 40 km."""
 
 _TOTAL_TEMPERATURE = AirInput(
     name="total_temperature",
@@ -122,7 +122,9 @@ _TOTAL_TEMPERATURE = AirInput(
 )
 
 
-def _std_of(quantity: AirInput, text: str, of_linear: str = "", **more: str | tuple[str, ...]) -> AirInput:
+def _std_of(
+    quantity: AirInput, text: str, of_linear: str = "", note: str = "", aliases: tuple[str, ...] = ()
+) -> AirInput:
     """Return the input for the standard deviation of ``quantity``."""
     return AirInput(
         name=f"{quantity.name}{STD}",
@@ -133,7 +135,8 @@ def _std_of(quantity: AirInput, text: str, of_linear: str = "", **more: str | tu
         text=f"Standard deviation of the error of {quantity.name}; {{not_given}} takes {text}",
         text_of_linear=of_linear and f"Standard deviation of the error of {quantity.name}, {of_linear}",
         is_later=quantity.is_later,
-        **more,  # type: ignore[arg-type]
+        note=note,
+        aliases=aliases,
     )
 
 

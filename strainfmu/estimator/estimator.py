@@ -389,7 +389,7 @@ class Estimator:
         if not is_series(strain):
             at = 0.0 if self.filter_time_constant == 0.0 else self._time(time)
             return self._one(strain, valid, air, more, core=core, how=_TRACK, time=at)
-        if altitude is nan and total_temperature is not nan:  # not that of samples which lose it
+        if altitude is nan and total_temperature is not nan:  # single samples may lose it
             _refuse_without_altitude(total_temperature, altitude)
         samples = self._samples(strain, valid, air, more)
         inputs = samples.filled(slice(None))

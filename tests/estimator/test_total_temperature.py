@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from ctypes import byref, c_int, c_size_t
 from pathlib import Path
 from typing import Any
 
@@ -105,6 +106,12 @@ def test_by_fmu_and_recording(tmp_path: Path) -> None:
     assert fmu.step() == OK
     names = ("C_N", "air_data.mach_number", "sigma.air_data.mach_number")
     of_fmu = fmu.get_reals([interface.index(name) for name in names])
+    used, flag = fmu.references([interface.index("navigation_used.mach_number")]), c_int()
+    for altitude, expected in ((ALTITUDE, 1), (0.0, 0)):
+        assert fmu.set_reals([interface.index("altitude")], [altitude]) == OK
+        assert fmu.step() == OK
+        assert fmu.call("GetBoolean", used, c_size_t(1), byref(flag)) == OK
+        assert flag.value == expected, "without an altitude it states no Mach number"
     fmu.free()
     found = estimated(total_temperature=TOTAL, total_temperature_std=20.0)
     expected = [found.coefficients[1], found.air_data.value[M], found.air_data.std[M]]

@@ -50,7 +50,7 @@ def kept_results(folder: Path) -> Iterator[None]:
     def response(
         mesh: Any, material: Any, rows: Any, station_x: Any, max_harmonic: int, progress: Any = None
     ) -> Any:
-        """Rows of a harmonic follow from the gauges' stations, which those of the first two show."""
+        """Rows follow from the gauges' stations, which rows of the first two harmonics identify."""
         shown = [sha256(np.ascontiguousarray(rows(m)).tobytes()).digest() for m in (0, 1)]
         found = kept(
             folder,

@@ -14,7 +14,7 @@ ENDS = (-np.inf, np.inf)
 """An interval that an axis ends on both sides."""
 
 Rectangle = tuple[float, float, float, float]
-"""Left, top, width and height, as fractions of those of the figure."""
+"""Left, top, width and height, as fractions of the figure's."""
 
 MARK = 5.0
 """Half the side [pt] of the square about a mark that shows its text."""
@@ -42,7 +42,7 @@ class Area:
     pad: tuple[float, float] = (0.0, 0.0)
 
     def in_figure(self, figure: Figure) -> Rectangle:
-        """Return left, top, width and height over those of the figure, as it is laid out."""
+        """Return left, top, width and height over the figure's, as it is laid out."""
         within_x, within_y = sorted(self.axis.get_xlim()), sorted(self.axis.get_ylim())
         corner = np.column_stack([np.clip(self.x, *within_x), np.clip(self.y, *within_y)])
         # Points of 1/72 in; dots go with the figure's resolution.

@@ -1,1 +1,1 @@
-"""Figures of a map, those of its build report above all; their marks and cells have values."""
+"""Figures of a map, first of all of its build report; their marks and cells have values."""

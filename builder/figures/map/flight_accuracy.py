@@ -45,7 +45,7 @@ def accuracy_maps(
 ) -> ValuedFigure:
     """Draw a row of maps for each navigation, quantities in blocks; hatched where a quantity is not identified.
 
-    The text of a flight state is that of all quantities, at its cell in each map.
+    The text of a flight state lists all quantities, at its cell in each map.
 
     Parameters
     ----------

@@ -52,7 +52,7 @@ def gauge_loss(
         shown.figure.colorbar(drawn, ax=axis, pad=0.01, label=label)
     handles, labels = axes[0, 0].get_legend_handles_labels()
     legend = shown.figure.legend(handles, labels, fontsize=8, loc="outside upper right", frameon=False, ncols=3)
-    for handle in legend.legend_handles:  # its colour would be that of one gauge's number
+    for handle in legend.legend_handles:  # otherwise coloured by one gauge's number
         if isinstance(handle, PathCollection):
             handle.set_array(None)
             handle.set_facecolor("white")

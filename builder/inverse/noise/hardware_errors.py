@@ -1,8 +1,8 @@
 """Errors of the vehicle and its gauges as built: as terms of the weights, and as functions of the current strain.
 
 Every error has an operator that gives its strain, per standard deviation, from the surface pressure: the
-derivative of Z_p of the vehicle as built by the error, times the size that [noise] states. The kinds are those of
-:mod:`builder.structure.as_built_kinds`.
+derivative of Z_p of the vehicle as built by the error, times the size that [noise] states. The kinds are
+listed in :mod:`builder.structure.as_built_kinds`.
 """
 
 from __future__ import annotations

@@ -47,7 +47,7 @@ KNOWN = (
 def ways_of(own: FloatArray, moved: Callable[[str], FloatArray] | None) -> FloatArray:
     """Return the parts (n_w, n_d, ..) of :data:`WAYS` from the strain ``own`` (n_d, ..) of gauges in place.
 
-    ``moved`` gives that of gauges displaced in a way; None where no gauge is.
+    ``moved`` returns the strain of gauges displaced in a way; None where no gauge is.
     """
     found = np.zeros((WAYS, *own.shape))
     found[0] = own

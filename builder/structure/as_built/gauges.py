@@ -1,6 +1,6 @@
 """What gauges as built make of the strain of a wall of revolution, of one vehicle or of many at once.
 
-Amplitudes are those of :mod:`builder.structure.as_built.response_tables`, per harmonic of a pressure.
+Amplitudes are as in :mod:`builder.structure.as_built.response_tables`, per harmonic of a pressure.
 """
 
 from __future__ import annotations
@@ -113,7 +113,7 @@ def _stacked(parts: Sequence[BuiltGauges]) -> BuiltGauges:
 
 
 def turn_of(built: AsBuilt, row: IntArray) -> FloatArray:
-    """Return (.., n_d) the turn of each gauge in the surface, its own and that of its ``row`` (n_d,) [rad]."""
+    """Return (.., n_d) the turn of each gauge in the surface, its own and its row's, ``row`` (n_d,) [rad]."""
     of_row = built.row_orientation
     return np.asarray(built.orientation + (of_row[..., row] if of_row.shape[-1] > 1 else of_row))
 

@@ -263,7 +263,7 @@ def as_built_structure(
     progress : called with (harmonics done, harmonics in all).
     known_taper : (n_r,) relative thickness by which regions of known thickness grow from their middle to their
         aft end; none by default.
-    surface : pressure nodes; those of the resolution by default.
+    surface : pressure nodes; by default the resolution's.
 
     Raises
     ------

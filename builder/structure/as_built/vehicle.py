@@ -1,6 +1,6 @@
 """What a vehicle as built may have different from its drawing: one value of every kind, or many vehicles' at once.
 
-The kinds are listed in :mod:`builder.structure.as_built_kinds`. A calibration estimates those of
+The kinds are listed in :mod:`builder.structure.as_built_kinds`. A calibration estimates the kinds
 :data:`~builder.structure.as_built_kinds.AS_BUILT` as one vector, in the order of the table.
 """
 
@@ -47,9 +47,9 @@ class AsBuilt:
     """Errors of a vehicle; zero is the vehicle of the file.
 
     Every kind of :data:`~builder.structure.as_built_kinds.AS_BUILT` and
-    :data:`~builder.structure.as_built_kinds.IN_FLIGHT` is an attribute of its name, (.., n) in SI: n is the number
-    of what has its own, 1 where all have the same, or that of the gauges where each sees another. What leads are
-    vehicles.
+    :data:`~builder.structure.as_built_kinds.IN_FLIGHT` is an attribute of its name, (.., n) in SI: n
+    counts what has an error of its own (gauges, regions, rows, joints); it is 1 for an error in common, and n_d
+    where each gauge sees another one. Leading axes are vehicles.
 
     Attributes
     ----------
@@ -81,7 +81,7 @@ class AsBuilt:
         return found
 
     def changed(self, **errors: ArrayLike) -> AsBuilt:
-        """Return the vehicle with other errors of some kinds; a number is that of all."""
+        """Return the vehicle with other errors of some kinds; one number is for all."""
         return AsBuilt(self.counts, {**self.errors, **{name: np.atleast_1d(one) for name, one in errors.items()}})
 
     def one_of(self, number: int) -> AsBuilt:

@@ -1,7 +1,7 @@
 """Strain and coefficients of the independent model at any flight condition, for any vehicle as built.
 
 The structure is solved for the wall of the file on its own mesh; how strain changes with the errors of a vehicle
-as built is that of :mod:`builder.structure.as_built.revolved`.
+as built follows :mod:`builder.structure.as_built.revolved`.
 """
 
 from __future__ import annotations

@@ -88,7 +88,7 @@ def shape_flights(
 ) -> ShapeFlights:
     """Return the flights of ``vehicle`` at the conditions of ``flows``.
 
-    ``nodes`` is the surface of the map, by default that of the flows; ``operator`` (n_w, n_d, n_q) is
+    ``nodes`` is the surface of the map, by default the flows' own; ``operator`` (n_w, n_d, n_q) is
     :func:`~builder.truth.shape.structure.on_nodes_of` for these flows, where it is known.
 
     Raises

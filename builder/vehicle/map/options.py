@@ -73,7 +73,7 @@ class HingeMoment(Section):
 class BendingMoment(Section):
     """Bending moment of the air on the part ahead of a station, as at a joint, in a plane through the axis.
 
-    The plane is that of ``roll_angle_deg`` from +z towards +y: at 0 the moment is positive as a nose-up pitching
+    The plane is at ``roll_angle_deg`` from +z towards +y: at 0 the moment is positive as a nose-up pitching
     moment, at 90 as a nose-to-starboard yawing moment, about the point (``station_m``, 0, 0).
     """
 

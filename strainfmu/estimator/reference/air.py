@@ -89,7 +89,7 @@ def air_inputs_of(inverse_map: InverseMap, given: Mapping[str, float]) -> AirInp
 def mach_by_temperature(total: float, std: float, altitude: float) -> tuple[float, float]:
     """Return M by a total temperature [K] of a perfect gas and the standard atmosphere at ``altitude`` [m].
 
-    T0 = T (1 + (gamma - 1)/2 M^2); the deviation is that of T0 and T to first order. NaN where it gives none.
+    T0 = T (1 + (gamma - 1)/2 M^2); the deviation follows from T0 and T to first order. NaN where it gives none.
     """
     if not (np.isfinite(total) and total > 0.0 and 0.0 <= altitude <= LAYERS[-1][0]):
         return np.nan, np.nan

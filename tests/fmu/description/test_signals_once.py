@@ -65,7 +65,7 @@ def files_by_literal() -> Counter[str]:
 
 def test_few_files_hold_the_name_of_a_signal() -> None:
     if not (ROOT / "pyproject.toml").is_file():
-        pytest.skip("installed without its sources")
+        pytest.skip("installed without its sources")  # which the count reads
     names = [one["name"] for one in estimator_contents(whole_map())["signals"]]
     assert len(names) > 50
     found = {name: files_by_literal()[name] for name in names}

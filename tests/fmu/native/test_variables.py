@@ -226,6 +226,8 @@ def test_model_exchange(small: NativeCase) -> None:
     assert info[:5] == [0] * 5
     assert fmu.step() == ERROR
     assert fmu.call("EnterContinuousTimeMode") == OK
+    for time in (float("nan"), float("inf")):
+        assert fmu.call("SetTime", c_double(time)) == ERROR
     assert fmu.call("SetTime", c_double(0.5)) == OK
     fmu.set_strain(sample.strain)
     fmu.set_scalars(0, sample.dynamic_pressure)

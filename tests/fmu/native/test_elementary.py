@@ -1,0 +1,60 @@
+"""Elementary functions of the core against numpy: every quarter of the circle, and what is out of range."""
+
+from __future__ import annotations
+
+import ctypes
+from importlib.util import find_spec
+
+import numpy as np
+import pytest
+from c_host import program_by_zig
+from raw_fmu import this_platform
+
+from strainfmu.fmu.native.build import NATIVE
+
+pytestmark = [
+    pytest.mark.skipif(find_spec("ziglang") is None, reason="needs zig: pip install 'strainfmu[native]'"),
+    pytest.mark.skipif(this_platform() != "linux64", reason="compiles for x86-64 and Linux"),
+]
+
+QUARTERS = 0.5 * np.pi * np.arange(-9, 10)
+ANGLES = np.concatenate([QUARTERS + off for off in (-0.7, -1e-3, 0.0, 1e-3, 0.7)] + [np.array([99_999.0])])
+
+
+@pytest.fixture(scope="module")
+def library(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
+    path = tmp_path_factory.mktemp("elementary") / "elementary.so"
+    program_by_zig("x86_64-linux-gnu.2.17", path, [NATIVE / "core" / "elementary.c"], "-shared", "-fPIC")
+    found = ctypes.CDLL(str(path))
+    found.sine_cosine.argtypes = (ctypes.c_double, *(ctypes.POINTER(ctypes.c_double),) * 2)
+    found.sine_cosine.restype = None
+    for name, count in (("angle_of", 2), ("exponential", 1), ("logarithm", 1)):
+        getattr(found, name).argtypes = (ctypes.c_double,) * count
+        getattr(found, name).restype = ctypes.c_double
+    return found
+
+
+def sine_cosine(library: ctypes.CDLL, angle: float) -> tuple[float, float]:
+    sine, cosine = ctypes.c_double(), ctypes.c_double()
+    library.sine_cosine(angle, sine, cosine)
+    return sine.value, cosine.value
+
+
+def test_sine_and_cosine_in_every_quarter(library: ctypes.CDLL) -> None:
+    found = np.array([sine_cosine(library, angle) for angle in ANGLES])
+    np.testing.assert_allclose(found, np.column_stack([np.sin(ANGLES), np.cos(ANGLES)]), atol=2e-11)
+    np.testing.assert_allclose(found[:-1], np.column_stack([np.sin(ANGLES), np.cos(ANGLES)])[:-1], atol=1e-15)
+    assert np.isnan([sine_cosine(library, angle) for angle in (1e5, -1e5, np.nan, np.inf)]).all()
+
+
+def test_angle_exponential_and_logarithm(library: ctypes.CDLL) -> None:
+    angle = np.linspace(0.0, np.pi, 41)
+    found = [library.angle_of(3.0 * np.sin(one), 3.0 * np.cos(one)) for one in angle]
+    np.testing.assert_allclose(found, angle, atol=1e-15)
+    power = np.linspace(-650.0, 650.0, 53)
+    np.testing.assert_allclose([library.exponential(one) for one in power], np.exp(power), rtol=1e-14)
+    positive = 10.0 ** np.linspace(-300.0, 300.0, 61)
+    np.testing.assert_allclose(
+        [library.logarithm(one) for one in positive], np.log(positive), rtol=1e-15, atol=1e-15
+    )
+    assert np.isnan([library.exponential(one) for one in (701.0, -701.0, np.nan)]).all()
