@@ -16,6 +16,9 @@
 /* Bytes that vector loads like to start at a multiple of. */
 #define ALIGNMENT 64
 
+/* Iterations of a step that does not search the tables; a search takes more. */
+#define SHORT_ITERATIONS 16
+
 /* Let the parts know what they read and write of each other. */
 static void connect(Estimator *e) {
     e->inputs.map = &e->map;
@@ -211,12 +214,19 @@ static void step_linear(Estimator *e, double start) {
     filter->base.stepped = 1.0;
 }
 
-/* The step's part of matrices for the latest zeros. */
-static void step_renewal(Estimator *e) {
+/* Matrices for the latest zeros: those that are made, before the estimate of a step; a part of them, after it. */
+static void begin_renewal(Estimator *e) {
     if (e->noise_outdated || e->renewal.under_way == 0.0) {
         const double *latest = latest_zeros(e);
-        e->outdated |= renewal_step(&e->renewal, latest);
+        e->outdated |= renewal_begin_step(&e->renewal, latest);
         e->noise_outdated = renewal_pending(&e->renewal, latest);
+    }
+}
+
+static void end_renewal(Estimator *e) {
+    if (e->noise_outdated) {
+        const int long_step = e->flight.present && e->flight.solver.iterations > SHORT_ITERATIONS;
+        renewal_end_step(&e->renewal, latest_zeros(e), long_step);
     }
 }
 
@@ -225,13 +235,14 @@ void estimator_step(Estimator *e, double start) {
     if (e->flight.base.stepped != 0.0) {
         take_next_flight(e);
     }
-    step_renewal(e);
+    begin_renewal(e);
     if (e->flight.present) {
         step_flight(e, start);
     }
     if (e->linear_filter.present) {
         step_linear(e, start);
     }
+    end_renewal(e);
 }
 
 void estimator_renew(Estimator *e) {

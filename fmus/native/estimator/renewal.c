@@ -7,6 +7,7 @@
 #include "numerics/arrays.h"
 
 #define WORK 250000       /* multiplications of a part */
+#define MOST_WAITED 4.0   /* steps in a row without a part */
 #define MOST_PARTS 1e6    /* of a state that may be read */
 
 size_t renewal_doubles(size_t n_strains) {
@@ -19,8 +20,14 @@ void renewal_arrays(size_t n_strains, Renewal *renewal, double **doubles) {
     renewal->target = taken(doubles, number_of_zeros(n_strains));
 }
 
+static void forget_parts(Renewal *renewal) {
+    renewal->parts = renewal->waited = 0.0;
+    renewal->made = 0;
+}
+
 void renewal_reset(Renewal *renewal) {
-    renewal->under_way = renewal->parts = 0.0;
+    renewal->under_way = 0.0;
+    forget_parts(renewal);
 }
 
 static void copy_zeros(const Renewal *renewal, const double *zeros, double *copy) {
@@ -33,7 +40,7 @@ static int holds(const Renewal *renewal, const double *zeros) {
 
 /* The map has the matrices that are made. */
 static void use(Renewal *renewal) {
-    renewal->parts = 0.0;
+    forget_parts(renewal);
     linear_renewed(renewal->linear);
     if (renewal->flight->present) {
         flight_renew(renewal->flight);
@@ -64,21 +71,21 @@ void renewal_at_once(Renewal *renewal, const double *given, int other_sensors) {
     if (other_sensors || !holds(renewal, given)) {
         make_at_once(renewal, given);
     }
-    renewal->parts = 0.0;
+    forget_parts(renewal);
     copy_zeros(renewal, given, renewal->held);
 }
 
-/* A part of the matrices for the target; whether it was the last one. */
-static int make_part(Renewal *renewal) {
+/* A part of the matrices for the target. */
+static void make_part(Renewal *renewal) {
     Prepared *prepared = &renewal->linear->prepared;
     if (renewal->parts == 0.0) {
         prepared_renew(prepared, renewal->target + renewal->n_strains);
     }
     renewal->parts += 1.0;
-    return prepared_part(prepared, WORK);
+    renewal->made = prepared_part(prepared, WORK);
 }
 
-int renewal_step(Renewal *renewal, const double *given) {
+int renewal_begin_step(Renewal *renewal, const double *given) {
     if (renewal->under_way == 0.0) {
         const int other = !holds(renewal, given);
         renewal->under_way = 1.0;
@@ -86,19 +93,30 @@ int renewal_step(Renewal *renewal, const double *given) {
         return other;
     }
     if (holds(renewal, given)) {
-        renewal->parts = 0.0;
+        forget_parts(renewal);
         copy_zeros(renewal, given, renewal->held);
         return 0;
     }
-    if (renewal->parts == 0.0) {
-        copy_zeros(renewal, given, renewal->target);
-    }
-    if (!make_part(renewal)) {
+    if (!renewal->made) {
         return 0;
     }
     use(renewal);
     copy_zeros(renewal, holds(renewal, given) ? given : renewal->target, renewal->held);
     return 1;
+}
+
+void renewal_end_step(Renewal *renewal, const double *given, int long_step) {
+    if (long_step && renewal->waited < MOST_WAITED) {
+        renewal->waited += 1.0;
+        return;
+    }
+    renewal->waited = 0.0;
+    if (renewal->parts == 0.0) {
+        copy_zeros(renewal, given, renewal->target);
+    }
+    if (!renewal->made) {
+        make_part(renewal);
+    }
 }
 
 int renewal_pending(const Renewal *renewal, const double *given) {
@@ -109,7 +127,7 @@ const double *renewal_zeros(const Renewal *renewal, const double *given) {
     return renewal_pending(renewal, given) ? renewal->held : given;
 }
 
-/* Serialised: under_way, parts, held and target, then the known temperature sensors, 0 or 1; 0 before the first step. */
+/* Serialised: under_way, parts, waited, held and target, then the known temperature sensors, 0 or 1; 0 before the first step. */
 
 static size_t n_sensors(const Renewal *renewal) {
     return renewal->thermal->present ? renewal->thermal->map.n_sensors : 0;
@@ -120,12 +138,12 @@ static size_t zeros_size(const Renewal *renewal) {
 }
 
 size_t renewal_state_size(const Renewal *renewal) {
-    return (2 + n_sensors(renewal)) * sizeof(double) + 2 * zeros_size(renewal);
+    return (3 + n_sensors(renewal)) * sizeof(double) + 2 * zeros_size(renewal);
 }
 
 void renewal_write_state(const Renewal *renewal, unsigned char *bytes) {
     const size_t size = zeros_size(renewal);
-    const double head[2] = {renewal->under_way, renewal->parts};
+    const double head[3] = {renewal->under_way, renewal->parts, renewal->waited};
     memcpy(bytes, head, sizeof head);
     bytes += sizeof head;
     memset(bytes, 0, renewal_state_size(renewal) - sizeof head);
@@ -149,10 +167,11 @@ static int is_flag(double value) {
 
 int renewal_state_fits(const Renewal *renewal, double largest_zero, const unsigned char *bytes) {
     const size_t n = renewal->n_strains, count = number_of_zeros(n);
-    double head[2], value;
+    double head[3], value;
     memcpy(head, bytes, sizeof head);
     bytes += sizeof head;
     int good = is_flag(head[0]) && head[1] >= 0.0 && head[1] <= MOST_PARTS * head[0];
+    good = good && head[2] >= 0.0 && head[2] <= MOST_WAITED * head[0];
     for (size_t k = 0; k < 2 * count; k++) {
         memcpy(&value, bytes + k * sizeof value, sizeof value);
         good = good && value >= (k % count < n ? -largest_zero : 0.0) && value <= largest_zero;
@@ -181,12 +200,12 @@ static int read_sensors(Renewal *renewal, const unsigned char *bytes) {
 void renewal_read_state(Renewal *renewal, const unsigned char *bytes) {
     const size_t size = zeros_size(renewal);
     const double before = renewal->parts;
-    double head[2];
+    double head[3];
     memcpy(head, bytes, sizeof head);
     bytes += sizeof head;
     renewal->under_way = head[0];
     if (renewal->under_way == 0.0) {
-        renewal->parts = 0.0;
+        forget_parts(renewal);
         return;
     }
     memcpy(renewal->held, bytes, size);
@@ -195,11 +214,14 @@ void renewal_read_state(Renewal *renewal, const unsigned char *bytes) {
     if (!same) {
         renewal_at_once(renewal, renewal->held, other_sensors);
     }
+    renewal->waited = head[2];
     if (same && before == head[1] && memcmp(renewal->target, bytes + size, size) == 0) {
         return; /* they are made as far as that */
     }
     memcpy(renewal->target, bytes + size, size);
     renewal->parts = 0.0;
-    while (renewal->parts < head[1] && !make_part(renewal)) {
+    renewal->made = 0;
+    while (renewal->parts < head[1] && !renewal->made) {
+        make_part(renewal);
     }
 }

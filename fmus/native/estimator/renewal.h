@@ -1,5 +1,6 @@
-/* The matrices of the map follow the standard deviations of zero offsets. A step makes a part of those for other ones; until
-   they are made, the matrices and zero offsets of before hold, and health is DEGRADED where it would be OK.
+/* The matrices of the map follow the standard deviations of zero offsets. A step makes a part of the matrices for other ones
+   after its estimate, and uses them from the step after the last part; until then, the matrices and zero offsets of before
+   hold, and health is DEGRADED where it would be OK. A step whose estimate took long makes no part, but for every fifth in a row.
 
    Before the first step, and where a sample stands by itself, they are made at once: nothing has a deadline then. So they
    are where a temperature sensor comes or goes, whose strain the old ones cannot do without. */
@@ -14,8 +15,10 @@ typedef struct {
     Flight *flight;
     Thermal *thermal;
     size_t n_strains;
-    double under_way; /* whether a step has been taken; these two float64, as they are serialised */
-    double parts;     /* of the matrices for `target` that are made */
+    double under_way; /* whether a step has been taken; these three float64, as they are serialised */
+    double parts;     /* of the matrices for `target` that are made, */
+    double waited;    /* and steps in a row that made none */
+    int made;         /* whether those are all: the next step uses the matrices */
     double *held;     /* (number_of_zeros) in use in the last step; the map holds for their deviations */
     double *target;   /* (number_of_zeros) those that matrices are made for */
 } Renewal;
@@ -30,8 +33,12 @@ void renewal_reset(Renewal *renewal);
 /* Let the map hold for zeros that are given (number_of_zeros), and, if they are others, for the known temperature sensors. */
 void renewal_at_once(Renewal *renewal, const double *given, int other_sensors);
 
-/* A step follows the zeros that are given: the first one at once, others by a part. Whether the map has other matrices. */
-int renewal_step(Renewal *renewal, const double *given);
+/* A step begins, of zeros that are given: the first one follows them at once, others use matrices that are made. Whether
+   the map has other matrices. */
+int renewal_begin_step(Renewal *renewal, const double *given);
+
+/* The estimate of the step is made; whether that took long. */
+void renewal_end_step(Renewal *renewal, const double *given, int long_step);
 
 /* Whether steps have yet to follow zeros that are given; and which are in use. */
 int renewal_pending(const Renewal *renewal, const double *given);

@@ -24,7 +24,7 @@ pytestmark = pytest.mark.fast
 
 AGREED = 1e-12
 
-RENEWAL = 24
+RENEWAL = 80
 """Steps in which the matrices for the zeros of a tare are made."""
 
 
