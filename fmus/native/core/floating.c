@@ -5,15 +5,21 @@
 #include <xmmintrin.h>
 
 #define DEFAULT_CONTROL 0x1F80u /* of MXCSR: all exceptions masked, none seen; nearest, subnormal numbers */
+#define SEEN 0x3Fu               /* its bits of exceptions seen */
 
+/* A processor takes long to change MXCSR, which most hosts leave at its default: it is set where it differs. */
 Floating floating_enter(void) {
     const Floating host = {_mm_getcsr(), 0};
-    _mm_setcsr(DEFAULT_CONTROL);
+    if ((host.control & ~SEEN) != DEFAULT_CONTROL) {
+        _mm_setcsr(DEFAULT_CONTROL);
+    }
     return host;
 }
 
 void floating_leave(const Floating *host) {
-    _mm_setcsr((unsigned)host->control);
+    if (_mm_getcsr() != host->control) {
+        _mm_setcsr((unsigned)host->control);
+    }
 }
 
 #elif defined(__aarch64__) && defined(__GNUC__)
