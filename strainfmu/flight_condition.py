@@ -6,15 +6,22 @@ The wind seen by the body is V (cos a cos b, -sin b, sin a cos b) in body axes: 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from math import atan2, cos, degrees, hypot, sin
+from dataclasses import dataclass, field, fields
+from math import atan2, cos, degrees, hypot, pi, sin
 
 from strainfmu.atmosphere import dynamic_pressure, pressure_and_temperature
 
 
+def _stated(label: str, unit: str, shown: str, factor: float) -> dict[str, dict[str, str | float]]:
+    """Return the metadata of a field that files state: words, its unit, the unit of files, and the first per the
+    second."""
+    return {"stated": {"label": label, "unit": unit, "shown": shown, "factor": factor}}
+
+
 @dataclass(frozen=True)
 class FlightCondition:
-    """One flight condition.
+    """One flight condition. Its fields declare names and units; files and records follow
+    :data:`CONDITION_QUANTITIES`.
 
     Attributes
     ----------
@@ -33,10 +40,10 @@ class FlightCondition:
     4.999 deg, 138.0 kPa
     """
 
-    mach_number: float
-    angle_of_attack: float
-    sideslip_angle: float
-    altitude: float
+    mach_number: float = field(metadata=_stated("Mach number", "1", "1", 1.0))
+    angle_of_attack: float = field(metadata=_stated("angle of attack", "rad", "deg", pi / 180.0))
+    sideslip_angle: float = field(metadata=_stated("sideslip angle", "rad", "deg", pi / 180.0))
+    altitude: float = field(metadata=_stated("altitude", "m", "km", 1e3))
     parameters: tuple[float, ...] = ()
 
     @classmethod
@@ -87,3 +94,37 @@ class FlightCondition:
             f"sideslip {degrees(self.sideslip_angle):g} deg, {self.altitude / 1e3:g} km"
             + (f", parameters {', '.join(f'{value:g}' for value in self.parameters)}" if self.parameters else "")
         )
+
+
+@dataclass(frozen=True)
+class ConditionQuantity:
+    """A quantity of a flight condition: ``name`` of its attribute, ``label`` in words, ``unit`` of the attribute,
+    ``shown`` the unit that files state it in, ``factor`` the first per the second."""
+
+    name: str
+    label: str
+    unit: str
+    shown: str
+    factor: float
+
+    @property
+    def column(self) -> str:
+        """Name of the columns of files and of the entries of vehicle files: it ends on the unit."""
+        return with_unit(self.name, self.shown)
+
+
+def with_unit(name: str, unit: str) -> str:
+    """Return the name of a column or an entry of ``name`` in ``unit``."""
+    return name if unit == "1" else f"{name}_{unit}"
+
+
+CONDITION_QUANTITIES = tuple(
+    ConditionQuantity(one.name, **one.metadata["stated"]) for one in fields(FlightCondition) if one.metadata
+)
+"""What a flight condition consists of without flow parameters, in the order of its rows."""
+
+CONDITION_NAMES = tuple(one.name for one in CONDITION_QUANTITIES)
+CONDITION_COLUMNS = tuple(one.column for one in CONDITION_QUANTITIES)
+
+MACH_NUMBER, ANGLE_OF_ATTACK, SIDESLIP_ANGLE, ALTITUDE = CONDITION_NAMES
+MACH_COLUMN, ANGLE_COLUMN, SIDESLIP_COLUMN, ALTITUDE_COLUMN = CONDITION_COLUMNS

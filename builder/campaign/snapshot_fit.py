@@ -26,7 +26,7 @@ from builder.vehicle.toml.limits import CLOSEST_VALUES
 from builder.workspace import Misfit
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-from strainfmu.flight_condition import FlightCondition
+from strainfmu.flight_condition import CONDITION_COLUMNS, FlightCondition
 
 SAME_SURFACE = 1e-6  # of the length: nodes on the meridian
 SAME_LENGTH = 0.02  # of the length: surfaces of other programs may be cut at the tip
@@ -127,10 +127,7 @@ def as_flown(vehicle: Vehicle, snapshots: Snapshots) -> Vehicle:
     if vehicle.map.symmetry == "full":
         alpha, beta = np.degrees([0.0, snapshots.total_incidence.max()]), np.zeros(1)
     entries = {
-        "mach_number": apart(mach),
-        "angle_of_attack_deg": apart(alpha),
-        "sideslip_angle_deg": apart(beta),
-        "altitude_km": apart(1e-3 * altitude),
+        **dict(zip(CONDITION_COLUMNS, map(apart, (mach, alpha, beta, 1e-3 * altitude)), strict=True)),
         "parameters": parameters,
     }
     return vehicle.model_copy(

@@ -21,6 +21,7 @@ from builder.truth.revolution.flows import with_knots
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map.options import MapEntry
 from strainfmu.arrays import FloatArray
+from strainfmu.estimator.map.inverse_map_checks import PER_PRESSURE
 from strainfmu.flight_condition import FlightCondition
 
 GAUGE_NOISE, HARDWARE = "gauge noise", "hardware"
@@ -73,7 +74,7 @@ def with_errors(vehicle: Vehicle, errors: str, case: int) -> Vehicle:
     entry = vehicle.map.model_dump()
     entry.update(
         case=case,
-        form="dynamic_pressure",
+        form=PER_PRESSURE,
         symmetry="full" if vehicle.is_of_revolution else "listed",
         estimator="nonlinear",
         gamma=1.0,

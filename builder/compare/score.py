@@ -15,7 +15,7 @@ from builder.trial.score import ROLLING, by_name, mean_square, rounded, score_of
 from builder.truth.flights import Flights
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
-from strainfmu.flight_condition import FlightCondition
+from strainfmu.flight_condition import MACH_NUMBER, FlightCondition
 
 PERCENTILES = tuple(range(0, 101, 5))
 """Percentiles of the field error in an entry."""
@@ -25,13 +25,13 @@ TENTHS = 10
 
 TENTHS_BY: dict[str, Callable[[FlightCondition], float]] = {
     "total_incidence": lambda one: one.total_incidence,
-    "mach_number": lambda one: one.mach_number,
+    MACH_NUMBER: lambda one: one.mach_number,
 }
 
 AIR_DATA_KEYS = (
     "angle_of_attack_deg",
     "sideslip_deg",
-    "mach_number",
+    MACH_NUMBER,
     "static_pressure_percent",
     "dynamic_pressure_percent",
 )
@@ -122,11 +122,8 @@ def rms_of_tenths(
 def air_data_errors(found: FloatArray, flights: Flights) -> FloatArray:
     """Return (k, 5) errors of air data ``found`` (k, 5), in the units of :data:`AIR_DATA_KEYS`."""
     conditions = flights.conditions
-    angle, slip, mach = (
-        np.array([getattr(one, name) for one in conditions])
-        for name in ("angle_of_attack", "sideslip_angle", "mach_number")
-    )
-    true = np.column_stack([angle, slip, mach, flights.ambient_pressure, flights.dynamic_pressure])
+    flow = np.array([[one.angle_of_attack, one.sideslip_angle, one.mach_number] for one in conditions])
+    true = np.column_stack([flow, flights.ambient_pressure, flights.dynamic_pressure])
     error = found - true
     error[:, :2] = np.degrees(error[:, :2])
     error[:, 3:] *= 100.0 / true[:, 3:]

@@ -44,6 +44,7 @@ from strainfmu.arrays import FloatArray
 from strainfmu.cosim.estimators.zeros_file import write_zeros
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map, save_inverse_map
+from strainfmu.estimator.signal_names import ZERO
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 
 PAGE = ".html"
@@ -313,7 +314,7 @@ def _facts(found: Estimate, faults: tuple[Fault, ...], outside: OutsideModel, te
         .round(4)
         .tolist(),
         "zero_um_per_m": (1e6 * part.zero).round(6).tolist(),
-        "zero_std_um_per_m": (1e6 * sigma[where["zero"]]).round(6).tolist(),
+        "zero_std_um_per_m": (1e6 * sigma[where[ZERO]]).round(6).tolist(),
         "wall_thickness_percent": (100.0 * part.wall_thickness).round(4).tolist(),
         "sigma_before_over_after": {
             kind: float(np.sqrt(np.mean(found.model.std[at] ** 2) / max(float(np.mean(sigma[at] ** 2)), 1e-300)))

@@ -7,6 +7,7 @@ from typing import Literal
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map.options import wrong_estimator
 from strainfmu.errors import InputError
+from strainfmu.estimator.map.inverse_map_checks import PER_PRESSURE
 
 Estimators = Literal["auto", "linear", "nonlinear"]
 
@@ -26,7 +27,7 @@ def with_estimator(vehicle: Vehicle, estimator: Estimators | None) -> Vehicle:
     entry = vehicle.map
     if estimator == "nonlinear":
         found = {
-            "map.form": (entry.form, "dynamic_pressure"),
+            "map.form": (entry.form, PER_PRESSURE),
             "strains per snapshot": ("none" if vehicle.structure.strain_per_snapshot is None else "some", "none"),
         }
         if vehicle.shape_kind == "profile":

@@ -16,6 +16,7 @@ from builder.reports.page.html import Block, Cards, Items, Page, Paragraph, Sect
 from builder.reports.page.tables import Column, Table, make_table
 from builder.structure.as_built.vehicle import in_words, slices
 from builder.structure.as_built_kinds import KINDS
+from strainfmu.estimator.signal_names import ZERO
 
 CANNOT_SEE = (
     "An error that all loads have in common is not seen: a load cell that reads too much makes a stiffer and "
@@ -143,7 +144,7 @@ def _gauges(found: Estimate) -> Table:
         Column("left after", "sigma"),
         Column("gain", "%"),
         Column("its sigma", "%"),
-        Column("zero", "um/m"),
+        Column(ZERO, "um/m"),
     )
     return make_table("gauges", "Measured less predicted, gauge by gauge, over all cases.", columns, rows)
 

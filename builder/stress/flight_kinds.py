@@ -18,6 +18,7 @@ from builder.stress.flights import (
 from builder.stress.flows import AnotherEngine, vortex_pairs, windward_bump
 from builder.stress.kind import Kind, KindClass, as_stated
 from builder.vehicle.file import Vehicle
+from strainfmu.flight_condition import ALTITUDE
 
 ALTITUDES_KM = (12.0, 15.0, 25.0, 30.0)
 
@@ -36,7 +37,7 @@ def envelope_kinds(vehicle: Vehicle) -> list[Kind]:
     """Return flights of vehicles as built, all errors drawn at their stated sizes."""
     found = [
         Kind(
-            error="altitude",
+            error=ALTITUDE,
             size=f"{altitude:g} km",
             group="within" if altitude_is_inside(vehicle, 1e3 * altitude) else "outside",
             what="Strain scales with the pressure level, gauge noise does not.",

@@ -23,6 +23,7 @@ from builder.truth.revolution.flows import truth_engine, truth_surface
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import FlowReachError
+from strainfmu.flight_condition import MACH_NUMBER
 
 
 class OtherFlow(Protocol):
@@ -42,7 +43,7 @@ def stress_flow_inputs(vehicle: Vehicle) -> dict[str, Any]:
     mach, incidence = stress_knots(vehicle)
     return {
         "engine": truth_engine(vehicle).inputs(),
-        "mach_number": mach.tolist(),
+        MACH_NUMBER: mach.tolist(),
         "total_incidence": incidence.tolist(),
         "resolution": vehicle.resolution.truth.model_dump(),
     }

@@ -9,6 +9,7 @@ from builder.structure.as_built.vehicle import AsBuilt
 from builder.structure.as_built_kinds import IN_NOISE, KINDS, UNIT
 from builder.truth.as_built import drawn
 from builder.vehicle.map.options import Noise
+from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
 
 MANY = 5
 """Draws of the vehicles as stated, times those of the other kinds: their false alarms are rare."""
@@ -94,7 +95,7 @@ def fixed_kinds(noise: Noise) -> list[Kind]:
     """Return errors of fixed sizes, whatever the vehicle states; the class follows from what it states."""
     listed = (
         ("Young's modulus", "+1 %", "common_gain", 1.0 / 1.01 - 1.0, noise.common_gain_percent * 0.01),
-        ("dynamic pressure", "+1 %", "dynamic_pressure", 0.01, noise.dynamic_pressure_percent * 0.01),
+        ("dynamic pressure", "+1 %", DYNAMIC_PRESSURE, 0.01, noise.dynamic_pressure_percent * 0.01),
         ("wall thickness", "+2 %", "wall_thickness", 0.02, noise.wall_thickness_percent * 0.01),
         ("roll of the layout", "+1 deg", "layout_roll", DEGREE, noise.layout_roll_deg * DEGREE),
         ("internal pressure", "+20 % of p_inf", "internal_pressure", 0.2, noise.internal_pressure_percent * 0.01),
@@ -128,7 +129,7 @@ def beyond_kinds(noise: Noise) -> list[Kind]:
             size=f"+{q:g} %",
             group="unobservable",
             what="The strain is right, its scale is not: a flight at less incidence reads the same.",
-            build=with_error("dynamic_pressure", 0.01 * q),
+            build=with_error(DYNAMIC_PRESSURE, 0.01 * q),
             navigation=False,
         ),
         Kind(
@@ -136,7 +137,7 @@ def beyond_kinds(noise: Noise) -> list[Kind]:
             size=f"+{q:g} %",
             group="outside",
             what="The same with Mach number and altitude known: q_inf contradicts 0.7 M^2 p(h).",
-            build=with_error("dynamic_pressure", 0.01 * q),
+            build=with_error(DYNAMIC_PRESSURE, 0.01 * q),
         ),
     ]
 

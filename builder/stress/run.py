@@ -39,8 +39,9 @@ from builder.workspace import Workspace
 from strainfmu.errors import FlowReachError, InputError
 from strainfmu.estimator.map import inverse_map as inverse_map_file
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap, load_inverse_map
+from strainfmu.estimator.map.validity import RECORDED_KEYS
 from strainfmu.files import content_hash_of, write_bytes_atomically
-from strainfmu.flight_condition import FlightCondition
+from strainfmu.flight_condition import ALTITUDE, CONDITION_QUANTITIES, FlightCondition
 
 FLOWS, JSON, CSV, FIGURE = "stress_flows.h5", "stress.json", "stress.csv", "stress.png"
 
@@ -136,14 +137,9 @@ def of_map(vehicle: Vehicle, inverse_map: InverseMap) -> Vehicle:
     """Return ``vehicle`` with the flight conditions that ``inverse_map`` states, as far as it does."""
     held = inverse_map.provenance
     ranges = {
-        entry: sorted({factor * float(value) for value in held[name]})
-        for entry, name, factor in (
-            ("mach_number", "mach_number", 1.0),
-            ("angle_of_attack_deg", "angle_of_attack_deg", 1.0),
-            ("sideslip_angle_deg", "sideslip_angle_deg", 1.0),
-            ("altitude_km", "altitude_m", 1e-3),
-        )
-        if isinstance(held.get(name), list)
+        one.column: sorted({(1e-3 if one.name == ALTITUDE else 1.0) * float(value) for value in held[key]})
+        for one in CONDITION_QUANTITIES
+        if isinstance(held.get(key := RECORDED_KEYS[one.name]), list)
     }
     conditions = vehicle.conditions.model_copy(update=ranges)
     absolute = inverse_map.form == "absolute"

@@ -14,6 +14,9 @@ from typing import Literal
 
 import numpy as np
 
+from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
+from strainfmu.estimator.signal_names import ZERO
+
 Extent = Literal["gauge", "vehicle", "region", "row", "joint", "load"]
 """What has its own parameter: each gauge, the vehicle, each region of the wall, each row of gauges at one roll
 angle, each joint, or each load."""
@@ -145,7 +148,7 @@ AS_BUILT = (
         step=1e-3,
     ),
     ParameterKind(
-        name="zero",
+        name=ZERO,
         extent="gauge",
         unit="um/m",
         acts_on="reading without load",
@@ -334,7 +337,7 @@ IN_FLIGHT = (
         noise="internal_pressure_percent",
     ),
     ParameterKind(
-        name="dynamic_pressure",
+        name=DYNAMIC_PRESSURE,
         error="dynamic pressure",
         extent="vehicle",
         unit="%",
@@ -427,7 +430,7 @@ ALWAYS_DRAWN = (
     "wall_thickness",
     "apparent_strain",
     "internal_pressure",
-    "dynamic_pressure",
+    DYNAMIC_PRESSURE,
 )
 """Kinds whose numbers are drawn first, and even at size 0: the vehicles of a seed stay the same."""
 

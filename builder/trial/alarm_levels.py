@@ -15,6 +15,7 @@ from builder.trial.conditions import flight_states
 from builder.trial.readings import ReadFlights
 from builder.trial.tail_quantile import tail_quantile
 from strainfmu.arrays import FloatArray, IntArray
+from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
 from strainfmu.estimator.alarm_limits import outlier_threshold, shape_limit
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, chi_square_limit
@@ -91,7 +92,7 @@ def alarm_ratios(inverse_map: InverseMap, flights: ReadFlights) -> tuple[FloatAr
     n, freedom = inverse_map.n_gauges, inverse_map.residual_degrees_of_freedom
     threshold = outlier_threshold(n, FALSE_ALARM_PROBABILITY) ** 2 * inverse_map.outlier_scale
     nominal = inverse_map.chi_square_scale * chi_square_limit(freedom)
-    found = whole.estimate(flights.strain, flights.known["dynamic_pressure"])
+    found = whole.estimate(flights.strain, flights.known[DYNAMIC_PRESSURE])
     limit = np.asarray(found.chi_square_limit)
     worst = np.max(np.abs(found.standardised_residual), axis=1) ** 2
     return found.chi_square / limit, worst / (threshold * limit / nominal)

@@ -12,7 +12,7 @@ from math import radians
 
 import numpy as np
 
-from builder.truth.revolution.flow_table import FlowTable
+from builder.truth.revolution.flow_table import FlowTable, flow_states
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
 from strainfmu.flight_condition import FlightCondition
@@ -124,10 +124,8 @@ def conditions_in_ranges(
 
 def flight_states(conditions: Sequence[FlightCondition]) -> FloatArray:
     """Return (k, 4) the flight states of ``conditions``: M, u, w [rad] and ln p_inf, as tables over them have."""
-    mach, incidence, roll, pressure = (
-        np.array([getattr(one, name) for one in conditions])
-        for name in ("mach_number", "total_incidence", "leeward_roll_angle", "ambient_pressure")
-    )
+    mach, incidence, roll = flow_states(conditions)
+    pressure = np.array([one.ambient_pressure for one in conditions])
     return np.column_stack([mach, incidence * np.cos(roll), incidence * np.sin(roll), np.log(pressure)])
 
 

@@ -41,9 +41,8 @@ def trial_score(
     bound : (k, 5) their Cramer-Rao bound [1]; None where it is not known.
     """
     found = [estimates(estimator, batch) for batch in _batches(readings)]
-    coefficients, std, health = (
-        np.concatenate([getattr(one, name) for one in found]) for name in ("coefficients", "std", "health")
-    )
+    coefficients = np.concatenate([one.coefficients for one in found])
+    std, health = np.concatenate([one.std for one in found]), np.concatenate([one.health for one in found])
     true = np.tile(truth, (len(coefficients) // len(truth), 1))
     return score_of(COEFFICIENT_NAMES, coefficients - true, std, health=health, bound=bound)
 

@@ -29,7 +29,7 @@ OF_THE_NONLINEAR = (
 def why_linear(vehicle: Vehicle) -> str | None:
     """Return why the file allows no tables of the nonlinear estimator, by its entry; None where it allows them."""
     entry = vehicle.map
-    if entry.form != "dynamic_pressure":
+    if not entry.follows_pressure:
         return f"map.form is '{entry.form}'"
     if vehicle.shape_kind == "profile" and entry.symmetry != "full":
         return f"map.symmetry is '{entry.symmetry}' with a profile"

@@ -9,6 +9,7 @@ from pydantic import Field, field_validator, model_validator
 
 from builder.vehicle.toml.limits import STREAM_ANGLE_DEG, once_each
 from builder.vehicle.toml.sections import FileName, MachNumber, Section
+from strainfmu.flight_condition import MACH_COLUMN
 
 ENGINE_NAMES = ("euler", "newtonian", "table")
 """Sources of surface pressure by name; :data:`builder.aero.engines.registry.ENGINES` makes them."""
@@ -85,6 +86,10 @@ class Resolutions(Section):
 MIN_KNOTS = 4
 
 
+KNOTS = (MACH_COLUMN, "total_incidence_deg")
+"""Entries of [truth] at which the flows of a body of revolution that flies are solved."""
+
+
 class Truth(Section):
     """The independent model that plays the vehicle in system simulations.
 
@@ -100,14 +105,14 @@ class Truth(Section):
     )
     manoeuvre: FileName | None = None
 
-    @field_validator("mach_number")
+    @field_validator(MACH_COLUMN)
     @classmethod
     def _one_or_a_spline(cls, values: list[float] | None) -> list[float] | None:
         if values is not None and not (len(values) == 1 or len(values) >= MIN_KNOTS):
             raise ValueError(f"expected 1 value, or at least {MIN_KNOTS}, got {values}")
         return values
 
-    @field_validator("mach_number", "total_incidence_deg")
+    @field_validator(*KNOTS)
     @classmethod
     def _each_value_once(cls, values: list[float] | None) -> list[float] | None:
         return None if values is None else once_each(values)

@@ -5,14 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from builder.vehicle.model_entries import ELEMENTS, EULER, FOURIER, NODES, NeededBy, Resolution
+from builder.vehicle.model_entries import ELEMENTS, EULER, FOURIER, KNOTS, NODES, NeededBy, Resolution
 from strainfmu.errors import InputError
 
 if TYPE_CHECKING:
     from builder.vehicle.file import Vehicle
-
-KNOTS = ("mach_number", "total_incidence_deg")
-"""Entries of [truth] at which the flows of a body of revolution that flies are solved."""
 
 
 def missing_entries(vehicle: Vehicle) -> Iterator[str]:

@@ -19,6 +19,7 @@ from pythonfmu import Fmi2Slave
 from pythonfmu.enums import Fmi2Status
 
 from strainfmu.errors import InputError
+from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import load_inverse_map
@@ -67,7 +68,7 @@ class EstimatorSlave(Fmi2Slave):
             "Boolean": _indices(interface, "Boolean"),
         }
         self._first_input, self._valid = references["strain[1]"], references["valid[1]"]
-        self._pressure = references["dynamic_pressure"]
+        self._pressure = references[DYNAMIC_PRESSURE]
         self._parameters = [references[name] for name in PARAMETERS]
         self._n_strains = inverse_map.n_strain_gauges
         self._thrust = references.get(THRUST)
@@ -296,7 +297,7 @@ class EstimatorSlave(Fmi2Slave):
             "memory": None if self._memory is None else b64encode(self._memory).decode(),
             "times": [self._time, self._end],
             "stepped": int(self._stepped),
-            "tare": b64encode(self._tare.saved()).decode(),
+            TARE: b64encode(self._tare.saved()).decode(),
         }
 
     def _set_fmu_state(self, state: dict[str, Any]) -> None:
@@ -308,7 +309,7 @@ class EstimatorSlave(Fmi2Slave):
             is_set = np.array(state["is_set"], dtype=bool).reshape(self._is_set.shape)
             self._values[self._inputs] = state["inputs"]
             self._apply_settings()
-            self._tare.restore(b64decode(state["tare"], validate=True))
+            self._tare.restore(b64decode(state[TARE], validate=True))
             self._apply_zeros()
         except (InputError, KeyError, TypeError, ValueError) as error:
             self._values = before

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from strainfmu.errors import InputError
+from strainfmu.estimator.setting_inputs import OF_READINGS
 
 SHORTEST_CYCLE, LONGEST_CYCLE = 1e-4, 10.0
 """Limits of an input's nominal period [s]. No bus carries shorter ones; a status of longer ones is useless."""
@@ -124,7 +125,7 @@ class BridgeSettings:
 
     def __post_init__(self) -> None:
         ages = ("max_age", "pressure_max_age", "navigation_max_age", "sensor_max_age")
-        for name in ("deadline", *ages, "timeout", "rate_limit", "sensor_range"):
+        for name in ("deadline", *ages, "timeout", "rate_limit", OF_READINGS):
             if not 0.0 < getattr(self, name) < float("inf"):
                 raise InputError(f"{name}: expected a positive number, got {getattr(self, name):g}")
         if self.stuck_cycles is not None and self.stuck_cycles < 0:

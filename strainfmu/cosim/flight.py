@@ -22,6 +22,7 @@ from strainfmu.cosim.systems.master import simulate
 from strainfmu.cosim.systems.recording import Recording
 from strainfmu.cosim.systems.system import Connection, System
 from strainfmu.errors import InputError
+from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
 from strainfmu.estimator.health import HealthState
 from strainfmu.interface.estimator_variables import valid_names
 from strainfmu.interface.fmi_variables import Variable
@@ -108,8 +109,8 @@ def flight_connections(model: FlightModel, signals: Sequence[str], feedback: str
     """
     command, *faults = signals
     connections = [("schedule", command, "autopilot", command)]
-    connections += [("plant", name, "estimator", name) for name in (*model.reading_names, "dynamic_pressure")]
-    connections += [("plant", name, "autopilot", name) for name in ("pitch_rate", "dynamic_pressure")]
+    connections += [("plant", name, "estimator", name) for name in (*model.reading_names, DYNAMIC_PRESSURE)]
+    connections += [("plant", name, "autopilot", name) for name in ("pitch_rate", DYNAMIC_PRESSURE)]
     source = "estimator" if feedback == "estimate" else "plant"
     connections += [(source, name, "autopilot", name) for name in ("C_N", "M_P")]
     # What begins at a communication point acts from there on, so the plant gets it for the step that follows.

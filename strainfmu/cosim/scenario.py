@@ -8,6 +8,7 @@ from pathlib import Path
 
 from strainfmu.cosim.models.autopilot import AutopilotSettings
 from strainfmu.cosim.toml_table import TomlTable, read_toml
+from strainfmu.flight_condition import ALTITUDE_COLUMN, ANGLE_COLUMN, MACH_COLUMN, SIDESLIP_COLUMN
 from strainfmu.interface.plant_variables import FlightStart, GaugeFault
 
 FEEDBACKS = ("truth", "estimate")
@@ -111,10 +112,10 @@ def _feedback(root: TomlTable) -> tuple[str, ...]:
 def _start(flight: TomlTable, vehicle: TomlTable) -> FlightStart:
     default = FlightStart(6.0, 20e3)
     return FlightStart(
-        mach_number=flight.number("mach_number", None, 0.0, 100.0),
-        altitude=1e3 * flight.number("altitude_km", None, 0.0, 71.0),
-        angle_of_attack=radians(flight.number("angle_of_attack_deg", 0.0, -90.0, 90.0)),
-        sideslip_angle=radians(flight.number("sideslip_angle_deg", 0.0, -90.0, 90.0)),
+        mach_number=flight.number(MACH_COLUMN, None, 0.0, 100.0),
+        altitude=1e3 * flight.number(ALTITUDE_COLUMN, None, 0.0, 71.0),
+        angle_of_attack=radians(flight.number(ANGLE_COLUMN, 0.0, -90.0, 90.0)),
+        sideslip_angle=radians(flight.number(SIDESLIP_COLUMN, 0.0, -90.0, 90.0)),
         mass=vehicle.number("mass_kg", default.mass, 1e-3, 1e9),
         pitch_inertia=vehicle.number("pitch_inertia_kg_m2", default.pitch_inertia, 1e-6, 1e12),
         pitch_damping=vehicle.number("pitch_damping_per_rad", default.pitch_damping, -1e6, 1e6),
@@ -140,7 +141,7 @@ def _commands(root: TomlTable, stop_time: float) -> tuple[Command, ...]:
     commands = []
     for item in root.tables("command"):
         time = item.number("time_s", None, 0.0, stop_time)
-        commands.append(Command(time, radians(item.number("angle_of_attack_deg", None, -90.0, 90.0))))
+        commands.append(Command(time, radians(item.number(ANGLE_COLUMN, None, -90.0, 90.0))))
         item.finish()
     times = [command.time for command in commands]
     if not times or times[0] != 0.0 or sorted(set(times)) != times:

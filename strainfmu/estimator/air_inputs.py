@@ -8,6 +8,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from strainfmu.flight_condition import ALTITUDE as ALTITUDE
+from strainfmu.flight_condition import MACH_NUMBER as MACH_NUMBER
+
 STD = "_std"
 """Ends the name of the input for a standard deviation."""
 
@@ -66,7 +69,7 @@ _DYNAMIC_PRESSURE = AirInput(
     largest=1e7,
 )
 _MACH_NUMBER = AirInput(
-    name="mach_number",
+    name=MACH_NUMBER,
     label="Mach number",
     symbol="M",
     unit="1",
@@ -77,7 +80,7 @@ _MACH_NUMBER = AirInput(
     largest=100.0,
 )
 _ALTITUDE = AirInput(
-    name="altitude",
+    name=ALTITUDE,
     label="Altitude",
     symbol="h",
     unit="m",
@@ -122,13 +125,18 @@ _TOTAL_TEMPERATURE = AirInput(
 )
 
 
+def standard_deviation_of(label: str) -> str:
+    """Return the label of the standard deviation of what is called ``label``."""
+    return f"Standard deviation of {label[:1].lower()}{label[1:]}"
+
+
 def _std_of(
     quantity: AirInput, text: str, of_linear: str = "", note: str = "", aliases: tuple[str, ...] = ()
 ) -> AirInput:
     """Return the input for the standard deviation of ``quantity``."""
     return AirInput(
         name=f"{quantity.name}{STD}",
-        label=f"Standard deviation of {quantity.label[:1].lower()}{quantity.label[1:]}",
+        label=standard_deviation_of(quantity.label),
         symbol=f"sigma({quantity.symbol})",
         unit=quantity.unit,
         shown=quantity.shown,
@@ -170,7 +178,7 @@ NAVIGATION_INPUTS = tuple(one.name for one in AIR_INPUTS if one.of_tables)
 FLOW_QUANTITIES = tuple(one.name for one in AIR_INPUTS if not one.of_tables and not one.is_std)
 """Quantities of every map, without standard deviations."""
 
-DYNAMIC_PRESSURE, MACH_NUMBER, ALTITUDE, STATIC_PRESSURE, TOTAL_TEMPERATURE = (
-    one.name for one in (_DYNAMIC_PRESSURE, _MACH_NUMBER, _ALTITUDE, _STATIC_PRESSURE, _TOTAL_TEMPERATURE)
+DYNAMIC_PRESSURE, STATIC_PRESSURE, TOTAL_TEMPERATURE = (
+    one.name for one in (_DYNAMIC_PRESSURE, _STATIC_PRESSURE, _TOTAL_TEMPERATURE)
 )
-"""Those that something is computed from."""
+"""Those that something is computed from, besides :data:`MACH_NUMBER` and :data:`ALTITUDE`."""

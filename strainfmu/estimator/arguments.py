@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike
 
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import InputError
+from strainfmu.estimator.signal_names import STRAIN
 
 NOT_KNOWN = -9999.0
 """Start value of flow parameters, in the unit of each: they may be 0, and have either sign.
@@ -42,7 +43,7 @@ def is_series(strain: ArrayLike) -> bool:
     InputError
         It is complex, no numbers, or rows of unequal length.
     """
-    return (strain if type(strain) is np.ndarray else real_numbers("strain", strain)).ndim == 2
+    return (strain if type(strain) is np.ndarray else real_numbers(STRAIN, strain)).ndim == 2
 
 
 def strain_of_one(strain: ArrayLike, n_gauges: int) -> FloatArray:
@@ -53,7 +54,7 @@ def strain_of_one(strain: ArrayLike, n_gauges: int) -> FloatArray:
     InputError
         It has another shape, or holds something else than real numbers.
     """
-    d = real_numbers("strain", strain)
+    d = real_numbers(STRAIN, strain)
     if d.shape != (n_gauges,):
         raise InputError(f"strain: expected {n_gauges} values, got {d.shape}")
     return d
@@ -67,7 +68,7 @@ def strain_of_samples(strain: ArrayLike, n_gauges: int) -> FloatArray:
     InputError
         It has another shape, or holds something else than real numbers.
     """
-    d = real_numbers("strain", strain)
+    d = real_numbers(STRAIN, strain)
     if d.ndim != 2:
         return strain_of_one(d, n_gauges)[None, :]
     if d.shape[1] != n_gauges:

@@ -17,6 +17,7 @@ from strainfmu.estimator.estimates.pressure_field import PressureField
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.flow_parameters import PARAMETER_TOLERANCE
 from strainfmu.estimator.other_loads import SECTIONS, LoadGroup, rows_of
+from strainfmu.estimator.signal_names import COEFFICIENT_ARRAY, VALID
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -129,7 +130,7 @@ class Estimate(NamedLoads):
 
     @property
     def coefficients(self) -> FloatArray:  # type: ignore[override]
-        return self._field("coefficients")
+        return self._field(COEFFICIENT_ARRAY)
 
     @property
     def coefficients_std(self) -> FloatArray:
@@ -261,7 +262,7 @@ class Estimate(NamedLoads):
     @property
     def valid(self) -> BoolArray:
         """(n_d,) sensors that were used."""
-        return np.asarray(self._fit("valid") != 0.0)
+        return np.asarray(self._fit(VALID) != 0.0)
 
     @property
     def standardised_residual(self) -> FloatArray:

@@ -38,6 +38,7 @@ from strainfmu.estimator.other_loads import number_of
 from strainfmu.estimator.policies import LARGEST_TIME, SMALLEST_TIME
 from strainfmu.estimator.resource.map_file import native_resource
 from strainfmu.estimator.settings import EstimatorSettings, default_settings
+from strainfmu.estimator.signal_names import COEFFICIENT_ARRAY, FILTER_TIME_CONSTANT, STRAIN
 from strainfmu.estimator.surface_pressure import SurfaceSample, surface_pressure
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros, no_zeros
 from strainfmu.estimator.zeros.tare import KnownStrain, Tare, TareLimits, limits_record
@@ -202,7 +203,7 @@ class Estimator:
             raise InputError(f"zeros: expected {self.inverse_map.n_strain_gauges} values, got {len(zeros.value)}")
         given = [getattr(settings, name) for name in list(core.settings)[:5]]
         core.set(0, np.concatenate([given, zeros.value, zeros.std, [zeros.common_std]]))
-        constant = core.settings["filter_time_constant"]
+        constant = core.settings[FILTER_TIME_CONSTANT]
         if constant.stop > constant.start:
             core.set(constant.start, np.array([filter_time_constant]))
         core.renew()
@@ -223,7 +224,7 @@ class Estimator:
             self.core.resource,
             changed.get("settings", self.settings),
             changed.get("zeros", self.zeros),
-            changed.get("filter_time_constant", self.filter_time_constant),
+            changed.get(FILTER_TIME_CONSTANT, self.filter_time_constant),
         )
         if self._tracks is not None:
             other._new_track(self._tracks.state)
@@ -256,7 +257,7 @@ class Estimator:
         if not (time_constant == 0.0 or SMALLEST_TIME <= time_constant <= LARGEST_TIME):
             allowed = f"0 or {SMALLEST_TIME:g} to {LARGEST_TIME:g} s"
             raise InputError(f"time_constant: expected {allowed}, got {time_constant:g}")
-        place = self.core.settings["filter_time_constant"]
+        place = self.core.settings[FILTER_TIME_CONSTANT]
         if time_constant > 0.0 and place.stop == place.start:
             raise InputError(
                 "filter: expected a map of gamma 1 in Case 2, or with tables, "
@@ -587,7 +588,7 @@ class Estimator:
             The compiled core is not available on this machine.
         """
         n, chosen = self.inverse_map.n_strain_gauges, limits or TareLimits()
-        readings = real_numbers("strain", strain)
+        readings = real_numbers(STRAIN, strain)
         if readings.ndim != 2 or readings.shape[1] != n:
             raise InputError(f"strain: expected (k, {n}) values, got {readings.shape}")
         pressures = per_sample(DYNAMIC_PRESSURE, dynamic_pressure, len(readings))
@@ -605,7 +606,7 @@ class Estimator:
         record, layout, place = np.atleast_2d(estimate.sample), self.core.inputs, self._thrust
         shape, settings = estimate.loads.shape[:-1], self.settings
         if not self.inverse_map.has_other_loads or self.is_nonlinear:
-            five = estimate.coefficients if "coefficients" in name else estimate.loads
+            five = estimate.coefficients if COEFFICIENT_ARRAY in name else estimate.loads
             known = np.isfinite(five).all(axis=-1, keepdims=True)
             return np.where(known, np.zeros((*shape, number_of(self.load_groups))), nan)
         pressure, std = (record[:, layout[one].start] for one in (DYNAMIC_PRESSURE, "dynamic_pressure_std"))

@@ -51,6 +51,15 @@ from strainfmu.estimator.setting_inputs import (
     SETTING_NAMES,
 )
 from strainfmu.estimator.settings import EstimatorSettings, default_settings
+from strainfmu.estimator.signal_names import (
+    COEFFICIENT_ARRAY,
+    FILTER_TIME_CONSTANT,
+    STRAIN,
+    VALID,
+    ZERO,
+    ZERO_COMMON_STD,
+    ZERO_STD,
+)
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 from strainfmu.estimator.zeros.tare import TareFault
 from strainfmu.estimator.zeros.tare_edge import TareState
@@ -87,13 +96,13 @@ class NumpyCore:
         n_p = len(flow_parameters(inverse_map).names)
         self.n_rows = n
         self.inputs = _layout(
-            {"strain": n_strains, "sensor": n - n_strains}
+            {STRAIN: n_strains, "sensor": n - n_strains}
             | dict.fromkeys(AIR_INPUT_NAMES, 1)
             | {"temperature": n_t, "thrust": int(has_thrust), "parameter": n_p}
         )
-        of_zeros = {"zero": n_strains, "zero_std": n_strains, "zero_common_std": 1, "filter_time_constant": 0}
+        of_zeros = {ZERO: n_strains, ZERO_STD: n_strains, ZERO_COMMON_STD: 1, FILTER_TIME_CONSTANT: 0}
         self.settings = _layout(dict.fromkeys(SETTING_NAMES, 1) | of_zeros)
-        vectors = ("coefficients", "coefficients_std", "loads", "loads_std")
+        vectors = (COEFFICIENT_ARRAY, "coefficients_std", "loads", "loads_std")
         of_health = ("health", "chi_square", "chi_square_limit", "valid_gauges", "suspect_gauge", "suspects")
         more = ("other_loads", "other_loads_std", "other_coefficients", "other_coefficients_std")
         self.outputs = _layout(
@@ -107,7 +116,7 @@ class NumpyCore:
         self.fit = _layout(
             {"load_covariance": 25, "coefficient_covariance": 25, "fits": 1}
             | {"state": 4, "state_covariance": 16, "air_data_residual": 3, "discrepancy_chi_square": 1}
-            | {"residual_limit": 1, "standardised_residual": n, "valid": n, "is_suspect": n},
+            | {"residual_limit": 1, "standardised_residual": n, VALID: n, "is_suspect": n},
             self.n_outputs,
         )
         self.n_fit = _size(self.fit) - self.n_outputs
@@ -129,7 +138,7 @@ class NumpyCore:
         """Set the settings from place ``first`` on; raises InputError for a value that is not allowed."""
         held = self._values.copy()
         held[first : first + len(values)] = values
-        zero, std, common = (held[self.settings[name]] for name in ("zero", "zero_std", "zero_common_std"))
+        zero, std, common = (held[self.settings[name]] for name in (ZERO, ZERO_STD, ZERO_COMMON_STD))
         EstimatorSettings(**{name: float(held[self.settings[name].start]) for name in SETTING_NAMES})
         GaugeZeros(value=zero, std=std, common_std=float(common[0]))
         self._values = held
@@ -181,9 +190,9 @@ class NumpyCore:
         used = self._used(readings, mask, flow)
         found = self._nothing(k, used)
         zeros = Zeros(
-            value=self._setting("zero"),
-            std=self._setting("zero_std"),
-            common_std=float(self._setting("zero_common_std")[0]),
+            value=self._setting(ZERO),
+            std=self._setting(ZERO_STD),
+            common_std=float(self._setting(ZERO_COMMON_STD)[0]),
         )
         theta = of["temperature"]
         key = np.hstack([used, known_sensors(held.thermal, theta)])
@@ -235,7 +244,7 @@ class NumpyCore:
         found = {name: np.full((k, place.stop - place.start), np.nan) for name, place in whole.items()}
         for name in ("suspect_gauge", "suspects", "degrees_of_freedom", "iterations", "fits", "is_suspect"):
             found[name][:] = 0.0
-        found["valid"][:], found["valid_gauges"][:, 0] = used, used.sum(axis=1)
+        found[VALID][:], found["valid_gauges"][:, 0] = used, used.sum(axis=1)
         found["health"][:, 0] = np.where(used.any(axis=1), HealthState.UNIDENTIFIED, HealthState.INVALID)
         return found
 
@@ -320,7 +329,7 @@ class NumpyCore:
         found = {
             "loads": loads[:, five],
             "loads_std": std[:, five],
-            "coefficients": coefficients[:, five],
+            COEFFICIENT_ARRAY: coefficients[:, five],
             "coefficients_std": of_std[:, five],
             "load_covariance": covariance[:, five, five],
             "coefficient_covariance": of_coefficients[:, five, five],

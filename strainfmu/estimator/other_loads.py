@@ -21,6 +21,7 @@ import numpy as np
 
 from strainfmu.arrays import BoolArray, IntArray
 from strainfmu.errors import InputError
+from strainfmu.estimator.signal_names import MOMENT
 
 FIVE_LOADS, OTHER_LOADS = slice(0, 5), slice(5, None)
 """Rows of the five loads, which every map has, and of those behind them."""
@@ -335,7 +336,7 @@ A cut there carries them if the part ahead has no weight and is not accelerated.
 HINGES = LoadFamily(
     loads=(
         LoadKind(
-            key="moment",
+            key=MOMENT,
             name="hinge_moment",
             output="moment.hinge",
             text="Hinge moment of the air, right-handed",
@@ -361,7 +362,7 @@ HINGES = LoadFamily(
 BENDING = LoadFamily(
     loads=(
         LoadKind(
-            key="moment",
+            key=MOMENT,
             name="bending_moment",
             output="moment.bending",
             text="Bending moment of the air on the part ahead, positive as the nose goes towards its roll angle",

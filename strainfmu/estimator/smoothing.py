@@ -20,7 +20,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
-from strainfmu.estimator.air_inputs import AIR_INPUT_NAMES
+from strainfmu.estimator.air_inputs import AIR_INPUT_NAMES, DYNAMIC_PRESSURE
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
@@ -34,6 +34,7 @@ from strainfmu.estimator.reference.linear_filter import LinearFilterReference
 from strainfmu.estimator.reference.nonlinear import Sample
 from strainfmu.estimator.reference.readings import Zeros, amplitudes, rows_of
 from strainfmu.estimator.settings import default_settings
+from strainfmu.estimator.signal_names import VALID
 from strainfmu.estimator.surface_pressure import LARGEST_USED_SCORE
 from strainfmu.estimator.tables.flight_tables import N_STATES
 
@@ -363,7 +364,7 @@ class FlightSmoother(_Records):
 
 
 _OF_CORE = (
-    "valid",
+    VALID,
     "fits",
     "health",
     "is_linear",
@@ -462,7 +463,7 @@ class LinearSmoother(_Records):
     def steps(self, found: Estimate, time: FloatArray, last: float) -> list[Step]:
         """Return the steps of the samples ``found``; arguments as of :meth:`FlightSmoother.steps`."""
         record, valid = found.sample, found.valid
-        names = ("dynamic_pressure", "dynamic_pressure_std")
+        names = (DYNAMIC_PRESSURE, "dynamic_pressure_std")
         more: dict[str, Any] = {name: record[:, self.layout[name].start] for name in names}
         more["temperature"] = record[:, self.layout["temperature"]]
         if self.layout["thrust"].stop > self.layout["thrust"].start:
@@ -489,7 +490,7 @@ class LinearSmoother(_Records):
             reference.law, kept = law, own if law is None else law
             return Step(before=kept, after=kept, transition=transition, continues=law is not None)
         rows = self.rows(record, used, warm, np.zeros(len(warm.amplitude)))
-        ratio = self.value(record, "dynamic_pressure") / self.map.nominal_dynamic_pressure
+        ratio = self.value(record, DYNAMIC_PRESSURE) / self.map.nominal_dynamic_pressure
         alone, _ = measured(own, reference.rows(own, rows, used, ratio))
         read = _Read(rows, used, ratio, reference.loads(alone, rows, used, ratio), static)
         if law is not None:

@@ -24,6 +24,7 @@ from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
 from strainfmu.estimator.other_loads import names_of
 from strainfmu.estimator.resource.map_file import native_resource
 from strainfmu.estimator.setting_inputs import SETTING_INPUTS
+from strainfmu.estimator.signal_names import COEFFICIENT_ARRAY, STRAIN, OperatingSettings
 from strainfmu.files import check_new_folder
 from strainfmu.fmu.native.sources import ARITHMETIC_FLAGS, compiled_files, model_sources
 from strainfmu.fmu.reference_run.run import ReferenceRun, reference_run
@@ -41,7 +42,7 @@ WARNING_FLAGS = ("-Wall", "-Wextra", "-Wconversion", "-Werror")
 _LINE_SIZE = 118
 
 _INPUTS = {
-    "strain": "[m/m]",
+    STRAIN: "[m/m]",
     "sensor": "in the units below",
     **{one.name: f"[{one.unit}]{one.note}" for one in AIR_INPUTS},
     "temperature": "[K]",
@@ -53,14 +54,11 @@ _INPUTS = {
 
 _SETTINGS = {
     **{one.name: one.note for one in SETTING_INPUTS},
-    "zero": "[m/m] zero offset of each gauge",
-    "zero_std": "[m/m] its standard deviation",
-    "zero_common_std": "[m/m] standard deviation of an offset that all gauges have in common",
-    "filter_time_constant": "[s] of the filter over time; 0: no filter",
+    **vars(OperatingSettings()),
 }
 
 _OUTPUTS = {
-    "coefficients": f"[1] {', '.join(COEFFICIENT_NAMES)}",
+    COEFFICIENT_ARRAY: f"[1] {', '.join(COEFFICIENT_NAMES)}",
     "coefficients_std": "[1] their standard deviations",
     "loads": "[N, N, N, N m, N m]",
     "loads_std": "their standard deviations",
@@ -127,7 +125,7 @@ def input_columns(inverse_map: InverseMap, inputs: Layout) -> dict[str, tuple[st
     """Return the names of an FMU's inputs behind each field of a sample."""
     n, readings = inverse_map.n_strain_gauges, reading_names(inverse_map)
     arrays = {
-        "strain": readings[:n],
+        STRAIN: readings[:n],
         "sensor": readings[n:],
         "temperature": temperature_names(inverse_map.thermal),
         "parameter": parameter_names(inverse_map),

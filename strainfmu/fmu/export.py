@@ -25,6 +25,7 @@ from strainfmu.estimator.map.inverse_map import (
     load_inverse_map,
     save_inverse_map,
 )
+from strainfmu.estimator.signal_names import STRAIN
 from strainfmu.estimator.zeros.tare import KnownStrain
 from strainfmu.files import content_hash_of, write_folder_atomically
 from strainfmu.fmu.c_folder import c_entries, check_folder_path
@@ -67,6 +68,7 @@ _COMMON_SOURCES = (
     "atmosphere.py",
     "errors.py",
     "files.py",
+    "flight_condition.py",
     "records.py",
     "fmu/__init__.py",
     "fmu/python/__init__.py",
@@ -88,8 +90,8 @@ _PLANT_SOURCES = (
     "estimator/map/__init__.py",
     "estimator/map/sensors.py",
     "estimator/setting_inputs.py",
+    "estimator/signal_names.py",
     "interface/",
-    "flight_condition.py",
     "cosim/__init__.py",
     "cosim/models/__init__.py",
     "cosim/models/flight_model.py",
@@ -295,7 +297,7 @@ def _described(inverse_map: InverseMap) -> str:
 def _terminals(inverse_map: InverseMap) -> dict[str, tuple[tuple[str, ...], str]]:
     """Return arrays or variables, and the description, of each connector."""
     sensors = sensor_names(inverse_map)
-    found: dict[str, tuple[tuple[str, ...], str]] = {"gauges": (("strain",), "Strain of every gauge")}
+    found: dict[str, tuple[tuple[str, ...], str]] = {"gauges": ((STRAIN,), "Strain of every gauge")}
     return found | {"sensors": (sensors, "What every auxiliary sensor reads")} if sensors else found
 
 
@@ -370,7 +372,7 @@ def export_plant(
         **python_entries(description, code, payload),
         CONTENTS: json.dumps(contents, indent=1).encode(),
         **{f"documentation/{name}": content for name, content in pages.items()},
-        **terminal_files(description, {"gauges": (("strain",), "Strain of every gauge")}, "plant"),
+        **terminal_files(description, {"gauges": ((STRAIN,), "Strain of every gauge")}, "plant"),
         **reference.files(description.interface),
     }
     write_archive(fmu_path, entries)

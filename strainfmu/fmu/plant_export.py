@@ -19,6 +19,7 @@ from strainfmu.cosim.models.plant_law import Plant
 from strainfmu.cosim.models.schedule import ScheduledSignal, schedule_data, schedule_interface
 from strainfmu.cosim.models.trajectory import load_trajectory
 from strainfmu.errors import InputError
+from strainfmu.estimator.signal_names import STRAIN
 from strainfmu.files import content_hash_of
 from strainfmu.flight_condition import FlightCondition
 from strainfmu.fmu.description.fmu_description import FmuDescription
@@ -233,7 +234,7 @@ def _native_fmu(
     pages = documentation_files(description, [*sections, *reference_sections(reference, interface)], "native")
     known = {"kind": "native", "model": kind.name.lower(), "strainfmu_version": __version__, **contents}
     arrays = {variable.array for variable in interface}
-    terminals = {"gauges": (("strain",), "Strain of every gauge")} if "strain" in arrays else {}
+    terminals = {"gauges": ((STRAIN,), "Strain of every gauge")} if STRAIN in arrays else {}
     icon = "plant" if kind is ModelKind.PLANT else None
     return {
         **native_entries(

@@ -8,7 +8,7 @@ FMI 3.0. The model descriptions, the documentation page and the FMUs' code all f
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from strainfmu.estimator.air_inputs import AIR_INPUTS, DYNAMIC_PRESSURE
@@ -22,6 +22,7 @@ from strainfmu.estimator.setting_inputs import (
     SETTING_INPUTS,
 )
 from strainfmu.estimator.settings import LARGEST_SETTING, default_settings, setting_minimum
+from strainfmu.estimator.signal_names import COEFFICIENT_ARRAY, FORCE, MOMENT, STRAIN, VALID
 from strainfmu.interface.enumerations import HEALTH_TYPE
 from strainfmu.interface.filter_variables import with_filter_parameter
 from strainfmu.interface.flight_variables import flight_interface, flight_outputs, with_later_inputs
@@ -50,13 +51,24 @@ from strainfmu.interface.zero_variables import ZERO_ARRAYS, with_zero_parameters
 if TYPE_CHECKING:
     from strainfmu.estimator.map.inverse_map import InverseMap
 
+
+@dataclass(frozen=True)
+class LoadSignal:
+    """One of the five loads: ``label`` in words, ``sense`` what is positive, ``unit``."""
+
+    label: str
+    sense: str
+    unit: str
+
+
 LOADS = {
-    "force.axial": ("Axial force, positive aft, fore-body", "N"),
-    "force.normal": ("Normal force, positive up", "N"),
-    "force.side": ("Side force, positive to starboard", "N"),
-    "moment.pitch": ("Pitching moment, positive nose-up", "N.m"),
-    "moment.yaw": ("Yawing moment, positive nose to starboard", "N.m"),
+    "force.axial": LoadSignal("Axial force", "positive aft, fore-body", "N"),
+    "force.normal": LoadSignal("Normal force", "positive up", "N"),
+    "force.side": LoadSignal("Side force", "positive to starboard", "N"),
+    "moment.pitch": LoadSignal("Pitching moment", "positive nose-up", "N.m"),
+    "moment.yaw": LoadSignal("Yawing moment", "positive nose to starboard", "N.m"),
 }
+"""The five loads by the names of their outputs."""
 
 
 def valid_names(n_gauges: int) -> tuple[str, ...]:
@@ -118,18 +130,18 @@ def estimator_arrays(interface: Sequence[Variable]) -> tuple[Variable, ...]:
     """Return the variables of the FMI 3.0 estimator in the order of their value references."""
     has_sensors = any(one.name.startswith(SENSOR_PREFIX) for one in interface)
     valid = "Whether each gauge, then each sensor, may be used; order of the inputs"
-    return with_arrays(interface, {**ARRAYS, "valid": valid} if has_sensors else ARRAYS)
+    return with_arrays(interface, {**ARRAYS, VALID: valid} if has_sensors else ARRAYS)
 
 
 ARRAYS = {
-    "coefficients": "C_A, C_N, C_Y, M_P, M_Y: force coefficients axial, normal, side; moment pitching, yawing",
+    COEFFICIENT_ARRAY: "C_A, C_N, C_Y, M_P, M_Y: force coefficients axial, normal, side; moment pitching, yawing",
     "sigma.coefficients": "Standard deviations of the coefficients, same order",
-    "force": "Axial (positive aft, fore-body), normal (up) and side (to starboard) force",
-    "moment": "Pitching (positive nose-up) and yawing (nose to starboard) moment",
+    FORCE: "Axial (positive aft, fore-body), normal (up) and side (to starboard) force",
+    MOMENT: "Pitching (positive nose-up) and yawing (nose to starboard) moment",
     "sigma.force": "Standard deviations of the forces, same order",
     "sigma.moment": "Standard deviations of the moments, same order",
-    "strain": "Strain of each gauge; names and positions in the documentation",
-    "valid": "Whether each gauge may be used; same order as strain",
+    STRAIN: "Strain of each gauge; names and positions in the documentation",
+    VALID: "Whether each gauge may be used; same order as strain",
     **ZERO_ARRAYS,
     **TEMPERATURE_ARRAYS,
     **OTHER_LOAD_ARRAYS,
@@ -158,7 +170,7 @@ def _gauge_inputs(inverse_map: InverseMap) -> list[Variable]:
             display_unit="um/m",
             nominal=_nominal(strain_range, noise),
             start=0.0,
-            array="strain",
+            array=STRAIN,
         )
         for i, (gauge, (x, y, z), strain_range, noise) in enumerate(
             zip(
@@ -180,7 +192,7 @@ def _gauge_inputs(inverse_map: InverseMap) -> list[Variable]:
             variability="discrete",
             fmi_type="Boolean",
             start=True,
-            array="valid",
+            array=VALID,
         )
         for i, gauge in enumerate(inverse_map.gauge_names, start=1)
     ]
@@ -189,11 +201,11 @@ def _gauge_inputs(inverse_map: InverseMap) -> list[Variable]:
 
 def _flow_inputs(inverse_map: InverseMap) -> list[Variable]:
     """Return the inputs for flow and navigation of every map."""
-    nominal = inverse_map.nominal_dynamic_pressure
+    nominal, use = inverse_map.nominal_dynamic_pressure, _USE[inverse_map.follows_pressure]
     return [
         Variable(
             name=one.name,
-            description=one.text_of_linear.format(of=inverse_map, not_given=NOT_GIVEN, use=_USE[inverse_map.form]),
+            description=one.text_of_linear.format(of=inverse_map, not_given=NOT_GIVEN, use=use),
             causality="input",
             kind="air data",
             label=one.label,
@@ -209,8 +221,8 @@ def _flow_inputs(inverse_map: InverseMap) -> list[Variable]:
     ]
 
 
-_USE = {"absolute": "turns loads into coefficients", "dynamic_pressure": "weights of the strains follow it"}
-"""What a linear map does with the dynamic pressure, by its form."""
+_USE = {False: "turns loads into coefficients", True: "weights of the strains follow it"}
+"""What a linear map does with the dynamic pressure, by whether it follows it."""
 
 
 def _pressure_of_loads(inverse_map: InverseMap) -> tuple[str, ...]:
@@ -218,7 +230,7 @@ def _pressure_of_loads(inverse_map: InverseMap) -> tuple[str, ...]:
 
     In form "dynamic_pressure" there are no loads where the deviation is impossible.
     """
-    return () if inverse_map.form == "absolute" else FLOW_INPUTS[:2]
+    return FLOW_INPUTS[:2] if inverse_map.follows_pressure else ()
 
 
 def _parameters(inverse_map: InverseMap) -> list[Variable]:
@@ -256,7 +268,7 @@ def _estimated_coefficients(inverse_map: InverseMap, gauges: tuple[str, ...]) ->
             nominal=nominal,
             depends_on=(*gauges, *FLOW_INPUTS[:2]),
             initially_depends_on=of_moment if name.startswith("M_") else of_force,
-            array="coefficients",
+            array=COEFFICIENT_ARRAY,
         )
         for (name, text), nominal in zip(COEFFICIENTS.items(), nominals, strict=True)
     ]
@@ -271,16 +283,17 @@ def _estimated_loads(inverse_map: InverseMap, gauges: tuple[str, ...]) -> list[V
     values = [
         Variable(
             name=name,
-            description=text,
+            description=f"{one.label}, {one.sense}",
             causality="output",
-            unit=unit,
-            display_unit=f"k{unit}",
-            nominal=_nominal(scale * (length if unit == "N.m" else 1.0) * max(abs(low), abs(high))),
+            label=one.label,
+            unit=one.unit,
+            display_unit=f"k{one.unit}",
+            nominal=_nominal(scale * (length if one.unit == "N.m" else 1.0) * max(abs(low), abs(high))),
             depends_on=(*gauges, *flow),
-            initially_depends_on=(OF_READINGS, OF_STATION) if unit == "N.m" else (OF_READINGS,),
+            initially_depends_on=(OF_READINGS, OF_STATION) if one.unit == "N.m" else (OF_READINGS,),
             array=name.partition(".")[0],
         )
-        for (name, (text, unit)), (low, high) in zip(LOADS.items(), inverse_map.coefficient_range, strict=True)
+        for (name, one), (low, high) in zip(LOADS.items(), inverse_map.coefficient_range, strict=True)
     ]
     return [*values, *map(deviation_of, values)]
 

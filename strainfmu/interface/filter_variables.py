@@ -7,12 +7,11 @@ from typing import TYPE_CHECKING
 from strainfmu.estimator.map.offers import has_filter
 from strainfmu.estimator.policies import LARGEST_TIME as LARGEST
 from strainfmu.estimator.policies import SMALLEST_TIME as SMALLEST
+from strainfmu.estimator.signal_names import FILTER_TIME_CONSTANT as FILTER_TIME_CONSTANT
 from strainfmu.interface.fmi_variables import Variable
 
 if TYPE_CHECKING:
     from strainfmu.estimator.map.inverse_map import InverseMap
-
-FILTER_TIME_CONSTANT = "filter_time_constant"
 
 
 def with_filter_parameter(interface: tuple[Variable, ...], inverse_map: InverseMap) -> tuple[Variable, ...]:

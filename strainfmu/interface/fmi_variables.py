@@ -8,6 +8,8 @@ from itertools import groupby
 from math import pi
 from typing import Any, Literal
 
+from strainfmu.estimator.air_inputs import standard_deviation_of
+
 Kind = Literal["reading", "air data", "parameter", "output", "health"]
 """Kinds of signals: what gauges and sensors read, air data and flow, settings, loads, and what states how good."""
 
@@ -95,11 +97,16 @@ UNITS = (
 
 def shown_unit(variable: Variable) -> tuple[str, float]:
     """Return the unit that people read, "" for none, and the factor to it."""
-    for unit in UNITS:
-        for display in unit.display_units:
-            if unit.name == variable.unit and display.name == variable.display_unit:
+    return unit_shown(variable.unit or "", variable.display_unit)
+
+
+def unit_shown(unit: str, shown: str | None) -> tuple[str, float]:
+    """Return the unit ``shown`` that people read of values in ``unit``, and the factor to it."""
+    for one in UNITS:
+        for display in one.display_units:
+            if one.name == unit and display.name == shown:
                 return display.name, display.factor
-    return variable.unit or "", 1.0
+    return unit, 1.0
 
 
 def strain_names(n_gauges: int) -> tuple[str, ...]:
@@ -113,6 +120,8 @@ def deviation_of(value: Variable) -> Variable:
         value,
         name=f"sigma.{value.name}",
         description=f"Standard deviation of {value.name}",
+        label=value.label and standard_deviation_of(value.label),
+        symbol=value.symbol and f"sigma({value.symbol})",
         nominal=None,
         minimum=0.0,
         array=None if value.array is None else f"sigma.{value.array}",
@@ -143,6 +152,8 @@ def with_arrays(interface: Sequence[Variable], descriptions: Mapping[str, str]) 
             changed |= {
                 "name": name,
                 "description": descriptions[name],
+                "label": "",
+                "symbol": "",
                 "dimension": len(elements),
                 "nominal": max(nominals, default=None),
                 "start": None if first.start is None else tuple(element.start for element in elements),

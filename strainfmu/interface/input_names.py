@@ -9,11 +9,12 @@ from typing import TypeVar
 import numpy as np
 
 from strainfmu.arrays import FloatArray
+from strainfmu.estimator.air_inputs import AIR_INPUTS, FLOW_QUANTITIES, STD
 from strainfmu.estimator.air_inputs import FLOW_INPUTS as FLOW_INPUTS
 from strainfmu.estimator.air_inputs import NAVIGATION_INPUTS as NAVIGATION_INPUTS
-from strainfmu.estimator.air_inputs import STD
 from strainfmu.estimator.arguments import NOT_KNOWN as NOT_KNOWN
 from strainfmu.estimator.setting_inputs import SETTING_NAMES
+from strainfmu.flight_condition import with_unit
 
 NOT_GIVEN = "0 or below (or NaN)"
 """What :data:`FLOW_INPUTS`, :data:`NAVIGATION_INPUTS` and temperatures are where they are not given, in words.
@@ -27,6 +28,10 @@ PARAMETERS = SETTING_NAMES
 
 OTHER_AIR_DATA = (*(name for name in FLOW_INPUTS if name.endswith(STD)), *NAVIGATION_INPUTS)
 """Deviations of q_inf and navigation, and p_inf: what not every sender knows, and not every estimator takes."""
+
+
+FLOW_KEYS = {one.name: with_unit(one.name, one.unit) for one in AIR_INPUTS if one.name in FLOW_QUANTITIES}
+"""Keys of the flow in the datagrams of a bridge, by name: they end on the unit."""
 
 
 Value = TypeVar("Value", float, FloatArray)

@@ -8,6 +8,16 @@ from math import degrees
 from typing import TYPE_CHECKING, Protocol
 
 from strainfmu.arrays import FloatArray
+from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
+from strainfmu.estimator.signal_names import STRAIN
+from strainfmu.flight_condition import (
+    ALTITUDE,
+    ANGLE_OF_ATTACK,
+    CONDITION_NAMES,
+    CONDITION_QUANTITIES,
+    MACH_NUMBER,
+    SIDESLIP_ANGLE,
+)
 from strainfmu.interface.fmi_variables import COEFFICIENTS, Variable, strain_names
 from strainfmu.interface.sensor_variables import display_unit, fmi_units, reading_names, sensor_names
 
@@ -57,7 +67,7 @@ def plant_interface(vehicle: StrainedVehicle) -> tuple[Variable, ...]:
             unit="1",
             display_unit="um/m",
             initially_depends_on=noise,
-            array="strain",
+            array=STRAIN,
         )
         for name, gauge, angle in zip(
             strain_names(vehicle.n_strain_gauges),
@@ -110,36 +120,36 @@ def _sensors(vehicle: StrainedVehicle, noise: tuple[str, ...]) -> list[Variable]
     ]
 
 
+_CONDITION_TEXT = {
+    MACH_NUMBER: "Free-stream Mach number",
+    ANGLE_OF_ATTACK: "Angle of attack",
+    SIDESLIP_ANGLE: "Angle of sideslip",
+    ALTITUDE: "Geopotential altitude",
+}
+
+
 def _flight_condition() -> list[Variable]:
     """Return the plant's outputs that state the flight condition."""
+    pressure = Variable(
+        name=DYNAMIC_PRESSURE,
+        description="Free-stream dynamic pressure",
+        causality="output",
+        unit="Pa",
+        display_unit="kPa",
+        minimum=0.0,
+    )
     return [
-        Variable(
-            name="dynamic_pressure",
-            description="Free-stream dynamic pressure",
-            causality="output",
-            unit="Pa",
-            display_unit="kPa",
-            minimum=0.0,
-        ),
-        Variable(
-            name="mach_number", description="Free-stream Mach number", causality="output", unit="1", minimum=0.0
-        ),
-        Variable(
-            name="angle_of_attack",
-            description="Angle of attack",
-            causality="output",
-            unit="rad",
-            display_unit="deg",
-        ),
-        Variable(
-            name="sideslip_angle",
-            description="Angle of sideslip",
-            causality="output",
-            unit="rad",
-            display_unit="deg",
-        ),
-        Variable(
-            name="altitude", description="Geopotential altitude", causality="output", unit="m", display_unit="km"
+        pressure,
+        *(
+            Variable(
+                name=one.name,
+                description=_CONDITION_TEXT[one.name],
+                causality="output",
+                unit=one.unit,
+                display_unit=None if one.shown == one.unit else one.shown,
+                minimum=0.0 if one.name == MACH_NUMBER else None,
+            )
+            for one in CONDITION_QUANTITIES
         ),
     ]
 
@@ -204,9 +214,9 @@ def native_plant_interface(
     """Return the variables of the native plant FMU in the order of their value references."""
     index = {name: f"[{i}]" for i, name in enumerate(reading_names(vehicle), start=1)}
     given = {
-        Motion.INPUTS: ("mach_number", "angle_of_attack", "sideslip_angle", "altitude"),
+        Motion.INPUTS: CONDITION_NAMES,
         Motion.TRAJECTORY: (),
-        Motion.SHORT_PERIOD: ("mach_number", "sideslip_angle", "altitude"),
+        Motion.SHORT_PERIOD: tuple(name for name in CONDITION_NAMES if name != ANGLE_OF_ATTACK),
     }[motion]
     variables = []
     for variable in plant_interface(vehicle):
@@ -232,7 +242,7 @@ def _with_dependencies(output: Variable, given: tuple[str, ...], motion: Motion,
     initial = ("initial_angle_of_attack",) if motion is Motion.SHORT_PERIOD else ()
     if row is not None:
         depends_on = (*given, f"fault_kind{row}", f"fault_value{row}")
-    elif output.name != "dynamic_pressure" and output.name not in COEFFICIENTS:
+    elif output.name != DYNAMIC_PRESSURE and output.name not in COEFFICIENTS:
         depends_on = ()
     return replace(output, depends_on=depends_on, initially_depends_on=(*output.initially_depends_on, *initial))
 

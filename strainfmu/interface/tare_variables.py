@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from strainfmu.estimator.signal_names import TARE as TARE
 from strainfmu.estimator.zeros.gauge_zeros import LARGEST_ZERO
 from strainfmu.estimator.zeros.tare import LEAST_SAMPLES, TareLimits
 from strainfmu.interface.enumerations import TARE_TYPE
 from strainfmu.interface.fmi_variables import Variable
 
-TARE, TARE_STATE = "tare", "tare_state"
+TARE_STATE = "tare_state"
 
 ZEROS_IN_USE = ("zero_in_use", "zero_in_use_std", "zero_in_use_common_std")
 """Zeros, their deviations, and the one in common; the first two one for each gauge."""

@@ -5,15 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from strainfmu.estimator.signal_names import ZERO, ZERO_COMMON_STD, ZERO_STD
 from strainfmu.estimator.zeros.gauge_zeros import LARGEST_ZERO
 from strainfmu.interface.fmi_variables import Variable
 from strainfmu.interface.health_names import VALID_GAUGES
 
-ZERO_COMMON_STD = "zero_common_std"
-
 ZERO_ARRAYS = {
-    "zero": "Reading of each gauge without strain, taken off its strain; same order as strain",
-    "zero_std": "Standard deviation of the error of each zero, independent of the others",
+    ZERO: "Reading of each gauge without strain, taken off its strain; same order as strain",
+    ZERO_STD: "Standard deviation of the error of each zero, independent of the others",
 }
 
 
@@ -44,7 +43,7 @@ def _parameter(name: str, gauge_names: Sequence[str]) -> Variable:
     if index:
         gauge = gauge_names[int(index[:-1]) - 1]
         text = f"Reading of gauge {gauge} without strain, taken off strain[{index}"
-        if array == "zero_std":
+        if array == ZERO_STD:
             text = f"Standard deviation of the error of zero[{index}, of gauge {gauge}"
     return Variable(
         name=name,
@@ -54,7 +53,7 @@ def _parameter(name: str, gauge_names: Sequence[str]) -> Variable:
         variability="tunable",
         unit="1",
         display_unit="um/m",
-        minimum=-LARGEST_ZERO if array == "zero" else 0.0,
+        minimum=-LARGEST_ZERO if array == ZERO else 0.0,
         maximum=LARGEST_ZERO,
         start=0.0,
         array=array if index else None,

@@ -10,9 +10,12 @@ from collections.abc import Iterable
 from math import isfinite
 from typing import Any, NoReturn
 
+from strainfmu.estimator.air_inputs import AIR_INPUTS, DYNAMIC_PRESSURE
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 from strainfmu.estimator.other_loads import coefficient_names
+from strainfmu.estimator.signal_names import COEFFICIENT_ARRAY
 from strainfmu.interface.estimator_variables import LOADS
+from strainfmu.interface.input_names import FLOW_KEYS
 
 LARGEST_DATAGRAM = 1 << 16
 
@@ -21,17 +24,15 @@ UNITS = {
     "sequence": "1",
     "uptime_s": "s",
     "quality": "code",
-    "coefficients": "1",
+    COEFFICIENT_ARRAY: "1",
     "sigma": "1",
-    "loads": {name: unit.replace(".", " ") for name, (_, unit) in LOADS.items()},
-    "loads_sigma": {name: unit.replace(".", " ") for name, (_, unit) in LOADS.items()},
+    "loads": {name: one.unit.replace(".", " ") for name, one in LOADS.items()},
+    "loads_sigma": {name: one.unit.replace(".", " ") for name, one in LOADS.items()},
     "other_loads": f"1 of {', '.join(coefficient_names())}, N of forces, N m of moments",
     "strain_um_per_m": "um/m",
     "gauges_used": "gauges",
     "suspects": "gauges",
-    "dynamic_pressure_Pa": "Pa",
-    "mach_number": "1",
-    "altitude_m": "m",
+    **{FLOW_KEYS[one.name]: one.unit for one in AIR_INPUTS if one.name in FLOW_KEYS},
     "age_ms": "ms",
     "age_uncertainty_ms": "ms",
     "health": "code",
@@ -49,10 +50,12 @@ UNITS = {
 FIELD_UNITS = {"timestamp": "s since 1970", "x": "m", "roll_angle": "deg", "pressure_Pa": "Pa"}
 """Unit of every number of a pressure field."""
 
-_NUMBERS = ("quality", "dynamic_pressure_Pa", "age_ms", "health", "chi_square")
+_NUMBERS = ("quality", FLOW_KEYS[DYNAMIC_PRESSURE], "age_ms", "health", "chi_square")
 _TEXTS = ("quality_name", "health_name", "bus_state")
 _LATER_NUMBERS = (
-    *("sequence", "uptime_s", "mach_number", "altitude_m", "envelope_score", "envelope_score_limit"),
+    *("sequence", "uptime_s"),
+    *(key for name, key in FLOW_KEYS.items() if name != DYNAMIC_PRESSURE),
+    *("envelope_score", "envelope_score_limit"),
     *("chi_square_limit", "gauges_used", "suspects", "age_uncertainty_ms"),
 )
 _LATER_TEXTS = ("health_text", "suspect_gauge", "period_text")
@@ -87,7 +90,7 @@ def _result(content: dict[str, Any]) -> dict[str, Any]:
         **{name: _text(content.get(name)) for name in _LATER_TEXTS},
         "causes": [_text(cause) for cause in content["causes"]],
         "causes_since": [_text(cause) for cause in content.get("causes_since", [])],
-        "coefficients": _numbers(content["coefficients"], COEFFICIENT_NAMES),
+        COEFFICIENT_ARRAY: _numbers(content[COEFFICIENT_ARRAY], COEFFICIENT_NAMES),
         "sigma": _numbers(content["sigma"], COEFFICIENT_NAMES),
         "loads": _numbers(content.get("loads") or {}, LOADS),
         "loads_sigma": _numbers(content.get("loads_sigma") or {}, LOADS),

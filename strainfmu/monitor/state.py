@@ -10,9 +10,11 @@ from typing import Any, NamedTuple
 from strainfmu.can.cycle.states.quality import Quality
 from strainfmu.can.cycle.states.words import all_words
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
+from strainfmu.estimator.signal_names import COEFFICIENT_ARRAY
 from strainfmu.interface.estimator_variables import LOADS
 from strainfmu.monitor.events import EventLog
 from strainfmu.monitor.message import FIELD_UNITS, UNITS, parsed
+from strainfmu.monitor.shown_signals import flow_tiles, histories
 
 HISTORY = 60.0
 """Length of the history that a new page gets [s]."""
@@ -99,7 +101,7 @@ class MonitorState:
         self._worst = max(self._worst, _severity(result["quality"]))
         if now - self._last_point >= HISTORY_PERIOD:
             kinds = (
-                ("coefficients", COEFFICIENT_NAMES),
+                (COEFFICIENT_ARRAY, COEFFICIENT_NAMES),
                 ("sigma", COEFFICIENT_NAMES),
                 ("loads", LOADS),
                 ("loads_sigma", LOADS),
@@ -162,6 +164,7 @@ class MonitorState:
         if seen is None:
             content |= {"columns": COLUMNS, "units": UNITS, "field_units": FIELD_UNITS}
             content |= {"words": all_words(), "history_s": HISTORY}
+            content |= {"flow": flow_tiles(), "histories": histories()}
         return json.dumps(content, separators=(",", ":"), allow_nan=False), shown
 
 

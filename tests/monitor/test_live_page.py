@@ -22,7 +22,7 @@ pytestmark = pytest.mark.skipif(PROGRAM is None, reason="Chromium is not install
 def test_chromium_shows_what_is_outside_and_what_is_not_known(tmp_path: Path, monitor: Monitor) -> None:
     browser = Browser(tmp_path / "profile", monitor.url)
     mouth = publisher(monitor.listens_at[1], score_limit=3.0)
-    names = ("health", "health_text", "envelope", "mach", "altitude")
+    names = ("health", "health_text", "envelope", "mach_number", "altitude_m")
     shown = "[" + ",".join(f"document.getElementById('{name}').textContent" for name in names) + "].join('|')"
     try:
         browser.wait("document.getElementById('quality')?.textContent", lambda found: found == "waiting")

@@ -23,7 +23,7 @@ from builder.aero.cfd.units import METRES, PRESSURE_UNITS, QUANTITIES
 from builder.vehicle.toml.sections import Section
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-from strainfmu.flight_condition import FlightCondition
+from strainfmu.flight_condition import CONDITION_COLUMNS, FlightCondition
 from strainfmu.text_files import shown_columns
 
 BODY_AXES = "aft starboard up"
@@ -36,7 +36,7 @@ _DIRECTIONS = {
     "down": (0.0, 0.0, -1.0),
 }
 _ROTATION_TOLERANCE = 1e-6
-_CASE_KEYS = ("file", "mach_number", "angle_of_attack_deg", "sideslip_angle_deg", "altitude_km")
+_CASE_KEYS = ("file", *CONDITION_COLUMNS)
 _PARAMETER = "parameters."
 _TEXT_KEYS = ("file", "quantity", "unit", "length_unit", "array", "location", "axes")
 

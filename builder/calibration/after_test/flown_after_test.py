@@ -18,10 +18,11 @@ from builder.structure.as_built.derivatives import Key, of_gauges, parameter_der
 from builder.structure.as_built.structure import AsBuiltStructure
 from builder.structure.as_built.vehicle import slices
 from builder.trial.vehicles import DrawnVehicles, drawn_vehicles
-from builder.truth.revolution.flow_table import FlowTable, harmonics_at, ratio_on
+from builder.truth.revolution.flow_table import FlowTable, flow_states, harmonics_at, ratio_on
 from builder.truth.revolution.strain import TrueStructure
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
+from strainfmu.estimator.signal_names import ZERO
 from strainfmu.flight_condition import FlightCondition
 
 
@@ -60,7 +61,7 @@ class AllowedVehicles:
         strain, stated = self.drawing.read(number, count, random)
         error = random.standard_normal((count, self.factor.shape[1])) @ self.factor.T
         # Zeros are taken off as estimated, so that their error is a reading of its own.
-        strain = strain + self.change[number] + error[:, self.where["zero"]]
+        strain = strain + self.change[number] + error[:, self.where[ZERO]]
         for key, slope in self.slope.items():
             start = self.where[key[0]].start
             own = error[:, self.where[key[0]]] if of_gauges(key) else error[:, [start + key[1]]]
@@ -112,10 +113,7 @@ def net_pressure(
 ) -> FloatArray:
     """Return (k, n_p) p - p_internal [Pa] on the nodes of ``structure``, linear between the table's stations."""
     conditions, grid = drawing.conditions, structure.surface
-    mach, incidence, wind = (
-        np.array([getattr(one, name) for one in conditions])
-        for name in ("mach_number", "total_incidence", "leeward_roll_angle")
-    )
+    mach, incidence, wind = flow_states(conditions)
     between = np.array([np.interp(grid.x, true.surface.x, row) for row in np.eye(len(true.surface.x))])
     harmonic = np.einsum("kxm,xy->kym", harmonics_at(table, mach, incidence), between, optimize=True)
     ratio = ratio_on(harmonic, wind, grid.roll_angle)

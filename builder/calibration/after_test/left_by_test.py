@@ -25,6 +25,7 @@ from builder.structure.as_built.derivatives import (
 from builder.structure.as_built.structure import AsBuiltStructure
 from builder.structure.as_built.vehicle import AsBuilt, slices
 from strainfmu.arrays import FloatArray
+from strainfmu.estimator.signal_names import ZERO
 
 NAME = "left by the ground test"
 
@@ -70,7 +71,7 @@ def left_by_test(structure: AsBuiltStructure, remaining: Remaining, ensemble: En
     if not remaining.covariance.any():
         return LeftByTest()
     where = slices(structure.counts)
-    zero = remaining.covariance[where["zero"], where["zero"]]
+    zero = remaining.covariance[where[ZERO], where[ZERO]]
     return LeftByTest(
         errors=tuple(_errors(structure, remaining, ensemble)),
         zeros=(NoiseTerm("zeros after the ground test", _factor(zero), hardware=True),),

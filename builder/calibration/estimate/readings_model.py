@@ -29,6 +29,7 @@ from builder.structure.as_built_kinds import KINDS
 from builder.structure.loads.applied import Load
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
+from strainfmu.estimator.signal_names import ZERO
 
 PAD_STEPS = {
     "place": KINDS["pad_position"].step,
@@ -149,7 +150,7 @@ class ReadingsModel:
                 found[:, gauge, start + gauge] = rows
             else:
                 found[:, :, start + key[1]] = rows
-        self._zero_derivatives(found, where["zero"].start)
+        self._zero_derivatives(found, where[ZERO].start)
         self._load_derivatives(found, strain)
         return self._joined(strain, errors), found
 

@@ -28,6 +28,7 @@ from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.other_loads import FIVE_LOADS
+from strainfmu.estimator.signal_names import ZERO
 
 FLIGHTS = 24
 """Pressure fields of the map's ensemble that stand for the flights."""
@@ -108,7 +109,7 @@ def load_plan(
     for one in first:
         known = known.after(one)
     if attitudes:
-        bare = [_together(one, first[0], slices(as_built.counts)["zero"]) for one in bare]
+        bare = [_together(one, first[0], slices(as_built.counts)[ZERO]) for one in bare]
     chosen = select_cases(known, bare, count, progress)
     return LoadPlan(
         attitudes=tuple(attitudes),
@@ -155,7 +156,7 @@ def _flight(parts: PlanParts, exact: InverseMap) -> FlightSensitivity:
             jacobian[:, gauge, first + gauge] = value.T
         else:
             jacobian[:, :, first + key[1]] = value.T
-    jacobian[:, gauge, where["zero"].start + gauge] = 1.0
+    jacobian[:, gauge, where[ZERO].start + gauge] = 1.0
     jacobian[:, :, :-1] *= std.vector
     scale = coefficient_scale(exact.nominal_dynamic_pressure, vehicle.reference_quantities())
     return FlightSensitivity(

@@ -20,7 +20,7 @@ from builder.structure.as_built.structure import AsBuiltStructure, as_built_stru
 from builder.structure.as_built.vehicle import AsBuilt, prior_std
 from builder.structure.loads.loaded_structure import LoadProperties
 from builder.trial.conditions import held_out_conditions
-from builder.truth.revolution.flow_table import FlowTable, harmonics_at, ratio_on
+from builder.truth.revolution.flow_table import FlowTable, flow_states, harmonics_at, ratio_on
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
 from strainfmu.flight_condition import FlightCondition
@@ -146,16 +146,9 @@ def properties_of(vehicle: Vehicle) -> LoadProperties:
 def flights_of(vehicle: Vehicle, table: FlowTable, structure: AsBuiltStructure, count: int) -> Flights:
     """Return ``count`` held-out flights on the nodes of ``structure``."""
     conditions = held_out_conditions(vehicle, table, count, np.random.default_rng(31))
-    mach, incidence, wind, ambient, dynamic = (
-        np.array([getattr(one, name) for one in conditions])
-        for name in (
-            "mach_number",
-            "total_incidence",
-            "leeward_roll_angle",
-            "ambient_pressure",
-            "dynamic_pressure",
-        )
-    )
+    mach, incidence, wind = flow_states(conditions)
+    ambient = np.array([one.ambient_pressure for one in conditions])
+    dynamic = np.array([one.dynamic_pressure for one in conditions])
     grid = structure.surface
     ratio = ratio_on(harmonics_at(table, mach, incidence), wind, grid.roll_angle)
     net = ambient[:, None] * (ratio - 1.0)

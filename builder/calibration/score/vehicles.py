@@ -42,6 +42,7 @@ from builder.truth.revolution.flow_table import load_flow_table
 from builder.vehicle.file import load_vehicle
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError, StrainfmuError
+from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.files import write_bytes_atomically
@@ -169,7 +170,7 @@ class Score:
         estimator = Estimator(inverse_map if kind == "nonlinear" else inverse_map.without_tables())
         conditions = setup.flights.conditions
         known = navigation_at(conditions, estimator.is_nonlinear)
-        known["dynamic_pressure"] = np.array([one.dynamic_pressure for one in conditions])
+        known[DYNAMIC_PRESSURE] = np.array([one.dynamic_pressure for one in conditions])
         every = {name: np.repeat(value, setup.draws) for name, value in known.items()}
         found = estimates(estimator, Readings(strain=read, known=every))
         truth = np.repeat(setup.flights.coefficients, setup.draws, axis=0)

@@ -115,10 +115,8 @@ def same_engine(vehicle: Vehicle, snapshots: Snapshots, leeward: str | None = No
 
 def _between(listed: Sequence[FlightCondition]) -> tuple[tuple[FlightCondition, ...], int]:
     """Return the conditions in the middle of the cells of ``listed``, and the number of these cells."""
-    axes = [
-        _middles([getattr(one, name) for one in listed])
-        for name in ("mach_number", "angle_of_attack", "sideslip_angle")
-    ]
+    flows = [(one.mach_number, one.angle_of_attack, one.sideslip_angle) for one in listed]
+    axes = [_middles(axis) for axis in zip(*flows, strict=True)]
     parameters = sorted({one.parameters for one in listed})
     cells, most = list(product(*axes)), max(1, MOST_FLOWS // len(parameters))
     if len(cells) > most:

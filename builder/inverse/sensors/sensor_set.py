@@ -22,6 +22,7 @@ from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.sensors import STRAIN, SensorRows
+from strainfmu.estimator.signal_names import FORCE, MOMENT
 
 Surface = SurfaceGrid | SurfaceMesh
 
@@ -281,7 +282,7 @@ def _load_cells(entry: LoadCells, surface: Surface) -> list[SensorRow]:
         rows.append(
             SensorRow(
                 name=f"cell_{name}",
-                kind="moment" if is_moment else "force",
+                kind=MOMENT if is_moment else FORCE,
                 unit="N m" if is_moment else "N",
                 position=np.array([entry.station_m, 0.0, 0.0]),
                 direction=np.array(_AXES[name]),

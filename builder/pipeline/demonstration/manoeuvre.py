@@ -10,7 +10,7 @@ from builder.vehicle.doubtful_entries import is_in_radians
 from builder.vehicle.file import Vehicle
 from strainfmu.cosim.models.trajectory import Trajectory
 from strainfmu.errors import FaultsError
-from strainfmu.flight_condition import FlightCondition
+from strainfmu.flight_condition import ALTITUDE, FlightCondition
 
 ROUND_OFF = 1e-9
 """By which a manoeuvre may exceed a range, in the unit of each quantity."""
@@ -93,4 +93,4 @@ def _ranges(
     heights = [1e-3 * c.altitude for c in held]
     if vehicle.map.follows_pressure:
         heights = list(vehicle.map.valid_altitude_km)
-    yield "altitude", " km", [1e-3 * c.altitude for c in flown], heights
+    yield ALTITUDE, " km", [1e-3 * c.altitude for c in flown], heights

@@ -17,14 +17,16 @@ from builder.reports.findings.envelope_states import NAVIGATION
 from builder.reports.findings.flight_accuracy import FlightAccuracy
 from builder.reports.page.html import Block, Items, Paragraph, Section, picture
 from builder.reports.page.tables import Table, percent
+from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE, MACH_NUMBER
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
+from strainfmu.estimator.signal_names import COEFFICIENT_ARRAY
 
 AIR_DATA_SHOWN = (
     ("total_incidence", "total incidence [deg]", 180.0 / np.pi),
     ("wind_roll_angle", "roll angle of the wind [deg]", 180.0 / np.pi),
-    ("mach_number", "Mach number [1]", 1.0),
+    (MACH_NUMBER, "Mach number [1]", 1.0),
     ("static_pressure", "p_inf [kPa]", 1e-3),
-    ("dynamic_pressure", "q_inf [kPa]", 1e-3),
+    (DYNAMIC_PRESSURE, "q_inf [kPa]", 1e-3),
 )
 """Air data of the maps over the envelope: name, label, factor to its unit."""
 
@@ -191,7 +193,7 @@ def uncertainty(report: BuildReport, tables: dict[str, Table]) -> Section:
         f"Uncertainty of each coefficient{whose}",
         (
             *_of_linear(report),
-            tables["coefficients"],
+            tables[COEFFICIENT_ARRAY],
             picture(
                 uncertainty_figures.coefficients(
                     sources=report.coefficients.names,

@@ -16,6 +16,7 @@ from builder.structure.observability import SYMMETRIES
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, LOAD_NAMES, LOAD_UNITS
 from strainfmu.estimator.map.validity import valid_ranges
+from strainfmu.estimator.signal_names import COEFFICIENT_ARRAY
 
 MICRO = SCALES["um/m"]
 MICROSTRAIN_PER_KPA = 1e9
@@ -181,7 +182,7 @@ def coefficients(report: BuildReport) -> Table:
     pressure = 1e-3 * report.inverse_map.nominal_dynamic_pressure
     of_what = " of the linear map" if report.in_use.is_nonlinear else ""
     caption = f"Coefficients{of_what} at a dynamic pressure of {pressure:.5g} kPa, and their loads."
-    return make_table("coefficients", caption, columns, rows)
+    return make_table(COEFFICIENT_ARRAY, caption, columns, rows)
 
 
 def correlations(report: BuildReport) -> Table:

@@ -14,6 +14,7 @@ from builder.structure.as_built.vehicle import AsBuilt, Counts
 from builder.structure.as_built_kinds import AS_BUILT, IN_NOISE, KINDS
 from builder.vehicle.map.options import Noise
 from strainfmu.arrays import FloatArray
+from strainfmu.estimator.signal_names import ZERO
 
 Key = tuple[str, int]
 """Kind of a parameter, and the number of the region, row or joint, or 0."""
@@ -24,7 +25,7 @@ def derivative_keys(counts: Counts) -> list[Key]:
     return [
         (kind.name, number)
         for kind in AS_BUILT
-        if kind.name != "zero"
+        if kind.name != ZERO
         for number in range(1 if kind.extent in ("gauge", "vehicle") else getattr(counts, kind.extent))
     ]
 

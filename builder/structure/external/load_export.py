@@ -15,7 +15,6 @@ from builder.aero.mapping.pressure_map import nodal_force_operator
 from builder.structure.external.load_cases import LoadCases, strain_columns
 from builder.structure.external.nastran.bulk_data import case_control, force_cards, grid_cards
 from builder.structure.external.strain_table import (
-    CONDITION_COLUMNS,
     FIRST_COLUMNS,
     NEEDED_COLUMNS,
     SUBCASE_COLUMN,
@@ -24,7 +23,7 @@ from builder.structure.solid.gauges.gauge_rows import Gauges
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 from strainfmu.files import write_bytes_atomically
-from strainfmu.flight_condition import FlightCondition
+from strainfmu.flight_condition import CONDITION_COLUMNS, FlightCondition
 
 NASTRAN = "bdf"
 FORMATS = ("csv", "vtu", NASTRAN)

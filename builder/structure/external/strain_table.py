@@ -14,13 +14,14 @@ import numpy as np
 from builder.structure.external.csv_rows import csv_rows
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
+from strainfmu.estimator.signal_names import STRAIN
+from strainfmu.flight_condition import CONDITION_COLUMNS
 from strainfmu.text_files import shown_columns
 from strainfmu.units import STRAIN_UNITS
 
-CONDITION_COLUMNS = ("mach_number", "angle_of_attack_deg", "sideslip_angle_deg", "altitude_km")
-"""For the reader of the table; cases are told apart by ``load_id``."""
 UNIT_COLUMN = "strain_unit"
 FIRST_COLUMNS = ("case", "load_id", *CONDITION_COLUMNS, UNIT_COLUMN)
+"""Conditions are for the reader of the table; cases are told apart by ``load_id``."""
 NEEDED_COLUMNS = ("case", "load_id")
 SUBCASE_COLUMN = "subcase"
 """In place of strains and their unit, where those stand in the results of Nastran."""
@@ -182,12 +183,12 @@ def _from_csv(path: Path, results: SubcaseStrains | None) -> StrainTable:
 def _from_hdf5(path: Path) -> StrainTable:
     try:
         with h5py.File(path, "r") as file:
-            for name in ("case", "load_id", "column", "strain"):
+            for name in ("case", "load_id", "column", STRAIN):
                 if not isinstance(file.get(name), h5py.Dataset):
                     raise InputError(f"{path}: expected a dataset '{name}', got {', '.join(file) or 'none'}")
             texts = [tuple(map(str, file[name].asstr()[()])) for name in ("case", "load_id", "column")]
-            strain = np.asarray(file["strain"][()], dtype=np.float64)
-            unit = str(file["strain"].attrs.get("unit", ""))
+            strain = np.asarray(file[STRAIN][()], dtype=np.float64)
+            unit = str(file[STRAIN].attrs.get("unit", ""))
     except (OSError, TypeError, ValueError) as error:
         raise InputError(f"{path}: damaged, or not an HDF5 file of strains: {error}") from error
     case, load_id, column = texts

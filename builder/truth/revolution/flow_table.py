@@ -8,7 +8,7 @@ there.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,6 +22,7 @@ from builder.aero.engines.surface_pressure import pressure_at_stations
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
+from strainfmu.flight_condition import MACH_NUMBER, FlightCondition
 from strainfmu.records import load_record, save_record
 
 SCHEMA = "strainfmu.flow_table"
@@ -100,6 +101,13 @@ def flow_table(
     )
 
 
+def flow_states(conditions: Sequence[FlightCondition]) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return M, the total incidence and the roll angle of the leeward meridian [rad] (k,) of ``conditions``."""
+    mach = np.array([one.mach_number for one in conditions])
+    incidence = np.array([one.total_incidence for one in conditions])
+    return mach, incidence, np.array([one.leeward_roll_angle for one in conditions])
+
+
 def harmonics_at(table: FlowTable, mach: FloatArray, incidence: FloatArray) -> FloatArray:
     """Return (k, n_x, n_m) harmonics of p / p_inf at ``mach`` (k,) and total ``incidence`` (k,) [rad].
 
@@ -109,7 +117,7 @@ def harmonics_at(table: FlowTable, mach: FloatArray, incidence: FloatArray) -> F
         A condition is outside the knots.
     """
     for name, values, low, high in (
-        ("mach_number", mach, table.mach_knots[0], table.mach_knots[-1]),
+        (MACH_NUMBER, mach, table.mach_knots[0], table.mach_knots[-1]),
         ("total incidence [rad]", incidence, 0.0, table.incidence_knots[-1]),
     ):
         if not (np.all(values >= low - 1e-9) and np.all(values <= high + 1e-9)):

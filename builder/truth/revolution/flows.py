@@ -18,6 +18,7 @@ from builder.campaign.scheduling import Scheduling
 from builder.reporting import Reporter
 from builder.truth.revolution.flow_table import FlowTable, flow_table
 from builder.vehicle.file import Vehicle
+from builder.vehicle.model_entries import KNOTS
 from builder.vehicle.shape.geometry import SurfaceGrid, surface_grid
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
@@ -37,8 +38,8 @@ def truth_knots(vehicle: Vehicle) -> tuple[FloatArray, FloatArray]:
         The vehicle file has none.
     """
     entry = vehicle.truth
-    for name, given in (("mach_number", entry.mach_number), ("total_incidence_deg", entry.total_incidence_deg)):
-        if given is None:
+    for name in KNOTS:
+        if getattr(entry, name) is None:
             raise InputError(
                 f"truth.{name}: entry is missing, the flows of the vehicle that flies are solved there"
             )
@@ -77,7 +78,7 @@ def truth_inputs(vehicle: Vehicle) -> dict[str, Any]:
     """Return what the flow table depends on."""
     return {
         "engine": truth_engine(vehicle).inputs(),
-        "truth": vehicle.truth.model_dump(include={"mach_number", "total_incidence_deg"}),
+        "truth": vehicle.truth.model_dump(include=set(KNOTS)),
         "resolution": vehicle.resolution.truth.model_dump(),
     }
 
@@ -115,7 +116,6 @@ def independent_flows(
 
 def with_knots(vehicle: Vehicle, mach: FloatArray, incidence: FloatArray) -> Vehicle:
     """Return ``vehicle`` whose independent model has other knots, ``incidence`` in [rad]."""
-    truth = vehicle.truth.model_copy(
-        update={"mach_number": mach.tolist(), "total_incidence_deg": [degrees(one) for one in incidence]}
-    )
+    values = mach.tolist(), [degrees(one) for one in incidence]
+    truth = vehicle.truth.model_copy(update=dict(zip(KNOTS, values, strict=True)))
     return vehicle.model_copy(update={"truth": truth})

@@ -62,12 +62,16 @@ class ShapeFlights:
 
     def chosen(self, rows: IntArray) -> ShapeFlights:
         """Return the flights ``rows`` (m,), some of them more than once if so."""
-        of_flight = ("coefficients", "rolling", "pressure", "ambient_pressure", "dynamic_pressure")
         return replace(
             self,
             conditions=tuple(self.conditions[row] for row in rows.tolist()),
             strain=self.strain[:, rows],
-            **{name: getattr(self, name)[rows] for name in (*of_flight, "internal_pressure")},
+            coefficients=self.coefficients[rows],
+            rolling=self.rolling[rows],
+            pressure=self.pressure[rows],
+            ambient_pressure=self.ambient_pressure[rows],
+            dynamic_pressure=self.dynamic_pressure[rows],
+            internal_pressure=self.internal_pressure[rows],
         )
 
     def read(self, built: AsBuilt, rows: slice = slice(None)) -> FloatArray:

@@ -9,10 +9,11 @@ from pydantic import AfterValidator, Field, field_validator, model_validator
 
 from builder.vehicle.toml.limits import ALTITUDE_KM, once_each
 from builder.vehicle.toml.sections import Altitude, FileName, MachNumber, Section, StreamAngle
+from strainfmu.flight_condition import ALTITUDE_COLUMN, CONDITION_COLUMNS
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,39}")
 MAX_PARAMETERS = 6
-TAKEN = ("time_s", "mach_number", "angle_of_attack_deg", "sideslip_angle_deg", "altitude_km", "file")
+TAKEN = ("time_s", *CONDITION_COLUMNS, "file")
 """Columns of the files in which parameters are columns, too."""
 
 Value = Annotated[float, Field(ge=-1e6, le=1e6)]
@@ -77,7 +78,7 @@ class Conditions(Section):
     altitude_km: Altitude | Annotated[list[Altitude], Field(min_length=1)]
     parameters: Annotated[dict[str, FlowParameter], AfterValidator(checked_names)] = Field(default_factory=dict)
 
-    @field_validator("altitude_km", mode="before")
+    @field_validator(ALTITUDE_COLUMN, mode="before")
     @classmethod
     def _number_or_list(cls, value: Any) -> Any:
         """Refuse here, in one line, what is no altitude: a union has a fault for each of its parts."""
@@ -89,7 +90,7 @@ class Conditions(Section):
                 raise ValueError(f"expected {ALTITUDE_KM}, or a list of such numbers, got {one!r}")
         return value
 
-    @field_validator("mach_number", "angle_of_attack_deg", "sideslip_angle_deg", "altitude_km")
+    @field_validator(*CONDITION_COLUMNS)
     @classmethod
     def _each_value_once(cls, values: list[float] | float) -> list[float] | float:
         return once_each(values) if isinstance(values, list) else values

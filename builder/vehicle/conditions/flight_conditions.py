@@ -10,10 +10,8 @@ from pathlib import Path
 
 from builder.vehicle.toml.limits import ALTITUDE_KM, MACH_NUMBER, MAX_CONDITIONS, STREAM_ANGLE_DEG
 from strainfmu.errors import InputError
-from strainfmu.flight_condition import FlightCondition
+from strainfmu.flight_condition import CONDITION_COLUMNS, FlightCondition
 from strainfmu.text_files import read_csv, shown_columns
-
-CSV_COLUMNS = ("mach_number", "angle_of_attack_deg", "sideslip_angle_deg", "altitude_km")
 
 PUBLISHED_ALTITUDE = 20e3
 """Of the paper's sets P1 and P2 [m]."""
@@ -48,7 +46,7 @@ def condition_set(name: str) -> ConditionSet:
 
 
 def read_conditions(path: Path) -> list[FlightCondition]:
-    """Read flight conditions from a CSV file whose first line is :data:`CSV_COLUMNS`.
+    """Read flight conditions from a CSV file whose first line is :data:`CONDITION_COLUMNS`.
 
     Raises
     ------
@@ -59,9 +57,9 @@ def read_conditions(path: Path) -> list[FlightCondition]:
     if not path.exists():
         raise InputError(f"{path}: no such file; a set of conditions is P1, P2 or a CSV file")
     (_, header), *rows = read_csv(path) or [(1, [])]
-    if tuple(cell.strip() for cell in header) != CSV_COLUMNS:
-        got = shown_columns(header, CSV_COLUMNS)
-        raise InputError(f"{path}: line 1: expected header '{','.join(CSV_COLUMNS)}', got {got}")
+    if tuple(cell.strip() for cell in header) != CONDITION_COLUMNS:
+        got = shown_columns(header, CONDITION_COLUMNS)
+        raise InputError(f"{path}: line 1: expected header '{','.join(CONDITION_COLUMNS)}', got {got}")
     found: dict[FlightCondition, int] = {}
     for line, row in rows:
         if any(cell.strip() for cell in row):
@@ -83,11 +81,11 @@ def _add_condition(path: Path, line: int, row: list[str], found: dict[FlightCond
 
 def _condition(path: Path, line: int, row: list[str]) -> FlightCondition:
     """Return the condition of one row."""
-    if len(row) != len(CSV_COLUMNS):
-        raise InputError(f"{path}: line {line}: expected {len(CSV_COLUMNS)} values, got {len(row)}")
+    if len(row) != len(CONDITION_COLUMNS):
+        raise InputError(f"{path}: line {line}: expected {len(CONDITION_COLUMNS)} values, got {len(row)}")
     allowed = (MACH_NUMBER, STREAM_ANGLE_DEG, STREAM_ANGLE_DEG, ALTITUDE_KM)
     values = []
-    for column, cell, limits in zip(CSV_COLUMNS, row, allowed, strict=True):
+    for column, cell, limits in zip(CONDITION_COLUMNS, row, allowed, strict=True):
         try:
             value = float(cell)
         except ValueError:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, field_validator, model_validator
 
@@ -11,6 +11,12 @@ from builder.vehicle.map.gamma_rules import RULES
 from builder.vehicle.toml.limits import GAMMA, one_line
 from builder.vehicle.toml.sections import Altitude, FileName, Section
 from strainfmu.atmosphere import DEVIATION_OF_AIR
+from strainfmu.estimator.map.inverse_map_checks import FORMS, PER_PRESSURE
+
+if TYPE_CHECKING:
+    Form = str
+else:
+    Form = Literal[FORMS]
 
 SectionStation = Annotated[float, Field(gt=0.0, le=1000.0)]
 Coordinate = Annotated[float, Field(ge=-1000.0, le=1000.0)]
@@ -120,7 +126,7 @@ class MapEntry(Section):
     map too.
     """
 
-    form: Literal["dynamic_pressure", "absolute"] = "dynamic_pressure"
+    form: Form = PER_PRESSURE
     symmetry: Literal["full", "listed"] = "full"
     alarm_levels: Literal["calibrated", "always", "nominal"] = "calibrated"
     estimator: Literal["auto", "linear", "nonlinear"] = "auto"
@@ -147,7 +153,7 @@ class MapEntry(Section):
     @property
     def follows_pressure(self) -> bool:
         """Whether strain is modelled in proportion to q_inf."""
-        return self.form == "dynamic_pressure"
+        return self.form == PER_PRESSURE
 
     @field_validator("estimator", mode="before")
     @classmethod

@@ -18,6 +18,8 @@ from strainfmu.can.bridge.options import RESTARTS, RESULT_FORMS, BridgeOptions
 from strainfmu.can.wire.dbc_files import MAPPING_TABLE
 from strainfmu.can.wire.profiles import PROFILES, Identifiers
 from strainfmu.errors import InputError
+from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
+from strainfmu.estimator.signal_names import STRAIN, TARE
 from strainfmu.recorded.formats.name_match import suggestion
 from strainfmu.text_files import read_toml
 
@@ -112,7 +114,7 @@ TABLES: Mapping[str, Mapping[str, Entry]] = {
             example='"bus.key.bridge.json"',
         ),
         "dynamic_pressure_pa": Entry(
-            sets="dynamic_pressure",
+            sets=DYNAMIC_PRESSURE,
             unit="Pa",
             low=1.0,
             high=1e8,
@@ -251,9 +253,9 @@ TABLES: Mapping[str, Mapping[str, Entry]] = {
             example='"zeros.toml"',
         ),
     },
-    "tare": {
+    TARE: {
         "map": Entry(
-            sets="tare",
+            sets=TARE,
             kind="file",
             text="map of the same gauges; a tare is taken when the sender asks for it",
             example='"map.h5"',
@@ -403,7 +405,7 @@ def read_bus(
     maps_signals = False
     if path is not None:
         content = read_toml(path)
-        maps_signals = "strain" in content.get("input", {})
+        maps_signals = STRAIN in content.get("input", {})
         for name, value in _entries(content, str(path), has_mapping=True):
             checked[name] = _checked(name, value, f"{path}: {name}", path.parent)
     for text in settings:

@@ -23,6 +23,7 @@ from strainfmu.can.wire.compiled import ARRAY, INTEGER, NUMBER, Record, address,
 from strainfmu.can.wire.cycle_plan import DecodedCycle
 from strainfmu.can.wire.frame_layout import InputLayout
 from strainfmu.cosim.estimators.step import ENVELOPE_SCORE
+from strainfmu.estimator.signal_names import STRAIN, VALID
 
 _REFUSED = (
     None,
@@ -67,10 +68,7 @@ class JudgeRecord(Record):
         *((name, INTEGER) for name in ("has_passed", "may_be_held_back")),
         ("passed_time", NUMBER),
         *((name, INTEGER) for name in ("trailer_status", "has_frozen")),
-        *(
-            (name, ARRAY)
-            for name in ("nothing", "plausible", "trusted", "valid", "strain", "known", "age", "found")
-        ),
+        *((name, ARRAY) for name in ("nothing", "plausible", "trusted", VALID, STRAIN, "known", "age", "found")),
     )
 
 

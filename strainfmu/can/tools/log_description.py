@@ -13,10 +13,11 @@ from strainfmu.can.bridge.options import BridgeOptions
 from strainfmu.can.wire.libraries import error_line
 from strainfmu.can.wire.profiles import Identifiers
 from strainfmu.errors import InputError
+from strainfmu.estimator.signal_names import TARE
 
 SIDECAR_VERSION = 1
 
-_FILES = ("dbc", "mapping", "key_file", "freshness_file", "zeros", "tare", "tare_known", "tare_output")
+_FILES = ("dbc", "mapping", "key_file", "freshness_file", "zeros", TARE, "tare_known", "tare_output")
 """Options that are files."""
 
 

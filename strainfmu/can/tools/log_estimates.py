@@ -13,9 +13,10 @@ from strainfmu.can.tools.log_description import load_description
 from strainfmu.can.tools.replay import ReplaySummary, replay_log
 from strainfmu.cosim.estimators.source import open_step
 from strainfmu.cosim.estimators.step import load_groups_of
-from strainfmu.estimator.air_inputs import ALTITUDE, MACH_NUMBER
+from strainfmu.estimator.air_inputs import AIR_INPUTS, DYNAMIC_PRESSURE, FLOW_QUANTITIES
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 from strainfmu.estimator.other_loads import output_units
-from strainfmu.interface.health_names import ENVELOPE_SCORE
+from strainfmu.interface.health_names import CHI_SQUARE, ENVELOPE_SCORE, STATE
 from strainfmu.recorded.estimates.fmu_columns import other_outputs_of
 from strainfmu.recorded.output.estimate_files import (
     ESTIMATE_COLUMNS,
@@ -31,12 +32,13 @@ LOG_COLUMNS = (
     ("age", "s"),
     ("counter", "1"),
     ("sample_time", "tick"),
-    (MACH_NUMBER, "1"),
-    (ALTITUDE, "m"),
+    *((one.name, one.unit) for one in AIR_INPUTS if one.name in FLOW_QUANTITIES and one.name != DYNAMIC_PRESSURE),
     (ENVELOPE_SCORE, "1"),
     ("age_uncertainty", "s"),
 )
 """Columns of a replay's output; loads behind the five follow where the estimator gives them."""
+
+_SIGMAS = tuple(f"sigma.{name}" for name in COEFFICIENT_NAMES)
 
 _BLOCK = 2000
 
@@ -101,22 +103,22 @@ class _Rows:
 
 
 def _row(result: CycleResult) -> list[float]:
-    nan = float("nan")
-    return [
-        result.time,
-        *result.coefficients.tolist(),
-        *result.coefficients_std.tolist(),
-        result.dynamic_pressure,
-        result.chi_square,
-        nan if result.health is None else result.health,
-        int(result.valid.sum()),
-        int(result.quality),
-        int(result.causes),
-        result.age,
-        nan if result.counter is None else result.counter,
-        nan if result.sample_time is None else result.sample_time,
-        result.mach_number,
-        result.altitude,
-        result.envelope_score,
-        result.age_uncertainty,
-    ]
+    """Return the values of :data:`LOG_COLUMNS`, NaN where there is none."""
+    values: dict[str, float | None] = {
+        "time": result.time,
+        **dict(zip(COEFFICIENT_NAMES, result.coefficients.tolist(), strict=True)),
+        **dict(zip(_SIGMAS, result.coefficients_std.tolist(), strict=True)),
+        **{name: getattr(result, name) for name in FLOW_QUANTITIES},
+        CHI_SQUARE: result.chi_square,
+        STATE: result.health,
+        "gauges_used": int(result.valid.sum()),
+        "quality": int(result.quality),
+        "causes": int(result.causes),
+        "age": result.age,
+        "counter": result.counter,
+        "sample_time": result.sample_time,
+        ENVELOPE_SCORE: result.envelope_score,
+        "age_uncertainty": result.age_uncertainty,
+    }
+    found = (values[name] for name, _ in LOG_COLUMNS)
+    return [float("nan") if value is None else value for value in found]

@@ -12,6 +12,7 @@ from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.can.wire.compiled import ARRAY, INTEGER, Record, function, pointer
 from strainfmu.can.wire.frame_layout import FLOAT, LITTLE, SIGNED, UNSIGNED, FrameLayout, SignalLayout
 from strainfmu.can.wire.signal_plan import checked_signal
+from strainfmu.estimator.signal_names import STRAIN
 
 _WIDTH, _WHOLE = 64, 1 << 64
 _KINDS = (UNSIGNED, SIGNED, FLOAT)
@@ -30,7 +31,7 @@ class _Decoder(Record):
 
 class _Cycle(Record):
     position = 1
-    _fields_ = tuple((name, ARRAY) for name in ("strain", "raw", "present", "refused"))
+    _fields_ = tuple((name, ARRAY) for name in (STRAIN, "raw", "present", "refused"))
 
 
 class DecodedCycle:
@@ -45,7 +46,7 @@ class DecodedCycle:
     record, address : of the arrays, for compiled code.
     """
 
-    __slots__ = ("address", "present", "raw", "record", "refused", "strain")
+    __slots__ = ("address", "present", "raw", "record", "refused", STRAIN)
 
     def __init__(self, n_gauges: int) -> None:
         self.strain, self.raw = np.full(n_gauges, np.nan), np.zeros(n_gauges, dtype=np.int64)

@@ -10,6 +10,7 @@ from strainfmu.can.wire.crc import Protection
 from strainfmu.can.wire.dbc_signals import period
 from strainfmu.can.wire.frame_layout import FLOW_QUANTITIES, MAPPED_QUANTITIES, InputFrame
 from strainfmu.errors import InputError
+from strainfmu.estimator.signal_names import STRAIN
 
 E2E_PROFILE, E2E_DATA_ID = "E2EProfile", "E2EDataID"
 """Message attributes of a DBC file that state the end-to-end protection; 0: none."""
@@ -21,7 +22,7 @@ START_VALUE = "GenSigStartValue"
 """Signal attribute of a DBC file: the raw number that a sender starts with."""
 
 _TABLES = {
-    "strain",
+    STRAIN,
     *FLOW_QUANTITIES,
     *MAPPED_QUANTITIES,
     "temperature",

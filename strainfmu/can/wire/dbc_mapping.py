@@ -29,6 +29,7 @@ from strainfmu.can.wire.frame_layout import (
 from strainfmu.can.wire.mixed_rates import PERIODS_HELD, cycle_time_of, with_rates
 from strainfmu.can.wire.signal_plan import SignalPlan
 from strainfmu.errors import InputError
+from strainfmu.estimator.signal_names import STRAIN
 from strainfmu.interface.sensor_variables import PREFIX as SENSOR_PREFIX
 from strainfmu.interface.sensor_variables import THRUST, identifier
 from strainfmu.units import STRAIN_UNITS, TIME_UNITS
@@ -123,7 +124,7 @@ class _Mapper:
     def layout(self) -> InputLayout:
         """Return the whole input."""
         by_message: dict[tuple[str, int | None], list[tuple[int, Any]]] = {}
-        for gauge, path in self._file.table("strain").items():
+        for gauge, path in self._file.table(STRAIN).items():
             message, signal = self._file.signal(path, f"strain, '{gauge}'")
             by_message.setdefault((message.name, selector_value(signal, self._name)), []).append(
                 (self._gauge(gauge), signal)

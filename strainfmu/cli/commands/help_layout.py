@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
+from strainfmu.estimator.signal_names import TARE
+from strainfmu.flight_condition import ALTITUDE, ANGLE_OF_ATTACK, MACH_NUMBER
+
 COMMANDS: dict[str, dict[str, str]] = {
     "Use a map": {
         "estimate": "docs/howto/estimate_recorded.md",
         "channels": "docs/howto/recorder_channels.md",
         "export": "docs/tutorials/fmu_in_tools.md",
         "bridge": "docs/howto/run_bridge.md",
-        "tare": "docs/howto/tare.md",
+        TARE: "docs/howto/tare.md",
         "inspect": "docs/reference/files.md",
         "monitor": "docs/howto/watch_live.md",
         "crosscheck": "docs/evidence/verification.md",
@@ -49,7 +53,7 @@ FILES = ("snapshots", "structure", "rebuild")
 
 OPTIONS: dict[str, dict[str, tuple[str, ...]]] = {
     "estimate": {
-        "Recording": ("channels", "ignore_columns", "exclude", "zeros", "dynamic_pressure"),
+        "Recording": ("channels", "ignore_columns", "exclude", "zeros", DYNAMIC_PRESSURE),
         "Filter": ("filter_seconds", "smooth"),
         "Checks of the data": ("accept_strain_level", "accept_held"),
         "Results": ("columns", "residuals", "field", "field_every"),
@@ -59,7 +63,7 @@ OPTIONS: dict[str, dict[str, tuple[str, ...]]] = {
         "Zero offsets": ("zero_inputs", "tare_known"),
     },
     "bridge": {"Bus": ("bus", "settings", "interface", "channel", "option", "profile")},
-    "tare": {
+    TARE: {
         "Limits": ("max_dynamic_pressure", "largest_zero", "largest_drift", "accept"),
         "Known loads": (
             "vehicle",
@@ -108,7 +112,7 @@ OPTIONS: dict[str, dict[str, tuple[str, ...]]] = {
     "compare": {"Effort": ("conditions", "draws", "training", "seed"), "Files": FILES},
     "plant": {
         "Motion": ("motion", "trajectory"),
-        "Start values": ("mach_number", "altitude", "angle_of_attack", "sideslip"),
+        "Start values": (MACH_NUMBER, ALTITUDE, ANGLE_OF_ATTACK, "sideslip"),
     },
     "bench": {
         "Structure": ("structure", "solver", "largest"),
@@ -120,7 +124,7 @@ OPTIONS: dict[str, dict[str, tuple[str, ...]]] = {
 
 NEEDS: dict[str, dict[str, tuple[str, ...]]] = {
     "estimate": {"smooth": ("filter_seconds",), "field_every": ("field",)},
-    "tare": {
+    TARE: {
         "vehicle": ("weight_up_roll_deg", "ambient_pressure"),
         "weight_up_roll_deg": ("vehicle",),
         "weight_nose_deg": ("weight_up_roll_deg",),

@@ -27,7 +27,7 @@ from strainfmu.estimator.map.inverse_map import (
     load_inverse_map,
 )
 from strainfmu.estimator.map.sensors import shown_units
-from strainfmu.estimator.map.validity import valid_ranges
+from strainfmu.estimator.map.validity import RECORDED_KEYS, valid_ranges
 from strainfmu.estimator.other_loads import FIVE_LOADS
 from strainfmu.estimator.policies import MIN_INFORMATION
 from strainfmu.estimator.reference.gain import load_covariance, residual_precision
@@ -43,16 +43,8 @@ CASE_NAMES = {1: "1, least squares on POD modes", 2: "2, low-rank Gaussian prior
 NAMED = ("gauge", "coefficient", "term")
 """Headings of columns of names, which are not broken."""
 
-OF_CONDITIONS = (
-    "mach_number",
-    "angle_of_attack_deg",
-    "sideslip_angle_deg",
-    "altitude_m",
-    "dynamic_pressure_Pa",
-    "total_incidence_deg",
-)
 SHOWN_APART = (
-    *OF_CONDITIONS,
+    *RECORDED_KEYS.values(),
     "noise_terms",
     "table_error_terms",
     "hessian_eigenvalues",

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from builder.inverse.modes.mode_choice import mode_choice_lines
+from strainfmu.estimator.map.inverse_map_checks import ABSOLUTE, PER_PRESSURE
 
 OF_LEVELS = ("chi-square", "largest |z|", "chi-square of the shapes")
 
@@ -13,8 +14,8 @@ UNIT_ENDINGS = {"_m": "m", "_mm": "mm", "_Pa": "Pa", "_deg": "deg", "_percent": 
 """Unit that the name of an entry ends on."""
 
 FORMS = {
-    "dynamic_pressure": "per dynamic pressure, for the altitudes below",
-    "absolute": "in Pa, for the altitude of the snapshots",
+    PER_PRESSURE: "per dynamic pressure, for the altitudes below",
+    ABSOLUTE: "in Pa, for the altitude of the snapshots",
 }
 SYMMETRIES = {"full": "every flow at every roll angle", "listed": "flows at the listed angles alone"}
 

@@ -9,6 +9,7 @@ from strainfmu.arrays import FloatArray
 from strainfmu.errors import StrainfmuError
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.other_loads import LoadGroup
+from strainfmu.estimator.setting_inputs import OF_READINGS
 from strainfmu.estimator.settings import SENSOR_RANGE
 from strainfmu.interface.health_names import ENVELOPE_SCORE as ENVELOPE_SCORE
 from strainfmu.interface.parameter_variables import PREFIX as PARAMETER_PREFIX
@@ -128,4 +129,4 @@ def sensor_range_of(step: Step) -> float:
 
     It is ``step``'s attribute ``sensor_range``; that of maps where it has none.
     """
-    return float(getattr(step, "sensor_range", SENSOR_RANGE))
+    return float(getattr(step, OF_READINGS, SENSOR_RANGE))

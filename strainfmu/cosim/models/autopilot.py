@@ -26,6 +26,8 @@ from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import dynamic_pressure, speed_of_sound
 from strainfmu.cosim.models.flight_model import FlightModel, evaluate
 from strainfmu.errors import InputError
+from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
+from strainfmu.estimator.signal_names import VALID
 from strainfmu.flight_condition import FlightCondition
 from strainfmu.interface.estimator_variables import valid_names
 from strainfmu.interface.fmi_variables import Variable
@@ -117,7 +119,7 @@ def autopilot_interface(
 
 
 _ESTIMATE = ("C_N", "M_P")
-_RATES = ("dynamic_pressure", "pitch_rate")
+_RATES = (DYNAMIC_PRESSURE, "pitch_rate")
 _FIRST_MOMENT = (
     *_ESTIMATE,
     *_RATES,
@@ -138,7 +140,7 @@ def _outputs(model: FlightModel) -> list[Variable]:
             causality="output",
             variability="discrete",
             fmi_type="Boolean",
-            array="valid",
+            array=VALID,
         )
         for name, gauge in zip(valid_names(model.n_gauges), model.gauge_names, strict=True)
     ]
@@ -225,7 +227,7 @@ def _inputs(start: FlightStart) -> list[Variable]:
             start=0,
         ),
         Variable(
-            name="dynamic_pressure",
+            name=DYNAMIC_PRESSURE,
             description="Free-stream dynamic pressure",
             causality="input",
             unit="Pa",

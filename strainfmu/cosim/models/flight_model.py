@@ -22,7 +22,8 @@ from strainfmu.cosim.models.trajectory import Trajectory
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.sensors import UNITS as SENSOR_UNITS
 from strainfmu.estimator.map.sensors import SensorRows
-from strainfmu.flight_condition import FlightCondition
+from strainfmu.estimator.setting_inputs import OF_AREA, OF_LENGTH
+from strainfmu.flight_condition import MACH_NUMBER, FlightCondition
 from strainfmu.interface.sensor_variables import reading_names
 from strainfmu.records import inner_record, load_record, save_record
 
@@ -36,8 +37,8 @@ _UNITS = {
     "strain_of_internal_pressure": "1/Pa",
     "internal_pressure": "Pa",
     "base_area": "m2",
-    "reference_area": "m2",
-    "reference_length": "m",
+    OF_AREA: "m2",
+    OF_LENGTH: "m",
     "noise_std": "m/m",
     "apparent_strain": "m/m",
 }
@@ -154,7 +155,7 @@ def evaluate(model: FlightModel, condition: FlightCondition, time: float | None 
     """
     when = "" if time is None else f" at time {time:.6g} s"
     mach_number, roll_angle = condition.mach_number, condition.leeward_roll_angle
-    i, mach_step = _cell(model.mach_knots, mach_number, "mach_number", 1.0, "", when)
+    i, mach_step = _cell(model.mach_knots, mach_number, MACH_NUMBER, 1.0, "", when)
     j, incidence_step = _cell(
         model.incidence_knots, condition.total_incidence, "total incidence", degrees(1.0), " deg", when
     )
@@ -202,7 +203,7 @@ def check_envelope(
     for time in times.tolist():
         condition, when = trajectory.at(time), f" at time {time:.6g} s"
         try:
-            _cell(mach_knots, condition.mach_number, "mach_number", 1.0, "", when)
+            _cell(mach_knots, condition.mach_number, MACH_NUMBER, 1.0, "", when)
             _cell(incidence_knots, condition.total_incidence, "total incidence", degrees(1.0), " deg", when)
             pressure_and_temperature(condition.altitude)
         except InputError as error:
@@ -274,7 +275,7 @@ def _check_values(model: FlightModel) -> None:
             raise InputError(f"flight model: {name} must increase")
     if model.incidence_knots[0] != 0.0:
         raise InputError(f"flight model: incidence_knots starts at {model.incidence_knots[0]:g} rad, must be 0")
-    for name in ("reference_area", "reference_length"):
+    for name in (OF_AREA, OF_LENGTH):
         if not 0.0 < getattr(model, name) < np.inf:
             raise InputError(f"flight model: {name} is {getattr(model, name)}, must be positive")
     if not 0.0 <= model.base_area < np.inf:

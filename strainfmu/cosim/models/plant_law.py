@@ -17,7 +17,8 @@ from strainfmu.atmosphere import speed_of_sound
 from strainfmu.cosim.models.flight_model import FlightModel, evaluate
 from strainfmu.cosim.models.gauge_noise import gauge_noise
 from strainfmu.cosim.models.trajectory import Trajectory
-from strainfmu.flight_condition import FlightCondition
+from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
+from strainfmu.flight_condition import CONDITION_NAMES, FlightCondition
 from strainfmu.interface.fmi_variables import COEFFICIENTS
 from strainfmu.interface.plant_variables import FlightStart, GaugeFault, Motion
 
@@ -25,7 +26,6 @@ SUBSTEP = 1e-3
 """Largest step of the integration [s]."""
 
 _FAULT_INPUTS = ("fault_kind", "fault_value")
-_CONDITION = ("mach_number", "angle_of_attack", "sideslip_angle", "altitude")
 _FAULTS = [GaugeFault.DROPOUT, GaugeFault.BIAS, GaugeFault.DRIFT, GaugeFault.STUCK, GaugeFault.FROZEN]
 
 
@@ -112,8 +112,8 @@ def _at(
     row = {
         **dict(zip(COEFFICIENTS, point.coefficients.tolist(), strict=True)),
         **dict(zip(plant.model.reading_names, strain.tolist(), strict=True)),
-        "dynamic_pressure": point.dynamic_pressure,
-        **dict(zip(_CONDITION, condition.as_tuple(), strict=True)),
+        DYNAMIC_PRESSURE: point.dynamic_pressure,
+        **dict(zip(CONDITION_NAMES, condition.as_tuple(), strict=True)),
         "pitch_rate": float(angle_and_rate[1]),
     }
     return row, _Gauges(kind=kind, onset=onset, last=gauges.last, held=held)
@@ -122,7 +122,7 @@ def _at(
 def _condition(plant: Plant, given: Mapping[str, float], angle: float, time: float) -> FlightCondition:
     if plant.trajectory is not None:
         return plant.trajectory.at(time)
-    values = [given.get(name, getattr(plant.start, name)) for name in _CONDITION]
+    values = [given.get(name, getattr(plant.start, name)) for name in CONDITION_NAMES]
     if plant.motion is Motion.SHORT_PERIOD:
         values[1] = angle
     return FlightCondition(*values)

@@ -12,16 +12,16 @@ import numpy as np
 
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-from strainfmu.flight_condition import FlightCondition
+from strainfmu.flight_condition import CONDITION_COLUMNS, CONDITION_QUANTITIES, FlightCondition
 from strainfmu.text_files import MIB, read_csv, shown_columns
 
-HEADER = ("time_s", "mach_number", "angle_of_attack_deg", "sideslip_angle_deg", "altitude_km")
+HEADER = ("time_s", *CONDITION_COLUMNS)
 LARGEST_FILE = 64 * MIB
 """Hours of a flight, recorded at 100 Hz."""
 # What cannot be meant; what a flight model holds is narrower.
 _RANGES = ((0.0, 1e8), (-100.0, 100.0), (-180.0, 180.0), (-180.0, 180.0), (-10.0, 1000.0))
 # From the user's units in the header to SI.
-_TO_SI = np.array([1.0, 1.0, np.pi / 180.0, np.pi / 180.0, 1e3])
+_TO_SI = np.array([1.0, *(one.factor for one in CONDITION_QUANTITIES)])
 
 
 @dataclass(frozen=True, eq=False)

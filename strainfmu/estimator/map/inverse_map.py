@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.estimator.map.hinge_lines import UNITS as HINGE_UNITS
 from strainfmu.estimator.map.hinge_lines import HingeLines
-from strainfmu.estimator.map.inverse_map_checks import check_arrays, check_groups, check_inverse_map
+from strainfmu.estimator.map.inverse_map_checks import PER_PRESSURE, check_arrays, check_groups, check_inverse_map
 from strainfmu.estimator.map.neutral import (
     fill,
     neutral_arrays,
@@ -45,6 +45,7 @@ from strainfmu.estimator.map.temperature import UNITS as THERMAL_UNITS
 from strainfmu.estimator.map.temperature import ThermalMap, no_temperature
 from strainfmu.estimator.numerics.fixed_order import product
 from strainfmu.estimator.other_loads import LoadGroup, is_moment, load_groups, names_of
+from strainfmu.estimator.setting_inputs import OF_AREA, OF_LENGTH
 from strainfmu.estimator.tables.manifold_map import UNITS as MANIFOLD_UNITS
 from strainfmu.estimator.tables.manifold_map import ManifoldMap
 from strainfmu.records import OPTIONAL, inner_record, load_record, save_record
@@ -238,7 +239,7 @@ class InverseMap:
     @property
     def follows_pressure(self) -> bool:
         """Whether strain, loads and errors but the gauges' own follow the dynamic pressure."""
-        return self.form == "dynamic_pressure"
+        return self.form == PER_PRESSURE
 
     @property
     def has_field(self) -> bool:
@@ -294,8 +295,8 @@ def _units(case: int) -> dict[str, str]:
         "mean_strain": "m/m",
         "strain_range": "m/m",
         "coefficient_range": "1",
-        "reference_area": "m2",
-        "reference_length": "m",
+        OF_AREA: "m2",
+        OF_LENGTH: "m",
         "nominal_dynamic_pressure": "Pa",
         "gauge_covariance": "(m/m)^2",
         "error_strain": "m/m",

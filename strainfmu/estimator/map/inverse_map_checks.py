@@ -8,7 +8,9 @@ import numpy as np
 
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
+from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
 from strainfmu.estimator.other_loads import FIVE_LOADS, number_of
+from strainfmu.estimator.setting_inputs import OF_AREA, OF_LENGTH
 
 if TYPE_CHECKING:
     from strainfmu.estimator.map.inverse_map import InverseMap
@@ -16,7 +18,7 @@ if TYPE_CHECKING:
 CASES = (1, 2)
 """Least squares on POD modes; low-rank Gaussian prior."""
 
-FORMS = ("dynamic_pressure", "absolute")
+FORMS = PER_PRESSURE, ABSOLUTE = (DYNAMIC_PRESSURE, "absolute")
 """Strain in proportion to q_inf, for any altitude; the paper's, for the pressure level of the snapshots."""
 
 RANGES = ("dynamic_pressure_range", "mach_number_range", "altitude_range")
@@ -177,7 +179,7 @@ def _check_field(inverse_map: InverseMap) -> None:
 
 def _check_values(inverse_map: InverseMap) -> None:
     """Check what must be positive, named once, or one of a few."""
-    for name in ("reference_area", "reference_length", "nominal_dynamic_pressure"):
+    for name in (OF_AREA, OF_LENGTH, "nominal_dynamic_pressure"):
         if not 0.0 < getattr(inverse_map, name) < np.inf:
             raise InputError(f"inverse map: {name} is {getattr(inverse_map, name)}, must be positive")
     n_d, n_q = len(inverse_map.gauge_names), inverse_map.n_states

@@ -13,15 +13,16 @@ from numpy.typing import ArrayLike
 
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
+from strainfmu.estimator.signal_names import FORCE, MOMENT
+from strainfmu.estimator.signal_names import STRAIN as STRAIN
 
-STRAIN = "strain"
 KINDS = (
     STRAIN,
     "pressure",
     "acceleration",
     "angular acceleration",
-    "force",
-    "moment",
+    FORCE,
+    MOMENT,
     "displacement",
     "fibre strain",
 )

@@ -9,7 +9,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from strainfmu.flight_condition import FlightCondition
+from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
+from strainfmu.flight_condition import (
+    ALTITUDE,
+    ANGLE_OF_ATTACK,
+    CONDITION_QUANTITIES,
+    MACH_NUMBER,
+    SIDESLIP_ANGLE,
+    FlightCondition,
+    with_unit,
+)
 
 if TYPE_CHECKING:
     from strainfmu.estimator.map.inverse_map import InverseMap
@@ -32,40 +41,60 @@ class ValidRange:
         return numbers if self.unit == "1" else f"{numbers} {self.unit}"
 
 
-_OF_CONDITIONS = (
-    ("Mach number", "mach_number", "1", 1.0),
-    ("angle of attack", "angle_of_attack_deg", "deg", 1.0),
-    ("sideslip angle", "sideslip_angle_deg", "deg", 1.0),
-    ("total incidence, at any roll angle", "total_incidence_deg", "deg", 1.0),
-    ("altitude", "altitude_m", "km", 1e-3),
-    ("dynamic pressure", "dynamic_pressure_Pa", "kPa", 1e-3),
-)
-"""Quantity, its name in a map's provenance, unit for the reader, factor to that unit."""
+_TOTAL_INCIDENCE = "total_incidence"
 
+_RECORDED = {
+    MACH_NUMBER: "1",
+    ANGLE_OF_ATTACK: "deg",
+    SIDESLIP_ANGLE: "deg",
+    _TOTAL_INCIDENCE: "deg",
+    ALTITUDE: "m",
+    DYNAMIC_PRESSURE: "Pa",
+}
+"""Quantities of a flight condition in a map's provenance, and their units there."""
 
-_LISTED_ANGLES = ("angle_of_attack_deg", "sideslip_angle_deg")
+RECORDED_KEYS = {name: with_unit(name, unit) for name, unit in _RECORDED.items()}
+"""The name of each in the provenance: it ends on the unit."""
+
+_SHOWN = {
+    MACH_NUMBER: ("1", 1.0),
+    ANGLE_OF_ATTACK: ("deg", 1.0),
+    SIDESLIP_ANGLE: ("deg", 1.0),
+    _TOTAL_INCIDENCE: ("deg", 1.0),
+    ALTITUDE: ("km", 1e-3),
+    DYNAMIC_PRESSURE: ("kPa", 1e-3),
+}
+"""Unit of each for the reader, factor to that unit."""
+
+VALIDITY_LABELS = {one.name: one.label for one in CONDITION_QUANTITIES} | {
+    _TOTAL_INCIDENCE: "total incidence, at any roll angle",
+    DYNAMIC_PRESSURE: "dynamic pressure",
+}
+"""What the ranges of a map call each quantity."""
 
 
 def condition_ranges(conditions: Sequence[FlightCondition]) -> dict[str, list[float]]:
     """Return minimum and maximum of each quantity over ``conditions``, by its name in a map's provenance."""
-    values = {
-        "mach_number": [c.mach_number for c in conditions],
-        "angle_of_attack_deg": [degrees(c.angle_of_attack) for c in conditions],
-        "sideslip_angle_deg": [degrees(c.sideslip_angle) for c in conditions],
-        "altitude_m": [c.altitude for c in conditions],
-        "dynamic_pressure_Pa": [c.dynamic_pressure for c in conditions],
-    }
-    return {name: [min(found), max(found)] for name, found in values.items()}
+    ranges = {}
+    for name, unit in _RECORDED.items():
+        if name != _TOTAL_INCIDENCE:
+            found = [getattr(one, name) for one in conditions]
+            values = [degrees(one) for one in found] if unit == "deg" else found
+            ranges[RECORDED_KEYS[name]] = [min(values), max(values)]
+    return ranges
 
 
 def valid_conditions(ranges: dict[str, list[float]]) -> list[ValidRange]:
     """Return what :func:`condition_ranges` found, for a reader; quantities that are not there are left out."""
     return [
         ValidRange(
-            quantity=quantity, minimum=factor * ranges[name][0], maximum=factor * ranges[name][1], unit=unit
+            quantity=VALIDITY_LABELS[name],
+            minimum=factor * ranges[key][0],
+            maximum=factor * ranges[key][1],
+            unit=unit,
         )
-        for quantity, name, unit, factor in _OF_CONDITIONS
-        if name in ranges
+        for name, (unit, factor) in _SHOWN.items()
+        if (key := RECORDED_KEYS[name]) in ranges
     ]
 
 
@@ -86,19 +115,21 @@ def valid_ranges(inverse_map: InverseMap) -> list[ValidRange]:
     With full symmetry it is the disc of total incidence, whatever the signs of the angles that were listed;
     altitude and dynamic pressure are those that the form of the map allows.
     """
-    names = [name for _, name, _, _ in _OF_CONDITIONS if name != "total_incidence_deg"]
-    held = {name: inverse_map.provenance[name] for name in names if name in inverse_map.provenance}
+    incidence = RECORDED_KEYS[_TOTAL_INCIDENCE]
+    keys = [key for key in RECORDED_KEYS.values() if key != incidence]
+    held = {key: inverse_map.provenance[key] for key in keys if key in inverse_map.provenance}
     # Earlier maps hold the altitude as one number.
     ranges = {name: value if isinstance(value, list) else [value, value] for name, value in held.items()}
     stated = {
-        "mach_number": inverse_map.mach_number_range,
-        "altitude_m": inverse_map.altitude_range,
-        "dynamic_pressure_Pa": inverse_map.dynamic_pressure_range,
+        MACH_NUMBER: inverse_map.mach_number_range,
+        ALTITUDE: inverse_map.altitude_range,
+        DYNAMIC_PRESSURE: inverse_map.dynamic_pressure_range,
     }
-    ranges |= {name: value.tolist() for name, value in stated.items() if np.all(np.isfinite(value))}
+    ranges |= {RECORDED_KEYS[name]: value.tolist() for name, value in stated.items() if np.all(np.isfinite(value))}
     if inverse_map.provenance.get("symmetry") == "full":
-        ranges = {name: value for name, value in ranges.items() if name not in _LISTED_ANGLES}
-        ranges["total_incidence_deg"] = inverse_map.provenance["total_incidence_deg"]
+        listed = [RECORDED_KEYS[name] for name in (ANGLE_OF_ATTACK, SIDESLIP_ANGLE)]
+        ranges = {key: value for key, value in ranges.items() if key not in listed}
+        ranges[incidence] = inverse_map.provenance[incidence]
     strain = 1e6 * float(np.max(inverse_map.strain_range[: inverse_map.n_strain_gauges]))
     return [
         *valid_conditions(ranges),

@@ -1,7 +1,7 @@
 """The inverse map as the compiled estimator reads it: ``map.bin``, arrays by name (:mod:`.container`).
 
 A name is PART.VALUE. Every map has the parts "linear", "scaled", "settings", "envelope" and "tare". A map that
-has them adds "scaled_errors", "other_loads" (the loads behind the five; both of form "dynamic_pressure"),
+has them adds "scaled_errors", "other_loads" (the loads behind the five; both of form DYNAMIC_PRESSURE),
 "linear_filter", "thermal", "parameters" and "sensors". :mod:`.nonlinear_arrays` has the parts of
 a nonlinear map. A module of ``fmus/native/estimator`` reads each part by its names. A bound that the map does not
 state is the largest finite number.
@@ -19,6 +19,7 @@ import numpy as np
 from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, layer_table
 from strainfmu.errors import InputError
+from strainfmu.estimator.air_inputs import ALTITUDE, DYNAMIC_PRESSURE, MACH_NUMBER
 from strainfmu.estimator.alarm_limits import AMBIGUOUS_CORRELATION, outlier_threshold
 from strainfmu.estimator.arguments import NOT_KNOWN
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, chi_square_limit
@@ -49,7 +50,9 @@ from strainfmu.estimator.policies import SMALLEST_TIME as SMALLEST
 from strainfmu.estimator.resource.container import Values, pack, texts
 from strainfmu.estimator.resource.filter_law import linear_law
 from strainfmu.estimator.resource.nonlinear_arrays import nonlinear_parts
+from strainfmu.estimator.setting_inputs import OF_AREA, OF_LENGTH, OF_READINGS
 from strainfmu.estimator.settings import LARGEST_SETTING, SMALLEST_SETTING, default_settings
+from strainfmu.estimator.signal_names import TARE
 from strainfmu.estimator.zeros.gauge_zeros import LARGEST_ZERO
 from strainfmu.estimator.zeros.tare import (
     LEAST_GAUGES,
@@ -92,7 +95,7 @@ def map_arrays(inverse_map: InverseMap, known: KnownStrain | None = None) -> dic
         **_scaled_parts(inverse_map),
         "settings": _settings(inverse_map),
         "envelope": _envelope(inverse_map),
-        "tare": _tare(inverse_map, known or KnownStrain(value=np.zeros(inverse_map.n_strain_gauges))),
+        TARE: _tare(inverse_map, known or KnownStrain(value=np.zeros(inverse_map.n_strain_gauges))),
         **nonlinear_parts(inverse_map),
     }
     if inverse_map.manifold is None and has_filter(inverse_map):
@@ -139,11 +142,11 @@ def _settings(inverse_map: InverseMap) -> Values:
     """Return start values, and the bounds of settings."""
     settings = default_settings(inverse_map)
     return {
-        "reference_area": settings.reference_area,
-        "reference_length": settings.reference_length,
+        OF_AREA: settings.reference_area,
+        OF_LENGTH: settings.reference_length,
         "moment_station": settings.moment_station,
-        "sensor_range": settings.sensor_range,
-        "dynamic_pressure": inverse_map.nominal_dynamic_pressure,
+        OF_READINGS: settings.sensor_range,
+        DYNAMIC_PRESSURE: inverse_map.nominal_dynamic_pressure,
         "smallest": SMALLEST_SETTING,
         "largest": LARGEST_SETTING,
         "largest_zero": LARGEST_ZERO,
@@ -157,9 +160,9 @@ def _envelope(inverse_map: InverseMap) -> Values:
     mach_number = ranges.mach_number * np.array([1.0 - MACH_TOLERANCE, 1.0 + MACH_TOLERANCE])
     return {
         "score_limit": inverse_map.envelope_score_limit,
-        "dynamic_pressure": np.clip(ranges.dynamic_pressure, -largest, largest),
-        "mach_number": np.clip(mach_number, -largest, largest),
-        "altitude": np.clip(ranges.altitude, -largest, largest),
+        DYNAMIC_PRESSURE: np.clip(ranges.dynamic_pressure, -largest, largest),
+        MACH_NUMBER: np.clip(mach_number, -largest, largest),
+        ALTITUDE: np.clip(ranges.altitude, -largest, largest),
         "half_gamma": 0.5 * HEAT_CAPACITY_RATIO,
         "pressure_tolerance": PRESSURE_TOLERANCE,
         "layers": layer_table(),
@@ -170,11 +173,8 @@ def _envelope(inverse_map: InverseMap) -> Values:
 
 def _tare(inverse_map: InverseMap, known: KnownStrain) -> Values:
     """Return limits, the noise of each strain gauge, and the strain of the loads that act meanwhile."""
-    limits = TareLimits()
     return {
-        "dynamic_pressure": limits.dynamic_pressure,
-        "zero": limits.zero,
-        "drift": limits.drift,
+        **vars(TareLimits()),
         "least_samples": float(LEAST_SAMPLES),
         "least_part": LEAST_PART,
         "least_gauges": LEAST_GAUGES,

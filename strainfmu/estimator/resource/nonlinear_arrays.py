@@ -47,6 +47,7 @@ from strainfmu.estimator.policies import (
 )
 from strainfmu.estimator.resource.container import Values
 from strainfmu.estimator.resource.filter_law import errors_of_others, flight_law
+from strainfmu.estimator.setting_inputs import OF_AREA, OF_LENGTH
 from strainfmu.estimator.tables.channel_tables import channel_tables
 from strainfmu.estimator.tables.flight_tables import MIN_INCIDENCE
 from strainfmu.estimator.tables.manifold_map import ManifoldMap
@@ -78,8 +79,8 @@ def nonlinear_parts(inverse_map: InverseMap) -> dict[str, Values]:
 def _tables(inverse_map: InverseMap, manifold: ManifoldMap) -> Values:
     """Return the tables of strain and loads on their knots."""
     return {
-        "reference_area": manifold.reference_area,
-        "reference_length": manifold.reference_length,
+        OF_AREA: manifold.reference_area,
+        OF_LENGTH: manifold.reference_length,
         "min_incidence": MIN_INCIDENCE,
         "mach_knots": manifold.mach_knots,
         "incidence_knots": manifold.incidence_knots,

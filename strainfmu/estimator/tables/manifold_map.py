@@ -12,6 +12,7 @@ from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import DEVIATION_OF_AIR
 from strainfmu.errors import InputError
 from strainfmu.estimator.other_loads import FIVE_LOADS
+from strainfmu.estimator.setting_inputs import OF_AREA, OF_LENGTH
 from strainfmu.estimator.tables.flight_field import UNITS as FIELD_UNITS
 from strainfmu.estimator.tables.flight_field import FlightField
 from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, N_STATES, FlightTables, U, W
@@ -258,8 +259,8 @@ UNITS = {
     "error_load": "m2, m3",
     "gauge_error_product": "1/Pa^2",
     "common_error": "1/Pa",
-    "reference_area": "m2",
-    "reference_length": "m",
+    OF_AREA: "m2",
+    OF_LENGTH: "m",
     "pressure_range": "Pa",
     "incidence_limit": "rad",
     "crossflow_range": "rad",

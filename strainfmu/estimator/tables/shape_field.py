@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
+from strainfmu.estimator.signal_names import STRAIN
 from strainfmu.estimator.tables.flight_tables import FlightTables
 from strainfmu.estimator.tables.parameter_tables import Powers, known_powers
 from strainfmu.records import inner_record
@@ -54,7 +55,7 @@ class ShapeField:
     strain_covariance: NDArray[np.float32]
     error_std: FloatArray
     parameters: FieldParameters | None = field(
-        default=None, metadata=inner_record(FieldParameters, {"strain": "1/Pa"})
+        default=None, metadata=inner_record(FieldParameters, {STRAIN: "1/Pa"})
     )
 
     def __post_init__(self) -> None:
@@ -72,9 +73,9 @@ class ShapeField:
                 "slope": (*self.amplitude.shape[:2], n_j, *self.amplitude.shape[2:]),
                 "unit_error": (n_j, n_q, *held.unit_error.shape[2:3]),
                 "spread_error": (*held.spread_error.shape[:1], n_q, *held.spread_error.shape[2:3]),
-                "strain": (*self.strain_covariance.shape[1:2], n_q),
+                STRAIN: (*self.strain_covariance.shape[1:2], n_q),
             }
-            values |= {name: getattr(held, name) for name in ("slope", "unit_error", "spread_error", "strain")}
+            values |= {name: getattr(held, name) for name in ("slope", "unit_error", "spread_error", STRAIN)}
         for name, shape in shapes.items():
             value = values[name]
             if value.shape != shape or not np.all(np.isfinite(value)):

@@ -12,6 +12,7 @@ import numpy as np
 
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
+from strainfmu.estimator.signal_names import ZERO, ZERO_COMMON_STD, ZERO_STD
 
 LARGEST_ZERO = 0.05
 """Largest zero and largest standard deviation of one [m/m]: the strain that foil gauges stand."""
@@ -37,7 +38,7 @@ class GaugeZeros:
             raise InputError(
                 f"zeros: expected values and deviations (n_d,), got {self.value.shape} and {self.std.shape}"
             )
-        for name, values in (("zero", self.value), ("zero_std", self.std), ("zero_common_std", self.common_std)):
+        for name, values in ((ZERO, self.value), (ZERO_STD, self.std), (ZERO_COMMON_STD, self.common_std)):
             for one in np.ravel(values).tolist():
                 fault = zero_fault(name, one)
                 if fault:

@@ -64,9 +64,9 @@ class TareLimits:
     drift: float = 2e-6
 
     def __post_init__(self) -> None:
-        for name in ("dynamic_pressure", "zero", "drift"):
-            if not 0.0 <= getattr(self, name) < np.inf:
-                raise InputError(f"{name}: expected at least 0, got {getattr(self, name):g}")
+        for name, value in vars(self).items():
+            if not 0.0 <= value < np.inf:
+                raise InputError(f"{name}: expected at least 0, got {value:g}")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

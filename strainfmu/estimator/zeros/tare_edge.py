@@ -11,6 +11,7 @@ from enum import IntEnum
 from typing import Protocol
 
 from strainfmu.arrays import FloatArray
+from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 from strainfmu.estimator.zeros.tare import LEAST_SAMPLES, KnownStrain, TareFault, TareLimits, limits_record
@@ -116,7 +117,7 @@ class EdgeTare:
         if TareFault.NO_CORE in reasons:
             return refused_text("it needs the compiled estimator, which this machine does not have")
         if reasons & (TareFault.NO_PRESSURE | TareFault.PRESSURE):
-            return refused_text(loads_fault(float(outcome["dynamic_pressure"][0]), self._limits))
+            return refused_text(loads_fault(float(outcome[DYNAMIC_PRESSURE][0]), self._limits))
         if TareFault.SHORT in reasons:
             return refused_text(
                 f"window: expected at least {LEAST_SAMPLES} steps, got {int(outcome['samples'][0])}"

@@ -9,7 +9,9 @@ import numpy as np
 
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
+from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.signal_names import ZERO, ZERO_COMMON_STD, ZERO_STD
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 from strainfmu.estimator.zeros.tare import LEAST_PART, LEAST_SAMPLES, LOUD, Tare, TareFault, TareLimits
 
@@ -40,9 +42,7 @@ def judged_tare(held: InverseMap, outcome: Mapping[str, FloatArray], limits: Tar
 
 def zeros_of(outcome: Mapping[str, FloatArray]) -> GaugeZeros:
     """Return the zeros in ``outcome``."""
-    return GaugeZeros(
-        value=outcome["zero"], std=outcome["zero_std"], common_std=float(outcome["zero_common_std"][0])
-    )
+    return GaugeZeros(value=outcome[ZERO], std=outcome[ZERO_STD], common_std=float(outcome[ZERO_COMMON_STD][0]))
 
 
 def loads_fault(dynamic_pressure: float, limits: TareLimits, where: str = "") -> str:
@@ -93,7 +93,7 @@ def _faults(
 
     noise = held.noise_std[int(of["moving_gauge"]) - 1]
     lines = {
-        TareFault.PRESSURE: f"loads are not known: dynamic pressure reaches {of['dynamic_pressure']:.4g} Pa, "
+        TareFault.PRESSURE: f"loads are not known: dynamic pressure reaches {of[DYNAMIC_PRESSURE]:.4g} Pa, "
         f"expected at most {limits.dynamic_pressure:g} Pa",
         TareFault.DRIFTS: f"readings drift: gauge '{gauge('drifting')}' by {1e6 * of['drift']:.3g} um/m over the "
         f"window, expected at most {1e6 * limits.drift:g} um/m",

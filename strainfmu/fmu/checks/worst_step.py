@@ -15,6 +15,7 @@ from strainfmu.cosim.systems.instance import import_fmpy, safe_temporary_parent
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map, save_inverse_map
 from strainfmu.estimator.map.sensors import refuse_sensors
+from strainfmu.estimator.signal_names import TARE
 from strainfmu.fmu.checks.step_cost import compiled, run, strain_parts
 from strainfmu.fmu.export import ExportOptions, export_estimator
 from strainfmu.interface.estimator_variables import estimator_interface
@@ -103,7 +104,7 @@ def _costs(
         0.0 if manifold is None else float(manifold.mach_range.mean()),
         names["zero_std[1]"],
         names[FILTER_TIME_CONSTANT] if filtered else 0,
-        names["tare"],
+        names[TARE],
         REPEATS,
         random_steps,
         *(value for part in strain_parts(inverse_map) for value in part.tolist()),

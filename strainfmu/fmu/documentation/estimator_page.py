@@ -70,10 +70,10 @@ _FLIGHT_LIMITS = (
 )
 
 _WEIGHTS = {
-    "absolute": "by one fixed affine map",
-    "dynamic_pressure": "by an affine map whose weights follow the dynamic pressure, so that one map serves any "
-    "altitude",
+    False: "by one fixed affine map",
+    True: "by an affine map whose weights follow the dynamic pressure, so that one map serves any altitude",
 }
+"""By whether the map follows the dynamic pressure."""
 
 _CITATION = """@misc{strainload,
   title  = {Real-time aerodynamic load estimation for hypersonics via strain-based inverse maps},
@@ -128,7 +128,7 @@ def _how(inverse_map: InverseMap) -> str:
             "by the flight state that fits them and navigation best, on tables over Mach number, incidence and "
             "pressure; and with them the coefficients and the air data"
         )
-    return f"{_WEIGHTS[inverse_map.form]}, and from those and the dynamic pressure the coefficients"
+    return f"{_WEIGHTS[inverse_map.follows_pressure]}, and from those and the dynamic pressure the coefficients"
 
 
 def _example(inverse_map: InverseMap, run: ReferenceRun) -> list[str]:

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, LAYERS, pressure_and_temperature
+from strainfmu.estimator.air_inputs import ALTITUDE, DYNAMIC_PRESSURE, MACH_NUMBER
 from strainfmu.estimator.map.envelope import flight_ranges
 from strainfmu.estimator.map.inverse_map import InverseMap
 
@@ -96,12 +97,12 @@ def _readings(
     if manifold is not None:
         mach_range, of_q = manifold.mach_range, manifold.dynamic_pressure_error
         of_mach, of_pressure = manifold.mach_number_error, manifold.altitude_error
-    found = {"dynamic_pressure": (q * (1.0 + _READING_ERROR * of_q), ranges.dynamic_pressure)}
+    found = {DYNAMIC_PRESSURE: (q * (1.0 + _READING_ERROR * of_q), ranges.dynamic_pressure)}
     if not np.isnan(mach).any():
         altitude = [altitude_of(one) for one in (pressure * (1.0 + _READING_ERROR * of_pressure)).tolist()]
         found |= {
-            "mach_number": (mach + _READING_ERROR * of_mach, mach_range),
-            "altitude": (np.array(altitude), ranges.altitude),
+            MACH_NUMBER: (mach + _READING_ERROR * of_mach, mach_range),
+            ALTITUDE: (np.array(altitude), ranges.altitude),
         }
     return {name: np.clip(rounded(values), *allowed) for name, (values, allowed) in found.items()}
 

@@ -21,6 +21,8 @@ from strainfmu.cosim.models.plant_law import Plant, plant_rows
 from strainfmu.cosim.models.schedule import ScheduledSignal, schedule_interface, value_at
 from strainfmu.cosim.models.trajectory import Trajectory
 from strainfmu.errors import InputError
+from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
+from strainfmu.flight_condition import ALTITUDE, ANGLE_OF_ATTACK, CONDITION_NAMES, MACH_NUMBER, SIDESLIP_ANGLE
 from strainfmu.fmu.reference_run.flight_path import rounded
 from strainfmu.fmu.reference_run.run import ReferenceRun, layered_standard_files
 from strainfmu.interface.estimator_variables import valid_names
@@ -122,14 +124,14 @@ def _plant_inputs(plant: Plant, time: Sequence[float]) -> dict[str, FloatArray]:
         low, high = model.mach_knots[[0, -1]].tolist()
         altitude = min(max(start.altitude, 0.0), LAYERS[-1][0] - 1e3)
         inputs = {
-            "mach_number": np.linspace(0.9 * low + 0.1 * high, 0.1 * low + 0.9 * high, len(time)),
-            "angle_of_attack": 0.6 * largest * np.sin(phase),
-            "sideslip_angle": 0.4 * largest * np.cos(phase),
-            "altitude": altitude + np.linspace(0.0, 1e3, len(time)),
+            MACH_NUMBER: np.linspace(0.9 * low + 0.1 * high, 0.1 * low + 0.9 * high, len(time)),
+            ANGLE_OF_ATTACK: 0.6 * largest * np.sin(phase),
+            SIDESLIP_ANGLE: 0.4 * largest * np.cos(phase),
+            ALTITUDE: altitude + np.linspace(0.0, 1e3, len(time)),
         }
     elif plant.motion is Motion.SHORT_PERIOD:
         inputs = {
-            "sideslip_angle": start.sideslip_angle + 0.05 * largest * (1.0 + np.sin(phase)),
+            SIDESLIP_ANGLE: start.sideslip_angle + 0.05 * largest * (1.0 + np.sin(phase)),
             "control_moment": _SWING * start.pitch_inertia * np.sin(phase),
         }
     failing = (np.arange(len(time)) >= len(time) // 4) & (np.arange(len(time)) < 3 * len(time) // 4)
@@ -159,12 +161,11 @@ def _python_plant_run(model: FlightModel, trajectory: Trajectory, seed: int) -> 
     strain = np.array([point.strain for point in points]) + model.noise_std * noise * model.noise_scale
     coefficients = np.array([point.coefficients for point in points])
     flown = np.array([condition.as_tuple() for condition in conditions])
-    names = ("mach_number", "angle_of_attack", "sideslip_angle", "altitude")
     outputs = {
         **{name: _cleaned(name, column) for name, column in zip(COEFFICIENTS, coefficients.T, strict=True)},
         **dict(zip(model.reading_names, strain.T, strict=True)),
-        "dynamic_pressure": np.array([point.dynamic_pressure for point in points]),
-        **dict(zip(names, flown.T, strict=True)),
+        DYNAMIC_PRESSURE: np.array([point.dynamic_pressure for point in points]),
+        **dict(zip(CONDITION_NAMES, flown.T, strict=True)),
     }
     return ReferenceRun(np.array(time), {}, outputs)
 
@@ -191,7 +192,7 @@ def autopilot_reference(model: FlightModel, start: FlightStart, settings: Autopi
         "M_P": 0.01 * swing,
         "chi_square": np.where((row > 25) & (row < 38), 2.0, 0.5 * (row > 0)),
         "suspect_gauge": 1.0 * ((row > 12) & (row < 18)),
-        "dynamic_pressure": pressure * (1.0 + 0.1 * swing),
+        DYNAMIC_PRESSURE: pressure * (1.0 + 0.1 * swing),
         "pitch_rate": 0.01 * np.sin(0.5 * row),
     }
     inputs = {name: rounded(values) for name, values in inputs.items()}

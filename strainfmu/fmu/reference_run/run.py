@@ -21,6 +21,7 @@ from strainfmu.estimator.map.flow_parameters import flow_parameters
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.map.offers import has_other_outputs
 from strainfmu.estimator.policies import RETURN_AFTER
+from strainfmu.estimator.signal_names import COEFFICIENT_ARRAY, FORCE, MOMENT
 from strainfmu.estimator.zeros.tare_edge import TareState
 from strainfmu.fmu.reference_run.flight_path import rounded
 from strainfmu.fmu.reference_run.readings import FAULT_STATES, Fault, Readings, reference_readings
@@ -186,10 +187,10 @@ def array_elements(variable: Variable) -> tuple[str, ...]:
     coefficients, n = tuple(COEFFICIENTS), variable.dimension or 0
     forces, moments = ("axial", "normal", "side"), ("pitch", "yaw")
     known = {
-        "coefficients": coefficients,
+        COEFFICIENT_ARRAY: coefficients,
         "sigma.coefficients": tuple(f"sigma.{name}" for name in coefficients),
-        "force": tuple(f"force.{name}" for name in forces),
-        "moment": tuple(f"moment.{name}" for name in moments),
+        FORCE: tuple(f"force.{name}" for name in forces),
+        MOMENT: tuple(f"moment.{name}" for name in moments),
         "sigma.force": tuple(f"sigma.force.{name}" for name in forces),
         "sigma.moment": tuple(f"sigma.moment.{name}" for name in moments),
     }

@@ -4,15 +4,14 @@ import { byId, element, number, text } from "./texts.js";
 
 export const QUALITIES = ["NO_DATA", "VALID", "UNPROTECTED", "DEGRADED", "SUSPECT", "STALE", "INVALID", "UNCONFIRMED"];
 export const SYMBOLS = { NO_DATA: "–", VALID: "✓", UNPROTECTED: "○", DEGRADED: "!", SUSPECT: "?", STALE: "…", INVALID: "✕", UNCONFIRMED: "~" };
-const NAMES = ["C_A", "C_N", "C_Y", "M_P", "M_Y"];
-const LOADS = ["force.axial", "force.normal", "force.side", "moment.pitch", "moment.yaw"];
-const TITLES = ["axial", "normal", "side", "pitching", "yawing"];
-const LOAD_TITLES = ["Axial force", "Normal force", "Side force", "Pitching moment", "Yawing moment"];
 const GAP = 0.6; // s without a point: a gap in the line
-const [TIME, QUALITY, CHI, CHI_LIMIT, FIRST] = [0, 1, 2, 3, 4];
+const [TIME, QUALITY, CHI, CHI_LIMIT] = [0, 1, 2, 3];
 
-export function makeCharts() {
-  NAMES.forEach((name) => {
+/** Make the chart of each of `histories`, and the legend, in place of those before. */
+export function makeCharts(histories) {
+  byId("charts").replaceChildren();
+  byId("quality_legend").replaceChildren();
+  histories.forEach(({ name }) => {
     const section = element("section", "", { class: "current", "aria-labelledby": `h_${name}` });
     const title = element("h2", "", { id: `h_${name}` });
     title.append(element("span", name, { id: `title_${name}` }), element("span", "", { id: `range_${name}`, class: "range" }));
@@ -149,22 +148,23 @@ function drawStrip(points, end, span) {
   text("now_strip", `${recent.length ? (100 * (1 - bad / recent.length)).toFixed(1) : "-"} % of the time VALID or UNPROTECTED`);
 }
 
-export function drawHistories(content, points, { view, span }) {
+export function drawHistories({ histories, columns }, content, points, { view, span }) {
   const latest = content.latest, ranges = content.layout.coefficient_range;
   const end = points.length ? Math.max(points[points.length - 1][TIME], latest.timestamp) : latest.timestamp;
-  NAMES.forEach((name, index) => {
-    const isLoad = view === "loads", unit = isLoad ? (index < 3 ? "kN" : "kN m") : "1";
-    const factor = isLoad ? 1e-3 : 1, column = FIRST + (isLoad ? 10 : 0) + index;
-    text(`title_${name}`, isLoad ? `${LOAD_TITLES[index]} [${unit}]` : `${name} [1], ${TITLES[index]}`);
+  histories.forEach((one) => {
+    const isLoad = view === "loads", { name } = one, shownName = isLoad ? one.load : name;
+    const factor = isLoad ? one.load_factor : 1;
+    const [column, deviation] = [shownName, `sigma.${shownName}`].map((held) => columns.indexOf(held));
+    text(`title_${name}`, isLoad ? one.load_title : one.title);
     const range = isLoad ? null : ranges[name] || null;
     text(`range_${name}`, range ? `, map ${range[0].toPrecision(3)} to ${range[1].toPrecision(3)}` : "");
-    const value = isLoad ? latest.loads[LOADS[index]] : latest.coefficients[name];
-    const sigma = isLoad ? latest.loads_sigma[LOADS[index]] : latest.sigma[name];
+    const value = isLoad ? latest.loads[shownName] : latest.coefficients[name];
+    const sigma = isLoad ? latest.loads_sigma[shownName] : latest.sigma[name];
     const digits = isLoad ? 3 : 4, isKnown = value !== null && value !== undefined && sigma !== null && sigma !== undefined;
     const shown = isKnown ? `${number(factor * value, digits)} ± ${number(3 * factor * sigma, digits)} (3 sigma)` : `no value: ${latest.quality_name}`;
     text(`now_${name}`, shown);
     drawHistory(byId(`chart_${name}`), points, {
-      end, span, column, deviation: column + 5, factor, range,
+      end, span, column, deviation, factor, range,
     });
   });
   drawChiSquare(points, latest, end, span);

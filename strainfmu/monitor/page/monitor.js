@@ -8,7 +8,7 @@ import { byId, clock, duration, element, known, number, text } from "./texts.js"
 const NO_NEWS = 3000; // ms without an event of the stream, which sends one a second at least
 const DRAW_EVERY = 200; // ms
 let content = null;
-let constant = { words: { quality: {}, cause: {}, bus: {}, health: {} }, history_s: 60 };
+let constant = { words: { quality: {}, cause: {}, bus: {}, health: {} }, history_s: 60, flow: [], histories: [], columns: [] };
 let points = [];
 let field = null;
 let events = [];
@@ -70,6 +70,17 @@ function tile(id, value, isBad, beside = "") {
   if (beside !== null) text(beside.id, beside.text);
 }
 
+/** Make the tiles of the flow, before the age. */
+function makeTiles(flow) {
+  document.querySelectorAll(".tiles .flow").forEach((old) => old.remove());
+  byId("age").closest("div").before(...flow.map((one) => {
+    const made = element("div", "", { class: "flow" }), shown = element("dd");
+    shown.append(element("b", one.is_needed ? "-" : "not known", { id: one.key }), " ", element("span", "", { id: `${one.key}_range` }));
+    made.append(element("dt", one.label), shown);
+    return made;
+  }));
+}
+
 function writeTiles(layout, latest) {
   const limit = latest.envelope_score_limit, score = latest.envelope_score, valid = layout.validity;
   const total = Object.keys(latest.strain_um_per_m).length;
@@ -82,11 +93,11 @@ function writeTiles(layout, latest) {
   tile("chi", number(chi, 1) + (chiLimit === null ? "" : `, limit ${chiLimit.toFixed(1)}`), chi !== null && chiLimit !== null && chi > chiLimit, null);
   tile("envelope", known(score, 1) + (limit === null ? "" : `, limit ${limit.toFixed(1)}`), score !== null && limit !== null && score > limit, null);
   const of = (quantity) => (valid[quantity] ? `map: ${valid[quantity]}` : "");
-  const pressure = latest.dynamic_pressure_Pa;
-  tile("pressure", pressure === null ? "-" : number(pressure / 1e3, 2, " kPa"), pressure === null, { id: "pressure_range", text: of("dynamic pressure") });
-  tile("mach", known(latest.mach_number, 3), false, { id: "mach_range", text: of("Mach number") });
-  const altitude = latest.altitude_m === null ? null : latest.altitude_m / 1e3;
-  tile("altitude", known(altitude, 2, " km"), false, { id: "altitude_range", text: of("altitude") });
+  for (const one of constant.flow) {
+    const held = latest[one.key] ?? null, value = held === null ? null : one.factor * held, unit = one.unit && ` ${one.unit}`;
+    const shown = one.is_needed ? number(value, one.digits, unit) : known(value, one.digits, unit);
+    tile(one.key, shown, one.is_needed && value === null, { id: `${one.key}_range`, text: of(one.range) });
+  }
   const doubt = latest.age_uncertainty_ms;
   tile("age", number(latest.age_ms, 1, " ms"), latest.causes.includes("OLD") || latest.causes.includes("HIDDEN_DELAY"), {
     id: "age_text", text: doubt === null ? "" : `up to ${doubt.toFixed(1)} ms more may hide`,
@@ -142,7 +153,7 @@ function draw() {
   writeTiles(layout, latest);
   drawGauges(layout, latest);
   drawField(field, latest);
-  drawHistories(content, points, choices());
+  drawHistories(constant, content, points, choices());
   drawFurtherLoads(layout, latest);
   writeAccount(latest);
 }
@@ -158,6 +169,8 @@ function take(news) {
   if (news.words) {
     constant = news;
     points = [];
+    makeTiles(constant.flow);
+    makeCharts(constant.histories);
   }
   points.push(...news.points);
   while (points.length && points[points.length - 1][0] - points[0][0] > constant.history_s) points.shift();
@@ -174,7 +187,7 @@ function take(news) {
   redraw();
 }
 
-makeCharts();
+makeCharts([]);
 const stream = new EventSource("events");
 stream.onmessage = (event) => take(JSON.parse(event.data));
 setInterval(() => { if (link() !== "live") redraw(); }, 500);

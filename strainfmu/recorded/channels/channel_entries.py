@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import get_args
 
 from strainfmu.cosim.toml_table import TomlTable, read_toml
+from strainfmu.estimator.signal_names import ZERO
 from strainfmu.interface.parameter_variables import PREFIX
 from strainfmu.interface.sensor_variables import PREFIX as SENSOR_PREFIX
 from strainfmu.interface.sensor_variables import THRUST
@@ -25,7 +26,7 @@ SIGNAL_UNITS = {**STRAIN_UNITS, **RATIO_UNITS, **VOLTAGE_UNITS}
 
 _INHERITED = (
     *("unit", "bridge", "gauge_factor", "recorder_gauge_factor", "poisson_ratio", "excitation_V", "gain"),
-    *("scale_um_per_m_per_V", "zero", "sign", "temperature_compensation", "wires", "lead_resistance_ohm"),
+    *("scale_um_per_m_per_V", ZERO, "sign", "temperature_compensation", "wires", "lead_resistance_ohm"),
     *("gauge_resistance_ohm", "uniaxial_stress"),
 )
 """Entries that ``[defaults]`` may state for all channels."""
@@ -192,7 +193,7 @@ def _channel(item: TomlTable, defaults: TomlTable) -> ChannelEntry:
         gain=item.number("gain", 1.0, 1e-6, 1e6),
         scale=_optional(item, "scale_um_per_m_per_V", -1e9, 1e9),
         sign=item.number("sign", 1.0, -1.0, 1.0),
-        zero=item.number("zero", 0.0, -inf, inf),
+        zero=item.number(ZERO, 0.0, -inf, inf),
         compensation=_one_of(item, "temperature_compensation", COMPENSATIONS, None),
         wires=wires,
         lead_resistance=item.number("lead_resistance_ohm", 0.0, 0.0, 1e4),

@@ -15,6 +15,7 @@ import numpy as np
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.reference.kalman import Law
+from strainfmu.estimator.signal_names import FILTER_TIME_CONSTANT
 from strainfmu.estimator.smoothing import Smoothed, Step, smoothed, smoother_of
 from strainfmu.recorded.columns.columns import StrainBlock
 from strainfmu.recorded.estimates.block_estimates import BlockEstimates, BlockEstimator
@@ -87,7 +88,7 @@ def filter_attributes(estimator: BlockEstimator) -> dict[str, float]:
     if not isinstance(estimator, MapBlocks) or estimator.estimator.filter_time_constant == 0.0:
         return {}
     is_smoothed = isinstance(estimator, SmoothedBlocks)
-    return {"filter_time_constant": estimator.estimator.filter_time_constant, "smoothed": is_smoothed}
+    return {FILTER_TIME_CONSTANT: estimator.estimator.filter_time_constant, "smoothed": is_smoothed}
 
 
 def estimated_blocks(

@@ -12,6 +12,7 @@ import numpy as np
 
 from strainfmu.errors import InputError
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
+from strainfmu.estimator.signal_names import STRAIN
 from strainfmu.recorded.columns.column_names import Wanted, columns_to_read, excluded_gauges, quantity_of
 from strainfmu.recorded.columns.columns import (
     ColumnPlan,
@@ -28,7 +29,7 @@ from strainfmu.recorded.formats.hdf5_file import opened_hdf5, reading
 from strainfmu.recorded.strains.sample_blocks import BLOCK_ROWS, SampleBlocks, StrainFile, column_file
 
 _SLASH = "%2F"
-_ARRAYS = ("strain", "time", "gauge_names")
+_ARRAYS = (STRAIN, "time", "gauge_names")
 _TEMPERATURE = "temperature"
 
 
@@ -72,7 +73,7 @@ def _hdf5_arrays(path: Path, file: h5py.File, wanted: Wanted) -> StrainFile:
     held = {name: found[name] for name in found if not passes_over(name, list(found), wanted)}
     is_known = fixed is not None or (wanted.computes_pressure and pressure_sources(held))
     is_needed = wanted.needs_pressure and not is_known
-    needed = ("strain", "time", DYNAMIC_PRESSURE) if is_needed else ("strain", "time")
+    needed = (STRAIN, "time", DYNAMIC_PRESSURE) if is_needed else (STRAIN, "time")
     for name in dict.fromkeys((*needed, *held.values())):
         if name not in names or not isinstance(file[name], h5py.Dataset):
             hint = f"; or state {wanted.pressure_option}" if name == DYNAMIC_PRESSURE else ""
@@ -81,7 +82,7 @@ def _hdf5_arrays(path: Path, file: h5py.File, wanted: Wanted) -> StrainFile:
     _check_shapes(path, file, n_d=len(wanted.gauge_names), held=list(held.values()))
     if "gauge_names" in names:
         _check_gauge_order(path, file, wanted.gauge_names)
-    n_d, strain, time = len(wanted.gauge_names), file["strain"], file["time"]
+    n_d, strain, time = len(wanted.gauge_names), file[STRAIN], file["time"]
     warm = file[_TEMPERATURE] if _TEMPERATURE in names else None
     first = 1 + n_d + len(held)
     refuse_lone_deviations(path, held, wanted)
@@ -92,7 +93,7 @@ def _hdf5_arrays(path: Path, file: h5py.File, wanted: Wanted) -> StrainFile:
         time=0,
         time_factor=time_factor(path, "time", _unit(path, "time", time)),
         strain=tuple(None if one in excluded else i for i, one in enumerate(wanted.gauge_names, start=1)),
-        strain_factor=np.full(n_d, strain_factor(path, "strain", _unit(path, "strain", strain))),
+        strain_factor=np.full(n_d, strain_factor(path, STRAIN, _unit(path, STRAIN, strain))),
         flow={
             quantity: (column, flow_factor(path, name, quantity, _unit(path, name, file[name]), wanted.readings))
             for column, (quantity, name) in enumerate(held.items(), start=n_d + 1)
@@ -139,10 +140,10 @@ def _sensors(path: Path, warm: Any, first: int, n_t: int, n: int) -> tuple[Tempe
 
 def _check_shapes(path: Path, file: h5py.File, n_d: int, held: list[str]) -> None:
     """Check types and shapes of ``strain``, ``time`` and the flow ``held``."""
-    for name in ("strain", "time", *held):
+    for name in (STRAIN, "time", *held):
         if file[name].dtype.kind not in "fiu":
             raise InputError(f"{path}: data set '{name}': expected numbers, got type {file[name].dtype}")
-    strain, time = file["strain"], file["time"]
+    strain, time = file[STRAIN], file["time"]
     if strain.ndim != 2 or strain.shape[1] != n_d:
         raise InputError(f"{path}: data set 'strain': expected shape (n, {n_d}), got {strain.shape}")
     if time.shape != strain.shape[:1]:

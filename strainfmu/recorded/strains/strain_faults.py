@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from enum import StrEnum, auto
 from math import ceil, exp, inf, log
 from pathlib import Path
 
@@ -22,8 +23,15 @@ from strainfmu.recorded.columns.flight_pressure import flown_pressure
 from strainfmu.recorded.columns.strain_level import TOO_HIGH, LevelReference
 from strainfmu.recorded.strains.repeats import RunLengths, repeated
 
-HELD, ZERO = "held", "zero"
-"""Faults of a whole row, as the output names them; of single gauges it names these."""
+
+class RowFault(StrEnum):
+    """Faults of a whole row, as the output names them; of single gauges it names these."""
+
+    HELD = auto()
+    ZERO = auto()
+
+
+HELD, ZERO = (one.value for one in RowFault)
 
 SHORTEST_HELD, SHORTEST_RAILED = 9, 24
 """Repetitions in a row that count, of all gauges and of one: a recorder may repeat channels that are slower."""

@@ -18,27 +18,6 @@ pytestmark = pytest.mark.fast
 
 ROOT = Path(strainfmu.__file__).parents[1]
 
-OTHER_TABLES = {
-    "altitude": 13,
-    "coefficients": 16,
-    "dynamic_pressure": 33,
-    "filter_time_constant": 8,
-    "force": 6,
-    "mach_number": 32,
-    "moment": 7,
-    "reference_area": 8,
-    "reference_length": 8,
-    "sensor_range": 6,
-    "strain": 19,
-    "tare": 8,
-    "valid": 8,
-    "zero": 20,
-    "zero_common_std": 7,
-    "zero_std": 8,
-}
-"""Names that vehicle files, flight conditions, settings of the bus or results have, too: so many files may hold
-them. All others stand in at most :data:`MOST`."""
-
 MOST = 3
 
 
@@ -69,5 +48,5 @@ def test_few_files_hold_the_name_of_a_signal() -> None:
     names = [one["name"] for one in estimator_contents(whole_map())["signals"]]
     assert len(names) > 50
     found = {name: files_by_literal()[name] for name in names}
-    too_many = {name: count for name, count in found.items() if count > OTHER_TABLES.get(name, MOST)}
+    too_many = {name: count for name, count in found.items() if count > MOST}
     assert too_many == {}

@@ -23,9 +23,11 @@ from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.flow_parameters import PARAMETER_TOLERANCE
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 from strainfmu.estimator.other_loads import LoadGroup, column_of
+from strainfmu.estimator.signal_names import COEFFICIENT_ARRAY
 from strainfmu.interface.estimator_variables import LOADS
 from strainfmu.interface.health_names import CHI_SQUARE_LIMIT, SUSPECT_GAUGE, SUSPECTS
 from strainfmu.interface.health_names import VALID_GAUGES as GAUGES_USED
+from strainfmu.interface.input_names import FLOW_KEYS
 from strainfmu.interface.parameter_variables import OUTSIDE_PREFIX
 from strainfmu.interface.sensor_variables import PREFIX as SENSOR_PREFIX
 from strainfmu.interface.sensor_variables import THRUST
@@ -216,7 +218,7 @@ def result_message(
         "quality_name": result.quality.name,
         "causes": [cause.name for cause in result.causes],
         "causes_since": [cause.name for cause in since],
-        "coefficients": _named(result.coefficients.tolist()),
+        COEFFICIENT_ARRAY: _named(result.coefficients.tolist()),
         "sigma": _named(result.coefficients_std.tolist()),
         "loads": loads,
         "loads_sigma": loads_sigma,
@@ -227,9 +229,7 @@ def result_message(
         "gauges_used": int(result.valid.sum() if sensors else outputs.get(GAUGES_USED, result.valid.sum())),
         "suspect_gauge": rows[first - 1] if 0 < first <= len(rows) else None,
         "suspects": number,
-        "dynamic_pressure_Pa": finite(result.dynamic_pressure),
-        "mach_number": finite(result.mach_number),
-        "altitude_m": finite(result.altitude),
+        **{key: finite(getattr(result, name)) for name, key in FLOW_KEYS.items()},
         "age_ms": finite(1e3 * result.age),
         "age_uncertainty_ms": finite(1e3 * result.age_uncertainty),
         "health": result.health,

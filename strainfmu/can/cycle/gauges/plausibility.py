@@ -14,6 +14,8 @@ from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.wire.compiled import ARRAY, INTEGER, NUMBER, Record, function, pointer
 from strainfmu.can.wire.cycle_plan import DecodedCycle
 from strainfmu.estimator.numerics.quantisation import longest_repetition
+from strainfmu.estimator.setting_inputs import OF_READINGS
+from strainfmu.estimator.signal_names import VALID
 
 ROUND_OFF = 1e-15
 """Maximum |strain| [m/m] that the round-off of scale and offset leaves of exactly zero."""
@@ -46,12 +48,12 @@ class _Checks(Record):
     position = 6
     _fields_ = (
         *((name, INTEGER) for name in ("n", "heal_cycles", "looks_for_frozen")),
-        *((name, NUMBER) for name in ("cycle_time", "sensor_range", "rate_limit", "zero_jump", "round_off")),
+        *((name, NUMBER) for name in ("cycle_time", OF_READINGS, "rate_limit", "zero_jump", "round_off")),
         *((name, NUMBER) for name in ("pace_factor", "fading")),
         *((name, ARRAY) for name in ("period", "cycles_apart", "stuck_cycles", "zero_cycles", "is_fast")),
         *((name, ARRAY) for name in ("difference", "last_strain", "last_good", "good_time", "pace", "changed")),
         *((name, ARRAY) for name in ("heard", "unheard", "last_raw", "repeats", "zeros", "good")),
-        *((name, ARRAY) for name in ("seen", "stuck", "fault", "valid", "frozen_for")),
+        *((name, ARRAY) for name in ("seen", "stuck", "fault", VALID, "frozen_for")),
         ("may_be_chance", INTEGER),
         *((name, NUMBER) for name in ("rare", "unchanged", "memory", "memory_length")),
         ("last_run", INTEGER),
@@ -144,7 +146,7 @@ class GaugeChecks:
         """Return the limits of strains and their changes [m/m], by the fields of the record."""
         stated = self._settings
         return {
-            "sensor_range": stated.sensor_range,
+            OF_READINGS: stated.sensor_range,
             "rate_limit": stated.rate_limit,
             "zero_jump": stated.zero_jump,
         }
